@@ -54,6 +54,7 @@ pub mod panorama_file;
 mod picture;
 mod place;
 mod place_light;
+mod place_water;
 mod progress;
 pub mod reduce;
 mod renderer;

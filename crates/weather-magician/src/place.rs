@@ -9,6 +9,7 @@ use crate::frame::MovingCamera;
 use crate::lamps::PlaceLamps;
 use crate::picture::Picture;
 use crate::place_light::{CoverLight, PlaceLight};
+use crate::place_water::PlaceWater;
 use crate::view;
 use crate::{Error, Progress, Result};
 use glam::DVec3;
@@ -27,6 +28,7 @@ use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::light::{CaptureLight, FrameGains, KnownSun, LampLights, LampShadows, LampsOn, SunShadows};
 use wm_weather::paper::{PaperCover, PaperStages};
 use wm_weather::shelter::Shelter;
+use wm_weather::wetness::{WaterState, WetGains, WetSurfaces};
 use wm_weather::{
     Daylight, EarthPlace, LampLevels, LampSource, PreparedWeather, Site, SiteLight, Weather, light_fault,
 };
@@ -127,6 +129,7 @@ pub struct PreparedPlace {
     store: AssetStore,
     lying: Option<Lying>,
     light: PlaceLight,
+    water: PlaceWater,
     /// True once the splats in the computer's memory are freed.
     is_released: bool,
     warnings: Vec<String>,
@@ -156,6 +159,8 @@ pub(crate) struct SceneAttributes<'a> {
     pub buried: Option<&'a Buried>,
     /// The change of the light.
     pub light: Option<FrameGains<'a>>,
+    /// The darkening of what is wet.
+    pub wet: Option<&'a WetGains<'a>>,
 }
 
 impl SplatAttributes for SceneAttributes<'_> {
@@ -176,10 +181,13 @@ impl SplatAttributes for SceneAttributes<'_> {
         if let Some(light) = self.light {
             light.fill_light(indices, block);
         }
+        if let Some(wet) = self.wet {
+            wet.fill_light(indices, block);
+        }
     }
 
     fn changes_light(&self) -> bool {
-        self.light.is_some()
+        self.light.is_some() || self.wet.is_some()
     }
 }
 
@@ -189,7 +197,7 @@ pub(crate) fn with_cover<'a>(
     attributes: &'a SceneAttributes<'a>,
     lying: Option<(SetId, Option<&'a dyn SplatAttributes>)>,
 ) -> Vec<SetView<'a>> {
-    let is_changed = attributes.buried.is_some() || attributes.light.is_some();
+    let is_changed = attributes.buried.is_some() || attributes.changes_light();
     let attributes = is_changed.then_some(attributes as &dyn SplatAttributes);
     let scene = SetView::plain(scene).with_attributes(attributes);
     let lying = lying.map(|(set, light)| SetView::plain(set).with_attributes(light));
@@ -227,6 +235,7 @@ impl PreparedPlace {
             store: AssetStore::default(),
             lying: None,
             light: PlaceLight::new(lamps),
+            water: PlaceWater::default(),
             is_released: false,
             warnings: survey.warning().into_iter().collect(),
             doubts: doubts(&survey),
@@ -333,6 +342,7 @@ impl PreparedPlace {
         let lamps = PlaceLamps::of(&self.scene, &survey);
         self.site = site_of(&survey, &lamps);
         self.light = PlaceLight::new(lamps);
+        self.water = PlaceWater::default();
         self.doubts = doubts(&survey);
         self.survey = survey;
         if !has_own_background {
@@ -436,12 +446,19 @@ impl PreparedPlace {
         let lying = needs.cover.filter(|_| !requests.is_empty()).map(|air| (air, requests.to_vec()));
         let lying =
             lying.filter(|(air, requests)| !self.is_laid(&LyingKey::Physical(*air, requests.clone())));
+        let wet = prepared.wetness().filter(|_| needs.wetness.is_some());
+        let has_wet = self.store.wet.is_some();
+        let wet_fall = wet.map(|wet| wet.rain.fall);
+        let wet_fall = wet_fall.filter(|wet| fall != Some(*wet) && !self.store.has_shelter(*wet));
+        let wants_light = prepared.light().is_some() || wet.is_some() && !has_wet;
         MissingAssets {
-            light: needs.light && prepared.light().is_some() && self.store.light.is_none(),
+            light: needs.light && wants_light && self.store.light.is_none(),
+            wet: wet.is_some() && !has_wet,
+            wet_shelter: wet_fall,
             sun: prepared
                 .light()
                 .and_then(|change| change.sun.filter(|sun| self.lacks_shadows(*sun, change.is_diffuse))),
-            occluders: fall.is_some() && self.store.occluders.is_none(),
+            occluders: (fall.is_some() || wet_fall.is_some()) && self.store.occluders.is_none(),
             shelter: fall,
             cover: needs.cover.filter(|air| lying.is_some() && !self.store.has_cover(air)),
             lying,
@@ -474,6 +491,8 @@ impl PreparedPlace {
         let MissingAssets {
             occluders,
             shelter,
+            wet_shelter: _,
+            wet,
             cover,
             lying,
             paper_cover,
@@ -483,17 +502,33 @@ impl PreparedPlace {
             lamps: _,
         } = missing;
         let is_sheltered = shelter.is_none() || self.store.any_shelter().is_some();
-        !occluders && is_sheltered && cover.is_none() && lying.is_none() && paper_cover.is_none() && !light
+        !occluders
+            && is_sheltered
+            && !wet
+            && cover.is_none()
+            && lying.is_none()
+            && paper_cover.is_none()
+            && !light
     }
 
     /// Takes from disk what is there, and crosses it off.
     fn read_cached(&mut self, missing: &mut MissingAssets, threads: usize) {
-        if let Some(fall) = missing.shelter
-            && missing.occluders
-            && let Some(shelter) = self.cache.get::<Shelter>(&AssetFile::Shelter(fall))
+        if missing.occluders {
+            for fall in [&mut missing.wet_shelter, &mut missing.shelter] {
+                if let Some(shelter) =
+                    fall.and_then(|fall| self.cache.get::<Shelter>(&AssetFile::Shelter(fall)))
+                {
+                    self.store.add_shelter(fall.take().expect("was read"), Arc::new(shelter));
+                }
+            }
+            missing.occluders = missing.shelter.is_some() || missing.wet_shelter.is_some();
+        }
+        if missing.wet
+            && let Some(wet) = self.cache.get::<WetSurfaces>(&AssetFile::Wet)
+            && wet.len() == self.scene.splats.len()
         {
-            self.store.add_shelter(fall, Arc::new(shelter));
-            (missing.shelter, missing.occluders) = (None, false);
+            self.store.wet = Some(Arc::new(wet));
+            missing.wet = false;
         }
         if let Some(airflow) = missing.cover
             && let Some(cover) = self.cache.get::<Cover>(&AssetFile::Cover(airflow))
@@ -533,8 +568,11 @@ impl PreparedPlace {
     ) -> Result<AssetSource> {
         self.read_cached(missing, backend.threads());
         let needs_casters = self.store.casters.is_none() && (missing.casters || missing.sun.is_some());
-        let needs_surfaces =
-            missing.cover.is_some() || missing.light || needs_casters || missing.lamps.is_some();
+        let needs_surfaces = missing.cover.is_some()
+            || missing.light
+            || missing.wet
+            || needs_casters
+            || missing.lamps.is_some();
         let surfaces =
             needs_surfaces.then(|| self.cache.get::<FusedSurfaces<'static>>(&AssetFile::Surfaces)).flatten();
         let mut views = SurfaceViews::default();
@@ -562,6 +600,8 @@ impl PreparedPlace {
             threads: backend.threads(),
             occluders: self.store.occluders.clone(),
             cover: airflow.and_then(|airflow| self.store.cover(&airflow).cloned()),
+            wet: self.store.wet.clone(),
+            is_up_known: !matches!(self.survey.up.source, FactSource::Estimated | FactSource::Assumed),
             cache: self.cache.clone(),
         })
     }
@@ -582,7 +622,9 @@ impl PreparedPlace {
 
     /// Takes assets that were made.
     pub(crate) fn insert(&mut self, backend: &mut AnyRenderer, assets: Assets) -> Result<()> {
-        let Assets { occluders, shelter, cover, lying, paper_cover, light, shadows, casters, lamps } = assets;
+        let Assets { occluders, shelters, wet, cover, lying, paper_cover, light, shadows, casters, lamps } =
+            assets;
+        self.store.wet = wet.or(self.store.wet.take());
         if let Some(light) = light {
             self.set_light(light);
         }
@@ -597,7 +639,7 @@ impl PreparedPlace {
             self.store.add_shadows(shadows);
         }
         self.store.occluders = occluders.or(self.store.occluders.take());
-        if let Some((fall, shelter)) = shelter {
+        for (fall, shelter) in shelters.into_iter().flatten() {
             self.store.add_shelter(fall, shelter);
         }
         if let Some((airflow, cover)) = cover {
@@ -665,9 +707,42 @@ impl PreparedPlace {
         let light = needs.light && self.store.light.is_none();
         let casters = weather.moves_sun() && self.store.casters.is_none();
         let lamps = weather.lamp_sources().into_iter().find_map(|source| self.lacking_lamps(source));
-        let missing =
-            MissingAssets { occluders: turns, cover, light, casters, lamps, ..MissingAssets::default() };
+        // Ground that is dry at first may get wet later.
+        let wet = needs.wetness.is_some() && self.store.wet.is_none();
+        let wet_shelter = needs.wetness.filter(|fall| !self.store.has_shelter(*fall));
+        let occluders = turns || wet_shelter.is_some() && self.store.occluders.is_none();
+        let missing = MissingAssets {
+            occluders,
+            wet_shelter,
+            wet,
+            cover,
+            light,
+            casters,
+            lamps,
+            ..MissingAssets::default()
+        };
         self.prepare(backend, missing, progress)
+    }
+
+    /// Returns the water on the ground at an instant of a weather; `None` where nothing is wet.
+    ///
+    /// # Errors
+    /// As [`crate::Renderer::render`].
+    pub(crate) fn water_state(
+        &mut self,
+        backend: &mut AnyRenderer,
+        weather: &Weather,
+        time: f64,
+        progress: &mut dyn Progress,
+    ) -> Result<Option<WaterState>> {
+        let missing = self.missing_assets(weather, time);
+        let MissingAssets { occluders, wet, wet_shelter, shelter, light, .. } = missing;
+        let missing =
+            MissingAssets { occluders, wet, wet_shelter, shelter, light, ..MissingAssets::default() };
+        self.prepare(backend, missing, progress)?;
+        let prepared = weather.at(time).prepare(&self.site);
+        self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
+        Ok(self.water.state())
     }
 
     /// Checks that the light of a weather can be.
@@ -701,7 +776,13 @@ impl PreparedPlace {
         self.relight(&prepared, backend.threads());
         let moving = prepared.moving_light(&options.camera.camera);
         let light = self.light.gains(&prepared).map(|gains| gains.in_frame(moving.as_ref()));
-        let scene = SceneAttributes { buried: self.lying.as_ref().map(|lying| &lying.buried), light };
+        self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
+        let wet = self.water.gains(&prepared);
+        let scene = SceneAttributes {
+            buried: self.lying.as_ref().map(|lying| &lying.buried),
+            light,
+            wet: wet.as_ref(),
+        };
         let lying_light =
             self.lying.as_ref().filter(|_| light.is_some()).and_then(|lying| lying.light.gains());
         let lying_light = lying_light.map(|gains| gains.in_frame(moving.as_ref()));
@@ -784,7 +865,7 @@ impl PreparedPlace {
         Ok(self.store.cover(&airflow).map(|cover| lock(cover).lay_all(requests)))
     }
 
-    /// Returns the splats of the scene in the light of an instant of a weather; `None` where that does not change it.
+    /// Returns the splats of the scene in the light of an instant of a weather, and wet; `None` where it changes neither.
     pub(crate) fn relit_splats(
         &mut self,
         backend: &mut AnyRenderer,
@@ -793,15 +874,29 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
     ) -> Result<Option<Splats>> {
         let prepared = weather.at(time).prepare(&self.site);
-        if prepared.light().is_none() {
+        if prepared.light().is_none() && prepared.wetness().is_none() {
             return Ok(None);
         }
         let missing = self.missing_assets(weather, time);
-        let MissingAssets { light, sun, lamps, .. } = missing;
-        let missing = MissingAssets { light, sun, lamps, ..MissingAssets::default() };
+        let MissingAssets { light, sun, lamps, wet, wet_shelter, shelter, occluders, .. } = missing;
+        let missing = MissingAssets {
+            light,
+            sun,
+            lamps,
+            wet,
+            wet_shelter,
+            shelter,
+            occluders,
+            ..MissingAssets::default()
+        };
         self.prepare(backend, missing, progress)?;
         self.relight(&prepared, backend.threads());
-        Ok(self.light.gains(&prepared).map(|gains| gains.applied(&self.scene.splats)))
+        self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
+        let relit = self.light.gains(&prepared).map(|gains| gains.applied(&self.scene.splats));
+        let Some(wet) = self.water.gains(&prepared) else { return Ok(relit) };
+        let mut splats = relit.unwrap_or_else(|| self.scene.splats.clone());
+        wet.apply(&mut splats);
+        Ok(Some(splats))
     }
 
     /// Returns the light of the capture, and finds it first if it is not known.

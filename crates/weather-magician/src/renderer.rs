@@ -17,6 +17,7 @@ use wm_weather::Weather;
 use wm_weather::cover::LyingCover;
 use wm_weather::light::CaptureLight;
 use wm_weather::paper::PaperStages;
+use wm_weather::wetness::WaterState;
 
 /// Renders places in weather, on a GPU or on the CPU. It keeps its working memory from frame to frame.
 pub struct Renderer {
@@ -301,6 +302,22 @@ impl Renderer {
     ) -> Result<Arc<CaptureLight>> {
         check_owner(place, self.id)?;
         place.capture_light(&mut self.backend, progress)
+    }
+
+    /// Returns the water on the ground of a place at an instant of a weather, `None` where nothing is wet; what it needs of the
+    /// place is made first, which takes seconds.
+    ///
+    /// # Errors
+    /// As [`Self::render_into`].
+    pub fn water_state(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        time: f64,
+        progress: &mut dyn Progress,
+    ) -> Result<Option<WaterState>> {
+        check_owner(place, self.id)?;
+        place.water_state(&mut self.backend, weather, time, progress)
     }
 
     /// A place to look for cameras in.

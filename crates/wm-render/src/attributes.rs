@@ -18,11 +18,13 @@ pub enum Attribute {
     GainGreen,
     /// The same for blue.
     GainBlue,
+    /// The share of what depends on the direction in a colour that is taken away, 0-1: what the photos saw mirrored.
+    Fade,
 }
 
 impl Attribute {
     /// Every attribute, in the order of the columns.
-    pub const ALL: [Self; 4] = [Self::Visibility, Self::GainRed, Self::GainGreen, Self::GainBlue];
+    pub const ALL: [Self; 5] = [Self::Visibility, Self::GainRed, Self::GainGreen, Self::GainBlue, Self::Fade];
     /// The factors on the light, by channel.
     pub const GAINS: [Self; 3] = [Self::GainRed, Self::GainGreen, Self::GainBlue];
     /// The number of columns.
@@ -33,6 +35,7 @@ impl Attribute {
     pub const fn neutral(self) -> f32 {
         match self {
             Self::Visibility | Self::GainRed | Self::GainGreen | Self::GainBlue => 1.0,
+            Self::Fade => 0.0,
         }
     }
 
@@ -44,6 +47,7 @@ impl Attribute {
             Self::GainRed => "ATTRIBUTE_GAIN_RED",
             Self::GainGreen => "ATTRIBUTE_GAIN_GREEN",
             Self::GainBlue => "ATTRIBUTE_GAIN_BLUE",
+            Self::Fade => "ATTRIBUTE_FADE",
         }
     }
 }
@@ -59,10 +63,10 @@ pub trait SplatAttributes: Sync {
         true
     }
 
-    /// Writes [`Attribute::GAINS`] in the same way, if [`Self::changes_light`]. It is asked for splats in view alone.
+    /// Writes [`Attribute::GAINS`] and [`Attribute::Fade`] in the same way, if [`Self::changes_light`]. It is asked for splats in view alone.
     fn fill_light(&self, _indices: &[u32], _block: &mut AttributeBlock) {}
 
-    /// Returns true if it changes [`Attribute::GAINS`]; else they are not read.
+    /// Returns true if it changes [`Attribute::GAINS`] or [`Attribute::Fade`]; else they are not read.
     fn changes_light(&self) -> bool {
         false
     }
@@ -102,7 +106,7 @@ impl AttributeBlock {
     #[inline]
     pub fn gains_mut(&mut self) -> [&mut [f32]; 3] {
         // In the order of `Attribute::ALL`.
-        let [_, red, green, blue] = &mut self.columns;
+        let [_, red, green, blue, _] = &mut self.columns;
         [red, green, blue].map(|column| column.as_flattened_mut())
     }
 
@@ -129,8 +133,8 @@ impl AttributeBlock {
     /// The same of light alone.
     #[inline]
     pub(crate) fn read_light(&mut self, attributes: &dyn SplatAttributes, indices: &[u32]) {
-        for gain in Attribute::GAINS {
-            self.column_mut(gain)[..indices.len()].fill(gain.neutral());
+        for column in Attribute::GAINS.into_iter().chain([Attribute::Fade]) {
+            self.column_mut(column)[..indices.len()].fill(column.neutral());
         }
         attributes.fill_light(indices, self);
     }

@@ -191,6 +191,10 @@ pub fn render_shaded(
                 continue;
             };
             let rgb = sh::color(splats.sh_of(index), p.direction).map(|v| v.max(0.0));
+            let even: [f64; 3] =
+                std::array::from_fn(|k| (0.5 + sh::C0 * f64::from(splats.sh_of(index)[k])).max(0.0));
+            let fade = f64::from(block.column(Attribute::Fade)[0]);
+            let rgb = std::array::from_fn(|k| rgb[k] + fade * (even[k] - rgb[k]));
             let rgb = relit(rgb, Attribute::GAINS.map(|gain| f64::from(block.column(gain)[0])));
             let distance = if splats.groups[index] == Group::Sky { f64::INFINITY } else { p.distance };
             let rgb = shade(p.direction, distance, rgb);

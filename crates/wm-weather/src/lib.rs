@@ -51,6 +51,7 @@ mod testing;
 mod threads;
 pub mod track;
 pub mod weather;
+pub mod wetness;
 pub mod wind;
 
 pub use dome::Dome;

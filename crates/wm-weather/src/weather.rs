@@ -16,6 +16,7 @@ use crate::particles::fall::WindSample;
 use crate::particles::{FallingParticles, Precipitation};
 use crate::shelter::Shelter;
 use crate::track::Track;
+use crate::wetness::{SlantedRain, WetRequest};
 use std::path::Path;
 use std::sync::Arc;
 use wm_render::Frame;
@@ -207,6 +208,7 @@ impl WeatherSample {
         let (mut paper_falls, mut cover, mut paper_cover) = (Vec::new(), Vec::new(), None);
         let mut carried = f64::INFINITY;
         let (mut flash, mut has_lightning) = (None, false);
+        let mut wetness = None;
         for (effect, values, tracks) in &self.effects {
             let effect = &EFFECTS[*effect];
             let act = match self.fidelity {
@@ -256,6 +258,7 @@ impl WeatherSample {
                     // At a depth of 0 nothing lies.
                     cover.extend((!asked.is_nothing()).then_some(asked));
                 }
+                Action::Wetness(asked) => wetness = Some(*asked),
                 Action::PaperCover(snow) => paper_cover = Some(*snow),
                 Action::Grade(change) => grade = (!change.is_neutral()).then_some(change),
             }
@@ -281,6 +284,7 @@ impl WeatherSample {
             cover,
             carried,
             paper_cover,
+            wetness,
         }
     }
 }
@@ -292,6 +296,20 @@ const CLOUD_SPEED: f64 = 8.0;
 const SLOPE: f64 = 0.052_4;
 /// Most that the wind slants the fall that shelter goes by, as a slope.
 const STEEPEST: f64 = 1.0;
+
+/// The sideways drift by a wind, m/s along [`level_axes`], for each metre of fall at `speed`, m/s.
+fn slant([x, y]: [f64; 2], speed: f64) -> [f64; 2] {
+    let eased = 1f64.min(STEEPEST * speed / x.hypot(y));
+    [x, y].map(|v| v * eased / speed)
+}
+
+/// The direction, world axes, in which what falls at `speed` comes down in a mean wind, m/s: see [`PreparedWeather::fall`].
+pub(crate) fn fall_of(wind: [f64; 2], speed: f64, up: [f64; 3]) -> [f64; 3] {
+    let [x, y] = slant(wind, speed).map(|v| (v / SLOPE).round() * SLOPE);
+    let way = [x, y, -1.0];
+    let length = way.iter().map(|v| v * v).sum::<f64>().sqrt();
+    from_level(&level_axes(up), way.map(|v| v / length))
+}
 
 /// Fall speed of what lies later, m/s: that of flakes.
 const FLAKE: f64 = 1.0;
@@ -347,6 +365,7 @@ pub struct PreparedWeather {
     /// The least wind that carries some of what may lie along the ground, m/s at 10 m.
     carried: f64,
     paper_cover: Option<PaperCover>,
+    wetness: Option<WetRequest>,
 }
 
 impl PreparedWeather {
@@ -424,6 +443,18 @@ impl PreparedWeather {
         &self.cover
     }
 
+    /// Returns the wetness of surfaces; `None` where all are dry.
+    #[must_use]
+    pub fn wetness(&self) -> Option<&WetRequest> {
+        self.wetness.as_ref().filter(|asked| !asked.is_nothing())
+    }
+
+    /// Returns the direction of the rain that wets surfaces, the same at all times; `None` if the weather wets none.
+    #[must_use]
+    pub fn wetting_rain(&self) -> Option<&SlantedRain> {
+        self.wetness.as_ref().map(|asked| &asked.rain)
+    }
+
     /// Returns the effect of the mean wind on what lies, while it falls and along the ground: no more than 45 degrees
     /// from straight down ([`Self::slant`]), and along the ground the more the farther it is above the threshold.
     #[must_use]
@@ -443,9 +474,7 @@ impl PreparedWeather {
     /// [`level_axes`]: no more than 1, since eddies carry drops behind what a strong wind meets.
     #[must_use]
     pub fn slant(&self, speed: f64) -> [f64; 2] {
-        let [x, y] = self.wind_now.mean;
-        let eased = 1f64.min(STEEPEST * speed / x.hypot(y));
-        [x, y].map(|v| v * eased / speed)
+        slant(self.wind_now.mean, speed)
     }
 
     /// The direction in which most of it falls, world axes, length 1: down, with the mean wind but no flatter than 45
@@ -454,10 +483,7 @@ impl PreparedWeather {
     #[must_use]
     pub fn fall(&self) -> Option<[f64; 3]> {
         let kind = self.falling.iter().max_by(|a, b| a.rate.total_cmp(&b.rate))?;
-        let [x, y] = self.slant(kind.mean_speed()).map(|v| (v / SLOPE).round() * SLOPE);
-        let way = [x, y, -1.0];
-        let length = way.iter().map(|v| v * v).sum::<f64>().sqrt();
-        Some(from_level(&level_axes(self.site.up), way.map(|v| v / length)))
+        Some(fall_of(self.wind_now.mean, kind.mean_speed(), self.site.up))
     }
 
     /// Calls `render` with the hooks of this weather for what is `seen`.

@@ -47,6 +47,8 @@ impl BenchCase {
         let cover = weather("clear", &["snow_cover.depth=0.1"])?;
         let overcast = weather("clear", &["light.model=overcast"])?;
         let night = weather("clear", &["light.model=night", "light.lamps=on", "fog.mor=200"])?;
+        let wet = weather("clear", &["wetness.amount=0.7", "wetness.puddles=0"])?;
+        let puddles = weather("clear", &["wetness.amount=1", "wetness.puddles=0.8"])?;
         let paper_fog = weather("fog", &["fidelity=paper"])?;
         let paper_cover = weather("clear", &["snow_cover=on", "fidelity=paper"])?;
         let mut cases: Vec<Self> = [
@@ -75,6 +77,8 @@ impl BenchCase {
             ("rgb, snow cover 10 cm", cover),
             ("rgb, light of clouds", overcast),
             ("rgb, night, fog, 10 lamps", night),
+            ("rgb, wet", wet),
+            ("rgb, wet, puddles", puddles),
             (PAPER_FOG, paper_fog),
             (PAPER_COVER, paper_cover),
         ] {
@@ -113,9 +117,9 @@ impl BenchCase {
         self.sky.cover()
     }
 
-    /// Returns true if the weather lights the place.
+    /// Returns true if the weather changes the light of the place.
     pub fn is_lit(&self) -> bool {
-        self.sky.light().is_some()
+        self.sky.light().is_some() || self.sky.wetness().is_some()
     }
 
     /// Returns the index of a case in a list; 0 if it is not in it.

@@ -13,6 +13,7 @@ const FIRST = {
   sky: ["model", "color", "panorama", "heading", "brightness"],
   dust_cover: ["depth", "color"],
   snow_cover: ["depth", "temperature", "hours", "lapse"],
+  wetness: ["amount", "puddles", "rained_before", "lapse"],
   wind: ["speed", "direction", "gusts"],
   fog: ["mor", "scale_height", "airlight"],
   haze: ["mor", "scale_height", "airlight"],

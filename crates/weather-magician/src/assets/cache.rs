@@ -46,6 +46,8 @@ pub(crate) enum AssetFile<'a> {
     SunShadows([f64; 3]),
     /// The light of lamps.
     Lamps(&'a LampLights),
+    /// The surfaces that get wet.
+    Wet,
 }
 
 impl AssetFile<'_> {
@@ -54,6 +56,7 @@ impl AssetFile<'_> {
         match self {
             Self::Surfaces => ("surfaces", Vec::new()),
             Self::Light => ("light", Vec::new()),
+            Self::Wet => ("wet", Vec::new()),
             Self::SunShadows(sun) => ("sun", sun.to_vec()),
             Self::Lamps(lamps) => ("lamps", lamps.numbers()),
             Self::Shelter(fall) => ("shelter", fall.to_vec()),

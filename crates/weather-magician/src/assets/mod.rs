@@ -19,6 +19,7 @@ use wm_weather::light::{CaptureLight, KnownSun, LampLights, LampShadows, ShadowC
 use wm_weather::open_water::OpenWater;
 use wm_weather::paper::PaperCover;
 use wm_weather::shelter::{Occluders, Shelter, ShelterOptions};
+use wm_weather::wetness::WetSurfaces;
 use wm_weather::{Site, Weather};
 
 /// Shelter maps that are kept, one for each direction of fall: enough for a wind that turns.
@@ -49,6 +50,8 @@ pub struct AssetNeeds {
     pub paper_cover: Option<PaperCover>,
     /// The light of the capture.
     pub light: bool,
+    /// The direction of the rain that wets surfaces; `None` if nothing is wet at any time.
+    pub wetness: Option<[f64; 3]>,
 }
 
 impl AssetNeeds {
@@ -62,7 +65,8 @@ impl AssetNeeds {
         let shelter = weather.needs(Need::Shelter) && weather.fidelity == Fidelity::Physical;
         let lies = weather.needs(Need::Cover) && paper_cover.is_none();
         let light = weather.needs(Need::Light);
-        Self { shelter, cover: lies.then(|| prepared.airflow()), paper_cover, light }
+        let wetness = prepared.wetting_rain().map(|rain| rain.fall).filter(|_| weather.needs(Need::Water));
+        Self { shelter, cover: lies.then(|| prepared.airflow()), paper_cover, light, wetness }
     }
 }
 
@@ -74,6 +78,7 @@ pub(crate) struct AssetStore {
     /// Kept for a sun that moves.
     pub casters: Option<Arc<ShadowCasters>>,
     pub lamps: Option<Arc<LampShadows>>,
+    pub wet: Option<Arc<WetSurfaces>>,
     /// By the direction of fall, the last used at the end.
     shelters: Vec<([f64; 3], Arc<Shelter>)>,
     /// By the direction towards the sun, the last used at the end.
@@ -157,6 +162,10 @@ pub struct MissingAssets {
     pub(crate) occluders: bool,
     /// The map of where a fall leaves the ground dry, by its direction.
     pub(crate) shelter: Option<[f64; 3]>,
+    /// The same of the rain that wets surfaces, where it is another one.
+    pub(crate) wet_shelter: Option<[f64; 3]>,
+    /// The surfaces that get wet.
+    pub(crate) wet: bool,
     /// The ground that something can lie on.
     pub(crate) cover: Option<Airflow>,
     /// The splats of the snow or dust on that ground.
@@ -183,10 +192,23 @@ impl MissingAssets {
     /// Returns true if something is missing that takes no more than a second for most scenes.
     #[must_use]
     pub fn is_quick(&self) -> bool {
-        let Self { occluders, shelter, cover, lying, paper_cover, light, sun, casters, lamps } = self;
-        let makes_surfaces = cover.is_some() || *light || sun.is_some() || *casters || lamps.is_some();
+        let Self {
+            occluders,
+            shelter,
+            wet_shelter,
+            wet,
+            cover,
+            lying,
+            paper_cover,
+            light,
+            sun,
+            casters,
+            lamps,
+        } = self;
+        let makes_surfaces =
+            cover.is_some() || *light || *wet || sun.is_some() || *casters || lamps.is_some();
         let is_slow = *occluders || paper_cover.is_some() || makes_surfaces;
-        !is_slow && (shelter.is_some() || lying.is_some())
+        !is_slow && (shelter.is_some() || wet_shelter.is_some() || lying.is_some())
     }
 
     /// The longest of the work, in words for a progress bar.
@@ -198,6 +220,7 @@ impl MissingAssets {
             }
             (None, None, None) if self.lamps.is_some() && !self.light => "casting the shadows of the lamps",
             (None, None, None) if self.light => "splitting the light of the capture into sun and sky",
+            (None, None, None) if self.wet => "finding what gets wet",
             (None, None, None) => "finding where roofs keep the rain off",
             (None, None, _) => "laying out the snow",
             _ => "finding what snow can lie on",
@@ -220,11 +243,14 @@ impl MissingAssets {
             threads,
             occluders,
             cover,
+            wet,
+            is_up_known,
             cache,
         } = source;
         let lamps_wait = self.lamps.is_some();
         let needs_light = self.light || (casters.is_none() && (self.casters || self.sun.is_some()));
-        let needs_surfaces = self.cover.is_some() || needs_light || lamps_wait;
+        let makes_wet = self.wet && wet.is_none();
+        let needs_surfaces = self.cover.is_some() || needs_light || lamps_wait || makes_wet;
         let needs_splats = self.occluders || self.paper_cover.is_some() || needs_surfaces;
         if needs_splats && scene.splats.is_empty() {
             return Err(Error::Unsupported(
@@ -291,11 +317,33 @@ impl MissingAssets {
             _ => None,
         };
         let occluders = made_occluders.as_ref().or(occluders.as_ref());
-        let shelter = self.shelter.zip(occluders).map(|(fall, occluders)| {
-            let shelter = occluders.shelter(fall, Some(threads));
-            cache.put(&AssetFile::Shelter(fall), &shelter);
-            (fall, Arc::new(shelter))
-        });
+        let sheltered = |fall: Option<[f64; 3]>| {
+            fall.zip(occluders).map(|(fall, occluders)| {
+                let shelter = occluders.shelter(fall, Some(threads));
+                cache.put(&AssetFile::Shelter(fall), &shelter);
+                (fall, Arc::new(shelter))
+            })
+        };
+        let shelters = [sheltered(self.wet_shelter), sheltered(self.shelter)];
+        let made_wet = match (makes_wet, capture, surfaces.as_ref()) {
+            (true, Some(capture), Some(found)) => {
+                progress.begin("finding what gets wet", None);
+                let path = views::path_of_photos(&scene);
+                let water = OpenWater::of(&found.splats, scene.metadata.water.as_deref(), &site);
+                let wet = WetSurfaces::of(
+                    &scene.splats,
+                    found,
+                    capture,
+                    (&water, path, is_up_known),
+                    &site,
+                    threads,
+                );
+                progress.end();
+                cache.put(&AssetFile::Wet, &wet);
+                Some(Arc::new(wet))
+            }
+            _ => wet,
+        };
         let made_cover = self.cover.zip(surfaces.as_ref()).map(|(airflow, found)| {
             progress.begin("finding what can be covered", None);
             let path = views::path_of_photos(&scene);
@@ -317,7 +365,8 @@ impl MissingAssets {
         Ok(Assets {
             paper_cover: self.paper_cover.as_ref().map(snow),
             occluders: made_occluders,
-            shelter,
+            shelters,
+            wet: made_wet,
             cover: made_cover,
             lying,
             light: made_light,
@@ -348,13 +397,18 @@ pub struct AssetSource {
     pub(crate) threads: usize,
     pub(crate) occluders: Option<Arc<Occluders>>,
     pub(crate) cover: Option<SharedCover>,
+    pub(crate) wet: Option<Arc<WetSurfaces>>,
+    /// Up is stated or measured, not estimated from the splats.
+    pub(crate) is_up_known: bool,
     pub(crate) cache: AssetCache,
 }
 
 /// Assets that were made, to be taken by [`crate::Renderer::insert_assets`].
 pub struct Assets {
     pub(crate) occluders: Option<Arc<Occluders>>,
-    pub(crate) shelter: Option<([f64; 3], Arc<Shelter>)>,
+    /// That of the rain which wets surfaces, and that of what falls.
+    pub(crate) shelters: [Option<([f64; 3], Arc<Shelter>)>; 2],
+    pub(crate) wet: Option<Arc<WetSurfaces>>,
     pub(crate) cover: Option<(Airflow, SharedCover)>,
     pub(crate) lying: Option<(LyingCover, (Airflow, Vec<CoverRequest>))>,
     pub(crate) paper_cover: Option<(PaperCover, Splats)>,

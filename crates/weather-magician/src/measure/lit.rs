@@ -9,7 +9,7 @@ use wm_scene::{Camera, Group, Splats, random};
 use wm_weather::Weather;
 
 /// Changes that leave nothing in a weather but light: no air, nothing that falls or lies.
-pub const LIGHT_ALONE: [&str; 12] = [
+pub const LIGHT_ALONE: [&str; 13] = [
     "rain=off",
     "snowfall=off",
     "hail=off",
@@ -22,6 +22,7 @@ pub const LIGHT_ALONE: [&str; 12] = [
     "smog=off",
     "sky=off",
     "lightning=off",
+    "wetness=off",
 ];
 
 /// The reflectance that surfaces have in the mean: of the ground that upright cards see, too.

@@ -54,6 +54,8 @@ mod streaks;
 mod sundial;
 #[cfg(test)]
 mod tests;
+mod water_budget;
+mod wet_card;
 
 pub use place_renderer::PlaceRenderer;
 
@@ -65,6 +67,7 @@ use wm_render::parts::PicturePart;
 use wm_render::{Frame, Geometry, MedianDepth, Outputs, ParticlePass};
 use wm_scene::{Camera, Lamp, Splats};
 use wm_weather::dome::level_axes;
+use wm_weather::wetness::WaterState;
 use wm_weather::{Site, Weather};
 
 /// A measuring method: what it applies to, and how it measures.
@@ -85,13 +88,15 @@ pub struct Instrument {
 
 /// Every instrument, in the order of the report.
 #[rustfmt::skip]
-pub const INSTRUMENTS: [Instrument; 14] = [
+pub const INSTRUMENTS: [Instrument; 16] = [
     boards::INSTRUMENT,
     rays::INSTRUMENT,
     gauge::INSTRUMENT,
     streaks::INSTRUMENT,
     stake::INSTRUMENT,
     budget::INSTRUMENT,
+    wet_card::INSTRUMENT,
+    water_budget::INSTRUMENT,
     lux::INSTRUMENT,
     sundial::INSTRUMENT,
     shadows::INSTRUMENT,
@@ -288,6 +293,12 @@ pub trait InstrumentRenderer {
     /// # Errors
     /// [`crate::Error`] if its light cannot be found.
     fn shadows(&mut self) -> Result<ShadowReport>;
+
+    /// Returns the water on the ground of a lit target at a time of a weather, s; `None` where nothing is wet.
+    ///
+    /// # Errors
+    /// [`crate::Error`] if it cannot be found.
+    fn water(&mut self, subject: ShotSubject, weather: &Weather, time: f64) -> Result<Option<WaterState>>;
 
     /// Removes all targets.
     fn clear_away(&mut self);

@@ -11,7 +11,8 @@ use wm_render::{Background, RenderBackend, RenderConfig, SetId, SetView};
 use wm_scene::{Camera, Lamp, Metadata, Scene, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest};
 use wm_weather::fused_surfaces::FusedSurfaces;
-use wm_weather::{PreparedWeather, Site};
+use wm_weather::wetness::WaterState;
+use wm_weather::{PreparedWeather, Site, Weather};
 
 /// Distance of the second view to the side of the first, m: not ahead, so that the air in front of both is as long.
 const STEP: f64 = 0.3;
@@ -153,6 +154,17 @@ impl InstrumentRenderer for PlaceRenderer {
             Some(sun) => ShadowReport::Kept { sun },
             None => ShadowReport::None,
         })
+    }
+
+    fn water(&mut self, subject: ShotSubject, weather: &Weather, time: f64) -> Result<Option<WaterState>> {
+        let place = match subject {
+            ShotSubject::Place => &mut self.place,
+            ShotSubject::Target(index) => match &mut self.targets[index] {
+                Target::Plain(_) => return Ok(None),
+                Target::Lit(place) => &mut **place,
+            },
+        };
+        self.renderer.water_state(place, weather, time, &mut ())
     }
 
     fn draw(&mut self, shot: &InstrumentShot<'_>, picture: &mut Picture) -> Result<()> {

@@ -13,6 +13,7 @@ use glam::DVec3;
 use wm_scene::color::{srgb_decode, srgb_encode};
 use wm_scene::{Camera, Lamp, Splats, quat, sh};
 use wm_street::Street;
+use wm_weather::wetness::WaterState;
 use wm_weather::{Site, Weather};
 
 /// A planted error.
@@ -61,10 +62,16 @@ enum Fault {
     Flash,
     /// Lightning is exposed for a tenth of a frame.
     Shutter,
+    /// Wet surfaces darken a tenth less.
+    Darkening,
+    /// It has rained a tenth longer.
+    Rained,
+    /// Water stands a tenth deeper than has come to it.
+    Puddles,
 }
 
 /// Each fault, and which readings find it: the instrument and a part of the quantity.
-const FINDS: [(Fault, &[[&str; 2]]); 22] = [
+const FINDS: [(Fault, &[[&str; 2]]); 25] = [
     (Fault::None, &[]),
     // The same air, seen on boards and on the place.
     (
@@ -111,6 +118,9 @@ const FINDS: [(Fault, &[[&str; 2]]); 22] = [
     (Fault::Far, &[["allard", "extinction"]]),
     (Fault::Flash, &[["flash", "stroke"]]),
     (Fault::Shutter, &[["flash", "light of"], ["flash", "stroke"]]),
+    (Fault::Darkening, &[["wet-card", "full pores"], ["wet-card", "under a film"]]),
+    (Fault::Rained, &[["water-budget", "rain on the ground"]]),
+    (Fault::Puddles, &[["water-budget", "water in and out"]]),
 ];
 
 /// The weathers that an instrument is tested in.
@@ -121,6 +131,8 @@ fn weathers(instrument: &str) -> Vec<Weather> {
         "streaks" => &[&["rain.rate=2.5", "rain.exposure=0.004", "wind.speed=5"]],
         "budget" => &[&["snowfall.rate=3", "snow_cover.depth=auto", "snow_cover.hours=30"]],
         "stake" => &[&["snow_cover.depth=0.1"]],
+        "wet-card" => &[&["wetness.amount=1"]],
+        "water-budget" => &[&["rain.rate=25", "wetness.rained_before=10"]],
         "lux" => &[
             &["light.model=clear", "light.clouds=1"],
             &["light.model=clear", "light.sun_elevation=40", "light.sun_azimuth=200"],
@@ -195,6 +207,8 @@ impl Fault {
                 (drawn.camera.fx, drawn.camera.fy) = (1.2 * shot.camera.fx, 1.2 * shot.camera.fy);
             }
             Self::Shutter => scale("lightning", "exposure", 0.1),
+            Self::Darkening => scale("wetness", "porosity", 1.0 / 1.1),
+            Self::Rained => scale("wetness", "rained_before", 1.1),
             // Not of what is drawn, but of its light.
             Self::Upright
             | Self::Sky
@@ -202,7 +216,8 @@ impl Fault {
             | Self::Shadows
             | Self::Glow
             | Self::Far
-            | Self::Flash => {}
+            | Self::Flash
+            | Self::Puddles => {}
         }
         drawn
     }
@@ -264,6 +279,8 @@ impl Fault {
             Self::Upright => instrument == "lux",
             // Shadows that are seen from elsewhere are shadows.
             Self::Jitter => instrument != "shadows",
+            // What only states show.
+            Self::Rained | Self::Puddles => instrument == "water-budget",
             _ => true,
         }
     }
@@ -310,6 +327,20 @@ impl InstrumentRenderer for Faulty {
             ShadowReport::Split { sun, .. } => ShadowReport::Split { sun, is_photographed: true },
             other => other,
         })
+    }
+
+    fn water(&mut self, subject: ShotSubject, weather: &Weather, time: f64) -> Result<Option<WaterState>> {
+        let camera = Street::views()[0].camera((8, 8)).unwrap();
+        let requested = OwnedShot { subject, camera, weather: weather.clone(), time };
+        let drawn = self.fault.falsified(self.shots.len(), &requested);
+        self.shots.push(requested);
+        let mut state = self.field.water(subject, &drawn.weather, time)?;
+        if let (Fault::Puddles, Some(state)) = (self.fault, &mut state) {
+            for (level, ground) in state.level.iter_mut().zip(&state.ground) {
+                *level = ground + 1.1 * (*level - ground);
+            }
+        }
+        Ok(state)
     }
 
     fn clear_away(&mut self) {
@@ -373,7 +404,9 @@ fn each_instrument_finds_its_own_error_and_no_other() {
         for (index, instrument) in instruments.iter().enumerate() {
             let (own, shots) = &faultless[index];
             let changes = |(k, shot): (usize, &OwnedShot)| {
-                fault == Fault::Upright || fault.light(shot).is_some() || fault.falsified(k, shot) != *shot
+                matches!(fault, Fault::Upright | Fault::Puddles)
+                    || fault.light(shot).is_some()
+                    || fault.falsified(k, shot) != *shot
             };
             let is_touched = fault.is_for(instrument.name) && shots.iter().enumerate().any(changes);
             let finding = if is_touched { read(&mut rig, fault, index).0 } else { own.clone() };

@@ -1,6 +1,6 @@
 //! The first sweep: clusters of splats to records and windows of tiles.
 
-use super::model::{CLUSTER, CpuModel, GROUPS};
+use super::model::{CLUSTER, CpuModel, GROUPS, SplatGroup};
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::dispatch;
 use crate::hooks::{GROUP, Medium, ShadeGroup, SkySplats};
@@ -11,7 +11,7 @@ use crate::stages::intersect::TileGrid;
 use crate::stages::intersect::cpu::{Pairs, PatchBox};
 use crate::stages::project::cpu::{ClusterCull, ProjectedGroup, project_group};
 use crate::stages::project::{ProjectCamera, Record};
-use crate::stages::shade::cpu::{relight_group, shade_group, through_air};
+use crate::stages::shade::cpu::{fade_group, relight_group, shade_group, through_air};
 use std::ops::Range;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
@@ -143,7 +143,7 @@ impl<'a> Front<'a> {
                     }
                 }
                 scratch.attributes.read_light(light, &seen[..groups * GROUP]);
-                dispatch!(self.path, s => scratch.relight(s, groups));
+                dispatch!(self.path, s => scratch.relight(s, &model.groups[cluster * GROUPS..], groups));
             }
             if groups > 0 {
                 let shade = &mut scratch.shade[..groups];
@@ -236,10 +236,15 @@ impl Default for ClusterScratch {
 }
 
 impl ClusterScratch {
-    /// Changes the light on the splats of the groups in view by their gains, which are in the same order.
+    /// Changes the light on the splats of the groups in view by their gains, which are in the same order; `cluster` are the groups of
+    /// their cluster.
     #[inline(always)]
-    fn relight<S: Lanes>(&mut self, simd: S, groups: usize) {
+    fn relight<S: Lanes>(&mut self, simd: S, cluster: &[SplatGroup], groups: usize) {
         for (group, shade) in self.shade[..groups].iter_mut().enumerate() {
+            let fade = self.attributes.group(group, Attribute::Fade);
+            if fade.iter().any(|fade| *fade != 0.0) {
+                fade_group(simd, &cluster[self.names[group]], fade, shade);
+            }
             let gains = Attribute::GAINS.map(|gain| self.attributes.group(group, gain));
             relight_group(simd, gains, shade);
         }

@@ -111,7 +111,7 @@ pub struct GroundGrid {
 impl GroundGrid {
     /// The surfaces of a scene, without what reaches them. What lies on an `inner` ground is that one's.
     /// Returns what floats over it too.
-    pub(super) fn of(
+    pub(crate) fn of(
         scan: &FusedSurfaces<'_>,
         occluders: &Occluders,
         inner: Option<&Self>,
@@ -192,6 +192,26 @@ impl GroundGrid {
             std::array::from_fn(|way| number(self.beside(node)[way].or_else(|| self.below(node, way))))
         });
         self.find_shades(&scan.splats, threads);
+    }
+
+    /// The lowest level surface of each cell that cameras see (any, where no photos were given) and its top, m; not a number where
+    /// there is none.
+    pub(crate) fn floor(&self) -> (Vec<f32>, Vec<f32>) {
+        let cells = self.size[0] * self.size[1];
+        // Without photos normals say little.
+        let is_floor = |node: &usize| match self.is_scan {
+            true => self.is_seen[*node] && self.is_level(*node),
+            false => self.slope[*node][0].hypot(self.slope[*node][1]) < LEVEL,
+        };
+        let height = |node: Option<usize>| node.map_or(f32::NAN, |node| self.height[node]);
+        let floor = (0..cells).map(|cell| height(self.nodes_of(cell).rev().find(is_floor)));
+        let top = (0..cells).map(|cell| height(self.nodes_of(cell).next()));
+        (floor.collect(), top.collect())
+    }
+
+    /// The grid.
+    pub(crate) fn places(&self) -> &HeightLayers {
+        &self.places
     }
 
     /// Lets nothing lie on nodes at such places (world, scene units): it is shed.

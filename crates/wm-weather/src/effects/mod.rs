@@ -13,6 +13,7 @@ use crate::param::{Param, ParamKind, ParamValue};
 use crate::particles::{Precipitation, PrecipitationKind};
 use crate::track::Track;
 use crate::weather::WeatherSample;
+use crate::wetness::WetRequest;
 use crate::wind::Wind;
 pub use light::{LampSource, LightChange, light_fault};
 pub use look::ColorGrade;
@@ -57,6 +58,8 @@ pub enum EffectRole {
     Falls,
     /// Lies on the ground.
     Lies,
+    /// Wets surfaces.
+    Water,
     /// Moves the air.
     Wind,
     /// Changes the finished picture.
@@ -73,6 +76,7 @@ impl EffectRole {
             Self::Air => "air",
             Self::Falls => "falls",
             Self::Lies => "lies",
+            Self::Water => "water",
             Self::Wind => "wind",
             Self::Lens => "lens",
         }
@@ -88,6 +92,8 @@ pub enum Need {
     Cover,
     /// The light of the capture ([`crate::light`]).
     Light,
+    /// The surfaces that get wet, and the ground that water stands on ([`crate::wetness`]).
+    Water,
 }
 
 /// The parameters of an effect at one instant, in the order of its table.
@@ -124,6 +130,8 @@ pub enum Action {
     PaperFall(Box<PaperFall>),
     /// Something that lies.
     Cover(CoverRequest),
+    /// Wet surfaces.
+    Wetness(Box<WetRequest>),
     /// Something that lies, as in the paper.
     PaperCover(Box<PaperCover>),
     /// Exposure and colour of the finished picture.
@@ -139,7 +147,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, light, lightning, dust_cover, snow_cover, wind, fog, haze, smog, rain, snowfall, hail, look }
+effects! { sky, light, lightning, dust_cover, snow_cover, wetness, wind, fog, haze, smog, rain, snowfall, hail, look }
 
 impl Effect {
     /// The effect of a name.

@@ -383,6 +383,12 @@ impl CaptureLight {
         self.exposure
     }
 
+    /// The light of a white card in an irradiance, display values in linear light.
+    #[must_use]
+    pub fn white(&self, irradiance: f64) -> f64 {
+        self.exposure * irradiance
+    }
+
     /// The normal of the surface of a splat, length 1; zero of leaves.
     #[must_use]
     pub fn normal(&self, index: usize) -> Vec3 {

@@ -167,25 +167,30 @@ impl LightGains {
     #[must_use]
     pub fn applied(&self, splats: &Splats) -> Splats {
         let mut relit = splats.clone();
-        let stride = splats.sh_stride();
-        for (index, gain) in self.gains.iter().enumerate() {
-            if stride == 0 || *gain == [1.0; 3] {
-                continue;
-            }
-            let sh = &mut relit.sh[index * stride..(index + 1) * stride];
-            let shown: [f64; 3] = std::array::from_fn(|k| (0.5 + sh::C0 * f64::from(sh[k])).max(0.0));
-            let light = shown.map(srgb_decode);
-            let limit = light.into_iter().fold(1.0, f64::max);
-            let changed: [f64; 3] = std::array::from_fn(|k| light[k] * f64::from(gain[k]));
-            let scale = limit / changed.into_iter().fold(limit, f64::max);
-            for k in 0..3 {
-                let value = srgb_encode(changed[k] * scale);
-                let factor = if shown[k] > 1e-6 { value / shown[k] } else { 1.0 };
-                sh[k] = sh::dc_of(value) as f32;
-                sh[3..].iter_mut().skip(k).step_by(3).for_each(|v| *v = (f64::from(*v) * factor) as f32);
-            }
-        }
+        apply_gains(&self.gains, &mut relit);
         relit
+    }
+}
+
+/// Multiplies the light of splats by gains: see [`LightGains::applied`].
+pub fn apply_gains(gains: &[[f32; 3]], relit: &mut Splats) {
+    let stride = relit.sh_stride();
+    for (index, gain) in gains.iter().enumerate() {
+        if stride == 0 || *gain == [1.0; 3] {
+            continue;
+        }
+        let sh = &mut relit.sh[index * stride..(index + 1) * stride];
+        let shown: [f64; 3] = std::array::from_fn(|k| (0.5 + sh::C0 * f64::from(sh[k])).max(0.0));
+        let light = shown.map(srgb_decode);
+        let limit = light.into_iter().fold(1.0, f64::max);
+        let changed: [f64; 3] = std::array::from_fn(|k| light[k] * f64::from(gain[k]));
+        let scale = limit / changed.into_iter().fold(limit, f64::max);
+        for k in 0..3 {
+            let value = srgb_encode(changed[k] * scale);
+            let factor = if shown[k] > 1e-6 { value / shown[k] } else { 1.0 };
+            sh[k] = sh::dc_of(value) as f32;
+            sh[3..].iter_mut().skip(k).step_by(3).for_each(|v| *v = (f64::from(*v) * factor) as f32);
+        }
     }
 }
 

@@ -35,7 +35,7 @@ pub use clear_sky::{ClearSky, beam_transmittance};
 pub use clouds::CloudShadows;
 pub use day::OpenLight;
 pub use flash::{Flash, FlashLight, Storm};
-pub use gains::{FrameGains, LightCasts, LightGains, NewLight};
+pub use gains::{FrameGains, LightCasts, LightGains, NewLight, apply_gains};
 pub use headlamps::Headlamps;
 pub use irradiance::{SceneLight, SkyGradation, SurfaceLight};
 pub use lamp_glow::{LampGlow, LampsOn, ShadowedLight};

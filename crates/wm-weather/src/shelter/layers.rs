@@ -51,6 +51,11 @@ impl Occluders {
 }
 
 impl HeightLayers {
+    /// The grid alone.
+    pub(crate) fn heightless(&self) -> Self {
+        Self { heights: Vec::new(), splats: Vec::new(), ..self.clone() }
+    }
+
     /// Columns and rows.
     #[must_use]
     pub fn size(&self) -> [usize; 2] {

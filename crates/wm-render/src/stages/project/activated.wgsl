@@ -18,10 +18,12 @@ fn scales_of(splat: u32) -> vec3<f32> {
 }
 
 // The colour of a splat in other light, see the contract of the shading.
-fn relit(splat: u32, rgb: vec3<f32>) -> vec3<f32> {
+fn relit(splat: u32, seen: vec3<f32>) -> vec3<f32> {
     if chunk.changes_light == 0u {
-        return rgb;
+        return seen;
     }
+    let even = max(vec3<f32>(0.5) + C0 * numbers(splat, ROW_DC), vec3<f32>(0.0));
+    let rgb = seen + (even - seen) * splat_attribute(splat, ATTRIBUTE_FADE);
     let gain = vec3<f32>(
         splat_attribute(splat, ATTRIBUTE_GAIN_RED),
         splat_attribute(splat, ATTRIBUTE_GAIN_GREEN),

@@ -52,6 +52,20 @@ pub fn shade_group<S: Lanes>(simd: S, group: &SplatGroup, rest: &[[f32; GROUP]],
     }
 }
 
+/// Takes away the share `fade` of what depends on the direction in the colours of one group.
+#[inline(always)]
+pub fn fade_group<S: Lanes>(simd: S, group: &SplatGroup, fade: &[f32; GROUP], shade: &mut ShadeGroup) {
+    for first in (0..GROUP).step_by(S::N) {
+        let fade = simd.load(&fade[first..]);
+        for channel in 0..3 {
+            let even = simd.load(&group.dc[channel][first..]).mul_add(simd.set(C0 as f32), simd.set(0.5));
+            let rgb = simd.load(&shade.rgb[channel][first..]);
+            let value = (even.max(simd.set(0.0)) - rgb).mul_add(fade, rgb);
+            value.store_slice(&mut shade.rgb[channel][first..first + S::N]);
+        }
+    }
+}
+
 /// Changes the light on one group: `gains` are factors on linear light, one array a channel.
 #[inline(always)]
 pub fn relight_group<S: Lanes>(simd: S, gains: [&[f32; GROUP]; 3], shade: &mut ShadeGroup) {

@@ -134,7 +134,7 @@ fn air(backend: Backend) {
     compare(&frame, &want, 2.0).unwrap();
 }
 
-/// Gains by the index of a splat, from shade to four times the light.
+/// Gains by the index of a splat, from shade to four times the light, and what of a colour's direction goes.
 struct Relit;
 
 impl SplatAttributes for Relit {
@@ -145,6 +145,9 @@ impl SplatAttributes for Relit {
             for (index, value) in indices.iter().zip(block.column_mut(gain)) {
                 *value = 4.0 * uniform(17, u64::from(3 * index) + k as u64) as f32;
             }
+        }
+        for (index, value) in indices.iter().zip(block.column_mut(Attribute::Fade)) {
+            *value = (2.0 * uniform(18, u64::from(*index)) - 1.0).max(0.0) as f32;
         }
     }
 

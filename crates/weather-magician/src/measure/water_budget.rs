@@ -1,0 +1,91 @@
+//! Water budget: what came down is on the ground, or ran off, or has dried.
+//!
+//! A yard with a shallow bowl stands in the rain. The rain on it is the rate times the time times the area; what is there is summed over the nodes of
+//! the state of water: pores, films, and the depths of puddles, which are levels less the ground.
+//!
+//! Tolerance 1 %. Systematic: the edge of a puddle ends between nodes.
+
+use super::lit::{overcast_card, paint_card};
+use super::{
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, Tolerance, expected,
+};
+use crate::Result;
+use wm_scene::Splats;
+use wm_weather::Weather;
+
+/// The instrument.
+pub const INSTRUMENT: Instrument = Instrument {
+    name: "water-budget",
+    title: "Water budget",
+    about: "A yard with a shallow bowl in the rain: the rain on it against rate, time and area; and the water in pores, in films and in the \
+            puddle, as the levels over its nodes say, with what ran off and has dried, against the rain.",
+    applies: |weather, time| minutes(weather, time).is_some(),
+    read,
+    sweep: &[
+        &["rain.rate=5", "wetness.rained_before=30"],
+        &["rain.rate=25", "wetness.rained_before=10"],
+        &["rain.rate=60", "wetness.rained_before=10"],
+        &["wetness.rate_before=20", "wetness.rained_before=20", "wetness.stopped=15"],
+    ],
+};
+
+/// Half the side of the yard, m; the radius of its bowl and its depth, m; the sides of the tiles that it is made of, m.
+const YARD: f64 = 3.2;
+const BOWL: f64 = 2.6;
+const DEEP: f64 = 0.02;
+const TILE: f64 = 0.2;
+const ALBEDO: f64 = 0.2;
+
+/// The rate of the rain, mm/h, and for how many minutes it had fallen at time 0, if this is what the water goes by.
+fn minutes(weather: &Weather, time: f64) -> Option<[f64; 2]> {
+    let number = |param: &str| expected::number(weather, time, "wetness", param);
+    let is_by_rain = expected::is_on(weather, "wetness")
+        && number("amount").is_none()
+        && number("puddles").is_none()
+        && number("lapse") == Some(1.0);
+    let rate = number("rate_before").or_else(|| expected::number(weather, time, "rain", "rate"))?;
+    (is_by_rain && rate > 0.0).then_some([rate, number("rained_before")?]).filter(|rain| rain[1] > 0.0)
+}
+
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
+    let Some([rate, before]) = minutes(request.weather, request.time) else { return Ok(Finding::default()) };
+    let level = LevelFrame::of(&rig.site());
+    let mut splats = Splats::default();
+    let tiles = (YARD / TILE).round() as i32;
+    for row in -tiles..tiles {
+        for column in -tiles..tiles {
+            let [x, y] = [column, row].map(|k| (f64::from(k) + 0.5) * TILE);
+            let inside = (1.0 - (x * x + y * y) / (BOWL * BOWL)).max(0.0);
+            let halves = [[0.5 * TILE, 0.0, 0.0], [0.0, 0.5 * TILE, 0.0]];
+            let center = [x, y, -DEEP * inside];
+            paint_card(&level, (center, halves), 0.5 * TILE, overcast_card(ALBEDO, 0.0), &mut splats);
+        }
+    }
+    let subject = rig.set_up_lit(splats, Vec::new())?;
+    let weather = request.with(&["light=off", "wind=off", "fog=off", "haze=off", "smog=off", "look=off"])?;
+    let mut finding = Finding::default();
+    let Some(state) = rig.water(subject, &weather, request.time)? else { return Ok(finding) };
+    let texture = expected::number(&weather, request.time, "wetness", "texture").unwrap_or(f64::NAN);
+    let nodes = state.ground.iter().filter(|height| height.is_finite()).count() as f64;
+    let now = expected::number(&weather, request.time, "rain", "rate").unwrap_or(0.0);
+    let depth = 1e-3 * (rate * before / 60.0 + now * request.time / 3600.0);
+    let rain = nodes * state.step * state.step * depth;
+    let stands = state.water_in_puddles();
+    let there = state.water_in_pores() + state.water_in_films(texture) + stands;
+    let mut reading = |quantity: &str, asked: f64, measured: f64, tolerance: Tolerance| {
+        finding.readings.push(Reading {
+            quantity: quantity.to_owned(),
+            setting: request.setting.to_owned(),
+            unit: "m^3",
+            asked,
+            measured,
+            standard_error: None,
+            tolerance,
+        });
+    };
+    reading("rain on the ground", rain, state.budget.came, Tolerance::Relative(0.01));
+    let gone = state.budget.left + state.budget.dried;
+    reading("water in and out", state.budget.came, there + gone, Tolerance::Relative(0.01));
+    reading("water in the puddle", state.budget.in_puddles, stands, Tolerance::None);
+    Ok(finding)
+}

@@ -1,0 +1,59 @@
+//! The water on a place in the weather that is drawn.
+
+use crate::assets::AssetStore;
+use std::sync::Arc;
+use wm_weather::wetness::{Catchments, WaterState, WetGains, WetShares, WetState, WetSurfaces};
+use wm_weather::{PreparedWeather, Site};
+
+/// The water of the last frame, for the next.
+#[derive(Default)]
+pub(crate) struct PlaceWater {
+    /// What the rain of one direction reaches.
+    reached: Option<Reached>,
+    state: Option<WetState>,
+}
+
+/// The surfaces that a rain reaches.
+struct Reached {
+    surfaces: Arc<WetSurfaces>,
+    shares: WetShares,
+    catchments: Catchments,
+    /// The shelter of the rain's own direction is known.
+    is_exact: bool,
+}
+
+impl PlaceWater {
+    /// Finds the water of a weather, if it wets anything and the surfaces are known.
+    pub fn find(&mut self, prepared: &PreparedWeather, store: &mut AssetStore, site: &Site, threads: usize) {
+        self.state = None;
+        let (Some(asked), Some(surfaces)) = (prepared.wetness(), store.wet.clone()) else { return };
+        let shelter = store.shelter(asked.rain.fall).cloned();
+        let is_exact = shelter.is_some();
+        // Of a draft it may be another one.
+        let shelter = shelter.or_else(|| store.any_shelter().cloned());
+        let is_known = |reached: &Reached| {
+            reached.shares.rain == asked.rain
+                && reached.is_exact == is_exact
+                && Arc::ptr_eq(&reached.surfaces, &surfaces)
+        };
+        if !self.reached.as_ref().is_some_and(is_known) {
+            let shares = WetShares::of(&surfaces, &asked.rain, shelter.as_deref(), site, threads);
+            let catchments = Catchments::of(&surfaces, &shares);
+            self.reached = Some(Reached { surfaces, shares, catchments, is_exact });
+        }
+        self.state =
+            self.reached.as_ref().map(|reached| WetState::of(asked, &reached.surfaces, &reached.catchments));
+    }
+
+    /// The factors on the light of the scene's splats; `None` where nothing is wet.
+    pub fn gains(&self, prepared: &PreparedWeather) -> Option<WetGains<'_>> {
+        let (reached, state, asked) = (self.reached.as_ref()?, self.state.as_ref()?, prepared.wetness()?);
+        Some(WetGains::new(&reached.surfaces, &reached.shares, state, asked.porosity))
+    }
+
+    /// The water on the ground; `None` where nothing is wet.
+    pub fn state(&self) -> Option<WaterState> {
+        let (reached, state) = (self.reached.as_ref()?, self.state.as_ref()?);
+        Some(WaterState::of(&reached.surfaces, &reached.shares, state))
+    }
+}

@@ -1,0 +1,362 @@
+//! The ground that water stands on: a level grid of smoothed heights, and its depressions.
+//!
+//! The geometry of a capture has noise of 1 to 3 cm, more than puddles are deep. So the ground is smoothed over half a metre, only depressions that
+//! survive count, and none of them where the ground slopes. Their edges come from [`relief`](super::relief).
+
+use super::basins::{Basins, Beyond, NONE};
+use super::relief::relief;
+use crate::cover::ground::GroundGrid;
+use crate::fused_surfaces::FusedSurfaces;
+use crate::open_water::OpenWater;
+use crate::optics::Site;
+use crate::shelter::{HeightLayers, Occluders, ShelterOptions};
+use crate::threads::map;
+use serde::{Deserialize, Serialize};
+
+/// Width of a cell, m, the most of them, and how far from the photos the grid goes, m.
+const CELL: f64 = 0.1;
+const MOST_CELLS: usize = 700_000;
+const REACH: f64 = 32.0;
+/// Width of the cells of the whole scene, m.
+const FAR_CELL: f64 = 0.4;
+/// Step from a cell to the next at which the ground ends, as a slope, and at least, m.
+const STEP: f32 = 0.5;
+const LEAST_STEP: f32 = 0.05;
+/// Standard deviation of the smoothing, m, and the share of the ground about a cell from which a gap counts as ground.
+const SMOOTH: f32 = 0.25;
+const GAP: f32 = 0.3;
+/// Height of something that stands on the ground, m.
+const STANDS: f32 = 0.12;
+/// Least area of a ground, m^2; the share of its edge beside which it drops off that makes it the top of something, and by how much, m.
+const LEAST: f64 = 6.0;
+const TOP: f32 = 0.3;
+const DROP: f32 = 0.2;
+/// Least depth and area of a puddle, m and m^2; the depth from which it is a hole of the capture; and the steepest ground that holds one.
+const SHALLOWEST: f32 = 0.006;
+const SMALLEST: f64 = 0.12;
+const DEEPEST: f32 = 0.25;
+const STEEPEST: f32 = 0.035;
+/// Slope of the ground as a whole up to which it is an error of an estimated up.
+const TILT: f64 = 0.06;
+/// Distance over which that slope is taken, m.
+const SLOPE_OVER: f64 = 1.5;
+
+/// The ground of a place and its depressions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GroundMap {
+    places: HeightLayers,
+    /// Slope of the ground as a whole along columns and rows, that is an error of up, m a cell.
+    tilt: [f64; 2],
+    /// Smoothed heights above it, m, `[rows, columns]`; not a number where there is no ground.
+    pub ground: Vec<f32>,
+    /// Those with the relief.
+    pub rough: Vec<f32>,
+    /// The depressions.
+    pub basins: Basins,
+}
+
+impl GroundMap {
+    /// Of the surfaces of a scene, about a `path` (world, scene units), without its open water. Where up is estimated, `is_up_known` is
+    /// false, and ground that slopes a little as a whole is taken for level.
+    #[must_use]
+    pub fn of(
+        scan: &FusedSurfaces<'_>,
+        water: &OpenWater,
+        (path, is_up_known): ([[f64; 3]; 2], bool),
+        site: &Site,
+        threads: usize,
+    ) -> Self {
+        let options = ShelterOptions {
+            cell: CELL,
+            most_cells: MOST_CELLS,
+            focus: Some((path, REACH)),
+            margin: 0.1,
+            ..ShelterOptions::default()
+        };
+        let occluders = Occluders::of(&scan.splats, site, &options);
+        let (grid, _) = GroundGrid::of(scan, &occluders, None, threads);
+        let (mut floor, mut top) = grid.floor();
+        let places = grid.places().heightless();
+        let [columns, _] = places.size();
+        let cell = places.cell() as f32;
+        for (at, height) in floor.iter_mut().enumerate() {
+            let middle = [(at % columns) as f64 + 0.5, (at / columns) as f64 + 0.5];
+            if height.is_finite() && water.covers(places.point(middle, f64::from(*height))) {
+                *height = f32::NAN;
+            }
+        }
+        keep_grounds(&mut floor, &top, columns, cell);
+        let tilt = if is_up_known { [0.0; 2] } else { tilt_of(&floor, columns, f64::from(cell)) };
+        for heights in [&mut floor, &mut top] {
+            for (at, height) in heights.iter_mut().enumerate() {
+                let middle = [(at % columns) as f64 + 0.5, (at / columns) as f64 + 0.5];
+                *height -= tilted(tilt, middle) as f32;
+            }
+        }
+        let ground = smoothed(&floor, &top, columns, cell, threads);
+        let bumps = map(ground.len(), threads, |at| {
+            let [x, y] = [at % columns, at / columns].map(|v| (v as f64 + 0.5) * f64::from(cell));
+            relief(x, y) as f32
+        });
+        let beyond = |at: usize| {
+            let lowest = neighbours(at, columns, ground.len()).map(|next| ground[next]);
+            let lowest = lowest.filter(|height| height.is_finite()).fold(f32::INFINITY, f32::min);
+            if top[at] > lowest + STANDS { Beyond::Wall } else { Beyond::Outlet }
+        };
+        let slope = |cells: &[u32]| mean_slope(&ground, cells, columns, cell);
+        let counts = |cells: &[u32], depth: f32| {
+            (SHALLOWEST..DEEPEST).contains(&depth)
+                && cells.len() as f64 * f64::from(cell * cell) > SMALLEST
+                && slope(cells) < STEEPEST
+        };
+        let basins = Basins::find(&ground, &bumps, columns, f64::from(cell), beyond, counts);
+        let rough = ground.iter().zip(&bumps).map(|(height, bump)| height + bump).collect();
+        Self { places, tilt, ground, rough, basins }
+    }
+
+    /// Columns and rows.
+    #[must_use]
+    pub fn size(&self) -> [usize; 2] {
+        self.places.size()
+    }
+
+    /// Width of a cell, m.
+    #[must_use]
+    pub fn cell(&self) -> f64 {
+        self.places.cell()
+    }
+
+    /// The world axes of columns, of rows, and up.
+    #[must_use]
+    pub fn axes(&self) -> [[f64; 3]; 3] {
+        self.places.axes()
+    }
+
+    /// The point (world, scene units) at a place in columns and rows from the first corner, and a height above the tilt, m.
+    #[must_use]
+    pub fn point(&self, place: [f64; 2], height: f64) -> [f64; 3] {
+        self.places.point(place, height + tilted(self.tilt, place))
+    }
+
+    /// Columns and rows of a point (world, scene units) from the first corner, and its height above the tilt, m.
+    #[must_use]
+    pub fn locate(&self, point: [f64; 3]) -> ([f64; 2], f64) {
+        let (place, height) = self.places.locate(point);
+        (place, height - tilted(self.tilt, place))
+    }
+
+    /// The height of the tilt at the middle of a cell, m.
+    pub(super) fn tilt_at(&self, cell: usize) -> f32 {
+        let [columns, _] = self.size();
+        tilted(self.tilt, [(cell % columns) as f64 + 0.5, (cell / columns) as f64 + 0.5]) as f32
+    }
+
+    /// The basin at a place (columns, rows), and the height of the ground there with its relief, m; `None` where there is none.
+    pub(super) fn basin_at(&self, [x, y]: [f64; 2]) -> Option<(u32, f32)> {
+        let [columns, rows] = self.size();
+        let [i, j] = [x - 0.5, y - 0.5].map(f64::floor);
+        let is_in = i >= 0.0 && j >= 0.0 && i + 1.0 < columns as f64 && j + 1.0 < rows as f64;
+        if !is_in {
+            return None;
+        }
+        let first = j as usize * columns + i as usize;
+        let corners = [first, first + 1, first + columns, first + columns + 1];
+        let basin = corners.map(|at| self.basins.of[at]).into_iter().find(|basin| *basin != NONE)?;
+        let [u, v] = [x - 0.5 - i, y - 0.5 - j].map(|t| t as f32);
+        let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (at, share) in corners.into_iter().zip(weights) {
+            if self.ground[at].is_finite() {
+                sum += share * self.ground[at];
+                weight += share;
+            }
+        }
+        let bump = relief(x * self.cell(), y * self.cell()) as f32;
+        (weight > 0.0).then(|| (basin, sum / weight + bump))
+    }
+}
+
+/// The height of a tilt at a place in columns and rows, m.
+fn tilted(tilt: [f64; 2], place: [f64; 2]) -> f64 {
+    tilt[0] * place[0] + tilt[1] * place[1]
+}
+
+/// The slope of the plane that most of the ground lies in, m a cell; 0 where that is too steep for an error of up.
+fn tilt_of(floor: &[f32], columns: usize, cell: f64) -> [f64; 2] {
+    let (mut tilt, mut off) = ([0.0; 2], 0.0);
+    for trim in [f64::INFINITY, 0.4, 0.2, 0.15, 0.15] {
+        let (mut n, mut sums, mut squares) = (0.0f64, [0.0f64; 3], [0.0f64; 5]);
+        for at in (0..floor.len()).step_by(3).filter(|at| floor[*at].is_finite()) {
+            let ([x, y], z) = ([at % columns, at / columns].map(|v| v as f64 + 0.5), f64::from(floor[at]));
+            if (z - tilted(tilt, [x, y]) - off).abs() > trim {
+                continue;
+            }
+            n += 1.0;
+            [x, y, z].iter().zip(&mut sums).for_each(|(v, sum)| *sum += v);
+            [x * x, x * y, y * y, x * z, y * z].iter().zip(&mut squares).for_each(|(v, sum)| *sum += v);
+        }
+        let [mx, my, mz] = sums.map(|sum| sum / n);
+        let [xx, xy, yy, xz, yz] = squares.map(|sum| sum / n);
+        let (xx, xy, yy, xz, yz) = (xx - mx * mx, xy - mx * my, yy - my * my, xz - mx * mz, yz - my * mz);
+        let det = xx * yy - xy * xy;
+        if n < 100.0 || det < 1e-6 {
+            return [0.0; 2];
+        }
+        tilt = [(xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det];
+        off = mz - tilted(tilt, [mx, my]);
+    }
+    if tilt[0].hypot(tilt[1]) < TILT * cell { tilt } else { [0.0; 2] }
+}
+
+/// Level surfaces of a whole scene, on a coarse grid.
+pub(super) struct FarFloor {
+    places: HeightLayers,
+    /// m; not a number where there is none.
+    floor: Vec<f32>,
+}
+
+impl FarFloor {
+    /// Those of a scene.
+    pub fn of(scan: &FusedSurfaces<'_>, site: &Site, threads: usize) -> Self {
+        let options =
+            ShelterOptions { cell: FAR_CELL, most_cells: MOST_CELLS / 2, ..ShelterOptions::default() };
+        let occluders = Occluders::of(&scan.splats, site, &options);
+        let (grid, _) = GroundGrid::of(scan, &occluders, None, threads);
+        Self { places: grid.places().heightless(), floor: grid.floor().0 }
+    }
+
+    /// Height of a point (world, scene units) above the level surface in its cell, m.
+    pub fn height(&self, point: [f64; 3]) -> Option<f32> {
+        let (place, height) = self.places.locate(point);
+        let floor = self.floor[self.places.cell_at(place)?];
+        floor.is_finite().then_some(height as f32 - floor)
+    }
+}
+
+/// The four cells about a cell.
+pub(super) fn neighbours(at: usize, columns: usize, count: usize) -> impl Iterator<Item = usize> {
+    let (x, rows) = (at % columns, count / columns);
+    let y = at / columns;
+    let ways = [
+        (x > 0).then(|| at - 1),
+        (x + 1 < columns).then(|| at + 1),
+        (y > 0).then(|| at - columns),
+        (y + 1 < rows).then(|| at + columns),
+    ];
+    ways.into_iter().flatten()
+}
+
+/// Leaves connected level ground alone: what is small, or drops off along its edge, is the top of something.
+fn keep_grounds(floor: &mut [f32], top: &[f32], columns: usize, cell: f32) {
+    let step = LEAST_STEP.max(STEP * cell);
+    let mut is_seen = vec![false; floor.len()];
+    for first in 0..floor.len() {
+        if is_seen[first] || floor[first].is_nan() {
+            continue;
+        }
+        let (mut cells, mut at) = (vec![first], 0);
+        let (mut edge, mut drops) = (0.0f32, 0.0f32);
+        is_seen[first] = true;
+        while let Some(current) = cells.get(at).copied() {
+            at += 1;
+            for next in neighbours(current, columns, floor.len()) {
+                if floor[next].is_finite() && (floor[next] - floor[current]).abs() < step {
+                    if !is_seen[next] {
+                        is_seen[next] = true;
+                        cells.push(next);
+                    }
+                } else if top[next].is_finite() {
+                    edge += 1.0;
+                    drops += if top[next] < floor[current] - DROP { 1.0 } else { 0.0 };
+                }
+            }
+        }
+        let area = cells.len() as f64 * f64::from(cell * cell);
+        if area < LEAST || drops > TOP * edge {
+            cells.iter().for_each(|at| floor[*at] = f32::NAN);
+        }
+    }
+}
+
+/// The ground smoothed, with its gaps closed where nothing stands in them.
+fn smoothed(floor: &[f32], top: &[f32], columns: usize, cell: f32, threads: usize) -> Vec<f32> {
+    let rows = floor.len() / columns;
+    let reach = (2.0 * SMOOTH / cell).ceil() as i64;
+    let weights: Vec<f32> =
+        (-reach..=reach).map(|k| (-0.5 * (k as f32 * cell / SMOOTH).powi(2)).exp()).collect();
+    let all: f32 = weights.iter().sum();
+    // Heights and weights along rows, then along columns.
+    let first = map(floor.len(), threads, |at| {
+        let (x, y) = ((at % columns) as i64, at / columns);
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (k, share) in weights.iter().enumerate() {
+            let other = x + k as i64 - reach;
+            if other >= 0 && other < columns as i64 {
+                let height = floor[y * columns + other as usize];
+                if height.is_finite() {
+                    sum += share * height;
+                    weight += share;
+                }
+            }
+        }
+        [sum, weight]
+    });
+    map(floor.len(), threads, |at| {
+        let (x, y) = (at % columns, (at / columns) as i64);
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (k, share) in weights.iter().enumerate() {
+            let other = y + k as i64 - reach;
+            if other >= 0 && other < rows as i64 {
+                let [height, part] = first[other as usize * columns + x];
+                sum += share * height;
+                weight += share * part;
+            }
+        }
+        let height = sum / weight;
+        let is_gap = floor[at].is_nan();
+        let stands = top[at] > height + STANDS;
+        if weight <= 0.0 || is_gap && (stands || weight < GAP * all * all) { f32::NAN } else { height }
+    })
+}
+
+/// The slope of the plane through the ground about some cells, farther than their own depression.
+fn mean_slope(ground: &[f32], cells: &[u32], columns: usize, cell: f32) -> f32 {
+    let margin = (SLOPE_OVER / f64::from(cell)).ceil() as usize;
+    let rows = ground.len() / columns;
+    let xs = cells.iter().map(|at| *at as usize % columns);
+    let ys = cells.iter().map(|at| *at as usize / columns);
+    let span = |values: &mut dyn Iterator<Item = usize>, most: usize| {
+        let (mut low, mut high) = (usize::MAX, 0);
+        values.for_each(|v| (low, high) = (low.min(v), high.max(v)));
+        low.saturating_sub(margin)..(high + margin + 1).min(most)
+    };
+    let (xs, ys) = (span(&mut xs.into_iter(), columns), span(&mut ys.into_iter(), rows));
+    let (mut n, mut sums, mut squares) = (0.0f64, [0.0f64; 3], [0.0f64; 5]);
+    for y in ys.step_by(2) {
+        for x in xs.clone().step_by(2) {
+            let height = f64::from(ground[y * columns + x]);
+            if height.is_finite() {
+                let [x, y] = [x, y].map(|v| v as f64 * f64::from(cell));
+                n += 1.0;
+                [x, y, height].iter().zip(&mut sums).for_each(|(v, sum)| *sum += v);
+                [x * x, x * y, y * y, x * height, y * height]
+                    .iter()
+                    .zip(&mut squares)
+                    .for_each(|(v, sum)| *sum += v);
+            }
+        }
+    }
+    if n < 3.0 {
+        return f32::INFINITY;
+    }
+    let [mx, my, mh] = sums.map(|sum| sum / n);
+    let [xx, xy, yy, xh, yh] = squares.map(|sum| sum / n);
+    let (xx, xy, yy) = (xx - mx * mx, xy - mx * my, yy - my * my);
+    let (xh, yh) = (xh - mx * mh, yh - my * mh);
+    let det = xx * yy - xy * xy;
+    if det < 1e-9 {
+        return f32::INFINITY;
+    }
+    let (a, b) = ((xh * yy - yh * xy) / det, (yh * xx - xh * xy) / det);
+    a.hypot(b) as f32
+}

@@ -1,0 +1,83 @@
+//! Wet ground and walls: how much water is where, and how it looks.
+//!
+//! # How much water is where
+//! Rain fills pores, then the texture of surfaces, then it runs off ([`column`]), into the depressions of the ground that fill and run over
+//! ([`basins`]). What dries is taken from films first and from puddles last ([`drying`]). Each surface gets the share of the rain that reaches it: by what
+//! stands above it in the slanted direction of the rain ([`crate::shelter`]), by its slope, and on walls by the wind ([`surfaces`]). The state at an instant
+//! is a sum of steps until then ([`timeline`]), and depends on nothing else.
+//!
+//! # How it looks
+//! The light of each splat is multiplied by a factor a channel ([`optics`]): in the slot of the light, so that both compose. What a splat is wetted by is found once a
+//! direction of the rain; a frame looks up two numbers a splat.
+//!
+//! [`WaterState`] is the same water as a grid, to be drawn as a surface.
+
+pub mod basins;
+pub mod column;
+pub mod drying;
+mod ground_map;
+pub mod optics;
+mod relief;
+mod state;
+pub mod surfaces;
+pub mod timeline;
+
+pub use column::{Drainage, Wet, WetColumns, WetStep};
+pub use ground_map::GroundMap;
+pub use state::{Catchments, WaterBudget, WaterState, WetState};
+pub use surfaces::{WetGains, WetShares, WetSurfaces};
+
+/// How wet a place is to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WetRequest {
+    /// Rain and drying until the instant.
+    pub steps: Vec<WetStep>,
+    /// Wetness that is asked for, 0-1, in the place of what the steps give: pores are full at a half, and the texture at 1.
+    pub amount: Option<f64>,
+    /// Share of the volume of puddles that is filled, 0-1, in the place of what has come to them.
+    pub puddles: Option<f64>,
+    /// Factor on the darkening of surfaces, 0-1.
+    pub porosity: f64,
+    /// Mean depth of the texture of surfaces, mm.
+    pub texture: f64,
+    /// The rain.
+    pub rain: SlantedRain,
+}
+
+/// The direction of the rain, the same at all times.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlantedRain {
+    /// The direction of fall, world axes, length 1.
+    pub fall: [f64; 3],
+    /// Where the wind blows to, world axes, times the rain on a wall that faces it over that on level ground.
+    pub driving: [f64; 3],
+}
+
+impl WetRequest {
+    /// Returns true if nothing is wet anywhere.
+    #[must_use]
+    pub fn is_nothing(&self) -> bool {
+        let is_dry = match self.amount {
+            Some(amount) => amount <= 0.0,
+            None => self.steps.iter().all(|step| step.rain <= 0.0 && step.melt <= 0.0),
+        };
+        is_dry && self.puddles.is_none_or(|share| share <= 0.0)
+    }
+}
+
+/// Rain on a wall that faces the wind, m/s, over that on level ground, in a rain of `rate` mm/h: `2/9 v R^(8/9)` mm/h (ISO 15927-3).
+#[must_use]
+pub fn driving_rain(wind: f64, rate: f64) -> f64 {
+    if rate > 0.0 { 2.0 / 9.0 * wind * rate.powf(-1.0 / 9.0) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn walls_get_the_driving_rain_of_the_standard() {
+        assert!((10.0 * driving_rain(5.0, 10.0) - 8.6).abs() < 0.05);
+        assert_eq!(driving_rain(5.0, 0.0), 0.0);
+    }
+}

@@ -1,0 +1,211 @@
+//! The water of a place at one instant.
+
+use super::WetRequest;
+use super::basins::NONE;
+use super::column::{self, Drainage, PORES, SHARES, Wet, WetColumns};
+use super::surfaces::{WetShares, WetSurfaces};
+
+/// The areas that drain into each basin, m^2, by the share of the rain that they get.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Catchments {
+    /// For each basin.
+    areas: Vec<[f64; SHARES]>,
+    /// Of the ground whose water leaves.
+    leaves: [f64; SHARES],
+}
+
+impl Catchments {
+    /// Of a ground that gets these shares of the rain.
+    #[must_use]
+    pub fn of(surfaces: &WetSurfaces, shares: &WetShares) -> Self {
+        let ground = surfaces.ground();
+        let area = ground.cell() * ground.cell();
+        let mut made = Self { areas: vec![[0.0; SHARES]; ground.basins.all.len()], leaves: [0.0; SHARES] };
+        for (at, drain) in ground.basins.drain.iter().enumerate() {
+            if ground.ground[at].is_nan() {
+                continue;
+            }
+            let areas = made.areas.get_mut(*drain as usize).unwrap_or(&mut made.leaves);
+            let step = column::step_of(f64::from(shares.ground[at]));
+            let low = (step as usize).min(SHARES - 2);
+            areas[low] += area * (1.0 - (step - low as f64));
+            areas[low + 1] += area * (step - low as f64);
+        }
+        made
+    }
+}
+
+/// Water in and out of the ground of a place until an instant, m^3.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WaterBudget {
+    /// Came down.
+    pub came: f64,
+    /// Is in pores, and in and above the texture.
+    pub on_ground: f64,
+    /// Stands in puddles.
+    pub in_puddles: f64,
+    /// Ran away.
+    pub left: f64,
+    /// Dried.
+    pub dried: f64,
+}
+
+/// Wetness by the share of the rain, and the levels of puddles.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WetState {
+    columns: WetColumns,
+    amount: Option<f64>,
+    texture: f64,
+    levels: Vec<f32>,
+    budget: WaterBudget,
+}
+
+impl WetState {
+    /// The state that a request asks for.
+    #[must_use]
+    pub fn of(request: &WetRequest, surfaces: &WetSurfaces, catchments: &Catchments) -> Self {
+        let basins = &surfaces.ground().basins;
+        let mut columns = WetColumns::dry(request.texture);
+        let mut volumes = vec![0.0; basins.all.len()];
+        let mut came = vec![0.0; volumes.len()];
+        let mut budget = WaterBudget::default();
+        for step in &request.steps {
+            let runs = columns.pass(step);
+            let water =
+                |areas: &[f64; SHARES]| areas.iter().zip(&runs).map(|(area, runs)| 1e-3 * area * runs).sum();
+            came.iter_mut().zip(&catchments.areas).for_each(|(came, areas)| *came = water(areas));
+            let [left, dried] = basins.pass(&mut volumes, &came, 1e-3 * step.dries);
+            let away: f64 = water(&catchments.leaves);
+            budget.left += left + away;
+            budget.dried += dried;
+        }
+        for areas in catchments.areas.iter().chain([&catchments.leaves]) {
+            for (k, area) in areas.iter().enumerate() {
+                let column = columns.column(Drainage::Level, column::share_of(k as f64));
+                budget.came += 1e-3 * area * column.came;
+                budget.on_ground += 1e-3 * area * (column.pores + column.store);
+                budget.dried += 1e-3 * area * column.dried;
+            }
+        }
+        let given = request.puddles.or(request.amount.map(|amount| (2.0 * amount - 1.0).max(0.0)));
+        if let Some(share) = given {
+            volumes
+                .iter_mut()
+                .zip(&basins.all)
+                .for_each(|(volume, basin)| *volume = share * basin.capacity());
+        }
+        budget.in_puddles = volumes.iter().sum();
+        let level = |(basin, volume): (&super::basins::Basin, &f64)| match *volume > 0.0 {
+            true => basin.level(*volume).0,
+            false => f32::NEG_INFINITY,
+        };
+        let levels = basins.all.iter().zip(&volumes).map(level).collect();
+        Self { columns, amount: request.amount, texture: request.texture, levels, budget }
+    }
+
+    /// The wetness of surfaces that get a share of the rain.
+    #[must_use]
+    pub fn wet(&self, kind: Drainage, share: f64) -> Wet {
+        let Some(amount) = self.amount else { return self.columns.wet(kind, share) };
+        // What gets half of the rain is as wet as is asked for.
+        let reached = (2.0 * share).min(1.0);
+        let (pores, film) = ((2.0 * amount).min(1.0), (2.0 * amount - 1.0).max(0.0));
+        Wet { pores: (reached * pores) as f32, film: (reached * film) as f32, depth: 0.0 }
+    }
+
+    /// The level of water in each basin, m; negative infinity where it is dry.
+    #[must_use]
+    pub fn levels(&self) -> &[f32] {
+        &self.levels
+    }
+
+    /// What came and where it went.
+    #[must_use]
+    pub fn budget(&self) -> &WaterBudget {
+        &self.budget
+    }
+}
+
+/// Water on the ground of a place, on a level grid, `[height, width]` each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WaterState {
+    /// The point (world, scene units) at the first corner of the grid, at height 0.
+    pub origin: [f64; 3],
+    /// The world axes of columns, of rows, and up, length 1.
+    pub axes: [[f64; 3]; 3],
+    /// Width of a cell, m.
+    pub step: f64,
+    /// Number of columns.
+    pub width: usize,
+    /// Number of rows.
+    pub height: usize,
+    /// Heights of the ground above `origin`, m; NaN where there is none.
+    pub ground: Vec<f32>,
+    /// Level of the water that stands there, m; NaN without water.
+    pub level: Vec<f32>,
+    /// Depth of water above the texture of the ground that drains, mm.
+    pub film: Vec<f32>,
+    /// Share of the texture that is under water, 0-1.
+    pub filled: Vec<f32>,
+    /// Filled share of the pores, 0-1.
+    pub pores: Vec<f32>,
+    /// What came and where it went.
+    pub budget: WaterBudget,
+}
+
+impl WaterState {
+    /// The water of a place. Levels go on for a cell about each puddle, below its ground, so that edges can be found between nodes.
+    #[must_use]
+    pub fn of(surfaces: &WetSurfaces, shares: &WetShares, state: &WetState) -> Self {
+        let ground = surfaces.ground();
+        let [width, height] = ground.size();
+        let wet: Vec<Wet> =
+            shares.ground.iter().map(|share| state.wet(Drainage::Level, f64::from(*share))).collect();
+        let of = &ground.basins.of;
+        let level = (0..of.len()).map(|at| {
+            let about = || super::ground_map::neighbours(at, width, of.len()).map(|next| of[next]);
+            let basin =
+                Some(of[at]).filter(|basin| *basin != NONE).or_else(|| about().find(|basin| *basin != NONE));
+            let level = basin.map(|basin| state.levels[basin as usize]).filter(|level| level.is_finite());
+            level.filter(|_| ground.ground[at].is_finite()).unwrap_or(f32::NAN)
+        });
+        let on_ground = |value: &dyn Fn(&Wet) -> f32| {
+            let nodes = wet.iter().zip(&ground.ground);
+            nodes.map(|(wet, height)| if height.is_nan() { 0.0 } else { value(wet) }).collect()
+        };
+        Self {
+            origin: ground.point([0.0; 2], 0.0),
+            axes: ground.axes(),
+            step: ground.cell(),
+            width,
+            height,
+            level: level.enumerate().map(|(at, level)| level + ground.tilt_at(at)).collect(),
+            ground: ground.rough.iter().enumerate().map(|(at, height)| height + ground.tilt_at(at)).collect(),
+            film: on_ground(&|wet| wet.depth),
+            filled: on_ground(&|wet| wet.film),
+            pores: on_ground(&|wet| wet.pores),
+            budget: state.budget,
+        }
+    }
+
+    /// Water in pores, m^3.
+    #[must_use]
+    pub fn water_in_pores(&self) -> f64 {
+        1e-3 * PORES * self.step * self.step * self.pores.iter().map(|share| f64::from(*share)).sum::<f64>()
+    }
+
+    /// Water in and above the texture of ground that drains, of a mean depth of `texture` mm, m^3.
+    #[must_use]
+    pub fn water_in_films(&self, texture: f64) -> f64 {
+        let depth = |(film, filled): (&f32, &f32)| f64::from(*film) + texture * f64::from(*filled);
+        1e-3 * self.step * self.step * self.film.iter().zip(&self.filled).map(depth).sum::<f64>()
+    }
+
+    /// Water that stands, m^3.
+    #[must_use]
+    pub fn water_in_puddles(&self) -> f64 {
+        let depth = |(level, ground): (&f32, &f32)| f64::from((level - ground).max(0.0));
+        let depths = self.level.iter().zip(&self.ground).filter(|(level, _)| level.is_finite()).map(depth);
+        self.step * self.step * depths.sum::<f64>()
+    }
+}

@@ -1,0 +1,372 @@
+//! The surfaces that get wet: one a splat, with its reflectance, the rain that reaches it, and the puddle that it may lie under.
+
+use super::SlantedRain;
+use super::basins::NONE;
+use super::column::{Drainage, MOST_SHARE};
+use super::ground_map::{FarFloor, GroundMap};
+use super::optics::{self, STEPS};
+use super::state::WetState;
+use crate::fused_surfaces::FusedSurfaces;
+use crate::light::{CaptureLight, apply_gains};
+use crate::open_water::OpenWater;
+use crate::optics::Site;
+use crate::shelter::Shelter;
+use crate::threads::map;
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+use wm_render::hooks::{Attribute, AttributeBlock};
+use wm_scene::Splats;
+use wm_scene::color::{luminance, srgb_decode};
+use wm_scene::sh;
+
+/// Bounds of reflectances.
+const ALBEDOS: [f64; 2] = [0.02, 0.9];
+/// Median reflectance of the ground where the light of the capture is not known, and the bounds of the change towards it.
+const GROUND: f64 = 0.2;
+const CHANGE: [f64; 2] = [0.5, 2.0];
+/// Cosine between up and the normal from which ground is nearly level.
+const LEVEL: f32 = 0.85;
+/// Share of the rain that leaves get, which turn to all sides, and how porous they are.
+const LEAVES: f32 = 0.6;
+const LEAF_POROSITY: f32 = 0.3;
+/// Height above ground and distance from walls at which shelter is asked for, m: captured surfaces are rough.
+const LIFT: f32 = 0.25;
+const OFF_WALL: f32 = 0.4;
+/// Radius about a point over which shelter is averaged, m: on the ground and on walls.
+const SOFT: [f32; 2] = [0.4, 0.2];
+/// Height above and below the bottom of a puddle within which a splat belongs to it, m.
+const IN_PUDDLE: [f32; 2] = [0.05, 0.3];
+/// Excess of green over red and blue by which leaves and grass are told.
+const GREEN: f64 = 1.08;
+/// Height above and below a level surface within which a splat without a normal belongs to it, m.
+const ON_GROUND: f32 = 0.15;
+/// Standard deviation of splats that are too wide for the edge of a puddle, m.
+const WIDE: f64 = 0.3;
+/// Depth over which the edge of a puddle goes over into the ground, m.
+const EDGE: f32 = 0.002;
+/// Steps of the share of the rain, and the classes: of level, steep and leafy surfaces, and of those that stay dry.
+const SHARES: usize = 64;
+const DRY: u8 = 3 * SHARES as u8;
+const CLASSES: usize = DRY as usize + 1;
+
+/// The surfaces of a scene, and its ground.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WetSurfaces {
+    splats: Vec<WetSplat>,
+    /// The puddles that splats may lie under.
+    ponds: Vec<Pond>,
+    /// Normals look to the outside; else to either side.
+    is_oriented: bool,
+    ground: GroundMap,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct WetSplat {
+    point: [f32; 3],
+    /// Normal times 127; zero of leaves.
+    normal: [i8; 3],
+    albedo: [u8; 3],
+    /// Sky, and open water.
+    stays: bool,
+    pond: u32,
+}
+
+/// A place in a basin.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Pond {
+    basin: u32,
+    /// Height of the ground, m.
+    height: f32,
+}
+
+impl WetSurfaces {
+    /// Those of a scene, by its surfaces and its captured light, with the ground about a path (world, scene units) without
+    /// its open water.
+    #[must_use]
+    pub fn of(
+        splats: &Splats,
+        found: &FusedSurfaces<'_>,
+        capture: &CaptureLight,
+        (water, path, is_up_known): (&OpenWater, [[f64; 3]; 2], bool),
+        site: &Site,
+        threads: usize,
+    ) -> Self {
+        let ground = GroundMap::of(found, water, (path, is_up_known), site, threads);
+        let points = found.places(splats);
+        let mean = capture.mean(&capture.light);
+        let reflectance = |index: usize| -> [f64; 3] {
+            let stride = splats.sh_stride();
+            let sh = &splats.sh[index * stride..];
+            let irradiance = capture.surface(index, site.up).irradiance(&capture.light, mean);
+            std::array::from_fn(|k| {
+                let light = srgb_decode((0.5 + sh::C0 * f64::from(sh[k])).clamp(0.0, 1.0));
+                light / (capture.white(irradiance[k])).max(1e-3)
+            })
+        };
+        let up = Vec3::from_array(site.up.map(|v| v as f32));
+        let change = ground_change(capture, up, reflectance, splats.len());
+        let floor = FarFloor::of(found, site, threads);
+        let wide = (WIDE / site.metres_per_unit).ln() as f32;
+        let made = map(splats.len(), threads, |index| {
+            let point = points[index];
+            // Pools are as wet as they can be.
+            let stays = capture.is_sky(index) || water.covers(point.map(f64::from));
+            let albedo = if stays { [0.0; 3] } else { reflectance(index) };
+            let albedo = albedo.map(|v| (change * v).clamp(ALBEDOS[0], ALBEDOS[1]));
+            let normal = capture.normal(index);
+            let is_level = normal.dot(up).abs() > LEVEL;
+            let is_green = albedo[1] > GREEN * albedo[0].max(albedo[2]);
+            // Normals of rough captures turn to all sides, and lawns have none.
+            let is_ground =
+                || floor.height(point.map(f64::from)).is_some_and(|above| above.abs() < ON_GROUND);
+            let normal = match normal == Vec3::ZERO {
+                true if !is_green && is_ground() => up,
+                false if is_green && is_level => Vec3::ZERO,
+                _ => normal,
+            };
+            let splat = WetSplat {
+                point,
+                normal: (127.0 * normal).to_array().map(|v| v.round() as i8),
+                albedo: albedo.map(|v| (v * (STEPS - 1) as f64).round() as u8),
+                stays,
+                pond: NONE,
+            };
+            let (place, height) = ground.locate(point.map(f64::from));
+            let faces_up = normal == Vec3::ZERO || normal.dot(up).abs() > LEVEL;
+            let is_wide = splats.log_scales[index].into_iter().any(|scale| scale > wide);
+            let pond = ground.basin_at(place).filter(|(_, bottom)| {
+                let above = height as f32 - bottom;
+                !stays && !is_wide && faces_up && (-IN_PUDDLE[1]..IN_PUDDLE[0]).contains(&above)
+            });
+            (splat, pond)
+        });
+        let mut ponds = Vec::new();
+        let splats = made.into_iter().map(|(splat, pond)| match pond {
+            Some((basin, height)) => {
+                ponds.push(Pond { basin, height });
+                WetSplat { pond: ponds.len() as u32 - 1, ..splat }
+            }
+            None => splat,
+        });
+        let splats = splats.collect();
+        Self { splats, ponds, is_oriented: found.oriented > 0, ground }
+    }
+
+    /// The ground.
+    #[must_use]
+    pub fn ground(&self) -> &GroundMap {
+        &self.ground
+    }
+
+    /// The number of splats.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.splats.len()
+    }
+
+    /// Returns true if there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.splats.is_empty()
+    }
+
+    /// The share of the rain that a splat gets, and its class.
+    fn class(&self, splat: &WetSplat, rain: &SlantedRain, shelter: Option<&Shelter>, site: &Site) -> u8 {
+        if splat.stays {
+            return DRY;
+        }
+        let up = Vec3::from_array(site.up.map(|v| v as f32));
+        let driving = Vec3::from_array(rain.driving.map(|v| v as f32));
+        let mut normal = Vec3::from_array(splat.normal.map(|v| f32::from(v) / 127.0));
+        if !self.is_oriented && normal.dot(up) < 0.3 {
+            // Either side may be outside: that which rain falls on.
+            let is_under = normal.dot(up) < -0.3 || normal.dot(driving) > 0.0;
+            normal = if is_under { -normal } else { normal };
+        }
+        let upright = normal.dot(up);
+        let is_leaf = normal == Vec3::ZERO;
+        let metres = site.metres_per_unit as f32;
+        let level = if is_leaf { 1.0 } else { upright.clamp(0.0, 1.0) };
+        let off = up * (LIFT * level) + normal * (OFF_WALL * (1.0 - level));
+        let at = Vec3::from_array(splat.point) + off / metres;
+        let radius = SOFT[1] + (SOFT[0] - SOFT[1]) * level;
+        let open = shelter.map_or(1.0, |shelter| shelter.exposure(at.to_array(), radius));
+        let falls = if is_leaf { LEAVES } else { upright.max(0.0) + (-normal.dot(driving)).max(0.0) };
+        let share = (open * falls / MOST_SHARE as f32).clamp(0.0, 1.0).sqrt();
+        let kind = if is_leaf { 2 } else { usize::from(upright < LEVEL) };
+        (kind * SHARES) as u8 + (share * (SHARES - 1) as f32).round() as u8
+    }
+}
+
+/// The factor that makes the median reflectance of the ground the usual one, where the light of the capture is not known.
+fn ground_change(
+    capture: &CaptureLight,
+    up: Vec3,
+    reflectance: impl Fn(usize) -> [f64; 3],
+    count: usize,
+) -> f64 {
+    if capture.is_split() || capture.is_overcast {
+        return 1.0;
+    }
+    let is_ground = |index: &usize| !capture.is_sky(*index) && capture.normal(*index).dot(up).abs() > LEVEL;
+    let mut values: Vec<f64> =
+        (0..count).step_by(7).filter(is_ground).map(|index| luminance(reflectance(index))).collect();
+    if values.is_empty() {
+        return 1.0;
+    }
+    values.sort_by(f64::total_cmp);
+    (GROUND / values[values.len() / 2].max(1e-3)).clamp(CHANGE[0], CHANGE[1])
+}
+
+/// The shares of a slanted rain that reach surfaces and ground.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WetShares {
+    /// The rain.
+    pub rain: SlantedRain,
+    /// The class of each splat.
+    classes: Vec<u8>,
+    /// The share of each cell of the ground, 0-1; 0 where there is none.
+    pub(super) ground: Vec<f32>,
+}
+
+impl WetShares {
+    /// The shares under a shelter map of the rain's direction; `None` to ignore what stands above.
+    #[must_use]
+    pub fn of(
+        surfaces: &WetSurfaces,
+        rain: &SlantedRain,
+        shelter: Option<&Shelter>,
+        site: &Site,
+        threads: usize,
+    ) -> Self {
+        let classes = map(surfaces.len(), threads, |index| {
+            surfaces.class(&surfaces.splats[index], rain, shelter, site)
+        });
+        let map_of_ground = &surfaces.ground;
+        let [columns, _] = map_of_ground.size();
+        let ground = map(map_of_ground.ground.len(), threads, |at| {
+            let height = map_of_ground.ground[at];
+            if height.is_nan() {
+                return 0.0;
+            }
+            let middle = [(at % columns) as f64 + 0.5, (at / columns) as f64 + 0.5];
+            let point = map_of_ground.point(middle, f64::from(height + LIFT)).map(|v| v as f32);
+            shelter.map_or(1.0, |shelter| shelter.exposure(point, SOFT[1]))
+        });
+        Self { rain: *rain, classes, ground }
+    }
+}
+
+/// How wet the splats of a scene look at one instant: factors on their light, and the share of what the dry surface mirrored that is gone.
+#[derive(Clone, Debug)]
+pub struct WetGains<'a> {
+    surfaces: &'a WetSurfaces,
+    shares: &'a WetShares,
+    levels: &'a [f32],
+    /// By class.
+    strengths: [Strength; CLASSES],
+    /// Under deep water.
+    deep: Strength,
+    /// The changes by reflectance.
+    table: Box<[[f32; 2]; STEPS]>,
+}
+
+/// How strongly water changes a surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Strength {
+    /// Of the change by full pores, and of that by a film, 0-1.
+    pores: f32,
+    film: f32,
+    /// Share of what depends on the direction that is gone, 0-1.
+    fade: f32,
+}
+
+impl Strength {
+    fn mix(self, other: Self, share: f32) -> Self {
+        let mix = |a: f32, b: f32| a + (b - a) * share;
+        Self {
+            pores: mix(self.pores, other.pores),
+            film: mix(self.film, other.film),
+            fade: mix(self.fade, other.fade),
+        }
+    }
+}
+
+impl<'a> WetGains<'a> {
+    /// Of surfaces in a state of water. `porosity` is a factor on the darkening, 0-1.
+    #[must_use]
+    pub fn new(surfaces: &'a WetSurfaces, shares: &'a WetShares, state: &'a WetState, porosity: f64) -> Self {
+        let porosity = porosity as f32;
+        let strengths = std::array::from_fn(|class| {
+            let (kind, bin) = (class / SHARES, class % SHARES);
+            let (drainage, porosity) = match kind {
+                0 => (Drainage::Level, porosity),
+                1 => (Drainage::Steep, porosity),
+                2 => (Drainage::Steep, LEAF_POROSITY * porosity),
+                _ => return Strength::default(),
+            };
+            let share = MOST_SHARE * (bin as f64 / (SHARES - 1) as f64).powi(2);
+            let wet = state.wet(drainage, share);
+            let strength = porosity * wet.pores;
+            Strength { pores: strength * (1.0 - wet.film), film: strength * wet.film, fade: wet.pores }
+        });
+        let deep = Strength { pores: 0.0, film: porosity, fade: 1.0 };
+        Self { surfaces, shares, levels: state.levels(), strengths, deep, table: Box::new(optics::table()) }
+    }
+
+    /// Multiplies the gains of splats, and writes their fade.
+    pub fn fill_light(&self, indices: &[u32], block: &mut AttributeBlock) {
+        let mut fades = [0.0; AttributeBlock::SPLATS];
+        let [red, green, blue] = block.gains_mut();
+        let rows = red.iter_mut().zip(green).zip(blue).zip(&mut fades);
+        for (index, (((red, green), blue), fade)) in indices.iter().zip(rows) {
+            if let Some((strength, albedo)) = self.strength(*index as usize) {
+                let [r, g, b] = self.gain(strength, albedo);
+                (*red, *green, *blue, *fade) = (*red * r, *green * g, *blue * b, strength.fade);
+            }
+        }
+        block.column_mut(Attribute::Fade)[..indices.len()].copy_from_slice(&fades[..indices.len()]);
+    }
+
+    /// How strongly a splat is changed, and its reflectance; `None` for one that stays as it is.
+    #[inline]
+    fn strength(&self, index: usize) -> Option<(Strength, [u8; 3])> {
+        // What pads the last group has no splat.
+        let class = *self.shares.classes.get(index)?;
+        if class == DRY {
+            return None;
+        }
+        let splat = &self.surfaces.splats[index];
+        let strength = self.strengths[usize::from(class)];
+        if splat.pond == NONE {
+            return Some((strength, splat.albedo));
+        }
+        let pond = &self.surfaces.ponds[splat.pond as usize];
+        let covered = ((self.levels[pond.basin as usize] - pond.height) / EDGE).clamp(0.0, 1.0);
+        Some((strength.mix(self.deep, covered), splat.albedo))
+    }
+
+    /// The factors on the light of a surface.
+    #[inline]
+    fn gain(&self, strength: Strength, albedo: [u8; 3]) -> [f32; 3] {
+        albedo.map(|albedo| {
+            let [by_pores, by_film] = self.table[usize::from(albedo)];
+            1.0 + strength.pores * by_pores + strength.film * by_film
+        })
+    }
+
+    /// Changes splats to what they look like wet, for programs that know no gains.
+    pub fn apply(&self, splats: &mut Splats) {
+        let looks: Vec<_> =
+            (0..splats.len().min(self.surfaces.len())).map(|index| self.strength(index)).collect();
+        let gains: Vec<[f32; 3]> =
+            looks.iter().map(|look| look.map_or([1.0; 3], |(wet, albedo)| self.gain(wet, albedo))).collect();
+        let stride = splats.sh_stride();
+        for (index, look) in looks.iter().enumerate() {
+            let kept = 1.0 - look.map_or(0.0, |(wet, _)| wet.fade);
+            let sh = &mut splats.sh[index * stride..(index + 1) * stride];
+            sh.iter_mut().skip(3).for_each(|v| *v *= kept);
+        }
+        apply_gains(&gains, splats);
+    }
+}

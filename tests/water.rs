@@ -1,0 +1,89 @@
+//! Wet ground: frames alone and in sequences, threads, what stays dry, and weathers that wet nothing.
+
+mod common;
+
+use common::*;
+use std::path::PathBuf;
+use weather_magician::{FrameOptions, Picture, Renderer, Weather};
+use wm_scene::Scene;
+
+const SIZE: (u32, u32) = (72, 48);
+
+/// Rain that begins on dry ground and ends, a minute a second.
+const SHOWER: &str = r#"
+[light]
+model = "overcast"
+[wind]
+speed = 4
+[rain]
+rate = { keys = [[0, 0], [1, 30], [2, 30], [3, 0]] }
+[wetness]
+rained_before = 0
+lapse = 60
+"#;
+
+fn shower(workshop: &Workshop) -> (PathBuf, String) {
+    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    let weather = workshop.path("shower.toml");
+    std::fs::write(&weather, SHOWER).unwrap();
+    (scene, format!("--weather {}", weather.display()))
+}
+
+#[test]
+fn a_wet_frame_alone_is_that_of_the_sequence_on_any_number_of_threads() {
+    let workshop = Workshop::new();
+    let (_, view) = yard_look(SIZE);
+    let (scene, weather) = shower(&workshop);
+    let options = format!("{weather} --seconds 4 --fps 2 --threads 1 --assets off");
+    let folder = workshop.render(&scene, &view, "all", &options);
+    let mut different = std::collections::BTreeSet::new();
+    for (frame, threads) in [(1, 2), (4, 7), (7, 1)] {
+        let options = format!("{weather} --time {} --threads {threads} --assets off", f64::from(frame) / 2.0);
+        let alone = read_png(&workshop.render(&scene, &view, "alone.png", &options));
+        assert!(alone == read_png(&folder.join(format!("{frame:05}.png"))), "frame {frame}");
+        different.insert(format!("{:?}", alone.pixels));
+    }
+    assert_eq!(different.len(), 3);
+}
+
+/// Pictures of the yard in clear weather with changes.
+fn pictures(changes: &[&[&str]]) -> Vec<Picture> {
+    let mut renderer = Renderer::cpu().unwrap();
+    let scene = Scene { splats: yard().build(), metadata: yard_metadata(1.0), views: Vec::new() };
+    let mut place = renderer.load(scene).unwrap();
+    let (camera, _) = yard_look(SIZE);
+    let picture = |changes: &&[&str]| {
+        let mut weather = Weather::clear();
+        changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
+        let mut picture = Picture::default();
+        let options = FrameOptions::new(0.0, camera);
+        renderer.render_into(&mut place, &weather, &options, &mut picture, &mut ()).unwrap();
+        picture
+    };
+    changes.iter().map(picture).collect()
+}
+
+#[test]
+fn water_darkens_and_dry_weather_changes_no_byte() {
+    let shown = pictures(&[
+        &[],
+        &["wetness=on"],
+        &["wetness.amount=0"],
+        &["wetness.amount=0.3"],
+        &["wetness.amount=1"],
+        &["wetness.amount=1", "wetness.porosity=0"],
+        &["wetness.amount=1", "fidelity=paper"],
+    ]);
+    let clear = &shown[0].frame.rgb;
+    for same in [1, 2, 5, 6] {
+        let most = clear.iter().zip(&shown[same].frame.rgb).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        // With gains of 1 colours go to linear light and back.
+        assert!(most <= if same == 5 { 1e-3 } else { 0.0 }, "{same}: {most}");
+    }
+    let light = |k: usize| shown[k].frame.rgb.iter().map(|v| f64::from(*v)).sum::<f64>();
+    assert!(light(0) > light(3) && light(3) > light(4), "{} {} {}", light(0), light(3), light(4));
+    // Nothing gets brighter, and the sky stays as it is.
+    let brighter = clear.iter().zip(&shown[4].frame.rgb).map(|(a, b)| b - a).fold(0.0, f32::max);
+    assert!(brighter < 1e-3, "{brighter}");
+    assert_eq!(clear[..3], shown[4].frame.rgb[..3]);
+}
