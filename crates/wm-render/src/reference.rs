@@ -6,7 +6,7 @@
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::frame::{srgb_decode, srgb_encode};
 use crate::hooks::{AirOnRay, Hooks, SkySplats};
-use crate::plan::Shading;
+use crate::plan::{CutPlane, Shading};
 use crate::renderer::RenderConfig;
 use crate::stages::project::{DILATION, MAX_DET, MIN_COMPENSATION};
 use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
@@ -123,6 +123,10 @@ pub struct ReferenceFrame {
     pub median_depth: Vec<f64>,
     /// Distance from one half of the transmittances before and after the median splat, the lesser.
     pub median_margin: Vec<f64>,
+    /// What is blended before the surface: sums of colour, view z and coverage, `[H, W]`; empty without a surface.
+    pub front: Vec<[f64; 5]>,
+    /// Weight of splats so close to the surface in view z that f32 may count them on either side, `[H, W]`.
+    pub front_slack: Vec<f64>,
     /// Weight that may be placed otherwise because a decision is too close for f32: a splat at the
     /// alpha cut, the stop, or two splats whose view z differ by less than f32 holds. `[H, W]`
     pub slack: Vec<f64>,
@@ -167,6 +171,19 @@ pub fn render_shaded(
     hooks: Hooks<'_>,
     shading: Shading,
 ) -> ReferenceFrame {
+    render_split(sets, camera, config, hooks, (shading, None, None))
+}
+
+/// Renders `sets` in f64 with colours of one kind, a surface inside the blend (view z, `[H, W]`) and a plane below which
+/// nothing is drawn.
+#[must_use]
+pub fn render_split(
+    sets: &[(&Splats, Option<&dyn SplatAttributes>)],
+    camera: &Camera,
+    config: &RenderConfig,
+    hooks: Hooks<'_>,
+    (shading, surface, cut): (Shading, Option<&[f32]>, Option<CutPlane>),
+) -> ReferenceFrame {
     let origin = camera.center().to_array();
     let backdrop = hooks.background.unwrap_or(&config.background);
     let pixel_angle = camera.widest_pixel();
@@ -190,6 +207,13 @@ pub fn render_shaded(
             let Some(p) = project(splats, index, camera, config.rasterization, visibility) else {
                 continue;
             };
+            let height: f64 = cut.map_or(0.0, |plane| {
+                let along = |k: usize| plane.normal[k] * f64::from(splats.means[index][k]);
+                (0..3).map(along).sum::<f64>() - plane.height
+            });
+            if height < 0.0 {
+                continue;
+            }
             let rgb = sh::color(splats.sh_of(index), p.direction).map(|v| v.max(0.0));
             let rgb = relit(rgb, Attribute::GAINS.map(|gain| f64::from(block.column(gain)[0])));
             let distance = if splats.groups[index] == Group::Sky { f64::INFINITY } else { p.distance };
@@ -202,7 +226,9 @@ pub fn render_shaded(
     let mut frame = ReferenceFrame::default();
     for y in 0..camera.height {
         for x in 0..camera.width {
-            pixel(&drawn, (f64::from(x) + 0.5, f64::from(y) + 0.5), &mut frame);
+            let at = (y * camera.width + x) as usize;
+            let split = surface.map(|depths| f64::from(depths[at]));
+            pixel(&drawn, (f64::from(x) + 0.5, f64::from(y) + 0.5), split, &mut frame);
             let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5).to_array();
             let behind = shade(ray, f64::INFINITY, backdrop.reference(pixel_angle, ray));
             let (Some(rgb), Some(alpha)) = (frame.rgb.last_mut(), frame.alpha.last()) else { continue };
@@ -214,7 +240,14 @@ pub fn render_shaded(
     frame
 }
 
-fn pixel(drawn: &[(Projected, [f64; 3])], (x, y): (f64, f64), frame: &mut ReferenceFrame) {
+fn pixel(
+    drawn: &[(Projected, [f64; 3])],
+    (x, y): (f64, f64),
+    surface: Option<f64>,
+    frame: &mut ReferenceFrame,
+) {
+    let split = surface.map_or(f64::INFINITY, |z| if z.is_nan() { f64::INFINITY } else { z });
+    let (mut front, mut front_slack) = ([0.0; 5], 0.0);
     let cut = -(255f64.log2());
     let stop = f64::from(MIN_TRANSMITTANCE);
     let (mut rgb, mut normal) = ([0.0; 3], [0.0; 3]);
@@ -252,9 +285,20 @@ fn pixel(drawn: &[(Projected, [f64; 3])], (x, y): (f64, f64), frame: &mut Refere
             rgb[k] += weight * color[k];
             normal[k] += weight * p.normal[k];
         }
+        if (p.depth - split).abs() < ORDER_BAND * p.depth {
+            front_slack += weight;
+        }
+        if p.depth < split {
+            let values = [color[0], color[1], color[2], p.depth, 1.0];
+            (0..5).for_each(|k| front[k] += weight * values[k]);
+        }
         alpha_sum += weight;
         depth += weight * p.depth;
         transmittance = next;
+    }
+    if surface.is_some() {
+        frame.front.push(front);
+        frame.front_slack.push(front_slack);
     }
     frame.rgb.push(rgb);
     frame.alpha.push(alpha_sum);

@@ -93,6 +93,8 @@ pub(crate) struct Front<'a> {
     shading: Shading,
     sky_splats: SkySplats,
     grid: TileGrid,
+    /// See [`DrawPass::cut`]: a normal, and the height above the camera.
+    cut: Option<[f32; 4]>,
 }
 
 impl<'a> Front<'a> {
@@ -107,6 +109,7 @@ impl<'a> Front<'a> {
             shading: pass.shading,
             sky_splats: pass.hooks.sky_splats(),
             grid,
+            cut: pass.cut.map(|plane| plane.seen_from(pass.camera.center().to_array())),
         }
     }
 
@@ -185,6 +188,9 @@ impl<'a> Front<'a> {
             if self.sky_splats == SkySplats::LeftOut {
                 out.mask &= !u32::from(sky);
             }
+            if let Some(plane) = self.cut {
+                out.mask &= above(plane, shade);
+            }
             if out.mask == 0 {
                 continue;
             }
@@ -211,6 +217,17 @@ impl<'a> Front<'a> {
     ) {
         part.pairs.extend(simd, records, boxes, first, self.grid);
     }
+}
+
+/// A bit for each splat of a group that lies above a plane.
+#[inline(always)]
+fn above([x, y, z, height]: [f32; 4], group: &ShadeGroup) -> u32 {
+    let mut mask = 0;
+    for lane in 0..GROUP {
+        let [dx, dy, dz] = [0, 1, 2].map(|k| group.direction[k][lane] * group.distance[lane]);
+        mask |= u32::from(x * dx + y * dy + z * dz >= height) << lane;
+    }
+    mask
 }
 
 /// Working memory of one unit: the groups of one cluster that have splats in view.

@@ -14,6 +14,7 @@ use crate::particles::{Precipitation, PrecipitationKind};
 use crate::track::Track;
 use crate::weather::WeatherSample;
 use crate::wind::Wind;
+pub use flood::Flood;
 pub use light::{LampSource, LightChange, light_fault};
 pub use look::ColorGrade;
 use wm_render::hooks::Slot;
@@ -57,6 +58,8 @@ pub enum EffectRole {
     Falls,
     /// Lies on the ground.
     Lies,
+    /// Stands on the ground and mirrors.
+    Water,
     /// Moves the air.
     Wind,
     /// Changes the finished picture.
@@ -73,6 +76,7 @@ impl EffectRole {
             Self::Air => "air",
             Self::Falls => "falls",
             Self::Lies => "lies",
+            Self::Water => "water",
             Self::Wind => "wind",
             Self::Lens => "lens",
         }
@@ -126,6 +130,8 @@ pub enum Action {
     Cover(CoverRequest),
     /// Something that lies, as in the paper.
     PaperCover(Box<PaperCover>),
+    /// Water that stands at one level.
+    Flood(Flood),
     /// Exposure and colour of the finished picture.
     Grade(ColorGrade),
 }
@@ -139,7 +145,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, light, lightning, dust_cover, snow_cover, wind, fog, haze, smog, rain, snowfall, hail, look }
+effects! { sky, light, lightning, dust_cover, snow_cover, flood, wind, fog, haze, smog, rain, snowfall, hail, look }
 
 impl Effect {
     /// The effect of a name.

@@ -3,6 +3,7 @@
 //! then each block walks its own splats with transmittance and sums in registers.
 
 use super::{LOG2_MAX_ALPHA, MIN_TRANSMITTANCE};
+use crate::frame::FRONT;
 use crate::hooks::{PATCH, PATCH_PIXELS};
 use crate::simd::{Lanes, exp2, exp2_looped};
 use crate::stages::intersect::cpu::{cell_lanes, cell_mask};
@@ -29,12 +30,35 @@ pub struct PatchSums {
     pub features: [[f32; PATCH_PIXELS]; 7],
     /// Median depth; meaningful where alpha is at least 0.5.
     pub median: [f32; PATCH_PIXELS],
+    /// View z of the surface; infinite where there is none.
+    pub surface: [f32; PATCH_PIXELS],
+    /// What is blended before it: see [`crate::Frame::front`].
+    pub front: [[f32; PATCH_PIXELS]; FRONT],
+}
+
+/// View z of a surface at each pixel of a picture, and the picture's width and height, px.
+pub type Surface<'a> = (&'a [f32], (usize, usize));
+
+impl PatchSums {
+    /// Takes the part of a surface that lies in a patch, in the order of blocks of a path of so many lanes.
+    pub fn set_surface(&mut self, lanes: usize, surface: Surface<'_>, (patch_x, patch_y): (usize, usize)) {
+        let (depths, (width, height)) = surface;
+        let block_height = lanes / 4;
+        for (i, to) in self.surface.iter_mut().enumerate() {
+            let (run, column) = (i / 4, i % 4);
+            let (block, row) = (run / block_height, run % block_height);
+            let x = patch_x * PATCH + block % 4 * 4 + column;
+            let y = patch_y * PATCH + block / 4 * block_height + row;
+            let depth = if x < width && y < height { depths[y * width + x] } else { f32::NAN };
+            *to = if depth.is_nan() { f32::INFINITY } else { depth };
+        }
+    }
 }
 
 impl Default for PatchSums {
     fn default() -> Self {
         let zero = [0.0; PATCH_PIXELS];
-        Self { transmittance: zero, alpha: zero, features: [zero; 7], median: zero }
+        Self { transmittance: zero, alpha: zero, features: [zero; 7], median: zero, surface: zero, front: [zero; FRONT] }
     }
 }
 
@@ -108,7 +132,7 @@ impl Batch {
 ///
 /// Returns the number of splat-pixel pairs evaluated.
 #[inline(always)]
-pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
+pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
     simd: S,
     records: &[Record],
     keys: &[u64],
@@ -125,6 +149,9 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
         }
         if MEDIAN {
             sums.median = [0.0; PATCH_PIXELS];
+        }
+        if SPLIT {
+            sums.front = [[0.0; PATCH_PIXELS]; FRONT];
         }
     }
     let lanes = cell_lanes(simd);
@@ -161,8 +188,9 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
                     corner.0 + (block % 4 * 4) as f32 + 0.5,
                     corner.1 + (block / 4) as f32 * block_height + 0.5,
                 );
+                let sums = &mut patches[patch];
                 let (alive, walked) =
-                    blend_block::<S, C, MEDIAN>(simd, batch, walk, corner, lanes, block, &mut patches[patch]);
+                    blend_block::<S, C, MEDIAN, SPLIT>(simd, batch, walk, corner, lanes, block, sums);
                 evaluated += (walked.min(count) * S::N) as u64;
                 if !alive {
                     live[patch] &= !(1 << block);
@@ -308,7 +336,7 @@ pub(crate) fn alphas<S: Lanes, const LOOPED: bool>(
 /// Blends one block, whose first pixel centre is `corner` px from the tile's corner. Returns whether
 /// any pixel still takes light, and the number of splats walked.
 #[inline(always)]
-fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool>(
+fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
     simd: S,
     batch: &Batch,
     walk: &[u8],
@@ -326,6 +354,13 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool>(
     let mut features = [zero; C];
     for c in 0..C {
         features[c] = simd.load(&sums.features[c][lanes.clone()]);
+    }
+    let surface = if SPLIT { simd.load(&sums.surface[lanes.clone()]) } else { zero };
+    let mut front = [zero; FRONT];
+    if SPLIT {
+        for c in 0..FRONT {
+            front[c] = simd.load(&sums.front[c][lanes.clone()]);
+        }
     }
 
     let mut walked = 0;
@@ -352,6 +387,13 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool>(
             for c in 0..C {
                 features[c] = weight.mul_add(simd.set(values[c]), features[c]);
             }
+            if SPLIT {
+                let before = simd.set(s.depth).simd_lt(surface).select(weight, zero);
+                for c in 0..4 {
+                    front[c] = before.mul_add(simd.set(values[c]), front[c]);
+                }
+                front[4] += before;
+            }
             if k == FLIGHT - 1 {
                 alive = open.any_true();
             }
@@ -369,6 +411,11 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool>(
     }
     for c in 0..C {
         features[c].store_slice(&mut sums.features[c][lanes.clone()]);
+    }
+    if SPLIT {
+        for c in 0..FRONT {
+            front[c].store_slice(&mut sums.front[c][lanes.clone()]);
+        }
     }
     (alive, walked)
 }

@@ -7,6 +7,10 @@
 //! - `T_1 = 1`, `T_{i+1} = T_i (1 - alpha_i)`; blending stops before the splat that would bring `T` to
 //!   1e-4 or below. `w_i = alpha_i T_i`.
 //! - `alpha = sum w_i`; colour, view z and normal are `sum w_i f_i`, not divided by alpha.
+//! - Front, if the pass has a surface ([`crate::DrawPass::surface`]): colour, view z and alpha summed over the splats
+//!   whose view z is below that of the surface at the pixel; over all splats where there is no surface. A picture of the
+//!   surface is then laid between: what lies behind is the difference to the whole, and the light that reaches the
+//!   surface is the transmittance `1 - alpha` of the front.
 //! - Median depth: the view z of the last splat that starts with `T_i > 0.5`, if `T` ends at 0.5 or
 //!   below.
 //!
