@@ -72,10 +72,10 @@ pub use frame::{ColorEncoding, FRONT, Frame};
 #[cfg(feature = "gpu")]
 pub use gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
 pub use plan::{
-    CutPlane, DrawPass, FramePass, FramePlan, PictureEffect, PictureId, PicturePass, Pictures, SetView, Shading,
-    SplatSource,
+    CutPlane, DrawPass, FramePass, FramePlan, PictureEffect, PictureId, PicturePass, Pictures, SetView,
+    Shading, SplatSource,
 };
 pub use renderer::{
     Background, CpuConfig, DeviceWork, Geometry, MedianDepth, Outputs, ParticlePass, RenderBackend,
-    RenderConfig, RenderError, SetId, SkyGradient, Stats,
+    RenderConfig, RenderError, SetId, SkyGradient, Stats, WaterPass,
 };

@@ -62,7 +62,7 @@ use glam::DVec3;
 use plot::Plot;
 use serde::Serialize;
 use wm_render::parts::PicturePart;
-use wm_render::{Frame, Geometry, MedianDepth, Outputs, ParticlePass};
+use wm_render::{Frame, Geometry, MedianDepth, Outputs, ParticlePass, WaterPass};
 use wm_scene::{Camera, Lamp, Splats};
 use wm_weather::dome::level_axes;
 use wm_weather::{Site, Weather};
@@ -360,14 +360,26 @@ fn clear() -> Weather {
 }
 
 /// Colour and median depth: that of the surface, whatever little shines through it.
-const DEPTH: Outputs =
-    Outputs { geometry: Geometry::None, median_depth: MedianDepth::On, particles: ParticlePass::Off };
+const DEPTH: Outputs = Outputs {
+    geometry: Geometry::None,
+    median_depth: MedianDepth::On,
+    particles: ParticlePass::Off,
+    water: WaterPass::Off,
+};
 /// Colour and falling particles.
-const PARTICLES: Outputs =
-    Outputs { geometry: Geometry::None, median_depth: MedianDepth::Off, particles: ParticlePass::On };
+const PARTICLES: Outputs = Outputs {
+    geometry: Geometry::None,
+    median_depth: MedianDepth::Off,
+    particles: ParticlePass::On,
+    water: WaterPass::Off,
+};
 /// Colour alone.
-const COLOR: Outputs =
-    Outputs { geometry: Geometry::None, median_depth: MedianDepth::Off, particles: ParticlePass::Off };
+const COLOR: Outputs = Outputs {
+    geometry: Geometry::None,
+    median_depth: MedianDepth::Off,
+    particles: ParticlePass::Off,
+    water: WaterPass::Off,
+};
 /// Returns the median; NaN if there are no values.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);

@@ -31,7 +31,8 @@ impl Features {
     /// The sums that a pass needs: its outputs, and depth where particles or a pixel effect read it.
     pub fn of(pass: &DrawPass<'_>) -> Self {
         let asked = pass.config.outputs;
-        let effects = !(pass.hooks.pixels.is_empty() && pass.particles().is_empty() && pass.surface.is_none());
+        let effects =
+            !(pass.hooks.pixels.is_empty() && pass.particles().is_empty() && pass.surface.is_none());
         let geometry =
             if effects && asked.geometry == Geometry::None { Geometry::Depth } else { asked.geometry };
         Self { geometry, median: asked.median_depth }
@@ -141,7 +142,16 @@ impl Back<'_> {
         let inside = inside(tile, self.size);
         let (keys, scratch) = (&worker.keys[..], &mut worker.scratch);
         let sums = (self.features.count(), self.features.median);
-        stats.evaluated_pairs += blend(self.path, sums, self.records, keys, tile, inside, self.surface.map(|z| (z, self.size)), scratch);
+        stats.evaluated_pairs += blend(
+            self.path,
+            sums,
+            self.records,
+            keys,
+            tile,
+            inside,
+            self.surface.map(|z| (z, self.size)),
+            scratch,
+        );
         let blended = Instant::now();
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
             let sums = &worker.scratch.patches[patch];

@@ -63,19 +63,22 @@ impl PictureEffect for WaterEffect<'_> {
         let scene = Scene::new(self, &mirrored);
         let width = picture.width as usize;
         let Frame { rgb, front, depth, alpha, particles, .. } = picture;
-        let (front, depth, alpha): (&[f32], &[f32], &[f32]) = (front, depth, alpha);
-        rgb.par_chunks_mut(3 * width).enumerate().for_each(|(y, line)| {
+        let (depth, alpha): (&[f32], &[f32]) = (depth, alpha);
+        let rows = rgb.par_chunks_mut(3 * width).zip(front.par_chunks_mut(FRONT * width));
+        rows.enumerate().for_each(|(y, (line, front))| {
             let own = y * width..(y + 1) * width;
             let is_wet = self.surface.rows.contains(&(y as u32));
-            if is_wet {
-                let row = Row {
+            if !is_wet {
+                front.as_chunks_mut::<FRONT>().0.iter_mut().for_each(|front| front[0] = 0.0);
+            } else {
+                let mut row = Row {
                     y,
                     surface: &self.surface.depth[own.clone()],
-                    front: &front[FRONT * own.start..FRONT * own.end],
+                    front,
                     depth: &depth[own.clone()],
                     alpha: &alpha[own.clone()],
                 };
-                scene.lay(path, &row, line);
+                scene.lay(path, &mut row, line);
             }
             if !particles.is_empty() {
                 lay_particles(path, line, &particles[4 * own.start..4 * own.end]);
@@ -89,7 +92,8 @@ impl PictureEffect for WaterEffect<'_> {
 struct Row<'a> {
     y: usize,
     surface: &'a [f32],
-    front: &'a [f32],
+    /// Its first number of each pixel takes the share of light that is reflected.
+    front: &'a mut [f32],
     depth: &'a [f32],
     alpha: &'a [f32],
 }
@@ -144,12 +148,15 @@ impl<'a> Scene<'a> {
     }
 
     /// Lays water over one row of pixels, sixteen at a time.
-    fn lay(&self, path: SimdPath, row: &Row<'_>, line: &mut [f32]) {
+    fn lay(&self, path: SimdPath, row: &mut Row<'_>, line: &mut [f32]) {
         let width = row.surface.len();
         let mut air = [AirGroup::default()];
         for first in (0..width).step_by(GROUP) {
             let count = GROUP.min(width - first);
-            let Some(mut group) = self.group(row, first, count, line) else { continue };
+            let Some(mut group) = self.group(row, first, count, line) else {
+                (first..first + count).for_each(|x| row.front[FRONT * x] = 0.0);
+                continue;
+            };
             dispatch!(path, s => decode(s, &mut group.light));
             if let Some(medium) = self.of.medium {
                 let origin = self.of.camera.center().to_array().map(|v| v as f32);
@@ -166,10 +173,16 @@ impl<'a> Scene<'a> {
                 }
             }
             dispatch!(path, s => encode(s, &mut group.light));
-            for i in (0..count).filter(|i| group.wet >> i & 1 == 1) {
-                let before = &row.front[FRONT * (first + i)..FRONT * (first + i + 1)];
-                for k in 0..3 {
-                    line[3 * (first + i) + k] = before[k] + (1.0 - before[4]) * group.light[k][i];
+            for i in 0..count {
+                let before = &mut row.front[FRONT * (first + i)..FRONT * (first + i + 1)];
+                let open = 1.0 - before[4];
+                if group.wet >> i & 1 == 1 {
+                    for k in 0..3 {
+                        line[3 * (first + i) + k] = before[k] + open * group.light[k][i];
+                    }
+                    before[0] = open * group.cover[i] * group.reflected[i];
+                } else {
+                    before[0] = 0.0;
                 }
             }
         }
@@ -219,15 +232,15 @@ impl<'a> Scene<'a> {
         }
         let still = if surface.roughness.is_empty() { 0.0 } else { surface.roughness[at] };
         let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
-        let ray: [f32; 3] = std::array::from_fn(|k| self.axes[0][k] * px + self.axes[1][k] * py + self.axes[2][k]);
+        let ray: [f32; 3] =
+            std::array::from_fn(|k| self.axes[0][k] * px + self.axes[1][k] * py + self.axes[2][k]);
         let long = length(ray);
         let toward = ray.map(|v| v / long);
         let distance = z * long;
         let sine = (-toward[2]).max(1e-4);
         group.rays.distance[i] = distance / self.metres;
         for k in 0..3 {
-            group.rays.direction[k][i] =
-                (0..3).map(|axis| self.level[axis][k] * toward[axis]).sum();
+            group.rays.direction[k][i] = (0..3).map(|axis| self.level[axis][k] * toward[axis]).sum();
         }
         // What a pixel sees of the surface is longer than wide; between both is what waves must be wider than.
         let across = self.pixel * distance;

@@ -168,7 +168,9 @@ pub(super) fn decode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
         let mut light = [simd.set(0.0); 3];
         (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));
         let light = simd::srgb_decode(simd, light);
-        (0..3).for_each(|k| fearless_simd::SimdBase::store_slice(&light[k], &mut channels[k][first..first + S::N]));
+        (0..3).for_each(|k| {
+            fearless_simd::SimdBase::store_slice(&light[k], &mut channels[k][first..first + S::N])
+        });
     }
 }
 
@@ -179,6 +181,8 @@ pub(super) fn encode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
         let mut light = [simd.set(0.0); 3];
         (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));
         let shown = simd::srgb_encode(simd, light);
-        (0..3).for_each(|k| fearless_simd::SimdBase::store_slice(&shown[k], &mut channels[k][first..first + S::N]));
+        (0..3).for_each(|k| {
+            fearless_simd::SimdBase::store_slice(&shown[k], &mut channels[k][first..first + S::N])
+        });
     }
 }

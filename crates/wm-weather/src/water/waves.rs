@@ -160,10 +160,7 @@ pub(super) fn field(
             let height = [own[0] + other[0], own[1] - other[1]];
             let [kx, ky] = [i as f64 * cell, j as f64 * cell];
             // i kx H + i (i ky H): slopes along x in the real part, along y in the imaginary one.
-            *value = [
-                (-kx * height[1] - ky * height[0]) as f32,
-                (kx * height[0] - ky * height[1]) as f32,
-            ];
+            *value = [(-kx * height[1] - ky * height[0]) as f32, (kx * height[0] - ky * height[1]) as f32];
         }
     });
     transform(&mut values);

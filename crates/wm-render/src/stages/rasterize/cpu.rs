@@ -58,7 +58,14 @@ impl PatchSums {
 impl Default for PatchSums {
     fn default() -> Self {
         let zero = [0.0; PATCH_PIXELS];
-        Self { transmittance: zero, alpha: zero, features: [zero; 7], median: zero, surface: zero, front: [zero; FRONT] }
+        Self {
+            transmittance: zero,
+            alpha: zero,
+            features: [zero; 7],
+            median: zero,
+            surface: zero,
+            front: [zero; FRONT],
+        }
     }
 }
 
