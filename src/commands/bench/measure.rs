@@ -47,6 +47,8 @@ impl BenchCase {
         let cover = weather("clear", &["snow_cover.depth=0.1"])?;
         let overcast = weather("clear", &["light.model=overcast"])?;
         let night = weather("clear", &["light.model=night", "light.lamps=on", "fog.mor=200"])?;
+        let flood = weather("clear", &["flood.level=0.3", "wind.speed=4"])?;
+        let flood_in_rain = weather("clear", &["flood.level=0.3", "wind.speed=4", "rain.rate=8"])?;
         let paper_fog = weather("fog", &["fidelity=paper"])?;
         let paper_cover = weather("clear", &["snow_cover=on", "fidelity=paper"])?;
         let mut cases: Vec<Self> = [
@@ -75,6 +77,8 @@ impl BenchCase {
             ("rgb, snow cover 10 cm", cover),
             ("rgb, light of clouds", overcast),
             ("rgb, night, fog, 10 lamps", night),
+            ("rgb, flood 0.3 m", flood),
+            ("rgb, flood, rain 8 mm/h", flood_in_rain),
             (PAPER_FOG, paper_fog),
             (PAPER_COVER, paper_cover),
         ] {

@@ -9,13 +9,14 @@ use wm_scene::{Camera, Group, Splats, random};
 use wm_weather::Weather;
 
 /// Changes that leave nothing in a weather but light: no air, nothing that falls or lies.
-pub const LIGHT_ALONE: [&str; 12] = [
+pub const LIGHT_ALONE: [&str; 13] = [
     "rain=off",
     "snowfall=off",
     "hail=off",
     "look=off",
     "snow_cover=off",
     "dust_cover=off",
+    "flood=off",
     "wind=off",
     "fog=off",
     "haze=off",

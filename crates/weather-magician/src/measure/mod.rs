@@ -40,14 +40,17 @@ mod controls;
 mod drops;
 mod expected;
 mod flash;
+mod fresnel;
 mod gauge;
 mod halo;
 mod lit;
 mod lux;
+mod mirror;
 mod painted;
 mod place_renderer;
 pub mod plot;
 mod rays;
+mod secchi;
 mod shadows;
 mod stake;
 mod streaks;
@@ -85,7 +88,7 @@ pub struct Instrument {
 
 /// Every instrument, in the order of the report.
 #[rustfmt::skip]
-pub const INSTRUMENTS: [Instrument; 14] = [
+pub const INSTRUMENTS: [Instrument; 17] = [
     boards::INSTRUMENT,
     rays::INSTRUMENT,
     gauge::INSTRUMENT,
@@ -98,6 +101,9 @@ pub const INSTRUMENTS: [Instrument; 14] = [
     allard::INSTRUMENT,
     halo::INSTRUMENT,
     flash::INSTRUMENT,
+    fresnel::INSTRUMENT,
+    mirror::INSTRUMENT,
+    secchi::INSTRUMENT,
     consistency::INSTRUMENT,
     controls::INSTRUMENT,
 ];

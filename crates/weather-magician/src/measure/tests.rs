@@ -61,10 +61,16 @@ enum Fault {
     Flash,
     /// Lightning is exposed for a tenth of a frame.
     Shutter,
+    /// Water reflects a tenth more.
+    Reflectance,
+    /// The water stands a tenth higher.
+    Level,
+    /// The water is a tenth clearer.
+    Clearness,
 }
 
 /// Each fault, and which readings find it: the instrument and a part of the quantity.
-const FINDS: [(Fault, &[[&str; 2]]); 22] = [
+const FINDS: [(Fault, &[[&str; 2]]); 25] = [
     (Fault::None, &[]),
     // The same air, seen on boards and on the place.
     (
@@ -111,6 +117,10 @@ const FINDS: [(Fault, &[[&str; 2]]); 22] = [
     (Fault::Far, &[["allard", "extinction"]]),
     (Fault::Flash, &[["flash", "stroke"]]),
     (Fault::Shutter, &[["flash", "light of"], ["flash", "stroke"]]),
+    (Fault::Reflectance, &[["fresnel", "reflectance"]]),
+    // At another level the board is met at other elevations, and the disc is deeper.
+    (Fault::Level, &[["mirror", "images"]]),
+    (Fault::Clearness, &[["secchi", "depth"]]),
 ];
 
 /// The weathers that an instrument is tested in.
@@ -128,6 +138,8 @@ fn weathers(instrument: &str) -> Vec<Weather> {
         "sundial" => &[&["light.model=clear", "light.sun_elevation=40", "light.sun_azimuth=200"]],
         "shadows" => &[&["light.model=overcast"]],
         "allard" | "halo" => &[&["fog.mor=120"]],
+        "fresnel" | "mirror" => &[&["flood.level=0.5"]],
+        "secchi" => &[&["flood.level=0.5", "flood.secchi=0.3"]],
         "flash" => &[&["lightning.rate=40", "lightning.distance=1500"]],
         _ => &[&["fog.mor=150", "snow_cover.depth=0.1"]],
     };
@@ -195,6 +207,8 @@ impl Fault {
                 (drawn.camera.fx, drawn.camera.fy) = (1.2 * shot.camera.fx, 1.2 * shot.camera.fy);
             }
             Self::Shutter => scale("lightning", "exposure", 0.1),
+            Self::Level if shot.camera.width == 480 => scale("flood", "level", 1.1),
+            Self::Clearness if shot.camera.width == 48 => scale("flood", "secchi", 1.1),
             // Not of what is drawn, but of its light.
             Self::Upright
             | Self::Sky
@@ -202,7 +216,10 @@ impl Fault {
             | Self::Shadows
             | Self::Glow
             | Self::Far
-            | Self::Flash => {}
+            | Self::Flash
+            | Self::Reflectance
+            | Self::Level
+            | Self::Clearness => {}
         }
         drawn
     }
@@ -231,6 +248,7 @@ impl Fault {
             Self::Far if on("fog") && says("night") && shot.camera.width == shot.camera.height => {
                 (None, |_, [own, _], camera| own * (1.0 + 0.1 * (camera.fx * 0.02 / 3.0) / 50.0))
             }
+            Self::Reflectance if on("flood") && shot.camera.width == 64 => (None, |_, [own, _], _| 1.1 * own),
             Self::Flash if on("lightning") => {
                 (without("lightning=off"), |_, [own, other], _| other + 1.1 * (own - other))
             }
