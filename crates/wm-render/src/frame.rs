@@ -40,9 +40,9 @@ pub struct Frame {
     /// `[H, W, 4]`. With it the colour before the pixel effects is, in linear light, `c (1 - coverage) + light`, where
     /// `c` is the colour of the scene without what falls.
     pub particles: Vec<f32>,
-    /// What is blended before the surface of the pass ([`crate::DrawPass::surface`]): colour and view z as sums of weights
-    /// times values, and coverage, `[H, W, 5]` as red, green, blue, view z, coverage; without background, particles and pixel
-    /// effects. Everything of a pixel without a surface.
+    /// What is blended before the surface of the pass ([`crate::DrawPass::surface`]), `[H, W, 5]`: red, green and blue as sums
+    /// of weights times values, without background, particles and pixel effects; the sum of weights over view z of what is
+    /// behind, 1/scene units; and the coverage of what is before. Without a surface everything of a pixel is before it.
     pub front: Vec<f32>,
 }
 

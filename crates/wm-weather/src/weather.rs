@@ -209,6 +209,7 @@ impl WeatherSample {
         let mut carried = f64::INFINITY;
         let (mut flash, mut has_lightning) = (None, false);
         let mut flood = None;
+        let strongest_wind = self.track("wind", "speed").map_or(0.0, Track::most);
         for (effect, values, tracks) in &self.effects {
             let effect = &EFFECTS[*effect];
             let act = match self.fidelity {
@@ -285,6 +286,7 @@ impl WeatherSample {
             carried,
             paper_cover,
             flood,
+            strongest_wind,
         }
     }
 }
@@ -353,6 +355,8 @@ pub struct PreparedWeather {
     paper_cover: Option<PaperCover>,
     /// Water at one level.
     flood: Option<Flood>,
+    /// The strongest wind of the whole time, m/s.
+    strongest_wind: f64,
 }
 
 impl PreparedWeather {
@@ -447,8 +451,8 @@ impl PreparedWeather {
     pub fn water_motion(&self) -> WaterMotion {
         let rain = self.falling.iter().filter(|kind| kind.kind.name == "rain").map(|kind| kind.rate).sum();
         let (fetch, seed) = self.flood.map_or((0.0, 0), |flood| (flood.fetch, flood.seed));
-        let (wind, time) = (self.wind_now.mean, self.time);
-        WaterMotion::new(&WaterForces { wind, fetch, rain, time, seed })
+        let (wind, time, strongest) = (self.wind_now.mean, self.time, self.strongest_wind);
+        WaterMotion::new(&WaterForces { wind, strongest, fetch, rain, time, seed })
     }
 
     /// Returns what the water is like that has depth.

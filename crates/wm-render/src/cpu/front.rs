@@ -95,6 +95,8 @@ pub(crate) struct Front<'a> {
     grid: TileGrid,
     /// See [`DrawPass::cut`]: a normal, and the height above the camera.
     cut: Option<[f32; 4]>,
+    /// A surface splits the blend.
+    is_split: bool,
 }
 
 impl<'a> Front<'a> {
@@ -109,6 +111,7 @@ impl<'a> Front<'a> {
             shading: pass.shading,
             sky_splats: pass.hooks.sky_splats(),
             grid,
+            is_split: pass.surface.is_some(),
             cut: pass.cut.map(|plane| plane.seen_from(pass.camera.center().to_array())),
         }
     }
@@ -153,8 +156,7 @@ impl<'a> Front<'a> {
                 through_air(self.path, self.medium, self.shading, self.camera.center, shade);
             }
             let seen = Instant::now();
-            let visible =
-                dispatch!(self.path, s => scratch.write_records(s, groups, cluster, &mut records[used..]));
+            let visible = dispatch!(self.path, s => scratch.write_records(s, groups, cluster, self.is_split, &mut records[used..]));
             let own = &records[used..used + visible];
             let first = first_record + used as u32;
             dispatch!(self.path, s => self.intersect_cluster(s, own, &scratch.boxes, first, part));
@@ -183,7 +185,8 @@ impl<'a> Front<'a> {
             let group = &model.groups[index];
             let factors = has_attributes.then(|| scratch.attributes.group(i, Attribute::Visibility));
             let (out, shade) = (&mut scratch.projected[used], &mut scratch.shade[used]);
-            project_group(simd, group, self.camera, self.rasterization, factors, out, shade);
+            let how = (factors, self.is_split);
+            project_group(simd, group, self.camera, self.rasterization, how, out, shade);
             let sky = model.sky[index];
             if self.sky_splats == SkySplats::LeftOut {
                 out.mask &= !u32::from(sky);
@@ -269,6 +272,7 @@ impl ClusterScratch {
         simd: S,
         groups: usize,
         cluster: usize,
+        is_split: bool,
         records: &mut [Record],
     ) -> usize {
         let mut used = 0;
@@ -282,6 +286,9 @@ impl ClusterScratch {
                 let lane = (mask.trailing_zeros() & 15) as usize;
                 mask &= mask - 1;
                 records[used] = rows[lane];
+                if is_split {
+                    records[used].index = from.slopes[lane];
+                }
                 self.boxes[used & (CLUSTER - 1)] = PatchBox {
                     columns: from.columns.map(|ends| ends[lane] as u16),
                     rows: from.rows.map(|ends| ends[lane] as u16),

@@ -15,10 +15,13 @@ use wm_scene::Camera;
 
 /// Transmittance to the surface below which it is not seen.
 const HIDDEN: f32 = 1.0 / 512.0;
-/// Standard deviations of the slope at which a rough surface is looked into, and their weights: a normal distribution.
-const TAPS: [(f32, f32); 5] = [(0.0, 0.399), (-1.0, 0.242), (1.0, 0.242), (-2.0, 0.058), (2.0, 0.058)];
+/// Standard deviations of the slope at which a rough surface is looked into, and their weights: normal distributions.
+const FEW: [(f32, f32); 3] = [(0.0, 0.62), (-1.62, 0.19), (1.62, 0.19)];
+const MANY: [(f32, f32); 5] = [(0.0, 0.399), (-1.0, 0.242), (1.0, 0.242), (-2.0, 0.058), (2.0, 0.058)];
 /// Height of a lobe, standard deviations in px of the mirrored picture, below which one look is enough.
 const SHARP: f32 = 0.35;
+/// The same from which a few looks are too far apart.
+const TALL: f32 = 5.0;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
 const FAR: f32 = 1e5;
 
@@ -71,13 +74,8 @@ impl PictureEffect for WaterEffect<'_> {
             if !is_wet {
                 front.as_chunks_mut::<FRONT>().0.iter_mut().for_each(|front| front[0] = 0.0);
             } else {
-                let mut row = Row {
-                    y,
-                    surface: &self.surface.depth[own.clone()],
-                    front,
-                    depth: &depth[own.clone()],
-                    alpha: &alpha[own.clone()],
-                };
+                let mut row =
+                    Row { y, surface: &self.surface.depth[own.clone()], front, alpha: &alpha[own.clone()] };
                 scene.lay(path, &mut row, line);
             }
             if !particles.is_empty() {
@@ -94,7 +92,6 @@ struct Row<'a> {
     surface: &'a [f32],
     /// Its first number of each pixel takes the share of light that is reflected.
     front: &'a mut [f32],
-    depth: &'a [f32],
     alpha: &'a [f32],
 }
 
@@ -153,7 +150,7 @@ impl<'a> Scene<'a> {
         let mut air = [AirGroup::default()];
         for first in (0..width).step_by(GROUP) {
             let count = GROUP.min(width - first);
-            let Some(mut group) = self.group(row, first, count, line) else {
+            let Some(mut group) = dispatch!(path, _s => self.group(row, first, count, line)) else {
                 (first..first + count).for_each(|x| row.front[FRONT * x] = 0.0);
                 continue;
             };
@@ -189,6 +186,7 @@ impl<'a> Scene<'a> {
     }
 
     /// What sixteen pixels show; `None` if none of them shows water.
+    #[inline(always)]
     fn group(&self, row: &Row<'_>, first: usize, count: usize, line: &[f32]) -> Option<Group> {
         let zero = [0.0; GROUP];
         let mut group = Group {
@@ -213,9 +211,8 @@ impl<'a> Scene<'a> {
                 group.light[k][i] = ((line[3 * x + k] - front[k]) / open).max(0.0);
             }
             let behind = row.alpha[x] - front[4];
-            let depth_sum = row.depth[x] * row.alpha[x] - front[3];
             // Thin splats say little of how deep the bottom is.
-            let bottom = if behind > 1e-3 * open { (depth_sum / behind).max(z) } else { z };
+            let bottom = if behind > 1e-3 * open { (behind / front[3].max(1e-9)).max(z) } else { z };
             let at = row.y * row.surface.len() + x;
             self.look(&mut group, i, (x, row.y), (z, bottom), at);
             group.left[i] *= (behind / open).clamp(0.0, 1.0);
@@ -265,18 +262,24 @@ impl<'a> Scene<'a> {
         let share = far / (far + distance);
         let tall = 2.0 * rough * self.focal[1] * share;
         let wide = tall * sine;
-        let taps = if tall < SHARP { 1 } else { TAPS.len() };
+        let taps = match tall {
+            tall if tall < SHARP => &FEW[..1],
+            tall if tall < TALL => &FEW[..],
+            _ => &MANY[..],
+        };
+        let apart = if taps.len() == MANY.len() { 0.9 } else { 1.4 };
         let (mut sum, mut seen, mut light) = (0.0, 0.0, [0.0; 3]);
-        for (sigma, weight) in &TAPS[..taps] {
+        for (sigma, weight) in taps {
             let tilt = sigma * rough;
             let slopes = [slope.mean[0] + tilt * along[0], slope.mean[1] + tilt * along[1]];
-            let (way, cosine) = if taps == 1 { start } else { reflect(toward, slopes) };
+            let (way, cosine) = if taps.len() == 1 { start } else { reflect(toward, slopes) };
             // Slopes that look away from the eye are not seen.
             let weight = weight * cosine.max(0.02 * sine);
             let part = weight * fresnel(cosine.max(0.0));
             let point: [f32; 3] = std::array::from_fn(|k| from_mirror[k] + far * way[k]);
             let (u, v, _) = self.project(point);
-            let pixel = self.mirrored.at(u, v, if taps == 1 { 1.0 } else { wide.max(0.5 * tall) * 1.5 });
+            let pixel =
+                self.mirrored.at(u, v, if taps.len() == 1 { 1.0 } else { (1.5 * wide).max(apart * tall) });
             sum += weight;
             seen += part;
             (0..3).for_each(|k| light[k] += part * pixel[k]);

@@ -20,6 +20,8 @@ pub struct WaterMotion {
 pub struct WaterForces {
     /// Mean wind, m/s along the two level axes.
     pub wind: [f64; 2],
+    /// The strongest wind of the shot, m/s.
+    pub strongest: f64,
     /// Length of water that the wind blows over, m.
     pub fetch: f64,
     /// Rain, mm/h.
@@ -35,7 +37,7 @@ impl WaterMotion {
     #[must_use]
     pub fn new(forces: &WaterForces) -> Self {
         let mut motion = Self { tiles: Vec::new(), beyond: STILL };
-        if let Some(waves) = WindWaves::new(forces.wind, forces.fetch) {
+        if let Some(waves) = WindWaves::new(forces.wind, forces.fetch, forces.strongest) {
             motion.tiles.push(waves.slopes(forces.time, forces.seed ^ 0x5741_5645));
             motion.beyond += waves.beyond_tile();
         }

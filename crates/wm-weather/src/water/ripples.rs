@@ -7,7 +7,7 @@
 
 use super::fft::{Complex, SIDE};
 use super::tile::SlopeTile;
-use super::waves::field;
+use super::waves::WaveField;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use wm_scene::random::uniform;
@@ -91,12 +91,13 @@ pub fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
         .flat_map(|j| (-half + 1..half).map(move |i| [i as f64 * cell, j as f64 * cell]))
         .map(|k| (k[0] * k[0] + k[1] * k[1]) * band(k).powi(2))
         .sum();
-    let strength = (0.5 * (1.0 - YOUNG) * variance / sum).sqrt();
-    let amplitude = |k: [f64; 2]| {
-        let own = band(k);
-        if own > 0.02 { strength * own } else { 0.0 }
-    };
-    let mut values = field(SIZE, time, seed, amplitude);
+    let field = WaveField::kept([0, 0, 0, 0, seed], || {
+        WaveField::new(SIZE, seed, |k| {
+            let own = band(k);
+            if own > 0.02 { own } else { 0.0 }
+        })
+    });
+    let mut values = field.slopes(time, (0.5 * (1.0 - YOUNG) * variance / sum).sqrt());
     // The variance of rings: flux times the integral of their squared slopes over plane and age.
     let flux = large_drops(rate).min(MOST);
     let each = PI * PI.sqrt() * WIDTH * 0.5 * DECAY * (1.0 - (-2.0 * LIFE / DECAY).exp());

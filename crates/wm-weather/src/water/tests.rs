@@ -53,11 +53,11 @@ fn the_transform_is_the_sum_of_waves() {
 /// The values that the design of waves states: 50 m, 7 m/s: 2.5 cm high, 0.30 m long.
 #[test]
 fn wind_waves_grow_by_fetch() {
-    let waves = WindWaves::new([7.0, 0.0], 50.0).unwrap();
+    let waves = WindWaves::new([7.0, 0.0], 50.0, 0.0).unwrap();
     assert!((waves.height - 0.025).abs() < 0.001, "{}", waves.height);
     let length = 9.81 * waves.period * waves.period / std::f64::consts::TAU;
     assert!((length - 0.30).abs() < 0.02, "{length}");
-    assert!(WindWaves::new([0.0; 2], 50.0).is_none());
+    assert!(WindWaves::new([0.0; 2], 50.0, 9.0).is_none());
     // A ring's waves: 31 mm, 8 Hz, 0.25 m/s.
     let w = frequency(WAVE_NUMBER);
     assert!((w / std::f64::consts::TAU - 8.0).abs() < 0.1 && (w / WAVE_NUMBER - RING_SPEED).abs() < 0.005);
@@ -75,7 +75,7 @@ fn slopes_have_the_variance_of_their_spectrum() {
         rain += of(WaterForces { rain: 10.0, time, ..WaterForces::default() }) - still;
     }
     let (wind, rain) = (wind / times.len() as f64, rain / times.len() as f64);
-    let want = WindWaves::new([5.0, 2.0], 50.0).unwrap().slope_variance();
+    let want = WindWaves::new([5.0, 2.0], 50.0, 0.0).unwrap().slope_variance();
     assert!((wind / want - 1.0).abs() < 0.1, "wind: {wind} for {want}");
     let want = 0.5 * slope_rms(10.0, 1.0).powi(2);
     assert!((rain / want - 1.0).abs() < 0.15, "rain: {rain} for {want}");
@@ -86,7 +86,14 @@ fn slopes_have_the_variance_of_their_spectrum() {
 /// Motion is a function of place and time: the same from anywhere, and at any order of frames.
 #[test]
 fn motion_is_fixed_to_the_world() {
-    let forces = |time| WaterForces { wind: [4.0, 0.0], fetch: 50.0, rain: 8.0, time, seed: 1 };
+    let forces = |time| WaterForces {
+        wind: [4.0, 0.0],
+        fetch: 50.0,
+        rain: 8.0,
+        time,
+        seed: 1,
+        ..WaterForces::default()
+    };
     let [now, again, later] = [2.0, 2.0, 2.1].map(|time| WaterMotion::new(&forces(time)));
     let at = |motion: &WaterMotion| motion.at(12.3, -4.5, 0.01);
     assert_eq!(at(&now), at(&again));

@@ -52,7 +52,12 @@ impl SlopeTile {
         let nodes = (width * SIDE as f32 / self.size).max(1.0).log2();
         let level = nodes.min((LEVELS - 1) as f32);
         let (whole, part) = (level as usize, level.fract());
-        let (u, v) = ((x / size).rem_euclid(1.0) as f32, (y / size).rem_euclid(1.0) as f32);
+        // Cut towards 0, far on the positive side: as a remainder, and faster.
+        let share = |along: f64| {
+            let tiles = along / size + 1e6;
+            (tiles - tiles as u64 as f64) as f32
+        };
+        let (u, v) = (share(x), share(y));
         let mut sum = self.bilinear(whole, u, v);
         if part > 0.0 {
             let coarse = self.bilinear((whole + 1).min(LEVELS - 1), u, v);

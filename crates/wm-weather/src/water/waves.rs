@@ -8,6 +8,7 @@ use super::fft::{Complex, SIDE, transform};
 use super::tile::SlopeTile;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
+use std::sync::{Arc, Mutex, PoisonError};
 use wm_scene::random::uniform;
 
 /// Acceleration of free fall, m/s^2.
@@ -30,11 +31,20 @@ fn group_speed(k: f64) -> f64 {
     (GRAVITY + 3.0 * TENSION * k * k) / (2.0 * frequency(k))
 }
 
+/// Period of the highest waves of a wind, m/s, over a fetch, m.
+fn period(speed: f64, fetch: f64) -> f64 {
+    0.286 * (GRAVITY * fetch / (speed * speed)).cbrt() * speed / GRAVITY
+}
+
 /// Waves that a wind makes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindWaves {
     /// Mean wind, m/s along the two level axes.
     wind: [f64; 2],
+    /// Length of water, m.
+    fetch: f64,
+    /// The strongest wind of the whole time, m/s: the tile is as wide as its waves need.
+    strongest: f64,
     /// Significant height, m.
     pub height: f64,
     /// Period of the highest waves, s.
@@ -44,17 +54,19 @@ pub struct WindWaves {
 }
 
 impl WindWaves {
-    /// The waves of a mean wind, m/s along the two level axes, over so many metres of water; `None` without wind.
+    /// The waves of a mean wind, m/s along the two level axes, over so many metres of water; `None` without wind. `strongest` is the
+    /// strongest wind of the shot, m/s, so that one tile serves all of it.
     #[must_use]
-    pub fn new(wind: [f64; 2], fetch: f64) -> Option<Self> {
+    pub fn new(wind: [f64; 2], fetch: f64, strongest: f64) -> Option<Self> {
         let speed = wind[0].hypot(wind[1]);
         if speed < 0.1 || fetch <= 0.0 {
             return None;
         }
         let reach = GRAVITY * fetch / (speed * speed);
         let height = 0.0016 * reach.sqrt() * speed * speed / GRAVITY;
-        let period = 0.286 * reach.cbrt() * speed / GRAVITY;
-        let shaped = Self { wind, height, period, scale: 1.0 };
+        let period = period(speed, fetch);
+        let strongest = strongest.max(speed);
+        let shaped = Self { wind, fetch, strongest, height, period, scale: 1.0 };
         let moment = shaped.over_waves(0.0, |_, power| power);
         Some(Self { scale: (height / 4.0).powi(2) / moment, ..shaped })
     }
@@ -89,7 +101,8 @@ impl WindWaves {
     /// Side of the tile that holds them, m: some twenty of the highest waves.
     #[must_use]
     pub fn tile_size(&self) -> f64 {
-        (22.0 * TAU / self.peak()).clamp(2.0, 400.0)
+        let w = TAU / period(self.strongest, self.fetch);
+        (22.0 * TAU * GRAVITY / (w * w)).clamp(2.0, 400.0)
     }
 
     /// Variance of slopes along one axis of waves that are too short for the tile.
@@ -109,60 +122,115 @@ impl WindWaves {
     #[must_use]
     pub fn slopes(&self, time: f64, seed: u64) -> SlopeTile {
         let size = self.tile_size();
-        let cell = TAU / size;
-        let speed = self.wind[0].hypot(self.wind[1]);
-        let way = self.wind.map(|v| v / speed);
-        let amplitude = |k: [f64; 2]| {
-            let long = k[0].hypot(k[1]);
-            let along = (k[0] * way[0] + k[1] * way[1]) / long;
-            let spread = if along > 0.0 { 2.0 / PI * along * along } else { 0.0 };
-            let w = frequency(long);
-            (0.5 * self.power(w) * group_speed(long) * spread / long).sqrt() * cell
-        };
-        SlopeTile::new(size, field(size, time, seed, amplitude).into_par_iter())
+        let key = [self.wind[0], self.wind[1], self.fetch, self.strongest].map(f64::to_bits);
+        let field = WaveField::kept([key[0], key[1], key[2], key[3], seed], || {
+            let cell = TAU / size;
+            let speed = self.wind[0].hypot(self.wind[1]);
+            let way = self.wind.map(|v| v / speed);
+            WaveField::new(size, seed, |k| {
+                let long = k[0].hypot(k[1]);
+                let along = (k[0] * way[0] + k[1] * way[1]) / long;
+                if along <= 0.0 {
+                    return 0.0;
+                }
+                let spread = 2.0 / PI * along * along;
+                let w = frequency(long);
+                (0.5 * self.power(w) * group_speed(long) * spread / long).sqrt() * cell
+            })
+        });
+        SlopeTile::new(size, field.slopes(time, 1.0).into_par_iter())
     }
 }
 
-/// Slopes of a random field of waves at a time, `[SIDE, SIDE]`. `amplitude` is the root of half the variance of heights that
-/// each wave vector (rad/m) brings, m.
-pub(super) fn field(
-    size: f64,
-    time: f64,
-    seed: u64,
-    amplitude: impl Fn([f64; 2]) -> f64 + Sync,
-) -> Vec<Complex> {
-    let cell = TAU / size;
-    let half = SIDE as i64 / 2;
-    let signed = |i: usize| if (i as i64) < half { i as i64 } else { i as i64 - SIDE as i64 };
-    // The wave of a vector, at its phase.
-    let wave = |i: i64, j: i64| -> [f64; 2] {
-        let k = [i as f64 * cell, j as f64 * cell];
-        let strength = amplitude(k);
-        if strength == 0.0 {
-            return [0.0; 2];
-        }
-        let index = 2 * (((j + half) as u64) * SIDE as u64 + (i + half) as u64);
-        // Of two uniform numbers: a normal one in each of two parts.
-        let long = strength * (-(1.0 - uniform(seed, index)).ln()).sqrt();
-        let phase = TAU * uniform(seed, index + 1) - frequency(k[0].hypot(k[1])) * time;
-        let (sin, cos) = phase.sin_cos();
-        [long * cos, long * sin]
-    };
-    let mut values: Vec<Complex> = vec![[0.0; 2]; SIDE * SIDE];
-    values.par_chunks_exact_mut(SIDE).enumerate().for_each(|(row, line)| {
-        for (column, value) in line.iter_mut().enumerate() {
-            let (i, j) = (signed(column), signed(row));
-            // Waves without a partner that runs the other way have no real slope.
-            if (i == 0 && j == 0) || i == -half || j == -half {
-                continue;
+/// Two waves that run opposite ways, as complex heights at time 0, m.
+#[derive(Clone, Copy, Debug)]
+struct WavePair {
+    /// Column and row of the wave vector, and of its opposite.
+    at: [[usize; 2]; 2],
+    vector: [f64; 2],
+    /// Along the vector, and against it.
+    heights: [[f64; 2]; 2],
+    /// rad/s.
+    frequency: f64,
+}
+
+/// A random field of waves on a tile.
+#[derive(Clone, Debug, Default)]
+pub(super) struct WaveField {
+    pairs: Vec<WavePair>,
+}
+
+/// Fields that are kept, since frames of one shot share them: what is kept changes no number.
+static KEPT: Mutex<Vec<(FieldKey, Arc<WaveField>)>> = Mutex::new(Vec::new());
+/// What a field is made of.
+type FieldKey = [u64; 5];
+/// Most of them.
+const MOST_KEPT: usize = 4;
+
+impl WaveField {
+    /// Waves on a tile of `size` metres. `amplitude` is the root of half the variance of heights that a wave vector (rad/m) brings, m.
+    pub fn new(size: f64, seed: u64, amplitude: impl Fn([f64; 2]) -> f64 + Sync) -> Self {
+        let (cell, half) = (TAU / size, SIDE as i64 / 2);
+        let wave = |i: i64, j: i64| -> [f64; 2] {
+            let strength = amplitude([i as f64 * cell, j as f64 * cell]);
+            if strength == 0.0 {
+                return [0.0; 2];
             }
-            let (own, other) = (wave(i, j), wave(-i, -j));
-            let height = [own[0] + other[0], own[1] - other[1]];
-            let [kx, ky] = [i as f64 * cell, j as f64 * cell];
-            // i kx H + i (i ky H): slopes along x in the real part, along y in the imaginary one.
-            *value = [(-kx * height[1] - ky * height[0]) as f32, (kx * height[0] - ky * height[1]) as f32];
+            let index = 2 * ((j + half) as u64 * SIDE as u64 + (i + half) as u64);
+            // Both parts are normal numbers of the variance of one half each.
+            let long = strength * (-(1.0 - uniform(seed, index)).ln()).sqrt();
+            let (sin, cos) = (TAU * uniform(seed, index + 1)).sin_cos();
+            [long * cos, long * sin]
+        };
+        let place = |i: i64, j: i64| [i, j].map(|k| k.rem_euclid(SIDE as i64) as usize);
+        let pair = |i: i64, j: i64| {
+            let heights = [wave(i, j), wave(-i, -j)];
+            let vector = [i as f64 * cell, j as f64 * cell];
+            (heights != [[0.0; 2]; 2]).then(|| WavePair {
+                at: [place(i, j), place(-i, -j)],
+                vector,
+                heights,
+                frequency: frequency(vector[0].hypot(vector[1])),
+            })
+        };
+        let rows = (0..half).into_par_iter().flat_map_iter(|j| {
+            let first = if j == 0 { 1 } else { 1 - half };
+            (first..half).filter_map(move |i| pair(i, j)).collect::<Vec<_>>()
+        });
+        Self { pairs: rows.collect() }
+    }
+
+    /// The field of a key, made once.
+    pub fn kept(key: FieldKey, make: impl FnOnce() -> Self) -> Arc<Self> {
+        let kept = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, field)) = kept().iter().find(|(own, _)| *own == key) {
+            return Arc::clone(field);
         }
-    });
-    transform(&mut values);
-    values
+        let field = Arc::new(make());
+        let mut all = kept();
+        if all.len() >= MOST_KEPT {
+            all.remove(0);
+        }
+        all.push((key, Arc::clone(&field)));
+        field
+    }
+
+    /// Slopes at a time, s, `[SIDE, SIDE]`, times a factor.
+    pub fn slopes(&self, time: f64, factor: f64) -> Vec<Complex> {
+        let mut values: Vec<Complex> = vec![[0.0; 2]; SIDE * SIDE];
+        for WavePair { at, vector, heights, frequency } in &self.pairs {
+            let (sin, cos) = (frequency * time).sin_cos();
+            let [[a, b], [c, d]] = heights;
+            // h(k) exp(-i w t) + conj(h(-k)) exp(i w t).
+            let re = factor * (a * cos + b * sin + c * cos + d * sin);
+            let im = factor * (b * cos - a * sin - d * cos + c * sin);
+            let [x, y] = vector;
+            // i kx H + i (i ky H): slopes along x in the real part, along y in the imaginary one.
+            let [[own_x, own_y], [other_x, other_y]] = at;
+            values[own_y * SIDE + own_x] = [(-x * im - y * re) as f32, (x * re - y * im) as f32];
+            values[other_y * SIDE + other_x] = [(-x * im + y * re) as f32, (-x * re - y * im) as f32];
+        }
+        transform(&mut values);
+        values
+    }
 }

@@ -8,7 +8,7 @@ use crate::hooks::{PATCH, PATCH_PIXELS};
 use crate::simd::{Lanes, exp2, exp2_looped};
 use crate::stages::intersect::cpu::{cell_lanes, cell_mask};
 use crate::stages::intersect::{PATCHES, record_of};
-use crate::stages::project::{LOG2_MIN_ALPHA, Record};
+use crate::stages::project::{LOG2_MIN_ALPHA, Record, unpack_slopes};
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask, u8x32, u8x64};
 
 /// Splats walked at a time; the record after them is never visible and pads lists.
@@ -30,7 +30,7 @@ pub struct PatchSums {
     pub features: [[f32; PATCH_PIXELS]; 7],
     /// Median depth; meaningful where alpha is at least 0.5.
     pub median: [f32; PATCH_PIXELS],
-    /// View z of the surface; infinite where there is none.
+    /// Reciprocal view z of the surface; less than that of everything where there is none.
     pub surface: [f32; PATCH_PIXELS],
     /// What is blended before it: see [`crate::Frame::front`].
     pub front: [[f32; PATCH_PIXELS]; FRONT],
@@ -50,7 +50,7 @@ impl PatchSums {
             let x = patch_x * PATCH + block % 4 * 4 + column;
             let y = patch_y * PATCH + block / 4 * block_height + row;
             let depth = if x < width && y < height { depths[y * width + x] } else { f32::NAN };
-            *to = if depth.is_nan() { f32::INFINITY } else { depth };
+            *to = if depth.is_nan() { f32::NEG_INFINITY } else { 1.0 / depth };
         }
     }
 }
@@ -105,6 +105,8 @@ pub(crate) struct Batch {
     pub records: [Record; 256],
     /// u and v of each at the tile's corner.
     pub origins: [(f32, f32); 256],
+    /// The tile's first pixel.
+    pub corner: (f32, f32),
     /// The patches that each touches.
     pub touched: [u8; 256],
 }
@@ -112,7 +114,7 @@ pub(crate) struct Batch {
 impl Default for Batch {
     fn default() -> Self {
         let never = Record { log2_opacity: crate::cpu::model::NEVER, ..Record::default() };
-        Self { records: [never; 256], origins: [(0.0, 0.0); 256], touched: [0; 256] }
+        Self { records: [never; 256], origins: [(0.0, 0.0); 256], corner: (0.0, 0.0), touched: [0; 256] }
     }
 }
 
@@ -130,6 +132,7 @@ impl Batch {
             *origin = (-record.ux * x, -(record.vx * x + record.vy * y));
         }
         self.touched[keys.len()..].fill(0);
+        self.corner = (left, top);
     }
 }
 
@@ -364,6 +367,7 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
     }
     let surface = if SPLIT { simd.load(&sums.surface[lanes.clone()]) } else { zero };
     let mut front = [zero; FRONT];
+    let (origin_x, origin_y) = batch.corner;
     if SPLIT {
         for c in 0..FRONT {
             front[c] = simd.load(&sums.front[c][lanes.clone()]);
@@ -395,11 +399,18 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
                 features[c] = weight.mul_add(simd.set(values[c]), features[c]);
             }
             if SPLIT {
-                let before = simd.set(s.depth).simd_lt(surface).select(weight, zero);
-                for c in 0..4 {
-                    front[c] = before.mul_add(simd.set(values[c]), front[c]);
+                let [slope_x, slope_y] = unpack_slopes(s.index);
+                let center = 1.0 / s.depth - slope_x * (s.x - origin_x) - slope_y * (s.y - origin_y);
+                let reciprocal =
+                    px.mul_add(simd.set(slope_x), py.mul_add(simd.set(slope_y), simd.set(center)));
+                let before = reciprocal.simd_gt(surface);
+                let behind = before.select(zero, weight);
+                let weight = before.select(weight, zero);
+                for c in 0..3 {
+                    front[c] = weight.mul_add(simd.set(values[c]), front[c]);
                 }
-                front[4] += before;
+                front[3] = behind.mul_add(reciprocal.max(zero), front[3]);
+                front[4] += weight;
             }
             if k == FLIGHT - 1 {
                 alive = open.any_true();
