@@ -22,6 +22,8 @@ const MANY: [(f32, f32); 5] = [(0.0, 0.399), (-1.0, 0.242), (1.0, 0.242), (-2.0,
 const SHARP: f32 = 0.35;
 /// The same from which a few looks are too far apart.
 const TALL: f32 = 5.0;
+/// Slopes away from the eye, of the tangent of the view's elevation, from which crests hide what is behind them.
+const HIDING: f32 = 0.7;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
 const FAR: f32 = 1e5;
 
@@ -255,7 +257,15 @@ impl<'a> Scene<'a> {
         let along = [toward[0] / level, toward[1] / level];
         // The mirrored eye is that much below the plane, and the hit about in it.
         let from_mirror = [hit[0], hit[1], hit[2] + 2.0 * self.height];
-        let start = reflect(toward, slope.mean);
+        // Along the view and across it; what looks too far away is behind a crest.
+        let aside = [-along[1], along[0]];
+        let [ahead, beside] = [along, aside].map(|axis| slope.mean[0] * axis[0] + slope.mean[1] * axis[1]);
+        let least = -HIDING * sine / level;
+        let tilted = |more: f32| {
+            let ahead = (ahead + more).max(least);
+            [0, 1].map(|k| ahead * along[k] + beside * aside[k])
+        };
+        let start = reflect(toward, tilted(0.0));
         let far = self.reach(from_mirror, start.0);
         // A lobe as it is seen in the mirrored picture: two slopes tall, and as much narrower as the view is flat. Of what stands
         // at the water it is a point.
@@ -271,8 +281,7 @@ impl<'a> Scene<'a> {
         let (mut sum, mut seen, mut light) = (0.0, 0.0, [0.0; 3]);
         for (sigma, weight) in taps {
             let tilt = sigma * rough;
-            let slopes = [slope.mean[0] + tilt * along[0], slope.mean[1] + tilt * along[1]];
-            let (way, cosine) = if taps.len() == 1 { start } else { reflect(toward, slopes) };
+            let (way, cosine) = if taps.len() == 1 { start } else { reflect(toward, tilted(tilt)) };
             // Slopes that look away from the eye are not seen.
             let weight = weight * cosine.max(0.02 * sine);
             let part = weight * fresnel(cosine.max(0.0));

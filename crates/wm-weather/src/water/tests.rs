@@ -54,7 +54,9 @@ fn the_transform_is_the_sum_of_waves() {
 #[test]
 fn wind_waves_grow_by_fetch() {
     let waves = WindWaves::new([7.0, 0.0], 50.0, 0.0).unwrap();
-    assert!((waves.height - 0.025).abs() < 0.001, "{}", waves.height);
+    // Less by what makes it as steep as Cox and Munk's slopes.
+    assert!(waves.height > 0.012 && waves.height < 0.0255, "{}", waves.height);
+    assert!(2.0 * waves.slope_variance() < 0.003 + 0.00512 * 7.0 + 1e-9);
     let length = 9.81 * waves.period * waves.period / std::f64::consts::TAU;
     assert!((length - 0.30).abs() < 0.02, "{length}");
     assert!(WindWaves::new([0.0; 2], 50.0, 9.0).is_none());

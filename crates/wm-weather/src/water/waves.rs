@@ -2,7 +2,8 @@
 //!
 //! JONSWAP's growth (Hasselmann and others 1973): `Hs = 0.0016 sqrt(g F / U^2) U^2 / g`, `Tp = 0.286 (g F / U^2)^(1/3) U /
 //! g`, for a wind `U` over a fetch `F`; the shape `S(w) ~ w^-5 exp(-1.25 (w / wp)^-4) 3.3^r`, and `2/pi cos^2` about the
-//! wind's heading. Waves go by the dispersion law of deep water with surface tension, `w^2 = g k + (tension / density) k^3`.
+//! wind's heading. Over short fetches that is steeper than water is: slopes are at most those that Cox and Munk saw on open
+//! water. Waves go by the dispersion law of deep water with surface tension, `w^2 = g k + (tension / density) k^3`.
 
 use super::fft::{Complex, SIDE, transform};
 use super::tile::SlopeTile;
@@ -15,6 +16,9 @@ use wm_scene::random::uniform;
 const GRAVITY: f64 = 9.81;
 /// Surface tension of water over its density, m^3/s^2.
 const TENSION: f64 = 7.28e-5;
+/// Variance of slopes of open water, both axes together, and its growth with the wind, s/m (Cox and Munk 1954).
+const CALM: f64 = 0.003;
+const BY_WIND: f64 = 0.00512;
 /// Shortest wave that the wind's spectrum has, rad/m: viscosity stills what is shorter.
 const SHORTEST: f64 = 400.0;
 /// Steps of integrals over the spectrum.
@@ -68,7 +72,10 @@ impl WindWaves {
         let strongest = strongest.max(speed);
         let shaped = Self { wind, fetch, strongest, height, period, scale: 1.0 };
         let moment = shaped.over_waves(0.0, |_, power| power);
-        Some(Self { scale: (height / 4.0).powi(2) / moment, ..shaped })
+        let grown = Self { scale: (height / 4.0).powi(2) / moment, ..shaped };
+        let steepest = CALM + BY_WIND * speed;
+        let share = (steepest / (2.0 * grown.slope_variance())).min(1.0);
+        Some(Self { scale: share * grown.scale, height: share.sqrt() * height, ..grown })
     }
 
     /// Power of surface heights at an angular frequency, m^2 s.

@@ -113,7 +113,8 @@ pub(crate) struct Batch {
 
 impl Default for Batch {
     fn default() -> Self {
-        let never = Record { log2_opacity: crate::cpu::model::NEVER, ..Record::default() };
+        // Its depth is a number whose reciprocal is one.
+        let never = Record { log2_opacity: crate::cpu::model::NEVER, depth: 1.0, ..Record::default() };
         Self { records: [never; 256], origins: [(0.0, 0.0); 256], corner: (0.0, 0.0), touched: [0; 256] }
     }
 }
