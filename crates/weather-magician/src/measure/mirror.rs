@@ -19,7 +19,7 @@ use wm_scene::card::Card;
 pub const INSTRUMENT: Instrument = Instrument {
     name: "mirror",
     title: "Mirror pole",
-    about: "White marks at heights of 0.3 to 2.2 m over still water, 4 and 9 m away: the middle of the light of their images in \
+    about: "White marks at heights of 0.3 to 1.4 m over still water, 4 and 9 m away: the middle of the light of their images in \
             the water against the points that lie as deep as the marks are high.",
     applies: |weather, time| {
         expected::number(weather, time, "flood", "level").is_some_and(|level| level > 0.0)
@@ -29,7 +29,7 @@ pub const INSTRUMENT: Instrument = Instrument {
 };
 
 /// Heights of the marks over the water, their distances, and how far they are to the side, m.
-const HEIGHTS: [f64; 3] = [0.3, 1.0, 2.2];
+const HEIGHTS: [f64; 3] = [0.3, 0.8, 1.4];
 const PLACES: [[f64; 2]; 2] = [[4.0, -0.8], [9.0, 1.3]];
 /// Half the side of a mark, m.
 const MARK: f64 = 0.05;

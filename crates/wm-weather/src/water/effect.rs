@@ -245,7 +245,7 @@ impl<'a> Scene<'a> {
         let across = self.pixel * distance;
         let hit = ray.map(|v| v * z);
         let place = [self.eye[0] + f64::from(hit[0]), self.eye[1] + f64::from(hit[1])];
-        let slope = self.of.motion.at(place[0], place[1], across / sine.sqrt());
+        let slope = self.of.motion.at(place[0], place[1], across / (sine.sqrt() * sine.sqrt().sqrt()));
         let rough = (slope.variance + still * still).sqrt();
 
         // Depth of the water under the ray, and the way in it after the ray is bent.
