@@ -9,7 +9,7 @@ use super::fft::{Complex, SIDE};
 use super::tile::SlopeTile;
 use super::waves::WaveField;
 use rayon::prelude::*;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use wm_scene::random::uniform;
 
 /// Wave number of rings, rad/m.
@@ -21,12 +21,14 @@ const SIZE: f64 = 2.048;
 /// Relative width of the band of waves that old rings make.
 const BAND: f64 = 0.18;
 /// Share of the slopes' variance that young rings bring.
-const YOUNG: f64 = 0.5;
+const YOUNG: f64 = 0.6;
 /// How long rings are drawn, and over which time they decay, s.
 const LIFE: f64 = 0.7;
 const DECAY: f64 = 0.3;
 /// Half the width of a ring, standard deviation, m.
 const WIDTH: f64 = 0.016;
+/// Widths from its middle to which it is drawn.
+const REACH: f64 = 2.6;
 /// Radius within which a ring does not grow higher inwards, m.
 const CORE: f64 = 0.012;
 /// Most drops above 2 mm that are drawn, a m^2 and second.
@@ -100,8 +102,7 @@ pub fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
     let mut values = field.slopes(time, (0.5 * (1.0 - YOUNG) * variance / sum).sqrt());
     // The variance of rings: flux times the integral of their squared slopes over plane and age.
     let flux = large_drops(rate).min(MOST);
-    let each = PI * PI.sqrt() * WIDTH * 0.5 * DECAY * (1.0 - (-2.0 * LIFE / DECAY).exp());
-    let height = if flux > 0.0 { (YOUNG * variance / (flux * each)).sqrt() } else { 0.0 };
+    let height = if flux > 0.0 { (YOUNG * variance / (flux * ring_power())).sqrt() } else { 0.0 };
     let rings = rings(rate, time, seed ^ 0x5249_4e47);
     let step = SIZE / SIDE as f64;
     values.par_chunks_exact_mut(SIDE).enumerate().for_each(|(row, line)| {
@@ -113,6 +114,30 @@ pub fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
     SlopeTile::new(SIZE, values.into_par_iter())
 }
 
+/// What is left of a ring's slopes at an age, s: it appears within a frame or so, decays, and goes softly.
+fn fading(age: f64) -> f64 {
+    (-age / DECAY).exp() * (1.0 - age / LIFE).min(age / 0.02).clamp(0.0, 1.0)
+}
+
+/// Squared slopes of a ring of height 1, summed over the plane and its life, m^2 s.
+fn ring_power() -> f64 {
+    const AGES: usize = 64;
+    const WAYS: usize = 48;
+    let middles =
+        |count: usize, length: f64| (0..count).map(move |i| (i as f64 + 0.5) / count as f64 * length);
+    let at = |age: f64| -> f64 {
+        let around = |off: f64| {
+            let r = (RING_SPEED * age + off).max(0.0);
+            let slope = (-0.5 * (off / WIDTH).powi(2)).exp() * (WAVE_NUMBER * off).cos();
+            TAU * r / (r + CORE) * slope * slope
+        };
+        let reach = 2.0 * REACH * WIDTH;
+        let plane: f64 = middles(WAYS, reach).map(|way| around(way - 0.5 * reach)).sum();
+        fading(age).powi(2) * plane * reach / WAYS as f64
+    };
+    middles(AGES, LIFE).map(at).sum::<f64>() * LIFE / AGES as f64
+}
+
 /// The shortest way across a tile that repeats.
 fn wrapped(way: f64) -> f64 {
     way - SIZE * (way / SIZE).round()
@@ -121,17 +146,15 @@ fn wrapped(way: f64) -> f64 {
 /// Adds a ring to a row of the tile that is `dy` metres from its centre.
 fn draw_row(ring: &Ring, height: f64, line: &mut [Complex], dy: f64, step: f64) {
     let radius = RING_SPEED * ring.age;
-    let outer = radius + 2.6 * WIDTH;
+    let outer = radius + REACH * WIDTH;
     if dy.abs() >= outer {
         return;
     }
     let reach = (outer * outer - dy * dy).sqrt();
-    let inner = radius - 2.6 * WIDTH;
+    let inner = radius - REACH * WIDTH;
     let hole = if inner > dy.abs() { (inner * inner - dy * dy).sqrt() } else { 0.0 };
     let node = |x: f64| ((ring.center[0] + x) / step - 0.5).ceil() as i64;
-    // It appears within a frame or so, and goes softly.
-    let old = (1.0 - ring.age / LIFE).min(ring.age / 0.02).clamp(0.0, 1.0);
-    let strength = height * (-ring.age / DECAY).exp() * old;
+    let strength = height * fading(ring.age);
     let mut draw = |from: i64, to: i64| {
         for i in from..to {
             let x = (i as f64 + 0.5) * step - ring.center[0];
