@@ -1,19 +1,22 @@
 //! Builds the plan of a frame from a prepared weather, and carries it out. All pictures of the library and of the program
 //! come from here.
 
-use crate::picture::Picture;
+use crate::picture::{Picture, WaterLayers};
 use std::sync::{Mutex, PoisonError};
+use wm_render::frame::srgb_encode;
+use wm_render::hooks::Hooks;
 use wm_render::parts::{PartPasses, PicturePart};
 use wm_render::simd::SimdPath;
 use wm_render::{
-    Background, DrawPass, Frame, FramePlan, Geometry, Outputs, PictureEffect, PictureId, Pictures,
-    RenderBackend, RenderConfig, RenderError, SetView, Stats,
+    Background, DrawPass, FRONT, Frame, FramePlan, Geometry, Outputs, ParticlePass, PictureEffect, PictureId,
+    Pictures, RenderBackend, RenderConfig, RenderError, SetView, Stats, WaterPass,
 };
 use wm_scene::{Camera, Splats};
 use wm_weather::light::LampsOn;
 use wm_weather::paper::PaperStages;
 use wm_weather::paper::composite::{self, PaperBlend};
 use wm_weather::shelter::Shelter;
+use wm_weather::water::{MirrorView, WaterBody, WaterEffect, WaterMap, WaterMotion, WaterSurface};
 use wm_weather::{Observer, PreparedWeather};
 
 /// A camera and how it moves.
@@ -83,6 +86,12 @@ impl FrameRequest<'_> {
         if is_paper {
             return self.draw_as_paper(backend, memory, picture, stages);
         }
+        picture.water = WaterLayers::default();
+        let camera = &self.camera.camera;
+        let water = self.weather.water().and_then(|map| Water::new(map, self.weather, camera));
+        if let Some(water) = water {
+            return self.draw_with_water(&water, backend, memory, picture);
+        }
         self.with_scene_pass(self.config, |pass| {
             let mut plan = FramePlan::new();
             let color = plan.draw(pass);
@@ -92,6 +101,81 @@ impl FrameRequest<'_> {
             picture.parts = parts.map(|parts| parts.finish(memory)).unwrap_or_default();
             picture.frame = memory.take(color);
             Ok(stats)
+        })
+    }
+
+    /// Draws the scene from the mirrored eye, then from its own, and lays the water between.
+    fn draw_with_water(
+        &self,
+        water: &Water,
+        backend: &mut dyn RenderBackend,
+        memory: &mut Pictures,
+        picture: &mut Picture,
+    ) -> Result<Stats, RenderError> {
+        let camera = &self.camera.camera;
+        let asked = self.config.outputs;
+        let mirror_config = RenderConfig {
+            outputs: Outputs { geometry: Geometry::Depth, ..Outputs::default() },
+            background: match self.config.background {
+                // A scene with a sky of its own shows what nobody photographed as haze, never black.
+                Background::Color(_) => Background::Color(self.weather.haze().map(|v| srgb_encode(v) as f32)),
+                sky => sky,
+            },
+            ..*self.config
+        };
+        let mirrored_observer = Observer { camera: &water.mirror.camera, lamps: None, ..self.observer() };
+        self.weather.with_hooks(&mirrored_observer, |hooks| {
+            let hooks = Hooks { particles: &[], pixels: &[], ..hooks };
+            let mirrored = DrawPass {
+                cut: Some(water.mirror.cut),
+                ..DrawPass::new(self.sets, &water.mirror.camera, &mirror_config).with_hooks(hooks)
+            };
+            self.weather.with_hooks(&self.observer(), |hooks| {
+                let particles = match hooks.particles.is_empty() {
+                    true => ParticlePass::Off,
+                    false => ParticlePass::On,
+                };
+                let geometry =
+                    if asked.geometry == Geometry::None { Geometry::Depth } else { asked.geometry };
+                let config =
+                    RenderConfig { outputs: Outputs { geometry, particles, ..asked }, ..*self.config };
+                let effect = WaterEffect {
+                    map: &water.map,
+                    surface: &water.surface,
+                    mirror: &water.mirror,
+                    motion: &water.motion,
+                    body: water.body,
+                    camera,
+                    medium: hooks.medium,
+                    effects: hooks.pixels,
+                };
+                let scene = DrawPass {
+                    surface: Some(&water.surface.depth),
+                    ..DrawPass::new(self.sets, camera, &config).with_hooks(Hooks { pixels: &[], ..hooks })
+                };
+                let mut plan = FramePlan::new();
+                let color = plan.draw(scene);
+                let parts =
+                    (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
+                let mirrored = plan.draw(mirrored);
+                plan.apply(&effect, color, &[mirrored]);
+                memory.put(color, std::mem::take(&mut picture.frame));
+                let stats = backend.execute(&plan, memory)?;
+                picture.parts = parts.map(|parts| parts.finish(memory)).unwrap_or_default();
+                picture.frame = memory.take(color);
+                picture.water = match asked.water {
+                    WaterPass::Off => WaterLayers::default(),
+                    WaterPass::On => water.layers(&picture.frame),
+                };
+                picture.frame.front.clear();
+                if asked.geometry == Geometry::None {
+                    picture.frame.depth.clear();
+                }
+                if asked.particles == ParticlePass::Off {
+                    picture.frame.particles.clear();
+                }
+                Ok(stats)
+            })
         })
     }
 
@@ -167,6 +251,39 @@ impl FrameRequest<'_> {
         let MovingCamera { camera, velocity } = &self.camera;
         let Self { shelter, lamps, threads, .. } = *self;
         Observer { camera, velocity: *velocity, shelter, lamps, threads }
+    }
+}
+
+/// The water that one picture shows.
+struct Water {
+    map: WaterMap,
+    surface: WaterSurface,
+    mirror: MirrorView,
+    motion: WaterMotion,
+    body: WaterBody,
+}
+
+impl Water {
+    /// The layers of a finished picture.
+    fn layers(&self, frame: &Frame) -> WaterLayers {
+        let WaterSurface { depth, cover, .. } = &self.surface;
+        let (front, _) = frame.front.as_chunks::<FRONT>();
+        let seen = |(i, front): (usize, &[f32; FRONT])| {
+            if depth[i].is_nan() { 0.0 } else { (1.0 - front[4]) * cover.get(i).copied().unwrap_or(1.0) }
+        };
+        WaterLayers {
+            cover: front.iter().enumerate().map(seen).collect(),
+            // The effect leaves it there.
+            reflected: front.iter().map(|front| front[0]).collect(),
+            depth: depth.iter().map(|z| if z.is_nan() { 0.0 } else { *z }).collect(),
+        }
+    }
+
+    /// The water of a map before a camera; `None` if it sees none.
+    fn new(map: WaterMap, weather: &PreparedWeather, camera: &Camera) -> Option<Self> {
+        let surface = WaterSurface::of(&map, camera)?;
+        let mirror = MirrorView::new(&map, &surface, camera);
+        Some(Self { surface, mirror, motion: weather.water_motion(), body: weather.water_body(), map })
     }
 }
 

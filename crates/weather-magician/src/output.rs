@@ -9,7 +9,7 @@ use wm_media::color::Dither;
 use wm_media::{MediaError, PictureSize, exr, png};
 use wm_render::frame::srgb_encode;
 use wm_render::parts::PicturePart;
-use wm_render::{Geometry, MedianDepth, Outputs, ParticlePass};
+use wm_render::{Geometry, MedianDepth, Outputs, ParticlePass, WaterPass};
 use wm_scene::npy;
 
 /// A picture that is written beside the colour.
@@ -31,10 +31,16 @@ pub enum PictureLayer {
     Clean,
     /// The light that the air adds.
     Airlight,
+    /// Water that is seen: the share of a pixel that its surface is, 0-1.
+    Water,
+    /// Reflections: the share of a pixel's light that the water mirrors, 0-1.
+    Reflection,
+    /// Depth of the water's surface, metres, 0 where there is none.
+    WaterDepth,
 }
 
 impl PictureLayer {
-    const ALL: [(Self, &'static str); 8] = [
+    const ALL: [(Self, &'static str); 11] = [
         (Self::Depth, "depth"),
         (Self::MedianDepth, "median-depth"),
         (Self::Normal, "normal"),
@@ -43,6 +49,9 @@ impl PictureLayer {
         (Self::Particles, "particles"),
         (Self::Clean, "clean"),
         (Self::Airlight, "airlight"),
+        (Self::Water, "water"),
+        (Self::Reflection, "reflection"),
+        (Self::WaterDepth, "water-depth"),
     ];
 
     fn name(self) -> &'static str {
@@ -52,9 +61,9 @@ impl PictureLayer {
     /// The channels of an EXR layer.
     fn channels(self) -> &'static [&'static str] {
         match self {
-            Self::Depth | Self::MedianDepth => &["Z"],
+            Self::Depth | Self::MedianDepth | Self::WaterDepth => &["Z"],
             Self::Normal => &["X", "Y", "Z"],
-            Self::Alpha => &["A"],
+            Self::Alpha | Self::Water | Self::Reflection => &["A"],
             Self::Particles => &["R", "G", "B", "A"],
             Self::Transmittance | Self::Clean | Self::Airlight => &["R", "G", "B"],
         }
@@ -139,6 +148,9 @@ impl FromStr for ExtraPicture {
     }
 }
 
+/// Layers of water.
+const WATER: [PictureLayer; 3] = [PictureLayer::Water, PictureLayer::Reflection, PictureLayer::WaterDepth];
+
 /// Returns the outputs that must be rendered for `also`.
 pub fn outputs(also: &[ExtraPicture]) -> Outputs {
     let asks = |kind: PictureLayer| also.iter().any(|also| also.kind == kind);
@@ -151,6 +163,7 @@ pub fn outputs(also: &[ExtraPicture]) -> Outputs {
         geometry,
         median_depth: if asks(PictureLayer::MedianDepth) { MedianDepth::On } else { MedianDepth::Off },
         particles: if asks(PictureLayer::Particles) { ParticlePass::On } else { ParticlePass::Off },
+        water: if WATER.into_iter().any(asks) { WaterPass::On } else { WaterPass::Off },
     }
 }
 
@@ -234,7 +247,13 @@ impl PictureStyle {
     }
 
     /// The values of a picture, `[H, W, C]`: metres, world axes, shares and linear light.
-    fn values<'a>(&self, kind: PictureLayer, Picture { frame, parts, .. }: &'a Picture) -> Cow<'a, [f32]> {
+    fn values<'a>(&self, kind: PictureLayer, picture: &'a Picture) -> Cow<'a, [f32]> {
+        let Picture { frame, parts, water, .. } = picture;
+        // A picture without water has none of its layers.
+        let share = |share: &'a [f32]| match share {
+            [] => Cow::Owned(vec![0.0; frame.pixels()]),
+            share => Cow::Borrowed(share),
+        };
         let metres = |depth: &[f32]| -> Vec<f32> {
             depth.iter().map(|v| (f64::from(*v) * self.metres_per_unit) as f32).collect()
         };
@@ -247,6 +266,9 @@ impl PictureStyle {
             PictureLayer::Transmittance => &parts.transmittance,
             PictureLayer::Clean => &parts.clean,
             PictureLayer::Airlight => &parts.airlight,
+            PictureLayer::Water => return share(&water.cover),
+            PictureLayer::Reflection => return share(&water.reflected),
+            PictureLayer::WaterDepth => return Cow::Owned(metres(&share(&water.depth))),
         })
     }
 
@@ -288,13 +310,16 @@ impl PictureStyle {
                     channels => npy::write(path, &values, &[height, width, channels])?,
                 }
             }
-            (PictureFormat::Exr, PictureLayer::Depth | PictureLayer::MedianDepth) => {
+            (
+                PictureFormat::Exr,
+                PictureLayer::Depth | PictureLayer::MedianDepth | PictureLayer::WaterDepth,
+            ) => {
                 self.exr(path, size, exr::ExrPlanes { depth: Some(&values), ..Default::default() })?;
             }
             (PictureFormat::Exr, PictureLayer::Normal) => {
                 self.exr(path, size, exr::ExrPlanes { normals: Some(&values), ..Default::default() })?;
             }
-            (PictureFormat::Exr, PictureLayer::Alpha) => {
+            (PictureFormat::Exr, PictureLayer::Alpha | PictureLayer::Water | PictureLayer::Reflection) => {
                 self.exr(path, size, exr::ExrPlanes { alpha: Some(&values), ..Default::default() })?;
             }
             (PictureFormat::Exr, _) => {
@@ -303,7 +328,10 @@ impl PictureStyle {
                 channels.iter_mut().for_each(|(name, _)| *name = name.split_off(kind.name().len() + 1));
                 self.exr(path, size, exr::ExrPlanes { channels: &channels, ..Default::default() })?;
             }
-            (PictureFormat::Png, PictureLayer::Depth | PictureLayer::MedianDepth) => {
+            (
+                PictureFormat::Png,
+                PictureLayer::Depth | PictureLayer::MedianDepth | PictureLayer::WaterDepth,
+            ) => {
                 let scale = png::write_depth(path, &values, size, self.depth_scale, tags)?;
                 return Ok(format!(", {scale} m a count, 0 for nothing"));
             }
@@ -312,6 +340,9 @@ impl PictureStyle {
             }
             (PictureFormat::Png, PictureLayer::Alpha) => {
                 png::write_alpha(path, &values, size, png::ChannelBits::Sixteen, tags)?;
+            }
+            (PictureFormat::Png, PictureLayer::Water | PictureLayer::Reflection) => {
+                png::write_alpha(path, &values, size, png::ChannelBits::Eight, tags)?;
             }
             (PictureFormat::Png, PictureLayer::Transmittance) => {
                 png::write_shares(path, &values, size, tags)?;

@@ -13,10 +13,23 @@ pub struct Picture {
     pub frame: Frame,
     /// The scene without weather, the transmittance and the airlight, as far as they were asked for.
     pub parts: PictureParts,
+    /// The water that it shows, if that was asked for.
+    pub water: WaterLayers,
     /// Metres in a unit of the frame's depth; 0 if nobody set it.
     pub metres_per_unit: f64,
     /// Names and values that are written into a file beside its pixels: the scene, the weather, the camera.
     pub tags: Vec<(String, String)>,
+}
+
+/// The water in a picture, `[H, W]` each; empty where it was not asked for or the picture shows none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WaterLayers {
+    /// The share of each pixel that is water's surface, 0-1.
+    pub cover: Vec<f32>,
+    /// The share of each pixel's light that the water mirrors: that times the reflectance, 0-1.
+    pub reflected: Vec<f32>,
+    /// View z of the surface, scene units; 0 where there is none.
+    pub depth: Vec<f32>,
 }
 
 impl Picture {

@@ -766,6 +766,7 @@ impl PreparedPlace {
             self.prepare(backend, missing, progress)?;
         }
         let prepared = weather.at(options.time).prepare(&self.site);
+        self.check_water(weather, &prepared, &options.camera.camera)?;
         self.clear_foreign_cover(backend, &prepared);
         let shelter = prepared.fall().and_then(|fall| match options.patience {
             Patience::Whole => self.store.shelter(fall).cloned(),
@@ -805,6 +806,33 @@ impl PreparedPlace {
         };
         picture.metres_per_unit = self.site.metres_per_unit;
         Ok(request.draw_stages(backend, memory, picture, stages)?)
+    }
+
+    /// Checks that the water of an instant can be drawn from an eye.
+    fn check_water(&mut self, weather: &Weather, prepared: &PreparedWeather, camera: &Camera) -> Result<()> {
+        let Some(track) = weather.at(0.0).track("flood", "level").cloned() else { return Ok(()) };
+        if self.survey.ground.source == FactSource::Assumed {
+            let fault = "flood.level is over the ground, and the height of the ground is not known here: give --ground";
+            return Err(Error::Unsupported(fault.into()));
+        }
+        if !prepared.paper_falls().is_empty() {
+            let fault = "flood cannot be drawn together with rain or snow of fidelity `paper`: use fidelity `physical`";
+            return Err(Error::Unsupported(fault.into()));
+        }
+        if track.most() <= 0.0 && !self.warnings.iter().any(|warning| warning.starts_with("flood.level")) {
+            self.warnings.push("flood.level is not above the ground: no water is drawn".into());
+        }
+        let Some(map) = prepared.water() else { return Ok(()) };
+        let ground = self.site.ground * self.site.metres_per_unit;
+        let eye = map.height_of(camera.center().to_array());
+        match map.heights() {
+            Some([_, high]) if eye <= high => Err(Error::Unsupported(format!(
+                "the camera is under water: flood.level is {:.2} m over the ground, the eye {:.2} m; raise the camera or lower the level",
+                high - ground,
+                eye - ground,
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// Finds the gains of the light, if it changes and the capture's is known.

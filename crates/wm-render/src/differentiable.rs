@@ -269,6 +269,7 @@ impl ForwardConfig {
     ) -> Result<(), RenderError> {
         self.check_camera(degree, camera)?;
         let arrays = Arrays {
+            front: false,
             rgb: self.channels.has_color(),
             depth: self.channels.depth().is_some(),
             median_depth: false,

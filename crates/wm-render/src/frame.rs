@@ -40,7 +40,14 @@ pub struct Frame {
     /// `[H, W, 4]`. With it the colour before the pixel effects is, in linear light, `c (1 - coverage) + light`, where
     /// `c` is the colour of the scene without what falls.
     pub particles: Vec<f32>,
+    /// What is blended before the surface of the pass ([`crate::DrawPass::surface`]), `[H, W, 5]`: red, green and blue as sums
+    /// of weights times values, without background, particles and pixel effects; the sum of weights over view z of what is
+    /// behind, 1/scene units; and the coverage of what is before. Without a surface everything of a pixel is before it.
+    pub front: Vec<f32>,
 }
+
+/// Channels of [`Frame::front`].
+pub const FRONT: usize = 5;
 
 /// The arrays of a [`Frame`] that are filled, beside alpha, which always is.
 #[derive(Clone, Copy, Debug)]
@@ -50,6 +57,7 @@ pub(crate) struct Arrays {
     pub median_depth: bool,
     pub normal: bool,
     pub particles: bool,
+    pub front: bool,
 }
 
 /// Coverage below which depth and normal are noise and given as 0: one step of 8 bits.
@@ -74,6 +82,7 @@ impl Frame {
             (&mut self.median_depth, arrays.median_depth, 1),
             (&mut self.normal, arrays.normal, 3),
             (&mut self.particles, arrays.particles, 4),
+            (&mut self.front, arrays.front, FRONT),
         ] {
             let length = if wanted { pixels * channels } else { 0 };
             if array.len() != length {

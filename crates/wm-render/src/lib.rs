@@ -48,6 +48,7 @@ pub mod frame;
 pub mod gpu;
 pub mod hooks;
 pub mod parts;
+pub mod pixel_effects;
 pub mod plan;
 pub mod reference;
 pub mod reference_backward;
@@ -67,14 +68,14 @@ pub use differentiable::{
     StepClock, Target, Upstream,
 };
 pub use even_air::EvenAir;
-pub use frame::{ColorEncoding, Frame};
+pub use frame::{ColorEncoding, FRONT, Frame};
 #[cfg(feature = "gpu")]
 pub use gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
 pub use plan::{
-    DrawPass, FramePass, FramePlan, PictureEffect, PictureId, PicturePass, Pictures, SetView, Shading,
-    SplatSource,
+    CutPlane, DrawPass, FramePass, FramePlan, PictureEffect, PictureId, PicturePass, Pictures, SetView,
+    Shading, SplatSource,
 };
 pub use renderer::{
     Background, CpuConfig, DeviceWork, Geometry, MedianDepth, Outputs, ParticlePass, RenderBackend,
-    RenderConfig, RenderError, SetId, SkyGradient, Stats,
+    RenderConfig, RenderError, SetId, SkyGradient, Stats, WaterPass,
 };

@@ -84,7 +84,7 @@ impl PartPasses {
         let is_clear = whole.hooks.medium.is_none();
         let config = RenderConfig { outputs: Outputs::default(), ..whole.config };
         let hooks = Hooks { particles: &[], pixels: &[], ..whole.hooks };
-        let through = DrawPass { config, hooks, ..whole };
+        let through = DrawPass { config, hooks, surface: None, ..whole };
         let clean = DrawPass { hooks: Hooks { medium: None, ..hooks }, ..through.clone() };
         let wants = |part: PicturePart| wanted.contains(&part) || wanted.contains(&PicturePart::Airlight);
         let mut passes =

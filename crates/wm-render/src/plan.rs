@@ -159,6 +159,30 @@ pub struct DrawPass<'a> {
     pub shading: Shading,
     /// Results of earlier passes that this one looks up. No stage reads any yet.
     pub reads: Vec<PictureId>,
+    /// A surface inside the blend, such as water: its view z at each pixel, scene units, `[H, W]`, NaN where there is none.
+    /// What is blended before it is kept as [`Frame::front`], and particles are in [`Frame::particles`] alone. See the contract of [`crate::stages::rasterize`].
+    pub surface: Option<&'a [f32]>,
+    /// Splats whose centre lies below this plane are not drawn.
+    pub cut: Option<CutPlane>,
+}
+
+/// A plane below which nothing is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CutPlane {
+    /// Normal towards what is drawn, world axes, length 1.
+    pub normal: [f64; 3],
+    /// Height of the plane along the normal, scene units.
+    pub height: f64,
+}
+
+impl CutPlane {
+    /// The plane as seen from a point: a normal, and the height of the plane above the point. A splat at `offset` from the
+    /// point is drawn if `normal . offset >= height`.
+    pub(crate) fn seen_from(&self, center: [f64; 3]) -> [f32; 4] {
+        let [x, y, z] = self.normal;
+        let own = x * center[0] + y * center[1] + z * center[2];
+        [x, y, z, self.height - own].map(|v| v as f32)
+    }
 }
 
 impl<'a> DrawPass<'a> {
@@ -172,6 +196,8 @@ impl<'a> DrawPass<'a> {
             hooks: Hooks::default(),
             shading: Shading::default(),
             reads: Vec::new(),
+            surface: None,
+            cut: None,
         }
     }
 

@@ -6,7 +6,7 @@
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::frame::{srgb_decode, srgb_encode};
 use crate::hooks::{AirOnRay, Hooks, SkySplats};
-use crate::plan::Shading;
+use crate::plan::{CutPlane, Shading};
 use crate::renderer::RenderConfig;
 use crate::stages::project::{DILATION, MAX_DET, MIN_COMPENSATION};
 use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
@@ -30,6 +30,8 @@ pub struct Projected {
     pub direction: [f64; 3],
     /// Distance from the camera centre.
     pub distance: f64,
+    /// Slopes of the reciprocal view z at which it is densest, along x and y, 1/(scene units px).
+    pub slopes: [f64; 2],
 }
 
 impl Projected {
@@ -105,6 +107,13 @@ pub fn project(
         normal: normal.to_array(),
         direction: offset.normalize().to_array(),
         distance: offset.length(),
+        slopes: {
+            let m_z: Vec<f64> = (0..3).map(|k| axes.col(k).dot(rotation.row(2)) * scales[k]).collect();
+            let (zx, zy) = (dot(&m_z, &m_x), dot(&m_z, &m_y));
+            let (xx, yy) = (xx + dilation, yy + dilation);
+            let scale = -1.0 / (view.z * view.z * det);
+            [(zx * yy - zy * xy) * scale, (zy * xx - zx * xy) * scale]
+        },
     })
 }
 
@@ -123,6 +132,12 @@ pub struct ReferenceFrame {
     pub median_depth: Vec<f64>,
     /// Distance from one half of the transmittances before and after the median splat, the lesser.
     pub median_margin: Vec<f64>,
+    /// What is blended before the surface, as [`crate::Frame::front`], `[H, W]`; empty without a surface.
+    pub front: Vec<[f64; 5]>,
+    /// Weight of splats so close to the surface in view z that f32 may count them on either side, `[H, W]`.
+    pub front_slack: Vec<f64>,
+    /// What rounded slopes may change of the reciprocal depths behind the surface, 1/scene units, `[H, W]`.
+    pub slope_slack: Vec<f64>,
     /// Weight that may be placed otherwise because a decision is too close for f32: a splat at the
     /// alpha cut, the stop, or two splats whose view z differ by less than f32 holds. `[H, W]`
     pub slack: Vec<f64>,
@@ -143,6 +158,9 @@ fn relit(rgb: [f64; 3], gains: [f64; 3]) -> [f64; 3] {
     let scale = limit / changed.into_iter().fold(limit, f64::max);
     changed.map(|v| srgb_encode(v * scale))
 }
+
+/// Relative error of the slopes of reciprocal depths: a little more than their rounding.
+pub const SLOPE_BAND: f64 = 0.01;
 
 /// Relative difference in view z within which either order is right: a few ulp of f32 sums.
 pub const ORDER_BAND: f64 = 2e-6;
@@ -167,6 +185,19 @@ pub fn render_shaded(
     hooks: Hooks<'_>,
     shading: Shading,
 ) -> ReferenceFrame {
+    render_split(sets, camera, config, hooks, (shading, None, None))
+}
+
+/// Renders `sets` in f64 with colours of one kind, a surface inside the blend (view z, `[H, W]`) and a plane below which
+/// nothing is drawn.
+#[must_use]
+pub fn render_split(
+    sets: &[(&Splats, Option<&dyn SplatAttributes>)],
+    camera: &Camera,
+    config: &RenderConfig,
+    hooks: Hooks<'_>,
+    (shading, surface, cut): (Shading, Option<&[f32]>, Option<CutPlane>),
+) -> ReferenceFrame {
     let origin = camera.center().to_array();
     let backdrop = hooks.background.unwrap_or(&config.background);
     let pixel_angle = camera.widest_pixel();
@@ -190,6 +221,13 @@ pub fn render_shaded(
             let Some(p) = project(splats, index, camera, config.rasterization, visibility) else {
                 continue;
             };
+            let height: f64 = cut.map_or(0.0, |plane| {
+                let along = |k: usize| plane.normal[k] * f64::from(splats.means[index][k]);
+                (0..3).map(along).sum::<f64>() - plane.height
+            });
+            if height < 0.0 {
+                continue;
+            }
             let rgb = sh::color(splats.sh_of(index), p.direction).map(|v| v.max(0.0));
             let even: [f64; 3] =
                 std::array::from_fn(|k| (0.5 + sh::C0 * f64::from(splats.sh_of(index)[k])).max(0.0));
@@ -206,7 +244,9 @@ pub fn render_shaded(
     let mut frame = ReferenceFrame::default();
     for y in 0..camera.height {
         for x in 0..camera.width {
-            pixel(&drawn, (f64::from(x) + 0.5, f64::from(y) + 0.5), &mut frame);
+            let at = (y * camera.width + x) as usize;
+            let split = surface.map(|depths| f64::from(depths[at]));
+            pixel(&drawn, (f64::from(x) + 0.5, f64::from(y) + 0.5), split, &mut frame);
             let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5).to_array();
             let behind = shade(ray, f64::INFINITY, backdrop.reference(pixel_angle, ray));
             let (Some(rgb), Some(alpha)) = (frame.rgb.last_mut(), frame.alpha.last()) else { continue };
@@ -218,7 +258,14 @@ pub fn render_shaded(
     frame
 }
 
-fn pixel(drawn: &[(Projected, [f64; 3])], (x, y): (f64, f64), frame: &mut ReferenceFrame) {
+fn pixel(
+    drawn: &[(Projected, [f64; 3])],
+    (x, y): (f64, f64),
+    surface: Option<f64>,
+    frame: &mut ReferenceFrame,
+) {
+    let split = surface.map_or(f64::NEG_INFINITY, |z| if z.is_nan() { f64::NEG_INFINITY } else { 1.0 / z });
+    let (mut front, mut front_slack, mut slope_slack) = ([0.0; 5], 0.0, 0.0);
     let cut = -(255f64.log2());
     let stop = f64::from(MIN_TRANSMITTANCE);
     let (mut rgb, mut normal) = ([0.0; 3], [0.0; 3]);
@@ -256,9 +303,27 @@ fn pixel(drawn: &[(Projected, [f64; 3])], (x, y): (f64, f64), frame: &mut Refere
             rgb[k] += weight * color[k];
             normal[k] += weight * p.normal[k];
         }
+        let change = [p.slopes[0] * (x - p.mean2d[0]), p.slopes[1] * (y - p.mean2d[1])];
+        let reciprocal = 1.0 / p.depth + change[0] + change[1];
+        let rounding = SLOPE_BAND * (change[0].abs() + change[1].abs()) + ORDER_BAND / p.depth;
+        if (reciprocal - split).abs() < rounding {
+            front_slack += weight;
+        }
+        if reciprocal > split {
+            let values = [color[0], color[1], color[2], 0.0, 1.0];
+            (0..5).for_each(|k| front[k] += weight * values[k]);
+        } else {
+            front[3] += weight * reciprocal.max(0.0);
+        }
+        slope_slack += weight * rounding;
         alpha_sum += weight;
         depth += weight * p.depth;
         transmittance = next;
+    }
+    if surface.is_some() {
+        frame.front.push(front);
+        frame.front_slack.push(front_slack);
+        frame.slope_slack.push(slope_slack);
     }
     frame.rgb.push(rgb);
     frame.alpha.push(alpha_sum);

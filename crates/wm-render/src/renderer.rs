@@ -102,6 +102,9 @@ pub struct Outputs {
     /// Particles as a picture of their own.
     #[serde(default)]
     pub particles: ParticlePass,
+    /// The water that a picture shows.
+    #[serde(default)]
+    pub water: WaterPass,
 }
 
 /// Geometry that is blended like the colour.
@@ -133,6 +136,17 @@ pub enum ParticlePass {
     #[default]
     Off,
     /// Apart as well.
+    On,
+}
+
+/// The output of the water that a picture shows: where it is, what it reflects and how far it is. Renderers do not make it; what
+/// lays water over their pictures does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum WaterPass {
+    /// Not kept.
+    #[default]
+    Off,
+    /// Kept.
     On,
 }
 

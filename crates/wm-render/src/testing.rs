@@ -17,7 +17,9 @@ use crate::renderer::{CpuConfig, RenderBackend};
 use crate::simd::{SimdChoice, SimdPath};
 use crate::stages::intersect::TILE;
 use crate::stages::project::{Record, SQRT_HALF_LOG2E};
-use crate::{CpuDifferentiable, CpuRenderer, Differentiable, Geometry, MedianDepth, Outputs, ParticlePass};
+use crate::{
+    CpuDifferentiable, CpuRenderer, Differentiable, Geometry, MedianDepth, Outputs, ParticlePass, WaterPass,
+};
 use glam::DVec3;
 #[cfg(feature = "gpu")]
 use std::sync::{Arc, OnceLock};
@@ -402,8 +404,12 @@ pub fn camera(width: u32, height: u32) -> Camera {
 }
 
 /// Every output on.
-pub const ALL_OUTPUTS: Outputs =
-    Outputs { geometry: Geometry::DepthNormal, median_depth: MedianDepth::On, particles: ParticlePass::Off };
+pub const ALL_OUTPUTS: Outputs = Outputs {
+    geometry: Geometry::DepthNormal,
+    median_depth: MedianDepth::On,
+    particles: ParticlePass::Off,
+    water: WaterPass::Off,
+};
 
 /// Compares a frame with the referee's. Tight where no decision is near: colours within `1e-4` of
 /// each pixel and `1e-5` in the mean, sums of depth and normal likewise relative to their size. Where

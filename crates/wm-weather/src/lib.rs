@@ -50,6 +50,7 @@ pub mod shelter;
 mod testing;
 mod threads;
 pub mod track;
+pub mod water;
 pub mod weather;
 pub mod wetness;
 pub mod wind;

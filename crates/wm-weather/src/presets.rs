@@ -15,7 +15,7 @@ macro_rules! presets {
 presets! {
     "clear", "mist", "fog", "dense-fog", "ground-fog", "fog-closing-in", "haze", "smog",
     "drizzle", "moderate-rain", "heavy-rain", "violent-rain", "after-rain", "light-snow", "snow", "blizzard", "sleet", "hail",
-    "sandstorm", "rain-to-snow", "snow-covered", "first-snow", "thaw",
+    "sandstorm", "flood", "rain-to-snow", "snow-covered", "first-snow", "thaw",
     "overcast", "sunny", "golden-hour", "broken-clouds", "night", "night-fog", "night-rain", "night-snow",
     "thunderstorm", "sun-to-night",
 }

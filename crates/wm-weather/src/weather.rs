@@ -4,7 +4,7 @@ use crate::cover::{Airflow, CoverRequest};
 use crate::dome::Dome;
 use crate::dome::{from_level, level_axes};
 use crate::effects::{Action, EFFECTS, Effect, EffectContext, EffectRole, Need};
-use crate::effects::{ColorGrade, LampSource, LightChange};
+use crate::effects::{ColorGrade, Flood, LampSource, LightChange};
 use crate::image_file::ImageFile;
 use crate::light::{CloudShadows, Flash, FlashLight, Headlamps, LampGlow, LampsOn, MovingLight};
 use crate::optics::{Atmosphere, Daylight, Site, SiteLight};
@@ -17,6 +17,7 @@ use crate::particles::{FallingParticles, Precipitation};
 use crate::shelter::Shelter;
 use crate::track::Track;
 use crate::wetness::{SlantedRain, WetRequest};
+use crate::water::{WaterBody, WaterForces, WaterMap, WaterMotion};
 use std::path::Path;
 use std::sync::Arc;
 use wm_render::Frame;
@@ -209,6 +210,8 @@ impl WeatherSample {
         let mut carried = f64::INFINITY;
         let (mut flash, mut has_lightning) = (None, false);
         let mut wetness = None;
+        let mut flood = None;
+        let strongest_wind = self.track("wind", "speed").map_or(0.0, Track::most);
         for (effect, values, tracks) in &self.effects {
             let effect = &EFFECTS[*effect];
             let act = match self.fidelity {
@@ -259,6 +262,7 @@ impl WeatherSample {
                     cover.extend((!asked.is_nothing()).then_some(asked));
                 }
                 Action::Wetness(asked) => wetness = Some(*asked),
+                Action::Flood(water) => flood = Some(water),
                 Action::PaperCover(snow) => paper_cover = Some(*snow),
                 Action::Grade(change) => grade = (!change.is_neutral()).then_some(change),
             }
@@ -285,6 +289,8 @@ impl WeatherSample {
             carried,
             paper_cover,
             wetness,
+            flood,
+            strongest_wind,
         }
     }
 }
@@ -366,6 +372,10 @@ pub struct PreparedWeather {
     carried: f64,
     paper_cover: Option<PaperCover>,
     wetness: Option<WetRequest>,
+    /// Water at one level.
+    flood: Option<Flood>,
+    /// The strongest wind of the whole time, m/s.
+    strongest_wind: f64,
 }
 
 impl PreparedWeather {
@@ -453,6 +463,49 @@ impl PreparedWeather {
     #[must_use]
     pub fn wetting_rain(&self) -> Option<&SlantedRain> {
         self.wetness.as_ref().map(|asked| &asked.rain)
+    }
+
+    /// Returns the water that stands at one level, if any stands over the ground.
+    #[must_use]
+    pub fn flood(&self) -> Option<&Flood> {
+        self.flood.as_ref().filter(|flood| flood.level > 0.0)
+    }
+
+    /// Returns where water stands; `None` where none does.
+    #[must_use]
+    pub fn water(&self) -> Option<WaterMap> {
+        self.flood().map(|flood| WaterMap::flood(flood.level, &self.site))
+    }
+
+    /// Returns the motion of the water.
+    #[must_use]
+    pub fn water_motion(&self) -> WaterMotion {
+        let rain = self.falling.iter().filter(|kind| kind.kind.name == "rain").map(|kind| kind.rate).sum();
+        let (fetch, seed) = self.flood.map_or((0.0, 0), |flood| (flood.fetch, flood.seed));
+        let (wind, time, strongest) = (self.wind_now.mean, self.time, self.strongest_wind);
+        WaterMotion::new(&WaterForces { wind, strongest, fetch, rain, time, seed })
+    }
+
+    /// Returns what the water is like that has depth.
+    #[must_use]
+    pub fn water_body(&self) -> WaterBody {
+        let (secchi, tint) = self.flood.map_or((10.0, None), |flood| (flood.secchi, flood.tint));
+        WaterBody::new(secchi, tint, self.white())
+    }
+
+    /// The radiance of a white level board in the open, linear RGB.
+    fn white(&self) -> [f64; 3] {
+        let open = self.light.as_ref().and_then(|change| change.open.as_ref().map(|open| (change, open)));
+        open.map_or(self.site.airlight, |(change, open)| {
+            let display = change.display(&self.site);
+            open.light.irradiance(open.sin_sun).map(|v| v * display)
+        })
+    }
+
+    /// The radiance of the sky near the horizon, linear RGB: what stands where a picture knows nothing.
+    #[must_use]
+    pub fn haze(&self) -> [f64; 3] {
+        self.site.airlight
     }
 
     /// Returns the effect of the mean wind on what lies, while it falls and along the ground: no more than 45 degrees

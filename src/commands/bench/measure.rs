@@ -49,6 +49,8 @@ impl BenchCase {
         let night = weather("clear", &["light.model=night", "light.lamps=on", "fog.mor=200"])?;
         let wet = weather("clear", &["wetness.amount=0.7", "wetness.puddles=0"])?;
         let puddles = weather("clear", &["wetness.amount=1", "wetness.puddles=0.8"])?;
+        let flood = weather("clear", &["flood.level=0.3", "wind.speed=4"])?;
+        let flood_in_rain = weather("clear", &["flood.level=0.3", "wind.speed=4", "rain.rate=8"])?;
         let paper_fog = weather("fog", &["fidelity=paper"])?;
         let paper_cover = weather("clear", &["snow_cover=on", "fidelity=paper"])?;
         let mut cases: Vec<Self> = [
@@ -79,6 +81,8 @@ impl BenchCase {
             ("rgb, night, fog, 10 lamps", night),
             ("rgb, wet", wet),
             ("rgb, wet, puddles", puddles),
+            ("rgb, flood 0.3 m", flood),
+            ("rgb, flood, rain 8 mm/h", flood_in_rain),
             (PAPER_FOG, paper_fog),
             (PAPER_COVER, paper_cover),
         ] {

@@ -58,7 +58,8 @@ struct OutputArgs {
     out: Option<PathBuf>,
     /// Further pictures: depth (metres), median-depth, normal, alpha, particles (rain and snow in the air, with their
     /// coverage), transmittance (of the air: one more render), clean (without air and particles: one more), airlight (light
-    /// that the air adds: three more); append .png, .exr or .npy to choose another format than the colour's
+    /// that the air adds: three more), water (its share of a pixel), reflection (of a pixel's light), water-depth (metres);
+    /// append .png, .exr or .npy to choose another format than the colour's
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
     also: Vec<ExtraPicture>,
     /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay, filtered and final;

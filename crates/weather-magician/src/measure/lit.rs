@@ -16,6 +16,7 @@ pub const LIGHT_ALONE: [&str; 13] = [
     "look=off",
     "snow_cover=off",
     "dust_cover=off",
+    "flood=off",
     "wind=off",
     "fog=off",
     "haze=off",

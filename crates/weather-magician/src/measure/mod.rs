@@ -40,14 +40,17 @@ mod controls;
 mod drops;
 mod expected;
 mod flash;
+mod fresnel;
 mod gauge;
 mod halo;
 mod lit;
 mod lux;
+mod mirror;
 mod painted;
 mod place_renderer;
 pub mod plot;
 mod rays;
+mod secchi;
 mod shadows;
 mod stake;
 mod streaks;
@@ -64,7 +67,7 @@ use glam::DVec3;
 use plot::Plot;
 use serde::Serialize;
 use wm_render::parts::PicturePart;
-use wm_render::{Frame, Geometry, MedianDepth, Outputs, ParticlePass};
+use wm_render::{Frame, Geometry, MedianDepth, Outputs, ParticlePass, WaterPass};
 use wm_scene::{Camera, Lamp, Splats};
 use wm_weather::dome::level_axes;
 use wm_weather::wetness::WaterState;
@@ -88,7 +91,7 @@ pub struct Instrument {
 
 /// Every instrument, in the order of the report.
 #[rustfmt::skip]
-pub const INSTRUMENTS: [Instrument; 16] = [
+pub const INSTRUMENTS: [Instrument; 19] = [
     boards::INSTRUMENT,
     rays::INSTRUMENT,
     gauge::INSTRUMENT,
@@ -103,6 +106,9 @@ pub const INSTRUMENTS: [Instrument; 16] = [
     allard::INSTRUMENT,
     halo::INSTRUMENT,
     flash::INSTRUMENT,
+    fresnel::INSTRUMENT,
+    mirror::INSTRUMENT,
+    secchi::INSTRUMENT,
     consistency::INSTRUMENT,
     controls::INSTRUMENT,
 ];
@@ -371,14 +377,26 @@ fn clear() -> Weather {
 }
 
 /// Colour and median depth: that of the surface, whatever little shines through it.
-const DEPTH: Outputs =
-    Outputs { geometry: Geometry::None, median_depth: MedianDepth::On, particles: ParticlePass::Off };
+const DEPTH: Outputs = Outputs {
+    geometry: Geometry::None,
+    median_depth: MedianDepth::On,
+    particles: ParticlePass::Off,
+    water: WaterPass::Off,
+};
 /// Colour and falling particles.
-const PARTICLES: Outputs =
-    Outputs { geometry: Geometry::None, median_depth: MedianDepth::Off, particles: ParticlePass::On };
+const PARTICLES: Outputs = Outputs {
+    geometry: Geometry::None,
+    median_depth: MedianDepth::Off,
+    particles: ParticlePass::On,
+    water: WaterPass::Off,
+};
 /// Colour alone.
-const COLOR: Outputs =
-    Outputs { geometry: Geometry::None, median_depth: MedianDepth::Off, particles: ParticlePass::Off };
+const COLOR: Outputs = Outputs {
+    geometry: Geometry::None,
+    median_depth: MedianDepth::Off,
+    particles: ParticlePass::Off,
+    water: WaterPass::Off,
+};
 /// Returns the median; NaN if there are no values.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);

@@ -68,10 +68,16 @@ enum Fault {
     Rained,
     /// Water stands a tenth deeper than has come to it.
     Puddles,
+    /// Water reflects a tenth more.
+    Reflectance,
+    /// The water stands a tenth higher.
+    Level,
+    /// The water is a tenth clearer.
+    Clearness,
 }
 
 /// Each fault, and which readings find it: the instrument and a part of the quantity.
-const FINDS: [(Fault, &[[&str; 2]]); 25] = [
+const FINDS: [(Fault, &[[&str; 2]]); 28] = [
     (Fault::None, &[]),
     // The same air, seen on boards and on the place.
     (
@@ -121,6 +127,10 @@ const FINDS: [(Fault, &[[&str; 2]]); 25] = [
     (Fault::Darkening, &[["wet-card", "full pores"], ["wet-card", "under a film"]]),
     (Fault::Rained, &[["water-budget", "rain on the ground"]]),
     (Fault::Puddles, &[["water-budget", "water in and out"]]),
+    (Fault::Reflectance, &[["fresnel", "reflectance"]]),
+    // At another level the board is met at other elevations, and the disc is deeper.
+    (Fault::Level, &[["mirror", "images"]]),
+    (Fault::Clearness, &[["secchi", "depth"]]),
 ];
 
 /// The weathers that an instrument is tested in.
@@ -140,6 +150,8 @@ fn weathers(instrument: &str) -> Vec<Weather> {
         "sundial" => &[&["light.model=clear", "light.sun_elevation=40", "light.sun_azimuth=200"]],
         "shadows" => &[&["light.model=overcast"]],
         "allard" | "halo" => &[&["fog.mor=120"]],
+        "fresnel" | "mirror" => &[&["flood.level=0.5"]],
+        "secchi" => &[&["flood.level=0.5", "flood.secchi=0.3"]],
         "flash" => &[&["lightning.rate=40", "lightning.distance=1500"]],
         _ => &[&["fog.mor=150", "snow_cover.depth=0.1"]],
     };
@@ -209,6 +221,8 @@ impl Fault {
             Self::Shutter => scale("lightning", "exposure", 0.1),
             Self::Darkening => scale("wetness", "porosity", 1.0 / 1.1),
             Self::Rained => scale("wetness", "rained_before", 1.1),
+            Self::Level if shot.camera.width == 480 => scale("flood", "level", 1.1),
+            Self::Clearness if shot.camera.width == 48 => scale("flood", "secchi", 1.1),
             // Not of what is drawn, but of its light.
             Self::Upright
             | Self::Sky
@@ -217,7 +231,10 @@ impl Fault {
             | Self::Glow
             | Self::Far
             | Self::Flash
-            | Self::Puddles => {}
+            | Self::Puddles
+            | Self::Reflectance
+            | Self::Level
+            | Self::Clearness => {}
         }
         drawn
     }
@@ -246,6 +263,7 @@ impl Fault {
             Self::Far if on("fog") && says("night") && shot.camera.width == shot.camera.height => {
                 (None, |_, [own, _], camera| own * (1.0 + 0.1 * (camera.fx * 0.02 / 3.0) / 50.0))
             }
+            Self::Reflectance if on("flood") && shot.camera.width == 64 => (None, |_, [own, _], _| 1.1 * own),
             Self::Flash if on("lightning") => {
                 (without("lightning=off"), |_, [own, other], _| other + 1.1 * (own - other))
             }

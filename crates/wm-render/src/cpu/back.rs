@@ -9,7 +9,7 @@ use crate::simd::SimdPath;
 use crate::stages::composite::cpu::{Composite, OutputRows, PatchPixels, finish_patch};
 use crate::stages::intersect::{PATCHES, TILE, TileGrid};
 use crate::stages::project::Record;
-use crate::stages::rasterize::cpu::{BlendScratch, PatchSums, blend_tile};
+use crate::stages::rasterize::cpu::{BlendScratch, PatchSums, Surface, blend_tile};
 use crate::stages::sort::cpu::sort;
 use rayon::prelude::*;
 use std::ops::Add;
@@ -31,7 +31,8 @@ impl Features {
     /// The sums that a pass needs: its outputs, and depth where particles or a pixel effect read it.
     pub fn of(pass: &DrawPass<'_>) -> Self {
         let asked = pass.config.outputs;
-        let effects = !(pass.hooks.pixels.is_empty() && pass.particles().is_empty());
+        let effects =
+            !(pass.hooks.pixels.is_empty() && pass.particles().is_empty() && pass.surface.is_none());
         let geometry =
             if effects && asked.geometry == Geometry::None { Geometry::Depth } else { asked.geometry };
         Self { geometry, median: asked.median_depth }
@@ -56,6 +57,7 @@ pub fn arrays(pass: &DrawPass<'_>) -> Arrays {
         median_depth: outputs.median_depth == MedianDepth::On,
         normal: outputs.geometry == Geometry::DepthNormal,
         particles: outputs.particles == ParticlePass::On,
+        front: pass.surface.is_some(),
     }
 }
 
@@ -72,6 +74,8 @@ pub(crate) struct Back<'a> {
     pub size: (usize, usize),
     pub features: Features,
     pub composite: Composite<'a>,
+    /// See [`DrawPass::surface`].
+    pub surface: Option<&'a [f32]>,
     pub workers: &'a [Mutex<Worker>],
 }
 
@@ -138,7 +142,16 @@ impl Back<'_> {
         let inside = inside(tile, self.size);
         let (keys, scratch) = (&worker.keys[..], &mut worker.scratch);
         let sums = (self.features.count(), self.features.median);
-        stats.evaluated_pairs += blend(self.path, sums, self.records, keys, tile, inside, scratch);
+        stats.evaluated_pairs += blend(
+            self.path,
+            sums,
+            self.records,
+            keys,
+            tile,
+            inside,
+            self.surface.map(|z| (z, self.size)),
+            scratch,
+        );
         let blended = Instant::now();
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
             let sums = &worker.scratch.patches[patch];
@@ -160,12 +173,28 @@ pub fn blend(
     keys: &[u64],
     tile: (usize, usize),
     inside: u32,
+    surface: Option<Surface<'_>>,
     scratch: &mut BlendScratch,
 ) -> u64 {
     let corner = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
     macro_rules! blend {
         ($features:literal, $median:literal) => {
-            dispatch!(path, s => blend_tile::<_, $features, $median>(s, records, keys, corner, inside, scratch))
+            blend!($features, $median, false)
+        };
+        ($features:literal, $median:literal, $split:literal) => {
+            dispatch!(path, s => blend_tile::<_, $features, $median, $split>(s, records, keys, corner, inside, scratch))
+        };
+    }
+    if let Some(surface) = surface {
+        for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {
+            let place = (2 * tile.0 + patch % 2, 2 * tile.1 + patch / 2);
+            scratch.patches[patch].set_surface(path.lanes(), surface, place);
+        }
+        return match (features, median) {
+            (4, MedianDepth::Off) => blend!(4, false, true),
+            (4, MedianDepth::On) => blend!(4, true, true),
+            (_, MedianDepth::Off) => blend!(7, false, true),
+            (_, MedianDepth::On) => blend!(7, true, true),
         };
     }
     match (features, median) {
@@ -214,8 +243,8 @@ pub fn finish(
 pub fn bands(frame: &mut Frame, width: usize) -> Vec<OutputRows<'_>> {
     let count = (frame.height as usize).div_ceil(TILE);
     let mut bands: Vec<OutputRows<'_>> = (0..count).map(|_| OutputRows::default()).collect();
-    let Frame { rgb, alpha, depth, median_depth, normal, particles, .. } = frame;
-    let arrays = [rgb, alpha, depth, median_depth, normal, particles];
+    let Frame { rgb, alpha, depth, median_depth, normal, particles, front, .. } = frame;
+    let arrays = [rgb, alpha, depth, median_depth, normal, particles, front];
     for (k, array) in arrays.into_iter().enumerate() {
         for (y, row) in array.chunks_mut(width * OutputRows::CHANNELS[k]).enumerate() {
             bands[y / TILE].array(k).push(row);

@@ -93,6 +93,10 @@ pub(crate) struct Front<'a> {
     shading: Shading,
     sky_splats: SkySplats,
     grid: TileGrid,
+    /// See [`DrawPass::cut`]: a normal, and the height above the camera.
+    cut: Option<[f32; 4]>,
+    /// A surface splits the blend.
+    is_split: bool,
 }
 
 impl<'a> Front<'a> {
@@ -107,6 +111,8 @@ impl<'a> Front<'a> {
             shading: pass.shading,
             sky_splats: pass.hooks.sky_splats(),
             grid,
+            is_split: pass.surface.is_some(),
+            cut: pass.cut.map(|plane| plane.seen_from(pass.camera.center().to_array())),
         }
     }
 
@@ -150,8 +156,7 @@ impl<'a> Front<'a> {
                 through_air(self.path, self.medium, self.shading, self.camera.center, shade);
             }
             let seen = Instant::now();
-            let visible =
-                dispatch!(self.path, s => scratch.write_records(s, groups, cluster, &mut records[used..]));
+            let visible = dispatch!(self.path, s => scratch.write_records(s, groups, cluster, self.is_split, &mut records[used..]));
             let own = &records[used..used + visible];
             let first = first_record + used as u32;
             dispatch!(self.path, s => self.intersect_cluster(s, own, &scratch.boxes, first, part));
@@ -180,10 +185,14 @@ impl<'a> Front<'a> {
             let group = &model.groups[index];
             let factors = has_attributes.then(|| scratch.attributes.group(i, Attribute::Visibility));
             let (out, shade) = (&mut scratch.projected[used], &mut scratch.shade[used]);
-            project_group(simd, group, self.camera, self.rasterization, factors, out, shade);
+            let how = (factors, self.is_split);
+            project_group(simd, group, self.camera, self.rasterization, how, out, shade);
             let sky = model.sky[index];
             if self.sky_splats == SkySplats::LeftOut {
                 out.mask &= !u32::from(sky);
+            }
+            if let Some(plane) = self.cut {
+                out.mask &= above(plane, shade);
             }
             if out.mask == 0 {
                 continue;
@@ -211,6 +220,17 @@ impl<'a> Front<'a> {
     ) {
         part.pairs.extend(simd, records, boxes, first, self.grid);
     }
+}
+
+/// A bit for each splat of a group that lies above a plane.
+#[inline(always)]
+fn above([x, y, z, height]: [f32; 4], group: &ShadeGroup) -> u32 {
+    let mut mask = 0;
+    for lane in 0..GROUP {
+        let [dx, dy, dz] = [0, 1, 2].map(|k| group.direction[k][lane] * group.distance[lane]);
+        mask |= u32::from(x * dx + y * dy + z * dz >= height) << lane;
+    }
+    mask
 }
 
 /// Working memory of one unit: the groups of one cluster that have splats in view.
@@ -257,6 +277,7 @@ impl ClusterScratch {
         simd: S,
         groups: usize,
         cluster: usize,
+        is_split: bool,
         records: &mut [Record],
     ) -> usize {
         let mut used = 0;
@@ -270,6 +291,9 @@ impl ClusterScratch {
                 let lane = (mask.trailing_zeros() & 15) as usize;
                 mask &= mask - 1;
                 records[used] = rows[lane];
+                if is_split {
+                    records[used].index = from.slopes[lane];
+                }
                 self.boxes[used & (CLUSTER - 1)] = PatchBox {
                     columns: from.columns.map(|ends| ends[lane] as u16),
                     rows: from.rows.map(|ends| ends[lane] as u16),

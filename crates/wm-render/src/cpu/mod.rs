@@ -156,6 +156,7 @@ impl CpuRenderer {
             grid,
             size: (pass.camera.width as usize, pass.camera.height as usize),
             features,
+            surface: pass.surface,
             composite: Composite {
                 path: self.path,
                 features: features.count(),

@@ -219,7 +219,11 @@ impl Memory {
             tile_offsets: fit("offsets of tile lists", 4 * (u64::from(extent.tiles) + 1), READ_BACK)?,
             rgb: fit("the picture", picture(true, 3), READ_BACK)?,
             alpha: fit("the picture's coverage", picture(true, 1), READ_BACK)?,
-            depths: fit("the picture's depths", picture(true, extent.planes), READ_BACK)?,
+            depths: fit(
+                "the picture's depths",
+                picture(true, extent.planes),
+                READ_BACK | BufferUsages::COPY_DST,
+            )?,
             normal: fit("the picture's normals", picture(extent.normal, 3), READ_BACK)?,
             falling: fit(
                 "what falls in the picture",
@@ -228,7 +232,7 @@ impl Memory {
             )?,
             apart: fit(
                 "the picture of what falls",
-                picture(extent.particles == ParticleBlend::Separate, 4),
+                picture(extent.particles >= ParticleBlend::Separate, 4),
                 READ_BACK,
             )?,
         })

@@ -30,6 +30,10 @@ struct View {
     // The haze of the photos that are learnt from: its light, linear, and its extinction a scene unit times log2(e).
     airlight: vec3<f32>,
     extinction: f32,
+    // A normal and a height above the camera: splats below are not drawn. A normal of 0 draws all.
+    cut: vec4<f32>,
+    // 1 where a surface splits the blend.
+    split: u32,
 }
 
 // A projected and shaded splat: the numbers of the CPU's `Record` in its order, 64 bytes.

@@ -4,7 +4,8 @@
 use super::source::TILE_SIDE;
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::frame::Frame;
-use crate::hooks::{GROUP, PATCH, PATCH_PIXELS, PixelBatch};
+use crate::hooks::{GROUP, PATCH, PATCH_PIXELS};
+use crate::pixel_effects::apply_pixel_effects;
 use crate::plan::DrawPass;
 use crate::simd::SimdPath;
 use crate::stages::composite::background::{BackgroundScratch, BackgroundView};
@@ -91,39 +92,7 @@ pub(crate) fn background(
 
 /// Applies the pixel effects to a finished picture; `hidden` is the depth where the frame has none.
 pub(crate) fn pixel_effects(path: SimdPath, pass: &DrawPass<'_>, frame: &mut Frame, hidden: &[f32]) {
-    if pass.hooks.pixels.is_empty() {
-        return;
-    }
-    let width = frame.width as usize;
-    let depth = if frame.depth.is_empty() { hidden } else { &frame.depth };
-    let alpha = &frame.alpha;
-    frame.rgb.par_chunks_mut(3 * width * PATCH).enumerate().for_each(|(row, band)| {
-        for left in (0..width).step_by(PATCH) {
-            let mut patch = ([[0.0; PATCH_PIXELS]; 3], [0.0; PATCH_PIXELS], [0.0; PATCH_PIXELS]);
-            let columns = PATCH.min(width - left);
-            let pixels = |y: usize| y * width + left..y * width + left + columns;
-            for (y, line) in band.chunks_exact(3 * width).enumerate() {
-                let line = &line.as_chunks::<3>().0[left..left + columns];
-                let range = pixels(row * PATCH + y);
-                for (x, ((pixel, alpha), depth)) in
-                    line.iter().zip(&alpha[range.clone()]).zip(&depth[range]).enumerate()
-                {
-                    let at = y * PATCH + x;
-                    (0..3).for_each(|k| patch.0[k][at] = pixel[k]);
-                    (patch.1[at], patch.2[at]) = (*alpha, depth * alpha);
-                }
-            }
-            for effect in pass.hooks.pixels {
-                let (x, y) = (left as u32, (row * PATCH) as u32);
-                let (rgb, alpha, depth_sum) = (&mut patch.0, &patch.1, &patch.2);
-                effect.apply(path, &mut PixelBatch { x, y, rgb, alpha, depth_sum });
-            }
-            for (y, line) in band.chunks_exact_mut(3 * width).enumerate() {
-                let line = &mut line.as_chunks_mut::<3>().0[left..left + columns];
-                for (x, pixel) in line.iter_mut().enumerate() {
-                    *pixel = patch.0.each_ref().map(|channel| channel[y * PATCH + x]);
-                }
-            }
-        }
-    });
+    let Frame { width, rgb, alpha, depth, .. } = frame;
+    let depth = if depth.is_empty() { hidden } else { depth };
+    apply_pixel_effects(path, pass.hooks.pixels, *width as usize, rgb, (alpha, depth));
 }

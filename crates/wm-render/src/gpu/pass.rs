@@ -10,7 +10,7 @@ use super::readback::Source;
 use super::recorder::{Recorder, Stage};
 use super::uniforms::{self, AttributeUse, Capacity, Uniform, ViewParameters};
 use crate::cpu::{self, Features};
-use crate::frame::Arrays;
+use crate::frame::{Arrays, FRONT};
 use crate::hooks::{ParticleView, WgslSource};
 use crate::plan::{DrawPass, SplatSource};
 use crate::renderer::{Geometry, Models, RenderError};
@@ -21,6 +21,9 @@ use crate::stages::particles::cpu::Falling;
 use crate::stages::particles::gpu::fall;
 use crate::stages::project::gpu::Piece;
 use crate::stages::rasterize::gpu::Rasterize;
+
+/// Pictures of depths before that of the surface: expected and median depth.
+const SURFACE_PLANE: u64 = 2;
 
 /// A draw pass, with what it needs in the GPU's memory.
 pub(crate) struct GpuPass<'a> {
@@ -86,6 +89,8 @@ impl<'a> GpuPass<'a> {
             backdrop,
             background: (form, buffer),
             particles: match (pass.particles().is_empty(), arrays.particles) {
+                _ if pass.surface.is_some() && arrays.particles => ParticleBlend::Apart,
+                _ if pass.surface.is_some() => ParticleBlend::None,
                 (true, false) => ParticleBlend::None,
                 (false, false) => ParticleBlend::InColor,
                 (_, true) => ParticleBlend::Separate,
@@ -169,8 +174,11 @@ impl<'a> GpuPass<'a> {
 
     /// The room that it needs, but for the slots.
     pub fn extent(&self, capacity: Capacity) -> Extent {
-        let planes =
-            if self.arrays.median_depth { 2 } else { u64::from(self.features.geometry != Geometry::None) };
+        let planes = match (self.pass.surface, self.arrays.median_depth) {
+            (Some(_), _) => SURFACE_PLANE + 1 + FRONT as u64,
+            (None, true) => 2,
+            (None, false) => u64::from(self.features.geometry != Geometry::None),
+        };
         Extent {
             slots: 0,
             blocks: self.blocks(),
@@ -181,6 +189,15 @@ impl<'a> GpuPass<'a> {
             normal: self.arrays.normal,
             particles: self.particles,
         }
+    }
+
+    /// Uploads the surface to where blending reads it. No other pass that is submitted with this one may have one.
+    pub fn upload_surface(&self, gpu: &Gpu, room: &Room) {
+        let Some(depths) = self.pass.surface else { return };
+        // Where there is none, everything is before it.
+        let depths: Vec<f32> = depths.iter().map(|z| if z.is_nan() { 0.0 } else { 1.0 / z }).collect();
+        let at = SURFACE_PLANE * 4 * u64::from(self.pixels());
+        gpu.write(&room.depths, at, bytemuck::cast_slice(&depths));
     }
 
     /// Records the commands up to the picture of the splats.
@@ -201,7 +218,7 @@ impl<'a> GpuPass<'a> {
             normal: &room.normal,
         };
         let sums = (self.features.geometry, self.features.median);
-        rasterize.record(recorder, self.tiles(), sums, &room.counters);
+        rasterize.record(recorder, self.tiles(), sums, self.pass.surface.is_some(), &room.counters);
     }
 
     /// Records the commands that put the background behind the splats and the particles before them.
@@ -227,10 +244,10 @@ impl<'a> GpuPass<'a> {
 
     /// The pictures that come back, in the order of [`super::readback::Returned`], of no bytes where they are not
     /// wanted.
-    pub fn pictures<'r>(&self, room: &'r Room) -> [Source<'r>; 6] {
+    pub fn pictures<'r>(&self, room: &'r Room) -> [Source<'r>; 7] {
         let plane = 4 * u64::from(self.pixels());
         let bytes = |wanted: bool, channels: u64| if wanted { channels * plane } else { 0 };
-        let Arrays { depth, median_depth, normal, particles, .. } = self.arrays;
+        let Arrays { depth, median_depth, normal, particles, front, .. } = self.arrays;
         [
             (&room.rgb, 0, bytes(true, 3)),
             (&room.alpha, 0, bytes(true, 1)),
@@ -238,6 +255,7 @@ impl<'a> GpuPass<'a> {
             (&room.depths, plane, bytes(median_depth, 1)),
             (&room.normal, 0, bytes(normal, 3)),
             (&room.apart, 0, bytes(particles, 4)),
+            (&room.depths, (SURFACE_PLANE + 1) * plane, bytes(front, FRONT as u64)),
         ]
     }
 

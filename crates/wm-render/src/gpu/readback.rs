@@ -152,9 +152,9 @@ impl Returned {
             stats.fall += seconds(Stage::Fall);
             stats.composite += seconds(Stage::Composite);
         }
-        let Frame { rgb, alpha, depth, median_depth, normal, particles, .. } = frame;
+        let Frame { rgb, alpha, depth, median_depth, normal, particles, front, .. } = frame;
         let depth = if depth.is_empty() { hidden } else { depth };
-        for array in [rgb, alpha, depth, median_depth, normal, particles] {
+        for array in [rgb, alpha, depth, median_depth, normal, particles, front] {
             fill(bytemuck::cast_slice_mut(array));
         }
         self.counted_in(pass)

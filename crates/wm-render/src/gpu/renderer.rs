@@ -10,6 +10,7 @@ use super::recorder::{Clock, Recorder};
 use super::source::WORKGROUP;
 use super::uniforms::{Capacity, ItemBytes, Uniform, bytes_of};
 use crate::cpu;
+use crate::frame::FRONT;
 use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
 use crate::renderer::{CpuConfig, MAX_SPLATS, Models, RenderBackend, RenderError, SetId, Stats};
 use crate::simd::SimdPath;
@@ -139,6 +140,7 @@ impl GpuRenderer {
                 gpu.write(&room.uniforms, 0, &bytes_of(&all));
             };
             structures(&work, *capacity);
+            work.iter().for_each(|pass| pass.upload_surface(gpu, &room));
             let mut recorder = Recorder::new(gpu, &room.uniforms, clock);
             for i in 0..work.len() {
                 recorder.set_first_slot(work[i].first_slot);
@@ -217,12 +219,17 @@ fn batch_length(passes: &[FramePass<'_>]) -> usize {
     let mut bytes = 0;
     for (i, pass) in passes.iter().enumerate() {
         let Some(pass) = drawn(pass) else { continue };
+        // A surface is uploaded before the first pass, and others would draw over it.
+        if bytes > 0 && pass.surface.is_some() {
+            return i;
+        }
         let arrays = cpu::arrays(pass);
         let planes = 4
             + u64::from(arrays.depth)
             + u64::from(arrays.median_depth)
             + 3 * u64::from(arrays.normal)
-            + 4 * u64::from(arrays.particles);
+            + 4 * u64::from(arrays.particles)
+            + FRONT as u64 * u64::from(arrays.front);
         let own = 4 * planes * u64::from(pass.camera.width) * u64::from(pass.camera.height);
         if bytes > 0 && bytes + own > MOST_TOGETHER {
             return i;

@@ -4,7 +4,7 @@ use super::source::{TILE_SIDE, WORKGROUP};
 use crate::differentiable::{DepthAlpha, DrawnSplats, ForwardConfig, Learn, Opacity};
 use crate::even_air::EvenAir;
 use crate::hooks::{SkySplats, SplatAttributes};
-use crate::plan::DrawPass;
+use crate::plan::{CutPlane, DrawPass};
 use crate::stages::compare::{Comparison, Term};
 use crate::stages::optimize::{BETA1, BETA2, Noise, Step};
 use crate::stages::project::ProjectCamera;
@@ -108,6 +108,10 @@ pub struct ViewParameters<'a> {
     pub sky: SkySplats,
     /// The haze of the photos that are learnt from.
     pub air: Option<EvenAir>,
+    /// See [`DrawPass::cut`].
+    pub cut: Option<CutPlane>,
+    /// Whether a surface splits the blend.
+    pub is_split: bool,
 }
 
 impl<'a> ViewParameters<'a> {
@@ -115,7 +119,14 @@ impl<'a> ViewParameters<'a> {
     #[must_use]
     pub fn of(pass: &'a DrawPass<'_>) -> Self {
         let (rasterization, sky) = (pass.config.rasterization, pass.hooks.sky_splats());
-        Self { camera: &pass.camera, rasterization, sky, air: None }
+        Self {
+            camera: &pass.camera,
+            rasterization,
+            sky,
+            air: None,
+            cut: pass.cut,
+            is_split: pass.surface.is_some(),
+        }
     }
 
     /// Of a step of training.
@@ -125,7 +136,7 @@ impl<'a> ViewParameters<'a> {
             DrawnSplats::All => SkySplats::Kept,
             DrawnSplats::WithoutSky => SkySplats::LeftOut,
         };
-        Self { camera, rasterization: config.rasterization, sky, air: config.air }
+        Self { camera, rasterization: config.rasterization, sky, air: config.air, cut: None, is_split: false }
     }
 
     /// Columns and rows of tiles.
@@ -170,6 +181,8 @@ pub fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity: Capac
         .whole("drops", drops)
         .vector("airlight", sight.air.map_or([0.0; 3], |air| air.airlight))
         .real("extinction", sight.air.map_or(0.0, |air| air.extinction * LOG2_E))
+        .vector("cut", sight.cut.map_or([0.0; 4], |cut| cut.seen_from(sight.camera.center().to_array())))
+        .whole("split", u32::from(sight.is_split))
 }
 
 /// A piece of a set, for [`chunk`].

@@ -15,6 +15,7 @@ use crate::track::Track;
 use crate::weather::WeatherSample;
 use crate::wetness::WetRequest;
 use crate::wind::Wind;
+pub use flood::Flood;
 pub use light::{LampSource, LightChange, light_fault};
 pub use look::ColorGrade;
 use wm_render::hooks::Slot;
@@ -58,7 +59,7 @@ pub enum EffectRole {
     Falls,
     /// Lies on the ground.
     Lies,
-    /// Wets surfaces.
+    /// Wets surfaces, or stands on the ground and mirrors.
     Water,
     /// Moves the air.
     Wind,
@@ -134,6 +135,8 @@ pub enum Action {
     Wetness(Box<WetRequest>),
     /// Something that lies, as in the paper.
     PaperCover(Box<PaperCover>),
+    /// Water that stands at one level.
+    Flood(Flood),
     /// Exposure and colour of the finished picture.
     Grade(ColorGrade),
 }
@@ -147,7 +150,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, light, lightning, dust_cover, snow_cover, wetness, wind, fog, haze, smog, rain, snowfall, hail, look }
+effects! { sky, light, lightning, dust_cover, snow_cover, wetness, flood, wind, fog, haze, smog, rain, snowfall, hail, look }
 
 impl Effect {
     /// The effect of a name.

@@ -110,7 +110,7 @@ impl<'a> Front<'a> {
             }
             let groups = self.project_cluster(own, &mut scratch);
             let cluster = first / CLUSTER;
-            let visible = dispatch!(self.path, s => scratch.cluster.write_records(s, groups, cluster, &mut records[used..]));
+            let visible = dispatch!(self.path, s => scratch.cluster.write_records(s, groups, cluster, false, &mut records[used..]));
             let projected = Instant::now();
             let own = &records[used..used + visible];
             let first = first_record + used as u32;
@@ -139,7 +139,7 @@ impl<'a> Front<'a> {
             dispatch!(self.path, s => activate(s, splats, &indices, here, opacity, activated));
             let (out, shade) = (&mut cluster.projected[used], &mut cluster.shade[used]);
             let group = &mut activated.group;
-            dispatch!(self.path, s => project_group(s, group, camera, mode, None, out, shade));
+            dispatch!(self.path, s => project_group(s, group, camera, mode, (None, false), out, shade));
             if self.config.drawn == DrawnSplats::WithoutSky {
                 let groups = &splats.groups[first..first + here];
                 for (lane, _) in groups.iter().enumerate().filter(|(_, group)| **group == Group::Sky) {

@@ -1,7 +1,7 @@
 //! The last steps of one patch, in the first cache.
 
 use super::background::{BackgroundScratch, BackgroundView};
-use crate::frame::MIN_ALPHA;
+use crate::frame::{FRONT, MIN_ALPHA};
 use crate::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use crate::simd::{Lanes, SimdPath};
 use crate::stages::particles::cpu::Falling;
@@ -52,13 +52,15 @@ pub struct OutputRows<'a> {
     pub normal: Vec<&'a mut [f32]>,
     /// `[rows][run width * 4]`.
     pub particles: Vec<&'a mut [f32]>,
+    /// `[rows][run width * 5]`.
+    pub front: Vec<&'a mut [f32]>,
 }
 
 impl<'a> OutputRows<'a> {
     /// Channels of each array, in the order of [`Self::array`].
-    pub const CHANNELS: [usize; 6] = [3, 1, 1, 1, 3, 4];
+    pub const CHANNELS: [usize; 7] = [3, 1, 1, 1, 3, 4, FRONT];
 
-    /// Array number `index`: colour, alpha, depth, median depth, normal, particles.
+    /// Array number `index`: colour, alpha, depth, median depth, normal, particles, what is before the surface.
     pub fn array(&mut self, index: usize) -> &mut Vec<&'a mut [f32]> {
         match index {
             0 => &mut self.rgb,
@@ -66,7 +68,8 @@ impl<'a> OutputRows<'a> {
             2 => &mut self.depth,
             3 => &mut self.median_depth,
             4 => &mut self.normal,
-            _ => &mut self.particles,
+            5 => &mut self.particles,
+            _ => &mut self.front,
         }
     }
 }
@@ -131,8 +134,20 @@ pub fn finish_patch<S: Lanes, const LANES: usize>(
         pixels.falls = [[0.0; PATCH_PIXELS]; 4];
         Some(&mut pixels.falls)
     };
+    // What lies between comes before what falls.
+    let drawn = (!out.front.is_empty()).then(|| pixels.rgb);
     falling.draw(path, (patch_x, patch_y), &mut pixels.rgb, behind, falls);
-    interleave_four(&pixels.falls, offset, &mut out.particles);
+    if let Some(drawn) = drawn {
+        pixels.rgb = drawn;
+    }
+    interleave_many(&pixels.falls, offset, &mut out.particles);
+    if !out.front.is_empty() {
+        let mut front = [[0.0; PATCH_PIXELS]; FRONT];
+        for (to, from) in front.iter_mut().zip(&sums.front) {
+            to_rows::<LANES>(from, to);
+        }
+        interleave_many(&front, offset, &mut out.front);
+    }
     for effect in effects {
         effect.apply(
             path,
@@ -192,9 +207,13 @@ fn copy(from: &[f32; PATCH_PIXELS], (left, top): (usize, usize), rows: &mut [&mu
 }
 
 /// As [`interleave`], for what is asked for seldom: a plain loop.
-fn interleave_four(from: &[[f32; PATCH_PIXELS]; 4], (left, top): (usize, usize), rows: &mut [&mut [f32]]) {
+fn interleave_many<const N: usize>(
+    from: &[[f32; PATCH_PIXELS]; N],
+    (left, top): (usize, usize),
+    rows: &mut [&mut [f32]],
+) {
     for (y, row) in rows.iter_mut().skip(top).take(PATCH).enumerate() {
-        for (x, pixel) in row[4 * left..].as_chunks_mut::<4>().0.iter_mut().take(PATCH).enumerate() {
+        for (x, pixel) in row[N * left..].as_chunks_mut::<N>().0.iter_mut().take(PATCH).enumerate() {
             *pixel = from.each_ref().map(|channel| channel[y * PATCH + x]);
         }
     }

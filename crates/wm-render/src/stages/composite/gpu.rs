@@ -34,6 +34,8 @@ pub enum ParticleBlend {
     InColor,
     /// Over the colour, and into a picture of their own.
     Separate,
+    /// Into a picture of their own alone.
+    Apart,
 }
 
 /// One colour behind everything.
@@ -58,7 +60,9 @@ pub enum CompositeProgram {
 impl StagePrograms for CompositeProgram {
     fn all() -> Vec<Self> {
         let mut all: Vec<Self> = Channels::ALL.map(Self::Finish).into();
-        for particles in [ParticleBlend::None, ParticleBlend::InColor, ParticleBlend::Separate] {
+        for particles in
+            [ParticleBlend::None, ParticleBlend::InColor, ParticleBlend::Separate, ParticleBlend::Apart]
+        {
             all.extend(BackgroundForm::ALL.map(|form| Self::Composite(form, particles)));
         }
         all
@@ -84,8 +88,11 @@ impl StagePrograms for CompositeProgram {
                 if *particles == ParticleBlend::None {
                     parts.push(NO_PARTICLES.into());
                 } else {
-                    let is_separate = *particles == ParticleBlend::Separate;
-                    parts.push(format!("const APART: bool = {is_separate};").into());
+                    let is_apart = matches!(particles, ParticleBlend::Separate | ParticleBlend::Apart);
+                    let is_over = *particles != ParticleBlend::Apart;
+                    parts.push(
+                        format!("const APART: bool = {is_apart};\nconst OVER: bool = {is_over};").into(),
+                    );
                     parts.extend(texts([COLOR, OVER]));
                 }
                 parts.push(include_str!("composite.wgsl").into());

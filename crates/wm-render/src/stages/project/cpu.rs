@@ -2,6 +2,7 @@
 
 use super::{
     DILATION, LOG2_MIN_ALPHA, MAX_DET, MIN_COMPENSATION, ProjectCamera, Record, SQRT_HALF_LOG2E, TEST_SLACK,
+    pack_slopes,
 };
 use crate::cpu::model::{Cluster, SplatGroup};
 use crate::hooks::{GROUP, PATCH, ShadeGroup};
@@ -38,6 +39,8 @@ pub struct ProjectedGroup {
     pub rows: [[u32; GROUP]; 2],
     /// World axes, towards the camera.
     pub normal: [[f32; GROUP]; 3],
+    /// Slopes of the reciprocal depth, packed: see [`super::pack_slopes`]. Filled only if a surface splits the blend.
+    pub slopes: [u32; GROUP],
     /// A bit for each splat that is in view.
     pub mask: u32,
 }
@@ -58,6 +61,7 @@ impl Default for ProjectedGroup {
             columns: [[0; GROUP]; 2],
             rows: [[0; GROUP]; 2],
             normal: [zero; 3],
+            slopes: [0; GROUP],
             mask: 0,
         }
     }
@@ -188,6 +192,25 @@ pub fn factor<S: Lanes>(simd: S, geometry: &GroupGeometry<S>) -> [S::F; 3] {
     [ux, -(vy * (cov_xy / cov_xx)), vy]
 }
 
+/// How the reciprocal of the depth at which a splat is densest along a pixel's ray changes with the pixel, 1/px along x and y: that
+/// of a flat splat is exactly that of its plane.
+#[inline(always)]
+fn reciprocal_slopes<S: Lanes>(simd: S, geometry: &GroupGeometry<S>, camera: &ProjectCamera) -> [S::F; 2] {
+    let [m_x, m_y] = geometry.m;
+    let w = camera.rotation[2];
+    let (mut with_x, mut with_y) = (simd.set(0.0), simd.set(0.0));
+    for k in 0..3 {
+        let c = &geometry.columns[k];
+        let along =
+            c[0].mul_add(simd.set(w[0]), c[1].mul_add(simd.set(w[1]), c[2] * w[2])) * geometry.scales[k];
+        with_x = along.mul_add(m_x[k], with_x);
+        with_y = along.mul_add(m_y[k], with_y);
+    }
+    let [xx, xy, yy] = geometry.cov;
+    let scale = -(geometry.inverse_z * geometry.inverse_z) / geometry.det;
+    [with_x.mul_sub(yy, with_y * xy) * scale, with_y.mul_sub(xx, with_x * xy) * scale]
+}
+
 /// Unit direction and length of `offset`.
 #[inline(always)]
 pub fn ray<S: Lanes>(simd: S, offset: &[S::F; 3]) -> ([S::F; 3], S::F) {
@@ -219,7 +242,7 @@ pub fn project_group<S: Lanes>(
     group: &SplatGroup,
     camera: &ProjectCamera,
     rasterization: Rasterization,
-    visibility: Option<&[f32; GROUP]>,
+    (visibility, is_split): (Option<&[f32; GROUP]>, bool),
     out: &mut ProjectedGroup,
     shade: &mut ShadeGroup,
 ) {
@@ -258,6 +281,16 @@ pub fn project_group<S: Lanes>(
             continue;
         }
 
+        if is_split {
+            let slopes = reciprocal_slopes(simd, &geometry, camera);
+            let mut numbers = [[0.0; GROUP]; 2];
+            for k in 0..2 {
+                slopes[k].store_slice(&mut numbers[k][first..first + S::N]);
+            }
+            for lane in first..first + S::N {
+                out.slopes[lane] = pack_slopes([numbers[0][lane], numbers[1][lane]]);
+            }
+        }
         let (direction, distance) = ray(simd, &geometry.offset);
         let mut normal = columns[0];
         for k in 0..3 {

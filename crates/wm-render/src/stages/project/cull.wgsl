@@ -9,7 +9,7 @@ fn is_in_view(p: Projected) -> bool {
     let low = p.mean2d + extent;
     let high = p.mean2d - extent;
     return p.z > view.near && p.det < MAX_DET && p.log2_opacity >= LOG2_MIN_ALPHA
-        && low.x >= 0.5 && low.y >= 0.5 && high.x <= view.size.x - 0.5 && high.y <= view.size.y - 0.5;
+        && dot(view.cut.xyz, p.offset) >= view.cut.w && low.x >= 0.5 && low.y >= 0.5 && high.x <= view.size.x - 0.5 && high.y <= view.size.y - 0.5;
 }
 
 @compute @workgroup_size(WORKGROUP)

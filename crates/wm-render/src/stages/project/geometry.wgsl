@@ -91,6 +91,15 @@ fn factor_of(p: Projected) -> vec3<f32> {
     return vec3<f32>(SQRT_HALF_LOG2E / sqrt(p.cov.x), -(vy * (p.cov.y / p.cov.x)), vy);
 }
 
+// How the reciprocal of the depth at which a splat is densest changes with the pixel.
+fn reciprocal_slopes(p: Projected) -> vec2<f32> {
+    let along = p.scales * (view.rotation_z * p.axes);
+    let with_x = dot(along, p.m_x);
+    let with_y = dot(along, p.m_y);
+    let scale = -(p.inverse_z * p.inverse_z) / p.det;
+    return vec2<f32>(with_x * p.cov.z - with_y * p.cov.y, with_y * p.cov.x - with_x * p.cov.y) * scale;
+}
+
 // The shortest of the splat's own axes, the first of equal ones.
 fn shortest_of(p: Projected) -> vec3<f32> {
     if p.scales.z < min(p.scales.x, p.scales.y) {

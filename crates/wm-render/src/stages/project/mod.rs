@@ -76,8 +76,22 @@ pub struct Record {
     pub slope_y: f32,
     /// The dx at which alpha is largest for dy = 1: `cov2d[x][y] / cov2d[y][y]`.
     pub slope_x: f32,
-    /// Index of the splat in its model.
+    /// Index of the splat in its model; in a pass with a surface slopes of its depth, see [`pack_slopes`].
     pub index: u32,
+}
+
+/// Packs slopes of the reciprocal depth along x and y, 1/(scene units px), into one word: the upper half of each number.
+#[inline(always)]
+#[must_use]
+pub fn pack_slopes([x, y]: [f32; 2]) -> u32 {
+    (x.to_bits() & 0xffff_0000) | (y.to_bits() >> 16)
+}
+
+/// Reads what [`pack_slopes`] wrote.
+#[inline(always)]
+#[must_use]
+pub fn unpack_slopes(word: u32) -> [f32; 2] {
+    [f32::from_bits(word & 0xffff_0000), f32::from_bits(word << 16)]
 }
 
 /// The camera in the form and precision that projection uses.

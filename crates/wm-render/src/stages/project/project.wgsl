@@ -29,7 +29,11 @@ fn project_visible(
     let factor = factor_of(p);
     let slope_y = p.cov.y / p.cov.x;
     let slope_x = p.cov.y / p.cov.z;
-    let index = bitcast<f32>(chunk.first_splat + splat);
+    var index = bitcast<f32>(chunk.first_splat + splat);
+    if view.split != 0u {
+        let slopes = bitcast<vec2<u32>>(reciprocal_slopes(p));
+        index = bitcast<f32>((slopes.x & 0xffff0000u) | (slopes.y >> 16u));
+    }
     records[place] = Record(
         vec4<f32>(p.mean2d, factor.xy),
         vec4<f32>(factor.z, p.log2_opacity, seen.xy),

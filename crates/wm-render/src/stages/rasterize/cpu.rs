@@ -3,11 +3,12 @@
 //! then each block walks its own splats with transmittance and sums in registers.
 
 use super::{LOG2_MAX_ALPHA, MIN_TRANSMITTANCE};
+use crate::frame::FRONT;
 use crate::hooks::{PATCH, PATCH_PIXELS};
 use crate::simd::{Lanes, exp2, exp2_looped};
 use crate::stages::intersect::cpu::{cell_lanes, cell_mask};
 use crate::stages::intersect::{PATCHES, record_of};
-use crate::stages::project::{LOG2_MIN_ALPHA, Record};
+use crate::stages::project::{LOG2_MIN_ALPHA, Record, unpack_slopes};
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask, u8x32, u8x64};
 
 /// Splats walked at a time; the record after them is never visible and pads lists.
@@ -29,12 +30,42 @@ pub struct PatchSums {
     pub features: [[f32; PATCH_PIXELS]; 7],
     /// Median depth; meaningful where alpha is at least 0.5.
     pub median: [f32; PATCH_PIXELS],
+    /// Reciprocal view z of the surface; less than that of everything where there is none.
+    pub surface: [f32; PATCH_PIXELS],
+    /// What is blended before it: see [`crate::Frame::front`].
+    pub front: [[f32; PATCH_PIXELS]; FRONT],
+}
+
+/// View z of a surface at each pixel of a picture, and the picture's width and height, px.
+pub type Surface<'a> = (&'a [f32], (usize, usize));
+
+impl PatchSums {
+    /// Takes the part of a surface that lies in a patch, in the order of blocks of a path of so many lanes.
+    pub fn set_surface(&mut self, lanes: usize, surface: Surface<'_>, (patch_x, patch_y): (usize, usize)) {
+        let (depths, (width, height)) = surface;
+        let block_height = lanes / 4;
+        for (i, to) in self.surface.iter_mut().enumerate() {
+            let (run, column) = (i / 4, i % 4);
+            let (block, row) = (run / block_height, run % block_height);
+            let x = patch_x * PATCH + block % 4 * 4 + column;
+            let y = patch_y * PATCH + block / 4 * block_height + row;
+            let depth = if x < width && y < height { depths[y * width + x] } else { f32::NAN };
+            *to = if depth.is_nan() { f32::NEG_INFINITY } else { 1.0 / depth };
+        }
+    }
 }
 
 impl Default for PatchSums {
     fn default() -> Self {
         let zero = [0.0; PATCH_PIXELS];
-        Self { transmittance: zero, alpha: zero, features: [zero; 7], median: zero }
+        Self {
+            transmittance: zero,
+            alpha: zero,
+            features: [zero; 7],
+            median: zero,
+            surface: zero,
+            front: [zero; FRONT],
+        }
     }
 }
 
@@ -74,14 +105,17 @@ pub(crate) struct Batch {
     pub records: [Record; 256],
     /// u and v of each at the tile's corner.
     pub origins: [(f32, f32); 256],
+    /// The tile's first pixel.
+    pub corner: (f32, f32),
     /// The patches that each touches.
     pub touched: [u8; 256],
 }
 
 impl Default for Batch {
     fn default() -> Self {
-        let never = Record { log2_opacity: crate::cpu::model::NEVER, ..Record::default() };
-        Self { records: [never; 256], origins: [(0.0, 0.0); 256], touched: [0; 256] }
+        // Its depth is a number whose reciprocal is one.
+        let never = Record { log2_opacity: crate::cpu::model::NEVER, depth: 1.0, ..Record::default() };
+        Self { records: [never; 256], origins: [(0.0, 0.0); 256], corner: (0.0, 0.0), touched: [0; 256] }
     }
 }
 
@@ -99,6 +133,7 @@ impl Batch {
             *origin = (-record.ux * x, -(record.vx * x + record.vy * y));
         }
         self.touched[keys.len()..].fill(0);
+        self.corner = (left, top);
     }
 }
 
@@ -108,7 +143,7 @@ impl Batch {
 ///
 /// Returns the number of splat-pixel pairs evaluated.
 #[inline(always)]
-pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
+pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
     simd: S,
     records: &[Record],
     keys: &[u64],
@@ -125,6 +160,9 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
         }
         if MEDIAN {
             sums.median = [0.0; PATCH_PIXELS];
+        }
+        if SPLIT {
+            sums.front = [[0.0; PATCH_PIXELS]; FRONT];
         }
     }
     let lanes = cell_lanes(simd);
@@ -161,8 +199,9 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool>(
                     corner.0 + (block % 4 * 4) as f32 + 0.5,
                     corner.1 + (block / 4) as f32 * block_height + 0.5,
                 );
+                let sums = &mut patches[patch];
                 let (alive, walked) =
-                    blend_block::<S, C, MEDIAN>(simd, batch, walk, corner, lanes, block, &mut patches[patch]);
+                    blend_block::<S, C, MEDIAN, SPLIT>(simd, batch, walk, corner, lanes, block, sums);
                 evaluated += (walked.min(count) * S::N) as u64;
                 if !alive {
                     live[patch] &= !(1 << block);
@@ -308,7 +347,7 @@ pub(crate) fn alphas<S: Lanes, const LOOPED: bool>(
 /// Blends one block, whose first pixel centre is `corner` px from the tile's corner. Returns whether
 /// any pixel still takes light, and the number of splats walked.
 #[inline(always)]
-fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool>(
+fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
     simd: S,
     batch: &Batch,
     walk: &[u8],
@@ -326,6 +365,14 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool>(
     let mut features = [zero; C];
     for c in 0..C {
         features[c] = simd.load(&sums.features[c][lanes.clone()]);
+    }
+    let surface = if SPLIT { simd.load(&sums.surface[lanes.clone()]) } else { zero };
+    let mut front = [zero; FRONT];
+    let (origin_x, origin_y) = batch.corner;
+    if SPLIT {
+        for c in 0..FRONT {
+            front[c] = simd.load(&sums.front[c][lanes.clone()]);
+        }
     }
 
     let mut walked = 0;
@@ -352,6 +399,20 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool>(
             for c in 0..C {
                 features[c] = weight.mul_add(simd.set(values[c]), features[c]);
             }
+            if SPLIT {
+                let [slope_x, slope_y] = unpack_slopes(s.index);
+                let center = 1.0 / s.depth - slope_x * (s.x - origin_x) - slope_y * (s.y - origin_y);
+                let reciprocal =
+                    px.mul_add(simd.set(slope_x), py.mul_add(simd.set(slope_y), simd.set(center)));
+                let before = reciprocal.simd_gt(surface);
+                let behind = before.select(zero, weight);
+                let weight = before.select(weight, zero);
+                for c in 0..3 {
+                    front[c] = weight.mul_add(simd.set(values[c]), front[c]);
+                }
+                front[3] = behind.mul_add(reciprocal.max(zero), front[3]);
+                front[4] += weight;
+            }
             if k == FLIGHT - 1 {
                 alive = open.any_true();
             }
@@ -369,6 +430,11 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool>(
     }
     for c in 0..C {
         features[c].store_slice(&mut sums.features[c][lanes.clone()]);
+    }
+    if SPLIT {
+        for c in 0..FRONT {
+            front[c].store_slice(&mut sums.front[c][lanes.clone()]);
+        }
     }
     (alive, walked)
 }

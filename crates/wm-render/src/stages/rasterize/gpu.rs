@@ -11,6 +11,8 @@ use std::borrow::Cow;
 pub enum RasterizeProgram {
     /// Blends colour, and the outputs beside it.
     Frame(Geometry, MedianDepth),
+    /// The same, and what is before a surface.
+    Split(Geometry, MedianDepth),
     /// Blends the sums of a step of training, and keeps them.
     Sums(Channels),
 }
@@ -20,6 +22,9 @@ impl StagePrograms for RasterizeProgram {
         let mut all: Vec<Self> = Channels::ALL.map(Self::Sums).into();
         for geometry in [Geometry::None, Geometry::Depth, Geometry::DepthNormal] {
             all.extend([MedianDepth::Off, MedianDepth::On].map(|median| Self::Frame(geometry, median)));
+            if geometry != Geometry::None {
+                all.extend([MedianDepth::Off, MedianDepth::On].map(|median| Self::Split(geometry, median)));
+            }
         }
         all
     }
@@ -30,7 +35,7 @@ impl StagePrograms for RasterizeProgram {
 
     fn parts(&self) -> Vec<Cow<'static, str>> {
         let (channels, keeps_sums, is_median, input) = match self {
-            Self::Frame(geometry, median) => {
+            Self::Frame(geometry, median) | Self::Split(geometry, median) => {
                 let channels = match geometry {
                     Geometry::None => Channels::Color,
                     Geometry::Depth => Channels::ColorDepth,
@@ -40,7 +45,10 @@ impl StagePrograms for RasterizeProgram {
             }
             Self::Sums(channels) => (*channels, true, false, include_str!("pairs.wgsl")),
         };
-        let constants = format!("const KEEPS_SUMS = {keeps_sums};\nconst MEDIAN = {is_median};");
+        let is_split = matches!(self, Self::Split(..));
+        let constants = format!(
+            "const KEEPS_SUMS = {keeps_sums};\nconst MEDIAN = {is_median};\nconst SPLIT = {is_split};"
+        );
         let blending = include_str!("rasterize.wgsl");
         vec![switches(channels), constants.into(), input.into(), blending.into()]
     }
@@ -64,9 +72,14 @@ impl Rasterize<'_> {
         recorder: &mut Recorder<'_>,
         tiles: u32,
         (geometry, median): (Geometry, MedianDepth),
+        is_split: bool,
         counters: &wgpu::Buffer,
     ) {
-        self.dispatch(recorder, tiles, RasterizeProgram::Frame(geometry, median), counters);
+        let program = match is_split {
+            false => RasterizeProgram::Frame(geometry, median),
+            true => RasterizeProgram::Split(geometry, median),
+        };
+        self.dispatch(recorder, tiles, program, counters);
     }
 
     /// Blends the sums of a step of training. Entries name pairs, and `names` has the record of each.

@@ -7,6 +7,14 @@
 //! - `T_1 = 1`, `T_{i+1} = T_i (1 - alpha_i)`; blending stops before the splat that would bring `T` to
 //!   1e-4 or below. `w_i = alpha_i T_i`.
 //! - `alpha = sum w_i`; colour, view z and normal are `sum w_i f_i`, not divided by alpha.
+//! - Front, if the pass has a surface ([`crate::DrawPass::surface`]): colour and alpha summed over the splats that are
+//!   nearer than the surface at the pixel, all where there is none; and for the others the sum of weights over view z.
+//!   How far a splat is at a pixel is where it is densest along the ray: its reciprocal view z is linear over the picture,
+//!   `1 / z - (S_zx, S_zy) S^-1 d / z^2` with the dilated covariance `S` and the distance `d` from its centre. For flat
+//!   splats that is their plane, so that ground is cut where the surface meets it, however large its splats are. The two
+//!   slopes are rounded to 8 bits of precision. A picture of the
+//!   surface is then laid between: what lies behind is the difference to the whole, and the light that reaches the
+//!   surface is the transmittance `1 - alpha` of the front.
 //! - Median depth: the view z of the last splat that starts with `T_i > 0.5`, if `T` ends at 0.5 or
 //!   below.
 //!

@@ -8,7 +8,9 @@
 @group(0) @binding(3) var<storage, read> records: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> rgb: array<f32>;
 @group(0) @binding(5) var<storage, read_write> alpha: array<f32>;
-// Expected depths, and after them median depths: portable adapters have eight storage buffers and no more.
+// Expected depths, and after them median depths, then reciprocals of those of the surface, 0 for none, then what is before it, five
+// numbers a pixel:
+// portable adapters have eight storage buffers and no more.
 @group(0) @binding(6) var<storage, read_write> depths: array<f32>;
 @group(0) @binding(7) var<storage, read_write> normal: array<f32>;
 
@@ -36,6 +38,13 @@ fn rasterize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
     var depth_sum = 0.0;
     var normal_sum = vec3<f32>(0.0);
     var median = 0.0;
+    var surface = 0.0;
+    var front_color = vec3<f32>(0.0);
+    var behind_depth = 0.0;
+    var front_coverage = 0.0;
+    if SPLIT && inside {
+        surface = depths[2u * view.width * view.height + pixel.y * view.width + pixel.x];
+    }
     let begin = tile_offsets[tile];
     let end = tile_offsets[tile + 1u];
     for (var first = begin; first < end; first += BATCH) {
@@ -74,6 +83,17 @@ fn rasterize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
                     }
                     if DEPTH {
                         depth_sum += weight * c.y;
+                    }
+                    if SPLIT {
+                        let word = bitcast<u32>(batch[k][3].w);
+                        let slopes = bitcast<vec2<f32>>(vec2<u32>(word & 0xffff0000u, word << 16u));
+                        let reciprocal = 1.0 / c.y + dot(slopes, d);
+                        if surface == 0.0 || reciprocal > surface {
+                            front_color += weight * vec3<f32>(b.zw, c.x);
+                            front_coverage += weight;
+                        } else {
+                            behind_depth += weight * max(reciprocal, 0.0);
+                        }
                     }
                     if NORMAL {
                         normal_sum += weight * vec3<f32>(c.zw, batch[k][3].x);
@@ -116,6 +136,14 @@ fn rasterize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
     }
     if DEPTH {
         depths[at] = depth;
+    }
+    if SPLIT {
+        let front = 3u * view.width * view.height + 5u * at;
+        depths[front] = front_color.x;
+        depths[front + 1u] = front_color.y;
+        depths[front + 2u] = front_color.z;
+        depths[front + 3u] = behind_depth;
+        depths[front + 4u] = front_coverage;
     }
     if MEDIAN {
         depths[view.width * view.height + at] = select(0.0, median, coverage >= 0.5);

@@ -1,10 +1,10 @@
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::hooks::Hooks;
-use crate::plan::{DrawPass, SetView};
+use crate::plan::{CutPlane, DrawPass, SetView, Shading};
 use crate::reference;
 use crate::renderer::{Background, RenderConfig};
 use crate::testing::{ALL_OUTPUTS, Backend, Hard, camera, compare, random_splats};
-use crate::{CpuConfig, CpuRenderer, Frame, Geometry, Outputs, RenderBackend};
+use crate::{CpuConfig, CpuRenderer, FRONT, Frame, Geometry, Outputs, RenderBackend};
 use wm_scene::{Camera, Rasterization, Splats};
 
 crate::parity! {
@@ -27,6 +27,15 @@ crate::parity! {
     several_sets => |backend| {
         let sets = [random_splats(300, 2, 50), Splats::default(), random_splats(400, 0, 51)];
         check(backend, &sets, Rasterization::Classic);
+    };
+    split_by_a_surface => |backend| {
+        split(backend, &random_splats(900, 2, 70));
+        split(backend, &Hard::Opaque.splats(250, 71));
+        split(backend, &Hard::Huge.splats(250, 72));
+    };
+    cut_by_a_plane => |backend| {
+        let cut = CutPlane { normal: [0.6, 0.8, 0.0], height: 0.05 };
+        cut_below(backend, &random_splats(900, 1, 73), cut);
     };
     no_splats => |backend| check(backend, &[Splats::default()], Rasterization::Classic);
 }
@@ -126,4 +135,69 @@ fn an_unloaded_set_is_named() {
     let pass = DrawPass::new(&[SetView::plain(set)], &camera, &config);
     let error = renderer.render(&pass, &mut Frame::default()).unwrap_err();
     assert_eq!(error.to_string(), "splat set 0 is not loaded");
+}
+
+/// A slanted surface with holes, in view z.
+fn slanted(camera: &Camera) -> Vec<f32> {
+    let depth = |i: u32| {
+        let (x, y) = (i % camera.width, i / camera.width);
+        let hole = (x / 5 + y / 3) % 4 == 0;
+        if hole { f32::NAN } else { 4.2 + 0.05 * x as f32 + 0.02 * y as f32 }
+    };
+    (0..camera.width * camera.height).map(depth).collect()
+}
+
+/// A surface changes nothing of the picture, and what is before it is as in f64.
+fn split(backend: Backend, splats: &Splats) {
+    for (width, height) in [(75, 53), (34, 18), (3, 1)] {
+        let camera = camera(width, height);
+        let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
+        let mut renderer = backend.renderer();
+        let sets = [SetView::plain(renderer.load(splats).unwrap())];
+        let (mut whole, mut frame) = (Frame::default(), Frame::default());
+        let pass = DrawPass::new(&sets, &camera, &config);
+        renderer.render(&pass, &mut whole).unwrap();
+        let surface = slanted(&camera);
+        renderer.render(&DrawPass { surface: Some(&surface), ..pass.clone() }, &mut frame).unwrap();
+        let front = std::mem::take(&mut frame.front);
+        assert_eq!(frame, whole, "{backend:?}: a surface changes no picture");
+        let referee = [(splats, None)];
+        let how = (Shading::Color, Some(&surface[..]), None);
+        let want = reference::render_split(&referee, &camera, &config, Hooks::default(), how);
+        for (i, (got, want_front)) in front.chunks_exact(FRONT).zip(&want.front).enumerate() {
+            let slack = want.slack[i] + want.front_slack[i];
+            let slopes = want.slope_slack[i];
+            for (k, (got, want)) in got.iter().zip(want_front).enumerate() {
+                // Nothing is nearer than the near plane, whose reciprocal is 5.
+                let largest = if k == 3 { 5.0 } else { 2.0 };
+                let rounding = if k == 3 { slopes } else { 0.0 };
+                let bound = largest * (1e-4 + 1.01 * slack) + rounding;
+                let off = (f64::from(*got) - want).abs();
+                assert!(
+                    off <= bound,
+                    "{backend:?}, {width}x{height}, pixel {i}, {k}: {got} for {want}, {bound}"
+                );
+            }
+            // Without a surface everything is before it.
+            if surface[i].is_nan() {
+                assert_eq!(got[4], whole.alpha[i], "{backend:?}, pixel {i}");
+            }
+        }
+    }
+}
+
+/// A cut draws exactly the splats whose centres lie above the plane.
+fn cut_below(backend: Backend, splats: &Splats, cut: CutPlane) {
+    let camera = camera(75, 53);
+    let config = RenderConfig { outputs: ALL_OUTPUTS, ..RenderConfig::default() };
+    let mut renderer = backend.renderer();
+    let sets = [SetView::plain(renderer.load(splats).unwrap())];
+    let mut frame = Frame::default();
+    let pass = DrawPass { cut: Some(cut), ..DrawPass::new(&sets, &camera, &config) };
+    renderer.render(&pass, &mut frame).unwrap();
+    let how = (Shading::Color, None, Some(cut));
+    let want = reference::render_split(&[(splats, None)], &camera, &config, Hooks::default(), how);
+    compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{backend:?}: {error}"));
+    let all = reference::render(&[(splats, None)], &camera, &config, Hooks::default());
+    assert!(compare(&frame, &all, 2.0).is_err(), "{backend:?}: the cut takes something away");
 }

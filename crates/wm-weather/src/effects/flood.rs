@@ -1,0 +1,62 @@
+//! Flood: water that stands over the ground at one level, everywhere.
+//!
+//! Where it is, what it mirrors and how it moves: [`crate::water`]. Seen through it, a bottom fades with its depth as a Secchi
+//! disc does. Waves go by `wind.speed`; drops of `rain` make rings. The paper has no such thing; in fidelity `paper` it is drawn
+//! in the same way.
+
+use crate::effects::{Action, Effect, EffectRole};
+use crate::param::ParamValue;
+use wm_render::hooks::Slot;
+
+crate::params! {
+    /// The parameters of the effect.
+    pub struct FloodParams {
+        /// Height of the water over the ground. Over time by keyframes: it rises and falls. At 0 or below there is none.
+        level: f64 = ParamValue::Number(0.5), -100.0 => 1000.0, "m";
+        /// Secchi depth: how deep a white disc is still seen. 0.1 brown and muddy, 0.5 as most floods of rivers, 3 a clear lake, 10 and
+        /// more the clear sea.
+        secchi: f64 = ParamValue::Number(0.3), 0.02 => 60.0, "m";
+        /// Colour of the water's own light, sRGB; only its hue counts. `auto` for that of the clearness: brown to blue-green.
+        tint: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
+        /// Open water that the wind blows over before it comes here: waves grow with it. 20 between houses, 1000 on a wide plain.
+        fetch: f64 = ParamValue::Number(50.0), 0.0 => 100_000.0, "m";
+        /// Another pattern of waves for each number.
+        seed: f64 = ParamValue::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";
+    }
+}
+
+/// Water at one level at an instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flood {
+    /// Height over the ground, m.
+    pub level: f64,
+    /// Secchi depth, m.
+    pub secchi: f64,
+    /// Colour of its own light, linear RGB, the largest 1; `None` for that of its clearness.
+    pub tint: Option<[f64; 3]>,
+    /// Water that the wind blows over, m.
+    pub fetch: f64,
+    /// Seed of its waves.
+    pub seed: u64,
+}
+
+/// The entry of [`EFFECTS`](super::EFFECTS).
+pub const EFFECT: Effect = Effect {
+    name: "flood",
+    about: "Water that stands over the ground, with reflections, waves and rings of drops",
+    role: EffectRole::Water,
+    needs: &[],
+    precipitation: None,
+    slot: Slot::Surface,
+    params: FloodParams::PARAMS,
+    act: |now, _| {
+        let FloodParams { level, secchi, tint, fetch, seed } = FloodParams::of(now.values);
+        let tint = tint.map(|rgb| {
+            let light = rgb.map(wm_render::frame::srgb_decode);
+            let most = light.into_iter().fold(1e-6, f64::max);
+            light.map(|v| v / most)
+        });
+        Action::Flood(Flood { level, secchi, tint, fetch, seed: seed as u64 })
+    },
+    act_as_paper: None,
+};

@@ -1,0 +1,133 @@
+//! Where water stands, as heights of its surface.
+
+use crate::dome::{level_axes, to_level};
+use crate::optics::Site;
+
+/// Water on level nodes, in rows along the first level axis.
+///
+/// Lengths are metres along [`level_axes`] from the world's origin; heights are metres along up from there.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WaterGrid {
+    /// The first node.
+    pub origin: [f64; 2],
+    /// Distance of nodes.
+    pub step: f64,
+    /// Nodes along the first axis.
+    pub width: usize,
+    /// Nodes along the second axis.
+    pub height: usize,
+    /// Height of the surface at each node; NaN where no water stands.
+    pub level: Vec<f32>,
+    /// Share of the ground that the water hides at each node, 0-1: soft edges.
+    pub cover: Vec<f32>,
+    /// Slopes of the surface that do not move, such as those of a film on rough ground, rms along one axis.
+    pub roughness: Vec<f32>,
+}
+
+/// Where water stands at a place: on level nodes, and beyond them everywhere at one level.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WaterMap {
+    /// Level axes and up.
+    pub(super) axes: [[f64; 3]; 3],
+    /// Metres a scene unit.
+    pub(super) metres_per_unit: f64,
+    /// Height of the endless level surface, if there is one.
+    plane: Option<f64>,
+    /// Puddles and films.
+    grid: Option<WaterGrid>,
+}
+
+/// Water at a place of a map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WaterSample {
+    /// Height of the surface along up from the world's origin, m.
+    pub level: f64,
+    /// Share of the ground that it hides, 0-1.
+    pub cover: f32,
+    /// Slopes that do not move, rms along one axis.
+    pub roughness: f32,
+}
+
+impl WaterMap {
+    /// Water everywhere, `level` metres above the site's ground.
+    #[must_use]
+    pub fn flood(level: f64, site: &Site) -> Self {
+        let height = site.ground * site.metres_per_unit + level;
+        Self { plane: Some(height), ..Self::of_grid(None, site) }
+    }
+
+    /// Water on the nodes of a grid.
+    #[must_use]
+    pub fn of_grid(grid: Option<WaterGrid>, site: &Site) -> Self {
+        Self { axes: level_axes(site.up), metres_per_unit: site.metres_per_unit, plane: None, grid }
+    }
+
+    /// The same with an endless level surface, `height` metres along up from the world's origin, over what lies below it.
+    #[must_use]
+    pub fn with_plane(self, height: f64) -> Self {
+        Self { plane: Some(height), ..self }
+    }
+
+    /// Height of the endless level surface, if there is one.
+    #[must_use]
+    pub fn plane(&self) -> Option<f64> {
+        self.plane
+    }
+
+    /// Height of a world point along up from the world's origin, m.
+    #[must_use]
+    pub fn height_of(&self, point: [f64; 3]) -> f64 {
+        to_level(&self.axes, point)[2] * self.metres_per_unit
+    }
+
+    /// The heights of all water, lowest and highest, m; `None` where none stands.
+    #[must_use]
+    pub fn heights(&self) -> Option<[f64; 2]> {
+        let levels = self.grid.iter().flat_map(|grid| &grid.level).filter(|level| !level.is_nan());
+        let all = levels.map(|level| f64::from(*level)).chain(self.plane);
+        all.fold(None, |found: Option<[f64; 2]>, level| {
+            Some(found.map_or([level; 2], |[low, high]| [low.min(level), high.max(level)]))
+        })
+    }
+
+    /// The water at a place, metres along the level axes; `None` where none stands.
+    #[must_use]
+    pub fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
+        let everywhere = self.plane.map(|level| WaterSample { level, cover: 1.0, roughness: 0.0 });
+        let own = self.grid.as_ref().and_then(|grid| grid.at(x, y));
+        match (everywhere, own) {
+            (Some(plane), Some(own)) if own.level > plane.level => Some(own),
+            (Some(plane), _) => Some(plane),
+            (None, own) => own,
+        }
+    }
+}
+
+impl WaterGrid {
+    fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
+        let (u, v) = ((x - self.origin[0]) / self.step, (y - self.origin[1]) / self.step);
+        if !(u >= 0.0 && v >= 0.0 && u < (self.width - 1) as f64 && v < (self.height - 1) as f64) {
+            return None;
+        }
+        let (column, row) = (u as usize, v as usize);
+        let (right, down) = (u - column as f64, v - row as f64);
+        let (mut level, mut cover, mut roughness, mut wet) = (0.0, 0.0, 0.0, 0.0);
+        for (dy, fy) in [(0, 1.0 - down), (1, down)] {
+            for (dx, fx) in [(0, 1.0 - right), (1, right)] {
+                let node = (row + dy) * self.width + column + dx;
+                let weight = fx * fy;
+                if !self.level[node].is_nan() {
+                    level += weight * f64::from(self.level[node]);
+                    roughness += weight * f64::from(self.roughness[node]);
+                    cover += weight * f64::from(self.cover[node]);
+                    wet += weight;
+                }
+            }
+        }
+        (cover > 0.0 && wet > 0.0).then(|| WaterSample {
+            level: level / wet,
+            cover: cover as f32,
+            roughness: (roughness / wet) as f32,
+        })
+    }
+}

@@ -1,0 +1,188 @@
+//! The scene from the eye that a water plane mirrors.
+
+use super::map::WaterMap;
+use super::surface::WaterSurface;
+use rayon::prelude::*;
+use wm_render::hooks::GROUP;
+use wm_render::simd::{self, Lanes, SimdPath};
+use wm_render::{CutPlane, Frame, dispatch};
+use wm_scene::Camera;
+
+/// Picture beyond the sides of the view that waves look into, as a share of its height.
+const MARGIN: f64 = 0.06;
+/// Splats whose centre is no higher above the water than this are not mirrored, m: those of a waterline are on both sides.
+const WATERLINE: f64 = 0.01;
+
+/// A camera at the mirrored eye.
+///
+/// A mirrored picture is no picture of any camera: left and right change places. So a proper camera draws it the wrong way
+/// round, and look-ups count its columns from the right. Points of the world are projected with it as with any other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MirrorView {
+    /// The camera, at half size.
+    pub camera: Camera,
+    /// The water plane: nothing below it is mirrored.
+    pub cut: CutPlane,
+}
+
+impl MirrorView {
+    /// The mirrored view of the water in a camera's picture.
+    #[must_use]
+    pub fn new(map: &WaterMap, surface: &WaterSurface, camera: &Camera) -> Self {
+        let up = glam::DVec3::from_array(map.axes[2]);
+        let height = surface.level / map.metres_per_unit;
+        // p -> p - 2 (up . p - height) up, then x -> -x in the view, so that it is a rotation again.
+        let turned = |v: glam::DVec3| v - 2.0 * up.dot(v) * up;
+        let rotation = camera.rotation();
+        let [x, y, z] = [0, 1, 2].map(|k| turned(rotation.row(k)));
+        let rotation = glam::DMat3::from_cols(-x, y, z).transpose();
+        let eye = camera.center();
+        let eye = eye - 2.0 * (up.dot(eye) - height) * up;
+        let margin = (MARGIN * f64::from(camera.height)).ceil();
+        let (first, last) = (f64::from(surface.rows.start) - margin, f64::from(surface.rows.end) + margin);
+        let (width, rows) = (f64::from(camera.width) + 2.0 * margin, last - first);
+        let whole = Camera {
+            width: width as u32,
+            height: rows as u32,
+            cx: f64::from(camera.width) - camera.cx + margin,
+            cy: camera.cy - first,
+            viewmat: Camera::posed((1, 1), 50.0, eye, rotation).viewmat,
+            ..*camera
+        };
+        let half = whole.resized(whole.width.div_ceil(2), whole.height.div_ceil(2));
+        let cut = CutPlane { normal: map.axes[2], height: height + WATERLINE / map.metres_per_unit };
+        Self { camera: half, cut }
+    }
+}
+
+/// A mirrored picture in linear light at every fineness, with the reciprocal of its depth.
+#[derive(Clone, Debug, Default)]
+pub struct MirroredPicture {
+    levels: Vec<Level>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Level {
+    width: usize,
+    height: usize,
+    /// Red, green, blue, 1 / view z.
+    pixels: Vec<[f32; 4]>,
+}
+
+impl MirroredPicture {
+    /// Of a drawn picture with depth.
+    #[must_use]
+    pub fn new(path: SimdPath, frame: &Frame) -> Self {
+        let (width, height) = (frame.width as usize, frame.height as usize);
+        let mut pixels = vec![[0.0; 4]; width * height];
+        let rows = pixels.par_chunks_mut(width).zip(frame.rgb.par_chunks(3 * width));
+        rows.enumerate().for_each(|(y, (line, rgb))| {
+            dispatch!(path, s => decode_row(s, rgb, line));
+            for (x, pixel) in line.iter_mut().enumerate() {
+                let depth = frame.depth[y * width + x];
+                // Sky shines through where splats are thin: it is as far as what is seen of it.
+                pixel[3] = if depth > 0.0 { frame.alpha[y * width + x] / depth } else { 0.0 };
+            }
+        });
+        let mut levels = vec![Level { width, height, pixels }];
+        while let Some(last) = levels.last().filter(|last| last.width.min(last.height) > 2) {
+            let next = last.halved();
+            levels.push(next);
+        }
+        Self { levels }
+    }
+
+    /// The colour at a point of the picture, px, of a piece `width` px wide; and the reciprocal of its view z.
+    #[inline(always)]
+    #[must_use]
+    pub fn at(&self, x: f32, y: f32, width: f32) -> [f32; 4] {
+        let level = width.max(1.0).log2().min((self.levels.len() - 1) as f32);
+        let (whole, part) = (level as usize, level.fract());
+        let fine = self.levels[whole].at(x, y, whole);
+        if part == 0.0 {
+            return fine;
+        }
+        let coarse = self.levels[whole + 1].at(x, y, whole + 1);
+        std::array::from_fn(|k| fine[k] + part * (coarse[k] - fine[k]))
+    }
+}
+
+impl Level {
+    fn halved(&self) -> Self {
+        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
+        let mut pixels = vec![[0.0; 4]; width * height];
+        pixels.par_chunks_mut(width).enumerate().for_each(|(y, line)| {
+            let rows = [2 * y, (2 * y + 1).min(self.height - 1)].map(|row| &self.pixels[row * self.width..]);
+            for (x, pixel) in line.iter_mut().enumerate() {
+                let columns = [2 * x, (2 * x + 1).min(self.width - 1)];
+                for k in 0..4 {
+                    pixel[k] = 0.25
+                        * (rows[0][columns[0]][k]
+                            + rows[0][columns[1]][k]
+                            + rows[1][columns[0]][k]
+                            + rows[1][columns[1]][k]);
+                }
+            }
+        });
+        Self { width, height, pixels }
+    }
+
+    /// Between the four pixels about a point of the finest level, px; at the picture's edge its last pixels.
+    #[inline(always)]
+    fn at(&self, x: f32, y: f32, level: usize) -> [f32; 4] {
+        let scale = 1.0 / (1u32 << level) as f32;
+        let u = (x * scale - 0.5).clamp(0.0, (self.width - 1) as f32);
+        let v = (y * scale - 0.5).clamp(0.0, (self.height - 1) as f32);
+        let (left, top) = (u as usize, v as usize);
+        let (fx, fy) = (u - left as f32, v - top as f32);
+        let (right, bottom) = ((left + 1).min(self.width - 1), (top + 1).min(self.height - 1));
+        let [a, b] = [left, right].map(|column| &self.pixels[top * self.width + column]);
+        let [c, d] = [left, right].map(|column| &self.pixels[bottom * self.width + column]);
+        std::array::from_fn(|k| {
+            let upper = a[k] + fx * (b[k] - a[k]);
+            let lower = c[k] + fx * (d[k] - c[k]);
+            upper + fy * (lower - upper)
+        })
+    }
+}
+
+/// Display-referred pixels of a row in linear light.
+#[inline(always)]
+fn decode_row<S: Lanes>(simd: S, rgb: &[f32], line: &mut [[f32; 4]]) {
+    for (pixels, line) in rgb.chunks(3 * GROUP).zip(line.chunks_mut(GROUP)) {
+        let mut channels = [[0.0f32; GROUP]; 3];
+        for (i, pixel) in pixels.as_chunks::<3>().0.iter().enumerate() {
+            (0..3).for_each(|k| channels[k][i] = pixel[k].max(0.0));
+        }
+        decode(simd, &mut channels);
+        for (i, pixel) in line.iter_mut().enumerate() {
+            *pixel = [channels[0][i], channels[1][i], channels[2][i], 0.0];
+        }
+    }
+}
+
+/// Display-referred colours in linear light, in place.
+#[inline(always)]
+pub(super) fn decode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
+    for first in (0..GROUP).step_by(S::N) {
+        let mut light = [simd.set(0.0); 3];
+        (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));
+        let light = simd::srgb_decode(simd, light);
+        (0..3).for_each(|k| {
+            fearless_simd::SimdBase::store_slice(&light[k], &mut channels[k][first..first + S::N])
+        });
+    }
+}
+
+/// Linear light in display-referred colours, in place.
+#[inline(always)]
+pub(super) fn encode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
+    for first in (0..GROUP).step_by(S::N) {
+        let mut light = [simd.set(0.0); 3];
+        (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));
+        let shown = simd::srgb_encode(simd, light);
+        (0..3).for_each(|k| {
+            fearless_simd::SimdBase::store_slice(&shown[k], &mut channels[k][first..first + S::N])
+        });
+    }
+}

@@ -1,0 +1,178 @@
+//! Rings of rain drops on water.
+//!
+//! A drop makes a packet of waves of some 31 mm, which runs outwards at 0.25 m/s and decays. The young rings of drops above 2
+//! mm are drawn one by one; those that have run into each other are a random field of the same waves. Slopes follow from the
+//! energy of drops and the viscous decay of waves: rms 0.10 at 10 mm/h and 0.26 at 50 mm/h on deep water, less where water
+//! is shallow.
+
+use super::fft::{Complex, SIDE};
+use super::tile::SlopeTile;
+use super::waves::WaveField;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+use wm_scene::random::uniform;
+
+/// Wave number of rings, rad/m.
+pub const WAVE_NUMBER: f64 = 200.0;
+/// Speed at which rings widen, m/s.
+pub const RING_SPEED: f64 = 0.25;
+/// Side of the tile, m.
+const SIZE: f64 = 2.048;
+/// Relative width of the band of waves that old rings make.
+const BAND: f64 = 0.18;
+/// Share of the slopes' variance that young rings bring.
+const YOUNG: f64 = 0.6;
+/// How long rings are drawn, and over which time they decay, s.
+const LIFE: f64 = 0.7;
+const DECAY: f64 = 0.3;
+/// Half the width of a ring, standard deviation, m.
+const WIDTH: f64 = 0.016;
+/// Widths from its middle to which it is drawn.
+const REACH: f64 = 2.6;
+/// Radius within which a ring does not grow higher inwards, m.
+const CORE: f64 = 0.012;
+/// Most drops above 2 mm that are drawn, a m^2 and second.
+const MOST: f64 = 1200.0;
+
+/// Root mean square slope, both axes together, on water `depth` metres deep under rain of `rate` mm/h.
+#[must_use]
+pub fn slope_rms(rate: f64, depth: f64) -> f64 {
+    // (depth, share), between by its logarithm.
+    const SHARES: [(f64, f64); 4] = [(0.002, 0.29), (0.005, 0.49), (0.010, 0.83), (0.030, 1.0)];
+    let deep = 0.10 * (rate.max(0.0) / 10.0).powf(0.594);
+    let share = match SHARES.iter().position(|(own, _)| depth < *own) {
+        None => SHARES[SHARES.len() - 1].1,
+        Some(0) => SHARES[0].1 * (depth / SHARES[0].0).max(0.0),
+        Some(next) => {
+            let [(shallow, less), (deeper, more)] = [SHARES[next - 1], SHARES[next]];
+            less + (more - less) * (depth / shallow).ln() / (deeper / shallow).ln()
+        }
+    };
+    deep * share
+}
+
+/// Drops above 2 mm that fall on a m^2 in a second of rain of `rate` mm/h.
+#[must_use]
+pub fn large_drops(rate: f64) -> f64 {
+    // 125, 383 and 817 at 10, 25 and 50 mm/h.
+    125.0 * (rate.max(0.0) / 10.0).powf(1.17)
+}
+
+/// A ring: where its drop fell, m on the tile, and how long ago, s.
+struct Ring {
+    center: [f64; 2],
+    age: f64,
+}
+
+/// The young rings of one instant: drops are a fixed sequence of which the rain takes its share, so that a ring stays while
+/// the rate changes.
+fn rings(rate: f64, time: f64, seed: u64) -> Vec<Ring> {
+    let most = MOST * SIZE * SIZE;
+    let share = large_drops(rate).min(MOST) / MOST;
+    let last = (time * most).floor() as i64;
+    let first = ((time - LIFE) * most).floor() as i64;
+    (first..=last)
+        .filter_map(|drop| {
+            let draw = |k: u64| uniform(seed, (drop as u64).wrapping_mul(4).wrapping_add(k));
+            let age = time - (drop as f64 + draw(0)) / most;
+            let falls = draw(1) < share && age > 0.0 && age < LIFE;
+            falls.then(|| Ring { center: [SIZE * draw(2), SIZE * draw(3)], age })
+        })
+        .collect()
+}
+
+/// Slopes of the water under rain of `rate` mm/h at a time, s, with this root mean square over both axes.
+#[must_use]
+pub fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
+    let variance = rms * rms;
+    let cell = TAU / SIZE;
+    // Heights of a band of waves whose slopes have the variance that is left; numbers on the ring of wave vectors.
+    let band = |k: [f64; 2]| (-0.5 * ((k[0].hypot(k[1]) / WAVE_NUMBER - 1.0) / BAND).powi(2)).exp();
+    let half = SIDE as i64 / 2;
+    let sum: f64 = (-half + 1..half)
+        .flat_map(|j| (-half + 1..half).map(move |i| [i as f64 * cell, j as f64 * cell]))
+        .map(|k| (k[0] * k[0] + k[1] * k[1]) * band(k).powi(2))
+        .sum();
+    let field = WaveField::kept([0, 0, 0, 0, seed], || {
+        WaveField::new(SIZE, seed, |k| {
+            let own = band(k);
+            if own > 0.02 { own } else { 0.0 }
+        })
+    });
+    let mut values = field.slopes(time, (0.5 * (1.0 - YOUNG) * variance / sum).sqrt());
+    // The variance of rings: flux times the integral of their squared slopes over plane and age.
+    let flux = large_drops(rate).min(MOST);
+    let height = if flux > 0.0 { (YOUNG * variance / (flux * ring_power())).sqrt() } else { 0.0 };
+    let rings = rings(rate, time, seed ^ 0x5249_4e47);
+    let step = SIZE / SIDE as f64;
+    values.par_chunks_exact_mut(SIDE).enumerate().for_each(|(row, line)| {
+        let y = (row as f64 + 0.5) * step;
+        for ring in &rings {
+            draw_row(ring, height, line, wrapped(y - ring.center[1]), step);
+        }
+    });
+    SlopeTile::new(SIZE, values.into_par_iter())
+}
+
+/// What is left of a ring's slopes at an age, s: it appears within a frame or so, decays, and goes softly.
+fn fading(age: f64) -> f64 {
+    (-age / DECAY).exp() * (1.0 - age / LIFE).min(age / 0.02).clamp(0.0, 1.0)
+}
+
+/// Squared slopes of a ring of height 1, summed over the plane and its life, m^2 s.
+fn ring_power() -> f64 {
+    const AGES: usize = 64;
+    const WAYS: usize = 48;
+    let middles =
+        |count: usize, length: f64| (0..count).map(move |i| (i as f64 + 0.5) / count as f64 * length);
+    let at = |age: f64| -> f64 {
+        let around = |off: f64| {
+            let r = (RING_SPEED * age + off).max(0.0);
+            let slope = (-0.5 * (off / WIDTH).powi(2)).exp() * (WAVE_NUMBER * off).cos();
+            TAU * r / (r + CORE) * slope * slope
+        };
+        let reach = 2.0 * REACH * WIDTH;
+        let plane: f64 = middles(WAYS, reach).map(|way| around(way - 0.5 * reach)).sum();
+        fading(age).powi(2) * plane * reach / WAYS as f64
+    };
+    middles(AGES, LIFE).map(at).sum::<f64>() * LIFE / AGES as f64
+}
+
+/// The shortest way across a tile that repeats.
+fn wrapped(way: f64) -> f64 {
+    way - SIZE * (way / SIZE).round()
+}
+
+/// Adds a ring to a row of the tile that is `dy` metres from its centre.
+fn draw_row(ring: &Ring, height: f64, line: &mut [Complex], dy: f64, step: f64) {
+    let radius = RING_SPEED * ring.age;
+    let outer = radius + REACH * WIDTH;
+    if dy.abs() >= outer {
+        return;
+    }
+    let reach = (outer * outer - dy * dy).sqrt();
+    let inner = radius - REACH * WIDTH;
+    let hole = if inner > dy.abs() { (inner * inner - dy * dy).sqrt() } else { 0.0 };
+    let node = |x: f64| ((ring.center[0] + x) / step - 0.5).ceil() as i64;
+    let strength = height * fading(ring.age);
+    let mut draw = |from: i64, to: i64| {
+        for i in from..to {
+            let x = (i as f64 + 0.5) * step - ring.center[0];
+            let r = (x * x + dy * dy).sqrt().max(1e-4);
+            let off = r - radius;
+            let packet = (-0.5 * (off / WIDTH) * (off / WIDTH)) as f32;
+            let slope = strength as f32 / ((r + CORE) as f32).sqrt()
+                * packet.exp()
+                * ((WAVE_NUMBER * off) as f32).cos();
+            let value = &mut line[i.rem_euclid(SIDE as i64) as usize];
+            value[0] += slope * (x / r) as f32;
+            value[1] += slope * (dy / r) as f32;
+        }
+    };
+    if hole > 0.0 {
+        draw(node(-reach), node(-hole));
+        draw(node(hole), node(reach));
+    } else {
+        draw(node(-reach), node(reach));
+    }
+}

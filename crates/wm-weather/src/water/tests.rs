@@ -1,0 +1,181 @@
+use super::fft::{SIDE, transform};
+use super::motion::WaterForces;
+use super::ripples::{RING_SPEED, WAVE_NUMBER, slope_rms};
+use super::waves::{WindWaves, frequency};
+use super::*;
+use crate::Site;
+use wm_scene::Camera;
+use wm_scene::random::uniform;
+
+const SITE: Site = Site::PLAIN;
+
+fn camera(eye: [f64; 3], target: [f64; 3]) -> Camera {
+    let [eye, target] = [eye, target].map(glam::DVec3::from_array);
+    Camera::looking((160, 120), 60.0, eye, target, glam::DVec3::Z).unwrap()
+}
+
+/// Elevation in degrees and reflectance, from tables of optics.
+#[test]
+fn reflectances_are_those_of_tables() {
+    let table =
+        [(2.0, 0.80), (5.0, 0.58), (10.0, 0.35), (15.0, 0.21), (20.0, 0.13), (30.0, 0.06), (90.0, 0.02)];
+    for (elevation, want) in table {
+        let got = fresnel(f32::sin(f32::to_radians(elevation)));
+        assert!((got - want).abs() < 0.0051, "{elevation}: {got} for {want}");
+    }
+    assert!((fresnel(0.0) - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn the_transform_is_the_sum_of_waves() {
+    let mut values = vec![[0.0f32; 2]; SIDE * SIDE];
+    let waves: Vec<(usize, [f64; 2])> = (0..5u64)
+        .map(|i| {
+            let at = (uniform(3, 3 * i) * (SIDE * SIDE) as f64) as usize;
+            (at, [uniform(3, 3 * i + 1), uniform(3, 3 * i + 2)])
+        })
+        .collect();
+    for (at, value) in &waves {
+        values[*at] = value.map(|v| v as f32);
+    }
+    transform(&mut values);
+    for (x, y) in [(0, 0), (1, 0), (0, 1), (17, 200), (255, 255)] {
+        let want = waves.iter().fold([0.0; 2], |sum: [f64; 2], (at, [re, im])| {
+            let turns = (at % SIDE * x + at / SIDE * y) as f64 / SIDE as f64;
+            let (sin, cos) = (std::f64::consts::TAU * turns).sin_cos();
+            [sum[0] + re * cos - im * sin, sum[1] + re * sin + im * cos]
+        });
+        let got = values[y * SIDE + x];
+        assert!((0..2).all(|k| (f64::from(got[k]) - want[k]).abs() < 1e-4), "{x}, {y}: {got:?} for {want:?}");
+    }
+}
+
+/// The values that the design of waves states: 50 m, 7 m/s: 2.5 cm high, 0.30 m long.
+#[test]
+fn wind_waves_grow_by_fetch() {
+    let waves = WindWaves::new([7.0, 0.0], 50.0, 0.0).unwrap();
+    // Less by what makes it as steep as Cox and Munk's slopes.
+    assert!(waves.height > 0.012 && waves.height < 0.0255, "{}", waves.height);
+    assert!(2.0 * waves.slope_variance() < 0.003 + 0.00512 * 7.0 + 1e-9);
+    let length = 9.81 * waves.period * waves.period / std::f64::consts::TAU;
+    assert!((length - 0.30).abs() < 0.02, "{length}");
+    assert!(WindWaves::new([0.0; 2], 50.0, 9.0).is_none());
+    // A ring's waves: 31 mm, 8 Hz, 0.25 m/s.
+    let w = frequency(WAVE_NUMBER);
+    assert!((w / std::f64::consts::TAU - 8.0).abs() < 0.1 && (w / WAVE_NUMBER - RING_SPEED).abs() < 0.005);
+}
+
+/// The variance of slopes on tiles, and within what is too wide to see them, is that of the law.
+#[test]
+fn slopes_have_the_variance_of_their_spectrum() {
+    let (mut wind, mut rain) = (0.0, 0.0);
+    let times = [0.0, 1.7, 33.0];
+    for time in times {
+        let of = |forces| f64::from(WaterMotion::new(&forces).at(0.3, 0.7, 1e4).variance);
+        let still = of(WaterForces::default());
+        wind += of(WaterForces { wind: [5.0, 2.0], fetch: 50.0, time, ..WaterForces::default() }) - still;
+        rain += of(WaterForces { rain: 10.0, time, ..WaterForces::default() }) - still;
+    }
+    let (wind, rain) = (wind / times.len() as f64, rain / times.len() as f64);
+    let want = WindWaves::new([5.0, 2.0], 50.0, 0.0).unwrap().slope_variance();
+    assert!((wind / want - 1.0).abs() < 0.1, "wind: {wind} for {want}");
+    let want = 0.5 * slope_rms(10.0, 1.0).powi(2);
+    assert!((rain / want - 1.0).abs() < 0.15, "rain: {rain} for {want}");
+    assert!((slope_rms(10.0, 1.0) - 0.10).abs() < 1e-9 && (slope_rms(50.0, 1.0) - 0.26).abs() < 0.005);
+    assert!((slope_rms(10.0, 0.005) - 0.049).abs() < 1e-3);
+}
+
+/// Motion is a function of place and time: the same from anywhere, and at any order of frames.
+#[test]
+fn motion_is_fixed_to_the_world() {
+    let forces = |time| WaterForces {
+        wind: [4.0, 0.0],
+        fetch: 50.0,
+        rain: 8.0,
+        time,
+        seed: 1,
+        ..WaterForces::default()
+    };
+    let [now, again, later] = [2.0, 2.0, 2.1].map(|time| WaterMotion::new(&forces(time)));
+    let at = |motion: &WaterMotion| motion.at(12.3, -4.5, 0.01);
+    assert_eq!(at(&now), at(&again));
+    assert_ne!(at(&now), at(&later));
+}
+
+#[test]
+fn a_ray_meets_the_water_where_it_stands() {
+    let map = WaterMap::flood(0.5, &SITE);
+    let camera = camera([0.0, 0.0, 2.0], [10.0, 0.0, 0.5]);
+    let surface = WaterSurface::of(&map, &camera).unwrap();
+    let mut wet = 0;
+    for (i, z) in surface.depth.iter().enumerate() {
+        let (x, y) = ((i % 160) as f64 + 0.5, (i / 160) as f64 + 0.5);
+        let ray = camera.ray(x, y);
+        assert_eq!(z.is_nan(), ray.z >= 0.0, "{x}, {y}");
+        if !z.is_nan() && *z < 1e5 {
+            let point = camera.center() + ray * (f64::from(*z) / ray.dot(camera.forward()));
+            assert!((point.z - 0.5).abs() < 1e-5 * f64::from(*z), "{x}, {y}: {point}");
+            wet += 1;
+        }
+    }
+    assert!(wet > 5000, "{wet}");
+    // From below the surface nothing is seen of it.
+    assert!(WaterSurface::of(&WaterMap::flood(2.5, &SITE), &camera).is_none());
+}
+
+#[test]
+fn a_puddle_has_soft_edges_and_its_own_level() {
+    let (width, height) = (41, 41);
+    let inside = |i: usize| {
+        let (x, y) = ((i % width) as f64 * 0.1 - 2.0, (i / width) as f64 * 0.1 - 2.0);
+        1.0 - (x.hypot(y) - 1.0) / 0.3
+    };
+    let nodes = 0..width * height;
+    let grid = WaterGrid {
+        origin: [3.0, -2.0],
+        step: 0.1,
+        width,
+        height,
+        level: nodes.clone().map(|i| if inside(i) > 0.0 { 0.02 } else { f32::NAN }).collect(),
+        cover: nodes.clone().map(|i| inside(i).clamp(0.0, 1.0) as f32).collect(),
+        roughness: vec![0.0; width * height],
+    };
+    let map = WaterMap::of_grid(Some(grid), &SITE);
+    let surface = WaterSurface::of(&map, &camera([0.0, 0.0, 1.6], [5.0, 0.0, 0.0])).unwrap();
+    assert!((surface.level - 0.02).abs() < 1e-6);
+    let soft = surface.cover.iter().filter(|cover| (0.05..0.95).contains(*cover)).count();
+    let full = surface.cover.iter().filter(|cover| **cover > 0.999).count();
+    assert!(soft > 50 && full > 50, "{soft} {full}");
+}
+
+/// A point of the world is where its mirror image is, seen by the eye, with its columns counted from the right.
+#[test]
+fn the_mirrored_eye_sees_mirror_images() {
+    let map = WaterMap::flood(0.3, &SITE);
+    let eye = camera([1.0, -2.0, 1.7], [8.0, 0.5, 0.9]);
+    let surface = WaterSurface::of(&map, &eye).unwrap();
+    let mirror = MirrorView::new(&map, &surface, &eye);
+    mirror.camera.check().unwrap();
+    let (first, _) = (surface.rows.start, surface.rows.end);
+    let margin = f64::from(mirror.camera.width) - 0.5 * f64::from(eye.width);
+    for point in [[6.0, 0.0, 1.0], [9.0, 2.0, 3.0], [5.0, -1.0, 0.4]] {
+        let point = glam::DVec3::from_array(point);
+        let image = glam::DVec3::new(point.x, point.y, 0.6 - point.z);
+        let (x, y, z) = eye.project(image).unwrap();
+        let (u, v, w) = mirror.camera.project(point).unwrap();
+        assert!((z - w).abs() < 1e-9);
+        assert!((u - 0.5 * (f64::from(eye.width) - x) - 0.5 * margin).abs() < 1e-6, "{u} {x}");
+        assert!((v - 0.5 * (y - f64::from(first)) - 0.5 * margin).abs() < 0.51, "{v} {y}");
+    }
+}
+
+/// A white disc goes out of sight at the Secchi depth.
+#[test]
+fn a_disc_fades_at_the_secchi_depth() {
+    for secchi in [0.1, 1.0, 10.0] {
+        let body = WaterBody::new(secchi, None, [1.0; 3]);
+        let depth = secchi as f32;
+        assert!((f64::from(body.left(depth, depth)) / (-8.69f64).exp() - 1.0).abs() < 1e-3);
+        assert!(body.glow.iter().all(|light| (0.002..0.06).contains(light)), "{:?}", body.glow);
+    }
+}
