@@ -16,7 +16,7 @@ use wm_weather::light::LampsOn;
 use wm_weather::paper::PaperStages;
 use wm_weather::paper::composite::{self, PaperBlend};
 use wm_weather::shelter::Shelter;
-use wm_weather::water::{MirrorView, WaterBody, WaterEffect, WaterMap, WaterMotion, WaterSurface};
+use wm_weather::water::{MirrorView, WaterBody, WaterEffect, WaterGrid, WaterMap, WaterMotion, WaterSurface};
 use wm_weather::{Observer, PreparedWeather};
 
 /// A camera and how it moves.
@@ -48,6 +48,8 @@ pub struct FrameRequest<'a> {
     pub shelter: Option<&'a Shelter>,
     /// The lamps that shine; `None` for none.
     pub lamps: Option<&'a LampsOn<'a>>,
+    /// The surface of puddles and films on the ground; `None` for none.
+    pub puddles: Option<&'a WaterGrid>,
     /// Threads for what is made for the whole frame.
     pub threads: usize,
     /// The outputs, the background and the rasterization.
@@ -88,7 +90,7 @@ impl FrameRequest<'_> {
         }
         picture.water = WaterLayers::default();
         let camera = &self.camera.camera;
-        let water = self.weather.water().and_then(|map| Water::new(map, self.weather, camera));
+        let water = self.weather.water(self.puddles).and_then(|map| Water::new(map, self.weather, camera));
         if let Some(water) = water {
             return self.draw_with_water(&water, backend, memory, picture);
         }

@@ -794,8 +794,10 @@ impl PreparedPlace {
         sets.extend(windows.as_ref().map(SetView::transient));
         let sources = self.light.sources(&prepared, &self.store, moving.as_ref(), &self.site);
         let lamps = sources.as_ref().map(|(lights, display)| LampsOn { lights, display: *display });
+        let puddles = self.water.puddles(&prepared, &self.site);
         let request = FrameRequest {
             lamps: lamps.as_ref(),
+            puddles: puddles.as_ref(),
             threads: backend.threads(),
             sets: &sets,
             weather: &prepared,
@@ -822,7 +824,7 @@ impl PreparedPlace {
         if track.most() <= 0.0 && !self.warnings.iter().any(|warning| warning.starts_with("flood.level")) {
             self.warnings.push("flood.level is not above the ground: no water is drawn".into());
         }
-        let Some(map) = prepared.water() else { return Ok(()) };
+        let Some(map) = prepared.water(None) else { return Ok(()) };
         let ground = self.site.ground * self.site.metres_per_unit;
         let eye = map.height_of(camera.center().to_array());
         match map.heights() {

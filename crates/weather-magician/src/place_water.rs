@@ -2,6 +2,7 @@
 
 use crate::assets::AssetStore;
 use std::sync::Arc;
+use wm_weather::water::{WaterGrid, puddles};
 use wm_weather::wetness::{Catchments, WaterState, WetGains, WetShares, WetState, WetSurfaces};
 use wm_weather::{PreparedWeather, Site};
 
@@ -49,6 +50,12 @@ impl PlaceWater {
     pub fn gains(&self, prepared: &PreparedWeather) -> Option<WetGains<'_>> {
         let (reached, state, asked) = (self.reached.as_ref()?, self.state.as_ref()?, prepared.wetness()?);
         Some(WetGains::new(&reached.surfaces, &reached.shares, state, asked.porosity))
+    }
+
+    /// The surface of the water on the ground; `None` where nothing is wet, or snow lies on it.
+    pub fn puddles(&self, prepared: &PreparedWeather, site: &Site) -> Option<WaterGrid> {
+        let asked = prepared.wetness().filter(|_| prepared.cover().is_empty())?;
+        Some(puddles(&self.state()?, asked.texture, site))
     }
 
     /// The water on the ground; `None` where nothing is wet.

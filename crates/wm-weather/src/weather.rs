@@ -16,8 +16,8 @@ use crate::particles::fall::WindSample;
 use crate::particles::{FallingParticles, Precipitation};
 use crate::shelter::Shelter;
 use crate::track::Track;
+use crate::water::{WaterBody, WaterForces, WaterGrid, WaterMap, WaterMotion};
 use crate::wetness::{SlantedRain, WetRequest};
-use crate::water::{WaterBody, WaterForces, WaterMap, WaterMotion};
 use std::path::Path;
 use std::sync::Arc;
 use wm_render::Frame;
@@ -298,6 +298,9 @@ impl WeatherSample {
 /// Speed of clouds over that of the wind at 10 m, and without any wind, m/s.
 const ALOFT: f64 = 1.6;
 const CLOUD_SPEED: f64 = 8.0;
+/// Depth of a flood, and of the water on wet ground, for the rings of drops, m.
+const DEEP: f64 = 1.0;
+const PUDDLE: f64 = 0.01;
 /// Steps of the slope of what falls: the tangent of 3 degrees.
 const SLOPE: f64 = 0.052_4;
 /// Most that the wind slants the fall that shelter goes by, as a slope.
@@ -471,10 +474,14 @@ impl PreparedWeather {
         self.flood.as_ref().filter(|flood| flood.level > 0.0)
     }
 
-    /// Returns where water stands; `None` where none does.
+    /// Returns where water stands, with the puddles of the place; `None` where none does.
     #[must_use]
-    pub fn water(&self) -> Option<WaterMap> {
-        self.flood().map(|flood| WaterMap::flood(flood.level, &self.site))
+    pub fn water(&self, puddles: Option<&WaterGrid>) -> Option<WaterMap> {
+        match (self.flood(), puddles.cloned()) {
+            (Some(flood), puddles) => Some(WaterMap::flood(flood.level, &self.site).with_grid(puddles)),
+            (None, Some(puddles)) => Some(WaterMap::of_grid(Some(puddles), &self.site)),
+            (None, None) => None,
+        }
     }
 
     /// Returns the motion of the water.
@@ -483,7 +490,8 @@ impl PreparedWeather {
         let rain = self.falling.iter().filter(|kind| kind.kind.name == "rain").map(|kind| kind.rate).sum();
         let (fetch, seed) = self.flood.map_or((0.0, 0), |flood| (flood.fetch, flood.seed));
         let (wind, time, strongest) = (self.wind_now.mean, self.time, self.strongest_wind);
-        WaterMotion::new(&WaterForces { wind, strongest, fetch, rain, time, seed })
+        let depth = if self.flood().is_some() { DEEP } else { PUDDLE };
+        WaterMotion::new(&WaterForces { wind, strongest, fetch, rain, depth, time, seed })
     }
 
     /// Returns what the water is like that has depth.

@@ -209,6 +209,7 @@ impl<'a> BenchTarget<'a> {
                     camera: (*camera).into(),
                     shelter: None,
                     lamps: None,
+                    puddles: None,
                     threads: 1,
                     config: &case.config,
                     parts: &[],

@@ -9,7 +9,7 @@ use wm_scene::{Camera, Group, Splats, random};
 use wm_weather::Weather;
 
 /// Changes that leave nothing in a weather but light: no air, nothing that falls or lies.
-pub const LIGHT_ALONE: [&str; 13] = [
+pub const LIGHT_ALONE: [&str; 14] = [
     "rain=off",
     "snowfall=off",
     "hail=off",

@@ -193,6 +193,7 @@ impl InstrumentRenderer for PlaceRenderer {
             camera: (*shot.camera).into(),
             shelter: None,
             lamps: None,
+            puddles: None,
             threads: 1,
             config: &config,
             parts: shot.parts,

@@ -6,6 +6,7 @@ use super::map::WaterMap;
 use super::mirror::{MirrorView, MirroredPicture, decode, encode};
 use super::motion::WaterMotion;
 use super::surface::WaterSurface;
+use super::tile::Slope;
 use rayon::prelude::*;
 use wm_render::hooks::{AirGroup, GROUP, Medium, PixelEffect, ShadeGroup};
 use wm_render::pixel_effects::apply_pixel_effects;
@@ -24,6 +25,8 @@ const SHARP: f32 = 0.35;
 const TALL: f32 = 5.0;
 /// Slopes away from the eye, of the tangent of the view's elevation, from which crests hide what is behind them.
 const HIDING: f32 = 0.7;
+/// Slopes that do not move, of a film in which no wave runs.
+const FILM: f32 = 0.1;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
 const FAR: f32 = 1e5;
 
@@ -246,6 +249,9 @@ impl<'a> Scene<'a> {
         let hit = ray.map(|v| v * z);
         let place = [self.eye[0] + f64::from(hit[0]), self.eye[1] + f64::from(hit[1])];
         let slope = self.of.motion.at(place[0], place[1], across / (sine.sqrt() * sine.sqrt().sqrt()));
+        // A film between the grains of the ground has no waves.
+        let free = (1.0 - still / FILM).max(0.0);
+        let slope = Slope { mean: slope.mean.map(|v| v * free), variance: slope.variance * free * free };
         let rough = (slope.variance + still * still).sqrt();
 
         // Depth of the water under the ray, and the way in it after the ray is bent.

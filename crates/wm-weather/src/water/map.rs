@@ -16,7 +16,7 @@ pub struct WaterGrid {
     pub width: usize,
     /// Nodes along the second axis.
     pub height: usize,
-    /// Height of the surface at each node; NaN where no water stands.
+    /// Height of the surface at each node, also where it hides nothing; NaN where there is none.
     pub level: Vec<f32>,
     /// Share of the ground that the water hides at each node, 0-1: soft edges.
     pub cover: Vec<f32>,
@@ -62,6 +62,12 @@ impl WaterMap {
         Self { axes: level_axes(site.up), metres_per_unit: site.metres_per_unit, plane: None, grid }
     }
 
+    /// The same with the water of a grid where that stands higher.
+    #[must_use]
+    pub fn with_grid(self, grid: Option<WaterGrid>) -> Self {
+        Self { grid, ..self }
+    }
+
     /// The same with an endless level surface, `height` metres along up from the world's origin, over what lies below it.
     #[must_use]
     pub fn with_plane(self, height: f64) -> Self {
@@ -74,6 +80,12 @@ impl WaterMap {
         self.plane
     }
 
+    /// Returns true if there is nothing but the endless level surface.
+    #[must_use]
+    pub fn is_endless(&self) -> bool {
+        self.plane.is_some() && self.grid.is_none()
+    }
+
     /// Height of a world point along up from the world's origin, m.
     #[must_use]
     pub fn height_of(&self, point: [f64; 3]) -> f64 {
@@ -83,20 +95,21 @@ impl WaterMap {
     /// The heights of all water, lowest and highest, m; `None` where none stands.
     #[must_use]
     pub fn heights(&self) -> Option<[f64; 2]> {
-        let levels = self.grid.iter().flat_map(|grid| &grid.level).filter(|level| !level.is_nan());
-        let all = levels.map(|level| f64::from(*level)).chain(self.plane);
+        let nodes = self.grid.iter().flat_map(|grid| grid.level.iter().zip(&grid.cover));
+        let levels = nodes.filter(|(level, cover)| !level.is_nan() && **cover > 0.0);
+        let all = levels.map(|(level, _)| f64::from(*level)).chain(self.plane);
         all.fold(None, |found: Option<[f64; 2]>, level| {
             Some(found.map_or([level; 2], |[low, high]| [low.min(level), high.max(level)]))
         })
     }
 
-    /// The water at a place, metres along the level axes; `None` where none stands.
+    /// The water at a place, metres along the level axes; `None` where none is known. It may hide nothing.
     #[must_use]
     pub fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
         let everywhere = self.plane.map(|level| WaterSample { level, cover: 1.0, roughness: 0.0 });
         let own = self.grid.as_ref().and_then(|grid| grid.at(x, y));
         match (everywhere, own) {
-            (Some(plane), Some(own)) if own.level > plane.level => Some(own),
+            (Some(plane), Some(own)) if own.level > plane.level && own.cover > 0.0 => Some(own),
             (Some(plane), _) => Some(plane),
             (None, own) => own,
         }
@@ -124,7 +137,7 @@ impl WaterGrid {
                 }
             }
         }
-        (cover > 0.0 && wet > 0.0).then(|| WaterSample {
+        (wet > 0.0).then(|| WaterSample {
             level: level / wet,
             cover: cover as f32,
             roughness: (roughness / wet) as f32,

@@ -26,6 +26,8 @@ pub struct WaterForces {
     pub fetch: f64,
     /// Rain, mm/h.
     pub rain: f64,
+    /// Depth of the water, m: shallow water stays smoother.
+    pub depth: f64,
     /// Seconds.
     pub time: f64,
     /// Seed of the random waves.
@@ -33,7 +35,7 @@ pub struct WaterForces {
 }
 
 impl WaterMotion {
-    /// The motion of water that is deep against its ripples.
+    /// The motion of water under these forces.
     #[must_use]
     pub fn new(forces: &WaterForces) -> Self {
         let mut motion = Self { tiles: Vec::new(), beyond: STILL };
@@ -41,7 +43,7 @@ impl WaterMotion {
             motion.tiles.push(waves.slopes(forces.time, forces.seed ^ 0x5741_5645));
             motion.beyond += waves.beyond_tile();
         }
-        let rms = ripples::slope_rms(forces.rain, 1.0);
+        let rms = ripples::slope_rms(forces.rain, forces.depth);
         if rms > 0.0 {
             motion.tiles.push(ripples::slopes(forces.rain, rms, forces.time, forces.seed ^ 0x5241_494e));
         }

@@ -7,6 +7,10 @@ use wm_scene::Camera;
 
 /// Largest view z of a surface, scene units: beyond it waves and mirrors are the horizon's.
 const FARTHEST: f64 = 1e6;
+/// Least height of the eye over a puddle, m.
+const ABOVE: f64 = 0.05;
+/// Height by which a ray misses the water at the last of its steps, m, from which on it met none.
+const MISSED: f64 = 0.05;
 /// Steps by which a ray finds the level of the place that it hits.
 const STEPS: usize = 6;
 
@@ -32,7 +36,9 @@ impl WaterSurface {
         let metres = map.metres_per_unit;
         let eye = map.axes.map(|axis| metres * dot(axis, camera.center().to_array()));
         let [low, high] = map.heights()?;
-        if eye[2] <= high {
+        // Puddles above the eye are not seen.
+        let high = map.plane().unwrap_or_else(|| high.min(eye[2] - ABOVE));
+        if eye[2] <= high || eye[2] <= low {
             return None;
         }
         let world_from_camera = camera.rotation().transpose();
@@ -40,7 +46,7 @@ impl WaterSurface {
         let corner = world_from_camera.z_axis - right * camera.cx - down * camera.cy;
         let along = |axis: glam::DVec3| map.axes.map(|level| metres * dot(level, axis.to_array()));
         let (right, down, corner) = (along(right), along(down), along(corner));
-        let (width, is_flat) = (camera.width as usize, low == high && map.plane().is_some());
+        let (width, is_flat) = (camera.width as usize, map.is_endless());
         let pixels = width * camera.height as usize;
         let mut depth = vec![f32::NAN; pixels];
         let mut others = if is_flat { Vec::new() } else { vec![[0.0f32; 3]; pixels] };
@@ -111,7 +117,7 @@ fn hit(map: &WaterMap, eye: [f64; 3], ray: [f64; 3], high: f64) -> Option<(f64, 
         }
         level = sample.level;
     }
-    found
+    found.filter(|(z, sample)| sample.cover > 0.0 && (eye[2] + z * ray[2] - sample.level).abs() < MISSED)
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

@@ -74,7 +74,7 @@ fn slopes_have_the_variance_of_their_spectrum() {
         let of = |forces| f64::from(WaterMotion::new(&forces).at(0.3, 0.7, 1e4).variance);
         let still = of(WaterForces::default());
         wind += of(WaterForces { wind: [5.0, 2.0], fetch: 50.0, time, ..WaterForces::default() }) - still;
-        rain += of(WaterForces { rain: 10.0, time, ..WaterForces::default() }) - still;
+        rain += of(WaterForces { rain: 10.0, depth: 1.0, time, ..WaterForces::default() }) - still;
     }
     let (wind, rain) = (wind / times.len() as f64, rain / times.len() as f64);
     let want = WindWaves::new([5.0, 2.0], 50.0, 0.0).unwrap().slope_variance();
