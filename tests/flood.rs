@@ -63,7 +63,7 @@ fn still_water_mirrors_what_rays_meet() {
                 let share = f64::from(fresnel(-ray.z as f32));
                 let seen = picture.frame.rgb_at(x, y);
                 for (radiance, seen) in display_of(hit.radiance).into_iter().zip(seen) {
-                    let want = srgb_encode(share * srgb_decode(f64::from(radiance)));
+                    let want = srgb_encode(share * srgb_decode(radiance));
                     error += (want - f64::from(seen)).powi(2);
                     count += 1;
                 }

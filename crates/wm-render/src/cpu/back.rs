@@ -147,8 +147,7 @@ impl Back<'_> {
             sums,
             self.records,
             keys,
-            tile,
-            inside,
+            (tile, inside),
             self.surface.map(|z| (z, self.size)),
             scratch,
         );
@@ -171,8 +170,7 @@ pub fn blend(
     (features, median): (usize, MedianDepth),
     records: &[Record],
     keys: &[u64],
-    tile: (usize, usize),
-    inside: u32,
+    (tile, inside): ((usize, usize), u32),
     surface: Option<Surface<'_>>,
     scratch: &mut BlendScratch,
 ) -> u64 {

@@ -248,9 +248,12 @@ impl<'a> Scene<'a> {
         let across = self.pixel * distance;
         let hit = ray.map(|v| v * z);
         let place = [self.eye[0] + f64::from(hit[0]), self.eye[1] + f64::from(hit[1])];
-        let slope = self.of.motion.at(place[0], place[1], across / (sine.sqrt() * sine.sqrt().sqrt()));
         // A film between the grains of the ground has no waves.
         let free = (1.0 - still / FILM).max(0.0);
+        let slope = match free > 0.0 {
+            true => self.of.motion.at(place[0], place[1], across / (sine.sqrt() * sine.sqrt().sqrt())),
+            false => Slope { mean: [0.0; 2], variance: 0.0 },
+        };
         let slope = Slope { mean: slope.mean.map(|v| v * free), variance: slope.variance * free * free };
         let rough = (slope.variance + still * still).sqrt();
 
@@ -272,7 +275,7 @@ impl<'a> Scene<'a> {
             [0, 1].map(|k| ahead * along[k] + beside * aside[k])
         };
         let start = reflect(toward, tilted(0.0));
-        let far = self.reach(from_mirror, start.0);
+        let far = self.reach(from_mirror, start.0, if free > 0.0 { 2 } else { 1 });
         // A lobe as it is seen in the mirrored picture: two slopes tall, and as much narrower as the view is flat. Of what stands
         // at the water it is a point.
         let share = far / (far + distance);
@@ -280,7 +283,7 @@ impl<'a> Scene<'a> {
         let wide = tall * sine;
         let taps = match tall {
             tall if tall < SHARP => &FEW[..1],
-            tall if tall < TALL => &FEW[..],
+            tall if tall < TALL || free == 0.0 => &FEW[..],
             _ => &MANY[..],
         };
         let apart = if taps.len() == MANY.len() { 0.9 } else { 1.4 };
@@ -304,11 +307,11 @@ impl<'a> Scene<'a> {
     }
 
     /// How far it is from a point of the water along a reflected ray to what is mirrored, m: by the depth of the mirrored
-    /// picture, in two steps.
+    /// picture, in a number of steps.
     #[inline(always)]
-    fn reach(&self, from: [f32; 3], way: [f32; 3]) -> f32 {
+    fn reach(&self, from: [f32; 3], way: [f32; 3], steps: u32) -> f32 {
         let mut far = FAR;
-        for _ in 0..2 {
+        for _ in 0..steps {
             let (u, v, z) = self.project(std::array::from_fn(|k| from[k] + far * way[k]));
             let inverse = self.mirrored.at(u, v, 1.0)[3] / self.metres;
             if z <= 0.0 || inverse < 1.0 / FAR {

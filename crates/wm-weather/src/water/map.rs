@@ -103,6 +103,21 @@ impl WaterMap {
         })
     }
 
+    /// The height below the eye that half of the water is above, m; `None` without any. With an endless surface it is that.
+    #[must_use]
+    pub fn typical_height(&self, eye: f64) -> Option<f64> {
+        if self.plane.is_some() {
+            return self.plane;
+        }
+        let nodes = self.grid.iter().flat_map(|grid| grid.level.iter().zip(&grid.cover));
+        let mut levels: Vec<f32> = nodes
+            .filter(|(level, cover)| f64::from(**level) < eye && **cover > 0.0)
+            .map(|(level, _)| *level)
+            .collect();
+        let middle = levels.len() / 2;
+        (!levels.is_empty()).then(|| f64::from(*levels.select_nth_unstable_by(middle, f32::total_cmp).1))
+    }
+
     /// The water at a place, metres along the level axes; `None` where none is known. It may hide nothing.
     #[must_use]
     pub fn at(&self, x: f64, y: f64) -> Option<WaterSample> {

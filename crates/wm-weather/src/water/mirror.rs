@@ -169,7 +169,7 @@ pub(super) fn decode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
         (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));
         let light = simd::srgb_decode(simd, light);
         (0..3).for_each(|k| {
-            fearless_simd::SimdBase::store_slice(&light[k], &mut channels[k][first..first + S::N])
+            fearless_simd::SimdBase::store_slice(&light[k], &mut channels[k][first..first + S::N]);
         });
     }
 }
@@ -182,7 +182,7 @@ pub(super) fn encode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
         (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));
         let shown = simd::srgb_encode(simd, light);
         (0..3).for_each(|k| {
-            fearless_simd::SimdBase::store_slice(&shown[k], &mut channels[k][first..first + S::N])
+            fearless_simd::SimdBase::store_slice(&shown[k], &mut channels[k][first..first + S::N]);
         });
     }
 }

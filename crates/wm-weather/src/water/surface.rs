@@ -36,6 +36,7 @@ impl WaterSurface {
         let metres = map.metres_per_unit;
         let eye = map.axes.map(|axis| metres * dot(axis, camera.center().to_array()));
         let [low, high] = map.heights()?;
+        let typical = map.typical_height(eye[2]).unwrap_or(high);
         // Puddles above the eye are not seen.
         let high = map.plane().unwrap_or_else(|| high.min(eye[2] - ABOVE));
         if eye[2] <= high || eye[2] <= low {
@@ -68,11 +69,11 @@ impl WaterSurface {
             depth.par_chunks_mut(width).zip(others.par_chunks_mut(width)).enumerate().for_each(
                 |(y, (row, others))| {
                     for (x, (depth, other)) in row.iter_mut().zip(others).enumerate() {
-                        if let Some((z, sample)) = hit(map, eye, ray(x, y), high) {
-                            if z > camera.near {
-                                *depth = z.min(FARTHEST) as f32;
-                                *other = [sample.cover, sample.roughness, sample.level as f32];
-                            }
+                        if let Some((z, sample)) = hit(map, eye, ray(x, y), typical)
+                            && z > camera.near
+                        {
+                            *depth = z.min(FARTHEST) as f32;
+                            *other = [sample.cover, sample.roughness, sample.level as f32];
                         }
                     }
                 },
@@ -101,12 +102,13 @@ fn most_seen(depth: &[f32], others: &[[f32; 3]]) -> f64 {
     f64::from(*levels.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
-/// Where a ray meets water: its view z, scene units, and the water there. `ray` is a view z of 1, in metres along level axes.
-fn hit(map: &WaterMap, eye: [f64; 3], ray: [f64; 3], high: f64) -> Option<(f64, super::map::WaterSample)> {
+/// Where a ray meets water: its view z, scene units, and the water there. `ray` is a view z of 1, in metres along level axes; the search
+/// begins at the height `typical`.
+fn hit(map: &WaterMap, eye: [f64; 3], ray: [f64; 3], typical: f64) -> Option<(f64, super::map::WaterSample)> {
     if ray[2] >= 0.0 {
         return None;
     }
-    let mut level = high;
+    let mut level = typical;
     let mut found = None;
     for _ in 0..STEPS {
         let z = (eye[2] - level) / -ray[2];

@@ -158,7 +158,7 @@ impl<'a> Tiles<'a> {
         let inside = inside(tile, self.size());
         let (keys, scratch) = (&worker.keys[..], &mut worker.scratch);
         let sums = (self.config.channels.count(), MedianDepth::Off);
-        stats.evaluated_pairs += blend(self.path, sums, self.records, keys, tile, inside, None, scratch);
+        stats.evaluated_pairs += blend(self.path, sums, self.records, keys, (tile, inside), None, scratch);
         let blended = Instant::now();
         let (channels, narrow) = (self.config.channels, self.path.narrow());
         for patch in (0..PATCHES).filter(|patch| inside >> patch & 1 == 1) {

@@ -135,7 +135,7 @@ pub fn finish_patch<S: Lanes, const LANES: usize>(
         Some(&mut pixels.falls)
     };
     // What lies between comes before what falls.
-    let drawn = (!out.front.is_empty()).then(|| pixels.rgb);
+    let drawn = (!out.front.is_empty()).then_some(pixels.rgb);
     falling.draw(path, (patch_x, patch_y), &mut pixels.rgb, behind, falls);
     if let Some(drawn) = drawn {
         pixels.rgb = drawn;
