@@ -25,6 +25,9 @@ const SHARP: f32 = 0.35;
 const TALL: f32 = 5.0;
 /// Slopes away from the eye, of the tangent of the view's elevation, from which crests hide what is behind them.
 const HIDING: f32 = 0.7;
+/// Pixels of a row that look into a film together, and the share of their distance by which that may differ.
+const SHARED: usize = 4;
+const NEAR: f32 = 0.02;
 /// Slopes that do not move, of a film in which no wave runs.
 const FILM: f32 = 0.1;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
@@ -63,6 +66,20 @@ struct Group {
     left: [f32; GROUP],
     cover: [f32; GROUP],
     rays: ShadeGroup,
+}
+
+impl Group {
+    /// Lets pixel `to` mirror what pixel `from` does.
+    #[inline(always)]
+    fn share(&mut self, from: usize, to: usize, cover: f32) {
+        for channel in self.mirrored.iter_mut().chain(&mut self.rays.direction) {
+            channel[to] = channel[from];
+        }
+        for column in [&mut self.reflected, &mut self.left, &mut self.rays.distance] {
+            column[to] = column[from];
+        }
+        self.cover[to] = cover;
+    }
 }
 
 impl PictureEffect for WaterEffect<'_> {
@@ -203,6 +220,7 @@ impl<'a> Scene<'a> {
             cover: [1.0; GROUP],
             rays: ShadeGroup::default(),
         };
+        let mut filled = zero;
         for i in 0..count {
             let x = first + i;
             let z = row.surface[x];
@@ -219,10 +237,25 @@ impl<'a> Scene<'a> {
             // Thin splats say little of how deep the bottom is.
             let bottom = if behind > 1e-3 * open { (behind / front[3].max(1e-9)).max(z) } else { z };
             let at = row.y * row.surface.len() + x;
-            self.look(&mut group, i, (x, row.y), (z, bottom), at);
-            group.left[i] *= (behind / open).clamp(0.0, 1.0);
+            let shared = i - i % SHARED;
+            if i != shared && group.wet >> shared & 1 == 1 && self.is_one_film(at, at - (i - shared)) {
+                group.share(shared, i, self.of.surface.cover[at]);
+            } else {
+                self.look(&mut group, i, (x, row.y), (z, bottom), at);
+            }
+            filled[i] = (behind / open).clamp(0.0, 1.0);
         }
+        group.left.iter_mut().zip(filled).for_each(|(left, filled)| *left *= filled);
         (group.wet != 0).then_some(group)
+    }
+
+    /// Returns true if two pixels of a row show the same film, in which what is mirrored is too blurred to differ.
+    #[inline(always)]
+    fn is_one_film(&self, a: usize, b: usize) -> bool {
+        let WaterSurface { roughness, depth, .. } = self.of.surface;
+        !roughness.is_empty()
+            && roughness[a].min(roughness[b]) > FILM
+            && (depth[a] - depth[b]).abs() < NEAR * depth[a]
     }
 
     /// Looks into the water at one pixel: `z` is where the ray meets it, `bottom` where it ends without water.
