@@ -71,7 +71,7 @@ fn photos_are_taken_reconstructed_and_drawn() {
     }
     assert_eq!(
         names(folder.path()),
-        ["photos", "sheet.png", "street.ply", "street.ply.cameras.json", "street.run"]
+        ["photos", "sheet.png", "street.ply", "street.ply.assets", "street.ply.cameras.json", "street.run"]
     );
     assert_eq!(names(&folder.path().join("photos")), ["images", "made-up.txt", "sparse"]);
     for (gone, left) in [("none", "street.ply"), ("street.ply", "street.run/checkpoint.wmtrain")] {
