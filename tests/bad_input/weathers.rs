@@ -62,7 +62,10 @@ fn overrides() {
     for (text, says) in [
         ("", "must be effect.parameter=value, as in fog.mor=120"),
         ("fog.mor", "must be effect.parameter=value, as in fog.mor=120"),
-        ("=", "there is no ``; the effects are sky, light, lightning, dust_cover, snow_cover, wind, fog"),
+        (
+            "=",
+            "there is no ``; the effects are sky, light, lightning, dust_cover, snow_cover, wetness, flood",
+        ),
         ("fog.mor=", "fog.mor is ``: must be a number from 1"),
         ("fog.mor=0", "fog.mor is 0: must be a number from 1"),
         ("fog.mor=-1", "fog.mor is -1: must be a number from 1"),

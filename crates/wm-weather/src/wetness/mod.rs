@@ -1,7 +1,7 @@
 //! Wet ground and walls: how much water is where, and how it looks.
 //!
 //! # How much water is where
-//! Rain fills pores, then the texture of surfaces, then it runs off ([`column`]), into the depressions of the ground that fill and run over
+//! Rain fills pores, then the texture of surfaces, then it runs off ([`mod@column`]), into the depressions of the ground that fill and run over
 //! ([`basins`]). What dries is taken from films first and from puddles last ([`drying`]). Each surface gets the share of the rain that reaches it: by what
 //! stands above it in the slanted direction of the rain ([`crate::shelter`]), by its slope, and on walls by the wind ([`surfaces`]). The state at an instant
 //! is a sum of steps until then ([`timeline`]), and depends on nothing else.
