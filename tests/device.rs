@@ -58,7 +58,8 @@ fn a_training_ends_as_near_as_the_cpus() {
     let psnr = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
         let [set, out] = ["set", "scene.ply"].map(|name| workshop.path(name).display().to_string());
         // Few steps: with more of them so few photos are learnt by heart, and no two ways of rounding end alike.
-        let words = ["reconstruct", &set, "--out", &out, "--device", &device, "--steps", "100"];
+        let words =
+            ["reconstruct", &set, "--no-assets", "--out", &out, "--device", &device, "--steps", "100"];
         let more = [
             "--max-splats",
             "800",

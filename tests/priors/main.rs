@@ -134,7 +134,9 @@ fn stereo_is_made_once_and_found_by_reconstruct() {
     assert_eq!((priors.index().photos.len(), priors.index().source.as_str()), (14, "photos"));
     assert!(desk.at("set/priors/preview.png").is_file());
     let mut command = Command::new(env!("CARGO_BIN_EXE_weather-magician"));
-    command.args(["reconstruct", "set", "--steps", "2", "--max-splats", "300"]).current_dir(desk.0.path());
+    command
+        .args(["reconstruct", "set", "--steps", "2", "--max-splats", "300", "--no-assets"])
+        .current_dir(desk.0.path());
     let output = finish(&mut command);
     assert!(output.status.success() && !said(&output).contains("geometry: "), "{}", said(&output));
     assert!(!desk.at("set.run/priors").exists());

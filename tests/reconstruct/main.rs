@@ -128,11 +128,11 @@ fn fails(command: &mut Command, says: &[&str]) -> String {
     process::fails(command, says, &REMARKS)
 }
 
-/// The options of `reconstruct`: `more`, and what is usual where it says nothing.
+/// The options of `reconstruct`: `more`, and what is usual where it says nothing. Weather is prepared in the test of the demo.
 fn reconstruct<'a>(dataset: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let usual = USUAL.into_iter().filter(|(name, _)| !more.contains(name));
     let usual = usual.flat_map(|(name, value)| [name, value]);
-    ["reconstruct", dataset].into_iter().chain(more.iter().copied()).chain(usual).collect()
+    ["reconstruct", dataset, "--no-assets"].into_iter().chain(more.iter().copied()).chain(usual).collect()
 }
 
 /// A training in which splats come and go early and often: presets begin after tens of steps.
