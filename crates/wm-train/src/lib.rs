@@ -25,7 +25,7 @@
 //!     loss: vec![("depth".into(), 0.1)],
 //!     ..TrainPlan::default()
 //! };
-//! let config = plan.config(24 * 1600 * 1200)?; // 24 photos, nearly all of it shown by several
+//! let config = plan.config(24, 24 * 1600 * 1200)?; // 24 photos, nearly all of their pixels shown by several
 //! assert_eq!(config.densify.strategy().max_splats(), Some(100_000));
 //! assert_eq!(config.loss.geometry.depth, 0.1);
 //! # Ok::<(), wm_train::plan::PlanError>(())
