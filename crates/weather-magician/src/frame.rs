@@ -2,7 +2,7 @@
 //! come from here.
 
 use crate::picture::{Picture, WaterLayers};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use wm_render::frame::srgb_encode;
 use wm_render::hooks::Hooks;
 use wm_render::parts::{PartPasses, PicturePart};
@@ -49,7 +49,7 @@ pub struct FrameRequest<'a> {
     /// The lamps that shine; `None` for none.
     pub lamps: Option<&'a LampsOn<'a>>,
     /// The surface of puddles and films on the ground; `None` for none.
-    pub puddles: Option<&'a WaterGrid>,
+    pub puddles: Option<&'a Arc<WaterGrid>>,
     /// Threads for what is made for the whole frame.
     pub threads: usize,
     /// The outputs, the background and the rasterization.

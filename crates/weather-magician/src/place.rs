@@ -600,7 +600,6 @@ impl PreparedPlace {
             threads: backend.threads(),
             occluders: self.store.occluders.clone(),
             cover: airflow.and_then(|airflow| self.store.cover(&airflow).cloned()),
-            wet: self.store.wet.clone(),
             is_up_known: !matches!(self.survey.up.source, FactSource::Estimated | FactSource::Assumed),
             cache: self.cache.clone(),
         })
@@ -778,6 +777,7 @@ impl PreparedPlace {
         let moving = prepared.moving_light(&options.camera.camera);
         let light = self.light.gains(&prepared).map(|gains| gains.in_frame(moving.as_ref()));
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
+        let puddles = self.water.puddles(&prepared, &self.site);
         let wet = self.water.gains(&prepared);
         let scene = SceneAttributes {
             buried: self.lying.as_ref().map(|lying| &lying.buried),
@@ -794,7 +794,6 @@ impl PreparedPlace {
         sets.extend(windows.as_ref().map(SetView::transient));
         let sources = self.light.sources(&prepared, &self.store, moving.as_ref(), &self.site);
         let lamps = sources.as_ref().map(|(lights, display)| LampsOn { lights, display: *display });
-        let puddles = self.water.puddles(&prepared, &self.site);
         let request = FrameRequest {
             lamps: lamps.as_ref(),
             puddles: puddles.as_ref(),

@@ -3,15 +3,17 @@
 use crate::assets::AssetStore;
 use std::sync::Arc;
 use wm_weather::water::{WaterGrid, puddles};
-use wm_weather::wetness::{Catchments, WaterState, WetGains, WetShares, WetState, WetSurfaces};
+use wm_weather::wetness::{Catchments, WaterState, WetGains, WetRequest, WetShares, WetState, WetSurfaces};
 use wm_weather::{PreparedWeather, Site};
 
 /// The water of the last frame, for the next.
 #[derive(Default)]
 pub(crate) struct PlaceWater {
-    /// What the rain of one direction reaches.
+    /// The surfaces that the rain of the last direction reaches.
     reached: Option<Reached>,
     state: Option<WetState>,
+    /// The surface of the water, with the request that it is of.
+    puddles: Option<(WetRequest, Arc<WaterGrid>)>,
 }
 
 /// The surfaces that a rain reaches.
@@ -41,6 +43,7 @@ impl PlaceWater {
             let shares = WetShares::of(&surfaces, &asked.rain, shelter.as_deref(), site, threads);
             let catchments = Catchments::of(&surfaces, &shares);
             self.reached = Some(Reached { surfaces, shares, catchments, is_exact });
+            self.puddles = None;
         }
         self.state =
             self.reached.as_ref().map(|reached| WetState::of(asked, &reached.surfaces, &reached.catchments));
@@ -53,9 +56,13 @@ impl PlaceWater {
     }
 
     /// The surface of the water on the ground; `None` where nothing is wet, or snow lies on it.
-    pub fn puddles(&self, prepared: &PreparedWeather, site: &Site) -> Option<WaterGrid> {
+    pub fn puddles(&mut self, prepared: &PreparedWeather, site: &Site) -> Option<Arc<WaterGrid>> {
         let asked = prepared.wetness().filter(|_| prepared.cover().is_empty())?;
-        Some(puddles(&self.state()?, asked.texture, site))
+        if !self.puddles.as_ref().is_some_and(|(made, _)| made == asked) {
+            let grid = puddles(&self.state()?, asked.texture, site);
+            self.puddles = Some((asked.clone(), Arc::new(grid)));
+        }
+        self.puddles.as_ref().map(|(_, grid)| Arc::clone(grid))
     }
 
     /// The water on the ground; `None` where nothing is wet.

@@ -18,7 +18,7 @@ pub enum Attribute {
     GainGreen,
     /// The same for blue.
     GainBlue,
-    /// The share of what depends on the direction in a colour that is taken away, 0-1: what the photos saw mirrored.
+    /// The share of a colour's dependence on the direction that is taken away, 0-1; see the contract of [`crate::stages::shade`].
     Fade,
 }
 
@@ -63,7 +63,7 @@ pub trait SplatAttributes: Sync {
         true
     }
 
-    /// Writes [`Attribute::GAINS`] and [`Attribute::Fade`] in the same way, if [`Self::changes_light`]. It is asked for splats in view alone.
+    /// Writes [`Attribute::GAINS`] and [`Attribute::Fade`] in the same way, if [`Self::changes_light`]. Called for splats in view only.
     fn fill_light(&self, _indices: &[u32], _block: &mut AttributeBlock) {}
 
     /// Returns true if it changes [`Attribute::GAINS`] or [`Attribute::Fade`]; else they are not read.

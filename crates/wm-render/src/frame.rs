@@ -40,9 +40,10 @@ pub struct Frame {
     /// `[H, W, 4]`. With it the colour before the pixel effects is, in linear light, `c (1 - coverage) + light`, where
     /// `c` is the colour of the scene without what falls.
     pub particles: Vec<f32>,
-    /// What is blended before the surface of the pass ([`crate::DrawPass::surface`]), `[H, W, 5]`: red, green and blue as sums
-    /// of weights times values, without background, particles and pixel effects; the sum of weights over view z of what is
-    /// behind, 1/scene units; and the coverage of what is before. Without a surface everything of a pixel is before it.
+    /// Sums that the surface of the pass ([`crate::DrawPass::surface`]) splits, `[H, W, 5]`. Over the splats before it: red,
+    /// green and blue as sums of weights times values, without background, particles and pixel effects, and last their
+    /// coverage. Fourth, over the splats behind it: the sum of weights over view z, 1/scene units. In a pixel without a
+    /// surface all splats are before it.
     pub front: Vec<f32>,
 }
 

@@ -1,4 +1,5 @@
-//! Pixel effects on a finished picture: where the renderer does not apply them itself while it finishes its patches.
+//! Applies pixel effects to a finished picture. The CPU renderer applies them itself while it finishes patches; the GPU back end and
+//! picture passes call this.
 
 use crate::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use crate::simd::SimdPath;

@@ -160,7 +160,8 @@ pub struct DrawPass<'a> {
     /// Results of earlier passes that this one looks up. No stage reads any yet.
     pub reads: Vec<PictureId>,
     /// A surface inside the blend, such as water: its view z at each pixel, scene units, `[H, W]`, NaN where there is none.
-    /// What is blended before it is kept as [`Frame::front`], and particles are in [`Frame::particles`] alone. See the contract of [`crate::stages::rasterize`].
+    /// It changes no colour: the pass fills [`Frame::front`] with the sums before and behind the surface, and keeps particles
+    /// out of the colours, in [`Frame::particles`] alone. The contract of [`crate::stages::rasterize`] has the formulas.
     pub surface: Option<&'a [f32]>,
     /// Splats whose centre lies below this plane are not drawn.
     pub cut: Option<CutPlane>,

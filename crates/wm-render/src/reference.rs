@@ -132,11 +132,11 @@ pub struct ReferenceFrame {
     pub median_depth: Vec<f64>,
     /// Distance from one half of the transmittances before and after the median splat, the lesser.
     pub median_margin: Vec<f64>,
-    /// What is blended before the surface, as [`crate::Frame::front`], `[H, W]`; empty without a surface.
+    /// The sums of [`crate::Frame::front`], `[H, W]`; empty without a surface.
     pub front: Vec<[f64; 5]>,
     /// Weight of splats so close to the surface in view z that f32 may count them on either side, `[H, W]`.
     pub front_slack: Vec<f64>,
-    /// What rounded slopes may change of the reciprocal depths behind the surface, 1/scene units, `[H, W]`.
+    /// Bound of the error that the rounding of slopes makes in the sum of reciprocal depths, 1/scene units, `[H, W]`.
     pub slope_slack: Vec<f64>,
     /// Weight that may be placed otherwise because a decision is too close for f32: a splat at the
     /// alpha cut, the stop, or two splats whose view z differ by less than f32 holds. `[H, W]`

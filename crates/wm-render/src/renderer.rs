@@ -139,8 +139,8 @@ pub enum ParticlePass {
     On,
 }
 
-/// The output of the water that a picture shows: where it is, what it reflects and how far it is. Renderers do not make it; what
-/// lays water over their pictures does.
+/// The layers of the water that a picture shows: its share of each pixel, the light that it reflects, and its depth. The builder of
+/// frames makes them, not the back ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum WaterPass {
     /// Not kept.

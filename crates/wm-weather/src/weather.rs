@@ -476,7 +476,7 @@ impl PreparedWeather {
 
     /// Returns where water stands, with the puddles of the place; `None` where none does.
     #[must_use]
-    pub fn water(&self, puddles: Option<&WaterGrid>) -> Option<WaterMap> {
+    pub fn water(&self, puddles: Option<&Arc<WaterGrid>>) -> Option<WaterMap> {
         match (self.flood(), puddles.cloned()) {
             (Some(flood), puddles) => Some(WaterMap::flood(flood.level, &self.site).with_grid(puddles)),
             (None, Some(puddles)) => Some(WaterMap::of_grid(Some(puddles), &self.site)),

@@ -64,8 +64,10 @@ impl AssetNeeds {
         // The paper's rain falls through roofs.
         let shelter = weather.needs(Need::Shelter) && weather.fidelity == Fidelity::Physical;
         let lies = weather.needs(Need::Cover) && paper_cover.is_none();
-        let light = weather.needs(Need::Light);
         let wetness = prepared.wetting_rain().map(|rain| rain.fall).filter(|_| weather.needs(Need::Water));
+        // A weather that keeps the captured light at all times never asks for it.
+        let changes_light = !weather.is_constant() || prepared.light().is_some() || prepared.moves_light();
+        let light = weather.needs(Need::Light) && (changes_light || wetness.is_some());
         Self { shelter, cover: lies.then(|| prepared.airflow()), paper_cover, light, wetness }
     }
 }
@@ -243,14 +245,12 @@ impl MissingAssets {
             threads,
             occluders,
             cover,
-            wet,
             is_up_known,
             cache,
         } = source;
         let lamps_wait = self.lamps.is_some();
         let needs_light = self.light || (casters.is_none() && (self.casters || self.sun.is_some()));
-        let makes_wet = self.wet && wet.is_none();
-        let needs_surfaces = self.cover.is_some() || needs_light || lamps_wait || makes_wet;
+        let needs_surfaces = self.cover.is_some() || needs_light || lamps_wait || self.wet;
         let needs_splats = self.occluders || self.paper_cover.is_some() || needs_surfaces;
         if needs_splats && scene.splats.is_empty() {
             return Err(Error::Unsupported(
@@ -325,30 +325,21 @@ impl MissingAssets {
             })
         };
         let shelters = [sheltered(self.wet_shelter), sheltered(self.shelter)];
-        let made_wet = match (makes_wet, capture, surfaces.as_ref()) {
-            (true, Some(capture), Some(found)) => {
-                progress.begin("finding what gets wet", None);
-                let path = views::path_of_photos(&scene);
-                let water = OpenWater::of(&found.splats, scene.metadata.water.as_deref(), &site);
-                let wet = WetSurfaces::of(
-                    &scene.splats,
-                    found,
-                    capture,
-                    (&water, path, is_up_known),
-                    &site,
-                    threads,
-                );
-                progress.end();
-                cache.put(&AssetFile::Wet, &wet);
-                Some(Arc::new(wet))
-            }
-            _ => wet,
-        };
-        let made_cover = self.cover.zip(surfaces.as_ref()).map(|(airflow, found)| {
+        let path = views::path_of_photos(&scene);
+        let ground = surfaces.as_ref().filter(|_| self.wet || self.cover.is_some());
+        let ground =
+            ground.map(|found| (found, OpenWater::of(&found.splats, scene.metadata.water.as_deref(), &site)));
+        let wet = ground.as_ref().filter(|_| self.wet).zip(capture).map(|((found, water), capture)| {
+            progress.begin("finding what gets wet", None);
+            let about = (water, path, is_up_known);
+            let wet = WetSurfaces::of(&scene.splats, found, capture, about, &site, threads);
+            progress.end();
+            cache.put(&AssetFile::Wet, &wet);
+            Arc::new(wet)
+        });
+        let made_cover = self.cover.zip(ground.as_ref()).map(|(airflow, (found, water))| {
             progress.begin("finding what can be covered", None);
-            let path = views::path_of_photos(&scene);
-            let water = OpenWater::of(&found.splats, scene.metadata.water.as_deref(), &site);
-            let cover = Cover::of(&scene.splats, found, &site, &airflow, path, threads).off_water(&water);
+            let cover = Cover::of(&scene.splats, found, &site, &airflow, path, threads).off_water(water);
             progress.end();
             (airflow, Arc::new(Mutex::new(cover)))
         });
@@ -366,7 +357,7 @@ impl MissingAssets {
             paper_cover: self.paper_cover.as_ref().map(snow),
             occluders: made_occluders,
             shelters,
-            wet: made_wet,
+            wet,
             cover: made_cover,
             lying,
             light: made_light,
@@ -397,7 +388,6 @@ pub struct AssetSource {
     pub(crate) threads: usize,
     pub(crate) occluders: Option<Arc<Occluders>>,
     pub(crate) cover: Option<SharedCover>,
-    pub(crate) wet: Option<Arc<WetSurfaces>>,
     /// Up is stated or measured, not estimated from the splats.
     pub(crate) is_up_known: bool,
     pub(crate) cache: AssetCache,
@@ -406,7 +396,7 @@ pub struct AssetSource {
 /// Assets that were made, to be taken by [`crate::Renderer::insert_assets`].
 pub struct Assets {
     pub(crate) occluders: Option<Arc<Occluders>>,
-    /// That of the rain which wets surfaces, and that of what falls.
+    /// Maps of the rain that wets surfaces, and of what falls, with their directions.
     pub(crate) shelters: [Option<([f64; 3], Arc<Shelter>)>; 2],
     pub(crate) wet: Option<Arc<WetSurfaces>>,
     pub(crate) cover: Option<(Airflow, SharedCover)>,
@@ -416,4 +406,23 @@ pub struct Assets {
     pub(crate) casters: Option<Arc<ShadowCasters>>,
     pub(crate) light: Option<Arc<CaptureLight>>,
     pub(crate) lamps: Option<Arc<LampShadows>>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What keeps the captured light at all times waits for no split of it.
+    #[test]
+    fn only_weathers_that_change_the_light_need_it() {
+        let needs = |changes: &[&str]| {
+            let mut weather = Weather::clear();
+            changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
+            AssetNeeds::of(&weather, &Site::PLAIN).light
+        };
+        assert!(!needs(&["light.model=captured", "rain.rate=10"]));
+        assert!(needs(&["light.model=overcast"]) && needs(&["light.model=0:captured,5:overcast"]));
+        assert!(needs(&["light.model=captured", "lightning.rate=5"]));
+        assert!(needs(&["light.model=captured", "wetness.amount=1"]));
+    }
 }

@@ -25,6 +25,11 @@ pub fn says(weather: &Weather, time: f64, effect: &str, param: &str, word: &str)
         .is_some_and(|track| matches!(track.at(time), ParamValue::Word(own) if own == word))
 }
 
+/// Returns true if a flood stands over the ground at an instant.
+pub fn is_flooded(weather: &Weather, time: f64) -> bool {
+    number(weather, time, "flood", "level").is_some_and(|level| level > 0.0)
+}
+
 /// Returns true if an effect is on.
 pub fn is_on(weather: &Weather, name: &str) -> bool {
     weather.effects().any(|(effect, _)| effect.name == name)

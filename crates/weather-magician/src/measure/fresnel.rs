@@ -23,9 +23,7 @@ pub const INSTRUMENT: Instrument = Instrument {
     title: "Fresnel board",
     about: "Black water before a board of half of white that fills all it mirrors: the light of the water over that of the board, \
             at elevations of 5 to 60 degrees, against Fresnel's equations.",
-    applies: |weather, time| {
-        expected::number(weather, time, "flood", "level").is_some_and(|level| level > 0.0)
-    },
+    applies: expected::is_flooded,
     read,
     sweep: &[&["flood.level=0.3"]],
 };

@@ -21,9 +21,7 @@ pub const INSTRUMENT: Instrument = Instrument {
     title: "Mirror pole",
     about: "White marks at heights of 0.3 to 1.4 m over still water, 4 and 9 m away: the middle of the light of their images in \
             the water against the points that lie as deep as the marks are high.",
-    applies: |weather, time| {
-        expected::number(weather, time, "flood", "level").is_some_and(|level| level > 0.0)
-    },
+    applies: expected::is_flooded,
     read,
     sweep: &[&["flood.level=0.5"]],
 };

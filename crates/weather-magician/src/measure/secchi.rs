@@ -24,9 +24,7 @@ pub const INSTRUMENT: Instrument = Instrument {
     title: "Secchi disc",
     about: "A white disc is lowered into the flood and seen from above. The logarithm of its contrast over its depth is a line; \
             8.69 over the slope is the Secchi depth.",
-    applies: |weather, time| {
-        expected::number(weather, time, "flood", "level").is_some_and(|level| level > 0.0)
-    },
+    applies: expected::is_flooded,
     read,
     sweep: &[&["flood.level=0.5", "flood.secchi=0.3"], &["flood.level=2", "flood.secchi=4"]],
 };

@@ -74,7 +74,7 @@ pub(crate) struct Back<'a> {
     pub size: (usize, usize),
     pub features: Features,
     pub composite: Composite<'a>,
-    /// See [`DrawPass::surface`].
+    /// View z of the surface that splits the blend ([`DrawPass::surface`]), `[H, W]`.
     pub surface: Option<&'a [f32]>,
     pub workers: &'a [Mutex<Worker>],
 }

@@ -93,9 +93,9 @@ pub(crate) struct Front<'a> {
     shading: Shading,
     sky_splats: SkySplats,
     grid: TileGrid,
-    /// See [`DrawPass::cut`]: a normal, and the height above the camera.
+    /// The plane below which nothing is drawn ([`DrawPass::cut`]): its normal, and its height above the camera.
     cut: Option<[f32; 4]>,
-    /// A surface splits the blend.
+    /// True if the pass has a surface that splits the blend ([`DrawPass::surface`]).
     is_split: bool,
 }
 

@@ -20,10 +20,7 @@ use crate::stages::composite::gpu::{BackgroundForm, Composite, ParticleBlend};
 use crate::stages::particles::cpu::Falling;
 use crate::stages::particles::gpu::fall;
 use crate::stages::project::gpu::Piece;
-use crate::stages::rasterize::gpu::Rasterize;
-
-/// Pictures of depths before that of the surface: expected and median depth.
-const SURFACE_PLANE: u64 = 2;
+use crate::stages::rasterize::gpu::{Rasterize, SURFACE_PLANE};
 
 /// A draw pass, with what it needs in the GPU's memory.
 pub(crate) struct GpuPass<'a> {

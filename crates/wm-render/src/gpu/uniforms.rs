@@ -108,9 +108,9 @@ pub struct ViewParameters<'a> {
     pub sky: SkySplats,
     /// The haze of the photos that are learnt from.
     pub air: Option<EvenAir>,
-    /// See [`DrawPass::cut`].
+    /// The plane below which nothing is drawn ([`DrawPass::cut`]).
     pub cut: Option<CutPlane>,
-    /// Whether a surface splits the blend.
+    /// True if the pass has a surface that splits the blend ([`DrawPass::surface`]).
     pub is_split: bool,
 }
 

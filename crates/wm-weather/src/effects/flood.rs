@@ -1,7 +1,7 @@
 //! Flood: water that stands over the ground at one level, everywhere.
 //!
-//! Where it is, what it mirrors and how it moves: [`crate::water`]. Seen through it, a bottom fades with its depth as a Secchi
-//! disc does. Waves go by `wind.speed`; drops of `rain` make rings. The paper has no such thing; in fidelity `paper` it is drawn
+//! [`crate::water`] computes where the water stands, what it mirrors and how it moves. The ground under it fades with its depth as a
+//! Secchi disc does. `wind.speed` makes waves, and drops of `rain` make rings. The paper has no flood; in fidelity `paper` it is drawn
 //! in the same way.
 
 use crate::effects::{Action, Effect, EffectRole};

@@ -1,6 +1,6 @@
 //! Wetness: surfaces darken by the rain that has reached them, and dry after it.
 //!
-//! How much water is where, and how it looks: [`crate::wetness`]. The paper wets nothing.
+//! [`crate::wetness`] computes how much water is where, and how it looks. In fidelity `paper` nothing gets wet.
 
 use crate::dome::{from_level, level_axes};
 use crate::effects::{Action, Effect, EffectContext, EffectRole, Need};
@@ -23,18 +23,18 @@ crate::params! {
         /// Share of the water that the hollows of the ground can hold; `auto` goes by the rain so far, or by `amount` above 0.5 if that is
         /// given.
         puddles: Option<f64> = ParamValue::Auto, 0.0 => 1.0, "";
-        /// How long it had rained before time 0. With 0 the ground is dry when the rain of the weather begins.
+        /// Duration of the rain before time 0. With 0 the ground is dry when the rain of the weather begins.
         rained_before: f64 = ParamValue::Number(10.0), 0.0 => 10_000.0, "min";
         /// Rain before time 0; `auto` is `rain.rate` at time 0.
         rate_before: Option<f64> = ParamValue::Auto, 0.0 => 300.0, "mm/h";
-        /// How long before time 0 that rain ended.
+        /// Time between the end of that rain and time 0.
         stopped: f64 = ParamValue::Number(0.0), 0.0 => 10_000.0, "min";
         /// Factor on how much surfaces darken: 1 for stone, concrete, asphalt and soil; less for paint and metal. Leaves have 0.3 times
         /// of it.
         porosity: f64 = ParamValue::Number(1.0), 0.0 => 1.0, "";
         /// Mean depth of the texture of the ground, which holds water before a film stands on it: asphalt 0.5 to 1, smooth stone 0.2.
         texture: f64 = ParamValue::Number(0.8), 0.05 => 10.0, "mm";
-        /// How fast wet ground dries when it does not rain; `auto` by Penman from `temperature`, `humidity`, `radiation` and the wind.
+        /// Drying of wet ground when it does not rain; `auto` by Penman from `temperature`, `humidity`, `radiation` and the wind.
         drying: Option<f64> = ParamValue::Auto, 0.0 => 10.0, "mm/h";
         /// Temperature of the air.
         temperature: f64 = ParamValue::Number(15.0), -40.0 => 60.0, "degC";
@@ -104,7 +104,7 @@ impl WetnessParams {
             lapse: self.lapse,
         };
         WetRequest {
-            steps: history.steps(now.time, |_| 0.0),
+            steps: history.steps(now.time),
             amount: self.amount,
             puddles: self.puddles,
             porosity: self.porosity,

@@ -25,7 +25,7 @@ const SAME_COLOR: f32 = 0.08;
 /// Points that are asked for a partner.
 const ASKED: usize = 60_000;
 /// Least cosine between up and the normal of level ground.
-const LEVEL: f32 = 0.8;
+pub(super) const LEVEL: f32 = 0.8;
 /// Log of the ratio of what two points get of an overcast sky with which they are no longer compared, and the share of that
 /// light that comes back from walls.
 const UNLIKE: f32 = 0.15;
@@ -98,11 +98,11 @@ impl FoundSun {
     }
 }
 
-fn luminance(light: Vec3) -> f32 {
+pub(super) fn luminance(light: Vec3) -> f32 {
     light.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
-fn chromaticity(light: Vec3) -> Vec3 {
+pub(super) fn chromaticity(light: Vec3) -> Vec3 {
     light / light.element_sum().max(1e-6)
 }
 

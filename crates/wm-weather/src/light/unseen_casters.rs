@@ -6,6 +6,7 @@
 //! hardly any of it has, and in the shade one that is common, lies in the shade.
 
 use super::places::{PointGrid, Surfaces};
+use super::sun_search::{LEVEL, chromaticity, luminance};
 use crate::optics::Site;
 use crate::threads::map;
 use glam::{DVec3, Vec3};
@@ -17,8 +18,6 @@ const HEIGHTS: [f64; 8] = [1.5, 3.0, 4.5, 6.0, 7.5, 9.0, 10.5, 12.0];
 const UNSEEN: usize = 2;
 /// Greatest distance from which a photo shows what stands somewhere, m.
 const SHOWN: f64 = 60.0;
-/// Least cosine between up and the normal of level ground.
-const LEVEL: f32 = 0.8;
 /// Widths of the bins of reflectances: the log of the luminance, and the shares of red and green; and numbers of bins.
 const BINS: [f32; 3] = [0.12, 0.02, 0.02];
 const COUNTS: [usize; 3] = [64, 50, 50];
@@ -67,13 +66,13 @@ pub(super) fn may_be_shaded(
     })
 }
 
-/// How common reflectances are on level ground.
+/// The shares of level ground that have each reflectance.
 struct Reflectances {
     shares: Vec<f32>,
 }
 
 impl Reflectances {
-    /// Of known ones, linear RGB, of which there must be some.
+    /// Counts known reflectances, linear RGB, of which there must be some.
     fn of(known: &[Vec3]) -> Self {
         let mut counts = vec![0.0f32; COUNTS.iter().product()];
         known.iter().filter_map(|color| bin(*color)).for_each(|bin| counts[index(bin)] += 1.0);
@@ -90,12 +89,9 @@ impl Reflectances {
 }
 
 fn bin(color: Vec3) -> Option<[usize; 3]> {
-    let sum = color.element_sum();
-    let luminance = color.dot(Vec3::new(0.2126, 0.7152, 0.0722));
-    if sum <= 0.0 || luminance <= 0.0 {
-        return None;
-    }
-    let at = [(luminance.ln() - DARKEST) / BINS[0], color.x / sum / BINS[1], color.y / sum / BINS[2]];
+    let shares = chromaticity(color);
+    // The log of nothing is below all bins.
+    let at = [(luminance(color).ln() - DARKEST) / BINS[0], shares.x / BINS[1], shares.y / BINS[2]];
     let inside = (0..3).all(|k| at[k] >= 0.0 && at[k] < COUNTS[k] as f32);
     inside.then(|| at.map(|v| v as usize))
 }

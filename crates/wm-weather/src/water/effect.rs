@@ -35,15 +35,15 @@ const FAR: f32 = 1e5;
 
 /// Water as a picture pass: its picture is drawn with [`wm_render::DrawPass::surface`], its only input is the mirrored one.
 pub struct WaterEffect<'a> {
-    /// Where water stands.
+    /// The water of the place.
     pub map: &'a WaterMap,
-    /// Where the picture shows it.
+    /// The water that the picture shows.
     pub surface: &'a WaterSurface,
     /// The mirrored eye.
     pub mirror: &'a MirrorView,
     /// Its waves.
     pub motion: &'a WaterMotion,
-    /// What is in it.
+    /// Its clearness and its own light.
     pub body: WaterBody,
     /// The camera of the picture.
     pub camera: &'a Camera,
@@ -53,7 +53,7 @@ pub struct WaterEffect<'a> {
     pub effects: &'a [&'a dyn PixelEffect],
 }
 
-/// What is laid together at sixteen pixels.
+/// The light of sixteen pixels, and of the water in them.
 struct Group {
     /// Pixels with water, a bit each.
     wet: u32,
@@ -108,7 +108,7 @@ impl PictureEffect for WaterEffect<'_> {
     }
 }
 
-/// What is drawn in one row of the picture.
+/// One row of the picture that is drawn.
 struct Row<'a> {
     y: usize,
     surface: &'a [f32],
@@ -207,7 +207,7 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// What sixteen pixels show; `None` if none of them shows water.
+    /// Looks into the water at sixteen pixels; `None` if none of them shows water.
     #[inline(always)]
     fn group(&self, row: &Row<'_>, first: usize, count: usize, line: &[f32]) -> Option<Group> {
         let zero = [0.0; GROUP];
@@ -339,8 +339,8 @@ impl<'a> Scene<'a> {
         (0..3).for_each(|k| group.mirrored[k][i] = light[k] / sum);
     }
 
-    /// How far it is from a point of the water along a reflected ray to what is mirrored, m: by the depth of the mirrored
-    /// picture, in a number of steps.
+    /// Distance along a reflected ray from a point of the water to what is mirrored, m, found in the depth of the mirrored picture in
+    /// some steps.
     #[inline(always)]
     fn reach(&self, from: [f32; 3], way: [f32; 3], steps: u32) -> f32 {
         let mut far = FAR;

@@ -1,7 +1,8 @@
-//! Where water stands, as heights of its surface.
+//! A map of the water of a place: heights of its surface.
 
 use crate::dome::{level_axes, to_level};
 use crate::optics::Site;
+use std::sync::Arc;
 
 /// Water on level nodes, in rows along the first level axis.
 ///
@@ -24,7 +25,7 @@ pub struct WaterGrid {
     pub roughness: Vec<f32>,
 }
 
-/// Where water stands at a place: on level nodes, and beyond them everywhere at one level.
+/// The water of a place: on level nodes, and beyond them everywhere at one level.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WaterMap {
     /// Level axes and up.
@@ -34,7 +35,7 @@ pub struct WaterMap {
     /// Height of the endless level surface, if there is one.
     plane: Option<f64>,
     /// Puddles and films.
-    grid: Option<WaterGrid>,
+    grid: Option<Arc<WaterGrid>>,
 }
 
 /// Water at a place of a map.
@@ -58,20 +59,14 @@ impl WaterMap {
 
     /// Water on the nodes of a grid.
     #[must_use]
-    pub fn of_grid(grid: Option<WaterGrid>, site: &Site) -> Self {
+    pub fn of_grid(grid: Option<Arc<WaterGrid>>, site: &Site) -> Self {
         Self { axes: level_axes(site.up), metres_per_unit: site.metres_per_unit, plane: None, grid }
     }
 
     /// The same with the water of a grid where that stands higher.
     #[must_use]
-    pub fn with_grid(self, grid: Option<WaterGrid>) -> Self {
+    pub fn with_grid(self, grid: Option<Arc<WaterGrid>>) -> Self {
         Self { grid, ..self }
-    }
-
-    /// The same with an endless level surface, `height` metres along up from the world's origin, over what lies below it.
-    #[must_use]
-    pub fn with_plane(self, height: f64) -> Self {
-        Self { plane: Some(height), ..self }
     }
 
     /// Height of the endless level surface, if there is one.

@@ -70,7 +70,7 @@ struct Level {
 }
 
 impl MirroredPicture {
-    /// Of a drawn picture with depth.
+    /// Makes all levels of a drawn picture with depth.
     #[must_use]
     pub fn new(path: SimdPath, frame: &Frame) -> Self {
         let (width, height) = (frame.width as usize, frame.height as usize);

@@ -15,7 +15,7 @@ pub struct WaterMotion {
     beyond: f32,
 }
 
-/// What moves the water.
+/// Wind and rain that move the water.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WaterForces {
     /// Mean wind, m/s along the two level axes.

@@ -22,7 +22,7 @@ const SIZE: f64 = 2.048;
 const BAND: f64 = 0.18;
 /// Share of the slopes' variance that young rings bring.
 const YOUNG: f64 = 0.6;
-/// How long rings are drawn, and over which time they decay, s.
+/// Time for which rings are drawn, and over which they decay, s.
 const LIFE: f64 = 0.7;
 const DECAY: f64 = 0.3;
 /// Half the width of a ring, standard deviation, m.
@@ -114,7 +114,7 @@ pub fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
     SlopeTile::new(SIZE, values.into_par_iter())
 }
 
-/// What is left of a ring's slopes at an age, s: it appears within a frame or so, decays, and goes softly.
+/// Factor on a ring's slopes by its age, s: it appears within a frame or so, decays, and goes softly.
 fn fading(age: f64) -> f64 {
     (-age / DECAY).exp() * (1.0 - age / LIFE).min(age / 0.02).clamp(0.0, 1.0)
 }

@@ -102,7 +102,7 @@ fn most_seen(depth: &[f32], others: &[[f32; 3]]) -> f64 {
     f64::from(*levels.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
-/// Where a ray meets water: its view z, scene units, and the water there. `ray` is a view z of 1, in metres along level axes; the search
+/// The point at which a ray meets water: its view z, scene units, and the water there. `ray` is a view z of 1, in metres along level axes; the search
 /// begins at the height `typical`.
 fn hit(map: &WaterMap, eye: [f64; 3], ray: [f64; 3], typical: f64) -> Option<(f64, super::map::WaterSample)> {
     if ray[2] >= 0.0 {

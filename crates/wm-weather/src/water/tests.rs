@@ -4,6 +4,8 @@ use super::ripples::{RING_SPEED, WAVE_NUMBER, slope_rms};
 use super::waves::{WindWaves, frequency};
 use super::*;
 use crate::Site;
+use crate::wetness::{WaterBudget, WaterState};
+use std::sync::Arc;
 use wm_scene::Camera;
 use wm_scene::random::uniform;
 
@@ -140,12 +142,57 @@ fn a_puddle_has_soft_edges_and_its_own_level() {
         cover: nodes.clone().map(|i| inside(i).clamp(0.0, 1.0) as f32).collect(),
         roughness: vec![0.0; width * height],
     };
-    let map = WaterMap::of_grid(Some(grid), &SITE);
+    let map = WaterMap::of_grid(Some(Arc::new(grid)), &SITE);
     let surface = WaterSurface::of(&map, &camera([0.0, 0.0, 1.6], [5.0, 0.0, 0.0])).unwrap();
     assert!((surface.level - 0.02).abs() < 1e-6);
     let soft = surface.cover.iter().filter(|cover| (0.05..0.95).contains(*cover)).count();
     let full = surface.cover.iter().filter(|cover| **cover > 0.999).count();
     assert!(soft > 50 && full > 50, "{soft} {full}");
+}
+
+/// A street that rises by 3 %, wet all over, with a puddle: both are met where they are.
+#[test]
+fn wet_ground_is_met_on_its_slope() {
+    const STEP: f64 = 0.1;
+    const LEVEL: f32 = 0.3;
+    let (width, height) = (300, 80);
+    let along = |i: usize| ((i % width) as f64 + 0.5) * STEP;
+    let ground: Vec<f32> = (0..width * height).map(|i| (0.03 * along(i)) as f32).collect();
+    let stands = |i: usize| (9.0..10.0).contains(&along(i));
+    let state = WaterState {
+        origin: [0.0, -4.0, 0.0],
+        axes: crate::dome::level_axes(SITE.up),
+        step: STEP,
+        width,
+        height,
+        level: (0..ground.len()).map(|i| if stands(i) { LEVEL } else { f32::NAN }).collect(),
+        film: vec![0.0; ground.len()],
+        filled: vec![0.5; ground.len()],
+        pores: vec![1.0; ground.len()],
+        ground,
+        budget: WaterBudget::default(),
+    };
+    let grid = puddles(&state, 0.8, &SITE);
+    let dry = puddles(&WaterState { filled: vec![0.0; state.filled.len()], ..state.clone() }, 0.8, &SITE);
+    for i in 0..width {
+        // Deeper than some millimetres water hides the ground, and is smooth; a film hides as much as it fills.
+        let is_deep = stands(i) && LEVEL - state.ground[i] > 0.005;
+        let bare = !stands(i) || state.ground[i] >= LEVEL;
+        assert!(!is_deep || grid.cover[i] == 1.0 && grid.roughness[i] == 0.0, "{i}");
+        assert!(!bare || grid.cover[i] == 0.5 && grid.roughness[i] > 0.1 && dry.cover[i] == 0.0, "{i}");
+    }
+    let map = WaterMap::of_grid(Some(Arc::new(grid)), &SITE);
+    let camera = camera([1.0, 0.0, 1.7], [8.0, 0.0, 0.3]);
+    let surface = WaterSurface::of(&map, &camera).unwrap();
+    let mut met = 0;
+    for (i, z) in surface.depth.iter().enumerate().filter(|(_, z)| !z.is_nan()) {
+        let ray = camera.ray((i % 160) as f64 + 0.5, (i / 160) as f64 + 0.5);
+        let point = camera.center() + ray * (f64::from(*z) / ray.dot(camera.forward()));
+        let level = if (8.9..10.1).contains(&point.x) { f64::from(LEVEL) } else { 0.03 * point.x };
+        assert!((point.z - level).abs() < 0.1, "{point}");
+        met += 1;
+    }
+    assert!(met > 3000, "{met}");
 }
 
 /// A point of the world is where its mirror image is, seen by the eye, with its columns counted from the right.

@@ -169,7 +169,7 @@ pub(super) struct WaveField {
 
 /// Fields that are kept, since frames of one shot share them: what is kept changes no number.
 static KEPT: Mutex<Vec<(FieldKey, Arc<WaveField>)>> = Mutex::new(Vec::new());
-/// What a field is made of.
+/// All that a field depends on.
 type FieldKey = [u64; 5];
 /// Most of them.
 const MOST_KEPT: usize = 4;

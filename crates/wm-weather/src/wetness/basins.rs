@@ -9,8 +9,17 @@ use std::collections::BinaryHeap;
 
 /// No basin: water leaves.
 pub const NONE: u32 = u32::MAX;
-/// The four ways from a cell.
-const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
+
+/// The four cells about a cell of a grid of `count` cells in rows of `columns`; `None` beyond its edge.
+pub(super) fn beside(at: usize, columns: usize, count: usize) -> [Option<usize>; 4] {
+    let x = at % columns;
+    [
+        (x > 0).then(|| at - 1),
+        (x + 1 < columns).then(|| at + 1),
+        at.checked_sub(columns),
+        Some(at + columns).filter(|next| *next < count),
+    ]
+}
 
 /// The treatment of water at the edge of a cell without ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,7 +138,7 @@ impl Ord for OrderedHeight {
 }
 
 impl Basins {
-    /// Of a ground of `[rows, columns]` heights, m; not a number where there is none, of which `beyond` says what happens to water.
+    /// Finds the basins of a ground of `[rows, columns]` heights, m; not a number where there is none, of which `beyond` says what happens to water.
     /// `relief` is what is added to it for the edges of water, m, and `cell` the width of a cell, m. `counts` says of a basin, by its
     /// cells and its depth, whether water stands in it.
     #[must_use]
@@ -141,15 +150,7 @@ impl Basins {
         beyond: impl Fn(usize) -> Beyond,
         counts: impl Fn(&[u32], f32) -> bool,
     ) -> Self {
-        let rows = ground.len() / columns.max(1);
-        let beside = |index: usize| {
-            let [x, y] = [index % columns, index / columns].map(|v| v as i64);
-            WAYS.map(|[dx, dy]| {
-                let [x, y] = [x + dx, y + dy];
-                let is_in = x >= 0 && y >= 0 && x < columns as i64 && y < rows as i64;
-                is_in.then(|| y as usize * columns + x as usize)
-            })
-        };
+        let beside = |index: usize| beside(index, columns, ground.len());
         let mut front = Front::new();
         let mut is_reached: Vec<bool> = ground.iter().map(|height| height.is_nan()).collect();
         for index in 0..ground.len() {
@@ -165,12 +166,10 @@ impl Basins {
         // Each with its spill, the cell it runs over at, and its cells.
         let mut found: Vec<(f32, u32, Vec<u32>)> = Vec::new();
         while let Some(Reverse((OrderedHeight(level), at))) = front.pop() {
-            for next in beside(at as usize)
-                .into_iter()
-                .flatten()
-                .filter(|next| !is_reached[*next])
-                .collect::<Vec<_>>()
-            {
+            for next in beside(at as usize).into_iter().flatten() {
+                if is_reached[next] {
+                    continue;
+                }
                 is_reached[next] = true;
                 let height = ground[next];
                 let own = of[at as usize];

@@ -62,13 +62,11 @@ pub struct WetStep {
     pub hours: f64,
     /// Rain in it, mm.
     pub rain: f64,
-    /// Melt water that comes to what is level, mm.
-    pub melt: f64,
     /// Water that can dry in it, mm.
     pub dries: f64,
 }
 
-/// Water on a piece of ground, and what became of all that came to it, mm.
+/// Water on a piece of ground, and all that came, ran off and dried until now, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WetColumn {
     /// In pores.
@@ -102,7 +100,7 @@ impl WetColumn {
     }
 }
 
-/// What is left in the store of `all` after some hours of running off, mm: the solution of `s + hours (s / factor)^(1 / 0.59) = all`.
+/// Water left in a store of `all` after some hours of running off, mm: the solution of `s + hours (s / factor)^(1 / 0.59) = all`.
 fn left_of(all: f64, factor: f64, hours: f64) -> f64 {
     if all <= 0.0 || hours <= 0.0 {
         return all.max(0.0);
@@ -164,8 +162,7 @@ impl WetColumns {
             let [length, slope] = kind.fall();
             let factor = store_factor(self.texture, length, slope);
             for (k, column) in self.columns[kind as usize].iter_mut().enumerate() {
-                let water = share_of(k as f64) * step.rain + step.melt;
-                let ran = column.pass(factor, step, water);
+                let ran = column.pass(factor, step, share_of(k as f64) * step.rain);
                 if kind == Drainage::Level {
                     runs[k] = ran;
                 }
@@ -220,7 +217,7 @@ mod tests {
     fn rain(rate: f64, hours: f64, dries: f64) -> Vec<WetStep> {
         let steps = 200;
         let each = hours / f64::from(steps);
-        vec![WetStep { hours: each, rain: rate * each, melt: 0.0, dries: dries * each }; steps as usize]
+        vec![WetStep { hours: each, rain: rate * each, dries: dries * each }; steps as usize]
     }
 
     #[test]

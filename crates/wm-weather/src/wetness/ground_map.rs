@@ -3,7 +3,7 @@
 //! The geometry of a capture has noise of 1 to 3 cm, more than puddles are deep. So the ground is smoothed over half a metre, only depressions that
 //! survive count, and none of them where the ground slopes. Their edges come from [`relief`](super::relief).
 
-use super::basins::{Basins, Beyond, NONE};
+use super::basins::{self, Basins, Beyond, NONE};
 use super::relief::relief;
 use crate::cover::ground::GroundGrid;
 use crate::fused_surfaces::FusedSurfaces;
@@ -49,14 +49,14 @@ pub struct GroundMap {
     tilt: [f64; 2],
     /// Smoothed heights above it, m, `[rows, columns]`; not a number where there is no ground.
     pub ground: Vec<f32>,
-    /// Those with the relief.
+    /// The same heights with the relief.
     pub rough: Vec<f32>,
     /// The depressions.
     pub basins: Basins,
 }
 
 impl GroundMap {
-    /// Of the surfaces of a scene, about a `path` (world, scene units), without its open water. Where up is estimated, `is_up_known` is
+    /// Finds the ground of a scene about a `path` (world, scene units), without its open water. Where up is estimated, `is_up_known` is
     /// false, and ground that slopes a little as a whole is taken for level.
     #[must_use]
     pub fn of(
@@ -181,29 +181,51 @@ fn tilted(tilt: [f64; 2], place: [f64; 2]) -> f64 {
     tilt[0] * place[0] + tilt[1] * place[1]
 }
 
+/// Sums over points of ground, by which the plane through them is fitted.
+#[derive(Default)]
+struct PlaneFit {
+    count: f64,
+    /// Of x, y and the height.
+    sums: [f64; 3],
+    /// Of x x, x y, y y, x times the height and y times the height.
+    products: [f64; 5],
+}
+
+impl PlaneFit {
+    fn add(&mut self, [x, y]: [f64; 2], height: f64) {
+        self.count += 1.0;
+        [x, y, height].iter().zip(&mut self.sums).for_each(|(v, sum)| *sum += v);
+        let products = [x * x, x * y, y * y, x * height, y * height];
+        products.iter().zip(&mut self.products).for_each(|(v, sum)| *sum += v);
+    }
+
+    /// The slopes along x and y, and the mean point. `None` for fewer than `least` points, and where the determinant of their
+    /// covariance is below `flattest`: they lie on a line.
+    fn plane(&self, least: f64, flattest: f64) -> Option<([f64; 2], [f64; 3])> {
+        let mean @ [mx, my, mh] = self.sums.map(|sum| sum / self.count);
+        let [xx, xy, yy, xh, yh] = self.products.map(|sum| sum / self.count);
+        let (xx, xy, yy) = (xx - mx * mx, xy - mx * my, yy - my * my);
+        let (xh, yh) = (xh - mx * mh, yh - my * mh);
+        let det = xx * yy - xy * xy;
+        let is_told = self.count >= least && det >= flattest;
+        is_told.then(|| ([(xh * yy - yh * xy) / det, (yh * xx - xh * xy) / det], mean))
+    }
+}
+
 /// The slope of the plane that most of the ground lies in, m a cell; 0 where that is too steep for an error of up.
 fn tilt_of(floor: &[f32], columns: usize, cell: f64) -> [f64; 2] {
     let (mut tilt, mut off) = ([0.0; 2], 0.0);
     for trim in [f64::INFINITY, 0.4, 0.2, 0.15, 0.15] {
-        let (mut n, mut sums, mut squares) = (0.0f64, [0.0f64; 3], [0.0f64; 5]);
+        let mut fit = PlaneFit::default();
         for at in (0..floor.len()).step_by(3).filter(|at| floor[*at].is_finite()) {
-            let ([x, y], z) = ([at % columns, at / columns].map(|v| v as f64 + 0.5), f64::from(floor[at]));
-            if (z - tilted(tilt, [x, y]) - off).abs() > trim {
-                continue;
+            let (place, z) = ([at % columns, at / columns].map(|v| v as f64 + 0.5), f64::from(floor[at]));
+            if (z - tilted(tilt, place) - off).abs() <= trim {
+                fit.add(place, z);
             }
-            n += 1.0;
-            [x, y, z].iter().zip(&mut sums).for_each(|(v, sum)| *sum += v);
-            [x * x, x * y, y * y, x * z, y * z].iter().zip(&mut squares).for_each(|(v, sum)| *sum += v);
         }
-        let [mx, my, mz] = sums.map(|sum| sum / n);
-        let [xx, xy, yy, xz, yz] = squares.map(|sum| sum / n);
-        let (xx, xy, yy, xz, yz) = (xx - mx * mx, xy - mx * my, yy - my * my, xz - mx * mz, yz - my * mz);
-        let det = xx * yy - xy * xy;
-        if n < 100.0 || det < 1e-6 {
-            return [0.0; 2];
-        }
-        tilt = [(xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det];
-        off = mz - tilted(tilt, [mx, my]);
+        let Some((slopes, [x, y, z])) = fit.plane(100.0, 1e-6) else { return [0.0; 2] };
+        tilt = slopes;
+        off = z - tilted(tilt, [x, y]);
     }
     if tilt[0].hypot(tilt[1]) < TILT * cell { tilt } else { [0.0; 2] }
 }
@@ -216,7 +238,7 @@ pub(super) struct FarFloor {
 }
 
 impl FarFloor {
-    /// Those of a scene.
+    /// Finds the level surfaces of a scene.
     pub fn of(scan: &FusedSurfaces<'_>, site: &Site, threads: usize) -> Self {
         let options =
             ShelterOptions { cell: FAR_CELL, most_cells: MOST_CELLS / 2, ..ShelterOptions::default() };
@@ -233,17 +255,9 @@ impl FarFloor {
     }
 }
 
-/// The four cells about a cell.
+/// The cells about a cell that are in the grid.
 pub(super) fn neighbours(at: usize, columns: usize, count: usize) -> impl Iterator<Item = usize> {
-    let (x, rows) = (at % columns, count / columns);
-    let y = at / columns;
-    let ways = [
-        (x > 0).then(|| at - 1),
-        (x + 1 < columns).then(|| at + 1),
-        (y > 0).then(|| at - columns),
-        (y + 1 < rows).then(|| at + columns),
-    ];
-    ways.into_iter().flatten()
+    basins::beside(at, columns, count).into_iter().flatten()
 }
 
 /// Leaves connected level ground alone: what is small, or drops off along its edge, is the top of something.
@@ -331,32 +345,14 @@ fn mean_slope(ground: &[f32], cells: &[u32], columns: usize, cell: f32) -> f32 {
         low.saturating_sub(margin)..(high + margin + 1).min(most)
     };
     let (xs, ys) = (span(&mut xs.into_iter(), columns), span(&mut ys.into_iter(), rows));
-    let (mut n, mut sums, mut squares) = (0.0f64, [0.0f64; 3], [0.0f64; 5]);
+    let mut fit = PlaneFit::default();
     for y in ys.step_by(2) {
         for x in xs.clone().step_by(2) {
             let height = f64::from(ground[y * columns + x]);
             if height.is_finite() {
-                let [x, y] = [x, y].map(|v| v as f64 * f64::from(cell));
-                n += 1.0;
-                [x, y, height].iter().zip(&mut sums).for_each(|(v, sum)| *sum += v);
-                [x * x, x * y, y * y, x * height, y * height]
-                    .iter()
-                    .zip(&mut squares)
-                    .for_each(|(v, sum)| *sum += v);
+                fit.add([x, y].map(|v| v as f64 * f64::from(cell)), height);
             }
         }
     }
-    if n < 3.0 {
-        return f32::INFINITY;
-    }
-    let [mx, my, mh] = sums.map(|sum| sum / n);
-    let [xx, xy, yy, xh, yh] = squares.map(|sum| sum / n);
-    let (xx, xy, yy) = (xx - mx * mx, xy - mx * my, yy - my * my);
-    let (xh, yh) = (xh - mx * mh, yh - my * mh);
-    let det = xx * yy - xy * xy;
-    if det < 1e-9 {
-        return f32::INFINITY;
-    }
-    let (a, b) = ((xh * yy - yh * xy) / det, (yh * xx - xh * xy) / det);
-    a.hypot(b) as f32
+    fit.plane(3.0, 1e-9).map_or(f32::INFINITY, |([x, y], _)| x.hypot(y) as f32)
 }

@@ -27,7 +27,7 @@ pub use ground_map::GroundMap;
 pub use state::{Catchments, WaterBudget, WaterState, WetState};
 pub use surfaces::{WetGains, WetShares, WetSurfaces};
 
-/// How wet a place is to be.
+/// A request for wet surfaces: the rain so far, or a wetness by hand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WetRequest {
     /// Rain and drying until the instant.
@@ -49,7 +49,7 @@ pub struct WetRequest {
 pub struct SlantedRain {
     /// The direction of fall, world axes, length 1.
     pub fall: [f64; 3],
-    /// Where the wind blows to, world axes, times the rain on a wall that faces it over that on level ground.
+    /// The direction of the wind, world axes, times the rain on a wall that faces it over that on level ground.
     pub driving: [f64; 3],
 }
 
@@ -59,7 +59,7 @@ impl WetRequest {
     pub fn is_nothing(&self) -> bool {
         let is_dry = match self.amount {
             Some(amount) => amount <= 0.0,
-            None => self.steps.iter().all(|step| step.rain <= 0.0 && step.melt <= 0.0),
+            None => self.steps.iter().all(|step| step.rain <= 0.0),
         };
         is_dry && self.puddles.is_none_or(|share| share <= 0.0)
     }

@@ -10,12 +10,12 @@ use super::surfaces::{WetShares, WetSurfaces};
 pub struct Catchments {
     /// For each basin.
     areas: Vec<[f64; SHARES]>,
-    /// Of the ground whose water leaves.
+    /// The area of the ground whose water leaves.
     leaves: [f64; SHARES],
 }
 
 impl Catchments {
-    /// Of a ground that gets these shares of the rain.
+    /// Finds them for a ground that gets these shares of the rain.
     #[must_use]
     pub fn of(surfaces: &WetSurfaces, shares: &WetShares) -> Self {
         let ground = surfaces.ground();
@@ -119,7 +119,7 @@ impl WetState {
         &self.levels
     }
 
-    /// What came and where it went.
+    /// Rain that came, and where it went.
     #[must_use]
     pub fn budget(&self) -> &WaterBudget {
         &self.budget
@@ -149,7 +149,7 @@ pub struct WaterState {
     pub filled: Vec<f32>,
     /// Filled share of the pores, 0-1.
     pub pores: Vec<f32>,
-    /// What came and where it went.
+    /// Rain that came, and where it went.
     pub budget: WaterBudget,
 }
 

@@ -80,7 +80,7 @@ struct Pond {
 }
 
 impl WetSurfaces {
-    /// Those of a scene, by its surfaces and its captured light, with the ground about a path (world, scene units) without
+    /// Finds the surfaces of a scene, by its fused surfaces and its captured light, and the ground about a path (world, scene units) without
     /// its open water.
     #[must_use]
     pub fn of(
@@ -257,7 +257,7 @@ impl WetShares {
     }
 }
 
-/// How wet the splats of a scene look at one instant: factors on their light, and the share of what the dry surface mirrored that is gone.
+/// The look of the wet splats of a scene at one instant: factors on their light, and fades ([`Attribute::Fade`]).
 #[derive(Clone, Debug)]
 pub struct WetGains<'a> {
     surfaces: &'a WetSurfaces,
@@ -271,10 +271,10 @@ pub struct WetGains<'a> {
     table: Box<[[f32; 2]; STEPS]>,
 }
 
-/// How strongly water changes a surface.
+/// Strength of the change of a surface by water.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Strength {
-    /// Of the change by full pores, and of that by a film, 0-1.
+    /// Shares of the change by full pores, and of that by a film, 0-1.
     pores: f32,
     film: f32,
     /// Share of what depends on the direction that is gone, 0-1.
@@ -293,7 +293,7 @@ impl Strength {
 }
 
 impl<'a> WetGains<'a> {
-    /// Of surfaces in a state of water. `porosity` is a factor on the darkening, 0-1.
+    /// The look of surfaces in a state of water. `porosity` is a factor on the darkening, 0-1.
     #[must_use]
     pub fn new(surfaces: &'a WetSurfaces, shares: &'a WetShares, state: &'a WetState, porosity: f64) -> Self {
         let porosity = porosity as f32;
@@ -328,7 +328,7 @@ impl<'a> WetGains<'a> {
         block.column_mut(Attribute::Fade)[..indices.len()].copy_from_slice(&fades[..indices.len()]);
     }
 
-    /// How strongly a splat is changed, and its reflectance; `None` for one that stays as it is.
+    /// The strength of the change of a splat, and its reflectance; `None` for one that stays as it is.
     #[inline]
     fn strength(&self, index: usize) -> Option<(Strength, [u8; 3])> {
         // What pads the last group has no splat.

@@ -26,15 +26,15 @@ pub struct RainHistory<'a> {
 }
 
 impl RainHistory<'_> {
-    /// The steps until `time`, s. `melt` gives the melt water until an instant, mm.
+    /// The steps until `time`, s.
     #[must_use]
-    pub fn steps(&self, time: f64, melt: impl Fn(f64) -> f64) -> Vec<WetStep> {
+    pub fn steps(&self, time: f64) -> Vec<WetStep> {
         let mut steps = Vec::new();
         let mut even = |hours: f64, count: u32, rate: f64| {
             if hours > 0.0 {
                 let hours = hours / f64::from(count);
                 let dries = hours * self.drying[usize::from(rate <= 0.0)];
-                let step = WetStep { hours, rain: rate * hours, melt: 0.0, dries };
+                let step = WetStep { hours, rain: rate * hours, dries };
                 steps.extend(std::iter::repeat_n(step, count as usize));
             }
         };
@@ -43,15 +43,13 @@ impl RainHistory<'_> {
         even(self.before[1] - (early - self.stopped).max(0.0), BEFORE, self.before[0]);
         even(self.stopped - early, STOPPED, 0.0);
         let (mut from, mut length, mut count) = (0.0, STEP, 0);
-        let mut melted = melt(0.0);
         while from < time {
             let to = (from + length).min(time);
             let hours = (to - from) * self.lapse / 3600.0;
             let rain = self.rate.map_or(0.0, |rate| rate.integral(from, to)).max(0.0) * self.lapse / 3600.0;
             let dries = hours * self.drying[usize::from(rain <= 0.0)];
-            let now = melt(to);
-            steps.push(WetStep { hours, rain, melt: (now - melted).max(0.0), dries });
-            (from, melted) = (to, now);
+            steps.push(WetStep { hours, rain, dries });
+            from = to;
             count += 1;
             if count % EACH == 0 {
                 length *= 2.0;
@@ -82,7 +80,7 @@ mod tests {
             lapse: 2.0,
         };
         for time in [0.0, 3.0, 59.0, 400.0] {
-            let steps = history.steps(time, |_| 0.0);
+            let steps = history.steps(time);
             let rain: f64 = steps.iter().map(|step| step.rain).sum();
             let hours: f64 = steps.iter().map(|step| step.hours).sum();
             let want = 6.0 + rate.integral(0.0, time) * 2.0 / 3600.0;
@@ -102,9 +100,7 @@ mod tests {
             drying: [0.0, 0.3],
             lapse: 60.0,
         };
-        let at = |time: f64| {
-            WetColumns::dry(0.8).after(&history.steps(time, |_| 0.0)).column(Drainage::Level, 1.0)
-        };
+        let at = |time: f64| WetColumns::dry(0.8).after(&history.steps(time)).column(Drainage::Level, 1.0);
         for step in 0..300 {
             let time = 0.2 * f64::from(step);
             let [a, b] = [at(time), at(time + 0.04)];

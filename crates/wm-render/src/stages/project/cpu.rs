@@ -39,7 +39,7 @@ pub struct ProjectedGroup {
     pub rows: [[u32; GROUP]; 2],
     /// World axes, towards the camera.
     pub normal: [[f32; GROUP]; 3],
-    /// Slopes of the reciprocal depth, packed: see [`super::pack_slopes`]. Filled only if a surface splits the blend.
+    /// Slopes of the reciprocal depth, packed by [`super::pack_slopes`]. Filled only if a surface splits the blend.
     pub slopes: [u32; GROUP],
     /// A bit for each splat that is in view.
     pub mask: u32,
@@ -192,8 +192,8 @@ pub fn factor<S: Lanes>(simd: S, geometry: &GroupGeometry<S>) -> [S::F; 3] {
     [ux, -(vy * (cov_xy / cov_xx)), vy]
 }
 
-/// How the reciprocal of the depth at which a splat is densest along a pixel's ray changes with the pixel, 1/px along x and y: that
-/// of a flat splat is exactly that of its plane.
+/// Slopes of a splat's reciprocal depth over the picture, along x and y, 1/(scene units px). Its depth at a pixel is the view z at
+/// which it is densest along the ray; that of a flat splat is the depth of its plane.
 #[inline(always)]
 fn reciprocal_slopes<S: Lanes>(simd: S, geometry: &GroupGeometry<S>, camera: &ProjectCamera) -> [S::F; 2] {
     let [m_x, m_y] = geometry.m;

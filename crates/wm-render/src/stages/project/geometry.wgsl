@@ -91,7 +91,7 @@ fn factor_of(p: Projected) -> vec3<f32> {
     return vec3<f32>(SQRT_HALF_LOG2E / sqrt(p.cov.x), -(vy * (p.cov.y / p.cov.x)), vy);
 }
 
-// How the reciprocal of the depth at which a splat is densest changes with the pixel.
+// Slopes of the reciprocal depth over the picture, along x and y.
 fn reciprocal_slopes(p: Projected) -> vec2<f32> {
     let along = p.scales * (view.rotation_z * p.axes);
     let with_x = dot(along, p.m_x);

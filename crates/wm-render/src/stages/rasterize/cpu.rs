@@ -32,7 +32,7 @@ pub struct PatchSums {
     pub median: [f32; PATCH_PIXELS],
     /// Reciprocal view z of the surface; less than that of everything where there is none.
     pub surface: [f32; PATCH_PIXELS],
-    /// What is blended before it: see [`crate::Frame::front`].
+    /// The sums that the surface splits, as in [`crate::Frame::front`].
     pub front: [[f32; PATCH_PIXELS]; FRONT],
 }
 
@@ -40,7 +40,7 @@ pub struct PatchSums {
 pub type Surface<'a> = (&'a [f32], (usize, usize));
 
 impl PatchSums {
-    /// Takes the part of a surface that lies in a patch, in the order of blocks of a path of so many lanes.
+    /// Reads the surface in one patch, in the order in which a SIMD path of so many lanes walks the blocks.
     pub fn set_surface(&mut self, lanes: usize, surface: Surface<'_>, (patch_x, patch_y): (usize, usize)) {
         let (depths, (width, height)) = surface;
         let block_height = lanes / 4;

@@ -1,10 +1,15 @@
 //! Blending on the GPU: a workgroup a tile of 16x16 px, a thread a pixel.
 
 use crate::differentiable::Channels;
+use crate::frame::FRONT;
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{StagePrograms, switches};
 use crate::renderer::{Geometry, MedianDepth};
 use std::borrow::Cow;
+
+/// Pictures of depths before that of the surface in the buffer of depths: expected and median depth. The sums of
+/// [`crate::Frame::front`] follow the surface.
+pub const SURFACE_PLANE: u64 = 2;
 
 /// The programs of blending.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -47,7 +52,8 @@ impl StagePrograms for RasterizeProgram {
         };
         let is_split = matches!(self, Self::Split(..));
         let constants = format!(
-            "const KEEPS_SUMS = {keeps_sums};\nconst MEDIAN = {is_median};\nconst SPLIT = {is_split};"
+            "const KEEPS_SUMS = {keeps_sums};\nconst MEDIAN = {is_median};\nconst SPLIT = {is_split};\n\
+             const SURFACE_PLANE = {SURFACE_PLANE}u;\nconst FRONT = {FRONT}u;"
         );
         let blending = include_str!("rasterize.wgsl");
         vec![switches(channels), constants.into(), input.into(), blending.into()]

@@ -8,9 +8,8 @@
 @group(0) @binding(3) var<storage, read> records: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> rgb: array<f32>;
 @group(0) @binding(5) var<storage, read_write> alpha: array<f32>;
-// Expected depths, and after them median depths, then reciprocals of those of the surface, 0 for none, then what is before it, five
-// numbers a pixel:
-// portable adapters have eight storage buffers and no more.
+// Expected depths, then median depths, then the reciprocal depths of the surface (0 for none), then the sums that it splits, FRONT
+// numbers a pixel. They share a buffer, since portable adapters have eight storage buffers and no more.
 @group(0) @binding(6) var<storage, read_write> depths: array<f32>;
 @group(0) @binding(7) var<storage, read_write> normal: array<f32>;
 
@@ -43,7 +42,7 @@ fn rasterize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
     var behind_depth = 0.0;
     var front_coverage = 0.0;
     if SPLIT && inside {
-        surface = depths[2u * view.width * view.height + pixel.y * view.width + pixel.x];
+        surface = depths[SURFACE_PLANE * view.width * view.height + pixel.y * view.width + pixel.x];
     }
     let begin = tile_offsets[tile];
     let end = tile_offsets[tile + 1u];
@@ -138,7 +137,7 @@ fn rasterize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
         depths[at] = depth;
     }
     if SPLIT {
-        let front = 3u * view.width * view.height + 5u * at;
+        let front = (SURFACE_PLANE + 1u) * view.width * view.height + FRONT * at;
         depths[front] = front_color.x;
         depths[front + 1u] = front_color.y;
         depths[front + 2u] = front_color.z;

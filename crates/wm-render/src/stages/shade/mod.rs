@@ -3,7 +3,7 @@
 //! Contract: `rgb = max(0, 0.5 + sum_k basis_k(d) sh_k)` with `d` the unit direction from the camera
 //! centre to the mean in world axes (see [`wm_scene::sh`]), display-referred.
 //!
-//! Of splats with a fade `f` what depends on the direction goes: `rgb` becomes `rgb + f (max(0, 0.5 + basis_0 sh_0) - rgb)`.
+//! A fade `f` takes away the part of the colour that depends on the direction: `rgb` becomes `rgb + f (max(0, 0.5 + basis_0 sh_0) - rgb)`.
 //!
 //! Splats with gains are relit: of the colour in linear light, `c`, comes `c' = c g` by channel. Where the largest channel
 //! of `c'` is above `limit = max(1, c)`, all are scaled to bring it there, so that what is too bright keeps its hue.

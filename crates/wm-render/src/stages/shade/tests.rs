@@ -134,7 +134,7 @@ fn air(backend: Backend) {
     compare(&frame, &want, 2.0).unwrap();
 }
 
-/// Gains by the index of a splat, from shade to four times the light, and what of a colour's direction goes.
+/// Gains by the index of a splat, from shade to four times the light, and fades from 0 to 1.
 struct Relit;
 
 impl SplatAttributes for Relit {
