@@ -46,11 +46,11 @@ fn lit_yard() -> Metadata {
     Metadata { lamps: Some(vec![lamp, all_round]), windows: Some(windows), ..yard_metadata(1.0) }
 }
 
-fn storm(workshop: &Workshop) -> (PathBuf, String) {
+fn storm(workshop: &Workshop) -> (PathBuf, PathBuf) {
     let scene = workshop.scene("yard", yard().build(), &lit_yard());
     let weather = workshop.path("storm.toml");
     std::fs::write(&weather, STORM).unwrap();
-    (scene, format!("--weather {}", weather.display()))
+    (scene, weather)
 }
 
 #[test]
@@ -58,20 +58,7 @@ fn a_frame_of_a_storm_alone_is_that_of_the_sequence_on_any_number_of_threads() {
     let workshop = Workshop::new();
     let (_, view) = yard_look(SIZE);
     let (scene, weather) = storm(&workshop);
-    let folder = workshop.render(
-        &scene,
-        &view,
-        "all",
-        &format!("{weather} --seconds 4 --fps 2 --threads 1 --assets off"),
-    );
-    let mut different = std::collections::BTreeSet::new();
-    for (frame, threads) in [(1, 2), (4, 7), (7, 1)] {
-        let options = format!("{weather} --time {} --threads {threads} --assets off", f64::from(frame) / 2.0);
-        let alone = read_png(&workshop.render(&scene, &view, "alone.png", &options));
-        assert!(alone == read_png(&folder.join(format!("{frame:05}.png"))), "frame {frame}");
-        different.insert(format!("{:?}", alone.pixels));
-    }
-    assert_eq!(different.len(), 3);
+    workshop.check_frames_alone(&scene, &view, &weather);
 }
 
 /// Lamps, windows and headlamps shine by night alone.

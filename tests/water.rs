@@ -22,11 +22,11 @@ rained_before = 0
 lapse = 60
 "#;
 
-fn shower(workshop: &Workshop) -> (PathBuf, String) {
+fn shower(workshop: &Workshop) -> (PathBuf, PathBuf) {
     let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
     let weather = workshop.path("shower.toml");
     std::fs::write(&weather, SHOWER).unwrap();
-    (scene, format!("--weather {}", weather.display()))
+    (scene, weather)
 }
 
 #[test]
@@ -34,16 +34,7 @@ fn a_wet_frame_alone_is_that_of_the_sequence_on_any_number_of_threads() {
     let workshop = Workshop::new();
     let (_, view) = yard_look(SIZE);
     let (scene, weather) = shower(&workshop);
-    let options = format!("{weather} --seconds 4 --fps 2 --threads 1 --assets off");
-    let folder = workshop.render(&scene, &view, "all", &options);
-    let mut different = std::collections::BTreeSet::new();
-    for (frame, threads) in [(1, 2), (4, 7), (7, 1)] {
-        let options = format!("{weather} --time {} --threads {threads} --assets off", f64::from(frame) / 2.0);
-        let alone = read_png(&workshop.render(&scene, &view, "alone.png", &options));
-        assert!(alone == read_png(&folder.join(format!("{frame:05}.png"))), "frame {frame}");
-        different.insert(format!("{:?}", alone.pixels));
-    }
-    assert_eq!(different.len(), 3);
+    workshop.check_frames_alone(&scene, &view, &weather);
 }
 
 /// Pictures of the yard in clear weather with changes.

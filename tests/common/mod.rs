@@ -79,6 +79,24 @@ impl Workshop {
         run(&self.words(scene, view, out, options));
         self.path(out)
     }
+
+    /// Renders four seconds at two frames a second with the weather file `weather` and one thread, then three
+    /// of the frames alone with other numbers of threads.
+    ///
+    /// # Panics
+    /// If a frame alone is not that of the sequence, or if two of the three are equal.
+    pub fn check_frames_alone(&self, scene: &Path, view: &ViewArgs, weather: &Path) {
+        let shared = format!("--weather {} --assets off", weather.display());
+        let folder = self.render(scene, view, "all", &format!("{shared} --seconds 4 --fps 2 --threads 1"));
+        let mut different = std::collections::BTreeSet::new();
+        for (frame, threads) in [(1, 2), (4, 7), (7, 1)] {
+            let options = format!("{shared} --time {} --threads {threads}", f64::from(frame) / 2.0);
+            let alone = read_png(&self.render(scene, view, "alone.png", &options));
+            assert!(alone == read_png(&folder.join(format!("{frame:05}.png"))), "frame {frame}");
+            different.insert(format!("{:?}", alone.pixels));
+        }
+        assert_eq!(different.len(), 3);
+    }
 }
 
 /// A camera on the command line.
