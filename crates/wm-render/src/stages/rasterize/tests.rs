@@ -160,10 +160,14 @@ fn split(backend: Backend, splats: &Splats) {
         let surface = slanted(&camera);
         renderer.render(&DrawPass { surface: Some(&surface), ..pass.clone() }, &mut frame).unwrap();
         let front = std::mem::take(&mut frame.front);
-        assert_eq!(frame, whole, "{backend:?}: a surface changes no picture");
         let referee = [(splats, None)];
         let how = (Shading::Color, Some(&surface[..]), None);
         let want = reference::render_split(&referee, &camera, &config, Hooks::default(), how);
+        match backend {
+            // Another program, whose products and sums a driver may join otherwise.
+            Backend::Gpu => compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{error}")),
+            _ => assert_eq!(frame, whole, "{backend:?}: a surface changes no picture"),
+        }
         for (i, (got, want_front)) in front.chunks_exact(FRONT).zip(&want.front).enumerate() {
             let slack = want.slack[i] + want.front_slack[i];
             let slopes = want.slope_slack[i];
@@ -180,7 +184,7 @@ fn split(backend: Backend, splats: &Splats) {
             }
             // Without a surface everything is before it.
             if surface[i].is_nan() {
-                assert_eq!(got[4], whole.alpha[i], "{backend:?}, pixel {i}");
+                assert_eq!(got[4], frame.alpha[i], "{backend:?}, pixel {i}");
             }
         }
     }
