@@ -264,8 +264,10 @@ pub struct Stats {
     pub sort: f64,
     /// Time in blending.
     pub rasterize: f64,
-    /// Time in finding the particles and laying them out.
+    /// Time in finding the particles and laying them out; on a GPU, in laying them out.
     pub fall: f64,
+    /// Time in which the CPU finds the particles of a GPU's frame, while the GPU draws splats.
+    pub gather: f64,
     /// Time in background, particles, pixel effects and output.
     pub composite: f64,
     /// Wall time of the whole frame.
@@ -324,6 +326,7 @@ impl AddAssign for Stats {
             sort,
             rasterize,
             fall,
+            gather,
             composite,
             wall,
             device,
@@ -338,6 +341,7 @@ impl AddAssign for Stats {
         self.sort += sort;
         self.rasterize += rasterize;
         self.fall += fall;
+        self.gather += gather;
         self.composite += composite;
         self.wall += wall;
         self.device += device;

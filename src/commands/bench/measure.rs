@@ -93,16 +93,21 @@ impl BenchCase {
         Ok(cases)
     }
 
-    /// Returns the first case, and those whose name contains `text`.
-    pub fn named(mut cases: Vec<Self>, text: &str) -> Result<Vec<Self>> {
+    /// Returns the first case, and those whose name contains one of `texts`.
+    ///
+    /// # Errors
+    /// If one of them is in no name.
+    pub fn named(mut cases: Vec<Self>, texts: &[String]) -> Result<Vec<Self>> {
         let names: Vec<&str> = cases.iter().map(|case| case.name).collect();
-        ensure!(
-            names.iter().any(|name| name.contains(text)),
-            "no case is named like {text:?}: there are {}",
-            names.join("; ")
-        );
+        for text in texts {
+            ensure!(
+                names.iter().any(|name| name.contains(text)),
+                "no case is named like {text:?}: there are {}",
+                names.join("; ")
+            );
+        }
         let first = cases[0].name;
-        cases.retain(|case| case.name == first || case.name.contains(text));
+        cases.retain(|case| case.name == first || texts.iter().any(|text| case.name.contains(text)));
         Ok(cases)
     }
 

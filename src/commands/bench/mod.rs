@@ -55,9 +55,9 @@ pub struct BenchArgs {
     /// Number of rounds to measure, after two warm-up rounds
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     frames: u32,
-    /// Measure only rgb and the cases whose name contains this, such as rain; skips threads and SIMD paths
+    /// Measure only rgb and the cases whose name contains this, such as rain, or one of several; skips threads and SIMD paths
     #[arg(long, value_name = "TEXT")]
-    cases: Option<String>,
+    cases: Vec<String>,
     /// Do not render the splats of the sky
     #[arg(long)]
     drop_sky: bool,
@@ -260,10 +260,11 @@ fn measure_scene(
     args: &BenchArgs,
 ) -> Result<SceneReport> {
     let mut cases = cases(loaded)?;
-    match &args.cases {
-        Some(text) => cases = BenchCase::named(cases, text)?,
+    if args.cases.is_empty() {
         // Those of the paper's table alone.
-        None => cases.retain(|case| !case.is_of_table()),
+        cases.retain(|case| !case.is_of_table());
+    } else {
+        cases = BenchCase::named(cases, &args.cases)?;
     }
     let rounds = args.frames;
     let (full, rgb) = (BenchCase::position(&cases, "rgb+depth+normal"), BenchCase::position(&cases, "rgb"));
@@ -278,7 +279,7 @@ fn measure_scene(
     let measured = in_turns(loaded, &camera, &cases, (&args.run, rounds), &bar)?;
     bar.finish_and_clear();
     // Threads and SIMD paths are the CPU's.
-    if (args.cases.is_some() || loaded.renderer.backend().is_gpu()) && !interrupt::asked() {
+    if (!args.cases.is_empty() || loaded.renderer.backend().is_gpu()) && !interrupt::asked() {
         return Ok(SceneReport::new(name, loaded, &camera, (&cases, &measured), None, Vec::new(), memory));
     }
 

@@ -56,6 +56,8 @@ struct Stages {
     sort: f64,
     rasterize: f64,
     fall: f64,
+    /// On the CPU, for a GPU.
+    gather: f64,
     composite: f64,
 }
 
@@ -133,6 +135,7 @@ impl SceneReport {
                 sort: frames.median(|s| s.stats.sort * 1e3),
                 rasterize: frames.median(|s| s.stats.rasterize * 1e3),
                 fall: frames.median(|s| s.stats.fall * 1e3),
+                gather: frames.median(|s| s.stats.gather * 1e3),
                 composite: frames.median(|s| s.stats.composite * 1e3),
             },
             device: frames.0.last().map(|s| s.stats.device).filter(|work| work.submissions > 0),
@@ -184,7 +187,8 @@ impl SceneReport {
                 stages_ms: stages,
                 ..
             } = case;
-            let Stages { project, medium, intersect, sort, rasterize, fall, composite } = stages;
+            let Stages { project, medium, intersect, sort, rasterize, fall, gather, composite } = stages;
+            let fall = fall + gather;
             println!(
                 "  {name:<26} {wall_ms:>8.1} {best_wall_ms:>8.1} {cpu_ms:>8.1} {cpu_ratio:>7.3}   {project:>7.1} \
                  {medium:>6.1} {intersect:>9.1} {sort:>5.1} {rasterize:>9.1} {fall:>6.1} {composite:>9.1} {particles:>10}"

@@ -148,7 +148,7 @@ impl GpuRenderer {
                 if !is_hosted && work[i].is_hosted() {
                     recorder.submit();
                     for pass in &mut work {
-                        stats.fall += pass.host((gpu, memory), *path, falling)?;
+                        stats.gather += pass.host((gpu, memory), *path, falling)?;
                     }
                     is_hosted = true;
                     // How many particles there are is known only now.
