@@ -5,7 +5,7 @@ use super::fresnel::fresnel;
 use super::map::WaterMap;
 use super::mirror::{MirrorView, MirroredPicture, decode, encode};
 use super::motion::WaterMotion;
-use super::surface::WaterSurface;
+use super::surface::{FILM, NODES, WaterSurface};
 use super::tile::Slope;
 use rayon::prelude::*;
 use wm_render::hooks::{AirGroup, GROUP, Medium, PixelEffect, ShadeGroup};
@@ -25,11 +25,8 @@ const SHARP: f32 = 0.35;
 const TALL: f32 = 5.0;
 /// Slopes away from the eye, of the tangent of the view's elevation, from which crests hide what is behind them.
 const HIDING: f32 = 0.7;
-/// Pixels of a row that look into a film together, and the share of their distance by which that may differ.
-const SHARED: usize = 4;
-const NEAR: f32 = 0.02;
-/// Slopes that do not move, of a film in which no wave runs.
-const FILM: f32 = 0.1;
+/// Share of the light behind the surface that may be missing where the water's own light is left out.
+const THIN: f32 = 1.0 / 256.0;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
 const FAR: f32 = 1e5;
 
@@ -69,23 +66,73 @@ struct Group {
 }
 
 impl Group {
-    /// Lets pixel `to` mirror what pixel `from` does.
-    #[inline(always)]
-    fn share(&mut self, from: usize, to: usize, cover: f32) {
-        for channel in self.mirrored.iter_mut().chain(&mut self.rays.direction) {
-            channel[to] = channel[from];
+    fn dry() -> Self {
+        let zero = [0.0; GROUP];
+        Self {
+            wet: 0,
+            light: [zero; 3],
+            mirrored: [zero; 3],
+            reflected: zero,
+            left: [1.0; GROUP],
+            cover: [1.0; GROUP],
+            rays: ShadeGroup::default(),
         }
-        for column in [&mut self.reflected, &mut self.left, &mut self.rays.distance] {
-            column[to] = column[from];
-        }
-        self.cover[to] = cover;
     }
 }
+
+/// What a film mirrors at nodes every few pixels: too blurred to differ between them.
+struct FilmNodes {
+    columns: usize,
+    /// The share of light that is reflected, NaN where there is no film; and that light, linear RGB.
+    nodes: Vec<[f32; 4]>,
+}
+
+impl FilmNodes {
+    /// Looks into the films of a picture; `None` if it shows none.
+    fn of(scene: &Scene<'_>, path: SimdPath) -> Option<Self> {
+        let WaterSurface { depth, roughness, rows, .. } = scene.of.surface;
+        if roughness.is_empty() {
+            return None;
+        }
+        let size = (scene.of.camera.width as usize, scene.of.camera.height as usize);
+        let columns = size.0.div_ceil(NODES) + 1;
+        let mut nodes = vec![[f32::NAN; 4]; columns * (size.1.div_ceil(NODES) + 1)];
+        nodes.par_chunks_mut(columns).enumerate().for_each(|(row, nodes)| {
+            let y = (row * NODES).min(size.1 - 1);
+            if !rows.contains(&(y as u32)) {
+                return;
+            }
+            dispatch!(path, _s => scene.film_row(y, (depth, roughness), nodes));
+        });
+        Some(Self { columns, nodes })
+    }
+
+    /// The light that four pixels of a row mirror, from pixel (`x`, `y`) on; `None` if not all nodes about them are on films.
+    #[inline(always)]
+    fn at(&self, x: usize, y: usize) -> Option<[[f32; 4]; NODES]> {
+        let (column, row) = (x / NODES, y / NODES);
+        let down = (y % NODES) as f32 / NODES as f32;
+        let [upper, lower] = [row, row + 1].map(|row| &self.nodes[row * self.columns + column..][..2]);
+        let [left, right]: [[f32; 4]; 2] = std::array::from_fn(|side| {
+            std::array::from_fn(|k| upper[side][k] + down * (lower[side][k] - upper[side][k]))
+        });
+        let is_film = !(left[0] + right[0]).is_nan();
+        is_film.then(|| {
+            std::array::from_fn(|i| {
+                let share = i as f32 / NODES as f32;
+                std::array::from_fn(|k| left[k] + share * (right[k] - left[k]))
+            })
+        })
+    }
+}
+
+const _: () = assert!(GROUP.is_multiple_of(NODES), "pixels between two nodes are of one group");
 
 impl PictureEffect for WaterEffect<'_> {
     fn apply(&self, path: SimdPath, picture: &mut Frame, inputs: &[&Frame]) {
         let mirrored = MirroredPicture::new(path, inputs[0]);
         let scene = Scene::new(self, &mirrored);
+        let films = FilmNodes::of(&scene, path);
         let width = picture.width as usize;
         let Frame { rgb, front, depth, alpha, particles, .. } = picture;
         let (depth, alpha): (&[f32], &[f32]) = (depth, alpha);
@@ -98,7 +145,7 @@ impl PictureEffect for WaterEffect<'_> {
             } else {
                 let mut row =
                     Row { y, surface: &self.surface.depth[own.clone()], front, alpha: &alpha[own.clone()] };
-                scene.lay(path, &mut row, line);
+                scene.lay(path, films.as_ref(), &mut row, line);
             }
             if !particles.is_empty() {
                 lay_particles(path, line, &particles[4 * own.start..4 * own.end]);
@@ -167,17 +214,19 @@ impl<'a> Scene<'a> {
     }
 
     /// Lays water over one row of pixels, sixteen at a time.
-    fn lay(&self, path: SimdPath, row: &mut Row<'_>, line: &mut [f32]) {
+    fn lay(&self, path: SimdPath, films: Option<&FilmNodes>, row: &mut Row<'_>, line: &mut [f32]) {
         let width = row.surface.len();
         let mut air = [AirGroup::default()];
         for first in (0..width).step_by(GROUP) {
             let count = GROUP.min(width - first);
-            let Some(mut group) = dispatch!(path, _s => self.group(row, first, count, line)) else {
+            let Some(mut group) = dispatch!(path, _s => self.group(row, films, (first, count), line)) else {
                 (first..first + count).for_each(|x| row.front[FRONT * x] = 0.0);
                 continue;
             };
             dispatch!(path, s => decode(s, &mut group.light));
-            if let Some(medium) = self.of.medium {
+            // A film has no light of its own.
+            let is_deep = group.left.iter().any(|left| *left < 1.0 - THIN);
+            if let Some(medium) = self.of.medium.filter(|_| is_deep) {
                 let origin = self.of.camera.center().to_array().map(|v| v as f32);
                 medium.evaluate(path, origin, std::slice::from_ref(&group.rays), &mut air);
             }
@@ -186,7 +235,8 @@ impl<'a> Scene<'a> {
                 for i in 0..GROUP {
                     let own = glow * air[0].transmittance[k][i] + air[0].airlight[k][i];
                     let dry = group.light[k][i];
-                    let below = group.left[i] * dry + (1.0 - group.left[i]) * own;
+                    let left = if is_deep { group.left[i] } else { 1.0 };
+                    let below = left * dry + (1.0 - left) * own;
                     let water = (1.0 - group.reflected[i]) * below + group.mirrored[k][i];
                     group.light[k][i] = (dry + group.cover[i] * (water - dry)).max(0.0);
                 }
@@ -209,53 +259,90 @@ impl<'a> Scene<'a> {
 
     /// Looks into the water at sixteen pixels; `None` if none of them shows water.
     #[inline(always)]
-    fn group(&self, row: &Row<'_>, first: usize, count: usize, line: &[f32]) -> Option<Group> {
-        let zero = [0.0; GROUP];
-        let mut group = Group {
-            wet: 0,
-            light: [zero; 3],
-            mirrored: [zero; 3],
-            reflected: zero,
-            left: zero,
-            cover: [1.0; GROUP],
-            rays: ShadeGroup::default(),
-        };
-        let mut filled = zero;
-        for i in 0..count {
-            let x = first + i;
-            let z = row.surface[x];
-            let front = &row.front[FRONT * x..FRONT * (x + 1)];
-            let open = 1.0 - front[4];
-            if z.is_nan() || open < HIDDEN {
-                continue;
+    fn group(
+        &self,
+        row: &Row<'_>,
+        films: Option<&FilmNodes>,
+        (first, count): (usize, usize),
+        line: &[f32],
+    ) -> Option<Group> {
+        let surface = self.of.surface;
+        let mut group = Group::dry();
+        let mut filled = [1.0; GROUP];
+        for start in (0..count).step_by(NODES) {
+            let film = films.and_then(|films| films.at(first + start, row.y));
+            for i in start..(start + NODES).min(count) {
+                let x = first + i;
+                let z = row.surface[x];
+                let front = &row.front[FRONT * x..FRONT * (x + 1)];
+                let open = 1.0 - front[4];
+                if z.is_nan() || open < HIDDEN {
+                    continue;
+                }
+                group.wet |= 1 << i;
+                for k in 0..3 {
+                    group.light[k][i] = ((line[3 * x + k] - front[k]) / open).max(0.0);
+                }
+                let behind = row.alpha[x] - front[4];
+                filled[i] = (behind / open).clamp(0.0, 1.0);
+                let at = row.y * row.surface.len() + x;
+                match film {
+                    Some(film) if surface.roughness[at] > FILM => {
+                        group.cover[i] = surface.cover[at];
+                        group.reflected[i] = film[i - start][0];
+                        (0..3).for_each(|k| group.mirrored[k][i] = film[i - start][k + 1]);
+                        if filled[i] < 1.0 - THIN {
+                            self.look_along(&mut group, i, self.ray(x, row.y), z);
+                        }
+                    }
+                    _ => {
+                        // Thin splats say little of how deep the bottom is.
+                        let bottom =
+                            if behind > 1e-3 * open { (behind / front[3].max(1e-9)).max(z) } else { z };
+                        self.look(&mut group, i, (x, row.y), (z, bottom), at);
+                    }
+                }
             }
-            group.wet |= 1 << i;
-            for k in 0..3 {
-                group.light[k][i] = ((line[3 * x + k] - front[k]) / open).max(0.0);
-            }
-            let behind = row.alpha[x] - front[4];
-            // Thin splats say little of how deep the bottom is.
-            let bottom = if behind > 1e-3 * open { (behind / front[3].max(1e-9)).max(z) } else { z };
-            let at = row.y * row.surface.len() + x;
-            let shared = i - i % SHARED;
-            if i != shared && group.wet >> shared & 1 == 1 && self.is_one_film(at, at - (i - shared)) {
-                group.share(shared, i, self.of.surface.cover[at]);
-            } else {
-                self.look(&mut group, i, (x, row.y), (z, bottom), at);
-            }
-            filled[i] = (behind / open).clamp(0.0, 1.0);
         }
         group.left.iter_mut().zip(filled).for_each(|(left, filled)| *left *= filled);
         (group.wet != 0).then_some(group)
     }
 
-    /// Returns true if two pixels of a row show the same film, in which what is mirrored is too blurred to differ.
+    /// Looks into the films of a row at its nodes.
     #[inline(always)]
-    fn is_one_film(&self, a: usize, b: usize) -> bool {
-        let WaterSurface { roughness, depth, .. } = self.of.surface;
-        !roughness.is_empty()
-            && roughness[a].min(roughness[b]) > FILM
-            && (depth[a] - depth[b]).abs() < NEAR * depth[a]
+    fn film_row(&self, y: usize, (depth, roughness): (&[f32], &[f32]), nodes: &mut [[f32; 4]]) {
+        let width = self.of.camera.width as usize;
+        let mut group = Group::dry();
+        for (column, node) in nodes.iter_mut().enumerate() {
+            let x = (column * NODES).min(width - 1);
+            let (at, i) = (y * width + x, column % GROUP);
+            let z = depth[at];
+            if !z.is_nan() && roughness[at] > FILM {
+                self.look(&mut group, i, (x, y), (z, z), at);
+                let [red, green, blue] = group.mirrored.each_ref().map(|channel| channel[i]);
+                *node = [group.reflected[i], red, green, blue];
+            }
+        }
+    }
+
+    /// A ray through the middle of a pixel, at view z 1, and its length; m along level axes.
+    #[inline(always)]
+    fn ray(&self, x: usize, y: usize) -> ([f32; 3], f32) {
+        let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
+        let ray: [f32; 3] =
+            std::array::from_fn(|k| self.axes[0][k] * px + self.axes[1][k] * py + self.axes[2][k]);
+        (ray, length(ray))
+    }
+
+    /// Notes the ray to the water at view z `z` for the air; returns its direction.
+    #[inline(always)]
+    fn look_along(&self, group: &mut Group, i: usize, (ray, long): ([f32; 3], f32), z: f32) -> [f32; 3] {
+        let toward = ray.map(|v| v / long);
+        group.rays.distance[i] = z * long / self.metres;
+        for k in 0..3 {
+            group.rays.direction[k][i] = (0..3).map(|axis| self.level[axis][k] * toward[axis]).sum();
+        }
+        toward
     }
 
     /// Looks into the water at one pixel: `z` is where the ray meets it, `bottom` where it ends without water.
@@ -266,17 +353,10 @@ impl<'a> Scene<'a> {
             group.cover[i] = surface.cover[at];
         }
         let still = if surface.roughness.is_empty() { 0.0 } else { surface.roughness[at] };
-        let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
-        let ray: [f32; 3] =
-            std::array::from_fn(|k| self.axes[0][k] * px + self.axes[1][k] * py + self.axes[2][k]);
-        let long = length(ray);
-        let toward = ray.map(|v| v / long);
+        let (ray, long) = self.ray(x, y);
+        let toward = self.look_along(group, i, (ray, long), z);
         let distance = z * long;
         let sine = (-toward[2]).max(1e-4);
-        group.rays.distance[i] = distance / self.metres;
-        for k in 0..3 {
-            group.rays.direction[k][i] = (0..3).map(|axis| self.level[axis][k] * toward[axis]).sum();
-        }
         // What a pixel sees of the surface is longer than wide; between both is what waves must be wider than.
         let across = self.pixel * distance;
         let hit = ray.map(|v| v * z);

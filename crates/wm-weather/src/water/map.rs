@@ -98,7 +98,7 @@ impl WaterMap {
         })
     }
 
-    /// The height below the eye that half of the water is above, m; `None` without any. With an endless surface it is that.
+    /// About the height below the eye that half of the water is above, m; `None` without any. With an endless surface it is that.
     #[must_use]
     pub fn typical_height(&self, eye: f64) -> Option<f64> {
         if self.plane.is_some() {
@@ -106,6 +106,7 @@ impl WaterMap {
         }
         let nodes = self.grid.iter().flat_map(|grid| grid.level.iter().zip(&grid.cover));
         let mut levels: Vec<f32> = nodes
+            .step_by(16)
             .filter(|(level, cover)| f64::from(**level) < eye && **cover > 0.0)
             .map(|(level, _)| *level)
             .collect();

@@ -19,7 +19,7 @@ const WATERLINE: f64 = 0.01;
 /// round, and look-ups count its columns from the right. Points of the world are projected with it as with any other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MirrorView {
-    /// The camera, at half size.
+    /// The camera, at half size; at a quarter where only films mirror.
     pub camera: Camera,
     /// The water plane: nothing below it is mirrored.
     pub cut: CutPlane,
@@ -49,9 +49,10 @@ impl MirrorView {
             viewmat: Camera::posed((1, 1), 50.0, eye, rotation).viewmat,
             ..*camera
         };
-        let half = whole.resized(whole.width.div_ceil(2), whole.height.div_ceil(2));
+        let finer = if surface.is_film() { 4 } else { 2 };
+        let small = whole.resized(whole.width.div_ceil(finer), whole.height.div_ceil(finer));
         let cut = CutPlane { normal: map.axes[2], height: height + WATERLINE / map.metres_per_unit };
-        Self { camera: half, cut }
+        Self { camera: small, cut }
     }
 }
 

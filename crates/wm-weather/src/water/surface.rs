@@ -13,6 +13,10 @@ const ABOVE: f64 = 0.05;
 const MISSED: f64 = 0.05;
 /// Steps by which a ray finds the level of the place that it hits.
 const STEPS: usize = 6;
+/// Pixels from node to node along which rays are followed.
+pub(super) const NODES: usize = 4;
+/// Slopes that do not move, rms along one axis, above which water is a film in which no wave runs.
+pub(super) const FILM: f32 = 0.1;
 
 /// The water in one picture.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -47,62 +51,114 @@ impl WaterSurface {
         let corner = world_from_camera.z_axis - right * camera.cx - down * camera.cy;
         let along = |axis: glam::DVec3| map.axes.map(|level| metres * dot(level, axis.to_array()));
         let (right, down, corner) = (along(right), along(down), along(corner));
-        let (width, is_flat) = (camera.width as usize, map.is_endless());
-        let pixels = width * camera.height as usize;
-        let mut depth = vec![f32::NAN; pixels];
-        let mut others = if is_flat { Vec::new() } else { vec![[0.0f32; 3]; pixels] };
         let ray = |x: usize, y: usize| -> [f64; 3] {
             let (x, y) = (x as f64 + 0.5, y as f64 + 0.5);
             std::array::from_fn(|k| right[k] * x + down[k] * y + corner[k])
         };
-        if is_flat {
-            depth.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-                for (x, depth) in row.iter_mut().enumerate() {
-                    let fall = -ray(x, y)[2];
-                    let z = (eye[2] - high) / fall;
-                    if fall > 0.0 && z > camera.near {
-                        *depth = z.min(FARTHEST) as f32;
+        let size = (camera.width as usize, camera.height as usize);
+        let mut found = match map.is_endless() {
+            true => Self::of_plane(eye[2] - high, ray, (size, camera.near)),
+            false => Self::of_ground(map, (eye, typical), ray, (size, camera.near)),
+        };
+        let wet = |y: usize| found.depth[y * size.0..(y + 1) * size.0].iter().any(|z| !z.is_nan());
+        let first = (0..size.1).find(|y| wet(*y))?;
+        let last = (0..size.1).rev().find(|y| wet(*y))?;
+        found.rows = first as u32..last as u32 + 1;
+        if map.is_endless() {
+            found.level = high;
+        }
+        Some(found)
+    }
+
+    /// A level surface, `below` metres below the eye.
+    fn of_plane(
+        below: f64,
+        ray: impl Fn(usize, usize) -> [f64; 3] + Sync,
+        ((width, height), near): ((usize, usize), f64),
+    ) -> Self {
+        let mut depth = vec![f32::NAN; width * height];
+        depth.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            for (x, depth) in row.iter_mut().enumerate() {
+                let fall = -ray(x, y)[2];
+                let z = below / fall;
+                if fall > 0.0 && z > near {
+                    *depth = z.min(FARTHEST) as f32;
+                }
+            }
+        });
+        Self { depth, ..Self::default() }
+    }
+
+    /// The water on ground that is not level. Rays are followed at nodes every few pixels; between four that meet the ground its
+    /// reciprocal depth is interpolated, which is exact on planes.
+    fn of_ground(
+        map: &WaterMap,
+        (eye, typical): ([f64; 3], f64),
+        ray: impl Fn(usize, usize) -> [f64; 3] + Sync,
+        ((width, height), near): ((usize, usize), f64),
+    ) -> Self {
+        let follow = |x: usize, y: usize| hit(map, eye, ray(x, y), typical).filter(|(z, _)| *z > near);
+        let (columns, rows) = (width.div_ceil(NODES) + 1, height.div_ceil(NODES) + 1);
+        let place = |node: usize, size: usize| (node * NODES).min(size - 1);
+        // Reciprocal depth, 0 where the ground is not met; and the level of water, NaN where there is none.
+        let mut nodes = vec![(0.0, f32::NAN); columns * rows];
+        nodes.par_chunks_mut(columns).enumerate().for_each(|(row, nodes)| {
+            for (column, node) in nodes.iter_mut().enumerate() {
+                if let Some((z, sample)) = follow(place(column, width), place(row, height)) {
+                    let level = if sample.cover > 0.0 { sample.level as f32 } else { f32::NAN };
+                    *node = (1.0 / z, level);
+                }
+            }
+        });
+        let mut depth = vec![f32::NAN; width * height];
+        let (mut cover, mut roughness) = (vec![0.0; width * height], vec![0.0; width * height]);
+        let lines = depth.par_chunks_mut(width).zip(cover.par_chunks_mut(width));
+        lines.zip(roughness.par_chunks_mut(width)).enumerate().for_each(
+            |(y, ((depth, cover), roughness))| {
+                let (row, down) = (y / NODES, (y % NODES) as f64 / NODES as f64);
+                let [upper, lower] = [row, row + 1].map(|row| &nodes[row * columns..(row + 1) * columns]);
+                for x in 0..width {
+                    let (column, right) = (x / NODES, (x % NODES) as f64 / NODES as f64);
+                    let corners = [upper[column], upper[column + 1], lower[column], lower[column + 1]];
+                    let [a, b, c, d] = corners.map(|(inverse, _)| inverse);
+                    // Nodes at the last pixels are nearer to each other.
+                    let is_whole = (column + 1) * NODES < width && (row + 1) * NODES < height;
+                    let met = if is_whole && a * b * c * d > 0.0 {
+                        let (above, below) = (a + right * (b - a), c + right * (d - c));
+                        let z = 1.0 / (above + down * (below - above));
+                        let way = ray(x, y);
+                        map.at(eye[0] + z * way[0], eye[1] + z * way[1]).map(|sample| (z, sample))
+                    } else if is_whole && corners.iter().all(|(inverse, _)| *inverse == 0.0) {
+                        None
+                    } else {
+                        follow(x, y)
+                    };
+                    if let Some((z, sample)) = met.filter(|(_, sample)| sample.cover > 0.0) {
+                        depth[x] = z.min(FARTHEST) as f32;
+                        cover[x] = sample.cover;
+                        roughness[x] = sample.roughness;
                     }
                 }
-            });
-        } else {
-            depth.par_chunks_mut(width).zip(others.par_chunks_mut(width)).enumerate().for_each(
-                |(y, (row, others))| {
-                    for (x, (depth, other)) in row.iter_mut().zip(others).enumerate() {
-                        if let Some((z, sample)) = hit(map, eye, ray(x, y), typical)
-                            && z > camera.near
-                        {
-                            *depth = z.min(FARTHEST) as f32;
-                            *other = [sample.cover, sample.roughness, sample.level as f32];
-                        }
-                    }
-                },
-            );
-        }
-        let wet = |y: usize| depth[y * width..(y + 1) * width].iter().any(|z| !z.is_nan());
-        let first = (0..camera.height as usize).find(|y| wet(*y))?;
-        let last = (0..camera.height as usize).rev().find(|y| wet(*y))?;
-        let level = if is_flat { high } else { most_seen(&depth, &others) };
-        let column = |k: usize| others.iter().map(|other| other[k]).collect();
-        Some(Self {
-            depth,
-            cover: column(0),
-            roughness: column(1),
-            rows: first as u32..last as u32 + 1,
-            level,
-        })
+            },
+        );
+        let mut levels: Vec<f32> = nodes.iter().map(|(_, level)| *level).filter(|v| !v.is_nan()).collect();
+        let middle = levels.len() / 2;
+        let level = match levels.is_empty() {
+            true => typical,
+            false => f64::from(*levels.select_nth_unstable_by(middle, f32::total_cmp).1),
+        };
+        Self { depth, cover, roughness, level, rows: 0..0 }
+    }
+
+    /// Returns true if all of it is a film on rough ground, in which nothing is mirrored sharply.
+    #[must_use]
+    pub fn is_film(&self) -> bool {
+        let seen = self.depth.iter().zip(&self.roughness).filter(|(z, _)| !z.is_nan());
+        !self.roughness.is_empty() && seen.into_iter().all(|(_, roughness)| *roughness > FILM)
     }
 }
 
-/// The level that most pixels show, m.
-fn most_seen(depth: &[f32], others: &[[f32; 3]]) -> f64 {
-    let mut levels: Vec<f32> =
-        depth.iter().zip(others).filter(|(z, _)| !z.is_nan()).map(|(_, other)| other[2]).collect();
-    let middle = levels.len() / 2;
-    f64::from(*levels.select_nth_unstable_by(middle, f32::total_cmp).1)
-}
-
-/// The point at which a ray meets water: its view z, scene units, and the water there. `ray` is a view z of 1, in metres along level axes; the search
+/// The point at which a ray meets ground under water, be it a share of 0: its view z, scene units, and the water there. `ray` is a view z of 1, in metres along level axes; the search
 /// begins at the height `typical`.
 fn hit(map: &WaterMap, eye: [f64; 3], ray: [f64; 3], typical: f64) -> Option<(f64, super::map::WaterSample)> {
     if ray[2] >= 0.0 {
@@ -119,7 +175,7 @@ fn hit(map: &WaterMap, eye: [f64; 3], ray: [f64; 3], typical: f64) -> Option<(f6
         }
         level = sample.level;
     }
-    found.filter(|(z, sample)| sample.cover > 0.0 && (eye[2] + z * ray[2] - sample.level).abs() < MISSED)
+    found.filter(|(z, sample)| (eye[2] + z * ray[2] - sample.level).abs() < MISSED)
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
