@@ -15,7 +15,7 @@ use crate::{Error, Progress, Result};
 use glam::DVec3;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
-use wm_render::hooks::{AttributeBlock, SplatAttributes};
+use wm_render::hooks::{AttributeBlock, Revision, SplatAttributes};
 use wm_render::parts::PicturePart;
 use wm_render::{
     AnyRenderer, Background, DrawPass, Frame, MedianDepth, Outputs, Pictures, RenderBackend, RenderConfig,
@@ -188,6 +188,15 @@ impl SplatAttributes for SceneAttributes<'_> {
 
     fn changes_light(&self) -> bool {
         self.light.is_some() || self.wet.is_some()
+    }
+
+    fn revision(&self) -> Option<Revision> {
+        if self.wet.is_some() {
+            return None;
+        }
+        let buried = self.buried.map_or(Some(Revision::default()), SplatAttributes::revision)?;
+        let light = self.light.map_or(Some(Revision::default()), |light| light.revision())?;
+        Some(buried.and(light))
     }
 }
 

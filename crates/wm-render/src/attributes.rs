@@ -70,6 +70,43 @@ pub trait SplatAttributes: Sync {
     fn changes_light(&self) -> bool {
         false
     }
+
+    /// A number that stands for all that the columns hold: two passes with equal numbers have equal columns, and a GPU uploads them
+    /// once. `None` where they change from frame to frame.
+    fn revision(&self) -> Option<Revision> {
+        None
+    }
+}
+
+/// A hash of the columns of [`SplatAttributes`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Revision(u64);
+
+impl Default for Revision {
+    /// That of no numbers.
+    fn default() -> Self {
+        Self(0x9e37_79b9_7f4a_7c15)
+    }
+}
+
+impl Revision {
+    /// The hash of words, in order: of numbers their bits.
+    #[must_use]
+    pub fn of(words: impl IntoIterator<Item = u32>) -> Self {
+        words.into_iter().fold(Self::default(), |hash, word| hash.with(word.into()))
+    }
+
+    /// The hash of this and another one.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        self.with(other.0)
+    }
+
+    /// Mixes a word in by a product with the golden ratio, whose high bits come down.
+    fn with(self, word: u64) -> Self {
+        let mixed = (self.0 ^ word).wrapping_mul(Self::default().0);
+        Self(mixed ^ mixed >> 32)
+    }
 }
 
 /// The attributes of up to 256 splats, one array a column.

@@ -12,7 +12,7 @@
 //! A hook is a pure function of its own parameters: it has the weather of one instant in it, and is
 //! called from many threads in any order.
 
-pub use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
+pub use crate::attributes::{Attribute, AttributeBlock, Revision, SplatAttributes};
 use crate::dispatch;
 use crate::frame::{srgb_decode, srgb_encode};
 use crate::simd::{self, Lanes, SimdPath};

@@ -2,10 +2,12 @@
 
 use super::device::Gpu;
 use super::error::GpuError;
+use crate::attributes::Revision;
 use crate::cpu::model::{CLUSTER, CpuModel, GROUPS, SplatGroup};
 use crate::hooks::GROUP;
 use crate::renderer::RenderError;
 use crate::stages::project::gpu::ROWS;
+use std::sync::{Mutex, PoisonError};
 use wgpu::BufferUsages;
 use wm_scene::Splats;
 
@@ -29,6 +31,15 @@ pub struct GpuModel {
     pub source: Vec<u32>,
     /// Rows of `sh_rest` a group.
     pub sh_rows: u32,
+    kept: Mutex<KeptAttributes>,
+}
+
+/// Attributes of the splats of a set that stay from frame to frame.
+#[derive(Default)]
+struct KeptAttributes {
+    /// The revision that was asked for last.
+    last: Option<Revision>,
+    uploaded: Option<(Revision, wgpu::Buffer)>,
 }
 
 impl GpuModel {
@@ -61,7 +72,30 @@ impl GpuModel {
             gpu.queue.submit([]);
         }
         gpu.check()?;
-        Ok(Self { chunks, source: model.source, sh_rows: sh_rows as u32 })
+        Ok(Self { chunks, source: model.source, sh_rows: sh_rows as u32, kept: Mutex::default() })
+    }
+
+    /// The buffer of attributes of this revision, if it has been asked for before: a light that changes in each frame takes no memory of
+    /// its own. `numbers` makes them.
+    pub fn kept_attributes(
+        &self,
+        gpu: &Gpu,
+        revision: Revision,
+        numbers: impl FnOnce() -> Vec<f32>,
+    ) -> Result<Option<wgpu::Buffer>, GpuError> {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((own, buffer)) = &kept.uploaded
+            && *own == revision
+        {
+            return Ok(Some(buffer.clone()));
+        }
+        if kept.last.replace(revision) != Some(revision) {
+            return Ok(None);
+        }
+        // A buffer of its own: the last one may still be read by passes that are about to be submitted.
+        let buffer = upload(gpu, "attributes of splats", &numbers())?;
+        kept.uploaded = Some((revision, buffer.clone()));
+        Ok(Some(buffer))
     }
 
     /// Blocks of 256 splats in it.

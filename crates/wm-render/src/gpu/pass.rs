@@ -9,6 +9,7 @@ use super::model::GpuModel;
 use super::readback::Source;
 use super::recorder::{Recorder, Stage};
 use super::uniforms::{self, AttributeUse, Capacity, Uniform, ViewParameters};
+use crate::attributes::SplatAttributes;
 use crate::cpu::{self, Features};
 use crate::frame::{Arrays, FRONT};
 use crate::hooks::{ParticleView, WgslSource};
@@ -55,8 +56,19 @@ impl<'a> GpuPass<'a> {
                 (SplatSource::Loaded(set), None) => models.get(set)?,
                 (SplatSource::Transient(_), None) => unreachable!("transient splats were loaded"),
             };
-            let numbers = view.attributes.map(|attributes| hosted::attributes(attributes, &model.source));
-            let buffer = memory.attributes(gpu, numbers.as_deref().unwrap_or_default())?;
+            let numbers = || match view.attributes {
+                Some(attributes) => hosted::attributes(attributes, &model.source),
+                None => Vec::new(),
+            };
+            let revision = view.attributes.and_then(SplatAttributes::revision);
+            let kept = match revision {
+                Some(revision) => model.kept_attributes(gpu, revision, numbers)?,
+                None => None,
+            };
+            let buffer = match kept {
+                Some(buffer) => buffer,
+                None => memory.attributes(gpu, &numbers())?,
+            };
             sets.push((model, buffer, AttributeUse::of(view.attributes)));
         }
         let air = match pass.hooks.medium {

@@ -53,7 +53,7 @@ pub use surfels::{CoverMaterial, coverage};
 use thaw::CoverState;
 pub use thaw::Thaw;
 use walls::Wall;
-use wm_render::hooks::{Attribute, AttributeBlock, SplatAttributes};
+use wm_render::hooks::{Attribute, AttributeBlock, Revision, SplatAttributes};
 use wm_scene::{Group, Splats};
 
 /// Depth below its ground to which a splat is buried with it, m: splats are that rough.
@@ -165,13 +165,20 @@ pub struct LyingCover {
 
 /// The visible share of each splat of the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Buried(Vec<f32>);
+pub struct Buried {
+    factors: Vec<f32>,
+    revision: Revision,
+}
 
 impl SplatAttributes for Buried {
     fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
         for (index, factor) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
-            *factor = self.0.get(*index as usize).copied().unwrap_or(1.0);
+            *factor = self.factors.get(*index as usize).copied().unwrap_or(1.0);
         }
+    }
+
+    fn revision(&self) -> Option<Revision> {
+        Some(self.revision)
     }
 }
 
@@ -203,10 +210,15 @@ impl LyingCover {
 const GONE: f32 = 1.0 / 255.0;
 
 impl Buried {
+    fn new(factors: Vec<f32>) -> Self {
+        let revision = Revision::of(factors.iter().map(|factor| factor.to_bits()));
+        Self { factors, revision }
+    }
+
     /// The factor of each splat, 0-1.
     #[must_use]
     pub fn factors(&self) -> &[f32] {
-        &self.0
+        &self.factors
     }
 }
 
@@ -340,7 +352,7 @@ impl Cover {
             hidden.sort_by(f32::total_cmp);
             1.0 - hidden[if *is_haze { ENDS / 2 } else { 0 }]
         };
-        let buried = Buried(map(self.spots.len(), self.threads, factor));
+        let buried = Buried::new(map(self.spots.len(), self.threads, factor));
         let layers = layers.into_iter().flatten();
         let (settled, melted) = layers.map(|layer| (layer.settled, layer.melted)).unzip();
         LyingCover { splats, buried, settled, melted }

@@ -8,7 +8,7 @@ use super::placed::PlacedSurfaces;
 use super::sun_shadows::SunShadows;
 use crate::threads::map;
 use glam::Vec3;
-use wm_render::hooks::{Attribute, AttributeBlock, SplatAttributes};
+use wm_render::hooks::{Attribute, AttributeBlock, Revision, SplatAttributes};
 use wm_scene::color::{luminance, srgb_decode, srgb_encode};
 use wm_scene::{Splats, sh};
 
@@ -54,6 +54,8 @@ pub struct LightGains {
     sky_opacity: f32,
     /// The splats on which light acts that changes from frame to frame; empty where there is no such light.
     moving: Vec<MovingSplat>,
+    /// Of the gains and the sky's opacity.
+    revision: Revision,
 }
 
 impl LightGains {
@@ -111,7 +113,7 @@ impl LightGains {
                 sky[index / 64] |= 1 << (index % 64);
             }
         }
-        Self { gains, sky, sky_opacity: new.sky_opacity as f32, moving }
+        Self::whole(gains, (sky, new.sky_opacity as f32), moving)
     }
 
     /// The gains of splats that are placed on a captured scene, whose colours are those in an irradiance of 1. `moves` says that
@@ -153,7 +155,14 @@ impl LightGains {
         } else {
             Vec::new()
         };
-        Self { gains, sky: Vec::new(), sky_opacity: 1.0, moving }
+        Self::whole(gains, (Vec::new(), 1.0), moving)
+    }
+
+    fn whole(gains: Vec<[f32; 3]>, (sky, sky_opacity): (Vec<u64>, f32), moving: Vec<MovingSplat>) -> Self {
+        let numbers = gains.iter().flatten().chain([&sky_opacity]).map(|number| number.to_bits());
+        let bits = sky.iter().flat_map(|bits| [*bits as u32, (bits >> 32) as u32]);
+        let revision = Revision::of(numbers.chain(bits));
+        Self { gains, sky, sky_opacity, moving, revision }
     }
 
     /// The same gains with light that acts in one frame alone.
@@ -237,6 +246,10 @@ impl SplatAttributes for FrameGains<'_> {
 
     fn changes_light(&self) -> bool {
         true
+    }
+
+    fn revision(&self) -> Option<Revision> {
+        self.moving.is_none().then_some(self.gains.revision)
     }
 }
 
