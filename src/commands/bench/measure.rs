@@ -210,6 +210,7 @@ impl<'a> BenchTarget<'a> {
                     shelter: None,
                     lamps: None,
                     puddles: None,
+                    splashes: None,
                     threads: 1,
                     config: &case.config,
                     parts: &[],
