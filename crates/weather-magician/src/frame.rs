@@ -128,7 +128,8 @@ impl FrameRequest<'_> {
             },
             ..*self.config
         };
-        let mirrored_observer = Observer { camera: &water.mirror.camera, lamps: None, ..self.observer() };
+        let mirrored_observer =
+            Observer { camera: &water.mirror.camera, lamps: None, splashes: None, ..self.observer() };
         self.weather.with_hooks(&mirrored_observer, |hooks| {
             let hooks = Hooks { particles: &[], pixels: &[], ..hooks };
             let mirrored = DrawPass {

@@ -71,7 +71,8 @@ impl PlaceWater {
     /// The ground that rain splashes on; `None` where nothing is wet, or snow lies on it.
     pub fn splash_ground(&self, prepared: &PreparedWeather, site: &Site) -> Option<SplashGround<'_>> {
         let (reached, state) = (self.reached.as_ref()?, self.state.as_ref()?);
-        let asked = prepared.wetness().filter(|_| prepared.cover().is_empty() && prepared.splash().is_some())?;
+        let asked =
+            prepared.wetness().filter(|_| prepared.cover().is_empty() && prepared.splash().is_some())?;
         let state = (state, asked.texture);
         Some(SplashGround::new(&reached.surfaces, &reached.shares, state, &reached.tiles, site))
     }

@@ -35,7 +35,8 @@ impl SplashTiles {
         let ([columns, rows], cell, origin) = (ground.size(), ground.cell(), origin_of(ground, site));
         let tile = |k: usize, cells: usize| ((origin[k] + cells as f64 * cell) / SIZE).floor() as i64;
         let first = [tile(0, 0), tile(1, 0)];
-        let [width, height] = [tile(0, columns) - first[0] + 1, tile(1, rows) - first[1] + 1].map(|v| v as usize);
+        let [width, height] =
+            [tile(0, columns) - first[0] + 1, tile(1, rows) - first[1] + 1].map(|v| v as usize);
         let mut heights = vec![NOWHERE; width * height];
         for (at, rough) in ground.rough.iter().enumerate().filter(|(_, rough)| rough.is_finite()) {
             let (column, row) = (at % columns, at / columns);
@@ -145,7 +146,9 @@ impl Floor<'_> {
     /// What a drop meets at a place.
     pub fn at(&self, x: f64, y: f64) -> Option<SplashPlace> {
         let own = self.ground.and_then(|ground| ground.at(x, y));
-        let Some(plane) = self.plane.filter(|plane| own.is_none_or(|own| own.height < *plane)) else { return own };
+        let Some(plane) = self.plane.filter(|plane| own.is_none_or(|own| own.height < *plane)) else {
+            return own;
+        };
         let world =
             |k: usize| x * self.units[0][k] + y * self.units[1][k] + (plane + LIFT) * self.units[2][k];
         let point = [world(0) as f32, world(1) as f32, world(2) as f32];

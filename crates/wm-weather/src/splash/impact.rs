@@ -110,7 +110,8 @@ impl Impact {
     #[must_use]
     pub fn crown(&self, age: f64) -> Crown {
         let film = self.film.clamp(0.1 * self.diameter, self.diameter);
-        let spread = (2.0f64 / 3.0).powf(0.25) * self.speed.sqrt() * self.diameter.powf(0.75) * film.powf(-0.25);
+        let spread =
+            (2.0f64 / 3.0).powf(0.25) * self.speed.sqrt() * self.diameter.powf(0.75) * film.powf(-0.25);
         let radius = (spread * age.max(0.0).sqrt()).min(WIDEST * self.diameter);
         let phase = (age / self.life()).clamp(0.0, 1.0);
         let height = TALL * self.weber().sqrt() * self.diameter * (std::f64::consts::PI * phase).sin();

@@ -30,8 +30,9 @@ const CROWN: f64 = impact::JET_FROM + impact::JET_LIFE;
 /// Width of a usual crown, m, and the width, px, below which fewer and wider ones are drawn.
 const USUAL: f64 = 0.006;
 const MERGE: f64 = 1.25;
-/// Width, px, below which droplets are drawn fewer and wider; and droplets of a drop from which the drops that are asked fall.
-const DOT: f64 = 0.8;
+/// Width, px, below which droplets are drawn fewer and wider: less than that of crowns, else a cloud of droplets becomes a few grains. And the
+/// droplets of a drop of which one is to be drawn before fewer drops are asked for theirs.
+const DOT: f64 = 0.55;
 const MANY: f64 = 150.0;
 /// Most droplets that are drawn of one drop.
 const MOST: f64 = 400.0;
@@ -218,7 +219,8 @@ impl<'a> Brush<'a> {
 
     /// Width of droplets that are drawn at a distance, m; smaller ones are drawn fewer and so wide.
     fn dot(&self, distance: f64) -> f64 {
-        DOT * self.pixel * distance
+        // More that hide less, where they would hide more than they are wide.
+        DOT / self.of.rain.look.opacity.max(1.0).sqrt() * self.pixel * distance
     }
 
     /// Share of the drops whose droplets are drawn at a distance, m.
@@ -362,11 +364,8 @@ impl<'a> Brush<'a> {
             if hit.age + half < leaves {
                 continue;
             }
-            let velocity = [
-                speed * rise.1 * turn.1 + carried.x,
-                speed * rise.1 * turn.0 + carried.y,
-                speed * rise.0,
-            ];
+            let velocity =
+                [speed * rise.1 * turn.1 + carried.x, speed * rise.1 * turn.0 + carried.y, speed * rise.0];
             let flight = Flight::new(diameter, velocity, air);
             let Some([from, to]) = self.seen(hit.age, [leaves, leaves + flight.lands().min(FLIGHT)]) else {
                 continue;
@@ -377,7 +376,12 @@ impl<'a> Brush<'a> {
             let way = last - first - self.of.camera * (to - from);
             let own = diameter * look.size;
             let area = each * PI / 4.0 * own * own * (to - from) / self.exposure;
-            self.add(hit.at + rim + 0.5 * (first + last), own.max(dot) * DISC, [way * LINE, DVec3::ZERO], area);
+            self.add(
+                hit.at + rim + 0.5 * (first + last),
+                own.max(dot) * DISC,
+                [way * LINE, DVec3::ZERO],
+                area,
+            );
         }
     }
 

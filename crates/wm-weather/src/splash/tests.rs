@@ -45,10 +45,9 @@ fn as_many_drops_splash_as_the_sizes_of_the_rain_say() {
                 .count();
         }
         let area_time = SIZE * SIZE * span * f64::from(instants);
-        for (found, wanted) in [
-            (all, flux(rate, |d, _| d > 1.0)),
-            (splashes, flux(rate, |d, speed| throws(d, speed, film))),
-        ] {
+        for (found, wanted) in
+            [(all, flux(rate, |d, _| d > 1.0)), (splashes, flux(rate, |d, speed| throws(d, speed, film)))]
+        {
             let wanted = wanted * area_time;
             println!("{rate} mm/h, {film} mm: {found} for {wanted:.0}");
             // Three standard deviations of a Poisson count, and 1 % for classes of one speed; a tenth is far more.
@@ -79,7 +78,8 @@ fn water_is_thrown_by_the_film() {
 fn rings_have_splashes() {
     let (rate, time) = (25.0, 4.0);
     let drops = FallenDrops::new(&rain(rate), time, [0.3, 0.0], 9);
-    let rings: Vec<_> = ripples::large_drops_between(rate, [time - 0.3, time], ripples::drop_seed(9)).collect();
+    let rings: Vec<_> =
+        ripples::large_drops_between(rate, [time - 0.3, time], ripples::drop_seed(9)).collect();
     assert!(rings.len() > 300);
     let found = rings.iter().filter(|ring| {
         drops.all().iter().any(|drop| {
@@ -121,7 +121,12 @@ fn droplets_fly_as_drag_lets_them() {
                 let found = [flight.height(), range, lands];
                 for k in 0..3 {
                     let off = found[k] / wanted[k] - 1.0;
-                    assert!(off.abs() < 0.1, "{diameter} {speed} {angle} {k}: {} for {}", found[k], wanted[k]);
+                    assert!(
+                        off.abs() < 0.1,
+                        "{diameter} {speed} {angle} {k}: {} for {}",
+                        found[k],
+                        wanted[k]
+                    );
                     sums[k] += off;
                 }
                 count += 1.0;
