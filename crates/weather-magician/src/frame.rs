@@ -16,6 +16,7 @@ use wm_weather::light::LampsOn;
 use wm_weather::paper::PaperStages;
 use wm_weather::paper::composite::{self, PaperBlend};
 use wm_weather::shelter::Shelter;
+use wm_weather::splash::SplashGround;
 use wm_weather::water::{MirrorView, WaterBody, WaterEffect, WaterGrid, WaterMap, WaterMotion, WaterSurface};
 use wm_weather::{Observer, PreparedWeather};
 
@@ -48,6 +49,8 @@ pub struct FrameRequest<'a> {
     pub shelter: Option<&'a Shelter>,
     /// The lamps that shine; `None` for none.
     pub lamps: Option<&'a LampsOn<'a>>,
+    /// The wet ground that rain splashes on; `None` for none.
+    pub splashes: Option<&'a SplashGround<'a>>,
     /// The surface of puddles and films on the ground; `None` for none.
     pub puddles: Option<&'a Arc<WaterGrid>>,
     /// Threads for what is made for the whole frame.
@@ -125,7 +128,8 @@ impl FrameRequest<'_> {
             },
             ..*self.config
         };
-        let mirrored_observer = Observer { camera: &water.mirror.camera, lamps: None, ..self.observer() };
+        let mirrored_observer =
+            Observer { camera: &water.mirror.camera, lamps: None, splashes: None, ..self.observer() };
         self.weather.with_hooks(&mirrored_observer, |hooks| {
             let hooks = Hooks { particles: &[], pixels: &[], ..hooks };
             let mirrored = DrawPass {
@@ -251,8 +255,8 @@ impl FrameRequest<'_> {
 
     fn observer(&self) -> Observer<'_> {
         let MovingCamera { camera, velocity } = &self.camera;
-        let Self { shelter, lamps, threads, .. } = *self;
-        Observer { camera, velocity: *velocity, shelter, lamps, threads }
+        let Self { shelter, lamps, splashes, threads, .. } = *self;
+        Observer { camera, velocity: *velocity, shelter, lamps, splashes, threads }
     }
 }
 

@@ -788,6 +788,7 @@ impl PreparedPlace {
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
         let puddles = self.water.puddles(&prepared, &self.site);
         let wet = self.water.gains(&prepared);
+        let splashes = self.water.splash_ground(&prepared, &self.site);
         let scene = SceneAttributes {
             buried: self.lying.as_ref().map(|lying| &lying.buried),
             light,
@@ -806,6 +807,7 @@ impl PreparedPlace {
         let request = FrameRequest {
             lamps: lamps.as_ref(),
             puddles: puddles.as_ref(),
+            splashes: splashes.as_ref(),
             threads: backend.threads(),
             sets: &sets,
             weather: &prepared,

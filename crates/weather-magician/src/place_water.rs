@@ -2,6 +2,7 @@
 
 use crate::assets::AssetStore;
 use std::sync::Arc;
+use wm_weather::splash::{SplashGround, SplashTiles};
 use wm_weather::water::{WaterGrid, puddles};
 use wm_weather::wetness::{Catchments, WaterState, WetGains, WetRequest, WetShares, WetState, WetSurfaces};
 use wm_weather::{PreparedWeather, Site};
@@ -21,6 +22,7 @@ struct Reached {
     surfaces: Arc<WetSurfaces>,
     shares: WetShares,
     catchments: Catchments,
+    tiles: SplashTiles,
     /// The shelter of the rain's own direction is known.
     is_exact: bool,
 }
@@ -42,7 +44,8 @@ impl PlaceWater {
         if !self.reached.as_ref().is_some_and(is_known) {
             let shares = WetShares::of(&surfaces, &asked.rain, shelter.as_deref(), site, threads);
             let catchments = Catchments::of(&surfaces, &shares);
-            self.reached = Some(Reached { surfaces, shares, catchments, is_exact });
+            let tiles = SplashTiles::of(&surfaces, site);
+            self.reached = Some(Reached { surfaces, shares, catchments, tiles, is_exact });
             self.puddles = None;
         }
         self.state =
@@ -63,6 +66,15 @@ impl PlaceWater {
             self.puddles = Some((asked.clone(), Arc::new(grid)));
         }
         self.puddles.as_ref().map(|(_, grid)| Arc::clone(grid))
+    }
+
+    /// The ground that rain splashes on; `None` where nothing is wet, or snow lies on it.
+    pub fn splash_ground(&self, prepared: &PreparedWeather, site: &Site) -> Option<SplashGround<'_>> {
+        let (reached, state) = (self.reached.as_ref()?, self.state.as_ref()?);
+        let asked =
+            prepared.wetness().filter(|_| prepared.cover().is_empty() && prepared.splash().is_some())?;
+        let state = (state, asked.texture);
+        Some(SplashGround::new(&reached.surfaces, &reached.shares, state, &reached.tiles, site))
     }
 
     /// The water on the ground; `None` where nothing is wet.

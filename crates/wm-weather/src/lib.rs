@@ -46,6 +46,7 @@ pub mod particles;
 pub mod presets;
 pub mod reference_page;
 pub mod shelter;
+pub mod splash;
 #[cfg(test)]
 mod testing;
 mod threads;

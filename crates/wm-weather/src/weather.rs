@@ -15,6 +15,7 @@ use crate::param::ParamValue;
 use crate::particles::fall::WindSample;
 use crate::particles::{FallingParticles, Precipitation};
 use crate::shelter::Shelter;
+use crate::splash::{Splash, SplashGround, SplashParticles};
 use crate::track::Track;
 use crate::water::{WaterBody, WaterForces, WaterGrid, WaterMap, WaterMotion};
 use crate::wetness::{SlantedRain, WetRequest};
@@ -211,6 +212,7 @@ impl WeatherSample {
         let (mut flash, mut has_lightning) = (None, false);
         let mut wetness = None;
         let mut flood = None;
+        let mut splash = None;
         let strongest_wind = self.track("wind", "speed").map_or(0.0, Track::most);
         for (effect, values, tracks) in &self.effects {
             let effect = &EFFECTS[*effect];
@@ -263,6 +265,7 @@ impl WeatherSample {
                 }
                 Action::Wetness(asked) => wetness = Some(*asked),
                 Action::Flood(water) => flood = Some(water),
+                Action::Splash(asked) => splash = Some(asked).filter(|splash| splash.amount > 0.0),
                 Action::PaperCover(snow) => paper_cover = Some(*snow),
                 Action::Grade(change) => grade = (!change.is_neutral()).then_some(change),
             }
@@ -290,6 +293,7 @@ impl WeatherSample {
             paper_cover,
             wetness,
             flood,
+            splash,
             strongest_wind,
         }
     }
@@ -336,6 +340,8 @@ pub struct Observer<'a> {
     pub shelter: Option<&'a Shelter>,
     /// The lamps that shine; `None` where there are none, or their shadows are not known.
     pub lamps: Option<&'a LampsOn<'a>>,
+    /// The wet ground that rain splashes on; `None` where there is none.
+    pub splashes: Option<&'a SplashGround<'a>>,
     /// Threads for what is made for the whole frame.
     pub threads: usize,
 }
@@ -344,7 +350,7 @@ impl<'a> Observer<'a> {
     /// By a camera that stands still, in the open.
     #[must_use]
     pub fn at_rest(camera: &'a Camera) -> Self {
-        Self { camera, velocity: [0.0; 3], shelter: None, lamps: None, threads: 1 }
+        Self { camera, velocity: [0.0; 3], shelter: None, lamps: None, splashes: None, threads: 1 }
     }
 }
 
@@ -377,6 +383,7 @@ pub struct PreparedWeather {
     wetness: Option<WetRequest>,
     /// Water at one level.
     flood: Option<Flood>,
+    splash: Option<Splash>,
     /// The strongest wind of the whole time, m/s.
     strongest_wind: f64,
 }
@@ -474,6 +481,12 @@ impl PreparedWeather {
         self.flood.as_ref().filter(|flood| flood.level > 0.0)
     }
 
+    /// Returns the splashes of the rain; `None` where it does not splash.
+    #[must_use]
+    pub fn splash(&self) -> Option<Splash> {
+        self.splash
+    }
+
     /// Returns where water stands, with the puddles of the place; `None` where none does.
     #[must_use]
     pub fn water(&self, puddles: Option<&Arc<WaterGrid>>) -> Option<WaterMap> {
@@ -547,6 +560,28 @@ impl PreparedWeather {
         Some(fall_of(self.wind_now.mean, kind.mean_speed(), self.site.up))
     }
 
+    /// The splashes before a camera; `None` without rain, or without anything wet that it hits.
+    fn splashes<'a>(&'a self, seen: &Observer<'a>, air: &'a Atmosphere) -> Option<SplashParticles<'a>> {
+        let splash = self.splash?;
+        let rain = self.falling.iter().find(|kind| kind.kind.name == "rain")?;
+        let ground = self.site.ground * self.site.metres_per_unit;
+        let plane = self.flood().map(|flood| ground + flood.level);
+        if plane.is_none() && seen.splashes.is_none() {
+            return None;
+        }
+        let seed = self.flood.map_or(0, |flood| flood.seed);
+        let lamps = seen.lamps.filter(|lamps| !lamps.lights.is_empty());
+        Some(SplashParticles::new(
+            (splash, rain, seed),
+            &self.site,
+            air,
+            (seen.shelter, lamps),
+            (seen.splashes, plane),
+            (self.wind_now, seen.velocity),
+            self.time,
+        ))
+    }
+
     /// Calls `render` with the hooks of this weather for what is `seen`.
     pub fn with_hooks<R>(&self, seen: &Observer<'_>, render: impl FnOnce(Hooks<'_>) -> R) -> R {
         let mut pixels: Vec<&dyn PixelEffect> =
@@ -571,7 +606,10 @@ impl PreparedWeather {
                 FallingParticles::new(kind, &self.site, &air, (seen.shelter, lamps), motion, self.time)
             })
             .collect();
-        let particles: Vec<&dyn Particles> = falls.iter().map(|fall| fall as &dyn Particles).collect();
+        let splashes = self.splashes(seen, &air);
+        let falls = falls.iter().map(|fall| fall as &dyn Particles);
+        let splashes = splashes.iter().map(|splashes| splashes as &dyn Particles);
+        let particles: Vec<&dyn Particles> = falls.chain(splashes).collect();
         render(Hooks { background, medium, particles: &particles, pixels: &pixels })
     }
 }

@@ -49,6 +49,9 @@ impl BenchCase {
         let night = weather("clear", &["light.model=night", "light.lamps=on", "fog.mor=200"])?;
         let wet = weather("clear", &["wetness.amount=0.7", "wetness.puddles=0"])?;
         let puddles = weather("clear", &["wetness.amount=1", "wetness.puddles=0.8"])?;
+        let rain_on_wet = ["rain.rate=25", "wetness.amount=0.7", "wetness.puddles=0"];
+        let wet_in_rain = weather("clear", &rain_on_wet)?;
+        let splashes = weather("clear", &[&rain_on_wet[..], &["splash=on"]].concat())?;
         let flood = weather("clear", &["flood.level=0.3", "wind.speed=4"])?;
         let flood_in_rain = weather("clear", &["flood.level=0.3", "wind.speed=4", "rain.rate=8"])?;
         let paper_fog = weather("fog", &["fidelity=paper"])?;
@@ -81,6 +84,8 @@ impl BenchCase {
             ("rgb, night, fog, 10 lamps", night),
             ("rgb, wet", wet),
             ("rgb, wet, puddles", puddles),
+            ("rgb, rain, wet", wet_in_rain),
+            ("rgb, rain, wet, splashes", splashes),
             ("rgb, flood 0.3 m", flood),
             ("rgb, flood, rain 8 mm/h", flood_in_rain),
             (PAPER_FOG, paper_fog),
@@ -215,6 +220,7 @@ impl<'a> BenchTarget<'a> {
                     shelter: None,
                     lamps: None,
                     puddles: None,
+                    splashes: None,
                     threads: 1,
                     config: &case.config,
                     parts: &[],

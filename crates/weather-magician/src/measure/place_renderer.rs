@@ -194,6 +194,7 @@ impl InstrumentRenderer for PlaceRenderer {
             shelter: None,
             lamps: None,
             puddles: None,
+            splashes: None,
             threads: 1,
             config: &config,
             parts: shot.parts,

@@ -11,6 +11,7 @@ use crate::optics::{AirLayer, Site};
 use crate::paper::{PaperCover, PaperFall, PaperFog};
 use crate::param::{Param, ParamKind, ParamValue};
 use crate::particles::{Precipitation, PrecipitationKind};
+use crate::splash::Splash;
 use crate::track::Track;
 use crate::weather::WeatherSample;
 use crate::wetness::WetRequest;
@@ -137,6 +138,8 @@ pub enum Action {
     PaperCover(Box<PaperCover>),
     /// Water that stands at one level.
     Flood(Flood),
+    /// Splashes of the rain.
+    Splash(Splash),
     /// Exposure and colour of the finished picture.
     Grade(ColorGrade),
 }
@@ -150,7 +153,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, light, lightning, dust_cover, snow_cover, wetness, flood, wind, fog, haze, smog, rain, snowfall, hail, look }
+effects! { sky, light, lightning, dust_cover, snow_cover, wetness, flood, wind, fog, haze, smog, rain, snowfall, hail, splash, look }
 
 impl Effect {
     /// The effect of a name.

@@ -24,7 +24,7 @@ use wm_render::hooks::{GROUP, Particle, ParticleGroup, ParticleView, Particles};
 use wm_render::simd::{Lanes, SimdPath};
 
 /// Asymmetry of the light that drops and flakes scatter.
-const DROP: f32 = 0.8;
+pub(crate) const DROP: f32 = 0.8;
 const FLAKE: f32 = 0.2;
 /// Width below which flakes are drawn fewer and larger, px.
 const MERGE: f64 = 1.25;
@@ -32,8 +32,6 @@ const MERGE: f64 = 1.25;
 const ARMS: f64 = 4.0;
 /// Width of thresholds over which drops fade, as a share.
 const SOFT: f64 = 0.1;
-/// Share of the airlight that surroundings shine with: half of them sky, half ground of half its light.
-const SURROUNDINGS: f64 = 0.75;
 /// Standard deviation of a disc and of a line of length 1.
 const DISC: f64 = 0.25;
 const LINE: f64 = 0.288_675_134_594_812_9;
@@ -81,11 +79,6 @@ impl<'a> FallingParticles<'a> {
         time: f64,
     ) -> Self {
         let axes = level_axes(site.up);
-        let natural = || {
-            let share = SURROUNDINGS * precipitation.kind.reflectance;
-            precipitation.airlight.map(|v| v * share)
-        };
-        let radiance = precipitation.look.radiance.unwrap_or_else(natural);
         Self {
             precipitation,
             air,
@@ -96,7 +89,7 @@ impl<'a> FallingParticles<'a> {
             camera: to_level(&axes, velocity),
             axes,
             time,
-            radiance: radiance.map(|v| (v * precipitation.look.brightness) as f32),
+            radiance: precipitation.radiance(),
         }
     }
 

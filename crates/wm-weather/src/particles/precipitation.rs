@@ -7,6 +7,9 @@ use crate::optics::AirLayer;
 /// Width at which drops end, px.
 pub(super) const CUT: f64 = 0.3;
 
+/// Share of the airlight that surroundings shine with: half of them sky, half ground of half its light.
+const SURROUNDINGS: f64 = 0.75;
+
 /// The appearance of precipitation and the camera's exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParticleAppearance {
@@ -89,6 +92,15 @@ impl Precipitation {
             scale_height: f64::INFINITY,
             base_height: 0.0,
         }
+    }
+
+    /// The radiance of its particles without lamps, linear RGB.
+    pub(crate) fn radiance(&self) -> [f32; 3] {
+        let natural = || {
+            let share = SURROUNDINGS * self.kind.reflectance;
+            self.airlight.map(|v| v * share)
+        };
+        self.look.radiance.unwrap_or_else(natural).map(|v| (v * self.look.brightness) as f32)
     }
 
     /// Mean fall speed by water, m/s; not a number where nothing falls.

@@ -45,7 +45,7 @@ impl WaterMotion {
         }
         let rms = ripples::slope_rms(forces.rain, forces.depth);
         if rms > 0.0 {
-            motion.tiles.push(ripples::slopes(forces.rain, rms, forces.time, forces.seed ^ 0x5241_494e));
+            motion.tiles.push(ripples::slopes(forces.rain, rms, forces.time, forces.seed ^ ripples::FIELD));
         }
         motion
     }

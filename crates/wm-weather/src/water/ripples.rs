@@ -17,7 +17,10 @@ pub const WAVE_NUMBER: f64 = 200.0;
 /// Speed at which rings widen, m/s.
 pub const RING_SPEED: f64 = 0.25;
 /// Side of the tile, m.
-const SIZE: f64 = 2.048;
+pub(crate) const SIZE: f64 = 2.048;
+/// Parts of the seeds of the random field and of the drops.
+pub(super) const FIELD: u64 = 0x5241_494e;
+const DROPS: u64 = 0x5249_4e47;
 /// Relative width of the band of waves that old rings make.
 const BAND: f64 = 0.18;
 /// Share of the slopes' variance that young rings bring.
@@ -64,20 +67,49 @@ struct Ring {
     age: f64,
 }
 
-/// The young rings of one instant: drops are a fixed sequence of which the rain takes its share, so that a ring stays while
-/// the rate changes.
-fn rings(rate: f64, time: f64, seed: u64) -> Vec<Ring> {
+/// A drop above 2 mm that falls on the tile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LargeDrop {
+    /// Its number in the sequence of all drops.
+    pub number: i64,
+    /// The point that it hits, m on the tile.
+    pub center: [f64; 2],
+    /// The time at which it hits, s.
+    pub time: f64,
+}
+
+/// The seed of the drops on water whose own seed is this.
+pub(crate) fn drop_seed(water: u64) -> u64 {
+    water ^ FIELD ^ DROPS
+}
+
+/// The flux of the drops that [`large_drops_between`] gives, 1/(m^2 s).
+pub(crate) fn drawn_drops(rate: f64) -> f64 {
+    large_drops(rate).min(MOST)
+}
+
+/// The drops above 2 mm that fall on the tile at the times `from` to `to`, s: a fixed sequence of which the rain takes its share, so
+/// that a drop stays while the rate changes. The tile repeats on the whole plane.
+pub(crate) fn large_drops_between(
+    rate: f64,
+    [from, to]: [f64; 2],
+    seed: u64,
+) -> impl Iterator<Item = LargeDrop> {
     let most = MOST * SIZE * SIZE;
-    let share = large_drops(rate).min(MOST) / MOST;
-    let last = (time * most).floor() as i64;
-    let first = ((time - LIFE) * most).floor() as i64;
-    (first..=last)
-        .filter_map(|drop| {
-            let draw = |k: u64| uniform(seed, (drop as u64).wrapping_mul(4).wrapping_add(k));
-            let age = time - (drop as f64 + draw(0)) / most;
-            let falls = draw(1) < share && age > 0.0 && age < LIFE;
-            falls.then(|| Ring { center: [SIZE * draw(2), SIZE * draw(3)], age })
-        })
+    let share = drawn_drops(rate) / MOST;
+    let [first, last] = [from, to].map(|time| (time * most).floor() as i64);
+    (first..=last).filter_map(move |number| {
+        let draw = |k: u64| uniform(seed, (number as u64).wrapping_mul(4).wrapping_add(k));
+        let time = (number as f64 + draw(0)) / most;
+        (draw(1) < share).then(|| LargeDrop { number, center: [SIZE * draw(2), SIZE * draw(3)], time })
+    })
+}
+
+/// The young rings of one instant.
+fn rings(rate: f64, time: f64, seed: u64) -> Vec<Ring> {
+    large_drops_between(rate, [time - LIFE, time], seed)
+        .map(|drop| Ring { center: drop.center, age: time - drop.time })
+        .filter(|ring| ring.age > 0.0 && ring.age < LIFE)
         .collect()
 }
 
@@ -103,7 +135,7 @@ pub fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
     // The variance of rings: flux times the integral of their squared slopes over plane and age.
     let flux = large_drops(rate).min(MOST);
     let height = if flux > 0.0 { (YOUNG * variance / (flux * ring_power())).sqrt() } else { 0.0 };
-    let rings = rings(rate, time, seed ^ 0x5249_4e47);
+    let rings = rings(rate, time, seed ^ DROPS);
     let step = SIZE / SIDE as f64;
     values.par_chunks_exact_mut(SIDE).enumerate().for_each(|(row, line)| {
         let y = (row as f64 + 0.5) * step;

@@ -146,7 +146,7 @@ impl GroundMap {
     }
 
     /// The height of the tilt at the middle of a cell, m.
-    pub(super) fn tilt_at(&self, cell: usize) -> f32 {
+    pub(crate) fn tilt_at(&self, cell: usize) -> f32 {
         let [columns, _] = self.size();
         tilted(self.tilt, [(cell % columns) as f64 + 0.5, (cell / columns) as f64 + 0.5]) as f32
     }

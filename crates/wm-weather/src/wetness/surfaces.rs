@@ -226,7 +226,7 @@ pub struct WetShares {
     /// The class of each splat.
     classes: Vec<u8>,
     /// The share of each cell of the ground, 0-1; 0 where there is none.
-    pub(super) ground: Vec<f32>,
+    pub(crate) ground: Vec<f32>,
 }
 
 impl WetShares {

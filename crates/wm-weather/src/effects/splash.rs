@@ -1,0 +1,34 @@
+//! Splashes: crowns and droplets where rain hits wet ground and water.
+//!
+//! [`crate::splash`] computes which drops splash and how the droplets fly. The ground is that of `wetness`, and a `flood` is water everywhere; the
+//! drops are those of `rain`, with its exposure and its factors of size, opacity and brightness. The paper has no splashes.
+
+use crate::effects::{Action, Effect, EffectRole, Need};
+use crate::param::ParamValue;
+use crate::splash::Splash;
+use wm_render::hooks::Slot;
+
+crate::params! {
+    /// The parameters of the effect.
+    pub struct SplashParams {
+        /// Factor on the water that drops throw up. `auto` is 1, as in nature; 0 for none. Dry ground has no splashes, and neither has a
+        /// weather without `wetness` and `flood`.
+        amount: Option<f64> = ParamValue::Auto, 0.0 => 20.0, "";
+    }
+}
+
+/// The entry of [`EFFECTS`](super::EFFECTS).
+pub const EFFECT: Effect = Effect {
+    name: "splash",
+    about: "Crowns and droplets where rain hits wet ground and water",
+    role: EffectRole::Water,
+    needs: &[Need::Shelter],
+    precipitation: None,
+    slot: Slot::Particles,
+    params: SplashParams::PARAMS,
+    act: |now, _| {
+        let SplashParams { amount } = SplashParams::of(now.values);
+        Action::Splash(Splash { amount: amount.unwrap_or(1.0) })
+    },
+    act_as_paper: Some(|_, _| Action::Splash(Splash { amount: 0.0 })),
+};

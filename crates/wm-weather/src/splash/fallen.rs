@@ -1,0 +1,153 @@
+//! The drops that have just fallen, on a tile that repeats.
+//!
+//! Those above 2 mm are those of the rings ([`crate::water::ripples`]); the others are a sequence of their own. Each drop has a rank: where fewer are
+//! wanted, those of the lowest ranks are taken, turned by a number of the tile so that no two tiles show the same ones.
+
+use crate::particles::Precipitation;
+use crate::water::ripples::{self, SIZE};
+use wm_scene::random::{RandomSequence, bits, uniform};
+
+/// Diameter from which drops make rings, mm, and from which some splash, mm.
+const RINGS: f64 = 2.0;
+const LEAST: f64 = 1.0;
+/// Most of the other drops, a m^2 and second: all of them at 300 mm/h.
+const MOST: f64 = 12_000.0;
+/// Parts of the seeds.
+const OTHERS: u64 = 0x5350_4c41;
+const OWN: u64 = 0x4f57_4e53;
+
+/// A drop that has fallen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fallen {
+    /// Its rank, uniform in 0-1.
+    pub rank: f32,
+    /// Place on the tile, m.
+    pub place: [f32; 2],
+    /// Time since it hit, s; below 0 it will.
+    pub age: f32,
+    /// Diameter, mm.
+    pub diameter: f32,
+    /// The key of its random numbers.
+    pub key: u64,
+}
+
+/// The flux of drops through a level plane, 1/(m^2 s), by diameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DropFlux {
+    /// Least and greatest diameter, mm, and the flux of those.
+    pieces: Vec<([f64; 2], f64)>,
+}
+
+impl DropFlux {
+    /// Of the drops of a rain between two diameters, mm.
+    #[must_use]
+    pub fn between(rain: &Precipitation, [from, to]: [f64; 2]) -> Self {
+        let pieces = rain.classes().filter_map(|(class, number)| {
+            let [low, high] = class.diameters;
+            let kept = [low.max(from), high.min(to)];
+            let share = (kept[1] - kept[0]) / (high - low);
+            (share > 0.0).then(|| (kept, share * number * class.fall_speed))
+        });
+        Self { pieces: pieces.collect() }
+    }
+
+    /// Of all of them, 1/(m^2 s).
+    #[must_use]
+    pub fn total(&self) -> f64 {
+        self.pieces.iter().map(|(_, flux)| flux).sum()
+    }
+
+    /// The diameter with a share of the flux below it, mm.
+    fn diameter(&self, share: f64) -> f64 {
+        let mut left = share * self.total();
+        for ([low, high], flux) in &self.pieces {
+            if left < *flux {
+                return low + (high - low) * left / flux;
+            }
+            left -= flux;
+        }
+        self.pieces.last().map_or(LEAST, |([_, high], _)| *high)
+    }
+}
+
+/// The drops of the tile that have fallen up to an age, by their ranks.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FallenDrops {
+    drops: Vec<Fallen>,
+}
+
+impl FallenDrops {
+    /// The drops of `rain` that hit from `since` s before `time` until `ahead` s after it. `seed` is that of the water.
+    #[must_use]
+    pub fn new(rain: &Precipitation, time: f64, [since, ahead]: [f64; 2], seed: u64) -> Self {
+        let large = DropFlux::between(rain, [RINGS, f64::INFINITY]);
+        let small = DropFlux::between(rain, [LEAST, RINGS]);
+        let (all_large, all_small) = (large.total(), small.total());
+        let rings = ripples::drawn_drops(rain.rate);
+        let span = [time - since, time + ahead];
+        // Rings follow a rounded law: what they have too many does not splash, what they have too few comes with the others.
+        let kept = (all_large / rings.max(1e-9)).min(1.0);
+        let others = (all_large - rings).max(0.0) + all_small;
+        let made = |key: u64, place: [f64; 2], at: f64, diameter: &dyn Fn(&mut RandomSequence) -> f64| {
+            let mut draws = RandomSequence::new(key);
+            let rank = draws.uniform() as f32;
+            let diameter = diameter(&mut draws) as f32;
+            Fallen { rank, place: place.map(|v| v as f32), age: (time - at) as f32, diameter, key }
+        };
+        let ring_seed = ripples::drop_seed(seed);
+        let rings = ripples::large_drops_between(rain.rate, span, ring_seed).filter_map(|drop| {
+            let key = bits(ring_seed ^ OWN, drop.number as u64);
+            (uniform(key, 1) < kept)
+                .then(|| made(key, drop.center, drop.time, &|draws| large.diameter(draws.uniform())))
+        });
+        let (own, most) = (seed ^ OTHERS, MOST * SIZE * SIZE);
+        let share = (others / MOST).min(1.0);
+        let above = (others - all_small) / others.max(1e-9);
+        let [first, last] = span.map(|time| (time * most).floor() as i64);
+        let others = (first..=last).filter_map(|number| {
+            let draw = |k: u64| uniform(own, (number as u64).wrapping_mul(4).wrapping_add(k));
+            if draw(1) >= share {
+                return None;
+            }
+            let (place, at) = ([SIZE * draw(2), SIZE * draw(3)], (number as f64 + draw(0)) / most);
+            Some(made(bits(own ^ OWN, number as u64), place, at, &|draws| {
+                let sizes = if draws.uniform() < above { &large } else { &small };
+                sizes.diameter(draws.uniform())
+            }))
+        });
+        let is_in = |drop: &Fallen| f64::from(drop.age) < since && f64::from(drop.age) > -ahead;
+        let mut drops: Vec<Fallen> = rings.chain(others).filter(is_in).collect();
+        drops.sort_by(|a, b| a.rank.total_cmp(&b.rank).then(a.key.cmp(&b.key)));
+        Self { drops }
+    }
+
+    /// The same up to a lower age, s.
+    #[must_use]
+    pub fn younger(&self, age: f64) -> Self {
+        Self { drops: self.drops.iter().filter(|drop| f64::from(drop.age) < age).copied().collect() }
+    }
+
+    /// All of them, by their ranks.
+    #[must_use]
+    pub fn all(&self) -> &[Fallen] {
+        &self.drops
+    }
+
+    /// Calls `visit` with the drops of the lowest `share` of the ranks, which begin at `turn`, and with the rank of each from there.
+    pub fn each(&self, share: f64, turn: f64, mut visit: impl FnMut(&Fallen, f64)) {
+        let from = |rank: f64| self.drops.partition_point(|drop| f64::from(drop.rank) < rank);
+        let (begin, end) = (from(turn), turn + share);
+        let mut pass = |drops: &[Fallen], more: f64| {
+            drops.iter().for_each(|drop| visit(drop, f64::from(drop.rank) + more - turn));
+        };
+        if share >= 1.0 {
+            pass(&self.drops[begin..], 0.0);
+            pass(&self.drops[..begin], 1.0);
+        } else if end <= 1.0 {
+            pass(&self.drops[begin..from(end)], 0.0);
+        } else {
+            pass(&self.drops[begin..], 0.0);
+            pass(&self.drops[..from(end - 1.0)], 1.0);
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! The ground and the water that drops hit.
+
+use crate::dome::{level_axes, to_level};
+use crate::optics::Site;
+use crate::shelter::Shelter;
+use crate::water::ripples::SIZE;
+use crate::wetness::{Drainage, GroundMap, WetShares, WetState, WetSurfaces};
+
+/// Height of splashes over the ground, m: splats of the ground lie some centimetres higher or lower. The surface of puddles is drawn as much
+/// higher.
+const LIFT: f64 = 0.04;
+/// Depth of a flood, as drops feel it, m.
+const DEEP: f64 = 1.0;
+/// Share of the texture's depth that a film has for drops where it does not fill the texture.
+const IN_TEXTURE: f64 = 0.3;
+/// Steps of the share of the rain.
+const SHARES: usize = 33;
+/// Cells about the place of a tile that is not on the ground.
+const NOWHERE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
+
+/// The heights of the ground on each tile of the drops, lowest and highest, m.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SplashTiles {
+    /// The first tile.
+    first: [i64; 2],
+    columns: usize,
+    heights: Vec<[f32; 2]>,
+}
+
+impl SplashTiles {
+    /// Of the ground of some surfaces.
+    #[must_use]
+    pub fn of(surfaces: &WetSurfaces, site: &Site) -> Self {
+        let ground = surfaces.ground();
+        let ([columns, rows], cell, origin) = (ground.size(), ground.cell(), origin_of(ground, site));
+        let tile = |k: usize, cells: usize| ((origin[k] + cells as f64 * cell) / SIZE).floor() as i64;
+        let first = [tile(0, 0), tile(1, 0)];
+        let [width, height] =
+            [tile(0, columns) - first[0] + 1, tile(1, rows) - first[1] + 1].map(|v| v as usize);
+        let mut heights = vec![NOWHERE; width * height];
+        for (at, rough) in ground.rough.iter().enumerate().filter(|(_, rough)| rough.is_finite()) {
+            let (column, row) = (at % columns, at / columns);
+            let [x, y] = [(0, column), (1, row)].map(|(k, index)| (tile(k, index) - first[k]) as usize);
+            let own = origin[2] as f32 + rough + ground.tilt_at(at);
+            let [low, high] = &mut heights[y * width + x];
+            (*low, *high) = (low.min(own), high.max(own));
+        }
+        Self { first, columns: width, heights }
+    }
+
+    fn at(&self, [x, y]: [i64; 2]) -> Option<[f64; 2]> {
+        let (x, y) = (x - self.first[0], y - self.first[1]);
+        if x < 0 || y < 0 || x >= self.columns as i64 {
+            return None;
+        }
+        let found = self.heights.get(y as usize * self.columns + x as usize)?;
+        (found[0] <= found[1]).then(|| found.map(f64::from))
+    }
+}
+
+/// The first corner of a ground at height 0, m along the level axes from the world's origin.
+fn origin_of(ground: &GroundMap, site: &Site) -> [f64; 3] {
+    to_level(&level_axes(site.up), ground.point([0.0; 2], 0.0)).map(|v| v * site.metres_per_unit)
+}
+
+/// Wet ground.
+#[derive(Clone, Debug)]
+pub struct SplashGround<'a> {
+    ground: &'a GroundMap,
+    shares: &'a [f32],
+    levels: &'a [f32],
+    tiles: &'a SplashTiles,
+    origin: [f64; 3],
+    per_cell: f64,
+    /// By the share of the rain: how much of the ground is wet, 0-1, and the film, m.
+    films: [[f32; 2]; SHARES],
+}
+
+/// The ground or the water at a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SplashPlace {
+    /// Height, m along up from the world's origin, of what splashes rise from.
+    pub height: f64,
+    /// Depth of the water, m.
+    pub film: f64,
+    /// Share of the drops that come there and find it wet, 0-1.
+    pub share: f32,
+}
+
+impl<'a> SplashGround<'a> {
+    /// The ground of `surfaces` in a state of water; `texture` is the mean depth of its texture, mm.
+    #[must_use]
+    pub fn new(
+        surfaces: &'a WetSurfaces,
+        shares: &'a WetShares,
+        (state, texture): (&'a WetState, f64),
+        tiles: &'a SplashTiles,
+        site: &Site,
+    ) -> Self {
+        let ground = surfaces.ground();
+        let films = std::array::from_fn(|step| {
+            let wet = state.wet(Drainage::Level, step as f64 / (SHARES - 1) as f64);
+            let film = f64::from(wet.depth) + IN_TEXTURE * texture * f64::from(wet.film);
+            [wet.pores, (1e-3 * film) as f32]
+        });
+        let (origin, per_cell) = (origin_of(ground, site), 1.0 / ground.cell());
+        Self { ground, shares: &shares.ground, levels: state.levels(), tiles, origin, per_cell, films }
+    }
+
+    /// What a drop meets at a place, m along the level axes; `None` where there is no ground.
+    fn at(&self, x: f64, y: f64) -> Option<SplashPlace> {
+        let [columns, rows] = self.ground.size();
+        let (u, v) = ((x - self.origin[0]) * self.per_cell, (y - self.origin[1]) * self.per_cell);
+        if !(u >= 0.0 && v >= 0.0 && u < columns as f64 && v < rows as f64) {
+            return None;
+        }
+        let at = v as usize * columns + u as usize;
+        let rough = self.ground.rough[at];
+        if rough.is_nan() {
+            return None;
+        }
+        let open = self.shares[at].clamp(0.0, 1.0);
+        let [wet, film] = self.films[(open * (SHARES - 1) as f32).round() as usize];
+        let level = self.levels.get(self.ground.basins.of[at] as usize).copied().unwrap_or(f32::NEG_INFINITY);
+        let stands = (level - rough).max(0.0);
+        let (film, wet) = if stands > film { (stands, 1.0) } else { (film, wet) };
+        let height = self.origin[2] + f64::from(rough + stands + self.ground.tilt_at(at)) + LIFT;
+        Some(SplashPlace { height, film: f64::from(film), share: open * wet })
+    }
+}
+
+/// All that drops hit: wet ground, and water at one level.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Floor<'a> {
+    /// Wet ground.
+    pub ground: Option<&'a SplashGround<'a>>,
+    /// Height of the water, m along up from the world's origin.
+    pub plane: Option<f64>,
+    /// What keeps the rain from the water.
+    pub shelter: Option<&'a Shelter>,
+    /// Level axes in world axes, scene units of a metre.
+    pub units: [[f64; 3]; 3],
+}
+
+impl Floor<'_> {
+    /// What a drop meets at a place.
+    pub fn at(&self, x: f64, y: f64) -> Option<SplashPlace> {
+        let own = self.ground.and_then(|ground| ground.at(x, y));
+        let Some(plane) = self.plane.filter(|plane| own.is_none_or(|own| own.height < *plane)) else {
+            return own;
+        };
+        let world =
+            |k: usize| x * self.units[0][k] + y * self.units[1][k] + (plane + LIFT) * self.units[2][k];
+        let point = [world(0) as f32, world(1) as f32, world(2) as f32];
+        let is_open = self.shelter.is_none_or(|shelter| shelter.is_exposed(point));
+        Some(SplashPlace { height: plane, film: DEEP, share: if is_open { 1.0 } else { 0.0 } })
+    }
+
+    /// The heights on a tile, lowest and highest, m; `None` where there is nothing.
+    pub fn heights(&self, tile: [i64; 2]) -> Option<[f64; 2]> {
+        // Puddles stand no more than this above the ground.
+        const PUDDLE: f64 = 0.3;
+        let own = self.ground.and_then(|ground| ground.tiles.at(tile));
+        let own = own.map(|[low, high]| [low + LIFT, high + LIFT + PUDDLE]);
+        match (own, self.plane) {
+            (Some([low, high]), Some(plane)) => Some([low.min(plane), high.max(plane)]),
+            (own, plane) => own.or(plane.map(|plane| [plane; 2])),
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! A drop that hits a film of water.
+//!
+//! Numbers that are not laws are estimates from pictures of single drops, and marked `[E]`.
+
+/// Density of water, kg/m^3, its surface tension, N/m, and its viscosity, Pa s, at 15 degrees.
+const DENSITY: f64 = 1000.0;
+const TENSION: f64 = 0.073;
+const VISCOSITY: f64 = 1.1e-3;
+/// Film over the drop's diameter from which water counts as deep: splashes do not change any more (Mutchler and Hansen 1970).
+pub const DEEP: f64 = 3.0;
+/// Film over the drop's diameter at which it throws most (the same).
+const BEST: f64 = 1.0 / 3.0;
+/// Water that a drop far above the threshold throws from the best film, as a share of its own, and the factors on dry and on deep
+/// ground `[E]`.
+const THROWN: f64 = 0.3;
+const FILMLESS: f64 = 0.5;
+const DEEPLESS: f64 = 0.4;
+/// Least and greatest diameter of droplets, m; smaller ones are more frequent (the share below `least + (greatest - least) u^2` is u).
+pub const DROPLETS: [f64; 2] = [1e-4, 5e-4];
+/// Largest radius of a crown, diameters of the drop `[E]`.
+const WIDEST: f64 = 4.0;
+/// Height of a crown over the drop's diameter and the root of its Weber number `[E]`.
+const TALL: f64 = 0.05;
+/// Life of a crown, s a metre of the drop's diameter, and its bounds, s.
+const LIFE: f64 = 5.0;
+const LIVES: [f64; 2] = [0.005, 0.015];
+/// Share of its outline that a crown hides `[E]`: a thin sheet with thick rims and fingers.
+const HIDES: f64 = 0.5;
+/// Least diameter of drops that make a jet, m, its height and width in diameters `[E]`; so are its times.
+const JETS_FROM: f64 = 1.5e-3;
+const JET: [f64; 2] = [4.0, 0.4];
+/// Age at which a jet rises, s.
+pub const JET_FROM: f64 = 0.015;
+/// Life of a jet, s.
+pub const JET_LIFE: f64 = 0.045;
+
+/// A drop that hits a film.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Impact {
+    /// Diameter of the drop, m.
+    pub diameter: f64,
+    /// Its speed, m/s.
+    pub speed: f64,
+    /// Depth of the water that it hits, m.
+    pub film: f64,
+}
+
+/// A crown at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crown {
+    /// Radius, m.
+    pub radius: f64,
+    /// Height, m.
+    pub height: f64,
+    /// Area that it hides seen from the side, m^2.
+    pub area: f64,
+}
+
+impl Impact {
+    /// Inertia over surface tension.
+    #[must_use]
+    pub fn weber(&self) -> f64 {
+        DENSITY * self.speed * self.speed * self.diameter / TENSION
+    }
+
+    /// Viscosity over inertia and surface tension.
+    #[must_use]
+    pub fn ohnesorge(&self) -> f64 {
+        VISCOSITY / (DENSITY * TENSION * self.diameter).sqrt()
+    }
+
+    /// Depth of the film over the drop's diameter, no more than that of deep water.
+    #[must_use]
+    pub fn film_ratio(&self) -> f64 {
+        (self.film / self.diameter).clamp(0.0, DEEP)
+    }
+
+    /// Cossali's splash number over that from which crowns throw droplets: they do above 1.
+    #[must_use]
+    pub fn excess(&self) -> f64 {
+        let number = self.weber() * self.ohnesorge().powf(-0.4);
+        number / (2100.0 + 5880.0 * self.film_ratio().powf(1.44))
+    }
+
+    /// Returns true if it throws droplets.
+    #[must_use]
+    pub fn splashes(&self) -> bool {
+        self.excess() > 1.0
+    }
+
+    /// Water that it throws, as a share of its own.
+    #[must_use]
+    pub fn thrown(&self) -> f64 {
+        THROWN * by_film(self.film_ratio()) * (1.0 - 1.0 / self.excess()).max(0.0)
+    }
+
+    /// Mean number of droplets.
+    #[must_use]
+    pub fn droplets(&self) -> f64 {
+        self.thrown() * self.diameter.powi(3) / mean_cube()
+    }
+
+    /// Life of its crown, s.
+    #[must_use]
+    pub fn life(&self) -> f64 {
+        (LIFE * self.diameter).clamp(LIVES[0], LIVES[1])
+    }
+
+    /// Its crown at an age, s. The radius follows Yarin and Weiss (1995).
+    #[must_use]
+    pub fn crown(&self, age: f64) -> Crown {
+        let film = self.film.clamp(0.1 * self.diameter, self.diameter);
+        let spread =
+            (2.0f64 / 3.0).powf(0.25) * self.speed.sqrt() * self.diameter.powf(0.75) * film.powf(-0.25);
+        let radius = (spread * age.max(0.0).sqrt()).min(WIDEST * self.diameter);
+        let phase = (age / self.life()).clamp(0.0, 1.0);
+        let height = TALL * self.weber().sqrt() * self.diameter * (std::f64::consts::PI * phase).sin();
+        Crown { radius, height, area: HIDES * 2.0 * radius * height }
+    }
+
+    /// Height and width of its jet at an age, m; `None` where it makes none.
+    #[must_use]
+    pub fn jet(&self, age: f64) -> Option<[f64; 2]> {
+        let phase = (age - JET_FROM) / JET_LIFE;
+        let has_jet = self.film >= self.diameter && self.diameter > JETS_FROM && (0.0..1.0).contains(&phase);
+        has_jet.then(|| [JET[0] * self.diameter * 4.0 * phase * (1.0 - phase), JET[1] * self.diameter])
+    }
+}
+
+/// Factor on the water that is thrown, by the depth of the film over the drop's diameter.
+fn by_film(ratio: f64) -> f64 {
+    let smooth = |t: f64| t * t * (3.0 - 2.0 * t);
+    if ratio < BEST {
+        FILMLESS + (1.0 - FILMLESS) * smooth(ratio / BEST)
+    } else {
+        1.0 - (1.0 - DEEPLESS) * smooth((ratio / BEST).ln().min((DEEP / BEST).ln()) / (DEEP / BEST).ln())
+    }
+}
+
+/// Diameter of the droplet with a share of them below it, m.
+#[must_use]
+pub fn droplet(share: f64) -> f64 {
+    DROPLETS[0] + (DROPLETS[1] - DROPLETS[0]) * share * share
+}
+
+/// Mean cube of the diameters of droplets, m^3.
+fn mean_cube() -> f64 {
+    let [a, b] = [DROPLETS[0], DROPLETS[1] - DROPLETS[0]];
+    a.powi(3) + a * a * b + 3.0 / 5.0 * a * b * b + b.powi(3) / 7.0
+}
