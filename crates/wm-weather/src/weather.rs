@@ -6,6 +6,7 @@ use crate::dome::{from_level, level_axes};
 use crate::effects::{Action, EFFECTS, Effect, EffectContext, EffectRole, Need};
 use crate::effects::{ColorGrade, Flood, LampSource, LightChange};
 use crate::image_file::ImageFile;
+use crate::lens::Glass;
 use crate::light::{CloudShadows, Flash, FlashLight, Headlamps, LampGlow, LampsOn, MovingLight};
 use crate::optics::{Atmosphere, Daylight, Site, SiteLight};
 use crate::panorama::Panorama;
@@ -211,6 +212,7 @@ impl WeatherSample {
         let (mut flash, mut has_lightning) = (None, false);
         let mut wetness = None;
         let mut flood = None;
+        let mut glass = None;
         let strongest_wind = self.track("wind", "speed").map_or(0.0, Track::most);
         for (effect, values, tracks) in &self.effects {
             let effect = &EFFECTS[*effect];
@@ -265,6 +267,7 @@ impl WeatherSample {
                 Action::Flood(water) => flood = Some(water),
                 Action::PaperCover(snow) => paper_cover = Some(*snow),
                 Action::Grade(change) => grade = (!change.is_neutral()).then_some(change),
+                Action::Lens(before) => glass = Some(before).filter(|glass| !glass.is_clear()),
             }
         }
         let air = Atmosphere::new(layers, site);
@@ -290,6 +293,7 @@ impl WeatherSample {
             paper_cover,
             wetness,
             flood,
+            glass,
             strongest_wind,
         }
     }
@@ -377,6 +381,8 @@ pub struct PreparedWeather {
     wetness: Option<WetRequest>,
     /// Water at one level.
     flood: Option<Flood>,
+    /// The glass before the camera, if it shows.
+    glass: Option<Box<Glass>>,
     /// The strongest wind of the whole time, m/s.
     strongest_wind: f64,
 }
@@ -472,6 +478,12 @@ impl PreparedWeather {
     #[must_use]
     pub fn flood(&self) -> Option<&Flood> {
         self.flood.as_ref().filter(|flood| flood.level > 0.0)
+    }
+
+    /// Returns the glass before the camera; `None` if it changes no picture.
+    #[must_use]
+    pub fn glass(&self) -> Option<&Glass> {
+        self.glass.as_deref()
     }
 
     /// Returns where water stands, with the puddles of the place; `None` where none does.
