@@ -110,6 +110,7 @@ fn every_weather_is_the_cpus() {
         "--set light.model=night --set light.lamps=on --set light.headlamps=on --set rain.rate=60 --set snow_cover.depth=0.1",
         "--set light.model=night --set lightning.rate=120 --set lightning.distance=400 --set lightning.exposure=2",
         "--set light.model=clear --set light.photos=diffuse --set light.clouds=0.5 --set light.cloud_shadows=on",
+        "--set lens.rate=20 --set lens.distance=0.1 --set lens.dirt=0.1",
     ] {
         let pictures = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
             let mut words = workshop.words(&scene, &view, "picture.exr", weather);

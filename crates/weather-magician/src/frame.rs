@@ -12,6 +12,7 @@ use wm_render::{
     Pictures, RenderBackend, RenderConfig, RenderError, SetView, Stats, WaterPass,
 };
 use wm_scene::{Camera, Splats};
+use wm_weather::lens::{LensEffect, wide_camera};
 use wm_weather::light::LampsOn;
 use wm_weather::paper::PaperStages;
 use wm_weather::paper::composite::{self, PaperBlend};
@@ -41,6 +42,8 @@ impl From<Camera> for MovingCamera {
 pub struct FrameRequest<'a> {
     /// The splat sets, drawn together.
     pub sets: &'a [SetView<'a>],
+    /// The same with fewer splats for the small wide view that drops on the lens show; `None` for [`Self::sets`].
+    pub wide: Option<&'a [SetView<'a>]>,
     /// The weather at the instant.
     pub weather: &'a PreparedWeather,
     /// The camera.
@@ -89,23 +92,29 @@ impl FrameRequest<'_> {
     ) -> Result<Stats, RenderError> {
         let is_paper = !self.weather.paper_falls().is_empty() || stages.is_some();
         if is_paper {
-            return self.draw_as_paper(backend, memory, picture, stages);
+            return self.with_lens(|lens| self.draw_as_paper(lens, backend, memory, picture, stages));
         }
         picture.water = WaterLayers::default();
         let camera = &self.camera.camera;
         let water = self.weather.water(self.puddles).and_then(|map| Water::new(map, self.weather, camera));
         if let Some(water) = water {
-            return self.draw_with_water(&water, backend, memory, picture);
+            return self.with_lens(|lens| self.draw_with_water(&water, lens, backend, memory, picture));
         }
-        self.with_scene_pass(self.config, |pass| {
-            let mut plan = FramePlan::new();
-            let color = plan.draw(pass);
-            let parts = (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
-            memory.put(color, std::mem::take(&mut picture.frame));
-            let stats = backend.execute(&plan, memory)?;
-            picture.parts = parts.map(|parts| parts.finish(memory)).unwrap_or_default();
-            picture.frame = memory.take(color);
-            Ok(stats)
+        self.with_lens(|lens| {
+            self.with_scene_pass(self.config, |pass| {
+                let mut plan = FramePlan::new();
+                let color = plan.draw(pass);
+                let parts =
+                    (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
+                if let Some(lens) = lens {
+                    lens.append(&mut plan, color);
+                }
+                memory.put(color, std::mem::take(&mut picture.frame));
+                let stats = backend.execute(&plan, memory)?;
+                picture.parts = parts.map(|parts| parts.finish(memory)).unwrap_or_default();
+                picture.frame = memory.take(color);
+                Ok(stats)
+            })
         })
     }
 
@@ -113,21 +122,15 @@ impl FrameRequest<'_> {
     fn draw_with_water(
         &self,
         water: &Water,
+        lens: Option<LensPass<'_>>,
         backend: &mut dyn RenderBackend,
         memory: &mut Pictures,
         picture: &mut Picture,
     ) -> Result<Stats, RenderError> {
         let camera = &self.camera.camera;
         let asked = self.config.outputs;
-        let mirror_config = RenderConfig {
-            outputs: Outputs { geometry: Geometry::Depth, ..Outputs::default() },
-            background: match self.config.background {
-                // A scene with a sky of its own shows what nobody photographed as haze, never black.
-                Background::Color(_) => Background::Color(self.weather.haze().map(|v| srgb_encode(v) as f32)),
-                sky => sky,
-            },
-            ..*self.config
-        };
+        let mirror_config =
+            self.beyond_the_picture(Outputs { geometry: Geometry::Depth, ..Outputs::default() });
         let mirrored_observer =
             Observer { camera: &water.mirror.camera, lamps: None, splashes: None, ..self.observer() };
         self.weather.with_hooks(&mirrored_observer, |hooks| {
@@ -165,6 +168,9 @@ impl FrameRequest<'_> {
                     (!self.parts.is_empty()).then(|| PartPasses::append(&mut plan, color, self.parts));
                 let mirrored = plan.draw(mirrored);
                 plan.apply(&effect, color, &[mirrored]);
+                if let Some(lens) = lens {
+                    lens.append(&mut plan, color);
+                }
                 memory.put(color, std::mem::take(&mut picture.frame));
                 let stats = backend.execute(&plan, memory)?;
                 picture.parts = parts.map(|parts| parts.finish(memory)).unwrap_or_default();
@@ -188,6 +194,7 @@ impl FrameRequest<'_> {
     /// Draws the scene, then each sub-cloud of what falls by itself, and lays them over it.
     fn draw_as_paper(
         &self,
+        lens: Option<LensPass<'_>>,
         backend: &mut dyn RenderBackend,
         memory: &mut Pictures,
         picture: &mut Picture,
@@ -235,6 +242,9 @@ impl FrameRequest<'_> {
                 }
             }
             plan.apply(&finish, color, &[]);
+            if let Some(lens) = lens {
+                lens.append(&mut plan, color);
+            }
             memory.put(color, std::mem::take(&mut picture.frame));
             let stats = backend.execute(&plan, memory)?;
             picture.parts = Default::default();
@@ -253,10 +263,51 @@ impl FrameRequest<'_> {
         })
     }
 
+    /// Calls `work` with the passes of the glass before the camera, whose hooks live as long as the call; with `None` where it changes no
+    /// picture.
+    fn with_lens<R>(&self, work: impl FnOnce(Option<LensPass<'_>>) -> R) -> R {
+        let Some(glass) = self.weather.glass() else { return work(None) };
+        let camera = &self.camera.camera;
+        let wide = wide_camera(camera);
+        let config = self.beyond_the_picture(Outputs::default());
+        let effect = LensEffect { glass, camera };
+        let observer = Observer { camera: &wide, lamps: None, splashes: None, ..self.observer() };
+        self.weather.with_hooks(&observer, |hooks| {
+            let hooks = Hooks { particles: &[], ..hooks };
+            let wide = DrawPass::new(self.wide.unwrap_or(self.sets), &wide, &config).with_hooks(hooks);
+            work(Some(LensPass { wide, effect: &effect }))
+        })
+    }
+
+    /// The configuration of views that show more than the picture: a scene with a sky of its own shows what nobody photographed as haze,
+    /// never black.
+    fn beyond_the_picture(&self, outputs: Outputs) -> RenderConfig {
+        let background = match self.config.background {
+            Background::Color(_) => Background::Color(self.weather.haze().map(|v| srgb_encode(v) as f32)),
+            sky => sky,
+        };
+        RenderConfig { outputs, background, ..*self.config }
+    }
+
     fn observer(&self) -> Observer<'_> {
         let MovingCamera { camera, velocity } = &self.camera;
         let Self { shelter, lamps, splashes, threads, .. } = *self;
         Observer { camera, velocity: *velocity, shelter, lamps, splashes, threads }
+    }
+}
+
+/// The glass before the camera as passes of a plan.
+struct LensPass<'a> {
+    /// The wide view that its drops show.
+    wide: DrawPass<'a>,
+    effect: &'a LensEffect<'a>,
+}
+
+impl<'a> LensPass<'a> {
+    /// Lays the glass over a finished picture.
+    fn append(self, plan: &mut FramePlan<'a>, picture: PictureId) {
+        let wide = plan.draw(self.wide);
+        plan.apply(self.effect, picture, &[wide]);
     }
 }
 

@@ -61,6 +61,7 @@ mod renderer;
 pub mod sequence;
 mod tags;
 pub mod view;
+mod wide_set;
 
 pub use bake::BakedScene;
 pub use convert::{CropBox, LengthScale, SceneChange};

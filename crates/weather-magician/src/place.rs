@@ -11,6 +11,7 @@ use crate::picture::Picture;
 use crate::place_light::{CoverLight, PlaceLight};
 use crate::place_water::PlaceWater;
 use crate::view;
+use crate::wide_set::{ChosenAttributes, WideSet, thinned};
 use crate::{Error, Progress, Result};
 use glam::DVec3;
 use std::path::PathBuf;
@@ -128,6 +129,8 @@ pub struct PreparedPlace {
     cache: AssetCache,
     store: AssetStore,
     lying: Option<Lying>,
+    /// The scene with few splats, if a weather with drops on the lens was drawn.
+    wide: Option<WideSet>,
     light: PlaceLight,
     water: PlaceWater,
     /// True once the splats in the computer's memory are freed.
@@ -243,6 +246,7 @@ impl PreparedPlace {
             cache: AssetCache::new(options.assets.clone(), digest.unwrap_or_default()),
             store: AssetStore::default(),
             lying: None,
+            wide: None,
             light: PlaceLight::new(lamps),
             water: PlaceWater::default(),
             is_released: false,
@@ -707,6 +711,9 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
     ) -> Result<()> {
         self.check_light(weather)?;
+        if weather.effects().any(|(effect, _)| effect.name == "lens") {
+            self.make_wide_set(backend)?;
+        }
         let needs = AssetNeeds::of(weather, &self.site);
         self.prepare(backend, self.missing_assets(weather, 0.0), progress)?;
         // A fall that turns, or begins later, needs maps of other directions; those are made without the splats.
@@ -753,6 +760,16 @@ impl PreparedPlace {
         Ok(self.water.state())
     }
 
+    /// Thins the scene for the wide view that drops on the lens show, if that is not done and the splats are there.
+    fn make_wide_set(&mut self, backend: &mut AnyRenderer) -> Result<()> {
+        if self.wide.is_none() && !self.is_released {
+            let (splats, chosen) =
+                thinned(&self.scene.splats, self.survey.center.to_array(), self.survey.radius);
+            self.wide = Some(WideSet { set: backend.load(&splats)?, chosen });
+        }
+        Ok(())
+    }
+
     /// Checks that the light of a weather can be.
     fn check_light(&self, weather: &Weather) -> Result<()> {
         light_fault(weather, &self.site).map_or(Ok(()), |fault| Err(Error::Unsupported(fault)))
@@ -776,6 +793,9 @@ impl PreparedPlace {
         let prepared = weather.at(options.time).prepare(&self.site);
         self.check_water(weather, &prepared, &options.camera.camera)?;
         self.clear_foreign_cover(backend, &prepared);
+        if prepared.glass().is_some() {
+            self.make_wide_set(backend)?;
+        }
         let shelter = prepared.fall().and_then(|fall| match options.patience {
             Patience::Whole => self.store.shelter(fall).cloned(),
             Patience::Draft => {
@@ -802,6 +822,15 @@ impl PreparedPlace {
             with_cover(self.set, &scene, self.lying.as_ref().map(|lying| (lying.set, lying_light)));
         let windows = self.light.windows(&prepared, &self.scene, &self.site);
         sets.extend(windows.as_ref().map(SetView::transient));
+        let wide_attributes =
+            self.wide.as_ref().map(|wide| ChosenAttributes { all: &scene, chosen: &wide.chosen });
+        let wide_sets = self.wide.as_ref().zip(wide_attributes.as_ref()).map(|(wide, attributes)| {
+            let is_changed = scene.buried.is_some() || scene.changes_light();
+            let attributes = is_changed.then_some(attributes as &dyn SplatAttributes);
+            let mut sets = sets.clone();
+            sets[0] = SetView::plain(wide.set).with_attributes(attributes);
+            sets
+        });
         let sources = self.light.sources(&prepared, &self.store, moving.as_ref(), &self.site);
         let lamps = sources.as_ref().map(|(lights, display)| LampsOn { lights, display: *display });
         let request = FrameRequest {
@@ -810,6 +839,7 @@ impl PreparedPlace {
             splashes: splashes.as_ref(),
             threads: backend.threads(),
             sets: &sets,
+            wide: wide_sets.as_deref(),
             weather: &prepared,
             camera: options.camera,
             shelter: shelter.as_deref(),
@@ -953,6 +983,9 @@ impl PreparedPlace {
     /// Takes the splats out of the renderer.
     pub(crate) fn unload(mut self, backend: &mut AnyRenderer) {
         self.clear_cover(backend);
+        if let Some(wide) = self.wide.take() {
+            backend.unload(wide.set);
+        }
         backend.unload(self.set);
     }
 }

@@ -36,6 +36,7 @@ pub mod effects;
 pub mod file;
 pub mod fused_surfaces;
 pub mod image_file;
+pub mod lens;
 pub mod light;
 pub mod open_water;
 pub mod optics;

@@ -17,7 +17,7 @@ presets! {
     "drizzle", "moderate-rain", "heavy-rain", "violent-rain", "after-rain", "light-snow", "snow", "blizzard", "sleet", "hail",
     "sandstorm", "flood", "rain-to-snow", "snow-covered", "first-snow", "thaw",
     "overcast", "sunny", "golden-hour", "broken-clouds", "night", "night-fog", "night-rain", "night-snow",
-    "thunderstorm", "sun-to-night", "film-rain", "film-rain-night",
+    "thunderstorm", "sun-to-night", "film-rain", "film-rain-night", "rain-on-windscreen", "rain-on-lens",
 }
 
 impl Weather {

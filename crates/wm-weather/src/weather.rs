@@ -6,6 +6,7 @@ use crate::dome::{from_level, level_axes};
 use crate::effects::{Action, EFFECTS, Effect, EffectContext, EffectRole, Need};
 use crate::effects::{ColorGrade, Flood, LampSource, LightChange};
 use crate::image_file::ImageFile;
+use crate::lens::Glass;
 use crate::light::{CloudShadows, Flash, FlashLight, Headlamps, LampGlow, LampsOn, MovingLight};
 use crate::optics::{Atmosphere, Daylight, Site, SiteLight};
 use crate::panorama::Panorama;
@@ -213,6 +214,7 @@ impl WeatherSample {
         let mut wetness = None;
         let mut flood = None;
         let mut splash = None;
+        let mut glass = None;
         let strongest_wind = self.track("wind", "speed").map_or(0.0, Track::most);
         for (effect, values, tracks) in &self.effects {
             let effect = &EFFECTS[*effect];
@@ -268,6 +270,7 @@ impl WeatherSample {
                 Action::Splash(asked) => splash = Some(asked).filter(|splash| splash.amount > 0.0),
                 Action::PaperCover(snow) => paper_cover = Some(*snow),
                 Action::Grade(change) => grade = (!change.is_neutral()).then_some(change),
+                Action::Lens(before) => glass = Some(before).filter(|glass| !glass.is_clear()),
             }
         }
         let air = Atmosphere::new(layers, site);
@@ -294,6 +297,7 @@ impl WeatherSample {
             wetness,
             flood,
             splash,
+            glass,
             strongest_wind,
         }
     }
@@ -384,6 +388,8 @@ pub struct PreparedWeather {
     /// Water at one level.
     flood: Option<Flood>,
     splash: Option<Splash>,
+    /// The glass before the camera, if it shows.
+    glass: Option<Box<Glass>>,
     /// The strongest wind of the whole time, m/s.
     strongest_wind: f64,
 }
@@ -485,6 +491,12 @@ impl PreparedWeather {
     #[must_use]
     pub fn splash(&self) -> Option<Splash> {
         self.splash
+    }
+
+    /// Returns the glass before the camera; `None` if it changes no picture.
+    #[must_use]
+    pub fn glass(&self) -> Option<&Glass> {
+        self.glass.as_deref()
     }
 
     /// Returns where water stands, with the puddles of the place; `None` where none does.

@@ -54,6 +54,10 @@ impl BenchCase {
         let splashes = weather("clear", &[&rain_on_wet[..], &["splash=on"]].concat())?;
         let flood = weather("clear", &["flood.level=0.3", "wind.speed=4"])?;
         let flood_in_rain = weather("clear", &["flood.level=0.3", "wind.speed=4", "rain.rate=8"])?;
+        // Drops of a windscreen alone, to compare with "rgb", and in the rain of "rgb, rain 25 mm/h", to compare with that.
+        let windscreen = ["lens.distance=0.2", "lens.aperture=1.5", "lens.rate=15"];
+        let lens = weather("clear", &windscreen)?;
+        let lens_in_rain = weather("clear", &[&windscreen[..], &["rain.rate=25"]].concat())?;
         let paper_fog = weather("fog", &["fidelity=paper"])?;
         let paper_cover = weather("clear", &["snow_cover=on", "fidelity=paper"])?;
         let mut cases: Vec<Self> = [
@@ -88,6 +92,8 @@ impl BenchCase {
             ("rgb, rain, wet, splashes", splashes),
             ("rgb, flood 0.3 m", flood),
             ("rgb, flood, rain 8 mm/h", flood_in_rain),
+            ("rgb, lens", lens),
+            ("rgb, rain, lens", lens_in_rain),
             (PAPER_FOG, paper_fog),
             (PAPER_COVER, paper_cover),
         ] {
@@ -131,9 +137,9 @@ impl BenchCase {
         self.sky.cover()
     }
 
-    /// Returns true if the weather changes the light of the place.
+    /// Returns true if the weather needs more of the place than its splats: its light, or a thinned copy for drops on the lens.
     pub fn is_lit(&self) -> bool {
-        self.sky.light().is_some() || self.sky.wetness().is_some()
+        self.sky.light().is_some() || self.sky.wetness().is_some() || self.sky.glass().is_some()
     }
 
     /// Returns the index of a case in a list; 0 if it is not in it.
@@ -215,6 +221,7 @@ impl<'a> BenchTarget<'a> {
             Self::Sets { renderer, sets } => {
                 let request = FrameRequest {
                     sets,
+                    wide: None,
                     weather: &case.sky,
                     camera: (*camera).into(),
                     shelter: None,

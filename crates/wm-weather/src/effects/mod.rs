@@ -6,6 +6,7 @@
 
 use crate::cover::CoverRequest;
 use crate::dome::Dome;
+use crate::lens::Glass;
 use crate::light::Flash;
 use crate::optics::{AirLayer, Site};
 use crate::paper::{PaperCover, PaperFall, PaperFog};
@@ -142,6 +143,8 @@ pub enum Action {
     Splash(Splash),
     /// Exposure and colour of the finished picture.
     Grade(ColorGrade),
+    /// A glass before the camera.
+    Lens(Box<Glass>),
 }
 
 macro_rules! effects {
@@ -153,7 +156,7 @@ macro_rules! effects {
     };
 }
 
-effects! { sky, light, lightning, dust_cover, snow_cover, wetness, flood, wind, fog, haze, smog, rain, snowfall, hail, splash, look }
+effects! { sky, light, lightning, dust_cover, snow_cover, wetness, flood, wind, fog, haze, smog, rain, snowfall, hail, splash, look, lens }
 
 impl Effect {
     /// The effect of a name.

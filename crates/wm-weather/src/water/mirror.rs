@@ -164,7 +164,7 @@ fn decode_row<S: Lanes>(simd: S, rgb: &[f32], line: &mut [[f32; 4]]) {
 
 /// Display-referred colours in linear light, in place.
 #[inline(always)]
-pub(super) fn decode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
+pub(crate) fn decode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
     for first in (0..GROUP).step_by(S::N) {
         let mut light = [simd.set(0.0); 3];
         (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));
@@ -177,7 +177,7 @@ pub(super) fn decode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
 
 /// Linear light in display-referred colours, in place.
 #[inline(always)]
-pub(super) fn encode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
+pub(crate) fn encode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
     for first in (0..GROUP).step_by(S::N) {
         let mut light = [simd.set(0.0); 3];
         (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));

@@ -1,0 +1,122 @@
+//! The glass over a finished picture.
+
+use super::Glass;
+use super::drops::drops;
+use super::geometry::GlassView;
+use super::layer::{DropLayer, LayerScale};
+use super::veil::Haze;
+use super::wide::WideView;
+use crate::water::{decode, encode};
+use rayon::prelude::*;
+use wm_render::hooks::GROUP;
+use wm_render::simd::{Lanes, SimdPath};
+use wm_render::{Frame, PictureEffect, dispatch};
+use wm_scene::Camera;
+
+/// A glass as a picture pass: its only input is the picture of [`super::wide_camera`].
+pub struct LensEffect<'a> {
+    /// The glass.
+    pub glass: &'a Glass,
+    /// The camera of the picture.
+    pub camera: &'a Camera,
+}
+
+impl PictureEffect for LensEffect<'_> {
+    fn apply(&self, path: SimdPath, picture: &mut Frame, inputs: &[&Frame]) {
+        let Self { glass, camera } = *self;
+        let wide = WideView::new(path, inputs[0]);
+        let view = GlassView::new(glass, camera);
+        let focal = (camera.fx * camera.fy).sqrt();
+        let blur = (glass.aperture / glass.distance * focal) as f32;
+        let bounds = [view.bounds[0].map(|v| v - glass.aperture), view.bounds[1].map(|v| v + glass.aperture)];
+        let drops = drops(glass, bounds);
+        let layer = (!drops.is_empty())
+            .then(|| DropLayer::new(glass, (&view, camera), &drops, &wide, (LayerScale::new(blur), path)));
+        let haze = Haze::new(glass, (&view, camera), picture, &wide);
+        if layer.is_none() && haze.is_none() {
+            return;
+        }
+        let width = picture.width as usize;
+        let rows = picture.rgb.par_chunks_mut(3 * width).enumerate();
+        rows.for_each_init(
+            || (Vec::new(), Vec::new()),
+            |(drops, added), (y, line)| {
+                let start = layer.as_ref().and_then(|layer| layer.row(y, drops));
+                let seen = layer.as_ref().zip(start);
+                match (&haze, seen) {
+                    (Some(haze), _) => {
+                        haze.row(y, added);
+                        dispatch!(path, s => {
+                            let mut over = Over::default();
+                            for x in 0..width {
+                                let drop = seen.map_or([0.0; 4], |(layer, start)| layer.column(drops, x, start));
+                                over.add(s, line, x, (drop, haze.column(added, x)));
+                            }
+                            over.lay(s, line);
+                        });
+                    }
+                    (None, Some((layer, start))) => {
+                        dispatch!(path, s => {
+                            let mut over = Over::default();
+                            layer.columns(drops, width, start, |x, drop| over.add(s, line, x, (drop, CLEAR)));
+                            over.lay(s, line);
+                        });
+                    }
+                    (None, None) => {}
+                }
+            },
+        );
+    }
+}
+
+/// Haze that adds nothing and keeps all.
+const CLEAR: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
+
+/// What is laid over up to sixteen pixels of a row, one array a number.
+#[derive(Default)]
+struct Over {
+    count: usize,
+    columns: [usize; GROUP],
+    /// Red, green and blue of drops times their cover, and their cover.
+    drops: [[f32; GROUP]; 4],
+    /// Red, green and blue that are added, and the share of light that is kept.
+    haze: [[f32; GROUP]; 4],
+}
+
+impl Over {
+    /// Adds a column, and lays all over the row when there are sixteen.
+    #[inline(always)]
+    fn add<S: Lanes>(&mut self, simd: S, line: &mut [f32], x: usize, (drop, haze): ([f32; 4], [f32; 4])) {
+        let i = self.count;
+        self.columns[i] = x;
+        (0..4).for_each(|k| self.drops[k][i] = drop[k]);
+        (0..4).for_each(|k| self.haze[k][i] = haze[k]);
+        self.count += 1;
+        if self.count == GROUP {
+            self.lay(simd, line);
+        }
+    }
+
+    /// Lays it over the row, in linear light.
+    #[inline(always)]
+    fn lay<S: Lanes>(&mut self, simd: S, line: &mut [f32]) {
+        let (pixels, _) = line.as_chunks_mut::<3>();
+        let mut light = [[0.0f32; GROUP]; 3];
+        for i in 0..self.count {
+            let pixel = &pixels[self.columns[i]];
+            (0..3).for_each(|k| light[k][i] = pixel[k].max(0.0));
+        }
+        decode(simd, &mut light);
+        for k in 0..3 {
+            for i in 0..GROUP {
+                let seen = light[k][i] * (1.0 - self.drops[3][i]) + self.drops[k][i];
+                light[k][i] = seen * self.haze[3][i] + self.haze[k][i];
+            }
+        }
+        encode(simd, &mut light);
+        for i in 0..self.count {
+            pixels[self.columns[i]] = [light[0][i], light[1][i], light[2][i]];
+        }
+        self.count = 0;
+    }
+}

@@ -1,0 +1,394 @@
+//! Drops as a picture of their own: their light and their cover, as coarse as the aperture blurs them.
+//!
+//! Drops that touch are one surface: each adds `(1 - rho^2 / S^2)^2` about it, with `rho` its distance from the middle in radii, and water is where
+//! the sum is as great as on the rim of a single one. The slope is that of a cap for a single drop, and goes over where drops meet.
+
+use super::Glass;
+use super::drops::GlassDrop;
+use super::geometry::GlassView;
+use super::wide::WideView;
+use crate::water::WATER_INDEX;
+use rayon::prelude::*;
+use wm_render::dispatch;
+use wm_render::simd::SimdPath;
+use wm_scene::Camera;
+
+/// Radii up to which a drop joins others.
+const REACH: f32 = 1.4;
+/// Sum at the rim.
+const RIM: f32 = (1.0 - 1.0 / (REACH * REACH)) * (1.0 - 1.0 / (REACH * REACH));
+/// Rows that one thread draws at a time.
+const BAND: usize = 8;
+/// Least radius that is drawn, px of the layer.
+const LEAST: f64 = 0.4;
+/// Radius, m, from which a drop sags, and how much.
+const HEAVY: f32 = 2.5e-3;
+const SAG: f32 = 0.22;
+/// Cover of a pixel below which no drop is seen in it.
+const UNSEEN: f32 = 1.0 / 1024.0;
+/// Empty pixels before and after a row that is laid over the picture.
+const PADDING: usize = 2;
+/// Light inside, which a rim reflects, as a share of the mean outside.
+const INSIDE: f32 = 0.05;
+
+/// The fineness of a layer, and its blur.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LayerScale {
+    /// Picture pixels in one of the layer.
+    pub pixels: usize,
+    /// Radius of the disc of blur, px of the layer; 0 if edges alone are blurred.
+    pub disc: f32,
+    /// Width of an edge, px of the layer.
+    pub edge: f32,
+    /// Layer pixels beyond each side of the picture.
+    pub margin: usize,
+}
+
+impl LayerScale {
+    /// For a blur of this diameter, px of the picture.
+    pub fn new(blur: f32) -> Self {
+        let pixels = match blur {
+            blur if blur < 2.5 => 1,
+            blur if blur < 18.0 => ((blur / 3.0).round() as usize).max(2),
+            _ => (blur / 6.0) as usize,
+        };
+        let disc = if pixels == 1 { 0.0 } else { 0.5 * blur / pixels as f32 };
+        let edge = if pixels == 1 { blur.max(1.0) } else { 1.0 };
+        Self { pixels, disc, edge, margin: disc.ceil() as usize + usize::from(pixels > 1) }
+    }
+}
+
+/// The drops before a picture.
+pub(super) struct DropLayer {
+    pub scale: LayerScale,
+    pub width: usize,
+    /// Light times cover, and cover; row by row.
+    pub pixels: Vec<[f32; 4]>,
+    /// First and last column with drops of each row, empty where there is none.
+    pub spans: Vec<[usize; 2]>,
+}
+
+/// A drop as it is drawn, px of the layer.
+struct Drawn {
+    at: [f32; 2],
+    inverse: [f32; 2],
+    reach: [f32; 2],
+    radius: f32,
+}
+
+/// Numbers that all pixels share.
+struct Optics<'a> {
+    wide: &'a WideView,
+    inside: [f32; 3],
+    /// Sine of the contact angle.
+    rim: f32,
+    tilt: [f32; 2],
+    sag: f32,
+}
+
+impl DropLayer {
+    /// Draws drops before a camera.
+    pub fn new(
+        glass: &Glass,
+        (view, camera): (&GlassView, &Camera),
+        drops: &[GlassDrop],
+        wide: &WideView,
+        (scale, path): (LayerScale, SimdPath),
+    ) -> Self {
+        let side = |length: u32| (length as usize).div_ceil(scale.pixels) + 2 * scale.margin;
+        let (width, height) = (side(camera.width), side(camera.height));
+        let finer = 1.0 / scale.pixels as f64;
+        let drawn: Vec<Drawn> = drops
+            .iter()
+            .filter_map(|drop| {
+                let (at, px) = view.project(drop.at);
+                let radii = [drop.radius * px[0] * finer, drop.radius * drop.aspect * px[1] * finer];
+                if radii[0].min(radii[1]) < LEAST {
+                    return None;
+                }
+                let at = at.map(|v| (v * finer + scale.margin as f64) as f32);
+                let radii = radii.map(|v| v as f32);
+                let reach = radii.map(|v| v * REACH);
+                let is_seen = at[0] + reach[0] > 0.0
+                    && at[0] - reach[0] < width as f32
+                    && at[1] + reach[1] > 0.0
+                    && at[1] - reach[1] < height as f32;
+                is_seen.then(|| Drawn {
+                    at,
+                    inverse: radii.map(|v| 1.0 / v),
+                    reach,
+                    radius: (radii[0] * radii[1]).sqrt(),
+                })
+            })
+            .collect();
+        let mut bands: Vec<Vec<u32>> = vec![Vec::new(); height.div_ceil(BAND)];
+        for (i, drop) in drawn.iter().enumerate() {
+            let row = |y: f32| (y.max(0.0) as usize / BAND).min(bands.len() - 1);
+            let (first, last) = (row(drop.at[1] - drop.reach[1]), row(drop.at[1] + drop.reach[1]));
+            bands[first..=last].iter_mut().for_each(|band| band.push(i as u32));
+        }
+        let (sin, cos) = glass.tilt.sin_cos();
+        // Metres of a pixel of the layer, for how large a drop is.
+        let metre = view.project([0.0; 2]).1[0] * finer;
+        let optics = Optics {
+            wide,
+            inside: wide.mean().map(|v| v * INSIDE),
+            rim: glass.contact.sin() as f32,
+            tilt: [sin as f32, cos as f32],
+            sag: 1.0 / (HEAVY * metre as f32),
+        };
+        let mut pixels = vec![[0.0f32; 4]; width * height];
+        let mut spans = vec![[0, 0]; height];
+        let lines = pixels.par_chunks_mut(BAND * width).zip(spans.par_chunks_mut(BAND)).zip(&bands);
+        lines.enumerate().for_each_init(Vec::new, |sums, (band, ((pixels, spans), list))| {
+            if list.is_empty() {
+                return;
+            }
+            sums.clear();
+            sums.resize(pixels.len(), [0.0f32; 4]);
+            let drops = list.iter().map(|i| &drawn[*i as usize]);
+            dispatch!(path, _s => optics.draw(drops, (band * BAND, width), sums, spans, pixels, (scale, camera)));
+        });
+        let mut layer = Self { scale, width, pixels, spans };
+        if scale.disc > 0.0 && !drawn.is_empty() {
+            layer.blur(path);
+        }
+        layer
+    }
+
+    /// Blurs by the disc of the aperture.
+    fn blur(&mut self, path: SimdPath) {
+        let radius = self.scale.disc;
+        let reach = (radius + 0.5).ceil() as isize;
+        let mut taps = Vec::new();
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                let weight = (radius + 0.5 - ((dx * dx + dy * dy) as f32).sqrt()).clamp(0.0, 1.0);
+                if weight > 0.0 {
+                    taps.push((dx, dy, weight));
+                }
+            }
+        }
+        let sum: f32 = taps.iter().map(|(_, _, weight)| weight).sum();
+        let (width, height) = (self.width, self.spans.len());
+        let source = std::mem::take(&mut self.pixels);
+        let mut blurred = vec![[0.0f32; 4]; source.len()];
+        let spans: Vec<[usize; 2]> = (0..height)
+            .map(|y| {
+                let rows = y.saturating_sub(reach as usize)..(y + reach as usize + 1).min(height);
+                let near = self.spans[rows].iter().filter(|span| span[0] < span[1]);
+                let joined = near.fold([usize::MAX, 0], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+                match joined[0] < joined[1] {
+                    true => {
+                        [joined[0].saturating_sub(reach as usize), (joined[1] + reach as usize).min(width)]
+                    }
+                    false => [0, 0],
+                }
+            })
+            .collect();
+        blurred.par_chunks_mut(width).zip(&spans).enumerate().for_each(|(y, (line, span))| {
+            if span[0] < span[1] {
+                dispatch!(path, _s => blur_row(&source, (width, height), y, (line, *span), (&taps, sum)));
+            }
+        });
+        self.pixels = blurred;
+        self.spans = spans;
+    }
+
+    /// Writes the light and the cover along a row of a picture, between the columns of the layer that have drops. Returns the first of the
+    /// columns that are written; `None` where there are no drops.
+    pub fn row(&self, y: usize, line: &mut Vec<[f32; 4]>) -> Option<usize> {
+        let LayerScale { pixels: scale, margin, .. } = self.scale;
+        let at = (y as f32 + 0.5) / scale as f32 - 0.5 + margin as f32;
+        let top = (at.max(0.0) as usize).min(self.spans.len() - 1);
+        let below = (top + 1).min(self.spans.len() - 1);
+        let part = at.max(0.0) - top as f32;
+        let spans = [self.spans[top], self.spans[below]].into_iter().filter(|span| span[0] < span[1]);
+        let [first, last] = spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])?;
+        let [top, below] = [top, below].map(|row| &self.pixels[row * self.width..][first..last]);
+        line.clear();
+        line.extend([[0.0; 4]; PADDING]);
+        line.extend(
+            top.iter()
+                .zip(below)
+                .map(|(a, b)| -> [f32; 4] { std::array::from_fn(|k| a[k] + part * (b[k] - a[k])) }),
+        );
+        line.extend([[0.0; 4]; PADDING]);
+        Some(first)
+    }
+
+    /// Calls `take` with each column below `width` that shows a drop, its light and its cover, from what [`Self::row`] wrote from the
+    /// column `start` of the layer on.
+    #[inline(always)]
+    pub fn columns(
+        &self,
+        line: &[[f32; 4]],
+        width: usize,
+        start: usize,
+        mut take: impl FnMut(usize, [f32; 4]),
+    ) {
+        let LayerScale { pixels: scale, margin, .. } = self.scale;
+        let shift = if scale % 2 == 0 { 0.5 } else { 0.0 };
+        for (i, pair) in line.windows(2).enumerate() {
+            let [a, b] = [&pair[0], &pair[1]];
+            if a[3].max(b[3]) <= UNSEEN {
+                continue;
+            }
+            // Pixels of the picture between the middles of both.
+            let first = (i + start) as isize - (margin + PADDING) as isize;
+            let first = first * scale as isize + scale as isize / 2;
+            for j in 0..scale {
+                let x = first + j as isize;
+                if (0..width as isize).contains(&x) {
+                    let part = (j as f32 + shift) / scale as f32;
+                    take(x as usize, std::array::from_fn(|k| a[k] + part * (b[k] - a[k])));
+                }
+            }
+        }
+    }
+
+    /// The light and the cover at a column of the picture, from what [`Self::row`] wrote from the column `start` of the layer on.
+    #[inline(always)]
+    pub fn column(&self, line: &[[f32; 4]], x: usize, start: usize) -> [f32; 4] {
+        let LayerScale { pixels: scale, margin, .. } = self.scale;
+        let at = (x as f32 + 0.5) / scale as f32 - 0.5 + (margin + PADDING) as f32 - start as f32;
+        let left = (at.max(0.0) as usize).min(line.len() - 2);
+        let part = (at - left as f32).clamp(0.0, 1.0);
+        let (a, b) = (&line[left], &line[left + 1]);
+        std::array::from_fn(|k| a[k] + part * (b[k] - a[k]))
+    }
+}
+
+/// Writes a row of what a disc of `taps` blurs, between two columns.
+#[inline(always)]
+fn blur_row(
+    source: &[[f32; 4]],
+    (width, height): (usize, usize),
+    y: usize,
+    (line, [first, last]): (&mut [[f32; 4]], [usize; 2]),
+    (taps, sum): (&[(isize, isize, f32)], f32),
+) {
+    for (dx, dy, weight) in taps {
+        let row = y as isize + dy;
+        if row < 0 || row >= height as isize {
+            continue;
+        }
+        // Columns whose neighbour is in the layer.
+        let from = (first as isize).max(-dx) as usize;
+        let to = (last as isize).min(width as isize - dx).max(from as isize) as usize;
+        let start = row as usize * width + (from as isize + dx) as usize;
+        let weight = weight / sum;
+        for (out, pixel) in line[from..to].iter_mut().zip(&source[start..]) {
+            (0..4).for_each(|k| out[k] += weight * pixel[k]);
+        }
+    }
+}
+
+/// Adds a drop to the sums of some rows: the weight, the slope twice, and its radius.
+#[inline(always)]
+fn add(drop: &Drawn, first: usize, width: usize, sums: &mut [[f32; 4]], spans: &mut [[usize; 2]]) {
+    let rows = sums.len() / width;
+    let top = (drop.at[1] - drop.reach[1] - 0.5).ceil().max(first as f32) as usize;
+    let bottom = ((drop.at[1] + drop.reach[1] + 0.5).floor().max(0.0) as usize).min(first + rows);
+    let left = (drop.at[0] - drop.reach[0] - 0.5).ceil().max(0.0) as usize;
+    let right = ((drop.at[0] + drop.reach[0] + 0.5).floor().max(0.0) as usize).min(width);
+    if left >= right {
+        return;
+    }
+    let scale = 1.0 / (REACH * REACH);
+    for y in top..bottom {
+        let dy = (y as f32 + 0.5 - drop.at[1]) * drop.inverse[1];
+        let line = &mut sums[(y - first) * width..][left..right];
+        for (x, sum) in line.iter_mut().enumerate() {
+            let dx = ((left + x) as f32 + 0.5 - drop.at[0]) * drop.inverse[0];
+            let part = (1.0 - (dx * dx + dy * dy) * scale).max(0.0);
+            let weight = part * part;
+            sum[0] += weight;
+            sum[1] += part * dx;
+            sum[2] += part * dy;
+            sum[3] += weight * drop.radius;
+        }
+        let span = &mut spans[y - first];
+        *span = if span[0] < span[1] { [span[0].min(left), span[1].max(right)] } else { [left, right] };
+    }
+}
+
+impl Optics<'_> {
+    /// Draws drops into rows from the row `first` of the layer on.
+    #[inline(always)]
+    fn draw<'d>(
+        &self,
+        drops: impl Iterator<Item = &'d Drawn>,
+        (first, width): (usize, usize),
+        sums: &mut [[f32; 4]],
+        spans: &mut [[usize; 2]],
+        pixels: &mut [[f32; 4]],
+        (scale, camera): (LayerScale, &Camera),
+    ) {
+        drops.for_each(|drop| add(drop, first, width, sums, spans));
+        let along = |at: usize, middle: f64, focal: f64| {
+            ((at as f32 - scale.margin as f32 + 0.5) * scale.pixels as f32 - middle as f32) / focal as f32
+        };
+        for (k, span) in spans.iter().enumerate() {
+            let down = along(first + k, camera.cy, camera.fy);
+            for x in span[0]..span[1] {
+                let sum = &sums[k * width + x];
+                if sum[0] > 0.02 * RIM {
+                    pixels[k * width + x] =
+                        self.shade(sum, [along(x, camera.cx, camera.fx), down], scale.edge);
+                }
+            }
+        }
+    }
+
+    /// The light times cover, and the cover, of a pixel that looks along `(right, down, 1)`.
+    #[inline(always)]
+    fn shade(&self, sum: &[f32; 4], [right, down]: [f32; 2], edge: f32) -> [f32; 4] {
+        let root = sum[0].sqrt();
+        let radius = sum[3] / sum[0];
+        // Distance from the middle in radii, as a single drop has it.
+        let away = REACH * (1.0 - root).max(0.0).sqrt();
+        let cover = ((1.0 - away) * radius / edge + 0.5).clamp(0.0, 1.0);
+        if cover <= 0.0 {
+            return [0.0; 4];
+        }
+        let slope = [sum[1] / root, sum[2] / root];
+        let steep = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
+        // Rims are as steep as the contact angle wherever drops meet.
+        let inner = away.min(1.0);
+        let rim = inner * inner * inner * inner;
+        let wanted = (steep + (inner - steep) * rim).min(1.0);
+        let scale = self.rim * wanted / steep.max(1e-4);
+        let heavy = (radius * self.sag).min(1.0);
+        let sag = SAG * heavy * heavy * (1.0 - wanted * wanted);
+        let normal = [slope[0] * scale, slope[1] * scale - self.rim * sag];
+        let up = (1.0 - normal[0] * normal[0] - normal[1] * normal[1]).max(1e-4).sqrt();
+        // The ray along the axes of the glass, bent by its inner side.
+        let [sin, cos] = self.tilt;
+        let along = [right, down * cos + sin, cos - down * sin];
+        let inverse =
+            1.0 / ((along[0] * along[0] + along[1] * along[1] + along[2] * along[2]).sqrt() * WATER_INDEX);
+        let (x, y) = (along[0] * inverse, along[1] * inverse);
+        let z = (1.0 - x * x - y * y).sqrt();
+        let inside = x * normal[0] + y * normal[1] + z * up;
+        let squared = 1.0 - WATER_INDEX * WATER_INDEX * (1.0 - inside * inside);
+        let mut light = self.inside;
+        if squared > 0.0 {
+            let outside = squared.sqrt();
+            let bend = outside - WATER_INDEX * inside;
+            let [x, y, z] = [
+                x * WATER_INDEX + bend * normal[0],
+                y * WATER_INDEX + bend * normal[1],
+                z * WATER_INDEX + bend * up,
+            ];
+            let way = [x, y * cos - z * sin, y * sin + z * cos];
+            // What a pixel sees of the view, which the rim squeezes.
+            let cone = self.rim / radius.max(0.5) / up * (WATER_INDEX * inside / outside.max(0.15) - 1.0);
+            let seen = self.wide.at(way, cone.abs().min(0.8));
+            let lost = 1.0 - outside;
+            let reflected = 0.02 + 0.98 * (lost * lost) * (lost * lost) * lost;
+            (0..3).for_each(|k| light[k] = seen[k] + reflected * (light[k] - seen[k]));
+        }
+        [light[0] * cover, light[1] * cover, light[2] * cover, cover]
+    }
+}

@@ -1,0 +1,223 @@
+//! Dirt on the glass, and the veil of bright sources, on a coarse grid over the picture.
+
+use super::Glass;
+use super::geometry::GlassView;
+use super::wide::WideView;
+use rayon::prelude::*;
+use wm_render::Frame;
+use wm_scene::Camera;
+use wm_scene::random::bits;
+
+/// Rings at which the veil is looked up: from 1 degree on, each twice as far as the one before.
+const RINGS: usize = 5;
+/// Radius of the first ring, degrees: the middle of 1 to 2.
+const FIRST: f64 = std::f64::consts::SQRT_2;
+/// Directions of a ring.
+const AROUND: usize = 12;
+/// Radius of a ring, cells of its own grid.
+const RADIUS: f64 = 2.5;
+/// Share of light that each ring scatters: the integral of `10 / angle^2` a degree over an octave of angles.
+const OCTAVE: f64 = 20.0 * std::f64::consts::PI * std::f64::consts::LN_2 / (180.0 * 180.0)
+    * std::f64::consts::PI
+    * std::f64::consts::PI;
+/// Part of the last ring that is within 30 degrees.
+const LAST: f64 = 0.907;
+/// Sizes of the patches of dirt, m, and their weights.
+const PATCHES: [(f64, f64); 3] = [(0.03, 0.45), (0.009, 0.35), (0.003, 0.2)];
+/// Cone of the light that dirt scatters, radians.
+const CONE: f32 = 0.5;
+
+/// Light that is kept and light that is added, linear, on a grid over the picture.
+pub(super) struct Haze {
+    cell: usize,
+    width: usize,
+    height: usize,
+    /// Red, green, blue that are added, and the share that is kept.
+    nodes: Vec<[f32; 4]>,
+}
+
+impl Haze {
+    /// Of a glass before a finished picture; `None` if it adds nothing.
+    pub fn new(
+        glass: &Glass,
+        (view, camera): (&GlassView, &Camera),
+        picture: &Frame,
+        wide: &WideView,
+    ) -> Option<Self> {
+        if glass.dirt <= 0.0 && glass.veil <= 0.0 {
+            return None;
+        }
+        let focal = (camera.fx * camera.fy).sqrt();
+        let cell = ((FIRST.to_radians() * focal / RADIUS) as usize).clamp(2, 32);
+        let (width, height) =
+            ((camera.width as usize).div_ceil(cell), (camera.height as usize).div_ceil(cell));
+        let mut haze = Self { cell, width, height, nodes: vec![[0.0, 0.0, 0.0, 1.0]; width * height] };
+        if glass.dirt > 0.0 {
+            haze.add_dirt(glass, (view, camera), wide);
+        }
+        if glass.veil > 0.0 {
+            let veil = veil(light_of_cells(picture, cell, width));
+            for (node, veil) in haze.nodes.iter_mut().zip(veil) {
+                (0..3).for_each(|k| node[k] += glass.veil as f32 * veil[k]);
+            }
+        }
+        Some(haze)
+    }
+
+    fn add_dirt(&mut self, glass: &Glass, (view, camera): (&GlassView, &Camera), wide: &WideView) {
+        let (cell, width) = (self.cell, self.width);
+        self.nodes.par_chunks_mut(width).enumerate().for_each(|(row, nodes)| {
+            for (column, node) in nodes.iter_mut().enumerate() {
+                let [x, y] = [column, row].map(|v| (v as f64 + 0.5) * cell as f64);
+                let at = view.point(x, y);
+                let mut sum = 0.5;
+                for (i, (size, weight)) in PATCHES.into_iter().enumerate() {
+                    // The aperture blurs what is finer.
+                    if size > 1.5 * glass.aperture {
+                        sum += weight * (noise(glass.seed ^ i as u64, at.map(|v| v / size)) - 0.5);
+                    }
+                }
+                let cover = (2.0 * glass.dirt * sum * sum * 1.7).clamp(0.0, 1.0) as f32;
+                let way = [(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0].map(|v| v as f32);
+                let light = wide.at(way, CONE);
+                let scatter = cover * glass.dirt_scatter as f32;
+                (0..3).for_each(|k| node[k] += scatter * light[k]);
+                node[3] *= 1.0 - cover * (1.0 - glass.dirt_transmittance as f32);
+            }
+        });
+    }
+
+    /// Writes what is added and kept along a row of the picture, a number for each column.
+    pub fn row(&self, y: usize, line: &mut Vec<[f32; 4]>) {
+        let (top, below, part) = between(y, self.cell, self.height);
+        let [top, below] = [top, below].map(|row| &self.nodes[row * self.width..][..self.width]);
+        line.clear();
+        line.extend(top.iter().zip(below).map(|(a, b)| mix(a, b, part)));
+    }
+
+    /// The same at a column, from what [`Self::row`] wrote.
+    #[inline(always)]
+    pub fn column(&self, line: &[[f32; 4]], x: usize) -> [f32; 4] {
+        let (left, right, part) = between(x, self.cell, self.width);
+        mix(&line[left], &line[right], part)
+    }
+}
+
+#[inline(always)]
+fn mix(a: &[f32; 4], b: &[f32; 4], part: f32) -> [f32; 4] {
+    std::array::from_fn(|k| a[k] + part * (b[k] - a[k]))
+}
+
+/// The cells around the middle of a pixel, and its place between their middles.
+#[inline(always)]
+fn between(x: usize, cell: usize, count: usize) -> (usize, usize, f32) {
+    let at = ((x as f32 + 0.5) / cell as f32 - 0.5).clamp(0.0, (count - 1) as f32);
+    let first = at as usize;
+    (first, (first + 1).min(count - 1), at - first as f32)
+}
+
+/// Even noise between nodes at whole numbers, 0-1.
+fn noise(seed: u64, at: [f64; 2]) -> f64 {
+    let corner = at.map(f64::floor);
+    let part = [at[0] - corner[0], at[1] - corner[1]].map(|v| v * v * (3.0 - 2.0 * v));
+    let node = |dx: f64, dy: f64| {
+        let [x, y] = [corner[0] + dx, corner[1] + dy].map(|v| v as i64 as u64 & 0xffff_ffff);
+        bits(seed ^ 0x6469_7274, x << 32 ^ y) as f64 / 2f64.powi(64)
+    };
+    let row = |dy: f64| node(0.0, dy) + part[0] * (node(1.0, dy) - node(0.0, dy));
+    row(0.0) + part[1] * (row(1.0) - row(0.0))
+}
+
+/// Mean light of the cells of a picture, linear.
+fn light_of_cells(picture: &Frame, cell: usize, width: usize) -> (usize, Vec<[f32; 3]>) {
+    let across = picture.width as usize;
+    let rows: Vec<Vec<[f32; 3]>> = picture
+        .rgb
+        .par_chunks(3 * across * cell)
+        .map(|band| {
+            let mut sums = vec![[0.0f32; 3]; width];
+            for line in band.chunks(3 * across) {
+                for (sum, pixels) in sums.iter_mut().zip(line.chunks(3 * cell)) {
+                    for pixel in pixels.as_chunks::<3>().0 {
+                        // Squares are near enough to linear light to add up, and far faster.
+                        (0..3).for_each(|k| sum[k] += pixel[k] * pixel[k]);
+                    }
+                }
+            }
+            let rows = band.len() / (3 * across);
+            for (x, sum) in sums.iter_mut().enumerate() {
+                let count = rows * cell.min(across - x * cell);
+                *sum = sum.map(|v| (v / count as f32).powf(1.1));
+            }
+            sums
+        })
+        .collect();
+    (width, rows.concat())
+}
+
+/// The veil over each cell of a picture by the light of all, from rings about it on ever coarser grids.
+fn veil((width, light): (usize, Vec<[f32; 3]>)) -> Vec<[f32; 3]> {
+    let mut levels = vec![(width, light)];
+    while levels.len() < RINGS {
+        let (width, last) = &levels[levels.len() - 1];
+        levels.push(halved(*width, last));
+    }
+    let ring: Vec<[f64; 2]> = (0..AROUND)
+        .map(|k| std::f64::consts::TAU * (k as f64 + 0.5) / AROUND as f64)
+        .map(|angle| [RADIUS * angle.cos(), RADIUS * angle.sin()])
+        .collect();
+    let mut sum: Option<(usize, Vec<[f32; 3]>)> = None;
+    for (level, (width, light)) in levels.iter().enumerate().rev() {
+        let height = light.len() / width;
+        let weight = OCTAVE * if level + 1 == RINGS { LAST } else { 1.0 } / AROUND as f64;
+        let mut own = vec![[0.0f32; 3]; light.len()];
+        own.par_chunks_mut(*width).enumerate().for_each(|(y, line)| {
+            for (x, out) in line.iter_mut().enumerate() {
+                for [dx, dy] in &ring {
+                    let seen = look_up(light, (*width, height), x as f64 + dx, y as f64 + dy);
+                    (0..3).for_each(|k| out[k] += weight as f32 * seen[k]);
+                }
+                if let Some((coarse_width, coarse)) = &sum {
+                    let coarse_size = (*coarse_width, coarse.len() / coarse_width);
+                    let at = |v: usize| 0.5 * v as f64 - 0.25;
+                    let seen = look_up(coarse, coarse_size, at(x), at(y));
+                    (0..3).for_each(|k| out[k] += seen[k]);
+                }
+            }
+        });
+        sum = Some((*width, own));
+    }
+    sum.map(|(_, veil)| veil).unwrap_or_default()
+}
+
+/// A grid of half as many cells along both sides.
+fn halved(width: usize, light: &[[f32; 3]]) -> (usize, Vec<[f32; 3]>) {
+    let height = light.len() / width;
+    let (across, down) = (width.div_ceil(2), height.div_ceil(2));
+    let mut half = Vec::with_capacity(across * down);
+    for y in 0..down {
+        for x in 0..across {
+            let (right, below) = ((2 * x + 1).min(width - 1), (2 * y + 1).min(height - 1));
+            let four = [(2 * x, 2 * y), (right, 2 * y), (2 * x, below), (right, below)];
+            let four = four.map(|(x, y)| light[y * width + x]);
+            half.push(std::array::from_fn(|k| 0.25 * four.iter().map(|light| light[k]).sum::<f32>()));
+        }
+    }
+    (across, half)
+}
+
+/// Between the cells about a point; beyond the edge its last cells.
+#[inline(always)]
+fn look_up(light: &[[f32; 3]], (width, height): (usize, usize), x: f64, y: f64) -> [f32; 3] {
+    let (x, y) = (x.clamp(0.0, (width - 1) as f64), y.clamp(0.0, (height - 1) as f64));
+    let (left, top) = (x as usize, y as usize);
+    let (fx, fy) = ((x - left as f64) as f32, (y - top as f64) as f32);
+    let (right, below) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
+    let [a, b] = [left, right].map(|x| light[top * width + x]);
+    let [c, d] = [left, right].map(|x| light[below * width + x]);
+    std::array::from_fn(|k| {
+        let upper = a[k] + fx * (b[k] - a[k]);
+        let lower = c[k] + fx * (d[k] - c[k]);
+        upper + fy * (lower - upper)
+    })
+}
