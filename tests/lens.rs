@@ -38,7 +38,7 @@ fn pictures(time: f64, changes: &[&[&str]]) -> Vec<Picture> {
     let scene = Scene { splats: yard().build(), metadata: yard_metadata(1.0), views: Vec::new() };
     let mut place = renderer.load(scene).unwrap();
     let (camera, _) = yard_look(SIZE);
-    let mut picture = |changes: &&[&str]| {
+    let picture = |changes: &&[&str]| {
         let mut weather = Weather::clear();
         changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
         let mut picture = Picture::default();
@@ -46,7 +46,7 @@ fn pictures(time: f64, changes: &[&[&str]]) -> Vec<Picture> {
         renderer.render_into(&mut place, &weather, &options, &mut picture, &mut ()).unwrap();
         picture
     };
-    changes.iter().map(|changes| picture(changes)).collect()
+    changes.iter().map(picture).collect()
 }
 
 /// Mean and greatest change of colour between two pictures.

@@ -23,6 +23,7 @@ const FIRST = {
   light: ["model", "sun_elevation", "sun_azimuth", "hour", "clouds", "lamps"],
   lightning: ["rate", "distance"],
   look: ["exposure", "contrast", "saturation", "temperature"],
+  lens: ["rate", "distance", "aperture", "rained_before", "dirt", "veil"],
 };
 
 /** Effects by where in the render they act.  @type {[string, string[]][]} */
