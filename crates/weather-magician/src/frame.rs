@@ -42,7 +42,7 @@ impl From<Camera> for MovingCamera {
 pub struct FrameRequest<'a> {
     /// The splat sets, drawn together.
     pub sets: &'a [SetView<'a>],
-    /// The same with fewer splats for the small wide view that drops on the lens show; `None` for [`Self::sets`].
+    /// The same with fewer splats, for what drops on the lens show and films mirror; `None` for [`Self::sets`].
     pub wide: Option<&'a [SetView<'a>]>,
     /// The weather at the instant.
     pub weather: &'a PreparedWeather,
@@ -135,9 +135,11 @@ impl FrameRequest<'_> {
             Observer { camera: &water.mirror.camera, lamps: None, splashes: None, ..self.observer() };
         self.weather.with_hooks(&mirrored_observer, |hooks| {
             let hooks = Hooks { particles: &[], pixels: &[], ..hooks };
+            // What a film mirrors is blurred, so a few splats will do.
+            let sets = self.wide.filter(|_| water.surface.is_film()).unwrap_or(self.sets);
             let mirrored = DrawPass {
                 cut: Some(water.mirror.cut),
-                ..DrawPass::new(self.sets, &water.mirror.camera, &mirror_config).with_hooks(hooks)
+                ..DrawPass::new(sets, &water.mirror.camera, &mirror_config).with_hooks(hooks)
             };
             self.weather.with_hooks(&self.observer(), |hooks| {
                 let particles = match hooks.particles.is_empty() {

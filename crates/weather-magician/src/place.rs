@@ -129,7 +129,7 @@ pub struct PreparedPlace {
     cache: AssetCache,
     store: AssetStore,
     lying: Option<Lying>,
-    /// The scene with few splats, if a weather with drops on the lens was drawn.
+    /// The scene with few splats, if a weather with drops on the lens or wet ground was drawn.
     wide: Option<WideSet>,
     light: PlaceLight,
     water: PlaceWater,
@@ -711,7 +711,7 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
     ) -> Result<()> {
         self.check_light(weather)?;
-        if weather.effects().any(|(effect, _)| effect.name == "lens") {
+        if weather.effects().any(|(effect, _)| ["lens", "wetness"].contains(&effect.name)) {
             self.make_wide_set(backend)?;
         }
         let needs = AssetNeeds::of(weather, &self.site);
@@ -760,7 +760,7 @@ impl PreparedPlace {
         Ok(self.water.state())
     }
 
-    /// Thins the scene for the wide view that drops on the lens show, if that is not done and the splats are there.
+    /// Thins the scene for what drops on the lens show and films mirror, if that is not done and the splats are there.
     fn make_wide_set(&mut self, backend: &mut AnyRenderer) -> Result<()> {
         if self.wide.is_none() && !self.is_released {
             let (splats, chosen) =
@@ -793,7 +793,7 @@ impl PreparedPlace {
         let prepared = weather.at(options.time).prepare(&self.site);
         self.check_water(weather, &prepared, &options.camera.camera)?;
         self.clear_foreign_cover(backend, &prepared);
-        if prepared.glass().is_some() {
+        if prepared.glass().is_some() || prepared.wetness().is_some() {
             self.make_wide_set(backend)?;
         }
         let shelter = prepared.fall().and_then(|fall| match options.patience {

@@ -1,7 +1,7 @@
 //! A scene with few splats, for views so small that more could not be told apart.
 
 use wm_render::SetId;
-use wm_render::hooks::{AttributeBlock, SplatAttributes};
+use wm_render::hooks::{AttributeBlock, Revision, SplatAttributes};
 use wm_scene::Splats;
 use wm_scene::random::uniform;
 use wm_scene::splats::logit;
@@ -112,6 +112,11 @@ impl SplatAttributes for ChosenAttributes<'_> {
 
     fn changes_light(&self) -> bool {
         self.all.changes_light()
+    }
+
+    fn revision(&self) -> Option<Revision> {
+        // The choice stays.
+        self.all.revision()
     }
 }
 
