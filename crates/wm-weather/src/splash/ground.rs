@@ -15,7 +15,7 @@ const DEEP: f64 = 1.0;
 const IN_TEXTURE: f64 = 0.3;
 /// Steps of the share of the rain.
 const SHARES: usize = 33;
-/// Cells about the place of a tile that is not on the ground.
+/// The heights of a tile without ground.
 const NOWHERE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
 /// The heights of the ground on each tile of the drops, lowest and highest, m.
