@@ -1,7 +1,7 @@
 //! Droplets in flight: ballistic, with the drag of the air.
 //!
 //! Up, drag is linear in the speed, with the coefficient of Schiller and Naumann at half the speed of the start; down, with that of the terminal
-//! speed. Both are solved exactly, so that any instant can be had alone. Heights and ranges are within a tenth of those under the full law for
+//! speed. Both are solved exactly, so that any instant can be had alone. Heights and ranges are within 12 % of those under the full law, on average 4 %, for
 //! droplets of 0.1 to 0.5 mm and up to 4 m/s.
 
 /// Gravity, m/s^2; densities of water and air, kg/m^3; viscosity of air, Pa s.
