@@ -526,7 +526,8 @@ impl PreparedPlace {
 
     /// Takes from disk what is there, and crosses it off.
     fn read_cached(&mut self, missing: &mut MissingAssets, threads: usize) {
-        if missing.occluders {
+        // Asked for alone, they are kept for falls of directions that are not known yet.
+        if missing.occluders && (missing.wet_shelter.is_some() || missing.shelter.is_some()) {
             for fall in [&mut missing.wet_shelter, &mut missing.shelter] {
                 if let Some(shelter) =
                     fall.and_then(|fall| self.cache.get::<Shelter>(&AssetFile::Shelter(fall)))
@@ -716,8 +717,6 @@ impl PreparedPlace {
         }
         let needs = AssetNeeds::of(weather, &self.site);
         self.prepare(backend, self.missing_assets(weather, 0.0), progress)?;
-        // A fall that turns, or begins later, needs maps of other directions; those are made without the splats.
-        let turns = needs.shelter && !weather.is_constant() && self.store.occluders.is_none();
         let cover = needs.cover.filter(|air| !self.store.has_cover(air));
         let light = needs.light && self.store.light.is_none();
         let casters = weather.moves_sun() && self.store.casters.is_none();
@@ -725,7 +724,7 @@ impl PreparedPlace {
         // Ground that is dry at first may get wet later.
         let wet = needs.wetness.is_some() && self.store.wet.is_none();
         let wet_shelter = needs.wetness.filter(|fall| !self.store.has_shelter(*fall));
-        let occluders = turns || wet_shelter.is_some() && self.store.occluders.is_none();
+        let occluders = wet_shelter.is_some() && self.store.occluders.is_none();
         let missing = MissingAssets {
             occluders,
             wet_shelter,
@@ -736,7 +735,10 @@ impl PreparedPlace {
             lamps,
             ..MissingAssets::default()
         };
-        self.prepare(backend, missing, progress)
+        self.prepare(backend, missing, progress)?;
+        // A fall that turns, or begins later, needs maps of other directions; those are made without the splats.
+        let occluders = needs.shelter && !weather.is_constant() && self.store.occluders.is_none();
+        self.prepare(backend, MissingAssets { occluders, ..MissingAssets::default() }, progress)
     }
 
     /// Returns the water on the ground at an instant of a weather; `None` where nothing is wet.
