@@ -132,9 +132,10 @@ impl FrameRequest<'_> {
         let mirror_config =
             self.beyond_the_picture(Outputs { geometry: Geometry::Depth, ..Outputs::default() });
         let mirrored_observer =
-            Observer { camera: &water.mirror.camera, lamps: None, splashes: None, ..self.observer() };
+            Observer { camera: &water.mirror.camera, splashes: None, is_within: true, ..self.observer() };
         self.weather.with_hooks(&mirrored_observer, |hooks| {
-            let hooks = Hooks { particles: &[], pixels: &[], ..hooks };
+            // The lamps and their glow are mirrored too.
+            let hooks = Hooks { particles: &[], ..hooks };
             // What a film mirrors is blurred, so a few splats will do.
             let sets = self.wide.filter(|_| water.surface.is_film()).unwrap_or(self.sets);
             let mirrored = DrawPass {
@@ -294,7 +295,7 @@ impl FrameRequest<'_> {
     fn observer(&self) -> Observer<'_> {
         let MovingCamera { camera, velocity } = &self.camera;
         let Self { shelter, lamps, splashes, threads, .. } = *self;
-        Observer { camera, velocity: *velocity, shelter, lamps, splashes, threads }
+        Observer { camera, velocity: *velocity, shelter, lamps, splashes, is_within: false, threads }
     }
 }
 

@@ -346,6 +346,8 @@ pub struct Observer<'a> {
     pub lamps: Option<&'a LampsOn<'a>>,
     /// The wet ground that rain splashes on; `None` where there is none.
     pub splashes: Option<&'a SplashGround<'a>>,
+    /// True if what it sees is shown within another picture, with which it is graded.
+    pub is_within: bool,
     /// Threads for what is made for the whole frame.
     pub threads: usize,
 }
@@ -354,7 +356,15 @@ impl<'a> Observer<'a> {
     /// By a camera that stands still, in the open.
     #[must_use]
     pub fn at_rest(camera: &'a Camera) -> Self {
-        Self { camera, velocity: [0.0; 3], shelter: None, lamps: None, splashes: None, threads: 1 }
+        Self {
+            camera,
+            velocity: [0.0; 3],
+            shelter: None,
+            lamps: None,
+            splashes: None,
+            is_within: false,
+            threads: 1,
+        }
     }
 }
 
@@ -599,7 +609,7 @@ impl PreparedWeather {
         let mut pixels: Vec<&dyn PixelEffect> =
             self.paper.iter().map(|fog| fog as &dyn PixelEffect).collect();
         // The lens comes last: after the paper's rain, which is not the renderer's.
-        let grade = self.grade.as_ref().filter(|_| self.paper_falls.is_empty());
+        let grade = self.grade.as_ref().filter(|_| self.paper_falls.is_empty() && !seen.is_within);
         let background = self.dome.as_ref().map(|dome| dome as &dyn Backdrop);
         let size = f64::from(ParticleView::new(seen.camera).pixels());
         let air = self.air.clone().without(self.falling.iter().map(|kind| kind.residual(size)).collect());

@@ -19,6 +19,18 @@ const HIDDEN: f32 = 1.0 / 512.0;
 /// Standard deviations of the slope at which a rough surface is looked into, and their weights: normal distributions.
 const FEW: [(f32, f32); 3] = [(0.0, 0.62), (-1.62, 0.19), (1.62, 0.19)];
 const MANY: [(f32, f32); 5] = [(0.0, 0.399), (-1.0, 0.242), (1.0, 0.242), (-2.0, 0.058), (2.0, 0.058)];
+/// Those of a film, which is looked into at few pixels: close enough that lamps are streaks and no blots.
+const CLOSE: [(f32, f32); 9] = [
+    (0.0, 0.233),
+    (-0.58, 0.197),
+    (0.58, 0.197),
+    (-1.16, 0.119),
+    (1.16, 0.119),
+    (-1.74, 0.051),
+    (1.74, 0.051),
+    (-2.32, 0.0165),
+    (2.32, 0.0165),
+];
 /// Height of a lobe, standard deviations in px of the mirrored picture, below which one look is enough.
 const SHARP: f32 = 0.35;
 /// The same from which a few looks are too far apart.
@@ -396,10 +408,15 @@ impl<'a> Scene<'a> {
         let wide = tall * sine;
         let taps = match tall {
             tall if tall < SHARP => &FEW[..1],
-            tall if tall < TALL || free == 0.0 => &FEW[..],
+            tall if tall < TALL => &FEW[..],
+            _ if free == 0.0 => &CLOSE[..],
             _ => &MANY[..],
         };
-        let apart = if taps.len() == MANY.len() { 0.9 } else { 1.4 };
+        let apart = match taps.len() {
+            9 => 0.5,
+            5 => 0.9,
+            _ => 1.4,
+        };
         let (mut sum, mut seen, mut light) = (0.0, 0.0, [0.0; 3]);
         for (sigma, weight) in taps {
             let tilt = sigma * rough;
