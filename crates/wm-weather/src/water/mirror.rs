@@ -12,6 +12,8 @@ use wm_scene::Camera;
 const MARGIN: f64 = 0.06;
 /// Splats whose centre is no higher above the water than this are not mirrored, m: those of a waterline are on both sides.
 const WATERLINE: f64 = 0.01;
+/// Width of a box over that of a pixel of a halved picture with the same variance: binomial weights reach farther.
+const SMOOTH: f32 = 0.58;
 
 /// A camera at the mirrored eye.
 ///
@@ -97,7 +99,7 @@ impl MirroredPicture {
     #[inline(always)]
     #[must_use]
     pub fn at(&self, x: f32, y: f32, width: f32) -> [f32; 4] {
-        let level = width.max(1.0).log2().min((self.levels.len() - 1) as f32);
+        let level = (SMOOTH * width).max(1.0).log2().min((self.levels.len() - 1) as f32);
         let (whole, part) = (level as usize, level.fract());
         let fine = self.levels[whole].at(x, y, whole);
         if part == 0.0 {
@@ -109,19 +111,20 @@ impl MirroredPicture {
 }
 
 impl Level {
+    /// Half as fine, by binomial weights: the lamps of a night are so bright that the corners of a box would show.
     fn halved(&self) -> Self {
+        const WEIGHTS: [f32; 4] = [0.125, 0.375, 0.375, 0.125];
         let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
+        let near = |i: usize, k: usize, size: usize| (2 * i + k).saturating_sub(1).min(size - 1);
         let mut pixels = vec![[0.0; 4]; width * height];
         pixels.par_chunks_mut(width).enumerate().for_each(|(y, line)| {
-            let rows = [2 * y, (2 * y + 1).min(self.height - 1)].map(|row| &self.pixels[row * self.width..]);
             for (x, pixel) in line.iter_mut().enumerate() {
-                let columns = [2 * x, (2 * x + 1).min(self.width - 1)];
-                for k in 0..4 {
-                    pixel[k] = 0.25
-                        * (rows[0][columns[0]][k]
-                            + rows[0][columns[1]][k]
-                            + rows[1][columns[0]][k]
-                            + rows[1][columns[1]][k]);
+                for (j, down) in WEIGHTS.iter().enumerate() {
+                    let row = &self.pixels[near(y, j, self.height) * self.width..];
+                    for (i, right) in WEIGHTS.iter().enumerate() {
+                        let from = row[near(x, i, self.width)];
+                        (0..4).for_each(|k| pixel[k] += down * right * from[k]);
+                    }
                 }
             }
         });
