@@ -46,7 +46,7 @@ impl DropFlux {
             let [low, high] = class.diameters;
             let kept = [low.max(from), high.min(to)];
             let share = (kept[1] - kept[0]) / (high - low);
-            (share > 0.0).then(|| (kept, share * number * class.fall_speed))
+            (share > 0.0).then_some((kept, share * number * class.fall_speed))
         });
         Self { pieces: pieces.collect() }
     }
