@@ -412,7 +412,7 @@ pub struct Assets {
 mod tests {
     use super::*;
 
-    /// What keeps the captured light at all times waits for no split of it.
+    /// A weather that keeps the captured light at all times does not need the split of it.
     #[test]
     fn only_weathers_that_change_the_light_need_it() {
         let needs = |changes: &[&str]| {

@@ -45,7 +45,7 @@ struct Run {
     /// When it landed and when it starts, s.
     landed: f64,
     starts: f64,
-    /// How far it runs, m.
+    /// Length of its path, m.
     way: f64,
     speed: f64,
     /// Amplitude, m, wavenumber, 1/m, and phase of its meander.

@@ -72,7 +72,7 @@ impl PictureEffect for LensEffect<'_> {
 /// Haze that adds nothing and keeps all.
 const CLEAR: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
-/// What is laid over up to sixteen pixels of a row, one array a number.
+/// Drops and haze over up to sixteen pixels of a row, one array a number.
 #[derive(Default)]
 struct Over {
     count: usize,

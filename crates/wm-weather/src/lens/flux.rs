@@ -56,7 +56,7 @@ pub(super) fn foot(contact: f64) -> f64 {
     (std::f64::consts::PI / 6.0 / cap).cbrt()
 }
 
-/// What has landed until an instant, since the glass was dry.
+/// Drops that have landed since the glass was dry, by kind, and the time without rain.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Landed {
     /// Drops that sit, a m^2.
@@ -153,7 +153,7 @@ impl GlassRain {
         &self.segments[self.segments.partition_point(|segment| segment.begin <= time).max(1) - 1]
     }
 
-    /// What has landed until an instant, s.
+    /// Returns the drops that have landed until an instant, s.
     #[must_use]
     pub fn landed(&self, time: f64) -> Landed {
         self.segment(time).landed_at(time)

@@ -1,4 +1,4 @@
-//! Where a camera sees the points of a tilted glass.
+//! Projection of the points of a tilted glass into a camera's picture, and back.
 
 use super::Glass;
 use wm_scene::Camera;

@@ -45,7 +45,7 @@ impl Flight {
         self.top[1]
     }
 
-    /// Where it is after a time, s, from its start: m along two level axes and up. Below 0 it has landed.
+    /// Returns its place a time, s, after the start, m from there along two level axes and up; below height 0 it has landed.
     #[must_use]
     pub fn at(&self, time: f64) -> [f64; 3] {
         let [up, down] = self.times;

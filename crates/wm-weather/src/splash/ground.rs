@@ -107,7 +107,7 @@ impl<'a> SplashGround<'a> {
         Self { ground, shares: &shares.ground, levels: state.levels(), tiles, origin, per_cell, films }
     }
 
-    /// What a drop meets at a place, m along the level axes; `None` where there is no ground.
+    /// Returns the ground or puddle at a place, m along the level axes; `None` where there is no ground.
     fn at(&self, x: f64, y: f64) -> Option<SplashPlace> {
         let [columns, rows] = self.ground.size();
         let (u, v) = ((x - self.origin[0]) * self.per_cell, (y - self.origin[1]) * self.per_cell);
@@ -136,14 +136,14 @@ pub(super) struct Floor<'a> {
     pub ground: Option<&'a SplashGround<'a>>,
     /// Height of the water, m along up from the world's origin.
     pub plane: Option<f64>,
-    /// What keeps the rain from the water.
+    /// The map of sheltered places, for the water at one level.
     pub shelter: Option<&'a Shelter>,
     /// Level axes in world axes, scene units of a metre.
     pub units: [[f64; 3]; 3],
 }
 
 impl Floor<'_> {
-    /// What a drop meets at a place.
+    /// Returns the ground or water at a place, m along the level axes; `None` where there is neither.
     pub fn at(&self, x: f64, y: f64) -> Option<SplashPlace> {
         let own = self.ground.and_then(|ground| ground.at(x, y));
         let Some(plane) = self.plane.filter(|plane| own.is_none_or(|own| own.height < *plane)) else {

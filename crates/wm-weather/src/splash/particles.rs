@@ -36,7 +36,7 @@ const DOT: f64 = 0.55;
 const MANY: f64 = 150.0;
 /// Most droplets that are drawn of one drop.
 const MOST: f64 = 400.0;
-/// How far from its drop a splash goes, m.
+/// Farthest that a splash is from its drop, m.
 const REACH: f64 = 0.6;
 /// Speed of droplets over that of their drop, least and greatest: the slow ones are more frequent.
 const SPEEDS: [f64; 2] = [0.08, 0.45];
@@ -168,7 +168,7 @@ impl Particles for SplashParticles<'_> {
 
 /// A drop that has hit something in view.
 struct Hit {
-    /// Where, m from the camera along the level axes.
+    /// Its place, m from the camera along the level axes.
     at: DVec3,
     distance: f64,
     age: f64,
