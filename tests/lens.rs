@@ -3,8 +3,7 @@
 mod common;
 
 use common::*;
-use weather_magician::{FrameOptions, Picture, Renderer, Weather};
-use wm_scene::Scene;
+use weather_magician::Picture;
 
 const SIZE: (u32, u32) = (144, 96);
 
@@ -32,23 +31,6 @@ fn a_wet_lens_alone_is_that_of_the_sequence_on_any_number_of_threads() {
     workshop.check_frames_alone(&scene, &view, &weather);
 }
 
-/// Pictures of the yard in clear weather with changes, at an instant.
-fn pictures(time: f64, changes: &[&[&str]]) -> Vec<Picture> {
-    let mut renderer = Renderer::cpu().unwrap();
-    let scene = Scene { splats: yard().build(), metadata: yard_metadata(1.0), views: Vec::new() };
-    let mut place = renderer.load(scene).unwrap();
-    let (camera, _) = yard_look(SIZE);
-    let picture = |changes: &&[&str]| {
-        let mut weather = Weather::clear();
-        changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
-        let mut picture = Picture::default();
-        let options = FrameOptions::new(time, camera);
-        renderer.render_into(&mut place, &weather, &options, &mut picture, &mut ()).unwrap();
-        picture
-    };
-    changes.iter().map(picture).collect()
-}
-
 /// Mean and greatest change of colour between two pictures.
 fn change(a: &Picture, b: &Picture) -> (f32, f32) {
     let changes = a.frame.rgb.iter().zip(&b.frame.rgb).map(|(a, b)| (a - b).abs());
@@ -59,6 +41,8 @@ fn change(a: &Picture, b: &Picture) -> (f32, f32) {
 #[test]
 fn a_clear_glass_changes_no_byte_and_a_wet_one_the_colour_alone() {
     let shown = pictures(
+        yard().build(),
+        &yard_look(SIZE).0,
         5.0,
         &[
             &[],

@@ -4,9 +4,8 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use weather_magician::{FrameOptions, Picture, Renderer, Weather};
+use wm_scene::Splats;
 use wm_scene::synthetic::Builder;
-use wm_scene::{Camera, Scene, Splats};
 
 const SIZE: (u32, u32) = (96, 64);
 
@@ -41,22 +40,6 @@ fn half_covered() -> Splats {
     place.build()
 }
 
-/// Pictures of a place in clear weather with changes, seen from under the roof.
-fn pictures(camera: &Camera, changes: &[&[&str]]) -> Vec<Picture> {
-    let mut renderer = Renderer::cpu().unwrap();
-    let scene = Scene { splats: half_covered(), metadata: yard_metadata(1.0), views: Vec::new() };
-    let mut place = renderer.load(scene).unwrap();
-    let picture = |changes: &&[&str]| {
-        let mut weather = Weather::clear();
-        changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
-        let mut picture = Picture::default();
-        let options = FrameOptions::new(2.0, *camera);
-        renderer.render_into(&mut place, &weather, &options, &mut picture, &mut ()).unwrap();
-        picture
-    };
-    changes.iter().map(picture).collect()
-}
-
 #[test]
 fn nothing_splashes_under_a_roof_or_on_dry_ground() {
     let eye = DVec3::new(-3.5, -9.0, 1.6);
@@ -64,7 +47,9 @@ fn nothing_splashes_under_a_roof_or_on_dry_ground() {
     let rain: &[&str] = &["rain.rate=100", "rain.exposure=0.016", "wetness.amount=1"];
     let with = |more: &[&'static str]| [rain, more].concat();
     let shown = pictures(
+        half_covered(),
         &camera,
+        2.0,
         &[
             &with(&[]),
             &with(&["splash.amount=20"]),

@@ -4,8 +4,6 @@ mod common;
 
 use common::*;
 use std::path::PathBuf;
-use weather_magician::{FrameOptions, Picture, Renderer, Weather};
-use wm_scene::Scene;
 
 const SIZE: (u32, u32) = (72, 48);
 
@@ -37,34 +35,22 @@ fn a_wet_frame_alone_is_that_of_the_sequence_on_any_number_of_threads() {
     workshop.check_frames_alone(&scene, &view, &weather);
 }
 
-/// Pictures of the yard in clear weather with changes.
-fn pictures(changes: &[&[&str]]) -> Vec<Picture> {
-    let mut renderer = Renderer::cpu().unwrap();
-    let scene = Scene { splats: yard().build(), metadata: yard_metadata(1.0), views: Vec::new() };
-    let mut place = renderer.load(scene).unwrap();
-    let (camera, _) = yard_look(SIZE);
-    let picture = |changes: &&[&str]| {
-        let mut weather = Weather::clear();
-        changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
-        let mut picture = Picture::default();
-        let options = FrameOptions::new(0.0, camera);
-        renderer.render_into(&mut place, &weather, &options, &mut picture, &mut ()).unwrap();
-        picture
-    };
-    changes.iter().map(picture).collect()
-}
-
 #[test]
 fn water_darkens_and_dry_weather_changes_no_byte() {
-    let shown = pictures(&[
-        &[],
-        &["wetness=on"],
-        &["wetness.amount=0"],
-        &["wetness.amount=0.3"],
-        &["wetness.amount=1"],
-        &["wetness.amount=0.3", "wetness.porosity=0"],
-        &["wetness.amount=1", "fidelity=paper"],
-    ]);
+    let shown = pictures(
+        yard().build(),
+        &yard_look(SIZE).0,
+        0.0,
+        &[
+            &[],
+            &["wetness=on"],
+            &["wetness.amount=0"],
+            &["wetness.amount=0.3"],
+            &["wetness.amount=1"],
+            &["wetness.amount=0.3", "wetness.porosity=0"],
+            &["wetness.amount=1", "fidelity=paper"],
+        ],
+    );
     let clear = &shown[0].frame.rgb;
     for same in [1, 2, 5, 6] {
         let most = clear.iter().zip(&shown[same].frame.rgb).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);

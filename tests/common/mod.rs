@@ -6,6 +6,7 @@ use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
+use weather_magician::{FrameOptions, Picture, Renderer, Weather};
 use wm_scene::formats::write_scene;
 use wm_scene::synthetic::Builder;
 use wm_scene::{Camera, Metadata, Scene, Splats};
@@ -227,4 +228,19 @@ pub fn light_of(picture: &Image<[u8; 3]>) -> Image<[f64; 3]> {
 /// The largest of some numbers; 0 if there are none.
 pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(0.0, f64::max)
+}
+
+/// Pictures of a place of one unit a metre, at an instant of clear weather with changes, each a list of settings.
+pub fn pictures(splats: Splats, camera: &Camera, time: f64, changes: &[&[&str]]) -> Vec<Picture> {
+    let mut renderer = Renderer::cpu().unwrap();
+    let mut place = renderer.load(Scene { splats, metadata: yard_metadata(1.0), views: Vec::new() }).unwrap();
+    let picture = |changes: &&[&str]| {
+        let mut weather = Weather::clear();
+        changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
+        let mut picture = Picture::default();
+        let options = FrameOptions::new(time, *camera);
+        renderer.render_into(&mut place, &weather, &options, &mut picture, &mut ()).unwrap();
+        picture
+    };
+    changes.iter().map(picture).collect()
 }
