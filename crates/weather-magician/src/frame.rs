@@ -43,7 +43,7 @@ pub struct FrameRequest<'a> {
     /// The splat sets, drawn together.
     pub sets: &'a [SetView<'a>],
     /// The same with fewer splats, for what drops on the lens show and films mirror; `None` for [`Self::sets`].
-    pub wide: Option<&'a [SetView<'a>]>,
+    pub thinned: Option<&'a [SetView<'a>]>,
     /// The weather at the instant.
     pub weather: &'a PreparedWeather,
     /// The camera.
@@ -109,11 +109,7 @@ impl FrameRequest<'_> {
                 if let Some(lens) = lens {
                     lens.append(&mut plan, color);
                 }
-                memory.put(color, std::mem::take(&mut picture.frame));
-                let stats = backend.execute(&plan, memory)?;
-                picture.parts = parts.map(|parts| parts.finish(memory)).unwrap_or_default();
-                picture.frame = memory.take(color);
-                Ok(stats)
+                execute(&plan, (color, parts), (backend, memory), picture)
             })
         })
     }
@@ -137,7 +133,7 @@ impl FrameRequest<'_> {
             // The lamps and their glow are mirrored too.
             let hooks = Hooks { particles: &[], ..hooks };
             // What a film mirrors is blurred, so a few splats will do.
-            let sets = self.wide.filter(|_| water.surface.is_film()).unwrap_or(self.sets);
+            let sets = self.thinned.filter(|_| water.surface.is_film).unwrap_or(self.sets);
             let mirrored = DrawPass {
                 cut: Some(water.mirror.cut),
                 ..DrawPass::new(sets, &water.mirror.camera, &mirror_config).with_hooks(hooks)
@@ -174,10 +170,7 @@ impl FrameRequest<'_> {
                 if let Some(lens) = lens {
                     lens.append(&mut plan, color);
                 }
-                memory.put(color, std::mem::take(&mut picture.frame));
-                let stats = backend.execute(&plan, memory)?;
-                picture.parts = parts.map(|parts| parts.finish(memory)).unwrap_or_default();
-                picture.frame = memory.take(color);
+                let stats = execute(&plan, (color, parts), (backend, memory), picture)?;
                 picture.water = match asked.water {
                     WaterPass::Off => WaterLayers::default(),
                     WaterPass::On => water.layers(&picture.frame),
@@ -248,10 +241,7 @@ impl FrameRequest<'_> {
             if let Some(lens) = lens {
                 lens.append(&mut plan, color);
             }
-            memory.put(color, std::mem::take(&mut picture.frame));
-            let stats = backend.execute(&plan, memory)?;
-            picture.parts = Default::default();
-            picture.frame = memory.take(color);
+            let stats = execute(&plan, (color, None), (backend, memory), picture)?;
             if asked == Geometry::None {
                 picture.frame.depth.clear();
             }
@@ -277,7 +267,7 @@ impl FrameRequest<'_> {
         let observer = Observer { camera: &wide, lamps: None, splashes: None, ..self.observer() };
         self.weather.with_hooks(&observer, |hooks| {
             let hooks = Hooks { particles: &[], ..hooks };
-            let wide = DrawPass::new(self.wide.unwrap_or(self.sets), &wide, &config).with_hooks(hooks);
+            let wide = DrawPass::new(self.thinned.unwrap_or(self.sets), &wide, &config).with_hooks(hooks);
             work(Some(LensPass { wide, effect: &effect }))
         })
     }
@@ -297,6 +287,20 @@ impl FrameRequest<'_> {
         let Self { shelter, lamps, splashes, threads, .. } = *self;
         Observer { camera, velocity: *velocity, shelter, lamps, splashes, is_within: false, threads }
     }
+}
+
+/// Carries out a plan that draws into `picture`, with the parts of it that are wanted.
+fn execute(
+    plan: &FramePlan<'_>,
+    (color, parts): (PictureId, Option<PartPasses>),
+    (backend, memory): (&mut dyn RenderBackend, &mut Pictures),
+    picture: &mut Picture,
+) -> Result<Stats, RenderError> {
+    memory.put(color, std::mem::take(&mut picture.frame));
+    let stats = backend.execute(plan, memory)?;
+    picture.parts = parts.map(|parts| parts.finish(memory)).unwrap_or_default();
+    picture.frame = memory.take(color);
+    Ok(stats)
 }
 
 /// The glass before the camera as passes of a plan.

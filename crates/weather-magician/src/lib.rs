@@ -60,8 +60,8 @@ pub mod reduce;
 mod renderer;
 pub mod sequence;
 mod tags;
+mod thinned;
 pub mod view;
-mod wide_set;
 
 pub use bake::BakedScene;
 pub use convert::{CropBox, LengthScale, SceneChange};

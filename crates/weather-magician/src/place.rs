@@ -10,8 +10,8 @@ use crate::lamps::PlaceLamps;
 use crate::picture::Picture;
 use crate::place_light::{CoverLight, PlaceLight};
 use crate::place_water::PlaceWater;
+use crate::thinned::{ChosenAttributes, ThinnedSet, thin};
 use crate::view;
-use crate::wide_set::{ChosenAttributes, WideSet, thinned};
 use crate::{Error, Progress, Result};
 use glam::DVec3;
 use std::path::PathBuf;
@@ -130,7 +130,7 @@ pub struct PreparedPlace {
     store: AssetStore,
     lying: Option<Lying>,
     /// The scene with few splats, if a weather with drops on the lens or wet ground was drawn.
-    wide: Option<WideSet>,
+    thinned: Option<ThinnedSet>,
     light: PlaceLight,
     water: PlaceWater,
     /// True once the splats in the computer's memory are freed.
@@ -246,7 +246,7 @@ impl PreparedPlace {
             cache: AssetCache::new(options.assets.clone(), digest.unwrap_or_default()),
             store: AssetStore::default(),
             lying: None,
-            wide: None,
+            thinned: None,
             light: PlaceLight::new(lamps),
             water: PlaceWater::default(),
             is_released: false,
@@ -713,7 +713,7 @@ impl PreparedPlace {
     ) -> Result<()> {
         self.check_light(weather)?;
         if weather.effects().any(|(effect, _)| ["lens", "wetness"].contains(&effect.name)) {
-            self.make_wide_set(backend)?;
+            self.make_thinned(backend)?;
         }
         let needs = AssetNeeds::of(weather, &self.site);
         self.prepare(backend, self.missing_assets(weather, 0.0), progress)?;
@@ -763,11 +763,11 @@ impl PreparedPlace {
     }
 
     /// Thins the scene for what drops on the lens show and films mirror, if that is not done and the splats are there.
-    fn make_wide_set(&mut self, backend: &mut AnyRenderer) -> Result<()> {
-        if self.wide.is_none() && !self.is_released {
+    fn make_thinned(&mut self, backend: &mut AnyRenderer) -> Result<()> {
+        if self.thinned.is_none() && !self.is_released {
             let (splats, chosen) =
-                thinned(&self.scene.splats, self.survey.center.to_array(), self.survey.radius);
-            self.wide = Some(WideSet { set: backend.load(&splats)?, chosen });
+                thin(&self.scene.splats, self.survey.center.to_array(), self.survey.radius);
+            self.thinned = Some(ThinnedSet { set: backend.load(&splats)?, chosen });
         }
         Ok(())
     }
@@ -796,7 +796,7 @@ impl PreparedPlace {
         self.check_water(weather, &prepared, &options.camera.camera)?;
         self.clear_foreign_cover(backend, &prepared);
         if prepared.glass().is_some() || prepared.wetness().is_some() {
-            self.make_wide_set(backend)?;
+            self.make_thinned(backend)?;
         }
         let shelter = prepared.fall().and_then(|fall| match options.patience {
             Patience::Whole => self.store.shelter(fall).cloned(),
@@ -824,15 +824,15 @@ impl PreparedPlace {
             with_cover(self.set, &scene, self.lying.as_ref().map(|lying| (lying.set, lying_light)));
         let windows = self.light.windows(&prepared, &self.scene, &self.site);
         sets.extend(windows.as_ref().map(SetView::transient));
-        let wide_attributes =
-            self.wide.as_ref().map(|wide| ChosenAttributes { all: &scene, chosen: &wide.chosen });
-        let wide_sets = self.wide.as_ref().zip(wide_attributes.as_ref()).map(|(wide, attributes)| {
-            let is_changed = scene.buried.is_some() || scene.changes_light();
-            let attributes = is_changed.then_some(attributes as &dyn SplatAttributes);
-            let mut sets = sets.clone();
-            sets[0] = SetView::plain(wide.set).with_attributes(attributes);
-            sets
-        });
+        let thinned_attributes =
+            self.thinned.as_ref().map(|thin| ChosenAttributes { all: &scene, chosen: &thin.chosen });
+        let thinned_sets =
+            self.thinned.as_ref().zip(thinned_attributes.as_ref()).map(|(thin, attributes)| {
+                let mut sets = sets.clone();
+                let attributes = sets[0].attributes.map(|_| attributes as &dyn SplatAttributes);
+                sets[0] = SetView::plain(thin.set).with_attributes(attributes);
+                sets
+            });
         let sources = self.light.sources(&prepared, &self.store, moving.as_ref(), &self.site);
         let lamps = sources.as_ref().map(|(lights, display)| LampsOn { lights, display: *display });
         let request = FrameRequest {
@@ -841,7 +841,7 @@ impl PreparedPlace {
             splashes: splashes.as_ref(),
             threads: backend.threads(),
             sets: &sets,
-            wide: wide_sets.as_deref(),
+            thinned: thinned_sets.as_deref(),
             weather: &prepared,
             camera: options.camera,
             shelter: shelter.as_deref(),
@@ -985,8 +985,8 @@ impl PreparedPlace {
     /// Takes the splats out of the renderer.
     pub(crate) fn unload(mut self, backend: &mut AnyRenderer) {
         self.clear_cover(backend);
-        if let Some(wide) = self.wide.take() {
-            backend.unload(wide.set);
+        if let Some(thin) = self.thinned.take() {
+            backend.unload(thin.set);
         }
         backend.unload(self.set);
     }

@@ -1,4 +1,4 @@
-//! A scene with few splats, for views so small that more could not be told apart.
+//! A scene with few splats, for views in which more could not be told apart: small ones and blurred ones.
 
 use wm_render::SetId;
 use wm_render::hooks::{AttributeBlock, Revision, SplatAttributes};
@@ -22,7 +22,7 @@ const SEED: u64 = 0x7769_6465;
 
 /// A choice of a scene's splats that covers as much as all: of those that look small few are kept, and widened.
 #[derive(Debug)]
-pub(crate) struct WideSet {
+pub(crate) struct ThinnedSet {
     /// The splats in the renderer.
     pub set: SetId,
     /// Their indices in the scene.
@@ -30,7 +30,7 @@ pub(crate) struct WideSet {
 }
 
 /// Chooses splats of a scene about `middle`, of this radius, and widens them; with their indices in the scene.
-pub(crate) fn thinned(splats: &Splats, middle: [f64; 3], radius: f64) -> (Splats, Vec<u32>) {
+pub(crate) fn thin(splats: &Splats, middle: [f64; 3], radius: f64) -> (Splats, Vec<u32>) {
     let near = NEAR * radius.max(1e-6);
     // How much of a picture each takes.
     let sizes: Vec<f64> = (0..splats.len())
@@ -134,17 +134,17 @@ mod tests {
             splats.log_scales[i] = [(0.02 + 0.1 * u(2)).ln(); 3];
             splats.logit_opacities[i] = logit(0.2 + 0.6 * f64::from(u(3))) as f32;
         }
-        let (thin, chosen) = thinned(&splats, [0.0; 3], 20.0);
+        let (kept, chosen) = thin(&splats, [0.0; 3], 20.0);
         let most = WANTED + (LEAST_KEPT * splats.len() as f64) as usize;
-        assert!((WANTED / 2..most).contains(&thin.len()), "{}", thin.len());
+        assert!((WANTED / 2..most).contains(&kept.len()), "{}", kept.len());
         let cover = |splats: &Splats| -> f64 {
             (0..splats.len()).map(|i| splats.opacity(i) * splats.scales(i)[0].powi(2)).sum()
         };
-        let ratio = cover(&thin) / cover(&splats);
+        let ratio = cover(&kept) / cover(&splats);
         assert!((0.85..1.02).contains(&ratio), "{ratio}");
-        assert!((0..thin.len()).all(|k| thin.means[k] == splats.means[chosen[k] as usize]));
+        assert!((0..kept.len()).all(|k| kept.means[k] == splats.means[chosen[k] as usize]));
         // A small scene stays as it is.
         let few = splats.select(&(0..1000).collect::<Vec<_>>());
-        assert_eq!(thinned(&few, [0.0; 3], 20.0).0, few);
+        assert_eq!(thin(&few, [0.0; 3], 20.0).0, few);
     }
 }

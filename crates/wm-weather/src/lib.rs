@@ -38,6 +38,7 @@ pub mod fused_surfaces;
 pub mod image_file;
 pub mod lens;
 pub mod light;
+mod linear_picture;
 pub mod open_water;
 pub mod optics;
 pub mod panorama;

@@ -221,7 +221,7 @@ impl<'a> BenchTarget<'a> {
             Self::Sets { renderer, sets } => {
                 let request = FrameRequest {
                     sets,
-                    wide: None,
+                    thinned: None,
                     weather: &case.sky,
                     camera: (*camera).into(),
                     shelter: None,

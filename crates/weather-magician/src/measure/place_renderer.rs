@@ -189,7 +189,7 @@ impl InstrumentRenderer for PlaceRenderer {
         let config = RenderConfig { outputs: shot.outputs, background, ..RenderConfig::default() };
         let request = FrameRequest {
             sets: &sets,
-            wide: None,
+            thinned: None,
             weather: &weather,
             camera: (*shot.camera).into(),
             shelter: None,

@@ -6,7 +6,7 @@ use super::geometry::GlassView;
 use super::layer::{DropLayer, LayerScale};
 use super::veil::Haze;
 use super::wide::WideView;
-use crate::water::{decode, encode};
+use crate::linear_picture::{decode, encode};
 use rayon::prelude::*;
 use wm_render::hooks::GROUP;
 use wm_render::simd::{Lanes, SimdPath};

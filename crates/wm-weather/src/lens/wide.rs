@@ -1,10 +1,8 @@
 //! The wide view that drops show.
 
-use crate::water::decode;
-use rayon::prelude::*;
-use wm_render::hooks::GROUP;
+use crate::linear_picture::LinearPicture;
+use wm_render::Frame;
 use wm_render::simd::SimdPath;
-use wm_render::{Frame, dispatch};
 use wm_scene::Camera;
 
 /// Side of the wide picture, px.
@@ -24,41 +22,27 @@ pub fn wide_camera(camera: &Camera) -> Camera {
 /// A wide picture in linear light at every fineness.
 #[derive(Clone, Debug)]
 pub struct WideView {
-    levels: Vec<(usize, Vec<[f32; 4]>)>,
+    levels: Vec<LinearPicture>,
 }
 
 impl WideView {
     /// Makes all levels of a drawn picture, which must be of [`wide_camera`].
     #[must_use]
     pub fn new(path: SimdPath, frame: &Frame) -> Self {
-        let side = SIDE as usize;
-        let mut finest = vec![[0.0; 4]; side * side];
-        finest.par_chunks_mut(side).zip(frame.rgb.par_chunks(3 * side)).for_each(|(line, rgb)| {
-            for (line, rgb) in line.chunks_mut(GROUP).zip(rgb.chunks(3 * GROUP)) {
-                let mut channels = [[0.0f32; GROUP]; 3];
-                for (i, pixel) in rgb.as_chunks::<3>().0.iter().enumerate() {
-                    (0..3).for_each(|k| channels[k][i] = pixel[k].max(0.0));
-                }
-                dispatch!(path, s => decode(s, &mut channels));
-                for (i, pixel) in line.iter_mut().enumerate() {
-                    *pixel = [channels[0][i], channels[1][i], channels[2][i], 0.0];
-                }
-            }
-        });
-        let mut levels = vec![(side, finest)];
-        while let Some((side, last)) = levels.last().filter(|(side, _)| *side > 2) {
-            let half = side / 2;
-            let mut next = Vec::with_capacity(half * half);
+        let mut levels = vec![LinearPicture::of(path, frame)];
+        while let Some(last) = levels.last().filter(|last| last.width > 2) {
+            let (side, half) = (last.width, last.width / 2);
+            let mut pixels = Vec::with_capacity(half * half);
             for y in 0..half {
                 for x in 0..half {
                     let from = 2 * y * side + 2 * x;
-                    let four = [from, from + 1, from + side, from + side + 1].map(|i| last[i]);
-                    next.push(std::array::from_fn(|k| {
+                    let four = [from, from + 1, from + side, from + side + 1].map(|i| last.pixels[i]);
+                    pixels.push(std::array::from_fn(|k| {
                         0.25 * (four[0][k] + four[1][k] + four[2][k] + four[3][k])
                     }));
                 }
             }
-            levels.push((half, next));
+            levels.push(LinearPicture { width: half, height: half, pixels });
         }
         Self { levels }
     }
@@ -66,7 +50,7 @@ impl WideView {
     /// The mean light of the whole view.
     #[must_use]
     pub fn mean(&self) -> [f32; 3] {
-        let (_, four) = &self.levels[self.levels.len() - 1];
+        let four = &self.levels[self.levels.len() - 1].pixels;
         std::array::from_fn(|k| four.iter().map(|pixel| pixel[k]).sum::<f32>() / four.len() as f32)
     }
 
@@ -79,20 +63,7 @@ impl WideView {
         // Pixels of the edge are narrower angles.
         let wide = angle * FOCAL as f32 * (1.0 + u * u + v * v).sqrt();
         let level = ((wide.max(1.0).to_bits() >> 23) as usize - 127).min(self.levels.len() - 1);
-        let (side, pixels) = &self.levels[level];
-        let scale = 1.0 / (1u32 << level) as f32;
-        let most = (*side - 1) as f32;
-        let u = ((u * FOCAL as f32 + 0.5 * SIDE as f32) * scale - 0.5).clamp(0.0, most);
-        let v = ((v * FOCAL as f32 + 0.5 * SIDE as f32) * scale - 0.5).clamp(0.0, most);
-        let (left, top) = (u as usize, v as usize);
-        let (fx, fy) = (u - left as f32, v - top as f32);
-        let (right, below) = (usize::from(left + 1 < *side), if top + 1 < *side { *side } else { 0 });
-        let from = top * side + left;
-        let [a, b, c, d] = [from, from + right, from + below, from + right + below].map(|i| &pixels[i]);
-        std::array::from_fn(|k| {
-            let upper = a[k] + fx * (b[k] - a[k]);
-            let lower = c[k] + fx * (d[k] - c[k]);
-            upper + fy * (lower - upper)
-        })
+        let [u, v] = [u, v].map(|tangent| tangent * FOCAL as f32 + 0.5 * SIDE as f32);
+        self.levels[level].at(u, v, level)
     }
 }

@@ -33,8 +33,8 @@ const ARMS: f64 = 4.0;
 /// Width of thresholds over which drops fade, as a share.
 const SOFT: f64 = 0.1;
 /// Standard deviation of a disc and of a line of length 1.
-const DISC: f64 = 0.25;
-const LINE: f64 = 0.288_675_134_594_812_9;
+pub(crate) const DISC: f64 = 0.25;
+pub(crate) const LINE: f64 = 0.288_675_134_594_812_9;
 /// Thickness of a flake's arm, as a share of its length.
 const ARM: f64 = 0.1;
 /// Work is cut in parts of about so many slices.

@@ -9,7 +9,7 @@ use crate::dome::{level_axes, to_level};
 use crate::light::LampsOn;
 use crate::optics::{Atmosphere, Site};
 use crate::particles::Precipitation;
-use crate::particles::fall::{DROP, WindSample};
+use crate::particles::fall::{DISC, DROP, LINE, WindSample};
 use crate::particles::field::ViewFrustum;
 use crate::shelter::Shelter;
 use crate::water::ripples::SIZE;
@@ -52,9 +52,6 @@ const FINGERS: f64 = 14.0;
 const OUTWARDS: f64 = 0.45;
 /// Width of a finger over the distance of fingers, as a standard deviation.
 const FINGER: f64 = 0.2;
-/// Standard deviation of a disc and of a line of length 1.
-const DISC: f64 = 0.25;
-const LINE: f64 = 0.288_675_134_594_812_9;
 
 /// Splashes before a camera.
 pub struct SplashParticles<'a> {

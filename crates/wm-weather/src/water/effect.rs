@@ -3,10 +3,11 @@
 use super::body::WaterBody;
 use super::fresnel::fresnel;
 use super::map::WaterMap;
-use super::mirror::{MirrorView, MirroredPicture, decode, encode};
+use super::mirror::{MirrorView, MirroredPicture};
 use super::motion::WaterMotion;
 use super::surface::{FILM, NODES, WaterSurface};
 use super::tile::Slope;
+use crate::linear_picture::{decode, encode};
 use rayon::prelude::*;
 use wm_render::hooks::{AirGroup, GROUP, Medium, PixelEffect, ShadeGroup};
 use wm_render::pixel_effects::apply_pixel_effects;
@@ -16,21 +17,27 @@ use wm_scene::Camera;
 
 /// Transmittance to the surface below which it is not seen.
 const HIDDEN: f32 = 1.0 / 512.0;
-/// Standard deviations of the slope at which a rough surface is looked into, and their weights: normal distributions.
-const FEW: [(f32, f32); 3] = [(0.0, 0.62), (-1.62, 0.19), (1.62, 0.19)];
-const MANY: [(f32, f32); 5] = [(0.0, 0.399), (-1.0, 0.242), (1.0, 0.242), (-2.0, 0.058), (2.0, 0.058)];
+/// Looks into a rough surface: standard deviations of the slope and their weights, normal distributions; and the width of each look
+/// over the standard deviation of the lobe's height.
+struct Looks(&'static [(f32, f32)], f32);
+const ONE: Looks = Looks(&[(0.0, 1.0)], 0.0);
+const FEW: Looks = Looks(&[(0.0, 0.62), (-1.62, 0.19), (1.62, 0.19)], 1.4);
+const MANY: Looks = Looks(&[(0.0, 0.399), (-1.0, 0.242), (1.0, 0.242), (-2.0, 0.058), (2.0, 0.058)], 0.9);
 /// Those of a film, which is looked into at few pixels: close enough that lamps are streaks and no blots.
-const CLOSE: [(f32, f32); 9] = [
-    (0.0, 0.233),
-    (-0.58, 0.197),
-    (0.58, 0.197),
-    (-1.16, 0.119),
-    (1.16, 0.119),
-    (-1.74, 0.051),
-    (1.74, 0.051),
-    (-2.32, 0.0165),
-    (2.32, 0.0165),
-];
+const CLOSE: Looks = Looks(
+    &[
+        (0.0, 0.233),
+        (-0.58, 0.197),
+        (0.58, 0.197),
+        (-1.16, 0.119),
+        (1.16, 0.119),
+        (-1.74, 0.051),
+        (1.74, 0.051),
+        (-2.32, 0.0165),
+        (2.32, 0.0165),
+    ],
+    0.5,
+);
 /// Height of a lobe, standard deviations in px of the mirrored picture, below which one look is enough.
 const SHARP: f32 = 0.35;
 /// The same from which a few looks are too far apart.
@@ -406,28 +413,23 @@ impl<'a> Scene<'a> {
         let share = far / (far + distance);
         let tall = 2.0 * rough * self.focal[1] * share;
         let wide = tall * sine;
-        let taps = match tall {
-            tall if tall < SHARP => &FEW[..1],
-            tall if tall < TALL => &FEW[..],
-            _ if free == 0.0 => &CLOSE[..],
-            _ => &MANY[..],
+        let Looks(looks, apart) = match tall {
+            tall if tall < SHARP => ONE,
+            tall if tall < TALL => FEW,
+            _ if free == 0.0 => CLOSE,
+            _ => MANY,
         };
-        let apart = match taps.len() {
-            9 => 0.5,
-            5 => 0.9,
-            _ => 1.4,
-        };
+        let is_sharp = looks.len() == 1;
+        let width = if is_sharp { 1.0 } else { (1.5 * wide).max(apart * tall) };
         let (mut sum, mut seen, mut light) = (0.0, 0.0, [0.0; 3]);
-        for (sigma, weight) in taps {
-            let tilt = sigma * rough;
-            let (way, cosine) = if taps.len() == 1 { start } else { reflect(toward, tilted(tilt)) };
+        for (sigma, weight) in looks {
+            let (way, cosine) = if is_sharp { start } else { reflect(toward, tilted(sigma * rough)) };
             // Slopes that look away from the eye are not seen.
             let weight = weight * cosine.max(0.02 * sine);
             let part = weight * fresnel(cosine.max(0.0));
             let point: [f32; 3] = std::array::from_fn(|k| from_mirror[k] + far * way[k]);
             let (u, v, _) = self.project(point);
-            let pixel =
-                self.mirrored.at(u, v, if taps.len() == 1 { 1.0 } else { (1.5 * wide).max(apart * tall) });
+            let pixel = self.mirrored.at(u, v, width);
             sum += weight;
             seen += part;
             (0..3).for_each(|k| light[k] += part * pixel[k]);

@@ -2,10 +2,10 @@
 
 use super::map::WaterMap;
 use super::surface::WaterSurface;
+use crate::linear_picture::LinearPicture;
 use rayon::prelude::*;
-use wm_render::hooks::GROUP;
-use wm_render::simd::{self, Lanes, SimdPath};
-use wm_render::{CutPlane, Frame, dispatch};
+use wm_render::simd::SimdPath;
+use wm_render::{CutPlane, Frame};
 use wm_scene::Camera;
 
 /// Picture beyond the sides of the view that waves look into, as a share of its height.
@@ -51,7 +51,7 @@ impl MirrorView {
             viewmat: Camera::posed((1, 1), 50.0, eye, rotation).viewmat,
             ..*camera
         };
-        let finer = if surface.is_film() { 4 } else { 2 };
+        let finer = if surface.is_film { 4 } else { 2 };
         let small = whole.resized(whole.width.div_ceil(finer), whole.height.div_ceil(finer));
         let cut = CutPlane { normal: map.axes[2], height: height + WATERLINE / map.metres_per_unit };
         Self { camera: small, cut }
@@ -61,35 +61,21 @@ impl MirrorView {
 /// A mirrored picture in linear light at every fineness, with the reciprocal of its depth.
 #[derive(Clone, Debug, Default)]
 pub struct MirroredPicture {
-    levels: Vec<Level>,
-}
-
-#[derive(Clone, Debug, Default)]
-struct Level {
-    width: usize,
-    height: usize,
-    /// Red, green, blue, 1 / view z.
-    pixels: Vec<[f32; 4]>,
+    levels: Vec<LinearPicture>,
 }
 
 impl MirroredPicture {
     /// Makes all levels of a drawn picture with depth.
     #[must_use]
     pub fn new(path: SimdPath, frame: &Frame) -> Self {
-        let (width, height) = (frame.width as usize, frame.height as usize);
-        let mut pixels = vec![[0.0; 4]; width * height];
-        let rows = pixels.par_chunks_mut(width).zip(frame.rgb.par_chunks(3 * width));
-        rows.enumerate().for_each(|(y, (line, rgb))| {
-            dispatch!(path, s => decode_row(s, rgb, line));
-            for (x, pixel) in line.iter_mut().enumerate() {
-                let depth = frame.depth[y * width + x];
-                // Sky shines through where splats are thin: it is as far as what is seen of it.
-                pixel[3] = if depth > 0.0 { frame.alpha[y * width + x] / depth } else { 0.0 };
-            }
-        });
-        let mut levels = vec![Level { width, height, pixels }];
+        let mut finest = LinearPicture::of(path, frame);
+        for (pixel, (depth, alpha)) in finest.pixels.iter_mut().zip(frame.depth.iter().zip(&frame.alpha)) {
+            // Sky shines through where splats are thin: it is as far as what is seen of it.
+            pixel[3] = if *depth > 0.0 { alpha / depth } else { 0.0 };
+        }
+        let mut levels = vec![finest];
         while let Some(last) = levels.last().filter(|last| last.width.min(last.height) > 2) {
-            let next = last.halved();
+            let next = halved(last);
             levels.push(next);
         }
         Self { levels }
@@ -110,83 +96,22 @@ impl MirroredPicture {
     }
 }
 
-impl Level {
-    /// Half as fine, by binomial weights: the lamps of a night are so bright that the corners of a box would show.
-    fn halved(&self) -> Self {
-        const WEIGHTS: [f32; 4] = [0.125, 0.375, 0.375, 0.125];
-        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
-        let near = |i: usize, k: usize, size: usize| (2 * i + k).saturating_sub(1).min(size - 1);
-        let mut pixels = vec![[0.0; 4]; width * height];
-        pixels.par_chunks_mut(width).enumerate().for_each(|(y, line)| {
-            for (x, pixel) in line.iter_mut().enumerate() {
-                for (j, down) in WEIGHTS.iter().enumerate() {
-                    let row = &self.pixels[near(y, j, self.height) * self.width..];
-                    for (i, right) in WEIGHTS.iter().enumerate() {
-                        let from = row[near(x, i, self.width)];
-                        (0..4).for_each(|k| pixel[k] += down * right * from[k]);
-                    }
+/// A mirrored picture half as fine, by binomial weights: the lamps of a night are so bright that the corners of a box would show.
+fn halved(of: &LinearPicture) -> LinearPicture {
+    const WEIGHTS: [f32; 4] = [0.125, 0.375, 0.375, 0.125];
+    let (width, height) = (of.width.div_ceil(2), of.height.div_ceil(2));
+    let near = |i: usize, k: usize, size: usize| (2 * i + k).saturating_sub(1).min(size - 1);
+    let mut pixels = vec![[0.0; 4]; width * height];
+    pixels.par_chunks_mut(width).enumerate().for_each(|(y, line)| {
+        for (x, pixel) in line.iter_mut().enumerate() {
+            for (j, down) in WEIGHTS.iter().enumerate() {
+                let row = &of.pixels[near(y, j, of.height) * of.width..];
+                for (i, right) in WEIGHTS.iter().enumerate() {
+                    let from = row[near(x, i, of.width)];
+                    (0..4).for_each(|k| pixel[k] += down * right * from[k]);
                 }
             }
-        });
-        Self { width, height, pixels }
-    }
-
-    /// Between the four pixels about a point of the finest level, px; at the picture's edge its last pixels.
-    #[inline(always)]
-    fn at(&self, x: f32, y: f32, level: usize) -> [f32; 4] {
-        let scale = 1.0 / (1u32 << level) as f32;
-        let u = (x * scale - 0.5).clamp(0.0, (self.width - 1) as f32);
-        let v = (y * scale - 0.5).clamp(0.0, (self.height - 1) as f32);
-        let (left, top) = (u as usize, v as usize);
-        let (fx, fy) = (u - left as f32, v - top as f32);
-        let (right, bottom) = ((left + 1).min(self.width - 1), (top + 1).min(self.height - 1));
-        let [a, b] = [left, right].map(|column| &self.pixels[top * self.width + column]);
-        let [c, d] = [left, right].map(|column| &self.pixels[bottom * self.width + column]);
-        std::array::from_fn(|k| {
-            let upper = a[k] + fx * (b[k] - a[k]);
-            let lower = c[k] + fx * (d[k] - c[k]);
-            upper + fy * (lower - upper)
-        })
-    }
-}
-
-/// Display-referred pixels of a row in linear light.
-#[inline(always)]
-fn decode_row<S: Lanes>(simd: S, rgb: &[f32], line: &mut [[f32; 4]]) {
-    for (pixels, line) in rgb.chunks(3 * GROUP).zip(line.chunks_mut(GROUP)) {
-        let mut channels = [[0.0f32; GROUP]; 3];
-        for (i, pixel) in pixels.as_chunks::<3>().0.iter().enumerate() {
-            (0..3).for_each(|k| channels[k][i] = pixel[k].max(0.0));
         }
-        decode(simd, &mut channels);
-        for (i, pixel) in line.iter_mut().enumerate() {
-            *pixel = [channels[0][i], channels[1][i], channels[2][i], 0.0];
-        }
-    }
-}
-
-/// Display-referred colours in linear light, in place.
-#[inline(always)]
-pub(crate) fn decode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
-    for first in (0..GROUP).step_by(S::N) {
-        let mut light = [simd.set(0.0); 3];
-        (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));
-        let light = simd::srgb_decode(simd, light);
-        (0..3).for_each(|k| {
-            fearless_simd::SimdBase::store_slice(&light[k], &mut channels[k][first..first + S::N]);
-        });
-    }
-}
-
-/// Linear light in display-referred colours, in place.
-#[inline(always)]
-pub(crate) fn encode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
-    for first in (0..GROUP).step_by(S::N) {
-        let mut light = [simd.set(0.0); 3];
-        (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));
-        let shown = simd::srgb_encode(simd, light);
-        (0..3).for_each(|k| {
-            fearless_simd::SimdBase::store_slice(&shown[k], &mut channels[k][first..first + S::N]);
-        });
-    }
+    });
+    LinearPicture { width, height, pixels }
 }

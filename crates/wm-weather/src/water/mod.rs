@@ -30,7 +30,6 @@ pub use effect::WaterEffect;
 pub use fresnel::{WATER_INDEX, fresnel};
 pub use map::{WaterGrid, WaterMap, WaterSample};
 pub use mirror::{MirrorView, MirroredPicture};
-pub(crate) use mirror::{decode, encode};
 pub use motion::{WaterForces, WaterMotion};
 pub use puddles::puddles;
 pub use surface::WaterSurface;

@@ -31,6 +31,8 @@ pub struct WaterSurface {
     pub rows: Range<u32>,
     /// Height of most of the water along up from the world's origin, m: that of the mirror.
     pub level: f64,
+    /// True if all of it is a film on rough ground, in which nothing is mirrored sharply.
+    pub is_film: bool,
 }
 
 impl WaterSurface {
@@ -147,19 +149,14 @@ impl WaterSurface {
             true => typical,
             false => f64::from(*levels.select_nth_unstable_by(middle, f32::total_cmp).1),
         };
-        Self { depth, cover, roughness, level, rows: 0..0 }
-    }
-
-    /// Returns true if all of it is a film on rough ground, in which nothing is mirrored sharply.
-    #[must_use]
-    pub fn is_film(&self) -> bool {
-        let seen = self.depth.iter().zip(&self.roughness).filter(|(z, _)| !z.is_nan());
-        !self.roughness.is_empty() && seen.into_iter().all(|(_, roughness)| *roughness > FILM)
+        let mut seen = depth.iter().zip(&roughness).filter(|(z, _)| !z.is_nan());
+        let is_film = seen.all(|(_, roughness)| *roughness > FILM);
+        Self { depth, cover, roughness, level, rows: 0..0, is_film }
     }
 }
 
-/// The point at which a ray meets ground under water, be it a share of 0: its view z, scene units, and the water there. `ray` is a view z of 1, in metres along level axes; the search
-/// begins at the height `typical`.
+/// The point at which a ray meets the ground: its view z, scene units, and the water there, which may hide nothing. `ray` is a view z of 1, in
+/// metres along level axes; the search begins at the height `typical`.
 fn hit(map: &WaterMap, eye: [f64; 3], ray: [f64; 3], typical: f64) -> Option<(f64, super::map::WaterSample)> {
     if ray[2] >= 0.0 {
         return None;

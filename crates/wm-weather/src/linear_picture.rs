@@ -1,0 +1,85 @@
+//! Pictures in linear light that are looked into at any fineness, and the way there and back from display-referred ones.
+
+use rayon::prelude::*;
+use wm_render::hooks::GROUP;
+use wm_render::simd::{self, Lanes, SimdPath};
+use wm_render::{Frame, dispatch};
+
+/// A picture in linear light, one level of a pyramid.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct LinearPicture {
+    pub width: usize,
+    pub height: usize,
+    /// Red, green, blue, and a number of its user's.
+    pub pixels: Vec<[f32; 4]>,
+}
+
+impl LinearPicture {
+    /// The colours of a drawn picture, with 0 as the fourth number.
+    pub fn of(path: SimdPath, frame: &Frame) -> Self {
+        let (width, height) = (frame.width as usize, frame.height as usize);
+        let mut pixels = vec![[0.0; 4]; width * height];
+        let rows = pixels.par_chunks_mut(width).zip(frame.rgb.par_chunks(3 * width));
+        rows.for_each(|(line, rgb)| dispatch!(path, s => decode_row(s, rgb, line)));
+        Self { width, height, pixels }
+    }
+
+    /// Between the four pixels about a point of the finest level, px; at the picture's edge its last pixels.
+    #[inline(always)]
+    pub fn at(&self, x: f32, y: f32, level: usize) -> [f32; 4] {
+        let scale = 1.0 / (1u32 << level) as f32;
+        let u = (x * scale - 0.5).clamp(0.0, (self.width - 1) as f32);
+        let v = (y * scale - 0.5).clamp(0.0, (self.height - 1) as f32);
+        let (left, top) = (u as usize, v as usize);
+        let (fx, fy) = (u - left as f32, v - top as f32);
+        let (right, bottom) = ((left + 1).min(self.width - 1), (top + 1).min(self.height - 1));
+        let [a, b] = [left, right].map(|column| &self.pixels[top * self.width + column]);
+        let [c, d] = [left, right].map(|column| &self.pixels[bottom * self.width + column]);
+        std::array::from_fn(|k| {
+            let upper = a[k] + fx * (b[k] - a[k]);
+            let lower = c[k] + fx * (d[k] - c[k]);
+            upper + fy * (lower - upper)
+        })
+    }
+}
+
+/// Display-referred pixels of a row in linear light.
+#[inline(always)]
+fn decode_row<S: Lanes>(simd: S, rgb: &[f32], line: &mut [[f32; 4]]) {
+    for (pixels, line) in rgb.chunks(3 * GROUP).zip(line.chunks_mut(GROUP)) {
+        let mut channels = [[0.0f32; GROUP]; 3];
+        for (i, pixel) in pixels.as_chunks::<3>().0.iter().enumerate() {
+            (0..3).for_each(|k| channels[k][i] = pixel[k].max(0.0));
+        }
+        decode(simd, &mut channels);
+        for (i, pixel) in line.iter_mut().enumerate() {
+            *pixel = [channels[0][i], channels[1][i], channels[2][i], 0.0];
+        }
+    }
+}
+
+/// Display-referred colours in linear light, in place.
+#[inline(always)]
+pub(crate) fn decode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
+    for first in (0..GROUP).step_by(S::N) {
+        let mut light = [simd.set(0.0); 3];
+        (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));
+        let light = simd::srgb_decode(simd, light);
+        (0..3).for_each(|k| {
+            fearless_simd::SimdBase::store_slice(&light[k], &mut channels[k][first..first + S::N]);
+        });
+    }
+}
+
+/// Linear light in display-referred colours, in place.
+#[inline(always)]
+pub(crate) fn encode<S: Lanes>(simd: S, channels: &mut [[f32; GROUP]; 3]) {
+    for first in (0..GROUP).step_by(S::N) {
+        let mut light = [simd.set(0.0); 3];
+        (0..3).for_each(|k| light[k] = simd.load(&channels[k][first..]));
+        let shown = simd::srgb_encode(simd, light);
+        (0..3).for_each(|k| {
+            fearless_simd::SimdBase::store_slice(&shown[k], &mut channels[k][first..first + S::N]);
+        });
+    }
+}
