@@ -10,7 +10,8 @@
 //! the shadow of something shows no light.
 //!
 //! The sum is a table over the picture, one column of nodes along the ray at each corner of the patches of pixels, linear
-//! between them. A lamp is a disc that is blurred by the pixel, with all of its light.
+//! between them. Every second corner is summed up; those between are too, unless the light around them is nearly even. A lamp is
+//! a disc that is blurred by the pixel, with all of its light.
 
 use super::lamp_shadows::DepthCube;
 use super::lamps::{LampKind, LampLight};
@@ -38,6 +39,11 @@ const STEP: f32 = 1.5;
 /// Cells along a patch near a lamp, and how near that is, patches: a table with one cell is 3 % off at three patches from a lamp.
 const FINE: usize = 4;
 const NEAR_PATCHES: i64 = 3;
+/// Share of the most light by which the columns around a corner differ at most where their mean stands for it: within 1 % of
+/// light that falls off smoothly.
+const EVEN: f32 = 0.2;
+/// Columns that are summed up at once.
+const RUN: usize = 64;
 /// Share of the way from the end of an angle to its middle at which Gauss's node lies along the chord: for a small angle, and how
 /// much more it is for a right one.
 const GAUSS: [f32; 2] = [0.422_65, 0.016_6];
@@ -150,14 +156,7 @@ impl LampGlow {
         let scene = GlowScene::new(lamps, camera, air, site);
         let (mut table, mut near, mut fine) = (Vec::new(), Vec::new(), Vec::new());
         if !air.is_clear() && !scene.lights.is_empty() {
-            let rows = map(rows, threads, |row| {
-                let at = |column: usize| [column, row].map(|v| (v * PATCH) as f32);
-                let places: Vec<[f32; 2]> = (0..columns).map(at).collect();
-                let mut out = vec![[[0.0; NODES]; 3]; columns];
-                dispatch!(path, s => scene.columns(s, &places, &scene.lights, &mut out));
-                out
-            });
-            table = rows.concat();
+            table = scene.table([columns, rows], path, threads);
             (near, fine) = scene.near_lamps(&table, columns, path, threads);
         }
         let heads =
@@ -429,6 +428,63 @@ impl<'a> GlowScene<'a> {
         }
     }
 
+    /// The columns at the corners of patches, `[rows, columns]`.
+    fn table(&self, [columns, rows]: [usize; 2], path: SimdPath, threads: usize) -> Vec<Column> {
+        let mut table = vec![[[0.0; NODES]; 3]; columns * rows];
+        let sum_up = |table: &mut [Column], corners: &[usize]| {
+            let found = map(corners.len().div_ceil(RUN), threads, |run| {
+                let corners = &corners[run * RUN..(run * RUN + RUN).min(corners.len())];
+                let place = |at: &usize| [at % columns, at / columns].map(|v| (v * PATCH) as f32);
+                let places: Vec<[f32; 2]> = corners.iter().map(place).collect();
+                let mut out = vec![[[0.0; NODES]; 3]; corners.len()];
+                dispatch!(path, s => self.columns(s, &places, &self.lights, &mut out));
+                out
+            });
+            corners.iter().zip(found.into_iter().flatten()).for_each(|(at, column)| table[*at] = column);
+        };
+        // Of a last odd column or row there is none beyond.
+        let is_between = |at: usize, count: usize| at % 2 == 1 && at + 1 < count;
+        let (between, mut exact): (Vec<usize>, Vec<usize>) = (0..columns * rows)
+            .partition(|at| is_between(at % columns, columns) || is_between(at / columns, rows));
+        sum_up(&mut table, &exact);
+        exact.clear();
+        for at in between {
+            let (x, y) = (at % columns, at / columns);
+            let beside =
+                |at: usize, count: usize| if is_between(at, count) { [at - 1, at + 1] } else { [at; 2] };
+            let ([left, right], [top, bottom]) = (beside(x, columns), beside(y, rows));
+            let around = [[left, top], [right, top], [left, bottom], [right, bottom]];
+            let around = around.map(|[x, y]| &table[y * columns + x]);
+            match even_mean(around).filter(|_| !self.is_near_lamp([x, y])) {
+                Some(mean) => table[at] = mean,
+                None => exact.push(at),
+            }
+        }
+        sum_up(&mut table, &exact);
+        table
+    }
+
+    /// Returns true for the corners of the patches that have tables of their own.
+    fn is_near_lamp(&self, [x, y]: [usize; 2]) -> bool {
+        self.lights.iter().filter_map(|light| self.patch_of(light)).any(|[column, row]| {
+            let is_near = |at: usize, middle: i64| {
+                (middle - NEAR_PATCHES..=middle + NEAR_PATCHES + 1).contains(&(at as i64))
+            };
+            is_near(x, column) && is_near(y, row)
+        })
+    }
+
+    /// Column and row of the patch that shows a lamp, in the picture or not; `None` for one behind the eye.
+    fn patch_of(&self, light: &GlowLight<'_>) -> Option<[i64; 2]> {
+        let z = light.offset.dot(self.axes[2]);
+        (z > 0.1).then(|| {
+            [0, 1].map(|k| {
+                let at = light.offset.dot(self.axes[k]) / z * self.focal[k] + self.principal[k];
+                (at / PATCH as f32).floor() as i64
+            })
+        })
+    }
+
     /// The columns of rays through these places of the picture, px, by some of the lights.
     #[inline(always)]
     fn columns<S: Lanes>(&self, simd: S, places: &[[f32; 2]], lights: &[GlowLight<'_>], out: &mut [Column]) {
@@ -505,14 +561,7 @@ impl<'a> GlowScene<'a> {
         let mut near: Vec<Option<u32>> = vec![None; across * down];
         let mut work: Vec<([usize; 2], Vec<usize>)> = Vec::new();
         for (index, light) in self.lights.iter().enumerate() {
-            let z = light.offset.dot(self.axes[2]);
-            if z <= 0.1 {
-                continue;
-            }
-            let at: [f32; 2] = std::array::from_fn(|k| {
-                light.offset.dot(self.axes[k]) / z * self.focal[k] + self.principal[k]
-            });
-            let [column, row] = at.map(|v| (v / PATCH as f32).floor() as i64);
+            let Some([column, row]) = self.patch_of(light) else { continue };
             let within = |middle: i64, count: usize| {
                 let low = (middle - NEAR_PATCHES).clamp(0, count as i64) as usize;
                 low..(middle + NEAR_PATCHES + 1).clamp(0, count as i64) as usize
@@ -699,6 +748,21 @@ fn row_between<const N: usize>(y: usize, [top, bottom, top_right, bottom_right]:
     let share = |at: usize| (at as f32 + 0.5) / N as f32;
     let (left, right) = (top + (bottom - top) * share(y), top_right + (bottom_right - top_right) * share(y));
     std::array::from_fn(|x| left + (right - left) * share(x))
+}
+
+/// The mean of columns; `None` if they differ too much for it.
+fn even_mean(columns: [&Column; 4]) -> Option<Column> {
+    let mut mean = [[0.0; NODES]; 3];
+    let mut is_even = true;
+    for (k, mean) in mean.iter_mut().enumerate() {
+        for (node, mean) in mean.iter_mut().enumerate() {
+            let [a, b, c, d] = columns.map(|column| column[k][node]);
+            let (least, most) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
+            is_even &= most - least <= EVEN * most.max(LEAST);
+            *mean = 0.25 * (a + b + (c + d));
+        }
+    }
+    is_even.then_some(mean)
 }
 
 /// The columns between four corners, linear.

@@ -44,14 +44,15 @@ const STEP: f64 = 9.0;
 const ELEVATIONS: [u32; 2] = [12, 75];
 /// Widths of the cells of maps, in those of the occluders: of the search, then of its refinement.
 const COARSE: f64 = 4.0;
-const FINE: f64 = 0.5;
+const FINE: f64 = 1.0;
 /// Cosine of the angle from which on a direction is another one: 25 degrees.
 const FAR: f64 = 0.906;
 /// Distance between the directions about the best that wide and then narrow pairs judge, degrees, the number of them to each side,
 /// and the shares of the best score above which they have a say.
 const WIDE_STEP: f64 = 3.0;
 const NARROW_STEP: f64 = 1.0;
-const RINGS: i32 = 3;
+const WIDE_RINGS: i32 = 3;
+const NARROW_RINGS: i32 = 2;
 const WEIGHED: f64 = 0.7;
 const FINELY_WEIGHED: f64 = 0.85;
 /// Least score of a sun, and how often it must be that of the best direction far from it.
@@ -256,7 +257,7 @@ pub(super) fn find_sun(
     let raised = |direction: [f64; 3]| elevation.map_or(direction, |to| at_elevation(direction, to, site));
     // The true direction of either lies between those that were tried.
     let closer = |at: usize| {
-        let around = about(tried[at], WIDE_STEP);
+        let around = about(tried[at], WIDE_STEP, WIDE_RINGS);
         let scores = map(around.len(), threads, |k| score((surfaces, &wide), around[k], &coarse, tells));
         (raised(centred(&around, &scores, WEIGHED)), scores.into_iter().fold(0.0, f64::max))
     };
@@ -271,7 +272,7 @@ pub(super) fn find_sun(
     }
     let narrow = ground_pairs(surfaces, open, narrow, site);
     let fine = occluders.sketched(FINE);
-    let around = about(direction, NARROW_STEP);
+    let around = about(direction, NARROW_STEP, NARROW_RINGS);
     let tells = coarseness * TELLS_FINELY;
     let scores = map(around.len(), threads, |k| score((surfaces, &narrow), around[k], &fine, tells));
     // Rough geometry says nothing more finely.
@@ -280,12 +281,12 @@ pub(super) fn find_sun(
     Some(FoundSun { direction, ..found })
 }
 
-/// A direction and those about it, some degrees apart, in a square.
-fn about(direction: [f64; 3], degrees: f64) -> Vec<[f64; 3]> {
+/// A direction and `rings` of those about it, some degrees apart, in a square.
+fn about(direction: [f64; 3], degrees: f64, rings: i32) -> Vec<[f64; 3]> {
     let middle = DVec3::from_array(direction);
     let across = middle.any_orthonormal_vector();
     let axes = [across, middle.cross(across)].map(|axis| axis * degrees.to_radians());
-    let steps = (-RINGS..=RINGS).flat_map(|x| (-RINGS..=RINGS).map(move |y| [x, y].map(f64::from)));
+    let steps = (-rings..=rings).flat_map(|x| (-rings..=rings).map(move |y| [x, y].map(f64::from)));
     steps.map(|[x, y]| (middle + x * axes[0] + y * axes[1]).normalize().to_array()).collect()
 }
 
