@@ -148,7 +148,7 @@ impl DropLayer {
             sums.clear();
             sums.resize(pixels.len(), [0.0f32; 4]);
             let drops = list.iter().map(|i| &drawn[*i as usize]);
-            dispatch!(path, s => optics.draw(s, drops, (band * BAND, width), sums, spans, pixels, (scale, camera)));
+            dispatch!(path, s => optics.draw(s, drops, (band * BAND, width), sums, (spans, pixels), (scale, camera)));
         });
         let mut layer = Self { scale, width, pixels, spans };
         if scale.disc > 0.0 && !drawn.is_empty() {
@@ -305,8 +305,7 @@ impl Optics<'_> {
         drops: impl Iterator<Item = &'d Drawn>,
         (first, width): (usize, usize),
         sums: &mut [[f32; 4]],
-        spans: &mut [[usize; 2]],
-        pixels: &mut [[f32; 4]],
+        (spans, pixels): (&mut [[usize; 2]], &mut [[f32; 4]]),
         (scale, camera): (LayerScale, &Camera),
     ) {
         drops.for_each(|drop| add(drop, first, width, sums, spans));

@@ -300,7 +300,7 @@ impl<'a> Scene<'a> {
             }
             let mut wet = 0;
             for i in 0..GROUP {
-                wet |= u32::from(behind.z[i] == behind.z[i]) << i;
+                wet |= u32::from(!behind.z[i].is_nan()) << i;
             }
             if wet == 0 {
                 clear(front);

@@ -216,10 +216,7 @@ impl<'a> WaterView<'a> {
     #[inline(always)]
     pub fn at(&self, x: f32, y: f32) -> Option<WaterSample> {
         let (u, v) = (x * self.steps + self.eye[0], y * self.steps + self.eye[1]);
-        let own = match self.grid {
-            Some(grid) => grid.between(u, v),
-            None => None,
-        };
+        let own = self.grid.and_then(|grid| grid.between(u, v));
         if self.plane.is_none() { own } else { higher(self.plane, own) }
     }
 

@@ -178,10 +178,7 @@ impl WaterSurface {
                                 let z = 1.0 / inverse[i];
                                 let along = (starts[y][0] + step[0] * x as f32) * z;
                                 let aside = (starts[y][1] + step[1] * x as f32) * z;
-                                match view.at(along, aside) {
-                                    Some(sample) => Some((z, sample)),
-                                    None => None,
-                                }
+                                view.at(along, aside).map(|sample| (z, sample))
                             } else {
                                 follow(x, top + y)
                             };
