@@ -75,7 +75,7 @@ fn slope(motion: &WaterMotion, x: f64, y: f64, width: f32) -> [f32; 3] {
     fn first<S: Lanes>(simd: S, motion: &WaterMotion, phases: &[[f32; 2]], width: f32) -> [f32; 3] {
         let here = [simd.set(0.0); 2];
         let found = motion.at(simd, (here, phases), simd.set(width.log2()), 1);
-        found.map(|vector| super::tile::Kept::of(simd, vector).0[0])
+        found.map(|vector| tile::Kept::of(simd, vector).0[0])
     }
     let phases = motion.phases([x, y]);
     dispatch!(SimdPath::widest(), s => first(s, motion, &phases, width))
