@@ -143,8 +143,9 @@ impl FrameRequest<'_> {
                     true => ParticlePass::Off,
                     false => ParticlePass::On,
                 };
-                let geometry =
-                    if asked.geometry == Geometry::None { Geometry::Depth } else { asked.geometry };
+                // The effects on pixels read depth.
+                let needs_depth = asked.geometry == Geometry::None && !hooks.pixels.is_empty();
+                let geometry = if needs_depth { Geometry::Depth } else { asked.geometry };
                 let config =
                     RenderConfig { outputs: Outputs { geometry, particles, ..asked }, ..*self.config };
                 let effect = WaterEffect {
@@ -170,18 +171,14 @@ impl FrameRequest<'_> {
                 if let Some(lens) = lens {
                     lens.append(&mut plan, color);
                 }
+                picture.spare.lend(&mut picture.frame);
                 let stats = execute(&plan, (color, parts), (backend, memory), picture)?;
                 picture.water = match asked.water {
                     WaterPass::Off => WaterLayers::default(),
                     WaterPass::On => water.layers(&picture.frame),
                 };
-                picture.frame.front.clear();
-                if asked.geometry == Geometry::None {
-                    picture.frame.depth.clear();
-                }
-                if asked.particles == ParticlePass::Off {
-                    picture.frame.particles.clear();
-                }
+                let wants_particles = asked.particles == ParticlePass::On;
+                picture.spare.take(&mut picture.frame, asked.geometry != Geometry::None, wants_particles);
                 Ok(stats)
             })
         })

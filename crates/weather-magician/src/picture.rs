@@ -19,6 +19,45 @@ pub struct Picture {
     pub metres_per_unit: f64,
     /// Names and values that are written into a file beside its pixels: the scene, the weather, the camera.
     pub tags: Vec<(String, String)>,
+    /// Arrays that the frame was made with and nobody asked for: memory for the next one.
+    pub(crate) spare: SpareArrays,
+}
+
+/// Memory of arrays of a frame.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SpareArrays {
+    front: Vec<f32>,
+    depth: Vec<f32>,
+    particles: Vec<f32>,
+}
+
+impl SpareArrays {
+    /// Lends the arrays to a frame where it has none.
+    pub fn lend(&mut self, frame: &mut Frame) {
+        for (spare, array) in self.arrays(frame) {
+            if array.is_empty() {
+                *array = std::mem::take(spare);
+            }
+        }
+    }
+
+    /// Takes arrays of a frame, those of depth and particles if they are not wanted.
+    pub fn take(&mut self, frame: &mut Frame, wants_depth: bool, wants_particles: bool) {
+        let wanted = [false, wants_depth, wants_particles];
+        for ((spare, array), wanted) in self.arrays(frame).into_iter().zip(wanted) {
+            if !wanted {
+                *spare = std::mem::take(array);
+            }
+        }
+    }
+
+    fn arrays<'a>(&'a mut self, frame: &'a mut Frame) -> [(&'a mut Vec<f32>, &'a mut Vec<f32>); 3] {
+        [
+            (&mut self.front, &mut frame.front),
+            (&mut self.depth, &mut frame.depth),
+            (&mut self.particles, &mut frame.particles),
+        ]
+    }
 }
 
 /// The water in a picture, `[H, W]` each; empty where it was not asked for or the picture shows none.

@@ -38,35 +38,56 @@ impl PictureEffect for LensEffect<'_> {
         }
         let width = picture.width as usize;
         let rows = picture.rgb.par_chunks_mut(3 * width).enumerate();
-        rows.for_each_init(
-            || (Vec::new(), Vec::new()),
-            |(drops, added), (y, line)| {
-                let start = layer.as_ref().and_then(|layer| layer.row(y, drops));
-                let seen = layer.as_ref().zip(start);
-                match (&haze, seen) {
-                    (Some(haze), _) => {
-                        haze.row(y, added);
-                        dispatch!(path, s => {
-                            let mut over = Over::default();
-                            for x in 0..width {
-                                let drop = seen.map_or([0.0; 4], |(layer, start)| layer.column(drops, x, start));
-                                over.add(s, line, x, (drop, haze.column(added, x)));
-                            }
-                            over.lay(s, line);
-                        });
-                    }
-                    (None, Some((layer, start))) => {
-                        dispatch!(path, s => {
-                            let mut over = Over::default();
-                            layer.columns(drops, width, start, |x, drop| over.add(s, line, x, (drop, CLEAR)));
-                            over.lay(s, line);
-                        });
-                    }
-                    (None, None) => {}
+        rows.for_each_init(RowScratch::default, |RowScratch { drops, added, seen }, (y, line)| {
+            seen.clear();
+            let start = layer.as_ref().and_then(|layer| layer.row(y, drops));
+            if let Some((layer, start)) = layer.as_ref().zip(start) {
+                layer.columns(drops, width, start, seen);
+            }
+            match &haze {
+                Some(haze) => {
+                    haze.row(y, added);
+                    dispatch!(path, s => lay_with_haze(s, line, seen, (haze, added)));
                 }
-            },
-        );
+                None => dispatch!(path, s => lay_drops(s, line, seen)),
+            }
+        });
     }
+}
+
+/// Working memory of a row.
+#[derive(Default)]
+struct RowScratch {
+    drops: Vec<[f32; 4]>,
+    added: Vec<[f32; 4]>,
+    seen: Vec<(u32, [f32; 4])>,
+}
+
+/// Lays drops over the columns of a row that show them.
+#[inline(always)]
+fn lay_drops<S: Lanes>(simd: S, line: &mut [f32], seen: &[(u32, [f32; 4])]) {
+    let mut over = Over::default();
+    for (x, drop) in seen {
+        over.add(simd, line, *x as usize, (*drop, CLEAR));
+    }
+    over.lay(simd, line);
+}
+
+/// Lays drops and haze over all columns of a row.
+#[inline(always)]
+fn lay_with_haze<S: Lanes>(
+    simd: S,
+    line: &mut [f32],
+    seen: &[(u32, [f32; 4])],
+    (haze, added): (&Haze, &[[f32; 4]]),
+) {
+    let mut over = Over::default();
+    let mut seen = seen.iter().peekable();
+    for x in 0..line.len() / 3 {
+        let drop = seen.next_if(|(column, _)| *column as usize == x).map_or([0.0; 4], |(_, drop)| *drop);
+        over.add(simd, line, x, (drop, haze.column(added, x)));
+    }
+    over.lay(simd, line);
 }
 
 /// Haze that adds nothing and keeps all.

@@ -8,9 +8,10 @@ use super::drops::GlassDrop;
 use super::geometry::GlassView;
 use super::wide::WideView;
 use crate::water::WATER_INDEX;
+use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use rayon::prelude::*;
 use wm_render::dispatch;
-use wm_render::simd::SimdPath;
+use wm_render::simd::{Lanes, SimdPath};
 use wm_scene::Camera;
 
 /// Radii up to which a drop joins others.
@@ -147,7 +148,7 @@ impl DropLayer {
             sums.clear();
             sums.resize(pixels.len(), [0.0f32; 4]);
             let drops = list.iter().map(|i| &drawn[*i as usize]);
-            dispatch!(path, _s => optics.draw(drops, (band * BAND, width), sums, spans, pixels, (scale, camera)));
+            dispatch!(path, s => optics.draw(s, drops, (band * BAND, width), sums, (spans, pixels), (scale, camera)));
         });
         let mut layer = Self { scale, width, pixels, spans };
         if scale.disc > 0.0 && !drawn.is_empty() {
@@ -217,16 +218,9 @@ impl DropLayer {
         Some(first)
     }
 
-    /// Calls `take` with each column below `width` that shows a drop, its light and its cover, from what [`Self::row`] wrote from the
-    /// column `start` of the layer on.
-    #[inline(always)]
-    pub fn columns(
-        &self,
-        line: &[[f32; 4]],
-        width: usize,
-        start: usize,
-        mut take: impl FnMut(usize, [f32; 4]),
-    ) {
+    /// Appends each column below `width` that shows a drop, from left to right, with its light and its cover, from what [`Self::row`] wrote
+    /// from the column `start` of the layer on.
+    pub fn columns(&self, line: &[[f32; 4]], width: usize, start: usize, seen: &mut Vec<(u32, [f32; 4])>) {
         let LayerScale { pixels: scale, margin, .. } = self.scale;
         let shift = if scale % 2 == 0 { 0.5 } else { 0.0 };
         for (i, pair) in line.windows(2).enumerate() {
@@ -241,21 +235,10 @@ impl DropLayer {
                 let x = first + j as isize;
                 if (0..width as isize).contains(&x) {
                     let part = (j as f32 + shift) / scale as f32;
-                    take(x as usize, std::array::from_fn(|k| a[k] + part * (b[k] - a[k])));
+                    seen.push((x as u32, std::array::from_fn(|k| a[k] + part * (b[k] - a[k]))));
                 }
             }
         }
-    }
-
-    /// The light and the cover at a column of the picture, from what [`Self::row`] wrote from the column `start` of the layer on.
-    #[inline(always)]
-    pub fn column(&self, line: &[[f32; 4]], x: usize, start: usize) -> [f32; 4] {
-        let LayerScale { pixels: scale, margin, .. } = self.scale;
-        let at = (x as f32 + 0.5) / scale as f32 - 0.5 + (margin + PADDING) as f32 - start as f32;
-        let left = (at.max(0.0) as usize).min(line.len() - 2);
-        let part = (at - left as f32).clamp(0.0, 1.0);
-        let (a, b) = (&line[left], &line[left + 1]);
-        std::array::from_fn(|k| a[k] + part * (b[k] - a[k]))
     }
 }
 
@@ -316,79 +299,116 @@ fn add(drop: &Drawn, first: usize, width: usize, sums: &mut [[f32; 4]], spans: &
 impl Optics<'_> {
     /// Draws drops into rows from the row `first` of the layer on.
     #[inline(always)]
-    fn draw<'d>(
+    fn draw<'d, S: Lanes>(
         &self,
+        simd: S,
         drops: impl Iterator<Item = &'d Drawn>,
         (first, width): (usize, usize),
         sums: &mut [[f32; 4]],
-        spans: &mut [[usize; 2]],
-        pixels: &mut [[f32; 4]],
+        (spans, pixels): (&mut [[usize; 2]], &mut [[f32; 4]]),
         (scale, camera): (LayerScale, &Camera),
     ) {
         drops.for_each(|drop| add(drop, first, width, sums, spans));
-        let along = |at: usize, middle: f64, focal: f64| {
-            ((at as f32 - scale.margin as f32 + 0.5) * scale.pixels as f32 - middle as f32) / focal as f32
+        let place = |at: usize, middle: f64| {
+            (at as f32 - scale.margin as f32 + 0.5) * scale.pixels as f32 - middle as f32
         };
+        let step = scale.pixels as f32 / camera.fx as f32;
         for (k, span) in spans.iter().enumerate() {
-            let down = along(first + k, camera.cy, camera.fy);
-            for x in span[0]..span[1] {
-                let sum = &sums[k * width + x];
-                if sum[0] > 0.02 * RIM {
-                    pixels[k * width + x] =
-                        self.shade(sum, [along(x, camera.cx, camera.fx), down], scale.edge);
-                }
+            let down = place(first + k, camera.cy) / camera.fy as f32;
+            for x in (span[0]..span[1]).step_by(S::N) {
+                let own = k * width + x..k * width + span[1].min(x + S::N);
+                let (sums, pixels) = (&sums[own.clone()], &mut pixels[own]);
+                let right = place(x, camera.cx) / camera.fx as f32;
+                self.shade(simd, (sums, scale.edge), ([right, step], down), pixels);
             }
         }
     }
 
-    /// The light times cover, and the cover, of a pixel that looks along `(right, down, 1)`.
+    /// Writes the light times cover, and the cover, of pixels with these sums that look along `(right + i step, down, 1)`; as many as there
+    /// are lanes, or fewer.
     #[inline(always)]
-    fn shade(&self, sum: &[f32; 4], [right, down]: [f32; 2], edge: f32) -> [f32; 4] {
-        let root = sum[0].sqrt();
-        let radius = sum[3] / sum[0];
-        // Distance from the middle in radii, as a single drop has it.
-        let away = REACH * (1.0 - root).max(0.0).sqrt();
-        let cover = ((1.0 - away) * radius / edge + 0.5).clamp(0.0, 1.0);
-        if cover <= 0.0 {
-            return [0.0; 4];
+    fn shade<S: Lanes>(
+        &self,
+        simd: S,
+        (sums, edge): (&[[f32; 4]], f32),
+        ([right, step], down): ([f32; 2], f32),
+        pixels: &mut [[f32; 4]],
+    ) {
+        let mut columns = [[0.0; 16]; 5];
+        for (i, sum) in sums.iter().enumerate() {
+            for k in 0..4 {
+                columns[k][i] = sum[k];
+            }
+            columns[4][i] = right + i as f32 * step;
         }
-        let slope = [sum[1] / root, sum[2] / root];
-        let steep = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
+        let (zero, one) = (simd.set(0.0), simd.set(1.0));
+        let whole = simd.load(&columns[0]);
+        let is_wet = whole.simd_gt(simd.set(0.02 * RIM));
+        if !is_wet.any_true() {
+            return;
+        }
+        let whole = is_wet.select(whole, one);
+        let root = whole.sqrt();
+        let radius = simd.load(&columns[3]) / whole;
+        // Distance from the middle in radii, as a single drop has it.
+        let away = (one - root).max(zero).sqrt() * REACH;
+        let cover = ((one - away) * radius * (1.0 / edge) + 0.5).max(zero).min(one);
+        let is_seen = is_wet & cover.simd_gt(zero);
+        let seen = is_seen.to_bitmask() as u32;
+        if seen == 0 {
+            return;
+        }
+        let slope = [simd.load(&columns[1]) / root, simd.load(&columns[2]) / root];
+        let steep = slope[0].mul_add(slope[0], slope[1] * slope[1]).sqrt();
         // Rims are as steep as the contact angle wherever drops meet.
-        let inner = away.min(1.0);
+        let inner = away.min(one);
         let rim = inner * inner * inner * inner;
-        let wanted = (steep + (inner - steep) * rim).min(1.0);
-        let scale = self.rim * wanted / steep.max(1e-4);
-        let heavy = (radius * self.sag).min(1.0);
-        let sag = SAG * heavy * heavy * (1.0 - wanted * wanted);
-        let normal = [slope[0] * scale, slope[1] * scale - self.rim * sag];
-        let up = (1.0 - normal[0] * normal[0] - normal[1] * normal[1]).max(1e-4).sqrt();
+        let wanted = (inner - steep).mul_add(rim, steep).min(one);
+        let scale = wanted * self.rim / steep.max(simd.set(1e-4));
+        let heavy = (radius * self.sag).min(one);
+        let sag = heavy * heavy * (one - wanted * wanted) * (SAG * self.rim);
+        let normal = [slope[0] * scale, slope[1] * scale - sag];
+        let flat = normal[0].mul_add(normal[0], normal[1] * normal[1]);
+        let up = (one - flat).max(simd.set(1e-4)).sqrt();
         // The ray along the axes of the glass, bent by its inner side.
         let [sin, cos] = self.tilt;
-        let along = [right, down * cos + sin, cos - down * sin];
+        let right = simd.load(&columns[4]);
+        let (below, ahead) = (down * cos + sin, cos - down * sin);
         let inverse =
-            1.0 / ((along[0] * along[0] + along[1] * along[1] + along[2] * along[2]).sqrt() * WATER_INDEX);
-        let (x, y) = (along[0] * inverse, along[1] * inverse);
-        let z = (1.0 - x * x - y * y).sqrt();
-        let inside = x * normal[0] + y * normal[1] + z * up;
-        let squared = 1.0 - WATER_INDEX * WATER_INDEX * (1.0 - inside * inside);
-        let mut light = self.inside;
-        if squared > 0.0 {
-            let outside = squared.sqrt();
-            let bend = outside - WATER_INDEX * inside;
-            let [x, y, z] = [
-                x * WATER_INDEX + bend * normal[0],
-                y * WATER_INDEX + bend * normal[1],
-                z * WATER_INDEX + bend * up,
-            ];
-            let way = [x, y * cos - z * sin, y * sin + z * cos];
-            // What a pixel sees of the view, which the rim squeezes.
-            let cone = self.rim / radius.max(0.5) / up * (WATER_INDEX * inside / outside.max(0.15) - 1.0);
-            let seen = self.wide.at(way, cone.abs().min(0.8));
-            let lost = 1.0 - outside;
-            let reflected = 0.02 + 0.98 * (lost * lost) * (lost * lost) * lost;
-            (0..3).for_each(|k| light[k] = seen[k] + reflected * (light[k] - seen[k]));
+            one / (right.mul_add(right, simd.set(below * below + ahead * ahead)).sqrt() * WATER_INDEX);
+        let (x, y) = (right * inverse, inverse * below);
+        let z = (one - x * x - y * y).sqrt();
+        let inside = x.mul_add(normal[0], y.mul_add(normal[1], z * up));
+        let squared = one - (one - inside * inside) * (WATER_INDEX * WATER_INDEX);
+        let is_bent = squared.simd_gt(zero);
+        let outside = is_bent.select(squared, one).sqrt();
+        let bend = outside - inside * WATER_INDEX;
+        let (x, y, z) = (
+            x.mul_add(simd.set(WATER_INDEX), bend * normal[0]),
+            y.mul_add(simd.set(WATER_INDEX), bend * normal[1]),
+            z.mul_add(simd.set(WATER_INDEX), bend * up),
+        );
+        let way = [x, y * cos - z * sin, y * sin + z * cos];
+        // What a pixel sees of the view, which the rim squeezes.
+        let squeezed = inside * WATER_INDEX / outside.max(simd.set(0.15)) - 1.0;
+        let cone = simd.set(self.rim) / radius.max(simd.set(0.5)) / up * squeezed;
+        let cone = cone.max(-cone).min(simd.set(0.8));
+        let bent = (is_seen & is_bent).to_bitmask() as u32;
+        let mut light = [[0.0; 4]; 16];
+        self.wide.look(simd, way, cone, bent, &mut light);
+        let lost = one - outside;
+        let reflected = (lost * lost) * (lost * lost) * lost * 0.98 + 0.02;
+        let reflected = is_bent.select(reflected, one);
+        let (mut covers, mut shares) = ([0.0; 16], [0.0; 16]);
+        cover.store_slice(&mut covers[..S::N]);
+        reflected.store_slice(&mut shares[..S::N]);
+        for (i, pixel) in pixels.iter_mut().enumerate() {
+            if seen >> i & 1 == 1 {
+                for k in 0..3 {
+                    pixel[k] = covers[i] * (light[i][k] + shares[i] * (self.inside[k] - light[i][k]));
+                }
+                pixel[3] = covers[i];
+            }
         }
-        [light[0] * cover, light[1] * cover, light[2] * cover, cover]
     }
 }

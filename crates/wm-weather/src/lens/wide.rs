@@ -1,8 +1,9 @@
 //! The wide view that drops show.
 
 use crate::linear_picture::LinearPicture;
+use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::Frame;
-use wm_render::simd::SimdPath;
+use wm_render::simd::{Lanes, SimdPath};
 use wm_scene::Camera;
 
 /// Side of the wide picture, px.
@@ -65,5 +66,34 @@ impl WideView {
         let level = ((wide.max(1.0).to_bits() >> 23) as usize - 127).min(self.levels.len() - 1);
         let [u, v] = [u, v].map(|tangent| tangent * FOCAL as f32 + 0.5 * SIDE as f32);
         self.levels[level].at(u, v, level)
+    }
+
+    /// [`Self::at`] for those lanes that have a bit in `wanted`.
+    #[inline(always)]
+    pub(super) fn look<S: Lanes>(
+        &self,
+        simd: S,
+        [x, y, z]: [S::F; 3],
+        angle: S::F,
+        wanted: u32,
+        light: &mut [[f32; 4]; 16],
+    ) {
+        let one = simd.set(1.0);
+        let inverse = one / z.max(simd.set(0.05));
+        let u = (x * inverse).max(simd.set(-EDGE)).min(simd.set(EDGE));
+        let v = (y * inverse).max(simd.set(-EDGE)).min(simd.set(EDGE));
+        // Pixels of the edge are narrower angles.
+        let wide = (angle * FOCAL as f32 * u.mul_add(u, v.mul_add(v, one)).sqrt()).max(one);
+        let (mut columns, mut rows, mut widths) = ([0.0; 16], [0.0; 16], [1.0f32; 16]);
+        (u * FOCAL as f32 + 0.5 * SIDE as f32).store_slice(&mut columns[..S::N]);
+        (v * FOCAL as f32 + 0.5 * SIDE as f32).store_slice(&mut rows[..S::N]);
+        wide.store_slice(&mut widths[..S::N]);
+        let mut todo = wanted;
+        while todo != 0 {
+            let i = (todo.trailing_zeros() & 15) as usize;
+            todo &= todo - 1;
+            let level = ((widths[i].to_bits() >> 23) as usize - 127).min(self.levels.len() - 1);
+            light[i] = self.levels[level].at(columns[i], rows[i], level);
+        }
     }
 }

@@ -1,17 +1,20 @@
 //! Lays the mirrored picture and the water over what is drawn.
 
+use super::WATER_INDEX;
 use super::body::WaterBody;
-use super::fresnel::fresnel;
+use super::fresnel::fresnel_of;
 use super::map::WaterMap;
 use super::mirror::{MirrorView, MirroredPicture};
 use super::motion::WaterMotion;
 use super::surface::{FILM, NODES, WaterSurface};
-use super::tile::Slope;
+use super::tile::Kept;
 use crate::linear_picture::{decode, encode};
+use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask, f32x4};
 use rayon::prelude::*;
+use std::f32::consts::LOG2_E;
 use wm_render::hooks::{AirGroup, GROUP, Medium, PixelEffect, ShadeGroup};
 use wm_render::pixel_effects::apply_pixel_effects;
-use wm_render::simd::SimdPath;
+use wm_render::simd::{Lanes, SimdPath, exp2, log2, srgb_decode, srgb_encode};
 use wm_render::{FRONT, Frame, PictureEffect, dispatch};
 use wm_scene::Camera;
 
@@ -20,6 +23,15 @@ const HIDDEN: f32 = 1.0 / 512.0;
 /// Looks into a rough surface: standard deviations of the slope and their weights, normal distributions; and the width of each look
 /// over the standard deviation of the lobe's height.
 struct Looks(&'static [(f32, f32)], f32);
+
+impl Looks {
+    /// Look `k`; behind the last one looks that count nothing.
+    #[inline(always)]
+    fn look(&self, k: usize) -> (f32, f32) {
+        if k < self.0.len() { self.0[k] } else { (0.0, 0.0) }
+    }
+}
+
 const ONE: Looks = Looks(&[(0.0, 1.0)], 0.0);
 const FEW: Looks = Looks(&[(0.0, 0.62), (-1.62, 0.19), (1.62, 0.19)], 1.4);
 const MANY: Looks = Looks(&[(0.0, 0.399), (-1.0, 0.242), (1.0, 0.242), (-2.0, 0.058), (2.0, 0.058)], 0.9);
@@ -69,34 +81,32 @@ pub struct WaterEffect<'a> {
     pub effects: &'a [&'a dyn PixelEffect],
 }
 
-/// The light of sixteen pixels, and of the water in them.
-struct Group {
-    /// Pixels with water, a bit each.
-    wet: u32,
-    /// Light behind the surface without water, then with it; linear.
-    light: [[f32; GROUP]; 3],
-    mirrored: [[f32; GROUP]; 3],
+/// Water in sixteen pixels, one array a number.
+struct Water {
     /// Share of light that is reflected.
     reflected: [f32; GROUP],
+    /// That light, linear.
+    mirrored: [[f32; GROUP]; 3],
     /// Share of the light behind that comes through.
     left: [f32; GROUP],
-    cover: [f32; GROUP],
-    rays: ShadeGroup,
 }
 
-impl Group {
-    fn dry() -> Self {
-        let zero = [0.0; GROUP];
-        Self {
-            wet: 0,
-            light: [zero; 3],
-            mirrored: [zero; 3],
-            reflected: zero,
-            left: [1.0; GROUP],
-            cover: [1.0; GROUP],
-            rays: ShadeGroup::default(),
-        }
+impl Water {
+    fn new() -> Self {
+        Self { reflected: [0.0; GROUP], mirrored: [[0.0; GROUP]; 3], left: [1.0; GROUP] }
     }
+}
+
+/// Sixteen pixels of a row that are looked into.
+struct Pixels {
+    /// Middles of their columns, and of their row, px.
+    x: [f32; GROUP],
+    y: f32,
+    /// View z of the water, NaN where there is none, and of where the ray ends without it.
+    z: [f32; GROUP],
+    bottom: [f32; GROUP],
+    /// Slopes that do not move.
+    still: [f32; GROUP],
 }
 
 /// What a film mirrors at nodes every few pixels: too blurred to differ between them.
@@ -121,27 +131,41 @@ impl FilmNodes {
             if !rows.contains(&(y as u32)) {
                 return;
             }
-            dispatch!(path, _s => scene.film_row(y, (depth, roughness), nodes));
+            dispatch!(path, s => scene.film_row(s, y, (depth, roughness), nodes));
         });
         Some(Self { columns, nodes })
     }
 
-    /// The light that four pixels of a row mirror, from pixel (`x`, `y`) on; `None` if not all nodes about them are on films.
+    /// Writes the light that four pixels of a row mirror, from pixel (`x`, `y`) on, to `start` in `water`; returns false if not all nodes
+    /// about them are on films.
     #[inline(always)]
-    fn at(&self, x: usize, y: usize) -> Option<[[f32; 4]; NODES]> {
+    fn write<S: Lanes>(&self, simd: S, (x, y): (usize, usize), start: usize, water: &mut Water) -> bool {
         let (column, row) = (x / NODES, y / NODES);
         let down = (y % NODES) as f32 / NODES as f32;
-        let [upper, lower] = [row, row + 1].map(|row| &self.nodes[row * self.columns + column..][..2]);
-        let [left, right]: [[f32; 4]; 2] = std::array::from_fn(|side| {
-            std::array::from_fn(|k| upper[side][k] + down * (lower[side][k] - upper[side][k]))
-        });
-        let is_film = !(left[0] + right[0]).is_nan();
-        is_film.then(|| {
-            std::array::from_fn(|i| {
-                let share = i as f32 / NODES as f32;
-                std::array::from_fn(|k| left[k] + share * (right[k] - left[k]))
-            })
-        })
+        let upper = &self.nodes[row * self.columns + column..][..2];
+        let lower = &self.nodes[(row + 1) * self.columns + column..][..2];
+        let (mut left, mut right) = (f32x4::splat(simd, 0.0), f32x4::splat(simd, 0.0));
+        for (side, both) in [&mut left, &mut right].into_iter().enumerate() {
+            let upper = f32x4::from_slice(simd, &upper[side]);
+            *both = (f32x4::from_slice(simd, &lower[side]) - upper) * down + upper;
+        }
+        let across = (right - left) * (1.0 / NODES as f32);
+        let mut own = left;
+        let mut seen = [[0.0; 4]; NODES];
+        for seen in &mut seen {
+            own.store_slice(seen);
+            own += across;
+        }
+        if seen[NODES - 1][0].is_nan() {
+            return false;
+        }
+        for (i, seen) in seen.iter().enumerate() {
+            water.reflected[start + i] = seen[0];
+            for k in 0..3 {
+                water.mirrored[k][start + i] = seen[k + 1];
+            }
+        }
+        true
     }
 }
 
@@ -160,11 +184,11 @@ impl PictureEffect for WaterEffect<'_> {
             let own = y * width..(y + 1) * width;
             let is_wet = self.surface.rows.contains(&(y as u32));
             if !is_wet {
-                front.as_chunks_mut::<FRONT>().0.iter_mut().for_each(|front| front[0] = 0.0);
+                clear(front);
             } else {
                 let mut row =
                     Row { y, surface: &self.surface.depth[own.clone()], front, alpha: &alpha[own.clone()] };
-                scene.lay(path, films.as_ref(), &mut row, line);
+                dispatch!(path, s => scene.lay(s, path, films.as_ref(), &mut row, line));
             }
             if !particles.is_empty() {
                 lay_particles(path, line, &particles[4 * own.start..4 * own.end]);
@@ -187,8 +211,6 @@ struct Row<'a> {
 struct Scene<'a> {
     of: &'a WaterEffect<'a>,
     mirrored: &'a MirroredPicture,
-    /// The eye, m along level axes from the world's origin.
-    eye: [f64; 3],
     /// A ray through picture point (x, y), at view z 1: `axes[0] x + axes[1] y + axes[2]`, m along level axes.
     axes: [[f32; 3]; 3],
     /// Height of the eye over the mirror's plane, m.
@@ -200,8 +222,10 @@ struct Scene<'a> {
     metres: f32,
     /// Level axes in world axes.
     level: [[f32; 3]; 3],
-    /// Angle of a pixel, and of one of the mirrored picture.
+    /// Angle of a pixel, logarithm to base 2.
     pixel: f32,
+    /// The eye's place on the tiles of the waves.
+    phases: Vec<[f32; 2]>,
 }
 
 impl<'a> Scene<'a> {
@@ -220,7 +244,6 @@ impl<'a> Scene<'a> {
         Self {
             of,
             mirrored,
-            eye,
             axes: [right, down, corner].map(|axis| single(to_level(axis).map(|v| v * metres))),
             height: (eye[2] - of.surface.level) as f32,
             view: [0, 1, 2].map(|k| single(to_level(rotation.row(k)))),
@@ -228,260 +251,516 @@ impl<'a> Scene<'a> {
             principal: [view.cx as f32, view.cy as f32],
             metres: metres as f32,
             level: map.axes.map(single),
-            pixel: camera.widest_pixel() as f32,
+            pixel: camera.widest_pixel().log2() as f32,
+            phases: of.motion.phases([eye[0], eye[1]]),
         }
     }
 
     /// Lays water over one row of pixels, sixteen at a time.
-    fn lay(&self, path: SimdPath, films: Option<&FilmNodes>, row: &mut Row<'_>, line: &mut [f32]) {
+    #[inline(always)]
+    fn lay<S: Lanes>(
+        &self,
+        simd: S,
+        path: SimdPath,
+        films: Option<&FilmNodes>,
+        row: &mut Row<'_>,
+        line: &mut [f32],
+    ) {
         let width = row.surface.len();
+        let surface = self.of.surface;
         let mut air = [AirGroup::default()];
         for first in (0..width).step_by(GROUP) {
             let count = GROUP.min(width - first);
-            let Some(mut group) = dispatch!(path, _s => self.group(row, films, (first, count), line)) else {
-                (first..first + count).for_each(|x| row.front[FRONT * x] = 0.0);
+            let z: [f32; GROUP] = padded(&row.surface[first..first + count], f32::NAN);
+            let line = &mut line[3 * first..3 * (first + count)];
+            let front = &mut row.front[FRONT * first..FRONT * (first + count)];
+            let mut is_wet = false;
+            for z in &z {
+                is_wet |= !z.is_nan();
+            }
+            if !is_wet {
+                clear(front);
                 continue;
+            }
+            let drawn: [[f32; GROUP]; 3] = columns::<3, { 3 * GROUP }>(line);
+            let before: [[f32; GROUP]; FRONT] = columns::<FRONT, { FRONT * GROUP }>(front);
+            let alpha: [f32; GROUP] = padded(&row.alpha[first..first + count], 0.0);
+            let at = row.y * width + first..row.y * width + first + count;
+            let still = match surface.roughness.is_empty() {
+                true => [0.0; GROUP],
+                false => padded(&surface.roughness[at.clone()], 0.0),
             };
-            dispatch!(path, s => decode(s, &mut group.light));
+            let cover = match surface.cover.is_empty() {
+                true => [1.0; GROUP],
+                false => padded(&surface.cover[at], 0.0),
+            };
+            let mut behind = Behind::new();
+            for start in (0..GROUP).step_by(S::N) {
+                behind.find(simd, start, (&drawn, &before), (&alpha, &z));
+            }
+            let mut wet = 0;
+            for i in 0..GROUP {
+                wet |= u32::from(!behind.z[i].is_nan()) << i;
+            }
+            if wet == 0 {
+                clear(front);
+                continue;
+            }
+            let mut water = Water::new();
+            let mut pixels =
+                Pixels { x: [0.0; GROUP], y: row.y as f32 + 0.5, z: behind.z, bottom: behind.bottom, still };
+            for (i, x) in pixels.x.iter_mut().enumerate() {
+                *x = (first + i) as f32 + 0.5;
+            }
+            if let Some(films) = films {
+                for start in (0..count).step_by(NODES) {
+                    if wet >> start & ((1 << NODES) - 1) != 0
+                        && films.write(simd, (first + start, row.y), start, &mut water)
+                    {
+                        for i in start..start + NODES {
+                            pixels.z[i] = if still[i] > FILM { f32::NAN } else { pixels.z[i] };
+                        }
+                    }
+                }
+            }
+            for start in (0..GROUP).step_by(S::N) {
+                self.look(simd, start, &pixels, &mut water);
+            }
+            for i in 0..GROUP {
+                water.left[i] *= behind.filled[i];
+            }
             // A film has no light of its own.
-            let is_deep = group.left.iter().any(|left| *left < 1.0 - THIN);
+            let mut is_deep = false;
+            for i in 0..GROUP {
+                is_deep |= wet >> i & 1 == 1 && water.left[i] < 1.0 - THIN;
+            }
             if let Some(medium) = self.of.medium.filter(|_| is_deep) {
                 let origin = self.of.camera.center().to_array().map(|v| v as f32);
-                medium.evaluate(path, origin, std::slice::from_ref(&group.rays), &mut air);
+                let rays = self.rays(&pixels, &behind.z);
+                medium.evaluate(path, origin, std::slice::from_ref(&rays), &mut air);
             }
-            for k in 0..3 {
-                let glow = self.of.body.glow[k];
-                for i in 0..GROUP {
-                    let own = glow * air[0].transmittance[k][i] + air[0].airlight[k][i];
-                    let dry = group.light[k][i];
-                    let left = if is_deep { group.left[i] } else { 1.0 };
-                    let below = left * dry + (1.0 - left) * own;
-                    let water = (1.0 - group.reflected[i]) * below + group.mirrored[k][i];
-                    group.light[k][i] = (dry + group.cover[i] * (water - dry)).max(0.0);
-                }
+            if !is_deep {
+                water.left = [1.0; GROUP];
             }
-            dispatch!(path, s => encode(s, &mut group.light));
-            for i in 0..count {
-                let before = &mut row.front[FRONT * (first + i)..FRONT * (first + i + 1)];
-                let open = 1.0 - before[4];
-                if group.wet >> i & 1 == 1 {
-                    for k in 0..3 {
-                        line[3 * (first + i) + k] = before[k] + open * group.light[k][i];
-                    }
-                    before[0] = open * group.cover[i] * group.reflected[i];
-                } else {
-                    before[0] = 0.0;
-                }
+            let mut shown = drawn;
+            for start in (0..GROUP).step_by(S::N) {
+                self.mix(simd, start, (&behind, &water), (&before, &cover, &air[0]), &mut shown);
+            }
+            for (i, pixel) in line.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+                *pixel = [shown[0][i], shown[1][i], shown[2][i]];
+            }
+            for (i, front) in front.as_chunks_mut::<FRONT>().0.iter_mut().enumerate() {
+                let is_wet = wet >> i & 1 == 1;
+                front[0] = if is_wet { behind.open[i] * cover[i] * water.reflected[i] } else { 0.0 };
             }
         }
     }
 
-    /// Looks into the water at sixteen pixels; `None` if none of them shows water.
+    /// Lays water over what is behind it, and what is before it over both; some of sixteen pixels.
     #[inline(always)]
-    fn group(
+    fn mix<S: Lanes>(
         &self,
-        row: &Row<'_>,
-        films: Option<&FilmNodes>,
-        (first, count): (usize, usize),
-        line: &[f32],
-    ) -> Option<Group> {
-        let surface = self.of.surface;
-        let mut group = Group::dry();
-        let mut filled = [1.0; GROUP];
-        for start in (0..count).step_by(NODES) {
-            let film = films.and_then(|films| films.at(first + start, row.y));
-            for i in start..(start + NODES).min(count) {
-                let x = first + i;
-                let z = row.surface[x];
-                let front = &row.front[FRONT * x..FRONT * (x + 1)];
-                let open = 1.0 - front[4];
-                if z.is_nan() || open < HIDDEN {
-                    continue;
-                }
-                group.wet |= 1 << i;
-                for k in 0..3 {
-                    group.light[k][i] = ((line[3 * x + k] - front[k]) / open).max(0.0);
-                }
-                let behind = row.alpha[x] - front[4];
-                filled[i] = (behind / open).clamp(0.0, 1.0);
-                let at = row.y * row.surface.len() + x;
-                match film {
-                    Some(film) if surface.roughness[at] > FILM => {
-                        group.cover[i] = surface.cover[at];
-                        group.reflected[i] = film[i - start][0];
-                        (0..3).for_each(|k| group.mirrored[k][i] = film[i - start][k + 1]);
-                        if filled[i] < 1.0 - THIN {
-                            self.look_along(&mut group, i, self.ray(x, row.y), z);
-                        }
-                    }
-                    _ => {
-                        // Thin splats say little of how deep the bottom is.
-                        let bottom =
-                            if behind > 1e-3 * open { (behind / front[3].max(1e-9)).max(z) } else { z };
-                        self.look(&mut group, i, (x, row.y), (z, bottom), at);
-                    }
-                }
+        simd: S,
+        start: usize,
+        (behind, water): (&Behind, &Water),
+        (before, cover, air): (&[[f32; GROUP]; FRONT], &[f32; GROUP], &AirGroup),
+        shown: &mut [[f32; GROUP]; 3],
+    ) {
+        let z = simd.load(&behind.z[start..]);
+        let is_wet = z.simd_eq(z);
+        let mut light = [simd.set(0.0); 3];
+        for k in 0..3 {
+            light[k] = simd.load(&behind.light[k][start..]);
+        }
+        let mut light = srgb_decode(simd, light);
+        let (left, cover) = (simd.load(&water.left[start..]), simd.load(&cover[start..]));
+        let kept = simd.set(1.0) - simd.load(&water.reflected[start..]);
+        for k in 0..3 {
+            let glow = simd.set(self.of.body.glow[k]);
+            let own =
+                glow.mul_add(simd.load(&air.transmittance[k][start..]), simd.load(&air.airlight[k][start..]));
+            let below = left.mul_add(light[k] - own, own);
+            let wet = kept.mul_add(below, simd.load(&water.mirrored[k][start..]));
+            light[k] = cover.mul_add(wet - light[k], light[k]).max(simd.set(0.0));
+        }
+        let light = srgb_encode(simd, light);
+        let open = simd.load(&behind.open[start..]);
+        for k in 0..3 {
+            let whole = open.mul_add(light[k], simd.load(&before[k][start..]));
+            let own = simd.load(&shown[k][start..]);
+            is_wet.select(whole, own).store_slice(&mut shown[k][start..start + S::N]);
+        }
+    }
+
+    /// The rays to water at view z `z`, for the air.
+    fn rays(&self, pixels: &Pixels, z: &[f32; GROUP]) -> ShadeGroup {
+        let mut rays = ShadeGroup::default();
+        for i in (0..GROUP).filter(|i| !z[*i].is_nan()) {
+            let ray: [f32; 3] = std::array::from_fn(|k| {
+                self.axes[0][k] * pixels.x[i] + self.axes[1][k] * pixels.y + self.axes[2][k]
+            });
+            let long = (ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2]).sqrt();
+            rays.distance[i] = z[i] * long / self.metres;
+            for k in 0..3 {
+                rays.direction[k][i] = (0..3).map(|axis| self.level[axis][k] * ray[axis] / long).sum();
             }
         }
-        group.left.iter_mut().zip(filled).for_each(|(left, filled)| *left *= filled);
-        (group.wet != 0).then_some(group)
+        rays
     }
 
     /// Looks into the films of a row at its nodes.
     #[inline(always)]
-    fn film_row(&self, y: usize, (depth, roughness): (&[f32], &[f32]), nodes: &mut [[f32; 4]]) {
+    fn film_row<S: Lanes>(
+        &self,
+        simd: S,
+        y: usize,
+        (depth, roughness): (&[f32], &[f32]),
+        nodes: &mut [[f32; 4]],
+    ) {
         let width = self.of.camera.width as usize;
-        let mut group = Group::dry();
-        for (column, node) in nodes.iter_mut().enumerate() {
-            let x = (column * NODES).min(width - 1);
-            let (at, i) = (y * width + x, column % GROUP);
-            let z = depth[at];
-            if !z.is_nan() && roughness[at] > FILM {
-                self.look(&mut group, i, (x, y), (z, z), at);
-                let [red, green, blue] = group.mirrored.each_ref().map(|channel| channel[i]);
-                *node = [group.reflected[i], red, green, blue];
+        for (group, nodes) in nodes.chunks_mut(GROUP).enumerate() {
+            let mut pixels = Pixels {
+                x: [0.5; GROUP],
+                y: y as f32 + 0.5,
+                z: [f32::NAN; GROUP],
+                bottom: [0.0; GROUP],
+                still: [0.0; GROUP],
+            };
+            for i in 0..nodes.len() {
+                let x = ((group * GROUP + i) * NODES).min(width - 1);
+                let at = y * width + x;
+                if roughness[at] > FILM {
+                    (pixels.x[i], pixels.z[i], pixels.still[i]) = (x as f32 + 0.5, depth[at], roughness[at]);
+                }
+            }
+            let mut water = Water::new();
+            for start in (0..GROUP).step_by(S::N) {
+                self.look(simd, start, &pixels, &mut water);
+            }
+            for (i, node) in nodes.iter_mut().enumerate().filter(|(i, _)| !pixels.z[*i].is_nan()) {
+                *node =
+                    [water.reflected[i], water.mirrored[0][i], water.mirrored[1][i], water.mirrored[2][i]];
             }
         }
     }
 
-    /// A ray through the middle of a pixel, at view z 1, and its length; m along level axes.
+    /// Looks into the water at those of sixteen pixels that have any, as many of them as there are lanes from `start` on.
     #[inline(always)]
-    fn ray(&self, x: usize, y: usize) -> ([f32; 3], f32) {
-        let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
-        let ray: [f32; 3] =
-            std::array::from_fn(|k| self.axes[0][k] * px + self.axes[1][k] * py + self.axes[2][k]);
-        (ray, length(ray))
-    }
-
-    /// Notes the ray to the water at view z `z` for the air; returns its direction.
-    #[inline(always)]
-    fn look_along(&self, group: &mut Group, i: usize, (ray, long): ([f32; 3], f32), z: f32) -> [f32; 3] {
-        let toward = ray.map(|v| v / long);
-        group.rays.distance[i] = z * long / self.metres;
+    fn look<S: Lanes>(&self, simd: S, start: usize, pixels: &Pixels, water: &mut Water) {
+        let (zero, one) = (simd.set(0.0), simd.set(1.0));
+        let z = simd.load(&pixels.z[start..]);
+        let is_wet = z.simd_eq(z);
+        let wanted = is_wet.to_bitmask() as u32;
+        if wanted == 0 {
+            return;
+        }
+        let z = is_wet.select(z, one);
+        let still = simd.load(&pixels.still[start..]);
+        let x = simd.load(&pixels.x[start..]);
+        let mut toward = [zero; 3];
         for k in 0..3 {
-            group.rays.direction[k][i] = (0..3).map(|axis| self.level[axis][k] * toward[axis]).sum();
+            toward[k] =
+                x.mul_add(simd.set(self.axes[0][k]), simd.set(self.axes[1][k] * pixels.y + self.axes[2][k]));
         }
-        toward
-    }
-
-    /// Looks into the water at one pixel: `z` is where the ray meets it, `bottom` where it ends without water.
-    #[inline(always)]
-    fn look(&self, group: &mut Group, i: usize, (x, y): (usize, usize), (z, bottom): (f32, f32), at: usize) {
-        let surface = self.of.surface;
-        if !surface.cover.is_empty() {
-            group.cover[i] = surface.cover[at];
+        let long = dot::<S>(&toward, &toward).sqrt();
+        let mut hit = toward;
+        for k in 0..3 {
+            hit[k] = toward[k] * z;
+            toward[k] /= long;
         }
-        let still = if surface.roughness.is_empty() { 0.0 } else { surface.roughness[at] };
-        let (ray, long) = self.ray(x, y);
-        let toward = self.look_along(group, i, (ray, long), z);
         let distance = z * long;
-        let sine = (-toward[2]).max(1e-4);
-        // What a pixel sees of the surface is longer than wide; between both is what waves must be wider than.
-        let across = self.pixel * distance;
-        let hit = ray.map(|v| v * z);
-        let place = [self.eye[0] + f64::from(hit[0]), self.eye[1] + f64::from(hit[1])];
+        let sine = (-toward[2]).max(simd.set(1e-4));
+
         // A film between the grains of the ground has no waves.
-        let free = (1.0 - still / FILM).max(0.0);
-        let slope = match free > 0.0 {
-            true => self.of.motion.at(place[0], place[1], across / (sine.sqrt() * sine.sqrt().sqrt())),
-            false => Slope { mean: [0.0; 2], variance: 0.0 },
-        };
-        let slope = Slope { mean: slope.mean.map(|v| v * free), variance: slope.variance * free * free };
-        let rough = (slope.variance + still * still).sqrt();
+        let free = (one - still * (1.0 / FILM)).max(zero);
+        let has_waves = is_wet & free.simd_gt(zero);
+        let waves = has_waves.to_bitmask() as u32;
+        let [mut east, mut north, mut variance] = [zero; 3];
+        if waves != 0 {
+            // What a pixel sees of the surface is longer than wide; between both is what waves must be wider than.
+            let [far, flat] = log2(simd, [distance, sine]);
+            let width = flat.mul_add(simd.set(-0.75), far + self.pixel);
+            [east, north, variance] = self.of.motion.at(simd, ([hit[0], hit[1]], &self.phases), width, waves);
+            (east, north, variance) = (east * free, north * free, variance * free * free);
+        }
+        let rough = still.mul_add(still, variance).sqrt();
 
         // Depth of the water under the ray, and the way in it after the ray is bent.
-        let deep = ((bottom - z) * long * sine).max(0.0);
-        let bent = (1.0 - (1.0 - sine * sine) / (super::WATER_INDEX * super::WATER_INDEX)).sqrt();
-        group.left[i] = self.of.body.left(deep / bent, deep);
+        let bottom = simd.load(&pixels.bottom[start..]);
+        let deep = ((bottom - z) * long * sine).max(zero);
+        if deep.simd_gt(zero).any_true() {
+            let bent =
+                ((sine.mul_add(sine, simd.set(-1.0))) * (1.0 / (WATER_INDEX * WATER_INDEX)) + 1.0).sqrt();
+            let (beam, daylight) = (-self.of.body.beam * LOG2_E, -self.of.body.daylight * LOG2_E);
+            let left = deep * (simd.set(beam) / bent + daylight);
+            let left = exp2(simd, [left.max(simd.set(-126.0))])[0];
+            is_wet.select(left, one).store_slice(&mut water.left[start..start + S::N]);
+        }
 
-        let level = toward[0].hypot(toward[1]).max(1e-6);
+        let level = toward[0].mul_add(toward[0], toward[1] * toward[1]).sqrt().max(simd.set(1e-6));
         let along = [toward[0] / level, toward[1] / level];
         // The mirrored eye is that much below the plane, and the hit about in it.
-        let from_mirror = [hit[0], hit[1], hit[2] + 2.0 * self.height];
+        let from = [hit[0], hit[1], hit[2] + 2.0 * self.height];
         // Along the view and across it; what looks too far away is behind a crest.
-        let aside = [-along[1], along[0]];
-        let [ahead, beside] = [along, aside].map(|axis| slope.mean[0] * axis[0] + slope.mean[1] * axis[1]);
-        let least = -HIDING * sine / level;
-        let tilted = |more: f32| {
-            let ahead = (ahead + more).max(least);
-            [0, 1].map(|k| ahead * along[k] + beside * aside[k])
-        };
-        let start = reflect(toward, tilted(0.0));
-        let far = self.reach(from_mirror, start.0, if free > 0.0 { 2 } else { 1 });
+        let ahead = east.mul_add(along[0], north * along[1]);
+        let beside = north.mul_add(along[0], -(east * along[1]));
+        let tilt = Tilt { toward, along, ahead, beside, least: sine / level * -HIDING };
+        let first = tilt.reflect(simd, zero);
+        let far = self.reach(simd, (&from, &first.0), is_wet, has_waves);
         // A lobe as it is seen in the mirrored picture: two slopes tall, and as much narrower as the view is flat. Of what stands
         // at the water it is a point.
-        let share = far / (far + distance);
-        let tall = 2.0 * rough * self.focal[1] * share;
+        let tall = rough * (2.0 * self.focal[1]) * far / (far + distance);
         let wide = tall * sine;
-        let Looks(looks, apart) = match tall {
-            tall if tall < SHARP => ONE,
-            tall if tall < TALL => FEW,
-            _ if free == 0.0 => CLOSE,
-            _ => MANY,
+        let (is_sharp, is_low) = (tall.simd_lt(simd.set(SHARP)), tall.simd_lt(simd.set(TALL)));
+        let is_film = free.simd_le(zero);
+        let kinds = Kinds { is_sharp, is_low, is_film };
+        let apart = kinds.pick(simd, [ONE.1, FEW.1, CLOSE.1, MANY.1]);
+        let width = is_sharp.select(one, (wide * 1.5).max(apart * tall));
+        let fineness = self.mirrored.fineness(simd, width);
+        let tallest = is_wet.select(tall, zero);
+        let count = match () {
+            () if tallest.simd_lt(simd.set(SHARP)).all_true() => ONE.0.len(),
+            () if tallest.simd_lt(simd.set(TALL)).all_true() => FEW.0.len(),
+            () if (is_wet & is_film).any_true() => CLOSE.0.len(),
+            () => MANY.0.len(),
         };
-        let is_sharp = looks.len() == 1;
-        let width = if is_sharp { 1.0 } else { (1.5 * wide).max(apart * tall) };
-        let (mut sum, mut seen, mut light) = (0.0, 0.0, [0.0; 3]);
-        for (sigma, weight) in looks {
-            let (way, cosine) = if is_sharp { start } else { reflect(toward, tilted(sigma * rough)) };
+        let (mut sum, mut seen) = (zero, zero);
+        let mut light = [[0.0; 4]; GROUP];
+        for k in 0..count {
+            let look = [ONE.look(k), FEW.look(k), CLOSE.look(k), MANY.look(k)];
+            let sigma = kinds.pick(simd, [look[0].0, look[1].0, look[2].0, look[3].0]);
+            let weight = kinds.pick(simd, [look[0].1, look[1].1, look[2].1, look[3].1]);
+            let (way, cosine) = if k == 0 { first } else { tilt.reflect(simd, sigma * rough) };
             // Slopes that look away from the eye are not seen.
-            let weight = weight * cosine.max(0.02 * sine);
-            let part = weight * fresnel(cosine.max(0.0));
-            let point: [f32; 3] = std::array::from_fn(|k| from_mirror[k] + far * way[k]);
-            let (u, v, _) = self.project(point);
-            let pixel = self.mirrored.at(u, v, width);
+            let weight = weight * cosine.max(sine * 0.02);
+            let part = weight * fresnel_of(simd, cosine.max(zero));
+            let mut point = from;
+            for k in 0..3 {
+                point[k] = far.mul_add(way[k], from[k]);
+            }
+            let (at, _) = self.project(simd, &point);
             sum += weight;
             seen += part;
-            (0..3).for_each(|k| light[k] += part * pixel[k]);
+            let wanted = (is_wet & part.simd_gt(zero)).to_bitmask() as u32;
+            self.mirrored.add(simd, at, &fineness, (part, wanted), &mut light);
         }
-        group.reflected[i] = seen / sum;
-        (0..3).for_each(|k| group.mirrored[k][i] = light[k] / sum);
+        let scale = one / sum;
+        // Others may be films that are known already.
+        let reflected = is_wet.select(seen * scale, simd.load(&water.reflected[start..]));
+        reflected.store_slice(&mut water.reflected[start..start + S::N]);
+        let scale = Kept::of(simd, scale);
+        let mut todo = wanted;
+        while todo != 0 {
+            let i = (todo.trailing_zeros() & 15) as usize;
+            todo &= todo - 1;
+            for k in 0..3 {
+                water.mirrored[k][start + i] = light[i][k] * scale.0[i];
+            }
+        }
     }
 
-    /// Distance along a reflected ray from a point of the water to what is mirrored, m, found in the depth of the mirrored picture in
-    /// some steps.
+    /// Distances along reflected rays from points of the water to what is mirrored, m, found in the depth of the mirrored picture in one
+    /// step, or in two of waves.
     #[inline(always)]
-    fn reach(&self, from: [f32; 3], way: [f32; 3], steps: u32) -> f32 {
-        let mut far = FAR;
-        for _ in 0..steps {
-            let (u, v, z) = self.project(std::array::from_fn(|k| from[k] + far * way[k]));
-            let inverse = self.mirrored.at(u, v, 1.0)[3] / self.metres;
-            if z <= 0.0 || inverse < 1.0 / FAR {
-                return FAR;
+    fn reach<S: Lanes>(
+        &self,
+        simd: S,
+        (from, way): (&[S::F; 3], &[S::F; 3]),
+        is_wet: S::M,
+        has_waves: S::M,
+    ) -> S::F {
+        let farthest = simd.set(FAR);
+        let mut far = farthest;
+        for mut going in [is_wet, has_waves] {
+            going &= is_wet;
+            if far.simd_lt(farthest).any_true() {
+                // What was lost stays so.
+                going &= far.simd_lt(farthest);
             }
+            let wanted = going.to_bitmask() as u32;
+            if wanted == 0 {
+                break;
+            }
+            let mut point = *from;
+            for k in 0..3 {
+                point[k] = far.mul_add(way[k], from[k]);
+            }
+            let (at, z) = self.project(simd, &point);
+            let inverse = self.mirrored.inverse_depth(simd, at, wanted) * (1.0 / self.metres);
+            let is_met = z.simd_gt(simd.set(0.0)) & inverse.simd_ge(simd.set(1.0 / FAR));
             // The same ray through the eye, up to that depth.
-            let point: [f32; 3] = std::array::from_fn(|k| from[k] + far * way[k]);
-            let scale = 1.0 / (inverse * z);
-            let there: [f32; 3] = std::array::from_fn(|k| point[k] * scale - from[k]);
-            far = (there[0] * way[0] + there[1] * way[1] + there[2] * way[2]).clamp(0.01, FAR);
+            let scale = simd.set(1.0) / (inverse.max(simd.set(0.1 / FAR)) * z);
+            let mut there = point;
+            for k in 0..3 {
+                there[k] = point[k].mul_add(scale, -from[k]);
+            }
+            let met = dot::<S>(&there, way).max(simd.set(0.01)).min(farthest);
+            far = going.select(is_met.select(met, farthest), far);
         }
         far
     }
 
-    /// Picture point of the mirrored view and view z in metres, of a point from the mirrored eye.
+    /// Picture points of the mirrored view and view z in metres, of points from the mirrored eye.
     #[inline(always)]
-    fn project(&self, point: [f32; 3]) -> (f32, f32, f32) {
-        let [x, y, z] = self.view.map(|row| row[0] * point[0] + row[1] * point[1] + row[2] * point[2]);
-        let inverse = 1.0 / z.max(1e-6);
-        (self.focal[0] * x * inverse + self.principal[0], self.focal[1] * y * inverse + self.principal[1], z)
+    fn project<S: Lanes>(&self, simd: S, point: &[S::F; 3]) -> ([S::F; 2], S::F) {
+        let mut view = *point;
+        for (own, row) in view.iter_mut().zip(&self.view) {
+            *own = point[0] * row[0];
+            for k in 1..3 {
+                *own = point[k].mul_add(simd.set(row[k]), *own);
+            }
+        }
+        let [x, y, z] = view;
+        let inverse = simd.set(1.0) / z.max(simd.set(1e-6));
+        let at = [
+            (x * inverse).mul_add(simd.set(self.focal[0]), simd.set(self.principal[0])),
+            (y * inverse).mul_add(simd.set(self.focal[1]), simd.set(self.principal[1])),
+        ];
+        (at, z)
     }
 }
 
-/// A direction reflected by a surface of these slopes, above the horizon, and the cosine between it and the normal.
-#[inline(always)]
-fn reflect(toward: [f32; 3], slope: [f32; 2]) -> ([f32; 3], f32) {
-    let scale = 1.0 / (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
-    let normal = [-slope[0] * scale, -slope[1] * scale, scale];
-    let cosine = -(toward[0] * normal[0] + toward[1] * normal[1] + toward[2] * normal[2]);
-    let mut way: [f32; 3] = std::array::from_fn(|k| toward[k] + 2.0 * cosine * normal[k]);
-    // A second reflection sends up what the first sends down.
-    way[2] = way[2].abs().max(1e-4);
-    (way, cosine)
+/// Views of water, and its mean slope.
+struct Tilt<S: Lanes> {
+    toward: [S::F; 3],
+    /// The level direction of the view.
+    along: [S::F; 2],
+    /// The slope along it and across it.
+    ahead: S::F,
+    beside: S::F,
+    /// The least slope along it that is seen.
+    least: S::F,
+}
+
+impl<S: Lanes> Tilt<S> {
+    /// Directions reflected by slopes that are so much more along the view, above the horizon, and the cosines between them and the normal.
+    #[inline(always)]
+    fn reflect(&self, simd: S, more: S::F) -> ([S::F; 3], S::F) {
+        let Self { toward, along, beside, .. } = self;
+        let ahead = (self.ahead + more).max(self.least);
+        let slope =
+            [ahead.mul_add(along[0], -(*beside * along[1])), ahead.mul_add(along[1], *beside * along[0])];
+        let one = simd.set(1.0);
+        let scale = one / slope[0].mul_add(slope[0], slope[1].mul_add(slope[1], one)).sqrt();
+        let normal = [-slope[0] * scale, -slope[1] * scale, scale];
+        let cosine = -dot::<S>(toward, &normal);
+        let mut way = *toward;
+        for k in 0..3 {
+            way[k] = (cosine * 2.0).mul_add(normal[k], toward[k]);
+        }
+        // A second reflection sends up what the first sends down.
+        way[2] = way[2].max(-way[2]).max(simd.set(1e-4));
+        (way, cosine)
+    }
+}
+
+/// How pixels are looked into; the first that holds.
+struct Kinds<S: Lanes> {
+    is_sharp: S::M,
+    is_low: S::M,
+    is_film: S::M,
+}
+
+impl<S: Lanes> Kinds<S> {
+    /// A number of [`ONE`], [`FEW`], [`CLOSE`] or [`MANY`].
+    #[inline(always)]
+    fn pick(&self, simd: S, [one, few, close, many]: [f32; 4]) -> S::F {
+        let many = self.is_film.select(simd.set(close), simd.set(many));
+        self.is_sharp.select(simd.set(one), self.is_low.select(simd.set(few), many))
+    }
 }
 
 #[inline(always)]
-fn length(v: [f32; 3]) -> f32 {
-    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
+fn dot<S: Lanes>(a: &[S::F; 3], b: &[S::F; 3]) -> S::F {
+    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
+}
+
+/// Sixteen pixels without what is before the water.
+struct Behind {
+    /// View z of the water, NaN where none is seen, and of where the ray ends without it.
+    z: [f32; GROUP],
+    bottom: [f32; GROUP],
+    /// Share of light that gets past what is before the water.
+    open: [f32; GROUP],
+    /// Share of what is behind that splats fill.
+    filled: [f32; GROUP],
+    /// Display-referred colour of what is behind.
+    light: [[f32; GROUP]; 3],
+}
+
+impl Behind {
+    fn new() -> Self {
+        let zero = [0.0; GROUP];
+        Self { z: [f32::NAN; GROUP], bottom: zero, open: zero, filled: zero, light: [zero; 3] }
+    }
+
+    /// Finds it for as many pixels as there are lanes from `start` on.
+    #[inline(always)]
+    fn find<S: Lanes>(
+        &mut self,
+        simd: S,
+        start: usize,
+        (drawn, before): (&[[f32; GROUP]; 3], &[[f32; GROUP]; FRONT]),
+        (alpha, z): (&[f32; GROUP], &[f32; GROUP]),
+    ) {
+        let own = start..start + S::N;
+        let (zero, one) = (simd.set(0.0), simd.set(1.0));
+        let (near, z) = (simd.load(&before[4][start..]), simd.load(&z[start..]));
+        let open = one - near;
+        open.store_slice(&mut self.open[own.clone()]);
+        let is_seen = open.simd_ge(simd.set(HIDDEN));
+        is_seen.select(z, simd.set(f32::NAN)).store_slice(&mut self.z[own.clone()]);
+        let scale = one / open.max(simd.set(HIDDEN));
+        for k in 0..3 {
+            let light = (simd.load(&drawn[k][start..]) - simd.load(&before[k][start..])) * scale;
+            light.max(zero).store_slice(&mut self.light[k][own.clone()]);
+        }
+        let behind = simd.load(&alpha[start..]) - near;
+        (behind * scale).max(zero).min(one).store_slice(&mut self.filled[own.clone()]);
+        // Thin splats say little of how deep the bottom is.
+        let bottom = (behind / simd.load(&before[3][start..]).max(simd.set(1e-9))).max(z);
+        let is_solid = behind.simd_gt(open * 1e-3);
+        is_solid.select(bottom, z).store_slice(&mut self.bottom[own]);
+    }
+}
+
+/// Notes that nothing is reflected.
+#[inline(always)]
+fn clear(front: &mut [f32]) {
+    for front in front.as_chunks_mut::<FRONT>().0 {
+        front[0] = 0.0;
+    }
+}
+
+/// The first of so many numbers, and `rest` where there are fewer.
+#[inline(always)]
+fn padded<const N: usize>(values: &[f32], rest: f32) -> [f32; N] {
+    if let Some(whole) = values.first_chunk::<N>() {
+        return *whole;
+    }
+    let mut all = [rest; N];
+    all[..values.len()].copy_from_slice(values);
+    all
+}
+
+/// One array a number of up to sixteen pixels of `N` numbers, `ALL` for sixteen.
+#[inline(always)]
+fn columns<const N: usize, const ALL: usize>(pixels: &[f32]) -> [[f32; GROUP]; N] {
+    let mut columns = [[0.0; GROUP]; N];
+    if let Some(pixels) = pixels.first_chunk::<ALL>() {
+        for i in 0..GROUP {
+            for k in 0..N {
+                columns[k][i] = pixels[N * i + k];
+            }
+        }
+        return columns;
+    }
+    for (i, pixel) in pixels.as_chunks::<N>().0.iter().enumerate() {
+        for k in 0..N {
+            columns[k][i] = pixel[k];
+        }
+    }
+    columns
 }
 
 /// Lays particles over a row: they are light and coverage, in linear light.

@@ -1,5 +1,8 @@
 //! The share of light that a water surface reflects.
 
+use fearless_simd::{SimdBase, SimdFloat};
+use wm_render::simd::Lanes;
+
 /// Refractive index of water for visible light.
 pub const WATER_INDEX: f32 = 1.333;
 
@@ -13,4 +16,15 @@ pub fn fresnel(cosine: f32) -> f32 {
     let across = (g - c) / (g + c);
     let along = (c * (g + c) - 1.0) / (c * (g - c) + 1.0);
     0.5 * across * across * (1.0 + along * along)
+}
+
+/// [`fresnel`] of cosines from 0 to 1.
+#[inline(always)]
+pub(super) fn fresnel_of<S: Lanes>(simd: S, cosine: S::F) -> S::F {
+    let c = cosine.min(simd.set(1.0));
+    let g = c.mul_add(c, simd.set(WATER_INDEX * WATER_INDEX - 1.0)).sqrt();
+    let (sum, difference) = (g + c, g - c);
+    let across = difference / sum;
+    let along = c.mul_add(sum, simd.set(-1.0)) / c.mul_add(difference, simd.set(1.0));
+    across * across * along.mul_add(along, simd.set(1.0)) * 0.5
 }

@@ -10,19 +10,28 @@ use std::sync::Arc;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WaterGrid {
     /// The first node.
-    pub origin: [f64; 2],
+    origin: [f64; 2],
     /// Distance of nodes.
-    pub step: f64,
-    /// Nodes along the first axis.
-    pub width: usize,
-    /// Nodes along the second axis.
-    pub height: usize,
-    /// Height of the surface at each node, also where it hides nothing; NaN where there is none.
-    pub level: Vec<f32>,
-    /// Share of the ground that the water hides at each node, 0-1: soft edges.
-    pub cover: Vec<f32>,
+    step: f64,
+    /// Nodes along the first axis, and along the second.
+    size: [usize; 2],
+    /// Level, cover, roughness, and 1; all 0 where there is none.
+    nodes: Vec<[f32; 4]>,
+    /// Levels that hide something, lowest and highest.
+    heights: Option<[f64; 2]>,
+    /// Some of them, sorted.
+    levels: Vec<f32>,
+}
+
+/// Water at a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WaterNode {
+    /// Height of the surface, also where it hides nothing; NaN where there is none.
+    pub level: f32,
+    /// Share of the ground that the water hides, 0-1: soft edges.
+    pub cover: f32,
     /// Slopes of the surface that do not move, such as those of a film on rough ground, rms along one axis.
-    pub roughness: Vec<f32>,
+    pub roughness: f32,
 }
 
 /// The water of a place: on level nodes, and beyond them everywhere at one level.
@@ -90,12 +99,8 @@ impl WaterMap {
     /// The heights of all water, lowest and highest, m; `None` where none stands.
     #[must_use]
     pub fn heights(&self) -> Option<[f64; 2]> {
-        let nodes = self.grid.iter().flat_map(|grid| grid.level.iter().zip(&grid.cover));
-        let levels = nodes.filter(|(level, cover)| !level.is_nan() && **cover > 0.0);
-        let all = levels.map(|(level, _)| f64::from(*level)).chain(self.plane);
-        all.fold(None, |found: Option<[f64; 2]>, level| {
-            Some(found.map_or([level; 2], |[low, high]| [low.min(level), high.max(level)]))
-        })
+        let all = self.grid.iter().filter_map(|grid| grid.heights).chain(self.plane.map(|level| [level; 2]));
+        all.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
 
     /// About the height below the eye that half of the water is above, m; `None` without any. With an endless surface it is that.
@@ -104,54 +109,131 @@ impl WaterMap {
         if self.plane.is_some() {
             return self.plane;
         }
-        let nodes = self.grid.iter().flat_map(|grid| grid.level.iter().zip(&grid.cover));
-        let mut levels: Vec<f32> = nodes
-            .step_by(16)
-            .filter(|(level, cover)| f64::from(**level) < eye && **cover > 0.0)
-            .map(|(level, _)| *level)
-            .collect();
-        let middle = levels.len() / 2;
-        (!levels.is_empty()).then(|| f64::from(*levels.select_nth_unstable_by(middle, f32::total_cmp).1))
+        let levels = &self.grid.as_ref()?.levels;
+        let below = levels.partition_point(|level| f64::from(*level) < eye);
+        levels[..below].get(below / 2).map(|level| f64::from(*level))
     }
 
     /// The water at a place, metres along the level axes; `None` where none is known. It may hide nothing.
     #[must_use]
     pub fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
-        let everywhere = self.plane.map(|level| WaterSample { level, cover: 1.0, roughness: 0.0 });
-        let own = self.grid.as_ref().and_then(|grid| grid.at(x, y));
-        match (everywhere, own) {
-            (Some(plane), Some(own)) if own.level > plane.level && own.cover > 0.0 => Some(own),
-            (Some(plane), _) => Some(plane),
-            (None, own) => own,
-        }
+        higher(self.plane, self.grid.as_ref().and_then(|grid| grid.at(x, y)))
     }
 }
 
+/// Of so many nodes one level is kept to tell the usual one.
+const KEPT: usize = 16;
+
 impl WaterGrid {
-    fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
-        let (u, v) = ((x - self.origin[0]) / self.step, (y - self.origin[1]) / self.step);
-        if !(u >= 0.0 && v >= 0.0 && u < (self.width - 1) as f64 && v < (self.height - 1) as f64) {
-            return None;
-        }
-        let (column, row) = (u as usize, v as usize);
-        let (right, down) = (u - column as f64, v - row as f64);
-        let (mut level, mut cover, mut roughness, mut wet) = (0.0, 0.0, 0.0, 0.0);
-        for (dy, fy) in [(0, 1.0 - down), (1, down)] {
-            for (dx, fx) in [(0, 1.0 - right), (1, right)] {
-                let node = (row + dy) * self.width + column + dx;
-                let weight = fx * fy;
-                if !self.level[node].is_nan() {
-                    level += weight * f64::from(self.level[node]);
-                    roughness += weight * f64::from(self.roughness[node]);
-                    cover += weight * f64::from(self.cover[node]);
-                    wet += weight;
+    /// Water on nodes in rows along the first level axis, of which `size` are along the two axes, `step` metres from each other and from the
+    /// first one at `origin`, metres.
+    #[must_use]
+    pub fn new(
+        origin: [f64; 2],
+        step: f64,
+        size: [usize; 2],
+        nodes: impl Iterator<Item = WaterNode>,
+    ) -> Self {
+        let mut grid = Self { origin, step, size, ..Self::default() };
+        grid.nodes.reserve_exact(size[0] * size[1]);
+        for (i, WaterNode { level, cover, roughness }) in nodes.enumerate() {
+            grid.nodes.push(if level.is_nan() { [0.0; 4] } else { [level, cover, roughness, 1.0] });
+            if !level.is_nan() && cover > 0.0 {
+                let own = f64::from(level);
+                let [low, high] = grid.heights.unwrap_or([own; 2]);
+                grid.heights = Some([low.min(own), high.max(own)]);
+                if i % KEPT == 0 {
+                    grid.levels.push(level);
                 }
             }
         }
-        (wet > 0.0).then(|| WaterSample {
-            level: level / wet,
-            cover: cover as f32,
-            roughness: (roughness / wet) as f32,
-        })
+        grid.levels.sort_unstable_by(f32::total_cmp);
+        grid
+    }
+
+    /// The water at node `i`, if there is such a node with water.
+    #[must_use]
+    pub fn node(&self, i: usize) -> Option<WaterNode> {
+        let [level, cover, roughness, known] = *self.nodes.get(i)?;
+        (known > 0.0).then_some(WaterNode { level, cover, roughness })
+    }
+
+    /// A place in steps from the first node, metres along the level axes.
+    fn steps(&self, x: f64, y: f64) -> [f64; 2] {
+        [(x - self.origin[0]) / self.step, (y - self.origin[1]) / self.step]
+    }
+
+    fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
+        let [u, v] = self.steps(x, y);
+        self.between(u as f32, v as f32)
+    }
+
+    /// The water at a place in steps from the first node.
+    #[inline(always)]
+    fn between(&self, u: f32, v: f32) -> Option<WaterSample> {
+        let [width, height] = self.size;
+        if !(u >= 0.0 && v >= 0.0 && u < (width - 1) as f32 && v < (height - 1) as f32) {
+            return None;
+        }
+        let (column, row) = (u as usize, v as usize);
+        let (right, down) = (u - column as f32, v - row as f32);
+        let above = &self.nodes[row * width + column..][..2];
+        let below = &self.nodes[(row + 1) * width + column..][..2];
+        // Loops and no closures: these are looked up for each pixel.
+        let mut sum = [0.0; 4];
+        for k in 0..4 {
+            let upper = above[0][k] * (1.0 - right) + above[1][k] * right;
+            let lower = below[0][k] * (1.0 - right) + below[1][k] * right;
+            sum[k] = upper * (1.0 - down) + lower * down;
+        }
+        let [level, cover, roughness, known] = sum;
+        if known <= 0.0 {
+            return None;
+        }
+        Some(WaterSample { level: f64::from(level / known), cover, roughness: roughness / known })
+    }
+}
+
+/// Water as it is looked up from one eye, in single precision.
+pub(super) struct WaterView<'a> {
+    grid: Option<&'a WaterGrid>,
+    plane: Option<f64>,
+    /// The eye in steps from the grid's first node, and steps in a metre.
+    eye: [f32; 2],
+    steps: f32,
+}
+
+impl<'a> WaterView<'a> {
+    /// From an eye, metres along the level axes.
+    pub fn new(map: &'a WaterMap, eye: [f64; 2]) -> Self {
+        let grid = map.grid.as_deref();
+        let place = grid.map_or([0.0; 2], |grid| grid.steps(eye[0], eye[1]).map(|v| v as f32));
+        let steps = grid.map_or(0.0, |grid| (1.0 / grid.step) as f32);
+        Self { grid, plane: map.plane, eye: place, steps }
+    }
+
+    /// The water at a place, metres along the level axes from the eye; as [`WaterMap::at`].
+    #[inline(always)]
+    pub fn at(&self, x: f32, y: f32) -> Option<WaterSample> {
+        let (u, v) = (x * self.steps + self.eye[0], y * self.steps + self.eye[1]);
+        let own = self.grid.and_then(|grid| grid.between(u, v));
+        if self.plane.is_none() { own } else { higher(self.plane, own) }
+    }
+
+    /// Steps of the grid in a distance along one axis, m; 0 without a grid.
+    #[inline(always)]
+    pub fn steps_in(&self, distance: f32) -> f32 {
+        distance * self.steps
+    }
+}
+
+/// The higher of an endless surface and a grid's water.
+#[inline(always)]
+fn higher(plane: Option<f64>, own: Option<WaterSample>) -> Option<WaterSample> {
+    let everywhere = plane.map(|level| WaterSample { level, cover: 1.0, roughness: 0.0 });
+    match (everywhere, own) {
+        (Some(plane), Some(own)) if own.level > plane.level && own.cover > 0.0 => Some(own),
+        (Some(plane), _) => Some(plane),
+        (None, own) => own,
     }
 }

@@ -2,10 +2,12 @@
 
 use super::map::WaterMap;
 use super::surface::WaterSurface;
+use super::tile::{Kept, Whole, bilinear, fineness};
 use crate::linear_picture::LinearPicture;
+use fearless_simd::{SimdBase, SimdFloat, f32x4};
 use rayon::prelude::*;
-use wm_render::simd::SimdPath;
-use wm_render::{CutPlane, Frame};
+use wm_render::simd::{Lanes, SimdPath, log2};
+use wm_render::{CutPlane, Frame, dispatch};
 use wm_scene::Camera;
 
 /// Picture beyond the sides of the view that waves look into, as a share of its height.
@@ -59,59 +61,203 @@ impl MirrorView {
 }
 
 /// A mirrored picture in linear light at every fineness, with the reciprocal of its depth.
+///
+/// Each row ends with its last pixel once more, and each level with its last row, so that look-ups need no edges.
 #[derive(Clone, Debug, Default)]
 pub struct MirroredPicture {
-    levels: Vec<LinearPicture>,
+    /// Width and height of the finest level, px.
+    size: [f32; 2],
+    /// First pixel and length of a row of each level, finest first.
+    levels: Vec<(usize, usize)>,
+    /// Red, green, blue, and the reciprocal of the view z.
+    pixels: Vec<[f32; 4]>,
+    /// The last of these of the finest level.
+    inverse: Vec<f32>,
 }
 
 impl MirroredPicture {
     /// Makes all levels of a drawn picture with depth.
     #[must_use]
     pub fn new(path: SimdPath, frame: &Frame) -> Self {
-        let mut finest = LinearPicture::of(path, frame);
-        for (pixel, (depth, alpha)) in finest.pixels.iter_mut().zip(frame.depth.iter().zip(&frame.alpha)) {
+        let mut last = LinearPicture::of(path, frame);
+        for (pixel, (depth, alpha)) in last.pixels.iter_mut().zip(frame.depth.iter().zip(&frame.alpha)) {
             // Sky shines through where splats are thin: it is as far as what is seen of it.
             pixel[3] = if *depth > 0.0 { alpha / depth } else { 0.0 };
         }
-        let mut levels = vec![finest];
-        while let Some(last) = levels.last().filter(|last| last.width.min(last.height) > 2) {
-            let next = halved(last);
-            levels.push(next);
+        let size = [last.width as f32, last.height as f32];
+        let (mut levels, mut pixels) = (Vec::new(), Vec::new());
+        pixels.reserve(2 * (last.width + 2) * (last.height + 2));
+        let mut inverse = Vec::new();
+        loop {
+            levels.push((pixels.len(), last.width + 1));
+            for y in (0..last.height).chain([last.height - 1]) {
+                let row = &last.pixels[y * last.width..(y + 1) * last.width];
+                pixels.extend_from_slice(row);
+                pixels.push(row[last.width - 1]);
+            }
+            if inverse.is_empty() {
+                inverse = pixels.iter().map(|pixel| pixel[3]).collect();
+            }
+            if last.width.min(last.height) <= 2 {
+                return Self { size, levels, pixels, inverse };
+            }
+            last = halved(path, &last);
         }
-        Self { levels }
     }
 
-    /// The colour at a point of the picture, px, of a piece `width` px wide; and the reciprocal of its view z.
+    /// The fineness for pieces of the picture so many px wide: the levels between which it is, and its share of the coarser one.
     #[inline(always)]
     #[must_use]
-    pub fn at(&self, x: f32, y: f32, width: f32) -> [f32; 4] {
-        let level = (SMOOTH * width).max(1.0).log2().min((self.levels.len() - 1) as f32);
-        let (whole, part) = (level as usize, level.fract());
-        let fine = self.levels[whole].at(x, y, whole);
-        if part == 0.0 {
-            return fine;
+    pub(super) fn fineness<S: Lanes>(&self, simd: S, width: S::F) -> Fineness<S> {
+        let last = simd.set((self.levels.len() - 1) as f32);
+        let level = log2(simd, [(width * SMOOTH).max(simd.set(1.0))])[0].max(simd.set(0.0)).min(last);
+        let whole = level.floor();
+        let coarse = (whole + 1.0).min(last);
+        let (first, stride) = self.places(simd, whole);
+        let (coarse_first, coarse_stride) = self.places(simd, coarse);
+        Fineness {
+            scales: [fineness(simd, whole), fineness(simd, coarse)],
+            first: [first, coarse_first],
+            stride: [stride, coarse_stride],
+            part: Kept::of(simd, level - whole),
         }
-        let coarse = self.levels[whole + 1].at(x, y, whole + 1);
-        std::array::from_fn(|k| fine[k] + part * (coarse[k] - fine[k]))
+    }
+
+    /// First pixels and lengths of rows of levels.
+    #[inline(always)]
+    fn places<S: Lanes>(&self, simd: S, level: S::F) -> ([u32; 16], [u32; 16]) {
+        let level = Whole::of(simd, level);
+        let (mut first, mut stride) = ([0; 16], [0; 16]);
+        for i in 0..S::N {
+            let (own_first, own_stride) = self.levels[level.0[i] as usize];
+            (first[i], stride[i]) = (own_first as u32, own_stride as u32);
+        }
+        (first, stride)
+    }
+
+    /// Adds the colours at points of the picture, px, times weights, to `sums`, for the lanes that have a bit in `wanted`.
+    #[inline(always)]
+    pub(super) fn add<S: Lanes>(
+        &self,
+        simd: S,
+        points: [S::F; 2],
+        fineness: &Fineness<S>,
+        (weights, wanted): (S::F, u32),
+        sums: &mut [[f32; 4]; 16],
+    ) {
+        let mut within = points;
+        for k in 0..2 {
+            within[k] = points[k].max(simd.set(0.0)).min(simd.set(self.size[k]));
+        }
+        let Fineness { scales, first, stride, part } = fineness;
+        let fine = Spots::new(simd, within, scales[0], &first[0], &stride[0]);
+        let coarse = Spots::new(simd, within, scales[1], &first[1], &stride[1]);
+        let weights = Kept::of(simd, weights);
+        let mut todo = wanted;
+        while todo != 0 {
+            let i = (todo.trailing_zeros() & 15) as usize;
+            todo &= todo - 1;
+            let (fine, coarse) = (
+                fine.look(simd, i, stride[0][i], &self.pixels),
+                coarse.look(simd, i, stride[1][i], &self.pixels),
+            );
+            let sum = f32x4::from_slice(simd, &sums[i]);
+            (((coarse - fine) * part.0[i] + fine) * weights.0[i] + sum).store_slice(&mut sums[i]);
+        }
+    }
+
+    /// The reciprocals of the view z at points of the picture, px: those of the pixels that hold them.
+    #[inline(always)]
+    pub(super) fn inverse_depth<S: Lanes>(&self, simd: S, points: [S::F; 2], wanted: u32) -> S::F {
+        let mut within = points;
+        for k in 0..2 {
+            within[k] = points[k].max(simd.set(0.0)).min(simd.set(self.size[k])).floor();
+        }
+        let (column, row) = (Whole::of(simd, within[0]), Whole::of(simd, within[1]));
+        let stride = self.size[0] as usize + 1;
+        let mut found = [0.0; 16];
+        let mut todo = wanted;
+        while todo != 0 {
+            let i = (todo.trailing_zeros() & 15) as usize;
+            todo &= todo - 1;
+            found[i] = self.inverse[row.0[i] as usize * stride + column.0[i] as usize];
+        }
+        simd.load(&found)
+    }
+}
+
+/// A fineness of a mirrored picture for each lane.
+pub(super) struct Fineness<S: Lanes> {
+    scales: [S::F; 2],
+    first: [[u32; 16]; 2],
+    stride: [[u32; 16]; 2],
+    part: Kept,
+}
+
+/// The pixels about points.
+struct Spots {
+    at: [u32; 16],
+    right: Kept,
+    down: Kept,
+}
+
+impl Spots {
+    /// About points of the finest level, px.
+    #[inline(always)]
+    fn new<S: Lanes>(simd: S, points: [S::F; 2], scale: S::F, first: &[u32; 16], stride: &[u32; 16]) -> Self {
+        let (mut whole, mut part) = (points, points);
+        for k in 0..2 {
+            let at = points[k].mul_add(scale, simd.set(-0.5)).max(simd.set(0.0));
+            whole[k] = at.floor();
+            part[k] = at - whole[k];
+        }
+        let [column, row] = [Whole::of(simd, whole[0]), Whole::of(simd, whole[1])];
+        let mut at = [0; 16];
+        for i in 0..16 {
+            at[i] = first[i].wrapping_add(row.0[i].wrapping_mul(stride[i])).wrapping_add(column.0[i]);
+        }
+        Self { at, right: Kept::of(simd, part[0]), down: Kept::of(simd, part[1]) }
+    }
+
+    /// Between the pixels about point `i`, of a picture with rows of `stride` pixels.
+    #[inline(always)]
+    fn look<S: Lanes>(&self, simd: S, i: usize, stride: u32, pixels: &[[f32; 4]]) -> f32x4<S> {
+        bilinear(simd, pixels, (self.at[i] as usize, stride as usize), (self.right.0[i], self.down.0[i]))
     }
 }
 
 /// A mirrored picture half as fine, by binomial weights: the lamps of a night are so bright that the corners of a box would show.
-fn halved(of: &LinearPicture) -> LinearPicture {
-    const WEIGHTS: [f32; 4] = [0.125, 0.375, 0.375, 0.125];
+fn halved(path: SimdPath, of: &LinearPicture) -> LinearPicture {
     let (width, height) = (of.width.div_ceil(2), of.height.div_ceil(2));
-    let near = |i: usize, k: usize, size: usize| (2 * i + k).saturating_sub(1).min(size - 1);
     let mut pixels = vec![[0.0; 4]; width * height];
     pixels.par_chunks_mut(width).enumerate().for_each(|(y, line)| {
-        for (x, pixel) in line.iter_mut().enumerate() {
-            for (j, down) in WEIGHTS.iter().enumerate() {
-                let row = &of.pixels[near(y, j, of.height) * of.width..];
-                for (i, right) in WEIGHTS.iter().enumerate() {
-                    let from = row[near(x, i, of.width)];
-                    (0..4).for_each(|k| pixel[k] += down * right * from[k]);
-                }
-            }
-        }
+        let rows: [&[[f32; 4]]; 4] =
+            std::array::from_fn(|k| &of.pixels[near(y, k, of.height) * of.width..][..of.width]);
+        dispatch!(path, s => halve_row(s, rows, line));
     });
     LinearPicture { width, height, pixels }
+}
+
+/// Pixel `k` of the four about pixel `i` of a picture half as fine, along a side of so many.
+#[inline(always)]
+fn near(i: usize, k: usize, size: usize) -> usize {
+    (2 * i + k).saturating_sub(1).min(size - 1)
+}
+
+#[inline(always)]
+fn halve_row<S: Lanes>(simd: S, rows: [&[[f32; 4]]; 4], line: &mut [[f32; 4]]) {
+    const WEIGHTS: [f32; 4] = [0.125, 0.375, 0.375, 0.125];
+    let size = rows[0].len();
+    for (x, pixel) in line.iter_mut().enumerate() {
+        let mut sum = f32x4::splat(simd, 0.0);
+        for (i, right) in WEIGHTS.iter().enumerate() {
+            let column = near(x, i, size);
+            let mut own = f32x4::splat(simd, 0.0);
+            for (row, down) in rows.iter().zip(WEIGHTS) {
+                own = f32x4::from_slice(simd, &row[column]) * down + own;
+            }
+            sum = own * *right + sum;
+        }
+        sum.store_slice(pixel);
+    }
 }

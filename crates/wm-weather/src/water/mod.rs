@@ -28,7 +28,7 @@ mod tests;
 pub use body::WaterBody;
 pub use effect::WaterEffect;
 pub use fresnel::{WATER_INDEX, fresnel};
-pub use map::{WaterGrid, WaterMap, WaterSample};
+pub use map::{WaterGrid, WaterMap, WaterNode, WaterSample};
 pub use mirror::{MirrorView, MirroredPicture};
 pub use motion::{WaterForces, WaterMotion};
 pub use puddles::puddles;

@@ -1,8 +1,9 @@
 //! The moving surface at one instant.
 
 use super::ripples;
-use super::tile::{Slope, SlopeTile};
+use super::tile::SlopeTile;
 use super::waves::WindWaves;
+use wm_render::simd::Lanes;
 
 /// Slopes that still water has, variance along one axis: it is never perfectly still.
 const STILL: f32 = 1.6e-5;
@@ -50,15 +51,30 @@ impl WaterMotion {
         motion
     }
 
-    /// The slope of a piece of the surface `width` metres wide about a point, metres along the two level axes.
+    /// The places of a point on the tiles, metres along the two level axes: see [`SlopeTile::phase`].
+    #[must_use]
+    pub fn phases(&self, point: [f64; 2]) -> Vec<[f32; 2]> {
+        self.tiles.iter().map(|tile| point.map(|along| tile.phase(along))).collect()
+    }
+
+    /// The slopes of pieces of the surface, by the logarithms to base 2 of their widths, m: at `points`, metres along the two level axes
+    /// from the point of `phases`. Lanes without a bit in `wanted` have none. Returns the two mean slopes, and their variance within the
+    /// piece along one axis.
     #[inline(always)]
     #[must_use]
-    pub fn at(&self, x: f64, y: f64, width: f32) -> Slope {
-        let mut sum = Slope { mean: [0.0; 2], variance: self.beyond };
-        for tile in &self.tiles {
-            let own = tile.at(x, y, width);
-            sum.mean = [sum.mean[0] + own.mean[0], sum.mean[1] + own.mean[1]];
-            sum.variance += own.variance;
+    pub fn at<S: Lanes>(
+        &self,
+        simd: S,
+        (points, phases): ([S::F; 2], &[[f32; 2]]),
+        log_width: S::F,
+        wanted: u32,
+    ) -> [S::F; 3] {
+        let mut sum = [simd.set(0.0), simd.set(0.0), simd.set(self.beyond)];
+        for (tile, phase) in self.tiles.iter().zip(phases) {
+            let own = tile.at(simd, (points, *phase), log_width, wanted);
+            for k in 0..3 {
+                sum[k] += own[k];
+            }
         }
         sum
     }

@@ -1,6 +1,6 @@
 //! The water of a wet place as a surface: puddles, and the film on the ground.
 
-use super::map::WaterGrid;
+use super::map::{WaterGrid, WaterNode};
 use crate::dome::{level_axes, to_level};
 use crate::optics::Site;
 use crate::wetness::WaterState;
@@ -27,17 +27,10 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
         let film = state.filled[at] + state.film[at] / texture;
         let cover = stands.max(state.filled[at]);
         let level = base as f32 + ground.max(state.level[at]) + LIFT;
-        (level, cover, ROUGH * (-film).exp() * (1.0 - stands))
+        WaterNode { level, cover, roughness: ROUGH * (-film).exp() * (1.0 - stands) }
     };
-    let nodes: Vec<(f32, f32, f32)> = (0..state.ground.len()).map(node).collect();
     // Nodes are the middles of cells.
-    WaterGrid {
-        origin: [x + 0.5 * state.step, y + 0.5 * state.step],
-        step: state.step,
-        width: state.width,
-        height: state.height,
-        level: nodes.iter().map(|node| node.0).collect(),
-        cover: nodes.iter().map(|node| if node.0.is_nan() { 0.0 } else { node.1 }).collect(),
-        roughness: nodes.iter().map(|node| node.2).collect(),
-    }
+    let origin = [x + 0.5 * state.step, y + 0.5 * state.step];
+    let nodes = (0..state.ground.len()).map(node);
+    WaterGrid::new(origin, state.step, [state.width, state.height], nodes)
 }

@@ -10,6 +10,7 @@ use super::tile::SlopeTile;
 use super::waves::WaveField;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
+use std::sync::OnceLock;
 use wm_scene::random::uniform;
 
 /// Wave number of rings, rad/m.
@@ -34,6 +35,8 @@ const WIDTH: f64 = 0.016;
 const REACH: f64 = 2.6;
 /// Radius within which a ring does not grow higher inwards, m.
 const CORE: f64 = 0.012;
+/// Squared slopes of the band of old rings, summed over its waves: a constant that takes milliseconds.
+static BAND_POWER: OnceLock<f64> = OnceLock::new();
 /// Most drops above 2 mm that are drawn, a m^2 and second.
 const MOST: f64 = 1200.0;
 
@@ -120,11 +123,13 @@ pub fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
     let cell = TAU / SIZE;
     // Heights of a band of waves whose slopes have the variance that is left; numbers on the ring of wave vectors.
     let band = |k: [f64; 2]| (-0.5 * ((k[0].hypot(k[1]) / WAVE_NUMBER - 1.0) / BAND).powi(2)).exp();
-    let half = SIDE as i64 / 2;
-    let sum: f64 = (-half + 1..half)
-        .flat_map(|j| (-half + 1..half).map(move |i| [i as f64 * cell, j as f64 * cell]))
-        .map(|k| (k[0] * k[0] + k[1] * k[1]) * band(k).powi(2))
-        .sum();
+    let sum = *BAND_POWER.get_or_init(|| {
+        let half = SIDE as i64 / 2;
+        (-half + 1..half)
+            .flat_map(|j| (-half + 1..half).map(move |i| [i as f64 * cell, j as f64 * cell]))
+            .map(|k| (k[0] * k[0] + k[1] * k[1]) * band(k).powi(2))
+            .sum::<f64>()
+    });
     let field = WaveField::kept([0, 0, 0, 0, seed], || {
         WaveField::new(SIZE, seed, |k| {
             let own = band(k);

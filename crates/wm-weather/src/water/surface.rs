@@ -1,6 +1,6 @@
 //! The water that a camera sees: where each pixel's ray meets it.
 
-use super::map::WaterMap;
+use super::map::{WaterMap, WaterSample, WaterView};
 use rayon::prelude::*;
 use std::ops::Range;
 use wm_scene::Camera;
@@ -15,6 +15,10 @@ const MISSED: f64 = 0.05;
 const STEPS: usize = 6;
 /// Pixels from node to node along which rays are followed.
 pub(super) const NODES: usize = 4;
+/// Steps of the water's grid between nodes of the picture, and differences of cover and of roughness, up to which both are
+/// interpolated between nodes too.
+const NEAR: f32 = 2.0;
+const EVEN: [f32; 2] = [0.02, 0.01];
 /// Slopes that do not move, rms along one axis, above which water is a film in which no wave runs.
 pub(super) const FILM: f32 = 0.1;
 
@@ -62,9 +66,9 @@ impl WaterSurface {
             true => Self::of_plane(eye[2] - high, ray, (size, camera.near)),
             false => Self::of_ground(map, (eye, typical), ray, (size, camera.near)),
         };
-        let wet = |y: usize| found.depth[y * size.0..(y + 1) * size.0].iter().any(|z| !z.is_nan());
-        let first = (0..size.1).find(|y| wet(*y))?;
-        let last = (0..size.1).rev().find(|y| wet(*y))?;
+        let wet = |y: &usize| found.depth[y * size.0..(y + 1) * size.0].iter().any(|z| !z.is_nan());
+        let first = (0..size.1).find(wet)?;
+        let last = (0..size.1).rev().find(wet)?;
         found.rows = first as u32..last as u32 + 1;
         if map.is_endless() {
             found.level = high;
@@ -80,12 +84,14 @@ impl WaterSurface {
     ) -> Self {
         let mut depth = vec![f32::NAN; width * height];
         depth.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            // Along a row in single precision: what is left of the fall is as exact as a ray in it.
+            let (start, next) = (ray(0, y)[2], ray(1, y)[2]);
+            let (start, step) = (-start as f32, (start - next) as f32);
+            let (below, near) = (below as f32, near as f32);
             for (x, depth) in row.iter_mut().enumerate() {
-                let fall = -ray(x, y)[2];
+                let fall = start + step * x as f32;
                 let z = below / fall;
-                if fall > 0.0 && z > near {
-                    *depth = z.min(FARTHEST) as f32;
-                }
+                *depth = if fall > 0.0 && z > near { z.min(FARTHEST as f32) } else { f32::NAN };
             }
         });
         Self { depth, ..Self::default() }
@@ -99,51 +105,96 @@ impl WaterSurface {
         ray: impl Fn(usize, usize) -> [f64; 3] + Sync,
         ((width, height), near): ((usize, usize), f64),
     ) -> Self {
-        let follow = |x: usize, y: usize| hit(map, eye, ray(x, y), typical).filter(|(z, _)| *z > near);
+        let view = WaterView::new(map, [eye[0], eye[1]]);
+        let follow =
+            |x: usize, y: usize| hit(&view, eye[2], ray(x, y), typical).filter(|(z, _)| *z > near as f32);
         let (columns, rows) = (width.div_ceil(NODES) + 1, height.div_ceil(NODES) + 1);
         let place = |node: usize, size: usize| (node * NODES).min(size - 1);
-        // Reciprocal depth, 0 where the ground is not met; and the level of water, NaN where there is none.
-        let mut nodes = vec![(0.0, f32::NAN); columns * rows];
+        let mut nodes = vec![Node::default(); columns * rows];
         nodes.par_chunks_mut(columns).enumerate().for_each(|(row, nodes)| {
             for (column, node) in nodes.iter_mut().enumerate() {
-                if let Some((z, sample)) = follow(place(column, width), place(row, height)) {
-                    let level = if sample.cover > 0.0 { sample.level as f32 } else { f32::NAN };
-                    *node = (1.0 / z, level);
+                let (x, y) = (place(column, width), place(row, height));
+                if let Some((z, sample)) = follow(x, y) {
+                    let ray = ray(x, y);
+                    *node = Node {
+                        inverse: 1.0 / z,
+                        place: [ray[0] as f32 * z, ray[1] as f32 * z],
+                        level: sample.level as f32,
+                        look: [sample.cover, sample.roughness],
+                    };
                 }
             }
         });
         let mut depth = vec![f32::NAN; width * height];
         let (mut cover, mut roughness) = (vec![0.0; width * height], vec![0.0; width * height]);
-        let lines = depth.par_chunks_mut(width).zip(cover.par_chunks_mut(width));
-        lines.zip(roughness.par_chunks_mut(width)).enumerate().for_each(
-            |(y, ((depth, cover), roughness))| {
-                let (row, down) = (y / NODES, (y % NODES) as f64 / NODES as f64);
+        let band = NODES * width;
+        let bands = depth.par_chunks_mut(band).zip(cover.par_chunks_mut(band));
+        bands.zip(roughness.par_chunks_mut(band)).enumerate().for_each(
+            |(row, ((depth, cover), roughness))| {
                 let [upper, lower] = [row, row + 1].map(|row| &nodes[row * columns..(row + 1) * columns]);
-                for x in 0..width {
-                    let (column, right) = (x / NODES, (x % NODES) as f64 / NODES as f64);
+                let top = row * NODES;
+                // Rays of the rows: their starts, and their change along them.
+                let step = [ray(0, 0), ray(1, 0)];
+                let step: [f32; 2] = std::array::from_fn(|k| (step[1][k] - step[0][k]) as f32);
+                let starts: [[f32; 2]; NODES] = std::array::from_fn(|y| {
+                    let ray = ray(0, top + y);
+                    [ray[0] as f32, ray[1] as f32]
+                });
+                for column in 0..columns - 1 {
+                    let left = column * NODES;
                     let corners = [upper[column], upper[column + 1], lower[column], lower[column + 1]];
-                    let [a, b, c, d] = corners.map(|(inverse, _)| inverse);
                     // Nodes at the last pixels are nearer to each other.
-                    let is_whole = (column + 1) * NODES < width && (row + 1) * NODES < height;
-                    let met = if is_whole && a * b * c * d > 0.0 {
-                        let (above, below) = (a + right * (b - a), c + right * (d - c));
-                        let z = 1.0 / (above + down * (below - above));
-                        let way = ray(x, y);
-                        map.at(eye[0] + z * way[0], eye[1] + z * way[1]).map(|sample| (z, sample))
-                    } else if is_whole && corners.iter().all(|(inverse, _)| *inverse == 0.0) {
-                        None
-                    } else {
-                        follow(x, y)
-                    };
-                    if let Some((z, sample)) = met.filter(|(_, sample)| sample.cover > 0.0) {
-                        depth[x] = z.min(FARTHEST) as f32;
-                        cover[x] = sample.cover;
-                        roughness[x] = sample.roughness;
+                    let is_whole = left + NODES < width && top + NODES < height;
+                    let mut met = 0;
+                    for node in &corners {
+                        met += usize::from(node.inverse > 0.0);
+                    }
+                    if is_whole && met == 0 {
+                        continue;
+                    }
+                    let is_ground = is_whole && met == corners.len();
+                    let is_even = is_ground && Node::are_even(&corners, &view);
+                    for y in 0..depth.len() / width {
+                        let down = y as f32 / NODES as f32;
+                        let own = y * width + left..y * width + (left + NODES).min(width);
+                        let (depth, cover) = (&mut depth[own.clone()], &mut cover[own.clone()]);
+                        let roughness = &mut roughness[own];
+                        let [a, b, c, d] = corners;
+                        let inverse = between([a.inverse, b.inverse, c.inverse, d.inverse], down);
+                        if is_even {
+                            let covers = between([a.look[0], b.look[0], c.look[0], d.look[0]], down);
+                            let rough = between([a.look[1], b.look[1], c.look[1], d.look[1]], down);
+                            for i in 0..NODES {
+                                let z = (1.0 / inverse[i]).min(FARTHEST as f32);
+                                let is_wet = covers[i] > 0.0;
+                                depth[i] = if is_wet { z } else { f32::NAN };
+                                (cover[i], roughness[i]) = (covers[i], rough[i]);
+                            }
+                            continue;
+                        }
+                        for i in 0..depth.len() {
+                            let x = left + i;
+                            let found = if is_ground {
+                                let z = 1.0 / inverse[i];
+                                let along = (starts[y][0] + step[0] * x as f32) * z;
+                                let aside = (starts[y][1] + step[1] * x as f32) * z;
+                                view.at(along, aside).map(|sample| (z, sample))
+                            } else {
+                                follow(x, top + y)
+                            };
+                            if let Some((z, sample)) = found
+                                && sample.cover > 0.0
+                            {
+                                depth[i] = z.min(FARTHEST as f32);
+                                (cover[i], roughness[i]) = (sample.cover, sample.roughness);
+                            }
+                        }
                     }
                 }
             },
         );
-        let mut levels: Vec<f32> = nodes.iter().map(|(_, level)| *level).filter(|v| !v.is_nan()).collect();
+        let wet = nodes.iter().filter(|node| node.inverse > 0.0 && node.look[0] > 0.0);
+        let mut levels: Vec<f32> = wet.map(|node| node.level).collect();
         let middle = levels.len() / 2;
         let level = match levels.is_empty() {
             true => typical,
@@ -155,24 +206,66 @@ impl WaterSurface {
     }
 }
 
+/// Numbers at the pixels of a row between four nodes, which is so much of their distance below the upper ones.
+#[inline(always)]
+fn between([a, b, c, d]: [f32; 4], down: f32) -> [f32; NODES] {
+    let (left, right) = (a + down * (c - a), b + down * (d - b));
+    let step = (right - left) * (1.0 / NODES as f32);
+    [left, left + step, left + 2.0 * step, left + 3.0 * step]
+}
+
+/// The ground at a pixel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Node {
+    /// Reciprocal of the view z at which it is met; 0 where it is not.
+    inverse: f32,
+    /// The place there, metres along the level axes from the eye.
+    place: [f32; 2],
+    /// Height of the water, m.
+    level: f32,
+    /// Its cover and its roughness.
+    look: [f32; 2],
+}
+
+impl Node {
+    /// Returns true if the water between nodes is told by theirs.
+    fn are_even(corners: &[Self; 4], view: &WaterView<'_>) -> bool {
+        let [a, b, c, d] = corners;
+        let mut is_even = true;
+        for k in 0..2 {
+            is_even &= spread([a.look[k], b.look[k], c.look[k], d.look[k]]) < EVEN[k];
+            is_even &= view.steps_in(spread([a.place[k], b.place[k], c.place[k], d.place[k]])) < NEAR;
+        }
+        is_even
+    }
+}
+
+/// The difference of the greatest and the least of four numbers.
+#[inline(always)]
+fn spread([a, b, c, d]: [f32; 4]) -> f32 {
+    a.max(b).max(c.max(d)) - a.min(b).min(c.min(d))
+}
+
 /// The point at which a ray meets the ground: its view z, scene units, and the water there, which may hide nothing. `ray` is a view z of 1, in
-/// metres along level axes; the search begins at the height `typical`.
-fn hit(map: &WaterMap, eye: [f64; 3], ray: [f64; 3], typical: f64) -> Option<(f64, super::map::WaterSample)> {
+/// metres along level axes from an eye of height `eye`; the search begins at the height `typical`.
+fn hit(view: &WaterView<'_>, eye: f64, ray: [f64; 3], typical: f64) -> Option<(f32, WaterSample)> {
     if ray[2] >= 0.0 {
         return None;
     }
+    let [x, y] = [ray[0] as f32, ray[1] as f32];
+    let fall = -1.0 / ray[2];
     let mut level = typical;
     let mut found = None;
     for _ in 0..STEPS {
-        let z = (eye[2] - level) / -ray[2];
-        let sample = map.at(eye[0] + z * ray[0], eye[1] + z * ray[1])?;
+        let z = ((eye - level) * fall) as f32;
+        let sample = view.at(z * x, z * y)?;
         found = Some((z, sample));
         if (sample.level - level).abs() < 1e-4 {
             break;
         }
         level = sample.level;
     }
-    found.filter(|(z, sample)| (eye[2] + z * ray[2] - sample.level).abs() < MISSED)
+    found.filter(|(z, sample)| (eye + f64::from(*z) * ray[2] - sample.level).abs() < MISSED)
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

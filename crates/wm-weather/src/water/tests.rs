@@ -6,6 +6,8 @@ use super::*;
 use crate::Site;
 use crate::wetness::{WaterBudget, WaterState};
 use std::sync::Arc;
+use wm_render::dispatch;
+use wm_render::simd::{Lanes, SimdPath};
 use wm_scene::Camera;
 use wm_scene::random::uniform;
 
@@ -67,13 +69,25 @@ fn wind_waves_grow_by_fetch() {
     assert!((w / std::f64::consts::TAU - 8.0).abs() < 0.1 && (w / WAVE_NUMBER - RING_SPEED).abs() < 0.005);
 }
 
+/// The two mean slopes of a piece of a surface, `width` metres wide about a point, and their variance within.
+fn slope(motion: &WaterMotion, x: f64, y: f64, width: f32) -> [f32; 3] {
+    #[inline(always)]
+    fn first<S: Lanes>(simd: S, motion: &WaterMotion, phases: &[[f32; 2]], width: f32) -> [f32; 3] {
+        let here = [simd.set(0.0); 2];
+        let found = motion.at(simd, (here, phases), simd.set(width.log2()), 1);
+        found.map(|vector| tile::Kept::of(simd, vector).0[0])
+    }
+    let phases = motion.phases([x, y]);
+    dispatch!(SimdPath::widest(), s => first(s, motion, &phases, width))
+}
+
 /// The variance of slopes on tiles, and within what is too wide to see them, is that of the law.
 #[test]
 fn slopes_have_the_variance_of_their_spectrum() {
     let (mut wind, mut rain) = (0.0, 0.0);
     let times = [0.0, 1.7, 33.0];
     for time in times {
-        let of = |forces| f64::from(WaterMotion::new(&forces).at(0.3, 0.7, 1e4).variance);
+        let of = |forces| f64::from(slope(&WaterMotion::new(&forces), 0.3, 0.7, 1e4)[2]);
         let still = of(WaterForces::default());
         wind += of(WaterForces { wind: [5.0, 2.0], fetch: 50.0, time, ..WaterForces::default() }) - still;
         rain += of(WaterForces { rain: 10.0, depth: 1.0, time, ..WaterForces::default() }) - still;
@@ -99,7 +113,7 @@ fn motion_is_fixed_to_the_world() {
         ..WaterForces::default()
     };
     let [now, again, later] = [2.0, 2.0, 2.1].map(|time| WaterMotion::new(&forces(time)));
-    let at = |motion: &WaterMotion| motion.at(12.3, -4.5, 0.01);
+    let at = |motion: &WaterMotion| slope(motion, 12.3, -4.5, 0.01);
     assert_eq!(at(&now), at(&again));
     assert_ne!(at(&now), at(&later));
 }
@@ -133,15 +147,12 @@ fn a_puddle_has_soft_edges_and_its_own_level() {
         1.0 - (x.hypot(y) - 1.0) / 0.3
     };
     let nodes = 0..width * height;
-    let grid = WaterGrid {
-        origin: [3.0, -2.0],
-        step: 0.1,
-        width,
-        height,
-        level: nodes.clone().map(|i| if inside(i) > 0.0 { 0.02 } else { f32::NAN }).collect(),
-        cover: nodes.clone().map(|i| inside(i).clamp(0.0, 1.0) as f32).collect(),
-        roughness: vec![0.0; width * height],
+    let node = |i: usize| WaterNode {
+        level: if inside(i) > 0.0 { 0.02 } else { f32::NAN },
+        cover: inside(i).clamp(0.0, 1.0) as f32,
+        roughness: 0.0,
     };
+    let grid = WaterGrid::new([3.0, -2.0], 0.1, [width, height], nodes.map(node));
     let map = WaterMap::of_grid(Some(Arc::new(grid)), &SITE);
     let surface = WaterSurface::of(&map, &camera([0.0, 0.0, 1.6], [5.0, 0.0, 0.0])).unwrap();
     assert!((surface.level - 0.02).abs() < 1e-6);
@@ -179,8 +190,9 @@ fn wet_ground_is_met_on_its_slope() {
         // Deeper than some millimetres water hides the ground, and is smooth; a film hides as much as it fills.
         let is_deep = stands(i) && LEVEL - state.ground[i] > 0.005;
         let bare = !stands(i) || state.ground[i] >= LEVEL;
-        assert!(!is_deep || grid.cover[i] == 1.0 && grid.roughness[i] == 0.0, "{i}");
-        assert!(!bare || grid.cover[i] == 0.5 && grid.roughness[i] > 0.1 && dry.cover[i] == 0.0, "{i}");
+        let (own, dry) = (grid.node(i).unwrap(), dry.node(i).unwrap());
+        assert!(!is_deep || own.cover == 1.0 && own.roughness == 0.0, "{i}");
+        assert!(!bare || own.cover == 0.5 && own.roughness > 0.1 && dry.cover == 0.0, "{i}");
     }
     let map = WaterMap::of_grid(Some(Arc::new(grid)), &SITE);
     let camera = camera([1.0, 0.0, 1.7], [8.0, 0.0, 0.3]);

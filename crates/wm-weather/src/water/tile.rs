@@ -1,19 +1,12 @@
 //! Slopes of a water surface on a tile that repeats, at every fineness.
 
 use super::fft::SIDE;
+use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x4};
 use rayon::prelude::*;
+use wm_render::simd::Lanes;
 
 /// Halvings of a tile down to one node.
 const LEVELS: usize = SIDE.trailing_zeros() as usize + 1;
-
-/// The slope of a piece of a surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Slope {
-    /// Mean slopes along the two level axes.
-    pub mean: [f32; 2],
-    /// Variance within the piece, along one axis.
-    pub variance: f32,
-}
 
 /// Slopes of one instant, each level half as fine as the one before: slopes along the two axes and the sum of their
 /// squares.
@@ -21,68 +14,180 @@ pub struct Slope {
 pub struct SlopeTile {
     /// Side of the tile, m.
     size: f32,
-    levels: Vec<Vec<[f32; 4]>>,
+    /// All levels, finest first. Each row ends with its first node once more, and each level with its first row.
+    nodes: Vec<[f32; 4]>,
 }
+
+/// The first node of each level.
+const FIRST: [usize; LEVELS] = {
+    let (mut first, mut level) = ([0; LEVELS], 1);
+    while level < LEVELS {
+        let stride = (SIDE >> (level - 1)) + 1;
+        first[level] = first[level - 1] + stride * stride;
+        level += 1;
+    }
+    first
+};
 
 impl SlopeTile {
     /// A tile of `size` metres with these slopes, `[SIDE, SIDE]`.
     #[must_use]
     pub fn new(size: f64, slopes: impl IndexedParallelIterator<Item = [f32; 2]>) -> Self {
-        let finest: Vec<[f32; 4]> = slopes.map(|[x, y]| [x, y, x * x + y * y, 0.0]).collect();
-        let mut levels = vec![finest];
-        for level in 1..LEVELS {
-            let (side, from) = (SIDE >> level, &levels[level - 1]);
-            let node = |i: usize| -> [f32; 4] {
-                let first = 2 * (i / side) * 2 * side + 2 * (i % side);
-                std::array::from_fn(|k| {
-                    let [a, b] = [first, first + 2 * side].map(|at| from[at][k] + from[at + 1][k]);
-                    0.25 * (a + b)
-                })
+        let mut level: Vec<[f32; 4]> = slopes.map(|[x, y]| [x, y, x * x + y * y, 0.0]).collect();
+        let mut nodes = Vec::with_capacity(FIRST[LEVELS - 1] + 4);
+        for side in (0..LEVELS).map(|level| SIDE >> level) {
+            let row = |y: usize| &level[y * side..(y + 1) * side];
+            for y in (0..side).chain([0]) {
+                nodes.extend_from_slice(row(y));
+                nodes.push(row(y)[0]);
+            }
+            let node = |x: usize, y: usize| -> [f32; 4] {
+                let [above, below] = [&row(2 * y)[2 * x..][..2], &row(2 * y + 1)[2 * x..][..2]];
+                std::array::from_fn(|k| 0.25 * (above[0][k] + above[1][k] + (below[0][k] + below[1][k])))
             };
-            levels.push((0..side * side).map(node).collect());
+            let half = side / 2;
+            level = (0..half).flat_map(|y| (0..half).map(move |x| (x, y))).map(|(x, y)| node(x, y)).collect();
         }
-        Self { size: size as f32, levels }
+        Self { size: size as f32, nodes }
     }
 
-    /// The slope of a piece of the surface `width` metres wide about a point, metres.
-    #[inline(always)]
+    /// The share of a tile at which a point lies, metres.
     #[must_use]
-    pub fn at(&self, x: f64, y: f64, width: f32) -> Slope {
-        let size = f64::from(self.size);
-        let nodes = (width * SIDE as f32 / self.size).max(1.0).log2();
-        let level = nodes.min((LEVELS - 1) as f32);
-        let (whole, part) = (level as usize, level.fract());
-        // Cut towards 0, far on the positive side: as a remainder, and faster.
-        let share = |along: f64| {
-            let tiles = along / size + 1e6;
-            (tiles - tiles as u64 as f64) as f32
-        };
-        let (u, v) = (share(x), share(y));
-        let mut sum = self.bilinear(whole, u, v);
-        if part > 0.0 {
-            let coarse = self.bilinear((whole + 1).min(LEVELS - 1), u, v);
+    pub fn phase(&self, along: f64) -> f32 {
+        (along / f64::from(self.size)).rem_euclid(1.0) as f32
+    }
+
+    /// The slopes of pieces of the surface about points: metres from a point whose [`Self::phase`] along both axes is `phase`, with the
+    /// logarithms to base 2 of their widths, m. Lanes without a bit in `wanted` have none. Returns the two mean slopes, and their
+    /// variance within the piece along one axis.
+    #[inline(always)]
+    pub fn at<S: Lanes>(
+        &self,
+        simd: S,
+        (points, phase): ([S::F; 2], [f32; 2]),
+        log_width: S::F,
+        wanted: u32,
+    ) -> [S::F; 3] {
+        let finest = (SIDE as f32 / self.size).log2();
+        let level = (log_width + finest).max(simd.set(0.0)).min(simd.set((LEVELS - 1) as f32));
+        let whole = level.floor();
+        let coarse = (whole + 1.0).min(simd.set((LEVELS - 1) as f32));
+        let mut share = points;
+        for k in 0..2 {
+            let tiles = points[k].mul_add(simd.set(1.0 / self.size), simd.set(phase[k]));
+            share[k] = tiles - tiles.floor();
+        }
+        // Written out: a closure in `map` would be compiled without the path's instructions.
+        let spots = [Spots::new(simd, share, whole), Spots::new(simd, share, coarse)];
+        let part = Kept::of(simd, level - whole);
+        let mut sums = [[0.0f32; 16]; 3];
+        let mut todo = wanted;
+        while todo != 0 {
+            let i = (todo.trailing_zeros() & 15) as usize;
+            todo &= todo - 1;
+            let (fine, coarse) = (spots[0].look(simd, i, &self.nodes), spots[1].look(simd, i, &self.nodes));
+            let mut sum = [0.0; 4];
+            ((coarse - fine) * part.0[i] + fine).store_slice(&mut sum);
             for k in 0..3 {
-                sum[k] += part * (coarse[k] - sum[k]);
+                sums[k][i] = sum[k];
             }
         }
-        let variance = 0.5 * (sum[2] - sum[0] * sum[0] - sum[1] * sum[1]).max(0.0);
-        Slope { mean: [sum[0], sum[1]], variance }
+        let [x, y, squares] = [simd.load(&sums[0]), simd.load(&sums[1]), simd.load(&sums[2])];
+        [x, y, ((squares - x * x - y * y) * 0.5).max(simd.set(0.0))]
+    }
+}
+
+/// A vector's lanes in memory.
+pub(super) struct Kept(pub [f32; 16]);
+
+impl Kept {
+    #[inline(always)]
+    pub fn of<S: Lanes>(_: S, vector: S::F) -> Self {
+        let mut kept = [0.0; 16];
+        vector.store_slice(&mut kept[..S::N]);
+        Self(kept)
+    }
+}
+
+/// Whole numbers at or above 0 and below 2^23, of a vector's lanes, in memory.
+pub(super) struct Whole(pub [u32; 16]);
+
+impl Whole {
+    #[inline(always)]
+    pub fn of<S: Lanes>(simd: S, vector: S::F) -> Self {
+        let mut kept = [0; 16];
+        let bits = (vector + TWO_23).to_bits() & S::U::splat(simd, 0x007f_ffff);
+        bits.store_slice(&mut kept[..S::N]);
+        Self(kept)
+    }
+}
+
+/// Adding it to a whole number below it leaves that in the low mantissa bits.
+const TWO_23: f32 = 8_388_608.0;
+
+/// `2^-level` of whole levels.
+#[inline(always)]
+pub(super) fn fineness<S: Lanes>(simd: S, level: S::F) -> S::F {
+    let level = (level + TWO_23).to_bits() & S::U::splat(simd, 0xff);
+    S::F::from_bits((S::U::splat(simd, 127) - level) << 23)
+}
+
+/// The nodes about points, one level each.
+struct Spots {
+    level: Whole,
+    column: Whole,
+    row: Whole,
+    right: Kept,
+    down: Kept,
+}
+
+impl Spots {
+    /// About points that lie at these shares of the tile.
+    #[inline(always)]
+    fn new<S: Lanes>(simd: S, share: [S::F; 2], level: S::F) -> Self {
+        let side = fineness(simd, level) * SIDE as f32;
+        let (mut node, mut part) = (share, share);
+        for k in 0..2 {
+            let at = share[k].mul_add(side, simd.set(-0.5));
+            let at = at.simd_lt(simd.set(0.0)).select(at + side, at);
+            node[k] = at.floor().min(side - 1.0);
+            part[k] = at - node[k];
+        }
+        Self {
+            level: Whole::of(simd, level),
+            column: Whole::of(simd, node[0]),
+            row: Whole::of(simd, node[1]),
+            right: Kept::of(simd, part[0]),
+            down: Kept::of(simd, part[1]),
+        }
     }
 
+    /// Between the nodes about point `i`.
     #[inline(always)]
-    fn bilinear(&self, level: usize, u: f32, v: f32) -> [f32; 4] {
-        let side = SIDE >> level;
-        let nodes = &self.levels[level];
-        let (u, v) = (u * side as f32 - 0.5 + side as f32, v * side as f32 - 0.5 + side as f32);
-        let (column, row) = (u as usize, v as usize);
-        let (fx, fy) = (u - column as f32, v - row as f32);
-        let [left, right] = [column & (side - 1), (column + 1) & (side - 1)];
-        let [top, bottom] = [row & (side - 1), (row + 1) & (side - 1)].map(|row| row * side);
-        let [a, b, c, d] = [top + left, top + right, bottom + left, bottom + right].map(|at| &nodes[at]);
-        std::array::from_fn(|k| {
-            let upper = a[k] + fx * (b[k] - a[k]);
-            let lower = c[k] + fx * (d[k] - c[k]);
-            upper + fy * (lower - upper)
-        })
+    fn look<S: Simd>(&self, simd: S, i: usize, nodes: &[[f32; 4]]) -> f32x4<S> {
+        let level = self.level.0[i] as usize % LEVELS;
+        let stride = (SIDE >> level) + 1;
+        let at = FIRST[level] + self.row.0[i] as usize * stride + self.column.0[i] as usize;
+        bilinear(simd, nodes, (at, stride), (self.right.0[i], self.down.0[i]))
     }
+}
+
+/// Between the node `at`, the next one, and those `stride` after both.
+#[inline(always)]
+pub(super) fn bilinear<S: Simd>(
+    simd: S,
+    nodes: &[[f32; 4]],
+    (at, stride): (usize, usize),
+    (right, down): (f32, f32),
+) -> f32x4<S> {
+    let above = across(simd, &nodes[at..at + 2], right);
+    let below = across(simd, &nodes[at + stride..at + stride + 2], right);
+    (below - above) * down + above
+}
+
+/// Between two nodes.
+#[inline(always)]
+fn across<S: Simd>(simd: S, nodes: &[[f32; 4]], right: f32) -> f32x4<S> {
+    let (a, b) = (f32x4::from_slice(simd, &nodes[0]), f32x4::from_slice(simd, &nodes[1]));
+    (b - a) * right + a
 }

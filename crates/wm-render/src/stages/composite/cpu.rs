@@ -207,14 +207,24 @@ fn copy(from: &[f32; PATCH_PIXELS], (left, top): (usize, usize), rows: &mut [&mu
 }
 
 /// As [`interleave`], for what is asked for seldom: a plain loop.
+#[inline(always)]
 fn interleave_many<const N: usize>(
     from: &[[f32; PATCH_PIXELS]; N],
     (left, top): (usize, usize),
     rows: &mut [&mut [f32]],
 ) {
     for (y, row) in rows.iter_mut().skip(top).take(PATCH).enumerate() {
-        for (x, pixel) in row[N * left..].as_chunks_mut::<N>().0.iter_mut().take(PATCH).enumerate() {
-            *pixel = from.each_ref().map(|channel| channel[y * PATCH + x]);
+        let mut line = [[0.0; N]; PATCH];
+        for (k, channel) in from.iter().enumerate() {
+            let values = &channel[y * PATCH..(y + 1) * PATCH];
+            line.iter_mut().zip(values).for_each(|(pixel, value)| pixel[k] = *value);
+        }
+        let (row, _) = row[N * left..].as_chunks_mut::<N>();
+        if let Some(whole) = row.first_chunk_mut::<PATCH>() {
+            *whole = line;
+        } else {
+            let count = row.len();
+            row.copy_from_slice(&line[..count]);
         }
     }
 }

@@ -32,8 +32,12 @@ pub struct PatchSums {
     pub median: [f32; PATCH_PIXELS],
     /// Reciprocal view z of the surface; less than that of everything where there is none.
     pub surface: [f32; PATCH_PIXELS],
-    /// The sums that the surface splits, as in [`crate::Frame::front`].
+    /// The sums that the surface splits, as in [`crate::Frame::front`]. While they are blended, those of blocks in `whole` are not filled.
     pub front: [[f32; PATCH_PIXELS]; FRONT],
+    /// A bit for each block that the surface crosses at some pixel.
+    crossed: u32,
+    /// A bit for each block in which all splats so far are before the surface: its front is all that is blended.
+    whole: u32,
 }
 
 /// View z of a surface at each pixel of a picture, and the picture's width and height, px.
@@ -44,13 +48,22 @@ impl PatchSums {
     pub fn set_surface(&mut self, lanes: usize, surface: Surface<'_>, (patch_x, patch_y): (usize, usize)) {
         let (depths, (width, height)) = surface;
         let block_height = lanes / 4;
-        for (i, to) in self.surface.iter_mut().enumerate() {
-            let (run, column) = (i / 4, i % 4);
+        self.crossed = 0;
+        for (run, to) in self.surface.as_chunks_mut::<4>().0.iter_mut().enumerate() {
             let (block, row) = (run / block_height, run % block_height);
-            let x = patch_x * PATCH + block % 4 * 4 + column;
+            let x = patch_x * PATCH + block % 4 * 4;
             let y = patch_y * PATCH + block / 4 * block_height + row;
-            let depth = if x < width && y < height { depths[y * width + x] } else { f32::NAN };
-            *to = if depth.is_nan() { f32::NEG_INFINITY } else { 1.0 / depth };
+            let mut own = [f32::NAN; 4];
+            if y < height && x < width {
+                let line = &depths[y * width + x..(y + 1) * width];
+                match line.first_chunk::<4>() {
+                    Some(whole) => own = *whole,
+                    None => own[..line.len()].copy_from_slice(line),
+                }
+            }
+            *to = own.map(|depth| if depth.is_nan() { f32::NEG_INFINITY } else { 1.0 / depth });
+            let is_crossed = own.iter().any(|depth| !depth.is_nan());
+            self.crossed |= u32::from(is_crossed) << block;
         }
     }
 }
@@ -65,6 +78,8 @@ impl Default for PatchSums {
             median: zero,
             surface: zero,
             front: [zero; FRONT],
+            crossed: 0,
+            whole: 0,
         }
     }
 }
@@ -109,13 +124,21 @@ pub(crate) struct Batch {
     pub corner: (f32, f32),
     /// The patches that each touches.
     pub touched: [u8; 256],
+    /// Slopes of the reciprocal view z of each, and its value at the tile's corner; filled where a surface splits the blend.
+    planes: [[f32; 3]; 256],
 }
 
 impl Default for Batch {
     fn default() -> Self {
         // Its depth is a number whose reciprocal is one.
         let never = Record { log2_opacity: crate::cpu::model::NEVER, depth: 1.0, ..Record::default() };
-        Self { records: [never; 256], origins: [(0.0, 0.0); 256], corner: (0.0, 0.0), touched: [0; 256] }
+        Self {
+            records: [never; 256],
+            origins: [(0.0, 0.0); 256],
+            corner: (0.0, 0.0),
+            touched: [0; 256],
+            planes: [[0.0; 3]; 256],
+        }
     }
 }
 
@@ -134,6 +157,16 @@ impl Batch {
         }
         self.touched[keys.len()..].fill(0);
         self.corner = (left, top);
+    }
+
+    /// Finds the planes of the first `len` splats, from which a surface may part them.
+    #[inline(always)]
+    fn find_planes(&mut self, len: usize) {
+        let (left, top) = self.corner;
+        for (s, plane) in self.records.iter().zip(&mut self.planes).take(len) {
+            let [slope_x, slope_y] = unpack_slopes(s.index);
+            *plane = [slope_x, slope_y, 1.0 / s.depth - slope_x * (s.x - left) - slope_y * (s.y - top)];
+        }
     }
 }
 
@@ -162,7 +195,8 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
             sums.median = [0.0; PATCH_PIXELS];
         }
         if SPLIT {
-            sums.front = [[0.0; PATCH_PIXELS]; FRONT];
+            sums.whole = u32::MAX >> (32 - blocks);
+            sums.front[3] = [0.0; PATCH_PIXELS];
         }
     }
     let lanes = cell_lanes(simd);
@@ -175,6 +209,9 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
     for batch in keys.chunks(BATCH) {
         scratch.batch.fill(records, batch, (left, top));
         let len = batch.len();
+        if SPLIT {
+            scratch.batch.find_planes(len);
+        }
         for patch in 0..PATCHES {
             if live[patch] == 0 {
                 continue;
@@ -200,8 +237,12 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
                     corner.1 + (block / 4) as f32 * block_height + 0.5,
                 );
                 let sums = &mut patches[patch];
-                let (alive, walked) =
-                    blend_block::<S, C, MEDIAN, SPLIT>(simd, batch, walk, corner, lanes, block, sums);
+                // Where there is no surface, the front is all that is blended.
+                let (alive, walked) = if SPLIT && sums.crossed >> block & 1 == 1 {
+                    blend_block::<S, C, MEDIAN, true>(simd, batch, walk, corner, lanes, block, sums)
+                } else {
+                    blend_block::<S, C, MEDIAN, false>(simd, batch, walk, corner, lanes, block, sums)
+                };
                 evaluated += (walked.min(count) * S::N) as u64;
                 if !alive {
                     live[patch] &= !(1 << block);
@@ -210,6 +251,20 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
         }
         if live == [0; PATCHES] {
             break;
+        }
+    }
+    if SPLIT {
+        for sums in &mut scratch.patches {
+            let mut whole = sums.whole;
+            while whole != 0 {
+                let block = whole.trailing_zeros() as usize;
+                whole &= whole - 1;
+                let own = block * S::N..(block + 1) * S::N;
+                for c in 0..3 {
+                    sums.front[c][own.clone()].copy_from_slice(&sums.features[c][own.clone()]);
+                }
+                sums.front[4][own.clone()].copy_from_slice(&sums.alpha[own]);
+            }
         }
     }
     evaluated
@@ -368,8 +423,9 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
     }
     let surface = if SPLIT { simd.load(&sums.surface[lanes.clone()]) } else { zero };
     let mut front = [zero; FRONT];
-    let (origin_x, origin_y) = batch.corner;
-    if SPLIT {
+    // All splats so far are before the surface: then the sums before it are all sums, and are not kept twice.
+    let mut is_whole = SPLIT && sums.whole >> block & 1 == 1;
+    if SPLIT && !is_whole {
         for c in 0..FRONT {
             front[c] = simd.load(&sums.front[c][lanes.clone()]);
         }
@@ -383,6 +439,27 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
             at[k] = usize::from(flight[k]);
         }
         let (_, alpha) = alphas::<S, true>(simd, batch, &at, (px, py));
+        let mut parting = Parting::Both;
+        let mut weights = [zero; FLIGHT];
+        let mut reciprocals = [zero; FLIGHT];
+        if SPLIT {
+            for k in 0..FLIGHT {
+                let [slope_x, slope_y, center] = batch.planes[at[k]];
+                reciprocals[k] =
+                    px.mul_add(simd.set(slope_x), py.mul_add(simd.set(slope_y), simd.set(center)));
+            }
+            let least = reciprocals[0].min(reciprocals[1]).min(reciprocals[2].min(reciprocals[3]));
+            let most = reciprocals[0].max(reciprocals[1]).max(reciprocals[2].max(reciprocals[3]));
+            parting = match () {
+                () if least.simd_gt(surface).all_true() => Parting::Before,
+                () if !most.simd_gt(surface).any_true() => Parting::Behind,
+                () => Parting::Both,
+            };
+            if is_whole && parting != Parting::Before {
+                is_whole = false;
+                front = [features[0], features[1], features[2], zero, alpha_sum];
+            }
+        }
         for k in 0..FLIGHT {
             // A pixel that has stopped carries transmittance 0, so one comparison does for both.
             let next = (-alpha[k]).mul_add(transmittance, transmittance);
@@ -399,22 +476,26 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
             for c in 0..C {
                 features[c] = weight.mul_add(simd.set(values[c]), features[c]);
             }
-            if SPLIT {
-                let [slope_x, slope_y] = unpack_slopes(s.index);
-                let center = 1.0 / s.depth - slope_x * (s.x - origin_x) - slope_y * (s.y - origin_y);
-                let reciprocal =
-                    px.mul_add(simd.set(slope_x), py.mul_add(simd.set(slope_y), simd.set(center)));
-                let before = reciprocal.simd_gt(surface);
-                let behind = before.select(zero, weight);
-                let weight = before.select(weight, zero);
-                for c in 0..3 {
-                    front[c] = weight.mul_add(simd.set(values[c]), front[c]);
-                }
-                front[3] = behind.mul_add(reciprocal.max(zero), front[3]);
-                front[4] += weight;
-            }
+            weights[k] = weight;
             if k == FLIGHT - 1 {
                 alive = open.any_true();
+            }
+        }
+        if SPLIT && !is_whole {
+            for k in 0..FLIGHT {
+                let before = reciprocals[k].simd_gt(surface);
+                if parting != Parting::Before {
+                    let behind = before.select(zero, weights[k]);
+                    front[3] = behind.mul_add(reciprocals[k].max(zero), front[3]);
+                }
+                if parting != Parting::Behind {
+                    let weight = before.select(weights[k], zero);
+                    let rgb = batch.records[at[k]].rgb;
+                    for c in 0..3 {
+                        front[c] = weight.mul_add(simd.set(rgb[c]), front[c]);
+                    }
+                    front[4] += weight;
+                }
             }
         }
         walked += FLIGHT;
@@ -431,10 +512,19 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
     for c in 0..C {
         features[c].store_slice(&mut sums.features[c][lanes.clone()]);
     }
-    if SPLIT {
+    if SPLIT && !is_whole {
+        sums.whole &= !(1 << block);
         for c in 0..FRONT {
             front[c].store_slice(&mut sums.front[c][lanes.clone()]);
         }
     }
     (alive, walked)
+}
+
+/// The side of the surface on which the splats of a flight are, in one block.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Parting {
+    Before,
+    Behind,
+    Both,
 }
