@@ -1,7 +1,8 @@
 //! The water on a place in the weather that is drawn.
 
-use crate::assets::AssetStore;
+use crate::assets::{AssetStore, SharedCover, lock};
 use std::sync::Arc;
+use wm_weather::cover::CoverRequest;
 use wm_weather::splash::{SplashGround, SplashTiles};
 use wm_weather::water::{WaterGrid, puddles};
 use wm_weather::wetness::{Catchments, WaterState, WetGains, WetRequest, WetShares, WetState, WetSurfaces};
@@ -13,8 +14,21 @@ pub(crate) struct PlaceWater {
     /// The surfaces that the rain of the last direction reaches.
     reached: Option<Reached>,
     state: Option<WetState>,
-    /// The surface of the water, with the request that it is of.
-    puddles: Option<(WetRequest, Arc<WaterGrid>)>,
+    /// The surface of the water, with what it is of.
+    puddles: Option<(PuddleKey, Arc<WaterGrid>)>,
+}
+
+/// All that the surface of the water depends on: the request, and what lies on it.
+type PuddleKey = (WetRequest, Vec<CoverRequest>);
+
+/// Snow or dust that lies on the ground.
+pub(crate) struct OnGround<'a> {
+    /// The covers, as they were asked for.
+    pub requests: &'a [CoverRequest],
+    /// The ground that they lie on.
+    pub cover: &'a SharedCover,
+    /// Their depths, as [`wm_weather::cover::LyingCover::settled`] lists them, m.
+    pub depths: &'a [Vec<f32>],
 }
 
 /// The surfaces that a rain reaches.
@@ -58,12 +72,26 @@ impl PlaceWater {
         Some(WetGains::new(&reached.surfaces, &reached.shares, state, asked.porosity))
     }
 
-    /// The surface of the water on the ground; `None` where nothing is wet, or snow lies on it.
-    pub fn puddles(&mut self, prepared: &PreparedWeather, site: &Site) -> Option<Arc<WaterGrid>> {
-        let asked = prepared.wetness().filter(|_| prepared.cover().is_empty())?;
-        if !self.puddles.as_ref().is_some_and(|(made, _)| made == asked) {
-            let grid = puddles(&self.state()?, asked.texture, site);
-            self.puddles = Some((asked.clone(), Arc::new(grid)));
+    /// The surface of the water on the ground, where nothing lies on it; `None` where nothing is wet.
+    pub fn puddles(
+        &mut self,
+        prepared: &PreparedWeather,
+        lying: Option<&OnGround<'_>>,
+        site: &Site,
+    ) -> Option<Arc<WaterGrid>> {
+        let asked = prepared.wetness()?;
+        let requests = lying.map_or(&[][..], |lying| lying.requests);
+        let is_known = |((wet, covers), _): &(PuddleKey, _)| wet == asked && covers == requests;
+        if !self.puddles.as_ref().is_some_and(is_known) {
+            let mut grid = puddles(&self.state()?, asked.texture, site);
+            if let (Some(lying), Some(reached)) = (lying, &self.reached) {
+                let (ground, cover) = (reached.surfaces.ground(), lock(lying.cover));
+                for (at, share) in grid.cover.iter_mut().enumerate().filter(|(_, share)| **share > 0.0) {
+                    let hidden = ground.middle(at).map_or(0.0, |point| cover.hides(lying.depths, point));
+                    *share *= 1.0 - hidden;
+                }
+            }
+            self.puddles = Some(((asked.clone(), requests.to_vec()), Arc::new(grid)));
         }
         self.puddles.as_ref().map(|(_, grid)| Arc::clone(grid))
     }

@@ -194,6 +194,12 @@ impl WeatherSample {
         self.effects.iter().map(|(effect, values, _)| (&EFFECTS[*effect], &values[..]))
     }
 
+    /// Returns true if an effect is on.
+    #[must_use]
+    pub fn is_on(&self, effect: &str) -> bool {
+        self.effects.iter().any(|(on, _, _)| EFFECTS[*on].name == effect)
+    }
+
     /// A parameter over time, if its effect is on.
     #[must_use]
     pub fn track(&self, effect: &str, param: &str) -> Option<&Track> {

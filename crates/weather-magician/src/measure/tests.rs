@@ -66,6 +66,8 @@ enum Fault {
     Darkening,
     /// It has rained a tenth longer.
     Rained,
+    /// Snow melts a tenth faster.
+    Melt,
     /// Water stands a tenth deeper than has come to it.
     Puddles,
     /// Water reflects a tenth more.
@@ -77,7 +79,7 @@ enum Fault {
 }
 
 /// Each fault, and which readings find it: the instrument and a part of the quantity.
-const FINDS: [(Fault, &[[&str; 2]]); 28] = [
+const FINDS: [(Fault, &[[&str; 2]]); 29] = [
     (Fault::None, &[]),
     // The same air, seen on boards and on the place.
     (
@@ -103,7 +105,9 @@ const FINDS: [(Fault, &[[&str; 2]]); 28] = [
     (Fault::Drift, &[["streaks", "drift"]]),
     (Fault::Depth, &[["stake", "in the open"], ["stake", "on the roof"]]),
     (Fault::Shelter, &[["stake", ""]]),
-    (Fault::Fallen, &[["budget", "water"]]),
+    // What melts before the start melts while it falls.
+    (Fault::Fallen, &[["budget", "water"], ["water-budget", "melt water"]]),
+    (Fault::Melt, &[["water-budget", "melt water"]]),
     (Fault::Jitter, &[["consistency", ""]]),
     (Fault::Upright, &[["lux", "upright board under clouds"], ["lux", "beam on upright board"]]),
     (
@@ -142,7 +146,10 @@ fn weathers(instrument: &str) -> Vec<Weather> {
         "budget" => &[&["snowfall.rate=3", "snow_cover.depth=auto", "snow_cover.hours=30"]],
         "stake" => &[&["snow_cover.depth=0.1"]],
         "wet-card" => &[&["wetness.amount=1"]],
-        "water-budget" => &[&["rain.rate=25", "wetness.rained_before=10"]],
+        "water-budget" => &[
+            &["rain.rate=25", "wetness.rained_before=10"],
+            &["snowfall.rate=2", "snow_cover.depth=auto", "snow_cover.hours=12", "snow_cover.temperature=5", "wetness.rained_before=0"],
+        ],
         "lux" => &[
             &["light.model=clear", "light.clouds=1"],
             &["light.model=clear", "light.sun_elevation=40", "light.sun_azimuth=200"],
@@ -221,6 +228,7 @@ impl Fault {
             Self::Shutter => scale("lightning", "exposure", 0.1),
             Self::Darkening => scale("wetness", "porosity", 1.0 / 1.1),
             Self::Rained => scale("wetness", "rained_before", 1.1),
+            Self::Melt => scale("snow_cover", "temperature", 1.1),
             Self::Level if shot.camera.width == 480 => scale("flood", "level", 1.1),
             Self::Clearness if shot.camera.width == 48 => scale("flood", "secchi", 1.1),
             // Not of what is drawn, but of its light.
@@ -298,7 +306,7 @@ impl Fault {
             // Shadows that are seen from elsewhere are shadows.
             Self::Jitter => instrument != "shadows",
             // What only states show.
-            Self::Rained | Self::Puddles => instrument == "water-budget",
+            Self::Rained | Self::Melt | Self::Puddles => instrument == "water-budget",
             _ => true,
         }
     }

@@ -74,7 +74,7 @@ impl WetState {
             let water =
                 |areas: &[f64; SHARES]| areas.iter().zip(&runs).map(|(area, runs)| 1e-3 * area * runs).sum();
             came.iter_mut().zip(&catchments.areas).for_each(|(came, areas)| *came = water(areas));
-            let [left, dried] = basins.pass(&mut volumes, &came, 1e-3 * step.dries);
+            let [left, dried] = basins.pass(&mut volumes, &came, 1e-3 * step.dries * step.snow.open);
             let away: f64 = water(&catchments.leaves);
             budget.left += left + away;
             budget.dried += dried;
