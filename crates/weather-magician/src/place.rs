@@ -813,7 +813,7 @@ impl PreparedPlace {
         let light = self.light.gains(&prepared).map(|gains| gains.in_frame(moving.as_ref()));
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
         let puddles = find_puddles((&mut self.water, &mut self.store), self.lying.as_ref(), &prepared, &self.site);
-        let wet = self.water.gains(&prepared);
+        let wet = self.water.gains(&prepared, Some(&options.camera.camera));
         let splashes = self.water.splash_ground(&prepared, &self.site);
         let scene = SceneAttributes {
             buried: self.lying.as_ref().map(|lying| &lying.buried),
@@ -969,7 +969,7 @@ impl PreparedPlace {
         self.relight(&prepared, backend.threads());
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
         let relit = self.light.gains(&prepared).map(|gains| gains.applied(&self.scene.splats));
-        let Some(wet) = self.water.gains(&prepared) else { return Ok(relit) };
+        let Some(wet) = self.water.gains(&prepared, None) else { return Ok(relit) };
         let mut splats = relit.unwrap_or_else(|| self.scene.splats.clone());
         wet.apply(&mut splats);
         Ok(Some(splats))

@@ -2,10 +2,11 @@
 
 use crate::assets::{AssetStore, SharedCover, lock};
 use std::sync::Arc;
+use wm_scene::Camera;
 use wm_weather::cover::CoverRequest;
 use wm_weather::splash::{SplashGround, SplashTiles};
 use wm_weather::water::{WaterGrid, puddles};
-use wm_weather::wetness::{Catchments, WaterState, WetGains, WetRequest, WetShares, WetState, WetSurfaces};
+use wm_weather::wetness::{Catchments, RunOff, WaterState, WetGains, WetRequest, WetShares, WetState, WetSurfaces};
 use wm_weather::{PreparedWeather, Site};
 
 /// The water of the last frame, for the next.
@@ -36,6 +37,7 @@ struct Reached {
     surfaces: Arc<WetSurfaces>,
     shares: WetShares,
     catchments: Catchments,
+    run_off: RunOff,
     tiles: SplashTiles,
     /// The shelter of the rain's own direction is known.
     is_exact: bool,
@@ -58,18 +60,23 @@ impl PlaceWater {
         if !self.reached.as_ref().is_some_and(is_known) {
             let shares = WetShares::of(&surfaces, &asked.rain, shelter.as_deref(), site, threads);
             let catchments = Catchments::of(&surfaces, &shares);
+            let run_off = RunOff::of(&surfaces, &shares);
             let tiles = SplashTiles::of(&surfaces, site);
-            self.reached = Some(Reached { surfaces, shares, catchments, tiles, is_exact });
+            self.reached = Some(Reached { surfaces, shares, catchments, run_off, tiles, is_exact });
             self.puddles = None;
         }
         self.state =
             self.reached.as_ref().map(|reached| WetState::of(asked, &reached.surfaces, &reached.catchments));
     }
 
-    /// The factors on the light of the scene's splats; `None` where nothing is wet.
-    pub fn gains(&self, prepared: &PreparedWeather) -> Option<WetGains<'_>> {
+    /// The factors on the light of the scene's splats as a camera sees them, or without what depends on that; `None` where nothing is wet.
+    pub fn gains(&self, prepared: &PreparedWeather, camera: Option<&Camera>) -> Option<WetGains<'_>> {
         let (reached, state, asked) = (self.reached.as_ref()?, self.state.as_ref()?, prepared.wetness()?);
-        Some(WetGains::new(&reached.surfaces, &reached.shares, state, asked.porosity))
+        let gains = WetGains::new(&reached.surfaces, &reached.shares, state, asked.porosity);
+        Some(match camera {
+            Some(camera) => gains.with_sheen(prepared.sheen(camera), state, asked.texture),
+            None => gains,
+        })
     }
 
     /// The surface of the water on the ground, where nothing lies on it; `None` where nothing is wet.
@@ -108,6 +115,6 @@ impl PlaceWater {
     /// The water on the ground; `None` where nothing is wet.
     pub fn state(&self) -> Option<WaterState> {
         let (reached, state) = (self.reached.as_ref()?, self.state.as_ref()?);
-        Some(WaterState::of(&reached.surfaces, &reached.shares, state))
+        Some(WaterState::of(&reached.surfaces, &reached.shares, &reached.run_off, state))
     }
 }

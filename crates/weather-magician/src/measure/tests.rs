@@ -70,6 +70,8 @@ enum Fault {
     Melt,
     /// Water stands a tenth deeper than has come to it.
     Puddles,
+    /// Films are a tenth rougher.
+    Rough,
     /// Water reflects a tenth more.
     Reflectance,
     /// The water stands a tenth higher.
@@ -79,7 +81,7 @@ enum Fault {
 }
 
 /// Each fault, and which readings find it: the instrument and a part of the quantity.
-const FINDS: [(Fault, &[[&str; 2]]); 29] = [
+const FINDS: [(Fault, &[[&str; 2]]); 30] = [
     (Fault::None, &[]),
     // The same air, seen on boards and on the place.
     (
@@ -92,10 +94,11 @@ const FINDS: [(Fault, &[[&str; 2]]); 29] = [
             ["halo", "light"],
         ],
     ),
-    (Fault::Rate, &[["gauge", "rate"], ["water-budget", "rain on the ground"]]),
+    // A tenth more rain brings a tenth more energy, which is the square of slopes.
+    (Fault::Rate, &[["gauge", "rate"], ["water-budget", "rain on the ground"], ["ripples", "slopes"]]),
     // What falls faster fills a gauge faster.
-    (Fault::Speed, &[["gauge", "rate"], ["gauge", "fall speed"], ["streaks", "fall"]]),
-    (Fault::Pace, &[["gauge", "rate"], ["gauge", "fall speed"], ["streaks", "length"], ["streaks", "drift"]]),
+    (Fault::Speed, &[["gauge", "rate"], ["gauge", "fall speed"], ["streaks", "fall"], ["ripples", "frequency"]]),
+    (Fault::Pace, &[["gauge", "rate"], ["gauge", "fall speed"], ["streaks", "length"], ["streaks", "drift"], ["ripples", "frequency"]]),
     // Wider drops are more water, and are too slow for their size.
     (
         Fault::Diameter,
@@ -131,6 +134,7 @@ const FINDS: [(Fault, &[[&str; 2]]); 29] = [
     (Fault::Darkening, &[["wet-card", "full pores"], ["wet-card", "under a film"]]),
     (Fault::Rained, &[["water-budget", "rain on the ground"]]),
     (Fault::Puddles, &[["water-budget", "water in and out"]]),
+    (Fault::Rough, &[["lamp-streak", "length"], ["lamp-streak", "width"]]),
     (Fault::Reflectance, &[["fresnel", "reflectance"]]),
     // At another level the board is met at other elevations, and the disc is deeper.
     (Fault::Level, &[["mirror", "images"]]),
@@ -159,6 +163,8 @@ fn weathers(instrument: &str) -> Vec<Weather> {
         "allard" | "halo" => &[&["fog.mor=120"]],
         "fresnel" | "mirror" => &[&["flood.level=0.5"]],
         "secchi" => &[&["flood.level=0.5", "flood.secchi=0.3"]],
+        "ripples" => &[&["flood.level=1", "rain.rate=10"]],
+        "lamp-streak" => &[&["wetness.amount=1"]],
         "flash" => &[&["lightning.rate=40", "lightning.distance=1500"]],
         _ => &[&["fog.mor=150", "snow_cover.depth=0.1"]],
     };
@@ -230,6 +236,12 @@ impl Fault {
             Self::Rained => scale("wetness", "rained_before", 1.1),
             Self::Melt => scale("snow_cover", "temperature", 1.1),
             Self::Level if shot.camera.width == 480 => scale("flood", "level", 1.1),
+            Self::Rough if shot.camera.width == 640 => {
+                // Less of a film by the logarithm of 1.1.
+                if let Some(amount) = expected::number(&shot.weather, shot.time, "wetness", "amount") {
+                    drawn.weather.set_text(&format!("wetness.amount={}", amount - 0.0477)).unwrap();
+                }
+            }
             Self::Clearness if shot.camera.width == 48 => scale("flood", "secchi", 1.1),
             // Not of what is drawn, but of its light.
             Self::Upright
@@ -240,6 +252,7 @@ impl Fault {
             | Self::Far
             | Self::Flash
             | Self::Puddles
+            | Self::Rough
             | Self::Reflectance
             | Self::Level
             | Self::Clearness => {}

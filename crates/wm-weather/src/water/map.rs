@@ -1,5 +1,6 @@
 //! A map of the water of a place: heights of its surface.
 
+use super::rills::Rills;
 use crate::dome::{level_axes, to_level};
 use crate::optics::Site;
 use std::sync::Arc;
@@ -23,6 +24,8 @@ pub struct WaterGrid {
     pub cover: Vec<f32>,
     /// Slopes of the surface that do not move, such as those of a film on rough ground, rms along one axis.
     pub roughness: Vec<f32>,
+    /// Streams on slopes.
+    pub rills: Option<Rills>,
 }
 
 /// The water of a place: on level nodes, and beyond them everywhere at one level.
@@ -67,6 +70,12 @@ impl WaterMap {
     #[must_use]
     pub fn with_grid(self, grid: Option<Arc<WaterGrid>>) -> Self {
         Self { grid, ..self }
+    }
+
+    /// Puddles and films, if there are any.
+    #[must_use]
+    pub fn grid(&self) -> Option<&Arc<WaterGrid>> {
+        self.grid.as_ref()
     }
 
     /// Height of the endless level surface, if there is one.

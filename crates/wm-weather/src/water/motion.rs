@@ -1,8 +1,10 @@
 //! The moving surface at one instant.
 
+use super::map::WaterGrid;
 use super::ripples;
 use super::tile::{Slope, SlopeTile};
 use super::waves::WindWaves;
+use std::sync::Arc;
 
 /// Slopes that still water has, variance along one axis: it is never perfectly still.
 const STILL: f32 = 1.6e-5;
@@ -13,6 +15,8 @@ pub struct WaterMotion {
     tiles: Vec<SlopeTile>,
     /// Variance of slopes along one axis that no tile holds.
     beyond: f32,
+    /// The water whose streams run, and the time, s.
+    running: Option<(Arc<WaterGrid>, f64)>,
 }
 
 /// Wind and rain that move the water.
@@ -38,7 +42,7 @@ impl WaterMotion {
     /// The motion of water under these forces.
     #[must_use]
     pub fn new(forces: &WaterForces) -> Self {
-        let mut motion = Self { tiles: Vec::new(), beyond: STILL };
+        let mut motion = Self { tiles: Vec::new(), beyond: STILL, running: None };
         if let Some(waves) = WindWaves::new(forces.wind, forces.fetch, forces.strongest) {
             motion.tiles.push(waves.slopes(forces.time, forces.seed ^ 0x5741_5645));
             motion.beyond += waves.beyond_tile();
@@ -50,6 +54,13 @@ impl WaterMotion {
         motion
     }
 
+    /// The same with the streams of a water at a time, s.
+    #[must_use]
+    pub fn with_rills(self, grid: Option<&Arc<WaterGrid>>, time: f64) -> Self {
+        let running = grid.filter(|grid| grid.rills.is_some()).map(|grid| (Arc::clone(grid), time));
+        Self { running, ..self }
+    }
+
     /// The slope of a piece of the surface `width` metres wide about a point, metres along the two level axes.
     #[inline(always)]
     #[must_use]
@@ -59,6 +70,12 @@ impl WaterMotion {
             let own = tile.at(x, y, width);
             sum.mean = [sum.mean[0] + own.mean[0], sum.mean[1] + own.mean[1]];
             sum.variance += own.variance;
+        }
+        if let Some((grid, time)) = &self.running
+            && let Some(rills) = &grid.rills
+        {
+            let nodes = (grid.origin, grid.step, [grid.width, grid.height]);
+            rills.add(nodes, [x, y], width, *time, &mut sum);
         }
         sum
     }

@@ -141,6 +141,7 @@ fn a_puddle_has_soft_edges_and_its_own_level() {
         level: nodes.clone().map(|i| if inside(i) > 0.0 { 0.02 } else { f32::NAN }).collect(),
         cover: nodes.clone().map(|i| inside(i).clamp(0.0, 1.0) as f32).collect(),
         roughness: vec![0.0; width * height],
+        rills: None,
     };
     let map = WaterMap::of_grid(Some(Arc::new(grid)), &SITE);
     let surface = WaterSurface::of(&map, &camera([0.0, 0.0, 1.6], [5.0, 0.0, 0.0])).unwrap();
@@ -160,6 +161,7 @@ fn wet_ground_is_met_on_its_slope() {
     let ground: Vec<f32> = (0..width * height).map(|i| (0.03 * along(i)) as f32).collect();
     let stands = |i: usize| (9.0..10.0).contains(&along(i));
     let state = WaterState {
+        running: vec![0.0; 300 * 80],
         // The second axis points to the right.
         origin: [0.0, 4.0, 0.0],
         axes: crate::dome::level_axes(SITE.up),

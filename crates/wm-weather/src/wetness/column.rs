@@ -254,6 +254,14 @@ impl WetColumns {
         }
     }
 
+    /// Water that runs off of that ground, mm/h.
+    #[must_use]
+    pub fn runs_off(&self, kind: Drainage, share: f64) -> f64 {
+        let [length, slope] = kind.fall();
+        let factor = store_factor(self.texture, length, slope);
+        (self.column(kind, share).store.max(0.0) / factor).powf(1.0 / RAIN)
+    }
+
     /// The wetness of that ground.
     #[must_use]
     pub fn wet(&self, kind: Drainage, share: f64) -> Wet {

@@ -9,7 +9,8 @@
 //!
 //! # How it looks
 //! The light of each splat is multiplied by a factor a channel ([`optics`]): in the slot of the light, so that both compose. What a splat is wetted by is found once a
-//! direction of the rain; a frame looks up two numbers a splat.
+//! direction of the rain; a frame looks up two numbers a splat. Steep surfaces mirror the sky's light too ([`SkySheen`]): as a part of the same factor, since
+//! what depends on the direction is gone from a wet splat, so that its light is known.
 //!
 //! [`WaterState`] is the same water as a grid, to be drawn as a surface.
 
@@ -19,12 +20,16 @@ pub mod drying;
 mod ground_map;
 pub mod optics;
 mod relief;
+mod run_off;
+mod sheen;
 mod state;
 pub mod surfaces;
 pub mod timeline;
 
 pub use column::{Drainage, SnowStep, Wet, WetColumns, WetStep};
 pub use ground_map::GroundMap;
+pub use run_off::RunOff;
+pub use sheen::SkySheen;
 pub use state::{Catchments, WaterBudget, WaterState, WetState};
 pub use surfaces::{WetGains, WetShares, WetSurfaces};
 
