@@ -26,10 +26,10 @@ use wm_scene::survey::{Aligned, Alignment, CapturedSky, FactSource, Survey, alig
 use wm_scene::{Camera, Lamp, LitWindow, LookAt, Metadata, Scene, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::FusedSurfaces;
-use wm_weather::water::WaterGrid;
 use wm_weather::light::{CaptureLight, FrameGains, KnownSun, LampLights, LampShadows, LampsOn, SunShadows};
 use wm_weather::paper::{PaperCover, PaperStages};
 use wm_weather::shelter::Shelter;
+use wm_weather::water::WaterGrid;
 use wm_weather::wetness::{WaterState, WetGains, WetSurfaces};
 use wm_weather::{
     Daylight, EarthPlace, LampLevels, LampSource, PreparedWeather, Site, SiteLight, Weather, light_fault,
@@ -812,7 +812,8 @@ impl PreparedPlace {
         let moving = prepared.moving_light(&options.camera.camera);
         let light = self.light.gains(&prepared).map(|gains| gains.in_frame(moving.as_ref()));
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
-        let puddles = find_puddles((&mut self.water, &mut self.store), self.lying.as_ref(), &prepared, &self.site);
+        let puddles =
+            find_puddles((&mut self.water, &mut self.store), self.lying.as_ref(), &prepared, &self.site);
         let wet = self.water.gains(&prepared, Some(&options.camera.camera));
         let splashes = self.water.splash_ground(&prepared, &self.site);
         let scene = SceneAttributes {

@@ -6,7 +6,9 @@ use wm_scene::Camera;
 use wm_weather::cover::CoverRequest;
 use wm_weather::splash::{SplashGround, SplashTiles};
 use wm_weather::water::{WaterGrid, puddles};
-use wm_weather::wetness::{Catchments, RunOff, WaterState, WetGains, WetRequest, WetShares, WetState, WetSurfaces};
+use wm_weather::wetness::{
+    Catchments, RunOff, WaterState, WetGains, WetRequest, WetShares, WetState, WetSurfaces,
+};
 use wm_weather::{PreparedWeather, Site};
 
 /// The water of the last frame, for the next.

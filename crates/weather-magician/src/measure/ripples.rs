@@ -5,7 +5,7 @@
 //! whatever its reflectance. The water's normal lies halfway between that direction and the view's. Pictures of still water say how bright the boards are where.
 //!
 //! The slopes must be those at which waves lose by viscosity what drops bring: 1 % of the energy of the drops that fall, an integral over Marshall and Palmer's
-//! spectrum at Gunn and Kinzer's speeds, in waves of 200 rad/m. Their frequency, by what is left of the pattern of slopes a quarter of a period later, must be
+//! spectrum at Gunn and Kinzer's speeds, in waves of 200 rad/m. Their frequency, by what is left of waves of that length a quarter of a period later, must be
 //! that of the dispersion law of waves with gravity and surface tension.
 //!
 //! Tolerance 4 %: waves of some square metres at a few instants differ by 1 to 2 % from their mean.
@@ -65,6 +65,10 @@ const WATER: f64 = 1000.0;
 /// Largest drops of the integral, mm, and its steps.
 const LARGEST: f64 = 8.0;
 const STEPS: usize = 800;
+
+/// Directions of the waves whose frequency is measured, and their wave numbers, of [`WAVE`].
+const WAYS: usize = 24;
+const LENGTHS: [f64; 3] = [0.95, 1.0, 1.05];
 
 /// Rain, mm/h.
 fn rate(weather: &Weather, time: f64) -> f64 {
@@ -141,6 +145,44 @@ impl Patch {
     }
 }
 
+/// Waves about [`WAVE`] that slopes are made of.
+struct Waves {
+    /// Wave vectors, rad/m.
+    vectors: Vec<[f64; 2]>,
+    /// The points of the water that the pixels show, m, each with a weight that falls to 0 at the edges.
+    places: Vec<[f64; 3]>,
+}
+
+impl Waves {
+    fn of(patch: &Patch) -> Self {
+        let vectors = (0..WAYS * LENGTHS.len()).map(|k| {
+            let (way, length) = (k / LENGTHS.len(), LENGTHS[k % LENGTHS.len()]);
+            let (sin, cos) = (std::f64::consts::PI * way as f64 / WAYS as f64).sin_cos();
+            [cos, sin].map(|v| v * length * WAVE)
+        });
+        let place = |(_, way): &((usize, usize), DVec3)| {
+            let [x, y] = [way.x, way.y].map(|v| v * EYE / -way.z);
+            let weight = |v: f64| (0.5 * std::f64::consts::PI * v / PATCH).cos().max(0.0).powi(2);
+            [x, y, weight(x) * weight(y)]
+        };
+        Self { vectors: vectors.collect(), places: patch.pixels.iter().map(place).collect() }
+    }
+
+    /// The complex strength of each wave in some slopes.
+    fn strengths(&self, slopes: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let strength = |[kx, ky]: &[f64; 2]| {
+            let mut sum = [0.0; 2];
+            for ([x, y, weight], [a, b]) in self.places.iter().zip(slopes) {
+                let (sin, cos) = (kx * x + ky * y).sin_cos();
+                let slope = weight * (kx * a + ky * b);
+                sum = [sum[0] + slope * cos, sum[1] - slope * sin];
+            }
+            sum
+        };
+        self.vectors.iter().map(strength).collect()
+    }
+}
+
 /// The point of the boards that still water shows along a ray, along a level axis, m.
 fn shown_by_still(way: DVec3, axis: usize) -> f64 {
     way[axis] / -way.z * (EYE + BOARD)
@@ -182,7 +224,8 @@ fn slopes(boards: &Boards, patch: &Patch, calibrations: &[Calibration; 2]) -> Ve
         let light = boards.pattern(*x, *y);
         let there = [0, 1].map(|k| calibrations[k].place(light[k]));
         let water = *way * (EYE / -way.z);
-        let mirrored = (DVec3::new(there[0], there[1], BOARD) - DVec3::new(water.x, water.y, 0.0)).normalize();
+        let mirrored =
+            (DVec3::new(there[0], there[1], BOARD) - DVec3::new(water.x, water.y, 0.0)).normalize();
         let normal = mirrored - *way;
         [-normal.x / normal.z, -normal.y / normal.z]
     };
@@ -213,21 +256,25 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let patch = Patch::of(&level, &camera);
     let quarter = 0.5 * std::f64::consts::PI / frequency();
     let (mut squares, mut count) = (0.0, 0.0);
-    // Products of slopes with themselves and with those a quarter of a period later.
+    // Products of waves with themselves and with those a quarter of a period later.
     let mut products = [0.0; 3];
+    let waves = Waves::of(&patch);
     let mut finding = Finding::default();
     let mut curve = Vec::new();
     for instant in 0..INSTANTS {
         let time = request.time + APART * f64::from(instant);
         let first = look(&weather, time)?;
-        let [now, later] = [slopes(&first, &patch, &calibrations), slopes(&look(&weather, time + quarter)?, &patch, &calibrations)];
-        for (a, b) in now.iter().zip(&later) {
-            for k in 0..2 {
-                let all = [a[k] * a[k], b[k] * b[k], a[k] * b[k]];
-                products.iter_mut().zip(all).for_each(|(sum, value)| *sum += value);
-                squares += 0.5 * (all[0] + all[1]);
-            }
-            count += 1.0;
+        let [now, later] = [
+            slopes(&first, &patch, &calibrations),
+            slopes(&look(&weather, time + quarter)?, &patch, &calibrations),
+        ];
+        for slopes in [&now, &later] {
+            squares += slopes.iter().map(|[x, y]| x * x + y * y).sum::<f64>();
+            count += slopes.len() as f64;
+        }
+        for ([a, b], [c, d]) in waves.strengths(&now).into_iter().zip(waves.strengths(&later)) {
+            let all = [a * a + b * b, c * c + d * d, a * c + b * d];
+            products.iter_mut().zip(all).for_each(|(sum, value)| *sum += value);
         }
         if instant == 0 {
             let middle = patch.columns * (patch.columns / 2);

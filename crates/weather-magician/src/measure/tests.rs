@@ -97,8 +97,20 @@ const FINDS: [(Fault, &[[&str; 2]]); 30] = [
     // A tenth more rain brings a tenth more energy, which is the square of slopes.
     (Fault::Rate, &[["gauge", "rate"], ["water-budget", "rain on the ground"], ["ripples", "slopes"]]),
     // What falls faster fills a gauge faster.
-    (Fault::Speed, &[["gauge", "rate"], ["gauge", "fall speed"], ["streaks", "fall"], ["ripples", "frequency"]]),
-    (Fault::Pace, &[["gauge", "rate"], ["gauge", "fall speed"], ["streaks", "length"], ["streaks", "drift"], ["ripples", "frequency"]]),
+    (
+        Fault::Speed,
+        &[["gauge", "rate"], ["gauge", "fall speed"], ["streaks", "fall"], ["ripples", "frequency"]],
+    ),
+    (
+        Fault::Pace,
+        &[
+            ["gauge", "rate"],
+            ["gauge", "fall speed"],
+            ["streaks", "length"],
+            ["streaks", "drift"],
+            ["ripples", "frequency"],
+        ],
+    ),
     // Wider drops are more water, and are too slow for their size.
     (
         Fault::Diameter,
@@ -152,7 +164,13 @@ fn weathers(instrument: &str) -> Vec<Weather> {
         "wet-card" => &[&["wetness.amount=1"]],
         "water-budget" => &[
             &["rain.rate=25", "wetness.rained_before=10"],
-            &["snowfall.rate=2", "snow_cover.depth=auto", "snow_cover.hours=12", "snow_cover.temperature=5", "wetness.rained_before=0"],
+            &[
+                "snowfall.rate=2",
+                "snow_cover.depth=auto",
+                "snow_cover.hours=12",
+                "snow_cover.temperature=5",
+                "wetness.rained_before=0",
+            ],
         ],
         "lux" => &[
             &["light.model=clear", "light.clouds=1"],

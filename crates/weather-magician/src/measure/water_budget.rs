@@ -29,7 +29,13 @@ pub const INSTRUMENT: Instrument = Instrument {
         &["rain.rate=25", "wetness.rained_before=10"],
         &["rain.rate=60", "wetness.rained_before=10"],
         &["wetness.rate_before=20", "wetness.rained_before=20", "wetness.stopped=15"],
-        &["snowfall.rate=2", "snow_cover.depth=auto", "snow_cover.hours=12", "snow_cover.temperature=5", "wetness.rained_before=0"],
+        &[
+            "snowfall.rate=2",
+            "snow_cover.depth=auto",
+            "snow_cover.hours=12",
+            "snow_cover.temperature=5",
+            "wetness.rained_before=0",
+        ],
     ],
 };
 

@@ -107,9 +107,8 @@ impl MeltSample {
         }
         let shaded = f64::from(SHADED);
         let (above, part) = place_of(((shaded + (1.0 - shaded) * share) / share) as f32);
-        let mix = |values: &[f64; COUNT]| {
-            values[above - 1] + (values[above] - values[above - 1]) * f64::from(part)
-        };
+        let mix =
+            |values: &[f64; COUNT]| values[above - 1] + (values[above] - values[above - 1]) * f64::from(part);
         [share * mix(&self.melted), mix(&self.bare)]
     }
 

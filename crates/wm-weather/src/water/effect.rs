@@ -46,6 +46,9 @@ const TALL: f32 = 5.0;
 const HIDING: f32 = 0.7;
 /// Share of the light behind the surface that may be missing where the water's own light is left out.
 const THIN: f32 = 1.0 / 256.0;
+/// Width of a look, px, over the standard deviation of the lobe across the view that it must have: a piece of a mirrored picture is a box and what is
+/// mixed between its pixels.
+const WIDE: f32 = 2.7;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
 const FAR: f32 = 1e5;
 
@@ -408,11 +411,11 @@ impl<'a> Scene<'a> {
         };
         let start = reflect(toward, tilted(0.0));
         let far = self.reach(from_mirror, start.0, if free > 0.0 { 2 } else { 1 });
-        // A lobe as it is seen in the mirrored picture: two slopes tall, and as much narrower as the view is flat. Of what stands
-        // at the water it is a point.
+        // A lobe as it is seen in the mirrored picture: two slopes tall, and as much narrower as a facet is met at less of an angle. Of
+        // what stands at the water it is a point.
         let share = far / (far + distance);
         let tall = 2.0 * rough * self.focal[1] * share;
-        let wide = tall * sine;
+        let wide = WIDE * tall;
         let Looks(looks, apart) = match tall {
             tall if tall < SHARP => ONE,
             tall if tall < TALL => FEW,
@@ -420,13 +423,14 @@ impl<'a> Scene<'a> {
             _ => MANY,
         };
         let is_sharp = looks.len() == 1;
-        let width = if is_sharp { 1.0 } else { (1.5 * wide).max(apart * tall) };
         let (mut sum, mut seen, mut light) = (0.0, 0.0, [0.0; 3]);
         for (sigma, weight) in looks {
             let (way, cosine) = if is_sharp { start } else { reflect(toward, tilted(sigma * rough)) };
             // Slopes that look away from the eye are not seen.
             let weight = weight * cosine.max(0.02 * sine);
             let part = weight * fresnel(cosine.max(0.0));
+            // Facets that are met at less of an angle throw light farther aside.
+            let width = if is_sharp { 1.0 } else { (wide * cosine.max(0.0)).max(apart * tall) };
             let point: [f32; 3] = std::array::from_fn(|k| from_mirror[k] + far * way[k]);
             let (u, v, _) = self.project(point);
             let pixel = self.mirrored.at(u, v, width);

@@ -48,7 +48,14 @@ impl Rills {
 
     /// Adds the slopes of the waves at a place, m along the level axes, of a piece `width` m wide, at a time, s.
     #[inline]
-    pub(super) fn add(&self, (origin, step, [columns, rows]): Nodes, [x, y]: [f64; 2], width: f32, time: f64, sum: &mut Slope) {
+    pub(super) fn add(
+        &self,
+        (origin, step, [columns, rows]): Nodes,
+        [x, y]: [f64; 2],
+        width: f32,
+        time: f64,
+        sum: &mut Slope,
+    ) {
         let (u, v) = ((x - origin[0]) / step, (y - origin[1]) / step);
         if !(u >= 0.0 && v >= 0.0 && u < (columns - 1) as f64 && v < (rows - 1) as f64) {
             return;
@@ -67,7 +74,8 @@ impl Rills {
         }
         let [a, b, c, d] = corners.map(|at| self.ground[at]);
         let height = f64::from(mix([a, b, c, d]));
-        let uphill = [b - a + down * (d - c - b + a), c - a + right * (d - b - c + a)].map(|rise| f64::from(rise) / step);
+        let uphill = [b - a + down * (d - c - b + a), c - a + right * (d - b - c + a)]
+            .map(|rise| f64::from(rise) / step);
         let steep = uphill[0].hypot(uphill[1]);
         if !(height.is_finite() && steep > 1e-4) {
             return;

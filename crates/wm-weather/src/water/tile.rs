@@ -24,6 +24,25 @@ pub struct SlopeTile {
     levels: Vec<Vec<[f32; 4]>>,
 }
 
+/// The factor on the slopes of nodes that gives the slopes mixed of them the variance of the nodes, from how alike nodes beside each other are. At most that of
+/// waves of three nodes.
+fn mixing_gain(nodes: &[[f32; 4]]) -> f32 {
+    const MOST: f64 = 1.5;
+    let product = |right: usize, down: usize| -> f64 {
+        let other = |at: usize| (at / SIDE + down) % SIDE * SIDE + (at % SIDE + right) % SIDE;
+        let dot = |at: usize| {
+            let [a, b] = [nodes[at], nodes[other(at)]];
+            f64::from(a[0] * b[0] + a[1] * b[1])
+        };
+        (0..nodes.len()).map(dot).sum()
+    };
+    let own = product(0, 0);
+    // The mean over a cell of the squares of what is mixed between its corners.
+    let diagonals = 0.5 * (product(1, 1) + product(SIDE - 1, 1));
+    let mixed = 4.0 / 9.0 * own + 2.0 / 9.0 * (product(1, 0) + product(0, 1)) + diagonals / 9.0;
+    if own > 0.0 { (own / mixed.max(1e-9 * own)).sqrt().min(MOST) as f32 } else { 1.0 }
+}
+
 impl SlopeTile {
     /// A tile of `size` metres with these slopes, `[SIDE, SIDE]`.
     #[must_use]
@@ -40,6 +59,11 @@ impl SlopeTile {
                 })
             };
             levels.push((0..side * side).map(node).collect());
+        }
+        // What is mixed between nodes is flatter than they are: the shorter the waves the more.
+        let gain = mixing_gain(&levels[0]);
+        for [x, y, ..] in &mut levels[0] {
+            (*x, *y) = (gain * *x, gain * *y);
         }
         Self { size: size as f32, levels }
     }
@@ -84,5 +108,29 @@ impl SlopeTile {
             let lower = c[k] + fx * (d[k] - c[k]);
             upper + fy * (lower - upper)
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Waves of four nodes have their slopes between nodes too, in the mean.
+    #[test]
+    fn short_waves_keep_their_slopes() {
+        let node = |at: usize| {
+            let phase = std::f32::consts::TAU * (70 * (at % SIDE) + 30 * (at / SIDE)) as f32 / SIDE as f32;
+            [0.1 * phase.cos(), 0.05 * phase.sin()]
+        };
+        let tile = SlopeTile::new(2.048, (0..SIDE * SIDE).into_par_iter().map(node));
+        let mut sum = 0.0;
+        let places = 40_000;
+        for k in 0..places {
+            let slope = tile.at(0.002_7 * f64::from(k), 0.001_3 * f64::from(k) * f64::from(k % 7), 0.001);
+            sum += f64::from(slope.mean[0] * slope.mean[0] + slope.mean[1] * slope.mean[1]);
+        }
+        let rms = (sum / f64::from(places)).sqrt();
+        let want = (0.5f64 * (0.1 * 0.1 + 0.05 * 0.05)).sqrt();
+        assert!((rms / want - 1.0).abs() < 0.03, "{rms} {want}");
     }
 }

@@ -63,7 +63,8 @@ fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f64) -> Vec<f
     let mut front: BinaryHeap<Reverse<(Height, u32)>> = BinaryHeap::new();
     let mut is_reached: Vec<bool> = heights.iter().map(|height| height.is_nan()).collect();
     for at in 0..heights.len() {
-        let is_edge = || around(at, columns, heights.len()).any(|next| next.is_none_or(|next| heights[next].is_nan()));
+        let is_edge =
+            || around(at, columns, heights.len()).any(|next| next.is_none_or(|next| heights[next].is_nan()));
         if !heights[at].is_nan() && is_edge() {
             is_reached[at] = true;
             front.push(Reverse((Height(heights[at]), at as u32)));
@@ -144,7 +145,12 @@ mod tests {
         let area = gathered(&heights, &vec![1.0; heights.len()], columns, 0.1);
         let all = 0.01 * (columns * rows) as f32;
         let along = |y: usize| area[y * columns + 10];
-        assert!(along(1) > 0.5 * all && along(1) > 1.5 * along(20) && along(20) > 20.0 * 0.01, "{} {}", along(1), along(20));
+        assert!(
+            along(1) > 0.5 * all && along(1) > 1.5 * along(20) && along(20) > 20.0 * 0.01,
+            "{} {}",
+            along(1),
+            along(20)
+        );
         // Under half of the rain half as much runs.
         let half = gathered(&heights, &vec![0.5; heights.len()], columns, 0.1);
         assert!(area.iter().zip(&half).all(|(all, half)| (0.5 * all - half).abs() < 1e-4));
@@ -155,7 +161,10 @@ mod tests {
         let depth = run_off.depths(50.0)[columns + 10];
         let flow = f64::from(run_off.area[columns + 10]) * 50e-3 / 3600.0 / 0.1;
         let want = 1e3 * (flow * 0.015 / 0.05f64.sqrt()).powf(0.6);
-        assert!((f64::from(depth) / want - 1.0).abs() < 1e-5 && (0.5..5.0).contains(&depth), "{depth} {want}");
+        assert!(
+            (f64::from(depth) / want - 1.0).abs() < 1e-5 && (0.5..5.0).contains(&depth),
+            "{depth} {want}"
+        );
         assert!(run_off.depths(0.0).iter().all(|depth| *depth == 0.0));
     }
 }

@@ -130,7 +130,7 @@ mod tests {
             snow: Some(pack),
         };
         let mut last = 0.0;
-        for time in [0.0, 1.0, 2.4, 3.3, 4.9, 30.0] {
+        for time in [0.0, 1.0, 2.4, 3.3, 5.6, 30.0] {
             let columns = WetColumns::dry(0.8).after(&history.steps(time));
             let column = columns.column(Drainage::Level, 1.0);
             let want = (4.0 / 24.0 * 5.0 * time).min(4.0);
