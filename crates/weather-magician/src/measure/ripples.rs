@@ -48,7 +48,7 @@ const HALF: f64 = 2.4;
 const STRIPS: usize = 96;
 const LIGHT: [f64; 2] = [0.1, 0.9];
 /// Side of the pictures, px, their field of view, degrees, and half the side of the water that is looked at, m.
-const SIDE: u32 = 480;
+const SIDE: u32 = 468;
 const FIELD: f64 = 100.0;
 const PATCH: f64 = 0.45;
 /// Instants, and the time between them, s.
