@@ -344,7 +344,13 @@ impl Water {
     fn new(map: WaterMap, weather: &PreparedWeather, camera: &Camera) -> Option<Self> {
         let surface = WaterSurface::of(&map, camera)?;
         let mirror = MirrorView::new(&map, &surface, camera);
-        Some(Self { surface, mirror, motion: weather.water_motion(), body: weather.water_body(), map })
+        Some(Self {
+            surface,
+            mirror,
+            motion: weather.water_motion(map.grid()),
+            body: weather.water_body(),
+            map,
+        })
     }
 }
 

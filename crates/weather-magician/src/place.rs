@@ -9,7 +9,7 @@ use crate::frame::MovingCamera;
 use crate::lamps::PlaceLamps;
 use crate::picture::Picture;
 use crate::place_light::{CoverLight, PlaceLight};
-use crate::place_water::PlaceWater;
+use crate::place_water::{OnGround, PlaceWater};
 use crate::thinned::{ChosenAttributes, ThinnedSet, thin};
 use crate::view;
 use crate::{Error, Progress, Result};
@@ -29,6 +29,7 @@ use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::light::{CaptureLight, FrameGains, KnownSun, LampLights, LampShadows, LampsOn, SunShadows};
 use wm_weather::paper::{PaperCover, PaperStages};
 use wm_weather::shelter::Shelter;
+use wm_weather::water::WaterGrid;
 use wm_weather::wetness::{WaterState, WetGains, WetSurfaces};
 use wm_weather::{
     Daylight, EarthPlace, LampLevels, LampSource, PreparedWeather, Site, SiteLight, Weather, light_fault,
@@ -147,6 +148,8 @@ struct Lying {
     set: SetId,
     buried: Buried,
     light: CoverLight,
+    /// Depths, as [`LyingCover::settled`] lists them, m.
+    depths: Vec<Vec<f32>>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -676,8 +679,9 @@ impl PreparedPlace {
     fn lay(&mut self, backend: &mut AnyRenderer, what: LyingKey, lying: LyingCover) -> Result<()> {
         self.clear_cover(backend);
         let set = backend.load(&lying.splats)?;
-        let LyingCover { splats, buried, .. } = lying;
-        self.lying = Some(Lying { what, set, buried, light: CoverLight::of(splats) });
+        let LyingCover { splats, buried, settled, .. } = lying;
+        let depths = settled.into_iter().map(|settled| settled.depth).collect();
+        self.lying = Some(Lying { what, set, buried, light: CoverLight::of(splats), depths });
         Ok(())
     }
 
@@ -808,8 +812,9 @@ impl PreparedPlace {
         let moving = prepared.moving_light(&options.camera.camera);
         let light = self.light.gains(&prepared).map(|gains| gains.in_frame(moving.as_ref()));
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
-        let puddles = self.water.puddles(&prepared, &self.site);
-        let wet = self.water.gains(&prepared);
+        let puddles =
+            find_puddles((&mut self.water, &mut self.store), self.lying.as_ref(), &prepared, &self.site);
+        let wet = self.water.gains(&prepared, Some(&options.camera.camera));
         let splashes = self.water.splash_ground(&prepared, &self.site);
         let scene = SceneAttributes {
             buried: self.lying.as_ref().map(|lying| &lying.buried),
@@ -965,7 +970,7 @@ impl PreparedPlace {
         self.relight(&prepared, backend.threads());
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
         let relit = self.light.gains(&prepared).map(|gains| gains.applied(&self.scene.splats));
-        let Some(wet) = self.water.gains(&prepared) else { return Ok(relit) };
+        let Some(wet) = self.water.gains(&prepared, None) else { return Ok(relit) };
         let mut splats = relit.unwrap_or_else(|| self.scene.splats.clone());
         wet.apply(&mut splats);
         Ok(Some(splats))
@@ -990,6 +995,24 @@ impl PreparedPlace {
         }
         backend.unload(self.set);
     }
+}
+
+/// Finds the surface of the water on the ground: not where snow or dust lies on it.
+fn find_puddles(
+    (water, store): (&mut PlaceWater, &mut AssetStore),
+    lying: Option<&Lying>,
+    prepared: &PreparedWeather,
+    site: &Site,
+) -> Option<Arc<WaterGrid>> {
+    let lying = lying.and_then(|lying| {
+        let LyingKey::Physical(airflow, requests) = &lying.what else { return None };
+        Some(OnGround { requests, cover: store.cover(airflow)?, depths: &lying.depths })
+    });
+    // What is to lie and does not yet would be under the water.
+    if lying.is_none() && !prepared.cover().is_empty() {
+        return None;
+    }
+    water.puddles(prepared, lying.as_ref(), site)
 }
 
 /// Least height of the picture of which a part is rendered to find a surface, px.

@@ -19,12 +19,13 @@ use crate::shelter::Shelter;
 use crate::splash::{Splash, SplashGround, SplashParticles};
 use crate::track::Track;
 use crate::water::{WaterBody, WaterForces, WaterGrid, WaterMap, WaterMotion};
-use crate::wetness::{SlantedRain, WetRequest};
+use crate::wetness::{SkySheen, SlantedRain, WetRequest};
 use std::path::Path;
 use std::sync::Arc;
 use wm_render::Frame;
 use wm_render::hooks::{Backdrop, Hooks, Medium, ParticleView, Particles, PixelEffect, SkySplats};
 use wm_render::simd::SimdPath;
+use wm_scene::color::srgb_decode;
 use wm_scene::{Camera, Splats};
 
 /// Whose formulas are used.
@@ -192,6 +193,12 @@ impl WeatherSample {
     /// The effects that are on, with their values in the order of their tables.
     pub fn effects(&self) -> impl Iterator<Item = (&'static Effect, &[ParamValue])> {
         self.effects.iter().map(|(effect, values, _)| (&EFFECTS[*effect], &values[..]))
+    }
+
+    /// Returns true if an effect is on.
+    #[must_use]
+    pub fn is_on(&self, effect: &str) -> bool {
+        self.effects.iter().any(|(on, _, _)| EFFECTS[*on].name == effect)
     }
 
     /// A parameter over time, if its effect is on.
@@ -519,14 +526,15 @@ impl PreparedWeather {
         }
     }
 
-    /// Returns the motion of the water.
+    /// Returns the motion of the water, with the streams of the place.
     #[must_use]
-    pub fn water_motion(&self) -> WaterMotion {
+    pub fn water_motion(&self, puddles: Option<&Arc<WaterGrid>>) -> WaterMotion {
         let rain = self.falling.iter().filter(|kind| kind.kind.name == "rain").map(|kind| kind.rate).sum();
         let (fetch, seed) = self.flood.map_or((0.0, 0), |flood| (flood.fetch, flood.seed));
         let (wind, time, strongest) = (self.wind_now.mean, self.time, self.strongest_wind);
         let depth = if self.flood().is_some() { DEEP } else { PUDDLE };
-        WaterMotion::new(&WaterForces { wind, strongest, fetch, rain, depth, time, seed })
+        let forces = WaterForces { wind, strongest, fetch, rain, depth, time, seed };
+        WaterMotion::new(&forces).with_rills(puddles, time)
     }
 
     /// Returns what the water is like that has depth.
@@ -543,6 +551,17 @@ impl PreparedWeather {
             let display = change.display(&self.site);
             open.light.irradiance(open.sin_sun).map(|v| v * display)
         })
+    }
+
+    /// Returns the sky that wet walls mirror to a camera.
+    #[must_use]
+    pub fn sheen(&self, camera: &Camera) -> SkySheen {
+        let pixel = camera.widest_pixel();
+        let sky = |way: [f64; 3]| match &self.dome {
+            Some(dome) => dome.reference(pixel, way).map(srgb_decode),
+            None => self.site.airlight,
+        };
+        SkySheen::new(camera.center().to_array(), &level_axes(self.site.up), sky)
     }
 
     /// The radiance of the sky near the horizon, linear RGB: what stands where a picture knows nothing.

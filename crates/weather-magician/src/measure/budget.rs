@@ -41,14 +41,14 @@ const SETTLED: f64 = 300.0;
 const MELT: f64 = 4.0 / 24.0;
 
 /// Water on level ground, mm.
-struct Fallen {
-    fell: f64,
-    melted: f64,
+pub(super) struct Fallen {
+    pub fell: f64,
+    pub melted: f64,
 }
 
 /// The snow that has fallen and melted until a time, by the parameters: the hours at one rate, and what the shot's own
 /// seconds have added.
-fn fallen(weather: &Weather, time: f64) -> Option<Fallen> {
+pub(super) fn fallen(weather: &Weather, time: f64) -> Option<Fallen> {
     if !expected::is_on(weather, "snow_cover") {
         return None;
     }

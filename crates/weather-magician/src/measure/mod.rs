@@ -43,6 +43,7 @@ mod flash;
 mod fresnel;
 mod gauge;
 mod halo;
+mod lamp_streak;
 mod lit;
 mod lux;
 mod mirror;
@@ -50,6 +51,7 @@ mod painted;
 mod place_renderer;
 pub mod plot;
 mod rays;
+mod ripples;
 mod secchi;
 mod shadows;
 mod stake;
@@ -91,7 +93,7 @@ pub struct Instrument {
 
 /// Every instrument, in the order of the report.
 #[rustfmt::skip]
-pub const INSTRUMENTS: [Instrument; 19] = [
+pub const INSTRUMENTS: [Instrument; 21] = [
     boards::INSTRUMENT,
     rays::INSTRUMENT,
     gauge::INSTRUMENT,
@@ -109,6 +111,8 @@ pub const INSTRUMENTS: [Instrument; 19] = [
     fresnel::INSTRUMENT,
     mirror::INSTRUMENT,
     secchi::INSTRUMENT,
+    ripples::INSTRUMENT,
+    lamp_streak::INSTRUMENT,
     consistency::INSTRUMENT,
     controls::INSTRUMENT,
 ];

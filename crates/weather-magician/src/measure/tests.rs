@@ -66,8 +66,12 @@ enum Fault {
     Darkening,
     /// It has rained a tenth longer.
     Rained,
+    /// Snow melts a tenth faster.
+    Melt,
     /// Water stands a tenth deeper than has come to it.
     Puddles,
+    /// Films are a tenth rougher.
+    Rough,
     /// Water reflects a tenth more.
     Reflectance,
     /// The water stands a tenth higher.
@@ -77,7 +81,7 @@ enum Fault {
 }
 
 /// Each fault, and which readings find it: the instrument and a part of the quantity.
-const FINDS: [(Fault, &[[&str; 2]]); 28] = [
+const FINDS: [(Fault, &[[&str; 2]]); 30] = [
     (Fault::None, &[]),
     // The same air, seen on boards and on the place.
     (
@@ -90,10 +94,23 @@ const FINDS: [(Fault, &[[&str; 2]]); 28] = [
             ["halo", "light"],
         ],
     ),
-    (Fault::Rate, &[["gauge", "rate"], ["water-budget", "rain on the ground"]]),
+    // A tenth more rain brings a tenth more energy, which is the square of slopes.
+    (Fault::Rate, &[["gauge", "rate"], ["water-budget", "rain on the ground"], ["ripples", "slopes"]]),
     // What falls faster fills a gauge faster.
-    (Fault::Speed, &[["gauge", "rate"], ["gauge", "fall speed"], ["streaks", "fall"]]),
-    (Fault::Pace, &[["gauge", "rate"], ["gauge", "fall speed"], ["streaks", "length"], ["streaks", "drift"]]),
+    (
+        Fault::Speed,
+        &[["gauge", "rate"], ["gauge", "fall speed"], ["streaks", "fall"], ["ripples", "frequency"]],
+    ),
+    (
+        Fault::Pace,
+        &[
+            ["gauge", "rate"],
+            ["gauge", "fall speed"],
+            ["streaks", "length"],
+            ["streaks", "drift"],
+            ["ripples", "frequency"],
+        ],
+    ),
     // Wider drops are more water, and are too slow for their size.
     (
         Fault::Diameter,
@@ -103,7 +120,9 @@ const FINDS: [(Fault, &[[&str; 2]]); 28] = [
     (Fault::Drift, &[["streaks", "drift"]]),
     (Fault::Depth, &[["stake", "in the open"], ["stake", "on the roof"]]),
     (Fault::Shelter, &[["stake", ""]]),
-    (Fault::Fallen, &[["budget", "water"]]),
+    // What melts before the start melts while it falls.
+    (Fault::Fallen, &[["budget", "water"], ["water-budget", "melt water"]]),
+    (Fault::Melt, &[["water-budget", "melt water"]]),
     (Fault::Jitter, &[["consistency", ""]]),
     (Fault::Upright, &[["lux", "upright board under clouds"], ["lux", "beam on upright board"]]),
     (
@@ -127,6 +146,8 @@ const FINDS: [(Fault, &[[&str; 2]]); 28] = [
     (Fault::Darkening, &[["wet-card", "full pores"], ["wet-card", "under a film"]]),
     (Fault::Rained, &[["water-budget", "rain on the ground"]]),
     (Fault::Puddles, &[["water-budget", "water in and out"]]),
+    // The ends of the yard keep the streak from growing as long.
+    (Fault::Rough, &[["lamp-streak", "width"]]),
     (Fault::Reflectance, &[["fresnel", "reflectance"]]),
     // At another level the board is met at other elevations, and the disc is deeper.
     (Fault::Level, &[["mirror", "images"]]),
@@ -142,7 +163,16 @@ fn weathers(instrument: &str) -> Vec<Weather> {
         "budget" => &[&["snowfall.rate=3", "snow_cover.depth=auto", "snow_cover.hours=30"]],
         "stake" => &[&["snow_cover.depth=0.1"]],
         "wet-card" => &[&["wetness.amount=1"]],
-        "water-budget" => &[&["rain.rate=25", "wetness.rained_before=10"]],
+        "water-budget" => &[
+            &["rain.rate=25", "wetness.rained_before=10"],
+            &[
+                "snowfall.rate=2",
+                "snow_cover.depth=auto",
+                "snow_cover.hours=12",
+                "snow_cover.temperature=5",
+                "wetness.rained_before=0",
+            ],
+        ],
         "lux" => &[
             &["light.model=clear", "light.clouds=1"],
             &["light.model=clear", "light.sun_elevation=40", "light.sun_azimuth=200"],
@@ -152,6 +182,8 @@ fn weathers(instrument: &str) -> Vec<Weather> {
         "allard" | "halo" => &[&["fog.mor=120"]],
         "fresnel" | "mirror" => &[&["flood.level=0.5"]],
         "secchi" => &[&["flood.level=0.5", "flood.secchi=0.3"]],
+        "ripples" => &[&["flood.level=1", "rain.rate=10"]],
+        "lamp-streak" => &[&["wetness.amount=1"]],
         "flash" => &[&["lightning.rate=40", "lightning.distance=1500"]],
         _ => &[&["fog.mor=150", "snow_cover.depth=0.1"]],
     };
@@ -221,7 +253,14 @@ impl Fault {
             Self::Shutter => scale("lightning", "exposure", 0.1),
             Self::Darkening => scale("wetness", "porosity", 1.0 / 1.1),
             Self::Rained => scale("wetness", "rained_before", 1.1),
+            Self::Melt => scale("snow_cover", "temperature", 1.1),
             Self::Level if shot.camera.width == 480 => scale("flood", "level", 1.1),
+            Self::Rough if shot.camera.width == 640 => {
+                // Less of a film by the logarithm of 1.1.
+                if let Some(amount) = expected::number(&shot.weather, shot.time, "wetness", "amount") {
+                    drawn.weather.set_text(&format!("wetness.amount={}", amount - 0.0477)).unwrap();
+                }
+            }
             Self::Clearness if shot.camera.width == 48 => scale("flood", "secchi", 1.1),
             // Not of what is drawn, but of its light.
             Self::Upright
@@ -232,6 +271,7 @@ impl Fault {
             | Self::Far
             | Self::Flash
             | Self::Puddles
+            | Self::Rough
             | Self::Reflectance
             | Self::Level
             | Self::Clearness => {}
@@ -298,7 +338,7 @@ impl Fault {
             // Shadows that are seen from elsewhere are shadows.
             Self::Jitter => instrument != "shadows",
             // What only states show.
-            Self::Rained | Self::Puddles => instrument == "water-budget",
+            Self::Rained | Self::Melt | Self::Puddles => instrument == "water-budget",
             _ => true,
         }
     }

@@ -51,7 +51,7 @@ pub use snowpack::Snowpack;
 pub(crate) use surfels::surfel;
 pub use surfels::{CoverMaterial, coverage};
 use thaw::CoverState;
-pub use thaw::Thaw;
+pub use thaw::{MeltSample, Thaw};
 use walls::Wall;
 use wm_render::hooks::{Attribute, AttributeBlock, Revision, SplatAttributes};
 use wm_scene::{Group, Splats};
@@ -290,6 +290,22 @@ impl Cover {
     #[must_use]
     pub fn rings(&self) -> &[GroundGrid] {
         &self.rings
+    }
+
+    /// Returns the share of the ground that covers hide at a point (world, scene units) of the ground, 0-1, by their `depths` on each ring, m, as
+    /// [`LyingCover::settled`] lists them.
+    #[must_use]
+    pub fn hides(&self, depths: &[Vec<f32>], point: [f64; 3]) -> f32 {
+        let found = self.rings.iter().enumerate().find_map(|(ring, ground)| {
+            let (place, height) = ground.places.locate(point);
+            Some((ring, ground, ground.places.cell_at(place)?, height as f32))
+        });
+        let Some((ring, ground, cell, height)) = found else { return 0.0 };
+        let off = |node: &usize| (ground.height[*node] - height).abs();
+        let near = ground.nodes_of(cell).filter(|node| off(node) < ground.edge);
+        let Some(node) = near.min_by(|a, b| off(a).total_cmp(&off(b))) else { return 0.0 };
+        let own = depths.iter().skip(ring).step_by(self.rings.len());
+        1.0 - own.map(|depths| 1.0 - coverage(depths[node])).product::<f32>()
     }
 
     /// Returns true if nothing can lie anywhere: no surface is known to face the sky.

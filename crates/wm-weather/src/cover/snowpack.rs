@@ -10,7 +10,7 @@
 //! for before.
 
 use super::surfels::coverage;
-use super::thaw::{OPEN, PACES, Thaw};
+use super::thaw::{MeltSample, OPEN, PACES, Thaw};
 use crate::track::Track;
 
 /// Density that snow settles towards, kg/m^3, and how fast, h.
@@ -59,6 +59,8 @@ pub struct SnowStock {
     loose: f64,
     /// Water on the ground, mm.
     pub film: f64,
+    /// All that has melted until now, mm.
+    pub melted: f64,
 }
 
 /// Snow at an instant.
@@ -103,6 +105,7 @@ impl SnowStock {
         if melts > 0.0 {
             self.loose *= 1.0 - melts / self.water;
             self.water -= melts;
+            self.melted += melts;
             self.film = (self.film + melts).min(FILM);
         }
         if self.film > 0.0 {
@@ -132,6 +135,15 @@ impl SnowpackState {
             depth: left.map(|stock| step(stock.depth()).max(0.0) as f32),
             wet: left.map(|stock| ((stock.film / WET * 64.0).round() / 64.0) as f32),
         })
+    }
+
+    /// Returns the melt water until now, and the ground that is bare, at each pace.
+    fn melt(&self) -> MeltSample {
+        let left = self.left.unwrap_or([self.fell; PACES.len()]);
+        MeltSample {
+            melted: left.map(|stock| stock.melted),
+            bare: left.map(|stock| 1.0 - f64::from(coverage(stock.depth() as f32))),
+        }
     }
 
     /// Returns the depth of snow that fell so wet that it sticks to walls, m.
@@ -174,6 +186,30 @@ impl Snowpack<'_> {
     /// At a time, s.
     #[must_use]
     pub fn at(&self, time: f64) -> SnowpackState {
+        self.pass_until(time, |_, _| {})
+    }
+
+    /// The melt water until each of some rising times, s, the last of which is the end of the time that is looked at.
+    #[must_use]
+    pub fn melts(&self, times: &[f64]) -> Vec<MeltSample> {
+        let Some(end) = times.last() else { return Vec::new() };
+        let mut found: Vec<MeltSample> = Vec::with_capacity(times.len());
+        let mut before: Option<(f64, MeltSample)> = None;
+        self.pass_until(*end, |time, pack| {
+            let now = pack.melt();
+            while let Some(wanted) = times.get(found.len()).filter(|wanted| **wanted <= time) {
+                let sample = before.as_ref().map_or(now, |(from, earlier)| {
+                    earlier.between(&now, (wanted - from) / (time - from).max(1e-12))
+                });
+                found.push(sample);
+            }
+            before = Some((time, now));
+        });
+        found
+    }
+
+    /// Follows the snow until a time, s, and shows it at the start of the shot and after each step.
+    fn pass_until(&self, time: f64, mut see: impl FnMut(f64, &SnowpackState)) -> SnowpackState {
         let number = |track: &Track, time: f64| track.at(time).number().unwrap_or(0.0);
         let mut pack = SnowpackState::default();
         let part = |time: f64, hours: f64, water: f64| {
@@ -204,6 +240,7 @@ impl Snowpack<'_> {
                 }
             }
         }
+        see(time.min(0.0), &pack);
         let mut step = STEP;
         while time / step > MOST {
             step *= 2.0;
@@ -218,6 +255,7 @@ impl Snowpack<'_> {
             let rate = self.rate.filter(|_| self.depth.is_none());
             let water = rate.map_or(0.0, |rate| rate.integral(from, to) * self.lapse / 3600.0);
             pack.pass(&part(0.5 * (from + to), hours, water));
+            see(to, &pack);
         }
         pack
     }

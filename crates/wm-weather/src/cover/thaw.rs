@@ -45,6 +45,12 @@ impl Thaw {
         }
     }
 
+    /// The same without wet ground.
+    #[must_use]
+    pub fn dry(self) -> Self {
+        Self { wet: [0.0; COUNT], ..self }
+    }
+
     /// Returns true if nothing is left, not even wet ground.
     #[must_use]
     pub fn is_over(&self) -> bool {
@@ -63,15 +69,54 @@ impl Thaw {
         if share <= 0.0 {
             return CoverState::default();
         }
-        let pace = (SHADED + (1.0 - SHADED) * shade) / share;
-        let [first, last] = [PACES[0], PACES[COUNT - 1]].map(|pace| pace as f32);
-        let pace = pace.clamp(first, last);
-        let above = PACES.partition_point(|known| (*known as f32) < pace).max(1);
-        let [low, high] = [PACES[above - 1], PACES[above]].map(|pace| pace as f32);
-        let part = (pace - low) / (high - low);
+        let (above, part) = place_of((SHADED + (1.0 - SHADED) * shade) / share);
         let mix =
             |values: &[f32; COUNT]| share * (values[above - 1] + (values[above] - values[above - 1]) * part);
         CoverState { depth: mix(&self.depth), wet: mix(&self.wet).min(1.0) }
+    }
+}
+
+/// The place of a pace among [`PACES`]: the next one above it, and the share of the way to that from the one below.
+fn place_of(pace: f32) -> (usize, f32) {
+    let [first, last] = [PACES[0], PACES[COUNT - 1]].map(|pace| pace as f32);
+    let pace = pace.clamp(first, last);
+    let above = PACES.partition_point(|known| (*known as f32) < pace).max(1);
+    let [low, high] = [PACES[above - 1], PACES[above]].map(|pace| pace as f32);
+    (above, (pace - low) / (high - low))
+}
+
+/// Melt water and bare ground until an instant, at each of [`PACES`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeltSample {
+    /// All that has melted until then where all of the fall comes to lie, mm.
+    pub melted: [f64; COUNT],
+    /// Share of the ground that nothing lies on, 0-1.
+    pub bare: [f64; COUNT],
+}
+
+impl MeltSample {
+    /// Nothing has fallen yet.
+    pub const NONE: Self = Self { melted: [0.0; COUNT], bare: [1.0; COUNT] };
+
+    /// Returns what has melted, mm, and the bare share of the ground, at a place where `share` of the fall on open level ground came to lie. A
+    /// place that less falls on is taken to lie in the shade of what keeps the fall off: as much less melts there.
+    #[must_use]
+    pub fn at(&self, share: f64) -> [f64; 2] {
+        if share <= 0.0 {
+            return [0.0, 1.0];
+        }
+        let shaded = f64::from(SHADED);
+        let (above, part) = place_of(((shaded + (1.0 - shaded) * share) / share) as f32);
+        let mix =
+            |values: &[f64; COUNT]| values[above - 1] + (values[above] - values[above - 1]) * f64::from(part);
+        [share * mix(&self.melted), mix(&self.bare)]
+    }
+
+    /// Returns the sample at a share of the way from one to another, 0-1.
+    #[must_use]
+    pub fn between(&self, other: &Self, part: f64) -> Self {
+        let mix = |a: &[f64; COUNT], b: &[f64; COUNT]| std::array::from_fn(|k| a[k] + (b[k] - a[k]) * part);
+        Self { melted: mix(&self.melted, &other.melted), bare: mix(&self.bare, &other.bare) }
     }
 }
 

@@ -7,6 +7,7 @@ use crate::cover::{CoverRequest, CoverMaterial, Snowpack};
 use crate::effects::{Action, Effect, EffectRole, Need};
 use crate::paper::PaperCover;
 use crate::param::ParamValue;
+use crate::weather::WeatherSample;
 use wm_render::hooks::Slot;
 
 /// Wind that carries dry and wet snow along the ground, m/s at 10 m, and the air in which it is wet, degrees Celsius.
@@ -73,22 +74,14 @@ pub const EFFECT: Effect = Effect {
     slot: Slot::Surface,
     params: SnowCoverParams::PARAMS,
     act: |now, site| {
-        let SnowCoverParams { depth, hours, density, lapse, repose, albedo, temperature, .. } = SnowCoverParams::of(now.values);
-        let own = |param| now.weather.track("snow_cover", param).expect("its own");
-        let snowpack = Snowpack {
-            depth: depth.map(|_| own("depth")),
-            rate: now.weather.track("snowfall", "rate"),
-            temperature: own("temperature"),
-            density,
-            hours,
-            lapse,
-        };
-        let pack = snowpack.at(now.time);
+        let SnowCoverParams { depth, repose, albedo, temperature, .. } = SnowCoverParams::of(now.values);
+        let pack = snowpack(now.weather).expect("its own").at(now.time);
         // In the shade blue sky is all that is left.
         let material = CoverMaterial::at([albedo; 3], [0.34, 0.37, 0.44], 0.95, site);
         Action::Cover(CoverRequest {
             depth: depth.unwrap_or_else(|| stepped(pack.fell.depth())),
-            thaw: pack.thaw(),
+            // What is wet by itself needs no wet ground of the snow's own.
+            thaw: pack.thaw().map(|thaw| if now.weather.is_on("wetness") { thaw.dry() } else { thaw }),
             wet_fall: stepped(pack.wet_fall()),
             repose: repose.to_radians().tan(),
             threshold: CARRIES[usize::from(temperature > WET)],
@@ -116,6 +109,21 @@ pub const EFFECT: Effect = Effect {
         }))
     }),
 };
+
+/// The snow of a weather over time; `None` if none lies at any time.
+pub(crate) fn snowpack(weather: &WeatherSample) -> Option<Snowpack<'_>> {
+    let own = |param| weather.track("snow_cover", param);
+    let number = |param| own(param)?.at(weather.time).number();
+    let (depth, temperature) = (own("depth")?, own("temperature")?);
+    Some(Snowpack {
+        depth: depth.at(weather.time).number().map(|_| depth),
+        rate: weather.track("snowfall", "rate"),
+        temperature,
+        density: number("density"),
+        hours: number("hours")?,
+        lapse: number("lapse")?,
+    })
+}
 
 /// Depths in steps of 0.3 %, so that what changes by less is not laid out anew.
 fn stepped(depth: f64) -> f64 {

@@ -1,8 +1,9 @@
-//! Wetness: surfaces darken by the rain that has reached them, and dry after it.
+//! Wetness: surfaces darken by the rain and the melt water that have reached them, and dry after it.
 //!
 //! [`crate::wetness`] computes how much water is where, and how it looks. In fidelity `paper` nothing gets wet.
 
 use crate::dome::{from_level, level_axes};
+use crate::effects::snow_cover;
 use crate::effects::{Action, Effect, EffectContext, EffectRole, Need};
 use crate::optics::Site;
 use crate::param::ParamValue;
@@ -18,7 +19,7 @@ crate::params! {
     /// The parameters of the effect.
     pub struct WetnessParams {
         /// Wetness of what rain reaches: at 0.5 pores are full of water, at 1 a film stands on the ground. `auto` goes by the rain so far,
-        /// with `rained_before`, and by what has dried since.
+        /// with `rained_before`, by the snow of `snow_cover` that has melted, and by what has dried since.
         amount: Option<f64> = ParamValue::Auto, 0.0 => 1.0, "";
         /// Share of the water that the hollows of the ground can hold; `auto` goes by the rain so far, or by `amount` above 0.5 if that is
         /// given.
@@ -43,7 +44,8 @@ crate::params! {
         /// Net radiation on the ground: 400 under bright clouds, 600 on a summer noon, -30 by night. `auto` is 150, with model `clear` of
         /// `light` that of its sun, and -30 by night.
         radiation: Option<f64> = ParamValue::Auto, -200.0 => 1200.0, "W/m^2";
-        /// Time lapse: seconds of wetting and drying in one of the shot; 60 for a minute a second.
+        /// Time lapse: seconds of wetting and drying in one of the shot; 60 for a minute a second. With snow that melts it must be that of
+        /// `snow_cover`.
         lapse: f64 = ParamValue::Number(1.0), 0.0 => 1_000_000.0, "";
     }
 }
@@ -51,7 +53,7 @@ crate::params! {
 /// The entry of [`EFFECTS`](super::EFFECTS).
 pub const EFFECT: Effect = Effect {
     name: "wetness",
-    about: "Ground and walls that rain wets, and puddles that fill",
+    about: "Ground and walls that rain and melting snow wet, and puddles that fill",
     role: EffectRole::Water,
     needs: &[Need::Shelter, Need::Light, Need::Water],
     precipitation: None,
@@ -102,6 +104,7 @@ impl WetnessParams {
             // The air is full of water while it rains.
             drying: [0.0, dries],
             lapse: self.lapse,
+            snow: snow_cover::snowpack(now.weather),
         };
         WetRequest {
             steps: history.steps(now.time),

@@ -6,6 +6,7 @@ use super::fresnel::fresnel_of;
 use super::map::WaterMap;
 use super::mirror::{MirrorView, MirroredPicture};
 use super::motion::WaterMotion;
+use super::rills::Slope;
 use super::surface::{FILM, NODES, WaterSurface};
 use super::tile::Kept;
 use crate::linear_picture::{decode, encode};
@@ -58,6 +59,9 @@ const TALL: f32 = 5.0;
 const HIDING: f32 = 0.7;
 /// Share of the light behind the surface that may be missing where the water's own light is left out.
 const THIN: f32 = 1.0 / 256.0;
+/// Width of a look, px, over the standard deviation of the lobe across the view that it must have: a piece of a mirrored picture is a box and what is
+/// mixed between its pixels.
+const WIDE: f32 = 2.45;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
 const FAR: f32 = 1e5;
 
@@ -213,6 +217,8 @@ struct Scene<'a> {
     mirrored: &'a MirroredPicture,
     /// A ray through picture point (x, y), at view z 1: `axes[0] x + axes[1] y + axes[2]`, m along level axes.
     axes: [[f32; 3]; 3],
+    /// Place of the eye along the two level axes, m.
+    eye: [f64; 2],
     /// Height of the eye over the mirror's plane, m.
     height: f32,
     /// Rows of the mirrored view's rotation, level axes.
@@ -252,6 +258,7 @@ impl<'a> Scene<'a> {
             metres: metres as f32,
             level: map.axes.map(single),
             pixel: camera.widest_pixel().log2() as f32,
+            eye: [eye[0], eye[1]],
             phases: of.motion.phases([eye[0], eye[1]]),
         }
     }
@@ -444,6 +451,32 @@ impl<'a> Scene<'a> {
         }
     }
 
+    /// Slopes of the surface and their variance, with those of the streams on slopes, at the wanted lanes of points from the eye, m.
+    #[inline(always)]
+    fn with_rills<S: Lanes>(
+        &self,
+        simd: S,
+        hit: &[S::F; 3],
+        log_width: S::F,
+        wanted: u32,
+        slopes: &[S::F; 3],
+    ) -> [S::F; 3] {
+        let (x, y) = (Kept::of(simd, hit[0]), Kept::of(simd, hit[1]));
+        let width = Kept::of(simd, exp2(simd, [log_width])[0]);
+        let (mut east, mut north) = (Kept::of(simd, slopes[0]), Kept::of(simd, slopes[1]));
+        let mut variance = Kept::of(simd, slopes[2]);
+        let mut todo = wanted;
+        while todo != 0 {
+            let i = (todo.trailing_zeros() & 15) as usize;
+            todo &= todo - 1;
+            let place = [self.eye[0] + f64::from(x.0[i]), self.eye[1] + f64::from(y.0[i])];
+            let mut slope = Slope { mean: [east.0[i], north.0[i]], variance: variance.0[i] };
+            self.of.motion.add_rills(place, width.0[i], &mut slope);
+            (east.0[i], north.0[i], variance.0[i]) = (slope.mean[0], slope.mean[1], slope.variance);
+        }
+        [simd.load(&east.0), simd.load(&north.0), simd.load(&variance.0)]
+    }
+
     /// Looks into the water at those of sixteen pixels that have any, as many of them as there are lanes from `start` on.
     #[inline(always)]
     fn look<S: Lanes>(&self, simd: S, start: usize, pixels: &Pixels, water: &mut Water) {
@@ -481,6 +514,10 @@ impl<'a> Scene<'a> {
             let [far, flat] = log2(simd, [distance, sine]);
             let width = flat.mul_add(simd.set(-0.75), far + self.pixel);
             [east, north, variance] = self.of.motion.at(simd, ([hit[0], hit[1]], &self.phases), width, waves);
+            if self.of.motion.has_rills() {
+                let slopes = [east, north, variance];
+                [east, north, variance] = self.with_rills(simd, &hit, width, waves, &slopes);
+            }
             (east, north, variance) = (east * free, north * free, variance * free * free);
         }
         let rough = still.mul_add(still, variance).sqrt();
@@ -507,16 +544,14 @@ impl<'a> Scene<'a> {
         let tilt = Tilt { toward, along, ahead, beside, least: sine / level * -HIDING };
         let first = tilt.reflect(simd, zero);
         let far = self.reach(simd, (&from, &first.0), is_wet, has_waves);
-        // A lobe as it is seen in the mirrored picture: two slopes tall, and as much narrower as the view is flat. Of what stands
-        // at the water it is a point.
+        // A lobe as it is seen in the mirrored picture: two slopes tall, and as much narrower as a facet is met at less of an angle. Of
+        // what stands at the water it is a point.
         let tall = rough * (2.0 * self.focal[1]) * far / (far + distance);
-        let wide = tall * sine;
+        let wide = tall * WIDE;
         let (is_sharp, is_low) = (tall.simd_lt(simd.set(SHARP)), tall.simd_lt(simd.set(TALL)));
         let is_film = free.simd_le(zero);
         let kinds = Kinds { is_sharp, is_low, is_film };
         let apart = kinds.pick(simd, [ONE.1, FEW.1, CLOSE.1, MANY.1]);
-        let width = is_sharp.select(one, (wide * 1.5).max(apart * tall));
-        let fineness = self.mirrored.fineness(simd, width);
         let tallest = is_wet.select(tall, zero);
         let count = match () {
             () if tallest.simd_lt(simd.set(SHARP)).all_true() => ONE.0.len(),
@@ -539,6 +574,9 @@ impl<'a> Scene<'a> {
                 point[k] = far.mul_add(way[k], from[k]);
             }
             let (at, _) = self.project(simd, &point);
+            // Facets that are met at less of an angle throw light farther aside.
+            let width = is_sharp.select(one, (wide * cosine.max(zero)).max(apart * tall));
+            let fineness = self.mirrored.fineness(simd, width);
             sum += weight;
             seen += part;
             let wanted = (is_wet & part.simd_gt(zero)).to_bitmask() as u32;

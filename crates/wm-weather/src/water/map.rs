@@ -1,5 +1,6 @@
 //! A map of the water of a place: heights of its surface.
 
+use super::rills::{Nodes, Rills};
 use crate::dome::{level_axes, to_level};
 use crate::optics::Site;
 use std::sync::Arc;
@@ -21,6 +22,8 @@ pub struct WaterGrid {
     heights: Option<[f64; 2]>,
     /// Some of them, sorted.
     levels: Vec<f32>,
+    /// Streams on slopes.
+    rills: Option<Rills>,
 }
 
 /// Water at a node.
@@ -78,6 +81,12 @@ impl WaterMap {
         Self { grid, ..self }
     }
 
+    /// Puddles and films, if there are any.
+    #[must_use]
+    pub fn grid(&self) -> Option<&Arc<WaterGrid>> {
+        self.grid.as_ref()
+    }
+
     /// Height of the endless level surface, if there is one.
     #[must_use]
     pub fn plane(&self) -> Option<f64> {
@@ -125,6 +134,29 @@ impl WaterMap {
 const KEPT: usize = 16;
 
 impl WaterGrid {
+    /// The same with streams on its nodes.
+    #[must_use]
+    pub fn with_rills(self, rills: Option<Rills>) -> Self {
+        Self { rills, ..self }
+    }
+
+    /// The same where something lies on it: `hidden` is the share of the water at a node that is not seen, 0-1.
+    #[must_use]
+    pub fn hidden_by(self, hidden: impl Fn(usize) -> f32) -> Self {
+        let dry = WaterNode { level: f32::NAN, cover: 0.0, roughness: 0.0 };
+        let nodes = (0..self.nodes.len()).map(|i| match self.node(i) {
+            Some(node) if node.cover > 0.0 => WaterNode { cover: node.cover * (1.0 - hidden(i)), ..node },
+            Some(node) => node,
+            None => dry,
+        });
+        Self::new(self.origin, self.step, self.size, nodes).with_rills(self.rills.clone())
+    }
+
+    /// Its streams, and the nodes that they are on.
+    pub(super) fn rills(&self) -> Option<(&Rills, Nodes)> {
+        Some((self.rills.as_ref()?, (self.origin, self.step, self.size)))
+    }
+
     /// Water on nodes in rows along the first level axis, of which `size` are along the two axes, `step` metres from each other and from the
     /// first one at `origin`, metres.
     #[must_use]

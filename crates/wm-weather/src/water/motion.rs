@@ -1,8 +1,11 @@
 //! The moving surface at one instant.
 
+use super::map::WaterGrid;
+use super::rills::Slope;
 use super::ripples;
 use super::tile::SlopeTile;
 use super::waves::WindWaves;
+use std::sync::Arc;
 use wm_render::simd::Lanes;
 
 /// Slopes that still water has, variance along one axis: it is never perfectly still.
@@ -14,6 +17,8 @@ pub struct WaterMotion {
     tiles: Vec<SlopeTile>,
     /// Variance of slopes along one axis that no tile holds.
     beyond: f32,
+    /// The water whose streams run, and the time, s.
+    running: Option<(Arc<WaterGrid>, f64)>,
 }
 
 /// Wind and rain that move the water.
@@ -39,7 +44,7 @@ impl WaterMotion {
     /// The motion of water under these forces.
     #[must_use]
     pub fn new(forces: &WaterForces) -> Self {
-        let mut motion = Self { tiles: Vec::new(), beyond: STILL };
+        let mut motion = Self { tiles: Vec::new(), beyond: STILL, running: None };
         if let Some(waves) = WindWaves::new(forces.wind, forces.fetch, forces.strongest) {
             motion.tiles.push(waves.slopes(forces.time, forces.seed ^ 0x5741_5645));
             motion.beyond += waves.beyond_tile();
@@ -49,6 +54,28 @@ impl WaterMotion {
             motion.tiles.push(ripples::slopes(forces.rain, rms, forces.time, forces.seed ^ ripples::FIELD));
         }
         motion
+    }
+
+    /// The same with the streams of a water at a time, s.
+    #[must_use]
+    pub fn with_rills(self, grid: Option<&Arc<WaterGrid>>, time: f64) -> Self {
+        let running = grid.filter(|grid| grid.rills().is_some()).map(|grid| (Arc::clone(grid), time));
+        Self { running, ..self }
+    }
+
+    /// Returns true if there are streams.
+    pub(super) fn has_rills(&self) -> bool {
+        self.running.is_some()
+    }
+
+    /// Adds the slopes of streams at a place, metres along the two level axes, of a piece `width` metres wide.
+    #[inline]
+    pub(super) fn add_rills(&self, place: [f64; 2], width: f32, sum: &mut Slope) {
+        if let Some((grid, time)) = &self.running
+            && let Some((rills, nodes)) = grid.rills()
+        {
+            rills.add(nodes, place, width, *time, sum);
+        }
     }
 
     /// The places of a point on the tiles, metres along the two level axes: see [`SlopeTile::phase`].

@@ -15,8 +15,8 @@ use wm_scene::random::uniform;
 
 /// Wave number of rings, rad/m.
 pub const WAVE_NUMBER: f64 = 200.0;
-/// Speed at which rings widen, m/s.
-pub const RING_SPEED: f64 = 0.25;
+/// Speed at which rings widen, m/s: that of waves of [`WAVE_NUMBER`] by the dispersion law.
+pub const RING_SPEED: f64 = 0.252;
 /// Side of the tile, m.
 pub(crate) const SIZE: f64 = 2.048;
 /// Parts of the seeds of the random field and of the drops.
@@ -151,9 +151,9 @@ pub fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
     SlopeTile::new(SIZE, values.into_par_iter())
 }
 
-/// Factor on a ring's slopes by its age, s: it appears within a frame or so, decays, and goes softly.
+/// Factor on a ring's slopes by its age, s: it appears while its waves leave the point that was hit, decays, and goes softly.
 fn fading(age: f64) -> f64 {
-    (-age / DECAY).exp() * (1.0 - age / LIFE).min(age / 0.02).clamp(0.0, 1.0)
+    (-age / DECAY).exp() * (1.0 - age / LIFE).min(age / 0.05).clamp(0.0, 1.0)
 }
 
 /// Squared slopes of a ring of height 1, summed over the plane and its life, m^2 s.

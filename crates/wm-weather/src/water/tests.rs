@@ -171,6 +171,7 @@ fn wet_ground_is_met_on_its_slope() {
     let ground: Vec<f32> = (0..width * height).map(|i| (0.03 * along(i)) as f32).collect();
     let stands = |i: usize| (9.0..10.0).contains(&along(i));
     let state = WaterState {
+        running: vec![0.0; 300 * 80],
         // The second axis points to the right.
         origin: [0.0, 4.0, 0.0],
         axes: crate::dome::level_axes(SITE.up),

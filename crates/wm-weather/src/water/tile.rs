@@ -29,11 +29,32 @@ const FIRST: [usize; LEVELS] = {
     first
 };
 
+/// The factor on the slopes of nodes that gives the slopes mixed of them the variance of the nodes, from how alike nodes beside each
+/// other are. At most that of waves of three nodes.
+fn mixing_gain(nodes: &[[f32; 4]]) -> f32 {
+    const MOST: f64 = 1.5;
+    let product = |right: usize, down: usize| -> f64 {
+        let other = |at: usize| (at / SIDE + down) % SIDE * SIDE + (at % SIDE + right) % SIDE;
+        let dot = |at: usize| {
+            let [a, b] = [nodes[at], nodes[other(at)]];
+            f64::from(a[0] * b[0] + a[1] * b[1])
+        };
+        (0..nodes.len()).map(dot).sum()
+    };
+    let own = product(0, 0);
+    // The mean over a cell of the squares of what is mixed between its corners.
+    let diagonals = 0.5 * (product(1, 1) + product(SIDE - 1, 1));
+    let mixed = 4.0 / 9.0 * own + 2.0 / 9.0 * (product(1, 0) + product(0, 1)) + diagonals / 9.0;
+    if own > 0.0 { (own / mixed.max(1e-9 * own)).sqrt().min(MOST) as f32 } else { 1.0 }
+}
+
 impl SlopeTile {
     /// A tile of `size` metres with these slopes, `[SIDE, SIDE]`.
     #[must_use]
     pub fn new(size: f64, slopes: impl IndexedParallelIterator<Item = [f32; 2]>) -> Self {
         let mut level: Vec<[f32; 4]> = slopes.map(|[x, y]| [x, y, x * x + y * y, 0.0]).collect();
+        // What is mixed between nodes is flatter than they are: the shorter the waves the more.
+        let gain = mixing_gain(&level);
         let mut nodes = Vec::with_capacity(FIRST[LEVELS - 1] + 4);
         for side in (0..LEVELS).map(|level| SIDE >> level) {
             let row = |y: usize| &level[y * side..(y + 1) * side];
@@ -47,6 +68,9 @@ impl SlopeTile {
             };
             let half = side / 2;
             level = (0..half).flat_map(|y| (0..half).map(move |x| (x, y))).map(|(x, y)| node(x, y)).collect();
+        }
+        for [x, y, ..] in &mut nodes[..FIRST[1]] {
+            (*x, *y) = (gain * *x, gain * *y);
         }
         Self { size: size as f32, nodes }
     }
@@ -190,4 +214,38 @@ pub(super) fn bilinear<S: Simd>(
 fn across<S: Simd>(simd: S, nodes: &[[f32; 4]], right: f32) -> f32x4<S> {
     let (a, b) = (f32x4::from_slice(simd, &nodes[0]), f32x4::from_slice(simd, &nodes[1]));
     (b - a) * right + a
+}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wm_render::dispatch;
+    use wm_render::simd::SimdPath;
+
+    /// The mean slopes of a millimetre about a place, m.
+    #[inline(always)]
+    fn at<S: Lanes>(simd: S, tile: &SlopeTile, place: [f64; 2]) -> [f32; 2] {
+        let points = ([simd.set(0.0); 2], place.map(|along| tile.phase(along)));
+        let [x, y, _] = tile.at(simd, points, simd.set(-10.0), 1);
+        [x, y].map(|slope| Kept::of(simd, slope).0[0])
+    }
+
+    /// Waves of four nodes have their slopes between nodes too, in the mean.
+    #[test]
+    fn short_waves_keep_their_slopes() {
+        let node = |at: usize| {
+            let phase = std::f32::consts::TAU * (70 * (at % SIDE) + 30 * (at / SIDE)) as f32 / SIDE as f32;
+            [0.1 * phase.cos(), 0.05 * phase.sin()]
+        };
+        let tile = SlopeTile::new(2.048, (0..SIDE * SIDE).into_par_iter().map(node));
+        let mut sum = 0.0;
+        let places = 40_000;
+        for k in 0..places {
+            let place = [0.002_7 * f64::from(k), 0.001_3 * f64::from(k) * f64::from(k % 7)];
+            let [x, y] = dispatch!(SimdPath::widest(), s => at(s, &tile, place));
+            sum += f64::from(x * x + y * y);
+        }
+        let rms = (sum / f64::from(places)).sqrt();
+        let want = (0.5f64 * (0.1 * 0.1 + 0.05 * 0.05)).sqrt();
+        assert!((rms / want - 1.0).abs() < 0.03, "{rms} {want}");
+    }
 }

@@ -7,6 +7,8 @@
 //!
 //! An instant is a sum of steps that begin at the same times whatever was asked for before, so any instant can be had alone.
 
+use crate::cover::MeltSample;
+
 /// Exponents of rain, texture, length and slope, and the factor of Gallaway's formula.
 const RAIN: f64 = 0.59;
 const TEXTURE: f64 = 0.11;
@@ -62,8 +64,61 @@ pub struct WetStep {
     pub hours: f64,
     /// Rain in it, mm.
     pub rain: f64,
-    /// Water that can dry in it, mm.
+    /// Water that can dry in it where no snow lies, mm.
     pub dries: f64,
+    /// The snow on the ground.
+    pub snow: SnowStep,
+}
+
+impl WetStep {
+    /// A part of the time without snow: its length, h, and the rain and what can dry in it, mm.
+    #[must_use]
+    pub fn bare(hours: f64, rain: f64, dries: f64) -> Self {
+        Self { hours, rain, dries, snow: SnowStep::default() }
+    }
+
+    /// Returns true if water comes in it.
+    #[must_use]
+    pub fn is_wet(&self) -> bool {
+        self.rain > 0.0 || self.snow.melts.iter().any(|melts| *melts > 0.0)
+    }
+}
+
+/// Snow on the ground in a part of the time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SnowStep {
+    /// Melt water, mm, for each share of the rain.
+    melts: [f64; SHARES],
+    /// Share of the ground that is bare, 0-1, for each share of the rain.
+    bare: [f64; SHARES],
+    /// The same on open level ground.
+    pub(super) open: f64,
+}
+
+impl Default for SnowStep {
+    fn default() -> Self {
+        Self { melts: [0.0; SHARES], bare: [1.0; SHARES], open: 1.0 }
+    }
+}
+
+impl SnowStep {
+    /// The snow between two instants. Where a share of the rain falls the same share of the snow does.
+    #[must_use]
+    pub fn between(from: &MeltSample, to: &MeltSample) -> Self {
+        let shares: [f64; SHARES] = std::array::from_fn(|k| share_of(k as f64));
+        let [before, after] = [from, to].map(|sample| shares.map(|share| sample.at(share)));
+        Self {
+            melts: std::array::from_fn(|k| (after[k][0] - before[k][0]).max(0.0)),
+            bare: after.map(|[_, bare]| bare),
+            open: to.at(1.0)[1],
+        }
+    }
+
+    /// So many parts of the same length that make up the whole.
+    #[must_use]
+    pub fn divided(self, parts: f64) -> Self {
+        Self { melts: self.melts.map(|melts| melts / parts), ..self }
+    }
 }
 
 /// Water on a piece of ground, and all that came, ran off and dried until now, mm.
@@ -82,17 +137,18 @@ pub struct WetColumn {
 }
 
 impl WetColumn {
-    /// Lets a step pass on ground whose factor of Gallaway's formula is `factor`, with `water` mm coming to it.
-    fn pass(&mut self, factor: f64, step: &WetStep, water: f64) -> f64 {
+    /// Lets some hours pass on ground whose factor of Gallaway's formula is `factor`, with `water` mm coming to it, of which `dries` mm can dry.
+    fn pass(&mut self, factor: f64, hours: f64, [water, dries]: [f64; 2]) -> f64 {
+        let can_dry = dries;
         let soaks = (PORES - self.pores) * (1.0 - (-water / PORES).exp());
         self.pores += soaks;
         self.came += water;
         let all = self.store + water - soaks;
-        let left = left_of(all, factor, step.hours);
+        let left = left_of(all, factor, hours);
         let runs = all - left;
-        let dries = step.dries.min(left);
+        let dries = can_dry.min(left);
         self.store = left - dries;
-        let from_pores = (step.dries - dries).min(self.pores);
+        let from_pores = (can_dry - dries).min(self.pores);
         self.pores -= from_pores;
         self.ran_off += runs;
         self.dried += dries + from_pores;
@@ -162,7 +218,8 @@ impl WetColumns {
             let [length, slope] = kind.fall();
             let factor = store_factor(self.texture, length, slope);
             for (k, column) in self.columns[kind as usize].iter_mut().enumerate() {
-                let ran = column.pass(factor, step, share_of(k as f64) * step.rain);
+                let water = share_of(k as f64) * step.rain + step.snow.melts[k];
+                let ran = column.pass(factor, step.hours, [water, step.dries * step.snow.bare[k]]);
                 if kind == Drainage::Level {
                     runs[k] = ran;
                 }
@@ -197,6 +254,14 @@ impl WetColumns {
         }
     }
 
+    /// Water that runs off of that ground, mm/h.
+    #[must_use]
+    pub fn runs_off(&self, kind: Drainage, share: f64) -> f64 {
+        let [length, slope] = kind.fall();
+        let factor = store_factor(self.texture, length, slope);
+        (self.column(kind, share).store.max(0.0) / factor).powf(1.0 / RAIN)
+    }
+
     /// The wetness of that ground.
     #[must_use]
     pub fn wet(&self, kind: Drainage, share: f64) -> Wet {
@@ -217,7 +282,7 @@ mod tests {
     fn rain(rate: f64, hours: f64, dries: f64) -> Vec<WetStep> {
         let steps = 200;
         let each = hours / f64::from(steps);
-        vec![WetStep { hours: each, rain: rate * each, dries: dries * each }; steps as usize]
+        vec![WetStep::bare(each, rate * each, dries * each); steps as usize]
     }
 
     #[test]

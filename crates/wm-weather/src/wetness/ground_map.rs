@@ -145,6 +145,15 @@ impl GroundMap {
         (place, height - tilted(self.tilt, place))
     }
 
+    /// The middle of a cell at the height of its ground (world, scene units); `None` where there is none.
+    #[must_use]
+    pub fn middle(&self, cell: usize) -> Option<[f64; 3]> {
+        let [columns, _] = self.size();
+        let height = self.ground[cell];
+        let place = [cell % columns, cell / columns].map(|v| v as f64 + 0.5);
+        height.is_finite().then(|| self.point(place, f64::from(height)))
+    }
+
     /// The height of the tilt at the middle of a cell, m.
     pub(crate) fn tilt_at(&self, cell: usize) -> f32 {
         let [columns, _] = self.size();

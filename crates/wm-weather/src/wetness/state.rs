@@ -3,6 +3,7 @@
 use super::WetRequest;
 use super::basins::NONE;
 use super::column::{self, Drainage, PORES, SHARES, Wet, WetColumns};
+use super::run_off::RunOff;
 use super::surfaces::{WetShares, WetSurfaces};
 
 /// The areas that drain into each basin, m^2, by the share of the rain that they get.
@@ -74,7 +75,7 @@ impl WetState {
             let water =
                 |areas: &[f64; SHARES]| areas.iter().zip(&runs).map(|(area, runs)| 1e-3 * area * runs).sum();
             came.iter_mut().zip(&catchments.areas).for_each(|(came, areas)| *came = water(areas));
-            let [left, dried] = basins.pass(&mut volumes, &came, 1e-3 * step.dries);
+            let [left, dried] = basins.pass(&mut volumes, &came, 1e-3 * step.dries * step.snow.open);
             let away: f64 = water(&catchments.leaves);
             budget.left += left + away;
             budget.dried += dried;
@@ -113,6 +114,12 @@ impl WetState {
         Wet { pores: (reached * pores) as f32, film: (reached * film) as f32, depth: 0.0 }
     }
 
+    /// Water that runs off of ground that gets all of the rain, mm/h; 0 for a wetness by hand.
+    #[must_use]
+    pub fn runs_off(&self) -> f64 {
+        if self.amount.is_some() { 0.0 } else { self.columns.runs_off(Drainage::Level, 1.0) }
+    }
+
     /// The level of water in each basin, m; negative infinity where it is dry.
     #[must_use]
     pub fn levels(&self) -> &[f32] {
@@ -149,6 +156,8 @@ pub struct WaterState {
     pub filled: Vec<f32>,
     /// Filled share of the pores, 0-1.
     pub pores: Vec<f32>,
+    /// Depth of water that runs together on slopes, over the texture, mm; it is on its way, and no part of the films.
+    pub running: Vec<f32>,
     /// Rain that came, and where it went.
     pub budget: WaterBudget,
 }
@@ -156,7 +165,7 @@ pub struct WaterState {
 impl WaterState {
     /// The water of a place. Levels go on for a cell about each puddle, below its ground, so that edges can be found between nodes.
     #[must_use]
-    pub fn of(surfaces: &WetSurfaces, shares: &WetShares, state: &WetState) -> Self {
+    pub fn of(surfaces: &WetSurfaces, shares: &WetShares, run_off: &RunOff, state: &WetState) -> Self {
         let ground = surfaces.ground();
         let [width, height] = ground.size();
         let wet: Vec<Wet> =
@@ -184,6 +193,7 @@ impl WaterState {
             film: on_ground(&|wet| wet.depth),
             filled: on_ground(&|wet| wet.film),
             pores: on_ground(&|wet| wet.pores),
+            running: run_off.depths(state.runs_off()),
             budget: state.budget,
         }
     }

@@ -5,6 +5,7 @@ use super::basins::NONE;
 use super::column::{Drainage, MOST_SHARE};
 use super::ground_map::{FarFloor, GroundMap};
 use super::optics::{self, STEPS};
+use super::sheen::{NO_SKY, SkySheen, skyline_of};
 use super::state::WetState;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::light::{CaptureLight, apply_gains};
@@ -44,6 +45,8 @@ const ON_GROUND: f32 = 0.15;
 const WIDE: f64 = 0.3;
 /// Depth over which the edge of a puddle goes over into the ground, m.
 const EDGE: f32 = 0.002;
+/// Least light of a surface over which the sky that it mirrors is a factor.
+const DARKEST: f64 = 2e-3;
 /// Steps of the share of the rain, and the classes: of level, steep and leafy surfaces, and of those that stay dry.
 const SHARES: usize = 64;
 const DRY: u8 = 3 * SHARES as u8;
@@ -66,6 +69,10 @@ struct WetSplat {
     /// Normal times 127; zero of leaves.
     normal: [i8; 3],
     albedo: [u8; 3],
+    /// The colour that does not depend on the direction, display-referred.
+    color: [u8; 3],
+    /// How much of the sky it sees, if it is steep: see [`skyline_of`].
+    skyline: u8,
     /// Sky, and open water.
     stays: bool,
     pond: u32,
@@ -124,7 +131,18 @@ impl WetSurfaces {
                 false if is_green && is_level => Vec3::ZERO,
                 _ => normal,
             };
+            // Ground in the round of the water's surface has its own reflection.
+            let is_wall = normal != Vec3::ZERO && normal.dot(up).abs() < LEVEL && !is_ground();
+            let stride = splats.sh_stride();
+            let sh = &splats.sh[index * stride..];
             let splat = WetSplat {
+                color: std::array::from_fn(|k| {
+                    (255.0 * (0.5 + sh::C0 * f64::from(sh[k])).clamp(0.0, 1.0)).round() as u8
+                }),
+                skyline: match is_wall {
+                    true => skyline_of(capture.surface(index, site.up).open[0]),
+                    false => NO_SKY,
+                },
                 point,
                 normal: (127.0 * normal).to_array().map(|v| v.round() as i8),
                 albedo: albedo.map(|v| (v * (STEPS - 1) as f64).round() as u8),
@@ -269,6 +287,18 @@ pub struct WetGains<'a> {
     deep: Strength,
     /// The changes by reflectance.
     table: Box<[[f32; 2]; STEPS]>,
+    /// The sky that steep surfaces mirror, if an eye sees it.
+    sheen: Option<SheenGains>,
+}
+
+/// The light that steep surfaces mirror, as a part of the factors on their own.
+#[derive(Clone, Debug)]
+struct SheenGains {
+    sky: SkySheen,
+    /// By the class of steep surfaces: the share that is wet, and the film in depths of the texture.
+    wet: [[f32; 2]; SHARES],
+    /// One over the light of a display-referred value in 8 bits.
+    inverse: Box<[f32; 256]>,
 }
 
 /// Strength of the change of a surface by water.
@@ -311,7 +341,38 @@ impl<'a> WetGains<'a> {
             Strength { pores: strength * (1.0 - wet.film), film: strength * wet.film, fade: wet.pores }
         });
         let deep = Strength { pores: 0.0, film: porosity, fade: 1.0 };
-        Self { surfaces, shares, levels: state.levels(), strengths, deep, table: Box::new(optics::table()) }
+        let table = Box::new(optics::table());
+        Self { surfaces, shares, levels: state.levels(), strengths, deep, table, sheen: None }
+    }
+
+    /// The same with the sky that steep surfaces mirror. `state` is the water, on a texture of mean depth `texture`, mm.
+    #[must_use]
+    pub fn with_sheen(mut self, sky: SkySheen, state: &WetState, texture: f64) -> Self {
+        let wet = std::array::from_fn(|bin| {
+            let share = MOST_SHARE * (bin as f64 / (SHARES - 1) as f64).powi(2);
+            let wet = state.wet(Drainage::Steep, share);
+            [wet.pores, wet.film + wet.depth / texture as f32]
+        });
+        let inverse = Box::new(std::array::from_fn(|value| {
+            (1.0 / srgb_decode(value as f64 / 255.0).max(DARKEST)) as f32
+        }));
+        self.sheen = Some(SheenGains { sky, wet, inverse });
+        self
+    }
+
+    /// What is added to the factors on the light of a splat by the sky that it mirrors.
+    #[inline]
+    fn mirrored(&self, index: usize) -> Option<[f32; 3]> {
+        let SheenGains { sky, wet, inverse } = self.sheen.as_ref()?;
+        let class = usize::from(*self.shares.classes.get(index)?);
+        let [share, film] = *wet.get(class.checked_sub(SHARES)?)?;
+        let splat = &self.surfaces.splats[index];
+        if share <= 0.0 || splat.skyline == NO_SKY {
+            return None;
+        }
+        let normal = Vec3::from_array(splat.normal.map(f32::from)) / 127.0;
+        let light = sky.light(Vec3::from_array(splat.point), normal, film, splat.skyline);
+        Some(std::array::from_fn(|k| share * light[k] * inverse[usize::from(splat.color[k])]))
     }
 
     /// Multiplies the gains of splats, and writes their fade.
@@ -323,6 +384,9 @@ impl<'a> WetGains<'a> {
             if let Some((strength, albedo)) = self.strength(*index as usize) {
                 let [r, g, b] = self.gain(strength, albedo);
                 (*red, *green, *blue, *fade) = (*red * r, *green * g, *blue * b, strength.fade);
+                if let Some([r, g, b]) = self.mirrored(*index as usize) {
+                    (*red, *green, *blue) = (*red + r, *green + g, *blue + b);
+                }
             }
         }
         block.column_mut(Attribute::Fade)[..indices.len()].copy_from_slice(&fades[..indices.len()]);

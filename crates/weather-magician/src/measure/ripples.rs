@@ -1,0 +1,315 @@
+//! Ripples: how steep the rings of rain are on water, and how fast their waves go.
+//!
+//! Black water lies under level boards, seen from straight above. One board grows brighter along one level axis, one along the other, and one is even: the
+//! light of the first two over that of the third tells which point of the board each pixel of the water shows, and so the direction into which it reflects,
+//! whatever its reflectance. The water's normal lies halfway between that direction and the view's. Pictures of still water say how bright the boards are where.
+//!
+//! The slopes must be those at which waves lose by viscosity what drops bring: 1 % of the energy of the drops that fall, an integral over Marshall and Palmer's
+//! spectrum at Gunn and Kinzer's speeds, in waves of 200 rad/m. Their frequency, by what is left of waves of that length a quarter of a period later, must be
+//! that of the dispersion law of waves with gravity and surface tension.
+//!
+//! Tolerance 4 % of the slopes and 5 % of the frequency: waves of some square metres at a few instants differ by 1 to 2 % from their mean.
+
+use super::fresnel::still;
+use super::lit::LightPicture;
+use super::plot::{Axis, Plot, Series};
+use super::{
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
+    expected,
+};
+use crate::Result;
+use glam::DVec3;
+use wm_scene::card::Card;
+use wm_scene::color::srgb_encode;
+use wm_scene::{Camera, Splats};
+use wm_weather::Weather;
+
+/// The instrument.
+pub const INSTRUMENT: Instrument = Instrument {
+    name: "ripples",
+    title: "Ripples",
+    about: "Black water in the rain under boards that grow brighter to one side, from straight above: each pixel shows the slope of the water. \
+            The slopes' rms against 1 % of the drops' energy over the viscous decay of waves of 31 mm, and their frequency against the \
+            dispersion law.",
+    applies: |weather, time| expected::is_flooded(weather, time) && rate(weather, time) > 0.0,
+    read,
+    sweep: &[
+        &["flood.level=1", "rain.rate=2"],
+        &["flood.level=1", "rain.rate=10"],
+        &["flood.level=1", "rain.rate=20"],
+    ],
+};
+
+/// Heights of the eye and of the boards over the water, m; half the side of the boards.
+const EYE: f64 = 1.0;
+const BOARD: f64 = 1.0;
+const HALF: f64 = 2.4;
+/// Strips of a board, and the light at its ends.
+const STRIPS: usize = 96;
+const LIGHT: [f64; 2] = [0.1, 0.9];
+/// Side of the pictures, px, their field of view, degrees, and half the side of the water that is looked at, m.
+const SIDE: u32 = 468;
+const FIELD: f64 = 100.0;
+const PATCH: f64 = 0.45;
+/// Instants, and the time between them, s.
+const INSTANTS: u32 = 8;
+const APART: f64 = 0.73;
+/// Wave number of rings, rad/m; gravity, m/s^2; surface tension over density, m^3/s^2; viscosity, m^2/s; the share of the drops' energy that waves get;
+/// and the density of water, kg/m^3.
+const WAVE: f64 = 200.0;
+const GRAVITY: f64 = 9.81;
+const TENSION: f64 = 7.28e-5;
+const VISCOSITY: f64 = 1e-6;
+const SHARE: f64 = 0.01;
+const WATER: f64 = 1000.0;
+/// Largest drops of the integral, mm, and its steps.
+const LARGEST: f64 = 8.0;
+const STEPS: usize = 800;
+
+/// Directions of the waves whose frequency is measured, and their wave numbers, of [`WAVE`].
+const WAYS: usize = 36;
+const LENGTHS: [f64; 7] = [0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15];
+/// Distance of the pixels by which they are found, px: a third of the wave.
+const APART_PX: usize = 2;
+
+/// Rain, mm/h.
+fn rate(weather: &Weather, time: f64) -> f64 {
+    expected::number(weather, time, "rain", "rate").unwrap_or(0.0)
+}
+
+/// Rms of slopes, both axes together, on deep water.
+fn slopes_of(rate: f64) -> f64 {
+    let slope = expected::rain_slope(rate);
+    let (mut water, mut power) = (0.0, 0.0);
+    for step in 0..STEPS {
+        let diameter = LARGEST * (step as f64 + 0.5) / STEPS as f64;
+        let speed = expected::gunn_kinzer(diameter).max(0.0);
+        let mass = (-slope * diameter).exp() * diameter.powi(3) * speed;
+        water += mass;
+        power += 0.5 * mass * speed * speed;
+    }
+    // kg/(m^2 s) times J/kg.
+    let flux = rate / 3600.0 * power / water;
+    (SHARE * flux / (4.0 * VISCOSITY * WATER * (GRAVITY + TENSION * WAVE * WAVE))).sqrt()
+}
+
+/// Frequency of the waves of rings, rad/s.
+fn frequency() -> f64 {
+    (GRAVITY * WAVE + TENSION * WAVE.powi(3)).sqrt()
+}
+
+/// A board over the water that grows brighter along a level axis; `None` for an even one.
+fn board(level: &LevelFrame, water: f64, along: Option<usize>) -> Splats {
+    let mut splats = Splats::default();
+    for strip in 0..STRIPS {
+        let place = (2 * strip + 1) as f64 / STRIPS as f64 - 1.0;
+        let light = along.map_or(0.5, |_| LIGHT[0] + (LIGHT[1] - LIGHT[0]) * 0.5 * (place + 1.0));
+        let axis = along.unwrap_or(0);
+        let mut center = [0.0, 0.0, water + BOARD];
+        center[axis] = place * HALF;
+        let (mut u, mut v) = ([0.0; 3], [0.0; 3]);
+        (u[axis], v[1 - axis]) = (HALF / STRIPS as f64, HALF);
+        let [u, v] = [u, v].map(|half| level.units(1.0) * level.vector(half));
+        let card = Card { center: level.point(center), u, v };
+        card.paint(&mut splats, (1, 24), [srgb_encode(light) as f32; 3]);
+    }
+    splats
+}
+
+/// The pictures of the three boards in the water at one instant.
+struct Boards([LightPicture; 3]);
+
+impl Boards {
+    /// The light of each board's pattern at a pixel.
+    fn pattern(&self, x: usize, y: usize) -> [f64; 2] {
+        let even = self.0[2].light(x, y).max(1e-6);
+        [0, 1].map(|k| self.0[k].light(x, y) / even)
+    }
+}
+
+/// The pixels of the water that is looked at, each with the direction to it, along the level axes.
+struct Patch {
+    pixels: Vec<((usize, usize), DVec3)>,
+    columns: usize,
+}
+
+impl Patch {
+    fn of(level: &LevelFrame, camera: &Camera) -> Self {
+        let half = (PATCH * camera.fx / EYE) as usize;
+        let middle = SIDE as usize / 2;
+        let place = |k: usize| middle - half + k;
+        let pixels = (0..4 * half * half).map(|at| {
+            let (x, y) = (place(at % (2 * half)), place(at / (2 * half)));
+            let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5);
+            ((x, y), DVec3::from_array(level.axes.map(|axis| axis.dot(ray))))
+        });
+        Self { pixels: pixels.collect(), columns: 2 * half }
+    }
+}
+
+/// Waves about [`WAVE`] that slopes are made of.
+struct Waves {
+    /// Wave vectors, rad/m.
+    vectors: Vec<[f64; 2]>,
+    /// The points of the water that the pixels show, m, each with a weight that falls to 0 at the edges.
+    places: Vec<[f64; 3]>,
+}
+
+impl Waves {
+    fn of(patch: &Patch) -> Self {
+        let vectors = (0..WAYS * LENGTHS.len()).map(|k| {
+            let (way, length) = (k / LENGTHS.len(), LENGTHS[k % LENGTHS.len()]);
+            let (sin, cos) = (std::f64::consts::PI * way as f64 / WAYS as f64).sin_cos();
+            [cos, sin].map(|v| v * length * WAVE)
+        });
+        let place = |(pixel, way): &((usize, usize), DVec3)| {
+            let [x, y] = [way.x, way.y].map(|v| v * EYE / -way.z);
+            let weight = |v: f64| (0.5 * std::f64::consts::PI * v / PATCH).cos().max(0.0).powi(2);
+            let is_taken = pixel.0.is_multiple_of(APART_PX) && pixel.1.is_multiple_of(APART_PX);
+            [x, y, if is_taken { weight(x) * weight(y) } else { 0.0 }]
+        };
+        Self { vectors: vectors.collect(), places: patch.pixels.iter().map(place).collect() }
+    }
+
+    /// The complex strength of each wave in some slopes.
+    fn strengths(&self, slopes: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let strength = |[kx, ky]: &[f64; 2]| {
+            let mut sum = [0.0; 2];
+            for ([x, y, weight], [a, b]) in self.places.iter().zip(slopes).filter(|(place, _)| place[2] > 0.0)
+            {
+                let (sin, cos) = (kx * x + ky * y).sin_cos();
+                let slope = weight * (kx * a + ky * b);
+                sum = [sum[0] + slope * cos, sum[1] - slope * sin];
+            }
+            sum
+        };
+        self.vectors.iter().map(strength).collect()
+    }
+}
+
+/// The point of the boards that still water shows along a ray, along a level axis, m.
+fn shown_by_still(way: DVec3, axis: usize) -> f64 {
+    way[axis] / -way.z * (EYE + BOARD)
+}
+
+/// Points of a board by the light of its pattern, rising.
+struct Calibration(Vec<[f64; 2]>);
+
+impl Calibration {
+    /// By still water.
+    fn of(boards: &Boards, level: &LevelFrame, camera: &Camera, axis: usize) -> Self {
+        let middle = SIDE as usize / 2;
+        let mut points: Vec<[f64; 2]> = (0..SIDE as usize)
+            .flat_map(|k| [(k, middle), (middle, k)])
+            .map(|(x, y)| {
+                let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5);
+                let way = DVec3::from_array(level.axes.map(|axis| axis.dot(ray)));
+                [boards.pattern(x, y)[axis], shown_by_still(way, axis)]
+            })
+            .filter(|[_, place]| place.abs() < 0.97 * HALF)
+            .collect();
+        points.sort_by(|a, b| a[1].total_cmp(&b[1]));
+        // Of the line across the pattern all points are alike.
+        points.dedup_by(|a, b| (a[1] - b[1]).abs() < 1e-4);
+        Self(points)
+    }
+
+    /// The point of some light.
+    fn place(&self, light: f64) -> f64 {
+        let above = self.0.partition_point(|point| point[0] < light).clamp(1, self.0.len() - 1);
+        let [a, b] = [self.0[above - 1], self.0[above]];
+        a[1] + (b[1] - a[1]) * ((light - a[0]) / (b[0] - a[0]).max(1e-9)).clamp(0.0, 1.0)
+    }
+}
+
+/// The slopes of the water at the pixels of a patch, along both level axes.
+fn slopes(boards: &Boards, patch: &Patch, calibrations: &[Calibration; 2]) -> Vec<[f64; 2]> {
+    let slope = |((x, y), way): &((usize, usize), DVec3)| {
+        let light = boards.pattern(*x, *y);
+        let there = [0, 1].map(|k| calibrations[k].place(light[k]));
+        let water = *way * (EYE / -way.z);
+        let mirrored =
+            (DVec3::new(there[0], there[1], BOARD) - DVec3::new(water.x, water.y, 0.0)).normalize();
+        let normal = mirrored - *way;
+        [-normal.x / normal.z, -normal.y / normal.z]
+    };
+    patch.pixels.iter().map(slope).collect()
+}
+
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
+    let level = LevelFrame::of(&rig.site());
+    let water = expected::number(request.weather, request.time, "flood", "level").unwrap_or_default();
+    let rate = rate(request.weather, request.time);
+    let calm = still(request, &["flood.tint=0,0,0", "flood.secchi=0.05"])?;
+    let mut weather = calm.clone();
+    // Drops themselves are not looked at.
+    for change in [&format!("rain.rate={rate}"), "rain.opacity=0"] {
+        weather.set_text(change)?;
+    }
+    let camera = level.camera((SIDE, SIDE), FIELD, [0.0, 0.0, water + EYE], [0.0, 0.0, water])?;
+    let mut subjects = Vec::new();
+    for along in [Some(0), Some(1), None] {
+        subjects.push(rig.set_up(board(&level, water, along))?);
+    }
+    let mut look = |weather: &Weather, time: f64| -> Result<Boards> {
+        let mut draw = |k: usize| LightPicture::of(rig, (subjects[k], &camera), weather, time);
+        Ok(Boards([draw(0)?, draw(1)?, draw(2)?]))
+    };
+    let without = look(&calm, request.time)?;
+    let calibrations = [0, 1].map(|axis| Calibration::of(&without, &level, &camera, axis));
+    let patch = Patch::of(&level, &camera);
+    let quarter = 0.5 * std::f64::consts::PI / frequency();
+    let (mut squares, mut count) = (0.0, 0.0);
+    // Products of waves with themselves and with those a quarter of a period later.
+    let mut products = [0.0; 3];
+    let waves = Waves::of(&patch);
+    let mut finding = Finding::default();
+    let mut curve = Vec::new();
+    for instant in 0..INSTANTS {
+        let time = request.time + APART * f64::from(instant);
+        let first = look(&weather, time)?;
+        let [now, later] = [
+            slopes(&first, &patch, &calibrations),
+            slopes(&look(&weather, time + quarter)?, &patch, &calibrations),
+        ];
+        for slopes in [&now, &later] {
+            squares += slopes.iter().map(|[x, y]| x * x + y * y).sum::<f64>();
+            count += slopes.len() as f64;
+        }
+        for ([a, b], [c, d]) in waves.strengths(&now).into_iter().zip(waves.strengths(&later)) {
+            let all = [a * a + b * b, c * c + d * d, a * c + b * d];
+            products.iter_mut().zip(all).for_each(|(sum, value)| *sum += value);
+        }
+        if instant == 0 {
+            let middle = patch.columns * (patch.columns / 2);
+            let line = patch.pixels[middle..middle + patch.columns].iter().zip(&now[middle..]);
+            curve = line.map(|((_, way), slope)| [1e3 * EYE * way.x / -way.z, slope[0]]).collect();
+            let [picture, _, _] = first.0;
+            let caption = format!("{}: a board in the rings of rain, from above", request.setting);
+            finding.pictures.push(MeasuredPicture::of(caption, &picture.picture.frame));
+        }
+    }
+    let alike = products[2] / (products[0] * products[1]).sqrt();
+    let mut reading = |quantity: &str, unit, [asked, measured]: [f64; 2], most: f64| {
+        finding.readings.push(Reading {
+            quantity: quantity.to_owned(),
+            setting: request.setting.to_owned(),
+            unit,
+            asked,
+            measured,
+            standard_error: None,
+            tolerance: Tolerance::Relative(most),
+        });
+    };
+    reading("slopes of rings, rms", "", [slopes_of(rate), (squares / count).sqrt()], 0.04);
+    let hertz = std::f64::consts::TAU.recip();
+    let measured = alike.clamp(-1.0, 1.0).acos() / quarter;
+    reading("frequency of rings", "Hz", [hertz * frequency(), hertz * measured], 0.05);
+    finding.plots.push(Plot {
+        title: format!("Slopes along a line of the water, {}", request.setting),
+        x: Axis::linear("mm"),
+        y: Axis::linear("slope"),
+        series: vec![Series::line("measured", curve)],
+    });
+    Ok(finding)
+}

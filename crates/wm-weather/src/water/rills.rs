@@ -1,0 +1,157 @@
+//! Thin streams of water on slopes, and the waves that run down them.
+//!
+//! A film that runs downhill breaks into waves whose crests lie across the slope. Their phase is the height of the ground, so that crests follow the ground and
+//! all waves run downhill, and bumps of the ground shift it; so a wave is a function of place and time alone.
+
+use std::f64::consts::TAU;
+use wm_scene::random::uniform;
+
+/// Lengths of the waves, m, the speed at which they run, m/s, and their slopes, amplitudes.
+const WAVES: [[f64; 3]; 3] = [[0.16, 0.34, 0.045], [0.095, 0.29, 0.04], [0.055, 0.25, 0.035]];
+/// Width of the bumps by which phases are shifted, m, and by how many waves.
+const BUMPS: f64 = 0.22;
+const SHIFT: f64 = 1.1;
+/// Seed of the bumps.
+const SEED: u64 = 0x5249_4c4c;
+
+/// The streams of a place, on the nodes of its [`WaterGrid`](super::WaterGrid).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rills {
+    /// How much of the ground is under running water at each node, 0-1.
+    strength: Vec<f32>,
+    /// Heights of the ground, m; not a number where there is none.
+    ground: Vec<f32>,
+    /// Slope of the ground under the streams in the mean.
+    slope: f64,
+}
+
+/// Slopes of a piece of a surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Slope {
+    /// Along the two level axes.
+    pub mean: [f32; 2],
+    /// Variance within the piece along one axis.
+    pub variance: f32,
+}
+
+/// The nodes of a grid: the first one, m, their distance, m, and their columns and rows.
+pub(super) type Nodes = ([f64; 2], f64, [usize; 2]);
+
+impl Rills {
+    /// The streams of these strengths on some ground; `None` if there are none.
+    #[must_use]
+    pub fn new(strength: Vec<f32>, ground: Vec<f32>, step: f64, columns: usize) -> Option<Self> {
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for (at, own) in strength.iter().enumerate().filter(|(_, own)| **own > 0.0) {
+            let beside = [at + 1, at + columns].map(|next| ground.get(next).map(|next| next - ground[at]));
+            if let [Some(along), Some(across)] = beside
+                && (along + across).is_finite()
+            {
+                sum += f64::from(own * along.hypot(across));
+                weights += f64::from(*own);
+            }
+        }
+        (weights > 0.0).then(|| Self { strength, ground, slope: (sum / weights / step).max(0.01) })
+    }
+
+    /// Adds the slopes of the waves at a place, m along the level axes, of a piece `width` m wide, at a time, s.
+    #[inline]
+    pub(super) fn add(
+        &self,
+        (origin, step, [columns, rows]): Nodes,
+        [x, y]: [f64; 2],
+        width: f32,
+        time: f64,
+        sum: &mut Slope,
+    ) {
+        let (u, v) = ((x - origin[0]) / step, (y - origin[1]) / step);
+        if !(u >= 0.0 && v >= 0.0 && u < (columns - 1) as f64 && v < (rows - 1) as f64) {
+            return;
+        }
+        let (column, row) = (u as usize, v as usize);
+        let first = row * columns + column;
+        let corners = [first, first + 1, first + columns, first + columns + 1];
+        let (right, down) = ((u - column as f64) as f32, (v - row as f64) as f32);
+        let mix = |[a, b, c, d]: [f32; 4]| {
+            let (upper, lower) = (a + right * (b - a), c + right * (d - c));
+            upper + down * (lower - upper)
+        };
+        let strength = mix(corners.map(|at| self.strength[at]));
+        if strength <= 0.0 {
+            return;
+        }
+        let [a, b, c, d] = corners.map(|at| self.ground[at]);
+        let height = f64::from(mix([a, b, c, d]));
+        let uphill = [b - a + down * (d - c - b + a), c - a + right * (d - b - c + a)]
+            .map(|rise| f64::from(rise) / step);
+        let steep = uphill[0].hypot(uphill[1]);
+        if !(height.is_finite() && steep > 1e-4) {
+            return;
+        }
+        for (k, [length, speed, amplitude]) in WAVES.into_iter().enumerate() {
+            // Waves of a steeper place are shorter.
+            let own = (length * self.slope / steep).max(1e-3);
+            let bumps = SHIFT * bumps(SEED + k as u64, [x / BUMPS, y / BUMPS]);
+            let phase = TAU * (height / (self.slope * length) + speed / length * time + bumps);
+            let amplitude = f64::from(strength) * amplitude;
+            // What a pixel is too wide to show is roughness.
+            let seen = (1.5 - 2.0 * f64::from(width) / own).clamp(0.0, 1.0);
+            let slope = seen * amplitude * phase.cos();
+            (0..2).for_each(|k| sum.mean[k] += (slope * uphill[k] / steep) as f32);
+            sum.variance += (0.25 * (1.0 - seen * seen) * amplitude * amplitude) as f32;
+        }
+    }
+}
+
+/// Smooth noise of -1 to 1.
+fn bumps(seed: u64, place: [f64; 2]) -> f64 {
+    let [i, j] = place.map(f64::floor);
+    let [u, v] = [place[0] - i, place[1] - j].map(|t| t * t * (3.0 - 2.0 * t));
+    let corner = |di: f64, dj: f64| {
+        let [i, j] = [i + di, j + dj].map(|v| v as i64 as u32);
+        2.0 * uniform(seed, u64::from(i) << 32 | u64::from(j)) - 1.0
+    };
+    let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
+    mix(mix(corner(0.0, 0.0), corner(1.0, 0.0), u), mix(corner(0.0, 1.0), corner(1.0, 1.0), u), v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn slope(rills: &Rills, x: f64, y: f64, width: f32, time: f64) -> Slope {
+        let mut sum = Slope::default();
+        rills.add(([0.0; 2], 0.1, [40, 40]), [x, y], width, time, &mut sum);
+        sum
+    }
+
+    fn tilted() -> Rills {
+        let ground: Vec<f32> = (0..1600).map(|at| 0.004 * (at % 40) as f32).collect();
+        Rills::new(vec![1.0; 1600], ground, 0.1, 40).unwrap()
+    }
+
+    /// On an even slope along x, waves have slopes along x alone, and what is seen comes back downhill.
+    #[test]
+    fn waves_run_downhill() {
+        let rills = tilted();
+        let places: Vec<f64> = (0..900).map(|k| 0.5 + 0.003 * f64::from(k)).collect();
+        let line = |shift: f64, time: f64| -> Vec<f64> {
+            places.iter().map(|x| f64::from(slope(&rills, x + shift, 2.0, 0.001, time).mean[0])).collect()
+        };
+        let alike = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let now = line(0.0, 3.0);
+        let [down, up] = [-0.01, 0.01].map(|shift| alike(&now, &line(shift, 3.033)));
+        assert!(down > 1.2 * up && down > 0.7 * alike(&now, &now), "{down} {up}");
+        assert!(places.iter().all(|x| slope(&rills, *x, 2.0, 0.001, 3.0).mean[1].abs() < 1e-6));
+        let rms = (alike(&now, &now) / now.len() as f64).sqrt();
+        assert!((0.03..0.07).contains(&rms), "{rms}");
+    }
+
+    #[test]
+    fn what_a_pixel_cannot_show_is_roughness() {
+        let wide = slope(&tilted(), 2.0, 2.0, 1.0, 0.0);
+        assert!(wide.mean == [0.0; 2] && wide.variance > 5e-4, "{wide:?}");
+        assert_eq!(slope(&tilted(), -1.0, 2.0, 0.01, 0.0), Slope::default());
+        assert!(Rills::new(vec![0.0; 4], vec![0.0; 4], 0.1, 2).is_none());
+    }
+}
