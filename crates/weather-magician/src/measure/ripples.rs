@@ -34,7 +34,7 @@ pub const INSTRUMENT: Instrument = Instrument {
     applies: |weather, time| expected::is_flooded(weather, time) && rate(weather, time) > 0.0,
     read,
     sweep: &[
-        &["flood.level=1", "rain.rate=2"],
+        &["flood.level=1", "rain.rate=5"],
         &["flood.level=1", "rain.rate=10"],
         &["flood.level=1", "rain.rate=20"],
     ],
