@@ -592,9 +592,9 @@ impl PreparedWeather {
         slant(self.wind_now.mean, speed)
     }
 
-    /// The direction in which most of it falls, world axes, length 1: down, with the mean wind but no flatter than 45
-    /// degrees, since eddies carry drops behind what a strong wind meets. In steps of some three degrees, so that few maps of shelter serve all times and each is that of its instant alone. `None` where
-    /// nothing falls.
+    /// The direction in which most of it falls, world axes, length 1: down, with the mean wind but no flatter than 45 degrees,
+    /// since eddies carry drops behind what a strong wind meets. In steps of some three degrees, so that few maps of shelter
+    /// serve all times and each is that of its instant alone. `None` where nothing falls.
     #[must_use]
     pub fn fall(&self) -> Option<[f64; 3]> {
         let kind = self.falling.iter().max_by(|a, b| a.rate.total_cmp(&b.rate))?;

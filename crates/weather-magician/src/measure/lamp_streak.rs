@@ -1,9 +1,10 @@
 //! Lamp streak: how long and how wide a lamp is mirrored in a wet road.
 //!
-//! A small white board stands before a black wall behind a black yard under a film. The difference of the pictures with the board and without it is its image in
-//! the film: a streak towards the eye, as long as the film is rough, and as much narrower as the view is flat. Its standard deviations along both axes of the
-//! picture are held against those of an image that is computed here, facet by facet: normal slopes of `0.3 exp(-film)` rms along each axis, Fresnel by Snell's
-//! angles, and facets hidden by others (Smith 1967).
+//! A small white board stands before a black wall behind a black yard under a film. The difference of the pictures with the board
+//! and without it is its image in the film: a streak towards the eye, as long as the film is rough, and as much narrower as the
+//! view is flat. Its standard deviations along both axes of the picture are held against those of an image that is computed here,
+//! facet by facet: normal slopes of `0.3 exp(-film)` rms along each axis, Fresnel by Snell's angles, and facets hidden by others
+//! (Smith 1967).
 //!
 //! Tolerance 7 %.
 
@@ -29,7 +30,8 @@ pub const INSTRUMENT: Instrument = Instrument {
     sweep: &[&["wetness.amount=1"], &["wetness.amount=0.8"]],
 };
 
-/// Ends and half the width of the yard, m; the distance, the height and half the side of the board; half the width and the height of the wall.
+/// Ends and half the width of the yard, m; the distance, the height and half the side of the board; half the width and the height
+/// of the wall.
 const YARD: [f64; 2] = [1.0, 15.0];
 const BESIDE: f64 = 4.0;
 const LAMP: [f64; 2] = [15.5, 3.0];

@@ -1,12 +1,14 @@
 //! Ripples: how steep the rings of rain are on water, and how fast their waves go.
 //!
-//! Black water lies under level boards, seen from straight above. One board grows brighter along one level axis, one along the other, and one is even: the
-//! light of the first two over that of the third tells which point of the board each pixel of the water shows, and so the direction into which it reflects,
-//! whatever its reflectance. The water's normal lies halfway between that direction and the view's. Pictures of still water say how bright the boards are where.
+//! Black water lies under level boards, seen from straight above. One board grows brighter along one level axis, one along the
+//! other, and one is even: the light of the first two over that of the third tells which point of the board each pixel of the
+//! water shows, and so the direction into which it reflects, whatever its reflectance. The water's normal lies halfway between
+//! that direction and the view's. Pictures of still water say how bright the boards are where.
 //!
-//! The slopes must be those at which waves lose by viscosity what drops bring: 1 % of the energy of the drops that fall, an integral over Marshall and Palmer's
-//! spectrum at Gunn and Kinzer's speeds, in waves of 200 rad/m. Their frequency, by what is left of waves of that length a quarter of a period later, must be
-//! that of the dispersion law of waves with gravity and surface tension.
+//! The slopes must be those at which waves lose by viscosity what drops bring: 1 % of the energy of the drops that fall, an
+//! integral over Marshall and Palmer's spectrum at Gunn and Kinzer's speeds, in waves of 200 rad/m. Their frequency, by what is
+//! left of waves of that length a quarter of a period later, must be that of the dispersion law of waves with gravity and surface
+//! tension.
 //!
 //! Tolerance 4 % of the slopes and 5 % of the frequency: waves of some square metres at a few instants differ by 1 to 2 % from their mean.
 
@@ -54,8 +56,8 @@ const PATCH: f64 = 0.45;
 /// Instants, and the time between them, s.
 const INSTANTS: u32 = 8;
 const APART: f64 = 0.73;
-/// Wave number of rings, rad/m; gravity, m/s^2; surface tension over density, m^3/s^2; viscosity, m^2/s; the share of the drops' energy that waves get;
-/// and the density of water, kg/m^3.
+/// Wave number of rings, rad/m; gravity, m/s^2; surface tension over density, m^3/s^2; viscosity, m^2/s; the share of the drops'
+/// energy that waves get; and the density of water, kg/m^3.
 const WAVE: f64 = 200.0;
 const GRAVITY: f64 = 9.81;
 const TENSION: f64 = 7.28e-5;

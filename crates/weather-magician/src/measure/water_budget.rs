@@ -1,8 +1,8 @@
 //! Water budget: what came down is on the ground, or ran off, or has dried.
 //!
-//! A yard with a shallow bowl stands in the rain. The rain on it is the rate times the time times the area; what is there is summed over the nodes of
-//! the state of water: pores, films, and the depths of puddles, which are levels less the ground. Under snow that has melted the water that comes is what
-//! degrees and hours melt of it.
+//! A yard with a shallow bowl stands in the rain. The rain on it is the rate times the time times the area; what is there is
+//! summed over the nodes of the state of water: pores, films, and the depths of puddles, which are levels less the ground. Under
+//! snow that has melted the water that comes is what degrees and hours melt of it.
 //!
 //! Tolerance 1 %. Systematic: the edge of a puddle ends between nodes.
 

@@ -292,8 +292,8 @@ impl Cover {
         &self.rings
     }
 
-    /// Returns the share of the ground that covers hide at a point (world, scene units) of the ground, 0-1, by their `depths` on each ring, m, as
-    /// [`LyingCover::settled`] lists them.
+    /// Returns the share of the ground that covers hide at a point (world, scene units) of the ground, 0-1, by their `depths` on
+    /// each ring, m, as [`LyingCover::settled`] lists them.
     #[must_use]
     pub fn hides(&self, depths: &[Vec<f32>], point: [f64; 3]) -> f32 {
         let found = self.rings.iter().enumerate().find_map(|(ring, ground)| {

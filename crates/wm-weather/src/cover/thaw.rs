@@ -98,8 +98,8 @@ impl MeltSample {
     /// Nothing has fallen yet.
     pub const NONE: Self = Self { melted: [0.0; COUNT], bare: [1.0; COUNT] };
 
-    /// Returns what has melted, mm, and the bare share of the ground, at a place where `share` of the fall on open level ground came to lie. A
-    /// place that less falls on is taken to lie in the shade of what keeps the fall off: as much less melts there.
+    /// Returns what has melted, mm, and the bare share of the ground, at a place where `share` of the fall on open level ground
+    /// came to lie. A place that less falls on is taken to lie in the shade of what keeps the fall off: as much less melts there.
     #[must_use]
     pub fn at(&self, share: f64) -> [f64; 2] {
         if share <= 0.0 {

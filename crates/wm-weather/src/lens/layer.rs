@@ -1,7 +1,8 @@
 //! Drops as a picture of their own: their light and their cover, as coarse as the aperture blurs them.
 //!
-//! Drops that touch are one surface: each adds `(1 - rho^2 / S^2)^2` about it, with `rho` its distance from the middle in radii, and water is where
-//! the sum is as great as on the rim of a single one. The slope is that of a cap for a single drop, and goes over where drops meet.
+//! Drops that touch are one surface: each adds `(1 - rho^2 / S^2)^2` about it, with `rho` its distance from the middle in radii,
+//! and water is where the sum is as great as on the rim of a single one. The slope is that of a cap for a single drop, and goes
+//! over where drops meet.
 
 use super::Glass;
 use super::drops::GlassDrop;

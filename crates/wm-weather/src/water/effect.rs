@@ -59,8 +59,8 @@ const TALL: f32 = 5.0;
 const HIDING: f32 = 0.7;
 /// Share of the light behind the surface that may be missing where the water's own light is left out.
 const THIN: f32 = 1.0 / 256.0;
-/// Width of a look, px, over the standard deviation of the lobe across the view that it must have: a piece of a mirrored picture is a box and what is
-/// mixed between its pixels.
+/// Width of a look, px, over the standard deviation of the lobe across the view that it must have: a piece of a mirrored picture
+/// is a box and what is mixed between its pixels.
 const WIDE: f32 = 2.45;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
 const FAR: f32 = 1e5;

@@ -157,8 +157,8 @@ impl WaterGrid {
         Some((self.rills.as_ref()?, (self.origin, self.step, self.size)))
     }
 
-    /// Water on nodes in rows along the first level axis, of which `size` are along the two axes, `step` metres from each other and from the
-    /// first one at `origin`, metres.
+    /// Water on nodes in rows along the first level axis, of which `size` are along the two axes, `step` metres from each other
+    /// and from the first one at `origin`, metres.
     #[must_use]
     pub fn new(
         origin: [f64; 2],

@@ -1,7 +1,8 @@
 //! Thin streams of water on slopes, and the waves that run down them.
 //!
-//! A film that runs downhill breaks into waves whose crests lie across the slope. Their phase is the height of the ground, so that crests follow the ground and
-//! all waves run downhill, and bumps of the ground shift it; so a wave is a function of place and time alone.
+//! A film that runs downhill breaks into waves whose crests lie across the slope. Their phase is the height of the ground, so
+//! that crests follow the ground and all waves run downhill, and bumps of the ground shift it; so a wave is a function of place
+//! and time alone.
 
 use std::f64::consts::TAU;
 use wm_scene::random::uniform;

@@ -246,8 +246,8 @@ fn spread([a, b, c, d]: [f32; 4]) -> f32 {
     a.max(b).max(c.max(d)) - a.min(b).min(c.min(d))
 }
 
-/// The point at which a ray meets the ground: its view z, scene units, and the water there, which may hide nothing. `ray` is a view z of 1, in
-/// metres along level axes from an eye of height `eye`; the search begins at the height `typical`.
+/// The point at which a ray meets the ground: its view z, scene units, and the water there, which may hide nothing. `ray` is a
+/// view z of 1, in metres along level axes from an eye of height `eye`; the search begins at the height `typical`.
 fn hit(view: &WaterView<'_>, eye: f64, ray: [f64; 3], typical: f64) -> Option<(f32, WaterSample)> {
     if ray[2] >= 0.0 {
         return None;

@@ -1,16 +1,18 @@
 //! Wet ground and walls: how much water is where, and how it looks.
 //!
 //! # How much water is where
-//! Rain fills pores, then the texture of surfaces, then it runs off ([`mod@column`]), into the depressions of the ground that fill and run over
-//! ([`basins`]). What dries is taken from films first and from puddles last ([`drying`]). Each surface gets the share of the rain that reaches it: by what
-//! stands above it in the slanted direction of the rain ([`crate::shelter`]), by its slope, and on walls by the wind ([`surfaces`]). The state at an instant
-//! is a sum of steps until then ([`timeline`]), and depends on nothing else. Snow that melts ([`crate::cover::snowpack`]) is water in the same steps: where a
-//! share of the rain falls the same share of the snow does.
+//! Rain fills pores, then the texture of surfaces, then it runs off ([`mod@column`]), into the depressions of the ground that
+//! fill and run over ([`basins`]). What dries is taken from films first and from puddles last ([`drying`]). Each surface gets the
+//! share of the rain that reaches it: by what stands above it in the slanted direction of the rain ([`crate::shelter`]), by its
+//! slope, and on walls by the wind ([`surfaces`]). The state at an instant is a sum of steps until then ([`timeline`]), and
+//! depends on nothing else. Snow that melts ([`crate::cover::snowpack`]) is water in the same steps: where a share of the rain
+//! falls the same share of the snow does.
 //!
 //! # How it looks
-//! The light of each splat is multiplied by a factor a channel ([`optics`]): in the slot of the light, so that both compose. What a splat is wetted by is found once a
-//! direction of the rain; a frame looks up two numbers a splat. Steep surfaces mirror the sky's light too ([`SkySheen`]): as a part of the same factor, since
-//! what depends on the direction is gone from a wet splat, so that its light is known.
+//! The light of each splat is multiplied by a factor a channel ([`optics`]): in the slot of the light, so that both compose. What
+//! a splat is wetted by is found once a direction of the rain; a frame looks up two numbers a splat. Steep surfaces mirror the
+//! sky's light too ([`SkySheen`]): as a part of the same factor, since what depends on the direction is gone from a wet splat, so
+//! that its light is known.
 //!
 //! [`WaterState`] is the same water as a grid, to be drawn as a surface.
 

@@ -1,7 +1,8 @@
 //! Water that runs over sloping ground: how much of it comes together where.
 //!
-//! A priority flood over the ground with its relief gives each cell the cell that its water runs to. What runs off of all cells above it, times the share of the
-//! rain that they get, runs over a cell; it is as deep as Manning's formula for a wide sheet says, `d = (q n / sqrt(S))^0.6` for `q` m^2/s on a slope `S`.
+//! A priority flood over the ground with its relief gives each cell the cell that its water runs to. What runs off of all cells
+//! above it, times the share of the rain that they get, runs over a cell; it is as deep as Manning's formula for a wide sheet
+//! says, `d = (q n / sqrt(S))^0.6` for `q` m^2/s on a slope `S`.
 
 use super::surfaces::{WetShares, WetSurfaces};
 use std::cmp::Reverse;

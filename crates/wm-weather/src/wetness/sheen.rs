@@ -1,8 +1,8 @@
 //! The sheen of wet walls and roofs: the sky that they mirror.
 //!
-//! A wet surface mirrors as much of the sky's light as Fresnel's equations say, in the mean over the slopes of its water, from the mirrored direction of the
-//! view, as far as nothing stands before the sky there. Level ground is [`crate::water`]'s; this is the light that steep surfaces add, a splat at a time: rough as
-//! they are, they show nothing of what they mirror but its light.
+//! A wet surface mirrors as much of the sky's light as Fresnel's equations say, in the mean over the slopes of its water, from
+//! the mirrored direction of the view, as far as nothing stands before the sky there. Level ground is [`crate::water`]'s; this is
+//! the light that steep surfaces add, a splat at a time: rough as they are, they show nothing of what they mirror but its light.
 
 use crate::water::fresnel;
 use glam::Vec3;
@@ -37,7 +37,8 @@ pub struct SkySheen {
 }
 
 impl SkySheen {
-    /// The sheen for an eye (world, scene units), with up (length 1) and the light of the sky in a direction (world axes, length 1), linear RGB.
+    /// The sheen for an eye (world, scene units), with up (length 1) and the light of the sky in a direction (world axes, length
+    /// 1), linear RGB.
     #[must_use]
     pub fn new(eye: [f64; 3], axes: &[[f64; 3]; 3], sky: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
         let sky = std::array::from_fn(|i| {
@@ -60,8 +61,8 @@ impl SkySheen {
         Self { eye: single(eye), up: single(axes[2]), sky, reflectance }
     }
 
-    /// The light that a surface mirrors, linear RGB: at a `point` (scene units) with a `normal` (length 1, either side), with a film, in depths of its
-    /// texture, that sees no sky below `skyline` of [`skyline_of`].
+    /// The light that a surface mirrors, linear RGB: at a `point` (scene units) with a `normal` (length 1, either side), with a
+    /// film, in depths of its texture, that sees no sky below `skyline` of [`skyline_of`].
     #[inline]
     pub(super) fn light(&self, point: Vec3, normal: Vec3, film: f32, skyline: u8) -> [f32; 3] {
         let way = (point - self.eye).normalize_or_zero();
@@ -96,8 +97,8 @@ fn slopes_of(film: f32) -> f32 {
     DAMP * (-film).exp()
 }
 
-/// The share of light that a rough surface reflects to a view that meets it at an angle of this cosine: the mean over its slopes along the view, each as
-/// far as it is seen.
+/// The share of light that a rough surface reflects to a view that meets it at an angle of this cosine: the mean over its slopes
+/// along the view, each as far as it is seen.
 fn mean_fresnel(cosine: f32, slopes: f32) -> f32 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
     let (mut sum, mut weights) = (0.0, 0.0);
@@ -111,8 +112,9 @@ fn mean_fresnel(cosine: f32, slopes: f32) -> f32 {
     sum / weights
 }
 
-/// The elevation up to which something stands before the sky that an upright surface looks at, in steps of [`SKYLINES`] to the zenith, by the share of the
-/// sky's light that reaches it, 0-1. Of an even sky behind a level skyline at `e` it gets `1 - (2 e + sin 2 e) / pi`.
+/// The elevation up to which something stands before the sky that an upright surface looks at, in steps of [`SKYLINES`] to the
+/// zenith, by the share of the sky's light that reaches it, 0-1. Of an even sky behind a level skyline at `e` it gets `1 - (2 e +
+/// sin 2 e) / pi`.
 pub(super) fn skyline_of(open: f64) -> u8 {
     let (mut low, mut high) = (0.0, FRAC_PI_2);
     for _ in 0..12 {

@@ -87,8 +87,8 @@ struct Pond {
 }
 
 impl WetSurfaces {
-    /// Finds the surfaces of a scene, by its fused surfaces and its captured light, and the ground about a path (world, scene units) without
-    /// its open water.
+    /// Finds the surfaces of a scene, by its fused surfaces and its captured light, and the ground about a path (world, scene
+    /// units) without its open water.
     #[must_use]
     pub fn of(
         splats: &Splats,
