@@ -150,8 +150,8 @@ mod tests {
         let (wall, normal) = (Vec3::new(0.0, 0.0, 5.0), Vec3::X);
         let away = |up: f64| {
             let level = (1.0f64 - up * up).sqrt();
-            let (sin, cos) = 60f64.to_radians().sin_cos();
-            [10.0 * cos, 10.0 * (level * level - cos * cos).max(0.0).sqrt() + 0.0 * sin, 5.0 - 10.0 * up]
+            let cos = 60f64.to_radians().cos();
+            [10.0 * cos, 10.0 * (level * level - cos * cos).max(0.0).sqrt(), 5.0 - 10.0 * up]
         };
         for up in [0.3, 0.6] {
             let seen = sheen(away(up)).light(wall, normal, MOST_FILM, 0)[0];
