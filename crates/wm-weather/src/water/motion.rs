@@ -78,7 +78,7 @@ impl WaterMotion {
         }
     }
 
-    /// The places of a point on the tiles, metres along the two level axes: see [`SlopeTile::phase`].
+    /// The places of a point on the tiles, metres along the two level axes: shares of each tile, 0-1.
     #[must_use]
     pub fn phases(&self, point: [f64; 2]) -> Vec<[f32; 2]> {
         self.tiles.iter().map(|tile| point.map(|along| tile.phase(along))).collect()
