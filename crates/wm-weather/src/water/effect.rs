@@ -692,7 +692,7 @@ impl<S: Lanes> Tilt<S> {
     }
 }
 
-/// How pixels are looked into; the first that holds.
+/// Lanes by the looks that they need: the first mask that is set counts, and [`MANY`] where none is.
 struct Kinds<S: Lanes> {
     is_sharp: S::M,
     is_low: S::M,

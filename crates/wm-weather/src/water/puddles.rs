@@ -41,7 +41,7 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
     grid.with_rills(Rills::new(streams, state.ground.clone(), state.step, state.width))
 }
 
-/// How much of a stream there is at each node, 0-1: of its depth, soft over the nodes beside it.
+/// Share of the ground under a stream at each node, 0-1, by the depth of the running water, smoothed over the nodes beside it.
 fn streams(state: &WaterState) -> Vec<f32> {
     let own = |depth: f32| {
         let share = ((depth - RUNS[0]) / (RUNS[1] - RUNS[0])).clamp(0.0, 1.0);

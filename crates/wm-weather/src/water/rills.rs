@@ -18,7 +18,7 @@ const SEED: u64 = 0x5249_4c4c;
 /// The streams of a place, on the nodes of its [`WaterGrid`](super::WaterGrid).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rills {
-    /// How much of the ground is under running water at each node, 0-1.
+    /// Share of the ground under running water at each node, 0-1.
     strength: Vec<f32>,
     /// Heights of the ground, m; not a number where there is none.
     ground: Vec<f32>,

@@ -118,10 +118,10 @@ pub struct Basins {
 }
 
 /// A cell that the flood has reached: the lowest first, then by index.
-type Front = BinaryHeap<Reverse<(OrderedHeight, u32)>>;
+pub(super) type Front = BinaryHeap<Reverse<(OrderedHeight, u32)>>;
 
 #[derive(Clone, Copy, PartialEq)]
-struct OrderedHeight(f32);
+pub(super) struct OrderedHeight(pub f32);
 
 impl Eq for OrderedHeight {}
 

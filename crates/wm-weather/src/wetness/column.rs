@@ -3,8 +3,8 @@
 //! Rain fills pores, then the texture of the surface; what is more runs off. In an even rain of `I` mm/h on a slope `S` a length
 //! `L` m below its upper edge, water stands `d = 0.01485 MTD^0.11 L^0.43 I^0.59 S^-0.42 - MTD` mm above a texture of mean depth
 //! `MTD` mm (Gallaway 1971; below 0 it stands in the texture). So the store `s = d + MTD` runs off at the rate at which it would
-//! be even: `q = (s / k)^(1 /
-//! 0.59)` with `k` the factors of the formula. What dries is taken from the store first and from pores last.
+//! be even: `q = (s / k)^(1 / 0.59)` with `k` the factors of the formula. What dries is taken from the store first and from
+//! pores last.
 //!
 //! An instant is a sum of steps that begin at the same times whatever was asked for before, so any instant can be had alone.
 

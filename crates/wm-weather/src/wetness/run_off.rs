@@ -4,9 +4,9 @@
 //! above it, times the share of the rain that they get, runs over a cell; it is as deep as Manning's formula for a wide sheet
 //! says, `d = (q n / sqrt(S))^0.6` for `q` m^2/s on a slope `S`.
 
+use super::basins::{Front, NONE, OrderedHeight};
 use super::surfaces::{WetShares, WetSurfaces};
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 
 /// Manning's roughness of paving, s/m^(1/3).
 const MANNING: f64 = 0.015;
@@ -33,7 +33,7 @@ impl RunOff {
         let ground = surfaces.ground();
         let [columns, _] = ground.size();
         let area = gathered(&ground.rough, &shares.ground, columns, ground.cell());
-        let is_free = |at: usize| ground.basins.of[at] == super::basins::NONE;
+        let is_free = |at: usize| ground.basins.of[at] == NONE;
         let slope = (0..area.len()).map(|at| {
             if is_free(at) { slope_at(&ground.ground, at, columns, ground.cell() as f32) } else { 0.0 }
         });
@@ -61,23 +61,23 @@ impl RunOff {
 
 /// The area that drains over each cell of a grid of heights, m^2, each cell times its share.
 fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f64) -> Vec<f32> {
-    let mut front: BinaryHeap<Reverse<(Height, u32)>> = BinaryHeap::new();
+    let mut front: Front = Front::new();
     let mut is_reached: Vec<bool> = heights.iter().map(|height| height.is_nan()).collect();
     for at in 0..heights.len() {
         let is_edge =
             || around(at, columns, heights.len()).any(|next| next.is_none_or(|next| heights[next].is_nan()));
         if !heights[at].is_nan() && is_edge() {
             is_reached[at] = true;
-            front.push(Reverse((Height(heights[at]), at as u32)));
+            front.push(Reverse((OrderedHeight(heights[at]), at as u32)));
         }
     }
     let mut order: Vec<[u32; 2]> = Vec::with_capacity(heights.len());
-    while let Some(Reverse((Height(level), at))) = front.pop() {
+    while let Some(Reverse((OrderedHeight(level), at))) = front.pop() {
         for next in around(at as usize, columns, heights.len()).flatten() {
             if !is_reached[next] {
                 is_reached[next] = true;
                 order.push([next as u32, at]);
-                front.push(Reverse((Height(heights[next].max(level)), next as u32)));
+                front.push(Reverse((OrderedHeight(heights[next].max(level)), next as u32)));
             }
         }
     }
@@ -111,23 +111,6 @@ fn slope_at(ground: &[f32], at: usize, columns: usize, cell: f32) -> f32 {
     let across = (ground[at + REACH * columns] - ground[at - REACH * columns]) / over;
     let slope = along.hypot(across);
     if slope.is_nan() { 0.0 } else { slope }
-}
-
-#[derive(Clone, Copy, PartialEq)]
-struct Height(f32);
-
-impl Eq for Height {}
-
-impl PartialOrd for Height {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Height {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.total_cmp(&other.0)
-    }
 }
 
 #[cfg(test)]

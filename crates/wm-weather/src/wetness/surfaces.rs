@@ -71,7 +71,7 @@ struct WetSplat {
     albedo: [u8; 3],
     /// The colour that does not depend on the direction, display-referred.
     color: [u8; 3],
-    /// How much of the sky it sees, if it is steep: see [`skyline_of`].
+    /// Elevation up to which something hides the sky, by [`skyline_of`]; [`NO_SKY`] of what is not steep.
     skyline: u8,
     /// Sky, and open water.
     stays: bool,
@@ -360,7 +360,7 @@ impl<'a> WetGains<'a> {
         self
     }
 
-    /// What is added to the factors on the light of a splat by the sky that it mirrors.
+    /// The sky that a steep splat mirrors, as an addition to the factors on its light; `None` for no mirrored sky.
     #[inline]
     fn mirrored(&self, index: usize) -> Option<[f32; 3]> {
         let SheenGains { sky, wet, inverse } = self.sheen.as_ref()?;
