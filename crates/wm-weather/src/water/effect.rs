@@ -62,6 +62,8 @@ const THIN: f32 = 1.0 / 256.0;
 /// Width of a look, px, over the standard deviation of the lobe across the view that it must have: a piece of a mirrored picture
 /// is a box and what is mixed between its pixels.
 const WIDE: f32 = 2.45;
+/// Height over a flood from which on water is not the flood's, m.
+const ABOVE: f32 = 0.01;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
 const FAR: f32 = 1e5;
 
@@ -524,7 +526,12 @@ impl<'a> Scene<'a> {
 
         // Depth of the water under the ray, and the way in it after the ray is bent.
         let bottom = simd.load(&pixels.bottom[start..]);
-        let deep = ((bottom - z) * long * sine).max(zero);
+        let mut deep = ((bottom - z) * long * sine).max(zero);
+        if self.of.map.plane().is_some() {
+            // Puddles and streams above a flood are rain, and clear.
+            let is_above = (hit[2] + self.height).simd_gt(simd.set(ABOVE));
+            deep = is_above.select(zero, deep);
+        }
         if deep.simd_gt(zero).any_true() {
             let bent =
                 ((sine.mul_add(sine, simd.set(-1.0))) * (1.0 / (WATER_INDEX * WATER_INDEX)) + 1.0).sqrt();
