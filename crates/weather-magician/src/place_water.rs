@@ -108,7 +108,7 @@ impl PlaceWater {
         let (reached, state) = (self.reached.as_ref()?, self.state.as_ref()?);
         let asked =
             prepared.wetness().filter(|_| prepared.cover().is_empty() && prepared.splash().is_some())?;
-        let state = (state, asked.texture);
+        let state = (state, asked.texture, asked.eaves);
         Some(SplashGround::new(&reached.surfaces, &reached.shares, state, &reached.tiles, site))
     }
 

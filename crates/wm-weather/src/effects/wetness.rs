@@ -35,6 +35,9 @@ crate::params! {
         porosity: f64 = ParamValue::Number(1.0), 0.0 => 1.0, "";
         /// Mean depth of the texture of the ground, which holds water before a film stands on it: asphalt 0.5 to 1, smooth stone 0.2.
         texture: f64 = ParamValue::Number(0.8), 0.05 => 10.0, "mm";
+        /// Share of the water of roofs that falls from their eaves in drops: 1 where there are no gutters, 0 where these take it all. The drops are
+        /// drawn if `splash` is on.
+        eaves: f64 = ParamValue::Number(0.0), 0.0 => 1.0, "";
         /// Drying of wet ground when it does not rain; `auto` by Penman from `temperature`, `humidity`, `radiation` and the wind.
         drying: Option<f64> = ParamValue::Auto, 0.0 => 10.0, "mm/h";
         /// Temperature of the air.
@@ -73,7 +76,7 @@ const USUAL: f64 = 10.0;
 /// A request that wets nothing.
 fn dry(site: &Site) -> WetRequest {
     let rain = SlantedRain { fall: site.up.map(|v| -v), driving: [0.0; 3] };
-    WetRequest { steps: Vec::new(), amount: None, puddles: None, porosity: 0.0, texture: 1.0, rain }
+    WetRequest { steps: Vec::new(), amount: None, puddles: None, porosity: 0.0, texture: 1.0, eaves: 0.0, rain }
 }
 
 impl WetnessParams {
@@ -112,6 +115,7 @@ impl WetnessParams {
             puddles: self.puddles,
             porosity: self.porosity,
             texture: self.texture,
+            eaves: self.eaves,
             rain: SlantedRain { fall, driving },
         }
     }

@@ -4,7 +4,7 @@ use crate::dome::{level_axes, to_level};
 use crate::optics::Site;
 use crate::shelter::Shelter;
 use crate::water::ripples::SIZE;
-use crate::wetness::{Drainage, GroundMap, WetShares, WetState, WetSurfaces};
+use crate::wetness::{Drainage, Eave, GroundMap, WetShares, WetState, WetSurfaces};
 
 /// Height of splashes over the ground, m: splats of the ground lie some centimetres higher or lower. The surface of puddles is drawn as much
 /// higher.
@@ -78,6 +78,8 @@ pub struct SplashGround<'a> {
     tiles: &'a SplashTiles,
     origin: [f64; 3],
     per_cell: f64,
+    /// Water that falls from eaves, m/s: times the area that they shed.
+    sheds: f64,
     /// By the share of the rain: how much of the ground is wet, 0-1, and the film, m.
     films: [[f32; 2]; SHARES],
 }
@@ -94,12 +96,13 @@ pub struct SplashPlace {
 }
 
 impl<'a> SplashGround<'a> {
-    /// The ground of `surfaces` in a state of water; `texture` is the mean depth of its texture, mm.
+    /// The ground of `surfaces` in a state of water; `texture` is the mean depth of its texture, mm, and `eaves` the share of the water of
+    /// roofs that falls from them.
     #[must_use]
     pub fn new(
         surfaces: &'a WetSurfaces,
         shares: &'a WetShares,
-        (state, texture): (&'a WetState, f64),
+        (state, texture, eaves): (&'a WetState, f64, f64),
         tiles: &'a SplashTiles,
         site: &Site,
     ) -> Self {
@@ -110,7 +113,24 @@ impl<'a> SplashGround<'a> {
             [wet.pores, (1e-3 * film) as f32]
         });
         let (origin, per_cell) = (origin_of(ground, site), 1.0 / ground.cell());
-        Self { ground, shares: &shares.ground, levels: state.levels(), tiles, origin, per_cell, films }
+        let sheds = 1e-3 / 3600.0 * eaves * state.runs_off();
+        Self { ground, shares: &shares.ground, levels: state.levels(), tiles, origin, per_cell, sheds, films }
+    }
+
+    /// The eaves from which water falls, with their numbers and the water that falls from each, m^3/s; none if none falls.
+    pub(super) fn eaves(&self) -> impl Iterator<Item = (usize, &Eave, f64)> {
+        let all = if self.sheds > 0.0 { &self.ground.eaves[..] } else { &[] };
+        all.iter().enumerate().map(|(number, eave)| (number, eave, f64::from(eave.area) * self.sheds))
+    }
+
+    /// Where the water of an eave falls, and the width of a cell: m along the level axes and up from the world's origin.
+    pub(super) fn under(&self, eave: &Eave) -> ([f64; 3], f64) {
+        let cell = 1.0 / self.per_cell;
+        let [x, y] = eave.place.map(f64::from);
+        let [columns, _] = self.ground.size();
+        let tilt = self.ground.tilt_at(y as usize * columns + x as usize);
+        let height = self.origin[2] + f64::from(eave.ground + tilt) + LIFT;
+        ([self.origin[0] + x * cell, self.origin[1] + y * cell, height], cell)
     }
 
     /// Returns the ground or puddle at a place, m along the level axes; `None` where there is no ground.

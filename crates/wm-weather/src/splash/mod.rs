@@ -18,6 +18,7 @@
 //!
 //! All of it is a function of time and place: any frame can be had alone.
 
+mod drips;
 pub mod fallen;
 pub mod flight;
 pub mod ground;

@@ -1,6 +1,7 @@
 //! Splashes before a camera.
 
 use super::Splash;
+use super::drips::{self, Drip, Fall};
 use super::fallen::{Fallen, FallenDrops};
 use super::flight::Flight;
 use super::ground::{Floor, SplashGround, SplashPlace};
@@ -53,6 +54,12 @@ const OUTWARDS: f64 = 0.45;
 /// Width of a finger over the distance of fingers, as a standard deviation.
 const FINGER: f64 = 0.2;
 
+/// The last number of parts that are eaves, and how many are in one.
+const DRIPS: i32 = 1;
+const EAVES: usize = 64;
+/// Height and depth of air over an eave's ground in which what falls from it is looked for, m.
+const DRIFT: f64 = 0.5;
+
 /// Splashes before a camera.
 pub struct SplashParticles<'a> {
     rain: &'a Precipitation,
@@ -66,6 +73,8 @@ pub struct SplashParticles<'a> {
     camera: DVec3,
     amount: f64,
     radiance: Vec3,
+    /// Seconds.
+    time: f64,
     /// The drops whose droplets may fly, and those whose crown or jet may stand.
     flying: FallenDrops,
     standing: FallenDrops,
@@ -102,6 +111,7 @@ impl<'a> SplashParticles<'a> {
             camera: DVec3::from_array(to_level(&axes, velocity)),
             amount: splash.amount,
             radiance: Vec3::from_array(rain.radiance()),
+            time,
             standing: flying.younger(CROWN + half),
             flying,
             axes,
@@ -143,6 +153,11 @@ impl Particles for SplashParticles<'_> {
                 }
             }
         }
+        // Eaves, a number of them a part.
+        let eaves = self.floor.ground.map_or(0, |ground| ground.eaves().count()) as i32;
+        parts.extend(
+            (0..eaves).step_by(EAVES).map(|first| [first, (first + EAVES as i32).min(eaves), 0, DRIPS]),
+        );
         parts
     }
 
@@ -150,9 +165,15 @@ impl Particles for SplashParticles<'_> {
         &self,
         path: SimdPath,
         view: &ParticleView,
-        [row, from, to, _]: [i32; 4],
+        [row, from, to, kind]: [i32; 4],
         take: &mut dyn FnMut(&ParticleGroup),
     ) {
+        if kind == DRIPS {
+            let mut brush = Brush::new(self, path, view, take);
+            brush.eaves(row as usize..from as usize);
+            brush.flush();
+            return;
+        }
         let center = self.center(view);
         let [x, y] = [center.x, center.y].map(|v| (v / SIZE).floor() as i64);
         let mut brush = Brush::new(self, path, view, take);
@@ -250,6 +271,63 @@ impl<'a> Brush<'a> {
                 self.droplets(hit);
             }
         });
+    }
+
+    /// Makes the drops that fall from eaves, and their splashes.
+    fn eaves(&mut self, numbers: std::ops::Range<usize>) {
+        let of = self.of;
+        let Some(ground) = of.floor.ground else { return };
+        let half = 0.5 * self.exposure;
+        for (number, eave, flux) in ground.eaves().skip(numbers.start).take(numbers.len()) {
+            let (place, cell) = ground.under(eave);
+            let foot = DVec3::from_array(place) - self.center;
+            let drop = f64::from(eave.drop);
+            let (middle, radius) = (foot + DVec3::Z * (0.5 * drop), 0.5 * drop + DRIFT);
+            if middle.length() - radius > FARTHEST
+                || self.planes.iter().any(|plane| plane.dot(middle) < -radius)
+            {
+                continue;
+            }
+            let film = of.floor.at(place[0], place[1]).map_or(0.0, |place| place.film);
+            let usual = Fall { terminal: of.rain.kind.fall_speed(5.0) };
+            let times = [of.time - usual.time(drop) - FLIGHT - half, of.time + half];
+            drips::each(number as u64, flux, times, of.time, |drip| {
+                self.drip(drip, (foot, drop, cell), film);
+            });
+        }
+    }
+
+    /// Makes a drop that falls from an eave, or its splash.
+    fn drip(&mut self, drip: Drip, (foot, drop, cell): (DVec3, f64, f64), film: f64) {
+        let of = self.of;
+        let fall = Fall { terminal: of.rain.kind.fall_speed(1e3 * drip.diameter) };
+        let lands = fall.time(drop);
+        let foot = foot + DVec3::new(drip.place[0], drip.place[1], 0.0) * cell;
+        if let Some([from, to]) = self.seen(drip.age, [0.0, lands]) {
+            let [first, last] = [from, to].map(|age| DVec3::Z * (drop - fall.depth(age)));
+            let way = last - first - of.camera * (to - from);
+            let at = foot + 0.5 * (first + last);
+            let own = drip.diameter * of.rain.look.size;
+            let area = PI / 4.0 * own * own * (to - from) / self.exposure;
+            let distance = at.length();
+            if (NEAREST..FARTHEST).contains(&distance) {
+                self.add(at, own.max(self.dot(distance)) * DISC, [way * LINE, DVec3::ZERO], area);
+            }
+        }
+        let (age, distance) = (drip.age - lands, foot.length());
+        if age + 0.5 * self.exposure > 0.0 && (NEAREST..FARTHEST).contains(&distance) {
+            let impact = Impact { diameter: drip.diameter, speed: fall.speed(lands), film };
+            let mut draws = drip.draws;
+            let rank = draws.uniform();
+            let hit = |keep| Hit { at: foot, distance, age, impact, draws, keep };
+            let (crowns, throwers) = (self.crowns(distance), self.throwers(distance));
+            if rank < crowns {
+                self.crown(hit(crowns));
+            }
+            if rank < throwers {
+                self.droplets(hit(throwers));
+            }
+        }
     }
 
     /// Finds what a drop hits; `None` if it is not wanted there, nothing is hit, or it is `margin` m out of the picture. `keep` says by the distance

@@ -5,6 +5,7 @@
 //! [`relief`](super::relief).
 
 use super::basins::{self, Basins, Beyond, NONE};
+use super::eaves::{Eave, eaves};
 use super::relief::relief;
 use crate::cover::ground::GroundGrid;
 use crate::fused_surfaces::FusedSurfaces;
@@ -59,6 +60,8 @@ pub struct GroundMap {
     pub basins: Basins,
     /// Heights of open water, m; not a number where there is none.
     pub open: Vec<f32>,
+    /// Eaves of roofs over it.
+    pub eaves: Vec<Eave>,
     /// Share of what is about each cell that the capture shows, 0-1: 0 where that ends, 1 where it goes on.
     pub seen: Vec<f32>,
 }
@@ -125,7 +128,8 @@ impl GroundMap {
         let basins = Basins::find(&ground, &bumps, columns, f64::from(cell), beyond, counts);
         let rough = ground.iter().zip(&bumps).map(|(height, bump)| height + bump).collect();
         let seen = seen_about(&top, columns, cell);
-        Self { places, tilt, ground, rough, basins, open, seen }
+        let eaves = eaves(&top, &ground, columns, cell);
+        Self { places, tilt, ground, rough, basins, open, eaves, seen }
     }
 
     /// Columns and rows.

@@ -19,6 +19,7 @@
 pub mod basins;
 pub mod column;
 pub mod drying;
+mod eaves;
 mod ground_map;
 pub mod optics;
 mod relief;
@@ -29,6 +30,7 @@ pub mod surfaces;
 pub mod timeline;
 
 pub use column::{Drainage, SnowStep, Wet, WetColumns, WetStep};
+pub use eaves::Eave;
 pub use ground_map::GroundMap;
 pub use run_off::RunOff;
 pub use sheen::SkySheen;
@@ -48,6 +50,8 @@ pub struct WetRequest {
     pub porosity: f64,
     /// Mean depth of the texture of surfaces, mm.
     pub texture: f64,
+    /// Share of the water of roofs that falls from their eaves, 0-1; gutters take the rest.
+    pub eaves: f64,
     /// The rain.
     pub rain: SlantedRain,
 }

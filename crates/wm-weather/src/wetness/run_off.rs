@@ -60,7 +60,7 @@ impl RunOff {
 }
 
 /// The area that drains over each cell of a grid of heights, m^2, each cell times its share.
-fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f64) -> Vec<f32> {
+pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f64) -> Vec<f32> {
     let mut front: Front = Front::new();
     let mut is_reached: Vec<bool> = heights.iter().map(|height| height.is_nan()).collect();
     for at in 0..heights.len() {
