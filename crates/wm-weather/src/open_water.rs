@@ -285,6 +285,9 @@ mod tests {
         });
         assert_eq!(inside.count(), 30);
         assert!(water.covers(corner(1.0, 5.0)) && !water.covers(corner(5.0, 5.0)));
+        let [x, y, _] = corner(1.0, 5.0);
+        assert!((water.above([x, y, -1.0]).unwrap() - SITE.metres_per_unit).abs() < 1e-9);
+        assert_eq!(water.above(corner(5.0, 5.0)), None);
         assert!(!OpenWater::of(&splats, Some(&[]), &SITE).covers(corner(1.0, 1.0)));
         // Of any size.
         let far = vec![[-1e300, -1e300, 0.0], [1e300, -1e300, 0.0], [0.0, 1e300, 0.0]];
