@@ -73,6 +73,16 @@ impl OpenWater {
             || self.outlines.iter().any(|outline| is_inside(outline, at))
     }
 
+    /// The height of open water above a point (world, scene units) that is over or under it, m; `None` where there is none.
+    #[must_use]
+    pub fn above(&self, point: [f64; 3]) -> Option<f64> {
+        let at = self.level * DVec3::from_array(point);
+        let stated =
+            || self.outlines.iter().find(|outline| is_within(outline, at)).map(|outline| height_of(outline));
+        let height = self.cells.get(&cell_of(at)).copied().or_else(stated)?;
+        Some(height - at.z)
+    }
+
     /// Adds pools, found by their colour.
     fn guess(&mut self, splats: &Splats, metres_per_unit: f64) {
         let mut found: HashMap<Cell, Vec<Patch>> = HashMap::new();
@@ -131,14 +141,23 @@ fn cell_of(at: DVec3) -> Cell {
     [at.x, at.y].map(|v| (v / CELL).floor().clamp(-1e9, 1e9) as i32)
 }
 
-/// Returns true if a point is at the water inside of an outline: a line from it to one side crosses that an odd number of times.
+/// Returns true if a point is at the water inside of an outline.
 fn is_inside(outline: &[DVec3], at: DVec3) -> bool {
-    let height = outline.iter().map(|corner| corner.z).sum::<f64>() / outline.len() as f64;
+    is_own(at.z - height_of(outline)) && is_within(outline, at)
+}
+
+/// The height of the water inside of an outline, m.
+fn height_of(outline: &[DVec3]) -> f64 {
+    outline.iter().map(|corner| corner.z).sum::<f64>() / outline.len() as f64
+}
+
+/// Returns true if a point is over or under an outline: a level line from it to one side crosses that an odd number of times.
+fn is_within(outline: &[DVec3], at: DVec3) -> bool {
     let edges = outline.iter().zip(outline.iter().cycle().skip(1));
     let is_crossed = |(a, b): &(&DVec3, &DVec3)| {
         (a.y > at.y) != (b.y > at.y) && at.x < a.x + (at.y - a.y) / (b.y - a.y) * (b.x - a.x)
     };
-    is_own(at.z - height) && edges.filter(is_crossed).count() % 2 == 1
+    edges.filter(is_crossed).count() % 2 == 1
 }
 
 /// The places in a square about one.
@@ -266,6 +285,9 @@ mod tests {
         });
         assert_eq!(inside.count(), 30);
         assert!(water.covers(corner(1.0, 5.0)) && !water.covers(corner(5.0, 5.0)));
+        let [x, y, _] = corner(1.0, 5.0);
+        assert!((water.above([x, y, -1.0]).unwrap() - SITE.metres_per_unit).abs() < 1e-9);
+        assert_eq!(water.above(corner(5.0, 5.0)), None);
         assert!(!OpenWater::of(&splats, Some(&[]), &SITE).covers(corner(1.0, 1.0)));
         // Of any size.
         let far = vec![[-1e300, -1e300, 0.0], [1e300, -1e300, 0.0], [0.0, 1e300, 0.0]];

@@ -9,7 +9,7 @@ use crate::wetness::{Drainage, GroundMap, WetShares, WetState, WetSurfaces};
 /// Height of splashes over the ground, m: splats of the ground lie some centimetres higher or lower. The surface of puddles is drawn as much
 /// higher.
 const LIFT: f64 = 0.04;
-/// Depth of a flood, as drops feel it, m.
+/// Depth of a flood and of open water, as drops feel it, m.
 const DEEP: f64 = 1.0;
 /// Share of the texture's depth that a film has for drops where it does not fill the texture.
 const IN_TEXTURE: f64 = 0.3;
@@ -38,7 +38,8 @@ impl SplashTiles {
         let [width, height] =
             [tile(0, columns) - first[0] + 1, tile(1, rows) - first[1] + 1].map(|v| v as usize);
         let mut heights = vec![NOWHERE; width * height];
-        for (at, rough) in ground.rough.iter().enumerate().filter(|(_, rough)| rough.is_finite()) {
+        let heights_of = ground.rough.iter().zip(&ground.open).map(|(rough, open)| surface_of(*rough, *open));
+        for (at, rough) in heights_of.enumerate().filter(|(_, height)| height.is_finite()) {
             let (column, row) = (at % columns, at / columns);
             let [x, y] = [(0, column), (1, row)].map(|(k, index)| (tile(k, index) - first[k]) as usize);
             let own = origin[2] as f32 + rough + ground.tilt_at(at);
@@ -56,6 +57,11 @@ impl SplashTiles {
         let found = self.heights.get(y as usize * self.columns + x as usize)?;
         (found[0] <= found[1]).then(|| found.map(f64::from))
     }
+}
+
+/// The height of open water, or of the ground where there is none, m.
+fn surface_of(ground: f32, open: f32) -> f32 {
+    if open.is_finite() { open } else { ground }
 }
 
 /// The first corner of a ground at height 0, m along the level axes from the world's origin.
@@ -115,11 +121,16 @@ impl<'a> SplashGround<'a> {
             return None;
         }
         let at = v as usize * columns + u as usize;
-        let rough = self.ground.rough[at];
-        if rough.is_nan() {
+        let (rough, pool) = (self.ground.rough[at], self.ground.open[at]);
+        let surface = surface_of(rough, pool);
+        if surface.is_nan() {
             return None;
         }
         let open = self.shares[at].clamp(0.0, 1.0);
+        if pool.is_finite() {
+            let height = self.origin[2] + f64::from(surface + self.ground.tilt_at(at)) + LIFT;
+            return Some(SplashPlace { height, film: DEEP, share: open });
+        }
         let [wet, film] = self.films[(open * (SHARES - 1) as f32).round() as usize];
         let level = self.levels.get(self.ground.basins.of[at] as usize).copied().unwrap_or(f32::NEG_INFINITY);
         let stands = (level - rough).max(0.0);

@@ -64,6 +64,8 @@ const THIN: f32 = 1.0 / 256.0;
 const WIDE: f32 = 2.45;
 /// Height over a flood from which on water is not the flood's, m.
 const ABOVE: f32 = 0.01;
+/// One over how free of its ground water is that counts as free.
+const FREE: f32 = 4.0;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
 const FAR: f32 = 1e5;
 
@@ -111,6 +113,8 @@ struct Pixels {
     /// View z of the water, NaN where there is none, and of where the ray ends without it.
     z: [f32; GROUP],
     bottom: [f32; GROUP],
+    /// Share of what is behind that splats fill.
+    filled: [f32; GROUP],
     /// Slopes that do not move.
     still: [f32; GROUP],
 }
@@ -316,8 +320,14 @@ impl<'a> Scene<'a> {
                 continue;
             }
             let mut water = Water::new();
-            let mut pixels =
-                Pixels { x: [0.0; GROUP], y: row.y as f32 + 0.5, z: behind.z, bottom: behind.bottom, still };
+            let mut pixels = Pixels {
+                x: [0.0; GROUP],
+                y: row.y as f32 + 0.5,
+                z: behind.z,
+                bottom: behind.bottom,
+                filled: behind.filled,
+                still,
+            };
             for (i, x) in pixels.x.iter_mut().enumerate() {
                 *x = (first + i) as f32 + 0.5;
             }
@@ -335,10 +345,7 @@ impl<'a> Scene<'a> {
             for start in (0..GROUP).step_by(S::N) {
                 self.look(simd, start, &pixels, &mut water);
             }
-            for i in 0..GROUP {
-                water.left[i] *= behind.filled[i];
-            }
-            // A film has no light of its own.
+            // Puddles, streams and films have no light of their own.
             let mut is_deep = false;
             for i in 0..GROUP {
                 is_deep |= wet >> i & 1 == 1 && water.left[i] < 1.0 - THIN;
@@ -433,6 +440,7 @@ impl<'a> Scene<'a> {
                 y: y as f32 + 0.5,
                 z: [f32::NAN; GROUP],
                 bottom: [0.0; GROUP],
+                filled: [1.0; GROUP],
                 still: [0.0; GROUP],
             };
             for i in 0..nodes.len() {
@@ -524,21 +532,18 @@ impl<'a> Scene<'a> {
         }
         let rough = still.mul_add(still, variance).sqrt();
 
-        // Depth of the water under the ray, and the way in it after the ray is bent.
-        let bottom = simd.load(&pixels.bottom[start..]);
-        let mut deep = ((bottom - z) * long * sine).max(zero);
         if self.of.map.plane().is_some() {
-            // Puddles and streams above a flood are rain, and clear.
-            let is_above = (hit[2] + self.height).simd_gt(simd.set(ABOVE));
-            deep = is_above.select(zero, deep);
-        }
-        if deep.simd_gt(zero).any_true() {
+            // Depth of the flood under the ray, and the way in it after the ray is bent. Other water is rain, and clear: it is shallow,
+            // and how deep splats lie under it says nothing.
+            let bottom = simd.load(&pixels.bottom[start..]);
+            let deep = ((bottom - z) * long * sine).max(zero);
             let bent =
                 ((sine.mul_add(sine, simd.set(-1.0))) * (1.0 / (WATER_INDEX * WATER_INDEX)) + 1.0).sqrt();
             let (beam, daylight) = (-self.of.body.beam * LOG2_E, -self.of.body.daylight * LOG2_E);
             let left = deep * (simd.set(beam) / bent + daylight);
-            let left = exp2(simd, [left.max(simd.set(-126.0))])[0];
-            is_wet.select(left, one).store_slice(&mut water.left[start..start + S::N]);
+            let left = exp2(simd, [left.max(simd.set(-126.0))])[0] * simd.load(&pixels.filled[start..]);
+            let is_flood = is_wet & (hit[2] + self.height).simd_le(simd.set(ABOVE));
+            is_flood.select(left, one).store_slice(&mut water.left[start..start + S::N]);
         }
 
         let level = toward[0].mul_add(toward[0], toward[1] * toward[1]).sqrt().max(simd.set(1e-6));
@@ -550,20 +555,20 @@ impl<'a> Scene<'a> {
         let beside = north.mul_add(along[0], -(east * along[1]));
         let tilt = Tilt { toward, along, ahead, beside, least: sine / level * -HIDING };
         let first = tilt.reflect(simd, zero);
-        let far = self.reach(simd, (&from, &first.0), is_wet, has_waves);
+        let far = self.reach(simd, (&from, &first.0), is_wet, free);
         // A lobe as it is seen in the mirrored picture: two slopes tall, and as much narrower as a facet is met at less of an angle. Of
         // what stands at the water it is a point.
         let tall = rough * (2.0 * self.focal[1]) * far / (far + distance);
         let wide = tall * WIDE;
         let (is_sharp, is_low) = (tall.simd_lt(simd.set(SHARP)), tall.simd_lt(simd.set(TALL)));
-        let is_film = free.simd_le(zero);
-        let kinds = Kinds { is_sharp, is_low, is_film };
+        let kinds = Kinds::<S> { is_sharp, is_low, free: (free * FREE).min(one) };
+        let is_near_film = kinds.free.simd_lt(one);
         let apart = kinds.pick(simd, [ONE.1, FEW.1, CLOSE.1, MANY.1]);
         let tallest = is_wet.select(tall, zero);
         let count = match () {
             () if tallest.simd_lt(simd.set(SHARP)).all_true() => ONE.0.len(),
             () if tallest.simd_lt(simd.set(TALL)).all_true() => FEW.0.len(),
-            () if (is_wet & is_film).any_true() => CLOSE.0.len(),
+            () if (is_wet & is_near_film).any_true() => CLOSE.0.len(),
             () => MANY.0.len(),
         };
         let (mut sum, mut seen) = (zero, zero);
@@ -605,19 +610,21 @@ impl<'a> Scene<'a> {
     }
 
     /// Distances along reflected rays from points of the water to what is mirrored, m, found in the depth of the mirrored picture in one
-    /// step, or in two of waves.
+    /// step, or in two of waves, which are as `free` as that, 0-1.
     #[inline(always)]
     fn reach<S: Lanes>(
         &self,
         simd: S,
         (from, way): (&[S::F; 3], &[S::F; 3]),
         is_wet: S::M,
-        has_waves: S::M,
+        free: S::F,
     ) -> S::F {
         let farthest = simd.set(FAR);
         let mut far = farthest;
-        for mut going in [is_wet, has_waves] {
-            going &= is_wet;
+        let has_waves = is_wet & free.simd_gt(simd.set(0.0));
+        // The second step comes in gradually, so that films end without an edge.
+        let second = (free * FREE).min(simd.set(1.0));
+        for (mut going, share) in [(is_wet, simd.set(1.0)), (has_waves, second)] {
             if far.simd_lt(farthest).any_true() {
                 // What was lost stays so.
                 going &= far.simd_lt(farthest);
@@ -640,7 +647,9 @@ impl<'a> Scene<'a> {
                 there[k] = point[k].mul_add(scale, -from[k]);
             }
             let met = dot::<S>(&there, way).max(simd.set(0.01)).min(farthest);
-            far = going.select(is_met.select(met, farthest), far);
+            let found = simd.set(1.0) / is_met.select(met, farthest);
+            let before = simd.set(1.0) / far;
+            far = going.select(simd.set(1.0) / share.mul_add(found - before, before), far);
         }
         far
     }
@@ -699,18 +708,19 @@ impl<S: Lanes> Tilt<S> {
     }
 }
 
-/// Lanes by the looks that they need: the first mask that is set counts, and [`MANY`] where none is.
+/// Lanes by the looks that they need: the first mask that is set counts. Where none is, [`CLOSE`] of films goes over into [`MANY`] of free water,
+/// so that films end without an edge.
 struct Kinds<S: Lanes> {
     is_sharp: S::M,
     is_low: S::M,
-    is_film: S::M,
+    free: S::F,
 }
 
 impl<S: Lanes> Kinds<S> {
     /// A number of [`ONE`], [`FEW`], [`CLOSE`] or [`MANY`].
     #[inline(always)]
     fn pick(&self, simd: S, [one, few, close, many]: [f32; 4]) -> S::F {
-        let many = self.is_film.select(simd.set(close), simd.set(many));
+        let many = self.free.mul_add(simd.set(many - close), simd.set(close));
         self.is_sharp.select(simd.set(one), self.is_low.select(simd.set(few), many))
     }
 }

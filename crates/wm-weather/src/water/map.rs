@@ -16,7 +16,8 @@ pub struct WaterGrid {
     step: f64,
     /// Nodes along the first axis, and along the second.
     size: [usize; 2],
-    /// Level, cover, roughness, and 1; all 0 where there is none.
+    /// As [`WaterNode`] lists them; the level is not a number where there is none. Nodes beside others go on from them, without water, so
+    /// that its edges are soft.
     nodes: Vec<[f32; 4]>,
     /// Levels that hide something, lowest and highest.
     heights: Option<[f64; 2]>,
@@ -31,10 +32,34 @@ pub struct WaterGrid {
 pub struct WaterNode {
     /// Height of the surface, also where it hides nothing; NaN where there is none.
     pub level: f32,
-    /// Share of the ground that the water hides, 0-1: soft edges.
-    pub cover: f32,
-    /// Slopes of the surface that do not move, such as those of a film on rough ground, rms along one axis.
+    /// Depth of water that stands, m; below 0 by as much as the ground is above its level. Between nodes it is interpolated, so that the
+    /// edge of a puddle is the curve where its level meets the ground.
+    pub depth: f32,
+    /// Share of the ground that a film or a stream hides, 0-1.
+    pub film: f32,
+    /// Slopes of the surface that do not move, such as those of a film on rough ground, rms along one axis, where no water stands.
     pub roughness: f32,
+}
+
+impl WaterNode {
+    /// Share of the ground that the water hides, 0-1.
+    #[must_use]
+    pub fn cover(&self) -> f32 {
+        cover_of(self.depth, self.film)[0]
+    }
+}
+
+/// Depth of standing water from which it hides the texture of its bottom, m.
+pub(super) const HIDES: f32 = 0.004;
+/// Depth at nodes on dry ground that no puddle is beside, m.
+pub(super) const DRY: f32 = -HIDES;
+
+/// The share of the ground that water hides, and that under standing water alone, 0-1, by its depth, m, and the share under films.
+#[inline(always)]
+fn cover_of(depth: f32, film: f32) -> [f32; 2] {
+    let stands = (depth * (1.0 / HIDES)).clamp(0.0, 1.0);
+    let stands = stands * stands * (3.0 - 2.0 * stands);
+    [stands.max(film), stands]
 }
 
 /// The water of a place: on level nodes, and beyond them everywhere at one level.
@@ -143,11 +168,17 @@ impl WaterGrid {
     /// The same where something lies on it: `hidden` is the share of the water at a node that is not seen, 0-1.
     #[must_use]
     pub fn hidden_by(self, hidden: impl Fn(usize) -> f32) -> Self {
-        let dry = WaterNode { level: f32::NAN, cover: 0.0, roughness: 0.0 };
-        let nodes = (0..self.nodes.len()).map(|i| match self.node(i) {
-            Some(node) if node.cover > 0.0 => WaterNode { cover: node.cover * (1.0 - hidden(i)), ..node },
-            Some(node) => node,
-            None => dry,
+        let nodes = (0..self.nodes.len()).map(|i| {
+            let [level, depth, film, roughness] = self.nodes[i];
+            let node = WaterNode { level, depth, film, roughness };
+            if level.is_nan() || node.cover() <= 0.0 {
+                return node;
+            }
+            let seen = 1.0 - hidden(i);
+            if seen >= 1.0 {
+                return node;
+            }
+            WaterNode { depth: depth.min(seen * HIDES), film: film * seen, ..node }
         });
         Self::new(self.origin, self.step, self.size, nodes).with_rills(self.rills.clone())
     }
@@ -168,9 +199,10 @@ impl WaterGrid {
     ) -> Self {
         let mut grid = Self { origin, step, size, ..Self::default() };
         grid.nodes.reserve_exact(size[0] * size[1]);
-        for (i, WaterNode { level, cover, roughness }) in nodes.enumerate() {
-            grid.nodes.push(if level.is_nan() { [0.0; 4] } else { [level, cover, roughness, 1.0] });
-            if !level.is_nan() && cover > 0.0 {
+        for (i, node) in nodes.enumerate() {
+            let WaterNode { level, depth, film, roughness } = node;
+            grid.nodes.push([level, depth, film, roughness]);
+            if !level.is_nan() && node.cover() > 0.0 {
                 let own = f64::from(level);
                 let [low, high] = grid.heights.unwrap_or([own; 2]);
                 grid.heights = Some([low.min(own), high.max(own)]);
@@ -180,14 +212,42 @@ impl WaterGrid {
             }
         }
         grid.levels.sort_unstable_by(f32::total_cmp);
+        grid.go_on();
         grid
     }
 
-    /// The water at node `i`, if there is such a node with water.
+    /// Lets nodes without water go on from those beside them.
+    fn go_on(&mut self) {
+        let [width, height] = self.size;
+        let mut more = Vec::new();
+        for y in 0..height {
+            for x in 0..width {
+                if !self.nodes[y * width + x][0].is_nan() {
+                    continue;
+                }
+                let (mut sum, mut count) = ([0.0; 2], 0.0);
+                for row in y.saturating_sub(1)..(y + 2).min(height) {
+                    for column in x.saturating_sub(1)..(x + 2).min(width) {
+                        let [level, .., roughness] = self.nodes[row * width + column];
+                        if !level.is_nan() {
+                            sum = [sum[0] + level, sum[1] + roughness];
+                            count += 1.0;
+                        }
+                    }
+                }
+                if count > 0.0 {
+                    more.push((y * width + x, [sum[0] / count, DRY, 0.0, sum[1] / count]));
+                }
+            }
+        }
+        more.into_iter().for_each(|(at, node)| self.nodes[at] = node);
+    }
+
+    /// The water at node `i`, if there is such a node, and water on it or beside it.
     #[must_use]
     pub fn node(&self, i: usize) -> Option<WaterNode> {
-        let [level, cover, roughness, known] = *self.nodes.get(i)?;
-        (known > 0.0).then_some(WaterNode { level, cover, roughness })
+        let [level, depth, film, roughness] = *self.nodes.get(i)?;
+        (!level.is_nan()).then_some(WaterNode { level, depth, film, roughness })
     }
 
     /// A place in steps from the first node, metres along the level axes.
@@ -218,11 +278,12 @@ impl WaterGrid {
             let lower = below[0][k] * (1.0 - right) + below[1][k] * right;
             sum[k] = upper * (1.0 - down) + lower * down;
         }
-        let [level, cover, roughness, known] = sum;
-        if known <= 0.0 {
+        let [level, depth, film, roughness] = sum;
+        if level.is_nan() {
             return None;
         }
-        Some(WaterSample { level: f64::from(level / known), cover, roughness: roughness / known })
+        let [cover, stands] = cover_of(depth, film);
+        Some(WaterSample { level: f64::from(level), cover, roughness: roughness * (1.0 - stands) })
     }
 }
 

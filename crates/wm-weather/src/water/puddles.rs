@@ -1,6 +1,6 @@
 //! The water of a wet place as a surface: puddles, and the film on the ground.
 
-use super::map::{WaterGrid, WaterNode};
+use super::map::{DRY, HIDES, WaterGrid, WaterNode};
 use super::rills::Rills;
 use crate::dome::{level_axes, to_level};
 use crate::optics::Site;
@@ -8,8 +8,11 @@ use crate::wetness::WaterState;
 
 /// Height of the surface over the water, m: splats of the ground under it lie some centimetres higher or lower.
 const LIFT: f32 = 0.04;
-/// Depth of a puddle from which it hides the texture of its bottom, m.
-const HIDES: f32 = 0.004;
+/// Cells beyond a puddle in which its level goes on, and the most that its depth is there, m: water that runs over there is gone.
+const BEYOND: usize = 2;
+const DRY_BESIDE: f32 = -0.001;
+/// Cells over which the edge of open water is softened.
+const EDGE: usize = 3;
 /// Slopes of asphalt under a film too thin to fill its texture, rms along one axis.
 const ROUGH: f32 = 0.3;
 
@@ -24,21 +27,98 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
     let [x, y, base] = to_level(&axes, state.origin).map(|v| v * site.metres_per_unit);
     let texture = texture as f32;
     let streams = streams(state);
+    let depths = depths(state);
+    let open = open_share(state);
     let node = |at: usize| {
-        let ground = state.ground[at];
-        let depth = (state.level[at] - ground).max(0.0);
-        let stands = if depth.is_nan() { 0.0 } else { (depth / HIDES).min(1.0) };
-        let stands = stands * stands * (3.0 - 2.0 * stands);
+        let (seen, base) = (state.seen[at], base as f32 + LIFT);
+        if state.open[at].is_finite() {
+            return WaterNode {
+                level: base + state.open[at],
+                depth: DRY,
+                film: seen * open[at],
+                roughness: 0.0,
+            };
+        }
         let film = state.filled[at] + (state.film[at] + state.running[at]) / texture;
-        let cover = stands.max(state.filled[at]).max(streams[at]);
-        let level = base as f32 + ground.max(state.level[at]) + LIFT;
-        WaterNode { level, cover, roughness: ROUGH * (-film).exp() * (1.0 - stands.max(streams[at])) }
+        WaterNode {
+            level: base + state.ground[at] + depths[at].max(0.0),
+            depth: if seen < 1.0 { depths[at].min(seen * HIDES) } else { depths[at] },
+            film: seen * state.filled[at].max(streams[at]),
+            roughness: ROUGH * (-film).exp() * (1.0 - streams[at]),
+        }
     };
     // Nodes are the middles of cells.
     let origin = [x + 0.5 * state.step, y + 0.5 * state.step];
     let nodes = (0..state.ground.len()).map(node);
     let grid = WaterGrid::new(origin, state.step, [state.width, state.height], nodes);
     grid.with_rills(Rills::new(streams, state.ground.clone(), state.step, state.width))
+}
+
+/// Depths of standing water at each node, m, below 0 beside it. Levels go on beyond the cells of their puddles, where no water stands, so
+/// that the edge of the water is where they meet the ground.
+fn depths(state: &WaterState) -> Vec<f32> {
+    let (width, height) = (state.width, state.height);
+    let mut levels = state.level.clone();
+    let depth = |(level, ground): (&f32, &f32)| if level.is_nan() { DRY } else { level - ground };
+    let mut depths: Vec<f32> = levels.iter().zip(&state.ground).map(depth).collect();
+    let mut last: Vec<usize> = (0..levels.len()).filter(|at| levels[*at].is_finite()).collect();
+    for _ in 0..BEYOND {
+        let mut next = Vec::new();
+        for at in last {
+            let (x, y) = (at % width, at / width);
+            for row in y.saturating_sub(1)..(y + 2).min(height) {
+                for column in x.saturating_sub(1)..(x + 2).min(width) {
+                    let beside = row * width + column;
+                    if levels[beside].is_nan() && state.ground[beside].is_finite() {
+                        levels[beside] = levels[at];
+                        depths[beside] = (levels[at] - state.ground[beside]).min(DRY_BESIDE);
+                        next.push(beside);
+                    }
+                }
+            }
+        }
+        last = next;
+    }
+    softened(&depths, &levels, width)
+}
+
+/// Depths mixed with those of the nodes beside them where a level is known: the relief of the ground is as fine as nodes are, and the edge of a
+/// puddle would follow single nodes.
+fn softened(depths: &[f32], levels: &[f32], width: usize) -> Vec<f32> {
+    const WEIGHTS: [f32; 3] = [1.0, 2.0, 1.0];
+    let height = depths.len() / width;
+    let soft = |at: usize| {
+        let (x, y) = (at % width, at / width);
+        if levels[at].is_nan() || x == 0 || y == 0 || x + 1 == width || y + 1 == height {
+            return depths[at];
+        }
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for (row, down) in WEIGHTS.iter().enumerate() {
+            for (column, right) in WEIGHTS.iter().enumerate() {
+                let beside = (y + row - 1) * width + x + column - 1;
+                if !levels[beside].is_nan() {
+                    sum += down * right * depths[beside];
+                    weights += down * right;
+                }
+            }
+        }
+        sum / weights
+    };
+    (0..depths.len()).map(soft).collect()
+}
+
+/// Share of open water at each node, 0-1: it ends softly at the cells of its edge.
+fn open_share(state: &WaterState) -> Vec<f32> {
+    let (width, height) = (state.width, state.height);
+    let own = |at: usize| -> f32 {
+        let (x, y) = (at % width, at / width);
+        let rows = y.saturating_sub(EDGE)..(y + EDGE + 1).min(height);
+        let columns = x.saturating_sub(EDGE)..(x + EDGE + 1).min(width);
+        let near = rows.flat_map(|row| columns.clone().map(move |column| row * width + column));
+        let count = near.filter(|near| state.open[*near].is_finite()).count();
+        (2.0 * count as f32 / (2 * EDGE + 1).pow(2) as f32 - 1.0).max(0.0)
+    };
+    (0..state.open.len()).map(|at| if state.open[at].is_finite() { own(at) } else { 0.0 }).collect()
 }
 
 /// Share of the ground under a stream at each node, 0-1, by the depth of the running water, smoothed over the nodes beside it.

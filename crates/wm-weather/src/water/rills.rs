@@ -12,6 +12,8 @@ const WAVES: [[f64; 3]; 3] = [[0.16, 0.34, 0.045], [0.095, 0.29, 0.04], [0.055, 
 /// Width of the bumps by which phases are shifted, m, and by how many waves.
 const BUMPS: f64 = 0.22;
 const SHIFT: f64 = 1.1;
+/// Nodes to each side over which the slope of the ground is taken.
+const ABOUT: usize = 2;
 /// Seed of the bumps.
 const SEED: u64 = 0x5249_4c4c;
 
@@ -22,7 +24,11 @@ pub struct Rills {
     strength: Vec<f32>,
     /// Heights of the ground, m; not a number where there is none.
     ground: Vec<f32>,
-    /// Slope of the ground under the streams in the mean.
+    /// Its rise uphill along the two level axes, of what is about a node; 0 where it is not known, and where nothing runs.
+    uphill: Vec<[f32; 2]>,
+    /// The mean of that under the streams.
+    usual: f64,
+    /// Slope of the ground under the streams in the mean, from node to node.
     slope: f64,
 }
 
@@ -43,7 +49,8 @@ impl Rills {
     #[must_use]
     pub fn new(strength: Vec<f32>, ground: Vec<f32>, step: f64, columns: usize) -> Option<Self> {
         let (mut sum, mut weights) = (0.0, 0.0);
-        for (at, own) in strength.iter().enumerate().filter(|(_, own)| **own > 0.0) {
+        let is_running = |(at, own): &(usize, &f32)| **own > 0.0 && at % columns + 1 < columns;
+        for (at, own) in strength.iter().enumerate().filter(is_running) {
             let beside = [at + 1, at + columns].map(|next| ground.get(next).map(|next| next - ground[at]));
             if let [Some(along), Some(across)] = beside
                 && (along + across).is_finite()
@@ -52,7 +59,16 @@ impl Rills {
                 weights += f64::from(*own);
             }
         }
-        (weights > 0.0).then(|| Self { strength, ground, slope: (sum / weights / step).max(0.01) })
+        (weights > 0.0).then(|| {
+            let uphill = uphill(&strength, &ground, step as f32, columns);
+            let (mut rise, mut under) = (0.0, 0.0);
+            for (own, [x, y]) in strength.iter().zip(&uphill).filter(|(_, rise)| **rise != [0.0; 2]) {
+                rise += f64::from(own * x.hypot(*y));
+                under += f64::from(*own);
+            }
+            let usual = if under > 0.0 { (rise / under).max(0.005) } else { 0.01 };
+            Self { strength, ground, uphill, usual, slope: (sum / weights / step).max(0.01) }
+        })
     }
 
     /// Adds the slopes of the waves at a place, m along the level axes, of a piece `width` m wide, at a time, s.
@@ -81,20 +97,19 @@ impl Rills {
         if strength <= 0.0 {
             return;
         }
-        let [a, b, c, d] = corners.map(|at| self.ground[at]);
-        let height = f64::from(mix([a, b, c, d]));
-        let uphill = [b - a + down * (d - c - b + a), c - a + right * (d - b - c + a)]
-            .map(|rise| f64::from(rise) / step);
+        let height = f64::from(mix(corners.map(|at| self.ground[at])));
+        let uphill = [0, 1].map(|k| f64::from(mix(corners.map(|at| self.uphill[at][k]))));
         let steep = uphill[0].hypot(uphill[1]);
         if !(height.is_finite() && steep > 1e-4) {
             return;
         }
         for (k, [length, speed, amplitude]) in WAVES.into_iter().enumerate() {
             // Waves of a steeper place are shorter.
-            let own = (length * self.slope / steep).max(1e-3);
+            let own = (length * self.usual / steep).max(1e-3);
             let bumps = SHIFT * bumps(SEED + k as u64, [x / BUMPS, y / BUMPS]);
             let phase = TAU * (height / (self.slope * length) + speed / length * time + bumps);
-            let amplitude = f64::from(strength) * amplitude;
+            // Where it is flat nothing runs: one wave would tilt all of it.
+            let amplitude = f64::from(strength) * amplitude * (steep / self.usual).min(1.0);
             // What a pixel is too wide to show is roughness.
             let seen = (1.5 - 2.0 * f64::from(width) / own).clamp(0.0, 1.0);
             let slope = seen * amplitude * phase.cos();
@@ -102,6 +117,28 @@ impl Rills {
             sum.variance += (0.25 * (1.0 - seen * seen) * amplitude * amplitude) as f32;
         }
     }
+}
+
+/// The rise of the ground about nodes near streams, over [`ABOUT`] nodes to each side: from one node to the next it has the ground's noise.
+fn uphill(strength: &[f32], ground: &[f32], step: f32, columns: usize) -> Vec<[f32; 2]> {
+    let mut uphill = vec![[0.0; 2]; ground.len()];
+    let beside = [0, 1, columns - 1, columns, columns + 1];
+    for at in 0..ground.len() {
+        // A node is mixed into the cells before it, too.
+        let is_near = beside.iter().any(|off| {
+            strength.get(at + off).is_some_and(|own| *own > 0.0)
+                || at.checked_sub(*off).is_some_and(|near| strength[near] > 0.0)
+        });
+        let (x, far) = (at % columns, ABOUT * columns);
+        if !is_near || x < ABOUT || x + ABOUT >= columns || at < far || at + far >= ground.len() {
+            continue;
+        }
+        let rises = [ground[at + ABOUT] - ground[at - ABOUT], ground[at + far] - ground[at - far]];
+        if rises.iter().all(|rise| rise.is_finite()) {
+            uphill[at] = rises.map(|rise| rise / (2.0 * ABOUT as f32 * step));
+        }
+    }
+    uphill
 }
 
 /// Smooth noise of -1 to 1.

@@ -17,8 +17,12 @@ const STEPS: usize = 6;
 pub(super) const NODES: usize = 4;
 /// Steps of the water's grid between nodes of the picture, and differences of cover and of roughness, up to which both are
 /// interpolated between nodes too.
-const NEAR: f32 = 2.0;
+const NEAR: f32 = 1.0;
 const EVEN: [f32; 2] = [0.02, 0.01];
+/// Difference of the levels of nodes from which there is a step between them, m, and how much more that is a metre of their distance.
+const PLANE: [f32; 2] = [0.02, 0.08];
+/// Weight of a film in the level of the mirror, of which it shows nothing sharply, over that of still water.
+const BLURRED: f32 = 0.02;
 /// Slopes that do not move, rms along one axis, above which water is a film in which no wave runs.
 pub(super) const FILM: f32 = 0.1;
 
@@ -152,7 +156,7 @@ impl WaterSurface {
                     if is_whole && met == 0 {
                         continue;
                     }
-                    let is_ground = is_whole && met == corners.len();
+                    let is_ground = is_whole && met == corners.len() && Node::are_plane(&corners);
                     let is_even = is_ground && Node::are_even(&corners, &view);
                     for y in 0..depth.len() / width {
                         let down = y as f32 / NODES as f32;
@@ -193,17 +197,27 @@ impl WaterSurface {
                 }
             },
         );
+        // The mirror is that of most of the water in which something is seen.
+        let weight = |[cover, roughness]: [f32; 2]| cover * (1.0 - roughness * (1.0 / FILM)).max(BLURRED);
         let wet = nodes.iter().filter(|node| node.inverse > 0.0 && node.look[0] > 0.0);
-        let mut levels: Vec<f32> = wet.map(|node| node.level).collect();
-        let middle = levels.len() / 2;
-        let level = match levels.is_empty() {
-            true => typical,
-            false => f64::from(*levels.select_nth_unstable_by(middle, f32::total_cmp).1),
-        };
+        let level = weighted_median(wet.map(|node| (node.level, weight(node.look))).collect());
+        let level = level.map_or(typical, f64::from);
         let mut seen = depth.iter().zip(&roughness).filter(|(z, _)| !z.is_nan());
         let is_film = seen.all(|(_, roughness)| *roughness > FILM);
         Self { depth, cover, roughness, level, rows: 0..0, is_film }
     }
+}
+
+/// The number below which half of the weight is; `None` of nothing.
+fn weighted_median(mut all: Vec<(f32, f32)>) -> Option<f32> {
+    all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let half = 0.5 * all.iter().map(|(_, weight)| f64::from(*weight)).sum::<f64>();
+    let mut below = 0.0;
+    let middle = all.iter().find(|(_, weight)| {
+        below += f64::from(*weight);
+        below >= half
+    });
+    middle.map(|(level, _)| *level)
 }
 
 /// Numbers at the pixels of a row between four nodes, which is so much of their distance below the upper ones.
@@ -228,6 +242,12 @@ struct Node {
 }
 
 impl Node {
+    /// Returns true if there is no step of the ground, such as a kerb, between nodes.
+    fn are_plane([a, b, c, d]: &[Self; 4]) -> bool {
+        let apart = |k: usize| spread([a.place[k], b.place[k], c.place[k], d.place[k]]);
+        spread([a.level, b.level, c.level, d.level]) < PLANE[0] + PLANE[1] * (apart(0) + apart(1))
+    }
+
     /// Returns true if the water between nodes is told by theirs.
     fn are_even(corners: &[Self; 4], view: &WaterView<'_>) -> bool {
         let [a, b, c, d] = corners;

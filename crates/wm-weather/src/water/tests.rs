@@ -149,7 +149,8 @@ fn a_puddle_has_soft_edges_and_its_own_level() {
     let nodes = 0..width * height;
     let node = |i: usize| WaterNode {
         level: if inside(i) > 0.0 { 0.02 } else { f32::NAN },
-        cover: inside(i).clamp(0.0, 1.0) as f32,
+        depth: -1.0,
+        film: inside(i).clamp(0.0, 1.0) as f32,
         roughness: 0.0,
     };
     let grid = WaterGrid::new([3.0, -2.0], 0.1, [width, height], nodes.map(node));
@@ -172,6 +173,8 @@ fn wet_ground_is_met_on_its_slope() {
     let stands = |i: usize| (9.0..10.0).contains(&along(i));
     let state = WaterState {
         running: vec![0.0; 300 * 80],
+        open: vec![f32::NAN; 300 * 80],
+        seen: vec![1.0; 300 * 80],
         // The second axis points to the right.
         origin: [0.0, 4.0, 0.0],
         axes: crate::dome::level_axes(SITE.up),
@@ -187,15 +190,28 @@ fn wet_ground_is_met_on_its_slope() {
     };
     let grid = puddles(&state, 0.8, &SITE);
     let dry = puddles(&WaterState { filled: vec![0.0; state.filled.len()], ..state.clone() }, 0.8, &SITE);
-    for i in 0..width {
+    let map = WaterMap::of_grid(Some(Arc::new(grid)), &SITE);
+    let dry = WaterMap::of_grid(Some(Arc::new(dry)), &SITE);
+    for i in 0..width - 1 {
         // Deeper than some millimetres water hides the ground, and is smooth; a film hides as much as it fills.
         let is_deep = stands(i) && LEVEL - state.ground[i] > 0.005;
         let bare = !stands(i) || state.ground[i] >= LEVEL;
-        let (own, dry) = (grid.node(i).unwrap(), dry.node(i).unwrap());
-        assert!(!is_deep || own.cover == 1.0 && own.roughness == 0.0, "{i}");
-        assert!(!bare || own.cover == 0.5 && own.roughness > 0.1 && dry.cover == 0.0, "{i}");
+        let [own, dry] = [&map, &dry].map(|map| map.at(along(i) + 1e-6, -3.95 + 1e-6).unwrap());
+        assert!(!is_deep || own.cover > 0.999 && own.roughness < 1e-4, "{i} {own:?}");
+        assert!(
+            !bare || own.cover < 0.501 && own.roughness > 0.1 && dry.cover < 0.001,
+            "{i} {own:?} {dry:?}"
+        );
     }
-    let map = WaterMap::of_grid(Some(Arc::new(grid)), &SITE);
+    // The edge of the puddle lies where its level meets the slope, and not at a cell.
+    let wet = |x: f64| dry.at(x, -1.0).unwrap().cover;
+    assert!(
+        wet(9.85) > 0.5 && wet(9.97) > 0.0 && wet(10.01) == 0.0,
+        "{} {} {}",
+        wet(9.85),
+        wet(9.97),
+        wet(10.01)
+    );
     let camera = camera([1.0, 0.0, 1.7], [8.0, 0.0, 0.3]);
     let surface = WaterSurface::of(&map, &camera).unwrap();
     let mut met = 0;

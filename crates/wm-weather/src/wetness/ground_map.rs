@@ -37,6 +37,9 @@ const SHALLOWEST: f32 = 0.006;
 const SMALLEST: f64 = 0.12;
 const DEEPEST: f32 = 0.25;
 const STEEPEST: f32 = 0.035;
+/// Distance to the end of what the capture shows over which water fades, m, and to the border of the grid.
+const END: f32 = 0.6;
+const BORDER: f32 = 8.0;
 /// Slope of the ground as a whole up to which it is an error of an estimated up.
 const TILT: f64 = 0.06;
 /// Distance over which that slope is taken, m.
@@ -54,6 +57,10 @@ pub struct GroundMap {
     pub rough: Vec<f32>,
     /// The depressions.
     pub basins: Basins,
+    /// Heights of open water, m; not a number where there is none.
+    pub open: Vec<f32>,
+    /// Share of what is about each cell that the capture shows, 0-1: 0 where that ends, 1 where it goes on.
+    pub seen: Vec<f32>,
 }
 
 impl GroundMap {
@@ -80,15 +87,20 @@ impl GroundMap {
         let places = grid.places().heightless();
         let [columns, _] = places.size();
         let cell = places.cell() as f32;
-        for (at, height) in floor.iter_mut().enumerate() {
+        let mut open = vec![f32::NAN; floor.len()];
+        for (at, (height, open)) in floor.iter_mut().zip(&mut open).enumerate() {
             let middle = [(at % columns) as f64 + 0.5, (at / columns) as f64 + 0.5];
-            if height.is_finite() && water.covers(places.point(middle, f64::from(*height))) {
+            if height.is_finite() {
+                if !water.covers(places.point(middle, f64::from(*height))) {
+                    continue;
+                }
                 *height = f32::NAN;
             }
+            *open = water.above(places.point(middle, 0.0)).map_or(f32::NAN, |above| above as f32);
         }
         keep_grounds(&mut floor, &top, columns, cell);
         let tilt = if is_up_known { [0.0; 2] } else { tilt_of(&floor, columns, f64::from(cell)) };
-        for heights in [&mut floor, &mut top] {
+        for heights in [&mut floor, &mut top, &mut open] {
             for (at, height) in heights.iter_mut().enumerate() {
                 let middle = [(at % columns) as f64 + 0.5, (at / columns) as f64 + 0.5];
                 *height -= tilted(tilt, middle) as f32;
@@ -112,7 +124,8 @@ impl GroundMap {
         };
         let basins = Basins::find(&ground, &bumps, columns, f64::from(cell), beyond, counts);
         let rough = ground.iter().zip(&bumps).map(|(height, bump)| height + bump).collect();
-        Self { places, tilt, ground, rough, basins }
+        let seen = seen_about(&top, columns, cell);
+        Self { places, tilt, ground, rough, basins, open, seen }
     }
 
     /// Columns and rows.
@@ -341,6 +354,33 @@ fn smoothed(floor: &[f32], top: &[f32], columns: usize, cell: f32, threads: usiz
         let stands = top[at] > height + STANDS;
         if weight <= 0.0 || is_gap && (stands || weight < GAP * all * all) { f32::NAN } else { height }
     })
+}
+
+/// The share of known cells about each cell, from 0 at a half of them to 1 at all; less towards the border of the grid.
+fn seen_about(top: &[f32], columns: usize, cell: f32) -> Vec<f32> {
+    let rows = top.len() / columns;
+    let reach = (END / cell).ceil() as usize;
+    let about = |i: usize, count: usize| i.saturating_sub(reach)..(i + reach + 1).min(count);
+    let along: Vec<u32> = (0..top.len())
+        .map(|at| {
+            let (x, y) = (at % columns, at / columns);
+            about(x, columns).filter(|x| top[y * columns + x].is_finite()).count() as u32
+        })
+        .collect();
+    let all = (2 * reach + 1).pow(2) as f32;
+    // A grid that is smaller ends with the scene.
+    let is_cut = |count: usize| count as f32 * cell > 1.9 * REACH as f32;
+    let inside = |i: usize, count: usize| {
+        if is_cut(count) { (i.min(count - 1 - i) as f32 * cell / BORDER).min(1.0) } else { 1.0 }
+    };
+    let share = |at: usize| {
+        let (x, y) = (at % columns, at / columns);
+        let known: u32 = about(y, rows).map(|y| along[y * columns + x]).sum();
+        let inward = inside(x, columns).min(inside(y, rows));
+        let inward = inward * inward * (3.0 - 2.0 * inward);
+        (2.0 * known as f32 / all - 1.0).clamp(0.0, 1.0) * inward
+    };
+    (0..top.len()).map(share).collect()
 }
 
 /// The slope of the plane through the ground about some cells, farther than their own depression.

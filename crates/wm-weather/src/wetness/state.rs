@@ -158,6 +158,10 @@ pub struct WaterState {
     pub pores: Vec<f32>,
     /// Depth of water that runs together on slopes, over the texture, mm; it is on its way, and no part of the films.
     pub running: Vec<f32>,
+    /// Height of open water, such as a pool, m; not a number where there is none. It is no part of the budget.
+    pub open: Vec<f32>,
+    /// Share of what is about each node that the capture shows, 0-1: water is drawn as much.
+    pub seen: Vec<f32>,
     /// Rain that came, and where it went.
     pub budget: WaterBudget,
 }
@@ -194,6 +198,8 @@ impl WaterState {
             filled: on_ground(&|wet| wet.film),
             pores: on_ground(&|wet| wet.pores),
             running: run_off.depths(state.runs_off()),
+            open: ground.open.iter().enumerate().map(|(at, level)| level + ground.tilt_at(at)).collect(),
+            seen: ground.seen.clone(),
             budget: state.budget,
         }
     }

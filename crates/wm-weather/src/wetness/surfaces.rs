@@ -243,7 +243,7 @@ pub struct WetShares {
     pub rain: SlantedRain,
     /// The class of each splat.
     classes: Vec<u8>,
-    /// The share of each cell of the ground, 0-1; 0 where there is none.
+    /// The share of each cell of the ground or of open water, 0-1; 0 where there is neither.
     pub(crate) ground: Vec<f32>,
 }
 
@@ -263,7 +263,8 @@ impl WetShares {
         let map_of_ground = &surfaces.ground;
         let [columns, _] = map_of_ground.size();
         let ground = map(map_of_ground.ground.len(), threads, |at| {
-            let height = map_of_ground.ground[at];
+            let (ground, open) = (map_of_ground.ground[at], map_of_ground.open[at]);
+            let height = if open.is_finite() { open } else { ground };
             if height.is_nan() {
                 return 0.0;
             }
