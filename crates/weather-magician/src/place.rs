@@ -455,8 +455,12 @@ impl PreparedPlace {
     /// The assets that the instant `time` of a weather needs and that are not made yet.
     #[must_use]
     pub fn missing_assets(&self, weather: &Weather, time: f64) -> MissingAssets {
+        self.lacking(weather, &weather.at(time).prepare(&self.site))
+    }
+
+    /// The assets that a prepared instant of a weather needs and that are not made yet.
+    fn lacking(&self, weather: &Weather, prepared: &PreparedWeather) -> MissingAssets {
         let needs = AssetNeeds::of(weather, &self.site);
-        let prepared = weather.at(time).prepare(&self.site);
         let fall = prepared.fall().filter(|fall| needs.shelter && !self.store.has_shelter(*fall));
         let requests = prepared.cover();
         let lying = needs.cover.filter(|_| !requests.is_empty()).map(|air| (air, requests.to_vec()));
@@ -792,11 +796,15 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
     ) -> Result<Stats> {
         self.check_light(weather)?;
+        let mut prepared = weather.at(options.time).prepare(&self.site);
         if options.patience == Patience::Whole {
-            let missing = self.missing_assets(weather, options.time);
-            self.prepare(backend, missing, progress)?;
+            let missing = self.lacking(weather, &prepared);
+            if !missing.is_empty() {
+                self.prepare(backend, missing, progress)?;
+                // The light of the photos says more of the site.
+                prepared = weather.at(options.time).prepare(&self.site);
+            }
         }
-        let prepared = weather.at(options.time).prepare(&self.site);
         self.check_water(weather, &prepared, &options.camera.camera)?;
         self.clear_foreign_cover(backend, &prepared);
         if prepared.glass().is_some() || prepared.wetness().is_some() {

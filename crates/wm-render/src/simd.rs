@@ -245,6 +245,9 @@ const ROUND: f32 = 12_582_912.0;
 /// `2^x` on [-0.5, 0.5], highest power first; minimax, relative error 2.0e-7.
 const EXP2: [f32; 6] = [1.338_130_3e-3, 9.666_369e-3, 5.550_381e-2, 2.402_235e-1, 6.931_472e-1, 1.0];
 
+/// The same with a relative error of 7.5e-5.
+const EXP2_ROUGH: [f32; 4] = [5.517_234e-2, 0.242_611_53, 0.693_260_8, 0.999_928];
+
 /// `log2(1 + t) / t` on [sqrt(1/2) - 1, sqrt(2) - 1], highest power first; minimax, error 5e-8.
 const LOG2: [f32; 9] = [
     0.123_109_68,
@@ -258,6 +261,20 @@ const LOG2: [f32; 9] = [
     std::f32::consts::LOG2_E,
 ];
 
+/// The same with an error of 1.0e-4.
+const LOG2_ROUGH: [f32; 4] = [-0.329_631_1, 0.517_511_1, -0.724_904_2, 1.441_760_5];
+
+/// Linear light of sRGB values of 0.04045 to 1.5, highest power first: minimax, 1.4e-4 of what is displayed.
+const DECODE: [f32; 6] =
+    [4.098_582_3e-2, -0.202_103_2, 0.587_016_4, 0.543_159_8, 3.021_332_8e-2, 9.924_074e-4];
+/// The greatest value of [`DECODE`].
+const DECODE_MOST: f32 = 1.5;
+/// sRGB values of linear light of 0.0031308 to 1, a ratio of polynomials, highest power first: minimax, 1.2e-4.
+const ENCODE: ([f32; 5], [f32; 4]) = (
+    [863.149_2, 4_325.308, 1_068.987_4, 20.784_203, -1.103_977_1e-2],
+    [3_435.746_5, 2_659.511_7, 181.217_3, 1.0],
+);
+
 /// `2^x` for x in [-126, 127]; relative error below 3e-7. Values outside give nonsense: clamp before.
 ///
 /// Several vectors step by step: a chain of dependent operations fills the processor only if others
@@ -266,12 +283,30 @@ const LOG2: [f32; 9] = [
 pub fn exp2<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
     exp2_with(
         simd,
-        x,
+        (x, EXP2[0]),
         #[inline(always)]
         |poly, fraction| {
             for power in 1..EXP2.len() {
                 for k in 0..N {
                     poly[k] = poly[k].mul_add(fraction[k], simd.set(EXP2[power]));
+                }
+            }
+        },
+    )
+}
+
+/// [`exp2`] for what is only shown: relative error below 8e-5.
+#[inline(always)]
+pub fn exp2_rough<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
+    let [highest, lower @ ..] = EXP2_ROUGH;
+    exp2_with(
+        simd,
+        (x, highest),
+        #[inline(always)]
+        |poly, fraction| {
+            for coefficient in lower {
+                for k in 0..N {
+                    poly[k] = poly[k].mul_add(fraction[k], simd.set(coefficient));
                 }
             }
         },
@@ -285,7 +320,7 @@ pub fn exp2<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
 pub fn exp2_looped<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
     exp2_with(
         simd,
-        x,
+        (x, EXP2[0]),
         #[inline(always)]
         |poly, fraction| {
             let [powers @ .., last] = EXP2;
@@ -301,7 +336,7 @@ pub fn exp2_looped<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N]
 #[inline(always)]
 fn exp2_with<S: Lanes, const N: usize>(
     simd: S,
-    x: [S::F; N],
+    (x, highest): ([S::F; N], f32),
     evaluate: impl Fn(&mut [S::F; N], &[S::F; N]),
 ) -> [S::F; N] {
     let mut shifted = x;
@@ -312,7 +347,7 @@ fn exp2_with<S: Lanes, const N: usize>(
     for k in 0..N {
         fraction[k] = x[k] - (shifted[k] - ROUND);
     }
-    let mut poly = [simd.set(EXP2[0]); N];
+    let mut poly = [simd.set(highest); N];
     evaluate(&mut poly, &fraction);
     for k in 0..N {
         poly[k] = S::F::from_bits(poly[k].to_bits() + (shifted[k].to_bits() << 23));
@@ -335,6 +370,21 @@ pub fn exp2_unfused<S: Simd>(simd: S, x: f32x8<S>) -> f32x8<S> {
 /// `log2(x)` for normal positive x; absolute error below 2e-7 near 1, relative 1e-7 elsewhere.
 #[inline(always)]
 pub fn log2<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
+    log2_by(simd, x, LOG2)
+}
+
+/// [`log2`] for what is only shown: absolute error below 1.1e-4.
+#[inline(always)]
+pub fn log2_rough<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
+    log2_by(simd, x, LOG2_ROUGH)
+}
+
+#[inline(always)]
+fn log2_by<S: Lanes, const N: usize, const P: usize>(
+    simd: S,
+    x: [S::F; N],
+    coefficients: [f32; P],
+) -> [S::F; N] {
     // Split so that the mantissa lies in [sqrt(1/2), sqrt(2)): no cancellation around x = 1. The
     // exponent stays biased and so above 0, and becomes a float as the mantissa of 2^23.
     const SQRT_HALF: u32 = 0x3f35_04f3;
@@ -347,10 +397,10 @@ pub fn log2<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
         let mantissa = (bits & S::U::splat(simd, 0x007f_ffff)) + S::U::splat(simd, SQRT_HALF);
         t[k] = S::F::from_bits(mantissa) - 1.0;
     }
-    let mut poly = [simd.set(LOG2[0]); N];
-    for power in 1..LOG2.len() {
+    let mut poly = [simd.set(coefficients[0]); N];
+    for power in 1..P {
         for k in 0..N {
-            poly[k] = poly[k].mul_add(t[k], simd.set(LOG2[power]));
+            poly[k] = poly[k].mul_add(t[k], simd.set(coefficients[power]));
         }
     }
     for k in 0..N {
@@ -401,6 +451,68 @@ pub fn srgb_encode<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
         let power = result[k].mul_add(simd.set(1.055), simd.set(-0.055));
         let linear = value[k] * 12.92;
         result[k] = value[k].simd_le(simd.set(0.003_130_8)).select(linear, power);
+    }
+    result
+}
+
+/// [`srgb_decode`] for what is only shown: within 2e-4 of what is displayed, a twentieth of a step of 8 bits.
+#[inline(always)]
+pub fn srgb_decode_rough<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
+    let most = value[0].max(value[1]).max(value[2]);
+    if most.simd_gt(simd.set(DECODE_MOST)).any_true() {
+        return srgb_decode(simd, value);
+    }
+    let mut result = [simd.set(DECODE[0]); 3];
+    for coefficient in DECODE.into_iter().skip(1) {
+        for k in 0..3 {
+            result[k] = result[k].mul_add(value[k], simd.set(coefficient));
+        }
+    }
+    for k in 0..3 {
+        let linear = value[k] * (1.0 / 12.92);
+        result[k] = value[k].simd_le(simd.set(0.040_45)).select(linear, result[k]);
+    }
+    result
+}
+
+/// [`srgb_encode`] for what is only shown: within 2e-4 up to 1, and within 2e-4 of the value above.
+#[inline(always)]
+pub fn srgb_encode_rough<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
+    let mut curved = value;
+    for k in 0..3 {
+        curved[k] = value[k].max(simd.set(0.003_130_8));
+    }
+    let mut result = curved;
+    if curved[0].max(curved[1]).max(curved[2]).simd_gt(simd.set(1.0)).any_true() {
+        let mut exponent = log2_rough(simd, curved);
+        for k in 0..3 {
+            exponent[k] *= 1.0 / 2.4;
+        }
+        let power = exp2_rough(simd, exponent);
+        for k in 0..3 {
+            result[k] = power[k].mul_add(simd.set(1.055), simd.set(-0.055));
+        }
+    } else {
+        let (above, below) = ENCODE;
+        let (mut sum, mut divisor) = ([simd.set(above[0]); 3], [simd.set(below[0]); 3]);
+        for coefficient in above.into_iter().skip(1) {
+            for k in 0..3 {
+                sum[k] = sum[k].mul_add(curved[k], simd.set(coefficient));
+            }
+        }
+        for coefficient in below.into_iter().skip(1) {
+            for k in 0..3 {
+                divisor[k] = divisor[k].mul_add(curved[k], simd.set(coefficient));
+            }
+        }
+        let factor = reciprocal(simd, divisor);
+        for k in 0..3 {
+            result[k] = sum[k] * factor[k];
+        }
+    }
+    for k in 0..3 {
+        let linear = value[k] * 12.92;
+        result[k] = value[k].simd_le(simd.set(0.003_130_8)).select(linear, result[k]);
     }
     result
 }
@@ -603,6 +715,61 @@ mod tests {
             for (x, y) in x.iter().zip(&y).skip(1) {
                 let want = f64::from(*x).powf(2.4);
                 assert!((f64::from(*y) - want).abs() < 2e-6 * want + 1e-12, "{path}: {x}^2.4 = {y}");
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn map_color<S: Lanes>(simd: S, values: &mut [f32], f: impl Fn(S, [S::F; 3]) -> [S::F; 3]) {
+        for chunk in values.chunks_exact_mut(S::N) {
+            // Each channel has its own values.
+            let value = S::F::from_slice(simd, chunk);
+            f(simd, [simd.set(0.1), value, simd.set(0.0)])[1].store_slice(chunk);
+        }
+    }
+
+    #[inline(always)]
+    fn map_decode_rough<S: Lanes>(simd: S, values: &mut [f32]) {
+        map_color(
+            simd,
+            values,
+            #[inline(always)]
+            |s, x| srgb_decode_rough(s, x),
+        );
+    }
+
+    #[inline(always)]
+    fn map_encode_rough<S: Lanes>(simd: S, values: &mut [f32]) {
+        map_color(
+            simd,
+            values,
+            #[inline(always)]
+            |s, x| srgb_encode_rough(s, x),
+        );
+    }
+
+    #[test]
+    fn rough_colors_are_within_a_twentieth_of_a_step_of_8_bits() {
+        use wm_scene::color::srgb_encode;
+        for path in SimdPath::available() {
+            // Linear light has one curve from 0 to some light 50 times as bright as white.
+            let x: Vec<f32> =
+                grid(0.0, 0.05).into_iter().chain(grid(0.0, 1.4)).chain(grid(1.0, 50.0)).collect();
+            let mut y = x.clone();
+            dispatch!(path, s => map_encode_rough(s, &mut y));
+            for (x, y) in x.iter().zip(&y) {
+                let want = srgb_encode(f64::from(*x));
+                assert!(
+                    (f64::from(*y) - want).abs() < 2e-4 * want.max(1.0),
+                    "{path}: {x} to {y}, want {want}"
+                );
+            }
+            let x: Vec<f32> = grid(0.0, 0.1).into_iter().chain(grid(0.0, 2.5)).collect();
+            let mut y = x.clone();
+            dispatch!(path, s => map_decode_rough(s, &mut y));
+            for (x, y) in x.iter().zip(&y) {
+                let shown = srgb_encode(f64::from(*y));
+                assert!((shown - f64::from(*x)).abs() < 2e-4, "{path}: {x} to {y}, shown as {shown}");
             }
         }
     }

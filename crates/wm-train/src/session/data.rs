@@ -7,6 +7,7 @@ use super::observer::{Preparation, TrainNotice, TrainObserver, TrainWarning};
 use crate::brightness::{PhotoGains, photo_gains};
 use crate::checkpoint::Taught;
 use crate::colmap::{self, ColmapOptions, Matching};
+use crate::config::ExposureMode;
 use crate::dataset::{Dataset, DatasetReadOptions, misplaced, orientation};
 use crate::movers::{MoverMask, sheet};
 use crate::overlap::{confirmed_share, overlap};
@@ -37,6 +38,7 @@ pub(super) struct TrainData {
     /// Poor photos that were left out, with their defects.
     poor: Vec<(usize, PhotoDefect)>,
     gains: OnceLock<Option<PhotoGains>>,
+    held_out_gains: OnceLock<Vec<[f32; 3]>>,
 }
 
 impl TrainData {
@@ -106,7 +108,15 @@ impl TrainData {
             places.retain(|place| poor.iter().all(|(poor, _)| poor != place));
         }
         let (up, gps) = orientation(&capture, &photos, options.facts.up);
-        Ok(Self { set: Dataset { capture, photos, places }, held_out, up, gps, poor, gains: OnceLock::new() })
+        Ok(Self {
+            set: Dataset { capture, photos, places },
+            held_out,
+            up,
+            gps,
+            poor,
+            gains: OnceLock::new(),
+            held_out_gains: OnceLock::new(),
+        })
     }
 
     /// Returns the cameras of the training photos, in their order.
@@ -126,6 +136,30 @@ impl TrainData {
     pub fn gains(&self) -> Option<&PhotoGains> {
         let Dataset { capture, photos, places } = &self.set;
         self.gains.get_or_init(|| photo_gains(capture, photos, places)).as_ref()
+    }
+
+    /// Returns the gains that the photos' own exposures begin with; `None` where all photos begin with the same.
+    pub fn first_exposures(&self, mode: ExposureMode) -> Option<&PhotoGains> {
+        match mode {
+            ExposureMode::Auto => self.gains().filter(|gains| gains.differ()),
+            ExposureMode::Photo | ExposureMode::Shared => None,
+        }
+    }
+
+    /// Returns by what each held-out photo is brighter in red, green and blue than the training photos are in the mean, by the
+    /// points that they share; 1 where these are too few.
+    pub fn held_out_gains(&self) -> &[[f32; 3]] {
+        let Dataset { capture, photos, places } = &self.set;
+        self.held_out_gains.get_or_init(|| {
+            let all = [&places[..], &self.held_out].concat();
+            let Some(found) = photo_gains(capture, photos, &all) else {
+                return vec![[1.0; 3]; self.held_out.len()];
+            };
+            let (taught, held_out) = found.gains.split_at(places.len());
+            let mean =
+                [0, 1, 2].map(|c| taught.iter().map(|gain| gain[c]).sum::<f32>() / taught.len() as f32);
+            held_out.iter().map(|gain| [0, 1, 2].map(|c| gain[c] / mean[c])).collect()
+        })
     }
 
     /// Draws the poor photos that were left out into the run folder, if there are any.

@@ -28,7 +28,7 @@ const SAME: f64 = 0.2;
 struct Drawn {
     sky: f64,
     place: f64,
-    /// The photos' colour in the sky, times weight.
+    /// The photos' colour in the sky in the scene's exposure, times weight.
     color: [f64; 3],
 }
 
@@ -39,7 +39,7 @@ pub(super) fn label_painted_sky(
     rasterization: Rasterization,
     cpu: CpuConfig,
 ) -> Result<usize, SessionError> {
-    if views.iter().all(|(_, prior, _)| prior.sky.is_empty()) {
+    if views.iter().all(|view| view.prior.sky.is_empty()) {
         return Ok(0);
     }
     let drawn = weights(splats, views, rasterization, cpu)?;
@@ -76,7 +76,7 @@ fn weights(
     let config = ForwardConfig { rasterization, sh_degree: 0, ..ForwardConfig::default() };
     let learn = Learn { sh: true, ..Learn::NONE };
     let mut drawn = vec![Drawn::default(); splats.len()];
-    for (_, prior, photo) in views.iter().filter(|(_, prior, _)| !prior.sky.is_empty()) {
+    for PriorView { prior, photo, gain, .. } in views.iter().filter(|view| !view.prior.sky.is_empty()) {
         renderer.forward(&grey, &photo.camera, &config, &mut frame)?;
         let (width, height) = (photo.width as usize, photo.height as usize);
         let class = |at: usize| {
@@ -90,7 +90,7 @@ fn weights(
         let shares: Vec<f32> =
             (0..classes.len()).flat_map(|at| [is(SkyClass::Sky, at), is(SkyClass::Place, at), 0.0]).collect();
         let colors: Vec<f32> = (0..3 * classes.len())
-            .map(|at| is(SkyClass::Sky, at / 3) * f32::from(photo.rgb[at]) / 255.0)
+            .map(|at| is(SkyClass::Sky, at / 3) * f32::from(photo.rgb[at]) / (255.0 * gain[at % 3]))
             .collect();
         for (rgb, is_color) in [(&shares, false), (&colors, true)] {
             renderer.backward(&grey, &Upstream { rgb, ..Upstream::default() }, learn, &mut gradients)?;
@@ -135,7 +135,7 @@ mod tests {
         };
         let rgb = pixels.flat_map(|at| if is_above(at) { BLUE } else { GREEN }).collect();
         let photo = Photo { width: SIZE.0, height: SIZE.1, rgb, mask: None, camera };
-        (camera, Arc::new(prior), Arc::new(photo))
+        PriorView { camera, prior: Arc::new(prior), photo: Arc::new(photo), gain: [1.0; 3] }
     }
 
     #[test]

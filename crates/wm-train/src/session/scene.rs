@@ -42,6 +42,7 @@ pub(super) fn start(
     data: &TrainData,
     priors: Option<&Priors>,
     haze: Option<&PhotoHaze>,
+    gains: Option<&PhotoGains>,
     extent: f64,
 ) -> Result<Splats, SessionError> {
     let begin = StartConfig {
@@ -55,11 +56,13 @@ pub(super) fn start(
     if let Some(haze) = haze {
         haze.clear_points(&data.set.capture, &mut points);
     }
-    let views = priors.map_or(Ok(Vec::new()), |priors| prior_views(data, priors))?;
+    let views = priors.map_or(Ok(Vec::new()), |priors| prior_views(data, priors, gains))?;
     if !points.is_empty() {
         let most = (config.start_fill * begin.most as f64) as usize;
-        let views: Vec<FillView<'_>> =
-            views.iter().map(|(camera, prior, photo)| FillView { camera, prior, photo }).collect();
+        let views: Vec<FillView<'_>> = views
+            .iter()
+            .map(|PriorView { camera, prior, photo, .. }| FillView { camera, prior, photo })
+            .collect();
         fill(&mut points, &views, most, haze);
     }
     let points = &points;
@@ -88,17 +91,28 @@ fn far_ground<'a>(
 }
 
 /// A photo's camera and prior, and the photo in about the size of the prior: its pixels are means of the photo's.
-pub(super) type PriorView = (Camera, Arc<Prior>, Arc<Photo>);
+pub(super) struct PriorView {
+    pub(super) camera: Camera,
+    pub(super) prior: Arc<Prior>,
+    pub(super) photo: Arc<Photo>,
+    /// By what it is brighter in red, green and blue than the scene, display-referred.
+    pub(super) gain: [f32; 3],
+}
 
 /// Returns the photos that have priors; of thousands some hundred, which show all of the place that can be seen.
-fn prior_views(data: &TrainData, priors: &Priors) -> Result<Vec<PriorView>, SessionError> {
+fn prior_views(
+    data: &TrainData,
+    priors: &Priors,
+    gains: Option<&PhotoGains>,
+) -> Result<Vec<PriorView>, SessionError> {
     let mut views = Vec::new();
     let places = &data.set.places;
-    for place in places.iter().step_by(places.len().div_ceil(PRIOR_PHOTOS)) {
+    for (index, place) in places.iter().enumerate().step_by(places.len().div_ceil(PRIOR_PHOTOS)) {
         let camera = data.set.photos.camera(*place, 0);
         let Some(prior) = priors.get(data.set.name(*place), &camera)? else { continue };
         let level = (0..6).take_while(|level| camera.width >> level >= prior.width).last().unwrap_or(0);
-        views.push((camera, prior, data.set.photos.get(*place, level)?));
+        let gain = gains.map_or([1.0; 3], |gains| gains.gains[index]);
+        views.push(PriorView { camera, prior, photo: data.set.photos.get(*place, level)?, gain });
     }
     Ok(views)
 }
@@ -113,17 +127,18 @@ fn add_sky(
     lowest: Option<f64>,
 ) {
     let Some(up) = data.up else { return };
-    let views: Vec<&PriorView> = views.iter().filter(|(_, prior, _)| !prior.sky.is_empty()).collect();
-    let cameras: Vec<Camera> = views.iter().map(|(camera, ..)| *camera).collect();
+    let views: Vec<&PriorView> = views.iter().filter(|view| !view.prior.sky.is_empty()).collect();
+    let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
     let look = |index: usize, [x, y]: [f64; 2]| {
-        let (_, prior, photo) = views[index];
+        let PriorView { prior, photo, .. } = views[index];
         let (width, height) = (f64::from(prior.width), f64::from(prior.height));
         let class = prior.sky[(y * height) as usize * prior.width as usize + (x * width) as usize];
         let (column, row) = ((x * f64::from(photo.width)) as usize, (y * f64::from(photo.height)) as usize);
         let at = 3 * (row * photo.width as usize + column);
         (class, [photo.rgb[at], photo.rgb[at + 1], photo.rgb[at + 2]])
     };
-    let photos = SkyPhotos { cameras: &cameras, look: &look, up: up.up, lowest };
+    let gain = |index: usize| views[index].gain;
+    let photos = SkyPhotos { cameras: &cameras, look: &look, gain: &gain, up: up.up, lowest };
     start::add_sky(splats, &photos, &data.set.capture.points, extent, count as usize);
 }
 
@@ -178,7 +193,7 @@ const SKY_RANK: f64 = 0.8;
 fn horizon(data: &TrainData, priors: &Priors) -> Result<Option<[f64; 3]>, SessionError> {
     let Some(up) = data.up.filter(|_| priors.has_sky()) else { return Ok(None) };
     let mut shown: [Vec<u8>; 3] = Default::default();
-    for (camera, prior, photo) in prior_views(data, priors)? {
+    for PriorView { camera, prior, photo, .. } in prior_views(data, priors, None)? {
         let (width, height) = (prior.width as usize, prior.height as usize);
         for at in (0..prior.sky.len()).filter(|at| prior.sky[*at] == SkyClass::Sky) {
             let [x, y] = [(at % width) as f64 + 0.5, (at / width) as f64 + 0.5];
@@ -217,7 +232,7 @@ pub(super) fn finish(
     label_sky(&mut splats);
     // Through haze, splats have other colours than the photos.
     if let (Some(priors), None, true) = (priors, haze, config.sky_splats > 0) {
-        let views = prior_views(data, priors)?;
+        let views = prior_views(data, priors, data.first_exposures(config.exposure))?;
         label_painted_sky(&mut splats, &views, config.rasterization, options.cpu)?;
     }
     if let Some(haze) = haze {

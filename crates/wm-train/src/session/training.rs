@@ -137,16 +137,19 @@ impl Training {
                 trainer
             }
             None => {
-                let splats = scene::start(&dataset, &config, &data, priors.as_ref(), haze.as_ref(), extent)?;
-                let exposure = config.exposure;
-                let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
-                if exposure == ExposureMode::Auto {
-                    // Haze changes brightness with distance: photos are compared with it taken out.
-                    let found = gains.as_ref().or_else(|| data.gains());
-                    if let Some(found) = found.filter(|gains| gains.differ()) {
-                        trainer.set_exposures(Exposures::with_gains(&found.gains));
-                        observer.on_notice(&TrainNotice::ExposuresDiffer { spread: found.spread });
+                // Haze changes brightness with distance: photos are compared with it taken out.
+                let gains = match &gains {
+                    Some(gains) => {
+                        Some(gains).filter(|gains| config.exposure == ExposureMode::Auto && gains.differ())
                     }
+                    None => data.first_exposures(config.exposure),
+                };
+                let splats =
+                    scene::start(&dataset, &config, &data, priors.as_ref(), haze.as_ref(), gains, extent)?;
+                let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
+                if let Some(found) = gains {
+                    trainer.set_exposures(Exposures::with_gains(&found.gains));
+                    observer.on_notice(&TrainNotice::ExposuresDiffer { spread: found.spread });
                 }
                 trainer
             }
@@ -396,6 +399,14 @@ impl Training {
         Ok(priors.get(self.data.set.name(place), &self.data.set.photos.camera(place, 0))?)
     }
 
+    /// Returns the gain with which a photo is compared. Where each photo has an exposure of its own a held-out one learns none:
+    /// the points that it shares with others tell its gain. In haze they do not, since haze changes their brightness too.
+    fn gain(&self, place: usize) -> [f32; 3] {
+        let at = self.data.held_out.iter().position(|held_out| *held_out == place);
+        at.filter(|_| self.trainer.has_exposures() && self.haze.is_none())
+            .map_or([1.0; 3], |at| self.data.held_out_gains()[at])
+    }
+
     fn scores(
         &mut self,
         metric: Option<&dyn PerceptualMetric>,
@@ -406,9 +417,10 @@ impl Training {
             let Some(photo) = self.photo(place, 0, observer)? else { continue };
             let mut frame = Frame::default();
             self.trainer.render_as_photo(&photo.camera, &mut frame)?;
+            let gain = self.gain(place);
             let truth = self.pixels.truth(&photo);
             let width = photo.width as usize;
-            let shown = displayed(&frame);
+            let shown = displayed(&frame, gain);
             let ssim = match truth.mask {
                 Some(mask) => ssim.masked_value(&shown, truth.rgb, mask, width),
                 None => ssim.value(&shown, truth.rgb, width),
@@ -435,9 +447,10 @@ impl Training {
             self.trainer.render(&camera, &mut frame)?;
             None
         };
+        let gain = self.gain(place);
         let psnr = photo.map(|photo| {
             let truth = self.pixels.truth(&photo);
-            psnr(&displayed(&frame), truth.rgb, truth.mask)
+            psnr(&displayed(&frame, gain), truth.rgb, truth.mask)
         });
         let step = self.trainer.steps_done();
         let image =
@@ -498,9 +511,9 @@ fn was_better(before: &HeldOutScore, now: &HeldOutScore) -> bool {
     before.psnr > now.psnr + WORSE && before.ssim > now.ssim
 }
 
-/// Returns the colours as a screen shows them: 0 to 1.
-fn displayed(frame: &Frame) -> Vec<f32> {
-    frame.rgb.iter().map(|v| v.clamp(0.0, 1.0)).collect()
+/// Returns the colours times `gain` as a screen shows them: 0 to 1.
+fn displayed(frame: &Frame, gain: [f32; 3]) -> Vec<f32> {
+    frame.rgb.iter().zip(gain.iter().cycle()).map(|(v, gain)| (v * gain).clamp(0.0, 1.0)).collect()
 }
 
 #[cfg(test)]

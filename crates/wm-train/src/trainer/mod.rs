@@ -97,6 +97,12 @@ impl Trainer {
         Self { config, terms, learner, state, known, extent, photos, work, air: None, orders }
     }
 
+    /// Returns true if photos have exposures of their own.
+    #[must_use]
+    pub fn has_exposures(&self) -> bool {
+        !self.state.exposures.changes.is_empty()
+    }
+
     /// Begins with these exposures of the photos, which go on learning. Without this photos have exposures of their own only
     /// under [`ExposureMode::Photo`].
     pub fn set_exposures(&mut self, exposures: Exposures) {

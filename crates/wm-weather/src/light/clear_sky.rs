@@ -174,7 +174,8 @@ impl Channel {
         let [a, b, c, d, e, f, g, i, h] = self.coefficients;
         let squared = cos_to_sun * cos_to_sun;
         // `h` stays below 0.91 for all skies, so this is far from 0.
-        let aureole = (1.0 + squared) / (1.0 + h * h - 2.0 * h * cos_to_sun).powf(1.5);
+        let base = 1.0 + h * h - 2.0 * h * cos_to_sun;
+        let aureole = (1.0 + squared) / (base * base.sqrt());
         let gradation = 1.0 + a * (b / (sin_elevation + 0.01)).exp();
         let indicatrix =
             c + d * (e * cos_to_sun.acos()).exp() + f * squared + g * aureole + i * sin_elevation.sqrt();

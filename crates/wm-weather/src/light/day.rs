@@ -65,7 +65,8 @@ impl OpenLight {
             std::array::from_fn(|k| cos * heading[k] + sin * up[k])
         };
         let (mut tint, mut beam) = ([1.0; 3], clear.sun_irradiance().map(|v| EFFICACY * v));
-        let lowest = clear.horizontal_irradiance().map(|v| EFFICACY * v);
+        let irradiance = clear.level_and_upright_irradiance();
+        let lowest = irradiance[0].map(|v| EFFICACY * v);
         if elevation < LOWEST_DAY {
             let fade = ((elevation + 0.8) / (LOWEST_DAY + 0.8)).clamp(0.0, 1.0);
             beam = beam.map(|v| v * fade);
@@ -85,7 +86,7 @@ impl OpenLight {
         let rest = std::array::from_fn(|k| (level[k] - sun[k] * sin_sun.max(0.0) - sky[k]).max(0.0));
         let grey = luminance(rest);
         let overcast = std::array::from_fn(|k| GREY[k] * grey + GLOW[k] * glow);
-        let gradation = gradation(&clear, tint.map(|v| v * through * EFFICACY));
+        let gradation = gradation(irradiance, tint.map(|v| v * through * EFFICACY));
         let cloudy = SkyGradation::overcast(overcast);
         let add = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| a[k] + b[k]);
         let sky = SkyGradation {
@@ -136,10 +137,9 @@ fn twilight(elevation: f64, highest: f64) -> f64 {
     above[1]
 }
 
-/// The gradation by elevation with the irradiances of a clear sky on level ground and, in the mean over all sides, on upright
+/// The gradation by elevation with these irradiances of a clear sky on level ground and, in the mean over all sides, on upright
 /// walls; radiances times `factor`.
-fn gradation(sky: &ClearSky, factor: [f64; 3]) -> SkyGradation {
-    let [level, upright] = sky.level_and_upright_irradiance();
+fn gradation([level, upright]: [[f64; 3]; 2], factor: [f64; 3]) -> SkyGradation {
     // pi (l + 2/3 r) on the level, (pi/2) l + (2/3) r upright.
     let rise: [f64; 3] = std::array::from_fn(|k| (level[k] / 2.0 - upright[k]) / (PI / 3.0 - 2.0 / 3.0));
     let at_horizon: [f64; 3] = std::array::from_fn(|k| level[k] / PI - 2.0 / 3.0 * rise[k]);

@@ -10,7 +10,7 @@
 //! the shadow of something shows no light.
 //!
 //! The sum is a table over the picture, one column of nodes along the ray at each corner of the patches of pixels, linear
-//! between them. Every second corner is summed up; those between are too, unless the light around them is nearly even. A lamp is
+//! between them. Every fourth corner is summed up; those between are too, unless the light around them is nearly even. A lamp is
 //! a disc that is blurred by the pixel, with all of its light.
 
 use super::lamp_shadows::DepthCube;
@@ -23,7 +23,7 @@ use std::f32::consts::LOG2_E;
 use std::f64::consts::{PI, TAU};
 use wm_render::dispatch;
 use wm_render::hooks::{GROUP, Medium, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
-use wm_render::simd::{self, Lanes, SimdPath, exp2, log2, powf};
+use wm_render::simd::{self, Lanes, SimdPath, exp2, log2, log2_rough, powf, reciprocal};
 use wm_scene::Camera;
 
 /// Asymmetry of the phase function of fog.
@@ -36,23 +36,31 @@ const ASYMMETRY: f32 = FOG / (1.0 + FOG);
 const NODES: usize = 20;
 const NEAREST: f32 = 0.75;
 const STEP: f32 = 1.5;
-/// Cells along a patch near a lamp, and how near that is, patches: a table with one cell is 3 % off at three patches from a lamp.
-const FINE: usize = 4;
-const NEAR_PATCHES: i64 = 3;
-/// Share of the most light by which the columns around a corner differ at most where their mean stands for it: within 1 % of
-/// light that falls off smoothly.
-const EVEN: f32 = 0.2;
-/// Columns that are summed up at once.
+/// How near a patch is to a lamp, patches, and its cells along a side: one cell is 3 % off at three patches from a lamp, two cells are
+/// 2 % off at two, and four at one.
+const FINE: [(i64, usize); 2] = [(2, 4), (3, 2)];
+const NEAR_PATCHES: i64 = FINE[1].0;
+/// Numbers of a column, for whole vectors.
+const COLUMN: usize = (3 * NODES).next_multiple_of(GROUP);
+/// Patches from corner to corner at which columns are summed up everywhere.
+const WIDEST: usize = 4;
+/// Share of the most light by which the columns around a corner differ at most where what is linear between them stands for it:
+/// within 1 % of light that falls off smoothly.
+const EVEN: f32 = 0.3;
+/// Columns that are summed up at once, and patches near a lamp.
 const RUN: usize = 64;
+const TOGETHER: usize = 8;
 /// Share of the way from the end of an angle to its middle at which Gauss's node lies along the chord: for a small angle, and how
 /// much more it is for a right one.
 const GAUSS: [f32; 2] = [0.422_65, 0.016_6];
-/// Sine of half of an angle up to which its middle tells enough: within 0.2 %.
-const NARROW: f32 = 0.1;
+/// Sine of half of an angle up to which its middle tells enough: within 0.5 %.
+const NARROW: f32 = 0.15;
 /// Least distance of a ray from a lamp, m.
 const CLOSEST: f32 = 0.05;
-/// Light that is left out, in units of display white.
+/// Light that is left out, in units of display white: of a lamp, and of all of them in a row of pixels, which changes black by a
+/// fifteenth of a step of 8 bits.
 const LEAST: f32 = 2e-4;
+const LEAST_IN_ROW: f32 = 2e-5;
 /// A surface that is nearer than a lamp by more than this hides it, m.
 const HIDES: f32 = 0.6;
 /// Variance of the blur by a pixel, px^2.
@@ -108,7 +116,8 @@ pub struct LampGlow {
     columns: usize,
     /// For each patch, the place in `fine` of its own table, if it is near a lamp.
     near: Vec<Option<u32>>,
-    fine: Vec<FineTable>,
+    /// Tables of patches, `[side, side]` with the sides of [`FINE`], plus 1.
+    fine: Vec<Vec<Column>>,
     heads: Vec<Head>,
     /// From pixels to the ray of view z 1.
     focal: [f32; 2],
@@ -116,10 +125,9 @@ pub struct LampGlow {
     metres_per_unit: f32,
 }
 
-/// Light up to each node along a ray, linear RGB.
-type Column = [[f32; NODES]; 3];
-/// The table of a patch near a lamp, `[FINE + 1, FINE + 1]`.
-type FineTable = [Column; (FINE + 1) * (FINE + 1)];
+/// Light up to each node along a ray, linear RGB, `[NODES, 3]` and zeros.
+type Column = [f32; COLUMN];
+type AddedLight = [[f32; PATCH_PIXELS]; 3];
 
 /// A lamp in the picture.
 #[derive(Clone, Copy, Debug)]
@@ -179,66 +187,88 @@ impl LampGlow {
         self.table.clear();
     }
 
-    /// Adds the light of the air before each pixel of a patch.
+    /// Adds the light of the air before each pixel of a patch, and what else is `added`.
     #[inline(always)]
-    fn add_glow<S: Lanes>(&self, simd: S, pixels: &PixelBatch<'_>, added: &mut [[f32; PATCH_PIXELS]; 3]) {
-        let mut places = [0.0; PATCH_PIXELS];
-        let nodes = self.node_places(simd, pixels, &mut places);
-        for y in 0..PATCH {
-            let mut sums = [[0.0f32; PATCH]; 3];
-            for node in nodes.clone().chain([NODES]) {
-                let is_behind = node == NODES;
-                let light = self.row_light(pixels, y, node.min(NODES - 1));
-                for first in (0..PATCH).step_by(S::N) {
-                    let alpha = simd.load(&pixels.alpha[y * PATCH + first..]);
-                    let apart = simd.load(&places[y * PATCH + first..]) - simd.set(node as f32);
-                    let weight = if is_behind {
-                        simd.set(1.0) - alpha
-                    } else {
-                        alpha * (simd.set(1.0) - apart.abs()).max(simd.set(0.0))
-                    };
-                    for k in 0..3 {
-                        let sum = weight.mul_add(simd.load(&light[k][first..]), simd.load(&sums[k][first..]));
-                        sum.store_slice(&mut sums[k][first..first + S::N]);
-                    }
-                }
+    fn add_glow<S: Lanes>(&self, simd: S, pixels: &mut PixelBatch<'_>, added: Option<&AddedLight>) {
+        let (column, row) = (pixels.x as usize / PATCH, pixels.y as usize / PATCH);
+        match self.near[row * (self.columns - 1) + column].map(|at| &self.fine[at as usize]) {
+            None => {
+                let at = |x: usize, y: usize| &self.table[(row + y) * self.columns + column + x];
+                self.add_between::<S, 2>(simd, pixels, added, at);
             }
-            for k in 0..3 {
-                for (added, sum) in added[k][y * PATCH..(y + 1) * PATCH].iter_mut().zip(sums[k]) {
-                    *added += sum;
-                }
+            Some(fine) if fine.len() == 9 => {
+                self.add_between::<S, 3>(simd, pixels, added, |x, y| &fine[3 * y + x]);
             }
+            Some(fine) => self.add_between::<S, 5>(simd, pixels, added, |x, y| &fine[5 * y + x]),
         }
     }
 
-    /// The light up to a node over a row of a patch, channel by channel.
+    /// [`Self::add_glow`] by a table of `E` times `E` columns, evenly spread from edge to edge of the patch.
     #[inline(always)]
-    fn row_light(&self, pixels: &PixelBatch<'_>, y: usize, node: usize) -> [[f32; PATCH]; 3] {
-        let (column, row) = (pixels.x as usize / PATCH, pixels.y as usize / PATCH);
-        let first = row * self.columns + column;
-        let mut light = [[0.0; PATCH]; 3];
-        match self.near[row * (self.columns - 1) + column] {
-            None => {
-                let corners = [first, first + self.columns, first + 1, first + self.columns + 1];
-                let corners = corners.map(|at| &self.table[at]);
-                for k in 0..3 {
-                    light[k] = row_between(y, corners.map(|corner| corner[k][node]));
+    fn add_between<'a, S: Lanes, const E: usize>(
+        &self,
+        simd: S,
+        pixels: &mut PixelBatch<'_>,
+        added: Option<&AddedLight>,
+        table: impl Fn(usize, usize) -> &'a Column,
+    ) {
+        const LAST: usize = 3 * (NODES - 1);
+        let mut places = [0.0; PATCH_PIXELS];
+        let nodes = self.node_places(simd, pixels, &mut places);
+        let part = 3 * nodes.start() / S::N * S::N..3 * (nodes.end() + 1);
+        let rest = (LAST / S::N * S::N).max(part.end.next_multiple_of(S::N));
+        let shares = const { shares_of_edges::<E>() };
+        let side = PATCH / (E - 1);
+        let mut edges = [[0.0f32; COLUMN]; E];
+        for y in 0..PATCH {
+            let down = (y % side) as f32 / side as f32 + 0.5 / side as f32;
+            for (x, edge) in edges.iter_mut().enumerate() {
+                let (above, below) = (table(x, y / side), table(x, y / side + 1));
+                for at in part.clone().step_by(S::N).chain((rest..COLUMN).step_by(S::N)) {
+                    let above = simd.load(&above[at..]);
+                    let light = (simd.load(&below[at..]) - above).mul_add(simd.set(down), above);
+                    light.store_slice(&mut edge[at..at + S::N]);
                 }
             }
-            Some(fine) => {
-                const SIDE: usize = PATCH / FINE;
-                let table = &self.fine[fine as usize];
-                for x in 0..FINE {
-                    let first = y / SIDE * (FINE + 1) + x;
-                    let corners = [first, first + FINE + 1, first + 1, first + FINE + 2].map(|at| &table[at]);
+            for x in (0..PATCH).step_by(S::N) {
+                let first = y * PATCH + x;
+                let (alpha, place) = (simd.load(&pixels.alpha[first..]), simd.load(&places[first..]));
+                let behind = simd.set(1.0) - alpha;
+                let mut sums = [[behind; 3]; E];
+                for e in 0..E {
                     for k in 0..3 {
-                        let part = row_between::<SIDE>(y % SIDE, corners.map(|corner| corner[k][node]));
-                        light[k][x * SIDE..(x + 1) * SIDE].copy_from_slice(&part);
+                        sums[e][k] = behind * edges[e][LAST + k];
                     }
+                }
+                for node in nodes.clone() {
+                    let apart = (place - node as f32).abs();
+                    if !apart.simd_lt(simd.set(1.0)).any_true() {
+                        continue;
+                    }
+                    let weight = alpha * (simd.set(1.0) - apart).max(simd.set(0.0));
+                    for e in 0..E {
+                        for k in 0..3 {
+                            sums[e][k] = weight.mul_add(simd.set(edges[e][3 * node + k]), sums[e][k]);
+                        }
+                    }
+                }
+                let mut glow = [simd.set(0.0); 3];
+                if let Some(added) = added {
+                    for k in 0..3 {
+                        glow[k] = simd.load(&added[k][first..]);
+                    }
+                }
+                for e in 0..E {
+                    let share = simd.load(&shares[e][x..]);
+                    for k in 0..3 {
+                        glow[k] = sums[e][k].mul_add(share, glow[k]);
+                    }
+                }
+                if glow[0].max(glow[1]).max(glow[2]).simd_gt(simd.set(LEAST_IN_ROW)).any_true() {
+                    add_light(simd, pixels.rgb, first, glow);
                 }
             }
         }
-        light
     }
 
     /// Finds the distance of each pixel's surface on the scale of the nodes (2.5 is half way between the nodes 2 and 3), and returns
@@ -251,21 +281,26 @@ impl LampGlow {
         places: &mut [f32; PATCH_PIXELS],
     ) -> std::ops::RangeInclusive<usize> {
         let steps: [f32; GROUP] = std::array::from_fn(|lane| lane as f32 + 0.5);
-        let (zero, last) = (simd.set(0.0), simd.set((NODES - 1) as f32));
-        let (mut least, mut most) = (last, zero);
+        let (one, last) = (simd.set(1.0), simd.set((NODES - 1) as f32));
+        let scale = self.metres_per_unit / NEAREST;
+        let (mut least, mut most) = (last, simd.set(0.0));
         for first in (0..PATCH_PIXELS).step_by(S::N) {
             let (x, y) = (first % PATCH, first / PATCH);
             let left = pixels.x as f32 + x as f32 - self.principal[0];
             let u = (simd.load(&steps) + left) * self.focal[0].recip();
             let v = (pixels.y as f32 + y as f32 + 0.5 - self.principal[1]) / self.focal[1];
-            let length = u.mul_add(u, simd.set(1.0 + v * v)).sqrt() * (self.metres_per_unit / NEAREST);
             let alpha = simd.load(&pixels.alpha[first..]);
-            // In distances of the nearest node.
-            let depth = simd.load(&pixels.depth_sum[first..]) / alpha.max(simd.set(1e-6));
-            let distance = depth * length;
-            let farther = log2(simd, [distance.max(simd.set(1.0))])[0] * STEP.log2().recip();
+            // Squares, in distances of the nearest node.
+            let kept = reciprocal(simd, [alpha.max(simd.set(1e-6))])[0];
+            let depth = simd.load(&pixels.depth_sum[first..]) * kept * scale;
+            let squared = depth * depth * u.mul_add(u, simd.set(1.0 + v * v));
+            let farther = log2_rough(simd, [squared.max(one)])[0] * (0.5 / STEP.log2());
             // Up to the nearest node it goes evenly.
-            let place = (farther + distance.min(simd.set(1.0))).max(zero).min(last);
+            let mut nearer = one;
+            if squared.simd_lt(one).any_true() {
+                nearer = squared.min(one).sqrt();
+            }
+            let place = (farther + nearer).min(last);
             (least, most) = (least.min(place), most.max(place));
             place.store_slice(&mut places[first..first + S::N]);
         }
@@ -278,20 +313,10 @@ impl LampGlow {
     }
 
     /// Adds the lamps in a patch.
-    fn add_heads(&self, pixels: &PixelBatch<'_>, added: &mut [[f32; PATCH_PIXELS]; 3]) -> bool {
-        let mut is_any = false;
+    fn add_heads(&self, pixels: &PixelBatch<'_>, added: &mut AddedLight) {
         let (left, top) = (pixels.x as f32, pixels.y as f32);
-        let side = PATCH as f32;
-        for head in &self.heads {
+        for head in self.heads.iter().filter(|head| head.is_in(pixels)) {
             let [x, y] = head.at;
-            let is_near = x > left - head.reach
-                && x < left + side + head.reach
-                && y > top - head.reach
-                && y < top + side + head.reach;
-            if !is_near {
-                continue;
-            }
-            is_any = true;
             for at in 0..PATCH_PIXELS {
                 let [dx, dy] = [left + (at % PATCH) as f32 + 0.5 - x, top + (at / PATCH) as f32 + 0.5 - y];
                 let alpha = pixels.alpha[at];
@@ -301,42 +326,79 @@ impl LampGlow {
                 (0..3).for_each(|k| added[k][at] += share * head.peak[k]);
             }
         }
-        is_any
     }
 
+    /// Adds light to a patch.
     #[inline(always)]
-    fn add_light<S: Lanes>(simd: S, rgb: &mut [[f32; PATCH_PIXELS]; 3], added: &[[f32; PATCH_PIXELS]; 3]) {
+    fn add_all<S: Lanes>(simd: S, pixels: &mut PixelBatch<'_>, added: &AddedLight) {
         for first in (0..PATCH_PIXELS).step_by(S::N) {
             let mut light = [simd.set(0.0); 3];
             for k in 0..3 {
-                light[k] = simd.load(&rgb[k][first..]);
+                light[k] = simd.load(&added[k][first..]);
             }
-            light = simd::srgb_decode(simd, light);
-            for k in 0..3 {
-                light[k] += simd.load(&added[k][first..]);
-            }
-            let shown = simd::srgb_encode(simd, light);
-            for k in 0..3 {
-                shown[k].store_slice(&mut rgb[k][first..first + S::N]);
-            }
+            add_light(simd, pixels.rgb, first, light);
         }
     }
+}
+
+/// Adds linear light to as many pixels as a vector has lanes.
+#[inline(always)]
+fn add_light<S: Lanes>(simd: S, rgb: &mut AddedLight, first: usize, added: [S::F; 3]) {
+    let mut light = added;
+    for k in 0..3 {
+        light[k] = simd.load(&rgb[k][first..]);
+    }
+    light = simd::srgb_decode_rough(simd, light);
+    for k in 0..3 {
+        light[k] += added[k];
+    }
+    let shown = simd::srgb_encode_rough(simd, light);
+    for k in 0..3 {
+        shown[k].store_slice(&mut rgb[k][first..first + S::N]);
+    }
+}
+
+/// The share that each of `E` edges has in each pixel between them.
+const fn shares_of_edges<const E: usize>() -> [[f32; PATCH]; E] {
+    let mut shares = [[0.0; PATCH]; E];
+    let side = PATCH / (E - 1);
+    let mut x = 0;
+    while x < PATCH {
+        let share = (x % side) as f32 / side as f32 + 0.5 / side as f32;
+        shares[x / side][x] = 1.0 - share;
+        shares[x / side + 1][x] = share;
+        x += 1;
+    }
+    shares
 }
 
 impl PixelEffect for LampGlow {
     fn apply(&self, path: SimdPath, pixels: &mut PixelBatch<'_>) {
-        let mut added = [[0.0; PATCH_PIXELS]; 3];
-        let is_lit = self.add_heads(pixels, &mut added);
-        if !self.table.is_empty() {
-            dispatch!(path, s => self.add_glow(s, pixels, &mut added));
-        } else if !is_lit {
+        if !self.heads.iter().any(|head| head.is_in(pixels)) {
+            if !self.table.is_empty() {
+                dispatch!(path, s => self.add_glow(s, pixels, None));
+            }
             return;
         }
-        dispatch!(path, s => Self::add_light(s, pixels.rgb, &added));
+        let mut added = [[0.0; PATCH_PIXELS]; 3];
+        self.add_heads(pixels, &mut added);
+        if self.table.is_empty() {
+            dispatch!(path, s => Self::add_all(s, pixels, &added));
+        } else {
+            dispatch!(path, s => self.add_glow(s, pixels, Some(&added)));
+        }
     }
 }
 
 impl Head {
+    /// Returns true if its picture reaches a patch.
+    fn is_in(&self, pixels: &PixelBatch<'_>) -> bool {
+        let within = |at: f32, first: u32| {
+            (first as f32 - self.reach..(first as f32 + PATCH as f32) + self.reach).contains(&at)
+        };
+        within(self.at[0], pixels.x) && within(self.at[1], pixels.y)
+    }
+
     /// The picture of a lamp; `None` of windows, which are surfaces, and of what is not in the picture.
     fn of(light: &LampLight, display: f32, camera: &Camera, air: &Atmosphere, site: &Site) -> Option<Self> {
         if light.kind != LampKind::Ball {
@@ -430,48 +492,65 @@ impl<'a> GlowScene<'a> {
 
     /// The columns at the corners of patches, `[rows, columns]`.
     fn table(&self, [columns, rows]: [usize; 2], path: SimdPath, threads: usize) -> Vec<Column> {
-        let mut table = vec![[[0.0; NODES]; 3]; columns * rows];
+        let mut table = vec![[0.0; COLUMN]; columns * rows];
         let sum_up = |table: &mut [Column], corners: &[usize]| {
             let found = map(corners.len().div_ceil(RUN), threads, |run| {
                 let corners = &corners[run * RUN..(run * RUN + RUN).min(corners.len())];
                 let place = |at: &usize| [at % columns, at / columns].map(|v| (v * PATCH) as f32);
                 let places: Vec<[f32; 2]> = corners.iter().map(place).collect();
-                let mut out = vec![[[0.0; NODES]; 3]; corners.len()];
+                let mut out = vec![[0.0; COLUMN]; corners.len()];
                 dispatch!(path, s => self.columns(s, &places, &self.lights, &mut out));
                 out
             });
             corners.iter().zip(found.into_iter().flatten()).for_each(|(at, column)| table[*at] = column);
         };
-        // Of a last odd column or row there is none beyond.
-        let is_between = |at: usize, count: usize| at % 2 == 1 && at + 1 < count;
-        let (between, mut exact): (Vec<usize>, Vec<usize>) = (0..columns * rows)
-            .partition(|at| is_between(at % columns, columns) || is_between(at / columns, rows));
+        // The last column and row belong to every grid.
+        let is_in = |at: usize, count: usize, step: usize| at.is_multiple_of(step) || at + 1 == count;
+        let is_node =
+            |at: &usize, step: usize| is_in(at % columns, columns, step) && is_in(at / columns, rows, step);
+        let is_near = self.corners_near_lamps([columns, rows]);
+        let mut exact: Vec<usize> =
+            (0..columns * rows).filter(|at| is_node(at, WIDEST) || is_near[*at]).collect();
         sum_up(&mut table, &exact);
-        exact.clear();
-        for at in between {
-            let (x, y) = (at % columns, at / columns);
-            let beside =
-                |at: usize, count: usize| if is_between(at, count) { [at - 1, at + 1] } else { [at; 2] };
-            let ([left, right], [top, bottom]) = (beside(x, columns), beside(y, rows));
-            let around = [[left, top], [right, top], [left, bottom], [right, bottom]];
-            let around = around.map(|[x, y]| &table[y * columns + x]);
-            match even_mean(around).filter(|_| !self.is_near_lamp([x, y])) {
-                Some(mean) => table[at] = mean,
-                None => exact.push(at),
+        let mut step = WIDEST;
+        while step > 1 {
+            exact.clear();
+            let between = |at: &usize| is_node(at, step / 2) && !is_node(at, step) && !is_near[*at];
+            for at in (0..columns * rows).filter(between) {
+                // The nodes on both sides, and the share of the second.
+                let beside = |at: usize, count: usize| {
+                    let low = if is_in(at, count, step) { at } else { at / step * step };
+                    let high = if low == at { at } else { (low + step).min(count - 1) };
+                    (low, high, (at - low) as f32 / (high - low).max(1) as f32)
+                };
+                let (left, right, across) = beside(at % columns, columns);
+                let (top, bottom, down) = beside(at / columns, rows);
+                let around = [[left, top], [right, top], [left, bottom], [right, bottom]];
+                let around = around.map(|[x, y]| &table[y * columns + x]);
+                match even_mean(around, [across, down]) {
+                    Some(mean) => table[at] = mean,
+                    None => exact.push(at),
+                }
             }
+            sum_up(&mut table, &exact);
+            step /= 2;
         }
-        sum_up(&mut table, &exact);
         table
     }
 
-    /// Returns true for the corners of the patches that have tables of their own.
-    fn is_near_lamp(&self, [x, y]: [usize; 2]) -> bool {
-        self.lights.iter().filter_map(|light| self.patch_of(light)).any(|[column, row]| {
-            let is_near = |at: usize, middle: i64| {
-                (middle - NEAR_PATCHES..=middle + NEAR_PATCHES + 1).contains(&(at as i64))
+    /// Returns true for the corners of the patches that have tables of their own, `[rows, columns]`.
+    fn corners_near_lamps(&self, [columns, rows]: [usize; 2]) -> Vec<bool> {
+        let mut is_near = vec![false; columns * rows];
+        for [column, row] in self.lights.iter().filter_map(|light| self.patch_of(light)) {
+            let within = |middle: i64, count: usize| {
+                let [low, high] = [middle - NEAR_PATCHES, middle + NEAR_PATCHES + 2];
+                low.clamp(0, count as i64) as usize..high.clamp(0, count as i64) as usize
             };
-            is_near(x, column) && is_near(y, row)
-        })
+            for y in within(row, rows) {
+                is_near[y * columns..][within(column, columns)].fill(true);
+            }
+        }
+        is_near
     }
 
     /// Column and row of the patch that shows a lamp, in the picture or not; `None` for one behind the eye.
@@ -541,7 +620,7 @@ impl<'a> GlowScene<'a> {
                     total[k] += sums[node][k];
                     total[k].store_slice(&mut buffer[..S::N]);
                     for (column, value) in out[first..].iter_mut().zip(&buffer[..S::N]) {
-                        column[k][node] = *value;
+                        column[3 * node + k] = *value;
                     }
                 }
             }
@@ -556,10 +635,11 @@ impl<'a> GlowScene<'a> {
         columns: usize,
         path: SimdPath,
         threads: usize,
-    ) -> (Vec<Option<u32>>, Vec<FineTable>) {
+    ) -> (Vec<Option<u32>>, Vec<Vec<Column>>) {
         let (across, down) = (columns - 1, table.len() / columns - 1);
         let mut near: Vec<Option<u32>> = vec![None; across * down];
-        let mut work: Vec<([usize; 2], Vec<usize>)> = Vec::new();
+        // Of each patch its place, its cells along a side, and the lamps that are near.
+        let mut work: Vec<([usize; 2], usize, Vec<usize>)> = Vec::new();
         for (index, light) in self.lights.iter().enumerate() {
             let Some([column, row]) = self.patch_of(light) else { continue };
             let within = |middle: i64, count: usize| {
@@ -569,38 +649,45 @@ impl<'a> GlowScene<'a> {
             for y in within(row, down) {
                 for x in within(column, across) {
                     let place = near[y * across + x].get_or_insert_with(|| {
-                        work.push(([x, y], Vec::new()));
+                        work.push(([x, y], 0, Vec::new()));
                         (work.len() - 1) as u32
                     });
-                    work[*place as usize].1.push(index);
+                    let apart = (x as i64 - column).abs().max((y as i64 - row).abs());
+                    let (_, cells, lights) = &mut work[*place as usize];
+                    let own = FINE.iter().find(|(reach, _)| apart <= *reach).map_or(1, |(_, own)| *own);
+                    *cells = own.max(*cells);
+                    lights.push(index);
                 }
             }
         }
-        let fine = map(work.len(), threads, |at| {
-            let ([x, y], lights) = &work[at];
-            let first = y * columns + x;
-            let corners = [first, first + 1, first + columns, first + columns + 1].map(|at| table[at]);
-            let mut fine = spread(&corners);
-            let places: Vec<[f32; 2]> = (0..(FINE + 1) * (FINE + 1))
-                .map(|node| {
-                    let cell = (PATCH / FINE) as f32;
-                    [(x, node % (FINE + 1)), (y, node / (FINE + 1))]
+        // Several at once fill the vectors better.
+        let runs: Vec<_> = work.chunk_by(|a, b| a.2 == b.2).flat_map(|same| same.chunks(TOGETHER)).collect();
+        let fine = map(runs.len(), threads, |run| {
+            let mut places: Vec<[f32; 2]> = Vec::new();
+            for ([x, y], cells, _) in runs[run] {
+                let (side, cell) = (cells + 1, (PATCH / cells) as f32);
+                places.extend((0..side * side).map(|node| {
+                    [(x, node % side), (y, node / side)]
                         .map(|(patch, node)| (patch * PATCH) as f32 + node as f32 * cell)
-                })
-                .collect();
-            // Of the lamps that are near, exactly in place of what the corners say of them.
-            let own: Vec<GlowLight<'_>> = lights.iter().map(|light| self.lights[*light]).collect();
-            let mut exact = [[[0.0; NODES]; 3]; (FINE + 1) * (FINE + 1)];
-            dispatch!(path, s => self.columns(s, &places, &own, &mut exact));
-            let at_corners = [0, FINE, FINE * (FINE + 1), FINE * (FINE + 2)].map(|node| exact[node]);
-            let coarse = spread(&at_corners);
-            for ((fine, exact), coarse) in fine.iter_mut().zip(&exact).zip(&coarse) {
-                for k in 0..3 {
-                    (0..NODES).for_each(|node| fine[k][node] += exact[k][node] - coarse[k][node]);
-                }
+                }));
             }
-            fine
+            // Of the lamps that are near, exactly in place of what the corners say of them.
+            let lights: Vec<GlowLight<'_>> = runs[run][0].2.iter().map(|light| self.lights[*light]).collect();
+            let mut exact = vec![[0.0; COLUMN]; places.len()];
+            dispatch!(path, s => self.columns(s, &places, &lights, &mut exact));
+            let mut left = &exact[..];
+            let tables = runs[run].iter().map(|([x, y], cells, _)| {
+                let (own, others) = left.split_at((cells + 1) * (cells + 1));
+                left = others;
+                let mut fine = own.to_vec();
+                let first = y * columns + x;
+                let corners = [first, first + 1, first + columns, first + columns + 1].map(|at| &table[at]);
+                dispatch!(path, s => add_others(s, &mut fine, corners, *cells));
+                fine
+            });
+            tables.collect::<Vec<_>>()
         });
+        let fine = fine.into_iter().flatten().collect();
         (near, fine)
     }
 
@@ -627,15 +714,17 @@ impl<'a> GlowScene<'a> {
         let h = squared.sqrt();
         let axis = Vec3::from_array(lamp.light.axis);
         let (along_axis, axis_offset) = (dot(axis), axis.dot(lamp.offset));
+        let one_over = |x: S::F| reciprocal(simd, [x])[0];
+        let per_h = one_over(h);
         let unit = |s: S::F| {
-            let r = s.mul_add(s, squared).sqrt();
-            [h / r, s / r]
+            let per_r = one_over(s.mul_add(s, squared).sqrt());
+            [h * per_r, s * per_r]
         };
-        let between = |a: [S::F; 2], b: [S::F; 2]| {
-            let [x, y] = [a[0] + b[0], a[1] + b[1]];
-            let length = x.mul_add(x, y * y).sqrt();
-            [x / length, y / length]
+        let scaled = |[x, y]: [S::F; 2]| {
+            let per_length = one_over(x.mul_add(x, y * y).sqrt());
+            [x * per_length, y * per_length]
         };
+        let between = |a: [S::F; 2], b: [S::F; 2]| scaled([a[0] + b[0], a[1] + b[1]]);
         let mut before = unit(-abreast);
         for node in 1..NODES {
             let (from, to) = (node_distance(node - 1), node_distance(node));
@@ -645,31 +734,28 @@ impl<'a> GlowScene<'a> {
             let [a, m] = [before, middle];
             let half = [a[0] * m[1] - a[1] * m[0], a[0].mul_add(m[0], a[1] * m[1])];
             let towards = (one - half[1]).mul_add(simd.set(GAUSS[1]), simd.set(GAUSS[0]));
-            let part = |end: [S::F; 2]| {
-                let [x, y] = [0, 1].map(|k: usize| (m[k] - end[k]).mul_add(towards, end[k]));
-                let length = x.mul_add(x, y * y).sqrt();
-                [x / length, y / length]
-            };
+            let part =
+                |end: [S::F; 2]| scaled([0, 1].map(|k: usize| (m[k] - end[k]).mul_add(towards, end[k])));
             let is_wide = half[0].simd_gt(simd.set(NARROW)).any_true();
             let (nodes, count) = if is_wide { ([part(before), part(after)], 2) } else { ([middle; 2], 1) };
             // Half of the angle, from its tangent's half: that stays finite.
-            let angle = arc_tangent(simd, half[0] / (one + half[1])) * (4.0 / count as f32);
-            let open = self.open(simd, lamp, direction, abreast + h * middle[1] / middle[0]);
+            let angle = arc_tangent(simd, half[0] * one_over(one + half[1])) * (4.0 / count as f32);
+            let open = self.open(simd, lamp, direction, abreast + h * middle[1] * one_over(middle[0]));
             let per_metre = 1.0 / (to - from);
             for [cos, sin] in nodes.into_iter().take(count) {
-                let r = h / cos;
-                let t = h.mul_add(sin / cos, abreast);
+                let r = h * one_over(cos);
+                let t = r.mul_add(sin, abreast);
                 let share = ((t - simd.set(from)) * per_metre).max(simd.set(0.0)).min(one);
                 // Henyey and Greenstein, deflected by the angle whose cosine is -sin.
                 let denominator =
                     sin.mul_add(simd.set(2.0 * ASYMMETRY), simd.set(1.0 + ASYMMETRY * ASYMMETRY));
-                let phase = simd.set((1.0 - ASYMMETRY * ASYMMETRY) / (4.0 * PI as f32))
-                    / (denominator * denominator.sqrt());
-                let mut light = phase * angle * open / h;
+                let phase = one_over(denominator * denominator.sqrt())
+                    * ((1.0 - ASYMMETRY * ASYMMETRY) / (4.0 * PI as f32));
+                let mut light = phase * angle * open * per_h;
                 if lamp.light.kind == LampKind::Headlamps {
                     light *= self.headlamps::<S>(simd, lamp, directions, t);
                 } else if lamp.light.axis != [0.0; 3] {
-                    let cos = ((t * along_axis - simd.set(axis_offset)) / r).max(simd.set(0.0));
+                    let cos = ((t * along_axis - simd.set(axis_offset)) * cos * per_h).max(simd.set(0.0));
                     light *= match lamp.light.exponent {
                         1.0 => cos,
                         exponent => powf(simd, [cos.max(simd.set(1e-6))], exponent)[0],
@@ -742,40 +828,41 @@ fn each_point<S: Lanes>(
     simd.load(&values)
 }
 
-/// A row of pixels of a square cell, `N` wide, between the values at its left, top first, and those at its right.
-#[inline(always)]
-fn row_between<const N: usize>(y: usize, [top, bottom, top_right, bottom_right]: [f32; 4]) -> [f32; N] {
-    let share = |at: usize| (at as f32 + 0.5) / N as f32;
-    let (left, right) = (top + (bottom - top) * share(y), top_right + (bottom_right - top_right) * share(y));
-    std::array::from_fn(|x| left + (right - left) * share(x))
+/// The column between four others, linear by the shares of the right ones and of the lower ones; `None` if they differ too much
+/// for it.
+fn even_mean(columns: [&Column; 4], [across, down]: [f32; 2]) -> Option<Column> {
+    let mut mean = [0.0; COLUMN];
+    let mut uneven = f32::NEG_INFINITY;
+    for (at, mean) in mean.iter_mut().enumerate() {
+        let [a, b, c, d] = columns.map(|column| column[at]);
+        let (least, most) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
+        uneven = uneven.max(most - least - EVEN * most.max(LEAST));
+        let [top, bottom] = [a + (b - a) * across, c + (d - c) * across];
+        *mean = top + (bottom - top) * down;
+    }
+    (uneven <= 0.0).then_some(mean)
 }
 
-/// The mean of columns; `None` if they differ too much for it.
-fn even_mean(columns: [&Column; 4]) -> Option<Column> {
-    let mut mean = [[0.0; NODES]; 3];
-    let mut is_even = true;
-    for (k, mean) in mean.iter_mut().enumerate() {
-        for (node, mean) in mean.iter_mut().enumerate() {
-            let [a, b, c, d] = columns.map(|column| column[k][node]);
-            let (least, most) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
-            is_even &= most - least <= EVEN * most.max(LEAST);
-            *mean = 0.25 * (a + b + (c + d));
+/// Adds to a table of near lamps alone, with so many cells along its side, the light of all others: what the `corners` of
+/// the patch have of it, linear between them.
+#[inline(always)]
+fn add_others<S: Lanes>(simd: S, fine: &mut [Column], corners: [&Column; 4], cells: usize) {
+    let last = fine.len() - 1;
+    for at in (0..COLUMN).step_by(S::N) {
+        let mut rest = [simd.set(0.0); 4];
+        for (k, node) in [0, cells, last - cells, last].into_iter().enumerate() {
+            rest[k] = simd.load(&corners[k][at..]) - simd.load(&fine[node][at..]);
+        }
+        let step = 1.0 / cells as f32;
+        let [left, right] = [rest[0], rest[1]];
+        let (fall, right_fall) = ((rest[2] - left) * step, (rest[3] - right) * step);
+        for (node, column) in fine.iter_mut().enumerate() {
+            let [u, v] = [node % (cells + 1), node / (cells + 1)].map(|at| at as f32);
+            let (left, right) = (fall.mul_add(simd.set(v), left), right_fall.mul_add(simd.set(v), right));
+            let others = ((right - left) * step).mul_add(simd.set(u), left);
+            (simd.load(&column[at..]) + others).store_slice(&mut column[at..at + S::N]);
         }
     }
-    is_even.then_some(mean)
-}
-
-/// The columns between four corners, linear.
-fn spread(corners: &[Column; 4]) -> FineTable {
-    std::array::from_fn(|node| {
-        let [u, v] = [node % (FINE + 1), node / (FINE + 1)].map(|at| at as f32 / FINE as f32);
-        std::array::from_fn(|k| {
-            std::array::from_fn(|node| {
-                let [a, b, c, d] = corners.each_ref().map(|column| column[k][node]);
-                (a + (b - a) * u) * (1.0 - v) + (c + (d - c) * u) * v
-            })
-        })
-    })
 }
 
 /// Arc tangent of 0 to 1, within 1e-5.

@@ -26,7 +26,9 @@ pub struct Rills {
     ground: Vec<f32>,
     /// Its rise uphill along the two level axes, of what is about a node; 0 where it is not known, and where nothing runs.
     uphill: Vec<[f32; 2]>,
-    /// Slope of the ground under the streams in the mean.
+    /// The mean of that under the streams.
+    usual: f64,
+    /// Slope of the ground under the streams in the mean, from node to node.
     slope: f64,
 }
 
@@ -47,7 +49,8 @@ impl Rills {
     #[must_use]
     pub fn new(strength: Vec<f32>, ground: Vec<f32>, step: f64, columns: usize) -> Option<Self> {
         let (mut sum, mut weights) = (0.0, 0.0);
-        for (at, own) in strength.iter().enumerate().filter(|(_, own)| **own > 0.0) {
+        let is_running = |(at, own): &(usize, &f32)| **own > 0.0 && at % columns + 1 < columns;
+        for (at, own) in strength.iter().enumerate().filter(is_running) {
             let beside = [at + 1, at + columns].map(|next| ground.get(next).map(|next| next - ground[at]));
             if let [Some(along), Some(across)] = beside
                 && (along + across).is_finite()
@@ -58,7 +61,13 @@ impl Rills {
         }
         (weights > 0.0).then(|| {
             let uphill = uphill(&strength, &ground, step as f32, columns);
-            Self { strength, ground, uphill, slope: (sum / weights / step).max(0.01) }
+            let (mut rise, mut under) = (0.0, 0.0);
+            for (own, [x, y]) in strength.iter().zip(&uphill).filter(|(_, rise)| **rise != [0.0; 2]) {
+                rise += f64::from(own * x.hypot(*y));
+                under += f64::from(*own);
+            }
+            let usual = if under > 0.0 { (rise / under).max(0.005) } else { 0.01 };
+            Self { strength, ground, uphill, usual, slope: (sum / weights / step).max(0.01) }
         })
     }
 
@@ -96,11 +105,11 @@ impl Rills {
         }
         for (k, [length, speed, amplitude]) in WAVES.into_iter().enumerate() {
             // Waves of a steeper place are shorter.
-            let own = (length * self.slope / steep).max(1e-3);
+            let own = (length * self.usual / steep).max(1e-3);
             let bumps = SHIFT * bumps(SEED + k as u64, [x / BUMPS, y / BUMPS]);
             let phase = TAU * (height / (self.slope * length) + speed / length * time + bumps);
             // Where it is flat nothing runs: one wave would tilt all of it.
-            let amplitude = f64::from(strength) * amplitude * (steep / self.slope).min(1.0);
+            let amplitude = f64::from(strength) * amplitude * (steep / self.usual).min(1.0);
             // What a pixel is too wide to show is roughness.
             let seen = (1.5 - 2.0 * f64::from(width) / own).clamp(0.0, 1.0);
             let slope = seen * amplitude * phase.cos();

@@ -19,6 +19,8 @@ pub(super) const NODES: usize = 4;
 /// interpolated between nodes too.
 const NEAR: f32 = 1.0;
 const EVEN: [f32; 2] = [0.02, 0.01];
+/// Difference of the levels of nodes from which there is a step between them, m, and how much more that is a metre of their distance.
+const PLANE: [f32; 2] = [0.02, 0.08];
 /// Weight of a film in the level of the mirror, of which it shows nothing sharply, over that of still water.
 const BLURRED: f32 = 0.02;
 /// Slopes that do not move, rms along one axis, above which water is a film in which no wave runs.
@@ -154,7 +156,7 @@ impl WaterSurface {
                     if is_whole && met == 0 {
                         continue;
                     }
-                    let is_ground = is_whole && met == corners.len();
+                    let is_ground = is_whole && met == corners.len() && Node::are_plane(&corners);
                     let is_even = is_ground && Node::are_even(&corners, &view);
                     for y in 0..depth.len() / width {
                         let down = y as f32 / NODES as f32;
@@ -240,6 +242,12 @@ struct Node {
 }
 
 impl Node {
+    /// Returns true if there is no step of the ground, such as a kerb, between nodes.
+    fn are_plane([a, b, c, d]: &[Self; 4]) -> bool {
+        let apart = |k: usize| spread([a.place[k], b.place[k], c.place[k], d.place[k]]);
+        spread([a.level, b.level, c.level, d.level]) < PLANE[0] + PLANE[1] * (apart(0) + apart(1))
+    }
+
     /// Returns true if the water between nodes is told by theirs.
     fn are_even(corners: &[Self; 4], view: &WaterView<'_>) -> bool {
         let [a, b, c, d] = corners;

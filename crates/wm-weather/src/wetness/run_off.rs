@@ -60,6 +60,8 @@ impl RunOff {
 }
 
 /// The area that drains over each cell of a grid of heights, m^2, each cell times its share.
+///
+/// Water runs to the steepest lower neighbour, and out of hollows the way that the flood came in.
 pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f64) -> Vec<f32> {
     let mut front: Front = Front::new();
     let mut is_reached: Vec<bool> = heights.iter().map(|height| height.is_nan()).collect();
@@ -71,23 +73,48 @@ pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f6
             front.push(Reverse((OrderedHeight(heights[at]), at as u32)));
         }
     }
-    let mut order: Vec<[u32; 2]> = Vec::with_capacity(heights.len());
+    // Cells in the order in which the flood passes them, and where it came from; nothing runs on from the edge.
+    let mut passed: Vec<u32> = Vec::with_capacity(heights.len());
+    let mut rank = vec![u32::MAX; heights.len()];
+    let mut to = vec![NONE; heights.len()];
     while let Some(Reverse((OrderedHeight(level), at))) = front.pop() {
-        for next in around(at as usize, columns, heights.len()).flatten() {
+        let own = at as usize;
+        rank[own] = passed.len() as u32;
+        passed.push(at);
+        let is_free = level <= heights[own] && to[own] != NONE;
+        let steepest = |ways: &mut dyn Iterator<Item = (usize, f32)>| {
+            let fall = |(next, apart): (usize, f32)| (next, (heights[own] - heights[next]) / apart);
+            let falls = ways.map(fall).filter(|(next, fall)| rank[*next] < rank[own] && *fall > 0.0);
+            // Of equal ones the first.
+            falls.reduce(|best, next| if next.1 > best.1 { next } else { best }).map(|(next, _)| next as u32)
+        };
+        if is_free {
+            let mut ways = around(own, columns, heights.len())
+                .zip(APART)
+                .filter_map(|(next, apart)| next.map(|next| (next, apart)));
+            to[own] = steepest(&mut ways).unwrap_or(to[own]);
+        }
+        for next in around(own, columns, heights.len()).flatten() {
             if !is_reached[next] {
                 is_reached[next] = true;
-                order.push([next as u32, at]);
+                to[next] = at;
                 front.push(Reverse((OrderedHeight(heights[next].max(level)), next as u32)));
             }
         }
     }
     let own = (cell * cell) as f32;
     let mut area: Vec<f32> = shares.iter().map(|share| own * share).collect();
-    for [from, to] in order.into_iter().rev() {
-        area[to as usize] += area[from as usize];
+    for at in passed.into_iter().rev().filter(|at| to[*at as usize] != NONE) {
+        area[to[at as usize] as usize] += area[at as usize];
     }
     area
 }
+
+/// Distances to the eight cells about a cell, in cells.
+const APART: [f32; 8] = {
+    const SLANTED: f32 = std::f32::consts::SQRT_2;
+    [1.0, 1.0, 1.0, 1.0, SLANTED, SLANTED, SLANTED, SLANTED]
+};
 
 /// The eight cells about a cell; `None` beyond the edge of the grid.
 fn around(at: usize, columns: usize, count: usize) -> impl Iterator<Item = Option<usize>> {

@@ -39,13 +39,16 @@ pub fn add_terms(splats: &Splats, terms: &SplatTerms, gradients: &mut Gradients)
     }
 }
 
-/// Takes from the gradients what does not learn of the sky.
+/// Takes the gradients of the sky, which does not learn.
 pub fn hold_sky(splats: &Splats, gradients: &mut Gradients) {
     let stride = gradients.sh_stride();
     for (row, index) in gradients.visible.iter().enumerate() {
         if splats.groups[*index as usize] == Group::Sky {
             gradients.means[row] = [0.0; 3];
-            gradients.sh[row * stride + 3..(row + 1) * stride].fill(0.0);
+            gradients.quats[row] = [0.0; 4];
+            gradients.log_scales[row] = [0.0; 3];
+            gradients.logit_opacities[row] = 0.0;
+            gradients.sh[row * stride..(row + 1) * stride].fill(0.0);
         }
     }
 }

@@ -6,8 +6,8 @@
 //!   `v = b2 v + (1 - b2) g^2`, `x -= rate (m / (1 - b1^t)) / (sqrt(v / (1 - b2^t)) + eps)`. The bias correction goes by
 //!   the step of training, t.
 //! - [`SplatTerms`] add to the gradients what pulls on splats whatever a picture shows.
-//! - The sky stays where it is and looks the same from everywhere: its means and the coefficients above 0 have no
-//!   gradient.
+//! - The sky does not learn: nothing has a gradient there. It would learn what stands before it while that is still
+//!   transparent, and keep it.
 //! - [`Pulls`] grow by what the step pulled, and it is noted which step saw a splat last.
 //!
 //! On a GPU splats and moments stay where they learn ([`Resident`](crate::differentiable::Resident)), and what explores

@@ -90,12 +90,12 @@ fn optimize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocati
     known[known_at + 2u] = max(known[known_at + 2u], gradients[row + GRADIENT_RADIUS]);
     known[known_at + 3u] = f32(plan.number);
 
-    // The sky stays where it is.
+    // The sky does not learn.
     for (var k = 0u; k < 3u; k++) {
         move_row(splat, ROW_MEAN + k, select(gradients[row + GRADIENT_MEAN + k], 0.0, is_sky), plan.rate_means);
     }
     for (var k = 0u; k < 4u; k++) {
-        move_row(splat, ROW_QUAT + k, gradients[row + GRADIENT_QUAT + k], plan.rate_quats);
+        move_row(splat, ROW_QUAT + k, select(gradients[row + GRADIENT_QUAT + k], 0.0, is_sky), plan.rate_quats);
     }
     var log_scales: array<f32, 3>;
     for (var k = 0u; k < 3u; k++) {
@@ -111,22 +111,21 @@ fn optimize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocati
         next = select(next, k, k != shortest && log_scales[k] < log_scales[next]);
     }
     let ratio = exp2(min((log_scales[shortest] - log_scales[next]) * LOG2E, 0.0));
-    let flatten = select(0.0, plan.flatness * ratio, !is_sky && ratio > FLAT);
+    let flatten = select(0.0, plan.flatness * ratio, ratio > FLAT);
     for (var k = 0u; k < 3u; k++) {
         var g = gradients[row + GRADIENT_SCALE + k] + plan.scale * exp2(clamp(log_scales[k] * LOG2E, -126.0, 126.0));
         g += select(0.0, flatten, k == shortest) - select(0.0, flatten, k == next);
-        move_row(splat, ROW_SCALE + k, g, plan.rate_log_scales);
+        move_row(splat, ROW_SCALE + k, select(g, 0.0, is_sky), plan.rate_log_scales);
     }
     let odds = exp2(clamp(splats[at(splat, ROW_OPACITY)] * -LOG2E, -60.0, 60.0));
     let spread = odds / ((1.0 + odds) * (1.0 + odds));
     let by_opacity = gradients[row + GRADIENT_OPACITY] + plan.opacity * spread;
-    move_row(splat, ROW_OPACITY, by_opacity, plan.rate_opacities);
+    move_row(splat, ROW_OPACITY, select(by_opacity, 0.0, is_sky), plan.rate_opacities);
 
     let sh = place * (chunk.sh_used + 3u);
     for (var k = 0u; k < 3u; k++) {
-        move_row(splat, ROW_DC + k, by_sh[sh + k], plan.rate_dc);
+        move_row(splat, ROW_DC + k, select(by_sh[sh + k], 0.0, is_sky), plan.rate_dc);
     }
-    // And it looks the same from everywhere.
     for (var k = 0u; k < chunk.sh_used; k++) {
         move_coefficient(splat, k, select(by_sh[sh + 3u + k], 0.0, is_sky));
     }
