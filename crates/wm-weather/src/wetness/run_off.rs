@@ -81,18 +81,16 @@ pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f6
         let own = at as usize;
         rank[own] = passed.len() as u32;
         passed.push(at);
-        let is_free = level <= heights[own] && to[own] != NONE;
-        let steepest = |ways: &mut dyn Iterator<Item = (usize, f32)>| {
-            let fall = |(next, apart): (usize, f32)| (next, (heights[own] - heights[next]) / apart);
-            let falls = ways.map(fall).filter(|(next, fall)| rank[*next] < rank[own] && *fall > 0.0);
+        if level <= heights[own] && to[own] != NONE {
+            let falls = around(own, columns, heights.len()).zip(APART).filter_map(|(next, apart)| {
+                let next = next?;
+                let fall = (heights[own] - heights[next]) / apart;
+                (rank[next] < rank[own] && fall > 0.0).then_some((next, fall))
+            });
             // Of equal ones the first.
-            falls.reduce(|best, next| if next.1 > best.1 { next } else { best }).map(|(next, _)| next as u32)
-        };
-        if is_free {
-            let mut ways = around(own, columns, heights.len())
-                .zip(APART)
-                .filter_map(|(next, apart)| next.map(|next| (next, apart)));
-            to[own] = steepest(&mut ways).unwrap_or(to[own]);
+            if let Some((next, _)) = falls.reduce(|best, next| if next.1 > best.1 { next } else { best }) {
+                to[own] = next as u32;
+            }
         }
         for next in around(own, columns, heights.len()).flatten() {
             if !is_reached[next] {
