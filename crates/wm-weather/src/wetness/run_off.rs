@@ -7,6 +7,7 @@
 use super::basins::{Front, NONE, OrderedHeight};
 use super::surfaces::{WetShares, WetSurfaces};
 use std::cmp::Reverse;
+use wm_scene::random;
 
 /// Manning's roughness of paving, s/m^(1/3).
 const MANNING: f64 = 0.015;
@@ -14,6 +15,10 @@ const MANNING: f64 = 0.015;
 const SLOPES: [f32; 3] = [0.012, 0.025, 1.0];
 /// Cells to each side over which a slope is taken.
 const REACH: usize = 2;
+/// Neighbours of a cell in its own row and column.
+const STRAIGHT: usize = 4;
+/// Seed of the distances to the others.
+const SEED: u64 = 0x5255_4E4F;
 
 /// The flow of water over the ground of a place.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -61,7 +66,8 @@ impl RunOff {
 
 /// The area that drains over each cell of a grid of heights, m^2, each cell times its share.
 ///
-/// Water runs to the steepest lower neighbour, and out of hollows the way that the flood came in.
+/// Water runs to the steepest lower neighbour, and out of hollows the way that the flood came in. The distance to slanted neighbours is drawn by
+/// chance between 1 and 2 cells, so that water keeps its direction in the mean (Fairfield and Leymarie 1991).
 pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f64) -> Vec<f32> {
     let mut front: Front = Front::new();
     let mut is_reached: Vec<bool> = heights.iter().map(|height| height.is_nan()).collect();
@@ -82,9 +88,10 @@ pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f6
         rank[own] = passed.len() as u32;
         passed.push(at);
         if level <= heights[own] && to[own] != NONE {
-            let falls = around(own, columns, heights.len()).zip(APART).filter_map(|(next, apart)| {
+            let slanted = 2.0 - random::uniform(SEED, own as u64) as f32;
+            let falls = around(own, columns, heights.len()).enumerate().filter_map(|(way, next)| {
                 let next = next?;
-                let fall = (heights[own] - heights[next]) / apart;
+                let fall = (heights[own] - heights[next]) / if way < STRAIGHT { 1.0 } else { slanted };
                 (rank[next] < rank[own] && fall > 0.0).then_some((next, fall))
             });
             // Of equal ones the first.
@@ -108,13 +115,7 @@ pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f6
     area
 }
 
-/// Distances to the eight cells about a cell, in cells.
-const APART: [f32; 8] = {
-    const SLANTED: f32 = std::f32::consts::SQRT_2;
-    [1.0, 1.0, 1.0, 1.0, SLANTED, SLANTED, SLANTED, SLANTED]
-};
-
-/// The eight cells about a cell; `None` beyond the edge of the grid.
+/// The eight cells about a cell, first the [`STRAIGHT`] ones; `None` beyond the edge of the grid.
 fn around(at: usize, columns: usize, count: usize) -> impl Iterator<Item = Option<usize>> {
     const WAYS: [[i64; 2]; 8] = [[-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]];
     let (x, y) = ((at % columns) as i64, (at / columns) as i64);
