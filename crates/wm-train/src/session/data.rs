@@ -138,10 +138,15 @@ impl TrainData {
         self.gains.get_or_init(|| photo_gains(capture, photos, places)).as_ref()
     }
 
-    /// Returns the gains that the photos' own exposures begin with; `None` where all photos begin with the same.
-    pub fn first_exposures(&self, mode: ExposureMode) -> Option<&PhotoGains> {
+    /// Returns the gains that the photos' own exposures begin with; `None` where all photos begin with the same. `in_haze` are the
+    /// gains of photos in haze, which changes brightness with distance.
+    pub fn first_exposures<'a>(
+        &'a self,
+        mode: ExposureMode,
+        in_haze: Option<&'a PhotoGains>,
+    ) -> Option<&'a PhotoGains> {
         match mode {
-            ExposureMode::Auto => self.gains().filter(|gains| gains.differ()),
+            ExposureMode::Auto => in_haze.or_else(|| self.gains()).filter(|gains| gains.differ()),
             ExposureMode::Photo | ExposureMode::Shared => None,
         }
     }

@@ -232,7 +232,7 @@ pub(super) fn finish(
     label_sky(&mut splats);
     // Through haze, splats have other colours than the photos.
     if let (Some(priors), None, true) = (priors, haze, config.sky_splats > 0) {
-        let views = prior_views(data, priors, data.first_exposures(config.exposure))?;
+        let views = prior_views(data, priors, data.first_exposures(config.exposure, None))?;
         label_painted_sky(&mut splats, &views, config.rasterization, options.cpu)?;
     }
     if let Some(haze) = haze {

@@ -9,7 +9,7 @@ use super::observer::{
 use super::score::{HeldOutScore, HeldOutScores, PerceptualMetric, StepSums, TrainReport};
 use super::{SessionOptions, scene};
 use crate::checkpoint::{self, CheckpointHead};
-use crate::config::{ExposureMode, TrainConfig};
+use crate::config::TrainConfig;
 use crate::exposure::Exposures;
 use crate::haze::{PhotoHaze, without_hidden};
 use crate::losses::TrainPhoto;
@@ -137,13 +137,7 @@ impl Training {
                 trainer
             }
             None => {
-                // Haze changes brightness with distance: photos are compared with it taken out.
-                let gains = match &gains {
-                    Some(gains) => {
-                        Some(gains).filter(|gains| config.exposure == ExposureMode::Auto && gains.differ())
-                    }
-                    None => data.first_exposures(config.exposure),
-                };
+                let gains = data.first_exposures(config.exposure, gains.as_ref());
                 let splats =
                     scene::start(&dataset, &config, &data, priors.as_ref(), haze.as_ref(), gains, extent)?;
                 let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
@@ -447,8 +441,8 @@ impl Training {
             self.trainer.render(&camera, &mut frame)?;
             None
         };
-        let gain = self.gain(place);
         let psnr = photo.map(|photo| {
+            let gain = self.gain(place);
             let truth = self.pixels.truth(&photo);
             psnr(&displayed(&frame, gain), truth.rgb, truth.mask)
         });

@@ -60,8 +60,8 @@ struct Shown {
 
 /// Adds splats on a far half sphere about the scene, in group [`Group::Sky`], and returns their number.
 ///
-/// Where photos show the sky its colour is theirs in the scene's exposure; it goes over into the mean of what is seen about it,
-/// and of what is seen at its height, so that no camera looks into nothing. `count` splats cover the half sphere about up (and a
+/// Splats have the colour of the photos that show the sky there, in the scene's exposure. Other splats have the mean of what is seen
+/// around them, and farther off that of their height, so that no camera looks into nothing. `count` splats cover the half sphere about up (and a
 /// little below the horizon); nothing is added where photos show next to no sky.
 pub fn add_sky(
     splats: &mut Splats,

@@ -36,8 +36,8 @@ const ASYMMETRY: f32 = FOG / (1.0 + FOG);
 const NODES: usize = 20;
 const NEAREST: f32 = 0.75;
 const STEP: f32 = 1.5;
-/// How near a patch is to a lamp, patches, and its cells along a side: one cell is 3 % off at three patches from a lamp, two cells are
-/// 2 % off at two, and four at one.
+/// Distance of a patch from a lamp up to which it has a table of its own, patches, and the cells of that along a side: one cell is 3 % off at
+/// three patches from a lamp, two cells are 2 % off at two, and four at one.
 const FINE: [(i64, usize); 2] = [(2, 4), (3, 2)];
 const NEAR_PATCHES: i64 = FINE[1].0;
 /// Numbers of a column, for whole vectors.

@@ -38,7 +38,7 @@ impl SplashTiles {
         let [width, height] =
             [tile(0, columns) - first[0] + 1, tile(1, rows) - first[1] + 1].map(|v| v as usize);
         let mut heights = vec![NOWHERE; width * height];
-        let heights_of = ground.rough.iter().zip(&ground.open).map(|(rough, open)| surface_of(*rough, *open));
+        let heights_of = ground.rough.iter().enumerate().map(|(at, rough)| ground.surface(at, *rough));
         for (at, rough) in heights_of.enumerate().filter(|(_, height)| height.is_finite()) {
             let (column, row) = (at % columns, at / columns);
             let [x, y] = [(0, column), (1, row)].map(|(k, index)| (tile(k, index) - first[k]) as usize);
@@ -57,11 +57,6 @@ impl SplashTiles {
         let found = self.heights.get(y as usize * self.columns + x as usize)?;
         (found[0] <= found[1]).then(|| found.map(f64::from))
     }
-}
-
-/// The height of open water, or of the ground where there is none, m.
-fn surface_of(ground: f32, open: f32) -> f32 {
-    if open.is_finite() { open } else { ground }
 }
 
 /// The first corner of a ground at height 0, m along the level axes from the world's origin.
@@ -123,7 +118,7 @@ impl<'a> SplashGround<'a> {
         all.iter().enumerate().map(|(number, eave)| (number, eave, f64::from(eave.area) * self.sheds))
     }
 
-    /// Where the water of an eave falls, and the width of a cell: m along the level axes and up from the world's origin.
+    /// The place on which the water of an eave falls, and the width of a cell: m along the level axes and up from the world's origin.
     pub(super) fn under(&self, eave: &Eave) -> ([f64; 3], f64) {
         let cell = 1.0 / self.per_cell;
         let [x, y] = eave.place.map(f64::from);
@@ -142,7 +137,7 @@ impl<'a> SplashGround<'a> {
         }
         let at = v as usize * columns + u as usize;
         let (rough, pool) = (self.ground.rough[at], self.ground.open[at]);
-        let surface = surface_of(rough, pool);
+        let surface = self.ground.surface(at, rough);
         if surface.is_nan() {
             return None;
         }

@@ -165,12 +165,14 @@ impl Particles for SplashParticles<'_> {
         &self,
         path: SimdPath,
         view: &ParticleView,
-        [row, from, to, kind]: [i32; 4],
+        part: [i32; 4],
         take: &mut dyn FnMut(&ParticleGroup),
     ) {
+        let [row, from, to, kind] = part;
         if kind == DRIPS {
+            let [first, end, ..] = part.map(|v| v as usize);
             let mut brush = Brush::new(self, path, view, take);
-            brush.eaves(row as usize..from as usize);
+            brush.eaves(first..end);
             brush.flush();
             return;
         }

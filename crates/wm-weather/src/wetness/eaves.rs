@@ -28,7 +28,7 @@ const AREA: f32 = 0.4;
 /// A piece of an eave, as long as a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Eave {
-    /// Where its water falls: columns and rows from the first corner.
+    /// The place on which its water falls: columns and rows from the first corner.
     pub place: [f32; 2],
     /// Its height over the ground there, m.
     pub drop: f32,

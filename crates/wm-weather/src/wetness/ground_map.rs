@@ -132,6 +132,13 @@ impl GroundMap {
         Self { places, tilt, ground, rough, basins, open, eaves, seen }
     }
 
+    /// The height of open water over a cell, or of the `ground` there if there is none, m.
+    #[must_use]
+    pub(crate) fn surface(&self, at: usize, ground: f32) -> f32 {
+        let open = self.open[at];
+        if open.is_finite() { open } else { ground }
+    }
+
     /// Columns and rows.
     #[must_use]
     pub fn size(&self) -> [usize; 2] {

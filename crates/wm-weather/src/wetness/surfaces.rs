@@ -263,8 +263,7 @@ impl WetShares {
         let map_of_ground = &surfaces.ground;
         let [columns, _] = map_of_ground.size();
         let ground = map(map_of_ground.ground.len(), threads, |at| {
-            let (ground, open) = (map_of_ground.ground[at], map_of_ground.open[at]);
-            let height = if open.is_finite() { open } else { ground };
+            let height = map_of_ground.surface(at, map_of_ground.ground[at]);
             if height.is_nan() {
                 return 0.0;
             }
