@@ -86,24 +86,33 @@ impl ShadowEdges {
             (shade + (sunny - shade) * share).max(DARKEST).ln()
         };
         let mut light: Vec<f32> = (0..mapped.len()).map(|i| of_share(i, mapped[i])).collect();
+        // By the map, in full shade and in full sun.
+        let limits: Vec<[f32; 3]> = self
+            .unsure
+            .iter()
+            .map(|it| it.index as usize)
+            .map(|i| [light[i], of_share(i, 0.0), of_share(i, 1.0)])
+            .collect();
+        let mut reflectance: Vec<f32> =
+            self.color.iter().zip(&light).map(|(color, light)| color - light).collect();
         for _ in 0..ROUNDS {
             let told = map(self.unsure.len(), threads, |k| {
                 let Unsure { index, first, end } = self.unsure[k];
                 let index = index as usize;
-                let own = self.color[index] - light[index];
-                let prior = of_share(index, mapped[index]);
+                let ([prior, shade, sunny], own) = (limits[k], reflectance[index]);
                 let weight = MAPPED * (end - first) as f32 / (light[index] - prior).abs().max(SMALL);
                 let (mut sum, mut weights) = (weight * prior, weight);
                 for other in &self.neighbours[first as usize..end as usize] {
-                    let reflectance = self.color[*other as usize] - light[*other as usize];
-                    let weight = 1.0 / (own - reflectance).abs().max(SMALL);
-                    sum += weight * (self.color[index] - reflectance);
+                    let other = reflectance[*other as usize];
+                    let weight = 1.0 / (own - other).abs().max(SMALL);
+                    sum += weight * (self.color[index] - other);
                     weights += weight;
                 }
-                (sum / weights).clamp(of_share(index, 0.0), of_share(index, 1.0))
+                (sum / weights).clamp(shade, sunny)
             });
             for (unsure, told) in self.unsure.iter().zip(told) {
-                light[unsure.index as usize] = told;
+                let index = unsure.index as usize;
+                (light[index], reflectance[index]) = (told, self.color[index] - told);
             }
         }
         let mut shares = mapped.to_vec();

@@ -42,9 +42,12 @@ const PRIOR: f64 = 20.0;
 /// Directions that are tried first: distance between them, and their elevations, degrees.
 const STEP: f64 = 9.0;
 const ELEVATIONS: [u32; 2] = [12, 75];
-/// Widths of the cells of maps, in those of the occluders: of the search, then of its refinement.
+/// Widths of the cells of maps, in those of the occluders: of a first ranking, of the search, and of its refinement.
+const QUICK: f64 = 8.0;
 const COARSE: f64 = 4.0;
 const FINE: f64 = 1.0;
+/// Directions that the quick maps leave, of all and of those far from the best.
+const KEPT: usize = 32;
 /// Cosine of the angle from which on a direction is another one: 25 degrees.
 const FAR: f64 = 0.906;
 /// Distance between the directions about the best that wide and then narrow pairs judge, degrees, the number of them to each side,
@@ -248,12 +251,23 @@ pub(super) fn find_sun(
         tried.extend((0..around).map(|k| towards(site, elevation, azimuth(k))));
     }
     let tells = coarseness * TELLS;
-    let scores = map(tried.len(), threads, |k| score((surfaces, &wide), tried[k], &coarse, tells));
-    let best_of = |is_asked: &dyn Fn(&usize) -> bool| {
-        (0..tried.len()).filter(is_asked).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))
+    // Quick maps rank the best directions among the first, at a third of the work of the maps that score them.
+    let quick = occluders.sketched(QUICK);
+    let guesses = map(tried.len(), threads, |k| score((surfaces, &wide), tried[k], &quick, tells));
+    let mut ranked: Vec<usize> = (0..tried.len()).collect();
+    ranked.sort_by(|a, b| guesses[*b].total_cmp(&guesses[*a]));
+    let is_far = |a: usize, b: usize| along(tried[a], tried[b]) < FAR;
+    let rivals = ranked.iter().filter(|k| is_far(**k, ranked[0])).take(KEPT);
+    let mut kept: Vec<usize> = ranked.iter().take(KEPT).chain(rivals).copied().collect();
+    kept.sort_unstable();
+    kept.dedup();
+    let scores = map(kept.len(), threads, |k| score((surfaces, &wide), tried[kept[k]], &coarse, tells));
+    let best_of = |is_asked: &dyn Fn(usize) -> bool| {
+        let asked = kept.iter().zip(&scores).filter(|(k, _)| is_asked(**k));
+        asked.max_by(|a, b| a.1.total_cmp(b.1)).map(|(k, _)| *k)
     };
     let best = best_of(&|_| true)?;
-    let far = best_of(&|k| along(tried[*k], tried[best]) < FAR);
+    let far = best_of(&|k| is_far(k, best));
     let raised = |direction: [f64; 3]| elevation.map_or(direction, |to| at_elevation(direction, to, site));
     // The true direction of either lies between those that were tried.
     let closer = |at: usize| {
@@ -281,13 +295,14 @@ pub(super) fn find_sun(
     Some(FoundSun { direction, ..found })
 }
 
-/// A direction and `rings` of those about it, some degrees apart, in a square.
+/// A direction and those about it, some degrees apart, `rings` of them to each side.
 fn about(direction: [f64; 3], degrees: f64, rings: i32) -> Vec<[f64; 3]> {
     let middle = DVec3::from_array(direction);
     let across = middle.any_orthonormal_vector();
     let axes = [across, middle.cross(across)].map(|axis| axis * degrees.to_radians());
     let steps = (-rings..=rings).flat_map(|x| (-rings..=rings).map(move |y| [x, y].map(f64::from)));
-    steps.map(|[x, y]| (middle + x * axes[0] + y * axes[1]).normalize().to_array()).collect()
+    let inside = steps.filter(|[x, y]| x.hypot(*y) <= f64::from(rings));
+    inside.map(|[x, y]| (middle + x * axes[0] + y * axes[1]).normalize().to_array()).collect()
 }
 
 /// The mean of directions, weighted by what they score above a share of the best: shadows are told by few pairs, so that scores

@@ -7,6 +7,7 @@ use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x8, u32x8};
 use std::sync::Mutex;
 use wm_render::dispatch;
 use wm_render::simd::{SimdPath, exp2_unfused};
+use wm_render::stages::sort::cpu::sort;
 
 /// Variance of the filter through which a cell sees splats, cells^2: the renderer's of pixels.
 pub(super) const FILTER: f64 = wm_render::stages::project::DILATION as f64;
@@ -61,20 +62,32 @@ pub(super) fn project(all: &[Occluder], grid: &Grid, threads: usize) -> Footprin
         let bits = t.to_bits();
         if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
     };
+    let path = SimdPath::widest();
     let found = map(all.len().div_ceil(CHUNK), threads, |chunk| {
-        let splats = all[chunk * CHUNK..].iter().take(CHUNK);
-        splats.filter_map(|splat| Footprint::of(splat, grid)).collect::<Vec<_>>()
+        let splats = &all[chunk * CHUNK..all.len().min((chunk + 1) * CHUNK)];
+        let mut found = Vec::with_capacity(splats.len());
+        dispatch!(path, simd => project_each(simd, splats, grid, &mut found));
+        found
     })
     .concat();
     let keys = found.iter().enumerate().map(|(i, (it, _))| u64::from(ordered(it.t)) << 32 | i as u64);
     let mut keys: Vec<u64> = keys.collect();
-    keys.sort_unstable();
+    sort(&mut keys, &mut Vec::new());
     let (all, rows) = keys.iter().map(|key| found[*key as u32 as usize]).unzip();
     Footprints { all, rows }
 }
 
+/// Projects occluders with the instructions of a path: it has roots and roundings that the oldest processors lack.
+#[inline(always)]
+fn project_each<S: Simd>(_: S, splats: &[Occluder], grid: &Grid, found: &mut Vec<(Footprint, [u32; 2])>) {
+    for splat in splats {
+        found.extend(Footprint::of(splat, grid));
+    }
+}
+
 impl Footprint {
     /// The footprint and its rows; `None` if it covers no cell.
+    #[inline(always)]
     fn of(splat: &Occluder, grid: &Grid) -> Option<(Self, [u32; 2])> {
         let ([across, down, fall], cell) = (grid.axes, grid.cell);
         let [column, row] =
@@ -168,6 +181,7 @@ impl Footprints {
 }
 
 /// First and last of `count` cells whose middle is within `reach` of `at`, cells; `None` if none is.
+#[inline(always)]
 fn covered(at: f64, reach: f64, count: usize) -> Option<[u32; 2]> {
     let first = (at - reach - 0.5).ceil().max(0.0);
     let last = (at + reach - 0.5).floor().min(count as f64 - 1.0);

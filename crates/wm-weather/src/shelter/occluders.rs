@@ -58,6 +58,7 @@ pub(super) struct Occluder {
 
 impl Occluder {
     /// Its covariance along two directions.
+    #[inline(always)]
     pub fn between(&self, a: [f64; 3], b: [f64; 3]) -> f64 {
         let [xx, xy, xz, yy, yz, zz] = self.covariance.map(f64::from);
         a[0] * (xx * b[0] + xy * b[1] + xz * b[2])
@@ -65,6 +66,7 @@ impl Occluder {
             + a[2] * (xz * b[0] + yz * b[1] + zz * b[2])
     }
 
+    #[inline(always)]
     pub fn along(&self, axis: [f64; 3]) -> f64 {
         dot(self.mean.map(f64::from), axis)
     }
