@@ -295,14 +295,13 @@ pub(super) fn find_sun(
     Some(FoundSun { direction, ..found })
 }
 
-/// A direction and those about it, some degrees apart, `rings` of them to each side.
+/// A direction and `rings` of those about it, some degrees apart, in a square.
 fn about(direction: [f64; 3], degrees: f64, rings: i32) -> Vec<[f64; 3]> {
     let middle = DVec3::from_array(direction);
     let across = middle.any_orthonormal_vector();
     let axes = [across, middle.cross(across)].map(|axis| axis * degrees.to_radians());
     let steps = (-rings..=rings).flat_map(|x| (-rings..=rings).map(move |y| [x, y].map(f64::from)));
-    let inside = steps.filter(|[x, y]| x.hypot(*y) <= f64::from(rings));
-    inside.map(|[x, y]| (middle + x * axes[0] + y * axes[1]).normalize().to_array()).collect()
+    steps.map(|[x, y]| (middle + x * axes[0] + y * axes[1]).normalize().to_array()).collect()
 }
 
 /// The mean of directions, weighted by what they score above a share of the best: shadows are told by few pairs, so that scores
