@@ -5,15 +5,18 @@
 //! well in the sun and the other well in the shade, have a ratio of light; its logarithm, in the median over pairs, is the contrast of the
 //! shadows. The contrast left is that under clouds over that of the place as it was captured.
 //!
+//! What stands in the way of the sky makes the shaded side of a pair darker under clouds too. So the place is seen from all over
+//! the sky as well, which tells how much of a CIE overcast sky each place of a pair sees, and with it the contrast that clouds leave in
+//! truth. Contrasts count from that one, not from none.
+//!
 //! Bounds: 10 % on a place that was never photographed, such as the built-in street, 20 % on one that was reconstructed from
-//! photos. What stands in the way of the sky makes the shaded side of a pair a little darker under clouds too; it counts as
-//! left. A place that was captured under clouds must not change: less than 1 % in the mean.
+//! photos. A place that was captured under clouds must not change: less than 1 % in the mean.
 
-use super::lit::LIGHT_ALONE;
+use super::lit::{GROUND, LIGHT_ALONE};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    DEPTH, Finding, Instrument, InstrumentRenderer, InstrumentShot, MeasureRequest, MeasuredPicture, Reading,
-    ShadowReport, ShotSubject, Tolerance, clear, expected, mean, median,
+    DEPTH, Finding, Instrument, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest,
+    MeasuredPicture, Reading, ShadowReport, ShotSubject, Tolerance, clear, expected, mean, median,
 };
 use crate::{Picture, Result};
 use glam::{DQuat, DVec3};
@@ -42,6 +45,12 @@ const FAR: f64 = 25.0;
 const SUN_AWAY: f64 = 10_000.0;
 /// Side of the picture from the sun, px.
 const SUN_SIDE: u32 = 1_200;
+/// Places of the sky from which the place is seen, and side of those pictures, px.
+const SKY_VIEWS: usize = 48;
+const SKY_SIDE: u32 = 500;
+/// Distance, m, and pixels of the picture across the surface, by which something stands before a point that hides that part of the sky.
+const BEFORE: f64 = 0.1;
+const BEFORE_PIXELS: f64 = 1.5;
 /// Distances between the places of a pair, px, and least and most, m.
 const APART: [usize; 2] = [8, 14];
 const METRES: [f64; 2] = [0.15, 1.0];
@@ -74,6 +83,66 @@ struct SeenPoint {
     normal: DVec3,
     /// The sun shines on it, or something stands before that; `None` where it is not sure.
     lit: Option<bool>,
+}
+
+/// Two places of one colour, the first in the sun and the second in the shade.
+struct SeenPair {
+    /// Log of the ratio of their light as captured, and under clouds.
+    own: f64,
+    left: f64,
+    places: [SeenPoint; 2],
+}
+
+/// The depth of the place, seen from far away.
+struct FarView {
+    camera: Camera,
+    /// `[side, side]`; 0 where nothing is.
+    depth: Vec<f32>,
+    metres_per_unit: f64,
+}
+
+impl FarView {
+    /// The place about some points, seen from a direction in a square picture of a side, px.
+    fn of(
+        rig: &mut dyn InstrumentRenderer,
+        points: &[DVec3],
+        (towards, side): (DVec3, u32),
+        site: &Site,
+        time: f64,
+    ) -> Result<Self> {
+        let middle = points.iter().sum::<DVec3>() / points.len() as f64;
+        let reach =
+            points.iter().map(|at| (at - middle).reject_from(towards).length()).fold(0.0, f64::max) * 1.05;
+        let away = SUN_AWAY / site.metres_per_unit;
+        let fov = 2.0 * (reach / away).atan().to_degrees();
+        let up = DVec3::from_array(site.up);
+        let up = if up.dot(towards).abs() > 0.999 { towards.any_orthonormal_vector() } else { up };
+        let mut camera = Camera::looking((side, side), fov, middle + towards * away, middle, up)?;
+        camera.near = 0.5 * away;
+        // Without the sky, which stands between.
+        let mut weather = clear();
+        ["sky=overcast", "sky.scene_sky=replace"].iter().try_for_each(|change| weather.set_text(change))?;
+        let shot = PlaceShot::of(rig, &camera, &weather, (time, DEPTH))?;
+        Ok(Self { camera, depth: shot.frame.median_depth, metres_per_unit: site.metres_per_unit })
+    }
+
+    /// Width of a pixel at the place, m.
+    fn pixel(&self) -> f64 {
+        SUN_AWAY / self.camera.fx
+    }
+
+    /// How far a point is behind what is first seen at its pixel, or at one that is some pixels off, m; `None` where nothing is seen.
+    fn behind(&self, at: DVec3, [dx, dy]: [i64; 2]) -> Option<f64> {
+        let Self { camera, depth, .. } = self;
+        let offset = at - camera.center();
+        let (z, view) = (offset.dot(camera.forward()), camera.rotation() * offset);
+        let [x, y] = [camera.fx * view.x / z + camera.cx, camera.fy * view.y / z + camera.cy];
+        let (x, y) = (x as i64 + dx, y as i64 + dy);
+        let side = i64::from(camera.width);
+        let is_in = (0..side).contains(&x) && (0..side).contains(&y);
+        let first = f64::from(depth[(is_in.then_some(y * side + x)?) as usize]);
+        (first > 0.0).then_some((z - first) * self.metres_per_unit)
+    }
 }
 
 /// A view of the place.
@@ -145,7 +214,7 @@ fn contrast(
     cloudy.set_text("light.clouds=1")?;
     let outputs =
         Outputs { geometry: Geometry::DepthNormal, median_depth: MedianDepth::On, ..Outputs::default() };
-    let mut points: Vec<[f64; 2]> = Vec::new();
+    let mut found: Vec<SeenPair> = Vec::new();
     let mut finding = Finding::default();
     for degrees in TURNS {
         let camera = turned(&camera, &site, degrees);
@@ -158,7 +227,11 @@ fn contrast(
             };
             let (own, left) = (ratio(&captured), ratio(&relit));
             if own > SEEN {
-                points.push([own, left]);
+                found.extend(seen[lit].zip(seen[shaded]).map(|places| SeenPair {
+                    own,
+                    left,
+                    places: places.into(),
+                }));
             }
         }
         if degrees == TURNS[0] {
@@ -175,11 +248,15 @@ fn contrast(
         }
     }
     // A contrast far from that of most pairs is one of materials: black and white are of one hue.
-    let most = median(points.iter().map(|[own, _]| *own).collect());
-    points.retain(|[own, _]| (own - most).abs() < SPREAD);
-    let [before, after] = [0, 1].map(|k: usize| points.iter().map(|p: &[f64; 2]| p[k]).collect::<Vec<_>>());
-    let count = before.len();
-    let left = (median(after) / median(before)).abs();
+    let most = median(found.iter().map(|pair| pair.own).collect());
+    found.retain(|pair| (pair.own - most).abs() < SPREAD);
+    let under_sky = contrasts_under_sky(rig, &found, &site, request.time)?;
+    let of_pairs = |value: fn(&SeenPair) -> f64| {
+        median(found.iter().zip(&under_sky).map(|(pair, under_sky)| value(pair) - under_sky).collect())
+    };
+    let count = found.len();
+    let left = (of_pairs(|pair| pair.left) / of_pairs(|pair| pair.own)).abs();
+    let points: Vec<[f64; 2]> = found.iter().map(|pair| [pair.own, pair.left]).collect();
     let is_told = count >= FEWEST;
     finding.readings.push(Reading {
         quantity: if is_told {
@@ -208,6 +285,48 @@ fn contrast(
     Ok(finding)
 }
 
+/// The log of the ratio of light of each pair under the CIE's overcast sky: by the parts of the sky that the first and the second see, and
+/// what comes from other surfaces instead of the rest.
+fn contrasts_under_sky(
+    rig: &mut dyn InstrumentRenderer,
+    pairs: &[SeenPair],
+    site: &Site,
+    time: f64,
+) -> Result<Vec<f64>> {
+    let places: Vec<SeenPoint> = pairs.iter().flat_map(|pair| pair.places).collect();
+    if places.len() < 2 * FEWEST {
+        return Ok(vec![0.0; pairs.len()]);
+    }
+    let points: Vec<DVec3> = places.iter().map(|place| place.at).collect();
+    let level = LevelFrame::of(site);
+    // The light of the sky, and the part of all that a surface sees which is sky.
+    let mut light = vec![[0.0f64; 2]; places.len()];
+    for k in 0..SKY_VIEWS {
+        // A spiral of equal parts of the upper half of the sphere.
+        let z = (k as f64 + 0.5) / SKY_VIEWS as f64;
+        let (sin, cos) = (std::f64::consts::TAU * 0.618_034 * k as f64).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        let towards = level.vector([r * cos, r * sin, z]).normalize();
+        let view = FarView::of(rig, &points, (towards, SKY_SIDE), site, time)?;
+        for (place, [sky, part]) in places.iter().zip(&mut light) {
+            let facing = place.normal.dot(towards);
+            if facing <= 0.0 {
+                continue;
+            }
+            let slope = (1.0 - facing * facing).sqrt() / facing.max(0.02);
+            let most = BEFORE + BEFORE_PIXELS * view.pixel() * slope;
+            if view.behind(place.at, [0, 0]).is_none_or(|behind| behind < most) {
+                // The mean of the cosine over the upper half is a half.
+                *part += 2.0 * facing / SKY_VIEWS as f64;
+                *sky += (6.0 / 7.0) * facing * (1.0 + 2.0 * z) / SKY_VIEWS as f64;
+            }
+        }
+    }
+    let around = GROUND * mean(light.iter().map(|[sky, _]| *sky));
+    let all = |[sky, part]: [f64; 2]| (sky + around * (1.0 - part).max(0.0)).max(1e-3);
+    Ok(light.chunks_exact(2).map(|pair| (all(pair[0]) / all(pair[1])).ln()).collect())
+}
+
 /// The points of a view, with what the sun says of them; `None` if there are next to none.
 fn seen_points(
     rig: &mut dyn InstrumentRenderer,
@@ -216,44 +335,20 @@ fn seen_points(
     sun: DVec3,
     time: f64,
 ) -> Result<Option<Vec<Option<SeenPoint>>>> {
-    let metres = site.metres_per_unit;
-    let far = FAR / metres;
+    let far = FAR / site.metres_per_unit;
     let point = |pixel: usize| {
         let normal = DVec3::from_array(std::array::from_fn(|k| f64::from(shot.frame.normal[3 * pixel + k])));
         let at = shot.point(pixel).filter(|at| at.distance(shot.camera.center()) < far)?;
         (shot.frame.alpha[pixel] > 0.99).then_some(SeenPoint { at, normal, lit: None })
     };
     let mut seen: Vec<Option<SeenPoint>> = (0..shot.frame.alpha.len()).map(point).collect();
-    let known = || seen.iter().flatten().map(|point| point.at);
-    let count = known().count();
-    if count < FEWEST {
+    let known: Vec<DVec3> = seen.iter().flatten().map(|point| point.at).collect();
+    if known.len() < FEWEST {
         return Ok(None);
     }
-    let middle = known().sum::<DVec3>() / count as f64;
-    let reach = known().map(|at| (at - middle).reject_from(sun).length()).fold(0.0, f64::max) * 1.05;
-    let away = SUN_AWAY / metres;
-    let fov = 2.0 * (reach / away).atan().to_degrees();
-    let up = DVec3::from_array(site.up);
-    let up = if up.dot(sun).abs() > 0.999 { sun.any_orthonormal_vector() } else { up };
-    let mut from_sun = Camera::looking((SUN_SIDE, SUN_SIDE), fov, middle + sun * away, middle, up)?;
-    from_sun.near = 0.5 * away;
-    // Without the sky, which stands between.
-    let mut weather = clear();
-    ["sky=overcast", "sky.scene_sky=replace"].iter().try_for_each(|change| weather.set_text(change))?;
-    let lit = PlaceShot::of(rig, &from_sun, &weather, (time, DEPTH))?;
-    let (forward, rotation) = (from_sun.forward(), from_sun.rotation());
+    let from_sun = FarView::of(rig, &known, (sun, SUN_SIDE), site, time)?;
     for point in seen.iter_mut().flatten() {
-        let offset = point.at - from_sun.center();
-        let z = offset.dot(forward);
-        let view = rotation * offset;
-        let [x, y] = [from_sun.fx * view.x / z + from_sun.cx, from_sun.fy * view.y / z + from_sun.cy];
-        let behind = |dx: i64, dy: i64| -> Option<f64> {
-            let (x, y) = (x as i64 + dx, y as i64 + dy);
-            let side = i64::from(SUN_SIDE);
-            let is_in = (0..side).contains(&x) && (0..side).contains(&y);
-            let first = f64::from(lit.frame.median_depth[(is_in.then_some(y * side + x)?) as usize]);
-            (first > 0.0).then_some((z - first) * metres)
-        };
+        let behind = |dx: i64, dy: i64| from_sun.behind(point.at, [dx, dy]);
         let around = [-SURE, 0, SURE].into_iter().flat_map(|dx| [-SURE, 0, SURE].map(|dy| behind(dx, dy)));
         let around: Option<Vec<f64>> = around.collect();
         point.lit = around.and_then(|around| {

@@ -12,7 +12,7 @@ use super::irradiance::{SceneLight, SkyGradation, SurfaceLight};
 use super::openness;
 use super::places::{PointGrid, Surfaces, light_of};
 use super::quantile::{median, quantile};
-use super::shadow_edges::{ShadowEdges, edge_share};
+use super::shadow_edges::{ShadowEdges, edge_share, sharpened_share};
 use super::sun_search::{self, FoundSun, Pair, along};
 use super::sun_shadows::SunShadows;
 use super::unseen_casters::{self, MappedLight};
@@ -45,7 +45,9 @@ const DARK_GROUND: [f64; 2] = [0.25, 0.75];
 /// Least cosine between up and the normal of ground.
 const LEVEL: f32 = 0.8;
 /// A splat of which nothing is known.
-const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun: 255, is_sky: false };
+const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun: WHOLE, is_sky: false };
+/// The number by which the share of the sun of a splat that sees all of it is kept.
+const WHOLE: i16 = 10_000;
 /// Cosine of the sun's incidence on leaves, which turn to all sides.
 const LEAVES: f64 = 0.5;
 /// Radius about a point over which the map is averaged, m, and radius within which all of it must be lit or all in shade to be
@@ -111,15 +113,28 @@ pub struct CaptureLight {
     splats: Vec<SplatLight>,
 }
 
-/// The fall of the light on one splat, in 8 bits each.
+/// The fall of the light on one splat, in few bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct SplatLight {
     /// Normal times 127; zero of leaves.
     normal: [i8; 3],
     open: [u8; 2],
-    sun: u8,
+    /// The share of the sun times [`WHOLE`]; below 0 and above it by the edges of shadows that are drawn sharp.
+    sun: i16,
     /// A splat of the captured sky.
     is_sky: bool,
+}
+
+impl SplatLight {
+    /// The share of the sun, about 0-1.
+    fn sun_share(self) -> f32 {
+        f32::from(self.sun) / f32::from(WHOLE)
+    }
+}
+
+/// The number by which a share of the sun is kept.
+fn share_number(share: f32) -> i16 {
+    (share * f32::from(WHOLE)).round() as i16
 }
 
 /// Sums over all surfaces, so that their mean irradiance under any light is known.
@@ -219,7 +234,7 @@ impl CaptureLight {
             .map(|i| SplatLight {
                 normal: surfaces.normals[i].to_array().map(|v| (127.0 * v).round() as i8),
                 open: open[i].map(|v| (255.0 * v).round() as u8),
-                sun: (255.0 * seen[i]).round() as u8,
+                sun: share_number(seen[i]),
                 is_sky: false,
             })
             .collect();
@@ -243,12 +258,12 @@ impl CaptureLight {
             let Some(nearest) = grids.iter().find_map(nearest) else { return IN_THE_OPEN };
             let around = || grids[0].0.near(point).filter(|i| distance(i) <= grids[0].1 * grids[0].1);
             let is_trained = found.oriented > 0;
-            let share = is_trained
-                .then(|| edge_share(&surfaces, &amounts, &seen, nearest, around, light_of(splats, index)));
-            match share.flatten() {
-                Some(share) => SplatLight { sun: (255.0 * share).round() as u8, ..own[nearest] },
-                None => own[nearest],
-            }
+            let share = if is_trained {
+                edge_share(&surfaces, &amounts, &seen, nearest, around, light_of(splats, index))
+            } else {
+                sharpened_share(&surfaces, &amounts, &seen, nearest, around, (splats, index))
+            };
+            share.map_or(own[nearest], |share| SplatLight { sun: share_number(share), ..own[nearest] })
         });
         Self { sun: capture_sun, is_overcast, search, light, mean, exposure, splats }
     }
@@ -312,7 +327,7 @@ impl CaptureLight {
     /// The share of the captured sun that reaches each splat, 0-1; 0 without a sun.
     pub fn sun_shares(&self) -> impl Iterator<Item = f32> {
         let has_sun = self.sun.is_some();
-        self.splats.iter().map(move |splat| if has_sun { f32::from(splat.sun) / 255.0 } else { 0.0 })
+        self.splats.iter().map(move |splat| if has_sun { splat.sun_share().clamp(0.0, 1.0) } else { 0.0 })
     }
 
     /// The share of an even sky's light that reaches each splat, 0-1.
@@ -354,8 +369,8 @@ impl CaptureLight {
         up: [f64; 3],
         shadows: Option<&SunShadows>,
     ) -> SurfaceLight {
-        let SplatLight { open, sun, .. } = self.splats[index];
-        let seen = shadows.map_or(f32::from(sun) / 255.0, |shadows| shadows.seen(index));
+        let SplatLight { open, .. } = self.splats[index];
+        let seen = shadows.map_or_else(|| self.splats[index].sun_share(), |shadows| shadows.seen(index));
         let direction = shadows.map(SunShadows::direction).or(self.sun.map(|sun| sun.direction));
         let up = Vec3::from_array(up.map(|v| v as f32));
         surface_of(normal, open.map(|v| f32::from(v) / 255.0), seen, up, direction)

@@ -195,7 +195,8 @@ impl PlacedSurfaces {
         let of_splat = |splat: u32| capture.surface_beside(splat as usize, normal, up, shadows);
         let surface = if beside[0].1 > 0.0 {
             let parts = beside.iter().filter(|(_, share)| *share > 0.0);
-            let sun = parts.map(|(splat, share)| f64::from(*share) * of_splat(*splat).sun).sum();
+            let sun =
+                parts.map(|(splat, share)| f64::from(*share) * of_splat(*splat).sun.clamp(0.0, 1.0)).sum();
             SurfaceLight { sun, ..of_splat(beside[0].0) }
         } else {
             capture.surface_in_the_open(normal, up, shadows)

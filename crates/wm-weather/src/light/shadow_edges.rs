@@ -10,6 +10,7 @@ use super::sun_search::same_material;
 use crate::threads::map;
 use glam::Vec3;
 use wm_scene::color::luminance;
+use wm_scene::{Splats, quat};
 
 /// Most neighbours of a surface.
 const NEIGHBOURS: usize = 10;
@@ -19,13 +20,27 @@ const ALIKE: f32 = 0.9;
 const ROUNDS: usize = 300;
 /// Differences of logs below which a difference is as good as none.
 const SMALL: f32 = 0.03;
-/// The weight of the mapped light of a surface near an edge, in that of a neighbour.
-const MAPPED: f32 = 0.01;
+/// The weight of the mapped light of a surface near an edge, in that of a neighbour: of surfaces that photos show, whose places are a
+/// little off, and of splats without photos.
+const MAPPED: [f32; 2] = [0.01, 0.1];
 /// Least luminance and irradiance whose log is taken, and least gain by the sun with which a colour tells its share.
 const DARKEST: f32 = 1e-4;
 const LEAST_GAIN: f32 = 1.05;
 /// Least difference between the sun's shares around a splat at the edge of a shadow.
 const EDGE: f32 = 0.5;
+/// Least difference between the sun's shares around a splat whose share is sharpened.
+const SHARP: f32 = 0.1;
+/// Standard deviations, in those of a splat, of the part that its colour is the mean of, and of what a picture of overlapping splats shows
+/// at its middle.
+const OWN: f32 = 0.45;
+const BLENDED: f32 = 0.85;
+/// Least standard deviation across a flat splat, in the longest: it is not off what lies a little above it.
+const FLAT: f32 = 0.5;
+/// The part of the difference between these that is taken away: all of it leaves bright flecks where the edge is not exactly known.
+const SHARPENED: f32 = 0.6;
+/// Least light of a sharpened splat, of that in full shade, and the largest share of the sun.
+const LEAST_LIGHT: f32 = 0.5;
+const MOST_SHARE: f32 = 1.4;
 
 /// The surfaces whose light the colours tell, with their neighbours.
 pub(super) struct ShadowEdges {
@@ -33,6 +48,8 @@ pub(super) struct ShadowEdges {
     neighbours: Vec<u32>,
     /// Logs of the luminances of all surfaces.
     color: Vec<f32>,
+    /// The weight of the mapped light.
+    mapped: f32,
 }
 
 /// A surface whose light the colours tell.
@@ -75,7 +92,8 @@ impl ShadowEdges {
             unsure.push(Unsure { index: *index as u32, first, end: neighbours.len() as u32 });
         }
         let color = surfaces.light.iter().map(|light| log_luminance(*light));
-        Self { unsure, neighbours, color: color.collect() }
+        let mapped = MAPPED[usize::from(surfaces.oriented == 0)];
+        Self { unsure, neighbours, color: color.collect(), mapped }
     }
 
     /// The share of the sun that each surface sees. `amounts` are its irradiances in shade and in full sun, `mapped` the share by the
@@ -100,7 +118,7 @@ impl ShadowEdges {
                 let Unsure { index, first, end } = self.unsure[k];
                 let index = index as usize;
                 let ([prior, shade, sunny], own) = (limits[k], reflectance[index]);
-                let weight = MAPPED * (end - first) as f32 / (light[index] - prior).abs().max(SMALL);
+                let weight = self.mapped * (end - first) as f32 / (light[index] - prior).abs().max(SMALL);
                 let (mut sum, mut weights) = (weight * prior, weight);
                 for other in &self.neighbours[first as usize..end as usize] {
                     let other = reflectance[*other as usize];
@@ -156,6 +174,50 @@ pub(super) fn edge_share<I: Iterator<Item = usize>>(
         .then(|| (((log_luminance(light) - sum / count).exp() - shade) / (sunny - shade)).clamp(low, high))
 }
 
+/// The share of the sun by which the colour of a splat goes, if its place is at the edge of a shadow; `None` elsewhere. A picture
+/// shows the mean of splats that overlap, so that splats whose pictures have sharp edges are brighter on the lit side of an edge
+/// than what is in full sun, and darker on the other than what is in full shade. The share that is off by as much as the mean of the shares
+/// about it takes that away; without it dark and bright lines are left along the edges. `around` are the surfaces about the
+/// splat, `nearest` is the one that is nearest.
+pub(super) fn sharpened_share<I: Iterator<Item = usize>>(
+    surfaces: &Surfaces,
+    amounts: &[[f32; 2]],
+    seen: &[f32],
+    nearest: usize,
+    around: impl Fn() -> I,
+    (splats, index): (&Splats, usize),
+) -> Option<f32> {
+    let [shade, sunny] = *amounts.get(nearest)?;
+    let like = || around().filter(|i| surfaces.normals[*i].dot(surfaces.normals[nearest]) > ALIKE);
+    let (low, high) = like().fold((1.0f32, 0.0f32), |(low, high), i| (low.min(seen[i]), high.max(seen[i])));
+    if high - low < SHARP || sunny < LEAST_GAIN * shade {
+        return None;
+    }
+    let point = Vec3::from_array(splats.means[index]);
+    let turn = quat::to_matrix(splats.quats[index].map(f64::from)).map(|row| row.map(|v| v as f32));
+    let widths = splats.scales(index).map(|scale| scale as f32);
+    let longest = widths.into_iter().fold(f32::MIN_POSITIVE, f32::max);
+    // Squares of distances in standard deviations of the splat.
+    let squared = |i: usize| {
+        let off = (surfaces.points[i] - point).to_array();
+        let along = |axis: usize| (0..3).map(|k| turn[k][axis] * off[k]).sum::<f32>();
+        (0..3).map(|axis| (along(axis) / widths[axis].max(FLAT * longest)).powi(2)).sum::<f32>()
+    };
+    let least = like().map(squared).fold(f32::INFINITY, f32::min);
+    let (mut sums, mut weights) = ([0.0f32; 2], [0.0f32; 2]);
+    for i in like() {
+        let distance = squared(i);
+        for (k, width) in [OWN, BLENDED].into_iter().enumerate() {
+            let weight = (0.5 * (least - distance) / (width * width)).exp();
+            sums[k] += weight * seen[i];
+            weights[k] += weight;
+        }
+    }
+    let [own, blended] = [0, 1].map(|k| sums[k] / weights[k]);
+    let darkest = -LEAST_LIGHT * shade / (sunny - shade);
+    Some((own + SHARPENED * (own - blended)).clamp(darkest, MOST_SHARE))
+}
+
 /// The log of the luminance of a colour, linear RGB.
 fn log_luminance(light: Vec3) -> f32 {
     (luminance(light.to_array().map(f64::from)) as f32).max(DARKEST).ln()
@@ -164,6 +226,8 @@ fn log_luminance(light: Vec3) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cover::surfel;
+    use glam::DVec3;
     use wm_scene::random::uniform;
 
     /// Distance between the surfaces, and by how much the map's shadow is too wide, m.
@@ -197,5 +261,46 @@ mod tests {
         assert_eq!(shares, edges.shares(&vec![amounts; surfaces.len()], &mapped, 7));
         // What is sure stays.
         assert!((0..surfaces.len()).all(|i| !is_sure[i] || shares[i] == mapped[i]));
+    }
+
+    /// Ground of splats whose shadow ends between two rows: beside it the share goes past shade and sun, and the mean of what lies over a
+    /// row, as pictures show it, is less off the edge than that of plain shares. Far from the edge nothing changes.
+    #[test]
+    fn shares_are_sharpened_beside_an_edge() {
+        let mut splats = Splats::with_capacity(1600, 0);
+        for i in 0..1600u32 {
+            let point = [(i % 40) as f32 - 19.5, (i / 40) as f32 - 19.5, 0.0].map(|v| f64::from(v * STEP));
+            let scales = [0.66 * f64::from(STEP), 0.66 * f64::from(STEP), 0.006];
+            splats.push(&surfel(point, (DVec3::Z, DVec3::X), scales, [0.5; 3], 0.98));
+        }
+        let points: Vec<Vec3> = splats.means.iter().map(|mean| Vec3::from_array(*mean)).collect();
+        let surfaces = Surfaces {
+            normals: vec![Vec3::Z; points.len()],
+            oriented: 0,
+            light: vec![Vec3::splat(0.2); points.len()],
+            points,
+        };
+        let seen: Vec<f32> = surfaces.points.iter().map(|p| if p.x > 0.0 { 1.0 } else { 0.0 }).collect();
+        let grid = PointGrid::new(&surfaces.points, 0.4);
+        let amounts = vec![[0.5, 1.0]; seen.len()];
+        let share = |i: usize| {
+            let around = || {
+                grid.near(surfaces.points[i])
+                    .filter(|k| surfaces.points[*k].distance(surfaces.points[i]) < 0.4)
+            };
+            sharpened_share(&surfaces, &amounts, &seen, i, around, (&splats, i))
+        };
+        let row = 20 * 40;
+        assert_eq!([share(row + 5), share(row + 34)], [None, None]);
+        let [dark, bright] = [row + 19, row + 20].map(|i| share(i).unwrap());
+        assert!((-0.4..-0.05).contains(&dark) && (1.05..1.4).contains(&bright), "{dark} {bright}");
+        let shown = |shares: &dyn Fn(usize) -> f32| {
+            let weight = |k: i32| (-0.5 * (k as f32 / (0.66 * BLENDED)).powi(2)).exp();
+            let sum: f32 =
+                (-3..=3).map(|k| weight(k) * shares((row + 20).wrapping_add_signed(k as isize))).sum();
+            sum / (-3..=3).map(weight).sum::<f32>()
+        };
+        let [plain, sharp] = [shown(&|i| seen[i]), shown(&|i| share(i).unwrap_or(seen[i]))];
+        assert!((1.0 - sharp).abs() < 0.75 * (1.0 - plain), "{plain} {sharp}");
     }
 }
