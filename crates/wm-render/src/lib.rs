@@ -72,7 +72,7 @@ pub use frame::{ColorEncoding, FRONT, Frame};
 #[cfg(feature = "gpu")]
 pub use gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
 pub use plan::{
-    CutPlane, DrawPass, FramePass, FramePlan, PictureEffect, PictureId, PicturePass, Pictures, SetView,
+    BlendSurface, CutPlane, DrawPass, FramePass, FramePlan, PictureEffect, PictureId, PicturePass, Pictures, SetView,
     Shading, SplatSource,
 };
 pub use renderer::{
