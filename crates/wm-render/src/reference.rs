@@ -8,7 +8,7 @@ use crate::frame::{srgb_decode, srgb_encode};
 use crate::hooks::{AirOnRay, Hooks, SkySplats};
 use crate::plan::{BlendSurface, CutPlane, Shading};
 use crate::renderer::RenderConfig;
-use crate::stages::project::{DILATION, FLATTENING, MAX_DET, MIN_COMPENSATION, SLOPE_DILATION};
+use crate::stages::project::{DILATION, FLATTENING, LIES, MAX_DET, MIN_COMPENSATION, SLOPE_DILATION, STANDS};
 use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
 use glam::{DMat3, DVec3};
 use wm_scene::{Camera, Group, Rasterization, Splats, quat, sh, splats::shortest_axis};
@@ -122,8 +122,11 @@ fn projected(
             let m_z: Vec<f64> = (0..3).map(|k| axes.col(k).dot(rotation.row(2)) * scales[k]).collect();
             let up = DVec3::from_array(surface_normal);
             let m_h: Vec<f64> = (0..3).map(|k| axes.col(k).dot(up) * scales[k]).collect();
+            let high = dot(&m_h, &m_h).max(1e-30);
+            let share = high / dot(&scales, &scales).max(1e-30);
+            let lies = ((f64::from(STANDS) - share) / f64::from(STANDS - LIES)).clamp(0.0, 1.0);
             let flat = |m: &[f64]| -> Vec<f64> {
-                let less = f64::from(FLATTENING) * dot(m, &m_h) / dot(&m_h, &m_h).max(1e-30);
+                let less = lies * f64::from(FLATTENING) * dot(m, &m_h) / high;
                 m.iter().zip(&m_h).map(|(own, height)| own - less * height).collect()
             };
             let (m_x, m_y, m_z) = (flat(&m_x), flat(&m_y), flat(&m_z));

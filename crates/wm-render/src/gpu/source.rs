@@ -225,6 +225,8 @@ pub fn constants() -> String {
         DILATION = project::DILATION;
         SLOPE_DILATION = project::SLOPE_DILATION;
         FLATTENING = project::FLATTENING;
+        LIES = project::LIES;
+        STANDS = project::STANDS;
         MIN_COMPENSATION = project::MIN_COMPENSATION;
         LOG2_MIN_ALPHA = project::LOG2_MIN_ALPHA;
         TEST_SLACK = project::TEST_SLACK;

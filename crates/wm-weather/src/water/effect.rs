@@ -64,6 +64,11 @@ const THIN: f32 = 1.0 / 256.0;
 const WIDE: f32 = 2.45;
 /// Height over a flood from which on water is not the flood's, m.
 const ABOVE: f32 = 0.01;
+/// Width over which the depth of what a lobe shows is averaged, of the lobe's height: far less than the lobe, whose lower end shows what stands
+/// before the water.
+const BLENDED: f32 = 1.0;
+/// Least distance to what a rough surface mirrors, of that to the surface: nearer things are mixed with what is beside them.
+const BESIDE: f32 = 0.03;
 /// One over how free of its ground water is that counts as free.
 const FREE: f32 = 4.0;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
@@ -616,8 +621,8 @@ impl<'a> Scene<'a> {
     }
 
     /// Distances along reflected rays from points of the water to what is mirrored, m, found in the depth of the mirrored picture in two
-    /// steps. On a rough surface it is the mean, in the reciprocal, over the lobe: the depth of one point would jump at the silhouettes of
-    /// what is mirrored, and with it the size of the lobe.
+    /// steps. On a rough surface it is the mean, in the reciprocal, over the middle of the lobe: the depth of one point would jump at the
+    /// silhouettes of what is mirrored, and with it the size of the lobe.
     #[inline(always)]
     fn reach<S: Lanes>(
         &self,
@@ -644,10 +649,11 @@ impl<'a> Scene<'a> {
             }
             let (at, z) = self.project(simd, &point);
             let tall = self.lobe::<S>(rough, far, distance);
-            let sharp = wanted & tall.simd_lt(simd.set(SHARP)).to_bitmask() as u32;
+            let is_sharp = tall.simd_lt(simd.set(SHARP));
+            let sharp = wanted & is_sharp.to_bitmask() as u32;
             let mut inverse = self.mirrored.inverse_depth(simd, at, sharp);
             if sharp != wanted {
-                let fineness = self.mirrored.fineness(simd, tall * WIDE);
+                let fineness = self.mirrored.fineness(simd, tall * BLENDED);
                 inverse += self.mirrored.mean_inverse_depth(simd, at, &fineness, wanted & !sharp);
             }
             let inverse = inverse * (1.0 / self.metres);
@@ -658,7 +664,8 @@ impl<'a> Scene<'a> {
             for k in 0..3 {
                 there[k] = point[k].mul_add(scale, -from[k]);
             }
-            let met = dot::<S>(&there, way).max(simd.set(0.01)).min(farthest);
+            let nearest = is_sharp.select(simd.set(0.01), (distance * BESIDE).max(simd.set(0.01)));
+            let met = dot::<S>(&there, way).max(nearest).min(farthest);
             far = going.select(is_met.select(met, farthest), far);
         }
         far

@@ -1,8 +1,8 @@
 //! Projection of sixteen splats at a time, and culling of 256.
 
 use super::{
-    DILATION, FLATTENING, LOG2_MIN_ALPHA, MAX_DET, MIN_COMPENSATION, ProjectCamera, Record, SLOPE_DILATION, SQRT_HALF_LOG2E, TEST_SLACK,
-    pack_slopes,
+    DILATION, FLATTENING, LIES, LOG2_MIN_ALPHA, MAX_DET, MIN_COMPENSATION, ProjectCamera, Record,
+    SLOPE_DILATION, SQRT_HALF_LOG2E, STANDS, TEST_SLACK, pack_slopes,
 };
 use crate::cpu::model::{Cluster, SplatGroup};
 use crate::hooks::{GROUP, PATCH, ShadeGroup};
@@ -212,7 +212,10 @@ fn reciprocal_slopes<S: Lanes>(
         }
     }
     let product = |a: &[S::F; 3], b: &[S::F; 3]| a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]));
-    let flat = simd.set(-FLATTENING) / product(&height, &height).max(simd.set(1e-30));
+    let high = product(&height, &height).max(simd.set(1e-30));
+    let share = high / product(&geometry.scales, &geometry.scales).max(simd.set(1e-30));
+    let lies = ((simd.set(STANDS) - share) * (1.0 / (STANDS - LIES))).max(zero).min(simd.set(1.0));
+    let flat = lies * -FLATTENING / high;
     let [mut m_x, mut m_y] = geometry.m;
     for row in [&mut m_x, &mut m_y, &mut deep] {
         let less = product(&height, row) * flat;

@@ -94,7 +94,9 @@ fn factor_of(p: Projected) -> vec3<f32> {
 // Slopes of the reciprocal depth over the picture, along x and y, of the splat flattened along the normal of the surface.
 fn reciprocal_slopes(p: Projected) -> vec2<f32> {
     let height = p.scales * (view.split_normal * p.axes);
-    let flat = height * (FLATTENING / max(dot(height, height), 1e-30));
+    let high = max(dot(height, height), 1e-30);
+    let share = high / max(dot(p.scales, p.scales), 1e-30);
+    let flat = height * (clamp((STANDS - share) / (STANDS - LIES), 0.0, 1.0) * FLATTENING / high);
     let deep = p.scales * (view.rotation_z * p.axes);
     let along = deep - flat * dot(height, deep);
     let m_x = p.m_x - flat * dot(height, p.m_x);
