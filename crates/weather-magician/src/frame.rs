@@ -8,8 +8,8 @@ use wm_render::hooks::Hooks;
 use wm_render::parts::{PartPasses, PicturePart};
 use wm_render::simd::SimdPath;
 use wm_render::{
-    Background, DrawPass, FRONT, Frame, FramePlan, Geometry, Outputs, ParticlePass, PictureEffect, PictureId,
-    Pictures, RenderBackend, RenderConfig, RenderError, SetView, Stats, WaterPass,
+    Background, BlendSurface, DrawPass, FRONT, Frame, FramePlan, Geometry, Outputs, ParticlePass,
+    PictureEffect, PictureId, Pictures, RenderBackend, RenderConfig, RenderError, SetView, Stats, WaterPass,
 };
 use wm_scene::{Camera, Splats};
 use wm_weather::lens::{LensEffect, wide_camera};
@@ -159,7 +159,10 @@ impl FrameRequest<'_> {
                     effects: hooks.pixels,
                 };
                 let scene = DrawPass {
-                    surface: Some(&water.surface.depth),
+                    surface: Some(BlendSurface {
+                        depth: &water.surface.depth,
+                        normal: water.mirror.cut.normal,
+                    }),
                     ..DrawPass::new(self.sets, camera, &config).with_hooks(Hooks { pixels: &[], ..hooks })
                 };
                 let mut plan = FramePlan::new();

@@ -159,12 +159,20 @@ pub struct DrawPass<'a> {
     pub shading: Shading,
     /// Results of earlier passes that this one looks up. No stage reads any yet.
     pub reads: Vec<PictureId>,
-    /// A surface inside the blend, such as water: its view z at each pixel, scene units, `[H, W]`, NaN where there is none.
-    /// It changes no colour: the pass fills [`Frame::front`] with the sums before and behind the surface, and keeps particles
+    /// A surface inside the blend, such as water. It changes no colour: the pass fills [`Frame::front`] with the sums before and behind the surface, and keeps particles
     /// out of the colours, in [`Frame::particles`] alone. The contract of [`crate::stages::rasterize`] has the formulas.
-    pub surface: Option<&'a [f32]>,
+    pub surface: Option<BlendSurface<'a>>,
     /// Splats whose centre lies below this plane are not drawn.
     pub cut: Option<CutPlane>,
+}
+
+/// A surface inside the blend of splats.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlendSurface<'a> {
+    /// Its view z at each pixel, scene units, `[H, W]`; NaN where there is none.
+    pub depth: &'a [f32],
+    /// Its normal, world axes, length 1: splats are told apart as if they were flat along it.
+    pub normal: [f64; 3],
 }
 
 /// A plane below which nothing is drawn.

@@ -6,9 +6,9 @@
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::frame::{srgb_decode, srgb_encode};
 use crate::hooks::{AirOnRay, Hooks, SkySplats};
-use crate::plan::{CutPlane, Shading};
+use crate::plan::{BlendSurface, CutPlane, Shading};
 use crate::renderer::RenderConfig;
-use crate::stages::project::{DILATION, MAX_DET, MIN_COMPENSATION};
+use crate::stages::project::{DILATION, FLATTENING, LIES, MAX_DET, MIN_COMPENSATION, SLOPE_DILATION, STANDS};
 use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
 use glam::{DMat3, DVec3};
 use wm_scene::{Camera, Group, Rasterization, Splats, quat, sh, splats::shortest_axis};
@@ -30,7 +30,7 @@ pub struct Projected {
     pub direction: [f64; 3],
     /// Distance from the camera centre.
     pub distance: f64,
-    /// Slopes of the reciprocal view z at which it is densest, along x and y, 1/(scene units px).
+    /// Slopes of the reciprocal view z at which it is densest, along x and y, 1/(scene units px); flattened if a surface splits the blend.
     pub slopes: [f64; 2],
 }
 
@@ -60,6 +60,17 @@ pub fn project(
     camera: &Camera,
     mode: Rasterization,
     visibility: f64,
+) -> Option<Projected> {
+    projected(splats, index, camera, mode, (visibility, [0.0; 3]))
+}
+
+/// As [`project`], with slopes of the splat flattened along `normal`.
+fn projected(
+    splats: &Splats,
+    index: usize,
+    camera: &Camera,
+    mode: Rasterization,
+    (visibility, surface_normal): (f64, [f64; 3]),
 ) -> Option<Projected> {
     let mean = DVec3::from_array(splats.means[index].map(f64::from));
     let rotation = camera.rotation();
@@ -109,7 +120,22 @@ pub fn project(
         distance: offset.length(),
         slopes: {
             let m_z: Vec<f64> = (0..3).map(|k| axes.col(k).dot(rotation.row(2)) * scales[k]).collect();
+            let up = DVec3::from_array(surface_normal);
+            let m_h: Vec<f64> = (0..3).map(|k| axes.col(k).dot(up) * scales[k]).collect();
+            let high = dot(&m_h, &m_h).max(1e-30);
+            let share = high / dot(&scales, &scales).max(1e-30);
+            let lies = ((f64::from(STANDS) - share) / f64::from(STANDS - LIES)).clamp(0.0, 1.0);
+            let flat = |m: &[f64]| -> Vec<f64> {
+                let less = lies * f64::from(FLATTENING) * dot(m, &m_h) / high;
+                m.iter().zip(&m_h).map(|(own, height)| own - less * height).collect()
+            };
+            let (m_x, m_y, m_z) = (flat(&m_x), flat(&m_y), flat(&m_z));
             let (zx, zy) = (dot(&m_z, &m_x), dot(&m_z, &m_y));
+            let dilation = f64::from(SLOPE_DILATION);
+            let (xx, xy, yy) = (dot(&m_x, &m_x), dot(&m_x, &m_y), dot(&m_y, &m_y));
+            let minor = |i: usize, j: usize| (m_x[i] * m_y[j] - m_x[j] * m_y[i]).powi(2);
+            let sharp = minor(0, 1) + minor(0, 2) + minor(1, 2);
+            let det = sharp + dilation * (xx + yy) + dilation * dilation;
             let (xx, yy) = (xx + dilation, yy + dilation);
             let scale = -1.0 / (view.z * view.z * det);
             [(zx * yy - zy * xy) * scale, (zy * xx - zx * xy) * scale]
@@ -196,7 +222,7 @@ pub fn render_split(
     camera: &Camera,
     config: &RenderConfig,
     hooks: Hooks<'_>,
-    (shading, surface, cut): (Shading, Option<&[f32]>, Option<CutPlane>),
+    (shading, surface, cut): (Shading, Option<BlendSurface<'_>>, Option<CutPlane>),
 ) -> ReferenceFrame {
     let origin = camera.center().to_array();
     let backdrop = hooks.background.unwrap_or(&config.background);
@@ -218,7 +244,9 @@ pub fn render_split(
                 block.read(*attributes, &[index as u32]);
             }
             let visibility = f64::from(block.column(Attribute::Visibility)[0]);
-            let Some(p) = project(splats, index, camera, config.rasterization, visibility) else {
+            let normal = surface.map_or([0.0; 3], |surface| surface.normal);
+            let drawn_as = (visibility, normal);
+            let Some(p) = projected(splats, index, camera, config.rasterization, drawn_as) else {
                 continue;
             };
             let height: f64 = cut.map_or(0.0, |plane| {
@@ -245,7 +273,7 @@ pub fn render_split(
     for y in 0..camera.height {
         for x in 0..camera.width {
             let at = (y * camera.width + x) as usize;
-            let split = surface.map(|depths| f64::from(depths[at]));
+            let split = surface.map(|surface| f64::from(surface.depth[at]));
             pixel(&drawn, (f64::from(x) + 0.5, f64::from(y) + 0.5), split, &mut frame);
             let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5).to_array();
             let behind = shade(ray, f64::INFINITY, backdrop.reference(pixel_angle, ray));

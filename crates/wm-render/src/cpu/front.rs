@@ -95,8 +95,8 @@ pub(crate) struct Front<'a> {
     grid: TileGrid,
     /// The plane below which nothing is drawn ([`DrawPass::cut`]): its normal, and its height above the camera.
     cut: Option<[f32; 4]>,
-    /// True if the pass has a surface that splits the blend ([`DrawPass::surface`]).
-    is_split: bool,
+    /// Normal of the surface that splits the blend, if the pass has one ([`DrawPass::surface`]).
+    split: Option<[f32; 3]>,
 }
 
 impl<'a> Front<'a> {
@@ -111,7 +111,7 @@ impl<'a> Front<'a> {
             shading: pass.shading,
             sky_splats: pass.hooks.sky_splats(),
             grid,
-            is_split: pass.surface.is_some(),
+            split: pass.surface.map(|surface| surface.normal.map(|v| v as f32)),
             cut: pass.cut.map(|plane| plane.seen_from(pass.camera.center().to_array())),
         }
     }
@@ -156,7 +156,7 @@ impl<'a> Front<'a> {
                 through_air(self.path, self.medium, self.shading, self.camera.center, shade);
             }
             let seen = Instant::now();
-            let visible = dispatch!(self.path, s => scratch.write_records(s, groups, cluster, self.is_split, &mut records[used..]));
+            let visible = dispatch!(self.path, s => scratch.write_records(s, groups, cluster, self.split.is_some(), &mut records[used..]));
             let own = &records[used..used + visible];
             let first = first_record + used as u32;
             dispatch!(self.path, s => self.intersect_cluster(s, own, &scratch.boxes, first, part));
@@ -185,7 +185,7 @@ impl<'a> Front<'a> {
             let group = &model.groups[index];
             let factors = has_attributes.then(|| scratch.attributes.group(i, Attribute::Visibility));
             let (out, shade) = (&mut scratch.projected[used], &mut scratch.shade[used]);
-            let how = (factors, self.is_split);
+            let how = (factors, self.split);
             project_group(simd, group, self.camera, self.rasterization, how, out, shade);
             let sky = model.sky[index];
             if self.sky_splats == SkySplats::LeftOut {

@@ -156,7 +156,7 @@ impl CpuRenderer {
             grid,
             size: (pass.camera.width as usize, pass.camera.height as usize),
             features,
-            surface: pass.surface,
+            surface: pass.surface.map(|surface| surface.depth),
             composite: Composite {
                 path: self.path,
                 features: features.count(),

@@ -32,7 +32,8 @@ struct View {
     extinction: f32,
     // A normal and a height above the camera: splats below are not drawn. A normal of 0 draws all.
     cut: vec4<f32>,
-    // 1 where a surface splits the blend.
+    // Normal of the surface that splits the blend, and 1 where there is one.
+    split_normal: vec3<f32>,
     split: u32,
 }
 

@@ -202,9 +202,9 @@ impl<'a> GpuPass<'a> {
 
     /// Uploads the surface to where blending reads it. No other pass that is submitted with this one may have one.
     pub fn upload_surface(&self, gpu: &Gpu, room: &Room) {
-        let Some(depths) = self.pass.surface else { return };
+        let Some(surface) = self.pass.surface else { return };
         // Where there is none, everything is before it.
-        let depths: Vec<f32> = depths.iter().map(|z| if z.is_nan() { 0.0 } else { 1.0 / z }).collect();
+        let depths: Vec<f32> = surface.depth.iter().map(|z| if z.is_nan() { 0.0 } else { 1.0 / z }).collect();
         let at = SURFACE_PLANE * 4 * u64::from(self.pixels());
         gpu.write(&room.depths, at, bytemuck::cast_slice(&depths));
     }

@@ -223,6 +223,10 @@ pub fn constants() -> String {
         GREY = even_air::GREY;
         LN_2 = std::f32::consts::LN_2;
         DILATION = project::DILATION;
+        SLOPE_DILATION = project::SLOPE_DILATION;
+        FLATTENING = project::FLATTENING;
+        LIES = project::LIES;
+        STANDS = project::STANDS;
         MIN_COMPENSATION = project::MIN_COMPENSATION;
         LOG2_MIN_ALPHA = project::LOG2_MIN_ALPHA;
         TEST_SLACK = project::TEST_SLACK;

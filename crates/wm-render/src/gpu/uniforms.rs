@@ -110,8 +110,8 @@ pub struct ViewParameters<'a> {
     pub air: Option<EvenAir>,
     /// The plane below which nothing is drawn ([`DrawPass::cut`]).
     pub cut: Option<CutPlane>,
-    /// True if the pass has a surface that splits the blend ([`DrawPass::surface`]).
-    pub is_split: bool,
+    /// Normal of the surface that splits the blend, if the pass has one ([`DrawPass::surface`]).
+    pub split: Option<[f32; 3]>,
 }
 
 impl<'a> ViewParameters<'a> {
@@ -125,7 +125,7 @@ impl<'a> ViewParameters<'a> {
             sky,
             air: None,
             cut: pass.cut,
-            is_split: pass.surface.is_some(),
+            split: pass.surface.map(|surface| surface.normal.map(|v| v as f32)),
         }
     }
 
@@ -136,7 +136,7 @@ impl<'a> ViewParameters<'a> {
             DrawnSplats::All => SkySplats::Kept,
             DrawnSplats::WithoutSky => SkySplats::LeftOut,
         };
-        Self { camera, rasterization: config.rasterization, sky, air: config.air, cut: None, is_split: false }
+        Self { camera, rasterization: config.rasterization, sky, air: config.air, cut: None, split: None }
     }
 
     /// Columns and rows of tiles.
@@ -182,7 +182,8 @@ pub fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity: Capac
         .vector("airlight", sight.air.map_or([0.0; 3], |air| air.airlight))
         .real("extinction", sight.air.map_or(0.0, |air| air.extinction * LOG2_E))
         .vector("cut", sight.cut.map_or([0.0; 4], |cut| cut.seen_from(sight.camera.center().to_array())))
-        .whole("split", u32::from(sight.is_split))
+        .vector("split_normal", sight.split.unwrap_or_default())
+        .whole("split", u32::from(sight.split.is_some()))
 }
 
 /// A piece of a set, for [`chunk`].

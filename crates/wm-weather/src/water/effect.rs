@@ -64,6 +64,11 @@ const THIN: f32 = 1.0 / 256.0;
 const WIDE: f32 = 2.45;
 /// Height over a flood from which on water is not the flood's, m.
 const ABOVE: f32 = 0.01;
+/// Width over which the depth of what a lobe shows is averaged, of the lobe's height: far less than the lobe, whose lower end shows what stands
+/// before the water.
+const BLENDED: f32 = 1.0;
+/// Least distance to what a rough surface mirrors, of that to the surface: nearer things are mixed with what is beside them.
+const BESIDE: f32 = 0.03;
 /// One over how free of its ground water is that counts as free.
 const FREE: f32 = 4.0;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
@@ -555,10 +560,10 @@ impl<'a> Scene<'a> {
         let beside = north.mul_add(along[0], -(east * along[1]));
         let tilt = Tilt { toward, along, ahead, beside, least: sine / level * -HIDING };
         let first = tilt.reflect(simd, zero);
-        let far = self.reach(simd, (&from, &first.0), is_wet, free);
+        let far = self.reach(simd, (&from, &first.0), (distance, rough), is_wet);
         // A lobe as it is seen in the mirrored picture: two slopes tall, and as much narrower as a facet is met at less of an angle. Of
         // what stands at the water it is a point.
-        let tall = rough * (2.0 * self.focal[1]) * far / (far + distance);
+        let tall = self.lobe::<S>(rough, far, distance);
         let wide = tall * WIDE;
         let (is_sharp, is_low) = (tall.simd_lt(simd.set(SHARP)), tall.simd_lt(simd.set(TALL)));
         let kinds = Kinds::<S> { is_sharp, is_low, free: (free * FREE).min(one) };
@@ -609,23 +614,28 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Distances along reflected rays from points of the water to what is mirrored, m, found in the depth of the mirrored picture in one
-    /// step, or in two of waves, which are as `free` as that, 0-1.
+    /// Height of the lobe of a rough surface in the mirrored picture, standard deviation in px, of what is so far from water at a distance, m.
+    #[inline(always)]
+    fn lobe<S: Lanes>(&self, rough: S::F, far: S::F, distance: S::F) -> S::F {
+        rough * (2.0 * self.focal[1]) * far / (far + distance)
+    }
+
+    /// Distances along reflected rays from points of the water to what is mirrored, m, found in the depth of the mirrored picture in two
+    /// steps. On a rough surface it is the mean, in the reciprocal, over the middle of the lobe: the depth of one point would jump at the
+    /// silhouettes of what is mirrored, and with it the size of the lobe.
     #[inline(always)]
     fn reach<S: Lanes>(
         &self,
         simd: S,
         (from, way): (&[S::F; 3], &[S::F; 3]),
+        (distance, rough): (S::F, S::F),
         is_wet: S::M,
-        free: S::F,
     ) -> S::F {
         let farthest = simd.set(FAR);
         let mut far = farthest;
-        let has_waves = is_wet & free.simd_gt(simd.set(0.0));
-        // The second step comes in gradually, so that films end without an edge.
-        let second = (free * FREE).min(simd.set(1.0));
-        for (mut going, share) in [(is_wet, simd.set(1.0)), (has_waves, second)] {
-            if far.simd_lt(farthest).any_true() {
+        let mut going = is_wet;
+        for step in 0..2 {
+            if step > 0 {
                 // What was lost stays so.
                 going &= far.simd_lt(farthest);
             }
@@ -638,7 +648,15 @@ impl<'a> Scene<'a> {
                 point[k] = far.mul_add(way[k], from[k]);
             }
             let (at, z) = self.project(simd, &point);
-            let inverse = self.mirrored.inverse_depth(simd, at, wanted) * (1.0 / self.metres);
+            let tall = self.lobe::<S>(rough, far, distance);
+            let is_sharp = tall.simd_lt(simd.set(SHARP));
+            let sharp = wanted & is_sharp.to_bitmask() as u32;
+            let mut inverse = self.mirrored.inverse_depth(simd, at, sharp);
+            if sharp != wanted {
+                let fineness = self.mirrored.fineness(simd, tall * BLENDED);
+                inverse += self.mirrored.mean_inverse_depth(simd, at, &fineness, wanted & !sharp);
+            }
+            let inverse = inverse * (1.0 / self.metres);
             let is_met = z.simd_gt(simd.set(0.0)) & inverse.simd_ge(simd.set(1.0 / FAR));
             // The same ray through the eye, up to that depth.
             let scale = simd.set(1.0) / (inverse.max(simd.set(0.1 / FAR)) * z);
@@ -646,10 +664,9 @@ impl<'a> Scene<'a> {
             for k in 0..3 {
                 there[k] = point[k].mul_add(scale, -from[k]);
             }
-            let met = dot::<S>(&there, way).max(simd.set(0.01)).min(farthest);
-            let found = simd.set(1.0) / is_met.select(met, farthest);
-            let before = simd.set(1.0) / far;
-            far = going.select(simd.set(1.0) / share.mul_add(found - before, before), far);
+            let nearest = is_sharp.select(simd.set(0.01), (distance * BESIDE).max(simd.set(0.01)));
+            let met = dot::<S>(&there, way).max(nearest).min(farthest);
+            far = going.select(is_met.select(met, farthest), far);
         }
         far
     }

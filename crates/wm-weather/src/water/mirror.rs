@@ -166,7 +166,24 @@ impl MirroredPicture {
         }
     }
 
-    /// The reciprocals of the view z at points of the picture, px: those of the pixels that hold them.
+    /// The mean reciprocals of the view z in pieces of the picture about points, px, for the lanes that have a bit in `wanted`; 0 for others.
+    #[inline(always)]
+    pub(super) fn mean_inverse_depth<S: Lanes>(
+        &self,
+        simd: S,
+        points: [S::F; 2],
+        fineness: &Fineness<S>,
+        wanted: u32,
+    ) -> S::F {
+        let (mut sums, mut found) = ([[0.0; 4]; 16], [0.0; 16]);
+        self.add(simd, points, fineness, (simd.set(1.0), wanted), &mut sums);
+        for (found, sum) in found.iter_mut().zip(&sums) {
+            *found = sum[3];
+        }
+        simd.load(&found)
+    }
+
+    /// The reciprocals of the view z at points of the picture, px: those of the pixels that hold them; 0 for lanes without a bit in `wanted`.
     #[inline(always)]
     pub(super) fn inverse_depth<S: Lanes>(&self, simd: S, points: [S::F; 2], wanted: u32) -> S::F {
         let mut within = points;

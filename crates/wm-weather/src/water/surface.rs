@@ -11,8 +11,9 @@ const FARTHEST: f64 = 1e6;
 const ABOVE: f64 = 0.05;
 /// Height by which a ray misses the water at the last of its steps, m, from which on it met none.
 const MISSED: f64 = 0.05;
-/// Steps by which a ray finds the level of the place that it hits.
-const STEPS: usize = 6;
+/// Steps by which a ray finds the level of the place that it hits, and its error at which it has found it, m.
+const STEPS: usize = 12;
+const EXACT: f64 = 1e-4;
 /// Pixels from node to node along which rays are followed.
 pub(super) const NODES: usize = 4;
 /// Steps of the water's grid between nodes of the picture, and differences of cover and of roughness, up to which both are
@@ -276,14 +277,26 @@ fn hit(view: &WaterView<'_>, eye: f64, ray: [f64; 3], typical: f64) -> Option<(f
     let fall = -1.0 / ray[2];
     let mut level = typical;
     let mut found = None;
-    for _ in 0..STEPS {
+    // The ray is over the water at one of two heights, and under it at the other, each with how far.
+    let (mut over, mut under) = (None, None);
+    for step in 0..STEPS {
         let z = ((eye - level) * fall) as f32;
         let sample = view.at(z * x, z * y)?;
         found = Some((z, sample));
-        if (sample.level - level).abs() < 1e-4 {
+        let gap = sample.level - level;
+        if gap.abs() < EXACT {
             break;
         }
-        level = sample.level;
+        *(if gap < 0.0 { &mut over } else { &mut under }) = Some((level, gap));
+        level = match (over, under) {
+            // Where the ground is steeper than the ray, going to its height leads away from where they meet: between is by turns the middle,
+            // and where the line through both meets it.
+            (Some((high, above)), Some((low, below))) if step % 2 == 0 => {
+                low + (high - low) * below / (below - above)
+            }
+            (Some((high, _)), Some((low, _))) => 0.5 * (low + high),
+            _ => sample.level.min(eye - ABOVE),
+        };
     }
     found.filter(|(z, sample)| (eye + f64::from(*z) * ray[2] - sample.level).abs() < MISSED)
 }

@@ -1,6 +1,6 @@
 use super::fft::{SIDE, transform};
 use super::motion::WaterForces;
-use super::ripples::{RING_SPEED, WAVE_NUMBER, slope_rms};
+use super::ripples::{RING_SPEED, WAVE_NUMBER, large_drops, slope_rms};
 use super::waves::{WindWaves, frequency};
 use super::*;
 use crate::Site;
@@ -97,8 +97,15 @@ fn slopes_have_the_variance_of_their_spectrum() {
     assert!((wind / want - 1.0).abs() < 0.1, "wind: {wind} for {want}");
     let want = 0.5 * slope_rms(10.0, 1.0).powi(2);
     assert!((rain / want - 1.0).abs() < 0.15, "rain: {rain} for {want}");
-    assert!((slope_rms(10.0, 1.0) - 0.10).abs() < 1e-9 && (slope_rms(50.0, 1.0) - 0.26).abs() < 0.005);
+    // The design of waves states these for Gunn and Kinzer's speeds.
+    for (rate, rms) in [(5.0, 0.0655), (10.0, 0.1002), (20.0, 0.1518), (50.0, 0.2603)] {
+        assert!((slope_rms(rate, 1.0) / rms - 1.0).abs() < 0.015, "{rate} mm/h: {}", slope_rms(rate, 1.0));
+    }
     assert!((slope_rms(10.0, 0.005) - 0.049).abs() < 1e-3);
+    assert_eq!([slope_rms(0.0, 1.0), large_drops(0.0)], [0.0; 2]);
+    for (rate, number) in [(1.0, 3.4), (10.0, 126.0), (50.0, 819.0)] {
+        assert!((large_drops(rate) / number - 1.0).abs() < 0.01, "{rate} mm/h: {}", large_drops(rate));
+    }
 }
 
 /// Motion is a function of place and time: the same from anywhere, and at any order of frames.

@@ -13,9 +13,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use wm_scene::random::uniform;
 
 /// Acceleration of free fall, m/s^2.
-const GRAVITY: f64 = 9.81;
+pub(super) const GRAVITY: f64 = 9.81;
 /// Surface tension of water over its density, m^3/s^2.
-const TENSION: f64 = 7.28e-5;
+pub(super) const TENSION: f64 = 7.28e-5;
 /// Variance of slopes of open water, both axes together, and its growth with the wind, s/m (Cox and Munk 1954).
 const CALM: f64 = 0.003;
 const BY_WIND: f64 = 0.00512;

@@ -139,7 +139,7 @@ impl<'a> Front<'a> {
             dispatch!(self.path, s => activate(s, splats, &indices, here, opacity, activated));
             let (out, shade) = (&mut cluster.projected[used], &mut cluster.shade[used]);
             let group = &mut activated.group;
-            dispatch!(self.path, s => project_group(s, group, camera, mode, (None, false), out, shade));
+            dispatch!(self.path, s => project_group(s, group, camera, mode, (None, None), out, shade));
             if self.config.drawn == DrawnSplats::WithoutSky {
                 let groups = &splats.groups[first..first + here];
                 for (lane, _) in groups.iter().enumerate().filter(|(_, group)| **group == Group::Sky) {

@@ -37,7 +37,7 @@ fn project(path: SimdPath, splats: &Splats) -> (Vec<Record>, Vec<PatchBox>) {
     let (mut records, mut boxes) = (Vec::new(), Vec::new());
     for group in &model.groups {
         let (mut p, mut shade) = (ProjectedGroup::default(), ShadeGroup::default());
-        dispatch!(path, s => project_group(s, group, &camera, Rasterization::Classic, (None, false), &mut p, &mut shade));
+        dispatch!(path, s => project_group(s, group, &camera, Rasterization::Classic, (None, None), &mut p, &mut shade));
         for lane in (0..GROUP).filter(|lane| p.mask >> lane & 1 == 1) {
             boxes.push(PatchBox {
                 columns: p.columns.map(|ends| ends[lane] as u16),

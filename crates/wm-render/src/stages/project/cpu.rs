@@ -1,8 +1,8 @@
 //! Projection of sixteen splats at a time, and culling of 256.
 
 use super::{
-    DILATION, LOG2_MIN_ALPHA, MAX_DET, MIN_COMPENSATION, ProjectCamera, Record, SQRT_HALF_LOG2E, TEST_SLACK,
-    pack_slopes,
+    DILATION, FLATTENING, LIES, LOG2_MIN_ALPHA, MAX_DET, MIN_COMPENSATION, ProjectCamera, Record,
+    SLOPE_DILATION, SQRT_HALF_LOG2E, STANDS, TEST_SLACK, pack_slopes,
 };
 use crate::cpu::model::{Cluster, SplatGroup};
 use crate::hooks::{GROUP, PATCH, ShadeGroup};
@@ -193,21 +193,46 @@ pub fn factor<S: Lanes>(simd: S, geometry: &GroupGeometry<S>) -> [S::F; 3] {
 }
 
 /// Slopes of a splat's reciprocal depth over the picture, along x and y, 1/(scene units px). Its depth at a pixel is the view z at
-/// which it is densest along the ray; that of a flat splat is the depth of its plane.
+/// which it is densest along the ray, after it is flattened along `normal` about its centre; that of a flat splat is the depth of its plane.
 #[inline(always)]
-fn reciprocal_slopes<S: Lanes>(simd: S, geometry: &GroupGeometry<S>, camera: &ProjectCamera) -> [S::F; 2] {
-    let [m_x, m_y] = geometry.m;
-    let w = camera.rotation[2];
-    let (mut with_x, mut with_y) = (simd.set(0.0), simd.set(0.0));
-    for k in 0..3 {
-        let c = &geometry.columns[k];
-        let along =
-            c[0].mul_add(simd.set(w[0]), c[1].mul_add(simd.set(w[1]), c[2] * w[2])) * geometry.scales[k];
-        with_x = along.mul_add(m_x[k], with_x);
-        with_y = along.mul_add(m_y[k], with_y);
+fn reciprocal_slopes<S: Lanes>(
+    simd: S,
+    geometry: &GroupGeometry<S>,
+    camera: &ProjectCamera,
+    normal: [f32; 3],
+) -> [S::F; 2] {
+    let zero = simd.set(0.0);
+    // Along the splat's own axes, of unit variance: columns, rows and view z of the picture, and the height.
+    let (mut deep, mut height) = ([zero; 3], [zero; 3]);
+    for (row, to) in [(camera.rotation[2], &mut deep), (normal, &mut height)] {
+        for k in 0..3 {
+            let c = &geometry.columns[k];
+            let along = c[0].mul_add(simd.set(row[0]), c[1].mul_add(simd.set(row[1]), c[2] * row[2]));
+            to[k] = along * geometry.scales[k];
+        }
     }
-    let [xx, xy, yy] = geometry.cov;
-    let scale = -(geometry.inverse_z * geometry.inverse_z) / geometry.det;
+    let product = |a: &[S::F; 3], b: &[S::F; 3]| a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]));
+    let high = product(&height, &height).max(simd.set(1e-30));
+    let share = high / product(&geometry.scales, &geometry.scales).max(simd.set(1e-30));
+    let lies = ((simd.set(STANDS) - share) * (1.0 / (STANDS - LIES))).max(zero).min(simd.set(1.0));
+    let flat = lies * -FLATTENING / high;
+    let [mut m_x, mut m_y] = geometry.m;
+    for row in [&mut m_x, &mut m_y, &mut deep] {
+        let less = product(&height, row) * flat;
+        for k in 0..3 {
+            row[k] = height[k].mul_add(less, row[k]);
+        }
+    }
+    let (with_x, with_y) = (product(&deep, &m_x), product(&deep, &m_y));
+    let (xx, xy, yy) = (product(&m_x, &m_x), product(&m_x, &m_y), product(&m_y, &m_y));
+    let mut sharp = zero;
+    for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+        let minor = m_x[i].mul_sub(m_y[j], m_x[j] * m_y[i]);
+        sharp = minor.mul_add(minor, sharp);
+    }
+    let det = (xx + yy).mul_add(simd.set(SLOPE_DILATION), sharp + SLOPE_DILATION * SLOPE_DILATION);
+    let (xx, yy) = (xx + SLOPE_DILATION, yy + SLOPE_DILATION);
+    let scale = -(geometry.inverse_z * geometry.inverse_z) / det;
     [with_x.mul_sub(yy, with_y * xy) * scale, with_y.mul_sub(xx, with_x * xy) * scale]
 }
 
@@ -235,14 +260,15 @@ pub fn facing<S: Lanes>(simd: S, normal: &[S::F; 3], offset: &[S::F; 3]) -> S::F
     along.simd_gt(simd.set(0.0)).select(simd.set(-1.0), simd.set(1.0))
 }
 
-/// Projects one group. `visibility` is a factor on the opacity of each splat; `shade` gets the rays.
+/// Projects one group. `visibility` is a factor on the opacity of each splat, `split` the normal of a surface that splits the blend; `shade`
+/// gets the rays.
 #[inline(always)]
 pub fn project_group<S: Lanes>(
     simd: S,
     group: &SplatGroup,
     camera: &ProjectCamera,
     rasterization: Rasterization,
-    (visibility, is_split): (Option<&[f32; GROUP]>, bool),
+    (visibility, split): (Option<&[f32; GROUP]>, Option<[f32; 3]>),
     out: &mut ProjectedGroup,
     shade: &mut ShadeGroup,
 ) {
@@ -281,8 +307,8 @@ pub fn project_group<S: Lanes>(
             continue;
         }
 
-        if is_split {
-            let slopes = reciprocal_slopes(simd, &geometry, camera);
+        if let Some(normal) = split {
+            let slopes = reciprocal_slopes(simd, &geometry, camera, normal);
             let mut numbers = [[0.0; GROUP]; 2];
             for k in 0..2 {
                 slopes[k].store_slice(&mut numbers[k][first..first + S::N]);

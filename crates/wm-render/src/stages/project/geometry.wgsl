@@ -91,13 +91,25 @@ fn factor_of(p: Projected) -> vec3<f32> {
     return vec3<f32>(SQRT_HALF_LOG2E / sqrt(p.cov.x), -(vy * (p.cov.y / p.cov.x)), vy);
 }
 
-// Slopes of the reciprocal depth over the picture, along x and y.
+// Slopes of the reciprocal depth over the picture, along x and y, of the splat flattened along the normal of the surface.
 fn reciprocal_slopes(p: Projected) -> vec2<f32> {
-    let along = p.scales * (view.rotation_z * p.axes);
-    let with_x = dot(along, p.m_x);
-    let with_y = dot(along, p.m_y);
-    let scale = -(p.inverse_z * p.inverse_z) / p.det;
-    return vec2<f32>(with_x * p.cov.z - with_y * p.cov.y, with_y * p.cov.x - with_x * p.cov.y) * scale;
+    let height = p.scales * (view.split_normal * p.axes);
+    let high = max(dot(height, height), 1e-30);
+    let share = high / max(dot(p.scales, p.scales), 1e-30);
+    let flat = height * (clamp((STANDS - share) / (STANDS - LIES), 0.0, 1.0) * FLATTENING / high);
+    let deep = p.scales * (view.rotation_z * p.axes);
+    let along = deep - flat * dot(height, deep);
+    let m_x = p.m_x - flat * dot(height, p.m_x);
+    let m_y = p.m_y - flat * dot(height, p.m_y);
+    let with_x = dot(along, m_x);
+    let with_y = dot(along, m_y);
+    let cov = vec3<f32>(dot(m_x, m_x), dot(m_x, m_y), dot(m_y, m_y));
+    let minors = cross(m_x, m_y);
+    let det = (cov.x + cov.z) * SLOPE_DILATION + (dot(minors, minors) + SLOPE_DILATION * SLOPE_DILATION);
+    return vec2<f32>(
+        with_x * (cov.z + SLOPE_DILATION) - with_y * cov.y,
+        with_y * (cov.x + SLOPE_DILATION) - with_x * cov.y,
+    ) * (-(p.inverse_z * p.inverse_z) / det);
 }
 
 // The shortest of the splat's own axes, the first of equal ones.

@@ -37,6 +37,13 @@ use wm_scene::Camera;
 
 /// Variance added to both axes of the 2D Gaussian, px^2.
 pub const DILATION: f32 = 0.3;
+/// The same where slopes of depth are found, px^2: flat splats that are seen at a grazing angle are lines.
+pub const SLOPE_DILATION: f32 = 0.02;
+/// Share of a splat's thickness along the normal of a surface that does not count for on which side of it the splat is, for those that lie
+/// along the surface; and the shares of a splat's whole variance along the normal up to which it lies, and from which it stands.
+pub const FLATTENING: f32 = 0.99;
+pub const LIES: f32 = 0.15;
+pub const STANDS: f32 = 0.3;
 /// Smallest opacity factor of the anti-aliased mode.
 pub const MIN_COMPENSATION: f32 = 0.005;
 /// Smallest alpha that is drawn.

@@ -54,7 +54,7 @@ fn run_on_cpu(path: SimdPath, model: &CpuModel, camera: &Camera, mode: Rasteriza
     let mut all = Vec::new();
     for group in &model.groups {
         let (mut out, mut shade) = (ProjectedGroup::default(), ShadeGroup::default());
-        dispatch!(path, s => project_group(s, group, &project_camera, mode, (None, false), &mut out, &mut shade));
+        dispatch!(path, s => project_group(s, group, &project_camera, mode, (None, None), &mut out, &mut shade));
         let records = dispatch!(path, s => Record::transposed(s, &out, &shade, all.len() as u32));
         all.extend((0..GROUP).map(|lane| {
             let ends = [out.columns, out.rows].map(|ends| ends.map(|end| end[lane]));

@@ -1,6 +1,6 @@
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::hooks::Hooks;
-use crate::plan::{CutPlane, DrawPass, SetView, Shading};
+use crate::plan::{BlendSurface, CutPlane, DrawPass, SetView, Shading};
 use crate::reference;
 use crate::renderer::{Background, RenderConfig};
 use crate::testing::{ALL_OUTPUTS, Backend, Hard, camera, compare, random_splats};
@@ -157,11 +157,12 @@ fn split(backend: Backend, splats: &Splats) {
         let (mut whole, mut frame) = (Frame::default(), Frame::default());
         let pass = DrawPass::new(&sets, &camera, &config);
         renderer.render(&pass, &mut whole).unwrap();
-        let surface = slanted(&camera);
-        renderer.render(&DrawPass { surface: Some(&surface), ..pass.clone() }, &mut frame).unwrap();
+        let depth = slanted(&camera);
+        let surface = BlendSurface { depth: &depth, normal: [0.0, 0.6, 0.8] };
+        renderer.render(&DrawPass { surface: Some(surface), ..pass.clone() }, &mut frame).unwrap();
         let front = std::mem::take(&mut frame.front);
         let referee = [(splats, None)];
-        let how = (Shading::Color, Some(&surface[..]), None);
+        let how = (Shading::Color, Some(surface), None);
         let want = reference::render_split(&referee, &camera, &config, Hooks::default(), how);
         match backend {
             // Another program, whose products and sums a driver may join otherwise.
@@ -183,7 +184,7 @@ fn split(backend: Backend, splats: &Splats) {
                 );
             }
             // Without a surface everything is before it.
-            if surface[i].is_nan() {
+            if depth[i].is_nan() {
                 assert_eq!(got[4], frame.alpha[i], "{backend:?}, pixel {i}");
             }
         }
