@@ -269,8 +269,8 @@ impl Relit {
         add(self.sky, self.beam)
     }
 
-    /// The gain from one irradiance to the other. The tint of the captured light is taken away within limits; that of the new
-    /// light comes whole.
+    /// The gain from one irradiance to the other. The tint of the captured light is taken away within limits, beyond them as far as
+    /// the new light has it too; that of the new light comes whole.
     fn gain(&self) -> [f32; 3] {
         let after = self.total();
         let [old, new] = [luminance(self.before).max(FAINT), luminance(after)];
@@ -278,16 +278,21 @@ impl Relit {
             return [0.0; 3];
         }
         let strength = (new / old).min(MOST);
-        std::array::from_fn(|k| (strength * self.untinted(k) * after[k].max(0.0) / new) as f32)
+        std::array::from_fn(|k| {
+            let tint = after[k].max(0.0) / new;
+            (strength * self.untinted(k, tint) * tint) as f32
+        })
     }
 
     /// Gain by an irradiance of 1 in one channel.
     pub fn per_unit(&self, k: usize) -> f64 {
-        self.untinted(k) / luminance(self.before).max(FAINT)
+        self.untinted(k, 1.0) / luminance(self.before).max(FAINT)
     }
 
-    fn untinted(&self, k: usize) -> f64 {
-        (luminance(self.before).max(FAINT) / self.before[k].max(FAINT)).clamp(1.0 - TINT, 1.0 + TINT)
+    /// The factor that takes the tint of a channel away, for new light of this tint.
+    fn untinted(&self, k: usize, tint: f64) -> f64 {
+        let [least, most] = [(1.0 - TINT).min(1.0 / tint), (1.0 + TINT).max(1.0 / tint)];
+        (luminance(self.before).max(FAINT) / self.before[k].max(FAINT)).clamp(least, most)
     }
 }
 
@@ -314,6 +319,9 @@ mod tests {
         let gain = Relit { before: [0.05, 0.1, 0.2], sky: [1.5; 3], beam: [0.5; 3] }.gain();
         assert!(gain.iter().all(|v| *v <= (MOST * (1.0 + TINT)) as f32), "{gain:?}");
         assert!(f64::from(gain[0] / gain[2]) < (1.0 + TINT) / (1.0 - TINT) + 1e-6, "{gain:?}");
+        // The same light changes nothing, however blue it is.
+        let same = Relit { before: [0.05, 0.1, 0.4], sky: [0.05, 0.1, 0.4], beam: [0.0; 3] }.gain();
+        assert!(same.iter().all(|v| (v - 1.0).abs() < 1e-6), "{same:?}");
         let none = Relit { before: [1.0; 3], sky: [0.0; 3], beam: [0.0; 3] };
         assert_eq!(none.gain(), [0.0; 3]);
     }
