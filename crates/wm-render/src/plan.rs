@@ -159,8 +159,9 @@ pub struct DrawPass<'a> {
     pub shading: Shading,
     /// Results of earlier passes that this one looks up. No stage reads any yet.
     pub reads: Vec<PictureId>,
-    /// A surface inside the blend, such as water. It changes no colour: the pass fills [`Frame::front`] with the sums before and behind the surface, and keeps particles
-    /// out of the colours, in [`Frame::particles`] alone. The contract of [`crate::stages::rasterize`] has the formulas.
+    /// A surface inside the blend, such as water. It changes no colour: the pass fills [`Frame::front`] with the sums before and
+    /// behind the surface, and keeps particles out of the colours, in [`Frame::particles`] alone. The contract of
+    /// [`crate::stages::rasterize`] has the formulas.
     pub surface: Option<BlendSurface<'a>>,
     /// Splats whose centre lies below this plane are not drawn.
     pub cut: Option<CutPlane>,

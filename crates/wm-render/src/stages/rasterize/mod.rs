@@ -9,9 +9,10 @@
 //! - `alpha = sum w_i`; colour, view z and normal are `sum w_i f_i`, not divided by alpha.
 //! - Front, if the pass has a surface ([`crate::DrawPass::surface`]): colour and alpha summed over the splats that are
 //!   nearer than the surface at the pixel, all where there is none; and for the others the sum of weights over view z.
-//!   How far a splat is at a pixel is where it is densest along the ray, after it is flattened to a hundredth along the normal of the surface,
-//!   about its centre, if no more than 0.15 of its variance is along the normal (from 0.3 on not at all): its reciprocal view z is linear over the picture, `1 / z - (S_zx, S_zy) S^-1 d / z^2` with the covariance `S` of
-//!   the flattened splat, dilated by 0.02 px^2, and the distance `d` from its centre. For flat splats that is their plane, so that
+//!   How far a splat is at a pixel is where it is densest along the ray, after it is flattened to a hundredth along the normal of
+//!   the surface, about its centre, if no more than 0.15 of its variance is along the normal (from 0.3 on not at all): its
+//!   reciprocal view z is linear over the picture, `1 / z - (S_zx, S_zy) S^-1 d / z^2` with the covariance `S` of the flattened
+//!   splat, dilated by 0.02 px^2, and the distance `d` from its centre. For flat splats that is their plane, so that
 //!   ground and walls are cut where the surface meets them, however large their splats are; blurred ground is on the side of its
 //!   centre, so that ground of which photos tell little does not reach through water over it. The two
 //!   slopes are rounded to 8 bits of precision. A picture of the
