@@ -5,9 +5,8 @@
 //! well in the sun and the other well in the shade, have a ratio of light; its logarithm, in the median over pairs, is the contrast of the
 //! shadows. The contrast left is that under clouds over that of the place as it was captured.
 //!
-//! What stands in the way of the sky makes the shaded side of a pair darker under clouds too. So the place is seen from all over
-//! the sky as well, which tells how much of a CIE overcast sky each place of a pair sees, and with it the contrast that clouds leave in
-//! truth. Contrasts count from that one, not from none.
+//! The shaded side of a pair often sees less of the sky too, and is darker under clouds in truth. Views of the place from all over the sky
+//! tell how much of a CIE overcast sky each side sees, and so the contrast that clouds leave in truth. Contrasts are measured from that.
 //!
 //! Bounds: 10 % on a place that was never photographed, such as the built-in street, 20 % on one that was reconstructed from
 //! photos. A place that was captured under clouds must not change: less than 1 % in the mean.
@@ -131,7 +130,8 @@ impl FarView {
         SUN_AWAY / self.camera.fx
     }
 
-    /// How far a point is behind what is first seen at its pixel, or at one that is some pixels off, m; `None` where nothing is seen.
+    /// Distance by which a point lies behind the first surface at its pixel, or at a pixel so many columns and rows off, m; `None` where the
+    /// pixel shows no surface.
     fn behind(&self, at: DVec3, [dx, dy]: [i64; 2]) -> Option<f64> {
         let Self { camera, depth, .. } = self;
         let offset = at - camera.center();

@@ -46,7 +46,7 @@ const DARK_GROUND: [f64; 2] = [0.25, 0.75];
 const LEVEL: f32 = 0.8;
 /// A splat of which nothing is known.
 const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun: WHOLE, is_sky: false };
-/// The number by which the share of the sun of a splat that sees all of it is kept.
+/// [`SplatLight::sun`] of a splat that sees all of the sun.
 const WHOLE: i16 = 10_000;
 /// Cosine of the sun's incidence on leaves, which turn to all sides.
 const LEAVES: f64 = 0.5;
@@ -119,20 +119,20 @@ struct SplatLight {
     /// Normal times 127; zero of leaves.
     normal: [i8; 3],
     open: [u8; 2],
-    /// The share of the sun times [`WHOLE`]; below 0 and above it by the edges of shadows that are drawn sharp.
+    /// The share of the sun times [`WHOLE`]; below 0 or above it beside the edges of shadows ([`sharpened_share`]).
     sun: i16,
     /// A splat of the captured sky.
     is_sky: bool,
 }
 
 impl SplatLight {
-    /// The share of the sun, about 0-1.
+    /// The share of the sun that reaches the splat: 0-1, or a little beyond beside the edges of shadows.
     fn sun_share(self) -> f32 {
         f32::from(self.sun) / f32::from(WHOLE)
     }
 }
 
-/// The number by which a share of the sun is kept.
+/// [`SplatLight::sun`] of a share.
 fn share_number(share: f32) -> i16 {
     (share * f32::from(WHOLE)).round() as i16
 }

@@ -36,7 +36,7 @@ const OWN: f32 = 0.45;
 const BLENDED: f32 = 0.85;
 /// Least standard deviation across a flat splat, in the longest: it is not off what lies a little above it.
 const FLAT: f32 = 0.5;
-/// The part of the difference between these that is taken away: all of it leaves bright flecks where the edge is not exactly known.
+/// The part of the difference between these two that is added to the share: all of it leaves bright flecks where the edge is not exactly known.
 const SHARPENED: f32 = 0.6;
 /// Least light of a sharpened splat, of that in full shade, and the largest share of the sun.
 const LEAST_LIGHT: f32 = 0.5;
@@ -158,9 +158,7 @@ pub(super) fn edge_share<I: Iterator<Item = usize>>(
 ) -> Option<f32> {
     let is_like = |i: &usize| surfaces.normals[*i].dot(surfaces.normals[nearest]) > ALIKE;
     let [shade, sunny] = *amounts.get(nearest)?;
-    let (low, high) = around()
-        .filter(is_like)
-        .fold((1.0f32, 0.0f32), |(low, high), i| (low.min(seen[i]), high.max(seen[i])));
+    let [low, high] = range(seen, around().filter(is_like));
     if high - low < EDGE || sunny < LEAST_GAIN * shade {
         return None;
     }
@@ -174,11 +172,10 @@ pub(super) fn edge_share<I: Iterator<Item = usize>>(
         .then(|| (((log_luminance(light) - sum / count).exp() - shade) / (sunny - shade)).clamp(low, high))
 }
 
-/// The share of the sun by which the colour of a splat goes, if its place is at the edge of a shadow; `None` elsewhere. A picture
-/// shows the mean of splats that overlap, so that splats whose pictures have sharp edges are brighter on the lit side of an edge
-/// than what is in full sun, and darker on the other than what is in full shade. The share that is off by as much as the mean of the shares
-/// about it takes that away; without it dark and bright lines are left along the edges. `around` are the surfaces about the
-/// splat, `nearest` is the one that is nearest.
+/// The share of the sun that explains the colour of a splat beside the edge of a shadow; `None` elsewhere. A picture shows the mean of
+/// overlapping splats. So a sharp edge in it needs splats that are brighter than full sun on one side and darker than full shade on the
+/// other: their shares lie above 1 and below 0. Shares of 0 to 1 leave dark and bright lines along the edge. `around` are the surfaces
+/// about the splat, `nearest` is the nearest of them.
 pub(super) fn sharpened_share<I: Iterator<Item = usize>>(
     surfaces: &Surfaces,
     amounts: &[[f32; 2]],
@@ -189,7 +186,7 @@ pub(super) fn sharpened_share<I: Iterator<Item = usize>>(
 ) -> Option<f32> {
     let [shade, sunny] = *amounts.get(nearest)?;
     let like = || around().filter(|i| surfaces.normals[*i].dot(surfaces.normals[nearest]) > ALIKE);
-    let (low, high) = like().fold((1.0f32, 0.0f32), |(low, high), i| (low.min(seen[i]), high.max(seen[i])));
+    let [low, high] = range(seen, like());
     if high - low < SHARP || sunny < LEAST_GAIN * shade {
         return None;
     }
@@ -216,6 +213,11 @@ pub(super) fn sharpened_share<I: Iterator<Item = usize>>(
     let [own, blended] = [0, 1].map(|k| sums[k] / weights[k]);
     let darkest = -LEAST_LIGHT * shade / (sunny - shade);
     Some((own + SHARPENED * (own - blended)).clamp(darkest, MOST_SHARE))
+}
+
+/// The least and the greatest share of the sun that some surfaces see.
+fn range(seen: &[f32], surfaces: impl Iterator<Item = usize>) -> [f32; 2] {
+    surfaces.fold([1.0, 0.0], |[low, high], i| [low.min(seen[i]), high.max(seen[i])])
 }
 
 /// The log of the luminance of a colour, linear RGB.

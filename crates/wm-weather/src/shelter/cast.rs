@@ -77,7 +77,7 @@ pub(super) fn project(all: &[Occluder], grid: &Grid, threads: usize) -> Footprin
     Footprints { all, rows }
 }
 
-/// Projects occluders with the instructions of a path: it has roots and roundings that the oldest processors lack.
+/// Projects occluders, compiled for a SIMD path: square roots and rounding are single instructions there.
 #[inline(always)]
 fn project_each<S: Simd>(_: S, splats: &[Occluder], grid: &Grid, found: &mut Vec<(Footprint, [u32; 2])>) {
     for splat in splats {

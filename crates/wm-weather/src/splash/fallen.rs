@@ -85,7 +85,8 @@ impl FallenDrops {
         let (all_large, all_small) = (large.total(), small.total());
         let rings = ripples::drawn_drops(rain.rate);
         let span = [time - since, time + ahead];
-        // Rings are counted by finer steps and up to a most: what they have too many does not splash, what they have too few comes with the others.
+        // Ripples draw a limited number of rings, and count large drops in finer steps than the classes of sizes: rings too many have no
+        // splash, and large drops without a ring splash with the others.
         let kept = (all_large / rings.max(1e-9)).min(1.0);
         let others = (all_large - rings).max(0.0) + all_small;
         let made = |key: u64, place: [f64; 2], at: f64, diameter: &dyn Fn(&mut RandomSequence) -> f64| {

@@ -49,7 +49,7 @@ static BAND_POWER: OnceLock<f64> = OnceLock::new();
 /// Most drops above 2 mm that are drawn, a m^2 and second.
 const MOST: f64 = 1200.0;
 
-/// What the drops of rain bring to a level plane.
+/// Energy and numbers of the drops that fall on level ground.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct DropSums {
     /// Energy of all drops, W/m^2.
