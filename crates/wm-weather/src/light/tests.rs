@@ -202,6 +202,16 @@ fn a_yard_under_clouds_has_no_sun() {
     assert!(light.report(site().up).starts_with("no sun"), "{}", light.report(site().up));
 }
 
+/// Dark patches no darker than dirt or the corners of walls are no evidence, even where a sun would cast them.
+#[test]
+fn faint_patches_are_no_shadows() {
+    for (ratio, is_sun) in [(0.35, false), (1.5, true)] {
+        let light = split(&yard(&sunny([ratio; 3])), 2);
+        let search = light.search.expect("the ground tells");
+        assert_eq!(search.is_sun(site().up), is_sun, "{ratio}: {search:?}");
+    }
+}
+
 /// A white sky may be overexposed, and a grey one the clouds of a sunny day: both count as clouded only without shadows.
 #[test]
 fn white_and_grey_skies_without_shadows_are_clouds() {
