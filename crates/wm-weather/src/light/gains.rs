@@ -60,7 +60,7 @@ pub struct LightGains {
 
 impl LightGains {
     /// The gains from the captured light to another. The sun stands where the capture's did, or where the shadows say. Where the
-    /// capture keeps its shadows all splats have the gain of level ground, and the lamps add to it. `points` are the places of
+    /// capture keeps its shadows all splats have the gain of level ground, tinted as what faces the sun, and the lamps add to it. `points` are the places of
     /// the splats, if light acts on them that changes from frame to frame ([`MovingLight`]).
     #[must_use]
     pub fn new(
@@ -73,8 +73,8 @@ impl LightGains {
     ) -> Self {
         let LightCasts { shadows, lamps } = casts;
         let lamps = lamps.filter(|_| new.lamps > 0.0);
-        let before_level = capture.light.irradiance(capture.sin_sun(up));
-        let after_level = new.light.irradiance(new.sin_sun);
+        let before_level = capture.light.irradiance_as_seen(capture.sin_sun(up));
+        let after_level = new.light.irradiance_as_seen(new.sin_sun);
         let is_moved =
             shadows.is_some() || (capture.takes_another_sun(new.is_diffuse) && new.light.sun == [0.0; 3]);
         let follows = if is_moved { capture.takes_another_sun(new.is_diffuse) } else { capture.is_split() };

@@ -10,9 +10,12 @@
 
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
+use wm_scene::color::luminance;
 
 /// Share of the light that surfaces return, on average.
 const RETURNED: f64 = 0.25;
+/// Cosine of the sun's incidence on what faces it by half.
+const FACING: f64 = 0.5;
 
 /// Radiance of a sky by the sine of the elevation, linear RGB: `level + rise z`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,6 +69,16 @@ impl SceneLight {
     pub fn irradiance(&self, sin_sun: f64) -> [f64; 3] {
         let sky = self.sky.irradiance();
         std::array::from_fn(|k| sky[k] + self.sun[k] * sin_sun.max(0.0))
+    }
+
+    /// The same in the tint of surfaces that face the sun by half or as ground does, for places whose parts are not told apart: a low
+    /// sun lights little ground, but much of what a picture shows.
+    #[must_use]
+    pub fn irradiance_as_seen(&self, sin_sun: f64) -> [f64; 3] {
+        let level = self.irradiance(sin_sun);
+        let facing = self.irradiance(sin_sun.max(FACING));
+        let scale = luminance(level) / luminance(facing).max(f64::MIN_POSITIVE);
+        facing.map(|v| v * scale)
     }
 
     /// The same light times a factor.
@@ -164,6 +177,16 @@ mod tests {
             let got = board(tilt.cos()).direct(&light)[2];
             assert!((got - sum).abs() < 1e-3, "{tilt}: {got}, want {sum}");
         }
+    }
+
+    /// A low sun tints a place as its lit walls, and changes nothing in how bright it is.
+    #[test]
+    fn the_light_as_seen_has_the_tint_of_what_faces_the_sun() {
+        let light = SceneLight { sun: [3.0, 2.0, 0.8], sky: SkyGradation::even([0.2, 0.3, 0.5]) };
+        let [level, seen] = [light.irradiance(0.1), light.irradiance_as_seen(0.1)];
+        assert!((luminance(level) - luminance(seen)).abs() < 1e-12);
+        assert!(seen[0] / seen[2] > 1.5 * level[0] / level[2], "{level:?} {seen:?}");
+        assert_eq!(light.irradiance(0.8), light.irradiance_as_seen(0.8));
     }
 
     #[test]
