@@ -68,8 +68,8 @@ impl WaterSurface {
         };
         let size = (camera.width as usize, camera.height as usize);
         let mut found = match map.is_endless() {
-            true => Self::of_plane(eye[2] - high, ray, (size, camera.near)),
-            false => Self::of_ground(map, (eye, typical), ray, (size, camera.near)),
+            true => Self::of_plane(eye[2] - high, ray, size),
+            false => Self::of_ground(map, (eye, typical), ray, size),
         };
         let wet = |y: &usize| found.depth[y * size.0..(y + 1) * size.0].iter().any(|z| !z.is_nan());
         let first = (0..size.1).find(wet)?;
@@ -81,22 +81,22 @@ impl WaterSurface {
         Some(found)
     }
 
-    /// A level surface, `below` metres below the eye.
+    /// A level surface, `below` metres below the eye. The camera's near plane does not cut water: it may lie closer.
     fn of_plane(
         below: f64,
         ray: impl Fn(usize, usize) -> [f64; 3] + Sync,
-        ((width, height), near): ((usize, usize), f64),
+        (width, height): (usize, usize),
     ) -> Self {
         let mut depth = vec![f32::NAN; width * height];
         depth.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             // Along a row in single precision: what is left of the fall is as exact as a ray in it.
             let (start, next) = (ray(0, y)[2], ray(1, y)[2]);
             let (start, step) = (-start as f32, (start - next) as f32);
-            let (below, near) = (below as f32, near as f32);
+            let below = below as f32;
             for (x, depth) in row.iter_mut().enumerate() {
                 let fall = start + step * x as f32;
                 let z = below / fall;
-                *depth = if fall > 0.0 && z > near { z.min(FARTHEST as f32) } else { f32::NAN };
+                *depth = if fall > 0.0 { z.min(FARTHEST as f32) } else { f32::NAN };
             }
         });
         Self { depth, ..Self::default() }
@@ -108,11 +108,10 @@ impl WaterSurface {
         map: &WaterMap,
         (eye, typical): ([f64; 3], f64),
         ray: impl Fn(usize, usize) -> [f64; 3] + Sync,
-        ((width, height), near): ((usize, usize), f64),
+        (width, height): (usize, usize),
     ) -> Self {
         let view = WaterView::new(map, [eye[0], eye[1]]);
-        let follow =
-            |x: usize, y: usize| hit(&view, eye[2], ray(x, y), typical).filter(|(z, _)| *z > near as f32);
+        let follow = |x: usize, y: usize| hit(&view, eye[2], ray(x, y), typical);
         let (columns, rows) = (width.div_ceil(NODES) + 1, height.div_ceil(NODES) + 1);
         let place = |node: usize, size: usize| (node * NODES).min(size - 1);
         let mut nodes = vec![Node::default(); columns * rows];
