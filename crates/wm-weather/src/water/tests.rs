@@ -142,6 +142,9 @@ fn a_ray_meets_the_water_where_it_stands() {
         }
     }
     assert!(wet > 5000, "{wet}");
+    // Cameras of photos have their near plane beyond water at their feet.
+    let depth = |near: f64| WaterSurface::of(&map, &Camera { near, ..camera }).unwrap().depth;
+    assert!(depth(5.0).iter().zip(&surface.depth).all(|(a, b)| a.to_bits() == b.to_bits()));
     // From below the surface nothing is seen of it.
     assert!(WaterSurface::of(&WaterMap::flood(2.5, &SITE), &camera).is_none());
 }
