@@ -53,6 +53,7 @@ pub mod plan;
 pub mod reference;
 pub mod reference_backward;
 pub mod reference_particles;
+pub mod reference_rays;
 pub mod renderer;
 pub mod simd;
 #[doc(hidden)]
@@ -79,3 +80,4 @@ pub use renderer::{
     Background, CpuConfig, DeviceWork, Geometry, MedianDepth, Outputs, ParticlePass, RenderBackend,
     RenderConfig, RenderError, SetId, SkyGradient, Stats, WaterPass,
 };
+pub use stages::rays::{RayHits, RayOutputs, Rays, cpu::RaySplats};

@@ -10,6 +10,7 @@
 //! | [`rasterize`] | one tile's splats in order | blended colour, depth, normal, alpha |
 //! | [`particles`] | what falls, camera | for each patch, the drops that touch it; their cover |
 //! | [`composite`] | one tile's sums, background, pixel effects | the finished frame |
+//! | [`rays`] | splats, rays from anywhere | what each ray meets |
 //!
 //! and back, for training:
 //!
@@ -32,6 +33,7 @@ pub mod project;
 pub mod project_backward;
 pub mod rasterize;
 pub mod rasterize_backward;
+pub mod rays;
 pub mod shade;
 pub mod shade_backward;
 pub mod sort;

@@ -1,0 +1,558 @@
+//! Rays by packets: each splat finds the packets whose cones it touches, each packet walks its splats with all its rays side by side.
+
+use super::packets::{CHILDREN, Cones, Group, PACKET, Packets};
+use super::{LEAST_HIT, RayHits, RayOutputs, Rays, THINNEST, WHOLE};
+use crate::cpu::model::morton_order;
+use crate::dispatch;
+use crate::simd::{Lanes, SimdPath, exp2};
+use crate::stages::project::{LOG2_MIN_ALPHA, SQRT_HALF_LOG2E};
+use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
+use crate::stages::sort;
+use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask, f32x8};
+use glam::Vec3;
+use rayon::prelude::*;
+use wm_scene::{Splats, quat, sh};
+
+/// Splats that are culled at a time, a multiple of [`CLUSTER`].
+const BLOCK: usize = 4096;
+/// Splats that are culled as one.
+const CLUSTER: usize = 64;
+/// Nodes of a cluster above which its splats look for their own.
+const MANY: usize = 16;
+/// Slack of the test of a splat against a cone, of its distance.
+const SLACK: f32 = 4e-6;
+/// Transmittance from which on a splat may be the hit: half of the least coverage of a hit is reached.
+const SOONEST: f32 = 1.0 - 0.5 * LEAST_HIT;
+/// Splats that may be the hit that are kept a ray.
+const HITS: usize = 16;
+/// Levels of a tree of eight children that hold any number of packets.
+const DEEPEST: usize = 12;
+
+/// One splat for rays.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(64))]
+struct RayRecord {
+    mean: [f32; 3],
+    log2_opacity: f32,
+    /// Rows of `M`, times sqrt(log2(e) / 2), so that `|a x b|^2 / |b|^2` is a power of two.
+    rows: [[f32; 3]; 3],
+    /// Distance from the mean beyond which alpha is below 1/255.
+    reach: f32,
+    /// The splat.
+    index: u32,
+}
+
+/// Splats that rays can meet.
+#[derive(Debug)]
+pub struct RaySplats<'a> {
+    splats: &'a Splats,
+    /// In Morton order: what is near in space is near in memory.
+    records: Vec<RayRecord>,
+    /// Spheres about [`CLUSTER`] records each.
+    clusters: Vec<Sphere>,
+}
+
+/// A sphere, world axes, scene units.
+#[derive(Clone, Copy, Debug)]
+struct Sphere {
+    center: Vec3,
+    radius: f32,
+}
+
+impl Sphere {
+    /// About all that some records reach.
+    fn about(records: &[RayRecord]) -> Self {
+        let mean = |record: &RayRecord| Vec3::from_array(record.mean);
+        let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let (low, high) =
+            records.iter().fold(start, |(low, high), it| (low.min(mean(it)), high.max(mean(it))));
+        let center = 0.5 * (low + high);
+        let reach = |record: &RayRecord| mean(record).distance(center) + record.reach;
+        Self { center, radius: 1.0001 * records.iter().map(reach).fold(0.0, f32::max) }
+    }
+}
+
+impl<'a> RaySplats<'a> {
+    /// The splats for which `is_met` returns true, such as those that are no sky.
+    #[must_use]
+    pub fn new(splats: &'a Splats, is_met: impl Fn(usize) -> bool + Sync) -> Self {
+        let record = |index: &u32| {
+            let index = *index as usize;
+            let opacity = splats.opacity(index);
+            if !is_met(index) || opacity < 1.0 / 255.0 || !splats.is_sound(index) {
+                return None;
+            }
+            let scales = splats.scales(index);
+            let longest = scales.into_iter().fold(0.0, f64::max);
+            let axes = quat::to_matrix(splats.quats[index].map(f64::from));
+            // Row k is column k of R over the standard deviation.
+            let rows = [0, 1, 2].map(|k| {
+                let scale = f64::from(SQRT_HALF_LOG2E) / scales[k].max(THINNEST * longest);
+                [0, 1, 2].map(|j| (axes[j][k] * scale) as f32)
+            });
+            let reach = (2.0 * (255.0 * opacity).ln()).max(0.0).sqrt() * longest * 1.0001;
+            Some(RayRecord {
+                mean: splats.means[index],
+                log2_opacity: opacity.log2() as f32,
+                rows,
+                reach: reach as f32,
+                index: index as u32,
+            })
+        };
+        let records: Vec<RayRecord> = morton_order(&splats.means).par_iter().filter_map(record).collect();
+        let clusters = records.par_chunks(CLUSTER).map(Sphere::about).collect();
+        Self { splats, records, clusters }
+    }
+
+    /// Traces rays on the threads of the current pool. Equal for any number of them.
+    #[must_use]
+    pub fn trace(&self, rays: &Rays, asked: RayOutputs, path: SimdPath) -> RayHits {
+        let count = rays.len();
+        let mut hits = RayHits {
+            coverage: vec![0.0; count],
+            distance: vec![f32::INFINITY; count],
+            splat: vec![u32::MAX; count],
+            color: vec![[0.0; 3]; if asked.color { count } else { 0 }],
+            normal: vec![[0.0; 3]; if asked.normal { count } else { 0 }],
+        };
+        let packets = Packets::new(rays);
+        for group in &packets.groups {
+            let mut lists = self.lists(group, path);
+            let features = self.features(group, &lists, asked);
+            let walked: Vec<Walk> = lists
+                .par_iter_mut()
+                .enumerate()
+                .map_init(Vec::new, |scratch, (at, keys)| {
+                    sort::cpu::sort(keys, scratch);
+                    let own = packets.rays(group.packets.start + at);
+                    let mut walk = Walk::new(rays, own, group);
+                    dispatch!(path, simd => blend(simd, &mut walk, &self.records, keys, &features));
+                    walk
+                })
+                .collect();
+            for (at, walk) in walked.iter().enumerate() {
+                for (lane, ray) in packets.rays(group.packets.start + at).iter().enumerate() {
+                    let ray = *ray as usize;
+                    hits.coverage[ray] = walk.coverage[lane];
+                    if let Some((distance, splat)) = walk.hit(lane) {
+                        hits.distance[ray] = distance;
+                        hits.splat[ray] = splat;
+                    }
+                    let sums = |first: usize| [0, 1, 2].map(|k| walk.sums[first + k][lane]);
+                    if asked.color {
+                        hits.color[ray] = sums(0);
+                    }
+                    if asked.normal {
+                        hits.normal[ray] = sums(if asked.color { 3 } else { 0 });
+                    }
+                }
+            }
+        }
+        hits
+    }
+
+    /// The records that touch each packet of a group: keys by distance from its middle.
+    fn lists(&self, group: &Group, path: SimdPath) -> Vec<Vec<u64>> {
+        let blocks: Vec<Vec<(u32, u64)>> = self
+            .records
+            .par_chunks(BLOCK)
+            .enumerate()
+            .map(|(block, records)| {
+                let mut found = Vec::new();
+                // Eight children are one vector of the narrow path.
+                let clusters = &self.clusters[block * BLOCK / CLUSTER..];
+                dispatch!(path.narrow(), simd => cull(simd, (records, clusters), block * BLOCK, group, &mut found));
+                found
+            })
+            .collect();
+        let mut sizes = vec![0; group.packets.len()];
+        for (packet, _) in blocks.iter().flatten() {
+            sizes[*packet as usize] += 1;
+        }
+        let mut lists: Vec<Vec<u64>> = sizes.into_iter().map(Vec::with_capacity).collect();
+        for (packet, key) in blocks.into_iter().flatten() {
+            lists[packet as usize].push(key);
+        }
+        lists
+    }
+
+    /// Colours and normals of the records that any packet has.
+    fn features(&self, group: &Group, lists: &[Vec<u64>], asked: RayOutputs) -> Features {
+        let mut features = Features { of: Vec::new(), count: 0 };
+        if asked == RayOutputs::default() {
+            return features;
+        }
+        features.count = 3 * (usize::from(asked.color) + usize::from(asked.normal));
+        let mut is_listed = vec![false; self.records.len()];
+        for key in lists.iter().flatten() {
+            is_listed[(*key & u64::from(u32::MAX)) as usize] = true;
+        }
+        let center = Vec3::from_array(group.center);
+        features.of = self
+            .records
+            .par_iter()
+            .zip(is_listed)
+            .map(|(record, is_listed)| {
+                let mut own = [0.0; 6];
+                if !is_listed {
+                    return own;
+                }
+                let index = record.index as usize;
+                let way = (Vec3::from_array(record.mean) - center).as_dvec3().normalize_or_zero();
+                if asked.color {
+                    let color = sh::color(self.splats.sh_of(index), way.to_array());
+                    own[..3].copy_from_slice(&color.map(|v| v as f32));
+                }
+                if asked.normal {
+                    let normal = glam::DVec3::from_array(self.splats.normal(index));
+                    let towards = if normal.dot(way) > 0.0 { -normal } else { normal };
+                    own[features.count - 3..features.count].copy_from_slice(&towards.as_vec3().to_array());
+                }
+                own
+            })
+            .collect();
+        features
+    }
+}
+
+/// Features of records, as many as are asked for.
+struct Features {
+    of: Vec<[f32; 6]>,
+    count: usize,
+}
+
+/// Finds the packets of a group that each record touches. Both slices are cut from the same place.
+#[inline(always)]
+fn cull<S: Lanes>(
+    simd: S,
+    (records, clusters): (&[RayRecord], &[Sphere]),
+    first: usize,
+    group: &Group,
+    found: &mut Vec<(u32, u64)>,
+) {
+    let center = Vec3::from_array(group.center);
+    let (mut shared, mut own) = (Vec::new(), Vec::new());
+    for (at, record) in records.iter().enumerate() {
+        if at % CLUSTER == 0 {
+            let cluster = &clusters[at / CLUSTER];
+            leaves(simd, group, cluster.center - center, cluster.radius + group.radius, &mut shared);
+        }
+        if shared.is_empty() {
+            continue;
+        }
+        let way = Vec3::from_array(record.mean) - center;
+        let reach = record.reach + group.radius;
+        let distance = way.length();
+        let key = (u64::from(distance.to_bits()) << 32) | (first + at) as u64;
+        if distance <= reach {
+            // The middle lies in the splat: it may be met in any direction.
+            found.extend((0..group.packets.len() as u32).map(|packet| (packet, key)));
+            continue;
+        }
+        if shared.len() > MANY {
+            leaves(simd, group, way, reach, &mut own);
+        }
+        let nodes = if shared.len() > MANY { &own } else { &shared };
+        let tangent = ((distance + reach) * (distance - reach)).sqrt();
+        for node in nodes {
+            let cones = &group.levels[0][*node as usize];
+            let mut touched = touches(simd, cones, way, (tangent, reach), SLACK * distance);
+            while touched != 0 {
+                let packet = *node * CHILDREN as u32 + touched.trailing_zeros();
+                touched &= touched - 1;
+                found.push((packet, key));
+            }
+        }
+    }
+}
+
+/// Lists the lowest nodes of a group's tree that a sphere may touch.
+#[inline(always)]
+fn leaves<S: Lanes>(simd: S, group: &Group, way: Vec3, reach: f32, nodes: &mut Vec<u32>) {
+    nodes.clear();
+    let distance = way.length();
+    if distance <= reach {
+        nodes.extend(0..group.levels[0].len() as u32);
+        return;
+    }
+    let tangent = ((distance + reach) * (distance - reach)).sqrt();
+    let top = group.levels.len() - 1;
+    let mut stack = [(0usize, 0u32); DEEPEST * CHILDREN];
+    stack[0] = (top, 0);
+    let mut depth = 1;
+    while depth > 0 {
+        depth -= 1;
+        let (level, node) = stack[depth];
+        if level == 0 {
+            nodes.push(node);
+            continue;
+        }
+        let cones = &group.levels[level][node as usize];
+        let mut touched = touches(simd, cones, way, (tangent, reach), SLACK * distance);
+        while touched != 0 {
+            stack[depth] = (level - 1, node * CHILDREN as u32 + touched.trailing_zeros());
+            touched &= touched - 1;
+            depth += 1;
+        }
+    }
+}
+
+/// The children whose cones a sphere touches: `way` leads to its middle, `along` to where a tangent meets it.
+#[inline(always)]
+fn touches<S: Lanes>(simd: S, cones: &Cones, way: Vec3, (along, reach): (f32, f32), slack: f32) -> u32 {
+    let [x, y, z] = &cones.axis;
+    let dot = f32x8::from_slice(simd, x) * way.x
+        + f32x8::from_slice(simd, y) * way.y
+        + f32x8::from_slice(simd, z) * way.z
+        + slack;
+    let least = f32x8::from_slice(simd, &cones.cos) * along - f32x8::from_slice(simd, &cones.sin) * reach;
+    dot.simd_ge(least).to_bitmask() as u32
+}
+
+/// The rays of one packet on their way.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+struct Walk {
+    direction: [[f32; PACKET]; 3],
+    /// Of each origin from the middle of the group.
+    offset: [[f32; PACKET]; 3],
+    /// 0 where blending has stopped.
+    transmittance: [f32; PACKET],
+    coverage: [f32; PACKET],
+    sums: [[f32; PACKET]; 6],
+    /// The splats at which a ray may be hit, in order: those that bring its transmittance below [`SOONEST`] until it is at
+    /// [`LEAST_HIT`] or below.
+    hits: [[Hit; HITS]; PACKET],
+    /// Their number; above [`HITS`] some are missing.
+    hit_count: [u32; PACKET],
+    center: [f32; 3],
+    /// The greatest distance of an origin from the center.
+    radius: f32,
+}
+
+/// A splat on a ray.
+#[derive(Clone, Copy, Debug, Default)]
+struct Hit {
+    /// Transmittance behind it.
+    after: f32,
+    distance: f32,
+    splat: u32,
+}
+
+impl Walk {
+    fn new(rays: &Rays, own: &[u32], group: &Group) -> Self {
+        let zero = [0.0; PACKET];
+        let mut walk = Self {
+            direction: [zero; 3],
+            offset: [zero; 3],
+            transmittance: zero,
+            coverage: zero,
+            sums: [zero; 6],
+            hits: [[Hit::default(); HITS]; PACKET],
+            hit_count: [0; PACKET],
+            center: group.center,
+            radius: group.radius,
+        };
+        for (lane, ray) in own.iter().enumerate() {
+            let ray = *ray as usize;
+            walk.transmittance[lane] = 1.0;
+            for k in 0..3 {
+                walk.direction[k][lane] = rays.directions[ray][k];
+                walk.offset[k][lane] = rays.origins[ray][k] - group.center[k];
+            }
+        }
+        // What pads the last packet goes the way of its last ray, without any light.
+        for k in 0..3 {
+            let last = walk.direction[k][own.len() - 1];
+            walk.direction[k][own.len()..].fill(last);
+        }
+        walk
+    }
+
+    /// The hit of a ray: its distance and splat.
+    fn hit(&self, lane: usize) -> Option<(f32, u32)> {
+        let coverage = self.coverage[lane];
+        if coverage < LEAST_HIT {
+            return None;
+        }
+        let half = if coverage < WHOLE { 0.5 * coverage } else { LEAST_HIT };
+        let kept = &self.hits[lane][..(self.hit_count[lane] as usize).min(HITS)];
+        // More than are kept are faint ones close to each other: the last that is kept stands for them.
+        let hit = kept.iter().find(|hit| hit.after <= 1.0 - half).or(kept.last());
+        hit.map(|hit| (hit.distance, hit.splat))
+    }
+}
+
+/// The vectors at lanes from `first` on.
+#[inline(always)]
+fn at_lanes<S: Lanes>(simd: S, of: &[[f32; PACKET]; 3], first: usize) -> [S::F; 3] {
+    [simd.load(&of[0][first..]), simd.load(&of[1][first..]), simd.load(&of[2][first..])]
+}
+
+/// The product of a row of a matrix and vectors.
+#[inline(always)]
+fn dot<S: Lanes>(simd: S, vectors: &[S::F; 3], row: &[f32; 3]) -> S::F {
+    vectors[0].mul_add(simd.set(row[0]), vectors[1].mul_add(simd.set(row[1]), vectors[2] * row[2]))
+}
+
+/// The vectors of a packet that each of some splats may touch: a bit a vector.
+#[inline(always)]
+fn vectors_touched<S: Lanes>(
+    simd: S,
+    records: &[RayRecord],
+    keys: &[u64],
+    walk: &Walk,
+    cones: &[[f32; 5]],
+    touched: &mut [u8; 16],
+) {
+    let mut way = [[0.0f32; 16]; 3];
+    let mut reach = [0.0f32; 16];
+    for (at, key) in keys.iter().enumerate() {
+        let record = &records[(*key & u64::from(u32::MAX)) as usize];
+        for k in 0..3 {
+            way[k][at] = record.mean[k] - walk.center[k];
+        }
+        reach[at] = record.reach + walk.radius;
+    }
+    *touched = [0; 16];
+    for first in (0..keys.len()).step_by(S::N) {
+        let x = simd.load(&way[0][first..]);
+        let y = simd.load(&way[1][first..]);
+        let z = simd.load(&way[2][first..]);
+        let reach = simd.load(&reach[first..]);
+        let squared = x.mul_add(x, y.mul_add(y, z * z));
+        let left = squared - reach * reach;
+        let is_inside = left.simd_le(simd.set(0.0));
+        let along = left.max(simd.set(0.0)).sqrt();
+        let slack = squared.sqrt() * SLACK;
+        for (vector, [axis_x, axis_y, axis_z, cos, sin]) in cones.iter().enumerate() {
+            let dot = x.mul_add(
+                simd.set(*axis_x),
+                y.mul_add(simd.set(*axis_y), z.mul_add(simd.set(*axis_z), slack)),
+            );
+            let is_touched = dot.simd_ge(along * *cos - reach * *sin) | is_inside;
+            let bits = is_touched.to_bitmask() as u32;
+            for lane in 0..S::N {
+                touched[first + lane] |= ((bits >> lane & 1) as u8) << vector;
+            }
+        }
+    }
+}
+
+/// Blends the records of `keys` over the rays of a packet.
+#[inline(always)]
+fn blend<S: Lanes>(simd: S, walk: &mut Walk, records: &[RayRecord], keys: &[u64], features: &Features) {
+    let zero = simd.set(0.0);
+    let vectors = PACKET / S::N;
+    let mut live: u8 = 0;
+    let mut cones = [[0.0; 5]; PACKET / 8];
+    for vector in 0..vectors {
+        let transmittance = simd.load(&walk.transmittance[vector * S::N..]);
+        live |= u8::from(transmittance.simd_gt(zero).any_true()) << vector;
+        cones[vector] = cone_of(&walk.direction, vector * S::N, S::N);
+    }
+    let mut touched = [0u8; 16];
+    for (at, key) in keys.iter().enumerate() {
+        if live == 0 {
+            break;
+        }
+        if at % 16 == 0 {
+            let some = &keys[at..keys.len().min(at + 16)];
+            vectors_touched(simd, records, some, walk, &cones[..vectors], &mut touched);
+        }
+        let mut todo = live & touched[at % 16];
+        if todo == 0 {
+            continue;
+        }
+        let at = (key & u64::from(u32::MAX)) as usize;
+        let record = &records[at];
+        let rows = &record.rows;
+        let mut away = [0.0; 3];
+        for k in 0..3 {
+            away[k] = walk.center[k] - record.mean[k];
+        }
+        let mut middle = [0.0; 3];
+        for k in 0..3 {
+            middle[k] = rows[k][0] * away[0] + rows[k][1] * away[1] + rows[k][2] * away[2];
+        }
+        let most = record.log2_opacity - LOG2_MIN_ALPHA;
+        while todo != 0 {
+            let vector = todo.trailing_zeros() as usize;
+            todo &= todo - 1;
+            let first = vector * S::N;
+            let lanes = first..first + S::N;
+            let direction = at_lanes(simd, &walk.direction, first);
+            let (mut a, mut b) = ([zero; 3], [zero; 3]);
+            for k in 0..3 {
+                a[k] = simd.set(middle[k]);
+                b[k] = dot(simd, &direction, &rows[k]);
+            }
+            if walk.radius > 0.0 {
+                let offset = at_lanes(simd, &walk.offset, first);
+                for k in 0..3 {
+                    a[k] += dot(simd, &offset, &rows[k]);
+                }
+            }
+            let x = a[1] * b[2] - a[2] * b[1];
+            let y = a[2] * b[0] - a[0] * b[2];
+            let z = a[0] * b[1] - a[1] * b[0];
+            let across = x.mul_add(x, y.mul_add(y, z * z));
+            let square = b[0].mul_add(b[0], b[1].mul_add(b[1], b[2] * b[2]));
+            let along = a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]));
+            let before = simd.load(&walk.transmittance[lanes.clone()]);
+            let is_met = across.simd_le(square * most) & along.simd_lt(zero) & before.simd_gt(zero);
+            if !is_met.any_true() {
+                continue;
+            }
+            let power = (simd.set(record.log2_opacity) - across / square).max(simd.set(LOG2_MIN_ALPHA - 1.0));
+            let [alpha] = exp2(simd, [power.min(zero)]);
+            let alpha = is_met.select(alpha.min(simd.set(MAX_ALPHA)), zero);
+            let after = before * (simd.set(1.0) - alpha);
+            let ends = after.simd_le(simd.set(MIN_TRANSMITTANCE)) & is_met;
+            let weight = ends.select(zero, alpha * before);
+            let after = ends.select(zero, after);
+            let may_hit = before.simd_gt(simd.set(LEAST_HIT)) & after.simd_le(simd.set(SOONEST)) & is_met;
+            if may_hit.any_true() {
+                let mut far = [0.0; 16];
+                let mut behind = [0.0; 16];
+                (zero - along / square).store_slice(&mut far[..S::N]);
+                after.store_slice(&mut behind[..S::N]);
+                let mut which = may_hit.to_bitmask() as u32;
+                while which != 0 {
+                    let lane = which.trailing_zeros() as usize;
+                    which &= which - 1;
+                    let count = walk.hit_count[first + lane];
+                    walk.hit_count[first + lane] = count + 1;
+                    let hit = Hit { after: behind[lane], distance: far[lane], splat: record.index };
+                    walk.hits[first + lane][(count as usize).min(HITS - 1)] = hit;
+                }
+            }
+            let sum = simd.load(&walk.coverage[lanes.clone()]) + weight;
+            sum.store_slice(&mut walk.coverage[lanes.clone()]);
+            for k in 0..features.count {
+                let sum = simd.load(&walk.sums[k][lanes.clone()]);
+                weight
+                    .mul_add(simd.set(features.of[at][k]), sum)
+                    .store_slice(&mut walk.sums[k][lanes.clone()]);
+            }
+            after.store_slice(&mut walk.transmittance[lanes]);
+            if !after.simd_gt(zero).any_true() {
+                live &= !(1 << vector);
+            }
+        }
+    }
+}
+
+/// The cone about the directions of a vector: its axis, and the cosine and sine of half its angle.
+fn cone_of(directions: &[[f32; PACKET]; 3], first: usize, lanes: usize) -> [f32; 5] {
+    let direction =
+        |lane: usize| Vec3::new(directions[0][lane], directions[1][lane], directions[2][lane]).as_dvec3();
+    let sum: glam::DVec3 = (first..first + lanes).map(direction).sum();
+    let axis = sum.normalize_or(glam::DVec3::Z);
+    let least = (first..first + lanes).map(|lane| axis.dot(direction(lane))).fold(1.0, f64::min);
+    let half = least.clamp(-1.0, 1.0).acos() + 1e-5;
+    let is_narrow = half < std::f64::consts::FRAC_PI_2;
+    let (sin, cos) = if is_narrow { half.sin_cos() } else { (1.0, -1e9) };
+    let [x, y, z] = axis.as_vec3().to_array();
+    [x, y, z, cos as f32, sin as f32]
+}

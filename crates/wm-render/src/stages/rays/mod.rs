@@ -1,0 +1,83 @@
+//! Splats along any rays, each with its own origin: lidar, fisheye and rolling shutters.
+//!
+//! Contract, for a ray `o + t d` with `|d| = 1` and the splats `i` by the distance of their means from the middle of the origins
+//! of the ray's group (see [`packets::Packets`]), equal ones in an order that depends on the splats alone:
+//!
+//! - `M = S^-1 R^T` with the rotation `R` and the standard deviations `S`, none below 1e-4 of the largest;
+//!   `a = M (o - mean)`, `b = M d`. The splat is densest at `t = -(a.b) / (b.b)`, where `q = |a x b|^2 / |b|^2`: unlike
+//!   `|a|^2 - (a.b)^2 / (b.b)` that is exact in single precision far from the splat. Those with `t <= 0` are skipped.
+//! - `alpha = min(0.99, opacity exp(-q / 2))`, skipped below 1/255; transmittance, weights and their end are those of
+//!   [`super::rasterize`]. No splat is widened: what is thinner than the distance between rays may lie between them.
+//! - Coverage is the sum of weights; colour and normal are `sum w f`. Colours are those of [`super::shade`] seen from the
+//!   middle of the group's origins, normals turn towards it.
+//! - The hit is the first splat with which the sum of weights reaches half of the coverage, and lies at its `t`; a coverage above
+//!   0.99 counts as 1. Below a coverage of 0.5 there is none. The expected distance would draw points behind edges. Where more than 16
+//!   splats bring the sum of weights from a quarter to a half, the last of them may stand for one before it.
+//!
+//! Tolerance against f64: `q` errs by about `1e-6 (1 + d / s)` with the distance `d` and the standard deviation `s` across the ray, so
+//! sums agree to 1e-4 within 1e4 standard deviations; cuts are steps, as in [`super::rasterize`].
+
+pub mod cpu;
+pub mod packets;
+#[cfg(test)]
+mod tests;
+
+/// Rays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rays {
+    /// The place where each begins, world axes, scene units.
+    pub origins: Vec<[f32; 3]>,
+    /// The direction of each, world axes, length 1.
+    pub directions: Vec<[f32; 3]>,
+}
+
+impl Rays {
+    /// Rays from one place.
+    #[must_use]
+    pub fn from_one(origin: [f32; 3], directions: Vec<[f32; 3]>) -> Self {
+        Self { origins: vec![origin; directions.len()], directions }
+    }
+
+    /// The number of rays.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.directions.len()
+    }
+
+    /// Returns true if there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.directions.is_empty()
+    }
+}
+
+/// What is asked of rays beside coverage and distance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RayOutputs {
+    /// Colours.
+    pub color: bool,
+    /// Normals.
+    pub normal: bool,
+}
+
+/// What rays meet, one entry a ray.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RayHits {
+    /// Coverage, 0-1.
+    pub coverage: Vec<f32>,
+    /// Distance of the hit, scene units; infinite without one.
+    pub distance: Vec<f32>,
+    /// The splat that is hit; `u32::MAX` without one.
+    pub splat: Vec<u32>,
+    /// Display-referred colour times coverage; empty unless asked.
+    pub color: Vec<[f32; 3]>,
+    /// Normal times coverage, world axes, towards the origin; empty unless asked.
+    pub normal: Vec<[f32; 3]>,
+}
+
+/// Least standard deviation of a splat, of its largest.
+pub const THINNEST: f64 = 1e-4;
+/// Coverage above which a ray counts as stopped.
+pub const WHOLE: f32 = 0.99;
+/// Least coverage of a hit.
+pub const LEAST_HIT: f32 = 0.5;

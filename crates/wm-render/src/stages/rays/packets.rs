@@ -1,0 +1,182 @@
+//! Packets of rays that go about the same way, and a tree of cones about them.
+
+use super::Rays;
+use glam::{DVec3, Vec3};
+
+/// Rays of a packet.
+pub const PACKET: usize = 64;
+/// Children of a node of the tree.
+pub const CHILDREN: usize = 8;
+/// Parts of the extent of all origins that rays of one group lie within.
+const PARTS: f32 = 16.0;
+/// Bits of a coordinate of a direction's place along the curve.
+const BITS: u32 = 12;
+/// Angle that is added to cones for rounding, radians.
+const SLACK: f64 = 1e-5;
+
+/// Rays from about one place, in packets: consecutive rays of a group go about the same way.
+#[derive(Clone, Debug)]
+pub struct Group {
+    /// The middle of the origins.
+    pub center: [f32; 3],
+    /// The greatest distance of an origin from it.
+    pub radius: f32,
+    /// The packets: each is a range of [`Packets::order`].
+    pub packets: std::ops::Range<usize>,
+    /// The levels of the tree, the packets' own cones first, the root last.
+    pub levels: Vec<Vec<Cones>>,
+}
+
+/// Cones of up to eight children of a node.
+#[derive(Clone, Debug)]
+#[repr(C, align(32))]
+pub struct Cones {
+    /// Axes.
+    pub axis: [[f32; CHILDREN]; 3],
+    /// Cosine and sine of the half angles; a cosine far below 0 for cones of a half space and more, above 1 where there is no child.
+    pub cos: [f32; CHILDREN],
+    /// See `cos`.
+    pub sin: [f32; CHILDREN],
+}
+
+/// Rays in the order of their packets.
+#[derive(Clone, Debug, Default)]
+pub struct Packets {
+    /// The rays, packet by packet.
+    pub order: Vec<u32>,
+    /// First ray of each packet in `order`, and the end.
+    pub starts: Vec<u32>,
+    /// The groups, which cut the packets.
+    pub groups: Vec<Group>,
+}
+
+impl Packets {
+    /// Groups rays by their origins, and then by their directions. A function of the rays alone.
+    #[must_use]
+    pub fn new(rays: &Rays) -> Self {
+        let mut packets = Self { starts: vec![0], ..Self::default() };
+        if rays.is_empty() {
+            return packets;
+        }
+        let (low, high) = bounds(&rays.origins, 0..rays.len() as u32);
+        let most = (high - low).max_element() / PARTS;
+        let mut parts = vec![(0..rays.len() as u32).collect::<Vec<u32>>()];
+        while let Some(part) = parts.pop() {
+            let (low, high) = bounds(&rays.origins, part.iter().copied());
+            let extent = high - low;
+            if extent.max_element() > most.max(f32::MIN_POSITIVE) {
+                let axis =
+                    (0..3).max_by(|a, b| extent[*a].total_cmp(&extent[*b]).then(b.cmp(a))).unwrap_or(0);
+                let middle = 0.5 * (low[axis] + high[axis]);
+                let (near, far): (Vec<u32>, Vec<u32>) =
+                    part.iter().partition(|ray| rays.origins[**ray as usize][axis] <= middle);
+                // Neighbours in single precision have no middle between them.
+                if !near.is_empty() && !far.is_empty() {
+                    parts.extend([far, near]);
+                    continue;
+                }
+            }
+            packets.add(rays, part, (low, high));
+        }
+        packets
+    }
+
+    fn add(&mut self, rays: &Rays, mut part: Vec<u32>, (low, high): (Vec3, Vec3)) {
+        let center = 0.5 * (low + high);
+        let radius = 0.5 * (high - low).length();
+        let direction = |ray: u32| Vec3::from_array(rays.directions[ray as usize]);
+        part.sort_by_cached_key(|ray| (along_curve(direction(*ray)), *ray));
+        let first = self.starts.len() - 1;
+        let mut cones = Vec::new();
+        for packet in part.chunks(PACKET) {
+            let all = packet.iter().map(|ray| (direction(*ray).as_dvec3(), 0.0));
+            cones.push(Cone::around(all));
+            self.order.extend(packet);
+            self.starts.push(self.order.len() as u32);
+        }
+        let packets = first..self.starts.len() - 1;
+        let mut levels = Vec::new();
+        loop {
+            levels.push(cones.chunks(CHILDREN).map(Cones::of).collect::<Vec<_>>());
+            if cones.len() <= CHILDREN {
+                break;
+            }
+            let parent = |children: &[Cone]| Cone::around(children.iter().map(|cone| (cone.axis, cone.half)));
+            cones = cones.chunks(CHILDREN).map(parent).collect();
+        }
+        self.groups.push(Group { center: center.to_array(), radius, packets, levels });
+    }
+
+    /// The rays of a packet.
+    #[must_use]
+    pub fn rays(&self, packet: usize) -> &[u32] {
+        &self.order[self.starts[packet] as usize..self.starts[packet + 1] as usize]
+    }
+}
+
+/// A cone of directions.
+#[derive(Clone, Copy, Debug)]
+struct Cone {
+    axis: DVec3,
+    /// Half its angle, radians.
+    half: f64,
+}
+
+impl Cone {
+    /// A cone about others, each an axis and half an angle.
+    fn around(others: impl Iterator<Item = (DVec3, f64)> + Clone) -> Self {
+        let sum: DVec3 = others.clone().map(|(axis, _)| axis).sum();
+        let axis = sum.normalize_or(DVec3::Z);
+        let reach = |(other, half): (DVec3, f64)| axis.dot(other).clamp(-1.0, 1.0).acos() + half;
+        Self { axis, half: others.map(reach).fold(0.0, f64::max) + SLACK }
+    }
+}
+
+impl Cones {
+    fn of(cones: &[Cone]) -> Self {
+        let mut packed =
+            Self { axis: [[0.0; CHILDREN]; 3], cos: [f32::INFINITY; CHILDREN], sin: [0.0; CHILDREN] };
+        for (child, cone) in cones.iter().enumerate() {
+            for k in 0..3 {
+                packed.axis[k][child] = cone.axis[k] as f32;
+            }
+            let is_narrow = cone.half < std::f64::consts::FRAC_PI_2;
+            let (sin, cos) = if is_narrow { cone.half.sin_cos() } else { (1.0, -1e9) };
+            (packed.cos[child], packed.sin[child]) = (cos as f32, sin as f32);
+        }
+        packed
+    }
+}
+
+fn bounds(points: &[[f32; 3]], chosen: impl Iterator<Item = u32>) -> (Vec3, Vec3) {
+    let start = (Vec3::splat(f32::INFINITY), Vec3::splat(f32::NEG_INFINITY));
+    chosen.fold(start, |(low, high), index| {
+        let point = Vec3::from_array(points[index as usize]);
+        (low.min(point), high.max(point))
+    })
+}
+
+/// The place of a direction on a Hilbert curve over the octahedron's map.
+fn along_curve(direction: Vec3) -> u32 {
+    let sum = direction.abs().element_sum().max(f32::MIN_POSITIVE);
+    let [x, y] = [direction.x / sum, direction.y / sum];
+    let fold = |own: f32, other: f32| (1.0 - other.abs()).copysign(own);
+    let [x, y] = if direction.z < 0.0 { [fold(x, y), fold(y, x)] } else { [x, y] };
+    let last = ((1u32 << BITS) - 1) as f32;
+    let cell = |v: f32| ((0.5 * v + 0.5) * last).clamp(0.0, last) as u32;
+    let (mut x, mut y, mut place) = (cell(x), cell(y), 0);
+    let mut side = 1u32 << (BITS - 1);
+    while side > 0 {
+        let (right, up) = (u32::from(x & side > 0), u32::from(y & side > 0));
+        place += side * side * ((3 * right) ^ up);
+        if up == 0 {
+            if right == 1 {
+                let most = (1u32 << BITS) - 1;
+                (x, y) = (most - x, most - y);
+            }
+            std::mem::swap(&mut x, &mut y);
+        }
+        side >>= 1;
+    }
+    place
+}
