@@ -42,7 +42,7 @@ impl From<Camera> for MovingCamera {
 pub struct FrameRequest<'a> {
     /// The splat sets, drawn together.
     pub sets: &'a [SetView<'a>],
-    /// The same with fewer splats, for what drops on the lens show and films mirror; `None` for [`Self::sets`].
+    /// The same with fewer splats, for what drops on the lens show and films and waves mirror; `None` for [`Self::sets`].
     pub thinned: Option<&'a [SetView<'a>]>,
     /// The weather at the instant.
     pub weather: &'a PreparedWeather,
@@ -132,8 +132,9 @@ impl FrameRequest<'_> {
         self.weather.with_hooks(&mirrored_observer, |hooks| {
             // The lamps and their glow are mirrored too.
             let hooks = Hooks { particles: &[], ..hooks };
-            // What a film mirrors is blurred, so a few splats will do.
-            let sets = self.thinned.filter(|_| water.surface.is_film).unwrap_or(self.sets);
+            // What a film mirrors is blurred, and what waves mirror is in pieces, so a few splats will do.
+            let is_unclear = water.surface.is_film || water.motion.is_rough();
+            let sets = self.thinned.filter(|_| is_unclear).unwrap_or(self.sets);
             let mirrored = DrawPass {
                 cut: Some(water.mirror.cut),
                 ..DrawPass::new(sets, &water.mirror.camera, &mirror_config).with_hooks(hooks)

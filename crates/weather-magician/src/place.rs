@@ -130,7 +130,7 @@ pub struct PreparedPlace {
     cache: AssetCache,
     store: AssetStore,
     lying: Option<Lying>,
-    /// The scene with few splats, if a weather with drops on the lens or wet ground was drawn.
+    /// The scene with few splats, if a weather with drops on the lens, wet ground or a flood was drawn.
     thinned: Option<ThinnedSet>,
     light: PlaceLight,
     water: PlaceWater,
@@ -720,7 +720,7 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
     ) -> Result<()> {
         self.check_light(weather)?;
-        if weather.effects().any(|(effect, _)| ["lens", "wetness"].contains(&effect.name)) {
+        if weather.effects().any(|(effect, _)| ["lens", "wetness", "flood"].contains(&effect.name)) {
             self.make_thinned(backend)?;
         }
         let needs = AssetNeeds::of(weather, &self.site);
@@ -770,7 +770,7 @@ impl PreparedPlace {
         Ok(self.water.state())
     }
 
-    /// Thins the scene for what drops on the lens show and films mirror, if that is not done and the splats are there.
+    /// Thins the scene for what drops on the lens show and films and waves mirror, if that is not done and the splats are there.
     fn make_thinned(&mut self, backend: &mut AnyRenderer) -> Result<()> {
         if self.thinned.is_none() && !self.is_released {
             let (splats, chosen) =
@@ -807,7 +807,7 @@ impl PreparedPlace {
         }
         self.check_water(weather, &prepared, &options.camera.camera)?;
         self.clear_foreign_cover(backend, &prepared);
-        if prepared.glass().is_some() || prepared.wetness().is_some() {
+        if prepared.glass().is_some() || prepared.wetness().is_some() || prepared.flood().is_some() {
             self.make_thinned(backend)?;
         }
         let shelter = prepared.fall().and_then(|fall| match options.patience {

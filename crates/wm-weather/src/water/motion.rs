@@ -10,6 +10,8 @@ use wm_render::simd::Lanes;
 
 /// Slopes that still water has, variance along one axis: it is never perfectly still.
 const STILL: f32 = 1.6e-5;
+/// Slopes of rough water, variance along one axis: what it mirrors is moved by 7 degrees.
+const ROUGH: f64 = 0.004;
 
 /// The slopes of water at one instant: a pure function of place and time.
 #[derive(Clone, Debug, Default)]
@@ -19,6 +21,8 @@ pub struct WaterMotion {
     beyond: f32,
     /// The water whose streams run, and the time, s.
     running: Option<(Arc<WaterGrid>, f64)>,
+    /// The strongest wind of the shot makes slopes of [`ROUGH`] or more.
+    is_rough: bool,
 }
 
 /// Wind and rain that move the water.
@@ -44,7 +48,10 @@ impl WaterMotion {
     /// The motion of water under these forces.
     #[must_use]
     pub fn new(forces: &WaterForces) -> Self {
-        let mut motion = Self { tiles: Vec::new(), beyond: STILL, running: None };
+        let strongest = forces.wind[0].hypot(forces.wind[1]).max(forces.strongest);
+        let roughest = WindWaves::new([strongest, 0.0], forces.fetch, strongest);
+        let is_rough = roughest.is_some_and(|waves| waves.slope_variance() >= ROUGH);
+        let mut motion = Self { tiles: Vec::new(), beyond: STILL, running: None, is_rough };
         if let Some(waves) = WindWaves::new(forces.wind, forces.fetch, forces.strongest) {
             motion.tiles.push(waves.slopes(forces.time, forces.seed ^ 0x5741_5645));
             motion.beyond += waves.beyond_tile();
@@ -54,6 +61,13 @@ impl WaterMotion {
             motion.tiles.push(ripples::slopes(forces.rain, rms, forces.time, forces.seed ^ ripples::FIELD));
         }
         motion
+    }
+
+    /// Returns true if the water is so rough at some time of the shot that what it mirrors is seen in pieces. The same for a whole
+    /// shot, so that nothing changes at once when the wind rises.
+    #[must_use]
+    pub fn is_rough(&self) -> bool {
+        self.is_rough
     }
 
     /// The same with the streams of a water at a time, s.

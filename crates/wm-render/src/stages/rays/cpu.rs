@@ -1,6 +1,6 @@
 //! Rays by packets: each splat finds the packets whose cones it touches, each packet walks its splats with all its rays side by side.
 
-use super::packets::{CHILDREN, Cones, Group, PACKET, Packets};
+use super::packets::{CHILDREN, Cones, PACKET, Packets, RayGroup};
 use super::{LEAST_HIT, RayHits, RayOutputs, Rays, THINNEST, WHOLE};
 use crate::cpu::model::morton_order;
 use crate::dispatch;
@@ -119,7 +119,7 @@ impl<'a> RaySplats<'a> {
         for group in &packets.groups {
             let mut lists = self.lists(group, path);
             let features = self.features(group, &lists, asked);
-            let walked: Vec<Walk> = lists
+            let met: Vec<PacketHits> = lists
                 .par_iter_mut()
                 .enumerate()
                 .map_init(Vec::new, |scratch, (at, keys)| {
@@ -127,23 +127,19 @@ impl<'a> RaySplats<'a> {
                     let own = packets.rays(group.packets.start + at);
                     let mut walk = Walk::new(rays, own, group);
                     dispatch!(path, simd => blend(simd, &mut walk, &self.records, keys, &features));
-                    walk
+                    walk.met(own.len(), features.count)
                 })
                 .collect();
-            for (at, walk) in walked.iter().enumerate() {
-                for (lane, ray) in packets.rays(group.packets.start + at).iter().enumerate() {
-                    let ray = *ray as usize;
-                    hits.coverage[ray] = walk.coverage[lane];
-                    if let Some((distance, splat)) = walk.hit(lane) {
-                        hits.distance[ray] = distance;
-                        hits.splat[ray] = splat;
-                    }
-                    let sums = |first: usize| [0, 1, 2].map(|k| walk.sums[first + k][lane]);
-                    if asked.color {
-                        hits.color[ray] = sums(0);
-                    }
-                    if asked.normal {
-                        hits.normal[ray] = sums(if asked.color { 3 } else { 0 });
+            for (at, met) in met.into_iter().enumerate() {
+                let own = packets.rays(group.packets.start + at);
+                for (lane, ray) in own.iter().map(|ray| *ray as usize).enumerate() {
+                    let (coverage, distance, splat) = met.hits[lane];
+                    (hits.coverage[ray], hits.distance[ray], hits.splat[ray]) = (coverage, distance, splat);
+                    let mut sums = met.sums[lane * features.count..].chunks_exact(3);
+                    for (of, is_asked) in [(&mut hits.color, asked.color), (&mut hits.normal, asked.normal)] {
+                        if let Some(sum) = is_asked.then(|| sums.next()).flatten() {
+                            of[ray].copy_from_slice(sum);
+                        }
                     }
                 }
             }
@@ -152,7 +148,7 @@ impl<'a> RaySplats<'a> {
     }
 
     /// The records that touch each packet of a group: keys by distance from its middle.
-    fn lists(&self, group: &Group, path: SimdPath) -> Vec<Vec<u64>> {
+    fn lists(&self, group: &RayGroup, path: SimdPath) -> Vec<Vec<u64>> {
         let blocks: Vec<Vec<(u32, u64)>> = self
             .records
             .par_chunks(BLOCK)
@@ -177,7 +173,7 @@ impl<'a> RaySplats<'a> {
     }
 
     /// Colours and normals of the records that any packet has.
-    fn features(&self, group: &Group, lists: &[Vec<u64>], asked: RayOutputs) -> Features {
+    fn features(&self, group: &RayGroup, lists: &[Vec<u64>], asked: RayOutputs) -> Features {
         let mut features = Features { of: Vec::new(), count: 0 };
         if asked == RayOutputs::default() {
             return features;
@@ -227,7 +223,7 @@ fn cull<S: Lanes>(
     simd: S,
     (records, clusters): (&[RayRecord], &[Sphere]),
     first: usize,
-    group: &Group,
+    group: &RayGroup,
     found: &mut Vec<(u32, u64)>,
 ) {
     let center = Vec3::from_array(group.center);
@@ -268,7 +264,7 @@ fn cull<S: Lanes>(
 
 /// Lists the lowest nodes of a group's tree that a sphere may touch.
 #[inline(always)]
-fn leaves<S: Lanes>(simd: S, group: &Group, way: Vec3, reach: f32, nodes: &mut Vec<u32>) {
+fn leaves<S: Lanes>(simd: S, group: &RayGroup, way: Vec3, reach: f32, nodes: &mut Vec<u32>) {
     nodes.clear();
     let distance = way.length();
     if distance <= reach {
@@ -330,6 +326,14 @@ struct Walk {
     radius: f32,
 }
 
+/// What the rays of one packet met.
+struct PacketHits {
+    /// Coverage, distance and splat of each ray.
+    hits: Vec<(f32, f32, u32)>,
+    /// The sums of each ray, one ray after the other.
+    sums: Vec<f32>,
+}
+
 /// A splat on a ray.
 #[derive(Clone, Copy, Debug, Default)]
 struct Hit {
@@ -340,7 +344,7 @@ struct Hit {
 }
 
 impl Walk {
-    fn new(rays: &Rays, own: &[u32], group: &Group) -> Self {
+    fn new(rays: &Rays, own: &[u32], group: &RayGroup) -> Self {
         let zero = [0.0; PACKET];
         let mut walk = Self {
             direction: [zero; 3],
@@ -367,6 +371,16 @@ impl Walk {
             walk.direction[k][own.len()..].fill(last);
         }
         walk
+    }
+
+    /// What the first `count` rays met, with as many sums each as were asked for.
+    fn met(&self, count: usize, features: usize) -> PacketHits {
+        let hit = |lane: usize| {
+            let (distance, splat) = self.hit(lane).unwrap_or((f32::INFINITY, u32::MAX));
+            (self.coverage[lane], distance, splat)
+        };
+        let sums = |lane: usize| self.sums[..features].iter().map(move |sum| sum[lane]);
+        PacketHits { hits: (0..count).map(hit).collect(), sums: (0..count).flat_map(sums).collect() }
     }
 
     /// The hit of a ray: its distance and splat.

@@ -16,7 +16,7 @@ const SLACK: f64 = 1e-5;
 
 /// Rays from about one place, in packets: consecutive rays of a group go about the same way.
 #[derive(Clone, Debug)]
-pub struct Group {
+pub struct RayGroup {
     /// The middle of the origins.
     pub center: [f32; 3],
     /// The greatest distance of an origin from it.
@@ -47,7 +47,7 @@ pub struct Packets {
     /// First ray of each packet in `order`, and the end.
     pub starts: Vec<u32>,
     /// The groups, which cut the packets.
-    pub groups: Vec<Group>,
+    pub groups: Vec<RayGroup>,
 }
 
 impl Packets {
@@ -104,7 +104,7 @@ impl Packets {
             let parent = |children: &[Cone]| Cone::around(children.iter().map(|cone| (cone.axis, cone.half)));
             cones = cones.chunks(CHILDREN).map(parent).collect();
         }
-        self.groups.push(Group { center: center.to_array(), radius, packets, levels });
+        self.groups.push(RayGroup { center: center.to_array(), radius, packets, levels });
     }
 
     /// The rays of a packet.
