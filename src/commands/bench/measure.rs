@@ -137,9 +137,11 @@ impl BenchCase {
         self.sky.cover()
     }
 
-    /// Returns true if the weather needs more of the place than its splats: its light, or a thinned copy for drops on the lens.
-    pub fn is_lit(&self) -> bool {
-        self.sky.light().is_some() || self.sky.wetness().is_some() || self.sky.glass().is_some()
+    /// Returns true if the weather needs more of the place than its splats: its light, or a thinned copy for drops on the lens and for
+    /// water.
+    pub fn needs_place(&self) -> bool {
+        let sky = &self.sky;
+        sky.light().is_some() || sky.wetness().is_some() || sky.glass().is_some() || sky.flood().is_some()
     }
 
     /// Returns the index of a case in a list; 0 if it is not in it.

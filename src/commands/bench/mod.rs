@@ -226,7 +226,7 @@ fn in_turns(
     bar: &ProgressBar,
 ) -> Result<Vec<FrameTimings>> {
     // The first target is the bare scene, the second, if there is one, is lit by the weather.
-    let lit: Vec<&BenchCase> = cases.iter().filter(|case| case.is_lit()).collect();
+    let lit: Vec<&BenchCase> = cases.iter().filter(|case| case.needs_place()).collect();
     let mut lit = if lit.is_empty() { None } else { Some(LitScene::new(loaded, camera, &lit, run)?) };
     let mut snowy = Vec::new();
     let mut plan: Vec<(usize, &BenchCase)> = Vec::new();
@@ -235,7 +235,7 @@ fn in_turns(
         if !is_bare {
             snowy.push(SnowyScene::new(loaded, case, run)?);
         }
-        plan.push(match (case.is_lit(), is_bare) {
+        plan.push(match (case.needs_place(), is_bare) {
             (true, _) => (1, case),
             (false, true) => (0, case),
             (false, false) => (usize::from(lit.is_some()) + snowy.len(), case),
@@ -271,8 +271,11 @@ fn measure_scene(
 
     let bar = progress::bar(u64::from(rounds), "rounds");
     // Memory is that of one renderer: it is told before there is another.
-    let plain: Vec<(usize, &BenchCase)> =
-        cases.iter().filter(|case| case.cover().is_empty() && !case.is_lit()).map(|case| (0, case)).collect();
+    let plain: Vec<(usize, &BenchCase)> = cases
+        .iter()
+        .filter(|case| case.cover().is_empty() && !case.needs_place())
+        .map(|case| (0, case))
+        .collect();
     let alone = BenchTarget::plain(&mut loaded.renderer, loaded.place.set());
     turns(&mut [alone], &camera, &plain, 0, &bar)?;
     let memory = peak_memory();
