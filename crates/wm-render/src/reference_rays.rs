@@ -5,7 +5,7 @@ use crate::stages::rays::{LEAST_HIT, THINNEST, WHOLE};
 use glam::{DMat3, DVec3};
 use wm_scene::{Splats, quat, sh};
 
-/// What one ray meets.
+/// The result of one ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ReferenceHit {
     /// Sum of weights.

@@ -71,8 +71,8 @@ impl SceneLight {
         std::array::from_fn(|k| sky[k] + self.sun[k] * sin_sun.max(0.0))
     }
 
-    /// The same in the tint of surfaces that face the sun by half or as ground does, for places whose parts are not told apart: a low
-    /// sun lights little ground, but much of what a picture shows.
+    /// Irradiance of level ground, in the tint of surfaces that face the sun by half, or under a high sun of the ground itself. It is for
+    /// places whose parts are not told apart: a low sun lights little ground, but much of what a picture shows.
     #[must_use]
     pub fn irradiance_as_seen(&self, sin_sun: f64) -> [f64; 3] {
         let level = self.irradiance(sin_sun);

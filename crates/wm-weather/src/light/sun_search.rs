@@ -60,7 +60,7 @@ const NARROW_RINGS: i32 = 2;
 const WEIGHED: f64 = 0.7;
 const FINELY_WEIGHED: f64 = 0.85;
 /// Least score of a sun, and how often it must be that of the best direction far from it. Suns that were there had 11.8 to 30; the
-/// best directions of 22 trainings whose ground shows no shadows of a sun had 4.1 to 9.4.
+/// best directions of 25 trainings whose ground shows no shadows of a sun had 4.1 to 9.4.
 const LEAST_SCORE: f64 = 11.0;
 const EVIDENT: f64 = 1.15;
 /// Score below which there is no sun at all.

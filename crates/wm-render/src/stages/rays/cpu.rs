@@ -1,6 +1,6 @@
 //! Rays by packets: each splat finds the packets whose cones it touches, each packet walks its splats with all its rays side by side.
 
-use super::packets::{CHILDREN, Cones, PACKET, Packets, RayGroup};
+use super::packets::{CHILDREN, Cone, Cones, PACKET, Packets, RayGroup};
 use super::{LEAST_HIT, RayHits, RayOutputs, Rays, THINNEST, WHOLE};
 use crate::cpu::model::morton_order;
 use crate::dispatch;
@@ -105,6 +105,9 @@ impl<'a> RaySplats<'a> {
     }
 
     /// Traces rays on the threads of the current pool. Equal for any number of them.
+    ///
+    /// # Panics
+    /// If there are fewer origins than directions.
     #[must_use]
     pub fn trace(&self, rays: &Rays, asked: RayOutputs, path: SimdPath) -> RayHits {
         let count = rays.len();
@@ -181,7 +184,7 @@ impl<'a> RaySplats<'a> {
         features.count = 3 * (usize::from(asked.color) + usize::from(asked.normal));
         let mut is_listed = vec![false; self.records.len()];
         for key in lists.iter().flatten() {
-            is_listed[(*key & u64::from(u32::MAX)) as usize] = true;
+            is_listed[record_of(*key)] = true;
         }
         let center = Vec3::from_array(group.center);
         features.of = self
@@ -211,6 +214,12 @@ impl<'a> RaySplats<'a> {
     }
 }
 
+/// The place of a key's record.
+#[inline(always)]
+fn record_of(key: u64) -> usize {
+    key as u32 as usize
+}
+
 /// Features of records, as many as are asked for.
 struct Features {
     of: Vec<[f32; 6]>,
@@ -238,21 +247,18 @@ fn cull<S: Lanes>(
         }
         let way = Vec3::from_array(record.mean) - center;
         let reach = record.reach + group.radius;
-        let distance = way.length();
-        let key = (u64::from(distance.to_bits()) << 32) | (first + at) as u64;
-        if distance <= reach {
+        let key = (u64::from(way.length().to_bits()) << 32) | (first + at) as u64;
+        let Some(cap) = Cap::of(way, reach) else {
             // The middle lies in the splat: it may be met in any direction.
             found.extend((0..group.packets.len() as u32).map(|packet| (packet, key)));
             continue;
-        }
+        };
         if shared.len() > MANY {
             leaves(simd, group, way, reach, &mut own);
         }
         let nodes = if shared.len() > MANY { &own } else { &shared };
-        let tangent = ((distance + reach) * (distance - reach)).sqrt();
         for node in nodes {
-            let cones = &group.levels[0][*node as usize];
-            let mut touched = touches(simd, cones, way, (tangent, reach), SLACK * distance);
+            let mut touched = cap.touches(simd, &group.levels[0][*node as usize]);
             while touched != 0 {
                 let packet = *node * CHILDREN as u32 + touched.trailing_zeros();
                 touched &= touched - 1;
@@ -266,12 +272,10 @@ fn cull<S: Lanes>(
 #[inline(always)]
 fn leaves<S: Lanes>(simd: S, group: &RayGroup, way: Vec3, reach: f32, nodes: &mut Vec<u32>) {
     nodes.clear();
-    let distance = way.length();
-    if distance <= reach {
+    let Some(cap) = Cap::of(way, reach) else {
         nodes.extend(0..group.levels[0].len() as u32);
         return;
-    }
-    let tangent = ((distance + reach) * (distance - reach)).sqrt();
+    };
     let top = group.levels.len() - 1;
     let mut stack = [(0usize, 0u32); DEEPEST * CHILDREN];
     stack[0] = (top, 0);
@@ -283,8 +287,7 @@ fn leaves<S: Lanes>(simd: S, group: &RayGroup, way: Vec3, reach: f32, nodes: &mu
             nodes.push(node);
             continue;
         }
-        let cones = &group.levels[level][node as usize];
-        let mut touched = touches(simd, cones, way, (tangent, reach), SLACK * distance);
+        let mut touched = cap.touches(simd, &group.levels[level][node as usize]);
         while touched != 0 {
             stack[depth] = (level - 1, node * CHILDREN as u32 + touched.trailing_zeros());
             touched &= touched - 1;
@@ -293,16 +296,37 @@ fn leaves<S: Lanes>(simd: S, group: &RayGroup, way: Vec3, reach: f32, nodes: &mu
     }
 }
 
-/// The children whose cones a sphere touches: `way` leads to its middle, `along` to where a tangent meets it.
-#[inline(always)]
-fn touches<S: Lanes>(simd: S, cones: &Cones, way: Vec3, (along, reach): (f32, f32), slack: f32) -> u32 {
-    let [x, y, z] = &cones.axis;
-    let dot = f32x8::from_slice(simd, x) * way.x
-        + f32x8::from_slice(simd, y) * way.y
-        + f32x8::from_slice(simd, z) * way.z
-        + slack;
-    let least = f32x8::from_slice(simd, &cones.cos) * along - f32x8::from_slice(simd, &cones.sin) * reach;
-    dot.simd_ge(least).to_bitmask() as u32
+/// The directions in which a sphere is seen from the middle of a group.
+struct Cap {
+    /// To the middle of the sphere.
+    way: Vec3,
+    /// Length of a tangent to it.
+    tangent: f32,
+    reach: f32,
+    slack: f32,
+}
+
+impl Cap {
+    /// `None` where the sphere holds the middle of the group.
+    #[inline(always)]
+    fn of(way: Vec3, reach: f32) -> Option<Self> {
+        let distance = way.length();
+        let tangent = ((distance + reach) * (distance - reach)).sqrt();
+        (distance > reach).then_some(Self { way, tangent, reach, slack: SLACK * distance })
+    }
+
+    /// The children of a node whose cones it touches: a bit each.
+    #[inline(always)]
+    fn touches<S: Lanes>(&self, simd: S, cones: &Cones) -> u32 {
+        let [x, y, z] = &cones.axis;
+        let dot = f32x8::from_slice(simd, x) * self.way.x
+            + f32x8::from_slice(simd, y) * self.way.y
+            + f32x8::from_slice(simd, z) * self.way.z
+            + self.slack;
+        let least = f32x8::from_slice(simd, &cones.cos) * self.tangent
+            - f32x8::from_slice(simd, &cones.sin) * self.reach;
+        dot.simd_ge(least).to_bitmask() as u32
+    }
 }
 
 /// The rays of one packet on their way.
@@ -326,7 +350,7 @@ struct Walk {
     radius: f32,
 }
 
-/// What the rays of one packet met.
+/// The results of one packet.
 struct PacketHits {
     /// Coverage, distance and splat of each ray.
     hits: Vec<(f32, f32, u32)>,
@@ -373,7 +397,7 @@ impl Walk {
         walk
     }
 
-    /// What the first `count` rays met, with as many sums each as were asked for.
+    /// The results of the first `count` rays, with the sums of so many features each.
     fn met(&self, count: usize, features: usize) -> PacketHits {
         let hit = |lane: usize| {
             let (distance, splat) = self.hit(lane).unwrap_or((f32::INFINITY, u32::MAX));
@@ -422,7 +446,7 @@ fn vectors_touched<S: Lanes>(
     let mut way = [[0.0f32; 16]; 3];
     let mut reach = [0.0f32; 16];
     for (at, key) in keys.iter().enumerate() {
-        let record = &records[(*key & u64::from(u32::MAX)) as usize];
+        let record = &records[record_of(*key)];
         for k in 0..3 {
             way[k][at] = record.mean[k] - walk.center[k];
         }
@@ -463,7 +487,11 @@ fn blend<S: Lanes>(simd: S, walk: &mut Walk, records: &[RayRecord], keys: &[u64]
     for vector in 0..vectors {
         let transmittance = simd.load(&walk.transmittance[vector * S::N..]);
         live |= u8::from(transmittance.simd_gt(zero).any_true()) << vector;
-        cones[vector] = cone_of(&walk.direction, vector * S::N, S::N);
+        let [x, y, z] = &walk.direction;
+        let lanes = vector * S::N..(vector + 1) * S::N;
+        let cone = Cone::about(lanes.map(|lane| Vec3::new(x[lane], y[lane], z[lane])));
+        let ([x, y, z], (cos, sin)) = (cone.axis.as_vec3().to_array(), cone.cos_sin());
+        cones[vector] = [x, y, z, cos, sin];
     }
     let mut touched = [0u8; 16];
     for (at, key) in keys.iter().enumerate() {
@@ -478,7 +506,7 @@ fn blend<S: Lanes>(simd: S, walk: &mut Walk, records: &[RayRecord], keys: &[u64]
         if todo == 0 {
             continue;
         }
-        let at = (key & u64::from(u32::MAX)) as usize;
+        let at = record_of(*key);
         let record = &records[at];
         let rows = &record.rows;
         let mut away = [0.0; 3];
@@ -555,18 +583,4 @@ fn blend<S: Lanes>(simd: S, walk: &mut Walk, records: &[RayRecord], keys: &[u64]
             }
         }
     }
-}
-
-/// The cone about the directions of a vector: its axis, and the cosine and sine of half its angle.
-fn cone_of(directions: &[[f32; PACKET]; 3], first: usize, lanes: usize) -> [f32; 5] {
-    let direction =
-        |lane: usize| Vec3::new(directions[0][lane], directions[1][lane], directions[2][lane]).as_dvec3();
-    let sum: glam::DVec3 = (first..first + lanes).map(direction).sum();
-    let axis = sum.normalize_or(glam::DVec3::Z);
-    let least = (first..first + lanes).map(|lane| axis.dot(direction(lane))).fold(1.0, f64::min);
-    let half = least.clamp(-1.0, 1.0).acos() + 1e-5;
-    let is_narrow = half < std::f64::consts::FRAC_PI_2;
-    let (sin, cos) = if is_narrow { half.sin_cos() } else { (1.0, -1e9) };
-    let [x, y, z] = axis.as_vec3().to_array();
-    [x, y, z, cos as f32, sin as f32]
 }

@@ -22,7 +22,7 @@ pub mod packets;
 #[cfg(test)]
 mod tests;
 
-/// Rays.
+/// Rays, each with an origin and a direction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rays {
     /// The place where each begins, world axes, scene units.
@@ -51,7 +51,7 @@ impl Rays {
     }
 }
 
-/// What is asked of rays beside coverage and distance.
+/// Outputs beside coverage and distance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RayOutputs {
     /// Colours.
@@ -60,7 +60,7 @@ pub struct RayOutputs {
     pub normal: bool,
 }
 
-/// What rays meet, one entry a ray.
+/// Results of rays, one entry a ray.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RayHits {
     /// Coverage, 0-1.

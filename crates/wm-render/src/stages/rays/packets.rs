@@ -21,7 +21,7 @@ pub struct RayGroup {
     pub center: [f32; 3],
     /// The greatest distance of an origin from it.
     pub radius: f32,
-    /// The packets: each is a range of [`Packets::order`].
+    /// Its packets, as numbers for [`Packets::rays`].
     pub packets: std::ops::Range<usize>,
     /// The levels of the tree, the packets' own cones first, the root last.
     pub levels: Vec<Vec<Cones>>,
@@ -89,8 +89,7 @@ impl Packets {
         let first = self.starts.len() - 1;
         let mut cones = Vec::new();
         for packet in part.chunks(PACKET) {
-            let all = packet.iter().map(|ray| (direction(*ray).as_dvec3(), 0.0));
-            cones.push(Cone::around(all));
+            cones.push(Cone::about(packet.iter().map(|ray| direction(*ray))));
             self.order.extend(packet);
             self.starts.push(self.order.len() as u32);
         }
@@ -116,13 +115,25 @@ impl Packets {
 
 /// A cone of directions.
 #[derive(Clone, Copy, Debug)]
-struct Cone {
-    axis: DVec3,
+pub(super) struct Cone {
+    pub axis: DVec3,
     /// Half its angle, radians.
     half: f64,
 }
 
 impl Cone {
+    /// A cone about directions.
+    pub fn about(directions: impl Iterator<Item = Vec3> + Clone) -> Self {
+        Self::around(directions.map(|direction| (direction.as_dvec3(), 0.0)))
+    }
+
+    /// The cosine and sine of half its angle; a cosine far below 0 for a half space and more.
+    pub fn cos_sin(&self) -> (f32, f32) {
+        let is_narrow = self.half < std::f64::consts::FRAC_PI_2;
+        let (sin, cos) = if is_narrow { self.half.sin_cos() } else { (1.0, -1e9) };
+        (cos as f32, sin as f32)
+    }
+
     /// A cone about others, each an axis and half an angle.
     fn around(others: impl Iterator<Item = (DVec3, f64)> + Clone) -> Self {
         let sum: DVec3 = others.clone().map(|(axis, _)| axis).sum();
@@ -140,9 +151,7 @@ impl Cones {
             for k in 0..3 {
                 packed.axis[k][child] = cone.axis[k] as f32;
             }
-            let is_narrow = cone.half < std::f64::consts::FRAC_PI_2;
-            let (sin, cos) = if is_narrow { cone.half.sin_cos() } else { (1.0, -1e9) };
-            (packed.cos[child], packed.sin[child]) = (cos as f32, sin as f32);
+            (packed.cos[child], packed.sin[child]) = cone.cos_sin();
         }
         packed
     }

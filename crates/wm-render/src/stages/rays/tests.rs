@@ -2,7 +2,7 @@ use super::cpu::RaySplats;
 use super::packets::{PACKET, Packets};
 use super::{RayHits, RayOutputs, Rays};
 use crate::reference_rays;
-use crate::renderer::{Outputs, RenderConfig};
+use crate::renderer::RenderConfig;
 use crate::simd::SimdPath;
 use crate::testing::{Backend, random_splats};
 use crate::{DrawPass, Frame, SetView};
@@ -143,7 +143,7 @@ fn pinhole_rays_draw_what_the_rasterizer_draws() {
     let mut renderer = Backend::Cpu(path).renderer();
     let set = renderer.load(&splats).unwrap();
     let mut frame = Frame::default();
-    let config = RenderConfig { outputs: Outputs::default(), ..RenderConfig::default() };
+    let config = RenderConfig::default();
     renderer.render(&DrawPass::new(&[SetView::plain(set)], &camera, &config), &mut frame).unwrap();
     let square: f64 = hits
         .color
