@@ -6,15 +6,16 @@ use crate::dome::{from_level, level_axes};
 use crate::effects::{Action, EFFECTS, Effect, EffectContext, EffectRole, Need};
 use crate::effects::{ColorGrade, Flood, LampSource, LightChange};
 use crate::image_file::ImageFile;
+use crate::infrared::InfraredAir;
 use crate::lens::Glass;
 use crate::light::{CloudShadows, Flash, FlashLight, Headlamps, LampGlow, LampsOn, MovingLight};
-use crate::optics::{Atmosphere, Daylight, Site, SiteLight};
+use crate::optics::{AirLayer, Atmosphere, Daylight, Site, SiteLight};
 use crate::panorama::Panorama;
 use crate::paper::fall::PaperFallContext;
 use crate::paper::{PaperCover, PaperFall, PaperFog, composite};
 use crate::param::ParamValue;
 use crate::particles::fall::WindSample;
-use crate::particles::{FallingParticles, Precipitation};
+use crate::particles::{FallingParticles, NearParticle, ParticleShape, Precipitation, near};
 use crate::shelter::Shelter;
 use crate::splash::{Splash, SplashGround, SplashParticles};
 use crate::track::Track;
@@ -212,7 +213,7 @@ impl WeatherSample {
     #[must_use]
     pub fn prepare(&self, site: &Site) -> PreparedWeather {
         let (mut site, mut dome, mut light) = (*site, None, None);
-        let mut layers = Vec::new();
+        let (mut layers, mut floating) = (Vec::new(), Vec::new());
         let mut paper = Vec::new();
         let (mut falling, mut wind_now, mut grade) = (Vec::new(), WindSample::default(), None);
         let (mut paper_falls, mut cover, mut paper_cover) = (Vec::new(), Vec::new(), None);
@@ -251,7 +252,10 @@ impl WeatherSample {
                     site.light = SiteLight::OfWeather;
                     light.get_or_insert(LightChange::CAPTURED);
                 }
-                Action::Layer(layer) => layers.push(layer),
+                Action::Layer(layer) => {
+                    layers.push(layer);
+                    floating.push(layer);
+                }
                 Action::PaperFog(fog) => paper.push(fog),
                 Action::Wind(wind) => {
                     wind_now = WindSample {
@@ -296,6 +300,7 @@ impl WeatherSample {
             dome,
             light,
             falling,
+            floating,
             wind_now,
             grade,
             cover,
@@ -385,6 +390,8 @@ pub struct PreparedWeather {
     paper: Vec<PaperFog>,
     paper_falls: Vec<PaperFall>,
     falling: Vec<Precipitation>,
+    /// The layers of the air that float: all but those of what falls.
+    floating: Vec<AirLayer>,
     wind_now: WindSample,
     /// The sky behind the scene, if the weather sets one.
     dome: Option<Dome>,
@@ -453,6 +460,32 @@ impl PreparedWeather {
     #[must_use]
     pub fn falling(&self) -> &[Precipitation] {
         &self.falling
+    }
+
+    /// Returns the air at a wavelength of the near infrared, nm, for a lidar. `lidar_ratio` replaces the ratios of extinction and
+    /// backscatter of all that floats, sr.
+    #[must_use]
+    pub fn infrared_air(&self, wavelength: f64, lidar_ratio: Option<f64>) -> InfraredAir {
+        InfraredAir::new(&self.floating, &self.falling, (wavelength, lidar_ratio), &self.site)
+    }
+
+    /// Returns what falls in front of a view of a sensor that takes no picture, `after` seconds from the instant: the very
+    /// particles that a camera sees there, each once. `reach` says up to where those of a shape and a diameter (m) are
+    /// asked for, m; particles that may come into the view within `duration` seconds around that time are among them.
+    #[must_use]
+    pub fn near_particles(
+        &self,
+        path: SimdPath,
+        (view, shelter): (&ParticleView, Option<&Shelter>),
+        (after, duration): (f64, f64),
+        reach: &dyn Fn(ParticleShape, f64) -> f64,
+    ) -> Vec<NearParticle> {
+        let [drift, wind] = [self.wind_now.drift, self.wind_now.wind];
+        let drift = [0, 1].map(|k| drift[k] + wind[k] * after);
+        let moved = WindSample { drift, ..self.wind_now };
+        let place = (&self.site, &self.air, shelter);
+        let at = (moved, self.time + after, duration);
+        self.falling.iter().flat_map(|kind| near::particles(path, view, kind, place, at, reach)).collect()
     }
 
     /// The paper's rain and snow: overlaid on the picture that [`Self::with_hooks`] gives.

@@ -189,6 +189,18 @@ impl LyingCover {
         Self { splats, buried: Buried::default(), settled: Vec::new(), melted: Vec::new() }
     }
 
+    /// The scene with what lies on it, as one set of splats: those of the scene keep their places, buried ones are transparent.
+    #[must_use]
+    pub fn over(&self, scene: &Splats) -> Splats {
+        let mut out = scene.clone();
+        for (index, factor) in self.buried.factors().iter().enumerate().filter(|(_, factor)| **factor < 1.0) {
+            let left = scene.opacity(index) * f64::from(*factor);
+            out.logit_opacities[index] = wm_scene::splats::logit(left) as f32;
+        }
+        out.append(&self.splats);
+        out
+    }
+
     /// The scene with what lies on it, as one set of splats of the scene's SH degree.
     #[must_use]
     pub fn bake(&self, scene: &Splats) -> Splats {

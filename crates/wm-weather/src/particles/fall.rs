@@ -54,6 +54,8 @@ pub struct FallingParticles<'a> {
     camera: [f64; 3],
     time: f64,
     radiance: [f32; 3],
+    /// Up to where each class is handed over, m; `None` to go by the view's pixels.
+    ranges: Option<Vec<f64>>,
 }
 
 /// The wind at an instant: how far the air has come since time 0, and how fast it goes, m and m/s along level axes.
@@ -90,7 +92,16 @@ impl<'a> FallingParticles<'a> {
             axes,
             time,
             radiance: precipitation.radiance(),
+            ranges: None,
         }
+    }
+
+    /// The same for a sensor that takes no picture: all particles of each class within `ranges` (m) are handed over, and none
+    /// stands for several, whatever the view's pixels.
+    #[must_use]
+    pub fn within(mut self, ranges: &[f64]) -> Self {
+        self.ranges = Some(ranges.iter().map(|range| range / FADE[0]).collect());
+        self
     }
 
     /// A tier of a class.
@@ -107,12 +118,16 @@ impl<'a> FallingParticles<'a> {
     /// Returns the density of a class over distance.
     fn density(&self, class: usize, view: &ParticleView) -> Density {
         let this = self.precipitation;
+        let share = this.numbers[class] / this.reference[class];
+        if let Some(ranges) = &self.ranges {
+            return Density { share, range: ranges[class], merge: f64::INFINITY };
+        }
         let range = this.range(&this.classes[class], f64::from(view.pixels()));
         let merge = match this.kind.shape {
             ParticleShape::Ball => f64::INFINITY,
             ParticleShape::Flake => range * CUT / MERGE,
         };
-        Density { share: this.numbers[class] / this.reference[class], range, merge }
+        Density { share, range, merge }
     }
 
     /// Returns the region in which particles of a class may be visible up to a range, m.

@@ -25,6 +25,7 @@
 
 pub mod fall;
 pub mod field;
+pub mod near;
 pub mod precipitation;
 pub mod random;
 pub mod residual;
@@ -32,6 +33,7 @@ pub mod spectrum;
 pub mod sway;
 
 pub use fall::FallingParticles;
+pub use near::NearParticle;
 pub use precipitation::{ParticleAppearance, Precipitation};
 pub use residual::Residual;
 pub use spectrum::{ClassSpacing, ParticleShape, PrecipitationKind, RAIN, SNOW, SizeClass};

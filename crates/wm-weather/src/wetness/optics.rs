@@ -7,10 +7,11 @@
 
 /// Square of the refractive index of water.
 const N2: f64 = 1.333 * 1.333;
-/// Shares of the light that get into a film, out of it, and back down.
+/// Shares of the light that get into a film, and out of it.
 const INTO: f64 = 0.934;
 const OUT: f64 = 0.525;
-const BACK: f64 = 0.475;
+/// Share of diffuse light below a film of water that its surface throws back down.
+pub const BACK: f64 = 0.475;
 /// Steps of reflectance.
 pub(super) const STEPS: usize = 256;
 

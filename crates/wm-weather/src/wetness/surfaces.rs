@@ -410,6 +410,13 @@ impl<'a> WetGains<'a> {
         Some((strength.mix(self.deep, covered), splat.albedo))
     }
 
+    /// Returns the shares of a splat's surface whose pores are full of water without a film, and that lie under a film, 0-1; `None`
+    /// for one that stays as it is. Both have the factor `porosity` of [`Self::new`].
+    #[must_use]
+    pub fn shares(&self, index: usize) -> Option<[f32; 2]> {
+        self.strength(index).map(|(strength, _)| [strength.pores, strength.film])
+    }
+
     /// The factors on the light of a surface.
     #[inline]
     fn gain(&self, strength: Strength, albedo: [u8; 3]) -> [f32; 3] {

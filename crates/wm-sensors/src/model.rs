@@ -1,0 +1,253 @@
+//! A lidar: its beams, its pulse and its range.
+
+use crate::error::LidarError;
+use crate::pattern::{BeamPattern, RisleyPattern, RowPattern, TablePattern};
+use crate::presets::{PRESETS, unknown};
+use serde::Deserialize;
+use std::path::Path;
+
+/// Speed of light, m/s.
+const LIGHT: f64 = 299_792_458.0;
+/// Reflectance of the target that data sheets give a range of.
+pub const TARGET: f64 = 0.1;
+
+/// A kind of lidar.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LidarModel {
+    /// Its name.
+    pub name: String,
+    /// Wavelength, nm.
+    pub wavelength: f64,
+    /// Full angle of the beam at 1/e^2 of its middle, mrad.
+    pub divergence: f64,
+    /// Length of the pulse, ns.
+    pub pulse: f64,
+    /// Least and greatest range, m.
+    pub range: [f64; 2],
+    /// Range of a target of 10 % in clear air that is detected by a half of all pulses, m.
+    pub reference_range: f64,
+    /// Least standard deviation of ranges, m.
+    pub range_noise: f64,
+    /// Ranges at which the receiver begins to see the beam and sees all of it, m.
+    pub overlap: [f64; 2],
+    /// The beams.
+    pub pattern: BeamPattern,
+}
+
+/// A model as its file has it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ModelFile {
+    name: Option<String>,
+    wavelength: f64,
+    divergence: f64,
+    #[serde(default = "usual_pulse")]
+    pulse: f64,
+    range: [f64; 2],
+    reference_range: f64,
+    #[serde(default = "usual_noise")]
+    range_noise: f64,
+    overlap: Option<[f64; 2]>,
+    rows: Option<RowPattern>,
+    table: Option<TablePattern>,
+    risley: Option<RisleyPattern>,
+}
+
+fn usual_pulse() -> f64 {
+    5.0
+}
+
+fn usual_noise() -> f64 {
+    0.01
+}
+
+/// Ranges over which receivers begin to see their own beam, m.
+const OVERLAP: [f64; 2] = [0.9, 1.0];
+
+impl LidarModel {
+    /// The model of a preset's name, or of the TOML file of that path.
+    ///
+    /// ```
+    /// use wm_sensors::LidarModel;
+    ///
+    /// let lidar = LidarModel::find("vlp-16")?;
+    /// assert_eq!(lidar.pattern.grid(), Some([16, 1808]));
+    /// # Ok::<(), wm_sensors::LidarError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`LidarError`] if there is neither, or the file makes no lidar.
+    pub fn find(name: &str) -> Result<Self, LidarError> {
+        let is_same = |known: &str| known.eq_ignore_ascii_case(name.trim());
+        if let Some((known, text)) = PRESETS.iter().find(|(known, _)| is_same(known)) {
+            return Self::parse(text, known);
+        }
+        let path = Path::new(name);
+        if path.extension().is_none() && !path.exists() {
+            return Err(unknown(name));
+        }
+        let read = std::fs::read_to_string(path);
+        let text = read.map_err(|error| LidarError::Read { path: path.into(), error })?;
+        let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+        Self::parse(&text, &stem).map_err(|error| match error {
+            LidarError::Model { location, problem, .. } => {
+                LidarError::Model { name: path.display().to_string(), location, problem }
+            }
+            other => other,
+        })
+    }
+
+    /// The model of a text in TOML; `name` is its name where the text has none, and stands in errors.
+    ///
+    /// # Errors
+    /// [`LidarError::Model`] if it makes no lidar.
+    pub fn parse(text: &str, name: &str) -> Result<Self, LidarError> {
+        let fault =
+            |location: String, problem: String| LidarError::Model { name: name.into(), location, problem };
+        let file: ModelFile = toml::from_str(text).map_err(|error| {
+            let line = error.span().map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count());
+            let location = line.map_or_else(String::new, |line| format!(", line {line}"));
+            fault(location, error.message().split_whitespace().collect::<Vec<_>>().join(" "))
+        })?;
+        let wrong = |problem: String| fault(String::new(), problem);
+        let mut patterns = [
+            file.rows.map(BeamPattern::Rows),
+            file.table.map(BeamPattern::Table),
+            file.risley.map(BeamPattern::Risley),
+        ]
+        .into_iter()
+        .flatten();
+        let pattern = patterns
+            .next()
+            .ok_or_else(|| wrong("there are no beams: give [rows], [table] or [risley]".into()))?;
+        if patterns.next().is_some() {
+            return Err(wrong("it has several patterns: give one of [rows], [table] and [risley]".into()));
+        }
+        if let Some(problem) = pattern.fault() {
+            return Err(wrong(problem));
+        }
+        // What sees nearer than a metre has its overlap there.
+        let nearest = file.range[0];
+        let usual = if nearest < OVERLAP[0] { [nearest, nearest + 0.1] } else { OVERLAP };
+        let model = Self {
+            name: file.name.unwrap_or_else(|| name.into()),
+            wavelength: file.wavelength,
+            divergence: file.divergence,
+            pulse: file.pulse,
+            range: file.range,
+            reference_range: file.reference_range,
+            range_noise: file.range_noise,
+            overlap: file.overlap.unwrap_or(usual),
+            pattern,
+        };
+        model.fault().map_or(Ok(model), |problem| Err(wrong(problem)))
+    }
+
+    /// The first fault of its numbers.
+    fn fault(&self) -> Option<String> {
+        let checks = [
+            ("wavelength", self.wavelength, [500.0, 2000.0], "nm"),
+            ("divergence", self.divergence, [0.01, 200.0], "mrad"),
+            ("pulse", self.pulse, [0.1, 1000.0], "ns"),
+            ("reference_range", self.reference_range, [0.1, 1e5], "m"),
+            ("range_noise", self.range_noise, [0.0, 10.0], "m"),
+            ("range[0]", self.range[0], [0.0, 1e4], "m"),
+            ("range[1]", self.range[1], [0.1, 1e5], "m"),
+            ("overlap[0]", self.overlap[0], [0.0, 1e4], "m"),
+            ("overlap[1]", self.overlap[1], [0.0, 1e4], "m"),
+        ];
+        let wrong = checks.into_iter().find(|(_, value, [low, high], _)| !(low..=high).contains(&value));
+        if let Some((key, value, [low, high], unit)) = wrong {
+            return Some(format!("{key} is {value}: it must be from {low} to {high} {unit}"));
+        }
+        if self.range[0] >= self.range[1] || self.overlap[0] > self.overlap[1] {
+            return Some("range and overlap must have their lower number first".into());
+        }
+        None
+    }
+
+    /// Duration of a sweep, s.
+    #[must_use]
+    pub fn period(&self) -> f64 {
+        1.0 / self.pattern.rate()
+    }
+
+    /// Distance within which two echoes are one, m: half of the pulse's length.
+    #[must_use]
+    pub fn bin(&self) -> f64 {
+        0.5 * LIGHT * 1e-9 * self.pulse
+    }
+
+    /// Power of the weakest echo that is detected without noise, as `reflectance / range^2`, 1/m^2.
+    #[must_use]
+    pub fn least_power(&self) -> f64 {
+        TARGET / (self.reference_range * self.reference_range)
+    }
+
+    /// Share of the beam that the receiver sees at a range, m.
+    #[must_use]
+    pub fn overlap_at(&self, range: f64) -> f64 {
+        let [begin, end] = self.overlap;
+        if range >= end { 1.0 } else { ((range - begin) / (end - begin).max(1e-9)).clamp(0.0, 1.0) }
+    }
+
+    /// Returns true if water absorbs its light within millimetres.
+    #[must_use]
+    pub fn is_absorbed(&self) -> bool {
+        self.wavelength > 1380.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "wavelength = 905\ndivergence = 3\nrange = [0.5, 100]\nreference_range = 50\n[rows]\nrate = 10\n\
+                        elevations = [0, 1]\ncolumns = 100\n";
+
+    #[test]
+    fn a_file_makes_a_lidar() {
+        let model = LidarModel::parse(TEXT, "mine").unwrap();
+        assert_eq!((model.name.as_str(), model.pulse, model.overlap), ("mine", 5.0, [0.5, 0.6]));
+        assert!((model.bin() - 0.7495).abs() < 1e-3);
+    }
+
+    #[test]
+    fn faults_are_one_clear_line() {
+        for (from, to, says) in [
+            ("rate = 10", "rate = 0", "mine: rate is 0: it must be above 0"),
+            ("rate = 10", "rate = inf", "mine: rate is inf"),
+            ("rate = 10", "rat = 10", "mine, line 6: unknown field `rat`"),
+            ("elevations = [0, 1]", "elevations = []", "mine: there are no beams"),
+            ("elevations = [0, 1]", "elevations = [0, nan]", "mine: an elevation is NaN"),
+            ("[rows]", "[[rows]]", "mine, line 5:"),
+            ("divergence = 3", "divergence = -1", "mine: divergence is -1: it must be from 0.01 to 200 mrad"),
+            ("wavelength = 905\n", "", "missing field `wavelength`"),
+            ("[0.5, 100]", "[100, 5]", "lower number first"),
+            (
+                "[rows]\nrate = 10\nelevations = [0, 1]\ncolumns = 100",
+                "",
+                "mine: there are no beams: give [rows]",
+            ),
+        ] {
+            let error = LidarModel::parse(&TEXT.replace(from, to), "mine").unwrap_err().to_string();
+            assert!(error.contains(says) && !error.contains('\n'), "{error} for {to}");
+        }
+        let error = LidarModel::find("vlp16").unwrap_err().to_string();
+        assert!(error.contains("did you mean vlp-16?"), "{error}");
+        assert!(LidarModel::find("no/such.toml").unwrap_err().to_string().starts_with("no/such.toml: "));
+    }
+
+    #[test]
+    fn every_preset_is_a_lidar() {
+        for (name, _) in PRESETS {
+            let model = LidarModel::find(name).unwrap();
+            let beams = model.pattern.beams(0);
+            let period = model.period();
+            assert!(
+                beams.len() > 1000 && beams.iter().all(|beam| (0.0..1.01 * period).contains(&beam.time)),
+                "{name}"
+            );
+        }
+    }
+}

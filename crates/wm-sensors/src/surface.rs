@@ -1,0 +1,95 @@
+//! What a surface sends back to a lidar.
+//!
+//! A dry surface is Lambert's, with the reflectance `0.05 + 0.8 Y` of the luminance `Y` of its colour: an order of magnitude, since colours
+//! say little about the near infrared. Full pores darken it by Angstrom's law. Under a film of water it is
+//! `T^2 / (n^2 (1 - 0.475 rho))` times as bright, `T = 1 - R` by Fresnel at the beam's own angle, and the share `R` is mirrored away:
+//! a wet road vanishes where the beam is flat.
+
+use wm_scene::color::{luminance, srgb_decode};
+use wm_weather::water::{WATER_INDEX, fresnel};
+use wm_weather::wetness::optics::{BACK, pores_factor};
+
+/// Reflectance of black, and what white adds.
+const BY_COLOR: [f64; 2] = [0.05, 0.8];
+/// Reflectance of lying snow where water does not absorb, and where it does (from memory of spectra of old and of fresh snow).
+const SNOW: [f64; 2] = [0.85, 0.15];
+
+/// What weather makes of a surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SurfaceState {
+    /// It is snow.
+    pub is_snow: bool,
+    /// Share whose pores are full of water, without a film, 0-1.
+    pub pores: f64,
+    /// Share under a film of water, 0-1.
+    pub film: f64,
+}
+
+/// The state of the surfaces of a scene.
+pub trait SurfaceStates: Sync {
+    /// The state of the surface of a splat.
+    fn state(&self, splat: u32) -> SurfaceState;
+}
+
+/// Surfaces that are all dry.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DrySurfaces;
+
+impl SurfaceStates for DrySurfaces {
+    fn state(&self, _: u32) -> SurfaceState {
+        SurfaceState::default()
+    }
+}
+
+/// The reflectance of a dry surface of a display-referred colour.
+#[must_use]
+pub fn dry_reflectance(rgb: [f64; 3]) -> f64 {
+    let light = luminance(rgb.map(|v| srgb_decode(v.clamp(0.0, 1.0))));
+    BY_COLOR[0] + BY_COLOR[1] * light
+}
+
+/// The reflectance of lying snow.
+#[must_use]
+pub fn snow_reflectance(is_absorbed: bool) -> f64 {
+    SNOW[usize::from(is_absorbed)]
+}
+
+/// The reflectance of a surface in a state, for a beam whose cosine to the normal is `cosine`; `dry` is that without water.
+#[must_use]
+pub fn wet_reflectance(dry: f64, state: &SurfaceState, cosine: f64) -> f64 {
+    let through = 1.0 - mirrored(cosine);
+    let index = f64::from(WATER_INDEX);
+    let film = through * through / (index * index * (1.0 - BACK * dry));
+    let rest = 1.0 - state.pores - state.film;
+    dry * (rest + state.pores * pores_factor(dry) + state.film * film)
+}
+
+/// The share that a film of water mirrors.
+#[must_use]
+pub fn mirrored(cosine: f64) -> f64 {
+    f64::from(fresnel(cosine as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Computed once from Fresnel's equations, for a reflectance of 0.2 and an index of 1.333.
+    #[test]
+    fn films_darken_flat_beams_most() {
+        let wet = SurfaceState { film: 1.0, ..SurfaceState::default() };
+        for (degrees, ratio, mirror) in [
+            (0.0, 0.60, 0.02),
+            (60.0, 0.55, 0.06),
+            (70.0, 0.47, 0.13),
+            (80.0, 0.26, 0.35),
+            (85.0, 0.11, 0.58),
+            (88.0, 0.024, 0.80),
+        ] {
+            let cosine = f64::to_radians(degrees).cos();
+            assert!((wet_reflectance(0.2, &wet, cosine) / 0.2 - ratio).abs() < 0.006, "{degrees}");
+            assert!((mirrored(cosine) - mirror).abs() < 0.006, "{degrees}");
+        }
+        assert_eq!(wet_reflectance(0.2, &SurfaceState::default(), 0.5), 0.2);
+    }
+}
