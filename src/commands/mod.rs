@@ -12,6 +12,7 @@ mod measure;
 mod priors;
 mod reconstruct;
 pub mod render;
+mod scan;
 mod sky;
 #[cfg(feature = "viewer")]
 mod view;
@@ -35,6 +36,8 @@ enum CliCommand {
     Priors(Box<priors::PriorsArgs>),
     /// Render a scene under a weather: a picture, a video or a folder of frames
     Render(Box<render::RenderArgs>),
+    /// Scan a scene with a lidar under a weather: points with range, intensity and class
+    Scan(Box<scan::ScanArgs>),
     /// Show a scene in a browser: fly through it, change the weather, save pictures and videos
     #[cfg(feature = "viewer")]
     View(Box<view::ViewArgs>),
@@ -68,6 +71,7 @@ pub fn run(cli: Cli) -> Result<()> {
         CliCommand::Reconstruct(args) => reconstruct::run(&args),
         CliCommand::Priors(args) => priors::run(&args),
         CliCommand::Render(args) => render::run(&args),
+        CliCommand::Scan(args) => scan::run(&args),
         #[cfg(feature = "viewer")]
         CliCommand::View(args) => view::run(&args),
         CliCommand::Bake(args) => bake::run(&args),

@@ -7,6 +7,7 @@ use wm_media::MediaError;
 use wm_render::RenderError;
 use wm_scene::survey::AlignError;
 use wm_scene::{CameraError, FormatError};
+use wm_sensors::LidarError;
 use wm_train::SessionError;
 use wm_weather::WeatherError;
 
@@ -38,6 +39,9 @@ pub enum Error {
     /// A picture or video cannot be written.
     #[error(transparent)]
     Media(#[from] MediaError),
+    /// A lidar or a file of points cannot be used.
+    #[error(transparent)]
+    Lidar(Box<LidarError>),
     /// The training failed.
     #[error(transparent)]
     Train(Box<SessionError>),
@@ -63,7 +67,9 @@ macro_rules! boxed {
     };
 }
 
-boxed! { Format(FormatError), View(ViewError), Render(RenderError), Train(SessionError) }
+boxed! {
+    Format(FormatError), View(ViewError), Render(RenderError), Train(SessionError), Lidar(LidarError),
+}
 
 /// The result of this library's functions.
 pub type Result<T, E = Error> = std::result::Result<T, E>;

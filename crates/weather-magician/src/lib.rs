@@ -35,6 +35,7 @@
 //! | assets that take seconds, on another thread | [`PreparedPlace::missing_assets`], [`assets`] |
 //! | up, ground and scale set by hand | [`Renderer::align`], [`Renderer::surface_at`] |
 //! | frames of splats of your own | [`frame::FrameRequest`] |
+//! | sweeps of a lidar in weather | [`Renderer::scan`], [`lidar`] |
 //! | checks of visibility, rain rate, snow depth in pictures | [`measure`] |
 //!
 //! Frames are pure functions of (scene, weather, camera, time): the same inputs give the same bytes on the CPU, on any number
@@ -47,6 +48,7 @@ mod convert;
 mod error;
 pub mod frame;
 pub mod lamps;
+pub mod lidar;
 pub mod measure;
 mod motion;
 pub mod output;

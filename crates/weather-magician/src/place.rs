@@ -760,14 +760,37 @@ impl PreparedPlace {
         time: f64,
         progress: &mut dyn Progress,
     ) -> Result<Option<WaterState>> {
-        let missing = self.missing_assets(weather, time);
-        let MissingAssets { occluders, wet, wet_shelter, shelter, light, .. } = missing;
-        let missing =
-            MissingAssets { occluders, wet, wet_shelter, shelter, light, ..MissingAssets::default() };
-        self.prepare(backend, missing, progress)?;
+        self.prepare(backend, water_needs(self.missing_assets(weather, time)), progress)?;
         let prepared = weather.at(time).prepare(&self.site);
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
         Ok(self.water.state())
+    }
+
+    /// Hands what sensors other than cameras need of an instant of a weather to `scan`: the threads, the weather at the place, the
+    /// shelter of what falls and the wetness of the splats. What is missing is made first.
+    pub(crate) fn for_sensors<R>(
+        &mut self,
+        backend: &mut AnyRenderer,
+        (weather, time): (&Weather, f64),
+        progress: &mut dyn Progress,
+        scan: impl FnOnce(&rayon::ThreadPool, &PreparedWeather, Option<&Shelter>, Option<&WetGains<'_>>) -> R,
+    ) -> Result<R> {
+        if self.is_released {
+            return Err(Error::Unsupported("the splats were released: sensors need them".into()));
+        }
+        let missing = water_needs(self.missing_assets(weather, time));
+        // Light is of no use to them, but to tell the surfaces that get wet.
+        let light = missing.light && missing.wet;
+        self.prepare(backend, MissingAssets { light, ..missing }, progress)?;
+        let prepared = weather.at(time).prepare(&self.site);
+        if prepared.flood().is_some() {
+            let fault = "a lidar does not see floods yet: leave it out with --set flood=off";
+            return Err(Error::Unsupported(fault.into()));
+        }
+        let shelter = prepared.fall().and_then(|fall| self.store.shelter(fall).cloned());
+        self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
+        let wet = self.water.wetness(&prepared);
+        Ok(scan(backend.pool(), &prepared, shelter.as_deref(), wet.as_ref()))
     }
 
     /// Thins the scene for what drops on the lens show and films and waves mirror, if that is not done and the splats are there.
@@ -1003,6 +1026,12 @@ impl PreparedPlace {
         }
         backend.unload(self.set);
     }
+}
+
+/// The part of what is missing that the water of an instant and the shelter of what falls need.
+fn water_needs(missing: MissingAssets) -> MissingAssets {
+    let MissingAssets { occluders, wet, wet_shelter, shelter, light, .. } = missing;
+    MissingAssets { occluders, wet, wet_shelter, shelter, light, ..MissingAssets::default() }
 }
 
 /// Finds the surface of the water on the ground: not where snow or dust lies on it.

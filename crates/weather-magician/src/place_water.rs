@@ -81,6 +81,13 @@ impl PlaceWater {
         })
     }
 
+    /// The wetness of the scene's splats, whatever it does to their colours; `None` where nothing is wet.
+    pub fn wetness(&self, prepared: &PreparedWeather) -> Option<WetGains<'_>> {
+        let (reached, state) = (self.reached.as_ref()?, self.state.as_ref()?);
+        prepared.wetness()?;
+        Some(WetGains::new(&reached.surfaces, &reached.shares, state, 1.0))
+    }
+
     /// The surface of the water on the ground, where nothing lies on it; `None` where nothing is wet.
     pub fn puddles(
         &mut self,

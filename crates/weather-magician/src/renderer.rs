@@ -58,6 +58,11 @@ impl Renderer {
         Ok(Self { backend, memory: Pictures::default(), id: NEXT.fetch_add(1, Ordering::Relaxed) })
     }
 
+    /// The number that tells it from other renderers.
+    pub(crate) fn id(&self) -> u64 {
+        self.id
+    }
+
     /// The back end, for draw passes of your own.
     pub fn backend_mut(&mut self) -> &mut AnyRenderer {
         &mut self.backend

@@ -126,6 +126,49 @@ impl CameraArgs {
     }
 }
 
+/// The motion of a camera or of another sensor.
+pub struct MotionArgs<'a> {
+    /// Its path; `None` to stay.
+    pub path: Option<&'a PathSpec>,
+    /// Length of a dolly, m.
+    pub distance: Option<f64>,
+    /// Forward speed without a path, m/s.
+    pub speed: Option<f64>,
+    /// Duration of a path that has none of its own, s.
+    pub seconds: Option<f64>,
+}
+
+impl MotionArgs<'_> {
+    /// Returns the motion from a viewpoint on.
+    pub fn motion(&self, viewpoint: &ViewpointArgs, loaded: &mut OpenScene) -> Result<CameraMotion> {
+        let options = viewpoint.options();
+        let seconds = self.seconds.unwrap_or(DEFAULT_SECONDS);
+        let path = match self.path {
+            None => {
+                return Ok(CameraMotion::Still {
+                    camera: Box::new(viewpoint.start(loaded)?),
+                    speed: self.speed.unwrap_or(0.0),
+                });
+            }
+            Some(PathSpec::File(file)) => CameraPath::read(file, loaded.place.survey(), &options)?,
+            Some(PathSpec::Capture) => {
+                moves::capture(&loaded.place.scene().views, loaded.place.survey(), &options, seconds)?
+            }
+            Some(moving) => {
+                let start = viewpoint.start(loaded)?;
+                let units = self.distance.map(|metres| metres / loaded.place.survey().metres_per_unit.value);
+                let mut site =
+                    loaded.site(view::ViewOptions { size: Some((start.width, start.height)), ..options });
+                match moving {
+                    PathSpec::Orbit => moves::orbit(&site, &start, seconds)?,
+                    _ => moves::dolly(&mut site, &start, units, seconds)?,
+                }
+            }
+        };
+        Ok(CameraMotion::Along { path, size: options.size() })
+    }
+}
+
 /// The camera at each time, and the times of the frames.
 pub struct CameraPlan {
     motion: CameraMotion,
@@ -144,34 +187,14 @@ impl CameraPlan {
         loaded: &mut OpenScene,
         still: bool,
     ) -> Result<Self> {
-        let options = args.viewpoint.options();
+        let moves = MotionArgs {
+            path: args.path.as_ref(),
+            distance: args.distance,
+            speed: args.camera_speed,
+            seconds: output.seconds,
+        };
+        let motion = moves.motion(&args.viewpoint, loaded)?;
         let length = output.seconds;
-        let path = match &args.path {
-            None => None,
-            Some(PathSpec::File(file)) => Some(CameraPath::read(file, loaded.place.survey(), &options)?),
-            Some(PathSpec::Capture) => {
-                let seconds = length.unwrap_or(DEFAULT_SECONDS);
-                Some(moves::capture(&loaded.place.scene().views, loaded.place.survey(), &options, seconds)?)
-            }
-            Some(moving) => {
-                let start = args.viewpoint.start(loaded)?;
-                let units = args.distance.map(|metres| metres / loaded.place.survey().metres_per_unit.value);
-                let mut site =
-                    loaded.site(view::ViewOptions { size: Some((start.width, start.height)), ..options });
-                let seconds = length.unwrap_or(DEFAULT_SECONDS);
-                Some(match moving {
-                    PathSpec::Orbit => moves::orbit(&site, &start, seconds)?,
-                    _ => moves::dolly(&mut site, &start, units, seconds)?,
-                })
-            }
-        };
-        let motion = match path {
-            Some(path) => CameraMotion::Along { path, size: options.size() },
-            None => CameraMotion::Still {
-                camera: Box::new(args.viewpoint.start(loaded)?),
-                speed: args.camera_speed.unwrap_or(0.0),
-            },
-        };
         let duration = motion.duration();
         let fps = 1.0 / output.fps.seconds(1);
         if let Some(file) = &args.save_path {

@@ -1,0 +1,225 @@
+//! Lidar sweeps of places in weather, and pictures of them.
+//!
+//! ```
+//! use weather_magician::lidar::{LidarModel, ScanOptions};
+//! use weather_magician::{Camera, CameraMotion, LookAt, PlaceView, Renderer, Weather};
+//!
+//! # let scene = wm_street::Street::builtin().sampling(0.1).scene(&|_| true).unwrap();
+//! let mut renderer = Renderer::cpu()?;
+//! let mut place = renderer.load(scene)?;
+//! let view = Camera::look_at([4.0, -20.0, 1.8], [4.0, -30.0, 1.8]).camera_at(&place)?;
+//! let weather = Weather::preset("fog")?.set("fog.mor", 80.0)?;
+//! let lidar = LidarModel::find("vlp-16")?;
+//! let motion = CameraMotion::from(view.camera);
+//! let sweep = renderer.scan_once(&mut place, &weather, &lidar, &motion, &ScanOptions::default())?;
+//! assert!(sweep.points.len() > 1000);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod picture;
+
+pub use picture::{SweepPicture, SweepView};
+pub use wm_sensors::{
+    EchoClass, LidarError, LidarModel, LidarPoint, LidarSweep, PRESETS, PointFormat, PointFrame, ReturnMode,
+    SubRays, about,
+};
+
+use crate::motion::CameraMotion;
+use crate::place::{PreparedPlace, check_owner};
+use crate::{Error, Progress, Renderer, Result};
+use glam::DVec3;
+use std::borrow::Cow;
+use std::sync::Arc;
+use wm_render::RaySplats;
+use wm_scene::{Group, Splats};
+use wm_sensors::{LidarScene, SensorMotion, SensorPose, SurfaceState, SurfaceStates, SweepOptions, sweep};
+use wm_weather::wetness::WetGains;
+use wm_weather::{Fidelity, Weather};
+
+/// Options of a scan.
+#[derive(Clone, Copy, Debug)]
+pub struct ScanOptions {
+    /// Start of sweep 0, s: of the weather, and along the path.
+    pub time: f64,
+    /// The first sweep to make.
+    pub first: u32,
+    /// Number of sweeps, one after the other.
+    pub sweeps: u32,
+    /// The seed of noise. What falls has the seed of its weather.
+    pub seed: u64,
+    /// Rays of a pulse.
+    pub sub_rays: SubRays,
+    /// The returns that become points.
+    pub returns: ReturnMode,
+    /// The axes of the points.
+    pub frame: PointFrame,
+    /// Extinction over backscatter of fog, haze and smog, sr; `None` for that of each.
+    pub lidar_ratio: Option<f64>,
+}
+
+impl Default for ScanOptions {
+    fn default() -> Self {
+        Self {
+            time: 0.0,
+            first: 0,
+            sweeps: 1,
+            seed: 0,
+            sub_rays: SubRays::default(),
+            returns: ReturnMode::default(),
+            frame: PointFrame::default(),
+            lidar_ratio: None,
+        }
+    }
+}
+
+impl Renderer {
+    /// Makes one sweep of a lidar that is where the camera of `motion` is: upright, and ahead as the camera looks. What the weather
+    /// needs of the place is made first.
+    ///
+    /// # Errors
+    /// As [`Self::scan`].
+    pub fn scan_once(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        lidar: &LidarModel,
+        motion: &CameraMotion,
+        options: &ScanOptions,
+    ) -> Result<LidarSweep> {
+        let mut made = None;
+        let options = ScanOptions { sweeps: 1, ..*options };
+        let mut take = |sweep| {
+            made = Some(sweep);
+            Ok(())
+        };
+        self.scan(place, weather, lidar, motion, &options, (&mut take, &mut ()))?;
+        made.ok_or(Error::Stopped)
+    }
+
+    /// Makes sweeps one after the other, as [`Self::scan_once`] makes one, and hands each to `take`. Returns their number: fewer
+    /// than asked for if `progress` asked to stop. Sweep `i` begins `i` periods after
+    /// the start and is the same if made alone.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for the paper's fidelity, for a flood, and if the splats were released; the errors of `take`.
+    pub fn scan(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        lidar: &LidarModel,
+        motion: &CameraMotion,
+        options: &ScanOptions,
+        (take, progress): (&mut dyn FnMut(LidarSweep) -> Result<()>, &mut dyn Progress),
+    ) -> Result<u32> {
+        check_owner(place, self.id())?;
+        if weather.fidelity == Fidelity::Paper {
+            let fault = "a lidar needs weather in physical units: use fidelity `physical`";
+            return Err(Error::Unsupported(fault.into()));
+        }
+        let time = |index: u32| options.time + f64::from(index) * lidar.period();
+        let site = *place.site();
+        let covers = |index: u32| weather.at(time(index)).prepare(&site).cover().to_vec();
+        let motion = UprightMotion {
+            motion,
+            up: DVec3::from_array(site.up),
+            metres: site.metres_per_unit,
+            from: options.time,
+        };
+        let is_snow = weather.effects().any(|(effect, _)| effect.name == "snow_cover");
+        let end = options.first.saturating_add(options.sweeps);
+        let mut index = options.first;
+        while index < end {
+            let lying = self.lying_cover(place, weather, time(index), progress)?;
+            let lies = covers(index);
+            let scene = Arc::clone(place.scene());
+            let splats: Cow<'_, Splats> = match &lying {
+                Some(lying) => Cow::Owned(lying.over(&scene.splats)),
+                None => Cow::Borrowed(&scene.splats),
+            };
+            let is_met = |index: usize| splats.groups[index] != Group::Sky;
+            let rays = self.backend().pool().install(|| RaySplats::new(&splats, is_met));
+            while index < end && covers(index) == lies {
+                if progress.is_stopped() {
+                    return Ok(index - options.first);
+                }
+                let path = self.backend().path();
+                let own = SweepOptions {
+                    time: time(index),
+                    index,
+                    seed: options.seed,
+                    sensor: 0,
+                    sub_rays: options.sub_rays,
+                    returns: options.returns,
+                    frame: options.frame,
+                    lidar_ratio: options.lidar_ratio,
+                };
+                let made = place.for_sensors(
+                    self.backend_mut(),
+                    (weather, own.time),
+                    progress,
+                    |pool, prepared, shelter, wet| {
+                        let surfaces = PlaceSurfaces { groups: &splats.groups, wet, is_snow };
+                        let scene = LidarScene {
+                            splats: &rays,
+                            weather: prepared,
+                            site: &site,
+                            shelter,
+                            surfaces: &surfaces,
+                            path,
+                        };
+                        pool.install(|| sweep(lidar, &motion, &scene, &own))
+                    },
+                )?;
+                take(made)?;
+                index += 1;
+            }
+        }
+        Ok(index - options.first)
+    }
+}
+
+/// The surfaces of a place in a weather.
+struct PlaceSurfaces<'a> {
+    groups: &'a [Group],
+    wet: Option<&'a WetGains<'a>>,
+    /// What lies is snow, and not dust.
+    is_snow: bool,
+}
+
+impl SurfaceStates for PlaceSurfaces<'_> {
+    fn state(&self, splat: u32) -> SurfaceState {
+        let index = splat as usize;
+        let is_snow = self.is_snow && self.groups.get(index) == Some(&Group::Snow);
+        let [pores, film] = self.wet.and_then(|wet| wet.shares(index)).unwrap_or_default().map(f64::from);
+        SurfaceState { is_snow, pores, film }
+    }
+}
+
+/// A lidar that stands upright where a camera is, and looks ahead as it does.
+struct UprightMotion<'a> {
+    motion: &'a CameraMotion,
+    up: DVec3,
+    metres: f64,
+    /// The time at which a camera without a path is where it says, s.
+    from: f64,
+}
+
+/// Least level part of the way that a camera looks from which it is ahead; below it, its upper side is.
+const LEVEL: f64 = 0.1;
+
+impl SensorMotion for UprightMotion<'_> {
+    fn pose(&self, time: f64) -> SensorPose {
+        let camera = self.motion.camera(time);
+        let forward = camera.forward();
+        let is_level = forward.reject_from_normalized(self.up).length() > LEVEL;
+        let ahead = if is_level { forward } else { camera.up() };
+        let driven = match self.motion {
+            CameraMotion::Still { speed, .. } => forward * (speed * (time - self.from) / self.metres),
+            CameraMotion::Along { .. } => DVec3::ZERO,
+        };
+        SensorPose::upright(camera.center() + driven, ahead, self.up)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,190 @@
+//! Pictures of sweeps: ranges and intensities by direction, and points from above.
+
+use std::path::Path;
+use std::str::FromStr;
+use wm_media::{MediaError, PictureSize, png, ramps};
+use wm_sensors::{EchoClass, LidarPoint, LidarSweep, PointFrame};
+
+/// A way to look at a sweep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SweepView {
+    /// Ranges by direction: red is near, blue is 100 m away.
+    Range,
+    /// Intensities by direction.
+    Intensity,
+    /// From above, the sensor in the middle and ahead of it above: surfaces by height, weather in colours of its own.
+    Above,
+}
+
+impl SweepView {
+    /// Every view, with its name.
+    pub const ALL: [(Self, &'static str); 3] =
+        [(Self::Range, "range"), (Self::Intensity, "intensity"), (Self::Above, "above")];
+
+    /// The name in options and file names.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(view, _)| *view == self).map_or("", |(_, name)| name)
+    }
+}
+
+impl FromStr for SweepView {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.iter().find(|(_, name)| *name == text);
+        found
+            .map(|(view, _)| *view)
+            .ok_or_else(|| format!("`{text}` is no view: use range, intensity or above"))
+    }
+}
+
+/// A picture of a sweep, `[H, W, 3]`, sRGB.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SweepPicture {
+    /// Its size.
+    pub size: PictureSize,
+    /// Its pixels.
+    pub rgb: Vec<u8>,
+}
+
+const GROUND: [u8; 3] = [14, 16, 20];
+const RINGS: [u8; 3] = [48, 54, 62];
+/// Range of the last colour, m.
+const FARTHEST: f64 = 100.0;
+/// Side of a picture from above, px.
+const SIDE: u32 = 1000;
+/// Largest width of a picture by direction, and its usual height, px.
+const WIDEST: u32 = 2048;
+const HEIGHT: u32 = 320;
+/// Heights about the sensor between the first and the last colour, m.
+const HEIGHTS: [f64; 2] = [-3.0, 8.0];
+/// Share of the points that a picture from above shows.
+const SHOWN: f64 = 0.95;
+/// Distances that it shows at least and at most, m.
+const REACH: [f64; 2] = [10.0, 100.0];
+
+impl SweepPicture {
+    /// Draws a view of a sweep.
+    #[must_use]
+    pub fn of(sweep: &LidarSweep, view: SweepView) -> Self {
+        match view {
+            SweepView::Range => by_direction(sweep, |point| {
+                ramps::turbo(f64::from(point.range).max(1.0).ln() / FARTHEST.ln())
+            }),
+            SweepView::Intensity => by_direction(sweep, |point| {
+                // As displays encode light, so that dark surfaces are told apart.
+                [(255.0 * f64::from(point.intensity / 255.0).sqrt()).round() as u8; 3]
+            }),
+            SweepView::Above => above(sweep),
+        }
+    }
+
+    /// Writes it as PNG.
+    ///
+    /// # Errors
+    /// [`MediaError`] if the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), MediaError> {
+        png::write_rgb8(path, &self.rgb, self.size, &[])
+    }
+
+    fn new(width: u32, height: u32) -> Self {
+        let size = PictureSize::new(width, height);
+        Self { size, rgb: GROUND.repeat(size.pixels()) }
+    }
+
+    fn set(&mut self, x: i64, y: i64, color: [u8; 3]) {
+        let (width, height) = (i64::from(self.size.width), i64::from(self.size.height));
+        if (0..width).contains(&x) && (0..height).contains(&y) {
+            let at = 3 * (y * width + x) as usize;
+            self.rgb[at..at + 3].copy_from_slice(&color);
+        }
+    }
+}
+
+/// Points by row and column, or by angles where there are no rows; the nearest is in front.
+fn by_direction(sweep: &LidarSweep, color: impl Fn(&LidarPoint) -> [u8; 3]) -> SweepPicture {
+    let mut order: Vec<&LidarPoint> = sweep.points.iter().collect();
+    order.sort_by(|a, b| b.range.total_cmp(&a.range));
+    if let Some([rows, columns]) = sweep.grid {
+        let width = columns.clamp(1, WIDEST);
+        let tall = HEIGHT.div_ceil(rows.max(1)).max(1);
+        let mut picture = SweepPicture::new(width, rows.max(1) * tall);
+        for point in order {
+            let x = u64::from(point.column) * u64::from(width) / u64::from(columns);
+            for y in 0..tall {
+                picture.set(x as i64, i64::from(u32::from(point.ring) * tall + y), color(point));
+            }
+        }
+        return picture;
+    }
+    let extent = |k: usize| {
+        let all = sweep.points.iter().map(|point| f64::from(point.angles[k]));
+        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+    };
+    let [[left, right], [bottom, top]] = [extent(0), extent(1)];
+    let (wide, high) = ((right - left).max(1e-6), (top - bottom).max(1e-6));
+    let height = 3 * HEIGHT;
+    let width = if wide.is_finite() { (f64::from(height) * wide / high).round() as u32 } else { height };
+    let mut picture = SweepPicture::new(width.clamp(16, WIDEST), height);
+    let size = picture.size;
+    for point in order {
+        let [azimuth, elevation] = point.angles.map(f64::from);
+        let x = ((right - azimuth) / wide * f64::from(size.width - 1)).round() as i64;
+        let y = ((top - elevation) / high * f64::from(size.height - 1)).round() as i64;
+        let color = color(point);
+        (0..4).for_each(|k| picture.set(x + k % 2, y + k / 2, color));
+    }
+    picture
+}
+
+/// The points as the sensor saw them, or nearly: in its axes at the start of the sweep.
+fn in_sensor(sweep: &LidarSweep, point: &LidarPoint) -> [f64; 3] {
+    if sweep.frame != PointFrame::World {
+        return point.position.map(f64::from);
+    }
+    let at = glam::DVec3::from_array(point.position.map(f64::from));
+    sweep.pose.to_sensor(at - sweep.pose.origin * sweep.metres_per_unit).to_array()
+}
+
+fn above(sweep: &LidarSweep) -> SweepPicture {
+    let mut points: Vec<([f64; 3], EchoClass)> =
+        sweep.points.iter().map(|point| (in_sensor(sweep, point), point.class)).collect();
+    // Weather over surfaces, what is high over what is low.
+    points.sort_by(|(a, first), (b, second)| {
+        let is_weather = |class: &EchoClass| *class != EchoClass::Surface;
+        is_weather(first).cmp(&is_weather(second)).then(a[2].total_cmp(&b[2]))
+    });
+    let mut distances: Vec<f64> = points.iter().map(|(at, _)| at[0].hypot(at[1])).collect();
+    distances.sort_by(f64::total_cmp);
+    let shown = distances.get((SHOWN * distances.len() as f64) as usize).copied().unwrap_or(REACH[0]);
+    let reach = shown.clamp(REACH[0], REACH[1]);
+    let scale = 0.5 * f64::from(SIDE) / reach;
+    let middle = f64::from(SIDE / 2);
+    let mut picture = SweepPicture::new(SIDE, SIDE);
+    for ring in 1..=(reach * 1.5 / 10.0) as u32 {
+        let radius = 10.0 * f64::from(ring) * scale;
+        let steps = (8.0 * radius) as u32;
+        for step in 0..steps {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(step) / f64::from(steps)).sin_cos();
+            picture.set((middle + radius * cos) as i64, (middle + radius * sin) as i64, RINGS);
+        }
+    }
+    for ([x, y, z], class) in points {
+        let share = ((z - HEIGHTS[0]) / (HEIGHTS[1] - HEIGHTS[0])).clamp(0.0, 1.0);
+        let color = match class {
+            EchoClass::Surface => ramps::turbo(1.0 - share),
+            EchoClass::Drop => [130, 230, 255],
+            EchoClass::Flake => [255, 255, 255],
+            EchoClass::Air => [190, 150, 255],
+            EchoClass::Ghost => [255, 60, 200],
+        };
+        // Ahead is above, left is left.
+        picture.set((middle - y * scale) as i64, (middle - x * scale) as i64, color);
+    }
+    for step in -6..=6 {
+        picture.set(middle as i64 + step, middle as i64, [255; 3]);
+        picture.set(middle as i64, middle as i64 + step, [255; 3]);
+    }
+    picture
+}

@@ -1,0 +1,79 @@
+use super::*;
+use crate::Camera;
+use crate::place::PlaceView;
+
+fn place(renderer: &mut Renderer) -> (PreparedPlace, CameraMotion) {
+    let scene = wm_street::Street::builtin().sampling(0.15).scene(&|_| true).unwrap();
+    let place = renderer.load(scene).unwrap();
+    let view = wm_street::Street::builtin().dolly(0.3).camera((120, 80)).unwrap();
+    let at = Camera::look_at(view.center().to_array(), (view.center() + view.forward()).to_array());
+    let camera = at.camera_at(&place).unwrap().camera;
+    (place, CameraMotion::from(camera))
+}
+
+#[test]
+fn weather_changes_what_a_lidar_sees_of_a_street() {
+    let mut renderer = Renderer::cpu().unwrap();
+    let (mut place, motion) = place(&mut renderer);
+    let lidar = LidarModel::find("vlp-16").unwrap();
+    let options = ScanOptions { sub_rays: SubRays::One, returns: ReturnMode::Dual, ..ScanOptions::default() };
+    let mut scan = |set: &[&str]| {
+        let mut weather = Weather::clear();
+        set.iter().for_each(|text| weather.set_text(text).unwrap());
+        renderer.scan_once(&mut place, &weather, &lidar, &motion, &options).unwrap()
+    };
+    let clear = scan(&[]);
+    assert_eq!(clear.points.len(), clear.count(EchoClass::Surface));
+    let fog = scan(&["fog.mor=40"]);
+    assert!(fog.count(EchoClass::Air) > 5000, "{}", fog.count(EchoClass::Air));
+    assert!(fog.count(EchoClass::Surface) < clear.points.len());
+    // Rain that has wetted the ground: far ground is lost, drops are seen.
+    let rain = scan(&["rain.rate=25", "wetness.amount=1"]);
+    assert!(rain.count(EchoClass::Drop) > 50, "{}", rain.count(EchoClass::Drop));
+    let ground = |sweep: &LidarSweep| {
+        let is_ground = |point: &&LidarPoint| {
+            point.class == EchoClass::Surface && point.position[2] < -1.4 && point.range > 8.0
+        };
+        sweep.points.iter().filter(is_ground).count() as f64
+    };
+    println!("ground beyond 8 m: {} dry, {} wet", ground(&clear), ground(&rain));
+    assert!(ground(&rain) < 0.8 * ground(&clear), "{} {}", ground(&rain), ground(&clear));
+    // Snow on the ground is brighter than what it lies on.
+    let snow = scan(&["snow_cover.depth=0.1"]);
+    let bright = |sweep: &LidarSweep| {
+        let low = sweep.points.iter().filter(|point| point.position[2] < -1.2 && point.range < 12.0);
+        let all: Vec<f64> = low.map(|point| f64::from(point.intensity)).collect();
+        all.iter().sum::<f64>() / all.len() as f64
+    };
+    assert!(bright(&snow) > 1.5 * bright(&clear), "{} {}", bright(&snow), bright(&clear));
+    for (view, _) in SweepView::ALL {
+        let picture = SweepPicture::of(&rain, view);
+        assert_eq!(picture.rgb.len(), 3 * picture.size.pixels());
+    }
+    let mut flooded = Weather::clear();
+    flooded.set_text("flood.level=0.3").unwrap();
+    assert!(matches!(
+        renderer.scan_once(&mut place, &flooded, &lidar, &motion, &options),
+        Err(Error::Unsupported(_))
+    ));
+}
+
+#[test]
+fn a_later_sweep_is_the_same_when_made_alone() {
+    let mut renderer = Renderer::cpu().unwrap();
+    let (mut place, motion) = place(&mut renderer);
+    let lidar = LidarModel::find("mid-40").unwrap();
+    let weather = Weather::clear().set("snowfall.rate", 1.0).unwrap();
+    let options = ScanOptions { sweeps: 2, seed: 3, ..ScanOptions::default() };
+    let mut made = Vec::new();
+    let mut take = |sweep| {
+        made.push(sweep);
+        Ok(())
+    };
+    let count = renderer.scan(&mut place, &weather, &lidar, &motion, &options, (&mut take, &mut ())).unwrap();
+    assert_eq!((count, made.len()), (2, 2));
+    assert!(made[0].points != made[1].points && made[0].count(EchoClass::Flake) > 0);
+    let alone = ScanOptions { first: 1, sweeps: 1, ..options };
+    let second = renderer.scan_once(&mut place, &weather, &lidar, &motion, &alone).unwrap();
+    assert!(second == made[1]);
+}

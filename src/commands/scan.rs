@@ -1,0 +1,292 @@
+//! `scan`: sweeps of a lidar through a scene under a weather.
+
+use super::render::camera::{MotionArgs, ViewpointArgs};
+use crate::names::stem_of;
+use crate::overwrite::check_spares;
+use crate::progress::Reporter;
+use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
+use crate::weather::WeatherArgs;
+use anyhow::{Result, bail};
+use clap::{Args, ValueEnum};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use weather_magician::lidar::{
+    EchoClass, LidarModel, LidarSweep, PRESETS, PointFormat, PointFrame, ReturnMode, ScanOptions, SubRays,
+    SweepPicture, SweepView, about,
+};
+use weather_magician::view::moves::PathSpec;
+use weather_magician::view::spec::CameraSpec;
+use wm_scene::files::check_writable;
+
+/// Options of `scan`.
+#[derive(Args, Debug)]
+#[command(after_long_help = help())]
+pub struct ScanArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+    #[command(flatten)]
+    sky: OwnSkyArgs,
+    #[command(flatten)]
+    weather: WeatherArgs,
+    #[command(flatten)]
+    lidar: LidarArgs,
+    #[command(flatten)]
+    place: SensorPlaceArgs,
+    #[command(flatten)]
+    output: PointArgs,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// The lidar and its pulses.
+#[derive(Args, Debug)]
+struct LidarArgs {
+    /// The lidar: a name from the list below (--help), or a TOML file
+    #[arg(short, long, value_name = "NAME|FILE", default_value = "os1-64", help_heading = "Lidar")]
+    lidar: String,
+    /// Rays of a pulse: 1, or 7 over its divergence
+    #[arg(long, value_name = "N", default_value = "7", help_heading = "Lidar")]
+    sub_rays: SubRayChoice,
+    /// Returns of a pulse that become points
+    #[arg(long, value_enum, default_value = "strongest", help_heading = "Lidar")]
+    returns: ReturnChoice,
+    /// Extinction over backscatter of fog, haze and smog, sr [default: 18 of fog, 50 of haze and smog]
+    #[arg(long, value_name = "SR", allow_negative_numbers = true, help_heading = "Lidar")]
+    lidar_ratio: Option<f64>,
+    /// Seed of the noise of ranges and of detection
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Lidar")]
+    seed: u64,
+}
+
+/// The place of the sensor over time.
+#[derive(Args, Debug)]
+struct SensorPlaceArgs {
+    /// Place of the sensor, which stands upright: EYE:TARGET as X,Y,Z:X,Y,Z, a photo's name or number, or a JSON file of
+    /// keyframes [default: a view chosen automatically]
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true, help_heading = "Sensor")]
+    at: Option<CameraSpec>,
+    /// COLMAP model with the photos' cameras that --at may name
+    #[arg(long, value_name = "FOLDER", help_heading = "Sensor")]
+    views: Option<PathBuf>,
+    /// Move the sensor: orbit, dolly, capture (along the photos), or a JSON file of keyframes
+    #[arg(short, long, value_name = "PATH", help_heading = "Sensor")]
+    path: Option<PathSpec>,
+    /// Duration of an orbit, a dolly or a capture, seconds [default: 5]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Sensor")]
+    seconds: Option<f64>,
+    /// Forward speed of a sensor without a path, m/s
+    #[arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = "Sensor")]
+    speed: Option<f64>,
+}
+
+/// The points and where they go.
+#[derive(Args, Debug)]
+struct PointArgs {
+    /// Output: points as .ply, .pcd, .npy, .las or KITTI's .bin; several sweeps get numbers [default: a .ply named after
+    /// scene and weather, in this folder]
+    #[arg(short, long, value_name = "PATH", help_heading = "Output")]
+    out: Option<PathBuf>,
+    /// Pictures of each sweep, as PNG beside the points: range, intensity, above
+    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
+    picture: Vec<SweepView>,
+    /// Axes of the points: compensated are those of the sensor at the start of the sweep, raw those at each pulse, world those of
+    /// the scene in metres
+    #[arg(long, value_enum, default_value = "compensated", help_heading = "Output")]
+    frame: FrameChoice,
+    /// Time of the start, of the weather and along the path, seconds
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 0.0,
+        allow_negative_numbers = true,
+        help_heading = "Output"
+    )]
+    time: f64,
+    /// Number of sweeps, one after the other
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "Output")]
+    sweeps: u32,
+}
+
+/// Rays of a pulse.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum SubRayChoice {
+    /// One, in the middle.
+    #[value(name = "1")]
+    One,
+    /// Seven over the divergence.
+    #[value(name = "7")]
+    Seven,
+}
+
+/// Returns of a pulse.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ReturnChoice {
+    /// The strongest.
+    Strongest,
+    /// The first.
+    First,
+    /// The last.
+    Last,
+    /// The strongest and the last, once if they are the same.
+    Dual,
+    /// All that are detected.
+    All,
+}
+
+/// Axes of the points.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum FrameChoice {
+    /// Those of the sensor at the start of the sweep.
+    Compensated,
+    /// Those of the sensor at each pulse.
+    Raw,
+    /// Those of the scene, in metres.
+    World,
+}
+
+impl From<&ScanArgs> for ScanOptions {
+    fn from(args: &ScanArgs) -> Self {
+        Self {
+            time: args.output.time,
+            first: 0,
+            sweeps: args.output.sweeps,
+            seed: args.lidar.seed,
+            sub_rays: match args.lidar.sub_rays {
+                SubRayChoice::One => SubRays::One,
+                SubRayChoice::Seven => SubRays::Seven,
+            },
+            returns: match args.lidar.returns {
+                ReturnChoice::Strongest => ReturnMode::Strongest,
+                ReturnChoice::First => ReturnMode::First,
+                ReturnChoice::Last => ReturnMode::Last,
+                ReturnChoice::Dual => ReturnMode::Dual,
+                ReturnChoice::All => ReturnMode::All,
+            },
+            frame: match args.output.frame {
+                FrameChoice::Compensated => PointFrame::Compensated,
+                FrameChoice::Raw => PointFrame::Raw,
+                FrameChoice::World => PointFrame::World,
+            },
+            lidar_ratio: args.lidar.lidar_ratio,
+        }
+    }
+}
+
+/// The lidars, and the weathers and their parameters.
+fn help() -> String {
+    let mut text = String::from("Lidars:\n");
+    for (name, preset) in PRESETS {
+        let _ = writeln!(text, "  {name:<18}{}", about(preset));
+    }
+    text + "\n" + &wm_weather::reference_page::help()
+}
+
+impl ScanArgs {
+    /// Checks the options that do not depend on the scene.
+    fn check(&self) -> Result<()> {
+        let numbers =
+            [("time", Some(self.output.time)), ("speed", self.place.speed), ("seconds", self.place.seconds)];
+        for (name, value) in numbers {
+            if let Some(value) = value.filter(|value| !value.is_finite()) {
+                bail!("--{name} {value}: must be a number");
+            }
+        }
+        if let Some(seconds) = self.place.seconds.filter(|seconds| *seconds <= 0.0) {
+            bail!("--seconds {seconds}: must be above 0");
+        }
+        if self.place.speed.is_some() && self.place.path.is_some() {
+            bail!("--speed: cannot be used with --path, which sets the speed");
+        }
+        if self.place.speed.is_some_and(|speed| speed.abs() > 1000.0) {
+            bail!("--speed: must be from -1000 to 1000 m/s");
+        }
+        if let Some(ratio) = self.lidar.lidar_ratio.filter(|ratio| !(1.0..=1000.0).contains(ratio)) {
+            bail!("--lidar-ratio {ratio}: must be from 1 to 1000 sr");
+        }
+        Ok(())
+    }
+}
+
+/// The name of a file of sweep `index`; `what` is added to it.
+fn name_of(out: &Path, (index, sweeps): (u32, u32), what: &str, extension: Option<&str>) -> PathBuf {
+    let stem = out.file_stem().unwrap_or_default().to_string_lossy();
+    let number = if sweeps > 1 { format!("-{index:05}") } else { String::new() };
+    let own = out.extension().unwrap_or_default().to_string_lossy();
+    out.with_file_name(format!("{stem}{number}{what}.{}", extension.unwrap_or(&own)))
+}
+
+/// Runs the command.
+pub fn run(args: &ScanArgs) -> Result<()> {
+    // Cheap checks come before the scene is read.
+    args.check()?;
+    let (weather, mut inputs) = args.weather.read_with_files()?;
+    let lidar = LidarModel::find(&args.lidar.lidar)?;
+    let named = || {
+        let weather = if weather.name == "clear" { String::new() } else { format!("-{}", weather.name) };
+        format!("{}{weather}-scan.ply", stem_of(&args.scene.scene)).into()
+    };
+    let out: PathBuf = args.output.out.clone().unwrap_or_else(named);
+    PointFormat::of(&out)?;
+    inputs.extend([args.scene.scene.clone(), PathBuf::from(&args.lidar.lidar)]);
+    if let Some(PathSpec::File(file)) = &args.place.path {
+        inputs.push(file.clone());
+    }
+    let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
+    let first = name_of(&out, (0, args.output.sweeps), "", None);
+    check_writable(&first)?;
+    check_spares(&first, &inputs)?;
+    let viewpoint = ViewpointArgs {
+        camera: args.place.at.clone(),
+        views: args.place.views.clone(),
+        size: None,
+        fov: None,
+        near: None,
+    };
+    viewpoint.check()?;
+    let mut loaded = OpenScene::with_sky(&args.scene, &args.run, args.place.views.as_ref(), args.sky)?;
+    let moves = MotionArgs {
+        path: args.place.path.as_ref(),
+        distance: None,
+        speed: args.place.speed,
+        seconds: args.place.seconds,
+    };
+    let motion = moves.motion(&viewpoint, &mut loaded)?;
+    let options = ScanOptions::from(args);
+    let OpenScene { renderer, place } = &mut loaded;
+    let mut index = 0;
+    let mut began = Instant::now();
+    let mut take = |sweep: LidarSweep| -> weather_magician::Result<()> {
+        let file = name_of(&out, (index, options.sweeps), "", None);
+        let seconds = began.elapsed().as_secs_f64();
+        sweep.save(&file)?;
+        println!("{}: {}, {:.0} ms", file.display(), line(&sweep), 1e3 * seconds);
+        for view in &args.output.picture {
+            let file = name_of(&out, (index, options.sweeps), &format!("-{}", view.name()), Some("png"));
+            SweepPicture::of(&sweep, *view).save(&file)?;
+            println!("{}", file.display());
+        }
+        index += 1;
+        began = Instant::now();
+        Ok(())
+    };
+    let progress = &mut Reporter::default();
+    let made = renderer.scan(place, &weather, &lidar, &motion, &options, (&mut take, progress))?;
+    loaded.warn();
+    if made < options.sweeps {
+        bail!(weather_magician::Error::Stopped);
+    }
+    Ok(())
+}
+
+/// A sweep in one line.
+fn line(sweep: &LidarSweep) -> String {
+    let mut text = format!("{}, {} points of {} pulses", sweep.name, sweep.points.len(), sweep.pulses);
+    for class in EchoClass::ALL {
+        let count = sweep.count(class);
+        if count > 0 {
+            let _ = write!(text, ", {count} {}", class.name());
+        }
+    }
+    text
+}
