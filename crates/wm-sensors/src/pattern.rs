@@ -134,7 +134,7 @@ impl BeamPattern {
 
 /// The first of `values` that is not within -`most` to `most`.
 fn beyond(values: &[f64], most: f64) -> Option<f64> {
-    values.iter().copied().find(|value| !(value.abs() <= most))
+    values.iter().copied().find(|value| !(-most..=most).contains(value))
 }
 
 impl RowPattern {

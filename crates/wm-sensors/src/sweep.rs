@@ -325,9 +325,12 @@ impl Tracer<'_> {
                 power: reflectance * met.cosine * received,
                 class: EchoClass::Surface,
             };
-            let mirror = (met.state.film > 0.0 && met.normal.dot(up) > LEVEL).then(|| {
+            // What is mirrored is blurred anyway: the middle of the pulse stands for all of it.
+            let is_middle = ray.is_multiple_of(self.count);
+            let is_mirror = is_middle && met.state.film > 0.0 && met.normal.dot(up) > LEVEL;
+            let mirror = is_mirror.then(|| {
                 let mirrored = surface::mirrored(-direction.dot(up));
-                let share = share * met.state.film * mirrored * mirrored;
+                let share = met.state.film * mirrored * mirrored;
                 let bound = share * kept * kept / (met.range * met.range);
                 let ray = MirroredRay { pulse, before: met.range, share, kept };
                 let at = origin + direction * units + up * (LIFT / self.metres());

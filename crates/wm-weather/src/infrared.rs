@@ -106,7 +106,8 @@ mod tests {
                 let air = prepared.infrared_air(wavelength, None);
                 let left = air.transmittance([0.0, 0.0, 1.0], [1.0, 0.0, 0.0], 100.0);
                 let asked = factor * 100.0 * 20f64.ln() / 300.0;
-                assert!((-left.ln() / asked - 1.0).abs() < 0.01, "{name} {wavelength}: {left}");
+                // The factors are rounded to two digits.
+                assert!((-left.ln() / asked - 1.0).abs() < 0.02, "{name} {wavelength}: {left}");
             }
         }
     }

@@ -57,8 +57,9 @@ const SIDE: u32 = 1000;
 /// Largest width of a picture by direction, and its usual height, px.
 const WIDEST: u32 = 2048;
 const HEIGHT: u32 = 320;
-/// Heights about the sensor between the first and the last colour, m.
-const HEIGHTS: [f64; 2] = [-3.0, 8.0];
+/// Height of the last colour above the lowest surfaces, and the share of surfaces that may lie below those, m.
+const TALL: f64 = 10.0;
+const LOWEST: f64 = 0.02;
 /// Share of the points that a picture from above shows.
 const SHOWN: f64 = 0.95;
 /// Distances that it shows at least and at most, m.
@@ -106,23 +107,27 @@ impl SweepPicture {
 fn by_direction(sweep: &LidarSweep, color: impl Fn(&LidarPoint) -> [u8; 3]) -> SweepPicture {
     let mut order: Vec<&LidarPoint> = sweep.points.iter().collect();
     order.sort_by(|a, b| b.range.total_cmp(&a.range));
+    let extent = |k: usize| {
+        let all = sweep.points.iter().map(|point| f64::from(point.angles[k]));
+        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+    };
+    let [[left, right], [bottom, top]] = [extent(0), extent(1)];
     if let Some([rows, columns]) = sweep.grid {
         let width = columns.clamp(1, WIDEST);
+        // By azimuth: columns of sensors whose rows look aside are staggered. Beyond a full turn the picture begins anew.
+        let turn = (right - left).clamp(1e-6, std::f64::consts::TAU);
+        let start = if turn < std::f64::consts::TAU { right } else { std::f64::consts::PI };
         let tall = HEIGHT.div_ceil(rows.max(1)).max(1);
         let mut picture = SweepPicture::new(width, rows.max(1) * tall);
         for point in order {
-            let x = u64::from(point.column) * u64::from(width) / u64::from(columns);
+            let share = (start - f64::from(point.angles[0])) / turn;
+            let x = (share * f64::from(width)).floor().rem_euclid(f64::from(width));
             for y in 0..tall {
                 picture.set(x as i64, i64::from(u32::from(point.ring) * tall + y), color(point));
             }
         }
         return picture;
     }
-    let extent = |k: usize| {
-        let all = sweep.points.iter().map(|point| f64::from(point.angles[k]));
-        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
-    };
-    let [[left, right], [bottom, top]] = [extent(0), extent(1)];
     let (wide, high) = ((right - left).max(1e-6), (top - bottom).max(1e-6));
     let height = 3 * HEIGHT;
     let width = if wide.is_finite() { (f64::from(height) * wide / high).round() as u32 } else { height };
@@ -155,6 +160,9 @@ fn above(sweep: &LidarSweep) -> SweepPicture {
         let is_weather = |class: &EchoClass| *class != EchoClass::Surface;
         is_weather(first).cmp(&is_weather(second)).then(a[2].total_cmp(&b[2]))
     });
+    // Surfaces come first, the lowest first.
+    let surfaces = points.iter().filter(|(_, class)| *class == EchoClass::Surface).count();
+    let lowest = points.get((LOWEST * surfaces as f64) as usize).map_or(0.0, |(at, _)| at[2]);
     let mut distances: Vec<f64> = points.iter().map(|(at, _)| at[0].hypot(at[1])).collect();
     distances.sort_by(f64::total_cmp);
     let shown = distances.get((SHOWN * distances.len() as f64) as usize).copied().unwrap_or(REACH[0]);
@@ -171,7 +179,7 @@ fn above(sweep: &LidarSweep) -> SweepPicture {
         }
     }
     for ([x, y, z], class) in points {
-        let share = ((z - HEIGHTS[0]) / (HEIGHTS[1] - HEIGHTS[0])).clamp(0.0, 1.0);
+        let share = ((z - lowest) / TALL).clamp(0.0, 1.0);
         let color = match class {
             EchoClass::Surface => ramps::turbo(1.0 - share),
             EchoClass::Drop => [130, 230, 255],

@@ -74,8 +74,8 @@ fn header(count: u32, offset: &[f64; 3], low: &[f64; 3], high: &[f64; 3]) -> Vec
 }
 
 fn record(point: &LidarPoint, offset: &[f64; 3], start: f64, out: &mut Vec<u8>) {
-    for k in 0..3 {
-        let steps = ((f64::from(point.position[k]) - offset[k]) / SCALE).round() as i32;
+    for (value, offset) in point.position.iter().zip(offset) {
+        let steps = ((f64::from(*value) - offset) / SCALE).round() as i32;
         out.extend(steps.to_le_bytes());
     }
     let intensity = (257.0 * point.intensity).round() as u16;
