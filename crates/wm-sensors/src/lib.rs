@@ -32,6 +32,7 @@
 //! let weather = Weather::preset("clear")?.set("fog.mor", 200.0)?.at(0.0).prepare(&Site::PLAIN);
 //! let scene = LidarScene {
 //!     splats: &RaySplats::new(&wall, |_| true),
+//!     mirrored: None,
 //!     weather: &weather,
 //!     site: &Site::PLAIN,
 //!     shelter: None,

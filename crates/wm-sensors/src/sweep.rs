@@ -26,6 +26,8 @@ use wm_weather::{InfraredAir, PreparedWeather, Site};
 pub struct LidarScene<'a> {
     /// Its splats, without the sky.
     pub splats: &'a RaySplats<'a>,
+    /// Those above the ground, which wet ground mirrors; `None` for no ghosts.
+    pub mirrored: Option<&'a RaySplats<'a>>,
     /// The weather at the start of the sweep.
     pub weather: &'a PreparedWeather,
     /// The scale and the up direction.
@@ -165,7 +167,7 @@ const HEXAGON: f64 = 0.763_762_615_825_973_3;
 const MOST_RAYS: usize = 1 << 20;
 /// Cosine between up and the normal of what mirrors: level ground.
 const LEVEL: f64 = 0.9;
-/// Distance above a mirror from which what it shows is looked for, m.
+/// Distance from a mirror from which on what it shows is something else, m.
 const LIFT: f64 = 0.02;
 /// Pulses that one thread makes points of at a time.
 const CHUNK: usize = 1024;
@@ -285,7 +287,7 @@ struct Tracer<'a> {
 /// A ray that a wet surface mirrors.
 struct MirroredRay {
     pulse: u32,
-    /// Way to the mirror, m.
+    /// Way to the mirror, scene units.
     before: f64,
     /// Share of the pulse that goes on and comes back.
     share: f64,
@@ -308,7 +310,7 @@ impl Tracer<'_> {
     /// The ranges at which the rays end, m, and the echoes of surfaces and of what they mirror, with their pulse.
     fn surfaces(&self) -> (Vec<f64>, Vec<(u32, Echo)>) {
         let rays = self.rays();
-        let hits = self.trace(&rays);
+        let hits = self.trace(self.scene.splats, &rays);
         let ends: Vec<f64> = hits.distance.iter().map(|t| f64::from(*t) * self.metres()).collect();
         let share = 1.0 / self.count as f64;
         let up = DVec3::from_array(self.scene.site.up);
@@ -332,9 +334,10 @@ impl Tracer<'_> {
                 let mirrored = surface::mirrored(-direction.dot(up));
                 let share = met.state.film * mirrored * mirrored;
                 let bound = share * kept * kept / (met.range * met.range);
-                let ray = MirroredRay { pulse, before: met.range, share, kept };
-                let at = origin + direction * units + up * (LIFT / self.metres());
+                let ray = MirroredRay { pulse, before: units, share, kept };
+                // From the mirrored eye: all rays of level ground begin there, which is quick to trace.
                 let way = direction - up * (2.0 * direction.dot(up));
+                let at = origin + direction * units - way * units;
                 (bound > FAINTEST * self.model.least_power()).then_some((ray, at, way))
             });
             Some((pulse, echo, mirror.flatten()))
@@ -348,8 +351,8 @@ impl Tracer<'_> {
             mirrored.directions.push(way.as_vec3().normalize().to_array());
             mirrors.push(ray);
         }
-        if !mirrors.is_empty() {
-            let hits = self.trace(&mirrored);
+        if let Some(splats) = self.scene.mirrored.filter(|_| !mirrors.is_empty()) {
+            let hits = self.trace(splats, &mirrored);
             echoes.extend(
                 (0..mirrors.len()).filter_map(|ray| self.ghost(&mirrors[ray], &mirrored, &hits, ray)),
             );
@@ -361,9 +364,14 @@ impl Tracer<'_> {
     fn ghost(&self, mirror: &MirroredRay, rays: &Rays, hits: &RayHits, ray: usize) -> Option<(u32, Echo)> {
         let met = self.met(rays, hits, ray)?;
         let (origin, direction) = ray_of(rays, ray);
-        let units = f64::from(hits.distance[ray]);
-        let kept = mirror.kept * self.air.transmittance(origin.to_array(), direction.to_array(), units);
-        let range = mirror.before + met.range;
+        let after = f64::from(hits.distance[ray]) - mirror.before;
+        // Below the mirror there is nothing to see.
+        if after < LIFT / self.metres() {
+            return None;
+        }
+        let from = origin + direction * mirror.before;
+        let kept = mirror.kept * self.air.transmittance(from.to_array(), direction.to_array(), after);
+        let range = met.range;
         let reflectance = surface::wet_reflectance(met.dry, &met.state, met.cosine);
         let received = mirror.share * kept * kept * self.model.overlap_at(range) / (range * range);
         let power = reflectance * met.cosine * received;
@@ -391,8 +399,8 @@ impl Tracer<'_> {
         Rays { origins: self.pulses.iter().flat_map(origin).collect(), directions }
     }
 
-    fn trace(&self, rays: &Rays) -> RayHits {
-        self.scene.splats.trace(rays, RayOutputs { color: true, normal: true }, self.scene.path)
+    fn trace(&self, splats: &RaySplats<'_>, rays: &Rays) -> RayHits {
+        splats.trace(rays, RayOutputs { color: true, normal: true }, self.scene.path)
     }
 
     /// The surface that a ray meets, if it does.

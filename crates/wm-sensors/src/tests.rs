@@ -72,6 +72,7 @@ fn swept_on(
     let weather = weather.at(options.time).prepare(&Site::PLAIN);
     let scene = LidarScene {
         splats: &RaySplats::new(splats, |_| true),
+        mirrored: Some(&RaySplats::new(splats, |index| splats.log_scales[index][2] > 0.0)),
         weather: &weather,
         site: &Site::PLAIN,
         shelter: None,
@@ -251,6 +252,7 @@ fn motion_is_taken_out_of_the_points() {
     let weather = Weather::clear().at(0.0).prepare(&Site::PLAIN);
     let scene = LidarScene {
         splats: &RaySplats::new(&wall, |_| true),
+        mirrored: None,
         weather: &weather,
         site: &Site::PLAIN,
         shelter: None,
@@ -308,6 +310,7 @@ fn the_street_is_where_it_is() {
     let splats = &scene.splats;
     let scene = LidarScene {
         splats: &RaySplats::new(splats, |index| splats.groups[index] != wm_scene::Group::Sky),
+        mirrored: None,
         weather: &weather,
         site: &site,
         shelter: None,

@@ -138,6 +138,15 @@ impl Renderer {
             };
             let is_met = |index: usize| splats.groups[index] != Group::Sky;
             let rays = self.backend().pool().install(|| RaySplats::new(&splats, is_met));
+            // What stands on the ground, and may be mirrored by it.
+            let floor = site.ground + STANDS / site.metres_per_unit;
+            let height =
+                |index: usize| (0..3).map(|k| f64::from(splats.means[index][k]) * site.up[k]).sum::<f64>();
+            let gets_wet = weather.at(time(index)).prepare(&site).wetting_rain().is_some();
+            let mirrored = gets_wet.then(|| {
+                let stands = |index: usize| is_met(index) && height(index) > floor;
+                self.backend().pool().install(|| RaySplats::new(&splats, stands))
+            });
             while index < end && covers(index) == lies {
                 if progress.is_stopped() {
                     return Ok(index - options.first);
@@ -161,6 +170,7 @@ impl Renderer {
                         let surfaces = PlaceSurfaces { groups: &splats.groups, wet, is_snow };
                         let scene = LidarScene {
                             splats: &rays,
+                            mirrored: mirrored.as_ref(),
                             weather: prepared,
                             site: &site,
                             shelter,
@@ -177,6 +187,9 @@ impl Renderer {
         Ok(index - options.first)
     }
 }
+
+/// Height over the ground from which on splats are mirrored by it, m.
+const STANDS: f64 = 0.3;
 
 /// The surfaces of a place in a weather.
 struct PlaceSurfaces<'a> {
