@@ -3,9 +3,10 @@ use crate::Camera;
 use crate::place::PlaceView;
 
 fn place(renderer: &mut Renderer) -> (PreparedPlace, CameraMotion) {
-    let scene = wm_street::Street::builtin().sampling(0.15).scene(&|_| true).unwrap();
+    let street = wm_street::Street::builtin();
+    let scene = street.sampling(0.1).scene(&|_| true).unwrap();
     let place = renderer.load(scene).unwrap();
-    let view = wm_street::Street::builtin().dolly(0.3).camera((120, 80)).unwrap();
+    let view = street.dolly(0.3).camera((120, 80)).unwrap();
     let at = Camera::look_at(view.center().to_array(), (view.center() + view.forward()).to_array());
     let camera = at.camera_at(&place).unwrap().camera;
     (place, CameraMotion::from(camera))
@@ -63,8 +64,8 @@ fn a_later_sweep_is_the_same_when_made_alone() {
     let mut renderer = Renderer::cpu().unwrap();
     let (mut place, motion) = place(&mut renderer);
     let lidar = LidarModel::find("mid-40").unwrap();
-    let weather = Weather::clear().set("snowfall.rate", 1.0).unwrap();
-    let options = ScanOptions { sweeps: 2, seed: 3, ..ScanOptions::default() };
+    let weather = Weather::clear().set("snowfall.rate", 0.3).unwrap();
+    let options = ScanOptions { sweeps: 2, seed: 3, sub_rays: SubRays::One, ..ScanOptions::default() };
     let mut made = Vec::new();
     let mut take = |sweep| {
         made.push(sweep);
