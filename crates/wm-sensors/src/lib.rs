@@ -19,7 +19,7 @@
 //! use wm_render::RaySplats;
 //! use wm_render::simd::SimdPath;
 //! use wm_scene::Splats;
-//! use wm_sensors::{DrySurfaces, EchoClass, LidarModel, LidarScene, SensorPose, SweepOptions, sweep};
+//! use wm_sensors::{DrySurfaces, EchoClass, LidarModel, LidarScene, ReturnMode, SensorPose, SweepOptions, sweep};
 //! use wm_weather::{Site, Weather};
 //!
 //! let mut wall = Splats::zeroed(1, 0);
@@ -40,7 +40,9 @@
 //!     path: SimdPath::widest(),
 //! };
 //! let pose = SensorPose::upright(DVec3::ZERO, DVec3::X, DVec3::Z);
-//! let made = sweep(&lidar, &pose, &scene, &SweepOptions::default());
+//! // Near fog is stronger than the wall, which comes last.
+//! let options = SweepOptions { returns: ReturnMode::Last, ..SweepOptions::default() };
+//! let made = sweep(&lidar, &pose, &scene, &options);
 //! assert!(made.count(EchoClass::Surface) > 500 && made.count(EchoClass::Air) > 0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
