@@ -255,7 +255,7 @@ impl PictureEffect for WaterEffect<'_> {
 struct Row<'a> {
     y: usize,
     surface: &'a [f32],
-    /// Its first number of each pixel takes the share of light that is reflected.
+    /// The first sum of each pixel becomes the share of light that is reflected.
     front: &'a mut [f32],
     alpha: &'a [f32],
 }
@@ -339,7 +339,10 @@ impl<'a> Scene<'a> {
                 continue;
             }
             let drawn: [[f32; GROUP]; 3] = columns::<3, { 3 * GROUP }>(line);
-            let before: [[f32; GROUP]; FRONT] = columns::<FRONT, { FRONT * GROUP }>(front);
+            let mut before = [[0.0; GROUP]; FRONT];
+            for (before, front) in before.iter_mut().zip(front.chunks_exact(count)) {
+                *before = padded(front, 0.0);
+            }
             let alpha: [f32; GROUP] = padded(&row.alpha[first..first + count], 0.0);
             let at = row.y * width + first..row.y * width + first + count;
             let still = match surface.roughness.is_empty() {
@@ -404,10 +407,12 @@ impl<'a> Scene<'a> {
             for (i, pixel) in line.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                 *pixel = [shown[0][i], shown[1][i], shown[2][i]];
             }
-            for (i, front) in front.as_chunks_mut::<FRONT>().0.iter_mut().enumerate() {
+            let mut reflected = [0.0; GROUP];
+            for i in 0..GROUP {
                 let is_wet = wet >> i & 1 == 1;
-                front[0] = if is_wet { behind.open[i] * cover[i] * water.reflected[i] } else { 0.0 };
+                reflected[i] = if is_wet { behind.open[i] * cover[i] * water.reflected[i] } else { 0.0 };
             }
+            front[..count].copy_from_slice(&reflected[..count]);
         }
     }
 
@@ -929,11 +934,12 @@ impl Behind {
     }
 }
 
-/// Notes that nothing is reflected.
+/// Notes that nothing is reflected in groups of pixels of a row.
 #[inline(always)]
 fn clear(front: &mut [f32]) {
-    for front in front.as_chunks_mut::<FRONT>().0 {
-        front[0] = 0.0;
+    for group in front.chunks_mut(FRONT * GROUP) {
+        let count = group.len() / FRONT;
+        group[..count].fill(0.0);
     }
 }
 
