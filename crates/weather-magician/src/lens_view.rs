@@ -17,7 +17,7 @@ use wm_weather::Weather;
 /// Tangent of the angle from the axis up to which one pinhole picture shows all.
 const ONE_SIDE: f64 = 1.5;
 /// Share by which the coordinates of a direction along two axes differ where one side has gone over into the other.
-const OVERLAP: f64 = 0.12;
+const OVERLAP: f64 = 0.07;
 /// Pixels beyond the outermost sample of a side.
 const PAD: f64 = 3.0;
 
@@ -192,7 +192,7 @@ impl LensView {
             for tap in self.taps(i) {
                 let side = &self.sides[tap.side as usize].camera;
                 if let Some(pixels) = of[tap.side as usize] {
-                    cubic::<N>(pixels, (side.width as usize, side.height as usize), tap, out);
+                    cubic::<N>(pixels, side.width as usize, tap, out);
                 }
             }
         });
@@ -242,32 +242,37 @@ impl LensView {
     }
 }
 
-/// Adds a sample between pixels, by the kernel of Keys (1981) with a = -1/2, within what the four pixels about it hold: beside lamps it would ring.
+/// Adds a sample between pixels, by the kernel of Keys (1981) with a = -1/2, within what the four pixels about it hold: beside lamps it would
+/// ring. There are two pixels or more to all sides ([`PAD`]).
 #[inline]
-fn cubic<const N: usize>(pixels: &[f32], (width, height): (usize, usize), tap: &Tap, out: &mut [f32; N]) {
+fn cubic<const N: usize>(pixels: &[f32], width: usize, tap: &Tap, out: &mut [f32; N]) {
     let [x, y] = tap.at.map(|v| v - 0.5);
-    let [left, top] = [x, y].map(f32::floor);
+    let [left, top] = [x.floor(), y.floor()];
     let [across, down] = [kernel(x - left), kernel(y - top)];
-    let (left, top) = (left as isize - 1, top as isize - 1);
-    let column = |k: isize| (left + k).clamp(0, width as isize - 1) as usize;
-    let columns = [column(0), column(1), column(2), column(3)];
-    let mut sum = [0.0f32; N];
+    let first = (top as usize - 1) * width + left as usize - 1;
+    let mut columns = [[0.0f32; N]; 4];
     let (mut low, mut high) = ([f32::MAX; N], [f32::MIN; N]);
-    for (row, weight) in down.iter().enumerate() {
-        let line = (top + row as isize).clamp(0, height as isize - 1) as usize * width;
-        for (column, across) in across.iter().enumerate() {
-            let pixel = &pixels[N * (line + columns[column])..][..N];
-            let is_inner = (row == 1 || row == 2) && (column == 1 || column == 2);
+    for (row, down) in down.iter().enumerate() {
+        let line = &pixels[N * (first + row * width)..][..4 * N];
+        let line: &[[f32; N]] = line.as_chunks().0;
+        for (column, pixel) in columns.iter_mut().zip(line) {
             for k in 0..N {
-                sum[k] += pixel[k] * (weight * across);
-                if is_inner {
-                    (low[k], high[k]) = (low[k].min(pixel[k]), high[k].max(pixel[k]));
-                }
+                column[k] += pixel[k] * down;
+            }
+        }
+        if row == 1 || row == 2 {
+            for k in 0..N {
+                low[k] = low[k].min(line[1][k]).min(line[2][k]);
+                high[k] = high[k].max(line[1][k]).max(line[2][k]);
             }
         }
     }
     for k in 0..N {
-        out[k] += tap.weight * sum[k].max(low[k]).min(high[k]);
+        let mut sum = 0.0;
+        for (column, across) in columns.iter().zip(across) {
+            sum += column[k] * across;
+        }
+        out[k] += tap.weight * sum.max(low[k]).min(high[k]);
     }
 }
 
@@ -361,7 +366,7 @@ mod tests {
     /// Every pixel shows its own direction, whichever sides it is sampled from, and a sphere about the eye has one distance.
     #[test]
     fn pixels_show_their_directions() {
-        let (fisheye, round) = LensModel::fisheye((96, 80), 200.0).unwrap();
+        let (fisheye, round) = LensModel::fisheye((96, 80), 290.0).unwrap();
         let wide = Camera { width: 128, height: 64, ..round };
         let near = Camera { fx: 90.0, fy: 90.0, ..round };
         let bent =

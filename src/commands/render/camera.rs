@@ -110,7 +110,7 @@ pub struct CameraArgs {
     /// Forward speed of a camera without a path, m/s, as in a car: rain and snow come towards it
     #[arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = "Camera")]
     pub camera_speed: Option<f64>,
-    /// Lens of the camera instead of a pinhole: fisheye or fisheye:DEGREES (across the shorter side, 180 if not given; equidistant),
+    /// Lens of the camera instead of a pinhole: fisheye or fisheye:DEGREES (equidistant, a circle of 180 degrees if not given),
     /// equirectangular (a 360 degree panorama), or a TOML file of a calibrated lens. Depths are distances from the eye then
     #[arg(long, value_name = "LENS", help_heading = "Camera")]
     pub lens: Option<LensSpec>,

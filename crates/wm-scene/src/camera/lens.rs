@@ -20,6 +20,8 @@ pub enum LensModel {
     Fisheye {
         /// k1, k2, k3, k4.
         radial: [f64; 4],
+        /// Largest angle from the axis that is shown, radians, up to half a turn.
+        widest: f64,
     },
     /// All directions, longitude along the picture and latitude down it: the middle is forward, the left and the right edge are behind.
     /// Focal lengths and principal point are not used.
@@ -27,7 +29,8 @@ pub enum LensModel {
 }
 
 impl LensModel {
-    /// An equidistant fisheye in a picture of this size that shows `degrees` across its shorter side: the camera at the origin.
+    /// An equidistant fisheye in a picture of this size that shows a circle of `degrees` across its shorter side, and nothing around it:
+    /// the lens, and a camera at the origin.
     ///
     /// # Errors
     /// [`CameraError`] if the size makes no picture or the angle is not above 0 and at most 360 degrees.
@@ -48,7 +51,7 @@ impl LensModel {
             near: Camera::DEFAULT_NEAR,
         };
         camera.check()?;
-        Ok((Self::Fisheye { radial: [0.0; 4] }, camera))
+        Ok((Self::Fisheye { radial: [0.0; 4], widest: 0.5 * degrees.to_radians() }, camera))
     }
 
     /// Checks that no two directions are seen at one point of the picture.
@@ -77,8 +80,8 @@ impl LensModel {
                 }
                 Ok(())
             }
-            Self::Fisheye { radial } => {
-                if let Some(bad) = radial.iter().find(|v| !v.is_finite()) {
+            Self::Fisheye { radial, widest } => {
+                if let Some(bad) = radial.iter().chain([widest]).find(|v| !v.is_finite()) {
                     return Err(CameraError::Lens(format!("a coefficient is {bad}: must be finite")));
                 }
                 let corner =
@@ -88,7 +91,7 @@ impl LensModel {
                     .max(corner(0.0, height))
                     .max(corner(width, height));
                 for step in 0..=STEPS {
-                    let angle = PI * f64::from(step) / f64::from(STEPS);
+                    let angle = widest.min(PI) * f64::from(step) / f64::from(STEPS);
                     let (radius, slope) = radius_of(radial, angle);
                     if slope <= 0.0 {
                         return Err(CameraError::Lens(format!(
@@ -115,9 +118,9 @@ impl LensModel {
                 let (u, v) = distortion.undistort(u, v)?;
                 Some(DVec3::new(u, v, 1.0).normalize())
             }
-            Self::Fisheye { radial } => {
+            Self::Fisheye { radial, widest } => {
                 let radius = u.hypot(v);
-                let angle = angle_of(radial, radius)?;
+                let angle = angle_of(radial, radius).filter(|angle| angle <= widest)?;
                 let (sine, cosine) = angle.sin_cos();
                 let scale = if radius > 0.0 { sine / radius } else { 1.0 };
                 Some(DVec3::new(u * scale, v * scale, cosine))
@@ -147,12 +150,12 @@ impl LensModel {
                 let is_same = (back_u - x / z).hypot(back_v - y / z) < 1e-6 * (1.0 + (x / z).hypot(y / z));
                 is_same.then_some([camera.fx * u + camera.cx, camera.fy * v + camera.cy])
             }
-            Self::Fisheye { radial } => {
+            Self::Fisheye { radial, widest } => {
                 let side = x.hypot(y);
                 let angle = side.atan2(z);
                 let (radius, slope) = radius_of(radial, angle);
                 let scale = if side > 0.0 { radius / side } else { 1.0 };
-                (slope > 0.0)
+                (slope > 0.0 && angle <= widest + 1e-9)
                     .then_some([camera.fx * x * scale + camera.cx, camera.fy * y * scale + camera.cy])
             }
             Self::Equirectangular => {
@@ -206,8 +209,9 @@ mod tests {
     #[test]
     fn known_points_of_lenses() {
         let (lens, camera) = LensModel::fisheye((640, 480), 180.0).unwrap();
-        // Half a turn across the height: what is straight up is at the upper edge.
+        // Half a turn across the height: what is straight up is at the upper edge, and the corners are dark.
         let up = lens.project(&camera, DVec3::NEG_Y).unwrap();
+        assert_eq!((lens.ray(&camera, [1.0, 1.0]), lens.project(&camera, DVec3::NEG_Z)), (None, None));
         assert!((up[0] - 320.0).abs() < 1e-9 && up[1].abs() < 1e-9);
         let wide = Camera { width: 360, height: 180, ..camera };
         for (direction, point) in [
@@ -225,14 +229,14 @@ mod tests {
     fn folds_are_refused() {
         let camera = camera();
         let says = |lens: LensModel| lens.check(&camera).unwrap_err().to_string();
-        let folded = says(LensModel::Fisheye { radial: [-0.3, 0.0, 0.0, 0.0] });
+        let folded = says(LensModel::Fisheye { radial: [-0.3, 0.0, 0.0, 0.0], widest: PI });
         // 1 - 0.9 t^2 is 0 at 60.4 degrees.
         assert!(folded.contains("folds 61 degrees from the axis"), "{folded}");
         let folded = says(LensModel::Perspective(Distortion::of([-1.0, 0.0, 0.0, 0.0, 0.0])));
         assert!(folded.contains("folds within the picture"), "{folded}");
-        let broken = says(LensModel::Fisheye { radial: [f64::NAN, 0.0, 0.0, 0.0] });
+        let broken = says(LensModel::Fisheye { radial: [f64::NAN, 0.0, 0.0, 0.0], widest: PI });
         assert!(broken.contains("must be finite"), "{broken}");
-        assert!(LensModel::Fisheye { radial: [0.05, 0.01, 0.0, 0.0] }.check(&camera).is_ok());
+        assert!(LensModel::Fisheye { radial: [0.05, 0.01, 0.0, 0.0], widest: PI }.check(&camera).is_ok());
         assert!(LensModel::fisheye((640, 480), 400.0).is_err());
     }
 
@@ -245,7 +249,7 @@ mod tests {
             let camera = camera();
             let lens = match kind {
                 0 => LensModel::Perspective(Distortion::of([k1, k2, 0.001, -0.002, 0.001])),
-                1 => LensModel::Fisheye { radial: [k1, k2, 0.001, -0.0001] },
+                1 => LensModel::Fisheye { radial: [k1, k2, 0.001, -0.0001], widest: 2.0 },
                 _ => LensModel::Equirectangular,
             };
             if let Some(ray) = lens.ray(&camera, [x, y]) {
@@ -261,7 +265,7 @@ mod tests {
         fn no_coefficients_panic(values in prop::array::uniform5(prop::num::f64::ANY), x in prop::num::f64::ANY) {
             let camera = camera();
             let [a, b, c, d, _] = values;
-            for lens in [LensModel::Perspective(Distortion::of(values)), LensModel::Fisheye { radial: [a, b, c, d] }] {
+            for lens in [LensModel::Perspective(Distortion::of(values)), LensModel::Fisheye { radial: [a, b, c, d], widest: x }] {
                 let _ = lens.check(&camera);
                 let _ = lens.ray(&camera, [x, 3.0]);
                 let _ = lens.project(&camera, DVec3::new(x, a, b));

@@ -23,6 +23,8 @@ struct LensFile {
     focal: Option<[f64; 2]>,
     /// Principal point, px from the left and the top edge; the middle otherwise.
     center: Option<[f64; 2]>,
+    /// Angle across a fisheye's picture beyond which it is dark, degrees; 360 otherwise.
+    fov: Option<f64>,
     /// Coefficients in OpenCV's order; those that are left out are 0.
     #[serde(default)]
     distortion: Vec<f64>,
@@ -37,6 +39,7 @@ impl LensModel {
     /// focal = [420.0, 420.5]            # px; not for EQUIRECTANGULAR
     /// center = [641.2, 478.9]           # px; the middle if left out
     /// distortion = [0.01, -0.002]       # OPENCV: k1, k2, p1, p2, k3; OPENCV_FISHEYE: k1, k2, k3, k4
+    /// fov = 190.0                       # degrees, OPENCV_FISHEYE alone: dark beyond it; 360 if left out
     /// ```
     ///
     /// # Errors
@@ -99,10 +102,18 @@ fn parse(text: &str) -> Result<(LensModel, Camera), (Location, String)> {
             format!("distortion has {} numbers, {} has {most} at most", file.distortion.len(), file.model);
         return Err((of_key("distortion"), says));
     }
+    let widest = match file.fov {
+        None => std::f64::consts::PI,
+        Some(fov) if most == 4 && fov > 0.0 && fov <= 360.0 => 0.5 * fov.to_radians(),
+        Some(fov) if most == 4 => {
+            return Err((of_key("fov"), format!("fov is {fov}: must be above 0 and at most 360 degrees")));
+        }
+        Some(_) => return Err((of_key("fov"), format!("{} has no fov", file.model))),
+    };
     let number = |k: usize| file.distortion.get(k).copied().unwrap_or(0.0);
     let lens = match most {
         5 => LensModel::Perspective(Distortion::of([0, 1, 2, 3, 4].map(number))),
-        4 => LensModel::Fisheye { radial: [0, 1, 2, 3].map(number) },
+        4 => LensModel::Fisheye { radial: [0, 1, 2, 3].map(number), widest },
         _ => LensModel::Equirectangular,
     };
     lens.check(&camera).map_err(|error| (Location::Whole, error.to_string()))?;
@@ -116,10 +127,12 @@ mod tests {
 
     #[test]
     fn lenses_are_read() {
-        let text =
-            "model = \"OPENCV_FISHEYE\"\nsize = [640, 480]\nfocal = [200.0, 201.0]\ndistortion = [0.01]\n";
+        let text = "model = \"OPENCV_FISHEYE\"\nsize = [640, 480]\nfocal = [200.0, 201.0]\ndistortion = [0.01]\nfov = 180\n";
         let (lens, camera) = parse(text).unwrap();
-        assert_eq!(lens, LensModel::Fisheye { radial: [0.01, 0.0, 0.0, 0.0] });
+        assert_eq!(
+            lens,
+            LensModel::Fisheye { radial: [0.01, 0.0, 0.0, 0.0], widest: std::f64::consts::FRAC_PI_2 }
+        );
         assert_eq!((camera.fy, camera.cx, camera.cy), (201.0, 320.0, 240.0));
         let panorama = parse("model = \"EQUIRECTANGULAR\"\nsize = [640, 320]\n").unwrap();
         assert_eq!(panorama.0, LensModel::Equirectangular);
@@ -134,6 +147,7 @@ mod tests {
             (format!("{start}focal = [0.0, 200.0]\n"), "fx"),
             (start.into(), "focal is missing"),
             (format!("{start}focus = 3\n"), "focus"),
+            (format!("{start}focal = [200.0, 200.0]\nfov = 90.0\n"), "has no fov"),
             ("model = \"FOV\"\nsize = [64, 48]\nfocal = [20.0, 20.0]\n".into(), "\"FOV\" is not known"),
             ("model = \"EQUIRECTANGULAR\"\nsize = [64, 0]\n".into(), "picture size"),
         ] {
