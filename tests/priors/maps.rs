@@ -155,7 +155,7 @@ fn maps_of_a_bent_photo_are_bent_back() {
     let options = DatasetOptions { count: 3, ..PHOTOS };
     dataset::write(&Street::builtin(), &desk.at("set"), &options, &mut |_| true).unwrap();
     let mut made = capture(&desk.at("set"));
-    let lens = Distortion::of([-0.2, 0.03, 0.0, 0.0]);
+    let lens = Distortion::of([-0.2, 0.03, 0.0, 0.0, 0.0]);
     made.views.iter_mut().for_each(|view| view.distortion = lens);
     write::write(&made, &desk.at("set/sparse/0"), ColmapStorage::Binary).unwrap();
     // White left of a stored column.

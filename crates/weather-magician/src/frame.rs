@@ -332,14 +332,13 @@ impl Water {
     /// The layers of a finished picture.
     fn layers(&self, frame: &Frame) -> WaterLayers {
         let WaterSurface { depth, cover, .. } = &self.surface;
-        let (front, _) = frame.front.as_chunks::<FRONT>();
-        let seen = |(i, front): (usize, &[f32; FRONT])| {
-            if depth[i].is_nan() { 0.0 } else { (1.0 - front[4]) * cover.get(i).copied().unwrap_or(1.0) }
+        let seen = |(i, front): (usize, f32)| {
+            if depth[i].is_nan() { 0.0 } else { (1.0 - front) * cover.get(i).copied().unwrap_or(1.0) }
         };
         WaterLayers {
-            cover: front.iter().enumerate().map(seen).collect(),
+            cover: frame.front_sums(FRONT - 1).into_iter().enumerate().map(seen).collect(),
             // The effect leaves it there.
-            reflected: front.iter().map(|front| front[0]).collect(),
+            reflected: frame.front_sums(0),
             depth: depth.iter().map(|z| if z.is_nan() { 0.0 } else { *z }).collect(),
         }
     }

@@ -23,6 +23,8 @@ use wm_weather::wetness::WaterState;
 pub struct Renderer {
     backend: AnyRenderer,
     memory: Pictures,
+    /// Pinhole pictures of the last frame through a lens: memory for the next one.
+    pub(crate) sides: Vec<Picture>,
     id: u64,
 }
 
@@ -55,7 +57,12 @@ impl Renderer {
     ) -> Result<Self> {
         static NEXT: AtomicU64 = AtomicU64::new(1);
         let backend = AnyRenderer::new(device, cpu, warn)?;
-        Ok(Self { backend, memory: Pictures::default(), id: NEXT.fetch_add(1, Ordering::Relaxed) })
+        Ok(Self {
+            backend,
+            memory: Pictures::default(),
+            sides: Vec::new(),
+            id: NEXT.fetch_add(1, Ordering::Relaxed),
+        })
     }
 
     /// The number that tells it from other renderers.

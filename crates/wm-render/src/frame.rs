@@ -1,5 +1,6 @@
 //! The pictures of one view, each in its own array.
 
+use crate::hooks::GROUP;
 use crate::renderer::RenderError;
 pub use wm_scene::color::{srgb_decode, srgb_encode};
 
@@ -40,10 +41,13 @@ pub struct Frame {
     /// `[H, W, 4]`. With it the colour before the pixel effects is, in linear light, `c (1 - coverage) + light`, where
     /// `c` is the colour of the scene without what falls.
     pub particles: Vec<f32>,
-    /// Sums that the surface of the pass ([`crate::DrawPass::surface`]) splits, `[H, W, 5]`. Over the splats before it: red,
+    /// Sums that the surface of the pass ([`crate::DrawPass::surface`]) splits, five a pixel. Over the splats before it: red,
     /// green and blue as sums of weights times values, without background, particles and pixel effects, and last their
     /// coverage. Fourth, over the splats behind it: the sum of weights over view z, 1/scene units. In a pixel without a
     /// surface all splats are before it.
+    ///
+    /// They lie as vectors read them: a row is a sequence of groups of [`crate::hooks::GROUP`] pixels, the last one maybe narrower, and a group
+    /// is `[5, pixels]`. [`Self::front_sums`] has one of the five as `[H, W]`.
     pub front: Vec<f32>,
 }
 
@@ -94,6 +98,21 @@ impl Frame {
         }
         (self.width, self.height, self.encoding) = (width, height, encoding);
         Ok(())
+    }
+
+    /// One of the five sums of [`Self::front`], `[H, W]`; empty without them.
+    ///
+    /// # Panics
+    /// If `part` is not below [`FRONT`].
+    #[must_use]
+    pub fn front_sums(&self, part: usize) -> Vec<f32> {
+        assert!(part < FRONT, "five sums a pixel");
+        let rows = self.front.chunks(FRONT * self.width.max(1) as usize);
+        let groups = rows.flat_map(|row| row.chunks(FRONT * GROUP));
+        groups
+            .flat_map(|group| &group[part * group.len() / FRONT..(part + 1) * group.len() / FRONT])
+            .copied()
+            .collect()
     }
 
     /// Number of pixels.

@@ -1,8 +1,11 @@
 //! A pinhole camera: intrinsics, pose and near plane.
 
+mod lens;
+mod lens_file;
 mod look_at;
 mod rigid;
 
+pub use lens::LensModel;
 pub use look_at::LookAt;
 pub(crate) use rigid::viewmat_at;
 pub use rigid::{PoseFault, RIGID_TOLERANCE, check_rigid, rotation_of};
@@ -65,6 +68,9 @@ pub enum CameraError {
     /// The pose is not a rotation with a translation.
     #[error("camera viewmat (camera_from_world) is not a rotation with a translation: {0}")]
     Pose(#[from] PoseFault),
+    /// The lens shows one point of its picture twice, or a number of it is not finite.
+    #[error("the lens: {0}")]
+    Lens(String),
     /// The eye is at the target, or up is along the view.
     #[error(
         "camera from {} to {} with up {} has no direction or no up; look from one point to another, not along up",

@@ -74,7 +74,7 @@ pub mod synthetic;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
 
-pub use camera::{Camera, CameraError, LookAt};
+pub use camera::{Camera, CameraError, LensModel, LookAt};
 pub use error::{FormatError, Location, Problem};
 pub use group::Group;
 pub use health::{Health, NonFiniteSplats};

@@ -27,6 +27,13 @@ pub(crate) struct AirPath<'a> {
     pub ends: &'a [f64],
 }
 
+impl AirPath<'_> {
+    /// The share of the rays that go beyond a range, m.
+    pub fn share_beyond(&self, range: f64) -> f64 {
+        self.ends.iter().filter(|end| **end > range).count() as f64 / self.ends.len() as f64
+    }
+}
+
 /// Adds the echoes of the air along a pulse.
 pub(crate) fn add_echoes(
     path: &AirPath<'_>,
@@ -61,8 +68,7 @@ pub(crate) fn add_echoes(
         if BRIGHTEST * densest * received < FAINTEST * model.least_power() {
             break;
         }
-        let goes_on = path.ends.iter().filter(|end| **end > range).count() as f64 / path.ends.len() as f64;
-        let power = goes_on * bin * air.reflectance_at(at(range)) * overlap * received;
+        let power = path.share_beyond(range) * bin * air.reflectance_at(at(range)) * overlap * received;
         if BRIGHTEST * power < FAINTEST * model.least_power() {
             continue;
         }

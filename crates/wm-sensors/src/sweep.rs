@@ -212,17 +212,22 @@ pub fn sweep(
             for (index, pulse) in own.iter().enumerate() {
                 let local = begin + index;
                 let number = first + local as u64;
-                all.clear();
-                while let Some((_, echo)) = echoes.get(at).filter(|(pulse, _)| *pulse as usize == local) {
-                    all.push(*echo);
-                    at += 1;
-                }
                 let path = AirPath {
                     origin: pulse.pose.origin.to_array(),
                     direction: pulse.direction.to_array(),
                     metres_per_unit: scene.site.metres_per_unit,
                     ends: &ends[local * tracer.count..(local + 1) * tracer.count],
                 };
+                all.clear();
+                while let Some((_, echo)) = echoes.get(at).filter(|(pulse, _)| *pulse as usize == local) {
+                    let is_particle = matches!(echo.class, EchoClass::Drop | EchoClass::Flake);
+                    // What falls behind a surface is not seen.
+                    let share = if is_particle { path.share_beyond(echo.range) } else { 1.0 };
+                    if share > 0.0 {
+                        all.push(Echo { power: share * echo.power, ..*echo });
+                    }
+                    at += 1;
+                }
                 air::add_echoes(&path, (&air, model), (&speckle, number), &mut all);
                 echo::merge(&mut all, model.bin(), &mut merged);
                 echo::detect(&merged, model, (&random, number), &mut detected);

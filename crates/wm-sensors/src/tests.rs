@@ -223,6 +223,17 @@ fn drops_are_as_many_as_the_rain_holds() {
 }
 
 #[test]
+fn nothing_falls_behind_a_wall() {
+    let (lidar, rain) = (lidar(ahead(20_000)), [("rain.rate", 100.0)]);
+    let farthest = |splats: &Splats| {
+        let drops = swept(&lidar, splats, &rain, &ALL).points.into_iter();
+        drops.filter(|point| point.class == EchoClass::Drop).map(|point| point.range).fold(0.0, f32::max)
+    };
+    let (open, walled) = (farthest(&Splats::zeroed(0, 0)), farthest(&plate(0, 2.0, 0.1)));
+    assert!(open > 4.0 && walled < 2.2, "{open} {walled}");
+}
+
+#[test]
 fn wet_ground_vanishes_far_away_and_mirrors_walls() {
     let fan = |low: f64, high: f64| (0..2000).map(move |i| [0.0, low + (high - low) * f64::from(i) / 2000.0]);
     let mut scene = plate(2, 0.0, 0.2);

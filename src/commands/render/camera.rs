@@ -5,14 +5,15 @@ use crate::scene::OpenScene;
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
+use std::str::FromStr;
 use weather_magician::view::moves::{self, PathSpec};
 use weather_magician::view::path::{CameraPath, PathKey};
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
-use weather_magician::{CameraMotion, MovingCamera};
+use weather_magician::{CameraMotion, LensView, MovingCamera};
 use wm_media::video::FrameRate;
 use wm_scene::files::check_writable;
-use wm_scene::{Camera, FormatError};
+use wm_scene::{Camera, FormatError, LensModel};
 
 /// Default length of a sequence, seconds.
 const DEFAULT_SECONDS: f64 = 5.0;
@@ -40,6 +41,60 @@ pub struct ViewpointArgs {
     pub near: Option<f64>,
 }
 
+/// Default width and height of pictures through a fisheye, and of a panorama, px.
+const ROUND: (u32, u32) = (1024, 1024);
+const PANORAMA: (u32, u32) = (2048, 1024);
+/// Default angle across a fisheye, degrees.
+const FISHEYE: f64 = 180.0;
+
+/// A lens, as `--lens` takes it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LensSpec {
+    /// An equidistant fisheye, degrees across the shorter side of the picture.
+    Fisheye(f64),
+    /// A panorama.
+    Equirectangular,
+    /// A TOML file.
+    File(PathBuf),
+}
+
+impl FromStr for LensSpec {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.split_once(':').unwrap_or((text, "")) {
+            ("fisheye", "") => Ok(Self::Fisheye(FISHEYE)),
+            ("fisheye", degrees) => match degrees.parse::<f64>() {
+                Ok(degrees) if degrees > 0.0 && degrees <= 360.0 => Ok(Self::Fisheye(degrees)),
+                _ => Err(format!("`{degrees}` is not an angle above 0 and up to 360 degrees")),
+            },
+            ("equirectangular", "") => Ok(Self::Equirectangular),
+            _ if text.to_lowercase().ends_with(".toml") => Ok(Self::File(text.into())),
+            _ => Err(format!(
+                "`{text}` is not a lens: use fisheye, fisheye:DEGREES, equirectangular or a .toml file"
+            )),
+        }
+    }
+}
+
+impl LensSpec {
+    /// Returns the lens in a picture of the size that was asked for, if one was.
+    pub fn view(&self, size: Option<(u32, u32)>) -> Result<LensView> {
+        let (lens, camera) = match self {
+            Self::Fisheye(degrees) => LensModel::fisheye(size.unwrap_or(ROUND), *degrees)?,
+            Self::Equirectangular => {
+                let (_, camera) = LensModel::fisheye(size.unwrap_or(PANORAMA), FISHEYE)?;
+                (LensModel::Equirectangular, camera)
+            }
+            Self::File(path) => {
+                let (lens, camera) = LensModel::read(path)?;
+                (lens, size.map_or(camera, |(width, height)| camera.resized(width, height)))
+            }
+        };
+        Ok(LensView::new(lens, &camera)?)
+    }
+}
+
 /// Options of a camera and its motion.
 #[derive(Args, Clone, Debug)]
 pub struct CameraArgs {
@@ -55,6 +110,10 @@ pub struct CameraArgs {
     /// Forward speed of a camera without a path, m/s, as in a car: rain and snow come towards it
     #[arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = "Camera")]
     pub camera_speed: Option<f64>,
+    /// Lens of the camera instead of a pinhole: fisheye or fisheye:DEGREES (equidistant, a circle of 180 degrees if not given),
+    /// equirectangular (a 360 degree panorama), or a TOML file of a calibrated lens. Depths are distances from the eye then
+    #[arg(long, value_name = "LENS", help_heading = "Camera")]
+    pub lens: Option<LensSpec>,
     /// Write the camera's path to this JSON file: keyframes, or nerfstudio's format for a name that ends in camera_path.json, or SuperSplat's for settings.json
     #[arg(long, value_name = "FILE", help_heading = "Camera")]
     pub save_path: Option<PathBuf>,
@@ -114,6 +173,9 @@ impl CameraArgs {
             if self.path.is_some() {
                 bail!("--camera-speed: cannot be used with --path, which sets the speed");
             }
+        }
+        if self.lens.is_some() && self.viewpoint.fov.is_some() {
+            bail!("--fov: cannot be used with --lens, which has its own; give fisheye:DEGREES");
         }
         self.viewpoint.check()?;
         if let Some(PathSpec::File(file)) = &self.path {

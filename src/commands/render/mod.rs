@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use weather_magician::output::{ExtraPicture, LayerPlacement, PictureFormat, PictureStyle, outputs, parts};
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
-use weather_magician::{FrameOptions, Picture, PreparedPlace, Renderer, picture_tags};
+use weather_magician::{Camera, FrameOptions, LensView, Picture, PreparedPlace, Renderer, picture_tags};
 use wm_media::png::DepthScale;
 use wm_render::parts::PicturePart;
 use wm_render::{Background, RenderConfig, Stats};
@@ -185,6 +185,16 @@ impl OutputTarget {
 pub fn run(args: &RenderArgs) -> Result<()> {
     // Cheap checks come before the scene is read.
     let (weather, weather_files) = args.weather.read_with_files()?;
+    if args.camera.lens.is_some() {
+        if args.pairs.is_asked_for()? {
+            bail!("--lens: pairs have the cameras of the photos; leave one of the two out");
+        }
+        if weather.fidelity == wm_weather::Fidelity::Paper {
+            bail!(
+                "--lens: rain and snow of fidelity paper lie on the picture, not in the place; use --set fidelity=physical"
+            );
+        }
+    }
     if args.pairs.is_asked_for()? {
         return pairs::run(args, &weather);
     }
@@ -209,6 +219,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         bail!("--also transmittance, clean or airlight: {}", pairs::NO_AIR);
     }
     args.camera.check()?;
+    let lens = args.camera.lens.as_ref().map(|lens| lens.view(args.camera.viewpoint.size)).transpose()?;
     if let OutputTarget::Picture(path) = &target
         && args.camera.path.is_some()
         && args.output.time.is_none()
@@ -235,7 +246,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
     };
     let parts = parts(&args.output.also);
-    let mut job = RenderJob::new(loaded, config, weather, plan, parts)?;
+    let mut job = RenderJob::new(loaded, config, weather, (plan, lens), parts)?;
     match target {
         OutputTarget::Picture(path) => job.picture(&path, args),
         OutputTarget::Video(path) => sequence::video(&mut job, &wanted, &path, args),
@@ -273,6 +284,8 @@ struct RenderJob {
     place: PreparedPlace,
     weather: Weather,
     plan: CameraPlan,
+    /// The lens, if it is no pinhole.
+    lens: Option<LensView>,
     /// Picture parts that need extra renders.
     parts: Vec<PicturePart>,
 }
@@ -283,21 +296,34 @@ impl RenderJob {
         mut loaded: OpenScene,
         config: RenderConfig,
         weather: Weather,
-        plan: CameraPlan,
+        (plan, lens): (CameraPlan, Option<LensView>),
         parts: Vec<PicturePart>,
     ) -> Result<Self> {
         loaded.place.config = config;
         loaded.prepare(&weather)?;
         let OpenScene { renderer, place } = loaded;
-        Ok(Self { renderer, place, weather, plan, parts })
+        Ok(Self { renderer, place, weather, plan, lens, parts })
     }
 
     /// Renders the frame at `time`, seconds.
     fn render(&mut self, time: f64, picture: &mut Picture) -> Result<Stats> {
         let camera = self.plan.moving(time, self.place.site().metres_per_unit);
         let options = FrameOptions { parts: &self.parts, ..FrameOptions::new(time, camera) };
-        let Self { renderer, place, weather, .. } = self;
-        Ok(renderer.render_into(place, weather, &options, picture, &mut Reporter::default())?)
+        let Self { renderer, place, weather, lens, .. } = self;
+        let progress = &mut Reporter::default();
+        Ok(match lens {
+            Some(lens) => renderer.render_through(place, weather, (lens, &options), picture, progress)?,
+            None => renderer.render_into(place, weather, &options, picture, progress)?,
+        })
+    }
+
+    /// Returns the camera at `time`, seconds, with the size and the intrinsics of the pictures.
+    fn camera(&self, time: f64) -> Camera {
+        let camera = self.plan.camera(time);
+        match &self.lens {
+            Some(lens) => Camera { viewmat: camera.viewmat, near: camera.near, ..*lens.intrinsics() },
+            None => camera,
+        }
     }
 
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
@@ -328,14 +354,18 @@ impl RenderJob {
     /// Returns the style in which the frame at `time` is written.
     fn style(&self, args: &RenderArgs, depth_scale: DepthScale, time: f64) -> PictureStyle {
         let (scene, site) = (args.scene.scene.display().to_string(), self.place.site());
-        let camera = self.plan.camera(time);
+        let camera = self.camera(time);
+        let mut tags = picture_tags(&scene, site, self.renderer.backend(), &self.weather, time, &camera);
+        if let Some(lens) = &self.lens {
+            tags.push(("lens".into(), format!("{:?}", lens.lens())));
+        }
         PictureStyle {
             also: args.output.also.clone(),
             place: if args.output.layers { LayerPlacement::Layers } else { LayerPlacement::Beside },
             dither: args.output.dither.into(),
             metres_per_unit: site.metres_per_unit,
             depth_scale,
-            tags: picture_tags(&scene, site, self.renderer.backend(), &self.weather, time, &camera),
+            tags,
         }
     }
 }

@@ -22,7 +22,7 @@ pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs
         bail!("--also is for pictures and folders of frames: give --out a folder");
     }
     let start = job.plan.time(wanted[0]);
-    let camera = job.plan.camera(start);
+    let camera = job.camera(start);
     let mut settings =
         video::VideoSettings::new(PictureSize::new(camera.width, camera.height), job.plan.rate);
     settings.encoder = args.output.encoder.into();
@@ -136,7 +136,7 @@ fn manifest(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
     let scene = &args.scene.scene;
     let about = std::fs::metadata(scene).with_context(|| format!("cannot read {}", scene.display()))?;
     let changed = about.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
-    Ok(json!({
+    let mut all = json!({
         "program": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
         "scene": scene.display().to_string(),
         "scene_bytes": about.len(),
@@ -154,5 +154,9 @@ fn manifest(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
         "dither": format!("{:?}", args.output.dither),
         "simd": job.renderer.backend().path().to_string(),
         "device": job.renderer.backend().arithmetic(),
-    }))
+    });
+    if let Some(lens) = &job.lens {
+        all["lens"] = format!("{:?} {:?}", lens.lens(), lens.intrinsics()).into();
+    }
+    Ok(all)
 }

@@ -157,7 +157,7 @@ impl Words<'_, '_> {
             self.source.in_line(Problem::Value(format!("{what}; export it again")))
         };
         let distortion =
-            Distortion::from_file([k1, k2, 0.0, 0.0]).map_err(|what| fault(format!("a camera: {what}")))?;
+            Distortion::from_file([k1, k2, 0.0, 0.0, 0.0]).map_err(|what| fault(format!("a camera: {what}")))?;
         let rotation = rotation_of(&rotation)
             .map_err(|e| fault(format!("the rotation of a camera is not a rotation matrix: {e}")))?;
         Ok(Some((focal, distortion, viewmat_of(rotation, translation * flip))))

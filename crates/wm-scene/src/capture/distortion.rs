@@ -2,10 +2,11 @@
 //!
 //! With the ideal point `(x, y)` on the plane z = 1 and `r2 = x^2 + y^2`, a photo shows it at
 //! ```text
-//! x' = x (1 + k1 r2 + k2 r2^2) + 2 p1 x y + p2 (r2 + 2 x^2)
-//! y' = y (1 + k1 r2 + k2 r2^2) + 2 p2 x y + p1 (r2 + 2 y^2)
+//! x' = x (1 + k1 r2 + k2 r2^2 + k3 r2^3) + 2 p1 x y + p2 (r2 + 2 x^2)
+//! y' = y (1 + k1 r2 + k2 r2^2 + k3 r2^3) + 2 p2 x y + p1 (r2 + 2 y^2)
 //! ```
-//! (Brown 1966), which is what COLMAP calls OPENCV; its SIMPLE_RADIAL and RADIAL have `p1 = p2 = 0`.
+//! (Brown 1966), which is OpenCV's model with five coefficients. COLMAP calls it OPENCV, without k3; its SIMPLE_RADIAL and RADIAL have
+//! `p1 = p2 = 0`, too.
 
 use crate::Camera;
 
@@ -32,6 +33,8 @@ pub enum Distortion {
         p1: f64,
         /// Tangential, along x.
         p2: f64,
+        /// Of the sixth power of the radius.
+        k3: f64,
     },
 }
 
@@ -42,11 +45,11 @@ const EDGE: u32 = 128;
 const MOST: f64 = 2.0;
 
 impl Distortion {
-    /// The least general form of these coefficients.
+    /// The least general form of the coefficients k1, k2, p1, p2 and k3, in OpenCV's order.
     #[must_use]
-    pub fn of([k1, k2, p1, p2]: [f64; 4]) -> Self {
-        if p1 != 0.0 || p2 != 0.0 {
-            Self::OpenCv { k1, k2, p1, p2 }
+    pub fn of([k1, k2, p1, p2, k3]: [f64; 5]) -> Self {
+        if p1 != 0.0 || p2 != 0.0 || k3 != 0.0 {
+            Self::OpenCv { k1, k2, p1, p2, k3 }
         } else if k1 != 0.0 || k2 != 0.0 {
             Self::Radial { k1, k2 }
         } else {
@@ -54,33 +57,33 @@ impl Distortion {
         }
     }
 
-    /// The distortion that a file gives as k1, k2, p1, p2.
+    /// The distortion that a file gives as k1, k2, p1, p2, k3.
     ///
     /// # Errors
     /// A message, if a coefficient is not finite.
-    pub(super) fn from_file(lens: [f64; 4]) -> Result<Self, String> {
+    pub(super) fn from_file(lens: [f64; 5]) -> Result<Self, String> {
         match lens.iter().find(|v| !v.is_finite()) {
             Some(bad) => Err(format!("a coefficient of its distortion is {bad}: must be finite")),
             None => Ok(Self::of(lens)),
         }
     }
 
-    /// k1, k2, p1, p2.
+    /// k1, k2, p1, p2, k3.
     #[must_use]
-    pub fn coefficients(self) -> [f64; 4] {
+    pub fn coefficients(self) -> [f64; 5] {
         match self {
-            Self::None => [0.0; 4],
-            Self::Radial { k1, k2 } => [k1, k2, 0.0, 0.0],
-            Self::OpenCv { k1, k2, p1, p2 } => [k1, k2, p1, p2],
+            Self::None => [0.0; 5],
+            Self::Radial { k1, k2 } => [k1, k2, 0.0, 0.0, 0.0],
+            Self::OpenCv { k1, k2, p1, p2, k3 } => [k1, k2, p1, p2, k3],
         }
     }
 
     /// The distorted position of the ideal point `(x, y)`, both on the plane z = 1.
     #[must_use]
     pub fn distort(self, x: f64, y: f64) -> (f64, f64) {
-        let [k1, k2, p1, p2] = self.coefficients();
+        let [k1, k2, p1, p2, k3] = self.coefficients();
         let r2 = x * x + y * y;
-        let radial = 1.0 + r2 * (k1 + r2 * k2);
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
         let cross = 2.0 * x * y;
         (x * radial + p1 * cross + p2 * (r2 + 2.0 * x * x), y * radial + p2 * cross + p1 * (r2 + 2.0 * y * y))
     }
@@ -119,10 +122,10 @@ impl Distortion {
 
     /// The derivative of [`Self::distort`]: dx'/dx, dx'/dy (equal to dy'/dx) and dy'/dy.
     fn slope(self, x: f64, y: f64) -> [f64; 3] {
-        let [k1, k2, p1, p2] = self.coefficients();
+        let [k1, k2, p1, p2, k3] = self.coefficients();
         let r2 = x * x + y * y;
-        let radial = 1.0 + r2 * (k1 + r2 * k2);
-        let growth = 2.0 * (k1 + 2.0 * k2 * r2);
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let growth = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * k3 * r2));
         [
             radial + growth * x * x + 2.0 * p1 * y + 6.0 * p2 * x,
             growth * x * y + 2.0 * p1 * x + 2.0 * p2 * y,
@@ -190,7 +193,7 @@ mod tests {
 
     #[test]
     fn the_slope_is_the_derivative() {
-        let lens = Distortion::of([0.1, -0.05, 0.01, -0.02]);
+        let lens = Distortion::of([0.1, -0.05, 0.01, -0.02, 0.03]);
         let (x, y, h) = (0.4, -0.3, 1e-6);
         let [a, b, c] = lens.slope(x, y);
         let along = |dx: f64, dy: f64| {
@@ -206,7 +209,7 @@ mod tests {
     #[test]
     fn a_fold_is_told() {
         // The radius r + k1 r^3 is largest at 1 / sqrt(3 |k1|) = 0.577, and 0.385 there.
-        let lens = Distortion::of([-1.0, 0.0, 0.0, 0.0]);
+        let lens = Distortion::of([-1.0, 0.0, 0.0, 0.0, 0.0]);
         assert!(lens.undistort(0.38, 0.0).is_some());
         assert_eq!(lens.undistort(0.39, 0.0), None);
         assert_eq!(lens.undistorted(&camera()), None);
@@ -215,7 +218,7 @@ mod tests {
     #[test]
     fn a_pinhole_stays_as_it_is() {
         assert_eq!(Distortion::None.undistorted(&camera()), Some(camera()));
-        let almost = Distortion::of([1e-12, 0.0, 0.0, 0.0]).undistorted(&camera()).unwrap();
+        let almost = Distortion::of([1e-12, 0.0, 0.0, 0.0, 0.0]).undistorted(&camera()).unwrap();
         assert_eq!((almost.width, almost.height), (640, 480));
         assert!((almost.cx - 310.0).abs() < 1e-6 && (almost.cy - 250.0).abs() < 1e-6);
     }
@@ -223,10 +226,10 @@ mod tests {
     proptest! {
         #[test]
         fn undistortion_inverts_distortion(
-            k1 in -0.3..0.3f64, k2 in -0.05..0.05f64, p1 in -0.01..0.01f64, p2 in -0.01..0.01f64,
+            k1 in -0.3..0.3f64, k2 in -0.05..0.05f64, p1 in -0.01..0.01f64, p2 in -0.01..0.01f64, k3 in -0.01..0.01f64,
             x in -0.7..0.7f64, y in -0.5..0.5f64,
         ) {
-            let lens = Distortion::of([k1, k2, p1, p2]);
+            let lens = Distortion::of([k1, k2, p1, p2, k3]);
             let (u, v) = lens.distort(x, y);
             let (back_x, back_y) = lens.undistort(u, v).unwrap();
             // 1e-12 on the plane is 1e-9 px at a focal length of 1000 px.
@@ -236,8 +239,9 @@ mod tests {
         #[test]
         fn every_pixel_of_the_undistorted_picture_is_in_the_photo(
             k1 in -0.15..0.2f64, k2 in -0.02..0.03f64, p1 in -0.005..0.005f64, p2 in -0.005..0.005f64,
+            k3 in -0.005..0.005f64,
         ) {
-            let (lens, photo) = (Distortion::of([k1, k2, p1, p2]), camera());
+            let (lens, photo) = (Distortion::of([k1, k2, p1, p2, k3]), camera());
             let ideal = lens.undistorted(&photo).unwrap();
             for (px, py) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (0.5, 0.0), (0.0, 0.5), (1.0, 0.5), (0.3, 1.0)] {
                 let x = (px * f64::from(ideal.width) - ideal.cx) / ideal.fx;
@@ -252,7 +256,7 @@ mod tests {
         }
 
         #[test]
-        fn no_coefficients_panic(values in prop::array::uniform4(prop::num::f64::ANY)) {
+        fn no_coefficients_panic(values in prop::array::uniform5(prop::num::f64::ANY)) {
             if let Some(ideal) = Distortion::of(values).undistorted(&camera()) {
                 prop_assert!(ideal.check().is_ok());
             }

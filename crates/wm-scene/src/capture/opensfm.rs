@@ -2,7 +2,7 @@
 //!
 //! A list of reconstructions that do not know of each other, of which the one with most shots is taken. A shot is camera_from_world with
 //! the axes of [`Camera`]: a rotation as axis times angle, and a translation. Lengths of a camera are in units of the longer side
-//! of the photo, its principal point is measured from the middle. Of the projections perspective, simple_radial, radial and brown (without k3) are read.
+//! of the photo, its principal point is measured from the middle. Of the projections perspective, simple_radial, radial and brown are read.
 
 use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, SparsePoints, Want, places};
 use crate::{
@@ -78,9 +78,6 @@ impl Lens {
             let other = excerpt(self.projection_type.as_bytes());
             return Err(format!("its projection {other} is not read; {UNDISTORT}"));
         }
-        if self.k3 != 0.0 {
-            return Err(format!("its lens has k3, which is not read; {UNDISTORT}"));
-        }
         let side = f64::from(self.width.max(self.height));
         let Some(fx) = self.focal_x.or(self.focal) else { return Err("it has no focal length".into()) };
         let camera = Camera {
@@ -94,7 +91,7 @@ impl Lens {
             near: Camera::DEFAULT_NEAR,
         };
         camera.check().map_err(|e| e.to_string())?;
-        let lens = [self.k1, self.k2, self.p1, self.p2];
+        let lens = [self.k1, self.k2, self.p1, self.p2, self.k3];
         Ok((camera, Distortion::from_file(lens)?))
     }
 }
@@ -162,7 +159,7 @@ mod tests {
 
     const WHOLE: &str = r#"[{"cameras": {}, "shots": {}}, {"cameras": {
         "v2 drone": {"projection_type": "brown", "width": 4000, "height": 3000, "focal_x": 0.8, "focal_y": 0.81,
-            "c_x": 0.01, "c_y": -0.02, "k1": -0.1, "k2": 0.01, "p1": 0.001, "p2": 0.0, "k3": 0.0}},
+            "c_x": 0.01, "c_y": -0.02, "k1": -0.1, "k2": 0.01, "p1": 0.001, "p2": 0.0, "k3": 0.02}},
         "shots": {"b.jpg": {"camera": "v2 drone", "rotation": [0, 1.5707963267948966, 0], "translation": [1, 2, 3]}},
         "points": {"7": {"coordinates": [1, 2, 3], "color": [10, 20.5, 300]}}}]"#;
 
@@ -172,7 +169,7 @@ mod tests {
         let [view] = &capture.views[..] else { panic!("one view") };
         let camera = &view.camera;
         assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (3200.0, 3240.0, 2040.0, 1420.0));
-        assert_eq!(view.distortion, Distortion::OpenCv { k1: -0.1, k2: 0.01, p1: 0.001, p2: 0.0 });
+        assert_eq!(view.distortion, Distortion::OpenCv { k1: -0.1, k2: 0.01, p1: 0.001, p2: 0.0, k3: 0.02 });
         // A quarter turn about y takes the world's x to the camera's -z: it looks along the world's -x.
         assert!((camera.forward() - DVec3::NEG_X).length() < 1e-9);
         assert!((camera.viewmat.transform_point3(DVec3::ZERO) - DVec3::new(1.0, 2.0, 3.0)).length() < 1e-12);
@@ -183,7 +180,6 @@ mod tests {
     fn what_cannot_be_read_is_named() {
         for (from, to, says) in [
             ("\"brown\"", "\"fisheye\"", "the camera \"v2 drone\": its projection fisheye is not read"),
-            ("\"k3\": 0.0", "\"k3\": 0.1", "its lens has k3"),
             ("\"camera\": \"v2 drone\"", "\"camera\": \"x\"", "the shot \"b.jpg\": there is no camera \"x\""),
             ("\"width\": 4000", "\"width\": 0", "the camera \"v2 drone\": picture size 0x3000"),
             ("[1, 2, 3]}}", "[1, 2]}}", "line 4, column"),

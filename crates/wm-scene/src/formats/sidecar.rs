@@ -63,7 +63,7 @@ fn parse(text: &str) -> Result<Metadata, (Location, String)> {
 }
 
 /// Line and column (in characters) of a byte of `text`.
-fn line_column(text: &str, byte: usize) -> Location {
+pub(crate) fn line_column(text: &str, byte: usize) -> Location {
     let before = &text[..text.floor_char_boundary(byte)];
     let line = before.matches('\n').count() + 1;
     let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;

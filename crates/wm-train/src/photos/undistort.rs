@@ -132,7 +132,7 @@ mod tests {
     #[test]
     fn a_distorted_picture_comes_back() {
         let photo = distorted();
-        for coefficients in [[-0.15, 0.02, 0.003, -0.002], [0.12, 0.01, 0.0, 0.0]] {
+        for coefficients in [[-0.15, 0.02, 0.003, -0.002, 0.01], [0.12, 0.01, 0.0, 0.0, 0.0]] {
             let distortion = Distortion::of(coefficients);
             let mut pixels = Vec::new();
             for row in 0..photo.height {
@@ -165,7 +165,7 @@ mod tests {
     #[test]
     fn a_distorted_map_comes_back_with_its_holes() {
         let photo = distorted();
-        let distortion = Distortion::of([-0.15, 0.02, 0.003, -0.002]);
+        let distortion = Distortion::of([-0.15, 0.02, 0.003, -0.002, 0.0]);
         let lens = Lens { photo, distortion, ideal: distortion.undistorted(&photo).unwrap() };
         // A map half as large of 1 + x + y / 2 with a hole left of the middle.
         let half = photo.resized(160, 120);

@@ -10,7 +10,7 @@ use super::rills::Slope;
 use super::surface::{FILM, NODES, WaterSurface};
 use super::tile::Kept;
 use crate::linear_picture::{decode, encode};
-use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask, f32x4};
+use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use rayon::prelude::*;
 use std::f32::consts::LOG2_E;
 use wm_render::hooks::{AirGroup, GROUP, Medium, PixelEffect, ShadeGroup};
@@ -115,72 +115,107 @@ struct Pixels {
     /// Middles of their columns, and of their row, px.
     x: [f32; GROUP],
     y: f32,
-    /// View z of the water, NaN where there is none, and of where the ray ends without it.
+    /// View z of the water, NaN where there is none.
     z: [f32; GROUP],
-    bottom: [f32; GROUP],
-    /// Share of what is behind that splats fill.
-    filled: [f32; GROUP],
     /// Slopes that do not move.
     still: [f32; GROUP],
+    /// One over the distance to what they mirror, 1/m; NaN where that is not known.
+    reach: [f32; GROUP],
 }
 
-/// What a film mirrors at nodes every few pixels: too blurred to differ between them.
-struct FilmNodes {
-    columns: usize,
-    /// The share of light that is reflected, NaN where there is no film; and that light, linear RGB.
-    nodes: Vec<[f32; 4]>,
+/// Numbers that are looked up at nodes every [`NODES`] pixels, and interpolated between them.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Looked {
+    /// The share of light that films reflect, and that light, linear RGB: too blurred to differ between nodes.
+    Films,
+    /// One over the distance from rough water to what it mirrors, 1/m. Slopes and light are found at each pixel.
+    Reach,
 }
 
-impl FilmNodes {
-    /// Looks into the films of a picture; `None` if it shows none.
-    fn of(scene: &Scene<'_>, path: SimdPath) -> Option<Self> {
-        let WaterSurface { depth, roughness, rows, .. } = scene.of.surface;
-        if roughness.is_empty() {
-            return None;
+impl Looked {
+    /// Numbers a node.
+    const fn parts(self) -> usize {
+        match self {
+            Self::Films => 4,
+            Self::Reach => 1,
         }
-        let size = (scene.of.camera.width as usize, scene.of.camera.height as usize);
-        let columns = size.0.div_ceil(NODES) + 1;
-        let mut nodes = vec![[f32::NAN; 4]; columns * (size.1.div_ceil(NODES) + 1)];
-        nodes.par_chunks_mut(columns).enumerate().for_each(|(row, nodes)| {
-            let y = (row * NODES).min(size.1 - 1);
-            if !rows.contains(&(y as u32)) {
-                return;
-            }
-            dispatch!(path, s => scene.film_row(s, y, (depth, roughness), nodes));
-        });
-        Some(Self { columns, nodes })
     }
 
-    /// Writes the light that four pixels of a row mirror, from pixel (`x`, `y`) on, to `start` in `water`; returns false if not all nodes
-    /// about them are on films.
+    /// Returns true of water with these slopes that do not move.
     #[inline(always)]
-    fn write<S: Lanes>(&self, simd: S, (x, y): (usize, usize), start: usize, water: &mut Water) -> bool {
+    fn holds(self, still: f32) -> bool {
+        (still > FILM) == (self == Self::Films)
+    }
+}
+
+/// Numbers at nodes of the picture; NaN where the water is not of the kind.
+struct LookNodes {
+    of: Looked,
+    /// Nodes in a row, a multiple of [`GROUP`].
+    columns: usize,
+    /// One row of nodes after the other, each with its numbers of one kind after the other.
+    nodes: Vec<f32>,
+}
+
+impl LookNodes {
+    /// Looks into the water of this kind in a picture.
+    fn new(scene: &Scene<'_>, path: SimdPath, of: Looked) -> Self {
+        let size = (scene.of.camera.width as usize, scene.of.camera.height as usize);
+        let columns = (size.0.next_multiple_of(GROUP) / NODES + 1).next_multiple_of(GROUP);
+        let row_length = of.parts() * columns;
+        let mut nodes = vec![f32::NAN; row_length * (size.1.div_ceil(NODES) + 1)];
+        nodes.par_chunks_mut(row_length).enumerate().for_each(|(row, nodes)| {
+            let y = (row * NODES).min(size.1 - 1);
+            if scene.of.surface.rows.contains(&(y as u32)) {
+                dispatch!(path, s => scene.look_at_nodes(s, (of, y), nodes));
+            }
+        });
+        Self { of, columns, nodes }
+    }
+
+    /// Number `part` at sixteen pixels from pixel (`x`, `y`) on; NaN where not all nodes about them are known.
+    #[inline(always)]
+    fn at(&self, (x, y): (usize, usize), part: usize) -> [f32; GROUP] {
         let (column, row) = (x / NODES, y / NODES);
         let down = (y % NODES) as f32 / NODES as f32;
-        let upper = &self.nodes[row * self.columns + column..][..2];
-        let lower = &self.nodes[(row + 1) * self.columns + column..][..2];
-        let (mut left, mut right) = (f32x4::splat(simd, 0.0), f32x4::splat(simd, 0.0));
-        for (side, both) in [&mut left, &mut right].into_iter().enumerate() {
-            let upper = f32x4::from_slice(simd, &upper[side]);
-            *both = (f32x4::from_slice(simd, &lower[side]) - upper) * down + upper;
+        let of_row =
+            |row: usize| &self.nodes[(self.of.parts() * row + part) * self.columns + column..][..COUNT];
+        const COUNT: usize = GROUP / NODES + 1;
+        let (upper, lower) = (of_row(row), of_row(row + 1));
+        let mut nodes = [0.0f32; COUNT];
+        for i in 0..COUNT {
+            nodes[i] = upper[i] + (lower[i] - upper[i]) * down;
         }
-        let across = (right - left) * (1.0 / NODES as f32);
-        let mut own = left;
-        let mut seen = [[0.0; 4]; NODES];
-        for seen in &mut seen {
-            own.store_slice(seen);
-            own += across;
+        let mut found = [0.0f32; GROUP];
+        for i in 0..GROUP {
+            let (left, right) = (nodes[i / NODES], nodes[i / NODES + 1]);
+            found[i] = left + (right - left) * ((i % NODES) as f32 / NODES as f32);
         }
-        if seen[NODES - 1][0].is_nan() {
-            return false;
+        found
+    }
+
+    /// Writes what sixteen pixels of films mirror, from pixel `at` on, where the nodes about them are known, and takes these pixels from those
+    /// that are looked into.
+    #[inline(always)]
+    fn write(&self, at: (usize, usize), pixels: &mut Pixels, water: &mut Water) {
+        let reflected = self.at(at, 0);
+        let mut known = [false; GROUP];
+        let mut is_any = false;
+        for i in 0..GROUP {
+            known[i] = !reflected[i].is_nan() & self.of.holds(pixels.still[i]) & !pixels.z[i].is_nan();
+            is_any |= known[i];
         }
-        for (i, seen) in seen.iter().enumerate() {
-            water.reflected[start + i] = seen[0];
+        if !is_any {
+            return;
+        }
+        let light = [self.at(at, 1), self.at(at, 2), self.at(at, 3)];
+        for i in 0..GROUP {
+            water.reflected[i] = if known[i] { reflected[i] } else { water.reflected[i] };
             for k in 0..3 {
-                water.mirrored[k][start + i] = seen[k + 1];
+                water.mirrored[k][i] = if known[i] { light[k][i] } else { water.mirrored[k][i] };
             }
+            pixels.z[i] = if known[i] { f32::NAN } else { pixels.z[i] };
         }
-        true
     }
 }
 
@@ -190,7 +225,10 @@ impl PictureEffect for WaterEffect<'_> {
     fn apply(&self, path: SimdPath, picture: &mut Frame, inputs: &[&Frame]) {
         let mirrored = MirroredPicture::new(path, inputs[0]);
         let scene = Scene::new(self, &mirrored);
-        let films = FilmNodes::of(&scene, path);
+        let has_films = !self.surface.roughness.is_empty();
+        let films = has_films.then(|| LookNodes::new(&scene, path, Looked::Films));
+        let is_rough = self.motion.is_rough() && !self.surface.is_film;
+        let reach = is_rough.then(|| LookNodes::new(&scene, path, Looked::Reach));
         let width = picture.width as usize;
         let Frame { rgb, front, depth, alpha, particles, .. } = picture;
         let (depth, alpha): (&[f32], &[f32]) = (depth, alpha);
@@ -203,7 +241,7 @@ impl PictureEffect for WaterEffect<'_> {
             } else {
                 let mut row =
                     Row { y, surface: &self.surface.depth[own.clone()], front, alpha: &alpha[own.clone()] };
-                dispatch!(path, s => scene.lay(s, path, films.as_ref(), &mut row, line));
+                dispatch!(path, s => scene.lay(s, path, (films.as_ref(), reach.as_ref()), &mut row, line));
             }
             if !particles.is_empty() {
                 lay_particles(path, line, &particles[4 * own.start..4 * own.end]);
@@ -217,7 +255,7 @@ impl PictureEffect for WaterEffect<'_> {
 struct Row<'a> {
     y: usize,
     surface: &'a [f32],
-    /// Its first number of each pixel takes the share of light that is reflected.
+    /// The first sum of each pixel becomes the share of light that is reflected.
     front: &'a mut [f32],
     alpha: &'a [f32],
 }
@@ -280,7 +318,7 @@ impl<'a> Scene<'a> {
         &self,
         simd: S,
         path: SimdPath,
-        films: Option<&FilmNodes>,
+        (films, reach): (Option<&LookNodes>, Option<&LookNodes>),
         row: &mut Row<'_>,
         line: &mut [f32],
     ) {
@@ -301,7 +339,10 @@ impl<'a> Scene<'a> {
                 continue;
             }
             let drawn: [[f32; GROUP]; 3] = columns::<3, { 3 * GROUP }>(line);
-            let before: [[f32; GROUP]; FRONT] = columns::<FRONT, { FRONT * GROUP }>(front);
+            let mut before = [[0.0; GROUP]; FRONT];
+            for (before, front) in before.iter_mut().zip(front.chunks_exact(count)) {
+                *before = padded(front, 0.0);
+            }
             let alpha: [f32; GROUP] = padded(&row.alpha[first..first + count], 0.0);
             let at = row.y * width + first..row.y * width + first + count;
             let still = match surface.roughness.is_empty() {
@@ -329,23 +370,20 @@ impl<'a> Scene<'a> {
                 x: [0.0; GROUP],
                 y: row.y as f32 + 0.5,
                 z: behind.z,
-                bottom: behind.bottom,
-                filled: behind.filled,
                 still,
+                reach: reach.map_or([f32::NAN; GROUP], |nodes| nodes.at((first, row.y), 0)),
             };
             for (i, x) in pixels.x.iter_mut().enumerate() {
                 *x = (first + i) as f32 + 0.5;
             }
-            if let Some(films) = films {
-                for start in (0..count).step_by(NODES) {
-                    if wet >> start & ((1 << NODES) - 1) != 0
-                        && films.write(simd, (first + start, row.y), start, &mut water)
-                    {
-                        for i in start..start + NODES {
-                            pixels.z[i] = if still[i] > FILM { f32::NAN } else { pixels.z[i] };
-                        }
-                    }
+            let mut rays = ShadeGroup::default();
+            if self.of.map.plane().is_some() {
+                for start in (0..GROUP).step_by(S::N) {
+                    self.sink(simd, start, (&pixels, &behind), (&mut water, &mut rays));
                 }
+            }
+            if let Some(films) = films {
+                films.write((first, row.y), &mut pixels, &mut water);
             }
             for start in (0..GROUP).step_by(S::N) {
                 self.look(simd, start, &pixels, &mut water);
@@ -357,7 +395,6 @@ impl<'a> Scene<'a> {
             }
             if let Some(medium) = self.of.medium.filter(|_| is_deep) {
                 let origin = self.of.camera.center().to_array().map(|v| v as f32);
-                let rays = self.rays(&pixels, &behind.z);
                 medium.evaluate(path, origin, std::slice::from_ref(&rays), &mut air);
             }
             if !is_deep {
@@ -370,10 +407,12 @@ impl<'a> Scene<'a> {
             for (i, pixel) in line.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                 *pixel = [shown[0][i], shown[1][i], shown[2][i]];
             }
-            for (i, front) in front.as_chunks_mut::<FRONT>().0.iter_mut().enumerate() {
+            let mut reflected = [0.0; GROUP];
+            for i in 0..GROUP {
                 let is_wet = wet >> i & 1 == 1;
-                front[0] = if is_wet { behind.open[i] * cover[i] * water.reflected[i] } else { 0.0 };
+                reflected[i] = if is_wet { behind.open[i] * cover[i] * water.reflected[i] } else { 0.0 };
             }
+            front[..count].copy_from_slice(&reflected[..count]);
         }
     }
 
@@ -413,56 +452,113 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// The rays to water at view z `z`, for the air.
-    fn rays(&self, pixels: &Pixels, z: &[f32; GROUP]) -> ShadeGroup {
-        let mut rays = ShadeGroup::default();
-        for i in (0..GROUP).filter(|i| !z[*i].is_nan()) {
-            let ray: [f32; 3] = std::array::from_fn(|k| {
-                self.axes[0][k] * pixels.x[i] + self.axes[1][k] * pixels.y + self.axes[2][k]
-            });
-            let long = (ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2]).sqrt();
-            rays.distance[i] = z[i] * long / self.metres;
-            for k in 0..3 {
-                rays.direction[k][i] = (0..3).map(|axis| self.level[axis][k] * ray[axis] / long).sum();
-            }
-        }
-        rays
-    }
-
-    /// Looks into the films of a row at its nodes.
+    /// The light that comes through the water of a flood, and the rays to it, for the air: of as many of sixteen pixels as there are
+    /// lanes from `start` on.
     #[inline(always)]
-    fn film_row<S: Lanes>(
+    fn sink<S: Lanes>(
         &self,
         simd: S,
-        y: usize,
-        (depth, roughness): (&[f32], &[f32]),
-        nodes: &mut [[f32; 4]],
+        start: usize,
+        (pixels, behind): (&Pixels, &Behind),
+        (water, rays): (&mut Water, &mut ShadeGroup),
     ) {
+        let (zero, one) = (simd.set(0.0), simd.set(1.0));
+        let z = simd.load(&behind.z[start..]);
+        let is_wet = z.simd_eq(z);
+        if !is_wet.any_true() {
+            return;
+        }
+        let z = is_wet.select(z, one);
+        let (toward, long) = self.toward(simd, simd.load(&pixels.x[start..]), pixels.y);
+        let own = start..start + S::N;
+        (z * long * (1.0 / self.metres)).store_slice(&mut rays.distance[own.clone()]);
+        for k in 0..3 {
+            let mut way = toward[0] * self.level[0][k];
+            for axis in 1..3 {
+                way = toward[axis].mul_add(simd.set(self.level[axis][k]), way);
+            }
+            way.store_slice(&mut rays.direction[k][own.clone()]);
+        }
+        // Depth of the flood under the ray, and the way in it after the ray is bent. Other water is rain, and clear: it is shallow,
+        // and how deep splats lie under it says nothing.
+        let sine = (-toward[2]).max(simd.set(1e-4));
+        let bottom = simd.load(&behind.bottom[start..]);
+        let deep = ((bottom - z) * long * sine).max(zero);
+        let bent = ((sine.mul_add(sine, simd.set(-1.0))) * (1.0 / (WATER_INDEX * WATER_INDEX)) + 1.0).sqrt();
+        let (beam, daylight) = (-self.of.body.beam * LOG2_E, -self.of.body.daylight * LOG2_E);
+        let left = deep * (simd.set(beam) / bent + daylight);
+        let left = exp2(simd, [left.max(simd.set(-126.0))])[0] * simd.load(&behind.filled[start..]);
+        let height = (z * long).mul_add(toward[2], simd.set(self.height));
+        let is_flood = is_wet & height.simd_le(simd.set(ABOVE));
+        is_flood.select(left, one).store_slice(&mut water.left[own]);
+    }
+
+    /// Directions through picture points of a row, metres along level axes, of length 1; and the lengths that they have at view z 1, m.
+    #[inline(always)]
+    fn toward<S: Lanes>(&self, simd: S, x: S::F, y: f32) -> ([S::F; 3], S::F) {
+        let mut toward = [simd.set(0.0); 3];
+        for k in 0..3 {
+            toward[k] = x.mul_add(simd.set(self.axes[0][k]), simd.set(self.axes[1][k] * y + self.axes[2][k]));
+        }
+        let long = dot::<S>(&toward, &toward).sqrt();
+        for toward in &mut toward {
+            *toward /= long;
+        }
+        (toward, long)
+    }
+
+    /// Looks into the water of one kind at the nodes of a row.
+    #[inline(always)]
+    fn look_at_nodes<S: Lanes>(&self, simd: S, (of, y): (Looked, usize), nodes: &mut [f32]) {
+        let WaterSurface { depth, roughness, .. } = self.of.surface;
         let width = self.of.camera.width as usize;
-        for (group, nodes) in nodes.chunks_mut(GROUP).enumerate() {
+        let columns = nodes.len() / of.parts();
+        for first in (0..width.div_ceil(NODES) + 1).step_by(GROUP) {
             let mut pixels = Pixels {
                 x: [0.5; GROUP],
                 y: y as f32 + 0.5,
                 z: [f32::NAN; GROUP],
-                bottom: [0.0; GROUP],
-                filled: [1.0; GROUP],
                 still: [0.0; GROUP],
+                reach: [f32::NAN; GROUP],
             };
-            for i in 0..nodes.len() {
-                let x = ((group * GROUP + i) * NODES).min(width - 1);
+            for i in 0..GROUP {
+                let x = ((first + i) * NODES).min(width - 1);
                 let at = y * width + x;
-                if roughness[at] > FILM {
-                    (pixels.x[i], pixels.z[i], pixels.still[i]) = (x as f32 + 0.5, depth[at], roughness[at]);
+                let still = roughness.get(at).copied().unwrap_or(0.0);
+                if of.holds(still) {
+                    (pixels.x[i], pixels.z[i], pixels.still[i]) = (x as f32 + 0.5, depth[at], still);
                 }
             }
             let mut water = Water::new();
             for start in (0..GROUP).step_by(S::N) {
-                self.look(simd, start, &pixels, &mut water);
+                match of {
+                    Looked::Films => self.look(simd, start, &pixels, &mut water),
+                    Looked::Reach => self.find_reach(simd, start, &mut pixels),
+                }
             }
-            for (i, node) in nodes.iter_mut().enumerate().filter(|(i, _)| !pixels.z[*i].is_nan()) {
-                *node =
-                    [water.reflected[i], water.mirrored[0][i], water.mirrored[1][i], water.mirrored[2][i]];
+            let [red, green, blue] = &water.mirrored;
+            let light = [&water.reflected, red, green, blue];
+            let parts = if of == Looked::Reach { &[&pixels.reach][..] } else { &light };
+            for (part, row) in parts.iter().zip(nodes.chunks_mut(columns)) {
+                for i in 0..GROUP {
+                    row[first + i] = if pixels.z[i].is_nan() { f32::NAN } else { part[i] };
+                }
             }
+        }
+    }
+
+    /// Finds how far away is what pixels mirror.
+    #[inline(always)]
+    fn find_reach<S: Lanes>(&self, simd: S, start: usize, pixels: &mut Pixels) {
+        let z = simd.load(&pixels.z[start..]);
+        let is_wet = z.simd_eq(z);
+        if is_wet.any_true() {
+            let point = Point::new(self, simd, (simd.load(&pixels.x[start..]), pixels.y), z);
+            let still = simd.load(&pixels.still[start..]);
+            let slopes = self.slopes(simd, &point, still, (NODES.ilog2() as f32, is_wet.to_bitmask() as u32));
+            let facet = Facet::new(self, simd, point, (slopes, still));
+            let far = self.reach(simd, (&facet.from, &facet.first.0), (point.distance, facet.rough), is_wet);
+            (simd.set(1.0) / far).store_slice(&mut pixels.reach[start..start + S::N]);
         }
     }
 
@@ -492,6 +588,33 @@ impl<'a> Scene<'a> {
         [simd.load(&east.0), simd.load(&north.0), simd.load(&variance.0)]
     }
 
+    /// The slopes of the water at points that have a bit in `wanted`, along the two level axes, and their variance along one axis in a
+    /// piece of the picture of such a side, px, logarithm to base 2. `still` are slopes that do not move.
+    #[inline(always)]
+    fn slopes<S: Lanes>(
+        &self,
+        simd: S,
+        point: &Point<S>,
+        still: S::F,
+        (log_side, wanted): (f32, u32),
+    ) -> [S::F; 3] {
+        // A film between the grains of the ground has no waves.
+        let free = (simd.set(1.0) - still * (1.0 / FILM)).max(simd.set(0.0));
+        let waves = wanted & free.simd_gt(simd.set(0.0)).to_bitmask() as u32;
+        if waves == 0 {
+            return [simd.set(0.0); 3];
+        }
+        // What a pixel sees of the surface is longer than wide; between both is what waves must be wider than.
+        let [far, flat] = log2(simd, [point.distance, point.sine]);
+        let width = flat.mul_add(simd.set(-0.75), far + (self.pixel + log_side));
+        let [x, y, _] = point.hit;
+        let mut slopes = self.of.motion.at(simd, ([x, y], &self.phases), width, waves);
+        if self.of.motion.has_rills() {
+            slopes = self.with_rills(simd, &point.hit, width, waves, &slopes);
+        }
+        [slopes[0] * free, slopes[1] * free, slopes[2] * free * free]
+    }
+
     /// Looks into the water at those of sixteen pixels that have any, as many of them as there are lanes from `start` on.
     #[inline(always)]
     fn look<S: Lanes>(&self, simd: S, start: usize, pixels: &Pixels, water: &mut Water) {
@@ -502,68 +625,21 @@ impl<'a> Scene<'a> {
         if wanted == 0 {
             return;
         }
-        let z = is_wet.select(z, one);
         let still = simd.load(&pixels.still[start..]);
-        let x = simd.load(&pixels.x[start..]);
-        let mut toward = [zero; 3];
-        for k in 0..3 {
-            toward[k] =
-                x.mul_add(simd.set(self.axes[0][k]), simd.set(self.axes[1][k] * pixels.y + self.axes[2][k]));
-        }
-        let long = dot::<S>(&toward, &toward).sqrt();
-        let mut hit = toward;
-        for k in 0..3 {
-            hit[k] = toward[k] * z;
-            toward[k] /= long;
-        }
-        let distance = z * long;
-        let sine = (-toward[2]).max(simd.set(1e-4));
-
-        // A film between the grains of the ground has no waves.
+        let point = Point::new(self, simd, (simd.load(&pixels.x[start..]), pixels.y), z);
+        let slopes = self.slopes(simd, &point, still, (0.0, wanted));
+        let Facet { from, tilt, first, rough } = Facet::new(self, simd, point, (slopes, still));
         let free = (one - still * (1.0 / FILM)).max(zero);
-        let has_waves = is_wet & free.simd_gt(zero);
-        let waves = has_waves.to_bitmask() as u32;
-        let [mut east, mut north, mut variance] = [zero; 3];
-        if waves != 0 {
-            // What a pixel sees of the surface is longer than wide; between both is what waves must be wider than.
-            let [far, flat] = log2(simd, [distance, sine]);
-            let width = flat.mul_add(simd.set(-0.75), far + self.pixel);
-            [east, north, variance] = self.of.motion.at(simd, ([hit[0], hit[1]], &self.phases), width, waves);
-            if self.of.motion.has_rills() {
-                let slopes = [east, north, variance];
-                [east, north, variance] = self.with_rills(simd, &hit, width, waves, &slopes);
-            }
-            (east, north, variance) = (east * free, north * free, variance * free * free);
+        let known = simd.load(&pixels.reach[start..]);
+        let is_known = known.simd_eq(known);
+        let mut far = one / known;
+        if !(is_known | !is_wet).all_true() {
+            let found = self.reach(simd, (&from, &first.0), (point.distance, rough), is_wet & !is_known);
+            far = is_known.select(far, found);
         }
-        let rough = still.mul_add(still, variance).sqrt();
-
-        if self.of.map.plane().is_some() {
-            // Depth of the flood under the ray, and the way in it after the ray is bent. Other water is rain, and clear: it is shallow,
-            // and how deep splats lie under it says nothing.
-            let bottom = simd.load(&pixels.bottom[start..]);
-            let deep = ((bottom - z) * long * sine).max(zero);
-            let bent =
-                ((sine.mul_add(sine, simd.set(-1.0))) * (1.0 / (WATER_INDEX * WATER_INDEX)) + 1.0).sqrt();
-            let (beam, daylight) = (-self.of.body.beam * LOG2_E, -self.of.body.daylight * LOG2_E);
-            let left = deep * (simd.set(beam) / bent + daylight);
-            let left = exp2(simd, [left.max(simd.set(-126.0))])[0] * simd.load(&pixels.filled[start..]);
-            let is_flood = is_wet & (hit[2] + self.height).simd_le(simd.set(ABOVE));
-            is_flood.select(left, one).store_slice(&mut water.left[start..start + S::N]);
-        }
-
-        let level = toward[0].mul_add(toward[0], toward[1] * toward[1]).sqrt().max(simd.set(1e-6));
-        let along = [toward[0] / level, toward[1] / level];
-        // The mirrored eye is that much below the plane, and the hit about in it.
-        let from = [hit[0], hit[1], hit[2] + 2.0 * self.height];
-        // Along the view and across it; what looks too far away is behind a crest.
-        let ahead = east.mul_add(along[0], north * along[1]);
-        let beside = north.mul_add(along[0], -(east * along[1]));
-        let tilt = Tilt { toward, along, ahead, beside, least: sine / level * -HIDING };
-        let first = tilt.reflect(simd, zero);
-        let far = self.reach(simd, (&from, &first.0), (distance, rough), is_wet);
         // A lobe as it is seen in the mirrored picture: two slopes tall, and as much narrower as a facet is met at less of an angle. Of
         // what stands at the water it is a point.
-        let tall = self.lobe::<S>(rough, far, distance);
+        let tall = self.lobe::<S>(rough, far, point.distance);
         let wide = tall * WIDE;
         let (is_sharp, is_low) = (tall.simd_lt(simd.set(SHARP)), tall.simd_lt(simd.set(TALL)));
         let kinds = Kinds::<S> { is_sharp, is_low, free: (free * FREE).min(one) };
@@ -576,6 +652,8 @@ impl<'a> Scene<'a> {
             () if (is_wet & is_near_film).any_true() => CLOSE.0.len(),
             () => MANY.0.len(),
         };
+        let width = |cosine: S::F| is_sharp.select(one, (wide * cosine.max(zero)).max(apart * tall));
+        let mut fineness = self.mirrored.fineness(simd, width(first.1));
         let (mut sum, mut seen) = (zero, zero);
         let mut light = [[0.0; 4]; GROUP];
         for k in 0..count {
@@ -584,16 +662,18 @@ impl<'a> Scene<'a> {
             let weight = kinds.pick(simd, [look[0].1, look[1].1, look[2].1, look[3].1]);
             let (way, cosine) = if k == 0 { first } else { tilt.reflect(simd, sigma * rough) };
             // Slopes that look away from the eye are not seen.
-            let weight = weight * cosine.max(sine * 0.02);
+            let weight = weight * cosine.max(point.sine * 0.02);
             let part = weight * fresnel_of(simd, cosine.max(zero));
-            let mut point = from;
+            let mut mirrored = from;
             for k in 0..3 {
-                point[k] = far.mul_add(way[k], from[k]);
+                mirrored[k] = far.mul_add(way[k], from[k]);
             }
-            let (at, _) = self.project(simd, &point);
-            // Facets that are met at less of an angle throw light farther aside.
-            let width = is_sharp.select(one, (wide * cosine.max(zero)).max(apart * tall));
-            let fineness = self.mirrored.fineness(simd, width);
+            let (at, _) = self.project(simd, &mirrored);
+            // Facets that are met at less of an angle throw light farther aside: of films, whose looks are close, that is wider than they
+            // are apart.
+            if k > 0 && count == CLOSE.0.len() {
+                fineness = self.mirrored.fineness(simd, width(cosine));
+            }
             sum += weight;
             seen += part;
             let wanted = (is_wet & part.simd_gt(zero)).to_bitmask() as u32;
@@ -688,6 +768,64 @@ impl<'a> Scene<'a> {
             (y * inverse).mul_add(simd.set(self.focal[1]), simd.set(self.principal[1])),
         ];
         (at, z)
+    }
+}
+
+/// Points of the water that are seen.
+#[derive(Clone, Copy)]
+struct Point<S: Lanes> {
+    /// Directions to them, level axes, of length 1.
+    toward: [S::F; 3],
+    /// Their places from the eye, level axes, m.
+    hit: [S::F; 3],
+    /// Their distances, m.
+    distance: S::F,
+    /// Sines of the angles between the views and the level.
+    sine: S::F,
+}
+
+impl<S: Lanes> Point<S> {
+    /// The points through picture points of a row, at view z `z`, scene units; harmless numbers where that is NaN.
+    #[inline(always)]
+    fn new(scene: &Scene<'_>, simd: S, (x, y): (S::F, f32), z: S::F) -> Self {
+        let z = z.simd_eq(z).select(z, simd.set(1.0));
+        let (toward, long) = scene.toward(simd, x, y);
+        let distance = z * long;
+        let mut hit = toward;
+        for k in 0..3 {
+            hit[k] = toward[k] * distance;
+        }
+        Self { toward, hit, distance, sine: (-toward[2]).max(simd.set(1e-4)) }
+    }
+}
+
+/// Pieces of the surface that pixels see.
+struct Facet<S: Lanes> {
+    /// Their places from the mirrored eye, level axes, m.
+    from: [S::F; 3],
+    tilt: Tilt<S>,
+    /// The directions that their mean slopes reflect, and the cosines between them and the normals.
+    first: ([S::F; 3], S::F),
+    /// Standard deviations of their slopes along one axis.
+    rough: S::F,
+}
+
+impl<S: Lanes> Facet<S> {
+    /// Pieces about points with mean slopes along the two level axes, their variance, and slopes that do not move.
+    #[inline(always)]
+    fn new(scene: &Scene<'_>, simd: S, point: Point<S>, (slopes, still): ([S::F; 3], S::F)) -> Self {
+        let [east, north, variance] = slopes;
+        let Point { toward, hit, sine, .. } = point;
+        let level = toward[0].mul_add(toward[0], toward[1] * toward[1]).sqrt().max(simd.set(1e-6));
+        let along = [toward[0] / level, toward[1] / level];
+        // Along the view and across it; what looks too far away is behind a crest.
+        let ahead = east.mul_add(along[0], north * along[1]);
+        let beside = north.mul_add(along[0], -(east * along[1]));
+        let tilt = Tilt { toward, along, ahead, beside, least: sine / level * -HIDING };
+        // The mirrored eye is that much below the plane, and the hit about in it.
+        let from = [hit[0], hit[1], hit[2] + 2.0 * scene.height];
+        let first = tilt.reflect(simd, simd.set(0.0));
+        Self { from, tilt, first, rough: still.mul_add(still, variance).sqrt() }
     }
 }
 
@@ -796,11 +934,12 @@ impl Behind {
     }
 }
 
-/// Notes that nothing is reflected.
+/// Notes that nothing is reflected in groups of pixels of a row.
 #[inline(always)]
 fn clear(front: &mut [f32]) {
-    for front in front.as_chunks_mut::<FRONT>().0 {
-        front[0] = 0.0;
+    for group in front.chunks_mut(FRONT * GROUP) {
+        let count = group.len() / FRONT;
+        group[..count].fill(0.0);
     }
 }
 

@@ -111,14 +111,18 @@ impl WaterSurface {
         (width, height): (usize, usize),
     ) -> Self {
         let view = WaterView::new(map, [eye[0], eye[1]]);
-        let follow = |x: usize, y: usize| hit(&view, eye[2], ray(x, y), typical);
+        // Next to a pixel the ground is about as high.
+        let follow = |x: usize, y: usize, level: f64| hit(&view, eye[2], ray(x, y), level);
         let (columns, rows) = (width.div_ceil(NODES) + 1, height.div_ceil(NODES) + 1);
         let place = |node: usize, size: usize| (node * NODES).min(size - 1);
         let mut nodes = vec![Node::default(); columns * rows];
         nodes.par_chunks_mut(columns).enumerate().for_each(|(row, nodes)| {
+            let mut level = typical;
             for (column, node) in nodes.iter_mut().enumerate() {
                 let (x, y) = (place(column, width), place(row, height));
-                if let Some((z, sample)) = follow(x, y) {
+                let found = follow(x, y, level);
+                level = found.map_or(typical, |(_, sample)| sample.level);
+                if let Some((z, sample)) = found {
                     let ray = ray(x, y);
                     *node = Node {
                         inverse: 1.0 / z,
@@ -156,6 +160,8 @@ impl WaterSurface {
                     if is_whole && met == 0 {
                         continue;
                     }
+                    let start =
+                        if upper[column].inverse > 0.0 { upper[column].level.into() } else { typical };
                     let is_ground = is_whole && met == corners.len() && Node::are_plane(&corners);
                     let is_even = is_ground && Node::are_even(&corners, &view);
                     for y in 0..depth.len() / width {
@@ -184,7 +190,7 @@ impl WaterSurface {
                                 let aside = (starts[y][1] + step[1] * x as f32) * z;
                                 view.at(along, aside).map(|sample| (z, sample))
                             } else {
-                                follow(x, top + y)
+                                follow(x, top + y, start)
                             };
                             if let Some((z, sample)) = found
                                 && sample.cover > 0.0
@@ -267,14 +273,14 @@ fn spread([a, b, c, d]: [f32; 4]) -> f32 {
 }
 
 /// The point at which a ray meets the ground: its view z, scene units, and the water there, which may hide nothing. `ray` is a
-/// view z of 1, in metres along level axes from an eye of height `eye`; the search begins at the height `typical`.
-fn hit(view: &WaterView<'_>, eye: f64, ray: [f64; 3], typical: f64) -> Option<(f32, WaterSample)> {
+/// view z of 1, in metres along level axes from an eye of height `eye`; the search begins at the height `start`.
+fn hit(view: &WaterView<'_>, eye: f64, ray: [f64; 3], start: f64) -> Option<(f32, WaterSample)> {
     if ray[2] >= 0.0 {
         return None;
     }
     let [x, y] = [ray[0] as f32, ray[1] as f32];
     let fall = -1.0 / ray[2];
-    let mut level = typical;
+    let mut level = start;
     let mut found = None;
     // The ray is over the water at one of two heights, and under it at the other, each with how far.
     let (mut over, mut under) = (None, None);

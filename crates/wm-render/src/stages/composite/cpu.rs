@@ -2,7 +2,7 @@
 
 use super::background::{BackgroundScratch, BackgroundView};
 use crate::frame::{FRONT, MIN_ALPHA};
-use crate::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
+use crate::hooks::{GROUP, PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use crate::simd::{Lanes, SimdPath};
 use crate::stages::particles::cpu::Falling;
 use crate::stages::rasterize::cpu::PatchSums;
@@ -140,13 +140,13 @@ pub fn finish_patch<S: Lanes, const LANES: usize>(
     if let Some(drawn) = drawn {
         pixels.rgb = drawn;
     }
-    interleave_many(&pixels.falls, offset, &mut out.particles);
+    interleave_four(&pixels.falls, offset, &mut out.particles);
     if !out.front.is_empty() {
-        let mut front = [[0.0; PATCH_PIXELS]; FRONT];
-        for (to, from) in front.iter_mut().zip(&sums.front) {
-            to_rows::<LANES>(from, to);
+        for (k, from) in sums.front.iter().enumerate() {
+            let mut rows = [0.0; PATCH_PIXELS];
+            to_rows::<LANES>(from, &mut rows);
+            copy_part(&rows, (offset, k), &mut out.front);
         }
-        interleave_many(&front, offset, &mut out.front);
     }
     for effect in effects {
         effect.apply(
@@ -206,25 +206,47 @@ fn copy(from: &[f32; PATCH_PIXELS], (left, top): (usize, usize), rows: &mut [&mu
     }
 }
 
-/// As [`interleave`], for what is asked for seldom: a plain loop.
+/// Copies part `part` of [`crate::Frame::front`].
 #[inline(always)]
-fn interleave_many<const N: usize>(
-    from: &[[f32; PATCH_PIXELS]; N],
-    (left, top): (usize, usize),
+fn copy_part(
+    from: &[f32; PATCH_PIXELS],
+    ((left, top), part): ((usize, usize), usize),
     rows: &mut [&mut [f32]],
 ) {
-    for (y, row) in rows.iter_mut().skip(top).take(PATCH).enumerate() {
-        let mut line = [[0.0; N]; PATCH];
-        for (k, channel) in from.iter().enumerate() {
-            let values = &channel[y * PATCH..(y + 1) * PATCH];
-            line.iter_mut().zip(values).for_each(|(pixel, value)| pixel[k] = *value);
+    for (row, pixels) in rows.iter_mut().skip(top).zip(from.chunks_exact(PATCH)) {
+        let row = &mut row[FRONT * left..];
+        let width = PATCH.min(row.len() / FRONT);
+        if width == PATCH {
+            row[part * PATCH..][..PATCH].copy_from_slice(pixels);
+        } else {
+            row[part * width..][..width].copy_from_slice(&pixels[..width]);
         }
-        let (row, _) = row[N * left..].as_chunks_mut::<N>();
-        if let Some(whole) = row.first_chunk_mut::<PATCH>() {
+    }
+}
+
+const _: () = assert!(PATCH == GROUP, "a row of a patch is a group of the sums that a surface splits");
+
+/// As [`interleave`], of four channels.
+#[inline(always)]
+fn interleave_four(from: &[[f32; PATCH_PIXELS]; 4], (left, top): (usize, usize), rows: &mut [&mut [f32]]) {
+    for (y, row) in rows.iter_mut().skip(top).take(PATCH).enumerate() {
+        let first = y * PATCH;
+        let mut line = [0.0; 4 * PATCH];
+        for (x, out) in line.as_chunks_mut::<16>().0.iter_mut().enumerate() {
+            let at = first + 4 * x;
+            let [r, g, b, a] =
+                [&from[0][at..at + 4], &from[1][at..at + 4], &from[2][at..at + 4], &from[3][at..at + 4]];
+            *out = [
+                r[0], g[0], b[0], a[0], r[1], g[1], b[1], a[1], r[2], g[2], b[2], a[2], r[3], g[3], b[3],
+                a[3],
+            ];
+        }
+        let row = &mut row[4 * left..];
+        if let Some(whole) = row.first_chunk_mut::<{ 4 * PATCH }>() {
             *whole = line;
         } else {
-            let count = row.len();
-            row.copy_from_slice(&line[..count]);
+            let width = row.len();
+            row.copy_from_slice(&line[..width]);
         }
     }
 }

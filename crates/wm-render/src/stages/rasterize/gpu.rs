@@ -4,6 +4,7 @@ use crate::differentiable::Channels;
 use crate::frame::FRONT;
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{StagePrograms, switches};
+use crate::hooks::GROUP;
 use crate::renderer::{Geometry, MedianDepth};
 use std::borrow::Cow;
 
@@ -53,7 +54,7 @@ impl StagePrograms for RasterizeProgram {
         let is_split = matches!(self, Self::Split(..));
         let constants = format!(
             "const KEEPS_SUMS = {keeps_sums};\nconst MEDIAN = {is_median};\nconst SPLIT = {is_split};\n\
-             const SURFACE_PLANE = {SURFACE_PLANE}u;\nconst FRONT = {FRONT}u;"
+             const SURFACE_PLANE = {SURFACE_PLANE}u;\nconst FRONT = {FRONT}u;\nconst FRONT_GROUP = {GROUP}u;"
         );
         let blending = include_str!("rasterize.wgsl");
         vec![switches(channels), constants.into(), input.into(), blending.into()]

@@ -137,12 +137,16 @@ fn rasterize(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocat
         depths[at] = depth;
     }
     if SPLIT {
-        let front = (SURFACE_PLANE + 1u) * view.width * view.height + FRONT * at;
+        let column = at % view.width;
+        let group = column / FRONT_GROUP * FRONT_GROUP;
+        let count = min(FRONT_GROUP, view.width - group);
+        let first = at - column + group;
+        let front = (SURFACE_PLANE + 1u) * view.width * view.height + FRONT * first + column - group;
         depths[front] = front_color.x;
-        depths[front + 1u] = front_color.y;
-        depths[front + 2u] = front_color.z;
-        depths[front + 3u] = behind_depth;
-        depths[front + 4u] = front_coverage;
+        depths[front + count] = front_color.y;
+        depths[front + 2u * count] = front_color.z;
+        depths[front + 3u * count] = behind_depth;
+        depths[front + 4u * count] = front_coverage;
     }
     if MEDIAN {
         depths[view.width * view.height + at] = select(0.0, median, coverage >= 0.5);

@@ -146,12 +146,13 @@ fn parameters(camera: u32, model: &str) -> Result<usize, Problem> {
         "PINHOLE" | "SIMPLE_RADIAL" => return Ok(4),
         "RADIAL" => return Ok(5),
         "OPENCV" => return Ok(8),
+        "FULL_OPENCV" => return Ok(12),
         "EQUIRECTANGULAR" => "which is a panorama; cut it into pinhole pictures and reconstruct those",
         _ if MODELS.contains(&model) => {
             "whose distortion is not read; remove it with `colmap image_undistorter --image_path IMAGES \
              --input_path MODEL --output_path DATASET` and give DATASET"
         }
-        _ => "which is not known; PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV are read",
+        _ => "which is not known; PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV are read",
     };
     Err(Problem::CameraModel { camera, model: model.into(), advice })
 }
@@ -165,11 +166,18 @@ fn add_camera(
     parameters: &[f64],
 ) -> Result<(), Problem> {
     let (focal, center, lens) = match (model, parameters) {
-        ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f], [cx, cy], [0.0; 4]),
-        ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy], [cx, cy], [0.0; 4]),
-        ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f], [cx, cy], [k, 0.0, 0.0, 0.0]),
-        ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f], [cx, cy], [k1, k2, 0.0, 0.0]),
-        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy], [cx, cy], [k1, k2, p1, p2]),
+        ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f], [cx, cy], [0.0; 5]),
+        ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy], [cx, cy], [0.0; 5]),
+        ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f], [cx, cy], [k, 0.0, 0.0, 0.0, 0.0]),
+        ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f], [cx, cy], [k1, k2, 0.0, 0.0, 0.0]),
+        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy], [cx, cy], [k1, k2, p1, p2, 0.0]),
+        ("FULL_OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]) => {
+            ([fx, fy], [cx, cy], [k1, k2, p1, p2, k3])
+        }
+        ("FULL_OPENCV", _) => {
+            let advice = "has k4, k5 or k6, which are not read; undistort its photos with `colmap image_undistorter`";
+            return Err(value(format!("camera {id} {advice}")));
+        }
         _ => return Err(value(format!("camera {id} has {} parameters", parameters.len()))),
     };
     // A side beyond 32 bits stays too long for the check.

@@ -478,7 +478,12 @@ fn lenses_are_read() {
         ("SIMPLE_RADIAL", "90 50 40 0.1", Distortion::Radial { k1: 0.1, k2: 0.0 }),
         ("SIMPLE_RADIAL", "90 50 40 0", Distortion::None),
         ("RADIAL", "90 50 40 0.1 -0.2", Distortion::Radial { k1: 0.1, k2: -0.2 }),
-        ("OPENCV", "90 90 50 40 .1 .2 .3 .4", Distortion::OpenCv { k1: 0.1, k2: 0.2, p1: 0.3, p2: 0.4 }),
+        ("OPENCV", "90 90 50 40 .1 .2 .3 .4", Distortion::OpenCv { k1: 0.1, k2: 0.2, p1: 0.3, p2: 0.4, k3: 0.0 }),
+        (
+            "FULL_OPENCV",
+            "90 90 50 40 .1 .2 .3 .4 .5 0 0 0",
+            Distortion::OpenCv { k1: 0.1, k2: 0.2, p1: 0.3, p2: 0.4, k3: 0.5 },
+        ),
     ] {
         let images = b"1 1 0 0 0 0 0 0 1 a.jpg\n\n";
         let views = read_bytes(&KINDS[1], [files(model, parameters).as_bytes(), images]).unwrap();
@@ -536,7 +541,7 @@ fn broken_points_have_their_line() {
 }
 
 /// A capture as its files would give it.
-fn capture_of(model: &Model, lens: [f64; 4]) -> Capture {
+fn capture_of(model: &Model, lens: [f64; 5]) -> Capture {
     let files = model.binary();
     let ((mut views, observations), points) = read_model(&KINDS[0], &[&files[0], &files[1], &files[2]]).unwrap();
     for view in &mut views {
@@ -551,7 +556,7 @@ fn capture_of(model: &Model, lens: [f64; 4]) -> Capture {
 
 #[test]
 fn what_is_written_comes_back() {
-    for lens in [[0.0; 4], [0.1, -0.02, 0.0, 0.0], [0.1, 0.0, 0.01, 0.02]] {
+    for lens in [[0.0; 5], [0.1, -0.02, 0.0, 0.0, 0.0], [0.1, 0.0, 0.01, 0.02, 0.0], [0.1, 0.0, 0.0, 0.0, -0.03]] {
         let capture = capture_of(&small_model(), lens);
         for storage in [write::ColmapStorage::Binary, write::ColmapStorage::Text] {
             let folder = tempdir().unwrap();

@@ -63,7 +63,15 @@ fn cameras(out: &mut dyn Write, capture: &Capture, storage: ColmapStorage) -> Re
         let (model, name, parameters) = match view.distortion {
             Distortion::None => (1u32, "PINHOLE", vec![fx, fy, cx, cy]),
             Distortion::Radial { k1, k2 } if fx == fy => (3, "RADIAL", vec![fx, cx, cy, k1, k2]),
-            lens => (4, "OPENCV", [vec![fx, fy, cx, cy], lens.coefficients().to_vec()].concat()),
+            lens => {
+                let [k1, k2, p1, p2, k3] = lens.coefficients();
+                let parameters = vec![fx, fy, cx, cy, k1, k2, p1, p2];
+                match k3 {
+                    0.0 => (4, "OPENCV", parameters),
+                    // With k4, k5 and k6.
+                    _ => (6, "FULL_OPENCV", [parameters, vec![k3, 0.0, 0.0, 0.0]].concat()),
+                }
+            }
         };
         match storage {
             ColmapStorage::Binary => {

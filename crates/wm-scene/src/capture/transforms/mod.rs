@@ -96,10 +96,8 @@ impl Intrinsics {
     }
 
     fn camera(&self, size: (u32, u32)) -> Result<(Camera, Distortion), String> {
-        for (name, value) in [("k3", self.k3), ("k4", self.k4)] {
-            if value.is_some_and(|v| v != 0.0) {
-                return Err(format!("its lens has {name}, which is not read; {UNDISTORT}"));
-            }
+        if self.k4.is_some_and(|v| v != 0.0) {
+            return Err(format!("its lens has k4, which is not read; {UNDISTORT}"));
         }
         let (width, height) = (f64::from(size.0), f64::from(size.1));
         let of_angle = |angle: Option<f64>, side: f64| angle.map(|a| 0.5 * side / (0.5 * a).tan());
@@ -119,7 +117,7 @@ impl Intrinsics {
             near: Camera::DEFAULT_NEAR,
         };
         camera.check().map_err(|e| e.to_string())?;
-        let lens = [self.k1, self.k2, self.p1, self.p2].map(|v| v.unwrap_or(0.0));
+        let lens = [self.k1, self.k2, self.p1, self.p2, self.k3].map(|v| v.unwrap_or(0.0));
         Ok((camera, Distortion::from_file(lens)?))
     }
 }

@@ -37,7 +37,7 @@ fn axes_are_turned_to_opencv() {
     let capture = read_json(&json).unwrap();
     let view = &capture.views[0];
     assert_eq!(view.name, "images/b.jpg");
-    assert_eq!(view.distortion, Distortion::OpenCv { k1: 0.1, k2: 0.0, p1: 0.0, p2: 0.01 });
+    assert_eq!(view.distortion, Distortion::OpenCv { k1: 0.1, k2: 0.0, p1: 0.0, p2: 0.01, k3: 0.0 });
     assert_eq!((view.camera.fx, view.camera.fy, view.camera.height), (500.0, 510.0, 480));
     assert!((view.camera.center() - DVec3::new(1.0, 2.0, 3.0)).length() < 1e-12);
     assert!((view.camera.forward() - DVec3::NEG_Z).length() < 1e-12);
@@ -132,7 +132,7 @@ fn faults_are_told() {
             frames(r#""fl_x": 500, "camera_model": "OPENCV_FISHEYE","#, POSE),
             format!("{start} its camera model OPENCV_FISHEYE is not read; {cure}"),
         ),
-        (frames(r#""fl_x": 500, "k3": 0.1,"#, POSE), format!("{start} its lens has k3, which is not read; {cure}")),
+        (frames(r#""fl_x": 500, "k4": 0.1,"#, POSE), format!("{start} its lens has k4, which is not read; {cure}")),
         (
             frames(r#""fl_x": 500, "is_fisheye": true,"#, POSE),
             format!("{start} its lens is a fisheye, which is not read; {cure}"),

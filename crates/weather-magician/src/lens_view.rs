@@ -1,0 +1,397 @@
+//! Pictures through lenses that are no pinholes, put together from pinhole pictures.
+//!
+//! A fisheye or a panorama is sampled from up to six pinhole pictures, the sides of a cube about the eye, and a distorted perspective from one.
+//! So all weather is drawn in them as in any picture: air, particles, lying snow and water. Neighbouring sides overlap, and one goes over into the other:
+//! the two differ a little where splats are large, since each is flattened along its own view. Each side has as many pixels
+//! an angle in its middle as the lens has, and more towards its edges; they are sampled by cubic convolution.
+
+use crate::place::PreparedPlace;
+use crate::{Error, FrameOptions, MovingCamera, Picture, Progress, Renderer, Result};
+use glam::{DMat3, DMat4, DVec3};
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+use wm_render::Stats;
+use wm_scene::{Camera, LensModel};
+use wm_weather::Weather;
+
+/// Tangent of the angle from the axis up to which one pinhole picture shows all.
+const ONE_SIDE: f64 = 1.5;
+/// Share by which the coordinates of a direction along two axes differ where one side has gone over into the other.
+const OVERLAP: f64 = 0.07;
+/// Pixels beyond the outermost sample of a side.
+const PAD: f64 = 3.0;
+
+/// A lens in a picture of one size, with the pinhole pictures that it is sampled from. Made once for all frames.
+#[derive(Clone, Debug)]
+pub struct LensView {
+    lens: LensModel,
+    camera: Camera,
+    sides: Vec<Side>,
+    /// First tap of each pixel, and the end of all.
+    first: Vec<u32>,
+    taps: Vec<Tap>,
+}
+
+/// One pinhole picture.
+#[derive(Clone, Debug)]
+struct Side {
+    /// Its axes from those of the lens.
+    rotation: DMat3,
+    /// Its size and intrinsics.
+    camera: Camera,
+}
+
+/// A sample of a side.
+#[derive(Clone, Copy, Debug)]
+struct Tap {
+    side: u32,
+    /// px.
+    at: [f32; 2],
+    weight: f32,
+    /// Length of the ray at view z 1.
+    long: f32,
+}
+
+impl LensView {
+    /// The view of a lens with the size, the focal lengths and the principal point of `camera`; its pose is not used.
+    ///
+    /// # Errors
+    /// [`Error::Camera`] if the lens folds within the picture or a side would be too large.
+    pub fn new(lens: LensModel, camera: &Camera) -> Result<Self> {
+        lens.check(camera)?;
+        let camera = Camera { viewmat: DMat4::IDENTITY, ..*camera };
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let rays: Vec<Option<DVec3>> = (0..width * height)
+            .into_par_iter()
+            .map(|i| lens.ray(&camera, [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5]))
+            .collect();
+        let is_narrow = rays.iter().flatten().all(|ray| ray.x.hypot(ray.y) < ONE_SIDE * ray.z);
+        let focal = match lens {
+            LensModel::Equirectangular => [f64::from(camera.width) / TAU; 2],
+            _ => [camera.fx, camera.fy],
+        };
+        let rotations: &[DMat3] = if is_narrow { &cube()[..1] } else { &cube() };
+        let weights = |ray: DVec3| -> [f64; 6] {
+            let along: [f64; 6] =
+                std::array::from_fn(|k| rotations.get(k).map_or(-1.0, |r| r.row(2).dot(ray)));
+            let most = along.into_iter().fold(f64::MIN, f64::max);
+            let share = along.map(|along| {
+                let share = ((along / most - 1.0) / OVERLAP + 1.0).clamp(0.0, 1.0);
+                share * share * (3.0 - 2.0 * share)
+            });
+            let sum: f64 = share.iter().sum();
+            share.map(|share| share / sum)
+        };
+        // Where each side is looked at, tangents.
+        let mut bounds = [[f64::MAX, f64::MAX, f64::MIN, f64::MIN]; 6];
+        for ray in rays.iter().flatten() {
+            for (k, weight) in weights(*ray).into_iter().enumerate().filter(|(_, weight)| *weight > 0.0) {
+                debug_assert!(weight <= 1.0);
+                let [u, v, _] = (rotations[k] * *ray).to_array().map(|c| c / rotations[k].row(2).dot(*ray));
+                let bound = &mut bounds[k];
+                *bound = [bound[0].min(u), bound[1].min(v), bound[2].max(u), bound[3].max(v)];
+            }
+        }
+        let mut sides = Vec::new();
+        let mut index = [u32::MAX; 6];
+        for (k, [left, top, right, bottom]) in bounds.into_iter().enumerate().filter(|(_, b)| b[0] <= b[2]) {
+            let length = |low: f64, high: f64, focal: f64| ((high - low) * focal + 2.0 * PAD).ceil() as u32;
+            let side = Camera {
+                width: length(left, right, focal[0]),
+                height: length(top, bottom, focal[1]),
+                fx: focal[0],
+                fy: focal[1],
+                cx: PAD - left * focal[0],
+                cy: PAD - top * focal[1],
+                ..camera
+            };
+            side.check()?;
+            index[k] = sides.len() as u32;
+            sides.push(Side { rotation: rotations[k], camera: side });
+        }
+        let (mut first, mut taps) = (vec![0], Vec::with_capacity(rays.len()));
+        for ray in &rays {
+            for (k, weight) in ray.map_or([0.0; 6], weights).into_iter().enumerate() {
+                if let Some(ray) = ray.filter(|_| weight > 0.0) {
+                    let side = &sides[index[k] as usize];
+                    let [x, y, z] = (side.rotation * ray).to_array();
+                    let at =
+                        [x / z * side.camera.fx + side.camera.cx, y / z * side.camera.fy + side.camera.cy];
+                    taps.push(Tap {
+                        side: index[k],
+                        at: at.map(|v| v as f32),
+                        weight: weight as f32,
+                        long: (1.0 / z) as f32,
+                    });
+                }
+            }
+            first.push(taps.len() as u32);
+        }
+        Ok(Self { lens, camera, sides, first, taps })
+    }
+
+    /// The lens.
+    #[must_use]
+    pub fn lens(&self) -> LensModel {
+        self.lens
+    }
+
+    /// The size, the focal lengths and the principal point of the picture.
+    #[must_use]
+    pub fn intrinsics(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The cameras of the pinhole pictures, for the pose and the near plane of `camera`.
+    #[must_use]
+    pub fn cameras(&self, camera: &Camera) -> Vec<Camera> {
+        let turned = |side: &Side| Camera {
+            viewmat: DMat4::from_mat3(side.rotation) * camera.viewmat,
+            near: camera.near,
+            ..side.camera
+        };
+        self.sides.iter().map(turned).collect()
+    }
+
+    /// Samples the pictures of [`Self::cameras`]: depths become distances from the eye, and what the lens does not show is 0.
+    fn sample(&self, sides: &[Picture], picture: &mut Picture) {
+        let size = (self.camera.width, self.camera.height);
+        let Some(one) = sides.first() else { return };
+        let frame = &mut picture.frame;
+        (frame.width, frame.height, frame.encoding) = (size.0, size.1, one.frame.encoding);
+        self.blend::<3>(sides, |side| &side.frame.rgb, &mut frame.rgb);
+        self.blend::<1>(sides, |side| &side.frame.alpha, &mut frame.alpha);
+        self.blend::<4>(sides, |side| &side.frame.particles, &mut frame.particles);
+        self.nearest::<1>(sides, |side| &side.frame.depth, true, &mut frame.depth);
+        self.nearest::<1>(sides, |side| &side.frame.median_depth, true, &mut frame.median_depth);
+        self.nearest::<3>(sides, |side| &side.frame.normal, false, &mut frame.normal);
+        frame.front.clear();
+        let parts = &mut picture.parts;
+        self.blend::<3>(sides, |side| &side.parts.clean, &mut parts.clean);
+        self.blend::<3>(sides, |side| &side.parts.transmittance, &mut parts.transmittance);
+        self.blend::<3>(sides, |side| &side.parts.airlight, &mut parts.airlight);
+        let water = &mut picture.water;
+        self.blend::<1>(sides, |side| &side.water.cover, &mut water.cover);
+        self.blend::<1>(sides, |side| &side.water.reflected, &mut water.reflected);
+        self.nearest::<1>(sides, |side| &side.water.depth, true, &mut water.depth);
+    }
+
+    /// The taps of pixel `i`.
+    fn taps(&self, i: usize) -> &[Tap] {
+        &self.taps[self.first[i] as usize..self.first[i + 1] as usize]
+    }
+
+    /// Samples an array of `N` numbers a pixel by cubic convolution; sides without it count as 0.
+    fn blend<const N: usize>(
+        &self,
+        sides: &[Picture],
+        array: impl Fn(&Picture) -> &Vec<f32> + Sync,
+        out: &mut Vec<f32>,
+    ) {
+        self.each::<N>(sides, array, out, |i, of, out| {
+            for tap in self.taps(i) {
+                let side = &self.sides[tap.side as usize].camera;
+                if let Some(pixels) = of[tap.side as usize] {
+                    cubic::<N>(pixels, side.width as usize, tap, out);
+                }
+            }
+        });
+    }
+
+    /// Takes an array's pixel of the side that counts most; depths times the length of the ray.
+    fn nearest<const N: usize>(
+        &self,
+        sides: &[Picture],
+        array: impl Fn(&Picture) -> &Vec<f32> + Sync,
+        is_depth: bool,
+        out: &mut Vec<f32>,
+    ) {
+        self.each::<N>(sides, array, out, |i, of, out| {
+            let Some(tap) = self.taps(i).iter().max_by(|a, b| a.weight.total_cmp(&b.weight)) else { return };
+            let Some(pixels) = of[tap.side as usize] else { return };
+            let side = &self.sides[tap.side as usize].camera;
+            let [x, y] = tap.at.map(|v| v as usize);
+            let at = y.min(side.height as usize - 1) * side.width as usize + x.min(side.width as usize - 1);
+            let scale = if is_depth { tap.long } else { 1.0 };
+            for (k, out) in out.iter_mut().enumerate() {
+                *out = pixels[N * at + k] * scale;
+            }
+        });
+    }
+
+    /// Fills an array of `N` numbers a pixel, from 0; empties it if no side has it.
+    fn each<const N: usize>(
+        &self,
+        sides: &[Picture],
+        array: impl Fn(&Picture) -> &Vec<f32> + Sync,
+        out: &mut Vec<f32>,
+        fill: impl Fn(usize, &[Option<&[f32]>], &mut [f32; N]) + Sync,
+    ) {
+        let of: Vec<Option<&[f32]>> =
+            sides.iter().map(|side| Some(&array(side)[..]).filter(|pixels| !pixels.is_empty())).collect();
+        out.clear();
+        if of.iter().any(Option::is_some) {
+            let width = self.camera.width as usize;
+            out.resize(N * (self.first.len() - 1), 0.0);
+            out.par_chunks_mut(N * width).enumerate().for_each(|(y, row)| {
+                for (x, pixel) in row.as_chunks_mut::<N>().0.iter_mut().enumerate() {
+                    fill(y * width + x, &of, pixel);
+                }
+            });
+        }
+    }
+}
+
+/// Adds a sample between pixels, by the kernel of Keys (1981) with a = -1/2, within what the four pixels about it hold: beside lamps it would
+/// ring. There are two pixels or more to all sides ([`PAD`]).
+#[inline]
+fn cubic<const N: usize>(pixels: &[f32], width: usize, tap: &Tap, out: &mut [f32; N]) {
+    let [x, y] = tap.at.map(|v| v - 0.5);
+    let [left, top] = [x.floor(), y.floor()];
+    let [across, down] = [kernel(x - left), kernel(y - top)];
+    let first = (top as usize - 1) * width + left as usize - 1;
+    let mut columns = [[0.0f32; N]; 4];
+    let (mut low, mut high) = ([f32::MAX; N], [f32::MIN; N]);
+    for (row, down) in down.iter().enumerate() {
+        let line = &pixels[N * (first + row * width)..][..4 * N];
+        let line: &[[f32; N]] = line.as_chunks().0;
+        for (column, pixel) in columns.iter_mut().zip(line) {
+            for k in 0..N {
+                column[k] += pixel[k] * down;
+            }
+        }
+        if row == 1 || row == 2 {
+            for k in 0..N {
+                low[k] = low[k].min(line[1][k]).min(line[2][k]);
+                high[k] = high[k].max(line[1][k]).max(line[2][k]);
+            }
+        }
+    }
+    for k in 0..N {
+        let mut sum = 0.0;
+        for (column, across) in columns.iter().zip(across) {
+            sum += column[k] * across;
+        }
+        out[k] += tap.weight * sum.max(low[k]).min(high[k]);
+    }
+}
+
+/// Weights of four pixels in a row for a point between the middle two.
+#[inline]
+fn kernel(t: f32) -> [f32; 4] {
+    let (square, cube) = (t * t, t * t * t);
+    [
+        -0.5 * cube + square - 0.5 * t,
+        1.5 * cube - 2.5 * square + 1.0,
+        -1.5 * cube + 2.0 * square + 0.5 * t,
+        0.5 * cube - 0.5 * square,
+    ]
+}
+
+/// The axes of the sides of a cube from those of the lens: ahead, right, left, down, up, behind. Rows are right, down, forward.
+fn cube() -> [DMat3; 6] {
+    let rows = |right: DVec3, down: DVec3, forward: DVec3| DMat3::from_cols(right, down, forward).transpose();
+    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z];
+    [rows(x, y, z), rows(-z, y, x), rows(z, y, -x), rows(x, -z, y), rows(x, z, -y), rows(-x, y, -z)]
+}
+
+impl Renderer {
+    /// Renders a frame through a lens into `picture`. The pose, the near plane and the velocity are those of `options`, the size is that of
+    /// the lens. Depths are distances from the eye.
+    ///
+    /// # Errors
+    /// As [`Self::render_into`]; [`Error::Unsupported`] with drops on the lens, which are drawn on pinhole pictures alone.
+    pub fn render_through(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        (lens, options): (&LensView, &FrameOptions<'_>),
+        picture: &mut Picture,
+        progress: &mut dyn Progress,
+    ) -> Result<Stats> {
+        if weather.effects().any(|(effect, _)| effect.name == "lens") {
+            let says = "drops on the lens are drawn without --lens alone: leave one of the two out";
+            return Err(Error::Unsupported(says.into()));
+        }
+        let cameras = lens.cameras(&options.camera.camera);
+        let mut sides = std::mem::take(&mut self.sides);
+        sides.resize_with(cameras.len(), Picture::default);
+        let mut stats = Stats::default();
+        for (camera, side) in cameras.into_iter().zip(&mut sides) {
+            let camera = MovingCamera { camera, ..options.camera };
+            let own =
+                self.render_into(place, weather, &FrameOptions { camera, ..*options }, side, progress)?;
+            stats.visible += own.visible;
+            stats.particles += own.particles;
+            stats.wall += own.wall;
+        }
+        let started = std::time::Instant::now();
+        self.backend().pool().install(|| lens.sample(&sides, picture));
+        stats.wall += started.elapsed().as_secs_f64();
+        picture.metres_per_unit = sides.first().map_or(0.0, |side| side.metres_per_unit);
+        self.sides = sides;
+        Ok(stats)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wm_render::Frame;
+
+    /// Sides on which each pixel holds its direction.
+    fn directions(view: &LensView) -> Vec<Picture> {
+        let cameras = view.cameras(&view.camera);
+        let direction = |camera: &Camera, i: usize| {
+            let (x, y) = (i % camera.width as usize, i / camera.width as usize);
+            let [u, v] = [(x as f64 + 0.5 - camera.cx) / camera.fx, (y as f64 + 0.5 - camera.cy) / camera.fy];
+            camera.rotation().transpose() * DVec3::new(u, v, 1.0).normalize()
+        };
+        let picture = |camera: &Camera| {
+            let pixels = camera.width as usize * camera.height as usize;
+            let ways = || (0..pixels).map(|i| direction(camera, i));
+            let frame = Frame {
+                width: camera.width,
+                height: camera.height,
+                rgb: ways().flat_map(|way| way.to_array().map(|v| 0.5 + 0.5 * v as f32)).collect(),
+                alpha: vec![1.0; pixels],
+                depth: ways().map(|way| (camera.rotation() * way).z as f32 * 7.0).collect(),
+                ..Frame::default()
+            };
+            Picture { frame, ..Picture::default() }
+        };
+        cameras.iter().map(picture).collect()
+    }
+
+    /// Every pixel shows its own direction, whichever sides it is sampled from, and a sphere about the eye has one distance.
+    #[test]
+    fn pixels_show_their_directions() {
+        let (fisheye, round) = LensModel::fisheye((96, 80), 290.0).unwrap();
+        let wide = Camera { width: 128, height: 64, ..round };
+        let near = Camera { fx: 90.0, fy: 90.0, ..round };
+        let bent =
+            LensModel::Perspective(wm_scene::capture::Distortion::of([-0.1, 0.02, 0.001, 0.002, 0.001]));
+        for (lens, camera, count) in
+            [(fisheye, round, 6), (LensModel::Equirectangular, wide, 6), (bent, near, 1)]
+        {
+            let view = LensView::new(lens, &camera).unwrap();
+            assert_eq!(view.cameras(&camera).len(), count, "{lens:?}");
+            let mut picture = Picture::default();
+            view.sample(&directions(&view), &mut picture);
+            let frame = &picture.frame;
+            assert_eq!((frame.width, frame.height), (camera.width, camera.height));
+            for (i, pixel) in frame.rgb.as_chunks::<3>().0.iter().enumerate() {
+                let at = [(i % camera.width as usize) as f64 + 0.5, (i / camera.width as usize) as f64 + 0.5];
+                let Some(ray) = lens.ray(&camera, at) else {
+                    assert_eq!((*pixel, frame.depth[i]), ([0.0; 3], 0.0));
+                    continue;
+                };
+                let found = DVec3::from_array(pixel.map(|v| f64::from(2.0 * v - 1.0)));
+                assert!((found - ray).length() < 2e-3, "{lens:?} at {at:?}: {found} for {ray}");
+                assert!((frame.alpha[i] - 1.0).abs() < 1e-5);
+                // The nearest pixel's view z, times the length of this ray.
+                assert!((frame.depth[i] - 7.0).abs() < 0.25, "{lens:?} at {at:?}: {}", frame.depth[i]);
+            }
+        }
+    }
+}
