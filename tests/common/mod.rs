@@ -105,6 +105,11 @@ impl Workshop {
 pub struct ViewArgs(Vec<String>);
 
 impl ViewArgs {
+    /// The same without the field of view.
+    pub fn without_fov(self) -> Self {
+        Self(self.0.into_iter().filter(|word| !word.starts_with("--fov")).collect())
+    }
+
     /// A path of keyframes in a file.
     pub fn along(path: &Path, size: (u32, u32)) -> Self {
         Self(vec![format!("--path={}", path.display()), format!("--size={}x{}", size.0, size.1)])
