@@ -32,6 +32,16 @@ fn frames_and_steps_are_measured() {
 }
 
 #[test]
+fn sensors_are_measured() {
+    let sensors = bench(&["--sensors"]);
+    let cases = sensors[0]["cases"].as_array().unwrap();
+    assert_eq!(cases.len(), 7);
+    assert!(cases.iter().all(|case| case["wall_ms"].as_f64().unwrap() > 0.0), "{sensors}");
+    assert!(cases[..3].iter().all(|case| case["points"].as_u64().unwrap() > 1000), "{sensors}");
+    assert!(cases[3..].iter().all(|case| case["cpu_ratio"].as_f64().unwrap() > 0.5), "{sensors}");
+}
+
+#[test]
 fn the_table_of_the_paper_has_its_figures_and_ours() {
     let table = bench(&["--paper"]);
     let rows = table["rows"].as_array().unwrap();

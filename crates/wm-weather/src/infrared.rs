@@ -9,7 +9,6 @@
 
 use crate::optics::{AirLayer, Atmosphere, Site, WAVELENGTHS};
 use crate::particles::Precipitation;
-use wm_render::hooks::Medium;
 
 /// Extinction by droplets over that of green light, by the wavelength, nm.
 const DROPLETS: [[f64; 2]; 3] = [[550.0, 1.0], [905.0, 1.02], [1550.0, 1.05]];
@@ -59,10 +58,7 @@ impl InfraredAir {
     /// scene units), 0-1, one way.
     #[must_use]
     pub fn transmittance(&self, origin: [f64; 3], direction: [f64; 3], distance: f64) -> f64 {
-        if self.air.is_clear() {
-            return 1.0;
-        }
-        self.air.evaluate_reference(origin, direction, distance).transmittance[0]
+        (-self.air.layers_depth(origin, direction, distance, 0)).exp()
     }
 
     /// Returns true if nothing floats that scatters light back.

@@ -210,6 +210,22 @@ impl Atmosphere {
         (metres * density * mean).min(LONGEST)
     }
 
+    /// Optical depth in one channel of the layers along a ray: from `origin` (world axes, scene units) through `distance` (scene units) along
+    /// a unit direction.
+    pub(crate) fn layers_depth(
+        &self,
+        origin: [f64; 3],
+        direction: [f64; 3],
+        distance: f64,
+        channel: usize,
+    ) -> f64 {
+        let height = self.height(origin);
+        let rise: f64 = (0..3).map(|k| direction[k] * self.site.up[k]).sum();
+        let metres = distance * self.site.metres_per_unit;
+        let of = |layer: &AirLayer| layer.sigma_t[channel] * Self::path_length(layer, height, rise, metres);
+        self.layers.iter().map(of).sum()
+    }
+
     /// Extinction at a point (world axes, scene units), 1/m, by channel.
     #[must_use]
     pub fn extinction_at(&self, point: [f64; 3]) -> [f64; 3] {

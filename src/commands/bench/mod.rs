@@ -2,11 +2,12 @@
 //!
 //! Cases of one scene are measured in rounds, one frame of each per round, and compared round by round, so
 //! that other load on the machine slows both sides of a ratio. CPU time is that of the process.
-//! With `--training` training steps are measured, on all threads and on one in turns.
+//! With `--training` training steps are measured, on all threads and on one in turns; with `--sensors` lidar sweeps and fisheyes.
 
 mod measure;
 pub mod paper;
 mod report;
+mod sensors;
 mod training;
 
 use crate::interrupt::{self, Interrupted};
@@ -64,8 +65,11 @@ pub struct BenchArgs {
     /// Measure training steps instead of frames
     #[arg(long)]
     training: bool,
-    /// Measure the paper's Table I (frames a second in clear air, fog, rain or snowfall, and snow cover) and print it with the paper's numbers as Markdown
+    /// Measure lidar sweeps and pictures through a fisheye instead of frames
     #[arg(long, conflicts_with_all = ["training", "cases"])]
+    sensors: bool,
+    /// Measure the paper's Table I (frames a second in clear air, fog, rain or snowfall, and snow cover) and print it with the paper's numbers as Markdown
+    #[arg(long, conflicts_with_all = ["training", "sensors", "cases"])]
     paper: bool,
     /// Devices of the table, as for --device, such as cpu,gpu [default: the one of --device]
     #[arg(long, value_name = "LIST", value_delimiter = ',', requires = "paper")]
@@ -93,6 +97,15 @@ pub fn run(args: &BenchArgs) -> Result<()> {
             println!("{}", serde_json::to_string_pretty(&reports)?);
         } else {
             training::print(&reports);
+        }
+        return Ok(());
+    }
+    if args.sensors {
+        let reports = each(args, |name, loaded, camera| sensors::measure(name, loaded, &camera, args))?;
+        if args.json {
+            println!("{}", serde_json::to_string_pretty(&reports)?);
+        } else {
+            sensors::print(&reports);
         }
         return Ok(());
     }
