@@ -7,7 +7,7 @@ use weather_magician::{Camera, FrameOptions, LensModel, LensView, Picture, Rende
 use wm_scene::capture::Distortion;
 
 /// Rain in fog over wet ground.
-const WEATHER: [&str; 4] = ["fog.mor=120", "rain.rate=30", "wetness.wetness=1", "wetness.puddles=0.5"];
+const WEATHER: [&str; 4] = ["fog.mor=120", "rain.rate=30", "wetness.amount=1", "wetness.puddles=0.5"];
 
 /// A pinhole picture of the yard and one through a lens, with depth.
 fn both(camera: &Camera, lens: &LensView) -> [Picture; 2] {
@@ -107,5 +107,5 @@ fn the_program_draws_through_lenses_and_refuses_what_it_cannot_draw() {
     says(&format!("{lens}focus = 1\n"), "", &["lens.toml, line 4", "focus"]);
     says(lens, "--fov 50", &["--fov: cannot be used with --lens"]);
     says(lens, "--set lens.rate=20", &["drops on the lens are drawn without --lens alone"]);
-    says(lens, "--set fidelity=paper --weather rain", &["fidelity paper"]);
+    says(lens, "--set fidelity=paper --weather heavy-rain", &["fidelity paper"]);
 }
