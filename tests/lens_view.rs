@@ -3,21 +3,23 @@
 mod common;
 
 use common::*;
+use glam::DVec3;
 use weather_magician::{Camera, FrameOptions, LensModel, LensView, Picture, Renderer, Scene, Weather};
 use wm_scene::capture::Distortion;
 
-/// Rain in fog over wet ground.
-const WEATHER: [&str; 4] = ["fog.mor=120", "rain.rate=30", "wetness.amount=1", "wetness.puddles=0.5"];
+/// Rain in fog, and the wet ground below it.
+const RAIN: [&str; 2] = ["fog.mor=120", "rain.rate=30"];
+const WET: [&str; 2] = ["wetness.amount=1", "wetness.puddles=0.5"];
 
-/// A pinhole picture of the yard and one through a lens, with depth.
-fn both(camera: &Camera, lens: &LensView) -> [Picture; 2] {
+/// A pinhole picture of the yard in a weather and one through a lens, with depth.
+fn both(camera: &Camera, lens: &LensView, weather_changes: &[&str]) -> [Picture; 2] {
     let mut renderer = Renderer::cpu().unwrap();
     let metadata = yard_metadata(1.0);
     let scene = Scene { splats: yard().build(), metadata, views: Vec::new() };
     let mut place = renderer.load(scene).unwrap();
     place.config.outputs.geometry = wm_render::Geometry::Depth;
     let mut weather = Weather::clear();
-    WEATHER.iter().try_for_each(|change| weather.set_text(change)).unwrap();
+    weather_changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
     let mut pictures = [Picture::default(), Picture::default()];
     let options = FrameOptions::new(2.0, *camera);
     renderer.render_into(&mut place, &weather, &options, &mut pictures[0], &mut ()).unwrap();
@@ -30,27 +32,28 @@ fn both(camera: &Camera, lens: &LensView) -> [Picture; 2] {
 fn a_lens_without_distortion_is_a_pinhole() {
     let (camera, _) = yard_look((120, 80));
     let lens = LensView::new(LensModel::Perspective(Distortion::None), &camera).unwrap();
-    let [pinhole, picture] = both(&camera, &lens);
-    let most =
-        largest(pinhole.frame.rgb.iter().zip(&picture.frame.rgb).map(|(a, b)| f64::from((a - b).abs())));
-    // The margin moves what is gathered and sampled for the whole picture, such as films of water at every fourth pixel.
-    let sum: f64 =
-        pinhole.frame.rgb.iter().zip(&picture.frame.rgb).map(|(a, b)| f64::from((a - b).abs())).sum();
-    let mean = sum / pinhole.frame.rgb.len() as f64;
-    assert!(mean < 5e-4, "{mean} {most}");
+    let [pinhole, picture] = both(&camera, &lens, &RAIN);
+    let pairs = pinhole.frame.rgb.iter().zip(&picture.frame.rgb);
+    let off: Vec<f64> = pairs.map(|(a, b)| f64::from((a - b).abs())).collect();
+    let (mean, most) = (off.iter().sum::<f64>() / off.len() as f64, largest(off.iter().copied()));
+    // Near splats beside the view are flattened as its sides are, which the margin moves a little.
+    println!("{mean} {most}");
+    assert!(mean < 2e-4 && most < 0.1, "{mean} {most}");
 }
 
-/// What a fisheye and a panorama show is where a pinhole shows it, with the same weather before it, and as far away.
+/// What a fisheye and a panorama show is where a pinhole shows it, with the same weather before it, and as far away. The pinhole sees as much
+/// as a side of the cube: near splats beside the view reach into it the farther, the wider it is.
 #[test]
 fn lenses_show_what_pinholes_show() {
-    let (camera, _) = yard_look((240, 160));
+    let (eye, target) = (DVec3::new(0.5, -12.0, 1.8), DVec3::new(0.0, 4.0, 2.2));
+    let (camera, _) = look((174, 174), 94.0, eye, target, DVec3::Z);
     let (fisheye, round) = LensModel::fisheye((256, 256), 180.0).unwrap();
     let wide = Camera { width: 768, height: 384, ..round };
     for (lens, own) in [(fisheye, round), (LensModel::Equirectangular, wide)] {
         let view = LensView::new(lens, &own).unwrap();
-        let [pinhole, picture] = both(&camera, &view);
+        let [pinhole, picture] = both(&camera, &view, &[RAIN, WET].concat());
         let (mut sum, mut count) = (0.0, 0);
-        let (mut off, mut solid) = (0.0, 0);
+        let mut off = Vec::new();
         for y in 0..own.height {
             for x in 0..own.width {
                 let Some(ray) = lens.ray(&own, [f64::from(x) + 0.5, f64::from(y) + 0.5]) else {
@@ -59,7 +62,7 @@ fn lenses_show_what_pinholes_show() {
                     continue;
                 };
                 let at = [ray.x / ray.z * camera.fx + camera.cx, ray.y / ray.z * camera.fy + camera.cy];
-                let inside = at[0] > 1.0 && at[1] > 1.0 && at[0] < 239.0 && at[1] < 159.0;
+                let inside = at[0] > 1.0 && at[1] > 1.0 && at[0] < 173.0 && at[1] < 173.0;
                 if ray.z <= 0.0 || !inside {
                     continue;
                 }
@@ -69,16 +72,19 @@ fn lenses_show_what_pinholes_show() {
                 }
                 count += 3;
                 let (far, z) = (f64::from(picture.frame.depth[from]), f64::from(pinhole.frame.depth[to]));
-                if far > 0.0 && z > 0.0 {
-                    solid += 1;
-                    off += f64::from(u8::from((far * ray.z / z - 1.0).abs() > 0.05));
+                // Farther from the axis another side shows it, and flattens near splats otherwise; far away a pixel of flat ground is long.
+                let is_solid = picture.frame.alpha[from].min(pinhole.frame.alpha[to]) > 0.9;
+                if is_solid && z < 9.0 && ray.z > 0.8 {
+                    off.push((far * ray.z / z - 1.0).abs());
                 }
             }
         }
-        let (mean, share) = (sum / f64::from(count), off / f64::from(solid));
-        println!("{lens:?}: colour {mean:.4}, depth off at {share:.3} of {solid}");
-        // Pixels of other sizes, taken by the nearest: edges differ.
-        assert!(count > 5000 && mean < 0.015 && share < 0.08, "{lens:?}: {mean} {share}");
+        off.sort_by(f64::total_cmp);
+        let (mean, middle) = (sum / f64::from(count), off[off.len() / 2]);
+        let wrong = off.iter().filter(|off| **off > 0.2).count() as f64 / off.len() as f64;
+        println!("{lens:?}: colour {mean:.4}, depth {middle:.4}, off by a fifth {wrong:.4}");
+        // Pixels of other sizes, taken by the nearest: edges and what is flat differ.
+        assert!(count > 5000 && mean < 0.008 && middle < 0.06 && wrong < 0.03, "{lens:?}");
     }
 }
 

@@ -18,8 +18,8 @@ use wm_weather::Weather;
 const ONE_SIDE: f64 = 1.5;
 /// Share by which the coordinates of a direction along two axes differ where one side has gone over into the other.
 const OVERLAP: f64 = 0.07;
-/// Pixels beyond the outermost sample of a side.
-const PAD: f64 = 3.0;
+/// Pixels beyond the outermost sample of a side; with a half, so that a lens without distortion is sampled at the middles of pixels.
+const PAD: f64 = 3.5;
 
 /// A lens in a picture of one size, with the pinhole pictures that it is sampled from. Made once for all frames.
 #[derive(Clone, Debug)]
