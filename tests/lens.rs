@@ -1,9 +1,12 @@
-//! Drops on the lens: frames alone and in sequences, and weathers whose glass is clear.
+//! Drops on the lens: frames alone and in sequences, and weathers whose glass is clear. Pictures through fisheyes, panoramas and distorted
+//! lenses.
 
 mod common;
 
 use common::*;
-use weather_magician::Picture;
+use glam::DVec3;
+use weather_magician::{Camera, FrameOptions, LensModel, LensView, Picture, Renderer, Scene, Weather};
+use wm_scene::capture::Distortion;
 
 const SIZE: (u32, u32) = (144, 96);
 
@@ -66,4 +69,113 @@ fn a_clear_glass_changes_no_byte_and_a_wet_one_the_colour_alone() {
             (&shown[k].frame.depth, &shown[k].frame.alpha)
         );
     }
+}
+
+/// Rain in fog, and the wet ground below it.
+const RAIN: [&str; 2] = ["fog.mor=120", "rain.rate=30"];
+const WET: [&str; 2] = ["wetness.amount=1", "wetness.puddles=0.5"];
+
+/// A pinhole picture of the yard in a weather and one through a lens, with depth.
+fn both(camera: &Camera, lens: &LensView, weather_changes: &[&str]) -> [Picture; 2] {
+    let mut renderer = Renderer::cpu().unwrap();
+    let metadata = yard_metadata(1.0);
+    let scene = Scene { splats: yard().build(), metadata, views: Vec::new() };
+    let mut place = renderer.load(scene).unwrap();
+    place.config.outputs.geometry = wm_render::Geometry::Depth;
+    let mut weather = Weather::clear();
+    weather_changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
+    let mut pictures = [Picture::default(), Picture::default()];
+    let options = FrameOptions::new(2.0, *camera);
+    renderer.render_into(&mut place, &weather, &options, &mut pictures[0], &mut ()).unwrap();
+    renderer.render_through(&mut place, &weather, (lens, &options), &mut pictures[1], &mut ()).unwrap();
+    pictures
+}
+
+/// A lens without distortion is a pinhole: its one side is the same picture with a margin.
+#[test]
+fn a_lens_without_distortion_is_a_pinhole() {
+    let (camera, _) = yard_look((120, 80));
+    let lens = LensView::new(LensModel::Perspective(Distortion::None), &camera).unwrap();
+    let [pinhole, picture] = both(&camera, &lens, &RAIN);
+    let pairs = pinhole.frame.rgb.iter().zip(&picture.frame.rgb);
+    let off: Vec<f64> = pairs.map(|(a, b)| f64::from((a - b).abs())).collect();
+    let (mean, most) = (off.iter().sum::<f64>() / off.len() as f64, largest(off.iter().copied()));
+    // Near splats beside the view are flattened as its sides are, which the margin moves a little.
+    println!("{mean} {most}");
+    assert!(mean < 2e-4 && most < 0.1, "{mean} {most}");
+}
+
+/// What a fisheye and a panorama show is where a pinhole shows it, with the same weather before it, and as far away. The pinhole sees as much
+/// as a side of the cube: near splats beside the view reach into it the farther, the wider it is.
+#[test]
+fn lenses_show_what_pinholes_show() {
+    let (eye, target) = (DVec3::new(0.5, -12.0, 1.8), DVec3::new(0.0, 4.0, 2.2));
+    let (camera, _) = look((174, 174), 94.0, eye, target, DVec3::Z);
+    let (fisheye, round) = LensModel::fisheye((256, 256), 180.0).unwrap();
+    let wide = Camera { width: 768, height: 384, ..round };
+    for (lens, own) in [(fisheye, round), (LensModel::Equirectangular, wide)] {
+        let view = LensView::new(lens, &own).unwrap();
+        let [pinhole, picture] = both(&camera, &view, &[RAIN, WET].concat());
+        let (mut sum, mut count) = (0.0, 0);
+        let mut off = Vec::new();
+        for y in 0..own.height {
+            for x in 0..own.width {
+                let Some(ray) = lens.ray(&own, [f64::from(x) + 0.5, f64::from(y) + 0.5]) else {
+                    let at = picture.frame.index(x, y);
+                    assert_eq!(picture.frame.rgb[3 * at..3 * at + 3], [0.0; 3]);
+                    continue;
+                };
+                let at = [ray.x / ray.z * camera.fx + camera.cx, ray.y / ray.z * camera.fy + camera.cy];
+                let inside = at[0] > 1.0 && at[1] > 1.0 && at[0] < 173.0 && at[1] < 173.0;
+                if ray.z <= 0.0 || !inside {
+                    continue;
+                }
+                let (from, to) = (picture.frame.index(x, y), pinhole.frame.index(at[0] as u32, at[1] as u32));
+                for k in 0..3 {
+                    sum += f64::from((picture.frame.rgb[3 * from + k] - pinhole.frame.rgb[3 * to + k]).abs());
+                }
+                count += 3;
+                let (far, z) = (f64::from(picture.frame.depth[from]), f64::from(pinhole.frame.depth[to]));
+                // Farther from the axis another side shows it, and flattens near splats otherwise; far away a pixel of flat ground is long.
+                let is_solid = picture.frame.alpha[from].min(pinhole.frame.alpha[to]) > 0.9;
+                if is_solid && z < 9.0 && ray.z > 0.8 {
+                    off.push((far * ray.z / z - 1.0).abs());
+                }
+            }
+        }
+        off.sort_by(f64::total_cmp);
+        let (mean, middle) = (sum / f64::from(count), off[off.len() / 2]);
+        let wrong = off.iter().filter(|off| **off > 0.2).count() as f64 / off.len() as f64;
+        println!("{lens:?}: colour {mean:.4}, depth {middle:.4}, off by a fifth {wrong:.4}");
+        // Pixels of other sizes, taken by the nearest: edges and what is flat differ.
+        assert!(count > 5000 && mean < 0.008 && middle < 0.06 && wrong < 0.03, "{lens:?}");
+    }
+}
+
+#[test]
+fn the_program_draws_through_lenses_and_refuses_what_it_cannot_draw() {
+    let workshop = Workshop::new();
+    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    let view = yard_look((96, 64)).1.without_fov();
+    let options = "--weather heavy-rain --assets off --lens fisheye:200 --also depth.npy";
+    let one = workshop.render(&scene, &view, "one.png", &format!("{options} --threads 1"));
+    let two = workshop.render(&scene, &view, "two.png", &format!("{options} --threads 2"));
+    assert!(read_png(&one) == read_png(&two));
+    let toml = workshop.path("lens.toml");
+    let says = |lens: &str, options: &str, words: &[&str]| {
+        std::fs::write(&toml, lens).unwrap();
+        let options = format!("--assets off --lens {} {options}", toml.display());
+        let arguments = workshop.words(&scene, &view, "no.png", &options);
+        let output = binary().args(arguments).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success(), "{said}");
+        assert!(words.iter().all(|word| said.contains(word)), "{said}");
+        assert!(!workshop.path("no.png").exists());
+    };
+    let lens = "model = \"OPENCV\"\nsize = [96, 64]\nfocal = [80.0, 80.0]\n";
+    says(&format!("{lens}distortion = [-2.0]\n"), "", &["lens.toml", "folds within the picture"]);
+    says(&format!("{lens}focus = 1\n"), "", &["lens.toml, line 4", "focus"]);
+    says(lens, "--fov 50", &["--fov: cannot be used with --lens"]);
+    says(lens, "--set lens.rate=20", &["drops on the lens are drawn without --lens alone"]);
+    says(lens, "--set fidelity=paper --weather heavy-rain", &["fidelity paper"]);
 }
