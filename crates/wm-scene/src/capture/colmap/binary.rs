@@ -1,6 +1,6 @@
 //! `cameras.bin`, `images.bin` and `points3D.bin`: little endian, no padding, a count first.
 
-use super::{
+use super::{MOST_PARAMETERS, 
     Cameras, Images, MODELS, NumberedPoints, Places, SparsePoints, add_camera, add_point, cut, observation, parameters, value, view,
 };
 use crate::{FormatError, Problem, error::excerpt, source::Source};
@@ -28,7 +28,7 @@ pub(super) fn read_cameras(source: &mut Source) -> Result<Cameras, FormatError> 
         let unknown = format!("number {}", number.cast_signed());
         let model = MODELS.get(number as usize).map_or(unknown.as_str(), |name| name);
         let length = parameters(id, model).map_err(|problem| record.source.at_byte(at, problem))?;
-        let mut values = [0.0; 8];
+        let mut values = [0.0; MOST_PARAMETERS];
         for value in &mut values[..length] {
             *value = record.f64()?;
         }

@@ -136,6 +136,9 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     Ok(Some(Capture { source: dataset.into(), images, masks, originals: None, views, points, observations }))
 }
 
+/// Most parameters of a camera model that is read.
+const MOST_PARAMETERS: usize = 12;
+
 /// The number of parameters of a camera model that is read.
 ///
 /// # Errors
@@ -176,7 +179,7 @@ fn add_camera(
         }
         ("FULL_OPENCV", _) => {
             let advice = "has k4, k5 or k6, which are not read; undistort its photos with `colmap image_undistorter`";
-            return Err(value(format!("camera {id} {advice}")));
+            return Err(Problem::Value(format!("camera {id} {advice}")));
         }
         _ => return Err(value(format!("camera {id} has {} parameters", parameters.len()))),
     };

@@ -173,7 +173,7 @@ fn folders_without_a_model_are_told() {
 fn cameras_with_distortion_are_refused_by_name() {
     let cure = "whose distortion is not read; remove it with `colmap image_undistorter --image_path IMAGES \
                 --input_path MODEL --output_path DATASET` and give DATASET";
-    for (number, name) in MODELS.into_iter().enumerate().skip(5) {
+    for (number, name) in MODELS.into_iter().enumerate().skip(5).filter(|(_, name)| *name != "FULL_OPENCV") {
         let mut model = small_model();
         model.cameras[1].1 = number as u32;
         let reason = if name == "EQUIRECTANGULAR" {
@@ -188,7 +188,7 @@ fn cameras_with_distortion_are_refused_by_name() {
         let expected = format!("cameras.txt, line 4: camera 2 has the model {name}, {reason}");
         assert_eq!(say(&KINDS[1], [&cameras, &images]), expected);
     }
-    let unknown = "which is not known; PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV are read";
+    let unknown = "which is not known; PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV are read";
     let mut model = small_model();
     model.cameras[0].1 = u32::MAX;
     let expected = format!("cameras.bin, byte 8: camera 7 has the model number -1, {unknown}");
@@ -491,6 +491,10 @@ fn lenses_are_read() {
         let camera = views[0].camera;
         assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (90.0, 90.0, 50.0, 40.0));
     }
+    assert_eq!(
+        say(&KINDS[1], [files("FULL_OPENCV", "90 90 50 40 .1 .2 .3 .4 .5 0 .1 0").as_bytes(), b""]),
+        "cameras.txt, line 1: camera 1 has k4, k5 or k6, which are not read; undistort its photos with `colmap image_undistorter`"
+    );
     assert_eq!(
         say(&KINDS[1], [files("RADIAL", "90 50 40 0.1 nan").as_bytes(), b""]),
         "cameras.txt, line 1: camera 1: a coefficient of its distortion is NaN: must be finite; export the model again"

@@ -1,7 +1,7 @@
 //! `cameras.txt`, `images.txt` and `points3D.txt`: comments after `#`, a camera or a point a line, an
 //! image two lines.
 
-use super::{
+use super::{MOST_PARAMETERS, 
     CaptureView, Cameras, Images, NumberedPoints, Observation, Places, SparsePoints, add_camera, add_point, cut, observation,
     parameters, value, view,
 };
@@ -32,7 +32,7 @@ fn parse_camera(line: &[u8], cameras: &mut Cameras) -> Result<(), Problem> {
     let model = excerpt(next("model")?);
     let length = parameters(id, &model)?;
     let size = (number(next("width")?, "the width")?, number(next("height")?, "the height")?);
-    let mut values = [0.0; 8];
+    let mut values = [0.0; MOST_PARAMETERS];
     for value in &mut values[..length] {
         *value = number(next("further parameter")?, "a camera parameter")?;
     }
