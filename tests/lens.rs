@@ -105,7 +105,7 @@ fn a_lens_without_distortion_is_a_pinhole() {
     assert!(mean < 2e-4 && most < 0.1, "{mean} {most}");
 }
 
-/// What a fisheye and a panorama show is where a pinhole shows it, with the same weather before it, and as far away. The pinhole sees as much
+/// A fisheye and a panorama show the place where a pinhole shows it, with the same weather before it, and as far away. The pinhole sees as much
 /// as a side of the cube: near splats beside the view reach into it the farther, the wider it is.
 #[test]
 fn lenses_show_what_pinholes_show() {
@@ -176,6 +176,6 @@ fn the_program_draws_through_lenses_and_refuses_what_it_cannot_draw() {
     says(&format!("{lens}distortion = [-2.0]\n"), "", &["lens.toml", "folds within the picture"]);
     says(&format!("{lens}focus = 1\n"), "", &["lens.toml, line 4", "focus"]);
     says(lens, "--fov 50", &["--fov: cannot be used with --lens"]);
-    says(lens, "--set lens.rate=20", &["drops on the lens are drawn without --lens alone"]);
+    says(lens, "--set lens.rate=20", &["drops on the lens are drawn for pinholes only"]);
     says(lens, "--set fidelity=paper --weather heavy-rain", &["fidelity paper"]);
 }

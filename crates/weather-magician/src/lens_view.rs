@@ -85,8 +85,7 @@ impl LensView {
         // Where each side is looked at, tangents.
         let mut bounds = [[f64::MAX, f64::MAX, f64::MIN, f64::MIN]; 6];
         for ray in rays.iter().flatten() {
-            for (k, weight) in weights(*ray).into_iter().enumerate().filter(|(_, weight)| *weight > 0.0) {
-                debug_assert!(weight <= 1.0);
+            for (k, _) in weights(*ray).into_iter().enumerate().filter(|(_, weight)| *weight > 0.0) {
                 let [u, v, _] = (rotations[k] * *ray).to_array().map(|c| c / rotations[k].row(2).dot(*ray));
                 let bound = &mut bounds[k];
                 *bound = [bound[0].min(u), bound[1].min(v), bound[2].max(u), bound[3].max(v)];
@@ -310,7 +309,7 @@ impl Renderer {
         progress: &mut dyn Progress,
     ) -> Result<Stats> {
         if weather.effects().any(|(effect, _)| effect.name == "lens") {
-            let says = "drops on the lens are drawn without --lens alone: leave one of the two out";
+            let says = "drops on the lens are drawn for pinholes only: turn the effect `lens` off, or use no other lens";
             return Err(Error::Unsupported(says.into()));
         }
         let cameras = lens.cameras(&options.camera.camera);

@@ -122,7 +122,7 @@ struct FaceSlice<'a> {
 }
 
 impl FaceSlice<'_> {
-    /// Where a direction (world) meets the plane of the face at distance 1.
+    /// The point at which a direction (world) meets the plane of the face at distance 1.
     fn on_face(&self, direction: DVec3) -> [f64; 2] {
         let seen = self.face * direction;
         [seen.x / seen.z, seen.y / seen.z]

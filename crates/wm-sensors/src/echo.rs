@@ -3,7 +3,7 @@
 use crate::model::LidarModel;
 use wm_scene::random::RandomStream;
 
-/// What a point comes from.
+/// The source of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum EchoClass {
@@ -73,7 +73,7 @@ pub struct Echo {
     pub range: f64,
     /// Power, 1/m^2: `share rho cos(theta) T^2 xi / range^2`.
     pub power: f64,
-    /// What sends it.
+    /// Its source.
     pub class: EchoClass,
 }
 

@@ -11,7 +11,7 @@ pub enum LidarError {
     /// There is no such preset.
     #[error("`{name}` is no lidar; {advice}")]
     Unknown {
-        /// What was asked for.
+        /// The name that was asked for.
         name: String,
         /// Near names, or all.
         advice: String,

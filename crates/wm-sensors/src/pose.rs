@@ -1,4 +1,4 @@
-//! Where a sensor is, and how it moves.
+//! Poses of sensors, fixed and over time.
 
 use glam::{DMat3, DVec3};
 

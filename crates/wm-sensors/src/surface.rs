@@ -1,4 +1,4 @@
-//! What a surface sends back to a lidar.
+//! Reflectance of surfaces for a lidar, dry, wet and under snow.
 //!
 //! A dry surface is Lambert's, with the reflectance `0.05 + 0.8 Y` of the luminance `Y` of its colour: an order of magnitude, since colours
 //! say little about the near infrared. Full pores darken it by Angstrom's law. Under a film of water it is
@@ -14,7 +14,7 @@ const BY_COLOR: [f64; 2] = [0.05, 0.8];
 /// Reflectance of lying snow where water does not absorb, and where it does (from memory of spectra of old and of fresh snow).
 const SNOW: [f64; 2] = [0.85, 0.15];
 
-/// What weather makes of a surface.
+/// Water and snow on a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurfaceState {
     /// It is snow.

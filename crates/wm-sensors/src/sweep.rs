@@ -128,7 +128,7 @@ pub struct LidarPoint {
     pub column: u32,
     /// The place among the returns of its pulse.
     pub rank: ReturnRank,
-    /// What it comes from.
+    /// Its source.
     pub class: EchoClass,
 }
 
@@ -300,7 +300,7 @@ struct MirroredRay {
     kept: f64,
 }
 
-/// What a ray meets.
+/// A surface that a ray meets.
 struct Met {
     /// m.
     range: f64,

@@ -26,7 +26,7 @@ pub struct InfraredAir {
 }
 
 impl InfraredAir {
-    /// Of what floats and what falls over a site; see [`crate::PreparedWeather::infrared_air`].
+    /// The air with the layers that float and those of what falls, over a site; see [`crate::PreparedWeather::infrared_air`].
     pub(crate) fn new(
         floating: &[AirLayer],
         falling: &[Precipitation],

@@ -185,8 +185,9 @@ impl OutputTarget {
 pub fn run(args: &RenderArgs) -> Result<()> {
     // Cheap checks come before the scene is read.
     let (weather, weather_files) = args.weather.read_with_files()?;
+    let asks_for_pairs = args.pairs.is_asked_for()?;
     if args.camera.lens.is_some() {
-        if args.pairs.is_asked_for()? {
+        if asks_for_pairs {
             bail!("--lens: pairs have the cameras of the photos; leave one of the two out");
         }
         if weather.fidelity == wm_weather::Fidelity::Paper {
@@ -195,7 +196,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
             );
         }
     }
-    if args.pairs.is_asked_for()? {
+    if asks_for_pairs {
         return pairs::run(args, &weather);
     }
     let target = target_of(args, &weather)?;

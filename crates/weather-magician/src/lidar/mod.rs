@@ -195,7 +195,7 @@ const STANDS: f64 = 0.3;
 struct PlaceSurfaces<'a> {
     groups: &'a [Group],
     wet: Option<&'a WetGains<'a>>,
-    /// What lies is snow, and not dust.
+    /// True if the lying cover is snow, false if it is dust.
     is_snow: bool,
 }
 

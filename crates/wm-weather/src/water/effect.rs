@@ -379,7 +379,7 @@ impl<'a> Scene<'a> {
             let mut rays = ShadeGroup::default();
             if self.of.map.plane().is_some() {
                 for start in (0..GROUP).step_by(S::N) {
-                    self.sink(simd, start, (&pixels, &behind), (&mut water, &mut rays));
+                    self.through_flood(simd, start, (&pixels, &behind), (&mut water, &mut rays));
                 }
             }
             if let Some(films) = films {
@@ -455,7 +455,7 @@ impl<'a> Scene<'a> {
     /// The light that comes through the water of a flood, and the rays to it, for the air: of as many of sixteen pixels as there are
     /// lanes from `start` on.
     #[inline(always)]
-    fn sink<S: Lanes>(
+    fn through_flood<S: Lanes>(
         &self,
         simd: S,
         start: usize,
