@@ -152,6 +152,7 @@ impl From<&ScanArgs> for ScanOptions {
             first: 0,
             sweeps: args.output.sweeps,
             seed: args.lidar.seed,
+            sensor: 0,
             sub_rays: match args.lidar.sub_rays {
                 SubRayChoice::One => SubRays::One,
                 SubRayChoice::Seven => SubRays::Seven,

@@ -48,6 +48,8 @@ pub struct FrameRequest<'a> {
     pub weather: &'a PreparedWeather,
     /// The camera.
     pub camera: MovingCamera,
+    /// The camera of the whole picture, where the camera shows a part of it.
+    pub whole: Option<Camera>,
     /// The map of the places that rain and snow do not reach; `None` to ignore roofs.
     pub shelter: Option<&'a Shelter>,
     /// The lamps that shine; `None` for none.
@@ -160,6 +162,7 @@ impl FrameRequest<'_> {
                     effects: hooks.pixels,
                 };
                 let scene = DrawPass {
+                    whole: self.whole,
                     surface: Some(BlendSurface {
                         depth: &water.surface.depth,
                         normal: water.mirror.cut.normal,
@@ -253,7 +256,8 @@ impl FrameRequest<'_> {
     /// Calls `work` with the pass that draws the scene in its weather, whose hooks live as long as the call.
     fn with_scene_pass<R>(&self, config: &RenderConfig, work: impl FnOnce(DrawPass<'_>) -> R) -> R {
         self.weather.with_hooks(&self.observer(), |hooks| {
-            work(DrawPass::new(self.sets, &self.camera.camera, config).with_hooks(hooks))
+            let pass = DrawPass::new(self.sets, &self.camera.camera, config).with_hooks(hooks);
+            work(DrawPass { whole: self.whole, ..pass })
         })
     }
 

@@ -5,11 +5,14 @@
 //! the two differ a little where splats are large, since each is flattened along its own view. Each side has as many pixels
 //! an angle in its middle as the lens has, and more towards its edges; they are sampled by cubic convolution.
 
+use crate::camera_model::PictureRect;
 use crate::place::PreparedPlace;
 use crate::{Error, FrameOptions, MovingCamera, Picture, Progress, Renderer, Result};
 use glam::{DMat3, DMat4, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
+use std::path::PathBuf;
+use std::str::FromStr;
 use wm_render::Stats;
 use wm_scene::{Camera, LensModel};
 use wm_weather::Weather;
@@ -39,6 +42,8 @@ struct Side {
     rotation: DMat3,
     /// Its size and intrinsics.
     camera: Camera,
+    /// Those of the whole side, of which it is a part.
+    whole: Camera,
 }
 
 /// A sample of a side.
@@ -106,7 +111,7 @@ impl LensView {
             };
             side.check()?;
             index[k] = sides.len() as u32;
-            sides.push(Side { rotation: rotations[k], camera: side });
+            sides.push(Side { rotation: rotations[k], camera: side, whole: side });
         }
         let (mut first, mut taps) = (vec![0], Vec::with_capacity(rays.len()));
         for ray in &rays {
@@ -139,6 +144,57 @@ impl LensView {
     #[must_use]
     pub fn intrinsics(&self) -> &Camera {
         &self.camera
+    }
+
+    /// The view of a part of the picture, whose pixels are those of the whole.
+    pub(crate) fn cut(&self, rect: &PictureRect) -> Self {
+        let [left, top] = rect.at;
+        let [width, height] = rect.size;
+        let (mut first, mut taps) = (vec![0], Vec::new());
+        for y in top..top + height {
+            for x in left..left + width {
+                taps.extend_from_slice(self.taps((y * self.camera.width + x) as usize));
+                first.push(taps.len() as u32);
+            }
+        }
+        // Each side is as large as its samples need, and as far from the edge as in the whole.
+        let mut bounds = vec![[f32::MAX, f32::MAX, f32::MIN, f32::MIN]; self.sides.len()];
+        for Tap { side, at: [x, y], .. } in &taps {
+            let bound = &mut bounds[*side as usize];
+            *bound = [bound[0].min(*x), bound[1].min(*y), bound[2].max(*x), bound[3].max(*y)];
+        }
+        let mut sides = Vec::new();
+        let mut moved = vec![(0, [0.0; 2]); self.sides.len()];
+        for (k, [left, top, right, bottom]) in bounds.into_iter().enumerate().filter(|(_, b)| b[0] <= b[2]) {
+            let pad = PAD as f32;
+            let begin = [left, top].map(|low| (low - pad).floor().max(0.0));
+            let length = |high: f32, begin: f32, whole: u32| {
+                ((high - begin + pad).ceil() as u32).min(whole - begin as u32)
+            };
+            let whole = self.sides[k].camera;
+            let camera = Camera {
+                width: length(right, begin[0], whole.width),
+                height: length(bottom, begin[1], whole.height),
+                cx: whole.cx - f64::from(begin[0]),
+                cy: whole.cy - f64::from(begin[1]),
+                ..whole
+            };
+            moved[k] = (sides.len() as u32, begin);
+            sides.push(Side { camera, ..self.sides[k].clone() });
+        }
+        for tap in &mut taps {
+            let (side, begin) = moved[tap.side as usize];
+            tap.side = side;
+            tap.at = [tap.at[0] - begin[0], tap.at[1] - begin[1]];
+        }
+        let camera = Camera {
+            width,
+            height,
+            cx: self.camera.cx - f64::from(left),
+            cy: self.camera.cy - f64::from(top),
+            ..self.camera
+        };
+        Self { lens: self.lens, camera, sides, first, taps }
     }
 
     /// The cameras of the pinhole pictures, for the pose and the near plane of `camera`.
@@ -294,6 +350,63 @@ fn cube() -> [DMat3; 6] {
     [rows(x, y, z), rows(-z, y, x), rows(z, y, -x), rows(x, -z, y), rows(x, z, -y), rows(-x, y, -z)]
 }
 
+/// Default width and height of pictures through a fisheye, and of a panorama, px.
+const ROUND: (u32, u32) = (1024, 1024);
+const PANORAMA: (u32, u32) = (2048, 1024);
+/// Default angle across a fisheye, degrees.
+const FISHEYE: f64 = 180.0;
+
+/// A lens in words: `fisheye`, `fisheye:DEGREES`, `equirectangular`, or the name of a `.toml` file ([`LensModel::read`]).
+#[derive(Clone, Debug, PartialEq)]
+pub enum LensSpec {
+    /// An equidistant fisheye, degrees across the shorter side of the picture.
+    Fisheye(f64),
+    /// A panorama.
+    Equirectangular,
+    /// A TOML file.
+    File(PathBuf),
+}
+
+impl FromStr for LensSpec {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.split_once(':').unwrap_or((text, "")) {
+            ("fisheye", "") => Ok(Self::Fisheye(FISHEYE)),
+            ("fisheye", degrees) => match degrees.parse::<f64>() {
+                Ok(degrees) if degrees > 0.0 && degrees <= 360.0 => Ok(Self::Fisheye(degrees)),
+                _ => Err(format!("`{degrees}` is not an angle above 0 and up to 360 degrees")),
+            },
+            ("equirectangular", "") => Ok(Self::Equirectangular),
+            _ if text.to_lowercase().ends_with(".toml") => Ok(Self::File(text.into())),
+            _ => Err(format!(
+                "`{text}` is not a lens: use fisheye, fisheye:DEGREES, equirectangular or a .toml file"
+            )),
+        }
+    }
+}
+
+impl LensSpec {
+    /// The lens in a picture of a size, px; with `None` in one of its own.
+    ///
+    /// # Errors
+    /// As [`LensModel::read`] and [`LensView::new`].
+    pub fn view(&self, size: Option<(u32, u32)>) -> Result<LensView> {
+        let (lens, camera) = match self {
+            Self::Fisheye(degrees) => LensModel::fisheye(size.unwrap_or(ROUND), *degrees)?,
+            Self::Equirectangular => {
+                let (_, camera) = LensModel::fisheye(size.unwrap_or(PANORAMA), FISHEYE)?;
+                (LensModel::Equirectangular, camera)
+            }
+            Self::File(path) => {
+                let (lens, camera) = LensModel::read(path)?;
+                (lens, size.map_or(camera, |(width, height)| camera.resized(width, height)))
+            }
+        };
+        LensView::new(lens, &camera)
+    }
+}
+
 impl Renderer {
     /// Renders a frame through a lens into `picture`. The pose, the near plane and the velocity are those of `options`, the size is that of
     /// the lens. Depths are distances from the eye.
@@ -316,10 +429,12 @@ impl Renderer {
         let mut sides = std::mem::take(&mut self.sides);
         sides.resize_with(cameras.len(), Picture::default);
         let mut stats = Stats::default();
-        for (camera, side) in cameras.into_iter().zip(&mut sides) {
+        for ((camera, of), side) in cameras.into_iter().zip(&lens.sides).zip(&mut sides) {
+            let Camera { viewmat, near, .. } = camera;
+            let whole = Some(Camera { viewmat, near, ..of.whole });
             let camera = MovingCamera { camera, ..options.camera };
-            let own =
-                self.render_into(place, weather, &FrameOptions { camera, ..*options }, side, progress)?;
+            let own = FrameOptions { camera, whole, ..*options };
+            let own = self.render_into(place, weather, &own, side, progress)?;
             stats.visible += own.visible;
             stats.particles += own.particles;
             stats.wall += own.wall;

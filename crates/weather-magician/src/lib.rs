@@ -44,6 +44,7 @@
 
 pub mod assets;
 mod bake;
+pub mod camera_model;
 mod convert;
 mod error;
 pub mod frame;
@@ -61,6 +62,7 @@ mod place_water;
 mod progress;
 pub mod reduce;
 mod renderer;
+pub mod rig;
 pub mod sequence;
 mod tags;
 mod thinned;
@@ -70,8 +72,8 @@ pub use bake::BakedScene;
 pub use convert::{CropBox, LengthScale, SceneChange};
 pub use error::{Error, Result};
 pub use frame::MovingCamera;
-pub use lens_view::LensView;
-pub use motion::CameraMotion;
+pub use lens_view::{LensSpec, LensView};
+pub use motion::{CameraMotion, Mount};
 pub use picture::Picture;
 pub use place::{FrameOptions, Patience, PlaceFacts, PlaceOptions, PlaceView, PreparedPlace};
 pub use progress::Progress;

@@ -1,11 +1,23 @@
 //! Cameras that move.
 
 use crate::frame::MovingCamera;
-use crate::view::path::CameraPath;
+use crate::view::path::{CameraPath, PathKey};
+use glam::{DMat3, DVec3};
 use wm_scene::Camera;
+use wm_scene::camera::viewmat_of;
+use wm_sensors::SensorPose;
 
 /// Half of the time over which the velocity of a path is taken, s: as long as an exposure.
 const MOMENT: f64 = 0.01;
+
+/// The pose of a sensor on a rig. Axes of both are x forward, y left and z up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mount {
+    /// The place of the sensor, m, axes of the rig.
+    pub position: DVec3,
+    /// The attitude of the sensor: its axes in those of the rig are the columns.
+    pub rig_from_sensor: DMat3,
+}
 
 /// A camera as a function of time.
 #[derive(Clone, Debug)]
@@ -24,6 +36,17 @@ pub enum CameraMotion {
         /// Width and height of the pictures, px.
         size: (u32, u32),
     },
+    /// A camera or another sensor on a rig, whose origin is where a camera is: ahead is the way that it looks.
+    Mounted {
+        /// The camera that the rig moves with.
+        base: Box<CameraMotion>,
+        /// The pose on the rig.
+        mount: Mount,
+        /// The size, the focal lengths and the principal point of its pictures.
+        intrinsics: Box<Camera>,
+        /// The scale of the scene.
+        metres_per_unit: f64,
+    },
 }
 
 impl From<Camera> for CameraMotion {
@@ -39,7 +62,48 @@ impl CameraMotion {
         match self {
             Self::Still { camera, .. } => **camera,
             Self::Along { path, size } => path.at(path.start() + time, *size),
+            Self::Mounted { base, intrinsics, .. } => {
+                let SensorPose { origin, world_from_sensor } = self.sensor_pose(time);
+                let [ahead, left, up] = world_from_sensor.to_cols_array_2d().map(DVec3::from_array);
+                let rotation = DMat3::from_cols(-left, -up, ahead).transpose();
+                let viewmat = viewmat_of(rotation, -(rotation * origin));
+                Camera { viewmat, near: base.camera(time).near, ..**intrinsics }
+            }
         }
+    }
+
+    /// The pose `time` seconds after the start, x forward, y left and z up: of a sensor on a rig, or of the camera itself.
+    #[must_use]
+    pub fn sensor_pose(&self, time: f64) -> SensorPose {
+        let Self::Mounted { base, mount, metres_per_unit, .. } = self else {
+            let camera = self.camera(time);
+            let (ahead, up) = (camera.forward(), camera.up());
+            return SensorPose {
+                origin: camera.center(),
+                world_from_sensor: DMat3::from_cols(ahead, up.cross(ahead), up),
+            };
+        };
+        let rig = base.sensor_pose(time);
+        SensorPose {
+            origin: rig.origin + rig.world_from_sensor * mount.position / *metres_per_unit,
+            world_from_sensor: rig.world_from_sensor * mount.rig_from_sensor,
+        }
+    }
+
+    /// The motion of a rig: a camera that stays with a speed drives ahead for so many seconds.
+    ///
+    /// # Errors
+    /// [`crate::Error::View`] if its keys make no path.
+    pub fn driven(self, seconds: f64, metres_per_unit: f64) -> crate::Result<Self> {
+        let Self::Still { camera, speed } = &self else { return Ok(self) };
+        if *speed == 0.0 {
+            return Ok(self);
+        }
+        let start = PathKey::of(camera, 0.0);
+        let way = camera.forward() * (speed * seconds / metres_per_unit);
+        let end = PathKey { time: seconds, eye: start.eye + way, ..start };
+        let path = CameraPath::new(vec![start, end], camera.near)?;
+        Ok(Self::Along { path, size: (camera.width, camera.height) })
     }
 
     /// The camera `time` seconds after the start and its velocity, in a scene of this scale.
@@ -48,7 +112,7 @@ impl CameraMotion {
         let camera = self.camera(time);
         let velocity = match self {
             Self::Still { speed, .. } => camera.forward() * *speed,
-            Self::Along { .. } => {
+            Self::Along { .. } | Self::Mounted { .. } => {
                 let at = |time: f64| self.camera(time).center() * metres_per_unit;
                 (at(time + MOMENT) - at(time - MOMENT)) / (2.0 * MOMENT)
             }
@@ -62,6 +126,7 @@ impl CameraMotion {
         match self {
             Self::Still { .. } => 0.0,
             Self::Along { path, .. } => path.duration(),
+            Self::Mounted { base, .. } => base.duration(),
         }
     }
 
@@ -71,6 +136,9 @@ impl CameraMotion {
         match self {
             Self::Still { camera, .. } => format!("{camera:?}"),
             Self::Along { path, size } => format!("{:?} {size:?} {}", path.keys(), path.near()),
+            Self::Mounted { base, mount, intrinsics, .. } => {
+                format!("{} {mount:?} {intrinsics:?}", base.fingerprint())
+            }
         }
     }
 }

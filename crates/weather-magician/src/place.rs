@@ -71,6 +71,8 @@ pub struct FrameOptions<'a> {
     pub time: f64,
     /// The camera and its velocity.
     pub camera: MovingCamera,
+    /// The camera of the whole picture, where the camera shows a part of it: large splats are drawn as they are there.
+    pub whole: Option<Camera>,
     /// Parts of the picture that are rendered with it.
     pub parts: &'a [PicturePart],
     /// The treatment of missing assets.
@@ -80,7 +82,7 @@ pub struct FrameOptions<'a> {
 impl FrameOptions<'_> {
     /// A whole frame without parts.
     pub fn new(time: f64, camera: impl Into<MovingCamera>) -> Self {
-        Self { time, camera: camera.into(), parts: &[], patience: Patience::Whole }
+        Self { time, camera: camera.into(), whole: None, parts: &[], patience: Patience::Whole }
     }
 }
 
@@ -880,6 +882,7 @@ impl PreparedPlace {
             thinned: thinned_sets.as_deref(),
             weather: &prepared,
             camera: options.camera,
+            whole: options.whole,
             shelter: shelter.as_deref(),
             config: &self.config,
             parts: options.parts,

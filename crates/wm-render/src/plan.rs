@@ -151,6 +151,8 @@ pub struct DrawPass<'a> {
     pub sets: Vec<SetView<'a>>,
     /// The camera.
     pub camera: Camera,
+    /// The camera of the whole picture, where `camera` shows a part of it: splats beside the picture are as wide as they are there.
+    pub whole: Option<Camera>,
     /// The outputs, the background and the rasterization.
     pub config: RenderConfig,
     /// The air, the background, the particles and the pixel effects of the weather.
@@ -202,6 +204,7 @@ impl<'a> DrawPass<'a> {
         Self {
             sets: sets.to_vec(),
             camera: *camera,
+            whole: None,
             config: *config,
             hooks: Hooks::default(),
             shading: Shading::default(),

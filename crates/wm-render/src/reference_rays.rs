@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 use wm_scene::{Splats, quat, sh};
 
 /// The result of one ray.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReferenceHit {
     /// Sum of weights.
     pub coverage: f64,
@@ -16,6 +16,8 @@ pub struct ReferenceHit {
     pub color: [f64; 3],
     /// Normal times coverage.
     pub normal: [f64; 3],
+    /// The splats that are met and their weights, in order.
+    pub weights: Vec<(usize, f64)>,
     /// Most that the sums of a correct f32 back end are off: by cuts that rounding may decide.
     pub slack: f64,
     /// The least that the sum of weights is away from half of the coverage between two splats. Where it is next to nothing, either of the
@@ -88,6 +90,7 @@ pub fn trace(
             found.normal[k] += weight * normal[k];
         }
         found.coverage += weight;
+        found.weights.push((splat, weight));
         transmittance = after;
         sums.push((found.coverage, distance, splat));
     }

@@ -158,6 +158,13 @@ impl Splats {
         [matrix[0][axis], matrix[1][axis], matrix[2][axis]]
     }
 
+    /// Display-referred colour of a splat as seen from all sides on average, unclamped: that of SH degree 0.
+    #[must_use]
+    pub fn base_color(&self, index: usize) -> [f64; 3] {
+        let sh = self.sh_of(index);
+        [0, 1, 2].map(|k| 0.5 + sh::C0 * f64::from(sh[k]))
+    }
+
     /// Adds the splats of another set; SH coefficients that it has more are left out, those that it lacks are 0.
     pub fn append(&mut self, other: &Self) {
         self.means.extend_from_slice(&other.means);

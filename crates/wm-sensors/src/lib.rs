@@ -16,10 +16,10 @@
 //! A wall of one splat, 20 m ahead in fog:
 //! ```
 //! use glam::DVec3;
-//! use wm_render::RaySplats;
 //! use wm_render::simd::SimdPath;
 //! use wm_scene::Splats;
-//! use wm_sensors::{DrySurfaces, EchoClass, LidarModel, LidarScene, ReturnMode, SensorPose, SweepOptions, sweep};
+//! use wm_sensors::{DrySurfaces, EchoClass, LidarModel, LidarScene, ReturnMode, SensorPose, SweepOptions};
+//! use wm_sensors::{reflecting_splats, sweep};
 //! use wm_weather::{Site, Weather};
 //!
 //! let mut wall = Splats::zeroed(1, 0);
@@ -31,7 +31,7 @@
 //! let lidar = LidarModel::find("vlp-16")?;
 //! let weather = Weather::preset("clear")?.set("fog.mor", 200.0)?.at(0.0).prepare(&Site::PLAIN);
 //! let scene = LidarScene {
-//!     splats: &RaySplats::new(&wall, |_| true),
+//!     splats: &reflecting_splats(&wall, |_| true),
 //!     mirrored: None,
 //!     weather: &weather,
 //!     site: &Site::PLAIN,
@@ -73,5 +73,5 @@ pub use model::{LidarModel, TARGET};
 pub use pattern::{Beam, BeamPattern};
 pub use pose::{EvenMotion, SensorMotion, SensorPose};
 pub use presets::{PRESETS, about};
-pub use surface::{DrySurfaces, SurfaceState, SurfaceStates};
+pub use surface::{DrySurfaces, SurfaceState, SurfaceStates, reflecting_splats};
 pub use sweep::{LidarPoint, LidarScene, LidarSweep, PointFrame, SubRays, SweepOptions, sweep};

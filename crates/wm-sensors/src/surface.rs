@@ -5,6 +5,8 @@
 //! `T^2 / (n^2 (1 - 0.475 rho))` times as bright, `T = 1 - R` by Fresnel at the beam's own angle, and the share `R` is mirrored away:
 //! a wet road vanishes where the beam is flat.
 
+use wm_render::RaySplats;
+use wm_scene::Splats;
 use wm_scene::color::{luminance, srgb_decode};
 use wm_weather::water::{WATER_INDEX, fresnel};
 use wm_weather::wetness::optics::{BACK, pores_factor};
@@ -29,6 +31,14 @@ pub struct SurfaceState {
 pub trait SurfaceStates: Sync {
     /// The state of the surface of a splat.
     fn state(&self, splat: u32) -> SurfaceState;
+}
+
+/// The splats for which `is_met` returns true, such as those that are no sky, with their dry reflectances: those of their colours
+/// as seen from everywhere, since what a colour does with the direction is light that a beam is not.
+#[must_use]
+pub fn reflecting_splats(splats: &Splats, is_met: impl Fn(usize) -> bool + Sync) -> RaySplats<'_> {
+    let reflectance = |index: usize| dry_reflectance(splats.base_color(index)) as f32;
+    RaySplats::new(splats, is_met).with_values(reflectance)
 }
 
 /// Surfaces that are all dry.

@@ -24,7 +24,7 @@ use wm_weather::{InfraredAir, PreparedWeather, Site};
 /// A place in weather, for sensors.
 #[derive(Clone, Copy)]
 pub struct LidarScene<'a> {
-    /// Its splats, without the sky.
+    /// Its splats, with their reflectances; see [`crate::reflecting_splats`].
     pub splats: &'a RaySplats<'a>,
     /// Those above the ground, which wet ground mirrors; `None` for no ghosts.
     pub mirrored: Option<&'a RaySplats<'a>>,
@@ -405,7 +405,7 @@ impl Tracer<'_> {
     }
 
     fn trace(&self, splats: &RaySplats<'_>, rays: &Rays) -> RayHits {
-        splats.trace(rays, RayOutputs { color: true, normal: true }, self.scene.path)
+        splats.trace(rays, RayOutputs { normal: true, value: true, ..RayOutputs::default() }, self.scene.path)
     }
 
     /// The surface that a ray meets, if it does.
@@ -422,7 +422,7 @@ impl Tracer<'_> {
             state = SurfaceState { is_snow: true, ..SurfaceState::default() };
             surface::snow_reflectance(self.model.is_absorbed())
         } else {
-            surface::dry_reflectance(hits.color[ray].map(|v| f64::from(v) / coverage))
+            f64::from(hits.value[ray]) / coverage
         };
         let range = distance * self.metres();
         // Not of length 1 where splats turn to all sides: then it is the mean of their cosines.

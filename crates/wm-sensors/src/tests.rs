@@ -1,9 +1,9 @@
 //! Sweeps against numbers that were computed otherwise.
 
 use crate::pattern::{BeamPattern, RowPattern, TablePattern};
+use crate::reflecting_splats;
 use crate::*;
 use glam::DVec3;
-use wm_render::RaySplats;
 use wm_render::simd::SimdPath;
 use wm_scene::color::srgb_encode;
 use wm_scene::{Splats, random, sh};
@@ -71,8 +71,8 @@ fn swept_on(
         set.iter().fold(Weather::clear(), |weather, (key, value)| weather.set(key, *value).unwrap());
     let weather = weather.at(options.time).prepare(&Site::PLAIN);
     let scene = LidarScene {
-        splats: &RaySplats::new(splats, |_| true),
-        mirrored: Some(&RaySplats::new(splats, |index| splats.log_scales[index][2] > 0.0)),
+        splats: &reflecting_splats(splats, |_| true),
+        mirrored: Some(&reflecting_splats(splats, |index| splats.log_scales[index][2] > 0.0)),
         weather: &weather,
         site: &Site::PLAIN,
         shelter: None,
@@ -262,7 +262,7 @@ fn motion_is_taken_out_of_the_points() {
     let wall = plate(0, 30.0, 0.8);
     let weather = Weather::clear().at(0.0).prepare(&Site::PLAIN);
     let scene = LidarScene {
-        splats: &RaySplats::new(&wall, |_| true),
+        splats: &reflecting_splats(&wall, |_| true),
         mirrored: None,
         weather: &weather,
         site: &Site::PLAIN,
@@ -320,7 +320,7 @@ fn the_street_is_where_it_is() {
     let weather = Weather::clear().at(0.0).prepare(&site);
     let splats = &scene.splats;
     let scene = LidarScene {
-        splats: &RaySplats::new(splats, |index| splats.groups[index] != wm_scene::Group::Sky),
+        splats: &reflecting_splats(splats, |index| splats.groups[index] != wm_scene::Group::Sky),
         mirrored: None,
         weather: &weather,
         site: &site,

@@ -78,6 +78,20 @@ impl Weather {
         self.active.iter().map(|(effect, tracks)| (&EFFECTS[*effect], &tracks[..]))
     }
 
+    /// The weather as a camera of another exposure time sees it: the exposure of all that falls, s.
+    #[must_use]
+    pub fn exposed_for(&self, seconds: f64) -> Self {
+        let mut exposed = self.clone();
+        for (effect, tracks) in &mut exposed.active {
+            for (param, track) in EFFECTS[*effect].params.iter().zip(tracks) {
+                if param.name == "exposure" && param.unit == "s" {
+                    *track = Track::constant(ParamValue::Number(seconds.clamp(param.range.0, param.range.1)));
+                }
+            }
+        }
+        exposed
+    }
+
     /// Returns true if no parameter changes over time.
     #[must_use]
     pub fn is_constant(&self) -> bool {

@@ -225,6 +225,7 @@ impl<'a> BenchTarget<'a> {
                     sets,
                     thinned: None,
                     weather: &case.sky,
+                    whole: None,
                     camera: (*camera).into(),
                     shelter: None,
                     lamps: None,

@@ -5,15 +5,14 @@ use crate::scene::OpenScene;
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
-use std::str::FromStr;
 use weather_magician::view::moves::{self, PathSpec};
 use weather_magician::view::path::{CameraPath, PathKey};
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::view::{self, choose};
-use weather_magician::{CameraMotion, LensView, MovingCamera};
+use weather_magician::{CameraMotion, LensSpec, MovingCamera};
 use wm_media::video::FrameRate;
 use wm_scene::files::check_writable;
-use wm_scene::{Camera, FormatError, LensModel};
+use wm_scene::{Camera, FormatError};
 
 /// Default length of a sequence, seconds.
 const DEFAULT_SECONDS: f64 = 5.0;
@@ -39,60 +38,6 @@ pub struct ViewpointArgs {
     /// Splats nearer than this are not drawn, scene units [default: 0.2, less in small scenes]
     #[arg(long, value_name = "UNITS", allow_negative_numbers = true, help_heading = "Camera")]
     pub near: Option<f64>,
-}
-
-/// Default width and height of pictures through a fisheye, and of a panorama, px.
-const ROUND: (u32, u32) = (1024, 1024);
-const PANORAMA: (u32, u32) = (2048, 1024);
-/// Default angle across a fisheye, degrees.
-const FISHEYE: f64 = 180.0;
-
-/// A lens, as `--lens` takes it.
-#[derive(Clone, Debug, PartialEq)]
-pub enum LensSpec {
-    /// An equidistant fisheye, degrees across the shorter side of the picture.
-    Fisheye(f64),
-    /// A panorama.
-    Equirectangular,
-    /// A TOML file.
-    File(PathBuf),
-}
-
-impl FromStr for LensSpec {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text.split_once(':').unwrap_or((text, "")) {
-            ("fisheye", "") => Ok(Self::Fisheye(FISHEYE)),
-            ("fisheye", degrees) => match degrees.parse::<f64>() {
-                Ok(degrees) if degrees > 0.0 && degrees <= 360.0 => Ok(Self::Fisheye(degrees)),
-                _ => Err(format!("`{degrees}` is not an angle above 0 and up to 360 degrees")),
-            },
-            ("equirectangular", "") => Ok(Self::Equirectangular),
-            _ if text.to_lowercase().ends_with(".toml") => Ok(Self::File(text.into())),
-            _ => Err(format!(
-                "`{text}` is not a lens: use fisheye, fisheye:DEGREES, equirectangular or a .toml file"
-            )),
-        }
-    }
-}
-
-impl LensSpec {
-    /// Returns the lens in a picture of the size that was asked for, if one was.
-    pub fn view(&self, size: Option<(u32, u32)>) -> Result<LensView> {
-        let (lens, camera) = match self {
-            Self::Fisheye(degrees) => LensModel::fisheye(size.unwrap_or(ROUND), *degrees)?,
-            Self::Equirectangular => {
-                let (_, camera) = LensModel::fisheye(size.unwrap_or(PANORAMA), FISHEYE)?;
-                (LensModel::Equirectangular, camera)
-            }
-            Self::File(path) => {
-                let (lens, camera) = LensModel::read(path)?;
-                (lens, size.map_or(camera, |(width, height)| camera.resized(width, height)))
-            }
-        };
-        Ok(LensView::new(lens, &camera)?)
-    }
 }
 
 /// Options of a camera and its motion.
@@ -262,9 +207,10 @@ impl CameraPlan {
         if let Some(file) = &args.save_path {
             match &motion {
                 CameraMotion::Along { path, size } => path.write(file, fps, *size)?,
-                CameraMotion::Still { camera, .. } => {
+                _ => {
+                    let camera = motion.camera(0.0);
                     let size = (camera.width, camera.height);
-                    CameraPath::new(vec![PathKey::of(camera, 0.0)], camera.near)?.write(file, fps, size)?;
+                    CameraPath::new(vec![PathKey::of(&camera, 0.0)], camera.near)?.write(file, fps, size)?;
                 }
             }
         }
@@ -292,6 +238,16 @@ impl CameraPlan {
     /// Returns the camera at `time`, seconds, with its velocity.
     pub fn moving(&self, time: f64, metres_per_unit: f64) -> MovingCamera {
         self.motion.at(time, metres_per_unit)
+    }
+
+    /// Returns the motion of the camera.
+    pub fn motion(&self) -> &CameraMotion {
+        &self.motion
+    }
+
+    /// Returns the number of the frame at `time`, seconds: the same in a picture and in a sequence.
+    pub fn index(&self, time: f64) -> u32 {
+        (time / self.rate.seconds(1)).round() as i64 as u32
     }
 
     /// Returns the time of frame `index`, seconds.

@@ -1,8 +1,10 @@
 //! `render`: renders a scene under a weather as a picture, a video or a folder of frames.
 
 pub mod camera;
+mod device;
 mod pairs;
 mod range;
+mod rig;
 mod sequence;
 mod stages;
 
@@ -15,13 +17,15 @@ use crate::weather::WeatherArgs;
 use anyhow::{Result, bail};
 use camera::{CameraArgs, CameraPlan};
 use clap::Args;
+use device::DeviceArgs;
 use range::FrameRange;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
+use weather_magician::camera_model::{CameraModel, SensorCamera, Shot};
 use weather_magician::output::{ExtraPicture, LayerPlacement, PictureFormat, PictureStyle, outputs, parts};
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
-use weather_magician::{Camera, FrameOptions, LensView, Picture, PreparedPlace, Renderer, picture_tags};
+use weather_magician::{Camera, Picture, PreparedPlace, Renderer, picture_tags};
 use wm_media::png::DepthScale;
 use wm_render::parts::PicturePart;
 use wm_render::{Background, RenderConfig, Stats};
@@ -41,6 +45,11 @@ pub struct RenderArgs {
     weather: WeatherArgs,
     #[command(flatten)]
     camera: CameraArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+    /// Make the pictures and lidar sweeps of all sensors of a rig (TOML), a folder each in the folder --out
+    #[arg(long, value_name = "FILE", help_heading = "Camera")]
+    rig: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
     #[command(flatten)]
@@ -185,7 +194,13 @@ impl OutputTarget {
 pub fn run(args: &RenderArgs) -> Result<()> {
     // Cheap checks come before the scene is read.
     let (weather, weather_files) = args.weather.read_with_files()?;
+    if let Some(file) = &args.rig {
+        return rig::run(args, &weather, file);
+    }
     let asks_for_pairs = args.pairs.is_asked_for()?;
+    if let Some(option) = args.device.given().filter(|_| asks_for_pairs) {
+        bail!("{option}: pairs are pictures of instants; leave one of the two out");
+    }
     if args.camera.lens.is_some() {
         if asks_for_pairs {
             bail!("--lens: pairs have the cameras of the photos; leave one of the two out");
@@ -205,6 +220,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     if matches!(target, OutputTarget::Picture(_)) && args.output.asks_for_frames() {
         bail!("--frames and --frame-step are for videos and folders of frames: give --out one of these");
     }
+    if let Some(option) = args.device.given().filter(|_| args.output.stages) {
+        bail!("{option}: --stages are steps of one instant; leave one of the two out");
+    }
     if args.output.stages {
         stages::check(&weather, &target)?;
     }
@@ -221,6 +239,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     }
     args.camera.check()?;
     let lens = args.camera.lens.as_ref().map(|lens| lens.view(args.camera.viewpoint.size)).transpose()?;
+    let model = args.device.model(lens, &weather)?;
     if let OutputTarget::Picture(path) = &target
         && args.camera.path.is_some()
         && args.output.time.is_none()
@@ -247,7 +266,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
     };
     let parts = parts(&args.output.also);
-    let mut job = RenderJob::new(loaded, config, weather, (plan, lens), parts)?;
+    let mut job = RenderJob::new(loaded, config, weather, (plan, model), parts)?;
     match target {
         OutputTarget::Picture(path) => job.picture(&path, args),
         OutputTarget::Video(path) => sequence::video(&mut job, &wanted, &path, args),
@@ -285,8 +304,8 @@ struct RenderJob {
     place: PreparedPlace,
     weather: Weather,
     plan: CameraPlan,
-    /// The lens, if it is no pinhole.
-    lens: Option<LensView>,
+    /// The camera that takes the pictures.
+    camera: SensorCamera,
     /// Picture parts that need extra renders.
     parts: Vec<PicturePart>,
 }
@@ -297,31 +316,27 @@ impl RenderJob {
         mut loaded: OpenScene,
         config: RenderConfig,
         weather: Weather,
-        (plan, lens): (CameraPlan, Option<LensView>),
+        (plan, model): (CameraPlan, CameraModel),
         parts: Vec<PicturePart>,
     ) -> Result<Self> {
         loaded.place.config = config;
         loaded.prepare(&weather)?;
         let OpenScene { renderer, place } = loaded;
-        Ok(Self { renderer, place, weather, plan, lens, parts })
+        let camera = SensorCamera::new(model, plan.motion().clone());
+        Ok(Self { renderer, place, weather, plan, camera, parts })
     }
 
     /// Renders the frame at `time`, seconds.
     fn render(&mut self, time: f64, picture: &mut Picture) -> Result<Stats> {
-        let camera = self.plan.moving(time, self.place.site().metres_per_unit);
-        let options = FrameOptions { parts: &self.parts, ..FrameOptions::new(time, camera) };
-        let Self { renderer, place, weather, lens, .. } = self;
-        let progress = &mut Reporter::default();
-        Ok(match lens {
-            Some(lens) => renderer.render_through(place, weather, (lens, &options), picture, progress)?,
-            None => renderer.render_into(place, weather, &options, picture, progress)?,
-        })
+        let Self { renderer, place, weather, camera, parts, plan } = self;
+        let shot = Shot { time, index: plan.index(time), parts };
+        Ok(renderer.expose(place, weather, camera, &shot, picture, &mut Reporter::default())?)
     }
 
     /// Returns the camera at `time`, seconds, with the size and the intrinsics of the pictures.
     fn camera(&self, time: f64) -> Camera {
         let camera = self.plan.camera(time);
-        match &self.lens {
+        match &self.camera.model.lens {
             Some(lens) => Camera { viewmat: camera.viewmat, near: camera.near, ..*lens.intrinsics() },
             None => camera,
         }
@@ -357,8 +372,13 @@ impl RenderJob {
         let (scene, site) = (args.scene.scene.display().to_string(), self.place.site());
         let camera = self.camera(time);
         let mut tags = picture_tags(&scene, site, self.renderer.backend(), &self.weather, time, &camera);
-        if let Some(lens) = &self.lens {
+        let model = &self.camera.model;
+        if let Some(lens) = &model.lens {
             tags.push(("lens".into(), format!("{:?}", lens.lens())));
+        }
+        if !(CameraModel { lens: None, ..model.clone() }).is_plain() {
+            let CameraModel { shutter, exposure, noise, .. } = model;
+            tags.push(("camera".into(), format!("{shutter:?} {exposure:?} {noise:?}")));
         }
         PictureStyle {
             also: args.output.also.clone(),

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 use weather_magician::Picture;
+use weather_magician::camera_model::CameraModel;
 use weather_magician::output::{ExtraPicture, LayerPlacement, PictureStyle};
 use weather_magician::sequence::render_and_write;
 use wm_media::{PictureSize, png::DepthScale, video};
@@ -155,8 +156,12 @@ fn manifest(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
         "simd": job.renderer.backend().path().to_string(),
         "device": job.renderer.backend().arithmetic(),
     });
-    if let Some(lens) = &job.lens {
+    let CameraModel { lens, shutter, exposure, noise } = &job.camera.model;
+    if let Some(lens) = lens {
         all["lens"] = format!("{:?} {:?}", lens.lens(), lens.intrinsics()).into();
+    }
+    if (*shutter, *exposure, *noise) != Default::default() {
+        all["device"] = format!("{shutter:?} {exposure:?} {noise:?}").into();
     }
     Ok(all)
 }

@@ -30,9 +30,9 @@ use crate::{Error, Progress, Renderer, Result};
 use glam::DVec3;
 use std::borrow::Cow;
 use std::sync::Arc;
-use wm_render::RaySplats;
 use wm_scene::{Group, Splats};
-use wm_sensors::{LidarScene, SensorMotion, SensorPose, SurfaceState, SurfaceStates, SweepOptions, sweep};
+use wm_sensors::{LidarScene, SensorMotion, SensorPose, SurfaceState, SurfaceStates, SweepOptions};
+use wm_sensors::{reflecting_splats, sweep};
 use wm_weather::wetness::WetGains;
 use wm_weather::{Fidelity, Weather};
 
@@ -47,6 +47,8 @@ pub struct ScanOptions {
     pub sweeps: u32,
     /// The seed of noise. What falls has the seed of its weather.
     pub seed: u64,
+    /// The number of the lidar on its rig: its noise depends on it.
+    pub sensor: u8,
     /// Rays of a pulse.
     pub sub_rays: SubRays,
     /// The returns that become points.
@@ -64,6 +66,7 @@ impl Default for ScanOptions {
             first: 0,
             sweeps: 1,
             seed: 0,
+            sensor: 0,
             sub_rays: SubRays::default(),
             returns: ReturnMode::default(),
             frame: PointFrame::default(),
@@ -73,7 +76,7 @@ impl Default for ScanOptions {
 }
 
 impl Renderer {
-    /// Makes one sweep of a lidar that is where the camera of `motion` is: upright, and ahead as the camera looks. What the weather
+    /// Makes one sweep of a lidar that is where the camera of `motion` is: upright, and ahead as the camera looks, or as it is mounted on a rig. What the weather
     /// needs of the place is made first.
     ///
     /// # Errors
@@ -137,7 +140,7 @@ impl Renderer {
                 None => Cow::Borrowed(&scene.splats),
             };
             let is_met = |index: usize| splats.groups[index] != Group::Sky;
-            let rays = self.backend().pool().install(|| RaySplats::new(&splats, is_met));
+            let rays = self.backend().pool().install(|| reflecting_splats(&splats, is_met));
             // What stands on the ground, and may be mirrored by it.
             let floor = site.ground + STANDS / site.metres_per_unit;
             let height =
@@ -145,7 +148,7 @@ impl Renderer {
             let gets_wet = weather.at(time(index)).prepare(&site).wetting_rain().is_some();
             let mirrored = gets_wet.then(|| {
                 let stands = |index: usize| is_met(index) && height(index) > floor;
-                self.backend().pool().install(|| RaySplats::new(&splats, stands))
+                self.backend().pool().install(|| reflecting_splats(&splats, stands))
             });
             while index < end && covers(index) == lies {
                 if progress.is_stopped() {
@@ -156,7 +159,7 @@ impl Renderer {
                     time: time(index),
                     index,
                     seed: options.seed,
-                    sensor: 0,
+                    sensor: options.sensor,
                     sub_rays: options.sub_rays,
                     returns: options.returns,
                     frame: options.frame,
@@ -222,13 +225,17 @@ const LEVEL: f64 = 0.1;
 
 impl SensorMotion for UprightMotion<'_> {
     fn pose(&self, time: f64) -> SensorPose {
+        // On a rig a sensor stands as it is mounted.
+        if let CameraMotion::Mounted { .. } = self.motion {
+            return self.motion.sensor_pose(time);
+        }
         let camera = self.motion.camera(time);
         let forward = camera.forward();
         let is_level = forward.reject_from_normalized(self.up).length() > LEVEL;
         let ahead = if is_level { forward } else { camera.up() };
         let driven = match self.motion {
             CameraMotion::Still { speed, .. } => forward * (speed * (time - self.from) / self.metres),
-            CameraMotion::Along { .. } => DVec3::ZERO,
+            CameraMotion::Along { .. } | CameraMotion::Mounted { .. } => DVec3::ZERO,
         };
         SensorPose::upright(camera.center() + driven, ahead, self.up)
     }

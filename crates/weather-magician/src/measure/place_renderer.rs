@@ -191,6 +191,7 @@ impl InstrumentRenderer for PlaceRenderer {
             sets: &sets,
             thinned: None,
             weather: &weather,
+            whole: None,
             camera: (*shot.camera).into(),
             shelter: None,
             lamps: None,

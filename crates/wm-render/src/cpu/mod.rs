@@ -122,7 +122,7 @@ impl CpuRenderer {
             self.records.resize(total, Record::default());
         }
         let grid = TileGrid::new(pass.camera.width, pass.camera.height);
-        let camera = ProjectCamera::new(&pass.camera);
+        let camera = ProjectCamera::new(&pass.camera).part_of(pass.whole.as_ref());
         let units = Unit::split(&sets, (8 * self.threads()).max(32), &mut self.records);
         self.parts.resize_with(units.len(), Part::default);
         let front = Front::new(self.path, &camera, pass, grid);

@@ -102,6 +102,8 @@ impl Capacity {
 pub struct ViewParameters<'a> {
     /// From where.
     pub camera: &'a Camera,
+    /// The camera of the whole picture ([`DrawPass::whole`]).
+    pub whole: Option<&'a Camera>,
     /// The drawing of splats smaller than a pixel.
     pub rasterization: Rasterization,
     /// The treatment of the scene's own sky.
@@ -121,6 +123,7 @@ impl<'a> ViewParameters<'a> {
         let (rasterization, sky) = (pass.config.rasterization, pass.hooks.sky_splats());
         Self {
             camera: &pass.camera,
+            whole: pass.whole.as_ref(),
             rasterization,
             sky,
             air: None,
@@ -136,7 +139,15 @@ impl<'a> ViewParameters<'a> {
             DrawnSplats::All => SkySplats::Kept,
             DrawnSplats::WithoutSky => SkySplats::LeftOut,
         };
-        Self { camera, rasterization: config.rasterization, sky, air: config.air, cut: None, split: None }
+        Self {
+            camera,
+            whole: None,
+            rasterization: config.rasterization,
+            sky,
+            air: config.air,
+            cut: None,
+            split: None,
+        }
     }
 
     /// Columns and rows of tiles.
@@ -156,7 +167,7 @@ impl<'a> ViewParameters<'a> {
 /// `View` of `common.wgsl`; `blocks` are those of all sets, `drops` what falls.
 #[must_use]
 pub fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity: Capacity) -> Uniform {
-    let camera = ProjectCamera::new(sight.camera);
+    let camera = ProjectCamera::new(sight.camera).part_of(sight.whole);
     let [rotation_x, rotation_y, rotation_z] = camera.rotation;
     Uniform::default()
         .vector("rotation_x", rotation_x)

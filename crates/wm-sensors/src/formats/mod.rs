@@ -53,6 +53,18 @@ impl PointFormat {
             _ => Err(LidarError::Extension(path.into())),
         }
     }
+
+    /// The extension of its files.
+    #[must_use]
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Ply => "ply",
+            Self::Pcd => "pcd",
+            Self::Npy => "npy",
+            Self::Las => "las",
+            Self::Bin => "bin",
+        }
+    }
 }
 
 impl LidarSweep {

@@ -2,8 +2,8 @@
 
 use super::ground::GroundGrid;
 use crate::threads::map;
+use wm_scene::Splats;
 use wm_scene::color::{luminance, srgb_decode};
-use wm_scene::{Splats, sh};
 
 /// Rounds of averaging over neighbouring cells: dark paint is not shade.
 const ROUNDS: usize = 6;
@@ -35,7 +35,7 @@ impl GroundGrid {
     /// The luminance of the splats that make up each surface, linear; not a number where none tells.
     fn light(&self, splats: &Splats, threads: usize) -> Vec<f32> {
         let bright = |index: usize| {
-            let rgb = sh::color(&splats.sh_of(index)[..3], [0.0, 0.0, 1.0]).map(|v| srgb_decode(v.max(0.0)));
+            let rgb = splats.base_color(index).map(|v| srgb_decode(v.max(0.0)));
             luminance(rgb) as f32
         };
         self.sums_of_splats(splats, bright, threads).into_iter().map(|[sum, weight]| sum / weight).collect()

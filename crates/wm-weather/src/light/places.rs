@@ -7,7 +7,7 @@ use glam::{IVec3, Vec3};
 use std::ops::Range;
 use wm_scene::color::srgb_decode;
 use wm_scene::splats::shortest_axis;
-use wm_scene::{Group, Splats, quat, sh};
+use wm_scene::{Group, Splats, quat};
 
 /// Surfaces whose nearest neighbour is looked for.
 const SAMPLED: usize = 4000;
@@ -103,8 +103,7 @@ pub(crate) fn median_spacing(points: &[Vec3], most: f32, threads: usize) -> f32 
 
 /// The captured light of a splat as all directions see it, linear RGB.
 pub(super) fn light_of(splats: &Splats, index: usize) -> Vec3 {
-    let dc = &splats.sh_of(index)[..3];
-    Vec3::from_array([0, 1, 2].map(|k| srgb_decode((0.5 + sh::C0 * f64::from(dc[k])).max(0.0)) as f32))
+    Vec3::from_array(splats.base_color(index).map(|v| srgb_decode(v.max(0.0)) as f32))
 }
 
 /// Points by cells of a grid.

@@ -146,4 +146,13 @@ impl ProjectCamera {
             near: camera.near as f32,
         }
     }
+
+    /// The camera with the limits of the Jacobian of another, of which it shows a part.
+    #[must_use]
+    pub fn part_of(self, whole: Option<&Camera>) -> Self {
+        match whole.map(Self::new) {
+            Some(Self { low, high, .. }) => Self { low, high, ..self },
+            None => self,
+        }
+    }
 }

@@ -11,20 +11,21 @@ use crate::stages::sort;
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask, f32x8};
 use glam::Vec3;
 use rayon::prelude::*;
+use wm_scene::splats::shortest_axis;
 use wm_scene::{Splats, quat, sh};
 
 /// Splats that are culled at a time, a multiple of [`CLUSTER`].
 const BLOCK: usize = 4096;
 /// Splats that are culled as one.
 const CLUSTER: usize = 64;
-/// Nodes of a cluster above which its splats look for their own.
-const MANY: usize = 16;
 /// Slack of the test of a splat against a cone, of its distance.
 const SLACK: f32 = 4e-6;
 /// Transmittance from which on a splat may be the hit: half of the least coverage of a hit is reached.
 const SOONEST: f32 = 1.0 - 0.5 * LEAST_HIT;
 /// Splats that may be the hit that are kept a ray.
 const HITS: usize = 16;
+/// Packets whose lists are gathered as one.
+const BUNDLE: usize = 16;
 /// Levels of a tree of eight children that hold any number of packets.
 const DEEPEST: usize = 12;
 
@@ -34,12 +35,26 @@ const DEEPEST: usize = 12;
 struct RayRecord {
     mean: [f32; 3],
     log2_opacity: f32,
-    /// Rows of `M`, times sqrt(log2(e) / 2), so that `|a x b|^2 / |b|^2` is a power of two.
+    /// Rows of `M`, times sqrt(log2(e) / 2), so that `|a x b|^2 / |b|^2` is a power of two. The first is along the normal.
     rows: [[f32; 3]; 3],
     /// Distance from the mean beyond which alpha is below 1/255.
     reach: f32,
     /// The splat.
     index: u32,
+    /// The value that the caller gave it.
+    value: f32,
+}
+
+impl RayRecord {
+    /// The normal, of length 1, on the side that `away` from the mean points to.
+    #[inline(always)]
+    fn normal(&self, away: &[f32; 3]) -> [f32; 3] {
+        let [x, y, z] = self.rows[0];
+        let length = (x * x + y * y + z * z).sqrt();
+        let is_behind = x * away[0] + y * away[1] + z * away[2] < 0.0;
+        let scale = if is_behind { -1.0 / length } else { 1.0 / length };
+        [x * scale, y * scale, z * scale]
+    }
 }
 
 /// Splats that rays can meet.
@@ -85,8 +100,9 @@ impl<'a> RaySplats<'a> {
             let scales = splats.scales(index);
             let longest = scales.into_iter().fold(0.0, f64::max);
             let axes = quat::to_matrix(splats.quats[index].map(f64::from));
-            // Row k is column k of R over the standard deviation.
-            let rows = [0, 1, 2].map(|k| {
+            // A row is a column of R over its standard deviation. Their order is free, so the normal's comes first.
+            let short = shortest_axis(splats.log_scales[index]);
+            let rows = [short, (short + 1) % 3, (short + 2) % 3].map(|k| {
                 let scale = f64::from(SQRT_HALF_LOG2E) / scales[k].max(THINNEST * longest);
                 [0, 1, 2].map(|j| (axes[j][k] * scale) as f32)
             });
@@ -97,11 +113,19 @@ impl<'a> RaySplats<'a> {
                 rows,
                 reach: reach as f32,
                 index: index as u32,
+                value: 0.0,
             })
         };
         let records: Vec<RayRecord> = morton_order(&splats.means).par_iter().filter_map(record).collect();
         let clusters = records.par_chunks(CLUSTER).map(Sphere::about).collect();
         Self { splats, records, clusters }
+    }
+
+    /// Gives every splat a value, such as a reflectance, for [`RayOutputs::value`].
+    #[must_use]
+    pub fn with_values(mut self, value: impl Fn(usize) -> f32 + Sync) -> Self {
+        self.records.par_iter_mut().for_each(|record| record.value = value(record.index as usize));
+        self
     }
 
     /// Traces rays on the threads of the current pool. Equal for any number of them.
@@ -117,100 +141,69 @@ impl<'a> RaySplats<'a> {
             splat: vec![u32::MAX; count],
             color: vec![[0.0; 3]; if asked.color { count } else { 0 }],
             normal: vec![[0.0; 3]; if asked.normal { count } else { 0 }],
+            value: vec![0.0; if asked.value { count } else { 0 }],
         };
         let packets = Packets::new(rays);
         for group in &packets.groups {
-            let mut lists = self.lists(group, path);
-            let features = self.features(group, &lists, asked);
-            let met: Vec<PacketHits> = lists
-                .par_iter_mut()
-                .enumerate()
-                .map_init(Vec::new, |scratch, (at, keys)| {
-                    sort::cpu::sort(keys, scratch);
-                    let own = packets.rays(group.packets.start + at);
-                    let mut walk = Walk::new(rays, own, group);
-                    dispatch!(path, simd => blend(simd, &mut walk, &self.records, keys, &features));
-                    walk.met(own.len(), features.count)
+            let pairs = self.pairs(group, path);
+            let colors = if asked.color { self.colors(group, &pairs) } else { Vec::new() };
+            let bundles: Vec<Vec<PacketHits>> = (0..group.packets.len().div_ceil(BUNDLE))
+                .into_par_iter()
+                .map_init(Scratch::default, |scratch, bundle| {
+                    let packets_of = bundle * BUNDLE..group.packets.len().min((bundle + 1) * BUNDLE);
+                    scratch.gather(&pairs, (&self.records, &colors), bundle, packets_of.len());
+                    let Scratch { records, colors, keys, starts, sorting } = scratch;
+                    let features = Features { colors: &*colors, asked };
+                    let walked = packets_of.enumerate().map(|(at, packet)| {
+                        let own = packets.rays(group.packets.start + packet);
+                        let mut walk = Walk::new(rays, own, group);
+                        let keys = &mut keys[starts[at]..starts[at + 1]];
+                        sort::cpu::sort(keys, sorting);
+                        dispatch!(path, simd => blend(simd, &mut walk, records, keys, &features));
+                        walk.met(own.len(), asked)
+                    });
+                    walked.collect()
                 })
                 .collect();
-            for (at, met) in met.into_iter().enumerate() {
-                let own = packets.rays(group.packets.start + at);
-                for (lane, ray) in own.iter().map(|ray| *ray as usize).enumerate() {
-                    let (coverage, distance, splat) = met.hits[lane];
-                    (hits.coverage[ray], hits.distance[ray], hits.splat[ray]) = (coverage, distance, splat);
-                    let mut sums = met.sums[lane * features.count..].chunks_exact(3);
-                    for (of, is_asked) in [(&mut hits.color, asked.color), (&mut hits.normal, asked.normal)] {
-                        if let Some(sum) = is_asked.then(|| sums.next()).flatten() {
-                            of[ray].copy_from_slice(sum);
-                        }
-                    }
-                }
+            for (at, met) in bundles.into_iter().flatten().enumerate() {
+                met.put(packets.rays(group.packets.start + at), asked, &mut hits);
             }
         }
         hits
     }
 
-    /// The records that touch each packet of a group: keys by distance from its middle.
-    fn lists(&self, group: &RayGroup, path: SimdPath) -> Vec<Vec<u64>> {
-        let blocks: Vec<Vec<(u32, u64)>> = self
-            .records
-            .par_chunks(BLOCK)
-            .enumerate()
-            .map(|(block, records)| {
-                let mut found = Vec::new();
-                // Eight children are one vector of the narrow path.
-                let clusters = &self.clusters[block * BLOCK / CLUSTER..];
-                dispatch!(path.narrow(), simd => cull(simd, (records, clusters), block * BLOCK, group, &mut found));
-                found
-            })
-            .collect();
-        let mut sizes = vec![0; group.packets.len()];
-        for (packet, _) in blocks.iter().flatten() {
-            sizes[*packet as usize] += 1;
-        }
-        let mut lists: Vec<Vec<u64>> = sizes.into_iter().map(Vec::with_capacity).collect();
-        for (packet, key) in blocks.into_iter().flatten() {
-            lists[packet as usize].push(key);
-        }
-        lists
+    /// The records that touch each packet of a group, by blocks of records.
+    fn pairs(&self, group: &RayGroup, path: SimdPath) -> Vec<BlockPairs> {
+        let bundles = group.packets.len().div_ceil(BUNDLE);
+        let of_block = |scratch: &mut Vec<(u32, u64)>, (block, records): (usize, &[RayRecord])| {
+            scratch.clear();
+            // Eight children are one vector of the narrow path.
+            let clusters = &self.clusters[block * BLOCK / CLUSTER..];
+            dispatch!(path.narrow(), simd => cull(simd, (records, clusters), block * BLOCK, group, scratch));
+            BlockPairs::new(scratch, bundles)
+        };
+        self.records.par_chunks(BLOCK).enumerate().map_init(Vec::new, of_block).collect()
     }
 
-    /// Colours and normals of the records that any packet has.
-    fn features(&self, group: &RayGroup, lists: &[Vec<u64>], asked: RayOutputs) -> Features {
-        let mut features = Features { of: Vec::new(), count: 0 };
-        if asked == RayOutputs::default() {
-            return features;
-        }
-        features.count = 3 * (usize::from(asked.color) + usize::from(asked.normal));
-        let mut is_listed = vec![false; self.records.len()];
-        for key in lists.iter().flatten() {
-            is_listed[record_of(*key)] = true;
-        }
+    /// Colours of the records that any packet has, seen from the middle of a group.
+    fn colors(&self, group: &RayGroup, pairs: &[BlockPairs]) -> Vec<[f32; 3]> {
         let center = Vec3::from_array(group.center);
-        features.of = self
-            .records
-            .par_iter()
-            .zip(is_listed)
-            .map(|(record, is_listed)| {
-                let mut own = [0.0; 6];
+        let of_block = |(records, pairs): (&[RayRecord], &BlockPairs)| {
+            let mut is_listed = [false; BLOCK];
+            for (_, key) in &pairs.pairs {
+                is_listed[record_of(*key) % BLOCK] = true;
+            }
+            let color = |(record, is_listed): (&RayRecord, bool)| {
                 if !is_listed {
-                    return own;
+                    return [0.0; 3];
                 }
-                let index = record.index as usize;
                 let way = (Vec3::from_array(record.mean) - center).as_dvec3().normalize_or_zero();
-                if asked.color {
-                    let color = sh::color(self.splats.sh_of(index), way.to_array());
-                    own[..3].copy_from_slice(&color.map(|v| v as f32));
-                }
-                if asked.normal {
-                    let normal = glam::DVec3::from_array(self.splats.normal(index));
-                    let towards = if normal.dot(way) > 0.0 { -normal } else { normal };
-                    own[features.count - 3..features.count].copy_from_slice(&towards.as_vec3().to_array());
-                }
-                own
-            })
-            .collect();
-        features
+                let color = sh::color(self.splats.sh_of(record.index as usize), way.to_array());
+                color.map(|v| v as f32)
+            };
+            records.iter().zip(is_listed).map(color).collect::<Vec<_>>()
+        };
+        self.records.par_chunks(BLOCK).zip(pairs).flat_map_iter(of_block).collect()
     }
 }
 
@@ -220,10 +213,97 @@ fn record_of(key: u64) -> usize {
     key as u32 as usize
 }
 
-/// Features of records, as many as are asked for.
-struct Features {
-    of: Vec<[f32; 6]>,
-    count: usize,
+/// Pairs of a packet and the key of a record, of one block of records.
+struct BlockPairs {
+    /// By bundles of packets.
+    pairs: Vec<(u32, u64)>,
+    /// First pair of each bundle, and the end.
+    starts: Vec<u32>,
+}
+
+impl BlockPairs {
+    /// Puts pairs in the order of their bundles; those of one keep theirs.
+    fn new(found: &[(u32, u64)], bundles: usize) -> Self {
+        let mut starts = vec![0u32; bundles + 1];
+        for (packet, _) in found {
+            starts[*packet as usize / BUNDLE + 1] += 1;
+        }
+        for bundle in 0..bundles {
+            starts[bundle + 1] += starts[bundle];
+        }
+        let mut next = starts.clone();
+        let mut pairs = vec![(0, 0); found.len()];
+        for pair in found {
+            let at = &mut next[pair.0 as usize / BUNDLE];
+            pairs[*at as usize] = *pair;
+            *at += 1;
+        }
+        Self { pairs, starts }
+    }
+
+    fn bundle(&self, bundle: usize) -> &[(u32, u64)] {
+        &self.pairs[self.starts[bundle] as usize..self.starts[bundle + 1] as usize]
+    }
+}
+
+/// Lists of one bundle of packets.
+#[derive(Default)]
+struct Scratch {
+    /// The records of the bundle: copied, so that those of a packet come from the cache and not from all over the memory.
+    records: Vec<RayRecord>,
+    /// Their colours; empty unless asked.
+    colors: Vec<[f32; 3]>,
+    /// Keys by packets, by distance from the middle once they are sorted. Their records are those of the bundle.
+    keys: Vec<u64>,
+    /// First key of each packet, and the end.
+    starts: Vec<usize>,
+    sorting: Vec<u64>,
+}
+
+impl Scratch {
+    /// Gathers the records and the keys of a bundle of so many packets.
+    fn gather(
+        &mut self,
+        blocks: &[BlockPairs],
+        (records, colors): (&[RayRecord], &[[f32; 3]]),
+        bundle: usize,
+        packets: usize,
+    ) {
+        let own = || blocks.iter().flat_map(|block| block.bundle(bundle));
+        let mut next = [0usize; BUNDLE + 1];
+        for (packet, _) in own() {
+            next[*packet as usize % BUNDLE + 1] += 1;
+        }
+        for packet in 0..BUNDLE {
+            next[packet + 1] += next[packet];
+        }
+        self.starts.clear();
+        self.starts.extend_from_slice(&next[..=packets]);
+        self.keys.resize(next[BUNDLE], 0);
+        self.records.clear();
+        self.colors.clear();
+        let mut last = usize::MAX;
+        for (packet, key) in own() {
+            // Pairs of one record are side by side.
+            let record = record_of(*key);
+            if record != last {
+                self.records.push(records[record]);
+                self.colors.extend(colors.get(record));
+                last = record;
+            }
+            let at = &mut next[*packet as usize % BUNDLE];
+            self.keys[*at] = *key >> 32 << 32 | (self.records.len() - 1) as u64;
+            *at += 1;
+        }
+    }
+}
+
+/// The features that are blended.
+#[derive(Clone, Copy)]
+struct Features<'a> {
+    /// Colours of the bundle's records; empty unless asked.
+    colors: &'a [[f32; 3]],
+    asked: RayOutputs,
 }
 
 /// Finds the packets of a group that each record touches. Both slices are cut from the same place.
@@ -236,11 +316,19 @@ fn cull<S: Lanes>(
     found: &mut Vec<(u32, u64)>,
 ) {
     let center = Vec3::from_array(group.center);
-    let (mut shared, mut own) = (Vec::new(), Vec::new());
+    // The records of a cluster begin at the nodes that all of it may touch, two levels above the packets.
+    let floor = usize::from(group.levels.len() > 1);
+    let mut shared = Vec::new();
     for (at, record) in records.iter().enumerate() {
         if at % CLUSTER == 0 {
             let cluster = &clusters[at / CLUSTER];
-            leaves(simd, group, cluster.center - center, cluster.radius + group.radius, &mut shared);
+            nodes_at(
+                simd,
+                group,
+                floor,
+                (cluster.center - center, cluster.radius + group.radius),
+                &mut shared,
+            );
         }
         if shared.is_empty() {
             continue;
@@ -253,27 +341,50 @@ fn cull<S: Lanes>(
             found.extend((0..group.packets.len() as u32).map(|packet| (packet, key)));
             continue;
         };
-        if shared.len() > MANY {
-            leaves(simd, group, way, reach, &mut own);
-        }
-        let nodes = if shared.len() > MANY { &own } else { &shared };
-        for node in nodes {
-            let mut touched = cap.touches(simd, &group.levels[0][*node as usize]);
+        for node in &shared {
+            if floor == 0 {
+                push_packets(simd, &cap, group, *node, key, found);
+                continue;
+            }
+            let mut touched = cap.touches(simd, &group.levels[1][*node as usize]);
             while touched != 0 {
-                let packet = *node * CHILDREN as u32 + touched.trailing_zeros();
+                let node = *node * CHILDREN as u32 + touched.trailing_zeros();
                 touched &= touched - 1;
-                found.push((packet, key));
+                push_packets(simd, &cap, group, node, key, found);
             }
         }
     }
 }
 
-/// Lists the lowest nodes of a group's tree that a sphere may touch.
+/// Appends the packets of one of the lowest nodes that a cap touches.
 #[inline(always)]
-fn leaves<S: Lanes>(simd: S, group: &RayGroup, way: Vec3, reach: f32, nodes: &mut Vec<u32>) {
+fn push_packets<S: Lanes>(
+    simd: S,
+    cap: &Cap,
+    group: &RayGroup,
+    node: u32,
+    key: u64,
+    found: &mut Vec<(u32, u64)>,
+) {
+    let mut touched = cap.touches(simd, &group.levels[0][node as usize]);
+    while touched != 0 {
+        found.push((node * CHILDREN as u32 + touched.trailing_zeros(), key));
+        touched &= touched - 1;
+    }
+}
+
+/// Lists the nodes of a level of a group's tree that a sphere, given by its middle and its radius, may touch.
+#[inline(always)]
+fn nodes_at<S: Lanes>(
+    simd: S,
+    group: &RayGroup,
+    floor: usize,
+    (way, reach): (Vec3, f32),
+    nodes: &mut Vec<u32>,
+) {
     nodes.clear();
     let Some(cap) = Cap::of(way, reach) else {
-        nodes.extend(0..group.levels[0].len() as u32);
+        nodes.extend(0..group.levels[floor].len() as u32);
         return;
     };
     let top = group.levels.len() - 1;
@@ -283,7 +394,7 @@ fn leaves<S: Lanes>(simd: S, group: &RayGroup, way: Vec3, reach: f32, nodes: &mu
     while depth > 0 {
         depth -= 1;
         let (level, node) = stack[depth];
-        if level == 0 {
+        if level == floor {
             nodes.push(node);
             continue;
         }
@@ -339,7 +450,9 @@ struct Walk {
     /// 0 where blending has stopped.
     transmittance: [f32; PACKET],
     coverage: [f32; PACKET],
-    sums: [[f32; PACKET]; 6],
+    color: [[f32; PACKET]; 3],
+    normal: [[f32; PACKET]; 3],
+    value: [f32; PACKET],
     /// The splats at which a ray may be hit, in order: those that bring its transmittance below [`SOONEST`] until it is at
     /// [`LEAST_HIT`] or below.
     hits: [[Hit; HITS]; PACKET],
@@ -350,12 +463,31 @@ struct Walk {
     radius: f32,
 }
 
-/// The results of one packet.
+/// The results of one packet: of each ray, and empty what was not asked for.
 struct PacketHits {
-    /// Coverage, distance and splat of each ray.
+    /// Coverage, distance and splat.
     hits: Vec<(f32, f32, u32)>,
-    /// The sums of each ray, one ray after the other.
-    sums: Vec<f32>,
+    color: Vec<[f32; 3]>,
+    normal: Vec<[f32; 3]>,
+    value: Vec<f32>,
+}
+
+impl PacketHits {
+    /// Puts the results where the rays have theirs.
+    fn put(&self, rays: &[u32], asked: RayOutputs, hits: &mut RayHits) {
+        for (lane, ray) in rays.iter().map(|ray| *ray as usize).enumerate() {
+            (hits.coverage[ray], hits.distance[ray], hits.splat[ray]) = self.hits[lane];
+            if asked.color {
+                hits.color[ray] = self.color[lane];
+            }
+            if asked.normal {
+                hits.normal[ray] = self.normal[lane];
+            }
+            if asked.value {
+                hits.value[ray] = self.value[lane];
+            }
+        }
+    }
 }
 
 /// A splat on a ray.
@@ -375,7 +507,9 @@ impl Walk {
             offset: [zero; 3],
             transmittance: zero,
             coverage: zero,
-            sums: [zero; 6],
+            color: [zero; 3],
+            normal: [zero; 3],
+            value: zero,
             hits: [[Hit::default(); HITS]; PACKET],
             hit_count: [0; PACKET],
             center: group.center,
@@ -397,14 +531,22 @@ impl Walk {
         walk
     }
 
-    /// The results of the first `count` rays, with the sums of so many features each.
-    fn met(&self, count: usize, features: usize) -> PacketHits {
+    /// The results of the first `count` rays.
+    fn met(&self, count: usize, asked: RayOutputs) -> PacketHits {
         let hit = |lane: usize| {
             let (distance, splat) = self.hit(lane).unwrap_or((f32::INFINITY, u32::MAX));
             (self.coverage[lane], distance, splat)
         };
-        let sums = |lane: usize| self.sums[..features].iter().map(move |sum| sum[lane]);
-        PacketHits { hits: (0..count).map(hit).collect(), sums: (0..count).flat_map(sums).collect() }
+        let vectors = |of: &[[f32; PACKET]; 3], is_asked: bool| -> Vec<[f32; 3]> {
+            let count = if is_asked { count } else { 0 };
+            (0..count).map(|lane| [of[0][lane], of[1][lane], of[2][lane]]).collect()
+        };
+        PacketHits {
+            hits: (0..count).map(hit).collect(),
+            color: vectors(&self.color, asked.color),
+            normal: vectors(&self.normal, asked.normal),
+            value: if asked.value { self.value[..count].to_vec() } else { Vec::new() },
+        }
     }
 
     /// The hit of a ray: its distance and splat.
@@ -425,6 +567,13 @@ impl Walk {
 #[inline(always)]
 fn at_lanes<S: Lanes>(simd: S, of: &[[f32; PACKET]; 3], first: usize) -> [S::F; 3] {
     [simd.load(&of[0][first..]), simd.load(&of[1][first..]), simd.load(&of[2][first..])]
+}
+
+/// Adds a feature to the sums of one vector.
+#[inline(always)]
+fn add<S: Lanes>(simd: S, sums: &mut [f32], weight: S::F, feature: f32) {
+    let sum = simd.load(sums);
+    weight.mul_add(simd.set(feature), sum).store_slice(sums);
 }
 
 /// The product of a row of a matrix and vectors.
@@ -479,7 +628,7 @@ fn vectors_touched<S: Lanes>(
 
 /// Blends the records of `keys` over the rays of a packet.
 #[inline(always)]
-fn blend<S: Lanes>(simd: S, walk: &mut Walk, records: &[RayRecord], keys: &[u64], features: &Features) {
+fn blend<S: Lanes>(simd: S, walk: &mut Walk, records: &[RayRecord], keys: &[u64], features: &Features<'_>) {
     let zero = simd.set(0.0);
     let vectors = PACKET / S::N;
     let mut live: u8 = 0;
@@ -571,11 +720,19 @@ fn blend<S: Lanes>(simd: S, walk: &mut Walk, records: &[RayRecord], keys: &[u64]
             }
             let sum = simd.load(&walk.coverage[lanes.clone()]) + weight;
             sum.store_slice(&mut walk.coverage[lanes.clone()]);
-            for k in 0..features.count {
-                let sum = simd.load(&walk.sums[k][lanes.clone()]);
-                weight
-                    .mul_add(simd.set(features.of[at][k]), sum)
-                    .store_slice(&mut walk.sums[k][lanes.clone()]);
+            if features.asked.color {
+                for k in 0..3 {
+                    add(simd, &mut walk.color[k][lanes.clone()], weight, features.colors[at][k]);
+                }
+            }
+            if features.asked.normal {
+                let normal = record.normal(&away);
+                for k in 0..3 {
+                    add(simd, &mut walk.normal[k][lanes.clone()], weight, normal[k]);
+                }
+            }
+            if features.asked.value {
+                add(simd, &mut walk.value[lanes.clone()], weight, record.value);
             }
             after.store_slice(&mut walk.transmittance[lanes]);
             if !after.simd_gt(zero).any_true() {

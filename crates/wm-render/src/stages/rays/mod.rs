@@ -8,8 +8,8 @@
 //!   `|a|^2 - (a.b)^2 / (b.b)` that is exact in single precision far from the splat. Those with `t <= 0` are skipped.
 //! - `alpha = min(0.99, opacity exp(-q / 2))`, skipped below 1/255; transmittance, weights and their end are those of
 //!   [`super::rasterize`]. No splat is widened: what is thinner than the distance between rays may lie between them.
-//! - Coverage is the sum of weights; colour and normal are `sum w f`. Colours are those of [`super::shade`] seen from the
-//!   middle of the group's origins, normals turn towards it.
+//! - Coverage is the sum of weights; colour, normal and value are `sum w f`. Colours are those of [`super::shade`] seen from the
+//!   middle of the group's origins, normals turn towards it, values are the caller's own.
 //! - The hit is the first splat with which the sum of weights reaches half of the coverage, and lies at its `t`; a coverage above
 //!   0.99 counts as 1. Below a coverage of 0.5 there is none. The expected distance would draw points behind edges. Where more than 16
 //!   splats bring the sum of weights from a quarter to a half, the last of them may stand for one before it.
@@ -58,6 +58,8 @@ pub struct RayOutputs {
     pub color: bool,
     /// Normals.
     pub normal: bool,
+    /// The values that the caller gave the splats.
+    pub value: bool,
 }
 
 /// Results of rays, one entry a ray.
@@ -73,6 +75,8 @@ pub struct RayHits {
     pub color: Vec<[f32; 3]>,
     /// Normal times coverage, world axes, towards the origin; empty unless asked.
     pub normal: Vec<[f32; 3]>,
+    /// The caller's value times coverage; empty unless asked.
+    pub value: Vec<f32>,
 }
 
 /// Least standard deviation of a splat, of its largest.

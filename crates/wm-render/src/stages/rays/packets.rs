@@ -2,6 +2,7 @@
 
 use super::Rays;
 use glam::{DVec3, Vec3};
+use std::ops::Range;
 
 /// Rays of a packet.
 pub const PACKET: usize = 64;
@@ -11,6 +12,8 @@ pub const CHILDREN: usize = 8;
 const PARTS: f32 = 16.0;
 /// Bits of a coordinate of a direction's place along the curve.
 const BITS: u32 = 12;
+/// Half angle of a packet's cone, of the median of all, above which it is cut.
+const WIDE: f64 = 2.0;
 /// Angle that is added to cones for rounding, radians.
 const SLACK: f64 = 1e-5;
 
@@ -22,7 +25,7 @@ pub struct RayGroup {
     /// The greatest distance of an origin from it.
     pub radius: f32,
     /// Its packets, as numbers for [`Packets::rays`].
-    pub packets: std::ops::Range<usize>,
+    pub packets: Range<usize>,
     /// The levels of the tree, the packets' own cones first, the root last.
     pub levels: Vec<Vec<Cones>>,
 }
@@ -88,9 +91,10 @@ impl Packets {
         part.sort_by_cached_key(|ray| (along_curve(direction(*ray)), *ray));
         let first = self.starts.len() - 1;
         let mut cones = Vec::new();
-        for packet in part.chunks(PACKET) {
-            cones.push(Cone::about(packet.iter().map(|ray| direction(*ray))));
-            self.order.extend(packet);
+        let directions: Vec<Vec3> = part.iter().map(|ray| direction(*ray)).collect();
+        for (packet, cone) in cut(&directions) {
+            cones.push(cone);
+            self.order.extend(&part[packet]);
             self.starts.push(self.order.len() as u32);
         }
         let packets = first..self.starts.len() - 1;
@@ -111,6 +115,33 @@ impl Packets {
     pub fn rays(&self, packet: usize) -> &[u32] {
         &self.order[self.starts[packet] as usize..self.starts[packet + 1] as usize]
     }
+}
+
+/// Cuts directions along the curve into packets with their cones. Where the curve leaves the pattern and comes back elsewhere, two parts of
+/// it would share one wide cone, which all splats between them touch: a packet ends there.
+fn cut(directions: &[Vec3]) -> Vec<(Range<usize>, Cone)> {
+    let about = |range: &Range<usize>| Cone::about(directions[range.clone()].iter().copied());
+    let chunks = (0..directions.len()).step_by(PACKET).map(|at| at..directions.len().min(at + PACKET));
+    let packets: Vec<(Range<usize>, Cone)> = chunks.map(|range| (range.clone(), about(&range))).collect();
+    let mut halves: Vec<f64> = packets.iter().map(|(_, cone)| cone.half).collect();
+    let middle = halves.len() / 2;
+    let widest = WIDE * *halves.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let mut narrow = Vec::with_capacity(packets.len());
+    for packet in packets {
+        let mut parts = vec![packet];
+        while let Some((range, cone)) = parts.pop() {
+            let gap = |at: &usize| directions[*at].dot(directions[at - 1]);
+            let farthest = (range.start + 1..range.end).min_by(|a, b| gap(a).total_cmp(&gap(b)));
+            match farthest.filter(|_| cone.half > widest) {
+                Some(at) => {
+                    let [near, far] = [range.start..at, at..range.end];
+                    parts.extend([far, near].map(|range| (range.clone(), about(&range))));
+                }
+                None => narrow.push((range, cone)),
+            }
+        }
+    }
+    narrow
 }
 
 /// A cone of directions.

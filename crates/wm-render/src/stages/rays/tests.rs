@@ -11,7 +11,16 @@ use proptest::prelude::*;
 use wm_scene::random::uniform;
 use wm_scene::{Camera, Splats};
 
-const ALL: RayOutputs = RayOutputs { color: true, normal: true };
+const ALL: RayOutputs = RayOutputs { color: true, normal: true, value: true };
+
+/// A value for every splat, 0-1.
+fn value(splat: usize) -> f32 {
+    (splat * 7 % 11) as f32 / 10.0
+}
+
+fn ray_splats(splats: &Splats) -> RaySplats<'_> {
+    RaySplats::new(splats, |_| true).with_values(value)
+}
 
 /// Rays to all sides from places along a path of some length.
 fn rays(count: usize, path: f32, seed: u64) -> Rays {
@@ -47,6 +56,10 @@ fn compare(splats: &Splats, rays: &Rays, hits: &RayHits) -> Result<(), String> {
                     return Err(format!("ray {ray}: colour {color}, normal {normal}, want {want:?}"));
                 }
             }
+            let sum: f64 = want.weights.iter().map(|(splat, weight)| weight * f64::from(value(*splat))).sum();
+            if (f64::from(hits.value[ray]) - sum).abs() > limit {
+                return Err(format!("ray {ray}: value {}, want {sum}", hits.value[ray]));
+            }
             if want.margin < limit {
                 unsettled += 1;
                 continue;
@@ -74,7 +87,7 @@ fn rays_meet_what_the_referee_meets() {
     for path in SimdPath::available() {
         for travelled in [0.0, 3.0] {
             let rays = rays(1500, travelled, 5);
-            let hits = RaySplats::new(&splats, |_| true).trace(&rays, ALL, path);
+            let hits = ray_splats(&splats).trace(&rays, ALL, path);
             assert!(hits.splat.iter().filter(|splat| **splat != u32::MAX).count() > 200);
             compare(&splats, &rays, &hits).unwrap_or_else(|error| panic!("{path}, {travelled}: {error}"));
         }
@@ -106,7 +119,7 @@ fn hard_splats_are_met() {
         splats.means.iter().map(|mean| (DVec3::from_array(mean.map(f64::from))).normalize().as_vec3());
     let rays = Rays::from_one([0.0; 3], aimed.map(|way| way.to_array()).collect());
     for path in SimdPath::available() {
-        let hits = RaySplats::new(&splats, |_| true).trace(&rays, ALL, path);
+        let hits = ray_splats(&splats).trace(&rays, ALL, path);
         compare(&splats, &rays, &hits).unwrap_or_else(|error| panic!("{path}: {error}"));
     }
 }
@@ -117,7 +130,7 @@ fn threads_change_nothing() {
     let rays = rays(2000, 1.0, 9);
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| RaySplats::new(&splats, |_| true).trace(&rays, ALL, SimdPath::widest()))
+        pool.install(|| ray_splats(&splats).trace(&rays, ALL, SimdPath::widest()))
     };
     let one = run(1);
     assert_eq!(one, run(2));
@@ -139,7 +152,7 @@ fn pinhole_rays_draw_what_the_rasterizer_draws() {
     let directions = pixels.map(|(x, y)| camera.ray(x, y).normalize().as_vec3().to_array()).collect();
     let rays = Rays::from_one([0.0; 3], directions);
     let path = SimdPath::widest();
-    let hits = RaySplats::new(&splats, |_| true).trace(&rays, ALL, path);
+    let hits = ray_splats(&splats).trace(&rays, ALL, path);
     let mut renderer = Backend::Cpu(path).renderer();
     let set = renderer.load(&splats).unwrap();
     let mut frame = Frame::default();
@@ -178,7 +191,7 @@ proptest! {
     fn any_rays_through_few_splats(seed in any::<u64>(), count in 1usize..200, splats in 1usize..60, path in 0.0f32..20.0) {
         let splats = random_splats(splats, 0, seed);
         let rays = rays(count, path, seed);
-        let hits = RaySplats::new(&splats, |_| true).trace(&rays, ALL, SimdPath::widest());
+        let hits = ray_splats(&splats).trace(&rays, ALL, SimdPath::widest());
         if let Err(error) = compare(&splats, &rays, &hits) {
             prop_assert!(error.ends_with("unsettled"), "{error}");
         }

@@ -1,0 +1,114 @@
+//! Exposures: how bright a picture becomes.
+//!
+//! An automatic exposure brings the mean logarithm of the luminance to [`GREY`], with a lag: it goes by `integral L(t - s) e^(-s / lag) ds / lag` over the seconds
+//! before the frame, with `L` from small pictures at whole multiples of [`STEP`]. So the exposure of a frame is a function of its time alone.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::str::FromStr;
+
+/// Luminance that the mean becomes, linear light.
+const GREY: f64 = 0.18;
+/// Time in which an exposure follows by 63 %, s.
+const LAG: f64 = 0.5;
+/// Time between two measurements, s.
+const STEP: f64 = 0.1;
+/// Time before a frame that its exposure goes by, s: what is before counts for less than 1 %.
+const MEMORY: f64 = 2.5;
+/// Points of a step at which the integral is summed.
+const POINTS: u32 = 8;
+/// Least and greatest change of an automatic exposure, stops.
+const LIMITS: [f64; 2] = [-4.0, 6.0];
+
+/// The exposure of a camera, over that of the photos that the scene was made from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Exposure {
+    /// So many stops more: 1 is twice as bright.
+    Stops(f64),
+    /// As bright as a middle grey on average, with a lag of half a second.
+    Auto,
+}
+
+impl Default for Exposure {
+    fn default() -> Self {
+        Self::Stops(0.0)
+    }
+}
+
+impl FromStr for Exposure {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        match text.parse::<f64>() {
+            Ok(stops) if (-20.0..=20.0).contains(&stops) => Ok(Self::Stops(stops)),
+            _ => Err(format!("`{text}` is not an exposure: use auto, or stops from -20 to 20")),
+        }
+    }
+}
+
+/// Mean logarithms of the luminance at multiples of [`STEP`].
+#[derive(Clone, Debug, Default)]
+pub(super) struct LightMeter {
+    measured: BTreeMap<i64, f64>,
+}
+
+impl LightMeter {
+    /// The gain of an automatic exposure at `time`, s; `measure` returns the mean logarithm of the luminance at a time.
+    pub fn gain<E>(&mut self, time: f64, mut measure: impl FnMut(f64) -> Result<f64, E>) -> Result<f64, E> {
+        // A path and a weather begin at 0: what would be before is as at the beginning.
+        let begin = if time >= 0.0 { 0 } else { i64::MIN };
+        let last = (time / STEP).ceil() as i64;
+        let first = ((time - MEMORY) / STEP).floor() as i64;
+        for step in first.max(begin)..=last {
+            if let Entry::Vacant(entry) = self.measured.entry(step) {
+                entry.insert(measure(step as f64 * STEP)?);
+            }
+        }
+        let (mut sum, mut total) = (0.0, 0.0);
+        let points = ((MEMORY / STEP) as u32) * POINTS;
+        for point in 0..points {
+            let before = (f64::from(point) + 0.5) * MEMORY / f64::from(points);
+            let at = (time - before) / STEP;
+            let (step, share) = (at.floor() as i64, at - at.floor());
+            let light = |step: i64| self.measured.get(&step.max(begin)).copied().unwrap_or_default();
+            let weight = (-before / LAG).exp();
+            sum += weight * (light(step) * (1.0 - share) + light(step + 1) * share);
+            total += weight;
+        }
+        let stops = (GREY.ln() - sum / total) / std::f64::consts::LN_2;
+        Ok(stops.clamp(LIMITS[0], LIMITS[1]).exp2())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The gain for light that steps from one to another at a time.
+    fn gain(meter: &mut LightMeter, time: f64) -> f64 {
+        let light = |at: f64| Ok::<f64, ()>(if at < 3.0 { 0.045f64.ln() } else { 0.18f64.ln() });
+        meter.gain(time, light).unwrap()
+    }
+
+    #[test]
+    fn exposure_follows_with_its_lag() {
+        let mut meter = LightMeter::default();
+        assert!((gain(&mut meter, 2.8) - 4.0).abs() < 1e-9);
+        // After one lag 63 % of two stops are made up; the step itself is a tenth of a second wide.
+        let stops = gain(&mut meter, 3.5).log2();
+        assert!((stops - 2.0 * (-1.0f64).exp()).abs() < 0.12, "{stops}");
+        assert!((gain(&mut meter, 6.0) - 1.0).abs() < 0.02);
+    }
+
+    #[test]
+    fn any_frame_alone_has_the_exposure_of_the_sequence() {
+        let mut meter = LightMeter::default();
+        let all: Vec<f64> = (0..120).map(|frame| gain(&mut meter, f64::from(frame) / 25.0)).collect();
+        for frame in [0, 60, 77, 119] {
+            assert_eq!(all[frame], gain(&mut LightMeter::default(), frame as f64 / 25.0));
+        }
+    }
+}

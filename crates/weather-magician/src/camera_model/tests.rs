@@ -1,0 +1,158 @@
+use super::*;
+use crate::place::PlaceView;
+use wm_render::{Geometry, Outputs, ParticlePass};
+
+/// The built-in street, thinned, and a camera on it.
+fn street() -> (Renderer, PreparedPlace, Camera) {
+    let scene = wm_street::Street::builtin().sampling(0.15).scene(&|_| true).unwrap();
+    let mut renderer = Renderer::cpu().unwrap();
+    let mut place = renderer.load(scene).unwrap();
+    place.config.outputs =
+        Outputs { geometry: Geometry::Depth, particles: ParticlePass::On, ..Outputs::default() };
+    let view = Camera::look_at([4.0, -20.0, 1.8], [4.0, -30.0, 1.6]).size(120, 80);
+    let camera = view.camera_at(&place).unwrap().camera;
+    (renderer, place, camera)
+}
+
+fn psnr(a: &[f32], b: &[f32]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let square: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / a.len() as f64;
+    -10.0 * square.max(1e-20).log10()
+}
+
+/// Each line of a rolling shutter is that of a whole picture that was taken where the camera was then.
+#[test]
+fn lines_of_a_rolling_shutter_are_those_of_pictures_of_their_times() {
+    let (mut renderer, mut place, camera) = street();
+    let weather = Weather::preset("heavy-rain").unwrap();
+    let metres = place.site().metres_per_unit;
+    for first in [ReadoutSide::Top, ReadoutSide::Bottom, ReadoutSide::Left, ReadoutSide::Right] {
+        let shutter = Shutter { exposure: 0.0, readout: 0.03, first };
+        let model = CameraModel { shutter, ..CameraModel::default() };
+        let motion = CameraMotion::Still { camera: Box::new(camera), speed: 50.0 / 3.6 };
+        let mut sensor = SensorCamera::new(model, motion);
+        let mut picture = Picture::default();
+        let shot = Shot::new(2.0, 0);
+        renderer.expose(&mut place, &weather, &mut sensor, &shot, &mut picture, &mut ()).unwrap();
+        let lines = shutter.lines([120, 80]);
+        let steps = shutter.steps(sensor.speed(2.0, metres), lines);
+        assert!(steps.count > 8, "{}", steps.count);
+        for step in [0, steps.count / 2, steps.count - 1] {
+            let whole = sensor.at(2.0, steps.time(step), metres);
+            assert!(
+                (whole.camera.center() - camera.center()).length() * metres > 0.4 * 13.8 * steps.time(step)
+            );
+            let mut alone = Picture::default();
+            let options = FrameOptions::new(2.0 + steps.time(step), whole);
+            renderer.render_into(&mut place, &weather, &options, &mut alone, &mut ()).unwrap();
+            let rect = shutter.rect([120, 80], &steps.lines(step));
+            let of = |array: &[f32], n: usize| -> Vec<f32> {
+                let row = |y: u32| {
+                    let at = n * (y * 120 + rect.at[0]) as usize;
+                    array[at..at + n * rect.size[0] as usize].to_vec()
+                };
+                (rect.at[1]..rect.at[1] + rect.size[1]).flat_map(row).collect()
+            };
+            // The same picture but for rounding: its pixels have other coordinates.
+            let db = psnr(&of(&picture.frame.rgb, 3), &of(&alone.frame.rgb, 3));
+            assert!(db > 60.0, "{first:?}, step {step}: {db:.1} dB");
+            assert!(psnr(&of(&picture.frame.depth, 1), &of(&alone.frame.depth, 1)) > 40.0);
+        }
+    }
+}
+
+/// The blur of a moving camera is the mean of sharp pictures, and what falls is as bright over all steps as in one.
+#[test]
+fn exposures_are_means_of_instants() {
+    let (mut renderer, mut place, camera) = street();
+    let metres = place.site().metres_per_unit;
+    let mut weather = Weather::clear();
+    let shutter = Shutter { exposure: 0.02, ..Shutter::default() };
+    let model = CameraModel { shutter, ..CameraModel::default() };
+    let motion = CameraMotion::Still { camera: Box::new(camera), speed: 14.0 };
+    let mut sensor = SensorCamera::new(model, motion);
+    let mut picture = Picture::default();
+    renderer.expose(&mut place, &weather, &mut sensor, &Shot::new(0.5, 0), &mut picture, &mut ()).unwrap();
+    let mut mean = vec![0.0f64; picture.frame.rgb.len()];
+    let count = 64;
+    for k in 0..count {
+        let after = (f64::from(k) + 0.5) / f64::from(count) * 0.02 - 0.01;
+        let mut one = Picture::default();
+        let options = FrameOptions::new(0.5 + after, sensor.at(0.5, after, metres));
+        renderer.render_into(&mut place, &weather, &options, &mut one, &mut ()).unwrap();
+        one.frame
+            .rgb_linear()
+            .iter()
+            .zip(&mut mean)
+            .for_each(|(v, sum)| *sum += f64::from(*v) / f64::from(count));
+    }
+    let mean: Vec<f32> = mean.iter().map(|v| srgb_encode(*v) as f32).collect();
+    let db = psnr(&picture.frame.rgb, &mean);
+    assert!(db > 38.0, "{db:.1} dB");
+    // Rain over steps covers as much as rain in one exposure.
+    weather.set_text("rain.rate=50").unwrap();
+    weather.set_text("rain.exposure=0.02").unwrap();
+    let covered = |picture: &Picture| -> f64 {
+        picture.frame.particles.as_chunks::<4>().0.iter().map(|p| f64::from(p[3])).sum()
+    };
+    renderer.expose(&mut place, &weather, &mut sensor, &Shot::new(0.5, 0), &mut picture, &mut ()).unwrap();
+    let over_steps = covered(&picture);
+    let options = FrameOptions::new(0.5, sensor.at(0.5, 0.0, metres));
+    renderer.render_into(&mut place, &weather, &options, &mut picture, &mut ()).unwrap();
+    let once = covered(&picture);
+    assert!((over_steps / once - 1.0).abs() < 0.1, "{over_steps} against {once}");
+}
+
+#[test]
+fn plain_models_change_no_byte() {
+    let (mut renderer, mut place, camera) = street();
+    let weather = Weather::preset("fog").unwrap();
+    let mut sensor = SensorCamera::new(CameraModel::default(), CameraMotion::from(camera));
+    let (mut by_model, mut plain) = (Picture::default(), Picture::default());
+    renderer.expose(&mut place, &weather, &mut sensor, &Shot::new(1.0, 3), &mut by_model, &mut ()).unwrap();
+    renderer.render_into(&mut place, &weather, &FrameOptions::new(1.0, camera), &mut plain, &mut ()).unwrap();
+    assert_eq!(by_model.frame, plain.frame);
+}
+
+/// Automatic exposures make a dark evening as bright on average as grey, and one more stop is twice the light.
+#[test]
+fn exposures_change_the_light() {
+    let (mut renderer, mut place, camera) = street();
+    let mut weather = Weather::clear();
+    weather.set_text("light.exposure=-2").unwrap();
+    let mut take = |exposure: Exposure| {
+        let model = CameraModel { exposure, ..CameraModel::default() };
+        let mut sensor = SensorCamera::new(model, CameraMotion::from(camera));
+        let mut picture = Picture::default();
+        renderer
+            .expose(&mut place, &weather, &mut sensor, &Shot::new(1.0, 0), &mut picture, &mut ())
+            .unwrap();
+        picture.frame
+    };
+    let mean = noise::log_mean(&take(Exposure::Auto)).exp();
+    assert!((mean / 0.18 - 1.0).abs() < 0.1, "{mean}");
+    let (plain, brighter) =
+        (take(Exposure::Stops(0.0)).rgb_linear(), take(Exposure::Stops(1.0)).rgb_linear());
+    let worst = plain.iter().zip(&brighter).map(|(a, b)| (2.0 * a.max(0.0) - b).abs()).fold(0.0, f32::max);
+    assert!(worst < 1e-5, "{worst}");
+}
+
+#[test]
+fn models_that_cannot_work_are_refused() {
+    let fault = |model: CameraModel, weather: &str| {
+        model.check(&Weather::preset(weather).unwrap()).unwrap_err().to_string()
+    };
+    let readout = |readout: f64| CameraModel {
+        shutter: Shutter { readout, ..Shutter::default() },
+        ..CameraModel::default()
+    };
+    assert!(fault(readout(-1.0), "rain").contains("readout of -1"));
+    assert!(fault(readout(f64::NAN), "rain").contains("readout"));
+    let noise = SensorNoise { iso: 0.0, ..SensorNoise::default() };
+    let noisy = CameraModel { noise: Some(noise), ..CameraModel::default() };
+    assert!(fault(noisy, "rain").contains("ISO of 0"));
+    let mut drops = Weather::clear();
+    drops.set_text("lens.size=1").unwrap();
+    assert!(readout(0.01).check(&drops).unwrap_err().to_string().contains("lens"));
+    assert!(CameraModel::default().check(&drops).is_ok());
+}

@@ -1,0 +1,359 @@
+//! Rigs: the pictures and sweeps of all sensors along one path, a folder each.
+
+use super::camera::MotionArgs;
+use super::{RenderArgs, background};
+use crate::interrupt::{self, Interrupted};
+use crate::names::stem_of;
+use crate::progress::{self, Reporter};
+use crate::scene::OpenScene;
+use anyhow::{Context, Result, bail};
+use indicatif::ProgressBar;
+use serde_json::{Value as Json, json};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use weather_magician::camera_model::{SensorCamera, Shot};
+use weather_magician::lidar::{LidarSweep, ScanOptions};
+use weather_magician::output::{ExtraPicture, PictureFormat, PictureStyle, outputs, parts};
+use weather_magician::rig::{Rig, RigDevice, RigSensor};
+use weather_magician::{Camera, CameraMotion, Error, LensView, Picture, picture_tags};
+use wm_media::png::DepthScale;
+use wm_render::RenderConfig;
+use wm_scene::files::write_atomically;
+use wm_weather::Weather;
+
+/// The file that describes the sensors and their files.
+const MANIFEST: &str = "rig.json";
+/// Duration of a rig that stands, seconds.
+const DEFAULT_SECONDS: f64 = 5.0;
+/// Most pictures and sweeps of a run.
+const MOST: usize = 1_000_000;
+
+/// What all sensors share.
+struct RigJob<'a> {
+    args: &'a RenderArgs,
+    loaded: OpenScene,
+    weather: &'a Weather,
+    base: CameraMotion,
+    folder: PathBuf,
+    start: f64,
+    seconds: f64,
+    bar: ProgressBar,
+}
+
+/// Runs `render --rig`.
+pub fn run(args: &RenderArgs, weather: &Weather, file: &Path) -> Result<()> {
+    let rig = Rig::read(file)?;
+    let folder = check(args, weather, &rig)?;
+    let mut loaded =
+        OpenScene::with_sky(&args.scene, &args.run, args.camera.viewpoint.views.as_ref(), args.sky)?;
+    let moves = MotionArgs {
+        path: args.camera.path.as_ref(),
+        distance: args.camera.distance,
+        speed: args.camera.camera_speed,
+        seconds: args.output.seconds,
+    };
+    let base = moves.motion(&args.camera.viewpoint, &mut loaded)?;
+    let duration = if base.duration() > 0.0 { base.duration() } else { DEFAULT_SECONDS };
+    let (start, seconds) = (args.output.time(), args.output.seconds.unwrap_or(duration));
+    let base = base.driven(start.max(0.0) + seconds, loaded.place.site().metres_per_unit)?;
+    loaded.place.config = RenderConfig {
+        outputs: outputs(&args.output.also),
+        background: background(args.output.background, &loaded),
+        rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
+    };
+    let count: usize =
+        rig.sensors.iter().map(|sensor| sensor.times(start, seconds).take(MOST + 1).count()).sum();
+    if count > MOST {
+        bail!("{}: more than {MOST} pictures and sweeps; give --seconds", file.display());
+    }
+    let mut job = RigJob { args, loaded, weather, base, folder, start, seconds, bar: ProgressBar::hidden() };
+    job.keep_manifest(&rig)?;
+    job.loaded.prepare(weather)?;
+    job.bar = progress::bar(count as u64, "pictures and sweeps");
+    for (number, sensor) in rig.sensors.iter().enumerate() {
+        let started = Instant::now();
+        let (written, kept) = job.sensor(sensor, number)?;
+        job.bar.suspend(|| {
+            println!(
+                "{}: {written} written, {kept} kept, {:.1} s",
+                job.folder.join(&sensor.name).display(),
+                started.elapsed().as_secs_f64()
+            );
+        });
+    }
+    job.bar.finish_and_clear();
+    job.loaded.warn();
+    Ok(())
+}
+
+/// Checks the options that do not depend on the scene; returns the folder.
+fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
+    let (viewpoint, output) = (&args.camera.viewpoint, &args.output);
+    for (is_given, option) in [
+        (args.camera.lens.is_some(), "--lens"),
+        (viewpoint.size.is_some(), "--size"),
+        (viewpoint.fov.is_some(), "--fov"),
+        (args.device.given().is_some(), args.device.given().unwrap_or_default()),
+        (args.pairs.is_asked_for()?, "--pairs"),
+        (output.stages, "--stages"),
+        (output.layers, "--layers"),
+        (output.asks_for_frames(), "--frames and --frame-step"),
+        (output.bitrate.is_some(), "--bitrate"),
+    ] {
+        if is_given {
+            bail!("--rig: each sensor has its own settings in the rig's file; leave out {option}");
+        }
+    }
+    args.camera.check()?;
+    if let Some(seconds) = output.seconds
+        && !(seconds.is_finite() && seconds > 0.0)
+    {
+        bail!("--seconds {seconds}: must be above 0");
+    }
+    if !output.time().is_finite() {
+        bail!("--time {}: must be a number of seconds", output.time());
+    }
+    for sensor in &rig.sensors {
+        match &sensor.device {
+            RigDevice::Camera { model, .. } => {
+                model.check(weather).with_context(|| format!("sensor \"{}\"", sensor.name))?;
+            }
+            RigDevice::Lidar { .. } if weather.fidelity == wm_weather::Fidelity::Paper => {
+                bail!("sensor \"{}\": a lidar needs --set fidelity=physical", sensor.name);
+            }
+            RigDevice::Lidar { .. } => {}
+        }
+    }
+    let named = || PathBuf::from(format!("{}-{}-rig", stem_of(&args.scene.scene), weather.name));
+    let folder = output.out.clone().unwrap_or_else(named);
+    let is_file = PictureFormat::of(&folder).is_some() || folder.extension().is_some_and(|e| e == "mp4");
+    if !folder.is_dir() && (folder.exists() || is_file) {
+        bail!("--out {}: is not a folder; a rig has a folder a sensor", folder.display());
+    }
+    Ok(folder)
+}
+
+impl RigJob<'_> {
+    /// The file of a picture or sweep.
+    fn file(&self, sensor: &RigSensor, index: u32) -> PathBuf {
+        let extension = match &sensor.device {
+            RigDevice::Camera { .. } => self.args.output.frame_format.extension(),
+            RigDevice::Lidar { format, .. } => format.extension(),
+        };
+        self.folder.join(&sensor.name).join(format!("{index:06}.{extension}"))
+    }
+
+    /// Makes what a sensor sees; returns the numbers of files that were written and that were there.
+    fn sensor(&mut self, sensor: &RigSensor, number: usize) -> Result<(usize, usize)> {
+        let folder = self.folder.join(&sensor.name);
+        std::fs::create_dir_all(&folder)
+            .with_context(|| format!("cannot create the folder {}", folder.display()))?;
+        let format = self.args.output.frame_format;
+        // The colour is written first and the other pictures after it: a frame is complete if the last one exists.
+        let last = self.args.output.also.last().filter(|_| matches!(sensor.device, RigDevice::Camera { .. }));
+        let is_there = |index: u32| {
+            let file = self.file(sensor, index);
+            let other = |also: &ExtraPicture| PictureStyle::path_of(*also, format, &file).exists();
+            file.exists() && last.is_none_or(other)
+        };
+        let all: Vec<(u32, f64)> = sensor.times(self.start, self.seconds).collect();
+        let missing: Vec<(u32, f64)> = all.iter().copied().filter(|(index, _)| !is_there(*index)).collect();
+        let kept = all.len() - missing.len();
+        self.bar.inc(kept as u64);
+        let motion = sensor.motion(&self.base, self.loaded.place.site().metres_per_unit);
+        match &sensor.device {
+            RigDevice::Camera { model, .. } => {
+                let mut camera = SensorCamera::new((**model).clone(), motion);
+                camera.number = number as u32;
+                self.pictures(sensor, &mut camera, &missing)?;
+            }
+            RigDevice::Lidar { .. } => self.sweeps(sensor, &motion, &missing, number)?,
+        }
+        Ok((missing.len(), kept))
+    }
+
+    fn pictures(
+        &mut self,
+        sensor: &RigSensor,
+        camera: &mut SensorCamera,
+        missing: &[(u32, f64)],
+    ) -> Result<()> {
+        let parts = parts(&self.args.output.also);
+        let scene = self.args.scene.scene.display().to_string();
+        let mut picture = Picture::default();
+        for (index, time) in missing {
+            stop_if_asked()?;
+            let shot = Shot { time: *time, index: *index, parts: &parts };
+            let OpenScene { renderer, place } = &mut self.loaded;
+            renderer.expose(place, self.weather, camera, &shot, &mut picture, &mut Reporter::default())?;
+            let pose = camera.motion.camera(*time);
+            let mut tags = picture_tags(&scene, place.site(), renderer.backend(), self.weather, *time, &pose);
+            tags.push(("sensor".into(), sensor.name.clone()));
+            let style = PictureStyle {
+                also: self.args.output.also.clone(),
+                dither: self.args.output.dither.into(),
+                metres_per_unit: place.site().metres_per_unit,
+                depth_scale: DepthScale::reaching(place.site().far),
+                tags,
+                ..PictureStyle::default()
+            };
+            style.write(&picture, &self.file(sensor, *index))?;
+            self.bar.inc(1);
+        }
+        Ok(())
+    }
+
+    fn sweeps(
+        &mut self,
+        sensor: &RigSensor,
+        motion: &CameraMotion,
+        missing: &[(u32, f64)],
+        number: usize,
+    ) -> Result<()> {
+        let RigDevice::Lidar { model, sub_rays, returns, .. } = &sensor.device else { return Ok(()) };
+        // Sweeps one after the other are made in one go.
+        for run in missing.chunk_by(|(a, _), (b, _)| a + 1 == *b) {
+            stop_if_asked()?;
+            let options = ScanOptions {
+                time: self.start + sensor.phase,
+                first: run[0].0,
+                sweeps: run.len() as u32,
+                sensor: number as u8,
+                sub_rays: *sub_rays,
+                returns: *returns,
+                ..ScanOptions::default()
+            };
+            let files: Vec<PathBuf> = run.iter().map(|(index, _)| self.file(sensor, *index)).collect();
+            let mut files = files.iter();
+            let bar = &self.bar;
+            let mut take = |sweep: LidarSweep| -> weather_magician::Result<()> {
+                if let Some(file) = files.next() {
+                    sweep.save(file)?;
+                }
+                bar.inc(1);
+                if interrupt::asked() { Err(Error::Stopped) } else { Ok(()) }
+            };
+            let OpenScene { renderer, place } = &mut self.loaded;
+            let progress = &mut Reporter::default();
+            let made = renderer.scan(place, self.weather, model, motion, &options, (&mut take, progress));
+            if matches!(made, Err(Error::Stopped)) || made? < options.sweeps {
+                return Err(stopped());
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the manifest; returns an error if the folder has that of another run.
+    fn keep_manifest(&self, rig: &Rig) -> Result<()> {
+        std::fs::create_dir_all(&self.folder)
+            .with_context(|| format!("cannot create the folder {}", self.folder.display()))?;
+        let path = self.folder.join(MANIFEST);
+        let manifest = self.manifest(rig)?;
+        if path.exists() {
+            let text = std::fs::read_to_string(&path);
+            let text = text.with_context(|| format!("cannot read {}", path.display()))?;
+            if serde_json::from_str::<Json>(&text).ok().as_ref() != Some(&manifest) {
+                bail!(
+                    "{}: holds files of another run; empty it, or give another folder",
+                    self.folder.display()
+                );
+            }
+            return Ok(());
+        }
+        let text = serde_json::to_string_pretty(&manifest)?;
+        write_atomically(&path, |out| Ok(writeln!(out, "{text}")?))?;
+        Ok(())
+    }
+
+    /// Returns what the files are, and everything that they depend on except the scene's bytes.
+    fn manifest(&self, rig: &Rig) -> Result<Json> {
+        let scene = &self.args.scene.scene;
+        let about = std::fs::metadata(scene).with_context(|| format!("cannot read {}", scene.display()))?;
+        let changed = about.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
+        let OpenScene { renderer, place } = &self.loaded;
+        let site = place.site();
+        let sensors: Vec<Json> = rig.sensors.iter().map(|sensor| self.sensor_manifest(sensor)).collect();
+        Ok(json!({
+            "program": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
+            "scene": {
+                "path": scene.display().to_string(),
+                "bytes": about.len(),
+                "changed": changed.map(|t| t.as_secs()),
+                "metres_per_unit": site.metres_per_unit,
+                "up": site.up,
+                "ground": site.ground,
+            },
+            "weather": format!("{:?}", self.weather),
+            "start": self.start,
+            "seconds": self.seconds,
+            "config": format!("{:?}", place.config),
+            "also": format!("{:?}", self.args.output.also),
+            "dither": format!("{:?}", self.args.output.dither),
+            "simd": renderer.backend().path().to_string(),
+            "device": renderer.backend().arithmetic(),
+            "units": {
+                "time": "s",
+                "world_from_sensor": "rows of a 4x4 matrix, m; the world's axes, and the sensor's: x forward, y left, z up",
+                "points": "m, axes of the sensor at the start of the sweep",
+                "intrinsics": "px, the centre of the first pixel at 0.5, 0.5",
+            },
+            "sensors": sensors,
+        }))
+    }
+
+    fn sensor_manifest(&self, sensor: &RigSensor) -> Json {
+        let metres = self.loaded.place.site().metres_per_unit;
+        let motion = sensor.motion(&self.base, metres);
+        let frames: Vec<Json> = sensor
+            .times(self.start, self.seconds)
+            .map(|(index, time)| {
+                let pose = motion.sensor_pose(time);
+                let rows = pose.world_from_sensor.transpose();
+                let at = pose.origin * metres;
+                let row = |k: usize| {
+                    let turned = rows.col(k);
+                    [turned.x, turned.y, turned.z, at[k]]
+                };
+                let file = self.file(sensor, index);
+                let name = file.strip_prefix(&self.folder).unwrap_or(&file).display().to_string();
+                let last = [0.0, 0.0, 0.0, 1.0];
+                json!({ "file": name.replace('\\', "/"), "time": time, "world_from_sensor": [row(0), row(1), row(2), last] })
+            })
+            .collect();
+        let mut about =
+            json!({ "name": sensor.name, "rate": sensor.rate, "phase": sensor.phase, "frames": frames });
+        match &sensor.device {
+            RigDevice::Camera { intrinsics, model } => {
+                let Camera { width, height, fx, fy, cx, cy, .. } = **intrinsics;
+                about["kind"] = "camera".into();
+                about["intrinsics"] =
+                    json!({ "width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy });
+                about["lens"] =
+                    model.lens.as_ref().map(LensView::lens).map(|lens| format!("{lens:?}")).into();
+                about["shutter"] = json!({
+                    "exposure_time": model.shutter.exposure,
+                    "readout": model.shutter.readout,
+                    "readout_from": format!("{:?}", model.shutter.first).to_lowercase(),
+                });
+                about["exposure"] = format!("{:?}", model.exposure).into();
+                about["noise"] = model.noise.map(|noise| format!("{noise:?}")).into();
+            }
+            RigDevice::Lidar { model, sub_rays, returns, .. } => {
+                about["kind"] = "lidar".into();
+                about["model"] = model.name.clone().into();
+                about["sub_rays"] = sub_rays.count().into();
+                about["returns"] = format!("{returns:?}").to_lowercase().into();
+            }
+        }
+        about
+    }
+}
+
+/// Returns an error if the user asked to stop.
+fn stop_if_asked() -> Result<()> {
+    if interrupt::asked() { Err(stopped()) } else { Ok(()) }
+}
+
+fn stopped() -> anyhow::Error {
+    Interrupted("the rig is not complete; the same command continues with the others".into()).into()
+}
