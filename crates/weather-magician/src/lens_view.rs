@@ -180,6 +180,14 @@ impl LensView {
         &self.taps[self.first[i] as usize..self.first[i + 1] as usize]
     }
 
+    /// The side of [`Self::cameras`] that shows most of a pixel, the point there (px), the side's size, and the length of the ray at view z 1;
+    /// `None` where the lens shows nothing.
+    pub(crate) fn side_of(&self, pixel: usize) -> Option<(usize, [f64; 2], (u32, u32), f32)> {
+        let tap = self.taps(pixel).iter().max_by(|a, b| a.weight.total_cmp(&b.weight))?;
+        let Camera { width, height, .. } = self.sides[tap.side as usize].camera;
+        Some((tap.side as usize, tap.at.map(f64::from), (width, height), tap.long))
+    }
+
     /// Samples an array of `N` numbers a pixel by cubic convolution; sides without it count as 0.
     fn blend<const N: usize>(
         &self,

@@ -1,6 +1,7 @@
 //! A rendered picture.
 
 use crate::Result;
+use crate::flow::SceneFlow;
 use crate::output::PictureStyle;
 use std::path::Path;
 use wm_render::Frame;
@@ -15,6 +16,8 @@ pub struct Picture {
     pub parts: PictureParts,
     /// The water that it shows, if that was asked for.
     pub water: WaterLayers,
+    /// The flow to the next frame, if [`crate::Renderer::render_flow`] found it.
+    pub flow: SceneFlow,
     /// Metres in a unit of the frame's depth; 0 if nobody set it.
     pub metres_per_unit: f64,
     /// Names and values that are written into a file beside its pixels: the scene, the weather, the camera.

@@ -55,6 +55,17 @@ pub struct PlaceOptions {
     pub assets: Option<PathBuf>,
 }
 
+/// The passes of a frame that are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FrameContent {
+    /// The whole picture.
+    #[default]
+    Picture,
+    /// Coverage, expected and median depth alone, whatever outputs are set: of the scene, of what lies on it and of water. There is no air, nothing
+    /// falls, and the colours are those of no weather.
+    Geometry,
+}
+
 /// The facts that a place was surveyed with.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlaceFacts {
@@ -75,12 +86,20 @@ pub struct FrameOptions<'a> {
     pub parts: &'a [PicturePart],
     /// The treatment of missing assets.
     pub patience: Patience,
+    /// The passes that are drawn.
+    pub content: FrameContent,
 }
 
 impl FrameOptions<'_> {
     /// A whole frame without parts.
     pub fn new(time: f64, camera: impl Into<MovingCamera>) -> Self {
-        Self { time, camera: camera.into(), parts: &[], patience: Patience::Whole }
+        Self {
+            time,
+            camera: camera.into(),
+            parts: &[],
+            patience: Patience::Whole,
+            content: FrameContent::Picture,
+        }
     }
 }
 
@@ -885,6 +904,9 @@ impl PreparedPlace {
             parts: options.parts,
         };
         picture.metres_per_unit = self.site.metres_per_unit;
+        if options.content == FrameContent::Geometry {
+            return Ok(request.draw_geometry(backend, memory, picture)?);
+        }
         Ok(request.draw_stages(backend, memory, picture, stages)?)
     }
 

@@ -18,7 +18,9 @@ use clap::Args;
 use range::FrameRange;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
-use weather_magician::output::{ExtraPicture, LayerPlacement, PictureFormat, PictureStyle, outputs, parts};
+use weather_magician::output::{
+    ExtraPicture, LayerPlacement, PictureFormat, PictureStyle, asks_for_flow, outputs, parts,
+};
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
 use weather_magician::{Camera, FrameOptions, LensView, Picture, PreparedPlace, Renderer, picture_tags};
@@ -58,8 +60,9 @@ struct OutputArgs {
     out: Option<PathBuf>,
     /// Further pictures: depth (metres), median-depth, normal, alpha, particles (rain and snow in the air, with their
     /// coverage), transmittance (of the air: one more render), clean (without air and particles: one more), airlight (light
-    /// that the air adds: three more), water (its share of a pixel), reflection (of a pixel's light), water-depth (metres);
-    /// append .png, .exr or .npy to choose another format than the colour's
+    /// that the air adds: three more), water (its share of a pixel), reflection (of a pixel's light), water-depth (metres), flow
+    /// (optical flow of the scene to the frame 1/fps later, px: two renders without colour; .png is KITTI's), flow-mask (0 visible,
+    /// 1 occluded, 2 outside, 3 unknown); append .png, .exr or .npy, or .flo for flow, to choose another format than the colour's
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
     also: Vec<ExtraPicture>,
     /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay, filtered and final;
@@ -248,6 +251,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     };
     let parts = parts(&args.output.also);
     let mut job = RenderJob::new(loaded, config, weather, (plan, lens), parts)?;
+    job.has_flow = asks_for_flow(&args.output.also);
     match target {
         OutputTarget::Picture(path) => job.picture(&path, args),
         OutputTarget::Video(path) => sequence::video(&mut job, &wanted, &path, args),
@@ -289,6 +293,8 @@ struct RenderJob {
     lens: Option<LensView>,
     /// Picture parts that need extra renders.
     parts: Vec<PicturePart>,
+    /// True if the flow to the next frame is found.
+    has_flow: bool,
 }
 
 impl RenderJob {
@@ -303,7 +309,7 @@ impl RenderJob {
         loaded.place.config = config;
         loaded.prepare(&weather)?;
         let OpenScene { renderer, place } = loaded;
-        Ok(Self { renderer, place, weather, plan, lens, parts })
+        Ok(Self { renderer, place, weather, plan, lens, parts, has_flow: false })
     }
 
     /// Renders the frame at `time`, seconds.
@@ -312,10 +318,16 @@ impl RenderJob {
         let options = FrameOptions { parts: &self.parts, ..FrameOptions::new(time, camera) };
         let Self { renderer, place, weather, lens, .. } = self;
         let progress = &mut Reporter::default();
-        Ok(match lens {
+        let stats = match lens {
             Some(lens) => renderer.render_through(place, weather, (lens, &options), picture, progress)?,
             None => renderer.render_into(place, weather, &options, picture, progress)?,
-        })
+        };
+        if self.has_flow {
+            let (time, camera) = self.plan.next(time, place.site().metres_per_unit);
+            let next = FrameOptions::new(time, camera);
+            renderer.render_flow(place, weather, (lens.as_ref(), [&options, &next]), picture, progress)?;
+        }
+        Ok(stats)
     }
 
     /// Returns the camera at `time`, seconds, with the size and the intrinsics of the pictures.
@@ -330,7 +342,9 @@ impl RenderJob {
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
         let mut picture = Picture::default();
         let style = self.style(args, DepthScale::Auto, args.output.time());
-        let (stats, beside) = if args.output.stages {
+        let (stats, beside) = if args.output.stages && self.has_flow {
+            bail!("--stages: shows no flow; leave one of the two out");
+        } else if args.output.stages {
             stages::picture(self, &style, path, args.output.time(), &mut picture)?
         } else {
             let stats = self.render(args.output.time(), &mut picture)?;
