@@ -5,6 +5,8 @@
 //! lens, so the flow of a frame needs no other frame. A surface's depth is the expected depth where that is near the median depth,
 //! and the median depth elsewhere: on surfaces of many splats the first has no steps, at edges the second is no mixture.
 
+mod particles;
+
 use crate::place::{FrameContent, PreparedPlace};
 use crate::{FrameOptions, LensView, MovingCamera, Picture, Progress, Renderer, Result};
 use glam::DVec3;
@@ -12,6 +14,8 @@ use rayon::prelude::*;
 use wm_render::Frame;
 use wm_scene::{Camera, LensModel};
 use wm_weather::Weather;
+
+pub use particles::particle_flow;
 
 /// Share by which expected and median depth differ on one surface.
 const ONE_SURFACE: f32 = 0.05;
@@ -176,7 +180,8 @@ impl Renderer {
         picture: &mut Picture,
         progress: &mut dyn Progress,
     ) -> Result<()> {
-        let mut geometry = |options: &FrameOptions<'_>| self.surfaces(place, weather, (lens, options), progress);
+        let mut geometry =
+            |options: &FrameOptions<'_>| self.surfaces(place, weather, (lens, options), progress);
         let depths = [geometry(frames[0])?, geometry(frames[1])?];
         let cameras = frames.map(|options| {
             let camera = &options.camera.camera;
@@ -185,11 +190,8 @@ impl Renderer {
                 Some(lens) => Camera { viewmat: camera.viewmat, near: camera.near, ..*lens.intrinsics() },
             }
         });
-        let view = |k: usize| FlowView {
-            camera: &cameras[k],
-            lens: lens.map(LensView::lens),
-            depth: &depths[k],
-        };
+        let view =
+            |k: usize| FlowView { camera: &cameras[k], lens: lens.map(LensView::lens), depth: &depths[k] };
         picture.flow = self.backend().pool().install(|| scene_flow(&view(0), &view(1)));
         Ok(())
     }
@@ -216,8 +218,8 @@ impl Renderer {
         }
         let pixels = lens.intrinsics().width as usize * lens.intrinsics().height as usize;
         let distance = |pixel: usize| {
-            let Some((side, at, size, long)) = lens.side_of(pixel) else { return 0.0 };
-            long * depths_at(&sides[side], size, at)[1]
+            let Some(point) = lens.side_of(pixel) else { return 0.0 };
+            point.long * depths_at(&sides[point.side], point.size, point.at)[1]
         };
         Ok(self.backend().pool().install(|| (0..pixels).into_par_iter().map(distance).collect()))
     }

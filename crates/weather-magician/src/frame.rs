@@ -4,12 +4,13 @@
 use crate::picture::{Picture, WaterLayers};
 use std::sync::{Arc, Mutex, PoisonError};
 use wm_render::frame::srgb_encode;
-use wm_render::hooks::Hooks;
+use wm_render::hooks::{Hooks, Particle};
 use wm_render::parts::{PartPasses, PicturePart};
 use wm_render::simd::SimdPath;
 use wm_render::{
-    Background, BlendSurface, DrawPass, FRONT, Frame, FramePlan, Geometry, MedianDepth, Outputs, ParticlePass,
-    PictureEffect, PictureId, Pictures, RenderBackend, RenderConfig, RenderError, SetView, Stats, WaterPass,
+    Background, BlendSurface, DrawPass, FRONT, Frame, FramePlan, Geometry, MedianDepth, Outputs,
+    ParticlePass, PictureEffect, PictureId, Pictures, RenderBackend, RenderConfig, RenderError, SetView,
+    Stats, WaterPass,
 };
 use wm_scene::{Camera, Splats};
 use wm_weather::lens::{LensEffect, wide_camera};
@@ -147,6 +148,11 @@ impl FrameRequest<'_> {
             }
         }
         Ok(stats)
+    }
+
+    /// The falling particles of the frame, each with its velocity relative to the camera, scene units a second, world axes.
+    pub(crate) fn particles(&self, path: SimdPath) -> Vec<(Particle, [f64; 3])> {
+        self.weather.drawn_particles(path, &self.observer())
     }
 
     /// Draws the scene from the mirrored eye, then from its own, and lays the water between.

@@ -48,6 +48,7 @@ mod convert;
 mod error;
 pub mod flow;
 pub mod frame;
+pub mod labels;
 pub mod lamps;
 mod lens_view;
 pub mod lidar;

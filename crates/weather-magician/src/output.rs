@@ -11,6 +11,7 @@ use wm_render::frame::srgb_encode;
 use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs, ParticlePass, WaterPass};
 use wm_scene::npy;
+use wm_scene::splats::LabelKind;
 
 /// A picture that is written beside the colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,10 +42,16 @@ pub enum PictureLayer {
     Flow,
     /// The fate of each pixel of the flow: the numbers of [`crate::flow::FlowState`].
     FlowMask,
+    /// Optical flow of falling rain, snow and hail to the next frame, px to the right and down.
+    ParticleFlow,
+    /// The label of what each pixel shows, 0 for none.
+    Label,
+    /// The number of the thing that each pixel shows, 0 for none.
+    Instance,
 }
 
 impl PictureLayer {
-    const ALL: [(Self, &'static str); 13] = [
+    const ALL: [(Self, &'static str); 16] = [
         (Self::Depth, "depth"),
         (Self::MedianDepth, "median-depth"),
         (Self::Normal, "normal"),
@@ -58,6 +65,9 @@ impl PictureLayer {
         (Self::WaterDepth, "water-depth"),
         (Self::Flow, "flow"),
         (Self::FlowMask, "flow-mask"),
+        (Self::ParticleFlow, "particle-flow"),
+        (Self::Label, "label"),
+        (Self::Instance, "instance"),
     ];
 
     fn name(self) -> &'static str {
@@ -70,8 +80,9 @@ impl PictureLayer {
             Self::Depth | Self::MedianDepth | Self::WaterDepth => &["Z"],
             Self::Normal => &["X", "Y", "Z"],
             Self::Alpha | Self::Water | Self::Reflection => &["A"],
-            Self::Flow => &["U", "V"],
+            Self::Flow | Self::ParticleFlow => &["U", "V"],
             Self::FlowMask => &["STATE"],
+            Self::Label | Self::Instance => &["ID"],
             Self::Particles => &["R", "G", "B", "A"],
             Self::Transmittance | Self::Clean | Self::Airlight => &["R", "G", "B"],
         }
@@ -155,7 +166,9 @@ impl FromStr for ExtraPicture {
         })?;
         let format = match extension {
             None => None,
-            Some("flo") if kind == PictureLayer::Flow => Some(PictureFormat::Flo),
+            Some("flo") if kind == PictureLayer::Flow || kind == PictureLayer::ParticleFlow => {
+                Some(PictureFormat::Flo)
+            }
             Some("flo") => return Err(format!("`{text}`: .flo holds optical flow alone: use flow.flo")),
             Some(extension) => Some(
                 PictureFormat::of(Path::new(&format!("x.{extension}")))
@@ -194,6 +207,23 @@ pub fn parts(also: &[ExtraPicture]) -> Vec<PicturePart> {
 #[must_use]
 pub fn asks_for_flow(also: &[ExtraPicture]) -> bool {
     also.iter().any(|also| matches!(also.kind, PictureLayer::Flow | PictureLayer::FlowMask))
+}
+
+/// Returns true if `also` asks for the flow of what falls ([`crate::Renderer::render_particle_flow`]).
+#[must_use]
+pub fn asks_for_particle_flow(also: &[ExtraPicture]) -> bool {
+    also.iter().any(|also| also.kind == PictureLayer::ParticleFlow)
+}
+
+/// Returns the kinds of labels that `also` asks for ([`crate::Renderer::render_labels`]).
+#[must_use]
+pub fn asked_labels(also: &[ExtraPicture]) -> Vec<LabelKind> {
+    let kind = |also: &ExtraPicture| match also.kind {
+        PictureLayer::Label => Some(LabelKind::Label),
+        PictureLayer::Instance => Some(LabelKind::Instance),
+        _ => None,
+    };
+    also.iter().filter_map(kind).collect()
 }
 
 /// The place of layers that have no format of their own.
@@ -298,6 +328,9 @@ impl PictureStyle {
             PictureLayer::Reflection => return share(&water.reflected),
             PictureLayer::WaterDepth => return Cow::Owned(metres(&share(&water.depth))),
             PictureLayer::Flow => &picture.flow.vectors,
+            PictureLayer::ParticleFlow => &picture.particle_flow,
+            PictureLayer::Label => return Cow::Owned(numbers(&picture.labels.label)),
+            PictureLayer::Instance => return Cow::Owned(numbers(&picture.labels.instance)),
             PictureLayer::FlowMask => {
                 return Cow::Owned(picture.flow.states.iter().map(|state| f32::from(*state)).collect());
             }
@@ -385,16 +418,24 @@ impl PictureStyle {
                 png::write_alpha(path, &coverage, size, png::ChannelBits::Eight, tags)?;
                 return Ok(", coverage alone".into());
             }
-            (PictureFormat::Png, PictureLayer::Flow) => {
+            (PictureFormat::Png, PictureLayer::Flow | PictureLayer::ParticleFlow) => {
                 return Ok(match flow::write_kitti(path, &values, size, tags)? {
                     0 => ", 64 counts a px from 32768".into(),
-                    long => format!(", 64 counts a px from 32768; {long} vectors of 512 px or more are left out: use .flo"),
+                    long => format!(
+                        ", 64 counts a px from 32768; {long} vectors of 512 px or more are left out: use .flo"
+                    ),
                 });
             }
             (PictureFormat::Png, PictureLayer::FlowMask) => {
                 let states: Vec<u16> = picture.flow.states.iter().map(|state| u16::from(*state)).collect();
                 png::write_numbers(path, &states, size, png::ChannelBits::Eight, tags)?;
                 return Ok(", 0 visible, 1 occluded, 2 outside, 3 unknown".into());
+            }
+            (PictureFormat::Png, PictureLayer::Label | PictureLayer::Instance) => {
+                let labels = &picture.labels;
+                let names = if kind == PictureLayer::Label { &labels.label } else { &labels.instance };
+                png::write_numbers(path, names, size, png::ChannelBits::Sixteen, tags)?;
+                return Ok(", 0 for none".into());
             }
             (PictureFormat::Png, PictureLayer::Clean | PictureLayer::Airlight) => {
                 let shown = |light: &f32| srgb_encode(f64::from(light.max(0.0))) as f32;
@@ -408,6 +449,11 @@ impl PictureStyle {
     fn exr(&self, path: &Path, size: PictureSize, planes: exr::ExrPlanes<'_>) -> Result<(), MediaError> {
         exr::write_exr(path, planes, size, &self.tags)
     }
+}
+
+/// Labels as numbers of files that hold floats, which have them exactly.
+fn numbers(labels: &[u16]) -> Vec<f32> {
+    labels.iter().map(|label| f32::from(*label)).collect()
 }
 
 /// Returns `path` with `.kind.extension` for its extension: `a.png` and depth give `a.depth.png`.

@@ -93,19 +93,13 @@ mod tests {
         let mut reader = ::png::Decoder::new(BufReader::new(File::open(&path).unwrap())).read_info().unwrap();
         let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
         reader.next_frame(&mut bytes).unwrap();
-        assert_eq!((reader.info().color_type, reader.info().bit_depth), (ColorType::Rgb, ::png::BitDepth::Sixteen));
-        let counts: Vec<[u16; 3]> = bytes
-            .chunks_exact(6)
-            .map(|b| [0, 2, 4].map(|k| u16::from_be_bytes([b[k], b[k + 1]])))
-            .collect();
-        let want = [
-            [32768, 32768, 1],
-            [32864, 32624, 1],
-            [1, 65535, 1],
-            [0; 3],
-            [0; 3],
-            [32769, 32767, 1],
-        ];
+        assert_eq!(
+            (reader.info().color_type, reader.info().bit_depth),
+            (ColorType::Rgb, ::png::BitDepth::Sixteen)
+        );
+        let counts: Vec<[u16; 3]> =
+            bytes.chunks_exact(6).map(|b| [0, 2, 4].map(|k| u16::from_be_bytes([b[k], b[k + 1]]))).collect();
+        let want = [[32768, 32768, 1], [32864, 32624, 1], [1, 65535, 1], [0; 3], [0; 3], [32769, 32767, 1]];
         assert_eq!(counts, want);
     }
 }

@@ -19,7 +19,8 @@ use range::FrameRange;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use weather_magician::output::{
-    ExtraPicture, LayerPlacement, PictureFormat, PictureStyle, asks_for_flow, outputs, parts,
+    ExtraPicture, LayerPlacement, PictureFormat, PictureStyle, asked_labels, asks_for_flow,
+    asks_for_particle_flow, outputs, parts,
 };
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
@@ -62,7 +63,7 @@ struct OutputArgs {
     /// coverage), transmittance (of the air: one more render), clean (without air and particles: one more), airlight (light
     /// that the air adds: three more), water (its share of a pixel), reflection (of a pixel's light), water-depth (metres), flow
     /// (optical flow of the scene to the frame 1/fps later, px: two renders without colour; .png is KITTI's), flow-mask (0 visible,
-    /// 1 occluded, 2 outside, 3 unknown); append .png, .exr or .npy, or .flo for flow, to choose another format than the colour's
+    /// 1 occluded, 2 outside, 3 unknown), particle-flow (of falling rain, snow and hail), label and instance (of a scene that has them, 0 for none: one more render); append .png, .exr or .npy, or .flo for flow, to choose another format than the colour's
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
     also: Vec<ExtraPicture>,
     /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay, filtered and final;
@@ -215,6 +216,16 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         OutputTarget::Picture(path) => PictureFormat::of(path) == Some(PictureFormat::Exr),
         _ => args.output.frame_format == PictureFormat::Exr,
     };
+    if asks_for_particle_flow(&args.output.also) {
+        if args.camera.lens.is_some() {
+            bail!("--also particle-flow: is of pinholes alone; leave out --lens or the layer");
+        }
+        if weather.fidelity == wm_weather::Fidelity::Paper {
+            bail!(
+                "--also particle-flow: rain and snow of fidelity paper have none; use --set fidelity=physical"
+            );
+        }
+    }
     if args.output.layers && !is_exr {
         bail!("--layers are those of an .exr: give --out a name that ends in .exr, or --frame-format exr");
     }
@@ -252,6 +263,16 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let parts = parts(&args.output.also);
     let mut job = RenderJob::new(loaded, config, weather, (plan, lens), parts)?;
     job.has_flow = asks_for_flow(&args.output.also);
+    job.has_particle_flow = asks_for_particle_flow(&args.output.also);
+    let labels = asked_labels(&args.output.also);
+    if let Some(kind) = labels.iter().find(|kind| job.place.labels(**kind).is_empty()) {
+        bail!(
+            "--also {}: the splats of {} have none; `weather-magician label` gives them by masks of the photos",
+            kind.name(),
+            args.scene.scene.display()
+        );
+    }
+    job.has_labels = !labels.is_empty();
     match target {
         OutputTarget::Picture(path) => job.picture(&path, args),
         OutputTarget::Video(path) => sequence::video(&mut job, &wanted, &path, args),
@@ -295,6 +316,10 @@ struct RenderJob {
     parts: Vec<PicturePart>,
     /// True if the flow to the next frame is found.
     has_flow: bool,
+    /// True if the flow of what falls is found.
+    has_particle_flow: bool,
+    /// True if labels are drawn.
+    has_labels: bool,
 }
 
 impl RenderJob {
@@ -309,7 +334,17 @@ impl RenderJob {
         loaded.place.config = config;
         loaded.prepare(&weather)?;
         let OpenScene { renderer, place } = loaded;
-        Ok(Self { renderer, place, weather, plan, lens, parts, has_flow: false })
+        Ok(Self {
+            renderer,
+            place,
+            weather,
+            plan,
+            lens,
+            parts,
+            has_flow: false,
+            has_particle_flow: false,
+            has_labels: false,
+        })
     }
 
     /// Renders the frame at `time`, seconds.
@@ -322,10 +357,16 @@ impl RenderJob {
             Some(lens) => renderer.render_through(place, weather, (lens, &options), picture, progress)?,
             None => renderer.render_into(place, weather, &options, picture, progress)?,
         };
+        let (time, camera) = self.plan.next(time, place.site().metres_per_unit);
+        let next = FrameOptions::new(time, camera);
+        if self.has_particle_flow {
+            renderer.render_particle_flow(place, weather, [&options, &next], picture, progress)?;
+        }
         if self.has_flow {
-            let (time, camera) = self.plan.next(time, place.site().metres_per_unit);
-            let next = FrameOptions::new(time, camera);
             renderer.render_flow(place, weather, (lens.as_ref(), [&options, &next]), picture, progress)?;
+        }
+        if self.has_labels {
+            renderer.render_labels(place, (lens.as_ref(), &options.camera.camera), picture)?;
         }
         Ok(stats)
     }
@@ -342,14 +383,15 @@ impl RenderJob {
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
         let mut picture = Picture::default();
         let style = self.style(args, DepthScale::Auto, args.output.time());
-        let (stats, beside) = if args.output.stages && self.has_flow {
-            bail!("--stages: shows no flow; leave one of the two out");
-        } else if args.output.stages {
-            stages::picture(self, &style, path, args.output.time(), &mut picture)?
-        } else {
-            let stats = self.render(args.output.time(), &mut picture)?;
-            (stats, style.write(&picture, path)?)
-        };
+        let (stats, beside) =
+            if args.output.stages && (self.has_flow || self.has_particle_flow || self.has_labels) {
+                bail!("--stages: shows neither flow nor labels; leave one of the two out");
+            } else if args.output.stages {
+                stages::picture(self, &style, path, args.output.time(), &mut picture)?
+            } else {
+                let stats = self.render(args.output.time(), &mut picture)?;
+                (stats, style.write(&picture, path)?)
+            };
         let frame = &picture.frame;
         println!(
             "{}: {}x{}, {}, {:.0} ms ({})",

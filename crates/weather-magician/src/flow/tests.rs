@@ -178,7 +178,9 @@ fn nothing_is_infinitely_far_and_turns_with_the_camera() {
     let way = from.ray(48.5, 36.5);
     let (x, y, _) = to.project(to.center() + way).unwrap();
     let vector = &flow.vectors[2 * middle..][..2];
-    assert!((f64::from(vector[0]) - (x - 48.5)).abs() < 1e-4 && (f64::from(vector[1]) - (y - 36.5)).abs() < 1e-4);
+    assert!(
+        (f64::from(vector[0]) - (x - 48.5)).abs() < 1e-4 && (f64::from(vector[1]) - (y - 36.5)).abs() < 1e-4
+    );
     assert_eq!(flow.states[middle], FlowState::Visible as u8);
 }
 
