@@ -83,34 +83,62 @@ impl FlowView<'_> {
         if self.lens.is_some() { point.length() } else { point.z }
     }
 
-    /// The farther of the nearest pixel's depth and that between the pixels about a point: at edges the nearest counts, and on
-    /// a surface that is seen at a low angle depth changes much from pixel to pixel.
+    /// The farther of the nearest pixel's depth and that between the four pixels about a point: at edges the nearest counts, since what is between
+    /// is far nearer than what is behind, and on ground that is seen at a low angle depth changes much from pixel to pixel.
     fn farthest_at(&self, at: [f64; 2]) -> f64 {
-        let [nearest, between] = depths_at(self.depth, (self.camera.width, self.camera.height), at);
-        let far = |depth: f32| if depth > 0.0 { f64::from(depth) } else { f64::INFINITY };
-        far(nearest).max(far(between))
+        let around = Around::of(self.depth, (self.camera.width, self.camera.height), at);
+        let reciprocal = around.reciprocal().min(reciprocal_of(around.nearest));
+        f64::from(reciprocal).recip()
     }
 }
 
-/// The depth of the pixel that holds a point (px), and the depth interpolated there, by its reciprocal, which is linear on a plane; the same
-/// where the four pixels about it are not of one surface.
-fn depths_at(depth: &[f32], (width, height): (u32, u32), [x, y]: [f64; 2]) -> [f32; 2] {
-    let (width, height) = (width as usize, height as usize);
-    let pixel = |x: f64, y: f64| {
-        let (x, y) = (x.floor().max(0.0) as usize, y.floor().max(0.0) as usize);
-        depth[y.min(height - 1) * width + x.min(width - 1)]
-    };
-    let nearest = pixel(x, y);
-    let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
-    let four = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(i, j)| pixel(left + i, top + j));
-    let (least, most) = four.iter().fold((f32::MAX, 0.0f32), |(low, high), d| (low.min(*d), high.max(*d)));
-    if least <= 0.0 || most > (1.0 + EVEN) * least {
-        return [nearest; 2];
+/// The depths about a point of a picture.
+struct Around {
+    /// That of the pixel that holds the point.
+    nearest: f32,
+    /// Those of the four pixels whose middles are about it: above left, above right, below left, below right.
+    four: [f32; 4],
+    /// The place between them, to the right and down, 0-1.
+    between: [f32; 2],
+}
+
+/// The reciprocal of a depth; 0 for none, which is infinitely far.
+fn reciprocal_of(depth: f32) -> f32 {
+    if depth > 0.0 { depth.recip() } else { 0.0 }
+}
+
+impl Around {
+    fn of(depth: &[f32], (width, height): (u32, u32), [x, y]: [f64; 2]) -> Self {
+        let (width, height) = (width as usize, height as usize);
+        let pixel = |x: f64, y: f64| {
+            let (x, y) = (x.floor().max(0.0) as usize, y.floor().max(0.0) as usize);
+            depth[y.min(height - 1) * width + x.min(width - 1)]
+        };
+        let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
+        Self {
+            nearest: pixel(x, y),
+            four: [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(i, j)| pixel(left + i, top + j)),
+            between: [(x - 0.5 - left) as f32, (y - 0.5 - top) as f32],
+        }
     }
-    let (right, down) = ((x - 0.5 - left) as f32, (y - 0.5 - top) as f32);
-    let [a, b, c, d] = four.map(f32::recip);
-    let (above, below) = (a + right * (b - a), c + right * (d - c));
-    [nearest, (above + down * (below - above)).recip()]
+
+    /// The reciprocal depth between the four, which is linear over a plane.
+    fn reciprocal(&self) -> f32 {
+        let [right, down] = self.between;
+        let [a, b, c, d] = self.four.map(reciprocal_of);
+        let (above, below) = (a + right * (b - a), c + right * (d - c));
+        above + down * (below - above)
+    }
+
+    /// The depth at the point: interpolated on one surface, that of the nearest pixel at an edge.
+    fn depth(&self) -> f32 {
+        let (least, most) = self
+            .four
+            .iter()
+            .fold((f32::MAX, 0.0f32), |(low, high), depth| (low.min(*depth), high.max(*depth)));
+        let is_even = least > 0.0 && most <= (1.0 + EVEN) * least;
+        if is_even { self.reciprocal().recip() } else { self.nearest }
+    }
 }
 
 /// The depth of the surface at each pixel of a frame with expected and median depth; 0 where there is none.
@@ -219,7 +247,7 @@ impl Renderer {
         let pixels = lens.intrinsics().width as usize * lens.intrinsics().height as usize;
         let distance = |pixel: usize| {
             let Some(point) = lens.side_of(pixel) else { return 0.0 };
-            point.long * depths_at(&sides[point.side], point.size, point.at)[1]
+            point.long * Around::of(&sides[point.side], point.size, point.at).depth()
         };
         Ok(self.backend().pool().install(|| (0..pixels).into_par_iter().map(distance).collect()))
     }
