@@ -17,8 +17,8 @@ use wm_weather::Weather;
 
 pub use particles::particle_flow;
 
-/// Share by which expected and median depth differ on one surface.
-const ONE_SURFACE: f32 = 0.05;
+/// Share by which expected and median depth differ on one surface: at edges the first is wrong by as much.
+const ONE_SURFACE: f32 = 0.02;
 /// Share by which the depths of four pixels differ that are interpolated.
 const EVEN: f32 = 0.1;
 /// Share by which a point lies behind the surface of the next picture from which on it is hidden.
