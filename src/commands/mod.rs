@@ -8,6 +8,7 @@ pub mod demo;
 mod devices;
 mod evaluate;
 mod inspect;
+mod label;
 mod measure;
 mod priors;
 mod reconstruct;
@@ -54,6 +55,8 @@ enum CliCommand {
     Sky(sky::SkyArgs),
     /// Set up, ground and scale of a scene by hand
     Align(align::AlignArgs),
+    /// Give splats labels or instances by masks of the photos
+    Label(label::LabelArgs),
     /// Print what a scene contains, and its faults
     Inspect(inspect::InspectArgs),
     /// Measure rendering speed
@@ -80,6 +83,7 @@ pub fn run(cli: Cli) -> Result<()> {
         CliCommand::Measure(args) => measure::run(&args),
         CliCommand::Sky(args) => sky::run(&args),
         CliCommand::Align(args) => align::run(&args),
+        CliCommand::Label(args) => label::run(&args),
         CliCommand::Inspect(args) => inspect::run(&args),
         CliCommand::Bench(args) => bench::run(&args),
         CliCommand::Devices(args) => devices::run(&args),

@@ -4,12 +4,13 @@
 use crate::picture::{Picture, WaterLayers};
 use std::sync::{Arc, Mutex, PoisonError};
 use wm_render::frame::srgb_encode;
-use wm_render::hooks::Hooks;
+use wm_render::hooks::{Hooks, Particle};
 use wm_render::parts::{PartPasses, PicturePart};
 use wm_render::simd::SimdPath;
 use wm_render::{
-    Background, BlendSurface, DrawPass, FRONT, Frame, FramePlan, Geometry, Outputs, ParticlePass,
-    PictureEffect, PictureId, Pictures, RenderBackend, RenderConfig, RenderError, SetView, Stats, WaterPass,
+    Background, BlendSurface, DrawPass, FRONT, Frame, FramePlan, Geometry, MedianDepth, Outputs,
+    ParticlePass, PictureEffect, PictureId, Pictures, RenderBackend, RenderConfig, RenderError, SetView,
+    Stats, WaterPass,
 };
 use wm_scene::{Camera, Splats};
 use wm_weather::lens::{LensEffect, wide_camera};
@@ -114,6 +115,46 @@ impl FrameRequest<'_> {
                 execute(&plan, (color, parts), (backend, memory), picture)
             })
         })
+    }
+
+    /// Draws coverage, expected and median depth alone. Water counts as a surface where it hides at least half of what lies behind it.
+    ///
+    /// # Errors
+    /// [`RenderError`] of the back end.
+    pub fn draw_geometry(
+        &self,
+        backend: &mut dyn RenderBackend,
+        memory: &mut Pictures,
+        picture: &mut Picture,
+    ) -> Result<Stats, RenderError> {
+        let outputs =
+            Outputs { geometry: Geometry::Depth, median_depth: MedianDepth::On, ..Outputs::default() };
+        let config = RenderConfig { outputs, ..*self.config };
+        let camera = &self.camera.camera;
+        let observer = Observer { lamps: None, splashes: None, is_within: true, ..self.observer() };
+        let stats = self.weather.with_hooks(&observer, |hooks| {
+            // A sky of the weather takes the place of the scene's own.
+            let hooks = Hooks { background: hooks.background, ..Hooks::default() };
+            let mut plan = FramePlan::new();
+            let drawn = plan.draw(DrawPass::new(self.sets, camera, &config).with_hooks(hooks));
+            execute(&plan, (drawn, None), (backend, memory), picture)
+        })?;
+        picture.water = WaterLayers::default();
+        let surface = self.weather.water(self.puddles).and_then(|map| WaterSurface::of(&map, camera));
+        let Some(WaterSurface { depth, cover, .. }) = surface else { return Ok(stats) };
+        let Frame { depth: expected, median_depth: median, .. } = &mut picture.frame;
+        for (i, z) in depth.into_iter().enumerate() {
+            let hides = cover.get(i).is_none_or(|cover| *cover >= 0.5);
+            if hides && (z < median[i] || z > 0.0 && median[i] == 0.0) {
+                (expected[i], median[i]) = (z, z);
+            }
+        }
+        Ok(stats)
+    }
+
+    /// The falling particles of the frame, each with its velocity relative to the camera, scene units a second, world axes.
+    pub(crate) fn particles(&self, path: SimdPath) -> Vec<(Particle, [f64; 3])> {
+        self.weather.drawn_particles(path, &self.observer())
     }
 
     /// Draws the scene from the mirrored eye, then from its own, and lays the water between.

@@ -57,6 +57,18 @@ struct Tap {
     long: f32,
 }
 
+/// A point of a side.
+pub(crate) struct SidePoint {
+    /// The side, by its place among [`LensView::cameras`].
+    pub side: usize,
+    /// px.
+    pub at: [f64; 2],
+    /// Width and height of the side, px.
+    pub size: (u32, u32),
+    /// Length of the ray at view z 1.
+    pub long: f32,
+}
+
 impl LensView {
     /// The view of a lens with the size, the focal lengths and the principal point of `camera`; its pose is not used.
     ///
@@ -234,6 +246,14 @@ impl LensView {
     /// The taps of pixel `i`.
     fn taps(&self, i: usize) -> &[Tap] {
         &self.taps[self.first[i] as usize..self.first[i + 1] as usize]
+    }
+
+    /// The place in the pictures of [`Self::cameras`] that shows most of a pixel; `None` where the lens shows nothing.
+    pub(crate) fn side_of(&self, pixel: usize) -> Option<SidePoint> {
+        let tap = self.taps(pixel).iter().max_by(|a, b| a.weight.total_cmp(&b.weight))?;
+        let Camera { width, height, .. } = self.sides[tap.side as usize].camera;
+        let (side, at) = (tap.side as usize, tap.at.map(f64::from));
+        Some(SidePoint { side, at, size: (width, height), long: tap.long })
     }
 
     /// Samples an array of `N` numbers a pixel by cubic convolution; sides without it count as 0.

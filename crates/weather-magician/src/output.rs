@@ -6,11 +6,12 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use wm_media::color::Dither;
-use wm_media::{MediaError, PictureSize, exr, png};
+use wm_media::{MediaError, PictureSize, exr, flow, png};
 use wm_render::frame::srgb_encode;
 use wm_render::parts::PicturePart;
 use wm_render::{Geometry, MedianDepth, Outputs, ParticlePass, WaterPass};
 use wm_scene::npy;
+use wm_scene::splats::LabelKind;
 
 /// A picture that is written beside the colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,10 +38,20 @@ pub enum PictureLayer {
     Reflection,
     /// Depth of the water's surface, metres, 0 where there is none.
     WaterDepth,
+    /// Optical flow of the scene to the next frame, px to the right and down.
+    Flow,
+    /// The fate of each pixel of the flow: the numbers of [`crate::flow::FlowState`].
+    FlowMask,
+    /// Optical flow of falling rain, snow and hail to the next frame, px to the right and down.
+    ParticleFlow,
+    /// The label of what each pixel shows, 0 for none.
+    Label,
+    /// The number of the thing that each pixel shows, 0 for none.
+    Instance,
 }
 
 impl PictureLayer {
-    const ALL: [(Self, &'static str); 11] = [
+    const ALL: [(Self, &'static str); 16] = [
         (Self::Depth, "depth"),
         (Self::MedianDepth, "median-depth"),
         (Self::Normal, "normal"),
@@ -52,6 +63,11 @@ impl PictureLayer {
         (Self::Water, "water"),
         (Self::Reflection, "reflection"),
         (Self::WaterDepth, "water-depth"),
+        (Self::Flow, "flow"),
+        (Self::FlowMask, "flow-mask"),
+        (Self::ParticleFlow, "particle-flow"),
+        (Self::Label, "label"),
+        (Self::Instance, "instance"),
     ];
 
     fn name(self) -> &'static str {
@@ -64,6 +80,9 @@ impl PictureLayer {
             Self::Depth | Self::MedianDepth | Self::WaterDepth => &["Z"],
             Self::Normal => &["X", "Y", "Z"],
             Self::Alpha | Self::Water | Self::Reflection => &["A"],
+            Self::Flow | Self::ParticleFlow => &["U", "V"],
+            Self::FlowMask => &["STATE"],
+            Self::Label | Self::Instance => &["ID"],
             Self::Particles => &["R", "G", "B", "A"],
             Self::Transmittance | Self::Clean | Self::Airlight => &["R", "G", "B"],
         }
@@ -89,6 +108,8 @@ pub enum PictureFormat {
     Exr,
     /// 32-bit floats as an array.
     Npy,
+    /// Middlebury's format of optical flow, for [`PictureLayer::Flow`] alone.
+    Flo,
 }
 
 impl PictureFormat {
@@ -96,13 +117,19 @@ impl PictureFormat {
 
     /// Returns the format of a file name's extension.
     pub fn of(path: &Path) -> Option<Self> {
+        // Not `.flo`, which holds no colours.
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         Self::ALL.iter().find(|(_, name)| *name == extension).map(|(format, _)| *format)
     }
 
     /// Returns the file name extension.
     pub fn extension(self) -> &'static str {
-        Self::ALL.iter().find(|(format, _)| *format == self).map_or("png", |(_, name)| name)
+        match self {
+            Self::Png => "png",
+            Self::Exr => "exr",
+            Self::Npy => "npy",
+            Self::Flo => "flo",
+        }
     }
 }
 
@@ -139,6 +166,10 @@ impl FromStr for ExtraPicture {
         })?;
         let format = match extension {
             None => None,
+            Some("flo") if kind == PictureLayer::Flow || kind == PictureLayer::ParticleFlow => {
+                Some(PictureFormat::Flo)
+            }
+            Some("flo") => return Err(format!("`{text}`: .flo holds optical flow alone: use flow.flo")),
             Some(extension) => Some(
                 PictureFormat::of(Path::new(&format!("x.{extension}")))
                     .ok_or_else(|| format!("`{text}`: use .png, .exr or .npy"))?,
@@ -170,6 +201,29 @@ pub fn outputs(also: &[ExtraPicture]) -> Outputs {
 /// Returns the parts of `also` that need renders of their own.
 pub fn parts(also: &[ExtraPicture]) -> Vec<PicturePart> {
     also.iter().filter_map(|also| also.kind.part()).collect()
+}
+
+/// Returns true if `also` asks for the flow to the next frame ([`crate::Renderer::render_flow`]).
+#[must_use]
+pub fn asks_for_flow(also: &[ExtraPicture]) -> bool {
+    also.iter().any(|also| matches!(also.kind, PictureLayer::Flow | PictureLayer::FlowMask))
+}
+
+/// Returns true if `also` asks for the flow of what falls ([`crate::Renderer::render_particle_flow`]).
+#[must_use]
+pub fn asks_for_particle_flow(also: &[ExtraPicture]) -> bool {
+    also.iter().any(|also| also.kind == PictureLayer::ParticleFlow)
+}
+
+/// Returns the kinds of labels that `also` asks for ([`crate::Renderer::render_labels`]).
+#[must_use]
+pub fn asked_labels(also: &[ExtraPicture]) -> Vec<LabelKind> {
+    let kind = |also: &ExtraPicture| match also.kind {
+        PictureLayer::Label => Some(LabelKind::Label),
+        PictureLayer::Instance => Some(LabelKind::Instance),
+        _ => None,
+    };
+    also.iter().filter_map(kind).collect()
 }
 
 /// The place of layers that have no format of their own.
@@ -229,6 +283,10 @@ impl PictureStyle {
                     exr::ExrPlanes { rgb: Some(&frame.rgb), channels: &channels, ..Default::default() },
                 )?;
             }
+            PictureFormat::Flo => {
+                let text = format!("{}: .flo holds no colours", path.display());
+                return Err(Error::Unsupported(text));
+            }
             PictureFormat::Npy => {
                 let shape = [frame.height as usize, frame.width as usize, 3];
                 npy::write(path, &frame.rgb_linear(), &shape)?;
@@ -269,6 +327,13 @@ impl PictureStyle {
             PictureLayer::Water => return share(&water.cover),
             PictureLayer::Reflection => return share(&water.reflected),
             PictureLayer::WaterDepth => return Cow::Owned(metres(&share(&water.depth))),
+            PictureLayer::Flow => &picture.flow.vectors,
+            PictureLayer::ParticleFlow => &picture.particle_flow,
+            PictureLayer::Label => return Cow::Owned(numbers(&picture.labels.label)),
+            PictureLayer::Instance => return Cow::Owned(numbers(&picture.labels.instance)),
+            PictureLayer::FlowMask => {
+                return Cow::Owned(picture.flow.states.iter().map(|state| f32::from(*state)).collect());
+            }
         })
     }
 
@@ -316,6 +381,7 @@ impl PictureStyle {
             ) => {
                 self.exr(path, size, exr::ExrPlanes { depth: Some(&values), ..Default::default() })?;
             }
+            (PictureFormat::Flo, _) => flow::write_flo(path, &values, size)?,
             (PictureFormat::Exr, PictureLayer::Normal) => {
                 self.exr(path, size, exr::ExrPlanes { normals: Some(&values), ..Default::default() })?;
             }
@@ -352,6 +418,25 @@ impl PictureStyle {
                 png::write_alpha(path, &coverage, size, png::ChannelBits::Eight, tags)?;
                 return Ok(", coverage alone".into());
             }
+            (PictureFormat::Png, PictureLayer::Flow | PictureLayer::ParticleFlow) => {
+                return Ok(match flow::write_kitti(path, &values, size, tags)? {
+                    0 => ", 64 counts a px from 32768".into(),
+                    long => format!(
+                        ", 64 counts a px from 32768; {long} vectors of 512 px or more are left out: use .flo"
+                    ),
+                });
+            }
+            (PictureFormat::Png, PictureLayer::FlowMask) => {
+                let states: Vec<u16> = picture.flow.states.iter().map(|state| u16::from(*state)).collect();
+                png::write_numbers(path, &states, size, png::ChannelBits::Eight, tags)?;
+                return Ok(", 0 visible, 1 occluded, 2 outside, 3 unknown".into());
+            }
+            (PictureFormat::Png, PictureLayer::Label | PictureLayer::Instance) => {
+                let labels = &picture.labels;
+                let names = if kind == PictureLayer::Label { &labels.label } else { &labels.instance };
+                png::write_numbers(path, names, size, png::ChannelBits::Sixteen, tags)?;
+                return Ok(", 0 for none".into());
+            }
             (PictureFormat::Png, PictureLayer::Clean | PictureLayer::Airlight) => {
                 let shown = |light: &f32| srgb_encode(f64::from(light.max(0.0))) as f32;
                 let shown: Vec<f32> = values.iter().map(shown).collect();
@@ -364,6 +449,11 @@ impl PictureStyle {
     fn exr(&self, path: &Path, size: PictureSize, planes: exr::ExrPlanes<'_>) -> Result<(), MediaError> {
         exr::write_exr(path, planes, size, &self.tags)
     }
+}
+
+/// Labels as numbers of files that hold floats, which have them exactly.
+fn numbers(labels: &[u16]) -> Vec<f32> {
+    labels.iter().map(|label| f32::from(*label)).collect()
 }
 
 /// Returns `path` with `.kind.extension` for its extension: `a.png` and depth give `a.depth.png`.
@@ -383,6 +473,9 @@ mod tests {
             "normal.exr".parse(),
             Ok(ExtraPicture { kind: PictureLayer::Normal, format: Some(PictureFormat::Exr) })
         );
+        let flo = ExtraPicture { kind: PictureLayer::Flow, format: Some(PictureFormat::Flo) };
+        assert_eq!("flow.flo".parse(), Ok(flo));
+        assert!("depth.flo".parse::<ExtraPicture>().is_err() && "flo".parse::<PictureFormat>().is_err());
         assert!("depht".parse::<ExtraPicture>().is_err() && "depth.jpg".parse::<ExtraPicture>().is_err());
     }
 

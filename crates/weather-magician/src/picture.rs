@@ -1,9 +1,12 @@
 //! A rendered picture.
 
 use crate::Result;
+use crate::flow::SceneFlow;
+use crate::labels::LabelLayers;
 use crate::output::PictureStyle;
 use std::path::Path;
 use wm_render::Frame;
+use wm_render::hooks::Particle;
 use wm_render::parts::PictureParts;
 
 /// A rendered frame, with the parts that were asked for.
@@ -15,12 +18,20 @@ pub struct Picture {
     pub parts: PictureParts,
     /// The water that it shows, if that was asked for.
     pub water: WaterLayers,
+    /// The flow to the next frame, if [`crate::Renderer::render_flow`] found it.
+    pub flow: SceneFlow,
+    /// The flow of what falls to the next frame, `[H, W, 2]`, if [`crate::Renderer::render_particle_flow`] found it.
+    pub particle_flow: Vec<f32>,
+    /// The labels, if [`crate::Renderer::render_labels`] drew them.
+    pub labels: LabelLayers,
     /// Metres in a unit of the frame's depth; 0 if nobody set it.
     pub metres_per_unit: f64,
     /// Names and values that are written into a file beside its pixels: the scene, the weather, the camera.
     pub tags: Vec<(String, String)>,
     /// Arrays that the frame was made with and nobody asked for: memory for the next one.
     pub(crate) spare: SpareArrays,
+    /// The particles of a frame of [`crate::FrameContent::Particles`], with their velocity relative to the camera, scene units a second.
+    pub(crate) falling: Vec<(Particle, [f64; 3])>,
 }
 
 /// Memory of arrays of a frame.

@@ -22,6 +22,7 @@ use wm_render::{
     AnyRenderer, Background, DrawPass, Frame, MedianDepth, Outputs, Pictures, RenderBackend, RenderConfig,
     SetId, SetView, SkyGradient, Stats,
 };
+use wm_scene::splats::LabelKind;
 use wm_scene::survey::{Aligned, Alignment, CapturedSky, FactSource, Survey, align, label_sky};
 use wm_scene::{Camera, Lamp, LitWindow, LookAt, Metadata, Scene, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
@@ -55,6 +56,19 @@ pub struct PlaceOptions {
     pub assets: Option<PathBuf>,
 }
 
+/// The passes of a frame that are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FrameContent {
+    /// The whole picture.
+    #[default]
+    Picture,
+    /// Coverage, expected and median depth alone, whatever outputs are set: of the scene, of what lies on it and of water. There is no air, nothing
+    /// falls, and the colours are those of no weather.
+    Geometry,
+    /// No picture: the falling particles that it would show.
+    Particles,
+}
+
 /// The facts that a place was surveyed with.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlaceFacts {
@@ -77,12 +91,21 @@ pub struct FrameOptions<'a> {
     pub parts: &'a [PicturePart],
     /// The treatment of missing assets.
     pub patience: Patience,
+    /// The passes that are drawn.
+    pub content: FrameContent,
 }
 
 impl FrameOptions<'_> {
     /// A whole frame without parts.
     pub fn new(time: f64, camera: impl Into<MovingCamera>) -> Self {
-        Self { time, camera: camera.into(), whole: None, parts: &[], patience: Patience::Whole }
+        Self {
+            time,
+            camera: camera.into(),
+            whole: None,
+            parts: &[],
+            patience: Patience::Whole,
+            content: FrameContent::Picture,
+        }
     }
 }
 
@@ -127,6 +150,8 @@ pub struct PreparedPlace {
     site: Site,
     /// The outputs of frames, and what stands behind them.
     pub config: RenderConfig,
+    /// Labels and instances of the splats, which stay when splats are released.
+    labels: [Arc<[u16]>; 2],
     /// The folder for prepared assets, if they are kept.
     assets: Option<PathBuf>,
     cache: AssetCache,
@@ -243,6 +268,7 @@ impl PreparedPlace {
         let mut place = Self {
             renderer,
             set,
+            labels: LabelKind::ALL.map(|kind| scene.splats.names(kind).into()),
             scene: Arc::new(scene),
             given: options.facts.clone(),
             site,
@@ -289,6 +315,12 @@ impl PreparedPlace {
     #[must_use]
     pub fn facts(&self) -> PlaceFacts {
         PlaceFacts { scene: self.scene.metadata.clone(), given: self.given.clone() }
+    }
+
+    /// The label or the instance of each splat; empty if the scene has none.
+    #[must_use]
+    pub fn labels(&self, kind: LabelKind) -> &[u16] {
+        &self.labels[kind as usize]
     }
 
     /// The splats in the renderer.
@@ -888,7 +920,14 @@ impl PreparedPlace {
             parts: options.parts,
         };
         picture.metres_per_unit = self.site.metres_per_unit;
-        Ok(request.draw_stages(backend, memory, picture, stages)?)
+        Ok(match options.content {
+            FrameContent::Picture => request.draw_stages(backend, memory, picture, stages)?,
+            FrameContent::Geometry => request.draw_geometry(backend, memory, picture)?,
+            FrameContent::Particles => {
+                picture.falling = request.particles(backend.path());
+                Stats::default()
+            }
+        })
     }
 
     /// Checks that the water of an instant can be drawn from an eye.
@@ -954,6 +993,18 @@ impl PreparedPlace {
     ) -> Result<Stats> {
         let sets = [SetView::plain(self.set)];
         Ok(backend.render(&DrawPass::new(&sets, camera, &self.config), frame)?)
+    }
+
+    /// Draws the splat that has the median depth at each pixel, without any weather: see [`Frame::median_splat`].
+    pub(crate) fn draw_median_splats(
+        &self,
+        backend: &mut AnyRenderer,
+        camera: &Camera,
+        frame: &mut Frame,
+    ) -> Result<Stats> {
+        let outputs = Outputs { median_depth: MedianDepth::Splat, ..Outputs::default() };
+        let config = RenderConfig { outputs, ..self.config };
+        Ok(backend.render(&DrawPass::new(&[SetView::plain(self.set)], camera, &config), frame)?)
     }
 
     /// Returns the snow or dust that lies at one instant of a weather, for baking.

@@ -238,6 +238,21 @@ impl Renderer {
         place.draw_clear(&mut self.backend, camera, frame)
     }
 
+    /// Draws the splat at the median depth of each pixel into `frame`, without weather and without what lies: [`Frame::median_splat`]
+    /// has its index in the scene.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub fn render_median_splats(
+        &mut self,
+        place: &PreparedPlace,
+        camera: &Camera,
+        frame: &mut Frame,
+    ) -> Result<Stats> {
+        check_owner(place, self.id)?;
+        place.draw_median_splats(&mut self.backend, camera, frame)
+    }
+
     /// Makes what a weather may need of the place at any time, so that no frame waits and
     /// [`PreparedPlace::release_splats`] may follow.
     ///

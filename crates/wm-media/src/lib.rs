@@ -20,6 +20,7 @@ pub mod color;
 mod dither;
 mod error;
 pub mod exr;
+pub mod flow;
 pub mod jpeg;
 pub mod png;
 pub mod ramps;

@@ -6,7 +6,8 @@
 use std::io::Write;
 use std::path::Path;
 
-use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, ScaledFloat, SrgbRenderingIntent};
+pub(super) use png::ColorType;
+use png::{BitDepth, Compression, Encoder, EncodingError, ScaledFloat, SrgbRenderingIntent};
 
 use super::color::{self, Dither};
 use super::{MediaError, PictureSize, Tags, write_file};
@@ -155,6 +156,30 @@ pub fn write_alpha(
     write(path, &bytes, size, ColorType::Grayscale, bits, Meaning::Data, tags)
 }
 
+/// Writes `numbers [H, W]` as grey, each as it is: names of classes, not shares.
+///
+/// # Errors
+/// The file cannot be written, or a tag does not fit.
+///
+/// # Panics
+/// If a number is above 255 with eight bits.
+pub fn write_numbers(
+    path: &Path,
+    numbers: &[u16],
+    size: PictureSize,
+    bits: ChannelBits,
+    tags: &Tags,
+) -> Result<(), MediaError> {
+    size.expect("numbers", numbers, 1);
+    let bytes: Vec<u8> = match bits {
+        ChannelBits::Eight => {
+            numbers.iter().map(|n| u8::try_from(*n).expect("a number of eight bits")).collect()
+        }
+        ChannelBits::Sixteen => numbers.iter().flat_map(|n| n.to_be_bytes()).collect(),
+    };
+    write(path, &bytes, size, ColorType::Grayscale, bits, Meaning::Data, tags)
+}
+
 /// 0-1 at full scale, big-endian, to the nearest: data is not dithered.
 fn data_bytes(values: impl Iterator<Item = f32>, bits: ChannelBits) -> Vec<u8> {
     let values = values.map(color::unit);
@@ -168,14 +193,14 @@ fn data_bytes(values: impl Iterator<Item = f32>, bits: ChannelBits) -> Vec<u8> {
 
 /// The kind of values.
 #[derive(Clone, Copy, PartialEq)]
-enum Meaning {
+pub(super) enum Meaning {
     /// sRGB.
     Color,
     /// Numbers.
     Data,
 }
 
-fn write(
+pub(super) fn write(
     path: &Path,
     bytes: &[u8],
     size: PictureSize,
@@ -328,6 +353,17 @@ mod tests {
                 ChannelBits::Sixteen => assert_eq!(read.counts(), [0, 16384, 32768, 65535]),
             }
         }
+    }
+
+    #[test]
+    fn numbers_come_back_as_they_are() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.png");
+        let size = PictureSize::new(2, 2);
+        write_numbers(&path, &[0, 1, 300, 65535], size, ChannelBits::Sixteen, &[]).unwrap();
+        assert_eq!(Read::open(&path).counts(), [0, 1, 300, 65535]);
+        write_numbers(&path, &[0, 1, 2, 255], size, ChannelBits::Eight, &[]).unwrap();
+        assert_eq!(Read::open(&path).bytes, [0, 1, 2, 255]);
     }
 
     #[test]

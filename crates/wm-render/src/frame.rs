@@ -65,6 +65,14 @@ pub(crate) struct Arrays {
     pub front: bool,
 }
 
+/// The bits of the depth that stands for splat 0: those above it are numbers too, whose bits no device changes, and none is 0.
+pub(crate) const SPLAT_NAME: u32 = 1 << 30;
+
+/// The depth that stands for a splat, see [`Frame::median_splat`].
+pub(crate) fn splat_name(index: u32) -> f32 {
+    f32::from_bits(SPLAT_NAME + index)
+}
+
 /// Coverage below which depth and normal are noise and given as 0: one step of 8 bits.
 pub const MIN_ALPHA: f32 = 1.0 / 255.0;
 
@@ -98,6 +106,13 @@ impl Frame {
         }
         (self.width, self.height, self.encoding) = (width, height, encoding);
         Ok(())
+    }
+
+    /// The index of the splat at which the transmittance of a pixel falls to one half, in the set that was drawn with
+    /// [`crate::MedianDepth::Splat`]; `None` where it never does.
+    #[must_use]
+    pub fn median_splat(&self, pixel: usize) -> Option<u32> {
+        self.median_depth[pixel].to_bits().checked_sub(SPLAT_NAME)
     }
 
     /// One of the five sums of [`Self::front`], `[H, W]`; empty without them.

@@ -119,7 +119,7 @@ pub enum Geometry {
     DepthNormal,
 }
 
-/// The output of median depth; it costs two more operations a pixel and splat.
+/// The output of median depth, or of the splat that has it; it costs two more operations a pixel and splat.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum MedianDepth {
     /// Not rendered.
@@ -127,6 +127,9 @@ pub enum MedianDepth {
     Off,
     /// Rendered.
     On,
+    /// The index of that splat in its place, which [`crate::Frame::median_splat`] reads. For passes of one set without other geometry, surface,
+    /// particles and effects on pixels.
+    Splat,
 }
 
 /// The output of particles as a picture of their own beside the colour, see [`Frame::particles`].

@@ -25,6 +25,35 @@ pub struct Splats {
     pub sh_degree: u8,
     /// The part of the scene that each splat belongs to, `[N]`.
     pub groups: Vec<Group>,
+    /// The number of each splat's class, such as road or building, `[N]`; 0 for none. Empty if no splat has one.
+    #[serde(default)]
+    pub labels: Vec<u16>,
+    /// The number of the thing that each splat is a part of, `[N]`; 0 for none. Empty if no splat has one.
+    #[serde(default)]
+    pub instances: Vec<u16>,
+}
+
+/// The kinds of names that splats may have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum LabelKind {
+    /// The class of what a splat shows: [`Splats::labels`].
+    Label,
+    /// The single thing that it is a part of: [`Splats::instances`].
+    Instance,
+}
+
+impl LabelKind {
+    /// Both kinds.
+    pub const ALL: [Self; 2] = [Self::Label, Self::Instance];
+
+    /// Its name: that of the property of a PLY.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Label => "label",
+            Self::Instance => "instance",
+        }
+    }
 }
 
 /// The reason why arrays do not make a set of splats.
@@ -80,6 +109,8 @@ impl Splats {
             sh: Vec::with_capacity(capacity * sh::coefficients(sh_degree) * 3),
             sh_degree,
             groups: Vec::with_capacity(capacity),
+            labels: Vec::new(),
+            instances: Vec::new(),
         }
     }
 
@@ -99,6 +130,8 @@ impl Splats {
             sh: vec![0.0; count * sh::coefficients(sh_degree) * 3],
             sh_degree,
             groups: vec![Group::default(); count],
+            labels: Vec::new(),
+            instances: Vec::new(),
         }
     }
 
@@ -111,6 +144,28 @@ impl Splats {
         self.logit_opacities.resize(count, 0.0);
         self.sh.resize(sh_size, 0.0);
         self.groups.resize(count, Group::default());
+        for kind in LabelKind::ALL {
+            if !self.names(kind).is_empty() {
+                self.names_mut(kind).resize(count, 0);
+            }
+        }
+    }
+
+    /// The labels or the instances; empty if no splat has one.
+    #[must_use]
+    pub fn names(&self, kind: LabelKind) -> &[u16] {
+        match kind {
+            LabelKind::Label => &self.labels,
+            LabelKind::Instance => &self.instances,
+        }
+    }
+
+    /// The labels or the instances, to be changed: none, or one a splat.
+    pub fn names_mut(&mut self, kind: LabelKind) -> &mut Vec<u16> {
+        match kind {
+            LabelKind::Label => &mut self.labels,
+            LabelKind::Instance => &mut self.instances,
+        }
     }
 
     /// Number of splats, N.
@@ -167,6 +222,16 @@ impl Splats {
 
     /// Adds the splats of another set; SH coefficients that it has more are left out, those that it lacks are 0.
     pub fn append(&mut self, other: &Self) {
+        let (own, all) = (self.len(), self.len() + other.len());
+        for kind in LabelKind::ALL {
+            let more = other.names(kind);
+            if !(more.is_empty() && self.names(kind).is_empty()) {
+                let names = self.names_mut(kind);
+                names.resize(own, 0);
+                names.extend_from_slice(more);
+                names.resize(all, 0);
+            }
+        }
         self.means.extend_from_slice(&other.means);
         self.quats.extend_from_slice(&other.quats);
         self.log_scales.extend_from_slice(&other.log_scales);
@@ -217,6 +282,12 @@ impl Splats {
         self.sh.extend(splat.rgb.map(|c| sh::dc_of(f64::from(c)) as f32));
         self.sh.extend(std::iter::repeat_n(0.0, self.sh_stride() - 3));
         self.groups.push(splat.group);
+        let count = self.len();
+        for kind in LabelKind::ALL {
+            if !self.names(kind).is_empty() {
+                self.names_mut(kind).resize(count, 0);
+            }
+        }
     }
 
     /// Checks that all arrays fit each other.
@@ -239,6 +310,11 @@ impl Splats {
                 return Err(SplatsError::Length { array, found, expected, splats });
             }
         }
+        for (array, found) in [("labels", self.labels.len()), ("instances", self.instances.len())] {
+            if found != 0 && found != splats {
+                return Err(SplatsError::Length { array, found, expected: splats, splats });
+            }
+        }
         Ok(())
     }
 
@@ -256,6 +332,12 @@ impl Splats {
             out.logit_opacities.push(self.logit_opacities[index]);
             out.sh.extend_from_slice(self.sh_of(index));
             out.groups.push(self.groups[index]);
+        }
+        for kind in LabelKind::ALL {
+            let names = self.names(kind);
+            if !names.is_empty() {
+                *out.names_mut(kind) = indices.iter().map(|index| names[*index]).collect();
+            }
         }
         out
     }
@@ -357,6 +439,32 @@ mod tests {
         assert_eq!(swapped.means[1], [1.0, 2.0, 3.0]);
         assert_eq!(swapped.normal(0), [0.0, 1.0, 0.0]);
         assert!((swapped.opacity(0) - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn labels_go_with_their_splats() {
+        let mut splats = Splats::with_capacity(2, 0);
+        splats.push(&one());
+        splats.labels = vec![7];
+        splats.push(&one());
+        assert_eq!((splats.check(), &splats.labels[..]), (Ok(()), &[7, 0][..]));
+        splats.labels[1] = 65535;
+        assert_eq!(splats.select(&[1, 1, 0]).labels, [65535, 65535, 7]);
+        let mut other = Splats::with_capacity(1, 0);
+        other.push(&one());
+        other.instances = vec![3];
+        for both in [Splats::joined(splats.clone(), other.clone()), {
+            let mut both = splats.clone();
+            both.append(&other);
+            both
+        }] {
+            assert_eq!((&both.labels[..], &both.instances[..]), (&[7, 65535, 0][..], &[0, 0, 3][..]));
+            assert_eq!(both.check(), Ok(()));
+        }
+        splats.resize(3);
+        assert_eq!((splats.labels.len(), splats.instances.len()), (3, 0));
+        splats.labels.pop();
+        assert!(matches!(splats.check(), Err(SplatsError::Length { array: "labels", .. })));
     }
 
     #[test]

@@ -8,8 +8,8 @@
 //!
 //! Splat `index` is a function of the place's seed, the detail and `index` alone.
 
-use super::Place;
 use super::shape::{Shape, Spot};
+use super::{Label, Place};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -127,7 +127,18 @@ impl SplatSampling<'_> {
         self.surface_splat(patch, index - patch.first)
     }
 
-    /// The place as a scene, with its metadata. The splats are made on all threads of the current rayon
+    /// The label of splat `index`: its place in [`Label::ALL`], from 1, and 0 in the sky.
+    fn label(&self, index: usize, splat: &Splat) -> u16 {
+        if index >= self.surface {
+            return 0;
+        }
+        let patch = &self.patches[self.patches.partition_point(|patch| patch.first <= index) - 1];
+        let point = DVec3::from_array(splat.mean.map(f64::from));
+        let (_, own) = self.place.matter(patch.which as usize, point);
+        Label::ALL.iter().position(|label| *label == own).map_or(0, |at| at as u16 + 1)
+    }
+
+    /// The place as a scene, with its metadata and its labels ([`Label`]). The splats are made on all threads of the current rayon
     /// pool, and are the same for any number of them.
     ///
     /// `progress` receives the number of indices that were finished since its last call, and returns false
@@ -135,17 +146,19 @@ impl SplatSampling<'_> {
     #[must_use]
     pub fn scene(&self, progress: &(dyn Fn(usize) -> bool + Sync)) -> Option<Scene> {
         let chunks = (0..self.len().div_ceil(CHUNK)).into_par_iter();
-        let parts: Option<Vec<Vec<Splat>>> = chunks
+        let parts: Option<Vec<Vec<(Splat, u16)>>> = chunks
             .map(|chunk| {
                 let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(self.len());
                 let count = range.len();
-                let part = range.filter_map(|index| self.splat(index)).collect();
+                let labelled = |index| self.splat(index).map(|splat| (splat, self.label(index, &splat)));
+                let part = range.filter_map(labelled).collect();
                 progress(count).then_some(part)
             })
             .collect();
         let parts = parts?;
         let mut splats = Splats::with_capacity(parts.iter().map(Vec::len).sum(), 0);
-        parts.iter().flatten().for_each(|splat| splats.push(splat));
+        parts.iter().flatten().for_each(|(splat, _)| splats.push(splat));
+        splats.labels = parts.iter().flatten().map(|(_, label)| *label).collect();
         Some(Scene { splats, metadata: self.place.metadata(), views: Vec::new() })
     }
 

@@ -203,6 +203,7 @@ fn parse(bytes: &[u8]) -> Result<(CheckpointHead, TrainState), Fault> {
         sh: vec![0.0; head.splats * 3 * sh::coefficients(degree)],
         sh_degree: degree,
         groups,
+        ..Splats::default()
     };
     let population = Population::unsorted(splats);
     let mut state = TrainState { step: head.step, population, exposures: Exposures::new(head.exposures) };

@@ -24,7 +24,7 @@ use crate::wetness::{SkySheen, SlantedRain, WetRequest};
 use std::path::Path;
 use std::sync::Arc;
 use wm_render::Frame;
-use wm_render::hooks::{Backdrop, Hooks, Medium, ParticleView, Particles, PixelEffect, SkySplats};
+use wm_render::hooks::{Backdrop, Hooks, Medium, Particle, ParticleView, Particles, PixelEffect, SkySplats};
 use wm_render::simd::SimdPath;
 use wm_scene::color::srgb_decode;
 use wm_scene::{Camera, Splats};
@@ -500,6 +500,14 @@ impl PreparedWeather {
         let place = (&self.site, &self.air, shelter);
         let at = (moved, self.time + after, duration);
         self.falling.iter().flat_map(|kind| near::particles(path, view, kind, place, at, reach)).collect()
+    }
+
+    /// Returns the falling particles that a picture shows, as they are drawn, each with its velocity relative to the camera, scene units a
+    /// second, world axes. Splashes are not among them.
+    #[must_use]
+    pub fn drawn_particles(&self, path: SimdPath, seen: &Observer<'_>) -> Vec<(Particle, [f64; 3])> {
+        let place = (&self.site, &self.air, self.wind_now, self.time);
+        self.falling.iter().flat_map(|kind| near::drawn(path, seen, kind, place)).collect()
     }
 
     /// The paper's rain and snow: overlaid on the picture that [`Self::with_hooks`] gives.

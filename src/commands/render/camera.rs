@@ -4,6 +4,7 @@ use super::OutputArgs;
 use crate::scene::OpenScene;
 use anyhow::{Result, bail};
 use clap::Args;
+use glam::{DMat4, DVec3};
 use std::path::PathBuf;
 use weather_magician::view::moves::{self, PathSpec};
 use weather_magician::view::path::{CameraPath, PathKey};
@@ -248,6 +249,18 @@ impl CameraPlan {
     /// Returns the number of the frame at `time`, seconds: the same in a picture and in a sequence.
     pub fn index(&self, time: f64) -> u32 {
         (time / self.rate.seconds(1)).round() as i64 as u32
+    }
+
+    /// Returns the time and the camera of the frame after that at `time`, seconds. The camera of a single picture with a speed moves ahead by it; in a
+    /// sequence such a camera stays, as its frames show it.
+    pub fn next(&self, time: f64, metres_per_unit: f64) -> (f64, MovingCamera) {
+        let step = self.rate.seconds(1);
+        let mut next = self.moving(time + step, metres_per_unit);
+        if self.frames == 1 && matches!(self.motion, CameraMotion::Still { .. }) {
+            let way = DVec3::from_array(next.velocity) * (step / metres_per_unit);
+            next.camera.viewmat *= DMat4::from_translation(-way);
+        }
+        (time + step, next)
     }
 
     /// Returns the time of frame `index`, seconds.

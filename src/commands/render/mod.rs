@@ -2,6 +2,7 @@
 
 pub mod camera;
 mod device;
+mod layers;
 mod pairs;
 mod range;
 mod rig;
@@ -18,6 +19,7 @@ use anyhow::{Result, bail};
 use camera::{CameraArgs, CameraPlan};
 use clap::Args;
 use device::DeviceArgs;
+use layers::LaterLayers;
 use range::FrameRange;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
@@ -25,7 +27,7 @@ use weather_magician::camera_model::{CameraModel, SensorCamera, Shot};
 use weather_magician::output::{ExtraPicture, LayerPlacement, PictureFormat, PictureStyle, outputs, parts};
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
-use weather_magician::{Camera, Picture, PreparedPlace, Renderer, picture_tags};
+use weather_magician::{Camera, FrameOptions, Picture, PreparedPlace, Renderer, picture_tags};
 use wm_media::png::DepthScale;
 use wm_render::parts::PicturePart;
 use wm_render::{Background, RenderConfig, Stats};
@@ -67,8 +69,9 @@ struct OutputArgs {
     out: Option<PathBuf>,
     /// Further pictures: depth (metres), median-depth, normal, alpha, particles (rain and snow in the air, with their
     /// coverage), transmittance (of the air: one more render), clean (without air and particles: one more), airlight (light
-    /// that the air adds: three more), water (its share of a pixel), reflection (of a pixel's light), water-depth (metres);
-    /// append .png, .exr or .npy to choose another format than the colour's
+    /// that the air adds: three more), water (its share of a pixel), reflection (of a pixel's light), water-depth (metres), flow
+    /// (optical flow of the scene to the frame 1/fps later, px: two renders without colour; .png is KITTI's), flow-mask (0 visible,
+    /// 1 occluded, 2 outside, 3 unknown), particle-flow (of falling rain, snow and hail), label and instance (of a scene that has them, 0 for none: one more render); append .png, .exr or .npy, or .flo for flow, to choose another format than the colour's
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
     also: Vec<ExtraPicture>,
     /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay, filtered and final;
@@ -230,6 +233,16 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         OutputTarget::Picture(path) => PictureFormat::of(path) == Some(PictureFormat::Exr),
         _ => args.output.frame_format == PictureFormat::Exr,
     };
+    if asks_for_particle_flow(&args.output.also) {
+        if args.camera.lens.is_some() {
+            bail!("--also particle-flow: is of pinholes alone; leave out --lens or the layer");
+        }
+        if weather.fidelity == wm_weather::Fidelity::Paper {
+            bail!(
+                "--also particle-flow: rain and snow of fidelity paper have none; use --set fidelity=physical"
+            );
+        }
+    }
     if args.output.layers && !is_exr {
         bail!("--layers are those of an .exr: give --out a name that ends in .exr, or --frame-format exr");
     }
@@ -267,6 +280,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     };
     let parts = parts(&args.output.also);
     let mut job = RenderJob::new(loaded, config, weather, (plan, model), parts)?;
+    job.later = LaterLayers::of(&args.output.also, &job.camera.model, &job.place, &args.scene.scene)?;
     match target {
         OutputTarget::Picture(path) => job.picture(&path, args),
         OutputTarget::Video(path) => sequence::video(&mut job, &wanted, &path, args),
@@ -308,6 +322,8 @@ struct RenderJob {
     camera: SensorCamera,
     /// Picture parts that need extra renders.
     parts: Vec<PicturePart>,
+    /// Flow and labels.
+    later: LaterLayers,
 }
 
 impl RenderJob {
@@ -323,14 +339,21 @@ impl RenderJob {
         loaded.prepare(&weather)?;
         let OpenScene { renderer, place } = loaded;
         let camera = SensorCamera::new(model, plan.motion().clone());
-        Ok(Self { renderer, place, weather, plan, camera, parts })
+        Ok(Self { renderer, place, weather, plan, camera, parts, later: LaterLayers::default() })
     }
 
     /// Renders the frame at `time`, seconds.
     fn render(&mut self, time: f64, picture: &mut Picture) -> Result<Stats> {
-        let Self { renderer, place, weather, camera, parts, plan } = self;
+        let Self { renderer, place, weather, camera, parts, plan, later } = self;
         let shot = Shot { time, index: plan.index(time), parts };
-        Ok(renderer.expose(place, weather, camera, &shot, picture, &mut Reporter::default())?)
+        let stats = renderer.expose(place, weather, camera, &shot, picture, &mut Reporter::default())?;
+        let metres = place.site().metres_per_unit;
+        let frame = FrameOptions::new(time, plan.moving(time, metres));
+        let (after, moving) = plan.next(time, metres);
+        let next = FrameOptions::new(after, moving);
+        let lens = camera.model.lens.as_ref();
+        later.render(renderer, (place, weather), lens, [&frame, &next], picture)?;
+        Ok(stats)
     }
 
     /// Returns the camera at `time`, seconds, with the size and the intrinsics of the pictures.
@@ -345,12 +368,15 @@ impl RenderJob {
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
         let mut picture = Picture::default();
         let style = self.style(args, DepthScale::Auto, args.output.time());
-        let (stats, beside) = if args.output.stages {
-            stages::picture(self, &style, path, args.output.time(), &mut picture)?
-        } else {
-            let stats = self.render(args.output.time(), &mut picture)?;
-            (stats, style.write(&picture, path)?)
-        };
+        let (stats, beside) =
+            if args.output.stages && (self.has_flow || self.has_particle_flow || self.has_labels) {
+                bail!("--stages: shows neither flow nor labels; leave one of the two out");
+            } else if args.output.stages {
+                stages::picture(self, &style, path, args.output.time(), &mut picture)?
+            } else {
+                let stats = self.render(args.output.time(), &mut picture)?;
+                (stats, style.write(&picture, path)?)
+            };
         let frame = &picture.frame;
         println!(
             "{}: {}x{}, {}, {:.0} ms ({})",

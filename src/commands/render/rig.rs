@@ -1,6 +1,7 @@
 //! Rigs: the pictures and sweeps of all sensors along one path, a folder each.
 
 use super::camera::MotionArgs;
+use super::layers::LaterLayers;
 use super::{RenderArgs, background};
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
@@ -15,7 +16,7 @@ use weather_magician::camera_model::{SensorCamera, Shot};
 use weather_magician::lidar::{LidarSweep, ScanOptions};
 use weather_magician::output::{ExtraPicture, PictureFormat, PictureStyle, outputs, parts};
 use weather_magician::rig::{Rig, RigDevice, RigSensor};
-use weather_magician::{Camera, CameraMotion, Error, LensView, Picture, picture_tags};
+use weather_magician::{Camera, CameraMotion, Error, FrameOptions, LensView, Picture, picture_tags};
 use wm_media::png::DepthScale;
 use wm_render::RenderConfig;
 use wm_scene::files::write_atomically;
@@ -179,6 +180,8 @@ impl RigJob<'_> {
         missing: &[(u32, f64)],
     ) -> Result<()> {
         let parts = parts(&self.args.output.also);
+        let (also, scene) = (&self.args.output.also, &self.args.scene.scene);
+        let later = LaterLayers::of(also, &camera.model, &self.loaded.place, scene)?;
         let scene = self.args.scene.scene.display().to_string();
         let mut picture = Picture::default();
         for (index, time) in missing {
@@ -186,6 +189,11 @@ impl RigJob<'_> {
             let shot = Shot { time: *time, index: *index, parts: &parts };
             let OpenScene { renderer, place } = &mut self.loaded;
             renderer.expose(place, self.weather, camera, &shot, &mut picture, &mut Reporter::default())?;
+            let metres = place.site().metres_per_unit;
+            let at = |time: f64| FrameOptions::new(time, camera.motion.at(time, metres));
+            let (frame, next) = (at(*time), at(*time + 1.0 / sensor.rate));
+            let lens = camera.model.lens.as_ref();
+            later.render(renderer, (place, self.weather), lens, [&frame, &next], &mut picture)?;
             let pose = camera.motion.camera(*time);
             let mut tags = picture_tags(&scene, place.site(), renderer.backend(), self.weather, *time, &pose);
             tags.push(("sensor".into(), sensor.name.clone()));

@@ -35,7 +35,12 @@ impl Features {
             !(pass.hooks.pixels.is_empty() && pass.particles().is_empty() && pass.surface.is_none());
         let geometry =
             if effects && asked.geometry == Geometry::None { Geometry::Depth } else { asked.geometry };
-        Self { geometry, median: asked.median_depth }
+        // Blending does not know whether a depth is one.
+        let median = match asked.median_depth {
+            MedianDepth::Off => MedianDepth::Off,
+            MedianDepth::On | MedianDepth::Splat => MedianDepth::On,
+        };
+        Self { geometry, median }
     }
 
     /// Number of sums: colour, and what is asked for.
@@ -54,7 +59,7 @@ pub fn arrays(pass: &DrawPass<'_>) -> Arrays {
     Arrays {
         rgb: true,
         depth: outputs.geometry != Geometry::None,
-        median_depth: outputs.median_depth == MedianDepth::On,
+        median_depth: outputs.median_depth != MedianDepth::Off,
         normal: outputs.geometry == Geometry::DepthNormal,
         particles: outputs.particles == ParticlePass::On,
         front: pass.surface.is_some(),
@@ -190,19 +195,19 @@ pub fn blend(
         }
         return match (features, median) {
             (4, MedianDepth::Off) => blend!(4, false, true),
-            (4, MedianDepth::On) => blend!(4, true, true),
+            (4, _) => blend!(4, true, true),
             (_, MedianDepth::Off) => blend!(7, false, true),
-            (_, MedianDepth::On) => blend!(7, true, true),
+            _ => blend!(7, true, true),
         };
     }
     match (features, median) {
         (1, _) => blend!(1, false),
         (3, MedianDepth::Off) => blend!(3, false),
-        (3, MedianDepth::On) => blend!(3, true),
+        (3, _) => blend!(3, true),
         (4, MedianDepth::Off) => blend!(4, false),
-        (4, MedianDepth::On) => blend!(4, true),
+        (4, _) => blend!(4, true),
         (_, MedianDepth::Off) => blend!(7, false),
-        (_, MedianDepth::On) => blend!(7, true),
+        _ => blend!(7, true),
     }
 }
 

@@ -3,9 +3,10 @@
 use super::model::{CLUSTER, CpuModel, GROUPS, SplatGroup};
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::dispatch;
+use crate::frame::splat_name;
 use crate::hooks::{GROUP, Medium, ShadeGroup, SkySplats};
 use crate::plan::{DrawPass, Shading};
-use crate::renderer::Stats;
+use crate::renderer::{MedianDepth, Stats};
 use crate::simd::{Lanes, SimdPath};
 use crate::stages::intersect::TileGrid;
 use crate::stages::intersect::cpu::{Pairs, PatchBox};
@@ -97,6 +98,7 @@ pub(crate) struct Front<'a> {
     cut: Option<[f32; 4]>,
     /// Normal of the surface that splits the blend, if the pass has one ([`DrawPass::surface`]).
     split: Option<[f32; 3]>,
+    median: MedianDepth,
 }
 
 impl<'a> Front<'a> {
@@ -111,6 +113,7 @@ impl<'a> Front<'a> {
             shading: pass.shading,
             sky_splats: pass.hooks.sky_splats(),
             grid,
+            median: pass.config.outputs.median_depth,
             split: pass.surface.map(|surface| surface.normal.map(|v| v as f32)),
             cut: pass.cut.map(|plane| plane.seen_from(pass.camera.center().to_array())),
         }
@@ -160,6 +163,12 @@ impl<'a> Front<'a> {
             let own = &records[used..used + visible];
             let first = first_record + used as u32;
             dispatch!(self.path, s => self.intersect_cluster(s, own, &scratch.boxes, first, part));
+            if self.median == MedianDepth::Splat {
+                // The keys have the depth now, and blending reads it for nothing but the median.
+                for record in &mut records[used..used + visible] {
+                    record.depth = splat_name(model.source[record.index as usize]);
+                }
+            }
             used += visible;
             part.project += (projected - begun).as_secs_f64();
             part.medium += (seen - projected).as_secs_f64();

@@ -32,7 +32,7 @@ struct View {
     extinction: f32,
     // A normal and a height above the camera: splats below are not drawn. A normal of 0 draws all.
     cut: vec4<f32>,
-    // Normal of the surface that splits the blend, and 1 where there is one.
+    // Normal of the surface that splits the blend, and 1 where there is one; 2 where depths of records stand for their splats.
     split_normal: vec3<f32>,
     split: u32,
 }

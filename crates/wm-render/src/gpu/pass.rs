@@ -11,10 +11,10 @@ use super::recorder::{Recorder, Stage};
 use super::uniforms::{self, AttributeUse, Capacity, Uniform, ViewParameters};
 use crate::attributes::SplatAttributes;
 use crate::cpu::{self, Features};
-use crate::frame::{Arrays, FRONT};
+use crate::frame::{Arrays, FRONT, Frame, splat_name};
 use crate::hooks::{ParticleView, WgslSource};
 use crate::plan::{DrawPass, SplatSource};
-use crate::renderer::{Geometry, Models, RenderError};
+use crate::renderer::{Geometry, MedianDepth, Models, RenderError};
 use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundView;
 use crate::stages::composite::gpu::{BackgroundForm, Composite, ParticleBlend};
@@ -107,6 +107,19 @@ impl<'a> GpuPass<'a> {
             drops: None,
             first_slot,
         })
+    }
+
+    /// Puts the indices of splats as they were loaded in the place of those of the model, where the pass gives splats instead of depths.
+    pub fn name_splats(&self, frame: &mut Frame) {
+        if self.pass.config.outputs.median_depth != MedianDepth::Splat {
+            return;
+        }
+        let Some((model, ..)) = self.sets.first() else { return };
+        for pixel in 0..frame.median_depth.len() {
+            if let Some(&index) = frame.median_splat(pixel).and_then(|slot| model.source.get(slot as usize)) {
+                frame.median_depth[pixel] = splat_name(index);
+            }
+        }
     }
 
     /// Splats in all sets.

@@ -198,6 +198,7 @@ fn take(
                 stats.intersections += u64::from(counted.entries);
                 stats.evaluated_pairs += u64::from(counted.walked) * u64::from(WORKGROUP);
                 stats.particles += u64::from(drawn.particles());
+                drawn.name_splats(frame);
                 hosted::pixel_effects(path, pass, frame, &hidden);
             }
             (FramePass::Draw { .. }, None) => unreachable!("what was drawn comes back"),

@@ -188,6 +188,7 @@ pub fn constants() -> String {
         VISIBLE_SORT = VISIBLE_SORT;
         ENTRY_SORT = ENTRY_SORT;
         ATTRIBUTE_COLUMNS = Attribute::COUNT;
+        SPLAT_NAME = frame::SPLAT_NAME;
         SPLAT_ROWS = splats::ROWS;
         ROW_MEAN = splats::ROW_MEAN;
         ROW_QUAT = splats::ROW_QUAT;

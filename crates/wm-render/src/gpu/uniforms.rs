@@ -5,6 +5,7 @@ use crate::differentiable::{DepthAlpha, DrawnSplats, ForwardConfig, Learn, Opaci
 use crate::even_air::EvenAir;
 use crate::hooks::{SkySplats, SplatAttributes};
 use crate::plan::{CutPlane, DrawPass};
+use crate::renderer::MedianDepth;
 use crate::stages::compare::{Comparison, Term};
 use crate::stages::optimize::{BETA1, BETA2, Noise, Step};
 use crate::stages::project::ProjectCamera;
@@ -114,6 +115,8 @@ pub struct ViewParameters<'a> {
     pub cut: Option<CutPlane>,
     /// Normal of the surface that splits the blend, if the pass has one ([`DrawPass::surface`]).
     pub split: Option<[f32; 3]>,
+    /// The median that is blended.
+    pub median: MedianDepth,
 }
 
 impl<'a> ViewParameters<'a> {
@@ -128,6 +131,7 @@ impl<'a> ViewParameters<'a> {
             sky,
             air: None,
             cut: pass.cut,
+            median: pass.config.outputs.median_depth,
             split: pass.surface.map(|surface| surface.normal.map(|v| v as f32)),
         }
     }
@@ -147,6 +151,7 @@ impl<'a> ViewParameters<'a> {
             air: config.air,
             cut: None,
             split: None,
+            median: MedianDepth::Off,
         }
     }
 
@@ -194,7 +199,7 @@ pub fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity: Capac
         .real("extinction", sight.air.map_or(0.0, |air| air.extinction * LOG2_E))
         .vector("cut", sight.cut.map_or([0.0; 4], |cut| cut.seen_from(sight.camera.center().to_array())))
         .vector("split_normal", sight.split.unwrap_or_default())
-        .whole("split", u32::from(sight.split.is_some()))
+        .whole("split", if sight.median == MedianDepth::Splat { 2 } else { sight.split.is_some().into() })
 }
 
 /// A piece of a set, for [`chunk`].

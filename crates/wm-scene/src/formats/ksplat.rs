@@ -32,6 +32,7 @@ pub const FORMAT: SceneFormat = SceneFormat {
     loses: Loses {
         sh_degree: 2,
         groups: Kept::Not,
+        labels: Kept::Not,
         metadata: Kept::Beside,
         rounding: "positions 1/65534 of the range of 256 neighbours, scales and SH 1/2048 of their value, rotations 0.05 \
                    degrees, colours and opacities 1/510 of 0-1",

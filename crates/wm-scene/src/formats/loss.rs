@@ -9,6 +9,8 @@ pub struct Loses {
     pub sh_degree: u8,
     /// The group of each splat, such as sky and lying snow: [`Group`].
     pub groups: Kept,
+    /// The label and the instance of each splat.
+    pub labels: Kept,
     /// [`Metadata`].
     pub metadata: Kept,
     /// The rounding of numbers in words, with the largest error of each; empty if there is none.
@@ -38,6 +40,7 @@ impl Loses {
     pub const NOTHING: Self = Self {
         sh_degree: 3,
         groups: Kept::Inside,
+        labels: Kept::Inside,
         metadata: Kept::Inside,
         rounding: "",
         order: Kept::Inside,
@@ -53,6 +56,9 @@ impl Loses {
         }
         if self.groups == Kept::Not {
             lines.push("which splats are sky or snow".into());
+        }
+        if self.labels == Kept::Not {
+            lines.push("labels and instances of splats".into());
         }
         if self.metadata != Kept::Inside {
             lines.push("metadata (a .wm.toml beside it has it)".into());
@@ -76,6 +82,9 @@ pub fn lost(loses: &Loses, scene: &Scene) -> Vec<String> {
     let labelled = splats.groups.iter().filter(|group| **group != Group::Scene).count();
     if loses.groups == Kept::Not && labelled > 0 {
         lines.push(format!("the label of {labelled} splats of the sky or snow"));
+    }
+    if loses.labels == Kept::Not && !(splats.labels.is_empty() && splats.instances.is_empty()) {
+        lines.push("labels and instances of the splats".into());
     }
     if loses.metadata == Kept::Not && scene.metadata != Metadata::default() {
         lines.push("metadata".into());

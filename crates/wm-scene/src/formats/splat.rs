@@ -27,6 +27,7 @@ pub const FORMAT: SceneFormat = SceneFormat {
     loses: Loses {
         sh_degree: 0,
         groups: Kept::Not,
+        labels: Kept::Not,
         metadata: Kept::Beside,
         rounding: "rotations 1 degree, colours and opacities 1/510 of 0-1",
         order: Kept::Inside,

@@ -41,6 +41,7 @@ pub const FORMAT: SceneFormat = SceneFormat {
     loses: Loses {
         sh_degree: 3,
         groups: Kept::Not,
+        labels: Kept::Not,
         metadata: Kept::Beside,
         rounding: "positions 2^-22 of the largest coordinate (2^-13 units in scenes wider than 1024), scales 3 %, rotations 0.25 degrees, opacities 1/510, colours 0.4 %, \
                    SH 1/128 (degree 1) and 1/64",

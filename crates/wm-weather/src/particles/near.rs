@@ -5,8 +5,9 @@ use super::precipitation::{ParticleAppearance, Precipitation};
 use super::spectrum::ParticleShape;
 use crate::optics::{Atmosphere, Site};
 use crate::shelter::Shelter;
+use crate::weather::Observer;
 use std::f64::consts::PI;
-use wm_render::hooks::{ParticleView, Particles};
+use wm_render::hooks::{Particle, ParticleView, Particles};
 use wm_render::simd::SimdPath;
 
 /// Shortest time over which the way of a particle gives its velocity, s.
@@ -61,6 +62,28 @@ pub(crate) fn particles(
                 let velocity = particle.reach[0].map(|v| f64::from(v) * metres / (exposure * LINE));
                 found.push(NearParticle { offset, velocity, diameter, shape });
             }
+        });
+    }
+    found
+}
+
+/// The particles of one kind that a picture shows, with their velocity relative to the camera, scene units a second, world axes.
+pub(crate) fn drawn(
+    path: SimdPath,
+    seen: &Observer<'_>,
+    kind: &Precipitation,
+    (site, air, wind, time): (&Site, &Atmosphere, WindSample, f64),
+) -> Vec<(Particle, [f64; 3])> {
+    let view = ParticleView::new(seen.camera);
+    let motion = (wind, seen.velocity);
+    let fall = FallingParticles::new(kind, site, air, (seen.shelter, None), motion, time);
+    // A streak is the way within the exposure.
+    let seconds = kind.look.exposure * LINE;
+    let velocity = |one: &Particle| one.reach[0].map(|v| f64::from(v) / seconds);
+    let mut found = Vec::new();
+    for part in fall.parts(&view) {
+        fall.gather(path, &view, part, &mut |group| {
+            found.extend(group.particles().map(|one| (one, velocity(&one))));
         });
     }
     found

@@ -30,14 +30,18 @@ fn project_visible(
     let slope_y = p.cov.y / p.cov.x;
     let slope_x = p.cov.y / p.cov.z;
     var index = bitcast<f32>(chunk.first_splat + splat);
-    if view.split != 0u {
+    if view.split == 1u {
         let slopes = bitcast<vec2<u32>>(reciprocal_slopes(p));
         index = bitcast<f32>((slopes.x & 0xffff0000u) | (slopes.y >> 16u));
+    }
+    var depth = p.z;
+    if view.split == 2u {
+        depth = bitcast<f32>(SPLAT_NAME + chunk.first_splat + splat);
     }
     records[place] = Record(
         vec4<f32>(p.mean2d, factor.xy),
         vec4<f32>(factor.z, p.log2_opacity, seen.xy),
-        vec4<f32>(seen.z, p.z, normal.xy),
+        vec4<f32>(seen.z, depth, normal.xy),
         vec4<f32>(normal.z, slope_y, slope_x, index),
     );
     // Positive floats are in the order of their bits.

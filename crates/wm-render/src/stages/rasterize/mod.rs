@@ -19,7 +19,7 @@
 //!   surface is then laid between: what lies behind is the difference to the whole, and the light that reaches the
 //!   surface is the transmittance `1 - alpha` of the front.
 //! - Median depth: the view z of the last splat that starts with `T_i > 0.5`, if `T` ends at 0.5 or
-//!   below.
+//!   below. A pass that names splats ([`crate::MedianDepth::Splat`]) writes that splat's index in its place.
 //!
 //! Tolerance against f64: `q` errs by about 1e-6 |q| and by the error of `u`, `v` (see project), 2^q
 //! by 3e-7 relative, a sum over n splats by n / 2 ulp. So colours agree to 1e-5 in the mean. The cuts

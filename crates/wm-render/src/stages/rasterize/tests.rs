@@ -4,7 +4,7 @@ use crate::plan::{BlendSurface, CutPlane, DrawPass, SetView, Shading};
 use crate::reference;
 use crate::renderer::{Background, RenderConfig};
 use crate::testing::{ALL_OUTPUTS, Backend, Hard, camera, compare, random_splats};
-use crate::{CpuConfig, CpuRenderer, FRONT, Frame, Geometry, Outputs, RenderBackend};
+use crate::{CpuConfig, CpuRenderer, FRONT, Frame, Geometry, MedianDepth, Outputs, RenderBackend};
 use wm_scene::{Camera, Rasterization, Splats};
 
 crate::parity! {
@@ -36,6 +36,10 @@ crate::parity! {
     cut_by_a_plane => |backend| {
         let cut = CutPlane { normal: [0.6, 0.8, 0.0], height: 0.05 };
         cut_below(backend, &random_splats(900, 1, 73), cut);
+    };
+    names_of_splats => |backend| {
+        names(backend, &random_splats(900, 1, 80));
+        names(backend, &Hard::Opaque.splats(250, 81));
     };
     no_splats => |backend| check(backend, &[Splats::default()], Rasterization::Classic);
 }
@@ -71,6 +75,34 @@ fn check(backend: Backend, sets: &[Splats], rasterization: Rasterization) {
         let want = reference::render(&referee, &camera, &config, Hooks::default());
         compare(&frame, &want, 2.0).unwrap_or_else(|error| panic!("{backend:?}, {width}x{height}: {error}"));
     }
+}
+
+/// The median splat has the median depth, on every pixel.
+fn names(backend: Backend, splats: &Splats) {
+    let camera = camera(75, 53);
+    let mut renderer = backend.renderer();
+    let set = [SetView::plain(renderer.load(splats).unwrap())];
+    let mut draw = |median_depth| {
+        let outputs = Outputs { median_depth, ..Outputs::default() };
+        let config = RenderConfig { outputs, ..RenderConfig::default() };
+        let mut frame = Frame::default();
+        renderer.render(&DrawPass::new(&set, &camera, &config), &mut frame).unwrap();
+        frame
+    };
+    let (depths, names) = (draw(MedianDepth::On), draw(MedianDepth::Splat));
+    assert_eq!(depths.rgb, names.rgb);
+    let mut seen = 0;
+    for (pixel, depth) in depths.median_depth.iter().enumerate() {
+        let Some(splat) = names.median_splat(pixel) else {
+            assert_eq!(*depth, 0.0, "{backend:?}, {pixel}");
+            continue;
+        };
+        let mean = glam::DVec3::from_array(splats.means[splat as usize].map(f64::from));
+        let own = camera.viewmat.transform_point3(mean).z;
+        assert!((f64::from(*depth) - own).abs() < 1e-5 * own, "{backend:?}, {pixel}: {depth} and {own}");
+        seen += 1;
+    }
+    assert!(seen > 100, "{seen}");
 }
 
 fn render(splats: &Splats, camera: &Camera, threads: usize, outputs: Outputs) -> Frame {

@@ -22,7 +22,11 @@ pub const FORMAT: SceneFormat = SceneFormat {
     extensions: &["glb"],
     about: "glTF 2.0 with KHR_gaussian_splatting (.glb, .gltf), as floats or SPZ",
     axes: Axes::YUpZForward,
-    loses: Loses { rounding: "opacities and scales 1e-7 of their value", ..Loses::NOTHING },
+    loses: Loses {
+        labels: super::Kept::Not,
+        rounding: "opacities and scales 1e-7 of their value",
+        ..Loses::NOTHING
+    },
     sniff: |start| start.bytes.starts_with(MAGIC) || has_ending(start.path, "gltf"),
     read: |source, _| {
         let path = source.path().to_owned();

@@ -69,9 +69,11 @@ pub(super) fn read(
         grow(&mut splats, done + rows, promised);
         let size = rows as usize * row_size;
         if vertex.has_lists() {
-            layout.scatter(endian, &repacked, done as usize, &mut splats);
+            let put = layout.scatter(endian, &repacked, done as usize, &mut splats);
+            put.map_err(|problem| source.whole(problem))?;
         } else {
-            layout.scatter(endian, &source.bytes()[..size], done as usize, &mut splats);
+            let put = layout.scatter(endian, &source.bytes()[..size], done as usize, &mut splats);
+            put.map_err(|problem| source.whole(problem))?;
             source.consume(size);
         }
         done += rows;

@@ -41,6 +41,7 @@ pub const FORMAT: SceneFormat = SceneFormat {
     loses: Loses {
         sh_degree: 3,
         groups: Kept::Not,
+        labels: Kept::Not,
         metadata: Kept::Inside,
         rounding: "positions 1/4094 and scales 1/2046 of the range of 256 neighbours, rotations 0.25 degrees, colours and opacities \
                    1/510, SH 1/64",

@@ -1,6 +1,7 @@
 //! The map from the properties of a file to the arrays of [`Splats`].
 
 use super::header::{Element, Header, Kind, Scalar};
+use crate::splats::LabelKind;
 use crate::{Group, Splats, error::Problem, sh};
 
 /// Byte order of a binary file.
@@ -19,6 +20,7 @@ pub(super) enum Array {
     Opacities,
     Sh,
     Groups,
+    Names(LabelKind),
 }
 
 /// A property that is kept.
@@ -84,11 +86,23 @@ impl Layout {
             columns.push(column.ok_or_else(|| missing(&name))?);
         }
         columns.extend(find(vertex, "group", Array::Groups, 0)?);
+        for kind in LabelKind::ALL {
+            columns.extend(find(vertex, kind.name(), Array::Names(kind), 0)?);
+        }
         Ok(Self { element, columns, row_size: offset_of(vertex, vertex.properties.len()), sh_degree })
     }
 
     /// Writes the binary rows `rows`, lists left out, into `splats` from splat `first` on.
-    pub fn scatter(&self, endian: Endian, rows: &[u8], first: usize, splats: &mut Splats) {
+    ///
+    /// # Errors
+    /// [`Problem`] names a label that is none.
+    pub fn scatter(
+        &self,
+        endian: Endian,
+        rows: &[u8],
+        first: usize,
+        splats: &mut Splats,
+    ) -> Result<(), Problem> {
         // Every column runs over the rows once: as many at a time as stay in the first cache.
         let step = (PART / self.row_size).max(1);
         let mut numbers = Vec::new();
@@ -96,12 +110,12 @@ impl Layout {
             let first = first + part * step;
             let count = rows.len() / self.row_size;
             for column in &self.columns {
-                if column.array == Array::Groups {
+                if !column.array.is_numbers() {
                     numbers.clear();
                     numbers.resize(count, 0.0);
                     column.gather(endian, rows, self.row_size, &mut numbers, 1);
-                    for (group, number) in splats.groups[first..].iter_mut().zip(&numbers) {
-                        *group = group_of(*number);
+                    for (at, number) in numbers.iter().enumerate() {
+                        put(splats, column.array, first + at, *number)?;
                     }
                 } else {
                     let (values, stride) = values(splats, column.array);
@@ -110,7 +124,47 @@ impl Layout {
                 }
             }
         }
+        Ok(())
     }
+}
+
+impl Array {
+    /// Returns true if it holds what a file holds: numbers that are kept as they are.
+    pub fn is_numbers(self) -> bool {
+        !matches!(self, Self::Groups | Self::Names(_))
+    }
+}
+
+/// Writes the group or the label that a number in a file stands for.
+///
+/// # Errors
+/// [`Problem`] if it is no label.
+pub(super) fn put(splats: &mut Splats, array: Array, index: usize, number: f32) -> Result<(), Problem> {
+    let Array::Names(kind) = array else {
+        splats.groups[index] = group_of(number);
+        return Ok(());
+    };
+    let name = name_of(number).ok_or_else(|| {
+        let reason = format!(
+            "the {} of splat {index} is {number}: it must be a whole number up to 65535, 0 or below 0 for none; correct it or \
+             rename the property",
+            kind.name()
+        );
+        Problem::Value(reason)
+    })?;
+    let count = splats.len();
+    let names = splats.names_mut(kind);
+    if names.len() < count {
+        names.resize(count, 0);
+    }
+    names[index] = name;
+    Ok(())
+}
+
+/// The label of a number in a file; below 0 is none, as many programs write it.
+fn name_of(number: f32) -> Option<u16> {
+    let is_name = number.fract() == 0.0 && number <= f32::from(u16::MAX);
+    is_name.then_some(number.max(0.0) as u16)
 }
 
 /// Bytes of rows that are scattered at a time.
@@ -119,7 +173,7 @@ const PART: usize = 16 << 10;
 /// The flat values of an array and how many it has for one splat.
 ///
 /// # Panics
-/// For the groups, which are no numbers.
+/// For groups and labels, which are no numbers.
 pub(super) fn values(splats: &mut Splats, array: Array) -> (&mut [f32], usize) {
     let stride = splats.sh_stride();
     match array {
@@ -128,7 +182,7 @@ pub(super) fn values(splats: &mut Splats, array: Array) -> (&mut [f32], usize) {
         Array::LogScales => (splats.log_scales.as_flattened_mut(), 3),
         Array::Opacities => (&mut splats.logit_opacities, 1),
         Array::Sh => (&mut splats.sh, stride),
-        Array::Groups => panic!("groups are no numbers"),
+        Array::Groups | Array::Names(_) => panic!("groups and labels are no numbers"),
     }
 }
 
@@ -142,7 +196,7 @@ pub(super) fn grow(splats: &mut Splats, count: u64, promised: u64) {
 }
 
 /// The group of a number in a file; a number that no group has is the scene.
-pub(super) fn group_of(number: f32) -> Group {
+fn group_of(number: f32) -> Group {
     let small = number as u8;
     if f32::from(small) == number { Group::from_number(small).unwrap_or_default() } else { Group::default() }
 }

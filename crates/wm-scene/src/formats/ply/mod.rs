@@ -9,7 +9,8 @@
 //! # What else is read
 //! Binary of either byte order and ASCII; properties in any order and of any number type; further
 //! properties and elements, lists too, are stepped over. `group` (any number type) is the
-//! [`Group`](crate::Group) of a splat; numbers that no group has are the scene. Comment lines
+//! [`Group`](crate::Group) of a splat; numbers that no group has are the scene. `label` and `instance` (any number type, whole numbers
+//! up to 65535, below 0 for none) are the [`LabelKind`](crate::splats::LabelKind)s of a splat. Comment lines
 //! `comment wm.<key> <value>` are [`Metadata`](crate::Metadata), the value in TOML; keys that are not
 //! known are left alone, so that files of later versions can be read; of equal keys the last counts.
 //!

@@ -2,7 +2,7 @@
 
 use super::{
     header::{Element, Header, Kind},
-    layout::{Array, Layout, group_of, grow, values},
+    layout::{Layout, grow, put, values},
 };
 use crate::{
     Splats,
@@ -52,8 +52,8 @@ pub(super) fn read(source: &mut Source, header: &Header, layout: &Layout) -> Res
         grow(&mut splats, done + 1, promised);
         let index = done as usize;
         for (column, number) in layout.columns.iter().zip(&numbers) {
-            if column.array == Array::Groups {
-                splats.groups[index] = group_of(*number);
+            if !column.array.is_numbers() {
+                put(&mut splats, column.array, index, *number).map_err(|problem| source.at_line(problem))?;
             } else {
                 let (values, stride) = values(&mut splats, column.array);
                 values[index * stride + column.lane] = *number;

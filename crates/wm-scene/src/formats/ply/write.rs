@@ -1,6 +1,7 @@
 //! Writing: the property order of the reference 3DGS writer, so that other programs read it.
 
 use super::PlyEncoding;
+use crate::splats::LabelKind;
 use crate::{Group, Metadata, Scene, error::Problem};
 use std::{fmt::Write as _, io::Write};
 
@@ -10,7 +11,7 @@ const BLOCK: usize = 1 << 20;
 /// Writes splats and metadata; views have no room in a PLY.
 ///
 /// The order is x y z nx ny nz f_dc f_rest opacity scale rot, all `float`, then `uchar group` if
-/// some splat is not [`Group::Scene`]. nx ny nz is the shortest axis. Reading gives every stored
+/// some splat is not [`Group::Scene`], and `ushort label` and `ushort instance` if splats have them. nx ny nz is the shortest axis. Reading gives every stored
 /// value back bit by bit (in ASCII, except for the payload of NaNs).
 ///
 /// # Errors
@@ -40,14 +41,18 @@ pub fn write(out: &mut dyn Write, scene: &Scene, encoding: PlyEncoding) -> Resul
         row.extend(splats.log_scales[index]);
         row.extend(splats.quats[index]);
         let group = grouped.then_some(splats.groups[index] as u8);
+        let names = LabelKind::ALL.map(|kind| splats.names(kind).get(index).copied());
+        let names = names.into_iter().flatten();
         match encoding {
             PlyEncoding::BinaryLittleEndian => {
                 row.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
                 bytes.extend(group);
+                bytes.extend(names.flat_map(u16::to_le_bytes));
             }
             PlyEncoding::BinaryBigEndian => {
                 row.iter().for_each(|v| bytes.extend(v.to_be_bytes()));
                 bytes.extend(group);
+                bytes.extend(names.flat_map(u16::to_be_bytes));
             }
             PlyEncoding::Ascii => {
                 // `{:?}` gives the fewest digits that read back to the same value.
@@ -56,6 +61,9 @@ pub fn write(out: &mut dyn Write, scene: &Scene, encoding: PlyEncoding) -> Resul
                 }
                 if let Some(group) = group {
                     write!(bytes, " {group}")?;
+                }
+                for name in names {
+                    write!(bytes, " {name}")?;
                 }
                 bytes.push(b'\n');
             }
@@ -88,6 +96,9 @@ fn header(scene: &Scene, encoding: PlyEncoding, grouped: bool) -> Result<String,
     ["rot_0", "rot_1", "rot_2", "rot_3"].into_iter().for_each(&mut float);
     if grouped {
         text.push_str("property uchar group\n");
+    }
+    for kind in LabelKind::ALL.into_iter().filter(|kind| !scene.splats.names(*kind).is_empty()) {
+        let _ = writeln!(text, "property ushort {}", kind.name());
     }
     text.push_str("end_header\n");
     Ok(text)

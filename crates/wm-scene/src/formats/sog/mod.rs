@@ -42,6 +42,7 @@ pub(super) use {
 const LOSES: Loses = Loses {
     sh_degree: 3,
     groups: Kept::Not,
+    labels: Kept::Not,
     metadata: Kept::Inside,
     rounding: "positions 1/131070 of the scene's extent in logarithm (1 + their value), scales and colours to 256 values, rotations 1 \
                degree, opacities 1/510, SH to a palette of 65536",

@@ -164,3 +164,45 @@ fn real_points_are_no_splats() {
     let message = crate::formats::read_scene(&path, &Default::default()).unwrap_err().to_string();
     assert!(message.contains("the vertex element has no property f_dc_0; a 3DGS file has"), "{message}");
 }
+
+/// A scene with labels comes back in every encoding, and without instances it has none.
+#[test]
+fn labels_come_back() {
+    let mut scene = Scene { splats: Splats::with_capacity(3, 0), ..Scene::default() };
+    for _ in 0..3 {
+        scene.splats.push(&Splat {
+            mean: [0.0; 3],
+            quat: [1.0, 0.0, 0.0, 0.0],
+            log_scale: [0.0; 3],
+            logit_opacity: 0.0,
+            rgb: [0.5; 3],
+            group: Group::Scene,
+        });
+    }
+    scene.splats.labels = vec![0, 300, 65535];
+    for encoding in PlyEncoding::ALL {
+        let bytes = written(&scene, encoding);
+        let read = read_bytes(&bytes).unwrap();
+        assert_eq!(read.splats, scene.splats, "{encoding:?}");
+    }
+    scene.splats.instances = vec![1, 2, 0];
+    for encoding in PlyEncoding::ALL {
+        assert_eq!(read_bytes(&written(&scene, encoding)).unwrap().splats, scene.splats, "{encoding:?}");
+    }
+    // Labels of any number type; below 0 is none, and what is no label is refused in one line.
+    let text = String::from_utf8(written(&scene, PlyEncoding::Ascii)).unwrap();
+    for kind in ["float", "double", "int", "short"] {
+        let typed = text.replace("ushort label", &format!("{kind} label")).replace(" 65535 0\n", " -1 0\n");
+        assert_eq!(read_bytes(typed.as_bytes()).unwrap().splats.labels, [0, 300, 0], "{kind}");
+    }
+    for bad in ["1.5", "65536", "1e9", "nan", "inf"] {
+        let wrong = text.replace("ushort label", "float label").replace(" 65535 0\n", &format!(" {bad} 0\n"));
+        let error = read_bytes(wrong.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("the label of splat 2") && !error.contains('\n'), "{bad}: {error}");
+    }
+    let list = text.replace("property ushort label", "property list uchar ushort label");
+    let error = read_bytes(list.as_bytes()).unwrap_err().to_string();
+    assert!(error.contains("label is a list"), "{error}");
+    let twice = text.replace("property ushort instance", "property ushort label");
+    assert!(read_bytes(twice.as_bytes()).unwrap_err().to_string().contains("declared twice"));
+}

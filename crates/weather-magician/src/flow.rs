@@ -1,0 +1,257 @@
+//! Optical flow of the scene: where what a pixel shows is in the next picture.
+//!
+//! Each pixel's surface is found by its depth, moved to the camera of the next picture and projected by that camera's own lens. The depth of
+//! the next picture says whether it is still seen there. Both depths are drawn for it, without air, particles or drops on the
+//! lens, so the flow of a frame needs no other frame. A surface's depth is the expected depth where that is near the median depth,
+//! and the median depth elsewhere: on surfaces of many splats the first has no steps, at edges the second is no mixture.
+
+mod particles;
+
+use crate::place::{FrameContent, PreparedPlace};
+use crate::{FrameOptions, LensView, MovingCamera, Picture, Progress, Renderer, Result};
+use glam::DVec3;
+use rayon::prelude::*;
+use wm_render::Frame;
+use wm_scene::{Camera, LensModel};
+use wm_weather::Weather;
+
+pub use particles::particle_flow;
+
+/// Share by which expected and median depth differ on one surface: at edges the first is wrong by as much.
+const ONE_SURFACE: f32 = 0.02;
+/// Share by which the depths of four pixels differ that are interpolated.
+const EVEN: f32 = 0.1;
+/// Share by which a point lies behind the surface of the next picture from which on it is hidden.
+const HIDDEN: f64 = 0.02;
+
+/// The flow from one picture to the next.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneFlow {
+    /// Pixels to the right and down from each pixel's middle, `[H, W, 2]`; NaN where [`FlowState::Unknown`].
+    pub vectors: Vec<f32>,
+    /// The [`FlowState`] of each pixel as its number, `[H, W]`.
+    pub states: Vec<u8>,
+}
+
+/// The fate of what a pixel shows in the next picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FlowState {
+    /// It is seen there.
+    Visible = 0,
+    /// Something hides it: it lies more than 2 % behind the surface that is seen there.
+    Occluded = 1,
+    /// It is out of the picture; the vector says where.
+    Outside = 2,
+    /// It has no vector: the lens shows nothing here, or the next camera has it behind itself or beyond its lens.
+    Unknown = 3,
+}
+
+/// One of the two pictures: its camera, its lens and the depth of its surfaces.
+#[derive(Clone, Copy, Debug)]
+pub struct FlowView<'a> {
+    /// The pose, and the intrinsics that the lens uses.
+    pub camera: &'a Camera,
+    /// The lens; `None` for a pinhole.
+    pub lens: Option<LensModel>,
+    /// The depth of the surface at each pixel, scene units, `[H, W]`: along the view axis for a pinhole, from the eye for
+    /// a lens. 0 is no surface, infinitely far.
+    pub depth: &'a [f32],
+}
+
+impl FlowView<'_> {
+    /// The direction of a pixel in camera axes, by which its depth counts; `None` where the lens shows nothing.
+    fn ray(&self, at: [f64; 2]) -> Option<DVec3> {
+        let Camera { fx, fy, cx, cy, .. } = *self.camera;
+        match self.lens {
+            None => Some(DVec3::new((at[0] - cx) / fx, (at[1] - cy) / fy, 1.0)),
+            Some(lens) => lens.ray(self.camera, at),
+        }
+    }
+
+    /// The picture point of a point or a direction in camera axes.
+    fn project(&self, point: DVec3) -> Option<[f64; 2]> {
+        let Camera { fx, fy, cx, cy, .. } = *self.camera;
+        match self.lens {
+            None if point.z <= 1e-9 * point.length() => None,
+            None => Some([fx * point.x / point.z + cx, fy * point.y / point.z + cy]),
+            Some(lens) => lens.project(self.camera, point.normalize()),
+        }
+    }
+
+    /// The depth of a point in camera axes.
+    fn depth_of(&self, point: DVec3) -> f64 {
+        if self.lens.is_some() { point.length() } else { point.z }
+    }
+
+    /// The farther of the nearest pixel's depth and that between the four pixels about a point: at edges the nearest counts, since what is between
+    /// is far nearer than what is behind, and on ground that is seen at a low angle depth changes much from pixel to pixel.
+    fn farthest_at(&self, at: [f64; 2]) -> f64 {
+        let around = Around::of(self.depth, (self.camera.width, self.camera.height), at);
+        let reciprocal = around.reciprocal().min(reciprocal_of(around.nearest));
+        f64::from(reciprocal).recip()
+    }
+}
+
+/// The depths about a point of a picture.
+struct Around {
+    /// That of the pixel that holds the point.
+    nearest: f32,
+    /// Those of the four pixels whose middles are about it: above left, above right, below left, below right.
+    four: [f32; 4],
+    /// The place between them, to the right and down, 0-1.
+    between: [f32; 2],
+}
+
+/// The reciprocal of a depth; 0 for none, which is infinitely far.
+fn reciprocal_of(depth: f32) -> f32 {
+    if depth > 0.0 { depth.recip() } else { 0.0 }
+}
+
+impl Around {
+    fn of(depth: &[f32], (width, height): (u32, u32), [x, y]: [f64; 2]) -> Self {
+        let (width, height) = (width as usize, height as usize);
+        let pixel = |x: f64, y: f64| {
+            let (x, y) = (x.floor().max(0.0) as usize, y.floor().max(0.0) as usize);
+            depth[y.min(height - 1) * width + x.min(width - 1)]
+        };
+        let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
+        Self {
+            nearest: pixel(x, y),
+            four: [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(i, j)| pixel(left + i, top + j)),
+            between: [(x - 0.5 - left) as f32, (y - 0.5 - top) as f32],
+        }
+    }
+
+    /// The reciprocal depth between the four, which is linear over a plane.
+    fn reciprocal(&self) -> f32 {
+        let [right, down] = self.between;
+        let [a, b, c, d] = self.four.map(reciprocal_of);
+        let (above, below) = (a + right * (b - a), c + right * (d - c));
+        above + down * (below - above)
+    }
+
+    /// The depth at the point: interpolated on one surface, that of the nearest pixel at an edge.
+    fn depth(&self) -> f32 {
+        let (least, most) = self
+            .four
+            .iter()
+            .fold((f32::MAX, 0.0f32), |(low, high), depth| (low.min(*depth), high.max(*depth)));
+        let is_even = least > 0.0 && most <= (1.0 + EVEN) * least;
+        if is_even { self.reciprocal().recip() } else { self.nearest }
+    }
+}
+
+/// The depth of the surface at each pixel of a frame with expected and median depth; 0 where there is none.
+fn surface_depth(frame: &Frame) -> Vec<f32> {
+    let depth = |(expected, median): (&f32, &f32)| {
+        if (expected - median).abs() < ONE_SURFACE * median { *expected } else { *median }
+    };
+    frame.depth.iter().zip(&frame.median_depth).map(depth).collect()
+}
+
+/// The flow from one view to the next.
+///
+/// # Panics
+/// If a depth has another size than its camera.
+#[must_use]
+pub fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
+    let (width, height) = (from.camera.width as usize, from.camera.height as usize);
+    assert_eq!(from.depth.len(), width * height, "a depth a pixel");
+    let to_from_from = to.camera.viewmat * from.camera.viewmat.inverse();
+    let mut flow = SceneFlow { vectors: vec![f32::NAN; 2 * width * height], states: vec![0; width * height] };
+    let rows = flow.vectors.par_chunks_mut(2 * width).zip(flow.states.par_chunks_mut(width)).enumerate();
+    rows.for_each(|(y, (vectors, states))| {
+        for (x, (vector, state)) in vectors.as_chunks_mut::<2>().0.iter_mut().zip(states).enumerate() {
+            let at = [x as f64 + 0.5, y as f64 + 0.5];
+            let depth = f64::from(from.depth[y * width + x]);
+            let moved = from.ray(at).map(|ray| match depth > 0.0 {
+                true => (to_from_from.transform_point3(ray * depth), true),
+                false => (to_from_from.transform_vector3(ray), false),
+            });
+            let Some((point, is_near)) = moved else {
+                *state = FlowState::Unknown as u8;
+                continue;
+            };
+            let Some(mut found) = to.project(point) else {
+                *state = FlowState::Unknown as u8;
+                continue;
+            };
+            let size = [to.camera.width, to.camera.height].map(f64::from);
+            let is_inside = (0..2).all(|k| (0.0..=size[k]).contains(&found[k]));
+            let own = if is_near { to.depth_of(point) } else { f64::INFINITY };
+            *state = match () {
+                () if !is_inside => FlowState::Outside,
+                () if own > (1.0 + HIDDEN) * to.farthest_at(found) => FlowState::Occluded,
+                () => FlowState::Visible,
+            } as u8;
+            if to.lens == Some(LensModel::Equirectangular) {
+                // The shorter way around.
+                found[0] -= ((found[0] - at[0]) / size[0]).round() * size[0];
+            }
+            *vector = [0, 1].map(|k| (found[k] - at[k]) as f32);
+        }
+    });
+    flow
+}
+
+impl Renderer {
+    /// Finds the flow of the scene between two frames, such as one and the next of a video, and puts it into `picture`. The frames have the
+    /// time, the camera and the lens of their own pictures; what lies on the scene at each instant counts, and the surface of water.
+    ///
+    /// # Errors
+    /// As [`Self::render_into`].
+    pub fn render_flow(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        (lens, frames): (Option<&LensView>, [&FrameOptions<'_>; 2]),
+        picture: &mut Picture,
+        progress: &mut dyn Progress,
+    ) -> Result<()> {
+        let mut geometry =
+            |options: &FrameOptions<'_>| self.surfaces(place, weather, (lens, options), progress);
+        let depths = [geometry(frames[0])?, geometry(frames[1])?];
+        let cameras = frames.map(|options| {
+            let camera = &options.camera.camera;
+            match lens {
+                None => *camera,
+                Some(lens) => Camera { viewmat: camera.viewmat, near: camera.near, ..*lens.intrinsics() },
+            }
+        });
+        let view =
+            |k: usize| FlowView { camera: &cameras[k], lens: lens.map(LensView::lens), depth: &depths[k] };
+        picture.flow = self.backend().pool().install(|| scene_flow(&view(0), &view(1)));
+        Ok(())
+    }
+
+    /// Returns the depth of the surfaces in a frame, see [`FlowView::depth`].
+    fn surfaces(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        (lens, options): (Option<&LensView>, &FrameOptions<'_>),
+        progress: &mut dyn Progress,
+    ) -> Result<Vec<f32>> {
+        let options = FrameOptions { content: FrameContent::Geometry, parts: &[], ..*options };
+        let mut picture = Picture::default();
+        let Some(lens) = lens else {
+            self.render_into(place, weather, &options, &mut picture, progress)?;
+            return Ok(surface_depth(&picture.frame));
+        };
+        let mut sides = Vec::new();
+        for camera in lens.cameras(&options.camera.camera) {
+            let camera = MovingCamera { camera, ..options.camera };
+            self.render_into(place, weather, &FrameOptions { camera, ..options }, &mut picture, progress)?;
+            sides.push(surface_depth(&picture.frame));
+        }
+        let pixels = lens.intrinsics().width as usize * lens.intrinsics().height as usize;
+        let distance = |pixel: usize| {
+            let Some(point) = lens.side_of(pixel) else { return 0.0 };
+            point.long * Around::of(&sides[point.side], point.size, point.at).depth()
+        };
+        Ok(self.backend().pool().install(|| (0..pixels).into_par_iter().map(distance).collect()))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,258 @@
+//! Optical flow of what falls: where each drop or flake that a picture shows is at the next instant.
+
+use super::FlowView;
+use crate::place::{FrameContent, PreparedPlace};
+use crate::{Error, FrameOptions, Picture, Renderer, Result};
+use glam::{DMat3, DVec2, DVec3};
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+use wm_render::hooks::Particle;
+use wm_scene::Camera;
+use wm_weather::Weather;
+
+/// Added to the diagonal of the covariance in the picture, px^2, as where particles are drawn.
+const DILATION: f64 = 0.3;
+/// Optical depth of a particle from which on a pixel is its own: it hides a twentieth of it.
+const COVERS: f64 = 0.05;
+/// Greatest optical depth of one particle.
+const MOST: f64 = 16.0;
+/// Rows of pixels that are filled at a time.
+const ROWS: usize = 16;
+
+/// A particle in the picture.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    at: DVec2,
+    /// Inverse covariance: xx, xy, yy, 1/px^2.
+    inverse: [f64; 3],
+    /// Half the height of the part that covers pixels, px.
+    high: f64,
+    /// The same for its width.
+    wide: f64,
+    /// Squared distance, in standard deviations, up to which it covers.
+    reach: f64,
+    depth: f64,
+    vector: DVec2,
+}
+
+/// The integral of `(1 - e^-t) / t` up to `p`.
+fn ein(p: f64) -> f64 {
+    let (mut sum, mut term) = (0.0, 1.0);
+    // Alternating and absolutely small: exact enough up to 16.
+    for n in 1..80 {
+        let n = f64::from(n);
+        term *= -p / n;
+        sum -= term / n;
+    }
+    sum
+}
+
+/// The optical depth at the centre of a Gaussian whose cover over its area is `w`: `Ein(p) = w`.
+fn peak(w: f64) -> f64 {
+    if w >= ein(MOST) {
+        return MOST;
+    }
+    let (mut low, mut high) = (0.0, MOST);
+    for _ in 0..30 {
+        let middle = 0.5 * (low + high);
+        *(if ein(middle) < w { &mut low } else { &mut high }) = middle;
+    }
+    0.5 * (low + high)
+}
+
+impl Seen {
+    /// A particle and its velocity relative to the camera (scene units a second, world axes) in a picture; `None` if it covers no pixel enough, or is not before the
+    /// next camera.
+    fn of(
+        (particle, velocity): &(Particle, [f64; 3]),
+        camera: &Camera,
+        (next, seconds, drift): (&Camera, f64, DVec3),
+    ) -> Option<Self> {
+        let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+        let rotation = camera.rotation();
+        let offset = vector(particle.offset);
+        let p = rotation * offset;
+        if p.z <= camera.near {
+            return None;
+        }
+        let (fx, fy) = (camera.fx / p.z, camera.fy / p.z);
+        let jacobian = |v: DVec3| DVec2::new(fx * (v.x - p.x / p.z * v.z), fy * (v.y - p.y / p.z * v.z));
+        let sigma = f64::from(particle.sigma);
+        let axes = DMat3::IDENTITY * sigma;
+        let reaches = particle.reach.map(|reach| rotation * vector(reach));
+        let columns = [axes.x_axis, axes.y_axis, axes.z_axis, reaches[0], reaches[1]].map(jacobian);
+        let sum = |of: &dyn Fn(&DVec2) -> f64| columns.iter().map(of).sum::<f64>();
+        let (xx, xy, yy) =
+            (sum(&|c| c.x * c.x) + DILATION, sum(&|c| c.x * c.y), sum(&|c| c.y * c.y) + DILATION);
+        let det = xx * yy - xy * xy;
+        let cover = f64::from(particle.area) * fx * fy / (TAU * det.sqrt());
+        // Most are far too faint, which needs no search.
+        if cover < 0.5 * COVERS {
+            return None;
+        }
+        let reach = 2.0 * (peak(cover) / COVERS).ln();
+        if reach <= 0.0 {
+            return None;
+        }
+        let project = |camera: &Camera, p: DVec3| {
+            DVec2::new(camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy)
+        };
+        let moved = next.rotation() * (offset + DVec3::from_array(*velocity) * seconds + drift);
+        if moved.z <= next.near {
+            return None;
+        }
+        let at = project(camera, p);
+        Some(Self {
+            at,
+            inverse: [yy / det, -xy / det, xx / det],
+            high: (reach * yy).sqrt(),
+            wide: (reach * xx).sqrt(),
+            reach,
+            depth: p.z,
+            vector: project(next, moved) - at,
+        })
+    }
+}
+
+/// The flow of particles from a picture to the next, `[H, W, 2]`: each pixel has the vector of the nearest particle that hides at least a twentieth of it and is nearer than
+/// the scene; NaN where there is none. Velocities are relative to the camera, which itself moves by `velocity`, scene units a second, world axes.
+///
+/// # Panics
+/// If the view's depth has another size than its camera.
+#[must_use]
+pub fn particle_flow(
+    from: &FlowView<'_>,
+    (next, seconds, velocity): (&Camera, f64, [f64; 3]),
+    particles: &[(Particle, [f64; 3])],
+) -> Vec<f32> {
+    let (width, height) = (from.camera.width as usize, from.camera.height as usize);
+    assert_eq!(from.depth.len(), width * height, "a depth a pixel");
+    // From where a particle would be seen by a camera that goes on evenly, to where the next camera is.
+    let drift = DVec3::from_array(velocity) * seconds + from.camera.center() - next.center();
+    let seen: Vec<Seen> =
+        particles.par_iter().filter_map(|one| Seen::of(one, from.camera, (next, seconds, drift))).collect();
+    let mut strips: Vec<Vec<u32>> = vec![Vec::new(); height.div_ceil(ROWS)];
+    for (index, one) in seen.iter().enumerate() {
+        let strip = |y: f64| (y.max(0.0) as usize / ROWS).min(strips.len());
+        let (first, last) = (strip(one.at.y - one.high), strip(one.at.y + one.high + ROWS as f64));
+        if one.at.y + one.high > 0.0 {
+            strips[first..last].iter_mut().for_each(|strip| strip.push(index as u32));
+        }
+    }
+    let mut vectors = vec![f32::NAN; 2 * width * height];
+    vectors.par_chunks_mut(2 * width * ROWS).zip(&strips).enumerate().for_each(|(strip, (vectors, list))| {
+        let top = strip * ROWS;
+        let mut nearest = vec![f64::INFINITY; vectors.len() / 2];
+        for one in list.iter().map(|index| &seen[*index as usize]) {
+            let column = |x: f64| (x.max(0.0) as usize).min(width);
+            let (left, right) = (column(one.at.x - one.wide), column(one.at.x + one.wide + 1.0));
+            for row in 0..nearest.len() / width {
+                for x in left..right {
+                    let d = DVec2::new(x as f64 + 0.5, (top + row) as f64 + 0.5) - one.at;
+                    let [xx, xy, yy] = one.inverse;
+                    let squared = xx * d.x * d.x + 2.0 * xy * d.x * d.y + yy * d.y * d.y;
+                    let own = row * width + x;
+                    let scene = f64::from(from.depth[top * width + own]);
+                    let is_before = scene <= 0.0 || one.depth < scene;
+                    if squared <= one.reach && is_before && one.depth < nearest[own] {
+                        nearest[own] = one.depth;
+                        vectors[2 * own..2 * own + 2].copy_from_slice(&one.vector.as_vec2().to_array());
+                    }
+                }
+            }
+        }
+    });
+    vectors
+}
+
+impl Renderer {
+    /// Finds the flow of what falls from one frame to the next and puts it into `picture`: of rain, snow and hail as they are drawn, not of splashes. Particles go on with
+    /// their velocity of the first instant. The frames are those of pinholes.
+    ///
+    /// # Errors
+    /// As [`Self::render_into`]; [`Error::Unsupported`] for the fidelity of the paper, whose rain has no motion.
+    pub fn render_particle_flow(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        [from, to]: [&FrameOptions<'_>; 2],
+        picture: &mut Picture,
+        progress: &mut dyn crate::Progress,
+    ) -> Result<()> {
+        if weather.fidelity == wm_weather::Fidelity::Paper {
+            let says = "rain and snow of fidelity paper have no flow: use fidelity physical";
+            return Err(Error::Unsupported(says.into()));
+        }
+        let depth = self.surfaces(place, weather, (None, from), progress)?;
+        let options = FrameOptions { content: FrameContent::Particles, parts: &[], ..*from };
+        let mut falling = Picture::default();
+        self.render_into(place, weather, &options, &mut falling, progress)?;
+        let view = FlowView { camera: &from.camera.camera, lens: None, depth: &depth };
+        let velocity = from.camera.velocity.map(|v| v / place.site().metres_per_unit);
+        let next = (&to.camera.camera, to.time - from.time, velocity);
+        let found = self.backend().pool().install(|| particle_flow(&view, next, &falling.falling));
+        picture.particle_flow = found;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A drop has the flow of its own way, where it is and nowhere else, before the scene alone; the nearest counts.
+    #[test]
+    fn a_drop_flows_by_its_own_velocity() {
+        let camera = Camera::looking((80, 60), 60.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();
+        let eye = DVec3::new(0.2, 0.0, 0.0);
+        let next = Camera::looking((80, 60), 60.0, eye, eye + DVec3::X, DVec3::Z).unwrap();
+        let drop = |x: f32, y: f32| Particle {
+            offset: [x, y, 0.1],
+            sigma: 0.02,
+            reach: [[0.0, 0.0, 0.05], [0.0; 3]],
+            area: 0.02,
+            rgb: [1.0; 3],
+        };
+        // It falls by 6 and the camera drives by 10 a second: relative to that it comes towards it.
+        let relative = [-10.0, 0.0, -6.0];
+        let particles = [(drop(3.0, 0.0), relative), (drop(2.0, 0.0), relative), (drop(3.0, 0.8), relative)];
+        let want = |x: f64, y: f64| {
+            let (a, b, _) = camera.project(DVec3::new(x, y, 0.1)).unwrap();
+            let (c, d, _) = next.project(DVec3::new(x, y, 0.1 - 6.0 * 0.02)).unwrap();
+            ([a, b], [c - a, d - b])
+        };
+        for (depth, hides) in [(0.0, false), (10.0, false), (2.5, true), (1.0, true)] {
+            let depth = vec![depth; 80 * 60];
+            let view = FlowView { camera: &camera, lens: None, depth: &depth };
+            let flow = particle_flow(&view, (&next, 0.02, [10.0, 0.0, 0.0]), &particles);
+            let at = |[x, y]: [f64; 2]| {
+                let pixel = 2 * (y as usize * 80 + x as usize);
+                [flow[pixel], flow[pixel + 1]].map(f64::from)
+            };
+            let (place, near) = want(2.0, 0.0);
+            let found = at(place);
+            if depth[0] == 1.0 {
+                assert!(flow.iter().all(|v| v.is_nan()));
+                continue;
+            }
+            assert!((0..2).all(|k| (found[k] - near[k]).abs() < 1e-3), "{found:?} and {near:?}");
+            let (place, side) = want(3.0, 0.8);
+            let found = at(place);
+            if hides {
+                assert!(found[0].is_nan());
+            } else {
+                assert!((0..2).all(|k| (found[k] - side[k]).abs() < 1e-3), "{found:?} and {side:?}");
+            }
+            let known = flow.iter().filter(|v| !v.is_nan()).count() / 2;
+            assert!((10..400).contains(&known), "{known} px");
+        }
+    }
+
+    #[test]
+    fn peaks_are_those_of_their_cover() {
+        for w in [1e-3, 0.1, 1.0, 3.0] {
+            assert!((ein(peak(w)) - w).abs() < 1e-6 * (1.0 + w), "{w}");
+        }
+        assert!((ein(1.0) - 0.796_599_599_297).abs() < 1e-9);
+    }
+}
