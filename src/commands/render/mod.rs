@@ -233,16 +233,6 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         OutputTarget::Picture(path) => PictureFormat::of(path) == Some(PictureFormat::Exr),
         _ => args.output.frame_format == PictureFormat::Exr,
     };
-    if asks_for_particle_flow(&args.output.also) {
-        if args.camera.lens.is_some() {
-            bail!("--also particle-flow: is of pinholes alone; leave out --lens or the layer");
-        }
-        if weather.fidelity == wm_weather::Fidelity::Paper {
-            bail!(
-                "--also particle-flow: rain and snow of fidelity paper have none; use --set fidelity=physical"
-            );
-        }
-    }
     if args.output.layers && !is_exr {
         bail!("--layers are those of an .exr: give --out a name that ends in .exr, or --frame-format exr");
     }
@@ -253,6 +243,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     args.camera.check()?;
     let lens = args.camera.lens.as_ref().map(|lens| lens.view(args.camera.viewpoint.size)).transpose()?;
     let model = args.device.model(lens, &weather)?;
+    let later = LaterLayers::of(&args.output.also, &model, &weather)?;
     if let OutputTarget::Picture(path) = &target
         && args.camera.path.is_some()
         && args.output.time.is_none()
@@ -280,7 +271,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     };
     let parts = parts(&args.output.also);
     let mut job = RenderJob::new(loaded, config, weather, (plan, model), parts)?;
-    job.later = LaterLayers::of(&args.output.also, &job.camera.model, &job.place, &args.scene.scene)?;
+    LaterLayers::check_labels(&args.output.also, &job.place, &args.scene.scene)?;
+    job.later = later;
     match target {
         OutputTarget::Picture(path) => job.picture(&path, args),
         OutputTarget::Video(path) => sequence::video(&mut job, &wanted, &path, args),

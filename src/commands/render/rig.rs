@@ -67,6 +67,7 @@ pub fn run(args: &RenderArgs, weather: &Weather, file: &Path) -> Result<()> {
     if count > MOST {
         bail!("{}: more than {MOST} pictures and sweeps; give --seconds", file.display());
     }
+    LaterLayers::check_labels(&args.output.also, &loaded.place, &args.scene.scene)?;
     let mut job = RigJob { args, loaded, weather, base, folder, start, seconds, bar: ProgressBar::hidden() };
     job.keep_manifest(&rig)?;
     job.loaded.prepare(weather)?;
@@ -117,6 +118,8 @@ fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
     for sensor in &rig.sensors {
         match &sensor.device {
             RigDevice::Camera { model, .. } => {
+                LaterLayers::of(&output.also, model, weather)
+                    .with_context(|| format!("sensor \"{}\"", sensor.name))?;
                 model.check(weather).with_context(|| format!("sensor \"{}\"", sensor.name))?;
             }
             RigDevice::Lidar { .. } if weather.fidelity == wm_weather::Fidelity::Paper => {
@@ -180,8 +183,7 @@ impl RigJob<'_> {
         missing: &[(u32, f64)],
     ) -> Result<()> {
         let parts = parts(&self.args.output.also);
-        let (also, scene) = (&self.args.output.also, &self.args.scene.scene);
-        let later = LaterLayers::of(also, &camera.model, &self.loaded.place, scene)?;
+        let later = LaterLayers::of(&self.args.output.also, &camera.model, self.weather)?;
         let scene = self.args.scene.scene.display().to_string();
         let mut picture = Picture::default();
         for (index, time) in missing {
