@@ -156,7 +156,7 @@ fn lenses_show_what_pinholes_show() {
 fn the_program_draws_through_lenses_and_refuses_what_it_cannot_draw() {
     let workshop = Workshop::new();
     let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
-    let view = yard_look((96, 64)).1.without_fov();
+    let view = yard_look((96, 64)).1.without("--fov");
     let options = "--weather heavy-rain --assets off --lens fisheye:200 --also depth.npy";
     let one = workshop.render(&scene, &view, "one.png", &format!("{options} --threads 1"));
     let two = workshop.render(&scene, &view, "two.png", &format!("{options} --threads 2"));
@@ -178,4 +178,65 @@ fn the_program_draws_through_lenses_and_refuses_what_it_cannot_draw() {
     says(lens, "--fov 50", &["--fov: cannot be used with --lens"]);
     says(lens, "--set lens.rate=20", &["drops on the lens are drawn for pinholes only"]);
     says(lens, "--set fidelity=paper --weather heavy-rain", &["fidelity paper"]);
+}
+
+#[test]
+fn shutters_and_rigs_make_what_they_say() {
+    let workshop = Workshop::new();
+    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    let view = yard_look((96, 64)).1;
+    let options = "--weather heavy-rain --assets off --camera-speed 14 --readout 0.02 --exposure-time 0.004 --exposure auto --iso 400";
+    let one = workshop.render(&scene, &view, "one.png", &format!("{options} --threads 1"));
+    let two = workshop.render(&scene, &view, "two.png", &format!("{options} --threads 2"));
+    assert!(read_png(&one) == read_png(&two));
+    let toml = workshop.path("rig.toml");
+    let rig = "[[sensor]]\nname = \"front\"\nkind = \"camera\"\nrate = 10\nphase = 0.05\nsize = [48, 32]\nreadout = 0.01\n\
+               [[sensor]]\nname = \"top\"\nkind = \"lidar\"\nmodel = \"vlp-16\"\nsub_rays = 1\nformat = \"bin\"\n";
+    let view = view.without("--fov").without("--size");
+    let drive = |rig: &str, out: &str, options: &str| {
+        std::fs::write(&toml, rig).unwrap();
+        let options = format!(
+            "--assets off --weather rain --seconds 0.2 --camera-speed 10 --rig {} {options}",
+            toml.display()
+        );
+        binary().args(workshop.words(&scene, &view, out, &options)).output().unwrap()
+    };
+    let output = drive(rig, "drive", "--also depth.npy");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let file = |name: &str| std::fs::read(workshop.path("drive").join(name)).unwrap();
+    let about: serde_json::Value = serde_json::from_slice(&file("rig.json")).unwrap();
+    let frames = |sensor: usize| about["sensors"][sensor]["frames"].as_array().unwrap().clone();
+    assert_eq!((frames(0).len(), frames(1).len()), (2, 2));
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    assert!((number(&frames(0)[1]["time"]) - 0.15).abs() < 1e-12);
+    // 10 m/s from frame to frame.
+    let at = |frame: &serde_json::Value| {
+        DVec3::from_array([0, 1, 2].map(|k| number(&frame["world_from_sensor"][k][3])))
+    };
+    assert!((at(&frames(0)[1]).distance(at(&frames(0)[0])) - 1.0).abs() < 1e-6);
+    let all = [
+        "front/000000.png",
+        "front/000001.png",
+        "front/000001.depth.npy",
+        "top/000000.bin",
+        "top/000001.bin",
+    ];
+    let made = all.map(file);
+    assert!(made[3].len() > 16 * 1000 && made[3] != made[4]);
+    // What is missing is made again, with the same bytes.
+    std::fs::remove_file(workshop.path("drive").join(all[1])).unwrap();
+    std::fs::remove_file(workshop.path("drive").join(all[4])).unwrap();
+    assert!(drive(rig, "drive", "--also depth.npy").status.success());
+    assert!(made == all.map(file));
+    for (rig, options, says) in [
+        (rig.replace("top", "front"), "", "rig.toml, line 8: there are two sensors \"front\""),
+        (rig.replace("rate = 10", "rate = 0"), "", "rate is 0"),
+        (rig.to_owned(), "--iso 100", "leave out --iso"),
+        (rig.to_owned(), "--set lens.rate=10", "sensor \"front\": drops on the lens"),
+        (rig.to_owned(), "--time 1", "holds files of another run"),
+    ] {
+        let output = drive(&rig, "drive", &format!("--also depth.npy {options}"));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && said.contains(says), "{said}, not {says}");
+    }
 }

@@ -105,9 +105,9 @@ impl Workshop {
 pub struct ViewArgs(Vec<String>);
 
 impl ViewArgs {
-    /// The same without the field of view.
-    pub fn without_fov(self) -> Self {
-        Self(self.0.into_iter().filter(|word| !word.starts_with("--fov")).collect())
+    /// The same without an option, such as `--fov`.
+    pub fn without(self, option: &str) -> Self {
+        Self(self.0.into_iter().filter(|word| !word.starts_with(option)).collect())
     }
 
     /// A path of keyframes in a file.

@@ -170,7 +170,7 @@ impl Rig {
     /// # Errors
     /// [`Error::Unsupported`] with the file, the line and the fault.
     pub fn read(path: &Path) -> Result<Self> {
-        let fault = |says: String| Error::Unsupported(format!("{}: {says}", path.display()).into());
+        let fault = |says: String| Error::Unsupported(format!("{}: {says}", path.display()));
         let length =
             std::fs::metadata(path).map_err(|error| fault(format!("cannot be read: {error}")))?.len();
         if length > MAX_BYTES {
@@ -194,7 +194,7 @@ impl Rig {
         let line_of = |at: usize| 1 + text[..at.min(text.len())].matches('\n').count();
         let fault = |at: Option<usize>, says: String| {
             let line = at.map_or_else(String::new, |at| format!(", line {}", line_of(at)));
-            Error::Unsupported(format!("{name}{line}: {says}; correct the rig").into())
+            Error::Unsupported(format!("{name}{line}: {says}; correct the rig"))
         };
         let file: RigFile = toml::from_str(text).map_err(|error| {
             let says = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
@@ -257,7 +257,7 @@ impl SensorEntry {
 
     fn mount(&self) -> Result<Mount, String> {
         let position = DVec3::from_array(self.position);
-        if !(position.length() <= FARTHEST) {
+        if !position.is_finite() || position.length() > FARTHEST {
             return Err(format!("position is {:?}: it must be within {FARTHEST} m", self.position));
         }
         let rotation = match (self.rotation, self.quaternion) {
@@ -271,7 +271,7 @@ impl SensorEntry {
             }
             (None, Some([w, x, y, z])) => {
                 let turn = glam::DQuat::from_xyzw(x, y, z, w);
-                if !((turn.length() - 1.0).abs() < 1e-2) {
+                if !turn.is_finite() || (turn.length() - 1.0).abs() > 1e-2 {
                     return Err("quaternion must be w, x, y, z of length 1".into());
                 }
                 DMat3::from_quat(turn.normalize())

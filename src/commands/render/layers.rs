@@ -9,7 +9,7 @@ use weather_magician::{FrameOptions, LensView, Picture, PreparedPlace, Renderer}
 use wm_weather::{Fidelity, Weather};
 
 /// The layers that are asked for.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LaterLayers {
     /// The flow to the next frame.
     flow: bool,

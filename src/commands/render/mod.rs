@@ -244,6 +244,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let lens = args.camera.lens.as_ref().map(|lens| lens.view(args.camera.viewpoint.size)).transpose()?;
     let model = args.device.model(lens, &weather)?;
     let later = LaterLayers::of(&args.output.also, &model, &weather)?;
+    if args.output.stages && later != LaterLayers::default() {
+        bail!("--stages: shows neither flow nor labels; leave one of the two out");
+    }
     if let OutputTarget::Picture(path) = &target
         && args.camera.path.is_some()
         && args.output.time.is_none()
@@ -360,15 +363,12 @@ impl RenderJob {
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
         let mut picture = Picture::default();
         let style = self.style(args, DepthScale::Auto, args.output.time());
-        let (stats, beside) =
-            if args.output.stages && (self.has_flow || self.has_particle_flow || self.has_labels) {
-                bail!("--stages: shows neither flow nor labels; leave one of the two out");
-            } else if args.output.stages {
-                stages::picture(self, &style, path, args.output.time(), &mut picture)?
-            } else {
-                let stats = self.render(args.output.time(), &mut picture)?;
-                (stats, style.write(&picture, path)?)
-            };
+        let (stats, beside) = if args.output.stages {
+            stages::picture(self, &style, path, args.output.time(), &mut picture)?
+        } else {
+            let stats = self.render(args.output.time(), &mut picture)?;
+            (stats, style.write(&picture, path)?)
+        };
         let frame = &picture.frame;
         println!(
             "{}: {}x{}, {}, {:.0} ms ({})",

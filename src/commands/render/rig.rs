@@ -70,7 +70,9 @@ pub fn run(args: &RenderArgs, weather: &Weather, file: &Path) -> Result<()> {
     LaterLayers::check_labels(&args.output.also, &loaded.place, &args.scene.scene)?;
     let mut job = RigJob { args, loaded, weather, base, folder, start, seconds, bar: ProgressBar::hidden() };
     job.keep_manifest(&rig)?;
-    job.loaded.prepare(weather)?;
+    // Lidars need the splats, so they are not freed.
+    job.loaded.renderer.prepare(&mut job.loaded.place, weather, &mut Reporter::default())?;
+    job.loaded.warn();
     job.bar = progress::bar(count as u64, "pictures and sweeps");
     for (number, sensor) in rig.sensors.iter().enumerate() {
         let started = Instant::now();

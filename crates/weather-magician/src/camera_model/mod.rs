@@ -71,7 +71,7 @@ impl CameraModel {
     /// [`Error::Unsupported`] with the value; or that rain and snow of the paper's fidelity have no motion, or that drops on the lens need the whole picture at once.
     pub fn check(&self, weather: &Weather) -> Result<()> {
         let fault = self.shutter.check().and_then(|()| self.noise.iter().try_for_each(SensorNoise::check));
-        fault.map_err(|fault| Error::Unsupported(fault.into()))?;
+        fault.map_err(Error::Unsupported)?;
         if !self.shutter.is_instant() && weather.fidelity == Fidelity::Paper {
             let says = "an exposure time and a readout need rain and snow that move: use fidelity `physical`";
             return Err(Error::Unsupported(says.into()));
