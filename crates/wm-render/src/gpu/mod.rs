@@ -34,6 +34,7 @@ pub mod model;
 mod pass;
 #[cfg(test)]
 pub(crate) mod probe;
+mod rays;
 mod readback;
 pub(crate) mod recorder;
 mod renderer;
@@ -45,6 +46,7 @@ pub mod uniforms;
 pub use device::{AdapterChoice, AdapterKind, Gpu, GpuConfig, ListedAdapter, adapters};
 pub use differentiable::GpuDifferentiable;
 pub use error::GpuError;
+pub use rays::GpuRaySplats;
 pub use renderer::GpuRenderer;
 pub use source::Subgroups;
 

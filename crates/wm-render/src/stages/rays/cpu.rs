@@ -20,11 +20,11 @@ const CLUSTER: usize = 64;
 /// Nodes of a cluster above which its splats look for their own.
 const MANY: usize = 16;
 /// Slack of the test of a splat against a cone, of its distance.
-const SLACK: f32 = 4e-6;
+pub(super) const SLACK: f32 = 4e-6;
 /// Transmittance from which on a splat may be the hit: half of the least coverage of a hit is reached.
-const SOONEST: f32 = 1.0 - 0.5 * LEAST_HIT;
+pub(super) const SOONEST: f32 = 1.0 - 0.5 * LEAST_HIT;
 /// Splats that may be the hit that are kept a ray.
-const HITS: usize = 16;
+pub(super) const HITS: usize = 16;
 /// Levels of a tree of eight children that hold any number of packets.
 const DEEPEST: usize = 12;
 

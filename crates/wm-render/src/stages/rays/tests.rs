@@ -11,10 +11,10 @@ use proptest::prelude::*;
 use wm_scene::random::uniform;
 use wm_scene::{Camera, Splats};
 
-const ALL: RayOutputs = RayOutputs { color: true, normal: true };
+pub(super) const ALL: RayOutputs = RayOutputs { color: true, normal: true };
 
 /// Rays to all sides from places along a path of some length.
-fn rays(count: usize, path: f32, seed: u64) -> Rays {
+pub(super) fn rays(count: usize, path: f32, seed: u64) -> Rays {
     let number = |index: usize, k: u64| uniform(seed, 8 * index as u64 + k);
     let one = |index: usize| {
         let (up, around) = (2.0 * number(index, 0) - 1.0, std::f64::consts::TAU * number(index, 1));
@@ -25,7 +25,7 @@ fn rays(count: usize, path: f32, seed: u64) -> Rays {
     Rays { origins, directions: (0..count).map(one).collect() }
 }
 
-fn compare(splats: &Splats, rays: &Rays, hits: &RayHits) -> Result<(), String> {
+pub(super) fn compare(splats: &Splats, rays: &Rays, hits: &RayHits) -> Result<(), String> {
     let packets = Packets::new(rays);
     let mut unsettled = 0;
     for group in &packets.groups {
@@ -81,9 +81,8 @@ fn rays_meet_what_the_referee_meets() {
     }
 }
 
-/// Needles and flat splats, small ones far away, one that the origin lies in.
-#[test]
-fn hard_splats_are_met() {
+/// Needles and flat splats, small ones far away, one that the origin lies in; and rays at all of them.
+pub(super) fn hard() -> (Splats, Rays) {
     let mut splats = random_splats(400, 0, 3);
     for index in 0..splats.len() {
         let kind = index % 4;
@@ -105,6 +104,12 @@ fn hard_splats_are_met() {
     let aimed =
         splats.means.iter().map(|mean| (DVec3::from_array(mean.map(f64::from))).normalize().as_vec3());
     let rays = Rays::from_one([0.0; 3], aimed.map(|way| way.to_array()).collect());
+    (splats, rays)
+}
+
+#[test]
+fn hard_splats_are_met() {
+    let (splats, rays) = hard();
     for path in SimdPath::available() {
         let hits = RaySplats::new(&splats, |_| true).trace(&rays, ALL, path);
         compare(&splats, &rays, &hits).unwrap_or_else(|error| panic!("{path}: {error}"));
