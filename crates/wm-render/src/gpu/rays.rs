@@ -1,7 +1,7 @@
 //! Splats in the GPU's memory for rays from anywhere, see [`crate::stages::rays`].
 
 use super::buffers::{Growing, READ_BACK, WRITTEN};
-use super::device::Gpu;
+use super::device::{AdapterKind, Gpu};
 use super::error::GpuError;
 use super::readback::copy;
 use super::recorder::{Recorder, Stage};
@@ -30,6 +30,12 @@ use wm_scene::Splats;
 const MOST_ENTRIES: u32 = 1 << 24;
 /// Packets that are traced at once, at most: a million rays.
 const MOST_PACKETS: u32 = 1 << 14;
+/// Angle from the middle of a packet to its rays, at most, radians. Few rays to all sides, or a packet where the curve that orders rays jumps,
+/// would have lists of most splats.
+const WIDEST: f64 = 0.2;
+/// Entries of one packet that a GPU in software walks, at most: Mesa's ends all loops of a thread after 65,535 turns, of which blending takes
+/// three an entry.
+const LONGEST_IN_SOFTWARE: u32 = 20_000;
 /// Bytes of coefficients of colour that are uploaded at once.
 const COLOR_BYTES: u64 = 64 << 20;
 /// Bits of a distance.
@@ -158,7 +164,7 @@ impl GpuRaySplats {
         }
         let mut working = self.working.lock().unwrap_or_else(PoisonError::into_inner);
         let sums = RaySums::of(asked);
-        let packets = Packets::new(rays);
+        let packets = Packets::no_wider(rays, WIDEST);
         let ray_bytes = (4 * PACKET * RAY_WORDS.max(HIT_WORDS + sums.features())) as u64;
         let most = (self.gpu.most_binding() / ray_bytes).clamp(1, u64::from(MOST_PACKETS)) as u32;
         let mut made = Vec::new();
@@ -194,8 +200,12 @@ impl GpuRaySplats {
         let most = most.max(self.count);
         working.entries = working.entries.max(self.count.max(1 << 16)).min(most);
         loop {
-            let needed = self.attempt(working, part, rays, made)?;
+            let (needed, longest) = self.attempt(working, part, rays, made)?;
             if needed <= working.entries {
+                if longest > LONGEST_IN_SOFTWARE && self.gpu.kind() == AdapterKind::Software {
+                    let [bytes, most] = [longest, LONGEST_IN_SOFTWARE].map(|entries| 4 * u64::from(entries));
+                    return Err(GpuError::TooLarge { what: "the splats along some rays", bytes, most });
+                }
                 return Ok(true);
             }
             if needed > most {
@@ -224,14 +234,14 @@ impl GpuRaySplats {
         all
     }
 
-    /// Traces some packets with the room that there is; returns the entries that room is needed for.
+    /// Traces some packets with the room that there is; returns the entries that room is needed for, and those of the longest list.
     fn attempt(
         &self,
         working: &mut Working,
         part: &Part<'_>,
         rays: &[f32],
         made: &mut Vec<u32>,
-    ) -> Result<u32, GpuError> {
+    ) -> Result<(u32, u32), GpuError> {
         let gpu = &*self.gpu;
         let packets = part.packets.len() as u32;
         let capacity = Capacity { visible: self.count, entries: working.entries };
@@ -329,8 +339,8 @@ impl GpuRaySplats {
                 (&hits, 0, bytemuck::cast_slice_mut(made)),
             ],
         )?;
-        let [_, _, _, needed, _] = numbers;
-        Ok(needed)
+        let [_, _, _, needed, longest] = numbers;
+        Ok((needed, longest))
     }
 }
 

@@ -8,6 +8,7 @@
 @group(0) @binding(5) var<storage, read> rays: array<vec4<f32>>;
 // `[rays][3 + FEATURES]`, bits of floats: coverage, distance; then the splat; then the sums.
 @group(0) @binding(6) var<storage, read_write> hits: array<u32>;
+@group(0) @binding(7) var<storage, read_write> counters: Counters;
 
 // `M` times the way from the mean to the middle of the group; log2 of the opacity.
 var<workgroup> middles: array<vec4<f32>, PACKET>;
@@ -44,6 +45,10 @@ fn blend(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_
     var kept_count = 0u;
     let begin = offsets[packet];
     let end = offsets[packet + 1u];
+    if local == 0u {
+        // The longest list: loops in software end early.
+        atomicMax(&counters.walked, end - begin);
+    }
     for (var first = begin; first < end; first += PACKET) {
         let size = min(PACKET, end - first);
         if local < size {

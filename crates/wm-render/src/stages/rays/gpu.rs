@@ -247,7 +247,7 @@ impl RayBuffers<'_> {
         recorder.dispatch(RaysProgram::Features(sums), self.over_visible(), bindings);
     }
 
-    /// Blends the lists of so many packets: their offsets and entries, their rays, and the results.
+    /// Blends the lists of so many packets: their offsets and entries, their rays, and the results. Counters learn the length of the longest.
     pub fn blend(
         &self,
         recorder: &mut Recorder<'_>,
@@ -257,7 +257,7 @@ impl RayBuffers<'_> {
     ) {
         let bindings = with_buffers(
             vec![(0, recorder.uniform(COUNT_TASK))],
-            [offsets, entries, self.records, self.features, rays, hits],
+            [offsets, entries, self.records, self.features, rays, hits, self.counters],
         );
         recorder.dispatch(RaysProgram::Blend(sums), Groups::Direct(packets), bindings);
     }

@@ -54,6 +54,12 @@ impl Packets {
     /// Groups rays by their origins, and then by their directions. A function of the rays alone.
     #[must_use]
     pub fn new(rays: &Rays) -> Self {
+        Self::no_wider(rays, f64::INFINITY)
+    }
+
+    /// The same groups, with packets of fewer rays where these would go more than an angle, radians, to a side of their middle.
+    #[must_use]
+    pub fn no_wider(rays: &Rays, widest: f64) -> Self {
         let mut packets = Self { starts: vec![0], ..Self::default() };
         if rays.is_empty() {
             return packets;
@@ -76,20 +82,27 @@ impl Packets {
                     continue;
                 }
             }
-            packets.add(rays, part, (low, high));
+            packets.add(rays, part, (low, high), widest);
         }
         packets
     }
 
-    fn add(&mut self, rays: &Rays, mut part: Vec<u32>, (low, high): (Vec3, Vec3)) {
+    fn add(&mut self, rays: &Rays, mut part: Vec<u32>, (low, high): (Vec3, Vec3), widest: f64) {
         let center = 0.5 * (low + high);
         let radius = 0.5 * (high - low).length();
         let direction = |ray: u32| Vec3::from_array(rays.directions[ray as usize]);
         part.sort_by_cached_key(|ray| (along_curve(direction(*ray)), *ray));
         let first = self.starts.len() - 1;
         let mut cones = Vec::new();
-        for packet in part.chunks(PACKET) {
-            cones.push(Cone::about(packet.iter().map(|ray| direction(*ray))));
+        let mut todo: Vec<&[u32]> = part.chunks(PACKET).rev().collect();
+        while let Some(packet) = todo.pop() {
+            let cone = Cone::about(packet.iter().map(|ray| direction(*ray)));
+            if cone.half > widest && packet.len() > 1 {
+                let (near, far) = packet.split_at(packet.len() / 2);
+                todo.extend([far, near]);
+                continue;
+            }
+            cones.push(cone);
             self.order.extend(packet);
             self.starts.push(self.order.len() as u32);
         }

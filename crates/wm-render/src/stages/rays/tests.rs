@@ -173,6 +173,17 @@ fn packets_hold_each_ray_once() {
         assert!(order.into_iter().eq(0..count as u32));
         assert!(packets.starts.windows(2).all(|pair| (pair[1] - pair[0]) as usize <= PACKET));
         assert!(packets.groups.iter().all(|group| group.radius <= 50.0 / 16.0));
+        let narrow = Packets::no_wider(&rays, 0.2);
+        assert_eq!(narrow.order, packets.order);
+        for packet in 0..narrow.starts.len() - 1 {
+            let ways: Vec<DVec3> = narrow
+                .rays(packet)
+                .iter()
+                .map(|ray| DVec3::from_array(rays.directions[*ray as usize].map(f64::from)))
+                .collect();
+            let apart = ways.iter().map(|way| way.angle_between(ways[0])).fold(0.0, f64::max);
+            assert!(ways.len() == 1 || (ways.len() <= PACKET && apart <= 0.41), "{apart}");
+        }
     }
 }
 
