@@ -8,6 +8,7 @@ use crate::frame::Frame;
 #[cfg(feature = "gpu")]
 use crate::gpu::{self, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
 use crate::plan::{FramePlan, Pictures};
+use crate::ray_tracer::AnyRaySplats;
 use crate::renderer::{CpuConfig, RenderBackend, RenderError, SetId, Stats};
 use crate::simd::SimdPath;
 use std::fmt;
@@ -143,6 +144,50 @@ impl AnyRenderer {
             #[cfg(feature = "gpu")]
             Body::Gpu { gpu, .. } => format!("{}, {}", gpu.describe(), self.path),
         }
+    }
+
+    /// The splats for which `is_met` returns true, such as those that are no sky, each with a value for [`RayOutputs::value`](crate::RayOutputs::value), for
+    /// rays from anywhere on this renderer's device.
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`] if the GPU has no room and was asked for; one that was chosen by itself leaves the rays to the CPU.
+    pub fn ray_splats<'s>(
+        &mut self,
+        splats: &'s Splats,
+        is_met: impl Fn(usize) -> bool + Sync + Send,
+        value: impl Fn(usize) -> f32 + Sync + Send,
+    ) -> Result<AnyRaySplats<'s>, RenderError> {
+        #[allow(unused_mut)]
+        let mut rays = self.pool().install(|| AnyRaySplats::on_cpu(splats, is_met, value));
+        #[cfg(feature = "gpu")]
+        if let Body::Gpu { gpu, kept } = &self.body
+            && let Err(error) = gpu.pool().install(|| rays.move_to(gpu.gpu()))
+        {
+            let error = RenderError::from(error);
+            if kept.is_none() {
+                return Err(error);
+            }
+            (self.warn)(&error);
+        }
+        Ok(rays)
+    }
+
+    /// Checks that this renderer's GPU has traced the rays, after [`RayTracer::trace`](crate::RayTracer::trace).
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`] if it has failed and was asked for; of one that was chosen by itself only the warning is given, since the CPU
+    /// has traced them instead.
+    pub fn check_rays(&mut self, rays: &mut AnyRaySplats<'_>) -> Result<(), RenderError> {
+        #[cfg(feature = "gpu")]
+        if let Some(error) = rays.give_up_gpu() {
+            if matches!(self.body, Body::Gpu { kept: None, .. }) {
+                return Err(error);
+            }
+            (self.warn)(&error);
+        }
+        #[cfg(not(feature = "gpu"))]
+        let _ = rays;
+        Ok(())
     }
 
     fn renderer(&mut self) -> &mut dyn RenderBackend {

@@ -50,6 +50,7 @@ pub mod hooks;
 pub mod parts;
 pub mod pixel_effects;
 pub mod plan;
+pub mod ray_tracer;
 pub mod reference;
 pub mod reference_backward;
 pub mod reference_particles;
@@ -71,11 +72,12 @@ pub use differentiable::{
 pub use even_air::EvenAir;
 pub use frame::{ColorEncoding, FRONT, Frame};
 #[cfg(feature = "gpu")]
-pub use gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
+pub use gpu::{AdapterChoice, Gpu, GpuConfig, GpuDifferentiable, GpuRaySplats, GpuRenderer};
 pub use plan::{
     BlendSurface, CutPlane, DrawPass, FramePass, FramePlan, PictureEffect, PictureId, PicturePass, Pictures,
     SetView, Shading, SplatSource,
 };
+pub use ray_tracer::{AnyRaySplats, RayTracer};
 pub use renderer::{
     Background, CpuConfig, DeviceWork, Geometry, MedianDepth, Outputs, ParticlePass, RenderBackend,
     RenderConfig, RenderError, SetId, SkyGradient, Stats, WaterPass,

@@ -73,5 +73,5 @@ pub use model::{LidarModel, TARGET};
 pub use pattern::{Beam, BeamPattern};
 pub use pose::{EvenMotion, SensorMotion, SensorPose};
 pub use presets::{PRESETS, about};
-pub use surface::{DrySurfaces, SurfaceState, SurfaceStates, reflecting_splats};
+pub use surface::{DrySurfaces, SurfaceState, SurfaceStates, base_reflectance, reflecting_splats};
 pub use sweep::{LidarPoint, LidarScene, LidarSweep, PointFrame, SubRays, SweepOptions, sweep};

@@ -37,8 +37,13 @@ pub trait SurfaceStates: Sync {
 /// as seen from everywhere, since what a colour does with the direction is light that a beam is not.
 #[must_use]
 pub fn reflecting_splats(splats: &Splats, is_met: impl Fn(usize) -> bool + Sync) -> RaySplats<'_> {
-    let reflectance = |index: usize| dry_reflectance(splats.base_color(index)) as f32;
-    RaySplats::new(splats, is_met).with_values(reflectance)
+    RaySplats::new(splats, is_met).with_values(|index| base_reflectance(splats, index))
+}
+
+/// The dry reflectance of a splat, by its colour as seen from all sides on average.
+#[must_use]
+pub fn base_reflectance(splats: &Splats, index: usize) -> f32 {
+    dry_reflectance(splats.base_color(index)) as f32
 }
 
 /// Surfaces that are all dry.

@@ -16,7 +16,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use wm_render::simd::SimdPath;
-use wm_render::{RayHits, RayOutputs, RaySplats, Rays};
+use wm_render::{RayHits, RayOutputs, RayTracer, Rays};
 use wm_scene::random::RandomStream;
 use wm_weather::shelter::Shelter;
 use wm_weather::{InfraredAir, PreparedWeather, Site};
@@ -24,10 +24,10 @@ use wm_weather::{InfraredAir, PreparedWeather, Site};
 /// A place in weather, for sensors.
 #[derive(Clone, Copy)]
 pub struct LidarScene<'a> {
-    /// Its splats, with their reflectances; see [`crate::reflecting_splats`].
-    pub splats: &'a RaySplats<'a>,
+    /// Its splats, with their reflectances as values; see [`crate::reflecting_splats`].
+    pub splats: &'a dyn RayTracer,
     /// Those above the ground, which wet ground mirrors; `None` for no ghosts.
-    pub mirrored: Option<&'a RaySplats<'a>>,
+    pub mirrored: Option<&'a dyn RayTracer>,
     /// The weather at the start of the sweep.
     pub weather: &'a PreparedWeather,
     /// The scale and the up direction.
@@ -404,7 +404,7 @@ impl Tracer<'_> {
         Rays { origins: self.pulses.iter().flat_map(origin).collect(), directions }
     }
 
-    fn trace(&self, splats: &RaySplats<'_>, rays: &Rays) -> RayHits {
+    fn trace(&self, splats: &dyn RayTracer, rays: &Rays) -> RayHits {
         splats.trace(rays, RayOutputs { normal: true, value: true, ..RayOutputs::default() }, self.scene.path)
     }
 

@@ -30,9 +30,10 @@ use crate::{Error, Progress, Renderer, Result};
 use glam::DVec3;
 use std::borrow::Cow;
 use std::sync::Arc;
+use wm_render::RayTracer;
 use wm_scene::{Group, Splats};
 use wm_sensors::{LidarScene, SensorMotion, SensorPose, SurfaceState, SurfaceStates, SweepOptions};
-use wm_sensors::{reflecting_splats, sweep};
+use wm_sensors::{base_reflectance, sweep};
 use wm_weather::wetness::WetGains;
 use wm_weather::{Fidelity, Weather};
 
@@ -140,16 +141,16 @@ impl Renderer {
                 None => Cow::Borrowed(&scene.splats),
             };
             let is_met = |index: usize| splats.groups[index] != Group::Sky;
-            let rays = self.backend().pool().install(|| reflecting_splats(&splats, is_met));
+            let value = |index: usize| base_reflectance(&splats, index);
+            let mut rays = self.backend_mut().ray_splats(&splats, is_met, value)?;
             // What stands on the ground, and may be mirrored by it.
             let floor = site.ground + STANDS / site.metres_per_unit;
             let height =
                 |index: usize| (0..3).map(|k| f64::from(splats.means[index][k]) * site.up[k]).sum::<f64>();
             let gets_wet = weather.at(time(index)).prepare(&site).wetting_rain().is_some();
-            let mirrored = gets_wet.then(|| {
-                let stands = |index: usize| is_met(index) && height(index) > floor;
-                self.backend().pool().install(|| reflecting_splats(&splats, stands))
-            });
+            let stands = |index: usize| is_met(index) && height(index) > floor;
+            let mirrored = gets_wet.then(|| self.backend_mut().ray_splats(&splats, stands, value));
+            let mut mirrored = mirrored.transpose()?;
             while index < end && covers(index) == lies {
                 if progress.is_stopped() {
                     return Ok(index - options.first);
@@ -173,7 +174,7 @@ impl Renderer {
                         let surfaces = PlaceSurfaces { groups: &splats.groups, wet, is_snow };
                         let scene = LidarScene {
                             splats: &rays,
-                            mirrored: mirrored.as_ref(),
+                            mirrored: mirrored.as_ref().map(|rays| rays as &dyn RayTracer),
                             weather: prepared,
                             site: &site,
                             shelter,
@@ -183,6 +184,9 @@ impl Renderer {
                         pool.install(|| sweep(lidar, &motion, &scene, &own))
                     },
                 )?;
+                for rays in [Some(&mut rays), mirrored.as_mut()].into_iter().flatten() {
+                    self.backend_mut().check_rays(rays)?;
+                }
                 take(made)?;
                 index += 1;
             }

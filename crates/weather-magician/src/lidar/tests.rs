@@ -78,3 +78,43 @@ fn a_later_sweep_is_the_same_when_made_alone() {
     let second = renderer.scan_once(&mut place, &weather, &lidar, &motion, &alone).unwrap();
     assert!(second == made[1]);
 }
+
+/// Rays of a GPU end where the CPU's do, but where two splats share half of a ray's coverage within rounding.
+#[cfg(feature = "gpu")]
+#[test]
+fn a_gpu_sees_the_points_that_the_cpu_sees() {
+    use std::collections::HashMap;
+    let Some(adapter) = wm_render::gpu::adapters().into_iter().find(|listed| listed.unfit.is_none()) else {
+        assert!(std::env::var("WM_REQUIRE_GPU").is_err(), "no GPU, and WM_REQUIRE_GPU is set");
+        eprintln!("skipped: no GPU");
+        return;
+    };
+    let device = crate::Device::Gpu(Some(adapter.name));
+    let mut gpu = Renderer::new(&device, crate::CpuConfig::default(), |_| {}).unwrap();
+    let mut cpu = Renderer::cpu().unwrap();
+    let lidar = LidarModel::find("vlp-16").unwrap();
+    let options = ScanOptions { seed: 4, ..ScanOptions::default() };
+    // Wet ground mirrors rays, which begin in many places.
+    let mut wet = Weather::clear();
+    ["rain.rate=25", "wetness.amount=1"].map(|text| wet.set_text(text).unwrap());
+    let mut places = [&mut gpu, &mut cpu].map(place);
+    for weather in [Weather::clear(), wet] {
+        let [on_gpu, on_cpu] = [(&mut gpu, 0), (&mut cpu, 1)].map(|(renderer, at)| {
+            let (place, motion) = &mut places[at];
+            let sweep = renderer.scan_once(place, &weather, &lidar, motion, &options).unwrap();
+            let points = sweep.points.iter().map(|point| ((point.ring, point.column), point.position));
+            (sweep.pulses, points.collect::<HashMap<_, _>>())
+        });
+        let (pulses, points) = on_cpu;
+        let is_same = |pulse: &(u16, u32)| match (on_gpu.1.get(pulse), points.get(pulse)) {
+            (Some(a), Some(b)) => (0..3).all(|k| (a[k] - b[k]).abs() < 1e-3),
+            _ => false,
+        };
+        let mut all: Vec<_> = points.keys().chain(on_gpu.1.keys()).collect();
+        all.sort_unstable();
+        all.dedup();
+        let off = all.iter().filter(|pulse| !is_same(pulse)).count();
+        println!("{off} points of {} of {pulses} pulses are elsewhere", all.len());
+        assert!(all.len() * 2 > pulses && off * 1000 < pulses, "{off} of {pulses}");
+    }
+}

@@ -18,6 +18,8 @@
 //! Everything is summed in an order that is fixed, so a frame is the same, byte by byte, each time on one adapter. Ties
 //! in depth are broken as on the CPU, since splats are in the same order.
 //!
+//! Rays from anywhere ([`GpuRaySplats`], stage [`rays`](crate::stages::rays)) find their splats as tiles do, packet by packet, and are no frame.
+//!
 //! Hooks: the air runs on the GPU if it has a [`WgslSource`](crate::hooks::WgslSource); otherwise the frame is refused.
 //! Attributes of splats, backgrounds of several colours and pixel effects are still computed by the CPU, and uploaded or
 //! applied to the picture that came back.
@@ -34,6 +36,7 @@ pub mod model;
 mod pass;
 #[cfg(test)]
 pub(crate) mod probe;
+mod rays;
 mod readback;
 pub(crate) mod recorder;
 mod renderer;
@@ -45,6 +48,7 @@ pub mod uniforms;
 pub use device::{AdapterChoice, AdapterKind, Gpu, GpuConfig, ListedAdapter, adapters};
 pub use differentiable::GpuDifferentiable;
 pub use error::GpuError;
+pub use rays::GpuRaySplats;
 pub use renderer::GpuRenderer;
 pub use source::Subgroups;
 

@@ -8,7 +8,9 @@ use crate::hooks::GROUP;
 use crate::stages::project::{self, gpu as splats};
 use crate::stages::project_backward::gpu as gradients;
 use crate::stages::rasterize_backward::{self, GradientSlot};
-use crate::stages::{compare, composite, intersect, optimize, particles, prefix_sum, rasterize, shade, sort};
+use crate::stages::{
+    compare, composite, intersect, optimize, particles, prefix_sum, rasterize, rays, shade, sort,
+};
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use wm_scene::sh;
@@ -121,6 +123,7 @@ programs! {
     RasterizeBackward(rasterize_backward::gpu::RasterizeBackwardProgram),
     ProjectBackward(gradients::ProjectBackwardProgram),
     Optimize(optimize::gpu::OptimizeProgram),
+    Rays(rays::gpu::RaysProgram),
 }
 
 impl Program {

@@ -9,6 +9,7 @@ use crate::renderer::MedianDepth;
 use crate::stages::compare::{Comparison, Term};
 use crate::stages::optimize::{BETA1, BETA2, Noise, Step};
 use crate::stages::project::ProjectCamera;
+use crate::stages::rays::packets::{CHILDREN, RayGroup};
 use std::f32::consts::LOG2_E;
 use std::ops::Range;
 use wm_scene::random::SEED_FACTOR;
@@ -36,6 +37,14 @@ impl Uniform {
 
     fn real(self, name: &'static str, value: f32) -> Self {
         self.whole(name, value.to_bits())
+    }
+
+    /// Another number in a field that is there.
+    fn replaced(mut self, name: &'static str, value: u32) -> Self {
+        for (_, offset) in self.fields.iter().filter(|(field, _)| *field == name) {
+            self.words[*offset as usize / 4] = value;
+        }
+        self
     }
 
     /// A vector: those of two numbers begin at multiples of 8 bytes, longer ones of 16.
@@ -200,6 +209,46 @@ pub fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity: Capac
         .vector("cut", sight.cut.map_or([0.0; 4], |cut| cut.seen_from(sight.camera.center().to_array())))
         .vector("split_normal", sight.split.unwrap_or_default())
         .whole("split", if sight.median == MedianDepth::Splat { 2 } else { sight.split.is_some().into() })
+}
+
+/// `View` of lists of something else than tiles, which no camera sees: their number, blocks of what they list, and room.
+#[must_use]
+pub fn view_of_lists(lists: u32, blocks: u32, capacity: Capacity) -> Uniform {
+    let (fx, fy, cx, cy) = (1.0, 1.0, 0.5, 0.5);
+    let camera = Camera { width: 1, height: 1, fx, fy, cx, cy, viewmat: glam::DMat4::IDENTITY, near: 0.1 };
+    let sight = ViewParameters {
+        camera: &camera,
+        rasterization: Rasterization::default(),
+        sky: SkySplats::Kept,
+        air: None,
+        cut: None,
+        split: None,
+    };
+    view(&sight, blocks, 0, capacity).replaced("tiles", lists)
+}
+
+/// `RayTask` of `records.wgsl`: some packets of a group, and so many records.
+#[must_use]
+pub fn ray_task(group: &RayGroup, packets: &Range<u32>, records: u32, emits: bool) -> Uniform {
+    let all = group.packets.len() as u32;
+    let top = group.levels.len() as u32 - 1;
+    let sizes = (0..top).scan(all, |size, _| Some(std::mem::replace(size, size.div_ceil(CHILDREN as u32))));
+    Uniform::default()
+        .vector("center", group.center)
+        .real("radius", group.radius)
+        .whole("packets", all)
+        .whole("first", packets.start)
+        .whole("end", packets.end)
+        .whole("top", top)
+        .whole("top_at", sizes.sum())
+        .whole("records", records)
+        .whole("emits", u32::from(emits))
+}
+
+/// `ColorPiece` of `features.wgsl`: the first of its records, their number, and numbers of each.
+#[must_use]
+pub fn color_piece(first: u32, count: u32, stride: u32) -> Uniform {
+    Uniform::default().whole("first", first).whole("count", count).whole("stride", stride)
 }
 
 /// A piece of a set, for [`chunk`].

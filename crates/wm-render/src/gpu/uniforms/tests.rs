@@ -11,6 +11,9 @@ use crate::stages::intersect::gpu::IntersectProgram;
 use crate::stages::optimize::gpu::OptimizeProgram;
 use crate::stages::optimize::{Rates, SplatTerms};
 use crate::stages::project::gpu::{ParameterForm, ProjectProgram};
+use crate::stages::rays::Rays;
+use crate::stages::rays::gpu::{RaySums, RaysProgram};
+use crate::stages::rays::packets::Packets;
 use crate::stages::sort::gpu::SortProgram;
 use crate::testing::camera;
 use wgpu::naga::front::wgsl;
@@ -33,6 +36,7 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
         Rates { means: 0.1, quats: 0.2, log_scales: 0.3, logit_opacities: 0.4, sh_dc: 0.5, sh_rest: 0.6 };
     let photo = Comparison { exposure: NO_EXPOSURE, weights: [0.5; Term::COUNT], ..Comparison::default() };
     let step = Step { number: 7, rates, terms: SplatTerms::default(), size: (64, 48) };
+    let packets = Packets::new(&Rays::from_one([0.0; 3], vec![[1.0, 0.0, 0.0]]));
     for (program, name, uniform) in [
         (
             Program::Project(ProjectProgram::Cull(ParameterForm::Activated)),
@@ -57,6 +61,9 @@ fn names_offsets_and_sizes_are_those_of_wgsl() {
         (OptimizeProgram::Rearrange.into(), "Move", rearrangement(3..5, 0..7, 14, Forgets::Row(10, 14))),
         (SortProgram::Count.into(), "Pass", sort_pass(8, true, false)),
         (IntersectProgram::Entries.into(), "Task", intersect_task(true)),
+        (RaysProgram::Touch.into(), "View", view_of_lists(3, 0, Capacity::default())),
+        (RaysProgram::Touch.into(), "RayTask", ray_task(&packets.groups[0], &(0..1), 5, true)),
+        (RaysProgram::Features(RaySums::Color).into(), "ColorPiece", color_piece(0, 5, 3)),
     ] {
         let module = wgsl::parse_str(&program.text()).unwrap();
         let (wanted, span) = members(&module, name);

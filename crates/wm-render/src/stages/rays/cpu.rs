@@ -19,11 +19,11 @@ const BLOCK: usize = 4096;
 /// Splats that are culled as one.
 const CLUSTER: usize = 64;
 /// Slack of the test of a splat against a cone, of its distance.
-const SLACK: f32 = 4e-6;
+pub(super) const SLACK: f32 = 4e-6;
 /// Transmittance from which on a splat may be the hit: half of the least coverage of a hit is reached.
-const SOONEST: f32 = 1.0 - 0.5 * LEAST_HIT;
+pub(super) const SOONEST: f32 = 1.0 - 0.5 * LEAST_HIT;
 /// Splats that may be the hit that are kept a ray.
-const HITS: usize = 16;
+pub(super) const HITS: usize = 16;
 /// Packets whose lists are gathered as one.
 const BUNDLE: usize = 16;
 /// Levels of a tree of eight children that hold any number of packets.

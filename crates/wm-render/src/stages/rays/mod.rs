@@ -18,6 +18,10 @@
 //! sums agree to 1e-4 within 1e4 standard deviations; cuts are steps, as in [`super::rasterize`].
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
+#[cfg(all(test, feature = "gpu"))]
+mod gpu_tests;
 pub mod packets;
 #[cfg(test)]
 mod tests;

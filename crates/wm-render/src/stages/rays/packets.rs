@@ -57,6 +57,12 @@ impl Packets {
     /// Groups rays by their origins, and then by their directions. A function of the rays alone.
     #[must_use]
     pub fn new(rays: &Rays) -> Self {
+        Self::no_wider(rays, f64::INFINITY)
+    }
+
+    /// The same groups, with packets of fewer rays where these would go more than an angle, radians, to a side of their middle.
+    #[must_use]
+    pub fn no_wider(rays: &Rays, widest: f64) -> Self {
         let mut packets = Self { starts: vec![0], ..Self::default() };
         if rays.is_empty() {
             return packets;
@@ -79,12 +85,12 @@ impl Packets {
                     continue;
                 }
             }
-            packets.add(rays, part, (low, high));
+            packets.add(rays, part, (low, high), widest);
         }
         packets
     }
 
-    fn add(&mut self, rays: &Rays, mut part: Vec<u32>, (low, high): (Vec3, Vec3)) {
+    fn add(&mut self, rays: &Rays, mut part: Vec<u32>, (low, high): (Vec3, Vec3), widest: f64) {
         let center = 0.5 * (low + high);
         let radius = 0.5 * (high - low).length();
         let direction = |ray: u32| Vec3::from_array(rays.directions[ray as usize]);
@@ -92,7 +98,7 @@ impl Packets {
         let first = self.starts.len() - 1;
         let mut cones = Vec::new();
         let directions: Vec<Vec3> = part.iter().map(|ray| direction(*ray)).collect();
-        for (packet, cone) in cut(&directions) {
+        for (packet, cone) in cut(&directions, widest) {
             cones.push(cone);
             self.order.extend(&part[packet]);
             self.starts.push(self.order.len() as u32);
@@ -118,14 +124,14 @@ impl Packets {
 }
 
 /// Cuts directions along the curve into packets with their cones. Where the curve leaves the pattern and comes back elsewhere, two parts of
-/// it would share one wide cone, which all splats between them touch: a packet ends there.
-fn cut(directions: &[Vec3]) -> Vec<(Range<usize>, Cone)> {
+/// it would share one wide cone, which all splats between them touch: a packet ends there, and where its half angle would be above `widest`, radians.
+fn cut(directions: &[Vec3], widest: f64) -> Vec<(Range<usize>, Cone)> {
     let about = |range: &Range<usize>| Cone::about(directions[range.clone()].iter().copied());
     let chunks = (0..directions.len()).step_by(PACKET).map(|at| at..directions.len().min(at + PACKET));
     let packets: Vec<(Range<usize>, Cone)> = chunks.map(|range| (range.clone(), about(&range))).collect();
     let mut halves: Vec<f64> = packets.iter().map(|(_, cone)| cone.half).collect();
     let middle = halves.len() / 2;
-    let widest = WIDE * *halves.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let widest = widest.min(WIDE * *halves.select_nth_unstable_by(middle, f64::total_cmp).1);
     let mut narrow = Vec::with_capacity(packets.len());
     for packet in packets {
         let mut parts = vec![packet];

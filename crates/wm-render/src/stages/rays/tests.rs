@@ -11,19 +11,19 @@ use proptest::prelude::*;
 use wm_scene::random::uniform;
 use wm_scene::{Camera, Splats};
 
-const ALL: RayOutputs = RayOutputs { color: true, normal: true, value: true };
+pub(super) const ALL: RayOutputs = RayOutputs { color: true, normal: true, value: true };
 
 /// A value for every splat, 0-1.
-fn value(splat: usize) -> f32 {
+pub(super) fn value(splat: usize) -> f32 {
     (splat * 7 % 11) as f32 / 10.0
 }
 
-fn ray_splats(splats: &Splats) -> RaySplats<'_> {
+pub(super) fn ray_splats(splats: &Splats) -> RaySplats<'_> {
     RaySplats::new(splats, |_| true).with_values(value)
 }
 
 /// Rays to all sides from places along a path of some length.
-fn rays(count: usize, path: f32, seed: u64) -> Rays {
+pub(super) fn rays(count: usize, path: f32, seed: u64) -> Rays {
     let number = |index: usize, k: u64| uniform(seed, 8 * index as u64 + k);
     let one = |index: usize| {
         let (up, around) = (2.0 * number(index, 0) - 1.0, std::f64::consts::TAU * number(index, 1));
@@ -34,7 +34,7 @@ fn rays(count: usize, path: f32, seed: u64) -> Rays {
     Rays { origins, directions: (0..count).map(one).collect() }
 }
 
-fn compare(splats: &Splats, rays: &Rays, hits: &RayHits) -> Result<(), String> {
+pub(super) fn compare(splats: &Splats, rays: &Rays, hits: &RayHits) -> Result<(), String> {
     let packets = Packets::new(rays);
     let mut unsettled = 0;
     for group in &packets.groups {
@@ -94,9 +94,8 @@ fn rays_meet_what_the_referee_meets() {
     }
 }
 
-/// Needles and flat splats, small ones far away, one that the origin lies in.
-#[test]
-fn hard_splats_are_met() {
+/// Needles and flat splats, small ones far away, one that the origin lies in; and rays at all of them.
+pub(super) fn hard() -> (Splats, Rays) {
     let mut splats = random_splats(400, 0, 3);
     for index in 0..splats.len() {
         let kind = index % 4;
@@ -118,6 +117,12 @@ fn hard_splats_are_met() {
     let aimed =
         splats.means.iter().map(|mean| (DVec3::from_array(mean.map(f64::from))).normalize().as_vec3());
     let rays = Rays::from_one([0.0; 3], aimed.map(|way| way.to_array()).collect());
+    (splats, rays)
+}
+
+#[test]
+fn hard_splats_are_met() {
+    let (splats, rays) = hard();
     for path in SimdPath::available() {
         let hits = ray_splats(&splats).trace(&rays, ALL, path);
         compare(&splats, &rays, &hits).unwrap_or_else(|error| panic!("{path}: {error}"));
@@ -181,6 +186,17 @@ fn packets_hold_each_ray_once() {
         assert!(order.into_iter().eq(0..count as u32));
         assert!(packets.starts.windows(2).all(|pair| (pair[1] - pair[0]) as usize <= PACKET));
         assert!(packets.groups.iter().all(|group| group.radius <= 50.0 / 16.0));
+        let narrow = Packets::no_wider(&rays, 0.2);
+        assert_eq!(narrow.order, packets.order);
+        for packet in 0..narrow.starts.len() - 1 {
+            let ways: Vec<DVec3> = narrow
+                .rays(packet)
+                .iter()
+                .map(|ray| DVec3::from_array(rays.directions[*ray as usize].map(f64::from)))
+                .collect();
+            let apart = ways.iter().map(|way| way.angle_between(ways[0])).fold(0.0, f64::max);
+            assert!(ways.len() == 1 || (ways.len() <= PACKET && apart <= 0.41), "{apart}");
+        }
     }
 }
 

@@ -1,0 +1,404 @@
+//! Splats in the GPU's memory for rays from anywhere, see [`crate::stages::rays`].
+
+use super::buffers::{Growing, READ_BACK, WRITTEN};
+use super::device::{AdapterKind, Gpu};
+use super::error::GpuError;
+use super::readback::copy;
+use super::recorder::{Recorder, Stage};
+use super::source::{
+    BLOCK_WORDS, COUNTER_WORDS, DIGITS, DISPATCH_WORDS, ENTRY_SORT, SORT_BLOCK, VISIBLE_SORT, WORKGROUP,
+};
+use super::uniforms::{self, Capacity, SLOT, Uniform, bytes_of};
+use crate::cpu::model::morton_order;
+use crate::stages::intersect::gpu::ranges;
+use crate::stages::prefix_sum::gpu::{PrefixSumProgram, spine};
+use crate::stages::rays::gpu::{
+    CONE_WORDS, HIT_WORDS, RAY_WORDS, RECORD_INDEX, RECORD_WORDS, RayBuffers, RaySums, WRITE_TASK, record,
+};
+use crate::stages::rays::packets::{CHILDREN, PACKET, Packets, RayGroup};
+use crate::stages::rays::{RayHits, RayOutputs, Rays};
+use crate::stages::sort::gpu::{Sort, passes};
+use rayon::prelude::*;
+use std::fmt;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+use wgpu::BufferUsages;
+use wm_scene::Splats;
+
+/// Entries of packets' lists that are held at once, at most, unless there are more splats: 256 MiB with the room to sort them. Packets
+/// that have more together are traced one part after the other.
+const MOST_ENTRIES: u32 = 1 << 24;
+/// Packets that are traced at once, at most: a million rays.
+const MOST_PACKETS: u32 = 1 << 14;
+/// Angle from the middle of a packet to its rays, at most, radians. Few rays to all sides, or a packet where the curve that orders rays jumps,
+/// would have lists of most splats.
+const WIDEST: f64 = 0.2;
+/// Entries of one packet that a GPU in software walks, at most: Mesa's ends all loops of a thread after 65,535 turns, of which blending takes
+/// three an entry.
+const LONGEST_IN_SOFTWARE: u32 = 20_000;
+/// Bytes of coefficients of colour that are uploaded at once.
+const COLOR_BYTES: u64 = 64 << 20;
+/// Bits of a distance.
+const DISTANCE_BITS: u32 = 32;
+// Slots of the structures behind `View` and the tasks.
+const DISTANCE_PASSES: usize = WRITE_TASK + 1;
+const PACKET_PASSES: usize = DISTANCE_PASSES + 4;
+const PIECES: usize = PACKET_PASSES + 4;
+
+/// Splats that rays can meet, in the memory of a GPU: the twin of [`RaySplats`](crate::RaySplats).
+pub struct GpuRaySplats {
+    gpu: Arc<Gpu>,
+    /// In Morton order, as the CPU's.
+    records: wgpu::Buffer,
+    count: u32,
+    colors: Vec<ColorPiece>,
+    /// Numbers of colour of a splat.
+    sh_stride: u32,
+    /// See [`MOST_ENTRIES`].
+    most_entries: u32,
+    working: Mutex<Working>,
+}
+
+/// The coefficients of colour of consecutive records.
+struct ColorPiece {
+    first: u32,
+    count: u32,
+    sh: wgpu::Buffer,
+}
+
+/// Memory that is kept from call to call.
+#[derive(Default)]
+struct Working {
+    kept: [Growing; 19],
+    staging: Growing,
+    /// Entries that there is room for.
+    entries: u32,
+}
+
+/// Some packets of a group.
+struct Part<'a> {
+    group: &'a RayGroup,
+    /// Those of the group that are traced.
+    packets: Range<u32>,
+    /// Cones of the group's tree, level by level.
+    cones: &'a [f32],
+    sums: RaySums,
+}
+
+impl fmt::Debug for GpuRaySplats {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("GpuRaySplats").field("count", &self.count).finish_non_exhaustive()
+    }
+}
+
+impl GpuRaySplats {
+    /// Uploads the splats for which `is_met` returns true, such as those that are no sky, each with a value for [`RayOutputs::value`]. Uses the threads of the current pool.
+    ///
+    /// # Errors
+    /// [`GpuError`] if the GPU has no room, or one array is larger than it binds.
+    pub fn new(
+        gpu: Arc<Gpu>,
+        splats: &Splats,
+        is_met: impl Fn(usize) -> bool + Sync,
+        value: impl Fn(usize) -> f32 + Sync,
+    ) -> Result<Self, GpuError> {
+        let of = |index: &u32| {
+            let index = *index as usize;
+            is_met(index).then(|| record(splats, index, value(index))).flatten()
+        };
+        let records: Vec<[u32; RECORD_WORDS]> =
+            morton_order(&splats.means).par_iter().filter_map(of).collect();
+        let words = records.as_flattened();
+        gpu.check_binding("splats for rays", size_of_val(words) as u64)?;
+        let buffer = gpu.buffer("splats for rays", size_of_val(words) as u64, WRITTEN)?;
+        gpu.write(&buffer, 0, bytemuck::cast_slice(words));
+        let stride = splats.sh_stride();
+        let most = COLOR_BYTES.min(gpu.most_binding()) / (4 * stride as u64);
+        let mut colors: Vec<ColorPiece> = Vec::new();
+        for piece in records.chunks((most as usize).max(1)) {
+            let of = |record: &[u32; RECORD_WORDS]| splats.sh_of(record[RECORD_INDEX] as usize);
+            let numbers: Vec<f32> = piece.iter().flat_map(of).copied().collect();
+            let bytes: &[u8] = bytemuck::cast_slice(&numbers);
+            let sh = gpu.buffer("colours for rays", bytes.len() as u64, WRITTEN)?;
+            gpu.write(&sh, 0, bytes);
+            // What waits to be copied goes with the first submission: not all of a large scene at once.
+            gpu.queue.submit([]);
+            let first = colors.last().map_or(0, |last| last.first + last.count);
+            colors.push(ColorPiece { first, count: piece.len() as u32, sh });
+        }
+        gpu.check()?;
+        Ok(Self {
+            gpu,
+            records: buffer,
+            count: records.len() as u32,
+            colors,
+            sh_stride: stride as u32,
+            most_entries: MOST_ENTRIES,
+            working: Mutex::default(),
+        })
+    }
+
+    /// Holds so many entries at once, at most: for tests.
+    #[cfg(test)]
+    pub(crate) fn holding(self, most_entries: u32) -> Self {
+        Self { most_entries, ..self }
+    }
+
+    /// Traces rays, as [`RaySplats::trace`](crate::RaySplats::trace) does. Equal from call to call on one adapter.
+    ///
+    /// # Errors
+    /// [`GpuError`] if the GPU has no room, or fails.
+    ///
+    /// # Panics
+    /// If there are fewer origins than directions.
+    pub fn trace(&self, rays: &Rays, asked: RayOutputs) -> Result<RayHits, GpuError> {
+        let count = rays.len();
+        let mut hits = RayHits {
+            coverage: vec![0.0; count],
+            distance: vec![f32::INFINITY; count],
+            splat: vec![u32::MAX; count],
+            color: vec![[0.0; 3]; if asked.color { count } else { 0 }],
+            normal: vec![[0.0; 3]; if asked.normal { count } else { 0 }],
+            value: vec![0.0; if asked.value { count } else { 0 }],
+        };
+        if self.count == 0 || count == 0 {
+            return Ok(hits);
+        }
+        let mut working = self.working.lock().unwrap_or_else(PoisonError::into_inner);
+        let sums = RaySums::of(asked);
+        let packets = Packets::no_wider(rays, WIDEST);
+        let ray_bytes = (4 * PACKET * RAY_WORDS.max(HIT_WORDS + sums.features())) as u64;
+        let most = (self.gpu.most_binding() / ray_bytes).clamp(1, u64::from(MOST_PACKETS)) as u32;
+        let mut made = Vec::new();
+        for group in &packets.groups {
+            let cones = cones(group);
+            let all = group.packets.len() as u32;
+            let mut todo: Vec<Range<u32>> =
+                (0..all).step_by(most as usize).map(|first| first..all.min(first + most)).collect();
+            while let Some(range) = todo.pop() {
+                let part = Part { group, packets: range.clone(), cones: &cones, sums };
+                let numbers = ray_words(rays, &packets, &part);
+                if self.run(&mut working, &part, &numbers, &mut made)? {
+                    take(&mut hits, &packets, &part, &made);
+                } else {
+                    let middle = range.start + (range.end - range.start) / 2;
+                    todo.extend([middle..range.end, range.start..middle]);
+                }
+            }
+        }
+        Ok(hits)
+    }
+
+    /// Traces some packets, with more room until it is enough. Returns false if there are too many entries to hold at once.
+    fn run(
+        &self,
+        working: &mut Working,
+        part: &Part<'_>,
+        rays: &[f32],
+        made: &mut Vec<u32>,
+    ) -> Result<bool, GpuError> {
+        // One packet has an entry a splat at most, for which there is always room.
+        let most = (self.gpu.most_binding() / 4).min(u64::from(self.most_entries)) as u32;
+        let most = most.max(self.count);
+        working.entries = working.entries.max(self.count.max(1 << 16)).min(most);
+        loop {
+            let (needed, longest) = self.attempt(working, part, rays, made)?;
+            if needed <= working.entries {
+                if longest > LONGEST_IN_SOFTWARE && self.gpu.kind() == AdapterKind::Software {
+                    let [bytes, most] = [longest, LONGEST_IN_SOFTWARE].map(|entries| 4 * u64::from(entries));
+                    return Err(GpuError::TooLarge { what: "the splats along some rays", bytes, most });
+                }
+                return Ok(true);
+            }
+            if needed > most {
+                return Ok(false);
+            }
+            working.entries = needed.saturating_add(needed / 4).min(most);
+        }
+    }
+
+    /// The structures in the order of their slots.
+    fn uniforms(&self, part: &Part<'_>, capacity: Capacity) -> Vec<Uniform> {
+        let lists = part.packets.len() as u32;
+        let mut all = vec![uniforms::view_of_lists(lists, self.count.div_ceil(WORKGROUP), capacity)];
+        all.extend(
+            [false, true].map(|emits| uniforms::ray_task(part.group, &part.packets, self.count, emits)),
+        );
+        for of_entries in [false, true] {
+            all.extend((0..4).map(|pass| uniforms::sort_pass(8 * pass, of_entries, false)));
+        }
+        if part.sums.has_color() {
+            let piece = |piece: &ColorPiece| uniforms::color_piece(piece.first, piece.count, self.sh_stride);
+            all.extend(self.colors.iter().map(piece));
+        } else {
+            all.push(uniforms::color_piece(0, self.count, self.sh_stride));
+        }
+        all
+    }
+
+    /// Traces some packets with the room that there is; returns the entries that room is needed for, and those of the longest list.
+    fn attempt(
+        &self,
+        working: &mut Working,
+        part: &Part<'_>,
+        rays: &[f32],
+        made: &mut Vec<u32>,
+    ) -> Result<(u32, u32), GpuError> {
+        let gpu = &*self.gpu;
+        let packets = part.packets.len() as u32;
+        let capacity = Capacity { visible: self.count, entries: working.entries };
+        let structures = self.uniforms(part, capacity);
+        let mut kept = working.kept.iter_mut();
+        let mut fit = |what: &'static str, bytes: u64, usage: BufferUsages| match kept.next() {
+            Some(growing) => growing.fit(gpu, what, bytes, usage),
+            None => gpu.buffer(what, bytes, usage),
+        };
+        let (count, entries) = (u64::from(self.count), u64::from(working.entries));
+        let blocks = count.div_ceil(u64::from(WORKGROUP));
+        let sort_blocks = count.max(entries).div_ceil(u64::from(SORT_BLOCK));
+        let hit_words = HIT_WORDS + part.sums.features();
+        let ray_count = packets as usize * PACKET;
+        let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let uniforms = fit("structures", SLOT * structures.len() as u64, uniform)?;
+        let counters = fit("counters", 4 * COUNTER_WORDS, READ_BACK | BufferUsages::COPY_DST)?;
+        let dispatches = fit("dispatch sizes", 4 * DISPATCH_WORDS, READ_BACK | BufferUsages::INDIRECT)?;
+        let cones = fit("cones of rays", size_of_val(part.cones) as u64, WRITTEN)?;
+        let counts = fit("packets of splats", 4 * count, READ_BACK)?;
+        let block_sums = fit("blocks of splats", 4 * u64::from(BLOCK_WORDS) * blocks, READ_BACK)?;
+        let sums = fit("sums", 4 * blocks, READ_BACK)?;
+        let mut pairs = |what: &'static str, items: u64| -> Result<[wgpu::Buffer; 4], GpuError> {
+            let mut one = || fit(what, 4 * items, READ_BACK);
+            Ok([one()?, one()?, one()?, one()?])
+        };
+        let by_distance = pairs("splats by distance", count)?;
+        let by_packet = pairs("lists of packets", entries)?;
+        let histogram = fit("counts of digits", 4 * u64::from(DIGITS) * sort_blocks, READ_BACK)?;
+        let totals = fit("totals of digits", 4 * u64::from(DIGITS), READ_BACK)?;
+        let features = fit("colours of splats", 4 * part.sums.features() as u64 * count, READ_BACK)?;
+        let ray_buffer = fit("rays", size_of_val(rays) as u64, WRITTEN)?;
+        let hits = fit("hits of rays", 4 * (hit_words * ray_count) as u64, READ_BACK)?;
+        let offsets = fit("offsets of lists", 4 * (u64::from(packets) + 1), READ_BACK)?;
+        gpu.write(&uniforms, 0, &bytes_of(&structures));
+        gpu.write(&cones, 0, bytemuck::cast_slice(part.cones));
+        gpu.write(&ray_buffer, 0, bytemuck::cast_slice(rays));
+
+        let buffers = RayBuffers {
+            counters: &counters,
+            dispatches: &dispatches,
+            records: &self.records,
+            cones: &cones,
+            counts: &counts,
+            blocks: &block_sums,
+            sums: &sums,
+            distances: (&by_distance[0], &by_distance[1]),
+            entries: (&by_packet[0], &by_packet[1]),
+            features: &features,
+        };
+        let sort = |pairs: &'_ [wgpu::Buffer; 4], size: u32, recorder: &mut Recorder<'_>, slots| {
+            let sort = Sort {
+                pairs: [(&pairs[0], &pairs[1]), (&pairs[2], &pairs[3])],
+                counters: &counters,
+                dispatches: &dispatches,
+                size,
+                histogram: &histogram,
+                totals: &totals,
+            };
+            let (keys, values) = sort.record(recorder, slots);
+            (keys.clone(), values.clone())
+        };
+        let counted = (&counters, &dispatches);
+        let mut recorder = Recorder::new(gpu, &uniforms, None);
+        recorder.encoder().clear_buffer(&counters, 0, None);
+        recorder.begin(Stage::Intersect);
+        buffers.count(&mut recorder, self.count);
+        spine(&mut recorder, PrefixSumProgram::Visible, &block_sums, counted);
+        buffers.list(&mut recorder, self.count);
+        let slots = DISTANCE_PASSES..DISTANCE_PASSES + passes(DISTANCE_BITS) as usize;
+        let (_, order) = sort(&by_distance, VISIBLE_SORT, &mut recorder, slots);
+        buffers.sum(&mut recorder, &order);
+        spine(&mut recorder, PrefixSumProgram::Entries, &sums, counted);
+        buffers.write(&mut recorder, &order);
+        let slots = PACKET_PASSES..PACKET_PASSES + passes(u32::BITS - packets.leading_zeros()) as usize;
+        let (keys, lists) = sort(&by_packet, ENTRY_SORT, &mut recorder, slots);
+        ranges(&mut recorder, packets, (&counters, &keys), &offsets);
+        if part.sums.has_color() {
+            for (at, piece) in self.colors.iter().enumerate() {
+                buffers.see(&mut recorder, (part.sums, PIECES + at), &order, &piece.sh);
+            }
+        } else if part.sums.has_normal() {
+            // Without colours one piece is all records, and its coefficients are not read.
+            buffers.see(&mut recorder, (part.sums, PIECES), &order, &counts);
+        }
+        buffers.blend(&mut recorder, (part.sums, packets), (&offsets, &lists), (&ray_buffer, &hits));
+        let mut numbers = [0u32; COUNTER_WORDS as usize];
+        made.resize(hit_words * ray_count, 0);
+        copy(
+            gpu,
+            recorder,
+            &mut working.staging,
+            &mut [
+                (&counters, 0, bytemuck::cast_slice_mut(&mut numbers)),
+                (&hits, 0, bytemuck::cast_slice_mut(made)),
+            ],
+        )?;
+        let [_, _, _, needed, longest] = numbers;
+        Ok((needed, longest))
+    }
+}
+
+/// The cones of a group's tree as `touch.wgsl` reads them, level by level.
+fn cones(group: &RayGroup) -> Vec<f32> {
+    let mut numbers = Vec::new();
+    let mut size = group.packets.len();
+    for level in &group.levels {
+        for at in 0..size {
+            let (cones, child) = (&level[at / CHILDREN], at % CHILDREN);
+            let [x, y, z] = [0, 1, 2].map(|k| cones.axis[k][child]);
+            let own: [f32; CONE_WORDS] = [x, y, z, cones.cos[child], cones.sin[child], 0.0, 0.0, 0.0];
+            numbers.extend(own);
+        }
+        size = size.div_ceil(CHILDREN);
+    }
+    numbers
+}
+
+/// The rays of some packets as `blend.wgsl` reads them, each packet filled up to [`PACKET`].
+fn ray_words(rays: &Rays, packets: &Packets, part: &Part<'_>) -> Vec<f32> {
+    let mut numbers = Vec::with_capacity(part.packets.len() * PACKET * RAY_WORDS);
+    for packet in part.packets.clone() {
+        let end = numbers.len() + PACKET * RAY_WORDS;
+        for ray in packets.rays(part.group.packets.start + packet as usize) {
+            let ray = *ray as usize;
+            let ([x, y, z], origin) = (rays.directions[ray], rays.origins[ray]);
+            let [u, v, w] = [0, 1, 2].map(|k| origin[k] - part.group.center[k]);
+            let own: [f32; RAY_WORDS] = [x, y, z, 1.0, u, v, w, 0.0];
+            numbers.extend(own);
+        }
+        numbers.resize(end, 0.0);
+    }
+    numbers
+}
+
+/// Takes the results of some packets to those of all rays.
+fn take(hits: &mut RayHits, packets: &Packets, part: &Part<'_>, made: &[u32]) {
+    let words = HIT_WORDS + part.sums.features();
+    for (at, of_packet) in made.chunks_exact(words * PACKET).enumerate() {
+        let own = packets.rays(part.group.packets.start + part.packets.start as usize + at);
+        for (ray, numbers) in own.iter().map(|ray| *ray as usize).zip(of_packet.chunks_exact(words)) {
+            hits.coverage[ray] = f32::from_bits(numbers[0]);
+            hits.distance[ray] = f32::from_bits(numbers[1]);
+            hits.splat[ray] = numbers[2];
+            if let Some(value) = hits.value.get_mut(ray) {
+                *value = f32::from_bits(numbers[3]);
+            }
+            let mut sums = numbers[HIT_WORDS..].as_chunks::<3>().0.iter();
+            for of in [&mut hits.color, &mut hits.normal] {
+                if !of.is_empty()
+                    && let Some(sum) = sums.next()
+                {
+                    of[ray] = sum.map(f32::from_bits);
+                }
+            }
+        }
+    }
+}

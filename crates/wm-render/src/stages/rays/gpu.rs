@@ -1,0 +1,260 @@
+//! Rays on the GPU. The packets are the CPU's; splats find those whose cones they touch as splats of a frame find tiles: counted, sorted by
+//! distance, written, sorted by packet. A workgroup blends a packet, a thread a ray.
+
+use super::cpu::{HITS, SLACK, SOONEST};
+use super::packets::{CHILDREN, PACKET};
+use super::{LEAST_HIT, RayOutputs, THINNEST, WHOLE};
+use crate::gpu::recorder::{Groups, Recorder, with_buffers};
+use crate::gpu::source::{StagePrograms, VISIBLE_GROUPS, WORKGROUP, texts};
+use crate::stages::prefix_sum::gpu::WORKGROUP_SUMS;
+use crate::stages::project::SQRT_HALF_LOG2E;
+use std::borrow::Cow;
+use wm_scene::splats::shortest_axis;
+use wm_scene::{Splats, quat};
+
+/// Words of `RayRecord`.
+pub(crate) const RECORD_WORDS: usize = 16;
+/// The word that names the splat.
+pub(crate) const RECORD_INDEX: usize = 11;
+/// Words of a ray that the GPU reads.
+pub(crate) const RAY_WORDS: usize = 8;
+/// Words of `Cone`.
+pub(crate) const CONE_WORDS: usize = 8;
+/// Words of a ray's result before its sums: coverage, distance, splat, value.
+pub(crate) const HIT_WORDS: usize = 4;
+
+/// The sums that are blended beside coverage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum RaySums {
+    /// None.
+    Coverage,
+    /// Colours.
+    Color,
+    /// Normals.
+    Normal,
+    /// Colours, then normals.
+    ColorNormal,
+}
+
+impl RaySums {
+    const ALL: [Self; 4] = [Self::Coverage, Self::Color, Self::Normal, Self::ColorNormal];
+
+    /// Those that are asked for.
+    pub(crate) fn of(asked: RayOutputs) -> Self {
+        match (asked.color, asked.normal) {
+            (false, false) => Self::Coverage,
+            (true, false) => Self::Color,
+            (false, true) => Self::Normal,
+            (true, true) => Self::ColorNormal,
+        }
+    }
+
+    pub(crate) fn has_color(self) -> bool {
+        matches!(self, Self::Color | Self::ColorNormal)
+    }
+
+    pub(crate) fn has_normal(self) -> bool {
+        matches!(self, Self::Normal | Self::ColorNormal)
+    }
+
+    /// Numbers of a splat.
+    pub(crate) fn features(self) -> usize {
+        3 * (usize::from(self.has_color()) + usize::from(self.has_normal()))
+    }
+}
+
+/// The programs of rays.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum RaysProgram {
+    /// Counts or writes the packets that each splat touches.
+    Touch,
+    /// Lists the splats that touch any.
+    Visible,
+    /// Adds up the packets of 256 of these.
+    Sums,
+    /// Finds their colours and normals.
+    Features(RaySums),
+    /// Blends the lists of packets.
+    Blend(RaySums),
+}
+
+impl StagePrograms for RaysProgram {
+    fn all() -> Vec<Self> {
+        let mut all = vec![Self::Touch, Self::Visible, Self::Sums];
+        // Without sums there are no features to find.
+        all.extend(RaySums::ALL.into_iter().skip(1).map(Self::Features));
+        all.extend(RaySums::ALL.map(Self::Blend));
+        all
+    }
+
+    fn entry(&self) -> &'static str {
+        match self {
+            Self::Touch => "touch",
+            Self::Visible => "visible",
+            Self::Sums => "sum_counts",
+            Self::Features(_) => "see",
+            Self::Blend(_) => "blend",
+        }
+    }
+
+    fn parts(&self) -> Vec<Cow<'static, str>> {
+        let mut parts = vec![Cow::from(constants())];
+        parts.extend(match self {
+            Self::Touch => texts([WORKGROUP_SUMS, RECORDS, include_str!("touch.wgsl")]),
+            Self::Visible => texts([WORKGROUP_SUMS, RECORDS, include_str!("visible.wgsl")]),
+            Self::Sums => texts([WORKGROUP_SUMS, RECORDS, include_str!("sums.wgsl")]),
+            Self::Features(_) => texts([RECORDS, include_str!("features.wgsl")]),
+            Self::Blend(_) => texts([RECORDS, include_str!("blend.wgsl")]),
+        });
+        if let Self::Features(sums) | Self::Blend(sums) = self {
+            let (color, normal, features) = (sums.has_color(), sums.has_normal(), sums.features());
+            let switches =
+                format!("const COLOR = {color};\nconst NORMAL = {normal};\nconst FEATURES = {features}u;");
+            parts.push(switches.into());
+        }
+        parts
+    }
+}
+
+const RECORDS: &str = include_str!("records.wgsl");
+
+/// The constants of this stage, as WGSL.
+fn constants() -> String {
+    let bits = CHILDREN.trailing_zeros();
+    format!(
+        "const PACKET = {PACKET}u;\nconst CHILDREN = {CHILDREN}u;\nconst CHILD_BITS = {bits}u;\nconst HITS = {HITS}u;\n\
+         const RAY_SLACK: f32 = {SLACK:e};\nconst LEAST_HIT: f32 = {LEAST_HIT:e};\nconst SOONEST_HIT: f32 = {SOONEST:e};\n\
+         const WHOLE: f32 = {WHOLE:e};\nconst TINY: f32 = {:e};",
+        f32::MIN_POSITIVE
+    )
+}
+
+/// The words of `RayRecord`, with a value; `None` for a splat that no ray can meet.
+pub(crate) fn record(splats: &Splats, index: usize, value: f32) -> Option<[u32; RECORD_WORDS]> {
+    let opacity = splats.opacity(index);
+    if opacity < 1.0 / 255.0 || !splats.is_sound(index) {
+        return None;
+    }
+    let scales = splats.scales(index);
+    let longest = scales.into_iter().fold(0.0, f64::max);
+    let axes = quat::to_matrix(splats.quats[index].map(f64::from));
+    let short = shortest_axis(splats.log_scales[index]);
+    let [row_0, row_1, row_2] = [short, (short + 1) % 3, (short + 2) % 3].map(|k| {
+        let scale = f64::from(SQRT_HALF_LOG2E) / scales[k].max(THINNEST * longest);
+        [0, 1, 2].map(|j| ((axes[j][k] * scale) as f32).to_bits())
+    });
+    let reach = ((2.0 * (255.0 * opacity).ln()).max(0.0).sqrt() * longest * 1.0001) as f32;
+    let lasts = [(opacity.log2() as f32).to_bits(), reach.to_bits(), index as u32, value.to_bits()];
+    let mut words = [0; RECORD_WORDS];
+    let vectors = [splats.means[index].map(f32::to_bits), row_0, row_1, row_2];
+    for ((four, vector), last) in words.as_chunks_mut::<4>().0.iter_mut().zip(vectors).zip(lasts) {
+        *four = [vector[0], vector[1], vector[2], last];
+    }
+    Some(words)
+}
+
+/// Slots of structures: `RayTask` to count, and the same to write.
+pub(crate) const COUNT_TASK: usize = 1;
+/// See [`COUNT_TASK`].
+pub(crate) const WRITE_TASK: usize = 2;
+
+/// The buffers of this stage; the names are those of the WGSL.
+pub(crate) struct RayBuffers<'a> {
+    pub counters: &'a wgpu::Buffer,
+    pub dispatches: &'a wgpu::Buffer,
+    pub records: &'a wgpu::Buffer,
+    pub cones: &'a wgpu::Buffer,
+    /// Packets that each record touches.
+    pub counts: &'a wgpu::Buffer,
+    /// Records that touch any, by blocks of 256 records.
+    pub blocks: &'a wgpu::Buffer,
+    /// Entries of 256 records of the order.
+    pub sums: &'a wgpu::Buffer,
+    /// Distances and names of the records that touch any.
+    pub distances: (&'a wgpu::Buffer, &'a wgpu::Buffer),
+    /// Packets and records of entries.
+    pub entries: (&'a wgpu::Buffer, &'a wgpu::Buffer),
+    pub features: &'a wgpu::Buffer,
+}
+
+impl RayBuffers<'_> {
+    /// Counts the packets of each of so many records.
+    pub fn count(&self, recorder: &mut Recorder<'_>, records: u32) {
+        // The order is not read yet: any buffer that is not written does.
+        let over = Groups::Direct(records.div_ceil(WORKGROUP));
+        self.touch(recorder, COUNT_TASK, over, self.distances.1, self.blocks);
+    }
+
+    /// Writes the entries of the records in an order.
+    pub fn write(&self, recorder: &mut Recorder<'_>, order: &wgpu::Buffer) {
+        self.touch(recorder, WRITE_TASK, self.over_visible(), order, self.sums);
+    }
+
+    fn over_visible(&self) -> Groups<'_> {
+        Groups::Indirect(self.dispatches, VISIBLE_GROUPS)
+    }
+
+    fn touch(
+        &self,
+        recorder: &mut Recorder<'_>,
+        slot: usize,
+        over: Groups<'_>,
+        order: &wgpu::Buffer,
+        sums: &wgpu::Buffer,
+    ) {
+        let first = vec![(0, recorder.uniform(slot)), (1, recorder.view())];
+        let (packets, entries) = self.entries;
+        let bindings = with_buffers(
+            first,
+            [self.counters, self.records, self.cones, order, self.counts, sums, packets, entries],
+        );
+        recorder.dispatch(RaysProgram::Touch, over, bindings);
+    }
+
+    /// Lists those of so many records that touch any packet.
+    pub fn list(&self, recorder: &mut Recorder<'_>, records: u32) {
+        let (distances, names) = self.distances;
+        let bindings = with_buffers(
+            vec![(0, recorder.uniform(COUNT_TASK))],
+            [self.records, self.counts, self.blocks, distances, names],
+        );
+        recorder.dispatch(RaysProgram::Visible, Groups::Direct(records.div_ceil(WORKGROUP)), bindings);
+    }
+
+    /// Adds up the entries of the records in an order.
+    pub fn sum(&self, recorder: &mut Recorder<'_>, order: &wgpu::Buffer) {
+        let bindings = with_buffers(
+            vec![(0, recorder.uniform(COUNT_TASK))],
+            [self.counters, order, self.counts, self.sums],
+        );
+        recorder.dispatch(RaysProgram::Sums, self.over_visible(), bindings);
+    }
+
+    /// Finds the features of the records whose coefficients of colour are `sh`; `slot` is that of their `ColorPiece`.
+    pub fn see(
+        &self,
+        recorder: &mut Recorder<'_>,
+        (sums, slot): (RaySums, usize),
+        order: &wgpu::Buffer,
+        sh: &wgpu::Buffer,
+    ) {
+        let first = vec![(0, recorder.uniform(COUNT_TASK)), (1, recorder.uniform(slot))];
+        let bindings = with_buffers(first, [self.counters, self.records, order, sh, self.features]);
+        recorder.dispatch(RaysProgram::Features(sums), self.over_visible(), bindings);
+    }
+
+    /// Blends the lists of so many packets: their offsets and entries, their rays, and the results. Counters learn the length of the longest.
+    pub fn blend(
+        &self,
+        recorder: &mut Recorder<'_>,
+        (sums, packets): (RaySums, u32),
+        (offsets, entries): (&wgpu::Buffer, &wgpu::Buffer),
+        (rays, hits): (&wgpu::Buffer, &wgpu::Buffer),
+    ) {
+        let bindings = with_buffers(
+            vec![(0, recorder.uniform(COUNT_TASK))],
+            [offsets, entries, self.records, self.features, rays, hits, self.counters],
+        );
+        recorder.dispatch(RaysProgram::Blend(sums), Groups::Direct(packets), bindings);
+    }
+}
