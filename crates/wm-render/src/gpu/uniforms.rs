@@ -222,6 +222,8 @@ pub fn view_of_lists(lists: u32, blocks: u32, capacity: Capacity) -> Uniform {
         sky: SkySplats::Kept,
         air: None,
         cut: None,
+        median: MedianDepth::Off,
+        whole: None,
         split: None,
     };
     view(&sight, blocks, 0, capacity).replaced("tiles", lists)
