@@ -96,7 +96,9 @@ fn a_gpu_sees_the_points_that_the_cpu_sees() {
     let options = ScanOptions { seed: 4, ..ScanOptions::default() };
     // Wet ground mirrors rays, which begin in many places.
     let mut wet = Weather::clear();
-    ["rain.rate=25", "wetness.amount=1"].map(|text| wet.set_text(text).unwrap());
+    for text in ["rain.rate=25", "wetness.amount=1"] {
+        wet.set_text(text).unwrap();
+    }
     let mut places = [&mut gpu, &mut cpu].map(place);
     for weather in [Weather::clear(), wet] {
         let [on_gpu, on_cpu] = [(&mut gpu, 0), (&mut cpu, 1)].map(|(renderer, at)| {
