@@ -30,9 +30,9 @@ use wm_scene::Splats;
 const MOST_ENTRIES: u32 = 1 << 24;
 /// Packets that are traced at once, at most: a million rays.
 const MOST_PACKETS: u32 = 1 << 14;
-/// Angle from the middle of a packet to its rays, at most, radians. Few rays to all sides, or a packet where the curve that orders rays jumps,
-/// would have lists of most splats.
-const WIDEST: f64 = 0.2;
+/// Angles from the middle of a packet to its rays, at most, radians. Few rays to all sides, or a packet where the curve that orders rays jumps,
+/// would have lists of most splats. The narrower ones are for lists that are still too long; in the last each packet is one ray.
+const WIDEST: [f64; 4] = [0.2, 0.05, 0.01, 0.0];
 /// Entries of one packet that a GPU in software walks, at most: Mesa's ends all loops of a thread after 65,535 turns, of which blending takes
 /// three an entry.
 const LONGEST_IN_SOFTWARE: u32 = 20_000;
@@ -83,6 +83,16 @@ struct Part<'a> {
     /// Cones of the group's tree, level by level.
     cones: &'a [f32],
     sums: RaySums,
+}
+
+/// The outcome of tracing some packets.
+enum Fit {
+    /// They are traced.
+    Whole,
+    /// They have more entries together than are held at once.
+    TooMany,
+    /// One of them has more than a GPU in software walks.
+    TooLong,
 }
 
 impl fmt::Debug for GpuRaySplats {
@@ -152,6 +162,17 @@ impl GpuRaySplats {
     /// # Panics
     /// If there are fewer origins than directions.
     pub fn trace(&self, rays: &Rays, asked: RayOutputs) -> Result<RayHits, GpuError> {
+        for widest in WIDEST {
+            if let Some(hits) = self.trace_within(rays, asked, widest)? {
+                return Ok(hits);
+            }
+        }
+        let [bytes, most] = [self.count, LONGEST_IN_SOFTWARE].map(|entries| 4 * u64::from(entries));
+        Err(GpuError::TooLarge { what: "the splats along a ray", bytes, most })
+    }
+
+    /// The same with packets no wider than an angle; `None` if a list is too long.
+    fn trace_within(&self, rays: &Rays, asked: RayOutputs, widest: f64) -> Result<Option<RayHits>, GpuError> {
         let count = rays.len();
         let mut hits = RayHits {
             coverage: vec![0.0; count],
@@ -162,11 +183,11 @@ impl GpuRaySplats {
             value: vec![0.0; if asked.value { count } else { 0 }],
         };
         if self.count == 0 || count == 0 {
-            return Ok(hits);
+            return Ok(Some(hits));
         }
         let mut working = self.working.lock().unwrap_or_else(PoisonError::into_inner);
         let sums = RaySums::of(asked);
-        let packets = Packets::no_wider(rays, WIDEST);
+        let packets = Packets::no_wider(rays, widest);
         let ray_bytes = (4 * PACKET * RAY_WORDS.max(HIT_WORDS + sums.features())) as u64;
         let most = (self.gpu.most_binding() / ray_bytes).clamp(1, u64::from(MOST_PACKETS)) as u32;
         let mut made = Vec::new();
@@ -178,25 +199,27 @@ impl GpuRaySplats {
             while let Some(range) = todo.pop() {
                 let part = Part { group, packets: range.clone(), cones: &cones, sums };
                 let numbers = ray_words(rays, &packets, &part);
-                if self.run(&mut working, &part, &numbers, &mut made)? {
-                    take(&mut hits, &packets, &part, &made);
-                } else {
-                    let middle = range.start + (range.end - range.start) / 2;
-                    todo.extend([middle..range.end, range.start..middle]);
+                match self.run(&mut working, &part, &numbers, &mut made)? {
+                    Fit::Whole => take(&mut hits, &packets, &part, &made),
+                    Fit::TooMany => {
+                        let middle = range.start + (range.end - range.start) / 2;
+                        todo.extend([middle..range.end, range.start..middle]);
+                    }
+                    Fit::TooLong => return Ok(None),
                 }
             }
         }
-        Ok(hits)
+        Ok(Some(hits))
     }
 
-    /// Traces some packets, with more room until it is enough. Returns false if there are too many entries to hold at once.
+    /// Traces some packets, with more room until it is enough.
     fn run(
         &self,
         working: &mut Working,
         part: &Part<'_>,
         rays: &[f32],
         made: &mut Vec<u32>,
-    ) -> Result<bool, GpuError> {
+    ) -> Result<Fit, GpuError> {
         // One packet has an entry a splat at most, for which there is always room.
         let most = (self.gpu.most_binding() / 4).min(u64::from(self.most_entries)) as u32;
         let most = most.max(self.count);
@@ -204,14 +227,11 @@ impl GpuRaySplats {
         loop {
             let (needed, longest) = self.attempt(working, part, rays, made)?;
             if needed <= working.entries {
-                if longest > LONGEST_IN_SOFTWARE && self.gpu.kind() == AdapterKind::Software {
-                    let [bytes, most] = [longest, LONGEST_IN_SOFTWARE].map(|entries| 4 * u64::from(entries));
-                    return Err(GpuError::TooLarge { what: "the splats along some rays", bytes, most });
-                }
-                return Ok(true);
+                let is_too_long = longest > LONGEST_IN_SOFTWARE && self.gpu.kind() == AdapterKind::Software;
+                return Ok(if is_too_long { Fit::TooLong } else { Fit::Whole });
             }
             if needed > most {
-                return Ok(false);
+                return Ok(Fit::TooMany);
             }
             working.entries = needed.saturating_add(needed / 4).min(most);
         }
