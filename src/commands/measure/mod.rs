@@ -48,7 +48,8 @@ pub struct MeasureArgs {
     )]
     time: f64,
     /// Use only these instruments: visibility, rays, gauge, streaks, stake, budget, wet-card, water-budget, lux, sundial, shadows, allard,
-    /// halo, flash, fresnel, mirror, secchi, ripples, lamp-streak, consistency, controls [default: all that can measure the weather]
+    /// halo, flash, fresnel, mirror, secchi, ripples, lamp-streak, lidar-board, lidar-air, lidar-drops, consistency, controls [default:
+    /// all that can measure the weather]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     instruments: Vec<String>,
     /// Camera for views of the scene: EYE:TARGET as X,Y,Z:X,Y,Z, or a photo's name or number [default: chosen

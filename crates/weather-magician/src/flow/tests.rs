@@ -212,7 +212,7 @@ fn splats_have_the_flow_of_the_walls_that_they_are() {
     let mut renderer =
         Renderer::new(&Device::Cpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }, |_| {}).unwrap();
     let mut place = renderer.load(Scene { splats, ..Scene::default() }).unwrap();
-    let (from, to) = (camera([0.0, 0.3, 0.0], [10.0, 0.3, 0.0]), camera([0.0; 3], [10.0, 0.0, 0.0]));
+    let (from, to) = (camera([0.0, 0.5, 0.0], [10.0, 0.5, 0.0]), camera([0.0; 3], [10.0, 0.0, 0.0]));
     let mut flow = |a: &Camera, b: &Camera| {
         let frames = [a, b].map(|camera| FrameOptions::new(0.0, *camera));
         let mut picture = Picture::default();
@@ -230,7 +230,7 @@ fn splats_have_the_flow_of_the_walls_that_they_are() {
             continue;
         }
         let is_far = middle < edges[0];
-        let want = -from.fx * 0.3 / if is_far { 8.0 } else { 4.0 };
+        let want = -from.fx * 0.5 / if is_far { 8.0 } else { 4.0 };
         let (u, v) = (f64::from(found.vectors[2 * (row + x)]), f64::from(found.vectors[2 * (row + x) + 1]));
         // Splats of the near wall reach a little beyond its edge.
         let slack = if (middle - edges[0]).abs() < 4.0 { 0.03 * want.abs() } else { 0.01 };

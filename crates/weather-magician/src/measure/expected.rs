@@ -48,7 +48,7 @@ pub struct ExpectedAir {
 
 impl ExpectedAir {
     /// Of fog, haze or smog.
-    fn of(weather: &Weather, time: f64, effect: &str) -> Option<Self> {
+    pub fn of(weather: &Weather, time: f64, effect: &str) -> Option<Self> {
         let number = |param: &str| number(weather, time, effect, param);
         let green = match number("visual_range") {
             Some(range) => VISUAL_DEPTH / range,

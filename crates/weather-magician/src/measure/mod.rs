@@ -44,6 +44,10 @@ mod fresnel;
 mod gauge;
 mod halo;
 mod lamp_streak;
+mod lidar;
+mod lidar_air;
+mod lidar_board;
+mod lidar_drops;
 mod lit;
 mod lux;
 mod mirror;
@@ -64,7 +68,8 @@ mod wet_card;
 
 pub use place_renderer::PlaceRenderer;
 
-use crate::{Picture, Result};
+use crate::lidar::{LidarModel, LidarSweep};
+use crate::{CameraMotion, Picture, Result};
 use glam::DVec3;
 use plot::Plot;
 use serde::Serialize;
@@ -93,7 +98,7 @@ pub struct Instrument {
 
 /// Every instrument, in the order of the report.
 #[rustfmt::skip]
-pub const INSTRUMENTS: [Instrument; 21] = [
+pub const INSTRUMENTS: [Instrument; 24] = [
     boards::INSTRUMENT,
     rays::INSTRUMENT,
     gauge::INSTRUMENT,
@@ -113,6 +118,9 @@ pub const INSTRUMENTS: [Instrument; 21] = [
     secchi::INSTRUMENT,
     ripples::INSTRUMENT,
     lamp_streak::INSTRUMENT,
+    lidar_board::INSTRUMENT,
+    lidar_air::INSTRUMENT,
+    lidar_drops::INSTRUMENT,
     consistency::INSTRUMENT,
     controls::INSTRUMENT,
 ];
@@ -254,6 +262,21 @@ pub struct InstrumentShot<'a> {
     pub parts: &'a [PicturePart],
 }
 
+/// A sweep for an instrument: one ray a pulse, and all returns.
+#[derive(Clone, Copy)]
+pub struct InstrumentScan<'a> {
+    /// A lit target.
+    pub subject: ShotSubject,
+    /// The lidar.
+    pub lidar: &'a LidarModel,
+    /// Its place.
+    pub motion: &'a CameraMotion,
+    /// The weather.
+    pub weather: &'a Weather,
+    /// The time, s.
+    pub time: f64,
+}
+
 /// The shadows of a sun in the photos of a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ShadowReport {
@@ -318,6 +341,12 @@ pub trait InstrumentRenderer {
     /// # Errors
     /// [`crate::Error`] if the camera or the splats cannot be rendered.
     fn draw(&mut self, shot: &InstrumentShot<'_>, picture: &mut Picture) -> Result<()>;
+
+    /// Sweeps a lidar at the place or a lit target.
+    ///
+    /// # Errors
+    /// [`crate::Error`] if the splats cannot be swept; plain targets cannot.
+    fn scan(&mut self, scan: &InstrumentScan<'_>) -> Result<LidarSweep>;
 }
 
 /// Level coordinates at a place: metres along two horizontal axes and above the ground.

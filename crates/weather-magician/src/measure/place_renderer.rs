@@ -3,9 +3,10 @@
 //! Plain targets are splats in the air, without the light of the weather. Lit targets are places of their own: their light is
 //! split, their shadows are cast and their lamps shine by the code that does it for scenes.
 
-use super::{InstrumentRenderer, InstrumentShot, LevelFrame, ShadowReport, ShotSubject};
+use super::{InstrumentRenderer, InstrumentScan, InstrumentShot, LevelFrame, ShadowReport, ShotSubject};
 use crate::frame::FrameRequest;
-use crate::{FrameOptions, Picture, PreparedPlace, Renderer, Result};
+use crate::lidar::{LidarSweep, ReturnMode, ScanOptions, SubRays};
+use crate::{Error, FrameOptions, Picture, PreparedPlace, Renderer, Result};
 use glam::DVec3;
 use wm_render::{Background, RenderBackend, RenderConfig, SetId, SetView};
 use wm_scene::{Camera, Lamp, Metadata, Scene, Splats};
@@ -165,6 +166,23 @@ impl InstrumentRenderer for PlaceRenderer {
             },
         };
         self.renderer.water_state(place, weather, time, &mut ())
+    }
+
+    fn scan(&mut self, scan: &InstrumentScan<'_>) -> Result<LidarSweep> {
+        let place = match scan.subject {
+            ShotSubject::Place => &mut self.place,
+            ShotSubject::Target(index) => match &mut self.targets[index] {
+                Target::Plain(_) => return Err(Error::Unsupported("a plain target cannot be swept".into())),
+                Target::Lit(place) => &mut **place,
+            },
+        };
+        let options = ScanOptions {
+            time: scan.time,
+            sub_rays: SubRays::One,
+            returns: ReturnMode::All,
+            ..ScanOptions::default()
+        };
+        self.renderer.scan_once(place, scan.weather, scan.lidar, scan.motion, &options)
     }
 
     fn draw(&mut self, shot: &InstrumentShot<'_>, picture: &mut Picture) -> Result<()> {

@@ -5,9 +5,10 @@
 
 use super::place_renderer::PlaceRenderer;
 use super::{
-    Finding, INSTRUMENTS, InstrumentRenderer, InstrumentShot, MeasureRequest, ShadowReport, ShotSubject,
-    expected,
+    Finding, INSTRUMENTS, InstrumentRenderer, InstrumentScan, InstrumentShot, MeasureRequest, ShadowReport,
+    ShotSubject, expected,
 };
+use crate::lidar::LidarSweep;
 use crate::{Picture, Renderer, Result};
 use glam::DVec3;
 use wm_scene::color::{srgb_decode, srgb_encode};
@@ -78,10 +79,16 @@ enum Fault {
     Level,
     /// The water is a tenth clearer.
     Clearness,
+    /// The lidar's ranges are a tenth longer.
+    Ranges,
+    /// The lidar's echoes are a tenth stronger.
+    Echoes,
+    /// The lidar sees a tenth of its points less.
+    Points,
 }
 
 /// Each fault, and which readings find it: the instrument and a part of the quantity.
-const FINDS: [(Fault, &[[&str; 2]]); 30] = [
+const FINDS: [(Fault, &[[&str; 2]]); 33] = [
     (Fault::None, &[]),
     // The same air, seen on boards and on the place.
     (
@@ -92,10 +99,20 @@ const FINDS: [(Fault, &[[&str; 2]]); 30] = [
             ["rays", "single rays"],
             ["allard", "extinction"],
             ["halo", "light"],
+            ["lidar-board", "extinction"],
+            ["lidar-board", "board of 10 %"],
         ],
     ),
     // A tenth more rain brings a tenth more energy, which is the square of slopes.
-    (Fault::Rate, &[["gauge", "rate"], ["water-budget", "rain on the ground"], ["ripples", "slopes"]]),
+    (
+        Fault::Rate,
+        &[
+            ["gauge", "rate"],
+            ["water-budget", "rain on the ground"],
+            ["ripples", "slopes"],
+            ["lidar-drops", "drops"],
+        ],
+    ),
     // What falls faster fills a gauge faster.
     (
         Fault::Speed,
@@ -152,6 +169,10 @@ const FINDS: [(Fault, &[[&str; 2]]); 30] = [
     // At another level the board is met at other elevations, and the disc is deeper.
     (Fault::Level, &[["mirror", "images"]]),
     (Fault::Clearness, &[["secchi", "depth"]]),
+    // A board of 10 % is looked for where it is set up.
+    (Fault::Ranges, &[["lidar-board", "range of a board"], ["lidar-air", "reach"]]),
+    (Fault::Echoes, &[["lidar-board", "intensity"]]),
+    (Fault::Points, &[["lidar-drops", "drops"]]),
 ];
 
 /// The weathers that an instrument is tested in.
@@ -184,6 +205,8 @@ fn weathers(instrument: &str) -> Vec<Weather> {
         "secchi" => &[&["flood.level=0.5", "flood.secchi=0.3"]],
         "ripples" => &[&["flood.level=1", "rain.rate=10"]],
         "lamp-streak" => &[&["wetness.amount=1"]],
+        "lidar-board" | "lidar-air" => &[&["fog.mor=60"]],
+        "lidar-drops" => &[&["rain.rate=50"]],
         "flash" => &[&["lightning.rate=40", "lightning.distance=1500"]],
         _ => &[&["fog.mor=150", "snow_cover.depth=0.1"]],
     };
@@ -274,7 +297,10 @@ impl Fault {
             | Self::Rough
             | Self::Reflectance
             | Self::Level
-            | Self::Clearness => {}
+            | Self::Clearness
+            | Self::Ranges
+            | Self::Echoes
+            | Self::Points => {}
         }
         drawn
     }
@@ -339,6 +365,9 @@ impl Fault {
             Self::Jitter => instrument != "shadows",
             // What only states show.
             Self::Rained | Self::Melt | Self::Puddles => instrument == "water-budget",
+            Self::Ranges => instrument.starts_with("lidar"),
+            Self::Echoes => instrument == "lidar-board",
+            Self::Points => instrument == "lidar-drops",
             _ => true,
         }
     }
@@ -405,6 +434,28 @@ impl InstrumentRenderer for Faulty {
         self.field.clear_away();
     }
 
+    fn scan(&mut self, scan: &InstrumentScan<'_>) -> Result<LidarSweep> {
+        let InstrumentScan { subject, weather, time, motion, .. } = *scan;
+        let requested = OwnedShot { subject, camera: motion.camera(0.0), weather: weather.clone(), time };
+        let drawn = self.fault.falsified(self.shots.len(), &requested);
+        self.shots.push(requested);
+        let mut sweep =
+            self.field.scan(&InstrumentScan { weather: &drawn.weather, time: drawn.time, ..*scan })?;
+        match self.fault {
+            Fault::Ranges => sweep.points.iter_mut().for_each(|point| point.range *= 1.1),
+            Fault::Echoes => sweep.points.iter_mut().for_each(|point| point.intensity *= 1.1),
+            Fault::Points => {
+                let mut number = 0;
+                sweep.points.retain(|_| {
+                    number += 1;
+                    number % 10 != 0
+                });
+            }
+            _ => {}
+        }
+        Ok(sweep)
+    }
+
     fn draw(&mut self, shot: &InstrumentShot<'_>, picture: &mut Picture) -> Result<()> {
         let InstrumentShot { subject, camera, weather, time, .. } = *shot;
         let requested = OwnedShot { subject, camera: *camera, weather: weather.clone(), time };
@@ -463,8 +514,10 @@ fn each_instrument_finds_its_own_error_and_no_other() {
         for (index, instrument) in instruments.iter().enumerate() {
             let (own, shots) = &faultless[index];
             let changes = |(k, shot): (usize, &OwnedShot)| {
-                matches!(fault, Fault::Upright | Fault::Puddles)
-                    || fault.light(shot).is_some()
+                matches!(
+                    fault,
+                    Fault::Upright | Fault::Puddles | Fault::Ranges | Fault::Echoes | Fault::Points
+                ) || fault.light(shot).is_some()
                     || fault.falsified(k, shot) != *shot
             };
             let is_touched = fault.is_for(instrument.name) && shots.iter().enumerate().any(changes);

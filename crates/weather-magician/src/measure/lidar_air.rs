@@ -1,0 +1,91 @@
+//! How far a lidar sees the air itself.
+//!
+//! Droplets send `sigma / S` of the light straight back, with the lidar ratio `S` of 18 sr, so that half a pulse's length of fog is a surface of
+//! `pi sigma / S c tau / 2`. The light of many droplets interferes: powers of a bin vary as a Gamma variate of four degrees. Where the mean power is the
+//! least that is detected, the share of pulses with an echo in a bin is that of speckle and the receiver's noise together, which is computed here;
+//! the bin at which the share falls below it is looked for.
+//!
+//! Tolerance 2 %: shares of 4,000 pulses are within 0.8 %, of which the reach has a tenth.
+
+use super::expected;
+use super::lidar::{AIR_ALONE, BIN, EYE, RECEIVER, crossing, extinction, model, normal, reach, sweep};
+use super::lit::paint_card;
+use super::plot::{Axis, Plot, Series};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, Tolerance};
+use crate::Result;
+use crate::lidar::EchoClass;
+use std::f64::consts::PI;
+use wm_scene::Splats;
+
+/// The instrument.
+pub const INSTRUMENT: Instrument = Instrument {
+    name: "lidar-air",
+    title: "Echoes of fog before a lidar",
+    about: "A lidar looks into open fog. The farthest half pulse in which as many pulses have an echo as speckle and noise let through at the \
+            least power that is detected, against the lidar equation with a lidar ratio of 18 sr.",
+    applies: |weather, time| {
+        let has = |effect: &str| expected::is_on(weather, effect);
+        expected::number(weather, time, "fog", "mor").is_some() && !has("haze") && !has("smog")
+    },
+    read,
+    sweep: &[&["fog.mor=50"], &["fog.mor=100"], &["fog.mor=500"]],
+};
+
+/// Lidar ratio of droplets, sr.
+const RATIO: f64 = 18.0;
+/// Bins that are looked at.
+const BINS: usize = 60;
+/// Pulses in a row and in a column, within so many degrees.
+const SIDE: u32 = 64;
+const ANGLE: f64 = 2.0;
+
+/// The share of pulses with an echo at the least power: speckle of mean 1 and noise are above 1 together.
+fn share_at_least() -> f64 {
+    let step = 0.005;
+    let gamma = |g: f64| 256.0 / 6.0 * g.powi(3) * (-4.0 * g).exp();
+    let at = |i: i32| step * (f64::from(i) + 0.5);
+    (0..1200).map(|i| step * gamma(at(i)) * normal((at(i) - 1.0) / RECEIVER)).sum()
+}
+
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
+    let mut weather = request.with(&AIR_ALONE)?;
+    ["rain=off", "snowfall=off", "hail=off"].iter().try_for_each(|change| weather.set_text(change))?;
+    let level = LevelFrame::of(&rig.site());
+    let lidar = model(SIDE, [ANGLE, -ANGLE], SIDE, [-ANGLE, ANGLE])?;
+    // Behind the lidar, since a place has ground somewhere.
+    let mut ground = Splats::default();
+    paint_card(
+        &level,
+        ([0.0, -30.0, EYE - 1.8], [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]),
+        0.25,
+        0.25,
+        &mut ground,
+    );
+    let subject = rig.set_up_lit(ground, Vec::new())?;
+    let seen = sweep(rig, (subject, &lidar), &weather, request.time)?;
+    let mut shares = [0.0; BINS];
+    for point in seen.points.iter().filter(|point| point.class == EchoClass::Air) {
+        // Each pulse has one bin of air in each length of a bin.
+        let bin = (f64::from(point.range) / BIN) as usize;
+        shares[bin.min(BINS - 1)] += 1.0 / seen.pulses as f64;
+    }
+    let points: Vec<[f64; 2]> = (0..BINS).map(|bin| [BIN * (bin as f64 + 0.5), shares[bin]]).collect();
+    let sigma = extinction(&weather, request.time);
+    let mut finding = Finding::default();
+    finding.readings.push(Reading {
+        quantity: "reach of echoes of the air".to_owned(),
+        setting: request.setting.to_owned(),
+        unit: "m",
+        asked: reach(PI * sigma / RATIO * BIN, sigma),
+        measured: crossing(&points, share_at_least()),
+        standard_error: None,
+        tolerance: Tolerance::Relative(0.02),
+    });
+    finding.plots.push(Plot {
+        title: format!("Echoes of the air, {}", request.setting),
+        x: Axis::linear("range, m"),
+        y: Axis::linear("share of pulses with an echo"),
+        series: vec![Series::line("open air", points)],
+    });
+    Ok(finding)
+}

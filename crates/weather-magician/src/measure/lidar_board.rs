@@ -1,0 +1,139 @@
+//! Boards before a lidar: how far away they are, how bright, how much the air dims them, and how far a dark one is seen.
+//!
+//! A board of 50 % stands at 20 m, and in clear air its mean range and its mean intensity are known. The same kind of board stands where a
+//! pulse comes back with `exp(-1.2)` of its power; the ratio of its mean intensities in the weather and in clear air is the extinction. Boards of 10 %
+//! stand about the range at which the lidar equation has half of the pulses detected; that range is found between two of them.
+//!
+//! Tolerances: 15 mm of range (splats lie up to 1 cm off the board's plane), 3 % of intensity, of extinction and of the range of the dark
+//! board. Systematic: light that the air sends back from within half a pulse of a board adds to its echo, 1 % at an MOR of 50 m.
+
+use super::expected;
+use super::lidar::{AIR_ALONE, EYE, TARGET, crossing, extinction, model, reach, sweep};
+use super::lit::paint_card;
+use super::plot::{Axis, Plot, Series};
+use super::{
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, ShotSubject, Tolerance,
+    mean,
+};
+use crate::Result;
+use crate::lidar::{EchoClass, LidarSweep};
+use wm_scene::Splats;
+use wm_weather::Weather;
+
+/// The instrument.
+pub const INSTRUMENT: Instrument = Instrument {
+    name: "lidar-board",
+    title: "Boards before a lidar",
+    about: "A board at 20 m in clear air: its mean range and intensity. A board in the weather against the same in clear air: the extinction \
+            at 905 nm. Boards of 10 % about the range at which half of the pulses should come back: where they do.",
+    applies: |weather, time| {
+        !expected::airs(weather, time).is_empty() || expected::fall_extinction(weather, time) > 0.0
+    },
+    read,
+    sweep: &[
+        &["fog.mor=50"],
+        &["fog.mor=100"],
+        &["fog.mor=500"],
+        &["haze.mor=800"],
+        &["rain.rate=25"],
+        &["snowfall.rate=1"],
+    ],
+};
+
+/// Distance of the board in clear air, m.
+const NEAR: f64 = 20.0;
+/// Reflectance of bright boards, and the linear grey that has it: `0.05 + 0.8 grey`.
+const BRIGHT: f64 = 0.5;
+/// Optical depth there and back of the board in the weather, and limits of its distance, m.
+const DEPTH: f64 = 1.2;
+const DISTANCES: [f64; 2] = [6.0, 100.0];
+/// Steps between dark boards, of their range, and boards to each side.
+const STEP: f64 = 0.025;
+const SIDES: i32 = 3;
+/// Pulses in a row and in a column, within so many degrees.
+const SIDE: u32 = 40;
+const ANGLE: f64 = 1.5;
+
+/// A board of a reflectance across the way at a distance, m.
+fn board(rig: &mut dyn InstrumentRenderer, metres: f64, reflectance: f64) -> Result<ShotSubject> {
+    let level = LevelFrame::of(&rig.site());
+    let half = 0.05 * metres + 0.5;
+    let mut splats = Splats::default();
+    let halves = [[half, 0.0, 0.0], [0.0, 0.0, half]];
+    let grey = (reflectance - 0.05) / 0.8;
+    paint_card(&level, ([0.0, metres, EYE], halves), 0.02 * metres.clamp(5.0, 20.0), grey, &mut splats);
+    rig.set_up_lit(splats, Vec::new())
+}
+
+/// The points of a board in a sweep.
+fn on_board(sweep: &LidarSweep) -> impl Iterator<Item = &crate::lidar::LidarPoint> {
+    sweep.points.iter().filter(|point| point.class == EchoClass::Surface)
+}
+
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
+    let weather = request.with(&AIR_ALONE)?;
+    let clear = Weather::clear();
+    let lidar = model(SIDE, [ANGLE, -ANGLE], SIDE, [-ANGLE, ANGLE])?;
+    let time = request.time;
+    let reading = |quantity: &str, unit, [asked, measured]: [f64; 2], tolerance| Reading {
+        quantity: quantity.to_owned(),
+        setting: request.setting.to_owned(),
+        unit,
+        asked,
+        measured,
+        standard_error: None,
+        tolerance,
+    };
+    let mut finding = Finding::default();
+
+    let near = board(rig, NEAR, BRIGHT)?;
+    let seen = sweep(rig, (near, &lidar), &clear, time)?;
+    // Across the board: ranges to its sides are longer.
+    let range = mean(
+        on_board(&seen)
+            .map(|point| f64::from(point.range) * f64::from(point.angles[0].cos() * point.angles[1].cos())),
+    );
+    let intensity = mean(on_board(&seen).map(|point| f64::from(point.intensity)));
+    finding.readings.push(reading("range of a board", "m", [NEAR, range], Tolerance::Absolute(0.015)));
+    let asked = 255.0 * BRIGHT;
+    finding.readings.push(reading(
+        "intensity of a board of 50 %",
+        "",
+        [asked, intensity],
+        Tolerance::Relative(0.03),
+    ));
+
+    let sigma = extinction(&weather, time);
+    let metres = (0.5 * DEPTH / sigma).clamp(DISTANCES[0], DISTANCES[1]);
+    let far = board(rig, metres, BRIGHT)?;
+    let [dimmed, bright] = [&weather, &clear].map(|weather| -> Result<f64> {
+        let seen = sweep(rig, (far, &lidar), weather, time)?;
+        Ok(mean(on_board(&seen).map(|point| f64::from(point.intensity))))
+    });
+    let depth = (bright? / dimmed?).ln();
+    let values = [1e3 * sigma, 1e3 * 0.5 * depth / metres];
+    finding.readings.push(reading("extinction at 905 nm", "1/km", values, Tolerance::Relative(0.03)));
+
+    let asked = reach(TARGET, sigma);
+    let mut shares = Vec::new();
+    for step in -SIDES..=SIDES {
+        let metres = asked * (1.0 + STEP * f64::from(step));
+        let subject = board(rig, metres, TARGET)?;
+        let seen = sweep(rig, (subject, &lidar), &weather, time)?;
+        shares.push([metres, on_board(&seen).count() as f64 / seen.pulses as f64]);
+    }
+    let measured = crossing(&shares, 0.5);
+    finding.readings.push(reading(
+        "range of a board of 10 %",
+        "m",
+        [asked, measured],
+        Tolerance::Relative(0.03),
+    ));
+    finding.plots.push(Plot {
+        title: format!("Boards of 10 %, {}", request.setting),
+        x: Axis::linear("range, m"),
+        y: Axis::linear("share of pulses that come back"),
+        series: vec![Series::line("boards", shares)],
+    });
+    Ok(finding)
+}

@@ -1,0 +1,86 @@
+//! How many drops a lidar meets.
+//!
+//! A drop of diameter `D` in a beam as wide as `theta r` sends back `0.023 min(1, (D / (theta r))^2)` of its light. Drops are a Poisson process: by
+//! Marshall and Palmer's sizes (1948), and the volume of the beam at each range, so many are detected in a pulse on average.
+//!
+//! Tolerance 5 %, of some 3,000 points and more: one beam's drops are in part the next one's, so that their number scatters
+//! by twice the square root. Drops in one half of a pulse's length count once, which is 2 % of them in heavy rain.
+
+use super::expected;
+use super::lidar::{AIR_ALONE, DIVERGENCE, EYE, RECEIVER, extinction, model, normal, signal, sweep};
+use super::lit::paint_card;
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, Tolerance};
+use crate::Result;
+use crate::lidar::EchoClass;
+use std::f64::consts::FRAC_PI_4;
+use wm_scene::Splats;
+
+/// The instrument.
+pub const INSTRUMENT: Instrument = Instrument {
+    name: "lidar-drops",
+    title: "Drops before a lidar",
+    about: "A lidar looks all around into open rain. The points of drops are counted, against a count by Marshall and Palmer's sizes, the volume \
+            of the beams and the echo of a ball of water.",
+    applies: |weather, time| expected::number(weather, time, "rain", "rate").is_some_and(|rate| rate > 0.0),
+    read,
+    sweep: &[&["rain.rate=5"], &["rain.rate=25"], &["rain.rate=100"]],
+};
+
+/// Reflectance of a drop that fills the beam, at 905 nm.
+const DROP: f64 = 0.023;
+/// Diameters of rain, mm.
+const DIAMETERS: [f64; 2] = [0.5, 6.0];
+/// Farthest range of a drop, m.
+const FARTHEST: f64 = 15.0;
+/// Columns and rows.
+const COLUMNS: u32 = 1500;
+const ROWS: u32 = 64;
+
+/// Drops that a pulse detects on average.
+fn a_pulse(rate: f64, sigma: f64) -> f64 {
+    let slope = expected::rain_slope(rate);
+    let (steps, ranges) = (110, 280);
+    let size = (DIAMETERS[1] - DIAMETERS[0]) / f64::from(steps);
+    let step = (FARTHEST - 0.9) / f64::from(ranges);
+    let mut sum = 0.0;
+    for i in 0..steps {
+        let diameter = DIAMETERS[0] + size * (f64::from(i) + 0.5);
+        let number = 8000.0 * (-slope * diameter).exp() * size;
+        for k in 0..ranges {
+            let range = 0.9 + step * (f64::from(k) + 0.5);
+            let (beam, wide) = (DIVERGENCE * range, 1e-3 * diameter);
+            let signal = signal(DROP * (wide / beam).powi(2).min(1.0), sigma, range);
+            // What is fainter than 4.5 standard deviations below the least power is none.
+            let seen = if signal < 0.1 { 0.0 } else { normal((signal - 1.0) / RECEIVER) };
+            sum += number * FRAC_PI_4 * beam.max(wide).powi(2) * step * seen;
+        }
+    }
+    sum
+}
+
+fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
+    let mut weather = request.with(&AIR_ALONE)?;
+    ["fog=off", "haze=off", "smog=off", "snowfall=off", "hail=off", "splash=off"]
+        .iter()
+        .try_for_each(|change| weather.set_text(change))?;
+    let level = LevelFrame::of(&rig.site());
+    let lidar = model(COLUMNS, [180.0, -180.0], ROWS, [-40.0, 50.0])?;
+    // Below the lidar's beams.
+    let mut ground = Splats::default();
+    paint_card(&level, ([0.0, 0.0, EYE - 1.8], [[0.5, 0.0, 0.0], [0.0, 0.5, 0.0]]), 0.25, 0.25, &mut ground);
+    let subject = rig.set_up_lit(ground, Vec::new())?;
+    let seen = sweep(rig, (subject, &lidar), &weather, request.time)?;
+    let rate = expected::number(request.weather, request.time, "rain", "rate").unwrap_or(0.0);
+    let found = seen.points.iter().filter(|point| point.class == EchoClass::Drop).count() as f64;
+    let mut finding = Finding::default();
+    finding.readings.push(Reading {
+        quantity: format!("drops in {} pulses", seen.pulses),
+        setting: request.setting.to_owned(),
+        unit: "",
+        asked: seen.pulses as f64 * a_pulse(rate, extinction(&weather, request.time)),
+        measured: found,
+        standard_error: Some(found.sqrt()),
+        tolerance: Tolerance::Relative(0.05),
+    });
+    Ok(finding)
+}
