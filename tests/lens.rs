@@ -196,7 +196,7 @@ fn shutters_and_rigs_make_what_they_say() {
     let drive = |rig: &str, out: &str, options: &str| {
         std::fs::write(&toml, rig).unwrap();
         let options = format!(
-            "--assets off --weather rain --seconds 0.2 --camera-speed 10 --rig {} {options}",
+            "--assets off --weather moderate-rain --seconds 0.2 --camera-speed 10 --rig {} {options}",
             toml.display()
         );
         binary().args(workshop.words(&scene, &view, out, &options)).output().unwrap()

@@ -28,7 +28,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::camera_model::{CameraModel, Exposure, ReadoutSide, SensorNoise, Shutter};
+use crate::camera_model::{CameraExposure, CameraModel, ReadoutSide, SensorNoise, Shutter};
 use crate::lens_view::{LensSpec, LensView};
 use crate::motion::{CameraMotion, Mount};
 use crate::{Error, Result};
@@ -329,7 +329,7 @@ impl SensorEntry {
             None => ReadoutSide::default(),
         };
         let exposure = match &self.exposure {
-            None => Exposure::default(),
+            None => CameraExposure::default(),
             Some(toml::Value::String(text)) => text.parse()?,
             Some(toml::Value::Integer(stops)) => stops.to_string().parse()?,
             Some(toml::Value::Float(stops)) => stops.to_string().parse()?,

@@ -3,7 +3,7 @@
 use anyhow::{Result, bail};
 use clap::Args;
 use weather_magician::LensView;
-use weather_magician::camera_model::{CameraModel, Exposure, ReadoutSide, SensorNoise, Shutter};
+use weather_magician::camera_model::{CameraExposure, CameraModel, ReadoutSide, SensorNoise, Shutter};
 use wm_weather::Weather;
 
 /// Options of shutter, exposure and noise.
@@ -22,7 +22,7 @@ pub struct DeviceArgs {
     /// Exposure over that of the photos: stops (1 is twice as bright), or auto (the mean becomes a middle grey, with a lag of half
     /// a second) [default: 0]
     #[arg(long, value_name = "STOPS|auto", allow_negative_numbers = true, help_heading = "Camera")]
-    exposure: Option<Exposure>,
+    exposure: Option<CameraExposure>,
     /// Noise of an image sensor of this sensitivity, 100 is its base [default: no noise]
     #[arg(long, value_name = "ISO", allow_negative_numbers = true, help_heading = "Camera")]
     iso: Option<f64>,

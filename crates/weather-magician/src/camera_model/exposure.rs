@@ -22,20 +22,20 @@ const LIMITS: [f64; 2] = [-4.0, 6.0];
 
 /// The exposure of a camera, over that of the photos that the scene was made from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Exposure {
+pub enum CameraExposure {
     /// So many stops more: 1 is twice as bright.
     Stops(f64),
     /// As bright as a middle grey on average, with a lag of half a second.
     Auto,
 }
 
-impl Default for Exposure {
+impl Default for CameraExposure {
     fn default() -> Self {
         Self::Stops(0.0)
     }
 }
 
-impl FromStr for Exposure {
+impl FromStr for CameraExposure {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {

@@ -26,7 +26,7 @@ mod shutter;
 #[cfg(test)]
 mod tests;
 
-pub use exposure::Exposure;
+pub use exposure::CameraExposure;
 pub use noise::SensorNoise;
 pub use shutter::{LONGEST, PictureRect, ReadoutSide, Shutter};
 
@@ -59,7 +59,7 @@ pub struct CameraModel {
     /// Its exposure time and its readout.
     pub shutter: Shutter,
     /// The brightness of its pictures.
-    pub exposure: Exposure,
+    pub exposure: CameraExposure,
     /// Its noise; `None` for none.
     pub noise: Option<SensorNoise>,
 }
@@ -86,7 +86,7 @@ impl CameraModel {
     /// Returns true if its pictures are those of a renderer without a model.
     #[must_use]
     pub fn is_plain(&self) -> bool {
-        let is_even = self.exposure == Exposure::default() && self.noise.is_none();
+        let is_even = self.exposure == CameraExposure::default() && self.noise.is_none();
         self.lens.is_none() && self.shutter.is_instant() && is_even
     }
 }
@@ -201,8 +201,8 @@ impl Renderer {
         };
         let started = std::time::Instant::now();
         let gain = match camera.model.exposure {
-            Exposure::Stops(stops) => stops.exp2(),
-            Exposure::Auto => self.metered_gain(place, weather, camera, shot.time, progress)?,
+            CameraExposure::Stops(stops) => stops.exp2(),
+            CameraExposure::Auto => self.metered_gain(place, weather, camera, shot.time, progress)?,
         };
         let SensorCamera { model, number, .. } = camera;
         self.backend().pool().install(|| {

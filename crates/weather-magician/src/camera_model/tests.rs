@@ -121,7 +121,7 @@ fn exposures_change_the_light() {
     let (mut renderer, mut place, camera) = street();
     let mut weather = Weather::clear();
     weather.set_text("light.exposure=-2").unwrap();
-    let mut take = |exposure: Exposure| {
+    let mut take = |exposure: CameraExposure| {
         let model = CameraModel { exposure, ..CameraModel::default() };
         let mut sensor = SensorCamera::new(model, CameraMotion::from(camera));
         let mut picture = Picture::default();
@@ -130,10 +130,10 @@ fn exposures_change_the_light() {
             .unwrap();
         picture.frame
     };
-    let mean = noise::log_mean(&take(Exposure::Auto)).exp();
+    let mean = noise::log_mean(&take(CameraExposure::Auto)).exp();
     assert!((mean / 0.18 - 1.0).abs() < 0.1, "{mean}");
     let (plain, brighter) =
-        (take(Exposure::Stops(0.0)).rgb_linear(), take(Exposure::Stops(1.0)).rgb_linear());
+        (take(CameraExposure::Stops(0.0)).rgb_linear(), take(CameraExposure::Stops(1.0)).rgb_linear());
     let worst = plain.iter().zip(&brighter).map(|(a, b)| (2.0 * a.max(0.0) - b).abs()).fold(0.0, f32::max);
     assert!(worst < 1e-5, "{worst}");
 }
