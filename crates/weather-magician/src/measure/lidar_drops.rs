@@ -1,7 +1,7 @@
 //! How many drops a lidar meets.
 //!
 //! A drop of diameter `D` in a beam as wide as `theta r` sends back `0.023 min(1, (D / (theta r))^2)` of its light. Drops are a Poisson process: by
-//! Marshall and Palmer's sizes (1948), and the volume of the beam at each range, so many are detected in a pulse on average.
+//! Marshall and Palmer's sizes (1948), as many as bring the rate at Gunn and Kinzer's fall speeds, and the volume of the beam at each range, so many are detected in a pulse on average.
 //!
 //! Tolerance 5 %, of some 3,000 points and more: one beam's drops are in part the next one's, so that their number scatters
 //! by twice the square root. Drops in one half of a pulse's length count once, which is 2 % of them in heavy rain.
@@ -12,14 +12,14 @@ use super::lit::paint_card;
 use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, Tolerance};
 use crate::Result;
 use crate::lidar::EchoClass;
-use std::f64::consts::FRAC_PI_4;
+use std::f64::consts::{FRAC_PI_4, FRAC_PI_6};
 use wm_scene::Splats;
 
 /// The instrument.
 pub const INSTRUMENT: Instrument = Instrument {
     name: "lidar-drops",
     title: "Drops before a lidar",
-    about: "A lidar looks all around into open rain. The points of drops are counted, against a count by Marshall and Palmer's sizes, the volume \
+    about: "A lidar looks all around into open rain. The points of drops are counted, against a count by Marshall and Palmer's sizes and Gunn and Kinzer's fall speeds, the volume \
             of the beams and the echo of a ball of water.",
     applies: |weather, time| expected::number(weather, time, "rain", "rate").is_some_and(|rate| rate > 0.0),
     read,
@@ -41,18 +41,21 @@ fn a_pulse(rate: f64, sigma: f64) -> f64 {
     let slope = expected::rain_slope(rate);
     let (steps, ranges) = (110, 280);
     let size = (DIAMETERS[1] - DIAMETERS[0]) / f64::from(steps);
+    let number = |diameter: f64| 8000.0 * (-slope * diameter).exp() * size;
+    // As many as bring the rate at their fall speeds: mm^3 a m^2 and second are 3.6e-3 mm/h.
+    let diameters = || (0..steps).map(|i| DIAMETERS[0] + size * (f64::from(i) + 0.5));
+    let water = |d: f64| 3.6e-3 * number(d) * expected::gunn_kinzer(d) * FRAC_PI_6 * d.powi(3);
+    let scale = rate / diameters().map(water).sum::<f64>();
     let step = (FARTHEST - 0.9) / f64::from(ranges);
     let mut sum = 0.0;
-    for i in 0..steps {
-        let diameter = DIAMETERS[0] + size * (f64::from(i) + 0.5);
-        let number = 8000.0 * (-slope * diameter).exp() * size;
+    for diameter in diameters() {
         for k in 0..ranges {
             let range = 0.9 + step * (f64::from(k) + 0.5);
             let (beam, wide) = (DIVERGENCE * range, 1e-3 * diameter);
             let signal = signal(DROP * (wide / beam).powi(2).min(1.0), sigma, range);
             // What is fainter than 4.5 standard deviations below the least power is none.
             let seen = if signal < 0.1 { 0.0 } else { normal((signal - 1.0) / RECEIVER) };
-            sum += number * FRAC_PI_4 * beam.max(wide).powi(2) * step * seen;
+            sum += scale * number(diameter) * FRAC_PI_4 * beam.max(wide).powi(2) * step * seen;
         }
     }
     sum
