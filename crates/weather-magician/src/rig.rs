@@ -436,7 +436,7 @@ mod tests {
             ("size = [64, 48]", "size = [0, 48]", "picture size 0x48"),
             ("size = [64, 48]", "sise = [64, 48]", "r, line 6: unknown field `sise`"),
             ("size = [64, 48]", "returns = \"dual\"", "returns is not for a camera"),
-            ("size = [64, 48]", "readout = -1", "a readout of -1 s"),
+            ("size = [64, 48]", "readout = -1", "readout is -1 s"),
             ("size = [64, 48]", "lens = \"fish\"", "`fish` is not a lens"),
             ("size = [64, 48]", "quaternion = [0, 0, 0, 0]", "length 1"),
             ("size = [64, 48]", "position = [nan, 0, 0]", "position is"),

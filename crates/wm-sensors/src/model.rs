@@ -6,6 +6,8 @@ use crate::presets::{PRESETS, unknown};
 use serde::Deserialize;
 use std::path::Path;
 
+/// Longest file that is read, bytes: tables of beams are long.
+const MOST_BYTES: u64 = 64 << 20;
 /// Speed of light, m/s.
 const LIGHT: f64 = 299_792_458.0;
 /// Reflectance of the target that data sheets give a range of.
@@ -86,8 +88,12 @@ impl LidarModel {
         if path.extension().is_none() && !path.exists() {
             return Err(unknown(name));
         }
-        let read = std::fs::read_to_string(path);
-        let text = read.map_err(|error| LidarError::Read { path: path.into(), error })?;
+        let unread = |error| LidarError::Read { path: path.into(), error };
+        if std::fs::metadata(path).map_err(unread)?.len() > MOST_BYTES {
+            let problem = "it is too long for a lidar: give a TOML file".into();
+            return Err(LidarError::Model { name: name.into(), location: String::new(), problem });
+        }
+        let text = std::fs::read_to_string(path).map_err(unread)?;
         let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
         Self::parse(&text, &stem).map_err(|error| match error {
             LidarError::Model { location, problem, .. } => {

@@ -53,7 +53,7 @@ impl SensorNoise {
             ("number of bits", f64::from(self.bits), [4.0, 16.0]),
         ] {
             if !(range[0]..=range[1]).contains(&value) {
-                return Err(format!("a {name} of {value}: must be from {} to {}", range[0], range[1]));
+                return Err(format!("the {name} is {value}: it must be from {} to {}", range[0], range[1]));
             }
         }
         Ok(())

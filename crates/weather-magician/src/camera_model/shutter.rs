@@ -77,7 +77,7 @@ impl Shutter {
     pub fn check(&self) -> Result<(), String> {
         for (name, value) in [("exposure time", self.exposure), ("readout", self.readout)] {
             if !(0.0..=LONGEST).contains(&value) {
-                return Err(format!("a {name} of {value} s: must be from 0 to {LONGEST} s"));
+                return Err(format!("the {name} is {value} s: it must be from 0 to {LONGEST} s"));
             }
         }
         Ok(())

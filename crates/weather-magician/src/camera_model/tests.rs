@@ -147,11 +147,11 @@ fn models_that_cannot_work_are_refused() {
         shutter: Shutter { readout, ..Shutter::default() },
         ..CameraModel::default()
     };
-    assert!(fault(readout(-1.0), "heavy-rain").contains("readout of -1"));
+    assert!(fault(readout(-1.0), "heavy-rain").contains("readout is -1 s"));
     assert!(fault(readout(f64::NAN), "heavy-rain").contains("readout"));
     let noise = SensorNoise { iso: 0.0, ..SensorNoise::default() };
     let noisy = CameraModel { noise: Some(noise), ..CameraModel::default() };
-    assert!(fault(noisy, "heavy-rain").contains("ISO of 0"));
+    assert!(fault(noisy, "heavy-rain").contains("ISO is 0"));
     let mut drops = Weather::clear();
     drops.set_text("lens.size=1").unwrap();
     assert!(readout(0.01).check(&drops).unwrap_err().to_string().contains("lens"));
