@@ -4,7 +4,7 @@ use wm_render::{Geometry, Outputs, ParticlePass};
 
 /// The built-in street, thinned, and a camera on it.
 fn street() -> (Renderer, PreparedPlace, Camera) {
-    let scene = wm_street::Street::builtin().sampling(0.15).scene(&|_| true).unwrap();
+    let scene = wm_street::Street::builtin().sampling(0.06).scene(&|_| true).unwrap();
     let mut renderer = Renderer::cpu().unwrap();
     let mut place = renderer.load(scene).unwrap();
     place.config.outputs =

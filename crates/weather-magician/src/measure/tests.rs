@@ -368,6 +368,8 @@ impl Fault {
             Self::Ranges => instrument.starts_with("lidar"),
             Self::Echoes => instrument == "lidar-board",
             Self::Points => instrument == "lidar-drops",
+            // A lidar sees drops as they are, at any pace and without a shutter: one of these is enough.
+            Self::Pace | Self::Speed | Self::Exposure => instrument != "lidar-drops",
             _ => true,
         }
     }
