@@ -13,6 +13,7 @@ use wm_scene::files::check_writable;
 use wm_scene::formats::{Kept, WriteOptions, format_for, read_scene};
 use wm_scene::{Camera, Scene, capture};
 use wm_train::maps::{Filter, find_map, read_map};
+use wm_train::photos::PhotoSize;
 
 /// Longest side of the pictures in which splats vote, px.
 const LONGEST: u32 = 1280;
@@ -92,7 +93,8 @@ pub fn run(args: &LabelArgs) -> Result<()> {
         if interrupt::asked() {
             bail!(Interrupted("nothing was written".into()));
         }
-        let camera = small(camera);
+        let (width, height) = PhotoSize::Longest(LONGEST).of((camera.width, camera.height));
+        let camera = camera.resized(width, height);
         votes.add(renderer.as_mut(), &camera, &read_mask(path, &camera)?)?;
         bar.inc(1);
     }
@@ -143,15 +145,6 @@ fn masks(scene: &Scene, args: &LabelArgs) -> Result<Vec<(Camera, PathBuf)>> {
         );
     }
     Ok(masks)
-}
-
-fn small(camera: &Camera) -> Camera {
-    let scale = f64::from(LONGEST) / f64::from(camera.width.max(camera.height));
-    if scale >= 1.0 {
-        return *camera;
-    }
-    let side = |length: u32| ((f64::from(length) * scale).round() as u32).max(1);
-    camera.resized(side(camera.width), side(camera.height))
 }
 
 /// Reads a mask in the size of a camera.

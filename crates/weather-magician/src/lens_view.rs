@@ -455,9 +455,7 @@ impl Renderer {
             let camera = MovingCamera { camera, ..options.camera };
             let own = FrameOptions { camera, whole, ..*options };
             let own = self.render_into(place, weather, &own, side, progress)?;
-            stats.visible += own.visible;
-            stats.particles += own.particles;
-            stats.wall += own.wall;
+            stats += own;
         }
         let started = std::time::Instant::now();
         self.backend().pool().install(|| lens.sample(&sides, picture));

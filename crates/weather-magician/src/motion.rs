@@ -2,7 +2,7 @@
 
 use crate::frame::MovingCamera;
 use crate::view::path::{CameraPath, PathKey};
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DMat4, DVec3};
 use wm_scene::Camera;
 use wm_scene::camera::viewmat_of;
 use wm_sensors::SensorPose;
@@ -118,6 +118,17 @@ impl CameraMotion {
             }
         };
         MovingCamera { camera, velocity: velocity.to_array() }
+    }
+
+    /// The camera `time` seconds after the start; one that stays with a speed has driven ahead since `since`.
+    #[must_use]
+    pub fn driven_since(&self, since: f64, time: f64, metres_per_unit: f64) -> MovingCamera {
+        let mut moving = self.at(time, metres_per_unit);
+        if let Self::Still { speed, .. } = self {
+            let way = moving.camera.forward() * (speed * (time - since) / metres_per_unit);
+            moving.camera.viewmat *= DMat4::from_translation(-way);
+        }
+        moving
     }
 
     /// Seconds from the first key of the path to its last; 0 for a camera that stays.

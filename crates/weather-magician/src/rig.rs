@@ -40,6 +40,8 @@ use wm_sensors::{LidarModel, PointFormat, ReturnMode, SubRays};
 
 /// Longest file that is read, bytes.
 const MAX_BYTES: u64 = 1 << 20;
+/// Most sensors: lidars have so many random numbers of their own.
+const MOST: usize = 64;
 /// Most pictures or sweeps a second.
 const FASTEST: f64 = 10_000.0;
 /// Farthest that a sensor may be from the origin of its rig, m.
@@ -200,6 +202,9 @@ impl Rig {
             let says = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
             fault(error.span().map(|span| span.start), says)
         })?;
+        if file.sensor.len() > MOST {
+            return Err(fault(None, format!("it has {} sensors: {MOST} are the most", file.sensor.len())));
+        }
         if file.sensor.is_empty() {
             return Err(fault(None, "it has no sensor: give one or more [[sensor]]".into()));
         }
@@ -448,5 +453,7 @@ mod tests {
             assert!(error.contains(says) && !error.contains('\n'), "{error} for {to}");
         }
         assert!(Rig::parse("", "r").unwrap_err().to_string().contains("no sensor"));
+        let many = TEXT.repeat(33);
+        assert!(Rig::parse(&many, "r").unwrap_err().to_string().contains("66 sensors: 64 are the most"));
     }
 }

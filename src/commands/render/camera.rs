@@ -4,7 +4,6 @@ use super::OutputArgs;
 use crate::scene::OpenScene;
 use anyhow::{Result, bail};
 use clap::Args;
-use glam::{DMat4, DVec3};
 use std::path::PathBuf;
 use weather_magician::view::moves::{self, PathSpec};
 use weather_magician::view::path::{CameraPath, PathKey};
@@ -254,13 +253,9 @@ impl CameraPlan {
     /// Returns the time and the camera of the frame after that at `time`, seconds. The camera of a single picture with a speed moves ahead by it; in a
     /// sequence such a camera stays, as its frames show it.
     pub fn next(&self, time: f64, metres_per_unit: f64) -> (f64, MovingCamera) {
-        let step = self.rate.seconds(1);
-        let mut next = self.moving(time + step, metres_per_unit);
-        if self.frames == 1 && matches!(self.motion, CameraMotion::Still { .. }) {
-            let way = DVec3::from_array(next.velocity) * (step / metres_per_unit);
-            next.camera.viewmat *= DMat4::from_translation(-way);
-        }
-        (time + step, next)
+        let after = time + self.rate.seconds(1);
+        let since = if self.frames == 1 { time } else { after };
+        (after, self.motion.driven_since(since, after, metres_per_unit))
     }
 
     /// Returns the time of frame `index`, seconds.

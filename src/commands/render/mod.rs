@@ -3,6 +3,7 @@
 pub mod camera;
 mod device;
 mod layers;
+mod manifest;
 mod pairs;
 mod range;
 mod rig;
@@ -394,9 +395,8 @@ impl RenderJob {
         if let Some(lens) = &model.lens {
             tags.push(("lens".into(), format!("{:?}", lens.lens())));
         }
-        if !(CameraModel { lens: None, ..model.clone() }).is_plain() {
-            let CameraModel { shutter, exposure, noise, .. } = model;
-            tags.push(("camera".into(), format!("{shutter:?} {exposure:?} {noise:?}")));
+        if let Some(settings) = model.settings() {
+            tags.push(("camera".into(), settings));
         }
         PictureStyle {
             also: args.output.also.clone(),

@@ -1,6 +1,6 @@
 //! Data sets: every photo's view with and without a weather, and the maps that relate the two.
 
-use super::{RenderArgs, background};
+use super::{RenderArgs, background, manifest};
 use crate::interrupt::Interrupted;
 use crate::names::stem_of;
 use crate::progress::Reporter;
@@ -18,7 +18,6 @@ use weather_magician::{FrameOptions, MovingCamera, Picture, PreparedPlace, Rende
 use wm_media::PictureSize;
 use wm_render::parts::PicturePart;
 use wm_render::{Frame, Geometry, Outputs, ParticlePass, RenderConfig};
-use wm_scene::files::write_atomically;
 use wm_scene::{Camera, SceneView};
 use wm_weather::{Fidelity, ParamValue, Weather};
 
@@ -100,8 +99,8 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
         rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
     };
     loaded.place.config = config;
-    let manifest = manifest((&loaded.renderer, &loaded.place), &shots, args, weather)?;
-    keep(&folder, &manifest)?;
+    let manifest = about((&loaded.renderer, &loaded.place), &shots, args, weather)?;
+    manifest::keep(&folder, MANIFEST, &manifest, "pictures of another run")?;
     loaded.prepare(weather)?;
     let OpenScene { mut renderer, mut place } = loaded;
 
@@ -273,34 +272,13 @@ fn write_pair(
     Ok(())
 }
 
-/// Writes the manifest; returns an error if the folder has the manifest of another run.
-fn keep(folder: &Path, manifest: &Json) -> Result<()> {
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot create the folder {}", folder.display()))?;
-    let path = folder.join(MANIFEST);
-    let text = serde_json::to_string_pretty(manifest)?;
-    if path.exists() {
-        let there =
-            std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        if there.trim_end() != text {
-            bail!("{}: holds pictures of another run; empty it, or give another folder", folder.display());
-        }
-        return Ok(());
-    }
-    write_atomically(&path, |out| Ok(writeln!(out, "{text}")?))?;
-    Ok(())
-}
-
 /// Returns the manifest: what the pictures are, and everything that they depend on except the scene's bytes.
-fn manifest(
+fn about(
     (renderer, place): (&Renderer, &PreparedPlace),
     shots: &[PhotoView],
     args: &RenderArgs,
     weather: &Weather,
 ) -> Result<Json> {
-    let scene = &args.scene.scene;
-    let about = std::fs::metadata(scene).with_context(|| format!("cannot read {}", scene.display()))?;
-    let changed = about.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
     let instant = weather.at(args.output.time());
     let effects: Map<String, Json> = instant
         .effects()
@@ -335,18 +313,9 @@ fn manifest(
             })
         })
         .collect();
-    let site = place.site();
     Ok(json!({
         "program": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
-        "scene": {
-            "path": scene.display().to_string(),
-            "bytes": about.len(),
-            "changed": changed.map(|t| t.as_secs()),
-            "metres_per_unit": site.metres_per_unit,
-            "up": site.up,
-            "ground": site.ground,
-            "airlight": site.airlight,
-        },
+        "scene": manifest::scene_facts(&args.scene.scene, place.site())?,
         "weather": {
             "name": weather.name,
             "about": weather.about,

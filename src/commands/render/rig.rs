@@ -2,7 +2,7 @@
 
 use super::camera::MotionArgs;
 use super::layers::LaterLayers;
-use super::{RenderArgs, background};
+use super::{RenderArgs, background, manifest};
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::progress::{self, Reporter};
@@ -19,7 +19,6 @@ use weather_magician::rig::{Rig, RigDevice, RigSensor};
 use weather_magician::{Camera, CameraMotion, Error, FrameOptions, LensView, Picture, picture_tags};
 use wm_media::png::DepthScale;
 use wm_render::RenderConfig;
-use wm_scene::files::write_atomically;
 use wm_weather::Weather;
 
 /// The file that describes the sensors and their files.
@@ -29,7 +28,7 @@ const DEFAULT_SECONDS: f64 = 5.0;
 /// Most pictures and sweeps of a run.
 const MOST: usize = 1_000_000;
 
-/// What all sensors share.
+/// The place, the weather and the path of a rig.
 struct RigJob<'a> {
     args: &'a RenderArgs,
     loaded: OpenScene,
@@ -69,7 +68,7 @@ pub fn run(args: &RenderArgs, weather: &Weather, file: &Path) -> Result<()> {
     }
     LaterLayers::check_labels(&args.output.also, &loaded.place, &args.scene.scene)?;
     let mut job = RigJob { args, loaded, weather, base, folder, start, seconds, bar: ProgressBar::hidden() };
-    job.keep_manifest(&rig)?;
+    manifest::keep(&job.folder, MANIFEST, &job.manifest(&rig)?, "files of another run")?;
     // Lidars need the splats, so they are not freed.
     job.loaded.renderer.prepare(&mut job.loaded.place, weather, &mut Reporter::default())?;
     job.loaded.warn();
@@ -103,6 +102,7 @@ fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
         (output.layers, "--layers"),
         (output.asks_for_frames(), "--frames and --frame-step"),
         (output.bitrate.is_some(), "--bitrate"),
+        (args.camera.save_path.is_some(), "--save-path"),
     ] {
         if is_given {
             bail!("--rig: each sensor has its own settings in the rig's file; leave out {option}");
@@ -194,11 +194,11 @@ impl RigJob<'_> {
             let OpenScene { renderer, place } = &mut self.loaded;
             renderer.expose(place, self.weather, camera, &shot, &mut picture, &mut Reporter::default())?;
             let metres = place.site().metres_per_unit;
-            let at = |time: f64| FrameOptions::new(time, camera.motion.at(time, metres));
+            let at = |time: f64| FrameOptions::new(time, camera.motion().at(time, metres));
             let (frame, next) = (at(*time), at(*time + 1.0 / sensor.rate));
             let lens = camera.model.lens.as_ref();
             later.render(renderer, (place, self.weather), lens, [&frame, &next], &mut picture)?;
-            let pose = camera.motion.camera(*time);
+            let pose = camera.motion().camera(*time);
             let mut tags = picture_tags(&scene, place.site(), renderer.backend(), self.weather, *time, &pose);
             tags.push(("sensor".into(), sensor.name.clone()));
             let style = PictureStyle {
@@ -255,46 +255,13 @@ impl RigJob<'_> {
         Ok(())
     }
 
-    /// Writes the manifest; returns an error if the folder has that of another run.
-    fn keep_manifest(&self, rig: &Rig) -> Result<()> {
-        std::fs::create_dir_all(&self.folder)
-            .with_context(|| format!("cannot create the folder {}", self.folder.display()))?;
-        let path = self.folder.join(MANIFEST);
-        let manifest = self.manifest(rig)?;
-        if path.exists() {
-            let text = std::fs::read_to_string(&path);
-            let text = text.with_context(|| format!("cannot read {}", path.display()))?;
-            if serde_json::from_str::<Json>(&text).ok().as_ref() != Some(&manifest) {
-                bail!(
-                    "{}: holds files of another run; empty it, or give another folder",
-                    self.folder.display()
-                );
-            }
-            return Ok(());
-        }
-        let text = serde_json::to_string_pretty(&manifest)?;
-        write_atomically(&path, |out| Ok(writeln!(out, "{text}")?))?;
-        Ok(())
-    }
-
     /// Returns what the files are, and everything that they depend on except the scene's bytes.
     fn manifest(&self, rig: &Rig) -> Result<Json> {
-        let scene = &self.args.scene.scene;
-        let about = std::fs::metadata(scene).with_context(|| format!("cannot read {}", scene.display()))?;
-        let changed = about.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
         let OpenScene { renderer, place } = &self.loaded;
-        let site = place.site();
         let sensors: Vec<Json> = rig.sensors.iter().map(|sensor| self.sensor_manifest(sensor)).collect();
         Ok(json!({
             "program": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
-            "scene": {
-                "path": scene.display().to_string(),
-                "bytes": about.len(),
-                "changed": changed.map(|t| t.as_secs()),
-                "metres_per_unit": site.metres_per_unit,
-                "up": site.up,
-                "ground": site.ground,
-            },
+            "scene": manifest::scene_facts(&self.args.scene.scene, place.site())?,
             "weather": format!("{:?}", self.weather),
             "start": self.start,
             "seconds": self.seconds,

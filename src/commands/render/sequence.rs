@@ -1,18 +1,16 @@
 //! Frames over time: a video, or a folder of frames that a later run can complete.
 
-use super::{RenderArgs, RenderJob};
+use super::{RenderArgs, RenderJob, manifest};
 use crate::interrupt::Interrupted;
 use crate::progress::Reporter;
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 use weather_magician::Picture;
-use weather_magician::camera_model::CameraModel;
 use weather_magician::output::{ExtraPicture, LayerPlacement, PictureStyle};
 use weather_magician::sequence::render_and_write;
 use wm_media::{PictureSize, png::DepthScale, video};
-use wm_scene::files::write_atomically;
 
 /// The file that describes the frames of a folder.
 const MANIFEST: &str = "render.json";
@@ -63,20 +61,7 @@ pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs
 /// Renders the frames with the numbers `wanted` into a folder, one picture per frame; frames that exist already are
 /// kept.
 pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderArgs) -> Result<()> {
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot create the folder {}", folder.display()))?;
-    let manifest = manifest(job, args)?;
-    let manifest_path = folder.join(MANIFEST);
-    if manifest_path.exists() {
-        let text = std::fs::read_to_string(&manifest_path);
-        let text = text.with_context(|| format!("cannot read {}", manifest_path.display()))?;
-        if serde_json::from_str::<Value>(&text).ok().as_ref() != Some(&manifest) {
-            bail!("{}: holds frames of another render; empty it, or give another folder", folder.display());
-        }
-    } else {
-        let text = serde_json::to_string_pretty(&manifest)?;
-        write_atomically(&manifest_path, |out| Ok(writeln!(out, "{text}")?))?;
-    }
+    manifest::keep(folder, MANIFEST, &about(job, args)?, "frames of another render")?;
     let extension = args.output.frame_format.extension();
     let name = |index: u32| folder.join(format!("{index:05}.{extension}"));
     // The colour is written first and the other pictures after it: a frame is complete if the last one exists.
@@ -133,15 +118,14 @@ fn renderer(job: &mut RenderJob) -> impl FnMut(u32, &mut Picture) -> Result<()> 
 
 /// Returns everything that the frames of a folder depend on. It describes the whole sequence, whichever frames are selected,
 /// so that several runs may fill one folder.
-fn manifest(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
+fn about(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
     let scene = &args.scene.scene;
-    let about = std::fs::metadata(scene).with_context(|| format!("cannot read {}", scene.display()))?;
-    let changed = about.modified().ok().and_then(|t| t.duration_since(std::time::UNIX_EPOCH).ok());
+    let (bytes, changed) = manifest::file_facts(scene)?;
     let mut all = json!({
         "program": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
         "scene": scene.display().to_string(),
-        "scene_bytes": about.len(),
-        "scene_changed": changed.map(|t| t.as_secs()),
+        "scene_bytes": bytes,
+        "scene_changed": changed,
         "weather": format!("{:?}", job.weather),
         "site": format!("{:?}", job.place.site()),
         "camera": job.plan.fingerprint(),
@@ -156,12 +140,12 @@ fn manifest(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
         "simd": job.renderer.backend().path().to_string(),
         "device": job.renderer.backend().arithmetic(),
     });
-    let CameraModel { lens, shutter, exposure, noise } = &job.camera.model;
-    if let Some(lens) = lens {
+    let model = &job.camera.model;
+    if let Some(lens) = &model.lens {
         all["lens"] = format!("{:?} {:?}", lens.lens(), lens.intrinsics()).into();
     }
-    if (*shutter, *exposure, *noise) != Default::default() {
-        all["device"] = format!("{shutter:?} {exposure:?} {noise:?}").into();
+    if let Some(settings) = model.settings() {
+        all["camera_model"] = settings.into();
     }
     Ok(all)
 }

@@ -6,9 +6,13 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::str::FromStr;
+use wm_render::Frame;
+use wm_scene::color::luminance;
 
 /// Luminance that the mean becomes, linear light.
 const GREY: f64 = 0.18;
+/// Light below which all is equally black.
+const BLACK: f64 = 1e-4;
 /// Time in which an exposure follows by 63 %, s.
 const LAG: f64 = 0.5;
 /// Time between two measurements, s.
@@ -47,6 +51,14 @@ impl FromStr for CameraExposure {
             _ => Err(format!("`{text}` is not an exposure: use auto, or stops from -20 to 20")),
         }
     }
+}
+
+/// Mean of the natural logarithm of the luminance of a picture, linear light.
+pub(super) fn log_mean(frame: &Frame) -> f64 {
+    let light = frame.rgb_linear();
+    let pixels = light.as_chunks::<3>().0;
+    let of = |pixel: &[f32; 3]| luminance(pixel.map(f64::from)).max(BLACK).ln();
+    pixels.iter().map(of).sum::<f64>() / pixels.len().max(1) as f64
 }
 
 /// Mean logarithms of the luminance at multiples of [`STEP`].

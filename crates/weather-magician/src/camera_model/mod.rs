@@ -83,43 +83,45 @@ impl CameraModel {
         Ok(())
     }
 
-    /// Returns true if its pictures are those of a renderer without a model.
+    /// Its shutter, exposure and noise as text that tells one model from another; `None` if all are as if there were none.
     #[must_use]
-    pub fn is_plain(&self) -> bool {
-        let is_even = self.exposure == CameraExposure::default() && self.noise.is_none();
-        self.lens.is_none() && self.shutter.is_instant() && is_even
+    pub fn settings(&self) -> Option<String> {
+        let Self { shutter, exposure, noise, .. } = self;
+        let is_plain = shutter.is_instant() && *exposure == CameraExposure::default() && noise.is_none();
+        (!is_plain).then(|| format!("{shutter:?} {exposure:?} {noise:?}"))
     }
 }
 
-/// A camera on its way.
+/// A camera on its way, for one place.
 #[derive(Clone, Debug)]
 pub struct SensorCamera {
     /// The device.
     pub model: CameraModel,
-    /// The way. A camera that stays with a speed is where it says at the time of each frame, and drives while it is exposed.
-    pub motion: CameraMotion,
     /// Its number among the sensors of a rig: its noise depends on it.
     pub number: u32,
+    motion: CameraMotion,
     meter: LightMeter,
     /// The weather that was metered.
     metered: Weather,
 }
 
 impl SensorCamera {
-    /// A camera that is the first of its rig.
+    /// A camera that is the first of its rig. One that stays with a speed is where `motion` says at the time of each frame, and drives
+    /// while it is exposed.
     #[must_use]
     pub fn new(model: CameraModel, motion: CameraMotion) -> Self {
-        Self { model, motion, number: 0, meter: LightMeter::default(), metered: Weather::default() }
+        Self { model, number: 0, motion, meter: LightMeter::default(), metered: Weather::default() }
+    }
+
+    /// Its way.
+    #[must_use]
+    pub fn motion(&self) -> &CameraMotion {
+        &self.motion
     }
 
     /// The camera `after` seconds after the time of a frame.
     fn at(&self, time: f64, after: f64, metres_per_unit: f64) -> MovingCamera {
-        let mut moving = self.motion.at(time + after, metres_per_unit);
-        if let CameraMotion::Still { speed, .. } = &self.motion {
-            let way = moving.camera.forward() * (speed * after / metres_per_unit);
-            moving.camera.viewmat *= glam::DMat4::from_translation(-way);
-        }
-        moving
+        self.motion.driven_since(time, time + after, metres_per_unit)
     }
 
     /// The size of its pictures, px.
@@ -269,9 +271,7 @@ impl Renderer {
                 ..FrameOptions::new(shot.time + steps.time(step), own)
             };
             let made = self.instant(place, weather, (lens.as_ref(), &options), &mut part, progress)?;
-            stats.visible = stats.visible.max(made.visible);
-            stats.particles = stats.particles.max(made.particles);
-            stats.wall += made.wall;
+            stats += made;
             let count = lines.end - lines.start;
             let share = |line: u32| steps.share(line, step) as f32;
             // The line of each row or column of the part.
@@ -325,7 +325,7 @@ impl Renderer {
                 }
             };
             self.render_into(place, weather, &FrameOptions::new(at, moving), &mut picture, progress)?;
-            Ok::<f64, Error>(noise::log_mean(&picture.frame))
+            Ok::<f64, Error>(exposure::log_mean(&picture.frame))
         });
         camera.meter = meter;
         gain

@@ -4,12 +4,11 @@
 //! the readout adds a normal error, and the converter cuts the range into 2^bits levels. Values above white are cut off.
 //! Each number is a function of (seed, frame, pixel, channel).
 
-use glam::DVec3;
 use rayon::prelude::*;
 use wm_render::Frame;
 use wm_render::frame::ColorEncoding;
 use wm_scene::color::{srgb_decode, srgb_encode};
-use wm_scene::random::RandomStream;
+use wm_scene::random::{self, RandomStream};
 
 /// Electrons above which a Poisson variate is taken for a normal one: its skewness is below 0.16 then.
 const MANY: f64 = 40.0;
@@ -64,7 +63,7 @@ impl SensorNoise {
     pub(super) fn apply(&self, frame: &mut Frame, (sensor, index): (u32, u32), gain: f64) {
         let electrons = self.full_well * BASE_ISO / (self.iso * gain.max(1.0));
         let top = f64::from((1u32 << self.bits) - 1);
-        let random = RandomStream::new(self.seed ^ u64::from(sensor) << 32, PURPOSE, index);
+        let random = RandomStream::new(random::bits(self.seed, u64::from(sensor)), PURPOSE, index);
         let is_srgb = frame.encoding == ColorEncoding::Srgb;
         let width = 3 * frame.width.max(1) as usize;
         frame.rgb.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
@@ -101,19 +100,6 @@ fn poisson(mean: f64, quantile: f64) -> f64 {
         sum += probability;
     }
     count
-}
-
-/// Mean of the natural logarithm of the luminance of a picture, linear light.
-pub(super) fn log_mean(frame: &Frame) -> f64 {
-    /// Light below which all is equally black.
-    const BLACK: f64 = 1e-4;
-    let is_srgb = frame.encoding == ColorEncoding::Srgb;
-    let of = |pixel: &[f32; 3]| {
-        let light = pixel.map(|v| if is_srgb { srgb_decode(f64::from(v).max(0.0)) } else { f64::from(v) });
-        DVec3::from_array(light).dot(DVec3::new(0.2126, 0.7152, 0.0722)).max(BLACK).ln()
-    };
-    let pixels = frame.rgb.as_chunks::<3>().0;
-    pixels.iter().map(of).sum::<f64>() / pixels.len().max(1) as f64
 }
 
 #[cfg(test)]
@@ -177,5 +163,6 @@ mod tests {
         assert_eq!(made(0, 0), made(0, 0));
         assert_ne!(made(0, 0), made(0, 1));
         assert_ne!(made(0, 0), made(1, 0));
+        assert_ne!(made(0, 4096), made(1, 0));
     }
 }

@@ -130,7 +130,7 @@ fn exposures_change_the_light() {
             .unwrap();
         picture.frame
     };
-    let mean = noise::log_mean(&take(CameraExposure::Auto)).exp();
+    let mean = exposure::log_mean(&take(CameraExposure::Auto)).exp();
     assert!((mean / 0.18 - 1.0).abs() < 0.1, "{mean}");
     let (plain, brighter) =
         (take(CameraExposure::Stops(0.0)).rgb_linear(), take(CameraExposure::Stops(1.0)).rgb_linear());

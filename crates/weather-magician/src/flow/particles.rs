@@ -7,15 +7,15 @@ use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use wm_render::hooks::Particle;
+use wm_render::stages::particles as stage;
 use wm_scene::Camera;
 use wm_weather::Weather;
 
-/// Added to the diagonal of the covariance in the picture, px^2, as where particles are drawn.
-const DILATION: f64 = 0.3;
+/// Added to the diagonal of the covariance in the picture, px^2, and the greatest optical depth of one particle: as they are drawn.
+const DILATION: f64 = stage::DILATION as f64;
+const MOST: f64 = stage::MOST as f64;
 /// Optical depth of a particle from which on a pixel is its own: it hides a twentieth of it.
 const COVERS: f64 = 0.05;
-/// Greatest optical depth of one particle.
-const MOST: f64 = 16.0;
 /// Rows of pixels that are filled at a time.
 const ROWS: usize = 16;
 

@@ -93,7 +93,7 @@ fn a_gpu_sees_the_points_that_the_cpu_sees() {
     let mut gpu = Renderer::new(&device, crate::CpuConfig::default(), |_| {}).unwrap();
     let mut cpu = Renderer::cpu().unwrap();
     // A VLP-16 with a third of its columns: the GPU may be one in software.
-    let preset = wm_sensors::PRESETS.iter().find(|(name, _)| *name == "vlp-16").unwrap().1;
+    let preset = PRESETS.iter().find(|(name, _)| *name == "vlp-16").unwrap().1;
     let lidar = LidarModel::parse(&preset.replace("columns = 1808", "columns = 600"), "vlp-16").unwrap();
     assert_eq!(lidar.pattern.grid(), Some([16, 600]));
     let options = ScanOptions { seed: 4, ..ScanOptions::default() };

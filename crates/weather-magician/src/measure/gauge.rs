@@ -203,14 +203,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let Some(law) = FallLaw::of(kind) else { continue };
         let mut lenses = Lens::both(request, kind, law, rate)?;
         let [measured, error] = look(rig, request, law, &mut lenses)?;
-        let reading = |quantity: &str, unit, asked, measured| Reading {
-            quantity: quantity.to_owned(),
-            setting: request.setting.to_owned(),
-            unit,
-            asked,
-            measured,
-            standard_error: None,
-            tolerance: Tolerance::Relative(0.05),
+        let reading = |quantity: &str, unit, asked, measured| {
+            request.reading(quantity, unit, [asked, measured], Tolerance::Relative(0.05))
         };
         let name = format!("{} rate", kind.name);
         finding

@@ -10,8 +10,7 @@
 
 use super::lit::{LightPicture, overcast_card, paint_card};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
-    expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Tolerance, expected,
 };
 use crate::Result;
 use glam::DVec3;
@@ -159,15 +158,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let asked = spread(&level, &camera, |_, ground| streak_at(ground, slopes));
     let mut finding = Finding::default();
     let mut reading = |quantity: &str, asked: f64, measured: f64| {
-        finding.readings.push(Reading {
-            quantity: quantity.to_owned(),
-            setting: request.setting.to_owned(),
-            unit: "px",
-            asked,
-            measured,
-            standard_error: None,
-            tolerance: Tolerance::Relative(0.07),
-        });
+        let tolerance = Tolerance::Relative(0.07);
+        finding.readings.push(request.reading(quantity, "px", [asked, measured], tolerance));
     };
     reading("length of the streak, standard deviation", asked[1], measured[1]);
     reading("width of the streak, standard deviation", asked[0], measured[0]);

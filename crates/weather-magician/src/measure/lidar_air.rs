@@ -1,4 +1,4 @@
-//! How far a lidar sees the air itself.
+//! Echoes of fog before a lidar: the range up to which it sees the air itself.
 //!
 //! Droplets send `sigma / S` of the light straight back, with the lidar ratio `S` of 18 sr, so that half a pulse's length of fog is a surface of
 //! `pi sigma / S c tau / 2`. The light of many droplets interferes: powers of a bin vary as a Gamma variate of four degrees. Where the mean power is the
@@ -11,7 +11,7 @@ use super::expected;
 use super::lidar::{AIR_ALONE, BIN, EYE, RECEIVER, crossing, extinction, model, normal, reach, sweep};
 use super::lit::paint_card;
 use super::plot::{Axis, Plot, Series};
-use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, Tolerance};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance};
 use crate::Result;
 use crate::lidar::EchoClass;
 use std::f64::consts::PI;
@@ -72,15 +72,9 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let points: Vec<[f64; 2]> = (0..BINS).map(|bin| [BIN * (bin as f64 + 0.5), shares[bin]]).collect();
     let sigma = extinction(&weather, request.time);
     let mut finding = Finding::default();
-    finding.readings.push(Reading {
-        quantity: "reach of echoes of the air".to_owned(),
-        setting: request.setting.to_owned(),
-        unit: "m",
-        asked: reach(PI * sigma / RATIO * BIN, sigma),
-        measured: crossing(&points, share_at_least()),
-        standard_error: None,
-        tolerance: Tolerance::Relative(0.02),
-    });
+    let values = [reach(PI * sigma / RATIO * BIN, sigma), crossing(&points, share_at_least())];
+    let tolerance = Tolerance::Relative(0.02);
+    finding.readings.push(request.reading("reach of echoes of the air", "m", values, tolerance));
     finding.plots.push(Plot {
         title: format!("Echoes of the air, {}", request.setting),
         x: Axis::linear("range, m"),

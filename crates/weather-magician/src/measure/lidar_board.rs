@@ -12,8 +12,7 @@ use super::lidar::{AIR_ALONE, EYE, TARGET, crossing, extinction, model, reach, s
 use super::lit::paint_card;
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, ShotSubject, Tolerance,
-    mean,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject, Tolerance, mean,
 };
 use crate::Result;
 use crate::lidar::{EchoClass, LidarSweep};
@@ -75,15 +74,6 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let clear = Weather::clear();
     let lidar = model(SIDE, [ANGLE, -ANGLE], SIDE, [-ANGLE, ANGLE])?;
     let time = request.time;
-    let reading = |quantity: &str, unit, [asked, measured]: [f64; 2], tolerance| Reading {
-        quantity: quantity.to_owned(),
-        setting: request.setting.to_owned(),
-        unit,
-        asked,
-        measured,
-        standard_error: None,
-        tolerance,
-    };
     let mut finding = Finding::default();
 
     let near = board(rig, NEAR, BRIGHT)?;
@@ -94,9 +84,14 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             .map(|point| f64::from(point.range) * f64::from(point.angles[0].cos() * point.angles[1].cos())),
     );
     let intensity = mean(on_board(&seen).map(|point| f64::from(point.intensity)));
-    finding.readings.push(reading("range of a board", "m", [NEAR, range], Tolerance::Absolute(0.015)));
+    finding.readings.push(request.reading(
+        "range of a board",
+        "m",
+        [NEAR, range],
+        Tolerance::Absolute(0.015),
+    ));
     let asked = 255.0 * BRIGHT;
-    finding.readings.push(reading(
+    finding.readings.push(request.reading(
         "intensity of a board of 50 %",
         "",
         [asked, intensity],
@@ -112,7 +107,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     });
     let depth = (bright? / dimmed?).ln();
     let values = [1e3 * sigma, 1e3 * 0.5 * depth / metres];
-    finding.readings.push(reading("extinction at 905 nm", "1/km", values, Tolerance::Relative(0.03)));
+    finding.readings.push(request.reading("extinction at 905 nm", "1/km", values, Tolerance::Relative(0.03)));
 
     let asked = reach(TARGET, sigma);
     let mut shares = Vec::new();
@@ -123,7 +118,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         shares.push([metres, on_board(&seen).count() as f64 / seen.pulses as f64]);
     }
     let measured = crossing(&shares, 0.5);
-    finding.readings.push(reading(
+    finding.readings.push(request.reading(
         "range of a board of 10 %",
         "m",
         [asked, measured],

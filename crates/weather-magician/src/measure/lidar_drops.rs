@@ -1,4 +1,4 @@
-//! How many drops a lidar meets.
+//! Points of drops in a lidar's sweep through rain.
 //!
 //! A drop of diameter `D` in a beam as wide as `theta r` sends back `0.023 min(1, (D / (theta r))^2)` of its light. Drops are a Poisson process: by
 //! Marshall and Palmer's sizes (1948), as many as bring the rate at Gunn and Kinzer's fall speeds, and the volume of the beam at each range, so many are detected in a pulse on average.
@@ -85,14 +85,9 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let rate = expected::number(request.weather, request.time, "rain", "rate").unwrap_or(0.0);
     let found = seen.points.iter().filter(|point| point.class == EchoClass::Drop).count() as f64;
     let mut finding = Finding::default();
-    finding.readings.push(Reading {
-        quantity: format!("drops in {} pulses", seen.pulses),
-        setting: request.setting.to_owned(),
-        unit: "",
-        asked: seen.pulses as f64 * a_pulse(rate, extinction(&weather, request.time)),
-        measured: found,
-        standard_error: Some(found.sqrt()),
-        tolerance: Tolerance::Relative(0.04),
-    });
+    let asked = seen.pulses as f64 * a_pulse(rate, extinction(&weather, request.time));
+    let quantity = format!("drops in {} pulses", seen.pulses);
+    let counted = request.reading(quantity, "", [asked, found], Tolerance::Relative(0.04));
+    finding.readings.push(Reading { standard_error: Some(found.sqrt()), ..counted });
     Ok(finding)
 }

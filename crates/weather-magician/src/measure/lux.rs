@@ -13,8 +13,8 @@
 use super::lit::{LightPicture, OVERCAST_UPRIGHT, overcast_card, paint_card};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading,
-    ShotSubject, Tolerance, expected, lit,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, ShotSubject,
+    Tolerance, expected, lit,
 };
 use crate::Result;
 use std::f64::consts::PI;
@@ -221,15 +221,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let [flat, stood] = boards.irradiances(rig, &weather, (time, false))?;
     let mut finding = Finding::default();
     let mut reading = |quantity: &str, asked: f64, measured: f64, tolerance: Tolerance| {
-        finding.readings.push(Reading {
-            quantity: quantity.to_owned(),
-            setting: request.setting.to_owned(),
-            unit: "",
-            asked,
-            measured,
-            standard_error: None,
-            tolerance,
-        });
+        finding.readings.push(request.reading(quantity, "", [asked, measured], tolerance));
     };
     let three = Tolerance::Relative(0.03);
     match sun {

@@ -136,6 +136,18 @@ pub struct MeasureRequest<'a> {
 }
 
 impl MeasureRequest<'_> {
+    /// Returns a reading in this setting, without a standard error: the expected and the measured value.
+    fn reading(
+        &self,
+        quantity: impl Into<String>,
+        unit: &'static str,
+        [asked, measured]: [f64; 2],
+        tolerance: Tolerance,
+    ) -> Reading {
+        let (quantity, setting) = (quantity.into(), self.setting.to_owned());
+        Reading { quantity, setting, unit, asked, measured, standard_error: None, tolerance }
+    }
+
     /// Returns the weather with changes.
     ///
     /// # Errors

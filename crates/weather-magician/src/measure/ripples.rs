@@ -306,15 +306,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let error = 0.5 / rms * (scatter / count).sqrt();
     let alike = products[2] / (products[0] * products[1]).sqrt();
     let mut reading = |quantity: &str, unit, [asked, measured]: [f64; 2], standard_error, most: f64| {
-        finding.readings.push(Reading {
-            quantity: quantity.to_owned(),
-            setting: request.setting.to_owned(),
-            unit,
-            asked,
-            measured,
-            standard_error,
-            tolerance: Tolerance::Relative(most),
-        });
+        let own = request.reading(quantity, unit, [asked, measured], Tolerance::Relative(most));
+        finding.readings.push(Reading { standard_error, ..own });
     };
     reading("slopes of rings, rms", "", [slopes_of(rate), rms], Some(error), 0.04);
     let hertz = std::f64::consts::TAU.recip();

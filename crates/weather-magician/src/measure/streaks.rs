@@ -10,7 +10,7 @@
 
 use super::blobs::BlobSplit;
 use super::drops::{AirSlab, DropSample, MeasuredDrop, SlabView, main_kind};
-use super::{Finding, Instrument, InstrumentRenderer, MeasureRequest, Reading, Tolerance, expected, median};
+use super::{Finding, Instrument, InstrumentRenderer, MeasureRequest, Tolerance, expected, median};
 use crate::Result;
 use wm_weather::Weather;
 use wm_weather::particles::RAIN;
@@ -96,14 +96,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         drifts.push(across);
     }
     let count = lengths.len();
-    let reading = |quantity: String, unit, asked, measured, tolerance| Reading {
-        quantity,
-        setting: request.setting.to_owned(),
-        unit,
-        asked,
-        measured,
-        standard_error: None,
-        tolerance,
+    let reading = |quantity: String, unit, asked, measured, tolerance| {
+        request.reading(quantity, unit, [asked, measured], tolerance)
     };
     let mut finding = Finding::default();
     let five = Tolerance::Relative(0.05);

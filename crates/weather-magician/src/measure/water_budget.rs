@@ -8,9 +8,7 @@
 
 use super::budget::fallen;
 use super::lit::{overcast_card, paint_card};
-use super::{
-    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, Tolerance, expected,
-};
+use super::{Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Tolerance, expected};
 use crate::Result;
 use wm_scene::Splats;
 use wm_weather::Weather;
@@ -94,15 +92,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let stands = state.water_in_puddles();
     let there = state.water_in_pores() + state.water_in_films(texture) + stands;
     let mut reading = |quantity: &str, asked: f64, measured: f64, tolerance: Tolerance| {
-        finding.readings.push(Reading {
-            quantity: quantity.to_owned(),
-            setting: request.setting.to_owned(),
-            unit: "m^3",
-            asked,
-            measured,
-            standard_error: None,
-            tolerance,
-        });
+        finding.readings.push(request.reading(quantity, "m^3", [asked, measured], tolerance));
     };
     let what = if melt > 0.0 { "rain and melt water on the ground" } else { "rain on the ground" };
     reading(what, rain + melt, state.budget.came, Tolerance::Relative(0.01));

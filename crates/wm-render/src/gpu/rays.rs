@@ -174,14 +174,7 @@ impl GpuRaySplats {
     /// The same with packets no wider than an angle; `None` if a list is too long.
     fn trace_within(&self, rays: &Rays, asked: RayOutputs, widest: f64) -> Result<Option<RayHits>, GpuError> {
         let count = rays.len();
-        let mut hits = RayHits {
-            coverage: vec![0.0; count],
-            distance: vec![f32::INFINITY; count],
-            splat: vec![u32::MAX; count],
-            color: vec![[0.0; 3]; if asked.color { count } else { 0 }],
-            normal: vec![[0.0; 3]; if asked.normal { count } else { 0 }],
-            value: vec![0.0; if asked.value { count } else { 0 }],
-        };
+        let mut hits = RayHits::none(count, asked);
         if self.count == 0 || count == 0 {
             return Ok(Some(hits));
         }

@@ -32,20 +32,46 @@ const DEEPEST: usize = 12;
 /// One splat for rays.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
-struct RayRecord {
-    mean: [f32; 3],
-    log2_opacity: f32,
+pub(super) struct RayRecord {
+    pub(super) mean: [f32; 3],
+    pub(super) log2_opacity: f32,
     /// Rows of `M`, times sqrt(log2(e) / 2), so that `|a x b|^2 / |b|^2` is a power of two. The first is along the normal.
-    rows: [[f32; 3]; 3],
+    pub(super) rows: [[f32; 3]; 3],
     /// Distance from the mean beyond which alpha is below 1/255.
-    reach: f32,
+    pub(super) reach: f32,
     /// The splat.
-    index: u32,
+    pub(super) index: u32,
     /// The value that the caller gave it.
-    value: f32,
+    pub(super) value: f32,
 }
 
 impl RayRecord {
+    /// Of a splat, with a value of 0; `None` if no ray can meet it.
+    pub(super) fn of(splats: &Splats, index: usize) -> Option<Self> {
+        let opacity = splats.opacity(index);
+        if opacity < 1.0 / 255.0 || !splats.is_sound(index) {
+            return None;
+        }
+        let scales = splats.scales(index);
+        let longest = scales.into_iter().fold(0.0, f64::max);
+        let axes = quat::to_matrix(splats.quats[index].map(f64::from));
+        // A row is a column of R over its standard deviation. Their order is free, so the normal's comes first.
+        let short = shortest_axis(splats.log_scales[index]);
+        let rows = [short, (short + 1) % 3, (short + 2) % 3].map(|k| {
+            let scale = f64::from(SQRT_HALF_LOG2E) / scales[k].max(THINNEST * longest);
+            [0, 1, 2].map(|j| (axes[j][k] * scale) as f32)
+        });
+        let reach = (2.0 * (255.0 * opacity).ln()).max(0.0).sqrt() * longest * 1.0001;
+        Some(Self {
+            mean: splats.means[index],
+            log2_opacity: opacity.log2() as f32,
+            rows,
+            reach: reach as f32,
+            index: index as u32,
+            value: 0.0,
+        })
+    }
+
     /// The normal, of length 1, on the side that `away` from the mean points to.
     #[inline(always)]
     fn normal(&self, away: &[f32; 3]) -> [f32; 3] {
@@ -93,28 +119,7 @@ impl<'a> RaySplats<'a> {
     pub fn new(splats: &'a Splats, is_met: impl Fn(usize) -> bool + Sync) -> Self {
         let record = |index: &u32| {
             let index = *index as usize;
-            let opacity = splats.opacity(index);
-            if !is_met(index) || opacity < 1.0 / 255.0 || !splats.is_sound(index) {
-                return None;
-            }
-            let scales = splats.scales(index);
-            let longest = scales.into_iter().fold(0.0, f64::max);
-            let axes = quat::to_matrix(splats.quats[index].map(f64::from));
-            // A row is a column of R over its standard deviation. Their order is free, so the normal's comes first.
-            let short = shortest_axis(splats.log_scales[index]);
-            let rows = [short, (short + 1) % 3, (short + 2) % 3].map(|k| {
-                let scale = f64::from(SQRT_HALF_LOG2E) / scales[k].max(THINNEST * longest);
-                [0, 1, 2].map(|j| (axes[j][k] * scale) as f32)
-            });
-            let reach = (2.0 * (255.0 * opacity).ln()).max(0.0).sqrt() * longest * 1.0001;
-            Some(RayRecord {
-                mean: splats.means[index],
-                log2_opacity: opacity.log2() as f32,
-                rows,
-                reach: reach as f32,
-                index: index as u32,
-                value: 0.0,
-            })
+            is_met(index).then(|| RayRecord::of(splats, index)).flatten()
         };
         let records: Vec<RayRecord> = morton_order(&splats.means).par_iter().filter_map(record).collect();
         let clusters = records.par_chunks(CLUSTER).map(Sphere::about).collect();
@@ -134,15 +139,7 @@ impl<'a> RaySplats<'a> {
     /// If there are fewer origins than directions.
     #[must_use]
     pub fn trace(&self, rays: &Rays, asked: RayOutputs, path: SimdPath) -> RayHits {
-        let count = rays.len();
-        let mut hits = RayHits {
-            coverage: vec![0.0; count],
-            distance: vec![f32::INFINITY; count],
-            splat: vec![u32::MAX; count],
-            color: vec![[0.0; 3]; if asked.color { count } else { 0 }],
-            normal: vec![[0.0; 3]; if asked.normal { count } else { 0 }],
-            value: vec![0.0; if asked.value { count } else { 0 }],
-        };
+        let mut hits = RayHits::none(rays.len(), asked);
         let packets = Packets::new(rays);
         for group in &packets.groups {
             let pairs = self.pairs(group, path);

@@ -1,16 +1,14 @@
 //! Rays on the GPU. The packets are the CPU's; splats find those whose cones they touch as splats of a frame find tiles: counted, sorted by
 //! distance, written, sorted by packet. A workgroup blends a packet, a thread a ray.
 
-use super::cpu::{HITS, SLACK, SOONEST};
+use super::cpu::{HITS, RayRecord, SLACK, SOONEST};
 use super::packets::{CHILDREN, PACKET};
-use super::{LEAST_HIT, RayOutputs, THINNEST, WHOLE};
+use super::{LEAST_HIT, RayOutputs, WHOLE};
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{StagePrograms, VISIBLE_GROUPS, WORKGROUP, texts};
 use crate::stages::prefix_sum::gpu::WORKGROUP_SUMS;
-use crate::stages::project::SQRT_HALF_LOG2E;
 use std::borrow::Cow;
-use wm_scene::splats::shortest_axis;
-use wm_scene::{Splats, quat};
+use wm_scene::Splats;
 
 /// Words of `RayRecord`.
 pub(crate) const RECORD_WORDS: usize = 16;
@@ -131,22 +129,10 @@ fn constants() -> String {
 
 /// The words of `RayRecord`, with a value; `None` for a splat that no ray can meet.
 pub(crate) fn record(splats: &Splats, index: usize, value: f32) -> Option<[u32; RECORD_WORDS]> {
-    let opacity = splats.opacity(index);
-    if opacity < 1.0 / 255.0 || !splats.is_sound(index) {
-        return None;
-    }
-    let scales = splats.scales(index);
-    let longest = scales.into_iter().fold(0.0, f64::max);
-    let axes = quat::to_matrix(splats.quats[index].map(f64::from));
-    let short = shortest_axis(splats.log_scales[index]);
-    let [row_0, row_1, row_2] = [short, (short + 1) % 3, (short + 2) % 3].map(|k| {
-        let scale = f64::from(SQRT_HALF_LOG2E) / scales[k].max(THINNEST * longest);
-        [0, 1, 2].map(|j| ((axes[j][k] * scale) as f32).to_bits())
-    });
-    let reach = ((2.0 * (255.0 * opacity).ln()).max(0.0).sqrt() * longest * 1.0001) as f32;
-    let lasts = [(opacity.log2() as f32).to_bits(), reach.to_bits(), index as u32, value.to_bits()];
+    let RayRecord { mean, log2_opacity, rows, reach, index, .. } = RayRecord::of(splats, index)?;
+    let lasts = [log2_opacity.to_bits(), reach.to_bits(), index, value.to_bits()];
     let mut words = [0; RECORD_WORDS];
-    let vectors = [splats.means[index].map(f32::to_bits), row_0, row_1, row_2];
+    let vectors = [mean, rows[0], rows[1], rows[2]].map(|vector| vector.map(f32::to_bits));
     for ((four, vector), last) in words.as_chunks_mut::<4>().0.iter_mut().zip(vectors).zip(lasts) {
         *four = [vector[0], vector[1], vector[2], last];
     }

@@ -83,6 +83,20 @@ pub struct RayHits {
     pub value: Vec<f32>,
 }
 
+impl RayHits {
+    /// Those of so many rays that meet nothing.
+    pub(crate) fn none(count: usize, asked: RayOutputs) -> Self {
+        Self {
+            coverage: vec![0.0; count],
+            distance: vec![f32::INFINITY; count],
+            splat: vec![u32::MAX; count],
+            color: vec![[0.0; 3]; if asked.color { count } else { 0 }],
+            normal: vec![[0.0; 3]; if asked.normal { count } else { 0 }],
+            value: vec![0.0; if asked.value { count } else { 0 }],
+        }
+    }
+}
+
 /// Least standard deviation of a splat, of its largest.
 pub const THINNEST: f64 = 1e-4;
 /// Coverage above which a ray counts as stopped.
