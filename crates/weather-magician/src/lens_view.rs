@@ -8,7 +8,7 @@
 use crate::camera_model::PictureRect;
 use crate::place::PreparedPlace;
 use crate::{Error, FrameOptions, MovingCamera, Picture, Progress, Renderer, Result};
-use glam::{DMat3, DMat4, DVec3};
+use glam::{DMat3, DMat4, DVec3, Vec4};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::path::PathBuf;
@@ -318,36 +318,39 @@ impl LensView {
 }
 
 /// Adds a sample between pixels, by the kernel of Keys (1981) with a = -1/2, within what the four pixels about it hold: beside lamps it would
-/// ring. There are two pixels or more to all sides ([`PAD`]).
+/// ring. There are two pixels or more to all sides ([`PAD`]), and one more to the right. `N` is 1, or numbers of one vector: 3 or 4.
 #[inline]
 fn cubic<const N: usize>(pixels: &[f32], width: usize, tap: &Tap, out: &mut [f32; N]) {
     let [x, y] = tap.at.map(|v| v - 0.5);
-    let [left, top] = [x.floor(), y.floor()];
-    let [across, down] = [kernel(x - left), kernel(y - top)];
+    // Both are above 0.
+    let [left, top] = [x as u32, y as u32];
+    let [across, down] = [kernel(x - left as f32), kernel(y - top as f32)];
     let first = (top as usize - 1) * width + left as usize - 1;
-    let mut columns = [[0.0f32; N]; 4];
-    let (mut low, mut high) = ([f32::MAX; N], [f32::MIN; N]);
+    if N == 1 {
+        let row = |row: usize| Vec4::from_slice(&pixels[first + row * width..][..4]);
+        let rows = [row(0), row(1), row(2), row(3)];
+        let columns = rows[0] * down[0] + rows[1] * down[1] + rows[2] * down[2] + rows[3] * down[3];
+        let [low, high] = [rows[1].min(rows[2]), rows[1].max(rows[2])];
+        let sum = columns.dot(Vec4::from_array(across));
+        out[0] += tap.weight * sum.max(low.y.min(low.z)).min(high.y.max(high.z));
+        return;
+    }
+    let mut sum = Vec4::ZERO;
+    let (mut low, mut high) = (Vec4::MAX, Vec4::MIN);
     for (row, down) in down.iter().enumerate() {
-        let line = &pixels[N * (first + row * width)..][..4 * N];
-        let line: &[[f32; N]] = line.as_chunks().0;
-        for (column, pixel) in columns.iter_mut().zip(line) {
-            for k in 0..N {
-                column[k] += pixel[k] * down;
-            }
-        }
+        // The last pixel of three numbers is loaded with one of the next.
+        let line = &pixels[N * (first + row * width)..][..3 * N + 4];
+        let pixel = |k: usize| Vec4::from_slice(&line[N * k..]);
+        let own = [pixel(0), pixel(1), pixel(2), pixel(3)];
+        sum += (own[0] * across[0] + own[1] * across[1] + own[2] * across[2] + own[3] * across[3]) * *down;
         if row == 1 || row == 2 {
-            for k in 0..N {
-                low[k] = low[k].min(line[1][k]).min(line[2][k]);
-                high[k] = high[k].max(line[1][k]).max(line[2][k]);
-            }
+            low = low.min(own[1]).min(own[2]);
+            high = high.max(own[1]).max(own[2]);
         }
     }
-    for k in 0..N {
-        let mut sum = 0.0;
-        for (column, across) in columns.iter().zip(across) {
-            sum += column[k] * across;
-        }
-        out[k] += tap.weight * sum.max(low[k]).min(high[k]);
+    let sample = (sum.max(low).min(high) * tap.weight).to_array();
+    for (out, sample) in out.iter_mut().zip(sample) {
+        *out += sample;
     }
 }
 

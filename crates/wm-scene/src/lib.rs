@@ -62,6 +62,7 @@ mod nearest;
 pub mod npy;
 pub mod quat;
 pub mod random;
+pub mod reflectance;
 pub mod scene;
 pub mod sh;
 pub mod similarity;

@@ -1,6 +1,7 @@
 //! Facts about a scene that weather needs and that splat files have no field for.
 
 use crate::lamps::{self, Lamp, LitWindow};
+use crate::reflectance::{self, LabelReflectance};
 use crate::survey::Confidence;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -93,6 +94,9 @@ pub struct Metadata {
     /// Its windows that are lit by night.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub windows: Option<Vec<LitWindow>>,
+    /// Reflectances of its labels for lidars; other splats have that of their colour.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reflectances: Option<Vec<LabelReflectance>>,
     /// The rasterisation with which the scene was trained.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rasterization: Option<Rasterization>,
@@ -166,7 +170,7 @@ pub enum Rasterization {
 
 impl Metadata {
     /// The keys, in the order in which they are written.
-    pub const KEYS: [&str; 25] = [
+    pub const KEYS: [&str; 26] = [
         "metres_per_unit",
         "scale_source",
         "scale_confidence",
@@ -190,6 +194,7 @@ impl Metadata {
         "water",
         "lamps",
         "windows",
+        "reflectances",
         "rasterization",
         "provenance",
     ];
@@ -263,6 +268,7 @@ impl Metadata {
             water: self.water.or(other.water),
             lamps: self.lamps.or(other.lamps),
             windows: self.windows.or(other.windows),
+            reflectances: self.reflectances.or(other.reflectances),
             rasterization: self.rasterization.or(other.rasterization),
             provenance: self.provenance.or(other.provenance),
         }
@@ -378,6 +384,9 @@ impl Metadata {
         if let Some(fault) = lamps::fault(lamps.unwrap_or_default(), windows.unwrap_or_default()) {
             return Some(fault);
         }
+        if let Some(fault) = reflectance::fault(self.reflectances.as_deref().unwrap_or_default()) {
+            return Some(fault);
+        }
         let texts = [
             ("scale_source", &self.scale_source),
             ("up_source", &self.up_source),
@@ -446,6 +455,10 @@ mod tests {
                 luminance: 20.0,
                 kelvin: 2700.0,
             }]),
+            reflectances: Some(vec![
+                LabelReflectance { label: 7, reflectance: 0.25, wavelength: None },
+                LabelReflectance { label: 7, reflectance: 0.5, wavelength: Some(905.0) },
+            ]),
             rasterization: Some(Rasterization::Antialiased),
             provenance: Some("a test".into()),
         }

@@ -157,6 +157,9 @@ fn print(
         let windows = windows.as_ref().map_or(0, Vec::len);
         println!("  lamps: {}, {}", count_of(lamps.len(), "lamp"), count_of(windows, "lit window"));
     }
+    if let Some(entries) = &scene.metadata.reflectances {
+        println!("  reflectances: of {}", count_of(entries.len(), "label"));
+    }
     println!("Opacity");
     histogram(&health.opacity, |v| format!("{v:.2}"));
     println!("Largest standard deviation, units");

@@ -31,6 +31,7 @@ use glam::DVec3;
 use std::borrow::Cow;
 use std::sync::Arc;
 use wm_render::RayTracer;
+use wm_scene::reflectance::by_label;
 use wm_scene::{Group, Splats};
 use wm_sensors::{LidarScene, SensorMotion, SensorPose, SurfaceState, SurfaceStates, SweepOptions};
 use wm_sensors::{base_reflectance, sweep};
@@ -141,7 +142,12 @@ impl Renderer {
                 None => Cow::Borrowed(&scene.splats),
             };
             let is_met = |index: usize| splats.groups[index] != Group::Sky;
-            let value = |index: usize| base_reflectance(&splats, index);
+            let known = scene.metadata.reflectances.as_deref().unwrap_or_default();
+            let known = by_label(known, lidar.wavelength);
+            let value = |index: usize| {
+                let of_label = splats.labels.get(index).and_then(|label| known.get(label));
+                of_label.map_or_else(|| base_reflectance(&splats, index), |known| *known as f32)
+            };
             let mut rays = self.backend_mut().ray_splats(&splats, is_met, value)?;
             // What stands on the ground, and may be mirrored by it.
             let floor = site.ground + STANDS / site.metres_per_unit;

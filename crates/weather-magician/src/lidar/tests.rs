@@ -1,6 +1,8 @@
 use super::*;
 use crate::Camera;
 use crate::place::PlaceView;
+use std::collections::HashMap;
+use wm_scene::reflectance::LabelReflectance;
 
 fn place(renderer: &mut Renderer) -> (PreparedPlace, CameraMotion) {
     let street = wm_street::Street::builtin();
@@ -59,6 +61,35 @@ fn weather_changes_what_a_lidar_sees_of_a_street() {
     ));
 }
 
+/// A place whose labels have reflectances sends back as much, and no colour counts there.
+#[test]
+fn labels_give_reflectances() {
+    let street = wm_street::Street::builtin();
+    let mut scene = street.sampling(0.1).scene(&|_| true).unwrap();
+    scene.splats.labels = vec![4; scene.splats.len()];
+    let of = |reflectance| LabelReflectance { label: 4, reflectance, wavelength: Some(905.0) };
+    let lidar = LidarModel::find("vlp-16").unwrap();
+    let options = ScanOptions { sub_rays: SubRays::One, ..ScanOptions::default() };
+    let mut renderer = Renderer::cpu().unwrap();
+    let camera = street.dolly(0.3).camera((120, 80)).unwrap();
+    let mut near = |reflectance: f64| -> HashMap<(u16, u32), f32> {
+        let mut scene = scene.clone();
+        scene.metadata.reflectances = Some(vec![of(reflectance)]);
+        let mut place = renderer.load(scene).unwrap();
+        let motion = CameraMotion::from(camera);
+        let sweep = renderer.scan_once(&mut place, &Weather::clear(), &lidar, &motion, &options).unwrap();
+        let points = sweep.points.iter().filter(|point| point.range < 8.0);
+        points.map(|point| ((point.ring, point.column), point.intensity)).collect()
+    };
+    let [dark, bright] = [near(0.2), near(0.6)];
+    let pairs: Vec<[f32; 2]> =
+        dark.iter().filter_map(|(pulse, dark)| Some([*dark, *bright.get(pulse)?])).collect();
+    assert!(pairs.len() > 1000, "{}", pairs.len());
+    for [dark, bright] in pairs {
+        assert!((bright / dark - 3.0).abs() < 1e-3 && bright < 255.0 * 0.6 * 1.001, "{dark} {bright}");
+    }
+}
+
 #[test]
 fn a_later_sweep_is_the_same_when_made_alone() {
     let mut renderer = Renderer::cpu().unwrap();
@@ -83,7 +114,6 @@ fn a_later_sweep_is_the_same_when_made_alone() {
 #[cfg(feature = "gpu")]
 #[test]
 fn a_gpu_sees_the_points_that_the_cpu_sees() {
-    use std::collections::HashMap;
     let Some(adapter) = wm_render::gpu::adapters().into_iter().find(|listed| listed.unfit.is_none()) else {
         assert!(std::env::var("WM_REQUIRE_GPU").is_err(), "no GPU, and WM_REQUIRE_GPU is set");
         eprintln!("skipped: no GPU");

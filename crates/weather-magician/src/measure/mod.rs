@@ -48,6 +48,7 @@ mod lidar;
 mod lidar_air;
 mod lidar_board;
 mod lidar_drops;
+mod lidar_road;
 mod lit;
 mod lux;
 mod mirror;
@@ -98,7 +99,7 @@ pub struct Instrument {
 
 /// Every instrument, in the order of the report.
 #[rustfmt::skip]
-pub const INSTRUMENTS: [Instrument; 24] = [
+pub const INSTRUMENTS: [Instrument; 25] = [
     boards::INSTRUMENT,
     rays::INSTRUMENT,
     gauge::INSTRUMENT,
@@ -121,6 +122,7 @@ pub const INSTRUMENTS: [Instrument; 24] = [
     lidar_board::INSTRUMENT,
     lidar_air::INSTRUMENT,
     lidar_drops::INSTRUMENT,
+    lidar_road::INSTRUMENT,
     consistency::INSTRUMENT,
     controls::INSTRUMENT,
 ];

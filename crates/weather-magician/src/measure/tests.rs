@@ -160,7 +160,10 @@ const FINDS: [(Fault, &[[&str; 2]]); 33] = [
     (Fault::Far, &[["allard", "extinction"]]),
     (Fault::Flash, &[["flash", "stroke"]]),
     (Fault::Shutter, &[["flash", "light of"], ["flash", "stroke"]]),
-    (Fault::Darkening, &[["wet-card", "full pores"], ["wet-card", "under a film"]]),
+    (
+        Fault::Darkening,
+        &[["wet-card", "full pores"], ["wet-card", "under a film"], ["lidar-road", "wet road"]],
+    ),
     (Fault::Rained, &[["water-budget", "rain on the ground"]]),
     (Fault::Puddles, &[["water-budget", "water in and out"]]),
     // The ends of the yard keep the streak from growing as long.
@@ -172,7 +175,7 @@ const FINDS: [(Fault, &[[&str; 2]]); 33] = [
     // A board of 10 % is looked for where it is set up.
     (Fault::Ranges, &[["lidar-board", "range of a board"], ["lidar-air", "reach"]]),
     (Fault::Echoes, &[["lidar-board", "intensity"]]),
-    (Fault::Points, &[["lidar-drops", "drops"]]),
+    (Fault::Points, &[["lidar-drops", "drops"], ["lidar-road", "range of"]]),
 ];
 
 /// The weathers that an instrument is tested in.
@@ -207,6 +210,7 @@ fn weathers(instrument: &str) -> Vec<Weather> {
         "lamp-streak" => &[&["wetness.amount=1"]],
         "lidar-board" | "lidar-air" => &[&["fog.mor=60"]],
         "lidar-drops" => &[&["rain.rate=50"]],
+        "lidar-road" => &[&["wetness.amount=1"]],
         "flash" => &[&["lightning.rate=40", "lightning.distance=1500"]],
         _ => &[&["fog.mor=150", "snow_cover.depth=0.1"]],
     };
@@ -367,7 +371,7 @@ impl Fault {
             Self::Rained | Self::Melt | Self::Puddles => instrument == "water-budget",
             Self::Ranges => instrument.starts_with("lidar"),
             Self::Echoes => instrument == "lidar-board",
-            Self::Points => instrument == "lidar-drops",
+            Self::Points => matches!(instrument, "lidar-drops" | "lidar-road"),
             // A lidar sees drops as they are, at any pace and without a shutter: one of these is enough.
             Self::Pace | Self::Speed | Self::Exposure => instrument != "lidar-drops",
             _ => true,

@@ -102,7 +102,7 @@ mod tests {
              `scale_source`, `scale_confidence`, `up`, `up_source`, `up_confidence`, `north`, \
              `north_source`, `location`, `captured`, `captured_span`, `sun`, `ground`, `ground_confidence`, \
              `camera_height`, `airlight`, `haze_extinction`, `haze_extinction_error`, `haze_shown_extinction`, \
-             `haze_airlight`, `water`, `lamps`, `windows`, `rasterization`, `provenance`"
+             `haze_airlight`, `water`, `lamps`, `windows`, `reflectances`, `rasterization`, `provenance`"
         );
         assert_eq!(
             say("# ä\n  up = [0, 0, 3]"),

@@ -1,5 +1,6 @@
 //! Scenes of any values, for properties.
 
+use crate::reflectance::LabelReflectance;
 use crate::survey::Confidence;
 use crate::{Group, Lamp, LitWindow, Metadata, PhotoSun, Rasterization, Scene, Splats, sh};
 use glam::DVec3;
@@ -61,6 +62,8 @@ fn any_metadata() -> impl Strategy<Value = Metadata> {
                     kelvin: 2700.0,
                 }]
             }),
+            reflectances: some
+                .then(|| vec![LabelReflectance { label: 3, reflectance: 0.25, wavelength: Some(905.0) }]),
             up: some.then(|| DVec3::new(0.6, -0.8, 0.0)),
             up_source: some.then(|| "a plumb line".into()),
             up_confidence: some.then_some(Confidence::Likely),

@@ -664,6 +664,7 @@ fn blend<S: Lanes>(simd: S, walk: &mut Walk, records: &[RayRecord], keys: &[u64]
             middle[k] = rows[k][0] * away[0] + rows[k][1] * away[1] + rows[k][2] * away[2];
         }
         let most = record.log2_opacity - LOG2_MIN_ALPHA;
+        let mut normal = None;
         while todo != 0 {
             let vector = todo.trailing_zeros() as usize;
             todo &= todo - 1;
@@ -723,7 +724,10 @@ fn blend<S: Lanes>(simd: S, walk: &mut Walk, records: &[RayRecord], keys: &[u64]
                 }
             }
             if features.asked.normal {
-                let normal = record.normal(&away);
+                let normal = match normal {
+                    Some(normal) => normal,
+                    None => *normal.insert(record.normal(&away)),
+                };
                 for k in 0..3 {
                     add(simd, &mut walk.normal[k][lanes.clone()], weight, normal[k]);
                 }

@@ -2,6 +2,7 @@
 
 use super::Rays;
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Rays of a packet.
@@ -85,22 +86,25 @@ impl Packets {
                     continue;
                 }
             }
-            packets.add(rays, part, (low, high), widest);
+            packets.add(rays, &part, (low, high), widest);
         }
         packets
     }
 
-    fn add(&mut self, rays: &Rays, mut part: Vec<u32>, (low, high): (Vec3, Vec3), widest: f64) {
+    fn add(&mut self, rays: &Rays, part: &[u32], (low, high): (Vec3, Vec3), widest: f64) {
         let center = 0.5 * (low + high);
         let radius = 0.5 * (high - low).length();
         let direction = |ray: u32| Vec3::from_array(rays.directions[ray as usize]);
-        part.sort_by_cached_key(|ray| (along_curve(direction(*ray)), *ray));
+        let place = |ray: &u32| u64::from(along_curve(direction(*ray))) << 32 | u64::from(*ray);
+        let mut places: Vec<u64> = part.par_iter().map(place).collect();
+        places.par_sort_unstable();
+        let own: Vec<u32> = places.into_iter().map(|place| place as u32).collect();
+        let directions: Vec<Vec3> = own.iter().map(|ray| direction(*ray)).collect();
         let first = self.starts.len() - 1;
         let mut cones = Vec::new();
-        let directions: Vec<Vec3> = part.iter().map(|ray| direction(*ray)).collect();
         for (packet, cone) in cut(&directions, widest) {
             cones.push(cone);
-            self.order.extend(&part[packet]);
+            self.order.extend(&own[packet]);
             self.starts.push(self.order.len() as u32);
         }
         let packets = first..self.starts.len() - 1;
@@ -127,8 +131,10 @@ impl Packets {
 /// it would share one wide cone, which all splats between them touch: a packet ends there, and where its half angle would be above `widest`, radians.
 fn cut(directions: &[Vec3], widest: f64) -> Vec<(Range<usize>, Cone)> {
     let about = |range: &Range<usize>| Cone::about(directions[range.clone()].iter().copied());
-    let chunks = (0..directions.len()).step_by(PACKET).map(|at| at..directions.len().min(at + PACKET));
-    let packets: Vec<(Range<usize>, Cone)> = chunks.map(|range| (range.clone(), about(&range))).collect();
+    let chunk = |packet: usize| packet * PACKET..directions.len().min((packet + 1) * PACKET);
+    let count = directions.len().div_ceil(PACKET);
+    let packets: Vec<(Range<usize>, Cone)> =
+        (0..count).into_par_iter().map(chunk).map(|range| (range.clone(), about(&range))).collect();
     let mut halves: Vec<f64> = packets.iter().map(|(_, cone)| cone.half).collect();
     let middle = halves.len() / 2;
     let widest = widest.min(WIDE * *halves.select_nth_unstable_by(middle, f64::total_cmp).1);
@@ -137,8 +143,8 @@ fn cut(directions: &[Vec3], widest: f64) -> Vec<(Range<usize>, Cone)> {
         let mut parts = vec![packet];
         while let Some((range, cone)) = parts.pop() {
             let gap = |at: &usize| directions[*at].dot(directions[at - 1]);
-            let farthest = (range.start + 1..range.end).min_by(|a, b| gap(a).total_cmp(&gap(b)));
-            match farthest.filter(|_| cone.half > widest) {
+            let farthest = || (range.start + 1..range.end).min_by(|a, b| gap(a).total_cmp(&gap(b)));
+            match (cone.half > widest).then(farthest).flatten() {
                 Some(at) => {
                     let [near, far] = [range.start..at, at..range.end];
                     parts.extend([far, near].map(|range| (range.clone(), about(&range))));
@@ -161,7 +167,10 @@ pub(super) struct Cone {
 impl Cone {
     /// A cone about directions.
     pub fn about(directions: impl Iterator<Item = Vec3> + Clone) -> Self {
-        Self::around(directions.map(|direction| (direction.as_dvec3(), 0.0)))
+        let directions = directions.map(Vec3::as_dvec3);
+        let axis = directions.clone().sum::<DVec3>().normalize_or(DVec3::Z);
+        let least = directions.map(|direction| axis.dot(direction)).fold(1.0, f64::min);
+        Self { axis, half: least.max(-1.0).acos() + SLACK }
     }
 
     /// The cosine and sine of half its angle; a cosine far below 0 for a half space and more.
