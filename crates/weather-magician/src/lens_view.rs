@@ -226,8 +226,7 @@ impl LensView {
         let Some(one) = sides.first() else { return };
         let frame = &mut picture.frame;
         (frame.width, frame.height, frame.encoding) = (size.0, size.1, one.frame.encoding);
-        self.blend::<3>(sides, |side| &side.frame.rgb, &mut frame.rgb);
-        self.blend::<1>(sides, |side| &side.frame.alpha, &mut frame.alpha);
+        self.blend_colors(sides, (&mut frame.rgb, &mut frame.alpha));
         self.blend::<4>(sides, |side| &side.frame.particles, &mut frame.particles);
         self.nearest::<1>(sides, |side| &side.frame.depth, true, &mut frame.depth);
         self.nearest::<1>(sides, |side| &side.frame.median_depth, true, &mut frame.median_depth);
@@ -267,8 +266,29 @@ impl LensView {
             for tap in self.taps(i) {
                 let side = &self.sides[tap.side as usize].camera;
                 if let Some(pixels) = of[tap.side as usize] {
-                    cubic::<N>(pixels, side.width as usize, tap, out);
+                    Stencil::of(tap, side).add::<N>(pixels, out);
                 }
+            }
+        });
+    }
+
+    /// Samples colours and coverage, which every side has, at once.
+    fn blend_colors(&self, sides: &[Picture], (rgb, alpha): (&mut Vec<f32>, &mut Vec<f32>)) {
+        let (pixels, width) = (self.first.len() - 1, self.camera.width as usize);
+        rgb.resize(3 * pixels, 0.0);
+        alpha.resize(pixels, 0.0);
+        let rows = rgb.par_chunks_mut(3 * width).zip(alpha.par_chunks_mut(width));
+        rows.enumerate().for_each(|(y, (colors, coverage))| {
+            for (x, (color, alpha)) in colors.as_chunks_mut::<3>().0.iter_mut().zip(coverage).enumerate() {
+                let (mut sum, mut covered) = (Vec4::ZERO, 0.0);
+                for tap in self.taps(y * width + x) {
+                    let frame = &sides[tap.side as usize].frame;
+                    let stencil = Stencil::of(tap, &self.sides[tap.side as usize].camera);
+                    sum += stencil.vector::<3>(&frame.rgb);
+                    covered += stencil.number(&frame.alpha);
+                }
+                *color = sum.truncate().to_array();
+                *alpha = covered;
             }
         });
     }
@@ -317,40 +337,77 @@ impl LensView {
     }
 }
 
-/// Adds a sample between pixels, by the kernel of Keys (1981) with a = -1/2, within what the four pixels about it hold: beside lamps it would
-/// ring. There are two pixels or more to all sides ([`PAD`]), and one more to the right. `N` is 1, or numbers of one vector: 3 or 4.
-#[inline]
-fn cubic<const N: usize>(pixels: &[f32], width: usize, tap: &Tap, out: &mut [f32; N]) {
-    let [x, y] = tap.at.map(|v| v - 0.5);
-    // Both are above 0.
-    let [left, top] = [x as u32, y as u32];
-    let [across, down] = [kernel(x - left as f32), kernel(y - top as f32)];
-    let first = (top as usize - 1) * width + left as usize - 1;
-    if N == 1 {
-        let row = |row: usize| Vec4::from_slice(&pixels[first + row * width..][..4]);
-        let rows = [row(0), row(1), row(2), row(3)];
-        let columns = rows[0] * down[0] + rows[1] * down[1] + rows[2] * down[2] + rows[3] * down[3];
-        let [low, high] = [rows[1].min(rows[2]), rows[1].max(rows[2])];
-        let sum = columns.dot(Vec4::from_array(across));
-        out[0] += tap.weight * sum.max(low.y.min(low.z)).min(high.y.max(high.z));
-        return;
-    }
-    let mut sum = Vec4::ZERO;
-    let (mut low, mut high) = (Vec4::MAX, Vec4::MIN);
-    for (row, down) in down.iter().enumerate() {
-        // The last pixel of three numbers is loaded with one of the next.
-        let line = &pixels[N * (first + row * width)..][..3 * N + 4];
-        let pixel = |k: usize| Vec4::from_slice(&line[N * k..]);
-        let own = [pixel(0), pixel(1), pixel(2), pixel(3)];
-        sum += (own[0] * across[0] + own[1] * across[1] + own[2] * across[2] + own[3] * across[3]) * *down;
-        if row == 1 || row == 2 {
-            low = low.min(own[1]).min(own[2]);
-            high = high.max(own[1]).max(own[2]);
+/// The 16 pixels of a side that a tap samples, and their weights by the kernel of Keys (1981) with a = -1/2. There are two pixels or more to all sides of
+/// the middle four ([`PAD`]), and one more to the right.
+struct Stencil {
+    /// The number of the first pixel.
+    first: usize,
+    /// Pixels a row.
+    width: usize,
+    across: [f32; 4],
+    down: [f32; 4],
+    weight: f32,
+}
+
+impl Stencil {
+    #[inline]
+    fn of(tap: &Tap, side: &Camera) -> Self {
+        let width = side.width as usize;
+        let [x, y] = tap.at.map(|v| v - 0.5);
+        // Both are above 0.
+        let [left, top] = [x as u32, y as u32];
+        Self {
+            first: (top as usize - 1) * width + left as usize - 1,
+            width,
+            across: kernel(x - left as f32),
+            down: kernel(y - top as f32),
+            weight: tap.weight,
         }
     }
-    let sample = (sum.max(low).min(high) * tap.weight).to_array();
-    for (out, sample) in out.iter_mut().zip(sample) {
-        *out += sample;
+
+    /// Adds the sample of an array, within what the four pixels about it hold: beside lamps it would ring. `N` is 1, 3 or 4.
+    #[inline]
+    fn add<const N: usize>(&self, pixels: &[f32], out: &mut [f32; N]) {
+        if N == 1 {
+            out[0] += self.number(pixels);
+        } else {
+            let sample = self.vector::<N>(pixels).to_array();
+            for (out, sample) in out.iter_mut().zip(sample) {
+                *out += sample;
+            }
+        }
+    }
+
+    /// The weighted sample of one number a pixel.
+    #[inline]
+    fn number(&self, pixels: &[f32]) -> f32 {
+        let row = |row: usize| Vec4::from_slice(&pixels[self.first + row * self.width..][..4]);
+        let rows = [row(0), row(1), row(2), row(3)];
+        let [a, b, c, d] = self.down;
+        let columns = rows[0] * a + rows[1] * b + rows[2] * c + rows[3] * d;
+        let [low, high] = [rows[1].min(rows[2]), rows[1].max(rows[2])];
+        let sum = columns.dot(Vec4::from_array(self.across));
+        self.weight * sum.max(low.y.min(low.z)).min(high.y.max(high.z))
+    }
+
+    /// The weighted sample of `N` numbers a pixel, 3 or 4.
+    #[inline]
+    fn vector<const N: usize>(&self, pixels: &[f32]) -> Vec4 {
+        let mut sum = Vec4::ZERO;
+        let (mut low, mut high) = (Vec4::MAX, Vec4::MIN);
+        let [a, b, c, d] = self.across;
+        for (row, down) in self.down.iter().enumerate() {
+            // The last pixel of three numbers is loaded with one of the next.
+            let line = &pixels[N * (self.first + row * self.width)..][..3 * N + 4];
+            let pixel = |k: usize| Vec4::from_slice(&line[N * k..]);
+            let own = [pixel(0), pixel(1), pixel(2), pixel(3)];
+            sum += (own[0] * a + own[1] * b + own[2] * c + own[3] * d) * *down;
+            if row == 1 || row == 2 {
+                low = low.min(own[1]).min(own[2]);
+                high = high.max(own[1]).max(own[2]);
+            }
+        }
+        sum.max(low).min(high) * self.weight
     }
 }
 
