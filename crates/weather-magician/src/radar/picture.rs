@@ -63,8 +63,9 @@ impl RadarPicture {
         let field = Field::of(sweep);
         let mut picture = Self { size: field.size, rgb: GROUND.repeat(field.size.pixels()) };
         picture.grid(sweep, &field);
-        // The fastest of what stands gives the scale of velocities.
-        let fastest = sweep.detections.iter().map(|one| f64::from(one.velocity.abs())).fold(1.0, f64::max);
+        // False alarms have any velocity: the fastest of the others gives the scale.
+        let real = sweep.detections.iter().filter(|one| one.class != RadarClass::Noise);
+        let fastest = real.map(|one| f64::from(one.velocity.abs())).fold(1.0, f64::max);
         let mut order: Vec<&RadarDetection> = sweep.detections.iter().collect();
         order.sort_by(|a, b| a.snr.total_cmp(&b.snr));
         for one in order {

@@ -97,9 +97,12 @@ fn rain_takes_what_the_recommendation_says() {
         all.sum::<f64>() / 4.0
     };
     let clear = rcs(&[]);
+    // A wind moves the clutter out of the wall's cell.
+    let rain =
+        |rate: f64| [("rain.rate", rate), ("wind.speed", 10.0), ("wind.direction", 0.0), ("wind.gusts", 0.0)];
     // P.838-3 at 76.5 GHz: 1.1208 R^0.7082 dB/km, there and back over 100 m.
     for rate in [25.0f64, 100.0] {
-        let (taken, asked) = (clear - rcs(&[("rain.rate", rate)]), 0.2 * 1.1208 * rate.powf(0.7082));
+        let (taken, asked) = (clear - rcs(&rain(rate)), 0.2 * 1.1208 * rate.powf(0.7082));
         println!("{rate} mm/h: {taken:.3} dB for {asked:.3}");
         assert!((taken / asked - 1.0).abs() < 0.03, "{rate}: {taken} for {asked}");
     }
@@ -113,7 +116,14 @@ fn rain_sends_back_what_its_table_says() {
     let none = Splats::zeroed(0, 0);
     let rays = RaySplats::new(&none, |_| true);
     for (rate, density) in [(10.0, 5.5e-4), (50.0, 1.6e-3)] {
-        let prepared = weather(&[("rain.rate", rate), ("wind.speed", 5.0)]).at(0.0).prepare(&Site::PLAIN);
+        let prepared = weather(&[
+            ("rain.rate", rate),
+            ("wind.speed", 5.0),
+            ("wind.direction", 0.0),
+            ("wind.gusts", 0.0),
+        ])
+        .at(0.0)
+        .prepare(&Site::PLAIN);
         let scene = RadarScene {
             splats: &rays,
             weather: &prepared,
@@ -126,11 +136,11 @@ fn rain_sends_back_what_its_table_says() {
         let random = RandomStream::new(1, 2u64, 3);
         let sectors = view.sectors(&random);
         let [_, azimuths, velocities] = radar.cells();
-        // Cells of 10 to 15 m in all azimuths: their mean over the noise, against the radar equation written out.
+        // Cells of 10 to 30 m in all azimuths: their mean over the noise, against the radar equation written out.
         let (mut found, mut asked, mut moment) = (0.0, 0.0, 0.0);
         for (azimuth, sector) in sectors.iter().enumerate() {
             let row = powers(&radar, azimuth, sector.scatterers.iter(), &sector.clutter, &random);
-            for cell in 20..30 {
+            for cell in 20..60 {
                 let range: f64 = 0.5 * (f64::from(cell as u32) + 0.5);
                 let volume = std::f64::consts::FRAC_PI_4
                     * range.powi(2)
@@ -151,8 +161,8 @@ fn rain_sends_back_what_its_table_says() {
             "{rate} mm/h: {:.3} of the table's power, {speed:.2} m/s in {azimuths} azimuths",
             found / asked
         );
-        // 150 cells of some ten velocities of exponential speckle: 2.5 %.
-        assert!((found / asked - 1.0).abs() < 0.1, "{found} {asked}");
+        // 600 cells of some seven independent velocities, near ones counting more: 2 %.
+        assert!((found / asked - 1.0).abs() < 0.06, "{found} {asked}");
         // A wind of 5 m/s along x and 12 m/s towards it.
         assert!((speed + 7.0).abs() < 0.4, "{speed}");
     }
