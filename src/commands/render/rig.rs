@@ -179,7 +179,7 @@ impl RigJob<'_> {
                 self.pictures(sensor, &mut camera, &missing)?;
             }
             RigDevice::Lidar { .. } | RigDevice::Radar { .. } => {
-                self.sweeps(sensor, &motion, &missing, number)?
+                self.sweeps(sensor, &motion, &missing, number)?;
             }
         }
         Ok((missing.len(), kept))

@@ -10,7 +10,11 @@ fn rain_dims_a_street_and_adds_its_own_detections() {
     let view = street.dolly(0.3).camera((120, 80)).unwrap();
     let at = Camera::look_at(view.center().to_array(), (view.center() + view.forward()).to_array());
     let motion = CameraMotion::Still { camera: Box::new(at.camera_at(&place).unwrap().camera), speed: 10.0 };
-    let radar = RadarModel::find("mid-range-77").unwrap();
+    // The preset with fewer cells of velocity.
+    let preset = RADAR_PRESETS.iter().find(|(name, _)| *name == "mid-range-77").unwrap().1;
+    let radar =
+        RadarModel::parse(&preset.replace("velocity_cell = 0.12", "velocity_cell = 0.5"), "test").unwrap();
+    assert_eq!(radar.cells()[2], 160);
     let options = RadarScanOptions { sweeps: 2, seed: 3, ..RadarScanOptions::default() };
     let mut scan = |rain: f64, options: &RadarScanOptions| {
         let weather = Weather::clear().set("rain.rate", rain).unwrap();

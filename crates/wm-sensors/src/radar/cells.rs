@@ -214,7 +214,7 @@ impl PowerCube<'_> {
         let middle = log(cell);
         let mut at = cell.map(|place| place as f64);
         let mut power = middle;
-        for k in 0..3 {
+        for (k, place) in at.iter_mut().enumerate() {
             let (Some(before), Some(after)) = (self.neighbour(cell, k, -1), self.neighbour(cell, k, 1))
             else {
                 continue;
@@ -223,7 +223,7 @@ impl PowerCube<'_> {
             let bend = before - 2.0 * middle + after;
             if bend < -1e-9 {
                 let off = (0.5 * (before - after) / bend).clamp(-0.5, 0.5);
-                at[k] += off;
+                *place += off;
                 power -= 0.25 * (before - after) * off;
             }
         }
