@@ -37,7 +37,7 @@ enum CliCommand {
     Priors(Box<priors::PriorsArgs>),
     /// Render a scene under a weather: a picture, a video or a folder of frames
     Render(Box<render::RenderArgs>),
-    /// Scan a scene with a lidar under a weather: points with range, intensity and class
+    /// Scan a scene with a lidar or a radar under a weather: points with range, intensity and class
     Scan(Box<scan::ScanArgs>),
     /// Show a scene in a browser: fly through it, change the weather, save pictures and videos
     #[cfg(feature = "viewer")]

@@ -1,4 +1,4 @@
-//! `scan`: sweeps of a lidar through a scene under a weather.
+//! `scan`: sweeps of a lidar or a radar through a scene under a weather.
 
 use super::render::camera::{MotionArgs, ViewpointArgs};
 use crate::names::stem_of;
@@ -6,7 +6,7 @@ use crate::overwrite::check_spares;
 use crate::progress::Reporter;
 use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
-use anyhow::{Result, bail};
+use anyhow::{Result, anyhow, bail};
 use clap::{Args, ValueEnum};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -15,8 +15,12 @@ use weather_magician::lidar::{
     EchoClass, LidarModel, LidarSweep, PRESETS, PointFormat, PointFrame, ReturnMode, ScanOptions, SubRays,
     SweepPicture, SweepView, about,
 };
+use weather_magician::radar::{
+    RADAR_PRESETS, RadarClass, RadarFormat, RadarModel, RadarPicture, RadarScanOptions, RadarSweep, RadarView,
+};
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
+use wm_media::MediaError;
 use wm_scene::files::check_writable;
 
 /// Options of `scan`.
@@ -39,23 +43,29 @@ pub struct ScanArgs {
     run: RunArgs,
 }
 
-/// The lidar and its pulses.
+/// The lidar of a scan that names no sensor.
+const DEFAULT_LIDAR: &str = "os1-64";
+
+/// The lidar and its pulses, or the radar.
 #[derive(Args, Debug)]
 struct LidarArgs {
-    /// The lidar: a name from the list below (--help), or a TOML file
-    #[arg(short, long, value_name = "NAME|FILE", default_value = "os1-64", help_heading = "Lidar")]
-    lidar: String,
-    /// Rays of a pulse: 1, or 7 over its divergence
-    #[arg(long, value_name = "N", default_value = "7", help_heading = "Lidar")]
-    sub_rays: SubRayChoice,
-    /// Returns of a pulse that become points
-    #[arg(long, value_enum, default_value = "strongest", help_heading = "Lidar")]
-    returns: ReturnChoice,
+    /// The lidar: a name from the list below (--help), or a TOML file [default: os1-64]
+    #[arg(short, long, value_name = "NAME|FILE", help_heading = "Lidar")]
+    lidar: Option<String>,
+    /// Rays of a pulse: 1, or 7 over its divergence [default: 7]
+    #[arg(long, value_name = "N", help_heading = "Lidar")]
+    sub_rays: Option<SubRayChoice>,
+    /// Returns of a pulse that become points [default: strongest]
+    #[arg(long, value_enum, help_heading = "Lidar")]
+    returns: Option<ReturnChoice>,
     /// Extinction over backscatter of fog, haze and smog, sr [default: 18 of fog, 50 of haze and smog]
     #[arg(long, value_name = "SR", allow_negative_numbers = true, help_heading = "Lidar")]
     lidar_ratio: Option<f64>,
+    /// Scan with a radar instead (plausible, not validated): a name from the list below (--help), or a TOML file
+    #[arg(long, value_name = "NAME|FILE", help_heading = "Radar")]
+    radar: Option<String>,
     /// Seed of the noise of ranges and of detection
-    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Lidar")]
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Sensor")]
     seed: u64,
 }
 
@@ -83,13 +93,13 @@ struct SensorPlaceArgs {
 /// The points and where they go.
 #[derive(Args, Debug)]
 struct PointArgs {
-    /// Output: points as .ply, .pcd, .npy, .las or KITTI's .bin; several sweeps get numbers [default: a .ply named after
-    /// scene and weather, in this folder]
+    /// Output: points as .ply, .pcd, .npy, .las or KITTI's .bin, of a radar as .ply, .pcd or .npy; several sweeps get
+    /// numbers [default: a .ply named after scene and weather, in this folder]
     #[arg(short, long, value_name = "PATH", help_heading = "Output")]
     out: Option<PathBuf>,
-    /// Pictures of each sweep, as PNG beside the points: range, intensity, above
+    /// Pictures of each sweep, as PNG beside the points: range, intensity, above; of a radar above (by velocity), rcs
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
-    picture: Vec<SweepView>,
+    picture: Vec<String>,
     /// Axes of the points: compensated are those of the sensor at the start of the sweep, raw those at each pulse, world those of
     /// the scene in metres
     #[arg(long, value_enum, default_value = "compensated", help_heading = "Output")]
@@ -145,6 +155,29 @@ enum FrameChoice {
     World,
 }
 
+impl From<FrameChoice> for PointFrame {
+    fn from(choice: FrameChoice) -> Self {
+        match choice {
+            FrameChoice::Compensated => Self::Compensated,
+            FrameChoice::Raw => Self::Raw,
+            FrameChoice::World => Self::World,
+        }
+    }
+}
+
+impl From<&ScanArgs> for RadarScanOptions {
+    fn from(args: &ScanArgs) -> Self {
+        Self {
+            time: args.output.time,
+            first: 0,
+            sweeps: args.output.sweeps,
+            seed: args.lidar.seed,
+            sensor: 0,
+            frame: args.output.frame.into(),
+        }
+    }
+}
+
 impl From<&ScanArgs> for ScanOptions {
     fn from(args: &ScanArgs) -> Self {
         Self {
@@ -154,30 +187,30 @@ impl From<&ScanArgs> for ScanOptions {
             seed: args.lidar.seed,
             sensor: 0,
             sub_rays: match args.lidar.sub_rays {
-                SubRayChoice::One => SubRays::One,
-                SubRayChoice::Seven => SubRays::Seven,
+                Some(SubRayChoice::One) => SubRays::One,
+                Some(SubRayChoice::Seven) | None => SubRays::Seven,
             },
             returns: match args.lidar.returns {
-                ReturnChoice::Strongest => ReturnMode::Strongest,
-                ReturnChoice::First => ReturnMode::First,
-                ReturnChoice::Last => ReturnMode::Last,
-                ReturnChoice::Dual => ReturnMode::Dual,
-                ReturnChoice::All => ReturnMode::All,
+                Some(ReturnChoice::Strongest) | None => ReturnMode::Strongest,
+                Some(ReturnChoice::First) => ReturnMode::First,
+                Some(ReturnChoice::Last) => ReturnMode::Last,
+                Some(ReturnChoice::Dual) => ReturnMode::Dual,
+                Some(ReturnChoice::All) => ReturnMode::All,
             },
-            frame: match args.output.frame {
-                FrameChoice::Compensated => PointFrame::Compensated,
-                FrameChoice::Raw => PointFrame::Raw,
-                FrameChoice::World => PointFrame::World,
-            },
+            frame: args.output.frame.into(),
             lidar_ratio: args.lidar.lidar_ratio,
         }
     }
 }
 
-/// The lidars, and the weathers and their parameters.
+/// The lidars and the radars, and the weathers and their parameters.
 fn help() -> String {
     let mut text = String::from("Lidars:\n");
     for (name, preset) in PRESETS {
+        let _ = writeln!(text, "  {name:<18}{}", about(preset));
+    }
+    text += "\nRadars:\n";
+    for (name, preset) in RADAR_PRESETS {
         let _ = writeln!(text, "  {name:<18}{}", about(preset));
     }
     text + "\n" + &wm_weather::reference_page::help()
@@ -205,6 +238,18 @@ impl ScanArgs {
         if let Some(ratio) = self.lidar.lidar_ratio.filter(|ratio| !(1.0..=1000.0).contains(ratio)) {
             bail!("--lidar-ratio {ratio}: must be from 1 to 1000 sr");
         }
+        if self.lidar.radar.is_some() {
+            for (is_given, option) in [
+                (self.lidar.lidar.is_some(), "--lidar"),
+                (self.lidar.sub_rays.is_some(), "--sub-rays"),
+                (self.lidar.returns.is_some(), "--returns"),
+                (self.lidar.lidar_ratio.is_some(), "--lidar-ratio"),
+            ] {
+                if is_given {
+                    bail!("{option}: is not for a radar; leave it or --radar out");
+                }
+            }
+        }
         Ok(())
     }
 }
@@ -217,19 +262,83 @@ fn name_of(out: &Path, (index, sweeps): (u32, u32), what: &str, extension: Optio
     out.with_file_name(format!("{stem}{number}{what}.{}", extension.unwrap_or(&own)))
 }
 
+/// The sensor of a scan, with the pictures of its sweeps.
+enum Scanner {
+    Lidar(LidarModel, Vec<SweepView>),
+    Radar(RadarModel, Vec<RadarView>),
+}
+
+impl Scanner {
+    fn of(args: &ScanArgs) -> Result<Self> {
+        fn views<T: std::str::FromStr<Err = String>>(names: &[String]) -> Result<Vec<T>> {
+            names.iter().map(|name| name.parse().map_err(|fault| anyhow!("--picture: {fault}"))).collect()
+        }
+        let names = &args.output.picture;
+        match &args.lidar.radar {
+            Some(radar) => Ok(Self::Radar(RadarModel::find(radar)?, views(names)?)),
+            None => {
+                let name = args.lidar.lidar.as_deref().unwrap_or(DEFAULT_LIDAR);
+                Ok(Self::Lidar(LidarModel::find(name)?, views(names)?))
+            }
+        }
+    }
+
+    fn check_format(&self, out: &Path) -> Result<()> {
+        match self {
+            Self::Lidar(..) => drop(PointFormat::of(out)?),
+            Self::Radar(..) => drop(RadarFormat::of(out)?),
+        }
+        Ok(())
+    }
+}
+
+/// Writes the files of sweeps one after the other.
+struct SweepFiles<'a> {
+    out: &'a Path,
+    index: u32,
+    sweeps: u32,
+    began: Instant,
+}
+
+impl SweepFiles<'_> {
+    /// Saves the next sweep by `points`, and the picture of each name by `picture`, and says so.
+    fn save<'n>(
+        &mut self,
+        line: &str,
+        points: impl FnOnce(&Path) -> weather_magician::Result<()>,
+        (names, picture): (impl Iterator<Item = &'n str>, impl Fn(usize, &Path) -> Result<(), MediaError>),
+    ) -> weather_magician::Result<()> {
+        let number = (self.index, self.sweeps);
+        let file = name_of(self.out, number, "", None);
+        let seconds = self.began.elapsed().as_secs_f64();
+        points(&file)?;
+        println!("{}: {line}, {:.0} ms", file.display(), 1e3 * seconds);
+        for (view, name) in names.enumerate() {
+            let file = name_of(self.out, number, &format!("-{name}"), Some("png"));
+            picture(view, &file)?;
+            println!("{}", file.display());
+        }
+        self.index += 1;
+        self.began = Instant::now();
+        Ok(())
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &ScanArgs) -> Result<()> {
     // Cheap checks come before the scene is read.
     args.check()?;
     let (weather, mut inputs) = args.weather.read_with_files()?;
-    let lidar = LidarModel::find(&args.lidar.lidar)?;
+    let scanner = Scanner::of(args)?;
     let named = || {
         let weather = if weather.name == "clear" { String::new() } else { format!("-{}", weather.name) };
-        format!("{}{weather}-scan.ply", stem_of(&args.scene.scene)).into()
+        let kind = if args.lidar.radar.is_some() { "radar" } else { "scan" };
+        format!("{}{weather}-{kind}.ply", stem_of(&args.scene.scene)).into()
     };
     let out: PathBuf = args.output.out.clone().unwrap_or_else(named);
-    PointFormat::of(&out)?;
-    inputs.extend([args.scene.scene.clone(), PathBuf::from(&args.lidar.lidar)]);
+    scanner.check_format(&out)?;
+    inputs.push(args.scene.scene.clone());
+    inputs.extend([&args.lidar.lidar, &args.lidar.radar].into_iter().flatten().map(PathBuf::from));
     if let Some(PathSpec::File(file)) = &args.place.path {
         inputs.push(file.clone());
     }
@@ -253,28 +362,30 @@ pub fn run(args: &ScanArgs) -> Result<()> {
         seconds: args.place.seconds,
     };
     let motion = moves.motion(&viewpoint, &mut loaded)?;
-    let options = ScanOptions::from(args);
     let OpenScene { renderer, place } = &mut loaded;
-    let mut index = 0;
-    let mut began = Instant::now();
-    let mut take = |sweep: LidarSweep| -> weather_magician::Result<()> {
-        let file = name_of(&out, (index, options.sweeps), "", None);
-        let seconds = began.elapsed().as_secs_f64();
-        sweep.save(&file)?;
-        println!("{}: {}, {:.0} ms", file.display(), line(&sweep), 1e3 * seconds);
-        for view in &args.output.picture {
-            let file = name_of(&out, (index, options.sweeps), &format!("-{}", view.name()), Some("png"));
-            SweepPicture::of(&sweep, *view).save(&file)?;
-            println!("{}", file.display());
-        }
-        index += 1;
-        began = Instant::now();
-        Ok(())
-    };
+    let mut files = SweepFiles { out: &out, index: 0, sweeps: args.output.sweeps, began: Instant::now() };
     let progress = &mut Reporter::default();
-    let made = renderer.scan(place, &weather, &lidar, &motion, &options, (&mut take, progress))?;
+    let made = match &scanner {
+        Scanner::Lidar(lidar, views) => {
+            let mut take = |sweep: LidarSweep| {
+                let picture = |view: usize, file: &Path| SweepPicture::of(&sweep, views[view]).save(file);
+                let names = views.iter().map(|view| view.name());
+                files.save(&line(&sweep), |file| Ok(sweep.save(file)?), (names, picture))
+            };
+            renderer.scan(place, &weather, lidar, &motion, &ScanOptions::from(args), (&mut take, progress))?
+        }
+        Scanner::Radar(radar, views) => {
+            let mut take = |sweep: RadarSweep| {
+                let picture = |view: usize, file: &Path| RadarPicture::of(&sweep, views[view]).save(file);
+                let names = views.iter().map(|view| view.name());
+                files.save(&radar_line(&sweep), |file| Ok(sweep.save(file)?), (names, picture))
+            };
+            let options = RadarScanOptions::from(args);
+            renderer.scan_radar(place, &weather, radar, &motion, &options, (&mut take, progress))?
+        }
+    };
     loaded.warn();
-    if made < options.sweeps {
+    if made < args.output.sweeps {
         bail!(weather_magician::Error::Stopped);
     }
     Ok(())
@@ -284,6 +395,20 @@ pub fn run(args: &ScanArgs) -> Result<()> {
 fn line(sweep: &LidarSweep) -> String {
     let mut text = format!("{}, {} points of {} pulses", sweep.name, sweep.points.len(), sweep.pulses);
     for class in EchoClass::ALL {
+        let count = sweep.count(class);
+        if count > 0 {
+            let _ = write!(text, ", {count} {}", class.name());
+        }
+    }
+    text
+}
+
+/// A radar's sweep in one line.
+fn radar_line(sweep: &RadarSweep) -> String {
+    let [ranges, azimuths, velocities] = sweep.cells;
+    let cells = format!("{ranges} x {azimuths} x {velocities} cells");
+    let mut text = format!("{}, {} detections in {cells}", sweep.name, sweep.detections.len());
+    for class in RadarClass::ALL {
         let count = sweep.count(class);
         if count > 0 {
             let _ = write!(text, ", {count} {}", class.name());

@@ -8,6 +8,7 @@ use wm_render::RenderError;
 use wm_scene::survey::AlignError;
 use wm_scene::{CameraError, FormatError};
 use wm_sensors::LidarError;
+use wm_sensors::radar::RadarError;
 use wm_train::SessionError;
 use wm_weather::WeatherError;
 
@@ -42,6 +43,9 @@ pub enum Error {
     /// A lidar or a file of points cannot be used.
     #[error(transparent)]
     Lidar(Box<LidarError>),
+    /// A radar or a file of detections cannot be used.
+    #[error(transparent)]
+    Radar(Box<RadarError>),
     /// The training failed.
     #[error(transparent)]
     Train(Box<SessionError>),
@@ -69,6 +73,7 @@ macro_rules! boxed {
 
 boxed! {
     Format(FormatError), View(ViewError), Render(RenderError), Train(SessionError), Lidar(LidarError),
+    Radar(RadarError),
 }
 
 /// The result of this library's functions.

@@ -36,6 +36,7 @@
 //! | up, ground and scale set by hand | [`Renderer::align`], [`Renderer::surface_at`] |
 //! | frames of splats of your own | [`frame::FrameRequest`] |
 //! | sweeps of a lidar in weather | [`Renderer::scan`], [`lidar`] |
+//! | sweeps of a radar in rain | [`Renderer::scan_radar`], [`radar`] |
 //! | checks of visibility, rain rate, snow depth in pictures | [`measure`] |
 //!
 //! Frames are pure functions of (scene, weather, camera, time): the same inputs give the same bytes on the CPU, on any number
@@ -62,6 +63,7 @@ mod place;
 mod place_light;
 mod place_water;
 mod progress;
+pub mod radar;
 pub mod reduce;
 mod renderer;
 pub mod rig;

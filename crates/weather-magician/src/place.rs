@@ -809,22 +809,57 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
         scan: impl FnOnce(&rayon::ThreadPool, &PreparedWeather, Option<&Shelter>, Option<&WetGains<'_>>) -> R,
     ) -> Result<R> {
-        if self.is_released {
-            return Err(Error::Unsupported("the splats were released: sensors need them".into()));
-        }
         let missing = water_needs(self.missing_assets(weather, time));
         // Light is of no use to them, but to tell the surfaces that get wet.
         let light = missing.light && missing.wet;
-        self.prepare(backend, MissingAssets { light, ..missing }, progress)?;
-        let prepared = weather.at(time).prepare(&self.site);
-        if prepared.flood().is_some() {
-            let fault = "a lidar does not see floods yet: leave it out with --set flood=off";
-            return Err(Error::Unsupported(fault.into()));
-        }
+        let prepared =
+            self.prepare_sensors(backend, (weather, time), MissingAssets { light, ..missing }, progress)?;
         let shelter = prepared.fall().and_then(|fall| self.store.shelter(fall).cloned());
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
         let wet = self.water.wetness(&prepared);
         Ok(scan(backend.pool(), &prepared, shelter.as_deref(), wet.as_ref()))
+    }
+
+    /// Hands what radars need of an instant of a weather to `scan`: the threads, the weather at the place, and the shelter of the rain. What
+    /// is missing is made first.
+    pub(crate) fn for_radars<R>(
+        &mut self,
+        backend: &mut AnyRenderer,
+        (weather, time): (&Weather, f64),
+        progress: &mut dyn Progress,
+        scan: impl FnOnce(&rayon::ThreadPool, &PreparedWeather, Option<&Shelter>) -> R,
+    ) -> Result<R> {
+        let rains = weather.at(time).prepare(&self.site).rain_rate() > 0.0;
+        let MissingAssets { occluders, shelter, .. } = self.missing_assets(weather, time);
+        let missing = if rains {
+            MissingAssets { occluders, shelter, ..MissingAssets::default() }
+        } else {
+            MissingAssets::default()
+        };
+        let prepared = self.prepare_sensors(backend, (weather, time), missing, progress)?;
+        let fall = prepared.fall().filter(|_| rains);
+        let shelter = fall.and_then(|fall| self.store.shelter(fall).cloned());
+        Ok(scan(backend.pool(), &prepared, shelter.as_deref()))
+    }
+
+    /// Makes what is missing for sensors other than cameras, and prepares the weather.
+    fn prepare_sensors(
+        &mut self,
+        backend: &mut AnyRenderer,
+        (weather, time): (&Weather, f64),
+        missing: MissingAssets,
+        progress: &mut dyn Progress,
+    ) -> Result<PreparedWeather> {
+        if self.is_released {
+            return Err(Error::Unsupported("the splats were released: sensors need them".into()));
+        }
+        self.prepare(backend, missing, progress)?;
+        let prepared = weather.at(time).prepare(&self.site);
+        if prepared.flood().is_some() {
+            let fault = "lidars and radars do not see floods yet: leave it out with --set flood=off";
+            return Err(Error::Unsupported(fault.into()));
+        }
+        Ok(prepared)
     }
 
     /// Thins the scene for what drops on the lens show and films and waves mirror, if that is not done and the splats are there.

@@ -1,4 +1,4 @@
-//! Rigs: cameras and lidars on one car, drone or mast, each with its pose, its rate and its phase.
+//! Rigs: cameras, lidars and radars on one car, drone or mast, each with its pose, its rate and its phase.
 //!
 //! ```
 //! use weather_magician::rig::Rig;
@@ -36,6 +36,7 @@ use glam::{DMat3, DMat4, DVec3};
 use serde::Deserialize;
 use std::path::Path;
 use wm_scene::Camera;
+use wm_sensors::radar::{RadarFormat, RadarModel};
 use wm_sensors::{LidarModel, PointFormat, ReturnMode, SubRays};
 
 /// Longest file that is read, bytes.
@@ -92,6 +93,13 @@ pub enum RigDevice {
         /// The format of the files of points.
         format: PointFormat,
     },
+    /// A radar.
+    Radar {
+        /// The model.
+        model: Box<RadarModel>,
+        /// The format of the files of detections.
+        format: RadarFormat,
+    },
 }
 
 impl RigSensor {
@@ -109,7 +117,7 @@ impl RigSensor {
     pub fn motion(&self, base: &CameraMotion, metres_per_unit: f64) -> CameraMotion {
         let intrinsics = match &self.device {
             RigDevice::Camera { intrinsics, .. } => **intrinsics,
-            RigDevice::Lidar { .. } => base.camera(0.0),
+            RigDevice::Lidar { .. } | RigDevice::Radar { .. } => base.camera(0.0),
         };
         CameraMotion::Mounted {
             base: Box::new(base.clone()),
@@ -164,6 +172,7 @@ struct SensorEntry {
 enum Kind {
     Camera,
     Lidar,
+    Radar,
 }
 
 impl Rig {
@@ -236,16 +245,16 @@ impl SensorEntry {
         let device = match self.kind {
             Kind::Camera => self.camera(folder)?,
             Kind::Lidar => self.lidar(folder)?,
+            Kind::Radar => self.radar(folder)?,
         };
         let own_rate = match &device {
             RigDevice::Camera { .. } => None,
             RigDevice::Lidar { model, .. } => Some(1.0 / model.period()),
+            RigDevice::Radar { model, .. } => Some(model.rate),
         };
         let rate = match (self.rate, own_rate) {
             (Some(rate), Some(own)) if (rate / own - 1.0).abs() > SAME => {
-                return Err(format!(
-                    "rate is {rate}, and the lidar turns {own} times a second: leave it out"
-                ));
+                return Err(format!("rate is {rate}, and that of its model is {own} Hz: leave it out"));
             }
             (Some(rate), _) if rate > 0.0 && rate <= FASTEST => rate,
             (Some(rate), _) => {
@@ -356,7 +365,8 @@ impl SensorEntry {
         Ok(RigDevice::Camera { intrinsics: Box::new(intrinsics), model: Box::new(model) })
     }
 
-    fn lidar(&self, folder: &Path) -> Result<RigDevice, String> {
+    /// Returns an error if an option of cameras is given to another kind.
+    fn refuse_of_cameras(&self, kind: &str) -> Result<(), String> {
         let of_cameras = [
             ("size", self.size.is_some()),
             ("fov", self.fov.is_some()),
@@ -368,12 +378,31 @@ impl SensorEntry {
             ("iso", self.iso.is_some()),
             ("noise_seed", self.noise_seed.is_some()),
         ];
-        self.refuse(&of_cameras, "lidar")?;
-        let name = self.model.as_deref().ok_or("model is missing: the name of a lidar, or a TOML file")?;
-        let beside = folder.join(name);
+        self.refuse(&of_cameras, kind)
+    }
+
+    /// The name of the model of a kind, or its file: those are beside the rig's.
+    fn model(&self, folder: &Path, kind: &str) -> Result<String, String> {
+        let missing = || format!("model is missing: the name of a {kind}, or a TOML file");
+        let name = self.model.as_deref().ok_or_else(missing)?;
         let is_file = name.to_lowercase().ends_with(".toml");
-        let named = if is_file { beside.to_string_lossy().into_owned() } else { name.to_owned() };
-        let model = LidarModel::find(&named).map_err(|error| error.to_string())?;
+        Ok(if is_file { folder.join(name).to_string_lossy().into_owned() } else { name.to_owned() })
+    }
+
+    fn radar(&self, folder: &Path) -> Result<RigDevice, String> {
+        self.refuse_of_cameras("radar")?;
+        let of_lidars = [("sub_rays", self.sub_rays.is_some()), ("returns", self.returns.is_some())];
+        self.refuse(&of_lidars, "radar")?;
+        let model = RadarModel::find(&self.model(folder, "radar")?).map_err(|error| error.to_string())?;
+        let format = self.format.as_deref().unwrap_or("ply");
+        let format = RadarFormat::of(Path::new(&format!("points.{format}")))
+            .map_err(|_| format!("format is `{format}`: use ply, pcd or npy"))?;
+        Ok(RigDevice::Radar { model: Box::new(model), format })
+    }
+
+    fn lidar(&self, folder: &Path) -> Result<RigDevice, String> {
+        self.refuse_of_cameras("lidar")?;
+        let model = LidarModel::find(&self.model(folder, "lidar")?).map_err(|error| error.to_string())?;
         let sub_rays = match self.sub_rays {
             None | Some(7) => SubRays::Seven,
             Some(1) => SubRays::One,
@@ -448,11 +477,33 @@ mod tests {
             ("vlp-16", "vlp16", "did you mean vlp-16?"),
             ("model = \"vlp-16\"", "model = \"vlp-16\"\nrate = 3", "leave it out"),
             ("model = \"vlp-16\"", "model = \"vlp-16\"\nformat = \"xyz\"", "format is `xyz`"),
+            (
+                "\"lidar\"\nmodel = \"vlp-16\"",
+                "\"radar\"",
+                "sensor \"top\": model is missing: the name of a radar",
+            ),
+            (
+                "\"lidar\"\nmodel = \"vlp-16\"",
+                "\"radar\"\nmodel = \"long-range\"",
+                "`long-range` is no radar",
+            ),
+            (
+                "\"lidar\"\nmodel = \"vlp-16\"",
+                "\"radar\"\nmodel = \"long-range-77\"\nreturns = \"all\"",
+                "returns is not for a radar",
+            ),
+            (
+                "\"lidar\"\nmodel = \"vlp-16\"",
+                "\"radar\"\nmodel = \"long-range-77\"\nformat = \"las\"",
+                "use ply, pcd or npy",
+            ),
         ] {
             let error = Rig::parse(&TEXT.replace(from, to), "r").unwrap_err().to_string();
             assert!(error.contains(says) && !error.contains('\n'), "{error} for {to}");
         }
         assert!(Rig::parse("", "r").unwrap_err().to_string().contains("no sensor"));
+        let radar = TEXT.replace("\"lidar\"\nmodel = \"vlp-16\"", "\"radar\"\nmodel = \"long-range-77\"");
+        assert_eq!(Rig::parse(&radar, "r").unwrap().sensors[1].rate, 14.0);
         let many = TEXT.repeat(33);
         assert!(Rig::parse(&many, "r").unwrap_err().to_string().contains("66 sensors: 64 are the most"));
     }

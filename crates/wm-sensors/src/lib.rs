@@ -1,4 +1,4 @@
-//! Sensors other than cameras, in the same weather: lidar sweeps through scenes of Gaussian splats.
+//! Sensors other than cameras, in the same weather: lidar sweeps through scenes of Gaussian splats, and radar ([`radar`]).
 //!
 //! A lidar sends pulses along [`BeamPattern`]s from a sensor that moves ([`SensorMotion`]). Each pulse meets the splats of a place
 //! ([`wm_render::RaySplats`]) and the weather that cameras see there: fog that dims it and sends light back, the very drops and flakes that
@@ -61,10 +61,12 @@ mod model;
 pub mod pattern;
 mod pose;
 mod presets;
+pub mod radar;
 pub mod surface;
 mod sweep;
 #[cfg(test)]
 mod tests;
+mod toml_file;
 
 pub use echo::{Echo, EchoClass, ReturnMode, ReturnRank};
 pub use error::LidarError;

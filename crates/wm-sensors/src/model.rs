@@ -3,6 +3,7 @@
 use crate::error::LidarError;
 use crate::pattern::{BeamPattern, RisleyPattern, RowPattern, TablePattern};
 use crate::presets::{PRESETS, unknown};
+use crate::toml_file;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -94,8 +95,7 @@ impl LidarModel {
             return Err(LidarError::Model { name: name.into(), location: String::new(), problem });
         }
         let text = std::fs::read_to_string(path).map_err(unread)?;
-        let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-        Self::parse(&text, &stem).map_err(|error| match error {
+        Self::parse(&text, &toml_file::stem_of(path)).map_err(|error| match error {
             LidarError::Model { location, problem, .. } => {
                 LidarError::Model { name: path.display().to_string(), location, problem }
             }
@@ -110,11 +110,8 @@ impl LidarModel {
     pub fn parse(text: &str, name: &str) -> Result<Self, LidarError> {
         let fault =
             |location: String, problem: String| LidarError::Model { name: name.into(), location, problem };
-        let file: ModelFile = toml::from_str(text).map_err(|error| {
-            let line = error.span().map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count());
-            let location = line.map_or_else(String::new, |line| format!(", line {line}"));
-            fault(location, error.message().split_whitespace().collect::<Vec<_>>().join(" "))
-        })?;
+        let file: ModelFile =
+            toml_file::parse(text).map_err(|(location, problem)| fault(location, problem))?;
         let wrong = |problem: String| fault(String::new(), problem);
         let mut patterns = [
             file.rows.map(BeamPattern::Rows),

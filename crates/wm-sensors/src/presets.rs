@@ -1,7 +1,7 @@
 //! Lidars by name: the files of `presets/`, built in.
 
 use crate::error::LidarError;
-use wm_scene::nearest;
+use crate::toml_file::advice;
 
 macro_rules! presets {
     ($($name:literal),+ $(,)?) => {
@@ -23,11 +23,5 @@ pub fn about(text: &str) -> &str {
 
 /// The error of a name that no preset has.
 pub(crate) fn unknown(name: &str) -> LidarError {
-    let names: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
-    let near = nearest(&name.to_lowercase(), names.iter().copied(), 1);
-    let advice = match near[..] {
-        [near] => format!("did you mean {near}?"),
-        _ => format!("give {}, or a .toml file", names.join(", ")),
-    };
-    LidarError::Unknown { name: name.into(), advice }
+    LidarError::Unknown { name: name.into(), advice: advice(name, PRESETS) }
 }

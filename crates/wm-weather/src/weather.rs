@@ -476,6 +476,20 @@ impl PreparedWeather {
         &self.falling
     }
 
+    /// Returns the rate of the rain, mm/h: of all that is water.
+    #[must_use]
+    pub fn rain_rate(&self) -> f64 {
+        self.falling.iter().filter(|kind| kind.kind.name == "rain").map(|kind| kind.rate).sum()
+    }
+
+    /// Returns the velocity of the rain, m/s, world axes: its mean fall by water, and the wind with its gusts; `None` where no rain falls.
+    #[must_use]
+    pub fn rain_velocity(&self) -> Option<[f64; 3]> {
+        let rain = self.falling.iter().find(|kind| kind.kind.name == "rain" && kind.rate > 0.0)?;
+        let [x, y] = self.wind_now.wind;
+        Some(from_level(&level_axes(self.site.up), [x, y, -rain.mean_speed()]))
+    }
+
     /// Returns the air at a wavelength of the near infrared, nm, for a lidar. `lidar_ratio` replaces the ratios of extinction and
     /// backscatter of all that floats, sr.
     #[must_use]
@@ -584,7 +598,7 @@ impl PreparedWeather {
     /// Returns the motion of the water, with the streams of the place.
     #[must_use]
     pub fn water_motion(&self, puddles: Option<&Arc<WaterGrid>>) -> WaterMotion {
-        let rain = self.falling.iter().filter(|kind| kind.kind.name == "rain").map(|kind| kind.rate).sum();
+        let rain = self.rain_rate();
         let (fetch, seed) = self.flood.map_or((0.0, 0), |flood| (flood.fetch, flood.seed));
         let (wind, time, strongest) = (self.wind_now.mean, self.time, self.strongest_wind);
         let depth = if self.flood().is_some() { DEEP } else { PUDDLE };

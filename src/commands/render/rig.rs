@@ -15,6 +15,7 @@ use std::time::Instant;
 use weather_magician::camera_model::{SensorCamera, Shot};
 use weather_magician::lidar::{LidarSweep, ScanOptions};
 use weather_magician::output::{ExtraPicture, PictureFormat, PictureStyle, outputs, parts};
+use weather_magician::radar::{RadarScanOptions, RadarSweep};
 use weather_magician::rig::{Rig, RigDevice, RigSensor};
 use weather_magician::{Camera, CameraMotion, Error, FrameOptions, LensView, Picture, picture_tags};
 use wm_media::png::DepthScale;
@@ -69,7 +70,7 @@ pub fn run(args: &RenderArgs, weather: &Weather, file: &Path) -> Result<()> {
     LaterLayers::check_labels(&args.output.also, &loaded.place, &args.scene.scene)?;
     let mut job = RigJob { args, loaded, weather, base, folder, start, seconds, bar: ProgressBar::hidden() };
     manifest::keep(&job.folder, MANIFEST, &job.manifest(&rig)?, "files of another run")?;
-    // Lidars need the splats, so they are not freed.
+    // Lidars and radars need the splats, so they are not freed.
     job.loaded.renderer.prepare(&mut job.loaded.place, weather, &mut Reporter::default())?;
     job.loaded.warn();
     job.bar = progress::bar(count as u64, "pictures and sweeps");
@@ -127,7 +128,10 @@ fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
             RigDevice::Lidar { .. } if weather.fidelity == wm_weather::Fidelity::Paper => {
                 bail!("sensor \"{}\": a lidar needs --set fidelity=physical", sensor.name);
             }
-            RigDevice::Lidar { .. } => {}
+            RigDevice::Radar { .. } if weather.fidelity == wm_weather::Fidelity::Paper => {
+                bail!("sensor \"{}\": a radar needs --set fidelity=physical", sensor.name);
+            }
+            RigDevice::Lidar { .. } | RigDevice::Radar { .. } => {}
         }
     }
     let named = || PathBuf::from(format!("{}-{}-rig", stem_of(&args.scene.scene), weather.name));
@@ -145,6 +149,7 @@ impl RigJob<'_> {
         let extension = match &sensor.device {
             RigDevice::Camera { .. } => self.args.output.frame_format.extension(),
             RigDevice::Lidar { format, .. } => format.extension(),
+            RigDevice::Radar { format, .. } => format.extension(),
         };
         self.folder.join(&sensor.name).join(format!("{index:06}.{extension}"))
     }
@@ -173,7 +178,9 @@ impl RigJob<'_> {
                 camera.number = number as u32;
                 self.pictures(sensor, &mut camera, &missing)?;
             }
-            RigDevice::Lidar { .. } => self.sweeps(sensor, &motion, &missing, number)?,
+            RigDevice::Lidar { .. } | RigDevice::Radar { .. } => {
+                self.sweeps(sensor, &motion, &missing, number)?;
+            }
         }
         Ok((missing.len(), kept))
     }
@@ -222,33 +229,44 @@ impl RigJob<'_> {
         missing: &[(u32, f64)],
         number: usize,
     ) -> Result<()> {
-        let RigDevice::Lidar { model, sub_rays, returns, .. } = &sensor.device else { return Ok(()) };
         // Sweeps one after the other are made in one go.
         for run in missing.chunk_by(|(a, _), (b, _)| a + 1 == *b) {
             stop_if_asked()?;
-            let options = ScanOptions {
-                time: self.start + sensor.phase,
-                first: run[0].0,
-                sweeps: run.len() as u32,
-                sensor: number as u8,
-                sub_rays: *sub_rays,
-                returns: *returns,
-                ..ScanOptions::default()
-            };
+            let (time, first, sweeps) = (self.start + sensor.phase, run[0].0, run.len() as u32);
             let files: Vec<PathBuf> = run.iter().map(|(index, _)| self.file(sensor, *index)).collect();
             let mut files = files.iter();
             let bar = &self.bar;
-            let mut take = |sweep: LidarSweep| -> weather_magician::Result<()> {
-                if let Some(file) = files.next() {
-                    sweep.save(file)?;
-                }
+            let mut saved = |save: &dyn Fn(&Path) -> weather_magician::Result<()>| {
+                files.next().map_or(Ok(()), |file| save(file))?;
                 bar.inc(1);
                 if interrupt::asked() { Err(Error::Stopped) } else { Ok(()) }
             };
             let OpenScene { renderer, place } = &mut self.loaded;
             let progress = &mut Reporter::default();
-            let made = renderer.scan(place, self.weather, model, motion, &options, (&mut take, progress));
-            if matches!(made, Err(Error::Stopped)) || made? < options.sweeps {
+            let made = match &sensor.device {
+                RigDevice::Camera { .. } => return Ok(()),
+                RigDevice::Lidar { model, sub_rays, returns, .. } => {
+                    let options = ScanOptions {
+                        time,
+                        first,
+                        sweeps,
+                        sensor: number as u8,
+                        sub_rays: *sub_rays,
+                        returns: *returns,
+                        ..ScanOptions::default()
+                    };
+                    let mut take = |sweep: LidarSweep| saved(&|file| Ok(sweep.save(file)?));
+                    renderer.scan(place, self.weather, model, motion, &options, (&mut take, progress))
+                }
+                RigDevice::Radar { model, .. } => {
+                    let sensor = number as u8;
+                    let options =
+                        RadarScanOptions { time, first, sweeps, sensor, ..RadarScanOptions::default() };
+                    let mut take = |sweep: RadarSweep| saved(&|file| Ok(sweep.save(file)?));
+                    renderer.scan_radar(place, self.weather, model, motion, &options, (&mut take, progress))
+                }
+            };
+            if matches!(made, Err(Error::Stopped)) || made? < sweeps {
                 return Err(stopped());
             }
         }
@@ -322,6 +340,10 @@ impl RigJob<'_> {
                 about["model"] = model.name.clone().into();
                 about["sub_rays"] = sub_rays.count().into();
                 about["returns"] = format!("{returns:?}").to_lowercase().into();
+            }
+            RigDevice::Radar { model, .. } => {
+                about["kind"] = "radar".into();
+                about["model"] = model.name.clone().into();
             }
         }
         about

@@ -221,13 +221,13 @@ impl SurfaceStates for PlaceSurfaces<'_> {
     }
 }
 
-/// A lidar that stands upright where a camera is, and looks ahead as it does.
-struct UprightMotion<'a> {
-    motion: &'a CameraMotion,
-    up: DVec3,
-    metres: f64,
+/// A sensor that stands upright where a camera is, and looks ahead as it does.
+pub(crate) struct UprightMotion<'a> {
+    pub motion: &'a CameraMotion,
+    pub up: DVec3,
+    pub metres: f64,
     /// The time at which a camera without a path is where it says, s.
-    from: f64,
+    pub from: f64,
 }
 
 /// Least level part of the way that a camera looks from which it is ahead; below it, its upper side is.

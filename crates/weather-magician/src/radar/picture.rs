@@ -1,0 +1,188 @@
+//! Pictures of a radar's sweeps, from above.
+
+use std::path::Path;
+use std::str::FromStr;
+use wm_media::{MediaError, PictureSize, png, ramps};
+use wm_sensors::PointFrame;
+use wm_sensors::radar::{RadarClass, RadarDetection, RadarSweep};
+
+/// A way to look at a radar's sweep, from above, the sensor below the middle and ahead of it above.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RadarView {
+    /// By radial velocity: blue comes nearer, white stands, red goes away.
+    Velocity,
+    /// By RCS: blue is -30 dBsm, red is 30 dBsm.
+    Rcs,
+}
+
+impl RadarView {
+    /// Every view, with its name.
+    pub const ALL: [(Self, &'static str); 2] = [(Self::Velocity, "above"), (Self::Rcs, "rcs")];
+
+    /// The name in options and file names.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(view, _)| *view == self).map_or("", |(_, name)| name)
+    }
+}
+
+impl FromStr for RadarView {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.iter().find(|(_, name)| *name == text);
+        found
+            .map(|(view, _)| *view)
+            .ok_or_else(|| format!("`{text}` is no view of a radar: use above or rcs"))
+    }
+}
+
+/// A picture of a radar's sweep, `[H, W, 3]`, sRGB.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RadarPicture {
+    /// Its size.
+    pub size: PictureSize,
+    /// Its pixels.
+    pub rgb: Vec<u8>,
+}
+
+const GROUND: [u8; 3] = [14, 16, 20];
+const LINES: [u8; 3] = [48, 54, 62];
+/// Largest side of a picture, and the room around the field of view, px.
+const SIDE: f64 = 1000.0;
+const ROOM: f64 = 20.0;
+/// RCS of the first and the last colour, dBsm.
+const RCS: [f64; 2] = [-30.0, 30.0];
+/// Radius of a detection, px: of the weakest, and what each dB over the threshold adds.
+const RADIUS: [f64; 2] = [2.0, 0.06];
+
+impl RadarPicture {
+    /// Draws a view of a sweep.
+    #[must_use]
+    pub fn of(sweep: &RadarSweep, view: RadarView) -> Self {
+        let field = Field::of(sweep);
+        let mut picture = Self { size: field.size, rgb: GROUND.repeat(field.size.pixels()) };
+        picture.grid(sweep, &field);
+        // False alarms have any velocity: the fastest of the others gives the scale.
+        let real = sweep.detections.iter().filter(|one| one.class != RadarClass::Noise);
+        let fastest = real.map(|one| f64::from(one.velocity.abs())).fold(1.0, f64::max);
+        let mut order: Vec<&RadarDetection> = sweep.detections.iter().collect();
+        order.sort_by(|a, b| a.snr.total_cmp(&b.snr));
+        for one in order {
+            let share = match view {
+                RadarView::Velocity => 0.5 + 0.5 * f64::from(one.velocity) / fastest,
+                RadarView::Rcs => (f64::from(one.rcs) - RCS[0]) / (RCS[1] - RCS[0]),
+            };
+            let color = match view {
+                RadarView::Velocity => ramps::signed(share.clamp(0.0, 1.0)),
+                RadarView::Rcs => ramps::turbo(1.0 - share.clamp(0.0, 1.0)),
+            };
+            let radius = RADIUS[0] + RADIUS[1] * f64::from(one.snr).clamp(0.0, 60.0);
+            let place = field.pixel(in_sensor(sweep, one));
+            // Rain is hollow, noise is a dot.
+            match one.class {
+                RadarClass::Surface => picture.disc(place, [0.0, radius], color),
+                RadarClass::Rain => picture.disc(place, [radius, radius + 1.5], color),
+                RadarClass::Noise => picture.disc(place, [0.0, 1.0], color),
+            }
+        }
+        picture
+    }
+
+    /// Writes it as PNG.
+    ///
+    /// # Errors
+    /// [`MediaError`] if the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), MediaError> {
+        png::write_rgb8(path, &self.rgb, self.size, &[])
+    }
+
+    fn set(&mut self, [x, y]: [f64; 2], color: [u8; 3]) {
+        let inside = |v: f64, size: u32| v >= 0.0 && v < f64::from(size);
+        if inside(x, self.size.width) && inside(y, self.size.height) {
+            let at = 3 * (y as usize * self.size.width as usize + x as usize);
+            self.rgb[at..at + 3].copy_from_slice(&color);
+        }
+    }
+
+    /// What lies between two distances from a place, px.
+    fn disc(&mut self, [x, y]: [f64; 2], [inner, outer]: [f64; 2], color: [u8; 3]) {
+        let reach = outer.ceil() as i64;
+        for row in -reach..=reach {
+            for column in -reach..=reach {
+                let off = (column as f64).hypot(row as f64);
+                if (inner..=outer).contains(&off) {
+                    self.set([x + column as f64, y + row as f64], color);
+                }
+            }
+        }
+    }
+
+    /// Arcs every 10 or 50 m, and the edges of the field of view.
+    fn grid(&mut self, sweep: &RadarSweep, field: &Field) {
+        let [low, high] = sweep.azimuth;
+        let at = |range: f64, azimuth: f64| [range * azimuth.cos(), range * azimuth.sin()];
+        let step = if sweep.reach > 120.0 { 50.0 } else { 10.0 };
+        for ring in 1..=(sweep.reach / step + 1e-6) as u32 {
+            let range = step * f64::from(ring);
+            let count = ((high - low) * range * field.scale * 2.0).ceil().max(1.0);
+            for index in 0..=count as u32 {
+                self.set(field.pixel(at(range, low + (high - low) * f64::from(index) / count)), LINES);
+            }
+        }
+        let count = (2.0 * sweep.reach * field.scale).ceil().max(1.0);
+        for index in 0..=count as u32 {
+            let range = sweep.reach * f64::from(index) / count;
+            self.set(field.pixel(at(range, low)), LINES);
+            self.set(field.pixel(at(range, high)), LINES);
+        }
+    }
+}
+
+/// The part of the plane that a picture shows.
+struct Field {
+    size: PictureSize,
+    /// px a metre.
+    scale: f64,
+    /// m: the farthest ahead and the farthest to the left.
+    corner: [f64; 2],
+}
+
+impl Field {
+    fn of(sweep: &RadarSweep) -> Self {
+        let [low, high] = sweep.azimuth;
+        // The ends of the arc, its extremes, and the sensor.
+        let quarters = (-8..=8).map(|k| f64::from(k) * std::f64::consts::FRAC_PI_2);
+        let angles: Vec<f64> =
+            quarters.filter(|angle| (low..=high).contains(angle)).chain([low, high]).collect();
+        let extent = |of: fn(f64) -> f64| {
+            angles
+                .iter()
+                .map(|angle| sweep.reach * of(*angle))
+                .fold([0.0f64; 2], |[least, most], v| [least.min(v), most.max(v)])
+        };
+        let [[back, ahead], [right, left]] = [extent(f64::cos), extent(f64::sin)];
+        let scale = SIDE / (ahead - back).max(left - right).max(1e-3);
+        let pixels = |metres: f64| (metres * scale + 2.0 * ROOM).ceil() as u32;
+        Self {
+            size: PictureSize::new(pixels(left - right), pixels(ahead - back)),
+            scale,
+            corner: [ahead, left],
+        }
+    }
+
+    /// The pixel of a place, m ahead and to the left.
+    fn pixel(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [ROOM + (self.corner[1] - y) * self.scale, ROOM + (self.corner[0] - x) * self.scale]
+    }
+}
+
+/// A detection ahead and to the left of the sensor, m.
+fn in_sensor(sweep: &RadarSweep, one: &RadarDetection) -> [f64; 2] {
+    let at = glam::DVec3::from_array(one.position.map(f64::from));
+    let at = match sweep.frame {
+        PointFrame::World => sweep.pose.to_sensor(at - sweep.pose.origin * sweep.metres_per_unit),
+        PointFrame::Raw | PointFrame::Compensated => at,
+    };
+    [at.x, at.y]
+}

@@ -1,0 +1,47 @@
+use super::*;
+use crate::Camera;
+use crate::place::PlaceView;
+
+#[test]
+fn rain_dims_a_street_and_adds_its_own_detections() {
+    let mut renderer = Renderer::cpu().unwrap();
+    let street = wm_street::Street::builtin();
+    let mut place = renderer.load(street.sampling(0.1).scene(&|_| true).unwrap()).unwrap();
+    let view = street.dolly(0.3).camera((120, 80)).unwrap();
+    let at = Camera::look_at(view.center().to_array(), (view.center() + view.forward()).to_array());
+    let motion = CameraMotion::Still { camera: Box::new(at.camera_at(&place).unwrap().camera), speed: 10.0 };
+    // The preset with fewer cells of velocity.
+    let preset = RADAR_PRESETS.iter().find(|(name, _)| *name == "mid-range-77").unwrap().1;
+    let radar =
+        RadarModel::parse(&preset.replace("velocity_cell = 0.12", "velocity_cell = 0.5"), "test").unwrap();
+    assert_eq!(radar.cells()[2], 160);
+    let options = RadarScanOptions { sweeps: 2, seed: 3, ..RadarScanOptions::default() };
+    let mut scan = |rain: f64, options: &RadarScanOptions| {
+        let weather = Weather::clear().set("rain.rate", rain).unwrap();
+        let mut made = Vec::new();
+        let mut take = |sweep| {
+            made.push(sweep);
+            Ok(())
+        };
+        let count = renderer.scan_radar(&mut place, &weather, &radar, &motion, options, (&mut take, &mut ()));
+        assert_eq!(count.unwrap() as usize, made.len());
+        made
+    };
+    let clear = scan(0.0, &options);
+    let surfaces = clear[0].count(RadarClass::Surface);
+    assert!(surfaces > 30 && clear[0].count(RadarClass::Rain) == 0, "{surfaces}");
+    // What stands is still over the ground, and comes nearer ahead.
+    for one in clear[0].detections.iter().filter(|one| one.class == RadarClass::Surface && one.snr > 20.0) {
+        assert!(one.ground_velocity.abs() < 0.5, "{one:?}");
+        assert!((one.velocity + 10.0 * one.azimuth.cos() * one.elevation.cos()).abs() < 0.5, "{one:?}");
+    }
+    let rain = scan(100.0, &RadarScanOptions { sweeps: 1, ..options });
+    assert!(rain[0].count(RadarClass::Rain) > 0 && rain[0].count(RadarClass::Surface) < surfaces);
+    // A later sweep is the same when made alone.
+    let alone = scan(0.0, &RadarScanOptions { first: 1, sweeps: 1, ..options });
+    assert!(alone[0] == clear[1] && alone[0] != clear[0]);
+    for (view, _) in RadarView::ALL {
+        let picture = RadarPicture::of(&rain[0], view);
+        assert_eq!(picture.rgb.len(), 3 * picture.size.pixels());
+    }
+}
