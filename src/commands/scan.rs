@@ -110,7 +110,7 @@ struct PointArgs {
 
 /// Rays of a pulse.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum SubRayChoice {
+pub enum SubRayChoice {
     /// One, in the middle.
     #[value(name = "1")]
     One,
@@ -121,7 +121,7 @@ enum SubRayChoice {
 
 /// Returns of a pulse.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum ReturnChoice {
+pub enum ReturnChoice {
     /// The strongest.
     Strongest,
     /// The first.
@@ -145,6 +145,27 @@ enum FrameChoice {
     World,
 }
 
+impl From<SubRayChoice> for SubRays {
+    fn from(choice: SubRayChoice) -> Self {
+        match choice {
+            SubRayChoice::One => Self::One,
+            SubRayChoice::Seven => Self::Seven,
+        }
+    }
+}
+
+impl From<ReturnChoice> for ReturnMode {
+    fn from(choice: ReturnChoice) -> Self {
+        match choice {
+            ReturnChoice::Strongest => Self::Strongest,
+            ReturnChoice::First => Self::First,
+            ReturnChoice::Last => Self::Last,
+            ReturnChoice::Dual => Self::Dual,
+            ReturnChoice::All => Self::All,
+        }
+    }
+}
+
 impl From<&ScanArgs> for ScanOptions {
     fn from(args: &ScanArgs) -> Self {
         Self {
@@ -153,17 +174,8 @@ impl From<&ScanArgs> for ScanOptions {
             sweeps: args.output.sweeps,
             seed: args.lidar.seed,
             sensor: 0,
-            sub_rays: match args.lidar.sub_rays {
-                SubRayChoice::One => SubRays::One,
-                SubRayChoice::Seven => SubRays::Seven,
-            },
-            returns: match args.lidar.returns {
-                ReturnChoice::Strongest => ReturnMode::Strongest,
-                ReturnChoice::First => ReturnMode::First,
-                ReturnChoice::Last => ReturnMode::Last,
-                ReturnChoice::Dual => ReturnMode::Dual,
-                ReturnChoice::All => ReturnMode::All,
-            },
+            sub_rays: args.lidar.sub_rays.into(),
+            returns: args.lidar.returns.into(),
             frame: match args.output.frame {
                 FrameChoice::Compensated => PointFrame::Compensated,
                 FrameChoice::Raw => PointFrame::Raw,

@@ -21,13 +21,13 @@ pub fn about(text: &str) -> &str {
     text.lines().next().unwrap_or_default().trim_start_matches(['#', ' '])
 }
 
-/// The error of a name that no preset has.
-pub(crate) fn unknown(name: &str) -> LidarError {
+/// The error of a name that no preset has; `otherwise` is what else may be given.
+pub(crate) fn unknown(name: &str, otherwise: &str) -> LidarError {
     let names: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
     let near = nearest(&name.to_lowercase(), names.iter().copied(), 1);
     let advice = match near[..] {
         [near] => format!("did you mean {near}?"),
-        _ => format!("give {}, or a .toml file", names.join(", ")),
+        _ => format!("give {}{otherwise}", names.join(", ")),
     };
     LidarError::Unknown { name: name.into(), advice }
 }
