@@ -17,8 +17,8 @@ use weather_magician::view::spec::CameraSpec;
 use wm_scene::Camera;
 use wm_scene::survey::Survey;
 
-/// Number of sweeps that are kept: the largest has some 50 MB.
-const KEPT: usize = 4;
+/// Number of sweeps that are kept: the largest, of a million points with all returns in fog, has some 80 MB.
+const KEPT: usize = 3;
 /// Largest coordinate of a sensor, scene units.
 const FARTHEST: f64 = 1e6;
 

@@ -272,10 +272,12 @@ impl RenderWorker {
         if !self.context.queue.is_waiting(client, seq) {
             return;
         }
-        let status = |text: &str| json!({ "type": "status", "text": text }).to_string();
-        self.context.queue.broadcast(&status("scanning"));
+        // The words of assets that are being made stay.
+        let says = self.pending.is_none();
+        let status = |text: &str| says.then(|| json!({ "type": "status", "text": text }).to_string());
+        status("scanning").iter().for_each(|text| self.context.queue.broadcast(text));
         self.ensure_sweep(&view);
-        self.context.queue.broadcast(&status(""));
+        status("").iter().for_each(|text| self.context.queue.broadcast(text));
         self.context.queue.resume_waiting(Some(client));
     }
 

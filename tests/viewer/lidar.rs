@@ -24,9 +24,10 @@ fn points_are_those_of_scan() {
     let lidar =
         |at: &str| if at == "fixed" { standing() } else { json!({ "model": "vlp-16", "sub_rays": 7 }) };
     let mut sizes = Vec::new();
-    for follow in ["fixed", "camera", "path"] {
-        let mut state =
-            json!({ "weather": weather, "time": 0.25, "lidar": lidar(follow), "path": [key, further] });
+    for (follow, lidar, weather) in
+        [("fixed", standing(), &rain), ("camera", riding(7), &fog), ("path", riding(1), &fog)]
+    {
+        let mut state = json!({ "weather": weather, "time": 0.25, "lidar": lidar, "path": [key, further] });
         if follow == "path" {
             state["follow"] = json!("path");
         }
