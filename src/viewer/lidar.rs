@@ -262,7 +262,7 @@ mod tests {
         let place = SensorPlace { eye: [1.0, 2.0, 3.0], target: [1.0, 9.0, 3.0] };
         let standing = lidar(Some(place));
         let fly = |state: &mut ViewState| {
-            (state.camera.eye, state.size, state.divider) = ([4.0; 3], [30, 20], Some(0.5))
+            (state.camera.eye, state.size, state.divider) = ([4.0; 3], [30, 20], Some(0.5));
         };
         let of = |lidar: &Option<LidarState>| view(lidar.clone(), |_| {});
         assert!(of(&standing).has_sweep_of(&view(standing.clone(), fly)));
