@@ -20,9 +20,9 @@ fn points_are_those_of_scan() {
     key["time"] = json!(0);
     let mut further = key.clone();
     (further["time"], further["eye"]) = (json!(2), json!([1.0, -9.0, 2.0]));
-    let weather = json!({ "name": "murk", "fog": { "mor": 40 }, "rain": { "rate": 20 } });
-    let lidar =
-        |at: &str| if at == "fixed" { standing() } else { json!({ "model": "vlp-16", "sub_rays": 7 }) };
+    let riding = |rays: u8| json!({ "model": "vlp-16", "sub_rays": rays });
+    let fog = json!({ "name": "murk", "fog": { "mor": 40 } });
+    let rain = json!({ "name": "murk", "rain": { "rate": 20 } });
     let mut sizes = Vec::new();
     for (follow, lidar, weather) in
         [("fixed", standing(), &rain), ("camera", riding(7), &fog), ("path", riding(1), &fog)]
