@@ -13,7 +13,7 @@ mod measure;
 mod priors;
 mod reconstruct;
 pub mod render;
-mod scan;
+pub mod scan;
 mod sky;
 #[cfg(feature = "viewer")]
 mod view;

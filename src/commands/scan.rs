@@ -120,7 +120,7 @@ struct PointArgs {
 
 /// Rays of a pulse.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum SubRayChoice {
+pub enum SubRayChoice {
     /// One, in the middle.
     #[value(name = "1")]
     One,
@@ -131,7 +131,7 @@ enum SubRayChoice {
 
 /// Returns of a pulse.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum ReturnChoice {
+pub enum ReturnChoice {
     /// The strongest.
     Strongest,
     /// The first.
@@ -165,6 +165,27 @@ impl From<FrameChoice> for PointFrame {
     }
 }
 
+impl From<SubRayChoice> for SubRays {
+    fn from(choice: SubRayChoice) -> Self {
+        match choice {
+            SubRayChoice::One => Self::One,
+            SubRayChoice::Seven => Self::Seven,
+        }
+    }
+}
+
+impl From<ReturnChoice> for ReturnMode {
+    fn from(choice: ReturnChoice) -> Self {
+        match choice {
+            ReturnChoice::Strongest => Self::Strongest,
+            ReturnChoice::First => Self::First,
+            ReturnChoice::Last => Self::Last,
+            ReturnChoice::Dual => Self::Dual,
+            ReturnChoice::All => Self::All,
+        }
+    }
+}
+
 impl From<&ScanArgs> for RadarScanOptions {
     fn from(args: &ScanArgs) -> Self {
         Self {
@@ -186,17 +207,8 @@ impl From<&ScanArgs> for ScanOptions {
             sweeps: args.output.sweeps,
             seed: args.lidar.seed,
             sensor: 0,
-            sub_rays: match args.lidar.sub_rays {
-                Some(SubRayChoice::One) => SubRays::One,
-                Some(SubRayChoice::Seven) | None => SubRays::Seven,
-            },
-            returns: match args.lidar.returns {
-                Some(ReturnChoice::Strongest) | None => ReturnMode::Strongest,
-                Some(ReturnChoice::First) => ReturnMode::First,
-                Some(ReturnChoice::Last) => ReturnMode::Last,
-                Some(ReturnChoice::Dual) => ReturnMode::Dual,
-                Some(ReturnChoice::All) => ReturnMode::All,
-            },
+            sub_rays: args.lidar.sub_rays.map_or_else(SubRays::default, Into::into),
+            returns: args.lidar.returns.map_or_else(ReturnMode::default, Into::into),
             frame: args.output.frame.into(),
             lidar_ratio: args.lidar.lidar_ratio,
         }

@@ -110,6 +110,7 @@ impl Catalog {
             size: [camera.width, camera.height],
             quality: 90,
             divider: None,
+            lidar: None,
         }
     }
 
@@ -151,6 +152,8 @@ impl Catalog {
             "presets": PRESETS.iter().map(preset).collect::<Value>(),
             "panoramas": self.panoramas.keys().collect::<Vec<_>>(),
             "video": cfg!(feature = "h264"),
+            "lidars": super::lidar::presets(),
+            "returns": super::lidar::return_names(),
         })
     }
 }

@@ -11,6 +11,7 @@ mod catalog;
 mod encode;
 mod facts;
 mod guard;
+mod lidar;
 mod listener;
 mod pace;
 mod render_worker;

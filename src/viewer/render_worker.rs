@@ -6,6 +6,7 @@
 use super::ViewerContext;
 use super::encode::{join_columns, jpeg, to_bytes};
 use super::facts::{FactChange, FactEditor, FactError};
+use super::lidar::SweepMemory;
 use super::request_queue::{ClientTask, RequestOutcome, ResponseFormat, ViewerCommand, WorkerTask};
 use super::state::{View, ViewOutput, ViewState};
 use super::videos::{VideoWriter, ViewerVideo};
@@ -34,6 +35,8 @@ use wm_weather::{EffectRole, PreparedWeather, Weather};
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Longest time between two frames of a video while other requests are waiting.
 const VIDEO_FRAME_EVERY: Duration = Duration::from_millis(500);
+/// Least and greatest time from a frame without its points to the sweep that makes them: a hand may pause, and other pages may not.
+const SWEEP_WITHIN: [Duration; 2] = [Duration::from_millis(150), Duration::from_millis(1000)];
 /// JPEG quality of drafts.
 const DRAFT_QUALITY: u8 = 72;
 /// Width, px, and JPEG quality of thumbnails.
@@ -51,8 +54,18 @@ pub struct RenderWorker {
     /// Commands that wait for assets.
     waiting: Vec<ViewerCommand>,
     video: Option<ActiveVideo>,
+    sweeps: SweepMemory,
+    due: Vec<DueSweep>,
     picture: Picture,
     clear: Frame,
+}
+
+/// A sweep that a client's frame waits for.
+struct DueSweep {
+    client: u64,
+    seq: u64,
+    view: Arc<View>,
+    since: Instant,
 }
 
 /// Missing assets while they are being made.
@@ -111,6 +124,8 @@ impl RenderWorker {
             pending: None,
             waiting: Vec::new(),
             video: None,
+            sweeps: SweepMemory::default(),
+            due: Vec::new(),
             picture: Picture::default(),
             clear: Frame::default(),
         }
@@ -128,11 +143,20 @@ impl RenderWorker {
                 self.render_video_frame();
                 continue;
             }
-            let patience =
-                if self.video.is_some() && self.pending.is_none() { Duration::ZERO } else { POLL_INTERVAL };
+            let waited = self.due.first().map(|due| due.since.elapsed());
+            if waited.is_some_and(|waited| waited > SWEEP_WITHIN[1]) {
+                self.make_due_sweep();
+                continue;
+            }
+            let patience = match waited {
+                _ if self.video.is_some() && self.pending.is_none() => Duration::ZERO,
+                Some(waited) => SWEEP_WITHIN[0].saturating_sub(waited),
+                None => POLL_INTERVAL,
+            };
             match self.context.queue.next_task(patience) {
                 Some(WorkerTask::Client(task)) => self.serve_client(task)?,
                 Some(WorkerTask::Command(command)) => self.execute(command)?,
+                None if waited.is_some_and(|waited| waited >= SWEEP_WITHIN[0]) => self.make_due_sweep(),
                 None => self.render_video_frame(),
             }
         }
@@ -209,6 +233,9 @@ impl RenderWorker {
             (false, false) => (full, Patience::Draft, view.state.quality, Dither::Ordered),
             (false, true) => (full, Patience::Whole, view.state.quality, Dither::Ordered),
         };
+        // The picture does not wait for its points.
+        let lacks_sweep = is_ready && view.lidar.is_some() && self.sweeps.get(view).is_none();
+        let is_ready = is_ready && !lacks_sweep;
         let drawn = self.draw(view, size, patience, dither);
         let message = drawn.and_then(|(rgb, stats)| {
             let drew = started.elapsed().as_secs_f64();
@@ -228,10 +255,45 @@ impl RenderWorker {
             (false, true) => RequestOutcome::Complete,
         };
         self.context.queue.finish_request(client, request.seq, outcome);
+        self.due.retain(|due| due.client != client);
+        if lacks_sweep {
+            let view = Arc::clone(view);
+            self.due.push(DueSweep { client, seq: request.seq, view, since: Instant::now() });
+        }
         Ok(())
     }
 
-    /// Renders a view as bytes `[H, W, 3]`, without weather left of its divider.
+    /// Makes the sweep that a client has waited for the longest, unless it asks for something else by now.
+    fn make_due_sweep(&mut self) {
+        if self.due.is_empty() {
+            return;
+        }
+        let DueSweep { client, seq, view, .. } = self.due.remove(0);
+        if !self.context.queue.is_waiting(client, seq) {
+            return;
+        }
+        // The words of assets that are being made stay.
+        let says = self.pending.is_none();
+        let status = |text: &str| says.then(|| json!({ "type": "status", "text": text }).to_string());
+        status("scanning").iter().for_each(|text| self.context.queue.broadcast(text));
+        self.ensure_sweep(&view);
+        status("").iter().for_each(|text| self.context.queue.broadcast(text));
+        self.context.queue.resume_waiting(Some(client));
+    }
+
+    /// Makes the sweep of a view that has a lidar, unless it was made.
+    fn ensure_sweep(&mut self, view: &Arc<View>) {
+        let (Some(lidar), Some(motion)) = (&view.lidar, view.sensor_motion()) else { return };
+        if self.sweeps.get(view).is_some() {
+            return;
+        }
+        let (options, started) = (lidar.options(view.state.time), Instant::now());
+        let Self { renderer, place, .. } = self;
+        let made = renderer.scan_once(place, &view.weather, &lidar.model, &motion, &options);
+        self.sweeps.insert(view, made.map_err(|error| error.to_string()), started.elapsed().as_secs_f64());
+    }
+
+    /// Renders a view as bytes `[H, W, 3]`, without weather left of its divider, and with the points of its lidar.
     fn draw(
         &mut self,
         view: &View,
@@ -240,25 +302,39 @@ impl RenderWorker {
         dither: Dither,
     ) -> Result<(Vec<u8>, Stats)> {
         let ViewState { time, output, divider, .. } = view.state;
-        self.place.config.outputs = outputs(output.also().as_slice());
+        let overlay = self.sweeps.overlay(view);
+        let depths =
+            [PictureLayer::Depth, PictureLayer::MedianDepth].map(|kind| ExtraPicture { kind, format: None });
+        let hides = if overlay.is_some() { &depths[..] } else { &[] };
+        self.place.config.outputs = outputs(&[output.also().as_slice(), hides].concat());
         let camera = view.camera_plan_for(size).moving(time, self.place.site().metres_per_unit);
         let options = FrameOptions { patience, ..FrameOptions::new(time, camera) };
         let half = HALF_DEPTH * self.place.survey().radius;
         let Some(share) = divider else {
             let stats = self.render(view, &options)?;
-            return Ok((to_bytes(&self.picture.frame, output, half, dither), stats));
+            let mut whole = to_bytes(&self.picture.frame, output, half, dither);
+            if let Some(overlay) = &overlay {
+                overlay.draw(&mut whole, &self.picture.frame, &camera.camera);
+            }
+            return Ok((whole, stats));
         };
         let (camera, cut) = (&camera.camera, (share * f64::from(size.0)).round() as u32);
         let (mut left, mut right, mut stats) = (Vec::new(), Vec::new(), Stats::default());
         if cut > 0 {
-            stats +=
-                self.renderer.render_clear(&self.place, &crop_columns(camera, 0, cut), &mut self.clear)?;
+            let camera = crop_columns(camera, 0, cut);
+            stats += self.renderer.render_clear(&self.place, &camera, &mut self.clear)?;
             left = to_bytes(&self.clear, output, half, dither);
+            if let Some(overlay) = &overlay {
+                overlay.draw(&mut left, &self.clear, &camera);
+            }
         }
         if cut < size.0 {
             let camera = MovingCamera { camera: crop_columns(camera, cut, size.0 - cut), ..options.camera };
             stats += self.render(view, &FrameOptions { camera, ..options })?;
             right = to_bytes(&self.picture.frame, output, half, dither);
+            if let Some(overlay) = &overlay {
+                overlay.draw(&mut right, &self.picture.frame, &camera.camera);
+            }
         }
         Ok((join_columns((&left, cut), (&right, size.0 - cut)), stats))
     }
@@ -293,7 +369,7 @@ impl RenderWorker {
             "draw_ms": draw * 1e3, "encode_ms": encode * 1e3,
             "splats": stats.visible, "drops": stats.particles,
             "mor": mor.is_finite().then_some(mor), "rain": rate("rain"), "snow": rate("snow"), "falls": falls,
-            "camera": super::state::Pose::of(&camera),
+            "camera": super::state::Pose::of(&camera), "lidar": self.sweeps.report(view),
         })
         .to_string()
     }
@@ -301,7 +377,7 @@ impl RenderWorker {
     /// Carries out a command, or keeps it until its assets exist.
     fn execute(&mut self, command: ViewerCommand) -> Result<()> {
         let waits = match &command {
-            ViewerCommand::Picture { view, .. } => {
+            ViewerCommand::Picture { view, .. } | ViewerCommand::Points { view, .. } => {
                 !self.ensure_assets(&view.weather, view.state.time, None)?
             }
             ViewerCommand::Pick { .. }
@@ -322,6 +398,9 @@ impl RenderWorker {
                 };
                 // The client may have disconnected.
                 let _ = reply.send(bytes.map(Bytes::from).map_err(|error| format!("{error:#}")));
+            }
+            ViewerCommand::Points { view, reply } => {
+                let _ = reply.send(self.encode_points(&view).map_err(|error| format!("{error:#}")));
             }
             ViewerCommand::Pick { view, at, client_queue } => {
                 let point = self.pick_point(&view, at)?;
@@ -345,7 +424,22 @@ impl RenderWorker {
         Ok(())
     }
 
-    fn encode_jpeg(&mut self, view: &View) -> Result<Vec<u8>> {
+    /// Returns the bytes of the PLY file that `scan` writes.
+    fn encode_points(&mut self, view: &Arc<View>) -> Result<Bytes> {
+        self.ensure_sweep(view);
+        let sweep = self.sweeps.get(view).context("a view without a lidar has no points")?;
+        let sweep = sweep.as_ref().map_err(|error| anyhow!("{error}"))?;
+        let folder = tempfile::tempdir().context("cannot create a temporary folder for the points")?;
+        let path = folder.path().join("points.ply");
+        sweep.save(&path)?;
+        Ok(std::fs::read(&path)?.into())
+    }
+
+    fn encode_jpeg(&mut self, view: &Arc<View>) -> Result<Vec<u8>> {
+        self.ensure_sweep(view);
+        if let Some(Err(error)) = self.sweeps.get(view) {
+            bail!("{error}");
+        }
         let size = (view.state.size[0], view.state.size[1]);
         let (rgb, _) = self.draw(view, size, Patience::Whole, Dither::Ordered)?;
         jpeg(&rgb, size, view.state.quality)
@@ -430,6 +524,7 @@ impl RenderWorker {
         }
         self.context.queue.broadcast(&message.to_string());
         if !is_same {
+            self.sweeps.clear();
             self.context.queue.resume_waiting(None);
             for command in std::mem::take(&mut self.waiting) {
                 self.execute(command)?;

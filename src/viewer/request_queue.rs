@@ -79,6 +79,13 @@ pub enum ViewerCommand {
         /// Receives the file.
         reply: oneshot::Sender<Result<Bytes, String>>,
     },
+    /// Makes the points of the view's lidar as a file.
+    Points {
+        /// The view, which has a lidar.
+        view: Arc<View>,
+        /// Receives the PLY file that `scan` writes.
+        reply: oneshot::Sender<Result<Bytes, String>>,
+    },
     /// Finds the point of the scene that is seen at a point of the picture.
     Pick {
         /// The view that is displayed.
@@ -291,6 +298,15 @@ impl RequestQueue {
         }
         drop(state);
         self.changed.notify_all();
+    }
+
+    /// Returns true if a client waits for the rest of the frame that it was sent for its request `seq`.
+    pub fn is_waiting(&self, id: u64, seq: u64) -> bool {
+        let state = locked(&self.state);
+        let client = state.clients.iter().find(|client| client.id == id);
+        client.is_some_and(|client| {
+            client.waits && client.request.as_ref().is_some_and(|request| request.seq == seq)
+        })
     }
 
     /// Makes the current or next call of [`Self::next_task`] return without a task.

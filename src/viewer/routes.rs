@@ -58,6 +58,7 @@ pub fn routes(context: Arc<ViewerContext>) -> Router {
         "/connection.js" => "connection.js", "text/javascript";
         "/dom.js" => "dom.js", "text/javascript";
         "/files.js" => "files.js", "text/javascript";
+        "/lidar.js" => "lidar.js", "text/javascript";
         "/panels.js" => "panels.js", "text/javascript";
         "/store.js" => "store.js", "text/javascript";
         "/timeline.js" => "timeline.js", "text/javascript";
@@ -312,10 +313,21 @@ async fn file(State(context): Shared, Path(kind): Path<String>, body: Bytes) -> 
         "command" => {
             ("command.txt".into(), "text/plain; charset=utf-8", names.command(&context, &view, None))
         }
+        "points" | "scan" if view.lidar.is_none() => {
+            return Err(format!("{kind}: the state has no lidar").into());
+        }
+        "points" => {
+            let view = Arc::new(view);
+            let points = reply_of(&context, |reply| ViewerCommand::Points { view, reply }).await??;
+            let mut response = ([(header::CONTENT_TYPE, "application/octet-stream")], points).into_response();
+            set_file_name(&mut response, &names.points)?;
+            return Ok(response);
+        }
+        "scan" => ("scan.txt".into(), "text/plain; charset=utf-8", names.scan(&context, &view)),
         _ => {
             return Err(RequestError(
                 StatusCode::NOT_FOUND,
-                "the files are picture, weather, camera and command".into(),
+                "the files are picture, weather, camera, command, points and scan".into(),
             ));
         }
     };
@@ -339,6 +351,7 @@ struct FileNames {
     camera: String,
     picture: String,
     video: String,
+    points: String,
 }
 
 impl FileNames {
@@ -353,6 +366,7 @@ impl FileNames {
             camera: format!("{base}.camera.json"),
             picture: format!("{base}.png"),
             video: format!("{base}.mp4"),
+            points: format!("{base}-scan.ply"),
         }
     }
 
@@ -383,8 +397,36 @@ impl FileNames {
             }
         }
         words.extend(catalog.run_words.iter().cloned());
-        words.iter().map(|word| shell_word(word)).collect::<Vec<_>>().join(" ") + "\n"
+        shell_line(&words)
     }
+
+    /// Returns the command that makes the same points.
+    fn scan(&self, context: &ViewerContext, view: &View) -> String {
+        let catalog = context.catalog();
+        let mut words = vec!["weather-magician".to_owned(), "scan".into()];
+        words.extend(catalog.words.iter().chain(&catalog.fact_words).cloned());
+        let mut add = |option: &str, value: String| words.push(format!("--{option}={value}"));
+        add("weather", self.weather.clone());
+        if let Some(lidar) = &view.state.lidar {
+            add("lidar", lidar.model.clone());
+            add("sub-rays", lidar.sub_rays.to_string());
+            add("returns", lidar.returns.clone());
+            match lidar.at {
+                Some(place) => add("at", place.text()),
+                None if view.state.follow == Follow::Path => add("path", self.camera.clone()),
+                None => add("at", self.camera.clone()),
+            }
+        }
+        add("time", view.state.time.to_string());
+        add("out", self.points.clone());
+        words.extend(catalog.run_words.iter().cloned());
+        shell_line(&words)
+    }
+}
+
+/// Joins words to a line for a POSIX shell.
+fn shell_line(words: &[String]) -> String {
+    words.iter().map(|word| shell_word(word)).collect::<Vec<_>>().join(" ") + "\n"
 }
 
 /// Quotes a word for a POSIX shell.

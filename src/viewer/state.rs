@@ -1,6 +1,7 @@
 //! The state of a view: everything except the scene that a picture depends on, in one value that clients send and receive.
 
 use super::catalog::Catalog;
+use super::lidar::{CheckedLidar, LidarState};
 use crate::commands::render::camera::CameraPlan;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -121,6 +122,8 @@ pub struct ViewState {
     pub quality: u8,
     /// Fraction of the width, 0-1, left of which no weather is rendered; `null` for weather everywhere.
     pub divider: Option<f64>,
+    /// The lidar whose points are drawn over the picture; `null` for none.
+    pub lidar: Option<LidarState>,
 }
 
 impl ViewState {
@@ -147,6 +150,8 @@ pub struct View {
     pub weather: Arc<Weather>,
     /// The text of the keyframe file for `--camera` or `--path`.
     pub camera_file: String,
+    /// The lidar of the state.
+    pub lidar: Option<CheckedLidar>,
     path: CameraPath,
 }
 
@@ -177,7 +182,9 @@ impl View {
             None => Arc::new(catalog.weather(&state.weather)?),
         };
         let (camera_file, path) = catalog.camera_path(&state)?;
-        let view = Self { state, weather, camera_file, path };
+        let lidar =
+            state.lidar.as_ref().map(|lidar| CheckedLidar::new(lidar, &catalog.survey)).transpose()?;
+        let view = Self { state, weather, camera_file, lidar, path };
         view.camera_plan().camera(view.state.time).check().map_err(|error| error.to_string())?;
         Ok(view)
     }
@@ -185,6 +192,12 @@ impl View {
     /// Returns the camera at the state's time, as `render` has it with `--camera FILE` or `--path FILE`.
     pub fn camera_plan(&self) -> CameraPlan {
         self.camera_plan_for((self.state.size[0], self.state.size[1]))
+    }
+
+    /// Returns the motion of the lidar, as `scan` has it with `--at` or `--path`; `None` without a lidar.
+    pub fn sensor_motion(&self) -> Option<CameraMotion> {
+        let fixed = self.lidar.as_ref()?.fixed;
+        Some(fixed.map_or_else(|| self.camera_plan().motion().clone(), CameraMotion::from))
     }
 
     /// Returns the camera for a picture of another size, px.

@@ -104,13 +104,14 @@ impl Drop for Viewer {
     }
 }
 
-/// Runs a command that the viewer printed on files in a folder; returns the picture or video.
+/// Runs a command that the viewer printed on files in a folder; returns the picture, the video or the points.
 pub fn rendered(command: &str, folder: &Path) -> std::path::PathBuf {
     let mut out = None;
     let mut words = Vec::new();
     for word in command.split_whitespace().skip(1) {
         let is_file = |name: &str| word.starts_with(&format!("--{name}="));
-        if ["weather", "camera", "path", "out"].iter().any(|name| is_file(name)) {
+        let is_place = is_file("at") && !word.ends_with(".json");
+        if ["weather", "camera", "path", "at", "out"].iter().any(|name| is_file(name)) && !is_place {
             let (option, name) = word.split_once('=').unwrap();
             words.push(format!("{option}={}", folder.join(name).display()));
             out = (option == "--out").then(|| folder.join(name)).or(out);

@@ -6,6 +6,7 @@ mod common;
 mod align;
 mod client;
 mod frames;
+mod lidar;
 mod page;
 mod security;
 mod socket;

@@ -7,7 +7,7 @@ use serde_json::json;
 use std::path::Path;
 
 /// Sets a slider, 0-1, as a hand does.
-fn slide(browser: &Browser, param: &str, to: f64) {
+pub fn slide(browser: &Browser, param: &str, to: f64) {
     browser.script(&format!(
         "const s = document.querySelector('[data-param=\"{param}\"] input[type=range]'); \
          s.value = {to}; s.dispatchEvent(new Event('input', {{ bubbles: true }}))"
@@ -20,7 +20,8 @@ fn scrub(browser: &Browser, time: f64) {
     ));
 }
 
-fn click(browser: &Browser, selector: &str) {
+/// Clicks on an element.
+pub fn click(browser: &Browser, selector: &str) {
     browser.script(&format!("document.querySelector('{selector}').click()"));
 }
 

@@ -67,6 +67,11 @@ fn usual_noise() -> f64 {
 /// Ranges over which receivers begin to see their own beam, m.
 const OVERLAP: [f64; 2] = [0.9, 1.0];
 
+/// The name and the text of a preset.
+fn preset(name: &str) -> Option<&'static (&'static str, &'static str)> {
+    PRESETS.iter().find(|(known, _)| known.eq_ignore_ascii_case(name.trim()))
+}
+
 impl LidarModel {
     /// The model of a preset's name, or of the TOML file of that path.
     ///
@@ -81,13 +86,12 @@ impl LidarModel {
     /// # Errors
     /// [`LidarError`] if there is neither, or the file makes no lidar.
     pub fn find(name: &str) -> Result<Self, LidarError> {
-        let is_same = |known: &str| known.eq_ignore_ascii_case(name.trim());
-        if let Some((known, text)) = PRESETS.iter().find(|(known, _)| is_same(known)) {
+        if let Some((known, text)) = preset(name) {
             return Self::parse(text, known);
         }
         let path = Path::new(name);
         if path.extension().is_none() && !path.exists() {
-            return Err(unknown(name));
+            return Err(unknown(name, ", or a .toml file"));
         }
         let unread = |error| LidarError::Read { path: path.into(), error };
         if std::fs::metadata(path).map_err(unread)?.len() > MOST_BYTES {
@@ -101,6 +105,14 @@ impl LidarModel {
             }
             other => other,
         })
+    }
+
+    /// The model of a preset's name; no file is read.
+    ///
+    /// # Errors
+    /// [`LidarError::Unknown`] if there is no such preset.
+    pub fn preset(name: &str) -> Result<Self, LidarError> {
+        preset(name).map_or_else(|| Err(unknown(name, "")), |(known, text)| Self::parse(text, known))
     }
 
     /// The model of a text in TOML; `name` is its name where the text has none, and stands in errors.
@@ -238,6 +250,9 @@ mod tests {
         }
         let error = LidarModel::find("vlp16").unwrap_err().to_string();
         assert!(error.contains("did you mean vlp-16?"), "{error}");
+        // A preset is never a file.
+        let error = LidarModel::preset("no/such.toml").unwrap_err().to_string();
+        assert!(error.contains("is no lidar; give vlp-16, ") && !error.contains("file"), "{error}");
         assert!(LidarModel::find("no/such.toml").unwrap_err().to_string().starts_with("no/such.toml: "));
     }
 

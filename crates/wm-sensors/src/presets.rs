@@ -21,7 +21,7 @@ pub fn about(text: &str) -> &str {
     text.lines().next().unwrap_or_default().trim_start_matches(['#', ' '])
 }
 
-/// The error of a name that no preset has.
-pub(crate) fn unknown(name: &str) -> LidarError {
-    LidarError::Unknown { name: name.into(), advice: advice(name, PRESETS) }
+/// The error of a name that no preset has; `otherwise` is what else may be given.
+pub(crate) fn unknown(name: &str, otherwise: &str) -> LidarError {
+    LidarError::Unknown { name: name.into(), advice: advice(name, PRESETS, otherwise) }
 }

@@ -21,12 +21,12 @@ pub(crate) fn stem_of(path: &Path) -> String {
     path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
 }
 
-/// Advice where no preset has a name.
-pub(crate) fn advice(name: &str, presets: &[(&str, &str)]) -> String {
+/// Advice where no preset has a name; `otherwise` is what else may be given.
+pub(crate) fn advice(name: &str, presets: &[(&str, &str)], otherwise: &str) -> String {
     let names: Vec<&str> = presets.iter().map(|(name, _)| *name).collect();
     let near = nearest(&name.to_lowercase(), names.iter().copied(), 1);
     match near[..] {
         [near] => format!("did you mean {near}?"),
-        _ => format!("give {}, or a .toml file", names.join(", ")),
+        _ => format!("give {}{otherwise}", names.join(", ")),
     }
 }

@@ -9,7 +9,8 @@ const AGAIN = 1000;
 
 /**
  * @typedef {{seq: number, width: number, height: number, whole: boolean, time: number, draw_ms: number, encode_ms: number,
- *   splats: number, drops: number, mor: number | null, rain: number, snow: number, camera: import("./store.js").Pose}} Head
+ *   splats: number, drops: number, mor: number | null, rain: number, snow: number, camera: import("./store.js").Pose,
+ *   lidar: {error?: string, name: string, pulses: number, points: number, ms: number, classes: Object<string, number>} | null}} Head
  */
 
 export class Connection {

@@ -19,6 +19,27 @@ function download(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
+/** A file of a state; null without an answer. @param {string} kind @param {import("./store.js").ViewState} state */
+export async function fileOf(kind, state) {
+  try {
+    return await fetch(`/files/${kind}`, { method: "POST", body: JSON.stringify(state) });
+  } catch {
+    return null;
+  }
+}
+
+/** Saves files of a state. @param {string[]} kinds @param {import("./store.js").ViewState} state */
+export async function saveFiles(kinds, state) {
+  for (const kind of kinds) {
+    const response = await fileOf(kind, state);
+    if (!response) return toast("The program does not respond", "bad");
+    if (!response.ok) return toast(await problem(response), "bad");
+    const name = /filename="([^"]+)"/.exec(response.headers.get("content-disposition") ?? "")?.[1] ?? kind;
+    download(await response.blob(), name);
+    toast(`Saved ${name}`);
+  }
+}
+
 export class FilesPanel {
   /** @param {HTMLElement} root @param {Store} store */
   constructor(root, store) {
@@ -56,7 +77,7 @@ export class FilesPanel {
     this.timer = 0;
     store.listen((changed) => {
       if (changed.has("duration")) this.seconds.value = short(store.duration, 5);
-      if ([...changed].some((what) => what !== "playing" && what !== "divider")) this.soon();
+      if ([...changed].some((what) => !["playing", "divider", "lidar"].includes(what))) this.soon();
     });
     this.soon();
   }
@@ -77,30 +98,14 @@ export class FilesPanel {
     clearTimeout(this.timer);
     if (this.store.isPlaying) return;
     this.timer = window.setTimeout(async () => {
-      const response = await this.post("command");
+      const response = await fileOf("command", this.stateFor(this.size));
       if (response?.ok) this.command.textContent = (await response.text()).trim();
     }, 400);
   }
 
-  /** @param {string} kind */
-  async post(kind) {
-    try {
-      return await fetch(`/files/${kind}`, { method: "POST", body: JSON.stringify(this.stateFor(this.size)) });
-    } catch {
-      return null;
-    }
-  }
-
   /** @param {string[]} kinds */
-  async save(kinds) {
-    for (const kind of kinds) {
-      const response = await this.post(kind);
-      if (!response) return toast("The program does not respond", "bad");
-      if (!response.ok) return toast(await problem(response), "bad");
-      const name = /filename="([^"]+)"/.exec(response.headers.get("content-disposition") ?? "")?.[1] ?? kind;
-      download(await response.blob(), name);
-      toast(`Saved ${name}`);
-    }
+  save(kinds) {
+    return saveFiles(kinds, this.stateFor(this.size));
   }
 
   async copy() {

@@ -4,6 +4,7 @@ import { Connection } from "./connection.js";
 import { Controls } from "./controls.js";
 import { $, count, h, metres, short, toast } from "./dom.js";
 import { FilesPanel } from "./files.js";
+import { LidarPanel } from "./lidar.js";
 import { WeatherPanel, tabs, titled } from "./panels.js";
 import { Store } from "./store.js";
 import { Timeline } from "./timeline.js";
@@ -14,7 +15,7 @@ const MOST_PIXELS = 3840 * 2160;
 
 const store = new Store();
 const canvas = /** @type {HTMLCanvasElement} */ ($("picture"));
-/** @type {{weather: WeatherPanel, timeline: Timeline, controls: Controls} | null} */
+/** @type {{weather: WeatherPanel, timeline: Timeline, controls: Controls, lidar: LidarPanel} | null} */
 let parts = null;
 
 const connection = new Connection(store, {
@@ -134,10 +135,12 @@ function alignment() {
 
 function build() {
   const pick = (/** @type {number} */ x, /** @type {number} */ y) => connection.say({ type: "pick", x, y });
+  const controls = new Controls(canvas, store, pick);
   parts = {
     weather: new WeatherPanel($("tab-weather"), store),
     timeline: new Timeline($("timeline"), store),
-    controls: new Controls(canvas, store, pick),
+    controls,
+    lidar: new LidarPanel($("tab-lidar"), store, (pose) => controls.flyTo(pose)),
   };
   new FilesPanel($("tab-save"), store);
   cameraPanel(parts.controls);
@@ -182,6 +185,7 @@ function show(head, picture) {
     [rate.frames, rate.since] = [0, now];
   }
   stats(head);
+  parts?.lidar.report(head);
 }
 
 /** @param {import("./connection.js").Head} head */

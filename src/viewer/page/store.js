@@ -14,12 +14,15 @@
  * @typedef {{name: string, splats: number, up: number[], center: number[], radius: number, ground: number,
  *   metres_per_unit: number, has_scale: boolean, up_confidence: string, unsaved: boolean, renderer: string, views: {name: string, camera: Pose}[]}} Scene
  * @typedef {{program: string, scene: Scene, state: ViewState, outputs: string[], easings: string[],
- *   effects: Effect[], presets: Preset[], panoramas: string[], video: boolean}} Parameters
+ *   effects: Effect[], presets: Preset[], panoramas: string[], video: boolean, lidars: {name: string, about: string}[], returns: string[]}} Parameters
+ *
+ * A lidar: a preset, and where it stands, at the camera if null.
+ * @typedef {{model: string, at: {eye: number[], target: number[]} | null, sub_rays: number, returns: string, colors: string}} LidarState
  *
  * The same as in the program and over HTTP.
  * @typedef {{camera: Pose, path: (Pose & {time: number})[], follow: "camera" | "path",
  *   weather: Object<string, any>, time: number, output: string, size: number[], quality: number,
- *   divider: number | null}} ViewState
+ *   divider: number | null, lidar: LidarState | null}} ViewState
  */
 
 export class Store {

@@ -16,12 +16,16 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod colors;
+mod overlay;
 mod picture;
 
+pub use colors::PointColors;
+pub use overlay::PointOverlay;
 pub use picture::{SweepPicture, SweepView};
 pub use wm_sensors::{
     EchoClass, LidarError, LidarModel, LidarPoint, LidarSweep, PRESETS, PointFormat, PointFrame, ReturnMode,
-    SubRays, about,
+    SensorPose, SubRays, about,
 };
 
 use crate::motion::CameraMotion;
@@ -33,7 +37,7 @@ use std::sync::Arc;
 use wm_render::RayTracer;
 use wm_scene::reflectance::by_label;
 use wm_scene::{Group, Splats};
-use wm_sensors::{LidarScene, SensorMotion, SensorPose, SurfaceState, SurfaceStates, SweepOptions};
+use wm_sensors::{LidarScene, SensorMotion, SurfaceState, SurfaceStates, SweepOptions};
 use wm_sensors::{base_reflectance, sweep};
 use wm_weather::wetness::WetGains;
 use wm_weather::{Fidelity, Weather};
@@ -249,6 +253,15 @@ impl SensorMotion for UprightMotion<'_> {
         };
         SensorPose::upright(camera.center() + driven, ahead, self.up)
     }
+}
+
+/// The points as the sensor saw them, or nearly: in its axes at the start of the sweep.
+fn in_sensor(sweep: &LidarSweep, point: &LidarPoint) -> [f64; 3] {
+    if sweep.frame != PointFrame::World {
+        return point.position.map(f64::from);
+    }
+    let at = DVec3::from_array(point.position.map(f64::from));
+    sweep.pose.to_sensor(at - sweep.pose.origin * sweep.metres_per_unit).to_array()
 }
 
 #[cfg(test)]

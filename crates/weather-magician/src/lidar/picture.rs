@@ -1,9 +1,11 @@
 //! Pictures of sweeps: ranges and intensities by direction, and points from above.
 
+use super::colors::{class_color, intensity_color, lowest, range_color};
+use super::in_sensor;
 use std::path::Path;
 use std::str::FromStr;
-use wm_media::{MediaError, PictureSize, png, ramps};
-use wm_sensors::{EchoClass, LidarPoint, LidarSweep, PointFrame};
+use wm_media::{MediaError, PictureSize, png};
+use wm_sensors::{EchoClass, LidarPoint, LidarSweep};
 
 /// A way to look at a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,16 +52,11 @@ pub struct SweepPicture {
 
 const GROUND: [u8; 3] = [14, 16, 20];
 const RINGS: [u8; 3] = [48, 54, 62];
-/// Range of the last colour, m.
-const FARTHEST: f64 = 100.0;
 /// Side of a picture from above, px.
 const SIDE: u32 = 1000;
 /// Largest width of a picture by direction, and its usual height, px.
 const WIDEST: u32 = 2048;
 const HEIGHT: u32 = 320;
-/// Height of the last colour above the lowest surfaces, and the share of surfaces that may lie below those, m.
-const TALL: f64 = 10.0;
-const LOWEST: f64 = 0.02;
 /// Share of the points that a picture from above shows.
 const SHOWN: f64 = 0.95;
 /// Distances that it shows at least and at most, m.
@@ -70,13 +67,8 @@ impl SweepPicture {
     #[must_use]
     pub fn of(sweep: &LidarSweep, view: SweepView) -> Self {
         match view {
-            SweepView::Range => by_direction(sweep, |point| {
-                ramps::turbo(f64::from(point.range).max(1.0).ln() / FARTHEST.ln())
-            }),
-            SweepView::Intensity => by_direction(sweep, |point| {
-                // As displays encode light, so that dark surfaces are told apart.
-                [(255.0 * f64::from(point.intensity / 255.0).sqrt()).round() as u8; 3]
-            }),
+            SweepView::Range => by_direction(sweep, range_color),
+            SweepView::Intensity => by_direction(sweep, intensity_color),
             SweepView::Above => above(sweep),
         }
     }
@@ -143,15 +135,6 @@ fn by_direction(sweep: &LidarSweep, color: impl Fn(&LidarPoint) -> [u8; 3]) -> S
     picture
 }
 
-/// The points as the sensor saw them, or nearly: in its axes at the start of the sweep.
-fn in_sensor(sweep: &LidarSweep, point: &LidarPoint) -> [f64; 3] {
-    if sweep.frame != PointFrame::World {
-        return point.position.map(f64::from);
-    }
-    let at = glam::DVec3::from_array(point.position.map(f64::from));
-    sweep.pose.to_sensor(at - sweep.pose.origin * sweep.metres_per_unit).to_array()
-}
-
 fn above(sweep: &LidarSweep) -> SweepPicture {
     let mut points: Vec<([f64; 3], EchoClass)> =
         sweep.points.iter().map(|point| (in_sensor(sweep, point), point.class)).collect();
@@ -160,9 +143,8 @@ fn above(sweep: &LidarSweep) -> SweepPicture {
         let is_weather = |class: &EchoClass| *class != EchoClass::Surface;
         is_weather(first).cmp(&is_weather(second)).then(a[2].total_cmp(&b[2]))
     });
-    // Surfaces come first, the lowest first.
-    let surfaces = points.iter().filter(|(_, class)| *class == EchoClass::Surface).count();
-    let lowest = points.get((LOWEST * surfaces as f64) as usize).map_or(0.0, |(at, _)| at[2]);
+    let surfaces = points.iter().filter(|(_, class)| *class == EchoClass::Surface);
+    let lowest = lowest(surfaces.map(|(at, _)| at[2]).collect());
     let mut distances: Vec<f64> = points.iter().map(|(at, _)| at[0].hypot(at[1])).collect();
     distances.sort_by(f64::total_cmp);
     let shown = distances.get((SHOWN * distances.len() as f64) as usize).copied().unwrap_or(REACH[0]);
@@ -179,14 +161,7 @@ fn above(sweep: &LidarSweep) -> SweepPicture {
         }
     }
     for ([x, y, z], class) in points {
-        let share = ((z - lowest) / TALL).clamp(0.0, 1.0);
-        let color = match class {
-            EchoClass::Surface => ramps::turbo(1.0 - share),
-            EchoClass::Drop => [130, 230, 255],
-            EchoClass::Flake => [255, 255, 255],
-            EchoClass::Air => [190, 150, 255],
-            EchoClass::Ghost => [255, 60, 200],
-        };
+        let color = class_color(class, z - lowest);
         // Ahead is above, left is left.
         picture.set((middle - y * scale) as i64, (middle - x * scale) as i64, color);
     }

@@ -100,7 +100,7 @@ impl RadarModel {
         }
         let path = Path::new(name);
         if path.extension().is_none() && !path.exists() {
-            let advice = toml_file::advice(name, RADAR_PRESETS);
+            let advice = toml_file::advice(name, RADAR_PRESETS, ", or a .toml file");
             return Err(RadarError::Unknown { name: name.into(), advice });
         }
         let unread = |error| RadarError::Read { path: path.into(), error };
