@@ -48,7 +48,7 @@ pub struct MeasureArgs {
     )]
     time: f64,
     /// Use only these instruments: visibility, rays, gauge, streaks, stake, budget, wet-card, water-budget, lux, sundial, shadows, allard,
-    /// halo, flash, fresnel, mirror, secchi, ripples, lamp-streak, lidar-board, lidar-air, lidar-drops, consistency, controls [default:
+    /// halo, flash, fresnel, mirror, secchi, ripples, lamp-streak, lidar-board, lidar-air, lidar-drops, lidar-road, consistency, controls [default:
     /// all that can measure the weather]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     instruments: Vec<String>,

@@ -374,18 +374,16 @@ const fn shares_of_edges<const E: usize>() -> [[f32; PATCH]; E] {
 
 impl PixelEffect for LampGlow {
     fn apply(&self, path: SimdPath, pixels: &mut PixelBatch<'_>) {
-        if !self.heads.iter().any(|head| head.is_in(pixels)) {
-            if !self.table.is_empty() {
-                dispatch!(path, s => self.add_glow(s, pixels, None));
-            }
-            return;
-        }
         let mut added = [[0.0; PATCH_PIXELS]; 3];
-        self.add_heads(pixels, &mut added);
-        if self.table.is_empty() {
+        let has_heads = self.heads.iter().any(|head| head.is_in(pixels));
+        if has_heads {
+            self.add_heads(pixels, &mut added);
+        }
+        if !self.table.is_empty() {
+            let added = has_heads.then_some(&added);
+            dispatch!(path, s => self.add_glow(s, pixels, added));
+        } else if has_heads {
             dispatch!(path, s => Self::add_all(s, pixels, &added));
-        } else {
-            dispatch!(path, s => self.add_glow(s, pixels, Some(&added)));
         }
     }
 }
@@ -499,7 +497,7 @@ impl<'a> GlowScene<'a> {
                 let place = |at: &usize| [at % columns, at / columns].map(|v| (v * PATCH) as f32);
                 let places: Vec<[f32; 2]> = corners.iter().map(place).collect();
                 let mut out = vec![[0.0; COLUMN]; corners.len()];
-                dispatch!(path, s => self.columns(s, &places, &self.lights, &mut out));
+                self.light_along(path, &places, &self.lights, &mut out);
                 out
             });
             corners.iter().zip(found.into_iter().flatten()).for_each(|(at, column)| table[*at] = column);
@@ -564,7 +562,13 @@ impl<'a> GlowScene<'a> {
         })
     }
 
-    /// The columns of rays through these places of the picture, px, by some of the lights.
+    /// The columns of rays through these places of the picture, px, by some of the lights. Never inlined: it takes the compiler a minute.
+    #[inline(never)]
+    fn light_along(&self, path: SimdPath, places: &[[f32; 2]], lights: &[GlowLight<'_>], out: &mut [Column]) {
+        dispatch!(path, s => self.columns(s, places, lights, out));
+    }
+
+    /// [`Self::light_along`] in vectors.
     #[inline(always)]
     fn columns<S: Lanes>(&self, simd: S, places: &[[f32; 2]], lights: &[GlowLight<'_>], out: &mut [Column]) {
         let view = self.air.seen_from(self.origin);
@@ -674,7 +678,7 @@ impl<'a> GlowScene<'a> {
             // Of the lamps that are near, exactly in place of what the corners say of them.
             let lights: Vec<GlowLight<'_>> = runs[run][0].2.iter().map(|light| self.lights[*light]).collect();
             let mut exact = vec![[0.0; COLUMN]; places.len()];
-            dispatch!(path, s => self.columns(s, &places, &lights, &mut exact));
+            self.light_along(path, &places, &lights, &mut exact);
             let mut left = &exact[..];
             let tables = runs[run].iter().map(|([x, y], cells, _)| {
                 let (own, others) = left.split_at((cells + 1) * (cells + 1));
