@@ -88,7 +88,7 @@ fn pictures_have_points_and_saved_ones_have_none() {
     assert!(status == 400 && text.contains("no lidar"), "{text}");
     let flood = json!({ "weather": { "name": "flood", "flood": { "level": 0.3 } } });
     let (status, text) = said("POST", "/files/points", flood);
-    assert!(status == 400 && text.contains("does not see floods"), "{text}");
+    assert!(status == 400 && text.contains("do not see floods"), "{text}");
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn a_picture_does_not_wait_for_its_points() {
     let flood = json!({ "name": "flood", "flood": { "level": 0.3 } });
     let flooded = next(6, false, json!({ "weather": flood }));
     let error = flooded.last().unwrap().1["error"].as_str().unwrap();
-    assert!(error.contains("does not see floods"), "{error}");
+    assert!(error.contains("do not see floods"), "{error}");
 }
 
 #[test]

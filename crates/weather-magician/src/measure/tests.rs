@@ -83,12 +83,14 @@ enum Fault {
     Ranges,
     /// The lidar's echoes are a tenth stronger.
     Echoes,
+    /// Wet surfaces send a tenth more back to a lidar.
+    WetEchoes,
     /// The lidar sees a tenth of its points less.
     Points,
 }
 
 /// Each fault, and which readings find it: the instrument and a part of the quantity.
-const FINDS: [(Fault, &[[&str; 2]]); 33] = [
+const FINDS: [(Fault, &[[&str; 2]]); 34] = [
     (Fault::None, &[]),
     // The same air, seen on boards and on the place.
     (
@@ -160,10 +162,7 @@ const FINDS: [(Fault, &[[&str; 2]]); 33] = [
     (Fault::Far, &[["allard", "extinction"]]),
     (Fault::Flash, &[["flash", "stroke"]]),
     (Fault::Shutter, &[["flash", "light of"], ["flash", "stroke"]]),
-    (
-        Fault::Darkening,
-        &[["wet-card", "full pores"], ["wet-card", "under a film"], ["lidar-road", "wet road"]],
-    ),
+    (Fault::Darkening, &[["wet-card", "full pores"], ["wet-card", "under a film"]]),
     (Fault::Rained, &[["water-budget", "rain on the ground"]]),
     (Fault::Puddles, &[["water-budget", "water in and out"]]),
     // The ends of the yard keep the streak from growing as long.
@@ -175,6 +174,7 @@ const FINDS: [(Fault, &[[&str; 2]]); 33] = [
     // A board of 10 % is looked for where it is set up.
     (Fault::Ranges, &[["lidar-board", "range of a board"], ["lidar-air", "reach"]]),
     (Fault::Echoes, &[["lidar-board", "intensity"]]),
+    (Fault::WetEchoes, &[["lidar-road", "6 m away"], ["lidar-road", "12 m away"]]),
     (Fault::Points, &[["lidar-drops", "drops"], ["lidar-road", "range of"]]),
 ];
 
@@ -304,6 +304,7 @@ impl Fault {
             | Self::Clearness
             | Self::Ranges
             | Self::Echoes
+            | Self::WetEchoes
             | Self::Points => {}
         }
         drawn
@@ -369,9 +370,12 @@ impl Fault {
             Self::Jitter => instrument != "shadows",
             // What only states show.
             Self::Rained | Self::Melt | Self::Puddles => instrument == "water-budget",
-            Self::Ranges => instrument.starts_with("lidar"),
+            Self::Ranges => matches!(instrument, "lidar-board" | "lidar-air"),
             Self::Echoes => instrument == "lidar-board",
+            Self::WetEchoes => instrument == "lidar-road",
             Self::Points => matches!(instrument, "lidar-drops" | "lidar-road"),
+            // A film darkens for a lidar whatever the pores.
+            Self::Darkening => instrument != "lidar-road",
             // A lidar sees drops as they are, at any pace and without a shutter: one of these is enough.
             Self::Pace | Self::Speed | Self::Exposure => instrument != "lidar-drops",
             _ => true,
@@ -450,6 +454,9 @@ impl InstrumentRenderer for Faulty {
         match self.fault {
             Fault::Ranges => sweep.points.iter_mut().for_each(|point| point.range *= 1.1),
             Fault::Echoes => sweep.points.iter_mut().for_each(|point| point.intensity *= 1.1),
+            Fault::WetEchoes if expected::is_on(weather, "wetness") => {
+                sweep.points.iter_mut().for_each(|point| point.intensity *= 1.1);
+            }
             Fault::Points => {
                 let mut number = 0;
                 sweep.points.retain(|_| {
@@ -522,7 +529,12 @@ fn each_instrument_finds_its_own_error_and_no_other() {
             let changes = |(k, shot): (usize, &OwnedShot)| {
                 matches!(
                     fault,
-                    Fault::Upright | Fault::Puddles | Fault::Ranges | Fault::Echoes | Fault::Points
+                    Fault::Upright
+                        | Fault::Puddles
+                        | Fault::Ranges
+                        | Fault::Echoes
+                        | Fault::WetEchoes
+                        | Fault::Points
                 ) || fault.light(shot).is_some()
                     || fault.falsified(k, shot) != *shot
             };
