@@ -187,19 +187,23 @@ impl LampGlow {
         self.table.clear();
     }
 
-    /// Adds the light of the air before each pixel of a patch, and what else is `added`.
-    #[inline(always)]
-    fn add_glow<S: Lanes>(&self, simd: S, pixels: &mut PixelBatch<'_>, added: Option<&AddedLight>) {
+    /// Adds the light of the air before each pixel of a patch, and what else is `added`. Each kind of table has vectors of its own:
+    /// one function of all of them takes the compiler minutes.
+    fn add_glow(&self, path: SimdPath, pixels: &mut PixelBatch<'_>, added: Option<&AddedLight>) {
         let (column, row) = (pixels.x as usize / PATCH, pixels.y as usize / PATCH);
         match self.near[row * (self.columns - 1) + column].map(|at| &self.fine[at as usize]) {
             None => {
                 let at = |x: usize, y: usize| &self.table[(row + y) * self.columns + column + x];
-                self.add_between::<S, 2>(simd, pixels, added, at);
+                dispatch!(path, s => self.add_between::<_, 2>(s, pixels, added, at));
             }
             Some(fine) if fine.len() == 9 => {
-                self.add_between::<S, 3>(simd, pixels, added, |x, y| &fine[3 * y + x]);
+                let at = |x: usize, y: usize| &fine[3 * y + x];
+                dispatch!(path, s => self.add_between::<_, 3>(s, pixels, added, at));
             }
-            Some(fine) => self.add_between::<S, 5>(simd, pixels, added, |x, y| &fine[5 * y + x]),
+            Some(fine) => {
+                let at = |x: usize, y: usize| &fine[5 * y + x];
+                dispatch!(path, s => self.add_between::<_, 5>(s, pixels, added, at));
+            }
         }
     }
 
@@ -380,8 +384,7 @@ impl PixelEffect for LampGlow {
             self.add_heads(pixels, &mut added);
         }
         if !self.table.is_empty() {
-            let added = has_heads.then_some(&added);
-            dispatch!(path, s => self.add_glow(s, pixels, added));
+            self.add_glow(path, pixels, has_heads.then_some(&added));
         } else if has_heads {
             dispatch!(path, s => Self::add_all(s, pixels, &added));
         }
@@ -497,7 +500,7 @@ impl<'a> GlowScene<'a> {
                 let place = |at: &usize| [at % columns, at / columns].map(|v| (v * PATCH) as f32);
                 let places: Vec<[f32; 2]> = corners.iter().map(place).collect();
                 let mut out = vec![[0.0; COLUMN]; corners.len()];
-                self.light_along(path, &places, &self.lights, &mut out);
+                self.columns(path, &places, &self.lights, &mut out);
                 out
             });
             corners.iter().zip(found.into_iter().flatten()).for_each(|(at, column)| table[*at] = column);
@@ -564,22 +567,16 @@ impl<'a> GlowScene<'a> {
 
     /// The columns of rays through these places of the picture, px, by some of the lights. Never inlined: it takes the compiler a minute.
     #[inline(never)]
-    fn light_along(&self, path: SimdPath, places: &[[f32; 2]], lights: &[GlowLight<'_>], out: &mut [Column]) {
-        dispatch!(path, s => self.columns(s, places, lights, out));
-    }
-
-    /// [`Self::light_along`] in vectors.
-    #[inline(always)]
-    fn columns<S: Lanes>(&self, simd: S, places: &[[f32; 2]], lights: &[GlowLight<'_>], out: &mut [Column]) {
+    fn columns(&self, path: SimdPath, places: &[[f32; 2]], lights: &[GlowLight<'_>], out: &mut [Column]) {
         let view = self.air.seen_from(self.origin);
         if view.is_grey() {
-            self.columns_in::<S, 1>(simd, &view, (places, lights), out);
+            dispatch!(path, s => self.columns_in::<_, 1>(s, &view, (places, lights), out));
         } else {
-            self.columns_in::<S, 3>(simd, &view, (places, lights), out);
+            dispatch!(path, s => self.columns_in::<_, 3>(s, &view, (places, lights), out));
         }
     }
 
-    /// [`Self::columns`] in air that has `C` extinctions: one for all channels, or one each.
+    /// [`Self::columns`] in vectors, in air that has `C` extinctions: one for all channels, or one each.
     #[inline(always)]
     fn columns_in<S: Lanes, const C: usize>(
         &self,
@@ -678,7 +675,7 @@ impl<'a> GlowScene<'a> {
             // Of the lamps that are near, exactly in place of what the corners say of them.
             let lights: Vec<GlowLight<'_>> = runs[run][0].2.iter().map(|light| self.lights[*light]).collect();
             let mut exact = vec![[0.0; COLUMN]; places.len()];
-            self.light_along(path, &places, &lights, &mut exact);
+            self.columns(path, &places, &lights, &mut exact);
             let mut left = &exact[..];
             let tables = runs[run].iter().map(|([x, y], cells, _)| {
                 let (own, others) = left.split_at((cells + 1) * (cells + 1));
