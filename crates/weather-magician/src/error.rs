@@ -7,8 +7,7 @@ use wm_media::MediaError;
 use wm_render::RenderError;
 use wm_scene::survey::AlignError;
 use wm_scene::{CameraError, FormatError};
-use wm_sensors::LidarError;
-use wm_sensors::radar::RadarError;
+use wm_sensors::SensorError;
 use wm_train::SessionError;
 use wm_weather::WeatherError;
 
@@ -40,12 +39,9 @@ pub enum Error {
     /// A picture or video cannot be written.
     #[error(transparent)]
     Media(#[from] MediaError),
-    /// A lidar or a file of points cannot be used.
+    /// A lidar, a radar or a file of their points cannot be used.
     #[error(transparent)]
-    Lidar(Box<LidarError>),
-    /// A radar or a file of detections cannot be used.
-    #[error(transparent)]
-    Radar(Box<RadarError>),
+    Sensor(Box<SensorError>),
     /// The training failed.
     #[error(transparent)]
     Train(Box<SessionError>),
@@ -72,8 +68,7 @@ macro_rules! boxed {
 }
 
 boxed! {
-    Format(FormatError), View(ViewError), Render(RenderError), Train(SessionError), Lidar(LidarError),
-    Radar(RadarError),
+    Format(FormatError), View(ViewError), Render(RenderError), Train(SessionError), Sensor(SensorError),
 }
 
 /// The result of this library's functions.

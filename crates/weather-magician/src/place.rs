@@ -830,11 +830,11 @@ impl PreparedPlace {
         scan: impl FnOnce(&rayon::ThreadPool, &PreparedWeather, Option<&Shelter>) -> R,
     ) -> Result<R> {
         let rains = weather.at(time).prepare(&self.site).rain_rate() > 0.0;
-        let MissingAssets { occluders, shelter, .. } = self.missing_assets(weather, time);
-        let missing = if rains {
-            MissingAssets { occluders, shelter, ..MissingAssets::default() }
-        } else {
-            MissingAssets::default()
+        let all = self.missing_assets(weather, time);
+        let missing = MissingAssets {
+            occluders: rains && all.occluders,
+            shelter: all.shelter.filter(|_| rains),
+            ..MissingAssets::default()
         };
         let prepared = self.prepare_sensors(backend, (weather, time), missing, progress)?;
         let fall = prepared.fall().filter(|_| rains);

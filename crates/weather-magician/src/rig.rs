@@ -366,7 +366,7 @@ impl SensorEntry {
     }
 
     /// Returns an error if an option of cameras is given to another kind.
-    fn refuse_of_cameras(&self, kind: &str) -> Result<(), String> {
+    fn refuse_camera_options(&self, kind: &str) -> Result<(), String> {
         let of_cameras = [
             ("size", self.size.is_some()),
             ("fov", self.fov.is_some()),
@@ -390,7 +390,7 @@ impl SensorEntry {
     }
 
     fn radar(&self, folder: &Path) -> Result<RigDevice, String> {
-        self.refuse_of_cameras("radar")?;
+        self.refuse_camera_options("radar")?;
         let of_lidars = [("sub_rays", self.sub_rays.is_some()), ("returns", self.returns.is_some())];
         self.refuse(&of_lidars, "radar")?;
         let model = RadarModel::find(&self.model(folder, "radar")?).map_err(|error| error.to_string())?;
@@ -401,7 +401,7 @@ impl SensorEntry {
     }
 
     fn lidar(&self, folder: &Path) -> Result<RigDevice, String> {
-        self.refuse_of_cameras("lidar")?;
+        self.refuse_camera_options("lidar")?;
         let model = LidarModel::find(&self.model(folder, "lidar")?).map_err(|error| error.to_string())?;
         let sub_rays = match self.sub_rays {
             None | Some(7) => SubRays::Seven,

@@ -1,4 +1,4 @@
-//! Errors of lidars.
+//! Errors of sensors.
 
 use std::path::PathBuf;
 use thiserror::Error;
@@ -7,12 +7,14 @@ use wm_scene::FormatError;
 /// The errors of this crate; each message is one line.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum LidarError {
+pub enum SensorError {
     /// There is no such preset.
-    #[error("`{name}` is no lidar; {advice}")]
+    #[error("`{name}` is no {kind}; {advice}")]
     Unknown {
         /// The name that was asked for.
         name: String,
+        /// The kind of sensor: lidar or radar.
+        kind: &'static str,
         /// Near names, or all.
         advice: String,
     },
@@ -24,7 +26,7 @@ pub enum LidarError {
         /// The reason.
         error: std::io::Error,
     },
-    /// A text makes no lidar.
+    /// A text makes no sensor.
     #[error("{name}{location}: {problem}")]
     Model {
         /// The file or the name.
@@ -34,10 +36,15 @@ pub enum LidarError {
         /// The problem.
         problem: String,
     },
-    /// A file name has the extension of no format of points.
-    #[error("{}: points are written to names that end in .ply, .pcd, .npy, .las or .bin", .0.display())]
-    Extension(PathBuf),
-    /// A file of points cannot be written.
+    /// A file name has the extension of no format.
+    #[error("{}: {formats}", path.display())]
+    Extension {
+        /// The file.
+        path: PathBuf,
+        /// The names that are written to.
+        formats: &'static str,
+    },
+    /// A file of points or detections cannot be written.
     #[error(transparent)]
     Write(#[from] FormatError),
     /// The points do not fit a file format.

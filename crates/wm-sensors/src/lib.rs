@@ -62,14 +62,14 @@ pub mod pattern;
 mod pose;
 mod presets;
 pub mod radar;
+mod sensor_text;
 pub mod surface;
 mod sweep;
 #[cfg(test)]
 mod tests;
-mod toml_file;
 
 pub use echo::{Echo, EchoClass, ReturnMode, ReturnRank};
-pub use error::LidarError;
+pub use error::SensorError;
 pub use formats::PointFormat;
 pub use model::{LidarModel, TARGET};
 pub use pattern::{Beam, BeamPattern};

@@ -1,11 +1,10 @@
 //! A lidar: its beams, its pulse and its range.
 
-use crate::error::LidarError;
+use crate::error::SensorError;
 use crate::pattern::{BeamPattern, RisleyPattern, RowPattern, TablePattern};
-use crate::presets::{PRESETS, unknown};
-use crate::toml_file;
+use crate::presets::PRESETS;
+use crate::sensor_text::{SensorKind, SensorText};
 use serde::Deserialize;
-use std::path::Path;
 
 /// Longest file that is read, bytes: tables of beams are long.
 const MOST_BYTES: u64 = 64 << 20;
@@ -67,10 +66,8 @@ fn usual_noise() -> f64 {
 /// Ranges over which receivers begin to see their own beam, m.
 const OVERLAP: [f64; 2] = [0.9, 1.0];
 
-/// The name and the text of a preset.
-fn preset(name: &str) -> Option<&'static (&'static str, &'static str)> {
-    PRESETS.iter().find(|(known, _)| known.eq_ignore_ascii_case(name.trim()))
-}
+/// Lidars.
+const KIND: SensorKind = SensorKind { name: "lidar", presets: PRESETS, most_bytes: MOST_BYTES };
 
 impl LidarModel {
     /// The model of a preset's name, or of the TOML file of that path.
@@ -80,51 +77,34 @@ impl LidarModel {
     ///
     /// let lidar = LidarModel::find("vlp-16")?;
     /// assert_eq!(lidar.pattern.grid(), Some([16, 1808]));
-    /// # Ok::<(), wm_sensors::LidarError>(())
+    /// # Ok::<(), wm_sensors::SensorError>(())
     /// ```
     ///
     /// # Errors
-    /// [`LidarError`] if there is neither, or the file makes no lidar.
-    pub fn find(name: &str) -> Result<Self, LidarError> {
-        if let Some((known, text)) = preset(name) {
-            return Self::parse(text, known);
-        }
-        let path = Path::new(name);
-        if path.extension().is_none() && !path.exists() {
-            return Err(unknown(name, ", or a .toml file"));
-        }
-        let unread = |error| LidarError::Read { path: path.into(), error };
-        if std::fs::metadata(path).map_err(unread)?.len() > MOST_BYTES {
-            let problem = "it is too long for a lidar: give a TOML file".into();
-            return Err(LidarError::Model { name: name.into(), location: String::new(), problem });
-        }
-        let text = std::fs::read_to_string(path).map_err(unread)?;
-        Self::parse(&text, &toml_file::stem_of(path)).map_err(|error| match error {
-            LidarError::Model { location, problem, .. } => {
-                LidarError::Model { name: path.display().to_string(), location, problem }
-            }
-            other => other,
-        })
+    /// [`SensorError`] if there is neither, or the file makes no lidar.
+    pub fn find(name: &str) -> Result<Self, SensorError> {
+        Self::of(&KIND.find(name)?)
     }
 
     /// The model of a preset's name; no file is read.
     ///
     /// # Errors
-    /// [`LidarError::Unknown`] if there is no such preset.
-    pub fn preset(name: &str) -> Result<Self, LidarError> {
-        preset(name).map_or_else(|| Err(unknown(name, "")), |(known, text)| Self::parse(text, known))
+    /// [`SensorError::Unknown`] if there is no such preset.
+    pub fn preset(name: &str) -> Result<Self, SensorError> {
+        Self::of(&KIND.preset(name, "")?)
     }
 
     /// The model of a text in TOML; `name` is its name where the text has none, and stands in errors.
     ///
     /// # Errors
-    /// [`LidarError::Model`] if it makes no lidar.
-    pub fn parse(text: &str, name: &str) -> Result<Self, LidarError> {
-        let fault =
-            |location: String, problem: String| LidarError::Model { name: name.into(), location, problem };
-        let file: ModelFile =
-            toml_file::parse(text).map_err(|(location, problem)| fault(location, problem))?;
-        let wrong = |problem: String| fault(String::new(), problem);
+    /// [`SensorError::Model`] if it makes no lidar.
+    pub fn parse(text: &str, name: &str) -> Result<Self, SensorError> {
+        Self::of(&SensorText::new(text, name))
+    }
+
+    fn of(text: &SensorText<'_>) -> Result<Self, SensorError> {
+        let file: ModelFile = text.parse()?;
+        let wrong = |problem: String| text.fault(problem);
         let mut patterns = [
             file.rows.map(BeamPattern::Rows),
             file.table.map(BeamPattern::Table),
@@ -145,7 +125,7 @@ impl LidarModel {
         let nearest = file.range[0];
         let usual = if nearest < OVERLAP[0] { [nearest, nearest + 0.1] } else { OVERLAP };
         let model = Self {
-            name: file.name.unwrap_or_else(|| name.into()),
+            name: file.name.unwrap_or_else(|| text.name.clone()),
             wavelength: file.wavelength,
             divergence: file.divergence,
             pulse: file.pulse,

@@ -73,6 +73,18 @@ pub enum PointFrame {
     World,
 }
 
+impl PointFrame {
+    /// A point of a sweep in these axes, m, in those of the sensor at its `start`; what is raw stays as it is.
+    #[must_use]
+    pub fn in_sensor(self, point: [f32; 3], start: &SensorPose, metres_per_unit: f64) -> DVec3 {
+        let point = DVec3::from_array(point.map(f64::from));
+        match self {
+            Self::World => start.to_sensor(point - start.origin * metres_per_unit),
+            Self::Compensated | Self::Raw => point,
+        }
+    }
+}
+
 /// Options of a sweep.
 #[derive(Clone, Copy, Debug)]
 pub struct SweepOptions {

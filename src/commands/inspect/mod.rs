@@ -7,6 +7,7 @@ use crate::scene::{FactArgs, count_of, read_options};
 use anyhow::Result;
 use clap::Args;
 use serde_json::json;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use wm_scene::files::check_writable;
 use wm_scene::formats::{SceneFormat, read_scene_and_format, write_sidecar};
@@ -158,7 +159,8 @@ fn print(
         println!("  lamps: {}, {}", count_of(lamps.len(), "lamp"), count_of(windows, "lit window"));
     }
     if let Some(entries) = &scene.metadata.reflectances {
-        println!("  reflectances: of {}", count_of(entries.len(), "label"));
+        let labels: BTreeSet<u16> = entries.iter().map(|entry| entry.label).collect();
+        println!("  reflectances: of {}", count_of(labels.len(), "label"));
     }
     println!("Opacity");
     histogram(&health.opacity, |v| format!("{v:.2}"));

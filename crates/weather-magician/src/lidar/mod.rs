@@ -24,7 +24,7 @@ pub use colors::PointColors;
 pub use overlay::PointOverlay;
 pub use picture::{SweepPicture, SweepView};
 pub use wm_sensors::{
-    EchoClass, LidarError, LidarModel, LidarPoint, LidarSweep, PRESETS, PointFormat, PointFrame, ReturnMode,
+    EchoClass, LidarModel, LidarPoint, LidarSweep, PRESETS, PointFormat, PointFrame, ReturnMode, SensorError,
     SensorPose, SubRays, about,
 };
 
@@ -257,11 +257,7 @@ impl SensorMotion for UprightMotion<'_> {
 
 /// The points as the sensor saw them, or nearly: in its axes at the start of the sweep.
 fn in_sensor(sweep: &LidarSweep, point: &LidarPoint) -> [f64; 3] {
-    if sweep.frame != PointFrame::World {
-        return point.position.map(f64::from);
-    }
-    let at = DVec3::from_array(point.position.map(f64::from));
-    sweep.pose.to_sensor(at - sweep.pose.origin * sweep.metres_per_unit).to_array()
+    sweep.frame.in_sensor(point.position, &sweep.pose, sweep.metres_per_unit).to_array()
 }
 
 #[cfg(test)]

@@ -19,10 +19,8 @@
 mod picture;
 
 pub use picture::{RadarPicture, RadarView};
-pub use wm_sensors::radar::{
-    RADAR_PRESETS, RadarClass, RadarDetection, RadarError, RadarFormat, RadarModel, RadarSweep,
-};
-pub use wm_sensors::{PointFrame, about};
+pub use wm_sensors::radar::{RADAR_PRESETS, RadarClass, RadarDetection, RadarFormat, RadarModel, RadarSweep};
+pub use wm_sensors::{PointFrame, SensorError, about};
 
 use crate::lidar::UprightMotion;
 use crate::motion::CameraMotion;

@@ -3,7 +3,6 @@
 use std::path::Path;
 use std::str::FromStr;
 use wm_media::{MediaError, PictureSize, png, ramps};
-use wm_sensors::PointFrame;
 use wm_sensors::radar::{RadarClass, RadarDetection, RadarSweep};
 
 /// A way to look at a radar's sweep, from above, the sensor below the middle and ahead of it above.
@@ -78,7 +77,8 @@ impl RadarPicture {
                 RadarView::Rcs => ramps::turbo(1.0 - share.clamp(0.0, 1.0)),
             };
             let radius = RADIUS[0] + RADIUS[1] * f64::from(one.snr).clamp(0.0, 60.0);
-            let place = field.pixel(in_sensor(sweep, one));
+            let at = sweep.frame.in_sensor(one.position, &sweep.pose, sweep.metres_per_unit);
+            let place = field.pixel([at.x, at.y]);
             // Rain is hollow, noise is a dot.
             match one.class {
                 RadarClass::Surface => picture.disc(place, [0.0, radius], color),
@@ -105,7 +105,7 @@ impl RadarPicture {
         }
     }
 
-    /// What lies between two distances from a place, px.
+    /// Fills the ring between two distances from a place, px.
     fn disc(&mut self, [x, y]: [f64; 2], [inner, outer]: [f64; 2], color: [u8; 3]) {
         let reach = outer.ceil() as i64;
         for row in -reach..=reach {
@@ -175,14 +175,4 @@ impl Field {
     fn pixel(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [ROOM + (self.corner[1] - y) * self.scale, ROOM + (self.corner[0] - x) * self.scale]
     }
-}
-
-/// A detection ahead and to the left of the sensor, m.
-fn in_sensor(sweep: &RadarSweep, one: &RadarDetection) -> [f64; 2] {
-    let at = glam::DVec3::from_array(one.position.map(f64::from));
-    let at = match sweep.frame {
-        PointFrame::World => sweep.pose.to_sensor(at - sweep.pose.origin * sweep.metres_per_unit),
-        PointFrame::Raw | PointFrame::Compensated => at,
-    };
-    [at.x, at.y]
 }

@@ -2,7 +2,7 @@
 
 use super::write_parts;
 use crate::echo::EchoClass;
-use crate::error::LidarError;
+use crate::error::SensorError;
 use crate::sweep::{LidarPoint, LidarSweep};
 use std::path::Path;
 use wm_scene::files::write_atomically;
@@ -13,8 +13,8 @@ const SCALE: f64 = 0.001;
 const HEADER: u16 = 227;
 const RECORD: u16 = 34;
 
-pub(super) fn save(sweep: &LidarSweep, path: &Path) -> Result<(), LidarError> {
-    let fault = |problem: String| LidarError::Points { path: path.into(), problem };
+pub(super) fn save(sweep: &LidarSweep, path: &Path) -> Result<(), SensorError> {
+    let fault = |problem: String| SensorError::Points { path: path.into(), problem };
     let count = u32::try_from(sweep.points.len()).map_err(|_| fault("too many points for LAS 1.2".into()))?;
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for point in &sweep.points {

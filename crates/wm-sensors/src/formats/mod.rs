@@ -12,7 +12,7 @@
 
 mod las;
 
-use crate::error::LidarError;
+use crate::error::SensorError;
 use crate::sweep::{LidarPoint, LidarSweep};
 use std::io::Write;
 use std::path::Path;
@@ -34,6 +34,8 @@ pub enum PointFormat {
     Bin,
 }
 
+/// The names that points are written to.
+const FORMATS: &str = "points are written to names that end in .ply, .pcd, .npy, .las or .bin";
 /// Points that are written at once.
 const PART: usize = 4096;
 
@@ -41,8 +43,8 @@ impl PointFormat {
     /// The format of a name's extension.
     ///
     /// # Errors
-    /// [`LidarError::Extension`] if it has another.
-    pub fn of(path: &Path) -> Result<Self, LidarError> {
+    /// [`SensorError::Extension`] if it has another.
+    pub fn of(path: &Path) -> Result<Self, SensorError> {
         let extension = path.extension().map(|text| text.to_string_lossy().to_lowercase());
         match extension.as_deref() {
             Some("ply") => Ok(Self::Ply),
@@ -50,7 +52,7 @@ impl PointFormat {
             Some("npy") => Ok(Self::Npy),
             Some("las") => Ok(Self::Las),
             Some("bin") => Ok(Self::Bin),
-            _ => Err(LidarError::Extension(path.into())),
+            _ => Err(SensorError::Extension { path: path.into(), formats: FORMATS }),
         }
     }
 
@@ -71,8 +73,8 @@ impl LidarSweep {
     /// Writes the points in the format of the name's extension, see [`crate::formats`].
     ///
     /// # Errors
-    /// [`LidarError`] if the format is unknown, the points do not fit it, or the file cannot be written.
-    pub fn save(&self, path: &Path) -> Result<(), LidarError> {
+    /// [`SensorError`] if the format is unknown, the points do not fit it, or the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), SensorError> {
         match PointFormat::of(path)? {
             PointFormat::Ply => self.records(path, &ply_header(self), record),
             PointFormat::Pcd => self.records(path, &pcd_header(self), record),
@@ -110,7 +112,7 @@ impl LidarSweep {
         path: &Path,
         header: &str,
         record: impl Fn(&LidarPoint, &mut Vec<u8>),
-    ) -> Result<(), LidarError> {
+    ) -> Result<(), SensorError> {
         write_atomically(path, |out| {
             out.write_all(header.as_bytes())?;
             write_parts(&self.points, out, record)

@@ -22,7 +22,7 @@ const GUARD: [usize; 2] = [2, 3];
 /// Power below which a cell is not looked at, of the threshold in noise.
 const FAINT: f64 = 0.25;
 
-/// What sends power back; places are in cells, whole numbers in their middles.
+/// A piece of a surface that sends power back. Places are in cells, whole numbers in their middles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scatterer {
     /// Range, azimuth and velocity.
@@ -126,19 +126,25 @@ pub(super) struct DetectedCell {
 
 /// The powers of all cells.
 pub(super) struct PowerCube<'a> {
-    pub model: &'a RadarModel,
+    model: &'a RadarModel,
     /// Those of each azimuth, `[ranges, velocities]`.
-    pub rows: &'a [Vec<f32>],
+    rows: &'a [Vec<f32>],
+    /// Cells in range, azimuth and velocity.
+    count: [usize; 3],
 }
 
-impl PowerCube<'_> {
+impl<'a> PowerCube<'a> {
+    pub fn new(model: &'a RadarModel, rows: &'a [Vec<f32>]) -> Self {
+        Self { model, rows, count: model.cells() }
+    }
+
     fn power(&self, [range, azimuth, velocity]: [usize; 3]) -> f32 {
-        self.rows[azimuth][range * self.model.cells()[2] + velocity]
+        self.rows[azimuth][range * self.count[2] + velocity]
     }
 
     /// The detections of one azimuth, in the order of ranges and velocities.
     pub fn detections(&self, azimuth: usize) -> Vec<DetectedCell> {
-        let [_, _, velocities] = self.model.cells();
+        let velocities = self.count[2];
         let least = (FAINT * self.model.threshold()) as f32;
         let first = (self.model.range[0] / self.model.range_cell).ceil() as usize * velocities;
         let mut found = Vec::new();
@@ -160,7 +166,7 @@ impl PowerCube<'_> {
 
     /// The neighbour of a cell that lies `by` cells on in direction `k`, if there is one. Velocities go round.
     fn neighbour(&self, cell: [usize; 3], k: usize, by: i64) -> Option<[usize; 3]> {
-        let count = self.model.cells()[k] as i64;
+        let count = self.count[k] as i64;
         let place = cell[k] as i64 + by;
         let mut next = cell;
         next[k] = if k == 2 { place.rem_euclid(count) } else { place } as usize;
@@ -189,7 +195,7 @@ impl PowerCube<'_> {
 
     /// The mean power of the cells around one, of the same azimuth, and their number.
     fn around(&self, [range, azimuth, velocity]: [usize; 3]) -> (f64, usize) {
-        let [ranges, _, velocities] = self.model.cells();
+        let [ranges, _, velocities] = self.count;
         let nearest = (self.model.range[0] / self.model.range_cell).ceil() as usize;
         let side = TRAINING[1].min((velocities - 1) / 2) as i64;
         let (mut sum, mut count) = (0.0, 0usize);
@@ -263,7 +269,7 @@ mod tests {
         let count = (ranges * azimuths * velocities) as f64;
         let mean = rows.iter().flatten().map(|power| f64::from(*power)).sum::<f64>() / count;
         assert!((mean - 1.0).abs() < 0.005, "{mean}");
-        let cube = PowerCube { model: &model, rows: &rows };
+        let cube = PowerCube::new(&model, &rows);
         let found: usize = (0..azimuths).map(|azimuth| cube.detections(azimuth).len()).sum();
         // Neighbours of peaks that are above the threshold too, some 1 %, are not detections.
         let share = found as f64 / (count * 1e-3);

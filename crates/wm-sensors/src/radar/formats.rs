@@ -8,8 +8,8 @@
 //!
 //! All are written whole or not at all.
 
-use super::error::RadarError;
 use super::sweep::{RadarDetection, RadarSweep};
+use crate::error::SensorError;
 use std::path::Path;
 use wm_scene::files::write_atomically;
 use wm_scene::npy;
@@ -25,6 +25,9 @@ pub enum RadarFormat {
     Npy,
 }
 
+/// The names that detections are written to.
+const FORMATS: &str = "detections are written to names that end in .ply, .pcd or .npy";
+
 /// The numbers of a detection, in order.
 const FIELDS: [&str; 10] =
     ["x", "y", "z", "range", "azimuth", "elevation", "velocity", "ground_velocity", "rcs", "snr"];
@@ -38,14 +41,14 @@ impl RadarFormat {
     /// The format of a name's extension.
     ///
     /// # Errors
-    /// [`RadarError::Extension`] if it has another.
-    pub fn of(path: &Path) -> Result<Self, RadarError> {
+    /// [`SensorError::Extension`] if it has another.
+    pub fn of(path: &Path) -> Result<Self, SensorError> {
         let extension = path.extension().map(|text| text.to_string_lossy().to_lowercase());
         match extension.as_deref() {
             Some("ply") => Ok(Self::Ply),
             Some("pcd") => Ok(Self::Pcd),
             Some("npy") => Ok(Self::Npy),
-            _ => Err(RadarError::Extension(path.into())),
+            _ => Err(SensorError::Extension { path: path.into(), formats: FORMATS }),
         }
     }
 
@@ -64,8 +67,8 @@ impl RadarSweep {
     /// Writes the detections in the format of the name's extension, see [`super::formats`].
     ///
     /// # Errors
-    /// [`RadarError`] if the format is unknown or the file cannot be written.
-    pub fn save(&self, path: &Path) -> Result<(), RadarError> {
+    /// [`SensorError`] if the format is unknown or the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), SensorError> {
         let header = match RadarFormat::of(path)? {
             RadarFormat::Ply => self.ply_header(),
             RadarFormat::Pcd => self.pcd_header(),

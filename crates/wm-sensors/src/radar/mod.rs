@@ -48,7 +48,6 @@
 //! and the rain. Side lobes, interference, saturation, spray and a wet cover of the antenna are left out.
 
 mod cells;
-mod error;
 pub mod formats;
 mod model;
 mod rain;
@@ -57,9 +56,9 @@ mod sweep;
 #[cfg(test)]
 mod tests;
 
-pub use error::RadarError;
+pub use crate::presets::RADAR_PRESETS;
 pub use formats::RadarFormat;
-pub use model::{RADAR_PRESETS, REFERENCE_TARGET, RadarModel};
+pub use model::{REFERENCE_TARGET, RadarModel};
 pub use rain::{rain_attenuation, rain_coefficients, rain_reflectivity};
 pub use surface::surface_backscatter;
 pub use sweep::{RadarClass, RadarDetection, RadarOptions, RadarScene, RadarSweep, radar_sweep};

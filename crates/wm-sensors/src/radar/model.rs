@@ -1,20 +1,10 @@
 //! A radar: its cells, its beam and its range.
 
-use super::error::RadarError;
 use super::rain::BAND;
-use crate::toml_file;
+use crate::error::SensorError;
+use crate::presets::RADAR_PRESETS;
+use crate::sensor_text::{SensorKind, SensorText};
 use serde::Deserialize;
-use std::path::Path;
-
-macro_rules! presets {
-    ($($name:literal),+ $(,)?) => {
-        /// Names and texts of the radars that are built in.
-        pub const RADAR_PRESETS: &[(&str, &str)] =
-            &[$(($name, include_str!(concat!("presets/", $name, ".toml")))),+];
-    };
-}
-
-presets! { "long-range-77", "mid-range-77", "short-range-24" }
 
 /// Longest file that is read, bytes.
 const MOST_BYTES: u64 = 1 << 20;
@@ -27,6 +17,9 @@ pub const REFERENCE_TARGET: f64 = 10.0;
 /// Rays are at most so far apart, radians, and at least so many go through the width of a cell.
 const STEP: f64 = 0.2 * std::f64::consts::PI / 180.0;
 const ACROSS: f64 = 4.0;
+
+/// Radars.
+const KIND: SensorKind = SensorKind { name: "radar", presets: RADAR_PRESETS, most_bytes: MOST_BYTES };
 
 /// A kind of radar: an array of antennas whose beams are made by computing, with chirps that give range and velocity at once.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,47 +81,28 @@ impl RadarModel {
     ///
     /// let radar = RadarModel::find("mid-range-77")?;
     /// assert_eq!(radar.cells(), [334, 48, 666]);
-    /// # Ok::<(), wm_sensors::radar::RadarError>(())
+    /// # Ok::<(), wm_sensors::SensorError>(())
     /// ```
     ///
     /// # Errors
-    /// [`RadarError`] if there is neither, or the file makes no radar.
-    pub fn find(name: &str) -> Result<Self, RadarError> {
-        let is_same = |known: &str| known.eq_ignore_ascii_case(name.trim());
-        if let Some((known, text)) = RADAR_PRESETS.iter().find(|(known, _)| is_same(known)) {
-            return Self::parse(text, known);
-        }
-        let path = Path::new(name);
-        if path.extension().is_none() && !path.exists() {
-            let advice = toml_file::advice(name, RADAR_PRESETS, ", or a .toml file");
-            return Err(RadarError::Unknown { name: name.into(), advice });
-        }
-        let unread = |error| RadarError::Read { path: path.into(), error };
-        if std::fs::metadata(path).map_err(unread)?.len() > MOST_BYTES {
-            let problem = "it is too long for a radar: give a TOML file".into();
-            return Err(RadarError::Model { name: name.into(), location: String::new(), problem });
-        }
-        let text = std::fs::read_to_string(path).map_err(unread)?;
-        Self::parse(&text, &toml_file::stem_of(path)).map_err(|error| match error {
-            RadarError::Model { location, problem, .. } => {
-                RadarError::Model { name: path.display().to_string(), location, problem }
-            }
-            other => other,
-        })
+    /// [`SensorError`] if there is neither, or the file makes no radar.
+    pub fn find(name: &str) -> Result<Self, SensorError> {
+        Self::of(&KIND.find(name)?)
     }
 
     /// The model of a text in TOML; `name` is its name where the text has none, and stands in errors.
     ///
     /// # Errors
-    /// [`RadarError::Model`] if it makes no radar.
-    pub fn parse(text: &str, name: &str) -> Result<Self, RadarError> {
-        let fault =
-            |location: String, problem: String| RadarError::Model { name: name.into(), location, problem };
-        let file: RadarFile =
-            toml_file::parse(text).map_err(|(location, problem)| fault(location, problem))?;
-        file.fault().map_or(Ok(()), |problem| Err(fault(String::new(), problem)))?;
+    /// [`SensorError::Model`] if it makes no radar.
+    pub fn parse(text: &str, name: &str) -> Result<Self, SensorError> {
+        Self::of(&SensorText::new(text, name))
+    }
+
+    fn of(text: &SensorText<'_>) -> Result<Self, SensorError> {
+        let file: RadarFile = text.parse()?;
+        file.fault().map_or(Ok(()), |problem| Err(text.fault(problem)))?;
         let model = Self {
-            name: file.name.unwrap_or_else(|| name.into()),
+            name: file.name.unwrap_or_else(|| text.name.clone()),
             frequency: file.frequency,
             range: file.range,
             range_cell: file.range_cell,
@@ -141,7 +115,7 @@ impl RadarModel {
             false_alarms: file.false_alarms,
             rate: file.rate,
         };
-        model.excess().map_or(Ok(model), |problem| Err(fault(String::new(), problem)))
+        model.excess().map_or(Ok(model), |problem| Err(text.fault(problem)))
     }
 
     /// Duration of a sweep, s.

@@ -169,7 +169,7 @@ pub fn radar_sweep(
         .into_par_iter()
         .map(|azimuth| cells::powers(model, azimuth, near(azimuth), &sectors[azimuth].clutter, &random))
         .collect();
-    let cube = PowerCube { model, rows: &rows };
+    let cube = PowerCube::new(model, &rows);
     let of_azimuth = |azimuth: usize| -> Vec<RadarDetection> {
         let found = cube.detections(azimuth);
         let detection = |found: &cells::DetectedCell| {
@@ -194,7 +194,7 @@ pub fn radar_sweep(
     }
 }
 
-/// What comes from one cell of azimuth.
+/// The surfaces and the rain of one cell of azimuth.
 pub(super) struct Sector {
     pub scatterers: Vec<Scatterer>,
     pub clutter: RainClutter,

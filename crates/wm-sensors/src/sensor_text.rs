@@ -1,0 +1,89 @@
+//! Sensors by name: presets, TOML files, and faults with their places.
+
+use crate::error::SensorError;
+use serde::de::DeserializeOwned;
+use std::borrow::Cow;
+use std::path::Path;
+use wm_scene::nearest;
+
+/// A kind of sensor.
+pub(crate) struct SensorKind {
+    /// The word for it in errors.
+    pub name: &'static str,
+    /// Names and texts of its presets.
+    pub presets: &'static [(&'static str, &'static str)],
+    /// Longest file that is read, bytes.
+    pub most_bytes: u64,
+}
+
+/// A sensor in TOML.
+pub(crate) struct SensorText<'a> {
+    /// TOML.
+    text: Cow<'a, str>,
+    /// The name of the sensor where the text has none.
+    pub name: String,
+    /// The name in errors: the file, if it came from one.
+    place: String,
+}
+
+impl SensorKind {
+    /// The preset of a name; `otherwise` says in the error what else may be given.
+    pub fn preset(&self, name: &str, otherwise: &str) -> Result<SensorText<'static>, SensorError> {
+        let is_same = |known: &str| known.eq_ignore_ascii_case(name.trim());
+        if let Some((known, text)) = self.presets.iter().find(|(known, _)| is_same(known)) {
+            return Ok(SensorText::new(text, known));
+        }
+        let names: Vec<&str> = self.presets.iter().map(|(name, _)| *name).collect();
+        let near = nearest(&name.to_lowercase(), names.iter().copied(), 1);
+        let advice = match near[..] {
+            [near] => format!("did you mean {near}?"),
+            _ => format!("give {}{otherwise}", names.join(", ")),
+        };
+        Err(SensorError::Unknown { name: name.into(), kind: self.name, advice })
+    }
+
+    /// The preset of a name, or the TOML file of that path.
+    pub fn find(&self, name: &str) -> Result<SensorText<'static>, SensorError> {
+        let preset = self.preset(name, ", or a .toml file");
+        let path = Path::new(name);
+        if preset.is_ok() || (path.extension().is_none() && !path.exists()) {
+            return preset;
+        }
+        let unread = |error| SensorError::Read { path: path.into(), error };
+        let is_long = std::fs::metadata(path).map_err(unread)?.len() > self.most_bytes;
+        let text = if is_long { String::new() } else { std::fs::read_to_string(path).map_err(unread)? };
+        let found = SensorText {
+            text: text.into(),
+            name: path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),
+            place: path.display().to_string(),
+        };
+        if is_long {
+            return Err(found.fault(format!("it is too long for a {}: give a TOML file", self.name)));
+        }
+        Ok(found)
+    }
+}
+
+impl<'a> SensorText<'a> {
+    /// A text whose errors have the sensor's name.
+    pub fn new(text: &'a str, name: &str) -> Self {
+        Self { text: text.into(), name: name.into(), place: name.into() }
+    }
+
+    /// The value of the text.
+    pub fn parse<T: DeserializeOwned>(&self) -> Result<T, SensorError> {
+        toml::from_str(&self.text).map_err(|error| {
+            let line = error
+                .span()
+                .map(|span| 1 + self.text[..span.start.min(self.text.len())].matches('\n').count());
+            let location = line.map_or_else(String::new, |line| format!(", line {line}"));
+            let problem = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
+            SensorError::Model { name: self.place.clone(), location, problem }
+        })
+    }
+
+    /// The error of a text that is TOML and makes no sensor.
+    pub fn fault(&self, problem: String) -> SensorError {
+        SensorError::Model { name: self.place.clone(), location: String::new(), problem }
+    }
+}
