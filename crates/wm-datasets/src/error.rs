@@ -1,0 +1,47 @@
+//! Errors of data sets.
+
+use std::path::PathBuf;
+use thiserror::Error;
+use wm_scene::FormatError;
+
+/// Why a data set cannot be written or read.
+#[derive(Debug, Error)]
+pub enum DatasetError {
+    /// A layout cannot hold a set.
+    #[error("layout {layout}: {problem}")]
+    Layout {
+        /// The layout's name.
+        layout: &'static str,
+        /// What it cannot hold, and what to do.
+        problem: String,
+    },
+    /// There is no layout of a name.
+    #[error("there is no layout `{name}`{near}; the layouts are {all}")]
+    UnknownLayout {
+        /// The name.
+        name: String,
+        /// The nearest name, in words, or nothing.
+        near: String,
+        /// All names.
+        all: String,
+    },
+    /// A picture could not be encoded.
+    #[error("a picture of sensor \"{sensor}\" cannot be encoded: {problem}")]
+    Picture {
+        /// The sensor.
+        sensor: String,
+        /// The problem.
+        problem: String,
+    },
+    /// A file could not be written.
+    #[error("{}: {problem}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The problem.
+        problem: String,
+    },
+    /// A file of a log is wrong: path, place and what to do.
+    #[error(transparent)]
+    File(#[from] FormatError),
+}

@@ -1,0 +1,113 @@
+//! Layouts of data sets, one module each, one line each in the list below.
+
+use crate::{BlockInfo, ClipRecord, DatasetError, Reading, SetInfo};
+
+macro_rules! layouts {
+    ($($name:ident),* $(,)?) => {
+        $(mod $name;)*
+
+        /// Every layout, in the order in which they are listed.
+        pub const LAYOUTS: &[&dyn Layout] = &[$(&$name::LAYOUT),*];
+    };
+}
+
+layouts! {}
+
+/// A layout of a data set.
+pub trait Layout: Sync {
+    /// The name in plans and of its folder.
+    fn name(&self) -> &'static str;
+
+    /// A description in one line.
+    fn about(&self) -> &'static str;
+
+    /// The layers of pictures that it needs beside the colour.
+    fn needs(&self) -> LayerNeeds {
+        LayerNeeds::default()
+    }
+
+    /// Checks that it can hold a set.
+    ///
+    /// # Errors
+    /// [`DatasetError::Layout`] with what it cannot hold.
+    fn check(&self, set: &SetInfo) -> Result<(), DatasetError>;
+
+    /// Begins the files of a block. They depend on the block alone.
+    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a>;
+
+    /// Writes the tables over all clips, which come in the order of their numbers.
+    ///
+    /// # Errors
+    /// Those of `clips` and `files`.
+    fn tables(
+        &self,
+        set: &SetInfo,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        files: &mut dyn FileSink,
+    ) -> Result<(), DatasetError>;
+}
+
+/// Layers of pictures beside the colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LayerNeeds {
+    /// The picture without weather.
+    pub clean: bool,
+    /// Depth.
+    pub depth: bool,
+    /// Optical flow.
+    pub flow: bool,
+}
+
+impl LayerNeeds {
+    /// What either needs.
+    #[must_use]
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            clean: self.clean || other.clean,
+            depth: self.depth || other.depth,
+            flow: self.flow || other.flow,
+        }
+    }
+}
+
+/// The files of one block.
+pub trait BlockWriter {
+    /// Takes the next reading, in the order of [`BlockInfo::readings`].
+    ///
+    /// # Errors
+    /// Those of `files`; [`DatasetError::Picture`].
+    fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError>;
+
+    /// Writes what is left.
+    ///
+    /// # Errors
+    /// Those of `files`.
+    fn finish(self: Box<Self>, _files: &mut dyn FileSink) -> Result<(), DatasetError> {
+        Ok(())
+    }
+}
+
+/// Where the files of a layout go.
+pub trait FileSink {
+    /// Writes a file; `path` is relative to the folder of the layout, with `/` between its parts.
+    ///
+    /// # Errors
+    /// [`DatasetError::Write`].
+    fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), DatasetError>;
+}
+
+/// The layout of a name.
+///
+/// # Errors
+/// [`DatasetError::UnknownLayout`] with the nearest name.
+pub fn find_layout(name: &str) -> Result<&'static dyn Layout, DatasetError> {
+    let names: Vec<&str> = LAYOUTS.iter().map(|layout| layout.name()).collect();
+    LAYOUTS.iter().copied().find(|layout| layout.name() == name).ok_or_else(|| {
+        let near = wm_scene::nearest(name, names.iter().copied(), 1);
+        DatasetError::UnknownLayout {
+            name: name.into(),
+            near: near.first().map_or_else(String::new, |near| format!(", did you mean `{near}`?")),
+            all: names.join(", "),
+        }
+    })
+}

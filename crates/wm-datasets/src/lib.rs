@@ -1,0 +1,23 @@
+//! Data sets for perception: what sensors read, in the layouts that training code reads, and driving logs as captures.
+//!
+//! A [`SetInfo`] says which sensors there are, a [`ClipInfo`] which drive, and a [`Reading`] what one sensor read at one time. A
+//! [`Layout`] turns them into files; [`LAYOUTS`] lists all of them. Nothing here renders: readings come from the caller.
+//!
+//! Files of readings are made block by block, on any machine and in any order, and the tables over all of them once, from poses
+//! and times alone. So shards of a set need not know each other.
+
+mod error;
+pub mod layouts;
+mod pose;
+mod set;
+#[cfg(any(test, feature = "testing"))]
+pub mod testing;
+
+pub use error::DatasetError;
+pub use layouts::{BlockWriter, FileSink, LAYOUTS, LayerNeeds, Layout, find_layout};
+pub use pose::RigidPose;
+pub use set::{
+    BlockInfo, CameraInfo, ClipInfo, ClipRecord, Condition, DatasetDetection, DatasetPoint, PictureReading,
+    PlaceInfo, PointSource, Reading, ReadingData, ReadingInfo, SensorInfo, SensorInfoKind, SetInfo,
+    WeatherInfo,
+};
