@@ -22,6 +22,16 @@ pub fn spinner(what: &'static str) -> ProgressBar {
 #[derive(Default)]
 pub struct Reporter(Option<ProgressBar>);
 
+impl Reporter {
+    /// Prints a line on the error stream, above the bar.
+    pub fn say(&self, line: &str) {
+        match &self.0 {
+            Some(bar) => bar.suspend(|| eprintln!("{line}")),
+            None => eprintln!("{line}"),
+        }
+    }
+}
+
 impl Progress for Reporter {
     fn begin(&mut self, task: &'static str, steps: Option<u64>) {
         self.0 = Some(steps.map_or_else(|| spinner(task), |steps| bar(steps, task)));

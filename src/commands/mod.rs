@@ -2,6 +2,7 @@
 
 mod align;
 mod bake;
+mod batch;
 mod bench;
 mod convert;
 pub mod demo;
@@ -42,6 +43,8 @@ enum CliCommand {
     /// Show a scene in a browser: fly through it, change the weather, save pictures and videos
     #[cfg(feature = "viewer")]
     View(Box<view::ViewArgs>),
+    /// Make a data set by a plan: scenes in many weathers, as nuScenes, KITTI and other layouts
+    Batch(batch::BatchArgs),
     /// Write a scene with its snow or dust cover as an ordinary scene file
     Bake(Box<bake::BakeArgs>),
     /// Convert scenes to another format; rotate, scale, crop or reduce them
@@ -77,6 +80,7 @@ pub fn run(cli: Cli) -> Result<()> {
         CliCommand::Scan(args) => scan::run(&args),
         #[cfg(feature = "viewer")]
         CliCommand::View(args) => view::run(&args),
+        CliCommand::Batch(args) => batch::run(&args),
         CliCommand::Bake(args) => bake::run(&args),
         CliCommand::Convert(args) => convert::run(&args),
         CliCommand::Evaluate(args) => evaluate::run(&args),

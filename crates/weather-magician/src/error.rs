@@ -42,6 +42,9 @@ pub enum Error {
     /// A lidar, a radar or a file of their points cannot be used.
     #[error(transparent)]
     Sensor(Box<SensorError>),
+    /// A data set cannot be written or read.
+    #[error(transparent)]
+    Dataset(#[from] wm_datasets::DatasetError),
     /// The training failed.
     #[error(transparent)]
     Train(Box<SessionError>),

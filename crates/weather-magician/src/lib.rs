@@ -37,6 +37,7 @@
 //! | frames of splats of your own | [`frame::FrameRequest`] |
 //! | sweeps of a lidar in weather | [`Renderer::scan`], [`lidar`] |
 //! | sweeps of a radar in rain | [`Renderer::scan_radar`], [`radar`] |
+//! | data sets of many weathers, in the layouts of nuScenes, KITTI and others | [`batch`] |
 //! | checks of visibility, rain rate, snow depth in pictures | [`measure`] |
 //!
 //! Frames are pure functions of (scene, weather, camera, time): the same inputs give the same bytes on the CPU, on any number
@@ -45,6 +46,7 @@
 
 pub mod assets;
 mod bake;
+pub mod batch;
 pub mod camera_model;
 mod convert;
 mod error;
@@ -52,10 +54,12 @@ pub mod flow;
 pub mod frame;
 pub mod labels;
 pub mod lamps;
+mod later_layers;
 mod lens_view;
 pub mod lidar;
 pub mod measure;
 mod motion;
+mod motion_spec;
 pub mod output;
 pub mod panorama_file;
 mod picture;
@@ -76,8 +80,10 @@ pub use bake::BakedScene;
 pub use convert::{CropBox, LengthScale, SceneChange};
 pub use error::{Error, Result};
 pub use frame::MovingCamera;
+pub use later_layers::LaterLayers;
 pub use lens_view::{LensSpec, LensView};
 pub use motion::{CameraMotion, Mount};
+pub use motion_spec::MotionSpec;
 pub use picture::Picture;
 pub use place::{FrameContent, FrameOptions, Patience, PlaceFacts, PlaceOptions, PlaceView, PreparedPlace};
 pub use progress::Progress;

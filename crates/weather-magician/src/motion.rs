@@ -36,6 +36,13 @@ pub enum CameraMotion {
         /// Width and height of the pictures, px.
         size: (u32, u32),
     },
+    /// A motion that begins later.
+    Delayed {
+        /// The motion.
+        base: Box<CameraMotion>,
+        /// Seconds.
+        by: f64,
+    },
     /// A camera or another sensor on a rig, whose origin is where a camera is: ahead is the way that it looks.
     Mounted {
         /// The camera that the rig moves with.
@@ -62,6 +69,7 @@ impl CameraMotion {
         match self {
             Self::Still { camera, .. } => **camera,
             Self::Along { path, size } => path.at(path.start() + time, *size),
+            Self::Delayed { base, by } => base.camera(time - by),
             Self::Mounted { base, intrinsics, .. } => {
                 let SensorPose { origin, world_from_sensor } = self.sensor_pose(time);
                 let [ahead, left, up] = world_from_sensor.to_cols_array_2d().map(DVec3::from_array);
@@ -75,6 +83,9 @@ impl CameraMotion {
     /// The pose `time` seconds after the start, x forward, y left and z up: of a sensor on a rig, or of the camera itself.
     #[must_use]
     pub fn sensor_pose(&self, time: f64) -> SensorPose {
+        if let Self::Delayed { base, by } = self {
+            return base.sensor_pose(time - by);
+        }
         let Self::Mounted { base, mount, metres_per_unit, .. } = self else {
             let camera = self.camera(time);
             let (ahead, up) = (camera.forward(), camera.up());
@@ -112,6 +123,7 @@ impl CameraMotion {
         let camera = self.camera(time);
         let velocity = match self {
             Self::Still { speed, .. } => camera.forward() * *speed,
+            Self::Delayed { base, by } => return base.at(time - by, metres_per_unit),
             Self::Along { .. } | Self::Mounted { .. } => {
                 let at = |time: f64| self.camera(time).center() * metres_per_unit;
                 (at(time + MOMENT) - at(time - MOMENT)) / (2.0 * MOMENT)
@@ -137,7 +149,7 @@ impl CameraMotion {
         match self {
             Self::Still { .. } => 0.0,
             Self::Along { path, .. } => path.duration(),
-            Self::Mounted { base, .. } => base.duration(),
+            Self::Delayed { base, .. } | Self::Mounted { base, .. } => base.duration(),
         }
     }
 
@@ -147,6 +159,7 @@ impl CameraMotion {
         match self {
             Self::Still { camera, .. } => format!("{camera:?}"),
             Self::Along { path, size } => format!("{:?} {size:?} {}", path.keys(), path.near()),
+            Self::Delayed { base, by } => format!("{} later by {by}", base.fingerprint()),
             Self::Mounted { base, mount, intrinsics, .. } => {
                 format!("{} {mount:?} {intrinsics:?}", base.fingerprint())
             }

@@ -5,11 +5,11 @@ use crate::scene::OpenScene;
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
-use weather_magician::view::moves::{self, PathSpec};
+use weather_magician::view;
+use weather_magician::view::moves::PathSpec;
 use weather_magician::view::path::{CameraPath, PathKey};
 use weather_magician::view::spec::{self, CameraSpec};
-use weather_magician::view::{self, choose};
-use weather_magician::{CameraMotion, LensSpec, MovingCamera};
+use weather_magician::{CameraMotion, LensSpec, MotionSpec, MovingCamera};
 use wm_media::video::FrameRate;
 use wm_scene::files::check_writable;
 use wm_scene::{Camera, FormatError};
@@ -89,15 +89,17 @@ impl ViewpointArgs {
     }
 
     /// Returns the camera of the options, or chooses one and prints it on the error stream.
+    #[cfg(feature = "viewer")]
     pub fn start(&self, loaded: &mut OpenScene) -> Result<Camera> {
-        let options = self.options();
-        if let Some(spec) = &self.camera {
-            return Ok(spec.camera(&loaded.place.scene().views, loaded.place.survey(), &options)?);
-        }
-        let chosen = choose::choose(&mut loaded.site(options))?;
-        eprintln!("camera: {} ({})", spec::text_of(&chosen.camera), chosen.how);
-        Ok(chosen.camera)
+        let spec = MotionSpec { camera: self.camera.clone(), ..MotionSpec::default() };
+        let OpenScene { renderer, place } = loaded;
+        Ok(spec.start(renderer, place, &self.options(), &mut say_camera)?)
     }
+}
+
+/// Prints the camera that was chosen.
+fn say_camera(chosen: String) {
+    eprintln!("camera: {chosen}");
 }
 
 impl CameraArgs {
@@ -148,31 +150,15 @@ pub struct MotionArgs<'a> {
 impl MotionArgs<'_> {
     /// Returns the motion from a viewpoint on.
     pub fn motion(&self, viewpoint: &ViewpointArgs, loaded: &mut OpenScene) -> Result<CameraMotion> {
-        let options = viewpoint.options();
-        let seconds = self.seconds.unwrap_or(DEFAULT_SECONDS);
-        let path = match self.path {
-            None => {
-                return Ok(CameraMotion::Still {
-                    camera: Box::new(viewpoint.start(loaded)?),
-                    speed: self.speed.unwrap_or(0.0),
-                });
-            }
-            Some(PathSpec::File(file)) => CameraPath::read(file, loaded.place.survey(), &options)?,
-            Some(PathSpec::Capture) => {
-                moves::capture(&loaded.place.scene().views, loaded.place.survey(), &options, seconds)?
-            }
-            Some(moving) => {
-                let start = viewpoint.start(loaded)?;
-                let units = self.distance.map(|metres| metres / loaded.place.survey().metres_per_unit.value);
-                let mut site =
-                    loaded.site(view::ViewOptions { size: Some((start.width, start.height)), ..options });
-                match moving {
-                    PathSpec::Orbit => moves::orbit(&site, &start, seconds)?,
-                    _ => moves::dolly(&mut site, &start, units, seconds)?,
-                }
-            }
+        let spec = MotionSpec {
+            camera: viewpoint.camera.clone(),
+            path: self.path.cloned(),
+            distance: self.distance,
+            speed: self.speed,
+            seconds: self.seconds.unwrap_or(DEFAULT_SECONDS),
         };
-        Ok(CameraMotion::Along { path, size: options.size() })
+        let OpenScene { renderer, place } = loaded;
+        Ok(spec.motion(renderer, place, &viewpoint.options(), &mut say_camera)?)
     }
 }
 

@@ -20,7 +20,6 @@ use anyhow::{Result, bail};
 use camera::{CameraArgs, CameraPlan};
 use clap::Args;
 use device::DeviceArgs;
-use layers::LaterLayers;
 use range::FrameRange;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
@@ -28,7 +27,7 @@ use weather_magician::camera_model::{CameraModel, SensorCamera, Shot};
 use weather_magician::output::{ExtraPicture, LayerPlacement, PictureFormat, PictureStyle, outputs, parts};
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
-use weather_magician::{Camera, FrameOptions, Picture, PreparedPlace, Renderer, picture_tags};
+use weather_magician::{Camera, FrameOptions, LaterLayers, Picture, PreparedPlace, Renderer, picture_tags};
 use wm_media::png::DepthScale;
 use wm_render::parts::PicturePart;
 use wm_render::{Background, RenderConfig, Stats};
@@ -244,7 +243,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     args.camera.check()?;
     let lens = args.camera.lens.as_ref().map(|lens| lens.view(args.camera.viewpoint.size)).transpose()?;
     let model = args.device.model(lens, &weather)?;
-    let later = LaterLayers::of(&args.output.also, &model, &weather)?;
+    let later = layers::layers(&args.output.also, &model, &weather)?;
     if args.output.stages && later != LaterLayers::default() {
         bail!("--stages: shows neither flow nor labels; leave one of the two out");
     }
@@ -275,7 +274,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     };
     let parts = parts(&args.output.also);
     let mut job = RenderJob::new(loaded, config, weather, (plan, model), parts)?;
-    LaterLayers::check_labels(&args.output.also, &job.place, &args.scene.scene)?;
+    layers::check_labels(&args.output.also, &job.place, &args.scene.scene)?;
     job.later = later;
     match target {
         OutputTarget::Picture(path) => job.picture(&path, args),
@@ -348,7 +347,7 @@ impl RenderJob {
         let (after, moving) = plan.next(time, metres);
         let next = FrameOptions::new(after, moving);
         let lens = camera.model.lens.as_ref();
-        later.render(renderer, (place, weather), lens, [&frame, &next], picture)?;
+        later.render(renderer, (place, weather), lens, [&frame, &next], picture, &mut Reporter::default())?;
         Ok(stats)
     }
 

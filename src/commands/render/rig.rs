@@ -1,8 +1,7 @@
 //! Rigs: the pictures and sweeps of all sensors along one path, a folder each.
 
 use super::camera::MotionArgs;
-use super::layers::LaterLayers;
-use super::{RenderArgs, background, manifest};
+use super::{RenderArgs, background, layers, manifest};
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::progress::{self, Reporter};
@@ -67,7 +66,7 @@ pub fn run(args: &RenderArgs, weather: &Weather, file: &Path) -> Result<()> {
     if count > MOST {
         bail!("{}: more than {MOST} pictures and sweeps; give --seconds", file.display());
     }
-    LaterLayers::check_labels(&args.output.also, &loaded.place, &args.scene.scene)?;
+    layers::check_labels(&args.output.also, &loaded.place, &args.scene.scene)?;
     let mut job = RigJob { args, loaded, weather, base, folder, start, seconds, bar: ProgressBar::hidden() };
     manifest::keep(&job.folder, MANIFEST, &job.manifest(&rig)?, "files of another run")?;
     // Lidars and radars need the splats, so they are not freed.
@@ -121,7 +120,7 @@ fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
     for sensor in &rig.sensors {
         match &sensor.device {
             RigDevice::Camera { model, .. } => {
-                LaterLayers::of(&output.also, model, weather)
+                layers::layers(&output.also, model, weather)
                     .with_context(|| format!("sensor \"{}\"", sensor.name))?;
                 model.check(weather).with_context(|| format!("sensor \"{}\"", sensor.name))?;
             }
@@ -192,7 +191,7 @@ impl RigJob<'_> {
         missing: &[(u32, f64)],
     ) -> Result<()> {
         let parts = parts(&self.args.output.also);
-        let later = LaterLayers::of(&self.args.output.also, &camera.model, self.weather)?;
+        let later = layers::layers(&self.args.output.also, &camera.model, self.weather)?;
         let scene = self.args.scene.scene.display().to_string();
         let mut picture = Picture::default();
         for (index, time) in missing {
@@ -204,7 +203,8 @@ impl RigJob<'_> {
             let at = |time: f64| FrameOptions::new(time, camera.motion().at(time, metres));
             let (frame, next) = (at(*time), at(*time + 1.0 / sensor.rate));
             let lens = camera.model.lens.as_ref();
-            later.render(renderer, (place, self.weather), lens, [&frame, &next], &mut picture)?;
+            let progress = &mut Reporter::default();
+            later.render(renderer, (place, self.weather), lens, [&frame, &next], &mut picture, progress)?;
             let pose = camera.motion().camera(*time);
             let mut tags = picture_tags(&scene, place.site(), renderer.backend(), self.weather, *time, &pose);
             tags.push(("sensor".into(), sensor.name.clone()));

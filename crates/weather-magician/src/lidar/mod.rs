@@ -249,7 +249,9 @@ impl SensorMotion for UprightMotion<'_> {
         let ahead = if is_level { forward } else { camera.up() };
         let driven = match self.motion {
             CameraMotion::Still { speed, .. } => forward * (speed * (time - self.from) / self.metres),
-            CameraMotion::Along { .. } | CameraMotion::Mounted { .. } => DVec3::ZERO,
+            CameraMotion::Along { .. } | CameraMotion::Delayed { .. } | CameraMotion::Mounted { .. } => {
+                DVec3::ZERO
+            }
         };
         SensorPose::upright(camera.center() + driven, ahead, self.up)
     }

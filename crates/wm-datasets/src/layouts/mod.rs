@@ -26,6 +26,11 @@ pub trait Layout: Sync {
         LayerNeeds::default()
     }
 
+    /// Returns true if every sensor must have a reading in every frame.
+    fn needs_every_sensor(&self) -> bool {
+        true
+    }
+
     /// Checks that it can hold a set.
     ///
     /// # Errors
@@ -45,6 +50,12 @@ pub trait Layout: Sync {
         clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
         files: &mut dyn FileSink,
     ) -> Result<(), DatasetError>;
+}
+
+impl std::fmt::Debug for dyn Layout + '_ {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
 }
 
 /// Layers of pictures beside the colour.
@@ -71,7 +82,7 @@ impl LayerNeeds {
 }
 
 /// The files of one block.
-pub trait BlockWriter {
+pub trait BlockWriter: Send {
     /// Takes the next reading, in the order of [`BlockInfo::readings`].
     ///
     /// # Errors

@@ -1,0 +1,60 @@
+//! Data sets of many weathers: a plan in, files in the layouts that training code reads out.
+//!
+//! A [`BatchPlan`] crosses scenes, weathers, paths and sensors. Its clips, frames and blocks are found by their numbers alone, so that any
+//! machine can make any block: [`BatchRun::make`]. Files of a block are put in place whole, with hashes, and marked as done last;
+//! [`merge`] lists what lacks and writes the tables over all.
+//!
+//! ```
+//! use weather_magician::batch::{BatchClips, BatchPlan};
+//! use std::path::Path;
+//!
+//! # let folder = tempfile::tempdir()?;
+//! # std::fs::write(folder.path().join("street.ply"), "")?;
+//! let plan = BatchPlan::parse(
+//!     r#"
+//!     seed = 7
+//!
+//!     [[scene]]
+//!     file = "street.ply"
+//!
+//!     [[weather]]
+//!     from = ["fog", "heavy-rain"]
+//!
+//!     [[weather]]
+//!     samples = 98              # weathers as they come, one Latin hypercube over the set
+//!     "#,
+//!     "plan.toml",
+//!     (folder.path(), "plan"),
+//! )?;
+//! let clips = BatchClips::of(&plan, &mut |_| Ok(Vec::new()))?;
+//! assert_eq!(clips.frames(), 100);
+//! assert_eq!(clips.clip(&plan, 42)?.weather.weather, clips.clip(&plan, 42)?.weather.weather);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod clips;
+mod distribution;
+mod hypercube;
+mod merge;
+mod plan;
+mod run;
+mod set;
+mod shots;
+mod store;
+mod summary;
+mod weathers;
+mod writers;
+
+#[cfg(test)]
+mod tests;
+
+pub use clips::{BatchClips, BlockPart, PlannedBlock, PlannedClip};
+pub use distribution::Distribution;
+pub use hypercube::{LatinHypercube, RandomPermutation};
+pub use merge::{CLIPS, FRAMES, MANIFEST, MergedSet, merge, missing_blocks, runs_of};
+pub use plan::{BatchPlan, FRAMES_LAYOUT, PictureNeeds, PlanPath, PlanPathKind, PlanRig, PlanScene};
+pub use run::{BatchRun, WriteShare};
+pub use store::{BatchStore, BlockMarker, MarkedClip, MarkedFile};
+pub use summary::PAGE;
+pub use weathers::{PlannedWeather, SamplePlace, WeatherEntry, WeatherSource};
+pub use wm_datasets as datasets;

@@ -1,0 +1,314 @@
+//! Makes the blocks of a plan: renders, scans and writes.
+
+use super::clips::{BatchClips, BlockPart, PlannedBlock, PlannedClip};
+use super::plan::{BatchPlan, PictureNeeds, PlanPathKind};
+use super::set::{SetWorld, clip_of, place_of, readings_of, rig_of, set_of};
+use super::shots::{ActivePart, ReadingBuffer, Shots};
+use super::store::{BatchStore, BlockFiles, BlockMarker, MarkedClip, scene_digest_of};
+use super::writers::{BlockWriters, WriterTarget};
+use crate::rig::{Rig, RigDevice};
+use crate::sequence::render_and_write;
+use crate::view::ViewOptions;
+use crate::{CameraMotion, Error, PlaceOptions, PreparedPlace, Progress, Renderer, Result};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use wm_datasets::SetInfo;
+use wm_render::RenderConfig;
+use wm_scene::SceneView;
+use wm_scene::formats::{ReadOptions, read_scene};
+
+/// A plan that is being carried out.
+pub struct BatchRun {
+    /// The plan.
+    pub plan: BatchPlan,
+    /// Its clips.
+    pub clips: BatchClips,
+    /// Its sensors.
+    pub rig: Rig,
+    /// The same in the terms of data sets.
+    pub set: SetInfo,
+    needs: PictureNeeds,
+    renderer: Renderer,
+    /// The folder for prepared assets, by scene; `None` keeps none.
+    assets: fn(&Path) -> Option<PathBuf>,
+    open: Option<OpenPlace>,
+    warnings: Vec<String>,
+    /// The time that was spent with writing, of all.
+    pub written: WriteShare,
+}
+
+/// The time of writing beside that of rendering.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct WriteShare {
+    /// Wall time of the writer's thread while it worked.
+    pub writing: Duration,
+    /// Wall time of all.
+    pub all: Duration,
+    /// Bytes that were written.
+    pub bytes: u64,
+    /// Frames that were made.
+    pub frames: u64,
+}
+
+/// The scene that is open.
+struct OpenPlace {
+    scene: usize,
+    digest: String,
+    place: PreparedPlace,
+    world: SetWorld,
+    /// The motion of each way, once it was asked for.
+    motions: Vec<Option<CameraMotion>>,
+}
+
+impl BatchRun {
+    /// Prepares a plan: counts its clips and checks that its layouts can hold it. `assets` says where what takes long to find of a scene
+    /// is kept.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] with what a layout cannot hold; the errors of scenes whose photos are counted.
+    pub fn new(plan: BatchPlan, renderer: Renderer, assets: fn(&Path) -> Option<PathBuf>) -> Result<Self> {
+        let clips = BatchClips::of(&plan, &mut |scene| views_of(&plan, scene))?;
+        let rig = rig_of(&plan, &clips)?;
+        let set = set_of(&plan, &rig);
+        for layout in &plan.layouts {
+            layout.check(&set)?;
+            if clips.cameras.len() > 1 && layout.needs_every_sensor() {
+                return Err(Error::Unsupported(format!(
+                    "layout {}: the photos have {} different cameras, and it has one reading a camera and frame: give size and \
+                     fov in [rig]",
+                    layout.name(),
+                    clips.cameras.len()
+                )));
+            }
+        }
+        let needs = plan.picture_needs();
+        for sensor in &rig.sensors {
+            if let RigDevice::Camera { model, .. } = &sensor.device {
+                needs.later.check(model, &wm_weather::Weather::clear())?;
+            }
+        }
+        let (open, warnings, written) = (None, Vec::new(), WriteShare::default());
+        Ok(Self { plan, clips, rig, set, needs, renderer, assets, open, warnings, written })
+    }
+
+    /// The renderer.
+    #[must_use]
+    pub fn renderer(&self) -> &Renderer {
+        &self.renderer
+    }
+
+    /// The warnings since the last call.
+    pub fn take_warnings(&mut self) -> Vec<String> {
+        if let Some(open) = &mut self.open {
+            self.warnings.append(&mut open.place.take_warnings());
+        }
+        std::mem::take(&mut self.warnings)
+    }
+
+    /// Makes a block and marks it as done. `progress` is told of every frame.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] if `progress` asked to stop: nothing of the block is in place then. Errors of the scene, the weather or the disk.
+    pub fn make(
+        &mut self,
+        store: &BatchStore,
+        block: &PlannedBlock,
+        progress: &mut dyn Progress,
+    ) -> Result<()> {
+        let started = Instant::now();
+        let mut files = store.begin(block.number)?;
+        let parts = self.clips.parts(&block.frames);
+        let clips = self.draw(&parts, &mut files, progress)?;
+        let open = self.open.as_ref().ok_or(Error::Stopped)?;
+        let marker = BlockMarker {
+            block: block.number,
+            plan: self.plan.digest.clone(),
+            renderer: self.renderer.backend().arithmetic(),
+            scene: self.plan.scenes[block.scene].name.clone(),
+            scene_sha256: open.digest.clone(),
+            clips,
+            files: Vec::new(),
+        };
+        self.written.bytes += files.bytes();
+        store.finish(files, marker)?;
+        self.written.all += started.elapsed();
+        self.written.frames += block.frames.end - block.frames.start;
+        Ok(())
+    }
+
+    /// Makes single frames without marking anything: the files of a block that has them alone.
+    ///
+    /// # Errors
+    /// As [`Self::make`].
+    pub fn make_frames(
+        &mut self,
+        store: &BatchStore,
+        frames: &Range<u64>,
+        progress: &mut dyn Progress,
+    ) -> Result<()> {
+        let mut files = store.begin(self.clips.blocks())?;
+        let parts = self.clips.parts(frames);
+        self.draw(&parts, &mut files, progress)?;
+        store.place(files).map(drop)
+    }
+
+    fn open(&mut self, scene: usize) -> Result<()> {
+        if self.open.as_ref().is_some_and(|open| open.scene == scene) {
+            return Ok(());
+        }
+        if let Some(open) = self.open.take() {
+            self.renderer.unload(open.place)?;
+        }
+        let of = &self.plan.scenes[scene];
+        let digest = scene_digest_of(&of.file)?;
+        let read = read_scene(&of.file, &ReadOptions::default())?;
+        if let Err(found) = read.check_finite() {
+            let says = format!(
+                "{}: {found}; `weather-magician convert --repair` leaves them out",
+                of.file.display()
+            );
+            return Err(Error::Unsupported(says));
+        }
+        let options = PlaceOptions { facts: of.facts.clone(), assets: (self.assets)(&of.file) };
+        let mut place = self.renderer.load_with(read, &options)?;
+        let config = RenderConfig { outputs: self.needs.outputs, ..place.config };
+        place.config = config;
+        let world = SetWorld::of(&place);
+        let warnings = place.take_warnings();
+        self.warnings.extend(warnings.into_iter().map(|warning| format!("{}: {warning}", of.name)));
+        self.open = Some(OpenPlace { scene, digest, place, world, motions: Vec::new() });
+        Ok(())
+    }
+
+    /// The motion of the rig along a way, from time 0 on.
+    fn motion(&mut self, clip: &PlannedClip) -> Result<CameraMotion> {
+        let way = self.clips.way(clip).clone();
+        let Some(open) = &mut self.open else { return Err(Error::Stopped) };
+        if let Some(Some(motion)) = open.motions.get(clip.way) {
+            return Ok(motion.clone());
+        }
+        let options = match &self.rig.sensors.iter().find_map(|sensor| match &sensor.device {
+            RigDevice::Camera { intrinsics, .. } => Some(**intrinsics),
+            _ => None,
+        }) {
+            Some(camera) => {
+                ViewOptions { size: Some((camera.width, camera.height)), ..ViewOptions::default() }
+            }
+            None => ViewOptions::default(),
+        };
+        let OpenPlace { place, .. } = open;
+        let seconds = f64::from(self.plan.frames) / self.plan.frame_rate;
+        let motion = match (&self.plan.paths[way.path].kind, way.photo) {
+            (PlanPathKind::Motion(spec), _) => {
+                let mut chosen = Vec::new();
+                let mut say = |text: String| chosen.push(format!("path \"{}\" begins at {text}", way.name));
+                let motion = spec.motion(&mut self.renderer, place, &options, &mut say)?;
+                self.warnings.append(&mut chosen);
+                motion
+            }
+            (PlanPathKind::Photos { .. }, photo) => {
+                let view = photo.and_then(|photo| place.scene().views.get(photo)).map(|view| view.camera);
+                let view =
+                    view.ok_or_else(|| Error::Unsupported(format!("{}: a photo is gone", self.plan.file)))?;
+                CameraMotion::from(view)
+            }
+        };
+        let motion = motion.driven(seconds, place.site().metres_per_unit)?;
+        if open.motions.len() <= clip.way {
+            open.motions.resize(clip.way + 1, None);
+        }
+        open.motions[clip.way] = Some(motion.clone());
+        Ok(motion)
+    }
+
+    fn part(&mut self, part: &BlockPart) -> Result<ActivePart> {
+        let clip = self.clips.clip(&self.plan, part.clip)?;
+        self.open(clip.scene)?;
+        let motion = self.motion(&clip)?;
+        let only = self.clips.way(&clip).sensor;
+        let Some(open) = &mut self.open else { return Err(Error::Stopped) };
+        let world = open.world;
+        let readings = readings_of(&self.plan, &self.rig, (part, only), &|time| world.pose(&motion, time));
+        let place = place_of(&self.plan.scenes[clip.scene].name, &open.place);
+        let info = clip_of(&self.plan, &clip, place);
+        let base = CameraMotion::Delayed { base: Box::new(motion), by: clip.weather.at };
+        Ok(ActivePart { part: part.clone(), clip, info, base, readings })
+    }
+
+    /// Draws the frames of some parts of clips of one scene.
+    fn draw(
+        &mut self,
+        parts: &[BlockPart],
+        files: &mut BlockFiles,
+        progress: &mut dyn Progress,
+    ) -> Result<Vec<MarkedClip>> {
+        let parts: Vec<ActivePart> = parts.iter().map(|part| self.part(part)).collect::<Result<_>>()?;
+        let Some(open) = &mut self.open else { return Err(Error::Stopped) };
+        let steps: Vec<(usize, usize)> = (0..parts.len())
+            .flat_map(|part| (0..parts[part].readings.len()).map(move |index| (part, index)))
+            .collect();
+        let mut shots = Shots::new(&self.rig, &self.needs, self.plan.seed);
+        let metres = open.place.site().metres_per_unit;
+        let target = WriterTarget {
+            plan: &self.plan,
+            set: &self.set,
+            rig: &self.rig,
+            metres,
+            clips: self.clips.clips(),
+        };
+        let mut writers = BlockWriters::new(target, &parts, files);
+        let (renderer, place) = (&mut self.renderer, &mut open.place);
+        let numbers: Vec<u32> = (0..steps.len() as u32).collect();
+        let mut render = |number: u32, buffer: &mut ReadingBuffer| -> Result<()> {
+            let (part, index) = steps[number as usize];
+            shots.take(renderer, place, (part, &parts[part], index), buffer)
+        };
+        let mut write = |number: u32, buffer: &ReadingBuffer| -> Result<()> {
+            let (part, index) = steps[number as usize];
+            writers.write(part, index, buffer)
+        };
+        let frame_of = |number: usize| {
+            steps.get(number).map(|(part, index)| (*part, parts[*part].readings[*index].frame))
+        };
+        let mut counted = CountedFrames { progress, frame_of: &frame_of, done: 0 };
+        let made = render_and_write(&numbers, &mut render, &mut write, &mut counted)?;
+        if (made as usize) < steps.len() {
+            return Err(Error::Stopped);
+        }
+        self.written.writing += writers.finish()?;
+        let marked = |active: &ActivePart| {
+            let weather = &active.clip.weather;
+            MarkedClip::new(&active.info, (weather.at, &weather.variables), &active.readings)
+        };
+        Ok(parts.iter().map(marked).collect())
+    }
+}
+
+/// The photos of a scene of a plan.
+fn views_of(plan: &BatchPlan, scene: usize) -> Result<Vec<SceneView>> {
+    Ok(read_scene(&plan.scenes[scene].file, &ReadOptions::default())?.views)
+}
+
+/// Progress of readings as progress of frames.
+struct CountedFrames<'a> {
+    progress: &'a mut dyn Progress,
+    frame_of: &'a dyn Fn(usize) -> Option<(usize, u32)>,
+    done: usize,
+}
+
+impl Progress for CountedFrames<'_> {
+    fn advance(&mut self, steps: u64) {
+        for _ in 0..steps {
+            let own = (self.frame_of)(self.done);
+            self.done += 1;
+            if own != (self.frame_of)(self.done) {
+                self.progress.advance(1);
+            }
+        }
+    }
+
+    fn is_stopped(&mut self) -> bool {
+        self.progress.is_stopped()
+    }
+}

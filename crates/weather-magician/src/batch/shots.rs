@@ -1,0 +1,214 @@
+//! What the sensors of a plan read: pictures, sweeps and detections.
+
+use super::clips::{BlockPart, PlannedClip};
+use super::plan::PictureNeeds;
+use super::set::{detections_of, points_of};
+use crate::camera_model::{SensorCamera, Shot};
+use crate::lidar::{LidarSweep, ScanOptions};
+use crate::motion::CameraMotion;
+use crate::radar::{RadarScanOptions, RadarSweep};
+use crate::rig::{Rig, RigDevice};
+use crate::{Error, FrameOptions, Picture, PreparedPlace, Renderer, Result};
+use std::collections::VecDeque;
+use wm_datasets::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo};
+use wm_media::PictureSize;
+use wm_media::color::{Dither, quantize_rgb8};
+use wm_render::frame::srgb_encode;
+use wm_scene::random::bits;
+
+/// A part of a clip while it is made.
+pub struct ActivePart {
+    /// The part.
+    pub part: BlockPart,
+    /// The clip.
+    pub clip: PlannedClip,
+    /// The same in the terms of data sets.
+    pub info: ClipInfo,
+    /// The motion of the rig, at times of the weather.
+    pub base: CameraMotion,
+    /// The readings of the part.
+    pub readings: Vec<ReadingInfo>,
+}
+
+/// What one sensor read.
+#[derive(Default)]
+pub struct ReadingBuffer {
+    /// The picture of a camera.
+    pub picture: Picture,
+    /// `[H, W, 3]`, sRGB.
+    pub rgb: Vec<u8>,
+    /// The same without weather, if it is needed.
+    pub clean: Vec<u8>,
+    /// `[H, W]`, m, if it is needed.
+    pub depth: Vec<f32>,
+    /// The sweep of a lidar, and its points in the order of time.
+    pub sweep: Option<LidarSweep>,
+    /// Those points.
+    pub points: Vec<DatasetPoint>,
+    /// The sweep of a radar.
+    pub radar: Option<RadarSweep>,
+    /// Its detections.
+    pub detections: Vec<DatasetDetection>,
+}
+
+/// Takes the readings of a block one after the other.
+pub struct Shots<'a> {
+    rig: &'a Rig,
+    needs: &'a PictureNeeds,
+    seed: u64,
+    /// The part that the rest is of.
+    part: usize,
+    cameras: Vec<Option<SensorCamera>>,
+    sweeps: Vec<VecDeque<LidarSweep>>,
+    radars: Vec<VecDeque<RadarSweep>>,
+}
+
+impl<'a> Shots<'a> {
+    /// For a rig, with the seed of the plan.
+    #[must_use]
+    pub fn new(rig: &'a Rig, needs: &'a PictureNeeds, seed: u64) -> Self {
+        let count = rig.sensors.len();
+        Self {
+            rig,
+            needs,
+            seed,
+            part: usize::MAX,
+            cameras: vec![None; count],
+            sweeps: vec![VecDeque::new(); count],
+            radars: vec![VecDeque::new(); count],
+        }
+    }
+
+    /// Takes reading `index` of a part.
+    ///
+    /// # Errors
+    /// Those of [`Renderer::expose`], [`Renderer::scan`] and [`Renderer::scan_radar`].
+    pub fn take(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        (number, active, index): (usize, &ActivePart, usize),
+        buffer: &mut ReadingBuffer,
+    ) -> Result<()> {
+        if self.part != number {
+            self.part = number;
+            self.cameras.fill(None);
+            self.sweeps.iter_mut().for_each(VecDeque::clear);
+            self.radars.iter_mut().for_each(VecDeque::clear);
+        }
+        let info = active.readings[index];
+        let sensor = &self.rig.sensors[info.sensor];
+        let metres = place.site().metres_per_unit;
+        match &sensor.device {
+            RigDevice::Camera { .. } => self.picture(renderer, place, (active, info), buffer),
+            RigDevice::Lidar { model, sub_rays, returns, .. } => {
+                let made = &mut self.sweeps[info.sensor];
+                if made.is_empty() {
+                    // All of the part at once: a sweep alone would sort the splats again.
+                    let options = ScanOptions {
+                        time: active.clip.weather.at + sensor.phase,
+                        first: info.index,
+                        sweeps: active.readings.iter().filter(|other| other.sensor == info.sensor).count()
+                            as u32,
+                        seed: bits(self.seed, active.clip.number),
+                        sensor: info.sensor as u8,
+                        sub_rays: *sub_rays,
+                        returns: *returns,
+                        ..ScanOptions::default()
+                    };
+                    let motion = sensor.motion(&active.base, metres);
+                    let mut keep = |sweep: LidarSweep| {
+                        made.push_back(sweep);
+                        Ok(())
+                    };
+                    renderer.scan(
+                        place,
+                        &active.clip.weather.weather,
+                        model,
+                        &motion,
+                        &options,
+                        (&mut keep, &mut ()),
+                    )?;
+                }
+                let sweep = made.pop_front().ok_or(Error::Stopped)?;
+                buffer.points = points_of(&sweep);
+                buffer.sweep = Some(sweep);
+                Ok(())
+            }
+            RigDevice::Radar { model, .. } => {
+                let made = &mut self.radars[info.sensor];
+                if made.is_empty() {
+                    let options = RadarScanOptions {
+                        time: active.clip.weather.at + sensor.phase,
+                        first: info.index,
+                        sweeps: active.readings.iter().filter(|other| other.sensor == info.sensor).count()
+                            as u32,
+                        seed: bits(self.seed, active.clip.number),
+                        sensor: info.sensor as u8,
+                        ..RadarScanOptions::default()
+                    };
+                    let motion = sensor.motion(&active.base, metres);
+                    let mut keep = |sweep: RadarSweep| {
+                        made.push_back(sweep);
+                        Ok(())
+                    };
+                    let weather = &active.clip.weather.weather;
+                    renderer.scan_radar(place, weather, model, &motion, &options, (&mut keep, &mut ()))?;
+                }
+                let sweep = made.pop_front().ok_or(Error::Stopped)?;
+                buffer.detections = detections_of(&sweep);
+                buffer.radar = Some(sweep);
+                Ok(())
+            }
+        }
+    }
+
+    fn picture(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        (active, info): (&ActivePart, ReadingInfo),
+        buffer: &mut ReadingBuffer,
+    ) -> Result<()> {
+        let sensor = &self.rig.sensors[info.sensor];
+        let RigDevice::Camera { model, .. } = &sensor.device else { return Ok(()) };
+        let metres = place.site().metres_per_unit;
+        let number = info.sensor as u32;
+        let camera = self.cameras[info.sensor].get_or_insert_with(|| {
+            let mut camera = SensorCamera::new((**model).clone(), sensor.motion(&active.base, metres));
+            camera.number = number;
+            camera
+        });
+        let weather = &active.clip.weather.weather;
+        let time = active.clip.weather.at + info.time;
+        // Noise is another in each clip.
+        let index = info.index ^ (bits(self.seed, active.clip.number) as u32) << 8;
+        let shot = Shot { time, index, parts: &self.needs.parts };
+        renderer.expose(place, weather, camera, &shot, &mut buffer.picture, &mut ())?;
+        let at = |time: f64| FrameOptions::new(time, camera.motion().at(time, metres));
+        let (frame, next) = (at(time), at(time + 1.0 / sensor.rate));
+        let lens = model.lens.as_ref();
+        self.needs.later.render(
+            renderer,
+            (place, weather),
+            lens,
+            [&frame, &next],
+            &mut buffer.picture,
+            &mut (),
+        )?;
+        let picture = &buffer.picture;
+        let frame = &picture.frame;
+        let size = PictureSize::new(frame.width, frame.height);
+        buffer.rgb = quantize_rgb8(&frame.rgb, size, Dither::default());
+        if self.needs.layers.clean {
+            let shown = |light: &f32| srgb_encode(f64::from(light.max(0.0))) as f32;
+            let shown: Vec<f32> = picture.parts.clean.iter().map(shown).collect();
+            buffer.clean = quantize_rgb8(&shown, size, Dither::default());
+        }
+        if self.needs.layers.depth {
+            buffer.depth.clear();
+            buffer.depth.extend(frame.depth.iter().map(|depth| (f64::from(*depth) * metres) as f32));
+        }
+        Ok(())
+    }
+}
