@@ -131,7 +131,8 @@ impl BatchClips {
                                 PlanRig::Photos => Some(sensor_of(&mut cameras, &view.camera)),
                                 _ => None,
                             };
-                            let name = format!("{}-{}", path.name, slug(stem));
+                            let file = stem.rsplit('/').next().unwrap_or(stem);
+                            let name = format!("{}-{}", path.name, slug(file));
                             ways.push(ClipWay { path: number, photo: Some(photo), name, sensor });
                         }
                     }
@@ -267,6 +268,7 @@ impl BatchClips {
         planned.weather = seeded(planned.weather, plan.seed, number).map_err(fault)?;
         if planned.weather.name.is_empty() || planned.weather.name == "clear" || source.is_sampled() {
             planned.weather.name = super::set::condition_of(&planned).name().into();
+            planned.weather.about = format!("Weather {weather} of the plan {}", plan.name);
         }
         let name = format!(
             "{number:06}-{}-{}-{}",

@@ -206,7 +206,8 @@ fn visibility_of(planned: &PlannedWeather) -> f64 {
         let kind = effect.precipitation?;
         Some(kind.sigma_t(&kind.classes(), number(&format!("{}.rate", effect.name))?))
     });
-    MOR_DEPTH / (air.sum::<f64>() + falling.sum::<f64>())
+    let sigma = air.chain(falling).fold(0.0, |sum, own| sum + own);
+    if sigma > 0.0 { MOR_DEPTH / sigma } else { f64::INFINITY }
 }
 
 fn is_night(planned: &PlannedWeather) -> bool {

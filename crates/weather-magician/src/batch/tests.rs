@@ -94,6 +94,24 @@ fn every_frame_is_in_one_block_and_every_clip_is_found_by_its_number() {
         .filter_map(|number| clips.clip(&plan, number).unwrap().weather.variables.get("temperature").copied())
         .collect();
     assert_eq!(temperatures.len(), 10);
+    // What prevails is in the name, and in clear air nothing does.
+    let prevailing = |text: &str| {
+        let plan =
+            parse(&format!("[[scene]]\nfile = \"street.ply\"\n[[weather]]\n{text}"), folder.path()).unwrap();
+        let clips = BatchClips::of(&plan, &mut |_| Ok(Vec::new())).unwrap();
+        super::set::condition_of(&clips.clip(&plan, 0).unwrap().weather).name()
+    };
+    for (text, name) in [
+        ("grid = { \"wind.speed\" = [3] }", "clear"),
+        ("from = [\"fog\"]", "fog"),
+        ("from = [\"night-fog\"]", "fog"),
+        ("from = [\"night\"]", "night"),
+        ("from = [\"heavy-rain\"]", "rain"),
+        ("from = [\"snow-covered\"]", "snow"),
+        ("from = [\"sandstorm\"]", "dust"),
+    ] {
+        assert_eq!(prevailing(text), name, "{text}");
+    }
     let clip = clips.clip(&plan, 13).unwrap();
     assert_eq!(clip.weather.weather, clips.clip(&plan, 13).unwrap().weather.weather);
     let mut starts: Vec<i64> = (0..30).map(|number| clips.clip(&plan, number).unwrap().start).collect();
