@@ -30,8 +30,10 @@ impl<'a> KittiRig<'a> {
         let rig_from_velodyne = lidar.map_or(RigidPose::IDENTITY, pose);
         // Without cameras, a camera at the lidar that looks ahead.
         let optical = RigidPose::new(DMat3::from_cols(DVec3::NEG_Y, DVec3::NEG_Z, DVec3::X), DVec3::ZERO);
-        let rig_from_camera0 =
-            cameras.first().map_or_else(|| rig_from_velodyne.then(&optical), |index| pose(*index));
+        let rig_from_camera0 = cameras
+            .get(3)
+            .or(cameras.first())
+            .map_or_else(|| rig_from_velodyne.then(&optical), |index| pose(*index));
         Self { set, cameras, lidar, rig_from_camera0, rig_from_velodyne }
     }
 
@@ -178,4 +180,44 @@ fn rows(m: DMat3, t: DVec3) -> [f64; 12] {
 /// The upper three rows of a pose as a matrix.
 pub(super) fn pose_rows(pose: &RigidPose) -> [f64; 12] {
     rows(DMat3::from_quat(pose.rotation), pose.translation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing;
+    use glam::DVec4;
+
+    #[test]
+    fn points_reach_all_four_cameras_by_way_of_camera_0() {
+        let mut set = testing::set();
+        let mut back = set.sensors[0].clone();
+        (back.name, back.rig_from_sensor.translation) = ("back".into(), DVec3::new(-1.0, 0.2, 1.3));
+        back.rig_from_sensor.rotation = glam::DQuat::from_rotation_z(2.8) * back.rig_from_sensor.rotation;
+        set.sensors.push(back);
+        let rig = KittiRig::new(&set);
+        assert_eq!(rig.slots().collect::<Vec<_>>(), [(0, 2), (1, 3), (2, 1), (5, 0)]);
+        // What pykitti takes for camera 0's place.
+        assert_eq!(rig.projection(0)[3], 0.0);
+        let point = DVec3::new(9.0, 4.0, -1.0);
+        let in_camera0 = rig.camera0_from_velodyne().point(point);
+        for (sensor, slot) in rig.slots() {
+            let p = rig.projection(slot);
+            let found = [0, 1, 2].map(|row| DVec4::from_slice(&p[4 * row..]).dot(in_camera0.extend(1.0)));
+            let pose = set.sensors[sensor].rig_from_sensor.inverse().then(&set.sensors[3].rig_from_sensor);
+            let SensorInfoKind::Camera(camera) = &set.sensors[sensor].kind else { unreachable!() };
+            let expected = testing::project(camera, pose.point(point));
+            for k in 0..2 {
+                assert!((found[k] / found[2] + 0.5 - expected[k]).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_rig_without_cameras_has_one_at_the_lidar() {
+        let mut set = testing::set();
+        set.sensors.drain(..3);
+        let ahead = KittiRig::new(&set).camera0_from_velodyne().point(DVec3::new(5.0, 1.0, 2.0));
+        assert!(ahead.distance(DVec3::new(-1.0, -2.0, 5.0)) < 1e-12);
+    }
 }

@@ -17,6 +17,9 @@ pub(in super::super) enum KittiFile {
     Labels,
 }
 
+/// The class of a point.
+type PointClass<'a> = Box<dyn Fn(&DatasetPoint) -> u16 + 'a>;
+
 /// Writes the key readings of a block to the paths that a layout gives them.
 pub(in super::super) struct KittiFiles<'a, P> {
     block: BlockInfo<'a>,
@@ -24,7 +27,7 @@ pub(in super::super) struct KittiFiles<'a, P> {
     /// The path of a file of a frame of the clip; `None` if the layout has none.
     path: P,
     /// The classes of points, if the layout has them.
-    class: Option<Box<dyn Fn(&DatasetPoint) -> u16 + 'a>>,
+    class: Option<PointClass<'a>>,
 }
 
 impl<'a, P: Fn(KittiFile, u32) -> Option<String>> KittiFiles<'a, P> {
