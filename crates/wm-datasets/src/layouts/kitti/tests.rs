@@ -1,7 +1,7 @@
 //! The synthetic set, read back by code that knows the files alone.
 
 use crate::testing::{self, MemorySink, SPOT};
-use crate::{SensorInfoKind, SetInfo, find_layout};
+use crate::{ClipRecord, SensorInfoKind, SetInfo, find_layout};
 use glam::{DVec3, DVec4};
 use std::collections::BTreeMap;
 
@@ -113,9 +113,10 @@ fn sequences_hold_points_poses_and_classes() {
         bytes.chunks(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect::<Vec<u32>>()
     };
     let labels = of(&semantic);
-    // Labels go round nothing, road and building; every twentieth point but the first is a drop.
+    // Labels go round nothing, road and building; point 20 is a drop and point 40 a flake.
     assert_eq!((labels.len(), &labels[..4], labels[20], labels[40]), (60, &[0, 40, 50, 0][..], 1, 1));
-    assert_eq!(labels, of(&written("wads", 8)));
+    let wads = of(&written("wads", 8));
+    assert_eq!((wads[40], &wads[..40], &wads[41..]), (110, &labels[..40], &labels[41..]));
     for path in ["sequences/01/velodyne/000007.bin", "sequences/01/calib.txt", "splits.json"] {
         assert_eq!(semantic[path], files[path], "{path}");
     }
@@ -135,6 +136,23 @@ fn frames_of_objects_are_numbered_over_all_clips() {
         assert!(files[&format!("training/label_2/{:06}.txt", 20 + frame)].is_empty());
     }
     assert_eq!(files.len(), 40 * 6 + 4);
+}
+
+#[test]
+fn clips_of_objects_that_are_not_equally_long_are_refused() {
+    let (set, clips) = (testing::set(), testing::clips());
+    let readings = testing::readings(&set);
+    let mut records = clips.into_iter().map(|mut clip| {
+        clip.seconds += clip.number as f64;
+        Ok(ClipRecord { clip, readings: readings.clone() })
+    });
+    let mut files = MemorySink::default();
+    let error = find_layout("kitti-object").unwrap().tables(&set, &mut records, &mut files).unwrap_err();
+    let line = error.to_string();
+    assert!(
+        line.contains("\"000001-bend-snow\" has 30 frames") && line.ends_with("make all clips equally long"),
+        "{line}"
+    );
 }
 
 #[test]

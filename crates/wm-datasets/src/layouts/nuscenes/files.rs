@@ -70,7 +70,7 @@ fn lidar(points: &[DatasetPoint], rings: u16) -> Vec<u8> {
 }
 
 /// A PCD file with nuScenes' eighteen fields, 43 bytes a record.
-fn radar(detections: &[DatasetDetection]) -> Vec<u8> {
+pub(super) fn radar(detections: &[DatasetDetection]) -> Vec<u8> {
     let count = detections.len().max(1);
     let mut header = String::from("# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\n");
     header += "FIELDS x y z dyn_prop id rcs vx vy vx_comp vy_comp is_quality_valid ambig_state x_rms y_rms invalid_state pdh0 vx_rms vy_rms\n";

@@ -2,8 +2,8 @@
 //!
 //! `v1.0-SET/*.json` are the tables, `samples/CHANNEL` and `sweeps/CHANNEL` the readings, `lidarseg/v1.0-SET` a class for each point.
 //!
-//! - Samples are frames at 2 Hz, or at the rate of frames if that is not a multiple or lower; the key readings of their frames are in
-//!   `samples`, all others in `sweeps`. A reading of `sweeps` belongs to the next sample in time, or the last.
+//! - Samples are every nth frame, n the nearest to half the rate of frames (2 Hz of 10, 12 or 20 Hz), or every frame below 3 Hz. The key
+//!   readings of their frames are in `samples`, all others in `sweeps`. A reading of `sweeps` belongs to the next sample in time, or the last.
 //! - The rig is nuScenes' ego vehicle (x forward, y left, z up), the world its global frame; a pose for each reading. Metres, quaternions
 //!   wxyz, microseconds.
 //! - Points: x right, y forward, z up, so the rotation of a lidar is the rig's times a quarter turn; intensity 0-255, ring 0 is the lowest.
@@ -91,7 +91,7 @@ impl Layout for NuScenes {
     }
 }
 
-/// Frames from a sample to the next.
+/// Frames from a sample to the next, at least 1.
 fn key_interval(set: &SetInfo) -> u32 {
     ((set.frame_rate / SAMPLE_RATE).round() as u32).max(1)
 }

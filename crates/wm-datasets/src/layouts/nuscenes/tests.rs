@@ -150,6 +150,10 @@ fn classes_and_radars_are_as_the_devkit_reads_them() {
     assert_eq!((value(0), value(4), record[12], record[13], value(15)), (21.0, -1.0, 1, 1, 6.0));
     assert!((value(19).hypot(value(23)) - 7.5).abs() < 1e-5 && value(19) < 0.0);
     assert!((value(27).hypot(value(31)) - 0.25).abs() < 1e-6 && value(27) > 0.0);
+    // The reader wants a record and takes one of NaN for none.
+    let none = files::radar(&[]);
+    let data = none.len() - 44;
+    assert!(none[..data].ends_with(b"POINTS 1\nDATA binary\n") && none[data..data + 4] == f32::NAN.to_le_bytes());
 }
 
 #[test]
