@@ -8,10 +8,12 @@
 
 mod error;
 pub mod layouts;
+mod picture_files;
 mod pose;
 mod set;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
+mod utc;
 
 pub use error::DatasetError;
 pub use layouts::{BlockWriter, FileSink, LAYOUTS, LayerNeeds, Layout, find_layout};

@@ -11,7 +11,10 @@ macro_rules! layouts {
     };
 }
 
-layouts! {}
+mod kitti;
+mod surface_classes;
+
+layouts! { nuscenes, kitti_raw, kitti_odometry, kitti_object, semantic_kitti, wads }
 
 /// A layout of a data set.
 pub trait Layout: Sync {

@@ -1,0 +1,119 @@
+//! KITTI's object benchmark, as OpenPCDet, MMDetection3D and others read it.
+//!
+//! `training/{image_2,image_3,velodyne,calib,label_2}/%06d.{png,bin,txt}`, and the numbers of the frames of each split in
+//! `ImageSets/SPLIT.txt`; clips of the split `test` are in `testing` without labels. Frames are numbered over the whole set: number of the
+//! clip times frames of a clip plus frame of the clip, so clips must be equally long. The files of labels are empty: nothing moves in the
+//! scenes, so that there are no boxes; such a set is for training without labels or for putting boxes of others in. Axes and calibration:
+//! [`super::kitti`].
+//!
+//! Source: KITTI's development kit for objects (`readme.txt`).
+
+use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
+use super::{BlockWriter, FileSink, Layout};
+use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetError, Reading, SetInfo};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+pub(super) const LAYOUT: KittiObject = KittiObject;
+
+pub(super) struct KittiObject;
+
+impl Layout for KittiObject {
+    fn name(&self) -> &'static str {
+        "kitti-object"
+    }
+
+    fn about(&self) -> &'static str {
+        "KITTI object benchmark: pictures of up to four pinhole cameras, points and calibration by frame; label files are empty, nothing moves"
+    }
+
+    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
+        kitti::check(self.name(), KittiNeed::Camera, set)
+    }
+
+    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
+        let (folder, first) = (folder(block.clip), first_number(block.set, block.clip));
+        let path = move |file: KittiFile, frame: u32| {
+            let number = first + u64::from(frame);
+            match file {
+                KittiFile::Picture(slot) => Some(format!("{folder}/image_{slot}/{number:06}.png")),
+                KittiFile::Points => Some(format!("{folder}/velodyne/{number:06}.bin")),
+                KittiFile::Labels => None,
+            }
+        };
+        Box::new(ObjectFiles { calibration: KittiRig::new(block.set).object_file(), files: KittiFiles::new(block, path), block })
+    }
+
+    fn tables(
+        &self,
+        set: &SetInfo,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        files: &mut dyn FileSink,
+    ) -> Result<(), DatasetError> {
+        // Readers open these three even if no frame is in them.
+        let mut lists: BTreeMap<String, String> =
+            ["train", "val", "test"].into_iter().map(|split| (split.into(), String::new())).collect();
+        let mut length = None;
+        for record in clips {
+            let ClipRecord { clip, .. } = record?;
+            let frames = frames(set, &clip);
+            if *length.get_or_insert(frames) != frames {
+                return Err(DatasetError::Layout {
+                    layout: self.name(),
+                    problem: format!(
+                        "clip \"{}\" has {frames} frames and others do not, but their numbers run on: make all clips equally long",
+                        clip.name
+                    ),
+                });
+            }
+            let first = first_number(set, &clip);
+            let list = lists.entry(clip.split).or_default();
+            for number in first..first + frames {
+                let _ = writeln!(list, "{number:06}");
+            }
+        }
+        let both = format!("{}{}", lists["train"], lists["val"]);
+        lists.insert("trainval".into(), both);
+        for (split, list) in &lists {
+            files.write(&format!("ImageSets/{split}.txt"), list.as_bytes())?;
+        }
+        Ok(())
+    }
+}
+
+/// Frames of a clip.
+fn frames(set: &SetInfo, clip: &ClipInfo) -> u64 {
+    (clip.seconds * set.frame_rate).round() as u64
+}
+
+/// The number of a clip's first frame.
+fn first_number(set: &SetInfo, clip: &ClipInfo) -> u64 {
+    clip.number * frames(set, clip)
+}
+
+fn folder(clip: &ClipInfo) -> &'static str {
+    if clip.split == "test" { "testing" } else { "training" }
+}
+
+/// Adds the calibration and the labels of a frame to its picture.
+struct ObjectFiles<'a, P> {
+    calibration: String,
+    files: KittiFiles<'a, P>,
+    block: BlockInfo<'a>,
+}
+
+impl<P: Fn(KittiFile, u32) -> Option<String>> BlockWriter for ObjectFiles<'_, P> {
+    fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+        self.files.write(reading, files)?;
+        let (info, clip) = (&reading.info, self.block.clip);
+        if info.is_key && KittiRig::new(self.block.set).slots().next().map(|(sensor, _)| sensor) == Some(info.sensor) {
+            let number = first_number(self.block.set, clip) + u64::from(info.frame);
+            let folder = folder(clip);
+            files.write(&format!("{folder}/calib/{number:06}.txt"), self.calibration.as_bytes())?;
+            if folder == "training" {
+                files.write(&format!("{folder}/label_2/{number:06}.txt"), b"")?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,139 @@
+//! nuScenes (Caesar et al. 2020), as nuscenes-devkit reads it, with nuScenes-lidarseg (Fong et al. 2021) for the points of key sweeps.
+//!
+//! `v1.0-SET/*.json` are the tables, `samples/CHANNEL` and `sweeps/CHANNEL` the readings, `lidarseg/v1.0-SET` a class for each point.
+//!
+//! - Samples are every nth frame, n the nearest to half the rate of frames (2 Hz of 10, 12 or 20 Hz), or every frame below 3 Hz. The key
+//!   readings of their frames are in `samples`, all others in `sweeps`. A reading of `sweeps` belongs to the next sample in time, or the last.
+//! - The rig is nuScenes' ego vehicle (x forward, y left, z up), the world its global frame; a pose for each reading. Metres, quaternions
+//!   wxyz, microseconds.
+//! - Points: x right, y forward, z up, so the rotation of a lidar is the rig's times a quarter turn; intensity 0-255, ring 0 is the lowest.
+//! - Cameras: x right, y down, z forward. The centre of the first pixel is at (0, 0), half a pixel less than in [`crate::CameraInfo`]: the
+//!   devkit draws what its `view_points` gives over `imshow`, which has pixels' centres at whole numbers.
+//! - Radars: x forward, y left, z up. The radial velocity is the length of `vx, vy`, and that of `vx_comp, vy_comp` without the rig's own;
+//!   what moves less than 1 m/s is `stationary`. A sweep without detections has one record of NaN, as there.
+//! - Channels are named by direction, `CAM_FRONT_LEFT`, where one sensor alone looks there, else by the sensor's name.
+//! - Classes of points are those of nuScenes-lidarseg: drops, flakes, fog and mirrored surfaces are `noise` (0), as there.
+//! - `scene.description` has the weather in words: `rain` or `snow` with mm/h, `visibility` in m, `night`. Readers that look for "rain" and
+//!   "night" in it, as is usual, find those scenes. Categories of boxes are listed, boxes are none: nothing moves.
+//! - `splits.json` has each split under its name and under `SET_NAME`: the devkit knows `train` and `val` as those of nuScenes itself.
+//!
+//! Tokens are the first 32 digits of the SHA-256 of the set's, clip's and sensor's names and a number. Source: nuscenes-devkit,
+//! `docs/schema_nuscenes.md`, checked with nuscenes-devkit 1.2.0 (`tests/peers/nuscenes.py`).
+
+mod channels;
+mod files;
+mod tables;
+#[cfg(test)]
+mod tests;
+
+use super::{BlockWriter, FileSink, Layout};
+use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetError, ReadingInfo, SensorInfoKind, SetInfo};
+use channels::channels;
+use sha2::{Digest, Sha256};
+
+pub(super) const LAYOUT: NuScenes = NuScenes;
+
+pub(super) struct NuScenes;
+
+/// Samples a second.
+const SAMPLE_RATE: f64 = 2.0;
+
+impl Layout for NuScenes {
+    fn name(&self) -> &'static str {
+        "nuscenes"
+    }
+
+    fn about(&self) -> &'static str {
+        "nuScenes v1.0: pinhole cameras as JPEG, lidars with nuScenes-lidarseg, radars, samples at 2 Hz and sweeps; no boxes, nothing moves"
+    }
+
+    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
+        let refuse = |problem: String| Err(DatasetError::Layout { layout: self.name(), problem });
+        if set.sensors.is_empty() {
+            return refuse("it needs a sensor: add one to the rig".into());
+        }
+        for sensor in &set.sensors {
+            if let SensorInfoKind::Camera(camera) = &sensor.kind
+                && camera.lens.is_some()
+            {
+                return refuse(format!(
+                    "camera \"{}\" has a lens, but its cameras are pinholes: give it none",
+                    sensor.name
+                ));
+            }
+            let rate = set.frame_rate / f64::from(key_interval(set));
+            if sensor.rate < rate * (1.0 - 1e-9) {
+                return refuse(format!(
+                    "sensor \"{}\" has {} Hz and samples {rate} Hz, but each has a reading of each sensor: raise its rate",
+                    sensor.name, sensor.rate
+                ));
+            }
+        }
+        let mut names = channels(set);
+        names.sort();
+        if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            return refuse(format!("two sensors would be channel {}: rename one, capitals do not count", pair[0]));
+        }
+        Ok(())
+    }
+
+    fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
+        Box::new(files::NuScenesFiles::new(block))
+    }
+
+    fn tables(
+        &self,
+        set: &SetInfo,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        files: &mut dyn FileSink,
+    ) -> Result<(), DatasetError> {
+        tables::write(set, clips, files)
+    }
+}
+
+/// Frames from a sample to the next, at least 1.
+fn key_interval(set: &SetInfo) -> u32 {
+    ((set.frame_rate / SAMPLE_RATE).round() as u32).max(1)
+}
+
+/// Returns true for readings of samples.
+fn is_key(set: &SetInfo, info: &ReadingInfo) -> bool {
+    info.is_key && info.frame.is_multiple_of(key_interval(set))
+}
+
+/// The folder of the tables.
+fn version(set: &SetInfo) -> String {
+    format!("v1.0-{}", set.name)
+}
+
+/// The token of a record.
+fn token(set: &SetInfo, parts: &[&str]) -> String {
+    let hash = Sha256::digest(format!("{}/{}", set.name, parts.join("/")));
+    hash.iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The token of a reading, and of its pose.
+fn reading_token(set: &SetInfo, clip: &ClipInfo, sensor: usize, index: u32) -> String {
+    token(set, &["sample_data", &clip.name, &set.sensors[sensor].name, &index.to_string()])
+}
+
+/// Microseconds since 1970.
+fn microseconds(clip: &ClipInfo, info: &ReadingInfo) -> i64 {
+    info.timestamp(clip).div_euclid(1000)
+}
+
+/// The path of a reading.
+fn reading_path(set: &SetInfo, clip: &ClipInfo, channel: &str, info: &ReadingInfo) -> String {
+    let folder = if is_key(set, info) { "samples" } else { "sweeps" };
+    let extension = match set.sensors[info.sensor].kind {
+        SensorInfoKind::Camera(_) => "jpg",
+        SensorInfoKind::Lidar { .. } => "pcd.bin",
+        SensorInfoKind::Radar { .. } => "pcd",
+    };
+    format!("{folder}/{channel}/{}__{channel}__{}.{extension}", clip.name, microseconds(clip, info))
+}
+
+/// The path of the classes of a key sweep's points.
+fn classes_path(set: &SetInfo, token: &str) -> String {
+    format!("lidarseg/{}/{token}_lidarseg.bin", version(set))
+}
