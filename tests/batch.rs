@@ -62,10 +62,16 @@ fn place(workshop: &Workshop) -> PathBuf {
     let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
     let view = |name: &str, x: f64| {
         let (eye, target) = (DVec3::new(x, -12.0, 1.8), DVec3::new(0.0, 4.0, 2.2));
-        SceneView { name: name.into(), camera: Camera::looking((64, 48), 50.0, eye, target, DVec3::Z).unwrap() }
+        SceneView {
+            name: name.into(),
+            camera: Camera::looking((64, 48), 50.0, eye, target, DVec3::Z).unwrap(),
+        }
     };
-    write_cameras(&cameras_path(&scene), &[view("one.jpg", 0.5), view("two.jpg", -2.0), view("three.jpg", 3.0)])
-        .unwrap();
+    write_cameras(
+        &cameras_path(&scene),
+        &[view("one.jpg", 0.5), view("two.jpg", -2.0), view("three.jpg", 3.0)],
+    )
+    .unwrap();
     std::fs::write(workshop.path("rig.toml"), RIG).unwrap();
     std::fs::write(workshop.path("plan.toml"), PLAN).unwrap();
     workshop.path("plan.toml")
@@ -91,13 +97,23 @@ fn shards_make_the_same_tree_as_one_run_and_a_killed_one_is_made_again() {
     assert!(whole.status.success(), "{}", said(&whole));
     let whole = files(&workshop.path("whole"));
     let has = |name: &str| whole.keys().any(|path| path.ends_with(name));
-    assert!(has("summary.html") && has("manifest.json") && has("000000-yard-drive-fog/front/000002.depth.npy"));
+    assert!(
+        has("summary.html") && has("manifest.json") && has("000000-yard-drive-fog/front/000002.depth.npy")
+    );
     // Two clips of three frames, two readings each, in blocks of two frames.
     let rows = String::from_utf8(whole[Path::new("frames.jsonl")].clone()).unwrap();
     let rows: Vec<serde_json::Value> = rows.lines().map(|row| serde_json::from_str(row).unwrap()).collect();
     assert_eq!(rows.len(), 6);
-    assert!(rows.iter().enumerate().all(|(index, row)| row["frame"] == index && row["readings"].as_array().unwrap().len() == 2));
-    for file in rows.iter().flat_map(|row| row["readings"].as_array().unwrap()).flat_map(|one| one["files"].as_array().unwrap()) {
+    assert!(
+        rows.iter()
+            .enumerate()
+            .all(|(index, row)| row["frame"] == index && row["readings"].as_array().unwrap().len() == 2)
+    );
+    for file in rows
+        .iter()
+        .flat_map(|row| row["readings"].as_array().unwrap())
+        .flat_map(|one| one["files"].as_array().unwrap())
+    {
         let bytes = &whole[Path::new(file["path"].as_str().unwrap())];
         assert_eq!(file["bytes"].as_u64().unwrap(), bytes.len() as u64);
     }
@@ -117,7 +133,11 @@ fn shards_make_the_same_tree_as_one_run_and_a_killed_one_is_made_again() {
     assert!(made.status.success(), "{}", said(&made));
     assert!(printed(&made).contains("1 of 3 blocks made, 2 kept"), "{}", printed(&made));
     let shards = files(&shards);
-    assert!(shards.keys().eq(whole.keys()), "{:?}", shards.keys().filter(|path| !whole.contains_key(*path)).collect::<Vec<_>>());
+    assert!(
+        shards.keys().eq(whole.keys()),
+        "{:?}",
+        shards.keys().filter(|path| !whole.contains_key(*path)).collect::<Vec<_>>()
+    );
     for (path, bytes) in &shards {
         assert!(*bytes == whole[path], "{} differs", path.display());
     }
@@ -129,8 +149,16 @@ fn shards_make_the_same_tree_as_one_run_and_a_killed_one_is_made_again() {
     let own = Path::new("frames/000001-yard-drive-rain/front/000001.png");
     assert!(alone[own] == whole[own] && !alone.contains_key(Path::new("manifest.json")));
     // A changed file is found by its hash.
-    std::fs::write(workshop.path("shards").join(own), &alone[Path::new("frames/000001-yard-drive-rain/front/000001.depth.npy")][..whole[own].len()]).unwrap();
-    fails(&mut batch(&workshop, "shards", "--merge --verify"), &["1 files are not as they were made", "has other bytes"], &[]);
+    std::fs::write(
+        workshop.path("shards").join(own),
+        &alone[Path::new("frames/000001-yard-drive-rain/front/000001.depth.npy")][..whole[own].len()],
+    )
+    .unwrap();
+    fails(
+        &mut batch(&workshop, "shards", "--merge --verify"),
+        &["1 files are not as they were made", "has other bytes"],
+        &[],
+    );
     // Another plan does not continue the set.
     std::fs::write(workshop.path("plan.toml"), PLAN.replace("seed = 4", "seed = 5")).unwrap();
     fails(&mut batch(&workshop, "shards", ""), &["is of another plan"], &[]);
@@ -143,16 +171,27 @@ fn photos_get_their_weathers_and_wrong_plans_one_line() {
     let plan = "also = [\"clean\"]\n[[scene]]\nfile = \"yard.ply\"\n[[path]]\ncameras = \"capture\"\n[[weather]]\nfrom = [\"fog\", \"snow\"]\n";
     std::fs::write(workshop.path("plan.toml"), plan).unwrap();
     let listed = printed(&finish(&mut batch(&workshop, "set", "--list")));
-    assert!(listed.contains("6 clips, 6 frames") && listed.contains("000004-yard-photo-two-snow"), "{listed}");
+    assert!(
+        listed.contains("6 clips, 6 frames") && listed.contains("000004-yard-photo-two-snow"),
+        "{listed}"
+    );
     let made = finish(&mut batch(&workshop, "set", ""));
     assert!(made.status.success(), "{}", said(&made));
-    let picture = |number: u32, kind: &str| read_png(&workshop.path(&format!("set/frames/00000/camera/{number:08}{kind}.png")));
+    let picture = |number: u32, kind: &str| {
+        read_png(&workshop.path(&format!("set/frames/00000/camera/{number:08}{kind}.png")))
+    };
     assert_eq!((picture(0, "").width, picture(0, "").height), (64, 48));
     // The same view in fog and in snow, with one clean picture.
     assert!(picture(1, ".clean").pixels == picture(4, ".clean").pixels);
-    assert!(picture(1, "").pixels != picture(4, "").pixels && picture(0, ".clean").pixels != picture(1, ".clean").pixels);
+    assert!(
+        picture(1, "").pixels != picture(4, "").pixels
+            && picture(0, ".clean").pixels != picture(1, ".clean").pixels
+    );
     for (change, says) in [
-        (("[\"fog\", \"snow\"]", "[\"fogg\"]"), "line 7: from: there is no weather `fogg`, did you mean `fog`?"),
+        (
+            ("[\"fog\", \"snow\"]", "[\"fogg\"]"),
+            "line 7: from: there is no weather `fogg`, did you mean `fog`?",
+        ),
         (("cameras", "camera"), "line 5: path camera"),
         (("also", "layouts = [\"nope\"]\nalso"), "line 1: layouts: there is no layout `nope`"),
     ] {

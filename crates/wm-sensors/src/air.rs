@@ -75,6 +75,6 @@ pub(crate) fn add_echoes(
         let number = first + SPECKLE * (index + 1);
         let product: f64 = (0..SPECKLE).map(|k| 1.0 - random.uniform(number + k)).product();
         let speckle = -product.max(f64::MIN_POSITIVE).ln() / SPECKLE as f64;
-        echoes.push(Echo { range, power: power * speckle, class: EchoClass::Air });
+        echoes.push(Echo { range, power: power * speckle, class: EchoClass::Air, label: 0 });
     }
 }

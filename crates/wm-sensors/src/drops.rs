@@ -218,7 +218,7 @@ fn meet(
         ParticleShape::Ball => EchoClass::Drop,
         ParticleShape::Flake => EchoClass::Flake,
     };
-    (power >= FAINTEST * model.least_power()).then_some(Echo { range, power, class })
+    (power >= FAINTEST * model.least_power()).then_some(Echo { range, power, class, label: 0 })
 }
 
 /// A view through a rectangle of a face.

@@ -75,6 +75,8 @@ pub struct Echo {
     pub power: f64,
     /// Its source.
     pub class: EchoClass,
+    /// The label of the surface, 0 for none.
+    pub label: u16,
 }
 
 /// An echo that was detected.
@@ -96,12 +98,13 @@ const RANGE_NOISE: f64 = 0.09;
 const NUMBERS: u64 = 64;
 
 /// Adds up echoes that lie within `bin` m of the first of them: power adds, ranges are the mean by power, and the class is that of the
-/// strongest class. Both are sorted by range.
+/// strongest class, with the label of the strongest echo of it. Both are sorted by range.
 pub(crate) fn merge(echoes: &mut [Echo], bin: f64, merged: &mut Vec<Echo>) {
     merged.clear();
-    // By range; equal ones by class and power, so that no order of theirs shows.
+    // By range; equal ones by class, power and label, so that no order of theirs shows.
     echoes.sort_by(|a, b| {
-        a.range.total_cmp(&b.range).then(a.class.cmp(&b.class)).then(a.power.total_cmp(&b.power))
+        let by_power = a.class.cmp(&b.class).then(a.power.total_cmp(&b.power));
+        a.range.total_cmp(&b.range).then(by_power).then(a.label.cmp(&b.label))
     });
     // A little less, so that bins of air stay apart.
     let reach = bin * (1.0 - 1e-6);
@@ -117,7 +120,9 @@ pub(crate) fn merge(echoes: &mut [Echo], bin: f64, merged: &mut Vec<Echo>) {
         let strongest = |a: EchoClass, b: EchoClass| if of(b) > of(a) { b } else { a };
         let class = EchoClass::ALL.into_iter().reduce(strongest).unwrap_or(EchoClass::Surface);
         if power > 0.0 {
-            merged.push(Echo { range, power, class });
+            let own = group.iter().filter(|echo| echo.class == class);
+            let label = own.max_by(|a, b| a.power.total_cmp(&b.power)).map_or(0, |echo| echo.label);
+            merged.push(Echo { range, power, class, label });
         }
         first += count;
     }
@@ -173,7 +178,7 @@ mod tests {
     use super::*;
 
     fn echo(range: f64, power: f64, class: EchoClass) -> Echo {
-        Echo { range, power, class }
+        Echo { range, power, class, label: 0 }
     }
 
     #[test]

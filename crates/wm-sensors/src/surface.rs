@@ -25,6 +25,8 @@ pub struct SurfaceState {
     pub pores: f64,
     /// Share under a film of water, 0-1.
     pub film: f64,
+    /// Its label, 0 for none.
+    pub label: u16,
 }
 
 /// The state of the surfaces of a scene.

@@ -142,6 +142,8 @@ pub struct LidarPoint {
     pub rank: ReturnRank,
     /// Its source.
     pub class: EchoClass,
+    /// The label of the surface, 0 for none.
+    pub label: u16,
 }
 
 /// The points of a sweep.
@@ -288,6 +290,7 @@ fn point(
         column: pulse.beam.column,
         rank: detected.rank,
         class: echo.class,
+        label: echo.label,
     }
 }
 
@@ -343,6 +346,7 @@ impl Tracer<'_> {
                 range: met.range,
                 power: reflectance * met.cosine * received,
                 class: EchoClass::Surface,
+                label: met.state.label,
             };
             // What is mirrored is blurred anyway: the middle of the pulse stands for all of it.
             let is_middle = ray.is_multiple_of(self.count);
@@ -392,7 +396,7 @@ impl Tracer<'_> {
         let reflectance = surface::wet_reflectance(met.dry, &met.state, met.cosine);
         let received = mirror.share * kept * kept * self.model.overlap_at(range) / (range * range);
         let power = reflectance * met.cosine * received;
-        Some((mirror.pulse, Echo { range, power, class: EchoClass::Ghost }))
+        Some((mirror.pulse, Echo { range, power, class: EchoClass::Ghost, label: met.state.label }))
     }
 
     fn metres(&self) -> f64 {

@@ -59,6 +59,8 @@ pub struct BatchPlan {
     pub picture: PictureFormat,
     /// Its pictures beside the colour.
     pub also: Vec<ExtraPicture>,
+    /// The names of the labels of splats, from 1.
+    pub labels: Vec<String>,
     /// The parts of the set and their shares, which sum to 1.
     pub splits: Vec<(String, f64)>,
     /// The scenes.
@@ -140,6 +142,8 @@ struct PlanFile {
     picture: Option<String>,
     #[serde(default)]
     also: Vec<String>,
+    #[serde(default)]
+    labels: Vec<String>,
     #[serde(default)]
     splits: BTreeMap<String, f64>,
     #[serde(default)]
@@ -389,6 +393,7 @@ impl PlanFile {
             writes_frames,
             picture,
             also,
+            labels: self.labels.clone(),
             splits: self.splits()?,
             scenes,
             paths,
@@ -688,7 +693,7 @@ impl BatchPlan {
             env!("CARGO_PKG_VERSION"),
             (&self.name, &self.about, self.seed, self.frames, self.frame_rate, self.block, self.start),
             (self.writes_frames, self.picture, &self.also),
-            &self.splits,
+            (&self.labels, &self.splits),
             &self.paths,
             &self.rig,
             &self.weathers,

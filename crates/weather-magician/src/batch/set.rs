@@ -73,7 +73,7 @@ pub fn set_of(plan: &BatchPlan, rig: &Rig) -> SetInfo {
         program: concat!("weather-magician ", env!("CARGO_PKG_VERSION")).into(),
         sensors: rig.sensors.iter().map(sensor_info).collect(),
         frame_rate: plan.frame_rate,
-        labels: Vec::new(),
+        labels: plan.labels.clone(),
     }
 }
 
@@ -274,7 +274,7 @@ pub fn points_of(sweep: &LidarSweep) -> Vec<DatasetPoint> {
             EchoClass::Air => PointSource::Air,
             EchoClass::Ghost => PointSource::Ghost,
         },
-        label: 0,
+        label: point.label,
     };
     let mut points: Vec<DatasetPoint> = sweep.points.iter().map(of).collect();
     // Rows of a spinning lidar fire at once: a stable order by time.

@@ -181,7 +181,8 @@ impl Renderer {
                     (weather, own.time),
                     progress,
                     |pool, prepared, shelter, wet| {
-                        let surfaces = PlaceSurfaces { groups: &splats.groups, wet, is_snow };
+                        let surfaces =
+                            PlaceSurfaces { groups: &splats.groups, labels: &splats.labels, wet, is_snow };
                         let scene = LidarScene {
                             splats: &rays,
                             mirrored: mirrored.as_ref().map(|rays| rays as &dyn RayTracer),
@@ -211,6 +212,7 @@ const STANDS: f64 = 0.3;
 /// The surfaces of a place in a weather.
 struct PlaceSurfaces<'a> {
     groups: &'a [Group],
+    labels: &'a [u16],
     wet: Option<&'a WetGains<'a>>,
     /// True if the lying cover is snow, false if it is dust.
     is_snow: bool,
@@ -221,7 +223,9 @@ impl SurfaceStates for PlaceSurfaces<'_> {
         let index = splat as usize;
         let is_snow = self.is_snow && self.groups.get(index) == Some(&Group::Snow);
         let [pores, film] = self.wet.and_then(|wet| wet.shares(index)).unwrap_or_default().map(f64::from);
-        SurfaceState { is_snow, pores, film }
+        // Lying snow is no splat of the scene.
+        let label = self.labels.get(index).copied().unwrap_or(0);
+        SurfaceState { is_snow, pores, film, label }
     }
 }
 

@@ -167,6 +167,7 @@ mod tests {
             column: 0,
             rank: ReturnRank::Strongest,
             class: *class,
+            label: 0,
         };
         LidarSweep {
             name: "test".into(),

@@ -15,6 +15,7 @@ fn three() -> LidarSweep {
         column: 70_000 + u32::from(index),
         rank: ReturnRank::Strongest,
         class: EchoClass::ALL[usize::from(index)],
+        label: 0,
     };
     LidarSweep {
         name: "test".into(),
