@@ -1,4 +1,4 @@
-//! Writes a small synthetic set in a layout, for scripts that read it with other programs:
+//! Writes a small synthetic set in a layout and its numbers in `truth.json`, for scripts that read it with other programs:
 //! `cargo run -p wm-datasets --features testing --example synthetic_set -- LAYOUT FOLDER`.
 
 use wm_datasets::{find_layout, testing};
@@ -8,6 +8,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (Some(layout), Some(folder)) = (arguments.next(), arguments.next()) else {
         return Err("usage: synthetic_set LAYOUT FOLDER".into());
     };
-    testing::write(find_layout(&layout)?, &mut testing::FolderSink(folder.into()))?;
+    let mut files = testing::FolderSink(folder.into());
+    testing::write(find_layout(&layout)?, &mut files)?;
+    let truth = serde_json::to_vec_pretty(&testing::truth(&testing::set()))?;
+    wm_datasets::FileSink::write(&mut files, "truth.json", &truth)?;
     Ok(())
 }

@@ -6,6 +6,7 @@ use crate::{
     SensorInfo, SensorInfoKind, SetInfo, WeatherInfo,
 };
 use glam::{DMat3, DQuat, DVec3};
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -158,6 +159,90 @@ pub fn write(layout: &dyn Layout, files: &mut dyn FileSink) -> Result<(), Datase
     layout.tables(&set, &mut records, files)
 }
 
+/// The set as numbers for scripts that read its files with other programs: sensors with `rig_from_sensor` as 4x4 rows and intrinsics
+/// (the first pixel's centre is at 0.5, 0.5), clips, readings with `timestamp` (ns) and `world_from_sensor`, and [`SPOT`] with its
+/// pixel in the pictures that show it and its position in the sensors' axes.
+#[must_use]
+pub fn truth(set: &SetInfo) -> Value {
+    let sensors = set.sensors.iter().map(|sensor| {
+        let mut value = json!({
+            "name": sensor.name,
+            "rate": sensor.rate,
+            "rig_from_sensor": rows(&sensor.rig_from_sensor),
+        });
+        match &sensor.kind {
+            SensorInfoKind::Camera(camera) => {
+                value["kind"] = "camera".into();
+                value["size"] = json!([camera.size.0, camera.size.1]);
+                value["focal"] = json!(camera.focal);
+                value["center"] = json!(camera.center);
+            }
+            SensorInfoKind::Lidar { model, rings } => {
+                value["kind"] = "lidar".into();
+                value["model"] = json!(model);
+                value["rings"] = json!(rings);
+            }
+            SensorInfoKind::Radar { model } => {
+                value["kind"] = "radar".into();
+                value["model"] = json!(model);
+            }
+        }
+        value
+    });
+    let clips = clips().into_iter().map(|clip| {
+        let readings = readings(set).into_iter().map(|info| {
+            let spot = info.world_from_sensor(set).inverse().point(SPOT);
+            let mut value = json!({
+                "sensor": set.sensors[info.sensor].name,
+                "index": info.index,
+                "frame": info.frame,
+                "is_key": info.is_key,
+                "timestamp": info.timestamp(&clip),
+                "world_from_rig": rows(&info.world_from_rig),
+                "world_from_sensor": rows(&info.world_from_sensor(set)),
+                "spot": spot.to_array(),
+            });
+            if let SensorInfoKind::Camera(camera) = &set.sensors[info.sensor].kind {
+                value["spot_pixel"] = json!(pixel(camera, spot));
+            }
+            value
+        });
+        json!({
+            "number": clip.number,
+            "name": clip.name,
+            "split": clip.split,
+            "start": clip.start,
+            "seconds": clip.seconds,
+            "origin": clip.place.origin,
+            "condition": clip.weather.condition.name(),
+            "readings": readings.collect::<Vec<_>>(),
+        })
+    });
+    json!({
+        "name": set.name,
+        "frame_rate": set.frame_rate,
+        "labels": set.labels,
+        "sensors": sensors.collect::<Vec<_>>(),
+        "clips": clips.collect::<Vec<_>>(),
+        "spot": SPOT.to_array(),
+        "points": 60,
+        "detections": 4,
+    })
+}
+
+/// The rows of a pose as a 4x4 matrix.
+fn rows(pose: &RigidPose) -> [[f64; 4]; 4] {
+    pose.matrix().transpose().to_cols_array_2d()
+}
+
+/// Where a picture shows a point of the camera's axes, px; `None` if it does not.
+#[must_use]
+pub fn pixel(camera: &CameraInfo, point: DVec3) -> Option<[f64; 2]> {
+    let [x, y] = [0, 1].map(|k| camera.focal[k] * point[k] / point.z + camera.center[k]);
+    let (width, height) = (f64::from(camera.size.0), f64::from(camera.size.1));
+    (point.z > 0.1 && x >= 0.0 && y >= 0.0 && x < width && y < height).then_some([x, y])
+}
+
 /// Makes what a sensor reads.
 fn with_data(
     set: &SetInfo,
@@ -174,13 +259,9 @@ fn with_data(
             let clean = rgb.clone();
             let depth: Vec<f32> = (0..pixels).map(|i| 5.0 + (i / SIZE.0 as usize) as f32).collect();
             let flow = vec![0.5f32; pixels * 2];
-            if spot.z > 0.1 {
-                let [x, y] = [0, 1].map(|k| camera.focal[k] * spot[k] / spot.z + camera.center[k]);
-                let is_in = x >= 0.0 && y >= 0.0 && x < f64::from(SIZE.0) && y < f64::from(SIZE.1);
-                if is_in {
-                    let at = 3 * (y as usize * SIZE.0 as usize + x as usize);
-                    rgb[at..at + 3].copy_from_slice(&[255, 0, 0]);
-                }
+            if let Some([x, y]) = pixel(camera, spot) {
+                let at = 3 * (y as usize * SIZE.0 as usize + x as usize);
+                rgb[at..at + 3].copy_from_slice(&[255, 0, 0]);
             }
             let picture =
                 PictureReading { rgb: &rgb, clean: Some(&clean), depth: Some(&depth), flow: Some(&flow) };
