@@ -7,7 +7,8 @@ use std::io::Write;
 use std::path::Path;
 
 pub(super) use png::ColorType;
-use png::{BitDepth, Compression, Encoder, EncodingError, ScaledFloat, SrgbRenderingIntent};
+pub use png::EncodingError;
+use png::{BitDepth, Compression, Encoder, ScaledFloat, SrgbRenderingIntent};
 
 use super::color::{self, Dither};
 use super::{MediaError, PictureSize, Tags, write_file};
@@ -82,6 +83,24 @@ pub fn write_rgb(
 pub fn write_rgb8(path: &Path, rgb: &[u8], size: PictureSize, tags: &Tags) -> Result<(), MediaError> {
     size.expect("rgb", rgb, 3);
     write(path, rgb, size, ColorType::Rgb, ChannelBits::Eight, Meaning::Color, tags)
+}
+
+/// Encodes `rgb [H, W, 3]`, sRGB, in memory as 8-bit RGB without tags, for files that others write.
+///
+/// # Errors
+/// [`EncodingError`] if the size makes no picture.
+///
+/// # Panics
+/// If `rgb` is not of this size.
+pub fn encode_rgb8(rgb: &[u8], size: PictureSize) -> Result<Vec<u8>, EncodingError> {
+    size.expect("rgb", rgb, 3);
+    let mut out = Vec::with_capacity(rgb.len() / 2);
+    let mut encoder = Encoder::new(&mut out, size.width, size.height);
+    set_up(&mut encoder, ColorType::Rgb, ChannelBits::Eight, Meaning::Color);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(rgb)?;
+    writer.finish()?;
+    Ok(out)
 }
 
 /// Writes `depth [H, W]`, metres or scene units, as 16-bit grey, and returns the metres (or units) a
@@ -217,18 +236,7 @@ pub(super) fn write(
             }
         };
         let mut encoder = Encoder::new(out, size.width, size.height);
-        encoder.set_color(color_type);
-        encoder.set_depth(match bits {
-            ChannelBits::Eight => BitDepth::Eight,
-            ChannelBits::Sixteen => BitDepth::Sixteen,
-        });
-        // A quarter larger than the next better, but written in a twentieth of its 0.3 s for a frame.
-        encoder.set_compression(Compression::Fast);
-        if meaning == Meaning::Color {
-            encoder.set_source_srgb(SrgbRenderingIntent::Perceptual);
-            // For readers that know only gamma: 1/2.2, as the PNG standard asks beside sRGB.
-            encoder.set_source_gamma(ScaledFloat::from_scaled(45455));
-        }
+        set_up(&mut encoder, color_type, bits, meaning);
         for (key, text) in tags {
             add_tag(&mut encoder, key, text).map_err(|reason| MediaError::Tag {
                 path: path.to_path_buf(),
@@ -240,6 +248,22 @@ pub(super) fn write(
         writer.write_image_data(bytes).map_err(failed)?;
         writer.finish().map_err(failed)
     })
+}
+
+/// Sets what a picture is and how hard it is packed.
+fn set_up<W: Write>(encoder: &mut Encoder<'_, W>, color_type: ColorType, bits: ChannelBits, meaning: Meaning) {
+    encoder.set_color(color_type);
+    encoder.set_depth(match bits {
+        ChannelBits::Eight => BitDepth::Eight,
+        ChannelBits::Sixteen => BitDepth::Sixteen,
+    });
+    // A quarter larger than the next better, but written in a twentieth of its 0.3 s for a frame.
+    encoder.set_compression(Compression::Fast);
+    if meaning == Meaning::Color {
+        encoder.set_source_srgb(SrgbRenderingIntent::Perceptual);
+        // For readers that know only gamma: 1/2.2, as the PNG standard asks beside sRGB.
+        encoder.set_source_gamma(ScaledFloat::from_scaled(45455));
+    }
 }
 
 /// Adds a chunk, or says why the key or text cannot be one.
@@ -289,6 +313,15 @@ mod tests {
 
     fn tags(pairs: &[(&str, &str)]) -> Vec<(String, String)> {
         pairs.iter().map(|(key, text)| ((*key).to_owned(), (*text).to_owned())).collect()
+    }
+
+    #[test]
+    fn a_picture_in_memory_has_the_bytes_of_its_file() {
+        let directory = tempfile::tempdir().unwrap();
+        let (path, size) = (directory.path().join("a.png"), PictureSize::new(5, 3));
+        let rgb: Vec<u8> = (0..45).map(|i| i * 5).collect();
+        write_rgb8(&path, &rgb, size, &[]).unwrap();
+        assert_eq!(encode_rgb8(&rgb, size).unwrap(), std::fs::read(&path).unwrap());
     }
 
     #[test]
