@@ -11,7 +11,15 @@ macro_rules! layouts {
     };
 }
 
-layouts! {}
+layouts! {
+    argoverse2,
+    mcap,
+    tartan_air,
+    nerfstudio,
+    colmap,
+    acdc,
+    foggy_cityscapes,
+}
 
 /// A layout of a data set.
 pub trait Layout: Sync {

@@ -1,0 +1,34 @@
+//! Pictures as files in memory.
+
+use crate::{CameraInfo, DatasetError, SensorInfo};
+use wm_media::PictureSize;
+use wm_media::jpeg::{self, SamplingFactor};
+
+/// Quality of JPEG files, 1-100: what cameras of cars are stored with in public data sets is 80 to 95.
+const JPEG_QUALITY: u8 = 92;
+
+/// Encodes `rgb [H, W, 3]` as a PNG.
+pub(crate) fn png(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Result<Vec<u8>, DatasetError> {
+    check_size(sensor, camera, rgb)?;
+    let (width, height) = camera.size;
+    wm_media::png::encode_rgb8(rgb, PictureSize::new(width, height)).map_err(|error| problem(sensor, &error))
+}
+
+/// Encodes `rgb [H, W, 3]` as a JPEG with chroma of half the resolution.
+pub(crate) fn jpeg(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Result<Vec<u8>, DatasetError> {
+    check_size(sensor, camera, rgb)?;
+    jpeg::encode(rgb, camera.size, JPEG_QUALITY, SamplingFactor::R_4_2_0)
+        .map_err(|error| problem(sensor, &error))
+}
+
+fn check_size(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Result<(), DatasetError> {
+    let (width, height) = camera.size;
+    if rgb.len() as u64 == 3 * u64::from(width) * u64::from(height) {
+        return Ok(());
+    }
+    Err(problem(sensor, &format!("{} bytes are no picture of {width}x{height} px", rgb.len())))
+}
+
+fn problem(sensor: &SensorInfo, problem: &dyn std::fmt::Display) -> DatasetError {
+    DatasetError::Picture { sensor: sensor.name.clone(), problem: problem.to_string() }
+}
