@@ -11,11 +11,13 @@ It is no part of `cargo test`. The exit code is 1 if anything differs.
 
 import json
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
 from av2.datasets.sensor.av2_sensor_dataloader import AV2SensorDataLoader
 from av2.structures.sweep import Sweep
+from av2.torch.data_loaders.detection import DetectionDataLoader
 from av2.utils.io import read_feather, read_img
 
 # Names of the synthetic rig's cameras, which look 0, 60 and -60 degrees to the left.
@@ -98,6 +100,20 @@ def main():
         kinds = read_feather(loader.get_lidar_fpath(log, times[0])).dtypes.astype(str).to_dict()
         want = dict(x="float16", y="float16", z="float16", intensity="uint8", laser_number="uint8", offset_ns="int32")
         check("columns", kinds == want, f"{kinds}")
+    # The data loader in Rust, which has a reader of Feather of its own.
+    with tempfile.TemporaryDirectory() as root:
+        (Path(root) / "av2").mkdir()
+        (Path(root) / "av2/sensor").symlink_to(folder.resolve())
+        for clip in truth["clips"]:
+            sweeps = DetectionDataLoader(root_dir=Path(root), dataset_name="av2", split_name=clip["split"])
+            far, times = 0.0, []
+            for index in range(len(sweeps)):
+                sweep = sweeps[index]
+                times.append(sweep.sweep_uuid[1])
+                (reading,) = [r for r in clip["readings"] if r["sensor"] == "top" and r["timestamp"] == times[-1]]
+                want = np.linalg.inv(reading["world_from_rig"]) @ [*spot, 1]
+                far = max(far, np.abs(sweep.lidar.as_tensor()[0, :3].numpy() - want[:3]).max())
+            check(f"av2.torch {clip['split']}", far < 0.5 / 64 + 1e-6 and len(set(times)) == 20, f"{len(times)} sweeps, {far:.4f} m")
     sys.exit(bool(failures))
 
 

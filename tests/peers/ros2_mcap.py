@@ -152,7 +152,7 @@ def main():
         def by_mcap():
             for file in files:
                 with file.open("rb") as stream:
-                    reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+                    reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
                     assert reader.get_header().profile == "ros2"
                     for _, channel, message, decoded in reader.iter_decoded_messages():
                         yield channel.topic, message.log_time, decoded

@@ -105,3 +105,21 @@ pub(crate) fn check_capture(folder: &std::path::Path) -> usize {
     }
     seen
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::{self, MemorySink};
+
+    #[test]
+    fn files_of_readings_do_not_depend_on_blocks() {
+        for name in ["argoverse2", "tartanair", "foggy-cityscapes"] {
+            let layout = crate::find_layout(name).unwrap();
+            let [short, long] = [3, 20].map(|frames| {
+                let mut files = MemorySink::default();
+                testing::write_in_blocks(layout, frames, &mut files).unwrap();
+                files.0
+            });
+            assert!(short == long, "{name}");
+        }
+    }
+}

@@ -14,10 +14,11 @@ pub(crate) fn png(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Resul
     wm_media::png::encode_rgb8(rgb, PictureSize::new(width, height)).map_err(|error| problem(sensor, &error))
 }
 
-/// Encodes `rgb [H, W, 3]` as a JPEG with chroma of half the resolution.
+/// Encodes `rgb [H, W, 3]` as a JPEG. Chroma has the full resolution: for half of it, the encoder would take every fourth pixel instead of
+/// their mean, and small lights would lose their colour.
 pub(crate) fn jpeg(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Result<Vec<u8>, DatasetError> {
     check_size(sensor, camera, rgb)?;
-    jpeg::encode(rgb, camera.size, JPEG_QUALITY, SamplingFactor::R_4_2_0)
+    jpeg::encode(rgb, camera.size, JPEG_QUALITY, SamplingFactor::F_1_1)
         .map_err(|error| problem(sensor, &error))
 }
 

@@ -137,16 +137,29 @@ pub fn readings(set: &SetInfo) -> Vec<ReadingInfo> {
 /// A point of the world that all lidars hit and pictures show as a red spot, m.
 pub const SPOT: DVec3 = DVec3::new(30.0, 2.0, 1.0);
 
-/// Writes the set in a layout.
+/// Writes the set in a layout, eight frames a block.
 ///
 /// # Errors
 /// Those of the layout.
 pub fn write(layout: &dyn Layout, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    write_in_blocks(layout, BLOCK, files)
+}
+
+/// Writes the set in a layout, so many frames a block.
+///
+/// # Errors
+/// Those of the layout.
+pub fn write_in_blocks(
+    layout: &dyn Layout,
+    frames: u32,
+    files: &mut dyn FileSink,
+) -> Result<(), DatasetError> {
     let set = set();
     layout.check(&set)?;
     let clips = clips();
+    let all: Vec<ReadingInfo> =
+        readings(&set).into_iter().map(|info| ReadingInfo { block: info.frame / frames, ..info }).collect();
     for clip in &clips {
-        let all = readings(&set);
         for own in all.chunk_by(|a, b| a.block == b.block) {
             let mut block = layout.block(BlockInfo { set: &set, clip, number: own[0].block, readings: own });
             for info in own {
@@ -155,7 +168,7 @@ pub fn write(layout: &dyn Layout, files: &mut dyn FileSink) -> Result<(), Datase
             block.finish(files)?;
         }
     }
-    let mut records = clips.into_iter().map(|clip| Ok(ClipRecord { clip, readings: readings(&set) }));
+    let mut records = clips.into_iter().map(|clip| Ok(ClipRecord { clip, readings: all.clone() }));
     layout.tables(&set, &mut records, files)
 }
 
@@ -235,10 +248,16 @@ fn rows(pose: &RigidPose) -> [[f64; 4]; 4] {
     pose.matrix().transpose().to_cols_array_2d()
 }
 
-/// Where a picture shows a point of the camera's axes, px; `None` if it does not.
+/// The pixel of a point before a camera, in the camera's axes.
+#[must_use]
+pub fn project(camera: &CameraInfo, point: DVec3) -> [f64; 2] {
+    [0, 1].map(|k| camera.focal[k] * point[k] / point.z + camera.center[k])
+}
+
+/// The pixel of a point in the camera's axes; `None` if the picture does not show it.
 #[must_use]
 pub fn pixel(camera: &CameraInfo, point: DVec3) -> Option<[f64; 2]> {
-    let [x, y] = [0, 1].map(|k| camera.focal[k] * point[k] / point.z + camera.center[k]);
+    let [x, y] = project(camera, point);
     let (width, height) = (f64::from(camera.size.0), f64::from(camera.size.1));
     (point.z > 0.1 && x >= 0.0 && y >= 0.0 && x < width && y < height).then_some([x, y])
 }

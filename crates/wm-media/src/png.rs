@@ -251,7 +251,12 @@ pub(super) fn write(
 }
 
 /// Sets what a picture is and how hard it is packed.
-fn set_up<W: Write>(encoder: &mut Encoder<'_, W>, color_type: ColorType, bits: ChannelBits, meaning: Meaning) {
+fn set_up<W: Write>(
+    encoder: &mut Encoder<'_, W>,
+    color_type: ColorType,
+    bits: ChannelBits,
+    meaning: Meaning,
+) {
     encoder.set_color(color_type);
     encoder.set_depth(match bits {
         ChannelBits::Eight => BitDepth::Eight,

@@ -1,4 +1,4 @@
-//! Argoverse 2's sensor data set: one folder a log, tables as Feather (Arrow's file format with LZ4 frames), photos as JPEG.
+//! Argoverse 2's sensor data set: one folder a log, tables as Feather (Arrow's file format), photos as JPEG.
 //!
 //! `SPLIT/CLIP/` has `sensors/lidar/NS.feather`, `sensors/cameras/NAME/NS.jpg`, `city_SE3_egovehicle.feather`,
 //! `calibration/{egovehicle_SE3_sensor,intrinsics}.feather` and an `annotations.feather` without rows, since nothing in a scene
@@ -11,8 +11,8 @@
 //!   a projected point to its pixel), so `cx_px` and `cy_px` are 0.5 less than ours. Lenses have k1, k2 and k3.
 //! - A camera has the name of the ring camera that looks the same way within 25 degrees if no other camera does, else its own.
 //! - The lidar is `up_lidar`; readers ask for a `down_lidar` too, which gets the same pose and no points.
-//! - Radars have no place and are left out. So are maps: what reads them (`SensorDataloader`) cannot read these logs,
-//!   `AV2SensorDataLoader` can.
+//! - Radars have no place and are left out. So are maps, so `SensorDataloader` cannot read these logs; `AV2SensorDataLoader` and
+//!   `av2.torch`'s `DetectionDataLoader` can, the latter with pictures only if the rig has all seven ring cameras.
 //!
 //! Source: the public API (github.com/argoverse/av2-api, MIT) and a real log.
 
@@ -23,8 +23,7 @@ use crate::{SensorInfo, SensorInfoKind, picture_files};
 use arrow_array::{
     ArrayRef, Float16Array, Float64Array, Int32Array, Int64Array, RecordBatch, StringArray, UInt8Array, UInt16Array,
 };
-use arrow_ipc::CompressionType;
-use arrow_ipc::writer::{FileWriter, IpcWriteOptions};
+use arrow_ipc::writer::FileWriter;
 use arrow_schema::ArrowError;
 use glam::{DVec3, Vec3};
 use half::f16;
@@ -275,13 +274,15 @@ fn write(files: &mut dyn FileSink, path: String, columns: Columns) -> Result<(),
     files.write(&path, &bytes)
 }
 
-/// A table as a Feather file: one batch, LZ4.
+/// A table as a Feather file of one batch.
+///
+/// It is not compressed: this writer leaves buffers as they are that LZ4 would not make smaller, and the data loader in Rust of `av2`
+/// takes those for broken.
 fn feather(columns: Columns) -> Result<Vec<u8>, ArrowError> {
     let batch = RecordBatch::try_from_iter_with_nullable(
         columns.into_iter().map(|(name, column)| (name, column, true)),
     )?;
-    let options = IpcWriteOptions::default().try_with_compression(Some(CompressionType::LZ4_FRAME))?;
-    let mut writer = FileWriter::try_new_with_options(Vec::new(), &batch.schema(), options)?;
+    let mut writer = FileWriter::try_new(Vec::new(), &batch.schema())?;
     writer.write(&batch)?;
     writer.into_inner()
 }

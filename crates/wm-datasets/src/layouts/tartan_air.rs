@@ -17,7 +17,7 @@
 use super::{BlockWriter, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, check_cameras, check_pinholes, layer, picture};
 use crate::{BlockInfo, CameraInfo, ClipInfo, ClipRecord, DatasetError, Reading, RigidPose, SensorInfo, SetInfo};
-use crate::{npy_bytes, picture_files};
+use crate::{array_files, picture_files};
 use glam::{DMat3, DVec3};
 use std::fmt::Write;
 
@@ -138,7 +138,7 @@ impl BlockWriter for Pictures<'_> {
         files.write(&format!("{folder}/image_{side}/{index:06}_{side}.png"), &png)?;
         let depth = layer(sensor, camera, picture.depth, 1, "depth")?;
         let depth = depth.iter().map(|depth| if *depth > 0.0 { *depth } else { SKY });
-        let bytes = npy_bytes::floats(depth, &[height, width]);
+        let bytes = array_files::floats(depth, &[height, width]);
         files.write(&format!("{folder}/depth_{side}/{index:06}_{side}_depth.npy"), &bytes)?;
         let is_last = info.time + 1.0 / sensor.rate > clip.seconds - 1e-6;
         if *side == "left" && !is_last {
@@ -148,8 +148,8 @@ impl BlockWriter for Pictures<'_> {
             let known = pairs.iter().flat_map(|pair| if is_known(pair) { *pair } else { [0.0; 2] });
             let mask: Vec<u8> = pairs.iter().map(|pair| u8::from(!is_known(pair))).collect();
             let name = format!("{folder}/flow/{index:06}_{:06}", index + 1);
-            files.write(&format!("{name}_flow.npy"), &npy_bytes::floats(known, &[height, width, 2]))?;
-            files.write(&format!("{name}_mask.npy"), &npy_bytes::bytes(&mask, &[height, width]))?;
+            files.write(&format!("{name}_flow.npy"), &array_files::floats(known, &[height, width, 2]))?;
+            files.write(&format!("{name}_mask.npy"), &array_files::bytes(&mask, &[height, width]))?;
         }
         Ok(())
     }

@@ -271,6 +271,23 @@ mod tests {
     }
 
     #[test]
+    fn lenses_have_their_models() {
+        let info = |lens| {
+            let info = CameraInfo { size: (4, 3), focal: [2.0, 2.5], center: [2.0, 1.5], lens };
+            // Header to 14, size to 24, the model and the count of its numbers.
+            camera(0, "a", &info)[4 + 24..].to_vec()
+        };
+        let lens = wm_scene::capture::Distortion::of([0.1, 0.2, 0.3, 0.4, 0.5]);
+        let bytes = info(Some(LensModel::Perspective(lens)));
+        assert_eq!(&bytes[4..14], b"plumb_bob\0");
+        assert_eq!(bytes[16], 5);
+        let bytes = info(Some(LensModel::Fisheye { radial: [0.1, 0.2, 0.3, 0.4], widest: 1.5 }));
+        assert_eq!(&bytes[4..16], b"equidistant\0");
+        assert_eq!(bytes[16], 4);
+        assert_eq!(bytes[24..32], 0.1f64.to_le_bytes());
+    }
+
+    #[test]
     fn definitions_name_each_type_once() {
         for kind in [TRANSFORMS, PICTURE, CAMERA, POINTS] {
             let text = kind.schema();

@@ -1,7 +1,8 @@
 //! `metadata.yaml` of a bag.
 
 use super::{file_name, instants, topics};
-use crate::{ClipRecord, SetInfo};
+use crate::{ClipRecord, ReadingInfo, SetInfo};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// A file of the bag.
@@ -17,22 +18,29 @@ pub(super) fn of(set: &SetInfo, record: &ClipRecord) -> String {
     let ClipRecord { clip, readings } = record;
     let topics = topics(set);
     let mut counts = vec![0; topics.len()];
-    let mut files = Vec::new();
-    for own in readings.chunk_by(|a, b| a.block == b.block) {
-        let before: usize = counts.iter().sum();
-        counts[super::TF_STATIC] += 1;
-        counts[super::TF] += instants(clip, own).count();
-        for (topic, count) in topics.iter().zip(&mut counts) {
-            *count += own.iter().filter(|info| topic.sensor == Some(info.sensor)).count();
-        }
-        files.push(FileCount {
-            block: own[0].block,
-            times: [own[0].timestamp(clip), own[own.len() - 1].timestamp(clip)],
-            messages: counts.iter().sum::<usize>() - before,
-        });
+    let mut blocks: BTreeMap<u32, Vec<ReadingInfo>> = BTreeMap::new();
+    for info in readings {
+        blocks.entry(info.block).or_default().push(*info);
     }
-    let start = files.first().map_or(0, |file| file.times[0]);
-    let end = files.last().map_or(0, |file| file.times[1]);
+    let files: Vec<FileCount> = blocks
+        .iter()
+        .map(|(block, own)| {
+            let before: usize = counts.iter().sum();
+            counts[super::TF_STATIC] += 1;
+            counts[super::TF] += instants(clip, own).count();
+            for (topic, count) in topics.iter().zip(&mut counts) {
+                *count += own.iter().filter(|info| topic.sensor == Some(info.sensor)).count();
+            }
+            FileCount {
+                block: *block,
+                times: [own[0].timestamp(clip), own[own.len() - 1].timestamp(clip)],
+                messages: counts.iter().sum::<usize>() - before,
+            }
+        })
+        .collect();
+    // Blocks may overlap: a slow sensor's reading of a frame can be later than the next frame.
+    let start = files.iter().map(|file| file.times[0]).min().unwrap_or(0);
+    let end = files.iter().map(|file| file.times[1]).max().unwrap_or(0);
     let mut out = String::new();
     let mut line = |indent: usize, text: std::fmt::Arguments<'_>| {
         // Writing to a string does not fail.
