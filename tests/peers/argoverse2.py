@@ -86,13 +86,11 @@ def main():
                 image = read_img(path).astype(int)
                 u, v = np.floor(np.array(other["spot_pixel"])).astype(int)
                 seen += 1
-                # The encoder keeps the colours of every second pixel of every second row.
-                if u % 2 == 0 and v % 2 == 0:
-                    found = np.unravel_index((image[..., 0] - image[..., 1]).argmax(), image.shape[:2])
-                    red.append(max(abs(found[0] - v), abs(found[1] - u)) <= 1)
+                found = np.unravel_index((image[..., 0] - image[..., 1]).argmax(), image.shape[:2])
+                red.append((found[0], found[1]) == (v, u))
         check("spot in sweeps", far < 0.5 / 64 + 1e-6, f"{far:.4f} m from truth (16-bit floats: 0.0078)")
         check("spot in pictures", pixel < 1e-6 and seen > 10, f"{seen} pictures, {pixel:.1e} px from truth")
-        check("red in pictures", len(red) > 2 and all(red), f"{sum(red)} of {len(red)}")
+        check("red in pictures", len(red) == seen and all(red), f"{sum(red)} of {len(red)}")
         pictures = {name: len(loader.get_ordered_log_cam_fpaths(log, name)) for name in CAMERAS.values()}
         check("pictures", all(count == len(lidar) for count in pictures.values()), f"{pictures}")
         boxes = loader.get_labels_at_lidar_timestamp(log, times[0])

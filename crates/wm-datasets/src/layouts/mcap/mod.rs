@@ -24,18 +24,15 @@
 //! Source: mcap.dev/spec, the message definitions of ROS 2 Humble, version 5 of rosbag2's metadata.
 
 mod cdr;
+mod file;
 mod metadata;
 
 use super::{BlockWriter, FileSink, Layout};
 use crate::cameras::{picture, refuse};
 use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetDetection, DatasetError, DatasetPoint, Reading, ReadingData};
 use crate::{ReadingInfo, RigidPose, SensorInfoKind, SetInfo, picture_files};
-use ::mcap::records::MessageHeader;
-use ::mcap::{McapError, WriteOptions, Writer};
 use cdr::{Field, FieldKind, MessageType};
-use std::collections::BTreeMap;
-use std::io::Cursor;
-use std::path::PathBuf;
+use file::McapFile;
 use wm_scene::LensModel;
 
 const NAME: &str = "ros2-mcap";
@@ -209,47 +206,40 @@ struct BagFile<'a> {
 
 impl BlockWriter for BagFile<'_> {
     fn write(&mut self, reading: &Reading<'_>, _files: &mut dyn FileSink) -> Result<(), DatasetError> {
-        let BlockInfo { set, clip, number, .. } = self.block;
-        let fault = |error| fault(clip, number, &error);
-        if self.file.is_none() {
-            self.file = Some(OpenFile::new(&self.block).map_err(fault)?);
-        }
-        let Some(file) = &mut self.file else { return Ok(()) };
+        let BlockInfo { set, clip, .. } = self.block;
+        let file = self.file.get_or_insert_with(|| OpenFile::new(&self.block));
         let (time, frame) = (reading.info.timestamp(clip), frame(set, reading.info.sensor));
-        file.transform(time, reading.info.world_from_rig).map_err(fault)?;
+        file.transform(time, reading.info.world_from_rig);
         let first = file.first_topic[reading.info.sensor];
         if let Some((sensor, camera, picture)) = picture(set, reading) {
             let jpeg = picture_files::jpeg(sensor, camera, picture.rgb)?;
-            file.message(first, time, &cdr::picture(time, &frame, &jpeg)).map_err(fault)?;
-            return file.message(first + 1, time, &cdr::camera(time, &frame, camera)).map_err(fault);
+            file.message(first, time, &cdr::picture(time, &frame, &jpeg));
+            file.message(first + 1, time, &cdr::camera(time, &frame, camera));
         }
-        let message = match reading.data {
-            ReadingData::Points(points) => cdr::points(time, &frame, &LIDAR_FIELDS, &point_bytes(points)),
-            ReadingData::Detections(found) => cdr::points(time, &frame, &RADAR_FIELDS, &detection_bytes(found)),
-            ReadingData::Picture(_) => return Ok(()),
-        };
-        file.message(first, time, &message).map_err(fault)
+        match reading.data {
+            ReadingData::Points(points) => {
+                file.message(first, time, &cdr::points(time, &frame, &LIDAR_FIELDS, &point_bytes(points)));
+            }
+            ReadingData::Detections(found) => {
+                file.message(first, time, &cdr::points(time, &frame, &RADAR_FIELDS, &detection_bytes(found)));
+            }
+            ReadingData::Picture(_) => {}
+        }
+        Ok(())
     }
 
     fn finish(self: Box<Self>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
         let BlockInfo { clip, number, .. } = self.block;
-        let Some(mut file) = self.file else { return Ok(()) };
-        file.writer.finish().map_err(|error| fault(clip, number, &error))?;
-        let path = format!("{}/{}", folder(clip), file_name(clip, number));
-        files.write(&path, &file.writer.into_inner().into_inner())
+        let Some(file) = self.file else { return Ok(()) };
+        files.write(&format!("{}/{}", folder(clip), file_name(clip, number)), &file.file.finish())
     }
-}
-
-fn fault(clip: &ClipInfo, block: u32, error: &McapError) -> DatasetError {
-    let path = PathBuf::from(format!("{}/{}", folder(clip), file_name(clip, block)));
-    DatasetError::Write { path, problem: error.to_string() }
 }
 
 /// A file that is being written.
 struct OpenFile {
-    writer: Writer<Cursor<Vec<u8>>>,
-    /// The channels and how many messages each has, by topic.
-    channels: Vec<(u16, u32)>,
+    file: McapFile,
+    /// The channels, by topic.
+    channels: Vec<u16>,
     /// The place of the first topic of each sensor.
     first_topic: Vec<usize>,
     /// The last time of `/tf`.
@@ -258,21 +248,23 @@ struct OpenFile {
 
 impl OpenFile {
     /// Begins a file, with all topics and `/tf_static`.
-    fn new(block: &BlockInfo<'_>) -> Result<Self, McapError> {
+    fn new(block: &BlockInfo<'_>) -> Self {
         let BlockInfo { set, clip, readings, .. } = *block;
-        let options = WriteOptions::new().compression(None).profile("ros2").library(set.program.clone());
-        let mut writer = options.create(Cursor::new(Vec::new()))?;
+        let mut file = McapFile::new("ros2", &set.program);
         let mut first_topic = vec![usize::MAX; set.sensors.len()];
+        let mut schemas: Vec<(&str, u16)> = Vec::new();
         let mut channels = Vec::new();
         for (place, topic) in topics(set).iter().enumerate() {
-            let schema = writer.add_schema(topic.kind.name, "ros2msg", topic.kind.schema().as_bytes())?;
-            let quality = BTreeMap::from([("offered_qos_profiles".to_owned(), topic.quality().to_owned())]);
-            channels.push((writer.add_channel(schema, &topic.name, "cdr", &quality)?, 0));
+            let name = topic.kind.name;
+            let known = schemas.iter().find(|(known, _)| *known == name).map(|(_, schema)| *schema);
+            let schema = known.unwrap_or_else(|| file.add_schema(name, "ros2msg", &topic.kind.schema()));
+            schemas.push((name, schema));
+            channels.push(file.add_channel(schema, &topic.name, "cdr", ("offered_qos_profiles", topic.quality())));
             if let Some(sensor) = topic.sensor {
                 first_topic[sensor] = first_topic[sensor].min(place);
             }
         }
-        let mut file = Self { writer, channels, first_topic, time: None };
+        let mut file = Self { file, channels, first_topic, time: None };
         let frames: Vec<String> = (0..set.sensors.len()).map(|sensor| frame(set, sensor)).collect();
         let poses: Vec<_> = frames
             .iter()
@@ -281,25 +273,20 @@ impl OpenFile {
             .collect();
         if let Some(first) = readings.first() {
             let time = first.timestamp(clip);
-            file.message(TF_STATIC, time, &cdr::transforms(time, &poses))?;
+            file.message(TF_STATIC, time, &cdr::transforms(time, &poses));
         }
-        Ok(file)
+        file
     }
 
     /// Writes `/tf` unless it has this instant.
-    fn transform(&mut self, time: i64, world_from_rig: RigidPose) -> Result<(), McapError> {
-        if self.time.replace(time) == Some(time) {
-            return Ok(());
+    fn transform(&mut self, time: i64, world_from_rig: RigidPose) {
+        if self.time.replace(time) != Some(time) {
+            self.message(TF, time, &cdr::transforms(time, &[(FRAMES[0], FRAMES[1], world_from_rig)]));
         }
-        self.message(TF, time, &cdr::transforms(time, &[(FRAMES[0], FRAMES[1], world_from_rig)]))
     }
 
-    fn message(&mut self, topic: usize, time: i64, data: &[u8]) -> Result<(), McapError> {
-        let (channel_id, sequence) = self.channels[topic];
-        self.channels[topic].1 += 1;
-        let time = u64::try_from(time).unwrap_or(0);
-        let header = MessageHeader { channel_id, sequence, log_time: time, publish_time: time };
-        self.writer.write_to_known_channel(&header, data)
+    fn message(&mut self, topic: usize, time: i64, data: &[u8]) {
+        self.file.message(self.channels[topic], u64::try_from(time).unwrap_or(0), data);
     }
 }
 

@@ -1,6 +1,7 @@
 use super::*;
 use crate::testing::{self, MemorySink, SPOT};
 use glam::{DQuat, DVec3};
+use std::collections::BTreeMap;
 
 fn bag() -> MemorySink {
     let mut files = MemorySink::default();
