@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn files_of_readings_do_not_depend_on_blocks() {
-        for name in ["argoverse2", "tartanair", "foggy-cityscapes"] {
+        for name in ["argoverse2", "tartanair"] {
             let layout = crate::find_layout(name).unwrap();
             let [short, long] = [3, 20].map(|frames| {
                 let mut files = MemorySink::default();

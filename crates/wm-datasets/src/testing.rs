@@ -303,11 +303,12 @@ fn with_data(
                 let angle = f64::from(k) * 0.1;
                 let position =
                     DVec3::new(12.0 * angle.cos(), 12.0 * angle.sin(), -1.5 + 0.05 * f64::from(k % 16));
-                points.push(at(
-                    k,
-                    position,
-                    if k % 20 == 0 { PointSource::Rain } else { PointSource::Surface },
-                ));
+                let source = match k {
+                    20 => PointSource::Rain,
+                    40 => PointSource::Snow,
+                    _ => PointSource::Surface,
+                };
+                points.push(at(k, position, source));
             }
             take(&Reading { info, data: ReadingData::Points(&points) })
         }
