@@ -6,11 +6,14 @@
 //! Files of readings are made block by block, on any machine and in any order, and the tables over all of them once, from poses
 //! and times alone. So shards of a set need not know each other.
 
+mod array_files;
+mod cameras;
 mod error;
 pub mod layouts;
 mod picture_files;
 mod pose;
 mod set;
+mod stills;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
 mod utc;

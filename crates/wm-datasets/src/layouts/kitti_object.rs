@@ -102,7 +102,7 @@ struct ObjectFiles<'a, P> {
     block: BlockInfo<'a>,
 }
 
-impl<P: Fn(KittiFile, u32) -> Option<String>> BlockWriter for ObjectFiles<'_, P> {
+impl<P: Fn(KittiFile, u32) -> Option<String> + Send> BlockWriter for ObjectFiles<'_, P> {
     fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
         self.files.write(reading, files)?;
         let (info, clip) = (&reading.info, self.block.clip);

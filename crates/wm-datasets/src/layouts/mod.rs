@@ -14,7 +14,21 @@ macro_rules! layouts {
 mod kitti;
 mod surface_classes;
 
-layouts! { nuscenes, kitti_raw, kitti_odometry, kitti_object, semantic_kitti, wads }
+layouts! {
+    nuscenes,
+    kitti_raw,
+    kitti_odometry,
+    kitti_object,
+    semantic_kitti,
+    wads,
+    argoverse2,
+    mcap,
+    tartan_air,
+    nerfstudio,
+    colmap,
+    acdc,
+    foggy_cityscapes,
+}
 
 /// A layout of a data set.
 pub trait Layout: Sync {

@@ -18,7 +18,7 @@ pub(in super::super) enum KittiFile {
 }
 
 /// The class of a point.
-type PointClass<'a> = Box<dyn Fn(&DatasetPoint) -> u16 + 'a>;
+type PointClass<'a> = Box<dyn Fn(&DatasetPoint) -> u16 + Send + 'a>;
 
 /// Writes the key readings of a block to the paths that a layout gives them.
 pub(in super::super) struct KittiFiles<'a, P> {
@@ -35,13 +35,13 @@ impl<'a, P: Fn(KittiFile, u32) -> Option<String>> KittiFiles<'a, P> {
         Self { rig: KittiRig::new(block.set), block, path, class: None }
     }
 
-    pub(in super::super) fn with_labels(mut self, class: impl Fn(&DatasetPoint) -> u16 + 'a) -> Self {
+    pub(in super::super) fn with_labels(mut self, class: impl Fn(&DatasetPoint) -> u16 + Send + 'a) -> Self {
         self.class = Some(Box::new(class));
         self
     }
 }
 
-impl<P: Fn(KittiFile, u32) -> Option<String>> BlockWriter for KittiFiles<'_, P> {
+impl<P: Fn(KittiFile, u32) -> Option<String> + Send> BlockWriter for KittiFiles<'_, P> {
     fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
         let info = &reading.info;
         if !info.is_key {

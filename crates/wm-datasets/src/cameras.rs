@@ -1,0 +1,125 @@
+//! Questions that several layouts ask of cameras and of what they took.
+
+use crate::{CameraInfo, DatasetError, Reading, ReadingData, SensorInfo, SensorInfoKind, SetInfo};
+use crate::{PictureReading, RigidPose};
+use wm_scene::LensModel;
+
+/// The error of a layout that cannot hold a set.
+pub(crate) fn refuse(layout: &'static str, problem: impl Into<String>) -> DatasetError {
+    DatasetError::Layout { layout, problem: problem.into() }
+}
+
+/// The cameras of a set with their indices.
+pub(crate) fn cameras(set: &SetInfo) -> impl Iterator<Item = (usize, &SensorInfo, &CameraInfo)> {
+    set.sensors.iter().enumerate().filter_map(|(index, sensor)| match &sensor.kind {
+        SensorInfoKind::Camera(camera) => Some((index, sensor, camera)),
+        _ => None,
+    })
+}
+
+/// Checks that a set has a camera.
+pub(crate) fn check_cameras(layout: &'static str, set: &SetInfo) -> Result<(), DatasetError> {
+    match cameras(set).next() {
+        Some(_) => Ok(()),
+        None => Err(refuse(layout, "the rig has no camera; add one, or leave out this layout")),
+    }
+}
+
+/// k1, k2, p1, p2, k3 of a camera; `None` if it is neither a pinhole nor a distorted one.
+pub(crate) fn distortion(camera: &CameraInfo) -> Option<[f64; 5]> {
+    match camera.lens {
+        None => Some([0.0; 5]),
+        Some(LensModel::Perspective(distortion)) => Some(distortion.coefficients()),
+        Some(_) => None,
+    }
+}
+
+/// Checks that all cameras are pinholes.
+pub(crate) fn check_pinholes(layout: &'static str, set: &SetInfo) -> Result<(), DatasetError> {
+    match cameras(set).find(|(_, _, camera)| distortion(camera) != Some([0.0; 5])) {
+        None => Ok(()),
+        Some((_, sensor, _)) => Err(refuse(
+            layout,
+            format!("it has no place for the lens of camera \"{}\"; give it no lens", sensor.name),
+        )),
+    }
+}
+
+/// The picture of a reading with the camera that took it; `None` for readings of other sensors.
+pub(crate) fn picture<'a>(
+    set: &'a SetInfo,
+    reading: &Reading<'a>,
+) -> Option<(&'a SensorInfo, &'a CameraInfo, PictureReading<'a>)> {
+    let sensor = &set.sensors[reading.info.sensor];
+    match (&sensor.kind, reading.data) {
+        (SensorInfoKind::Camera(camera), ReadingData::Picture(picture)) => Some((sensor, camera, picture)),
+        _ => None,
+    }
+}
+
+/// A layer that a layout needs, of `channels` values a pixel.
+pub(crate) fn layer<'a, T>(
+    sensor: &SensorInfo,
+    camera: &CameraInfo,
+    layer: Option<&'a [T]>,
+    channels: usize,
+    name: &str,
+) -> Result<&'a [T], DatasetError> {
+    let fault = |problem: String| DatasetError::Picture { sensor: sensor.name.clone(), problem };
+    let layer = layer.ok_or_else(|| fault(format!("it came without its {name}")))?;
+    let wanted = camera.size.0 as usize * camera.size.1 as usize * channels;
+    if layer.len() != wanted {
+        return Err(fault(format!("its {name} has {} values instead of {wanted}", layer.len())));
+    }
+    Ok(layer)
+}
+
+/// The rotation of a pose as w, x, y, z and its translation.
+pub(crate) fn wxyz_and_translation(pose: &RigidPose) -> [f64; 7] {
+    let (q, t) = (pose.rotation, pose.translation);
+    [q.w, q.x, q.y, q.z, t.x, t.y, t.z]
+}
+
+/// Reads a capture of the synthetic set's first clip and checks that its cameras show the spot where the set's own do; returns the number
+/// of pictures that show it.
+#[cfg(test)]
+pub(crate) fn check_capture(folder: &std::path::Path) -> usize {
+    use crate::testing;
+    let set = testing::set();
+    let capture = wm_scene::capture::read(folder, &wm_scene::capture::CaptureOptions::default()).unwrap();
+    let readings = testing::readings(&set);
+    let mut seen = 0;
+    assert_eq!(capture.views.len(), 3 * testing::FRAMES as usize);
+    for view in &capture.views {
+        let [name, index] = [0, 1].map(|part| view.name.rsplit('/').nth(1 - part).unwrap());
+        let (sensor, _, camera) = cameras(&set).find(|(_, sensor, _)| sensor.name == name).unwrap();
+        let index: u32 = index.trim_end_matches(".jpg").parse().unwrap();
+        let info = readings.iter().find(|info| info.sensor == sensor && info.index == index).unwrap();
+        let local = view.camera.viewmat.transform_point3(testing::SPOT);
+        let spot = info.world_from_sensor(&set).inverse().point(testing::SPOT);
+        assert!(local.distance(spot) < 1e-9, "{}: {local} is not {spot}", view.name);
+        let intrinsics = [view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy];
+        assert_eq!(intrinsics[..], [camera.focal, camera.center].concat());
+        assert!(capture.images.join(&view.file).is_file());
+        seen += usize::from(testing::pixel(camera, spot).is_some());
+    }
+    seen
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::{self, MemorySink};
+
+    #[test]
+    fn files_of_readings_do_not_depend_on_blocks() {
+        for name in ["argoverse2", "tartanair"] {
+            let layout = crate::find_layout(name).unwrap();
+            let [short, long] = [3, 20].map(|frames| {
+                let mut files = MemorySink::default();
+                testing::write_in_blocks(layout, frames, &mut files).unwrap();
+                files.0
+            });
+            assert!(short == long, "{name}");
+        }
+    }
+}

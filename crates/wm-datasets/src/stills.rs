@@ -1,0 +1,49 @@
+//! Scenes of layouts that hold one scene a folder: a clip, or all stills of one place in one weather.
+
+use crate::{ClipInfo, ClipRecord, DatasetError, ReadingInfo, SetInfo};
+use std::collections::BTreeMap;
+
+/// Returns true if clips have one frame each.
+fn is_still(set: &SetInfo, clip: &ClipInfo) -> bool {
+    clip.seconds * set.frame_rate < 1.5
+}
+
+/// The folder of the scene that a clip belongs to.
+pub(crate) fn folder(set: &SetInfo, clip: &ClipInfo) -> String {
+    if is_still(set, clip) {
+        format!("{}/{}-{}", clip.split, clip.place.name, clip.weather.name)
+    } else {
+        format!("{}/{}", clip.split, clip.name)
+    }
+}
+
+/// The path of a photo in its scene: by the number of the still, or of the reading.
+pub(crate) fn photo(set: &SetInfo, clip: &ClipInfo, info: &ReadingInfo) -> String {
+    let name = &set.sensors[info.sensor].name;
+    if is_still(set, clip) && info.index == 0 {
+        format!("{name}/{:08}.jpg", clip.number)
+    } else if is_still(set, clip) {
+        format!("{name}/{:08}-{:06}.jpg", clip.number, info.index)
+    } else {
+        format!("{name}/{:06}.jpg", info.index)
+    }
+}
+
+/// Calls `take` for each scene with its folder and its clips, in the order of their numbers. Stills are kept until the last.
+pub(crate) fn for_each_scene(
+    set: &SetInfo,
+    clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+    take: &mut dyn FnMut(&str, &[ClipRecord]) -> Result<(), DatasetError>,
+) -> Result<(), DatasetError> {
+    let mut stills: BTreeMap<String, Vec<ClipRecord>> = BTreeMap::new();
+    for record in clips {
+        let record = record?;
+        let folder = folder(set, &record.clip);
+        if is_still(set, &record.clip) {
+            stills.entry(folder).or_default().push(record);
+        } else {
+            take(&folder, &[record])?;
+        }
+    }
+    stills.iter().try_for_each(|(folder, records)| take(folder, records))
+}
