@@ -81,9 +81,9 @@ impl WeatherTable {
     /// ```
     /// use wm_reports::{ReportOptions, WeatherTable};
     ///
-    /// let text = "time,temp,prcp,wspd,wdir\n2024-01-15 06:00,1.5,2.4,18,270\n2024-01-15 07:00,-0.5,1.2,21.6,280\n";
+    /// let text = "time,temp,prcp,wspd,wdir\n2024-01-15 06:00,1,2.4,18,270\n2024-01-15 07:00,-0.5,1.2,21.6,280\n";
     /// let table = WeatherTable::parse_csv(text, "day.csv")?;
-    /// assert_eq!((table.rows[0].rain, table.rows[1].snow), (1.8, 1.2)); // a quarter is snow at 1.5 degrees
+    /// assert_eq!((table.rows[0].rain, table.rows[1].snow), (1.2, 1.2)); // half is snow at 1 degree
     /// let report = table.weather("day", &ReportOptions::default())?;
     /// assert!(report.to_toml().contains("lapse = 3600"));
     /// # Ok::<(), wm_reports::ReportError>(())

@@ -204,7 +204,8 @@ impl Reader {
                 continue;
             }
             let Some(word) = meaning(&token.text) else {
-                if let Some(from) = compass(&token.text) {
+                if let Some((from, count)) = direction(&clause[index - 1..]) {
+                    index += count - 1;
                     set(&mut self.now.wind.from, Known::told(from, format!("from {}", token.text)), token)?;
                     continue;
                 }
@@ -296,6 +297,7 @@ impl Reader {
                     }
                 }
                 Meaning::Wet => {
+                    strength = None;
                     let (wet, puddles) = if token.text.starts_with("puddle") { (0.6, Some(0.6)) } else { (0.6, None) };
                     self.now.wetness = Some(Known::guess(wet, format!("\"{}\"", token.text)));
                     if let Some(puddles) = puddles {
@@ -303,6 +305,10 @@ impl Reader {
                     }
                 }
                 Meaning::Warmth(degrees) => {
+                    strength = None;
+                    // Very warm and very cold are ten degrees from there.
+                    let more = if taken.is_some_and(|level| level >= 2) { if degrees > 10.0 { 10.0 } else { -10.0 } } else { 0.0 };
+                    let degrees = degrees + more;
                     if self.now.temperature.is_none() {
                         self.now.temperature = Some(Known::guess(degrees, format!("\"{}\"", token.text)));
                     }
@@ -405,9 +411,9 @@ impl Reader {
             set(&mut self.now.wind.from, Known::told(turned(degrees), format!("{word} {degrees} degrees")), token)?;
             return Ok(skipped + 2);
         }
-        let Some(degrees) = compass(&token.text) else { return Ok(skipped) };
+        let Some((degrees, count)) = direction(&rest[skipped..]) else { return Ok(skipped) };
         set(&mut self.now.wind.from, Known::told(turned(degrees), format!("{word} {}", token.text)), token)?;
-        Ok(skipped + 1)
+        Ok(skipped + count)
     }
 
     /// A number with its unit; returns how many tokens the unit took.
@@ -509,6 +515,16 @@ impl Reader {
         }
         self.now
     }
+}
+
+/// A direction at the beginning of some tokens, degrees, and how many words it has: `north`, `north east`.
+fn direction(tokens: &[Token]) -> Option<(f64, usize)> {
+    if let [first, second, ..] = tokens
+        && let Some(degrees) = compass(&format!("{}{}", first.text, second.text))
+    {
+        return Some((degrees, 2));
+    }
+    Some((compass(&tokens.first()?.text)?, 1))
 }
 
 /// Sets what may be told once; a guess gives way.
