@@ -1,16 +1,20 @@
 //! Options of a weather.
 
+use crate::commands::weather::{looks_like_path, summary};
 use anyhow::Result;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use weather_magician::panorama_file::read_panorama;
+use wm_reports::{ReportKind, ReportOptions, WeatherReport, recognise};
 use wm_weather::Weather;
+use wm_weather::presets::PRESETS;
 
 /// The weather and its parameters.
 #[derive(Args, Debug)]
 pub struct WeatherArgs {
-    /// The weather: a name from the list below (--help), or a TOML file [default: clear]
-    #[arg(short, long, value_name = "NAME|FILE", help_heading = "Weather")]
+    /// The weather: a name from the list below (--help), a TOML file, or a weather report or its file, as `weather from` takes it
+    /// [default: clear]
+    #[arg(short, long, value_name = "NAME|FILE|REPORT", help_heading = "Weather")]
     weather: Option<String>,
     /// Change a parameter and turn its effect on: fog.mor=120, or keyframes fog.mor=0:2000,5:60
     #[arg(short, long = "set", value_name = "KEY=VALUE", help_heading = "Weather")]
@@ -32,7 +36,7 @@ impl WeatherArgs {
     pub fn read_with_files(&self) -> Result<(Weather, Vec<PathBuf>)> {
         let mut files: Vec<PathBuf> = self.weather.iter().map(PathBuf::from).collect();
         let mut weather = match &self.weather {
-            Some(name) => Weather::find(name)?,
+            Some(name) => find(name)?,
             None => Weather::clear(),
         };
         for text in &self.set {
@@ -47,4 +51,27 @@ impl WeatherArgs {
         }
         Ok((weather, files))
     }
+}
+
+/// The weather of a preset's name, of a weather file, or of a report or its file.
+fn find(name: &str) -> Result<Weather> {
+    let path = Path::new(name);
+    let is_toml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+    if is_toml || PRESETS.iter().any(|(known, _)| *known == name) {
+        return Ok(Weather::find(name)?);
+    }
+    let report = if looks_like_path(name) {
+        WeatherReport::read_file(path, &ReportOptions::default())?
+    } else if !path.exists() && is_report(name) {
+        WeatherReport::read(name, "report", &ReportOptions::default())?
+    } else {
+        return Ok(Weather::find(name)?);
+    };
+    eprintln!("weather report: {}; `weather-magician weather from` shows its file", summary(&report));
+    Ok(report.into_weather())
+}
+
+/// Returns true if a text is no name of a preset with a typing error: a report of one word has a form of its own.
+fn is_report(text: &str) -> bool {
+    text.trim().contains(char::is_whitespace) || recognise(text) != ReportKind::Words
 }

@@ -17,6 +17,7 @@ pub mod scan;
 mod sky;
 #[cfg(feature = "viewer")]
 mod view;
+pub mod weather;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
@@ -42,6 +43,8 @@ enum CliCommand {
     /// Show a scene in a browser: fly through it, change the weather, save pictures and videos
     #[cfg(feature = "viewer")]
     View(Box<view::ViewArgs>),
+    /// Turn weather reports (METAR, hourly tables, WMO codes, CARLA, words) into weather files
+    Weather(weather::WeatherCommandArgs),
     /// Write a scene with its snow or dust cover as an ordinary scene file
     Bake(Box<bake::BakeArgs>),
     /// Convert scenes to another format; rotate, scale, crop or reduce them
@@ -77,6 +80,7 @@ pub fn run(cli: Cli) -> Result<()> {
         CliCommand::Scan(args) => scan::run(&args),
         #[cfg(feature = "viewer")]
         CliCommand::View(args) => view::run(&args),
+        CliCommand::Weather(args) => weather::run(&args),
         CliCommand::Bake(args) => bake::run(&args),
         CliCommand::Convert(args) => convert::run(&args),
         CliCommand::Evaluate(args) => evaluate::run(&args),

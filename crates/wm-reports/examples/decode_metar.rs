@@ -6,7 +6,9 @@ use wm_reports::metar::{MetarVisibility, VisibilityBound};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("give a file of METARs, one a line")?;
-    for line in std::fs::read_to_string(path)?.lines().filter(|line| !line.is_empty() && !line.starts_with('#')) {
+    for line in
+        std::fs::read_to_string(path)?.lines().filter(|line| !line.is_empty() && !line.starts_with('#'))
+    {
         match Metar::parse(line) {
             Ok(metar) => println!("{}", fields(line, &metar)),
             Err(error) => println!("{}", json!({"text": line, "error": error.to_string()})),

@@ -62,7 +62,7 @@ carla! {
     fog_density: 0.0 to 100.0;
     /// Distance from which on there is fog, m.
     fog_distance: -1.0 to f64::INFINITY;
-    /// How fast fog thins upwards.
+    /// Speed at which fog thins upwards.
     fog_falloff: 0.0 to f64::INFINITY;
     /// Wetness of the ground, 0 to 100.
     wetness: 0.0 to 100.0;
@@ -151,13 +151,18 @@ impl CarlaParameters {
             has_any = true;
             if let Some((name, value)) = part.split_once(['=', ':']) {
                 let name = name.trim_matches(['"', '\'']);
-                let value = value.parse().map_err(|_| Self::fault(name, format!("is {}: must be a number", quoted(value))))?;
+                let value = value
+                    .parse()
+                    .map_err(|_| Self::fault(name, format!("is {}: must be a number", quoted(value))))?;
                 found.set(name, value)?;
             } else if let Ok(value) = part.parse::<f64>() {
                 // As Python's call without names.
                 let Some(name) = Self::NAMES.get(place) else {
                     let most = Self::NAMES.len();
-                    return Err(Self::fault(part, format!("is one number too many: there are {most} parameters")));
+                    return Err(Self::fault(
+                        part,
+                        format!("is one number too many: there are {most} parameters"),
+                    ));
                 };
                 found.set(name, value)?;
                 place += 1;
@@ -169,13 +174,20 @@ impl CarlaParameters {
                 return Err(Self::fault(&quoted(part), problem));
             }
         }
-        if has_any { Ok(found) } else { Err(Self::fault("text", "is empty: a preset as HardRainNoon, or cloudiness=80")) }
+        if has_any {
+            Ok(found)
+        } else {
+            Err(Self::fault("text", "is empty: a preset as HardRainNoon, or cloudiness=80"))
+        }
     }
 
     fn of_json(text: &str) -> Result<Self, ReportError> {
         let whole = |problem: String| ReportError::Whole { file: FILE.into(), problem };
-        let json: Value = serde_json::from_str(text).map_err(|error| whole(format!("is no JSON: {error}")))?;
-        let map = json.as_object().ok_or_else(|| whole("must be an object of JSON, as {\"cloudiness\": 80}".into()))?;
+        let json: Value =
+            serde_json::from_str(text).map_err(|error| whole(format!("is no JSON: {error}")))?;
+        let map = json
+            .as_object()
+            .ok_or_else(|| whole("must be an object of JSON, as {\"cloudiness\": 80}".into()))?;
         let mut found = Self::default();
         for (name, value) in map {
             let value = value.as_f64().ok_or_else(|| Self::fault(name, "must be a number"))?;
@@ -193,7 +205,10 @@ impl CarlaParameters {
         let plain = |name: &str| name.replace('_', "").to_ascii_lowercase();
         let place = Self::NAMES.iter().position(|known| plain(known) == plain(name)).ok_or_else(|| {
             let near = meant(name, Self::NAMES.iter().copied());
-            Self::fault(&quoted(name), format!("is no parameter of CARLA{near}; they are {}", Self::NAMES.join(", ")))
+            Self::fault(
+                &quoted(name),
+                format!("is no parameter of CARLA{near}; they are {}", Self::NAMES.join(", ")),
+            )
         })?;
         let [least, most] = Self::RANGES[place];
         if !(least..=most).contains(&value) {
@@ -279,7 +294,8 @@ fn write(carla: &CarlaParameters, draft: &mut Draft) {
         draft.word("splash.amount", "auto", Basis::told("as in nature"));
     }
     write_water(carla, draft);
-    for name in ["fog_distance", "scattering_intensity", "mie_scattering_scale", "rayleigh_scattering_scale"] {
+    for name in ["fog_distance", "scattering_intensity", "mie_scattering_scale", "rayleigh_scattering_scale"]
+    {
         let place = CarlaParameters::NAMES.iter().position(|known| *known == name);
         let value = place.and_then(|place| carla.clone().fields().get(place).and_then(|field| **field));
         if let Some(value) = value {
@@ -356,9 +372,15 @@ mod tests {
         let changed = CarlaParameters::parse("CARLA HardRainNoon fog_density=40").unwrap();
         assert_eq!((changed.preset, changed.fog_density), (Some("HardRainNoon"), Some(40.0)));
         for (text, error) in [
-            ("CARLA HardRainNon", "CARLA: `HardRainNon` is no preset or parameter, did you mean `HardRainNoon`?"),
+            (
+                "CARLA HardRainNon",
+                "CARLA: `HardRainNon` is no preset or parameter, did you mean `HardRainNoon`?",
+            ),
             ("CARLA cloudiness=180", "CARLA: cloudiness is 180: must be 0 to 100"),
-            ("CARLA cloudines=8", "CARLA: `cloudines` is no parameter of CARLA, did you mean `cloudiness`?; they are"),
+            (
+                "CARLA cloudines=8",
+                "CARLA: `cloudines` is no parameter of CARLA, did you mean `cloudiness`?; they are",
+            ),
             ("CARLA wetness=nan", "CARLA: wetness is NaN: must be 0 to 100"),
             ("CARLA", "CARLA: text is empty"),
         ] {

@@ -3,7 +3,7 @@
 //! Visibility is shared out: what falls takes its part by the program's own laws of extinction, and the air has the rest,
 //! `sigma_air = max(0, 2.996 / visibility - sigma_precipitation)`.
 
-use crate::draft::{Basis, Draft};
+use crate::draft::{Basis, Draft, rounded};
 use crate::optics::{extinction, snow_rate, visibility};
 use wm_weather::optics::sigma_of_mor;
 
@@ -24,7 +24,7 @@ impl Known {
     }
 }
 
-/// What makes the air turbid.
+/// The particles that make the air turbid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Carrier {
     /// Fog and mist.
@@ -155,13 +155,24 @@ impl Conditions {
             SnowRate::ByVisibility { range, usual, text } => {
                 let is_foggy = matches!(self.carrier, Some((Carrier::Droplets, Basis::Told(_))));
                 let [least, most] = range;
-                let Some(seen) = self.visibility.as_ref().filter(|_| !is_foggy) else {
-                    let why = if is_foggy { "fog hides how much falls" } else { "no visibility is told" };
-                    return Some(Known::guess(*usual, format!("{text}: {least} to {most} mm/h, and {why}")));
+                let Some(seen) = &self.visibility else {
+                    return Some(Known::guess(
+                        *usual,
+                        format!("{text}: {least} to {most} mm/h, and no visibility is told"),
+                    ));
                 };
                 let others = self.rain.as_ref().map_or(0.0, |rain| extinction("rain", rain.value));
-                let rate = snow_rate((sigma_of_mor(seen.value) - others).max(0.0), *range);
-                let why = format!("{text} at a visibility of {} m: {least} to {most} mm/h", seen.value.round());
+                let sigma = (sigma_of_mor(seen.value) - others).max(0.0);
+                if is_foggy {
+                    let rate = snow_rate(0.5 * sigma, *range).min(*usual);
+                    let why = format!(
+                        "{text}: {least} to {most} mm/h; at most half of the visibility is taken for snow, as there is fog"
+                    );
+                    return Some(Known::guess(rate, why));
+                }
+                let rate = snow_rate(sigma, *range);
+                let why =
+                    format!("{text} at a visibility of {} m: {least} to {most} mm/h", seen.value.round());
                 Some(Known::told(rate, why))
             }
         }
@@ -169,7 +180,9 @@ impl Conditions {
 
     fn write_light(&self, draft: &mut Draft) {
         match &self.sun {
-            Sun::Auto => draft.word("light.model", "auto", Basis::told("the light of the photos under this weather")),
+            Sun::Auto => {
+                draft.word("light.model", "auto", Basis::told("the light of the photos under this weather"))
+            }
             Sun::At { elevation, azimuth, turbidity, basis } => {
                 draft.word("light.model", "clear", Basis::told("a sun and a sky of its own"));
                 draft.number("light.sun_elevation", *elevation, basis.clone());
@@ -189,7 +202,9 @@ impl Conditions {
                 draft.number("light.latitude", *latitude, Basis::told("of the place"));
                 match day {
                     Some(day) => draft.number("light.day", f64::from(*day), Basis::told("of the year")),
-                    None => draft.word("light.day", "auto", Basis::guess("no month is told: that of the photos")),
+                    None => {
+                        draft.word("light.day", "auto", Basis::guess("no month is told: that of the photos"))
+                    }
                 }
                 draft.word("light.lamps", "path", lamps());
             }
@@ -211,7 +226,8 @@ impl Conditions {
         if let Some(speed) = &self.wind.speed {
             draft.number("wind.speed", speed.value, speed.basis.clone());
         }
-        let Some(speed) = self.wind.speed.as_ref().map(|speed| speed.value).filter(|speed| *speed > 0.0) else {
+        let Some(speed) = self.wind.speed.as_ref().map(|speed| speed.value).filter(|speed| *speed > 0.0)
+        else {
             return;
         };
         match &self.wind.from {
@@ -224,7 +240,11 @@ impl Conditions {
                 };
                 draft.number("wind.direction", to, basis);
             }
-            None => draft.number("wind.direction", 90.0, Basis::guess(format!("no direction of the {speed:.1} m/s is told"))),
+            None => draft.number(
+                "wind.direction",
+                90.0,
+                Basis::guess(format!("no direction of the {speed:.1} m/s is told")),
+            ),
         }
         if let Some(gusts) = &self.wind.gusts {
             draft.number("wind.gusts", gusts.value, gusts.basis.clone());
@@ -243,7 +263,8 @@ impl Conditions {
         let (carrier, why) = self.carrier_or_guess(falls);
         let Some(seen) = &self.visibility else {
             if let Some((carrier, basis)) = &self.carrier {
-                let usual = USUAL.iter().find(|(known, _)| known == carrier).map_or(1000.0, |(_, usual)| *usual);
+                let usual =
+                    USUAL.iter().find(|(known, _)| known == carrier).map_or(1000.0, |(_, usual)| *usual);
                 let key = format!("{}.mor", carrier.effect());
                 draft.number(&key, usual, Basis::guess(format!("{}, without a visibility", basis.text())));
                 tint(draft, *carrier);
@@ -254,10 +275,11 @@ impl Conditions {
         let mor = if sigma > 0.0 { visibility(sigma) } else { f64::INFINITY };
         // Beyond this, what falls explains the visibility but for the digits of the report.
         if mor > CLEAR {
-            if falls > 0.0 {
-                let alone = visibility(falls);
+            let alone = visibility(falls);
+            // By the digits of a report.
+            if alone < 0.97 * seen.value {
                 draft.ignored(format!(
-                    "visibility of {:.0} m ({}): what falls takes {alone:.0} m by itself, so that no more is in the air",
+                    "visibility of {:.0} m ({}): what falls leaves {alone:.0} m by itself, so that nothing else is in the air",
                     seen.value,
                     seen.basis.text()
                 ));
@@ -265,7 +287,8 @@ impl Conditions {
             return;
         }
         // Shallow fog has the table of fog; what is above it is as dry as it can be.
-        let carrier = if self.shallow_fog.is_some() && carrier == Carrier::Droplets { Carrier::Haze } else { carrier };
+        let carrier =
+            if self.shallow_fog.is_some() && carrier == Carrier::Droplets { Carrier::Haze } else { carrier };
         let share = if falls > 0.0 { ", less what falls" } else { "" };
         let text = format!("visibility {:.0} m ({}){share}; {why}", seen.value, seen.basis.text());
         let basis = match seen.basis {
@@ -295,7 +318,11 @@ impl Conditions {
         if let Some(depth) = &self.snow_depth {
             draft.number("snow_cover.depth", depth.value, depth.basis.clone());
         } else if snow_falls && degrees.is_none_or(|degrees| degrees <= 0.0) {
-            draft.word("snow_cover.depth", "auto", Basis::guess("the report does not know what lies: what has fallen"));
+            draft.word(
+                "snow_cover.depth",
+                "auto",
+                Basis::guess("the report does not know what lies: what has fallen"),
+            );
             draft.number("snow_cover.hours", 1.0, Basis::guess("it has snowed for an hour"));
         } else if snow_falls {
             draft.ignored("lying snow: the report does not know it, and above 0 degrees none is guessed");
@@ -337,13 +364,13 @@ impl Conditions {
     pub(crate) fn summary(&self) -> String {
         let mut parts = Vec::new();
         if let Some(rain) = &self.rain {
-            parts.push(format!("rain {:.2} mm/h", rain.value));
+            parts.push(format!("rain {} mm/h", rounded(rain.value, 3)));
         }
         if let Some(snow) = self.snow_rate() {
-            parts.push(format!("snow {:.2} mm/h", snow.value));
+            parts.push(format!("snow {} mm/h", rounded(snow.value, 3)));
         }
         if let Some(hail) = &self.hail {
-            parts.push(format!("hail {:.0} mm/h", hail.value));
+            parts.push(format!("hail {} mm/h", rounded(hail.value, 3)));
         }
         if self.lightning.is_some() {
             parts.push("lightning".into());
@@ -388,8 +415,9 @@ pub(crate) fn tint(draft: &mut Draft, carrier: Carrier) {
         Carrier::Ash => (0.8, "#c4c0bb", 0.0),
         _ => return,
     };
-    let basis = || Basis::guess("as airborne dust of the weather `sandstorm`");
-    let basis = || if carrier == Carrier::Ash { Basis::guess("grey ash") } else { basis() };
+    let why =
+        if carrier == Carrier::Ash { "grey ash" } else { "as airborne dust of the weather `sandstorm`" };
+    let basis = || Basis::guess(why);
     draft.number("smog.albedo", albedo, basis());
     draft.word("smog.tint", color, basis());
     draft.number("smog.angstrom", angstrom, basis());

@@ -49,7 +49,8 @@ pub(crate) struct Draft {
 impl Draft {
     /// A file with a name, and lines of comment at its head.
     pub(crate) fn new(name: &str, about: &str, head: Vec<String>) -> Self {
-        let name = plain(name);
+        // Outputs are named after a weather.
+        let name = slug(name);
         Self { name, about: plain(about), head, tables: Vec::new(), notes: Vec::new() }
     }
 
@@ -60,7 +61,7 @@ impl Draft {
         }
     }
 
-    /// What the report says and a weather file cannot hold, and why.
+    /// Notes a part of the report that a weather file cannot hold, and why.
     pub(crate) fn ignored(&mut self, text: impl Into<String>) {
         self.note(ReportNoteKind::Ignored, text);
     }
@@ -79,8 +80,10 @@ impl Draft {
 
     /// A parameter over time: seconds and numbers in the parameter's unit. Keys that change nothing are left out.
     pub(crate) fn track(&mut self, key: &str, keys: &[(f64, f64)], easing: Easing, basis: Basis) {
-        let keys: Vec<(f64, f64)> =
-            keys.iter().map(|(time, value)| (rounded(*time, 7), self.clamped(key, rounded(*value, 6)))).collect();
+        let keys: Vec<(f64, f64)> = keys
+            .iter()
+            .map(|(time, value)| (rounded(*time, 7), self.clamped(key, rounded(*value, 6))))
+            .collect();
         let keys = thinned(&keys, easing);
         match keys[..] {
             [] => {}
@@ -176,6 +179,20 @@ fn parameter(key: &str) -> Option<(&'static Effect, usize)> {
     Some((effect, effect.param(param)?))
 }
 
+/// A name for files: letters, digits, `-` and `_`, at most 48 characters.
+fn slug(text: &str) -> String {
+    let mut name = String::new();
+    for c in text.chars().take(200) {
+        let c = if c.is_alphanumeric() || c == '_' { c } else { '-' };
+        if !(c == '-' && (name.is_empty() || name.ends_with('-'))) {
+            name.push(c);
+        }
+    }
+    let short: String = name.chars().take(48).collect();
+    let short = short.trim_end_matches('-');
+    if short.is_empty() { "report".into() } else { short.into() }
+}
+
 /// A text without control characters, at most 300 characters long: comments and names of a weather file are one line.
 fn plain(text: &str) -> String {
     let line: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(300).collect();
@@ -221,8 +238,18 @@ mod tests {
 
     #[test]
     fn numbers_keep_the_digits_that_count() {
-        assert_eq!([12.3456, 0.001_234_56, 12_345.67, 0.0].map(|v| rounded(v, 4)), [12.35, 0.001_235, 12_346.0, 0.0]);
+        assert_eq!(
+            [12.3456, 0.001_234_56, 12_345.67, 0.0].map(|v| rounded(v, 4)),
+            [12.35, 0.001_235, 12_346.0, 0.0]
+        );
         assert_eq!([written(-0.0), written(f64::INFINITY), written(5.0)], ["0", "inf", "5"]);
+    }
+
+    #[test]
+    fn names_are_names_of_files() {
+        assert_eq!(slug("heavy rain, wind 40 km/h (../x)"), "heavy-rain-wind-40-km-h-x");
+        assert_eq!(slug("../"), "report");
+        assert_eq!(slug(&"ab ".repeat(50)).len(), 47);
     }
 
     #[test]

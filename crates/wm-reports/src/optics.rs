@@ -1,8 +1,8 @@
 //! Extinction of what falls, both ways, by the program's own laws.
 
+use wm_weather::Effect;
 use wm_weather::optics::sigma_of_mor;
 use wm_weather::particles::PrecipitationKind;
-use wm_weather::Effect;
 
 /// Extinction a metre of what an effect lets fall at a rate, mm/h.
 pub(crate) fn extinction(effect: &str, rate: f64) -> f64 {

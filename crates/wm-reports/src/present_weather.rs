@@ -8,7 +8,7 @@ use crate::draft::{Basis, Draft};
 use crate::error::{ReportError, quoted};
 use crate::report::{DecodedReport, WeatherReport};
 
-/// What the air is full of in a code of present weather.
+/// The particles in the air of a code of present weather.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PresentAir {
     /// Nothing, or what falls alone.
@@ -38,7 +38,7 @@ pub struct PresentWeather {
     pub snow: f64,
     /// Hail, mm/h of water.
     pub hail: f64,
-    /// What the air is full of.
+    /// The particles in the air.
     pub air: PresentAir,
     /// Visibility by the air alone, m; infinite for clear air.
     pub mor: f64,
@@ -233,10 +233,17 @@ pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
     let wrong = |problem: String| ReportError::Whole { file: "ww".into(), problem };
     let number = text.trim().trim_start_matches(|c: char| !c.is_ascii_digit() && c != '-');
     // The table's number is in one of the words for it.
-    let number = if text.trim().to_lowercase().starts_with("wmo4677") { number.trim_start_matches("4677") } else { number };
+    let number = if text.trim().to_lowercase().starts_with("wmo4677") {
+        number.trim_start_matches("4677")
+    } else {
+        number
+    };
     let number = number.trim_start_matches(|c: char| !c.is_ascii_digit() && c != '-').trim();
     let row = number.parse().ok().and_then(PresentWeather::of).ok_or_else(|| {
-        wrong(format!("{} is no code of present weather: 0 to 99 are expected, as in ww 63", quoted(text.trim())))
+        wrong(format!(
+            "{} is no code of present weather: 0 to 99 are expected, as in ww 63",
+            quoted(text.trim())
+        ))
     })?;
     let now = conditions(row);
     let head = vec![format!("WMO code table 4677, ww {:02}: {}", row.code, row.meaning)];
@@ -287,10 +294,14 @@ fn conditions(row: &'static PresentWeather) -> Conditions {
         now.temperature = Some(Known::guess(-2.0, why()));
     }
     if let Some(cover) = COVERS.get(usize::from(row.code)) {
-        now.clouds = Some(Known::guess(*cover, "clear, mainly clear, partly cloudy or overcast, as weather services use 0 to 3"));
+        now.clouds = Some(Known::guess(
+            *cover,
+            "clear, mainly clear, partly cloudy or overcast, as weather services use 0 to 3",
+        ));
     }
     if matches!(row.code, 20 | 21 | 23 | 24 | 25 | 29) {
-        now.rained = Some(([30.0, 2.0, 15.0], Basis::guess(format!("{}: 30 minutes until 15 minutes ago", why()))));
+        now.rained =
+            Some(([30.0, 2.0, 15.0], Basis::guess(format!("{}: 30 minutes until 15 minutes ago", why()))));
     }
     now
 }
@@ -307,8 +318,8 @@ mod tests {
             let falls = report.weather().has(wm_weather::EffectRole::Falls);
             assert_eq!(falls, PresentWeather::of(code).unwrap().falls(), "{code}");
         }
-        assert_eq!(read("wmo4677: 75").unwrap().name, "ww 75");
-        assert_eq!(read("ww63").unwrap().name, "ww 63");
+        assert_eq!(read("wmo4677: 75").unwrap().name, "ww-75");
+        assert_eq!(read("ww63").unwrap().name, "ww-63");
         let error = read("ww 107").unwrap_err().to_string();
         assert_eq!(error, "ww: `ww 107` is no code of present weather: 0 to 99 are expected, as in ww 63");
     }

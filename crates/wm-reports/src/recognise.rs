@@ -58,7 +58,10 @@ pub fn recognise(text: &str) -> ReportKind {
     {
         return ReportKind::PresentWeather;
     }
-    if lower.starts_with("carla") || text.starts_with("WeatherParameters") || preset_names().any(|name| name == first) {
+    if lower.starts_with("carla")
+        || text.starts_with("WeatherParameters")
+        || preset_names().any(|name| name == first)
+    {
         return ReportKind::Carla;
     }
     let names = |part: &str| {

@@ -58,7 +58,7 @@ pub enum DecodedReport {
     Table(WeatherTable),
 }
 
-/// What a report cannot know and its reader may.
+/// Knowledge that a report lacks and its reader may have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReportOptions {
     /// Seconds of the shot in an hour of a table, 0.001 to 3600.
@@ -87,7 +87,10 @@ impl ReportOptions {
         if let Some([latitude, longitude]) = self.place
             && !((-90.0..=90.0).contains(&latitude) && (-180.0..=360.0).contains(&longitude))
         {
-            return wrong("place", format!("is {latitude}, {longitude}: must be latitude, longitude in degrees"));
+            return wrong(
+                "place",
+                format!("is {latitude}, {longitude}: must be latitude, longitude in degrees"),
+            );
         }
         if let Some(day) = self.day.filter(|day| !(1..=366).contains(day)) {
             return wrong("day", format!("is {day}: must be 1 to 366"));
@@ -99,7 +102,7 @@ impl ReportOptions {
 /// A weather report as a weather.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeatherReport {
-    /// Its name in one line, which is that of the weather.
+    /// Its name, which is that of the weather: letters, digits, `-` and `_`, at most 48 characters.
     pub name: String,
     /// The fields that it states.
     pub decoded: DecodedReport,
@@ -154,7 +157,9 @@ impl WeatherReport {
             let reason = match error.kind() {
                 std::io::ErrorKind::NotFound => "no such file; check the path".into(),
                 std::io::ErrorKind::IsADirectory => "it is a folder; give a file".into(),
-                std::io::ErrorKind::InvalidData => "it is no text in UTF-8; give JSON, CSV or a report".into(),
+                std::io::ErrorKind::InvalidData => {
+                    "it is no text in UTF-8; give JSON, CSV or a report".into()
+                }
                 _ => error.to_string(),
             };
             ReportError::Read { path: path.into(), reason }
@@ -180,7 +185,7 @@ impl WeatherReport {
         self.weather
     }
 
-    /// What was guessed, ignored and clamped.
+    /// The remarks: values that were guessed or clamped, and parts that were ignored.
     #[must_use]
     pub fn notes(&self) -> &[ReportNote] {
         &self.notes

@@ -14,7 +14,8 @@ light snow 2 mm/h with gusts of 60 mph to the north east, humidity 90 %, golden 
 
 /// Reports to be damaged.
 fn reports() -> Vec<String> {
-    let lines = METARS.lines().chain(CARLA.lines()).chain(WORDS.lines()).filter(|line| !line.starts_with('#'));
+    let lines =
+        METARS.lines().chain(CARLA.lines()).chain(WORDS.lines()).filter(|line| !line.starts_with('#'));
     lines.map(String::from).chain([JSON.into(), CSV.into(), "ww 63".into()]).collect()
 }
 

@@ -1,6 +1,6 @@
 //! Names and units of columns.
 
-/// What a column holds.
+/// The quantity in a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Field {
     Time,
@@ -47,7 +47,12 @@ const COLUMNS: &[(&[&str], Field, &str, [f64; 2])] = &[
     (&["snow"], Field::SnowDepth, "mm", [0.0, 50.0]),
     (&["visibility"], Field::Visibility, "m", [0.0, 1e6]),
     (&["wind_speed_10m", "windspeed_10m", "wspd", "wind_speed"], Field::WindSpeed, "km/h", [0.0, 120.0]),
-    (&["wind_direction_10m", "winddirection_10m", "wdir", "wind_direction"], Field::WindFrom, "deg", [0.0, 360.0]),
+    (
+        &["wind_direction_10m", "winddirection_10m", "wdir", "wind_direction"],
+        Field::WindFrom,
+        "deg",
+        [0.0, 360.0],
+    ),
     (&["wind_gusts_10m", "windgusts_10m", "wpgt", "wind_gusts"], Field::WindGust, "km/h", [0.0, 150.0]),
     (&["cloud_cover", "cloudcover"], Field::Clouds, "%", [0.0, 1.0]),
     (&["cldc"], Field::Clouds, "oktas", [0.0, 9.0 / 8.0]),
@@ -148,6 +153,5 @@ fn scale(field: Field, unit: &str) -> Option<fn(f64) -> f64> {
 }
 
 /// The WMO's codes of present weather for Meteostat's 1 to 27.
-pub(super) const METEOSTAT: [u8; 27] = [
-    0, 1, 2, 3, 45, 48, 61, 63, 65, 66, 67, 68, 69, 71, 73, 75, 80, 82, 83, 84, 85, 86, 13, 89, 95, 97, 18,
-];
+pub(super) const METEOSTAT: [u8; 27] =
+    [0, 1, 2, 3, 45, 48, 61, 63, 65, 66, 67, 68, 69, 71, 73, 75, 80, 82, 83, 84, 85, 86, 13, 89, 95, 97, 18];

@@ -32,11 +32,16 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
     let separator = separator(lines.first().map_or("", |(_, line)| line));
     let (mut place, mut utc_offset) = (None, 0);
     // Open-Meteo's first block: where it is.
-    if lines.first().is_some_and(|(_, line)| line.starts_with("latitude") || line.starts_with("location_id")) {
+    if lines.first().is_some_and(|(_, line)| line.starts_with("latitude") || line.starts_with("location_id"))
+    {
         let end = lines.iter().position(|(_, line)| line.trim().is_empty()).unwrap_or(lines.len());
         if end != 2 {
             let line = lines.get(2).map_or(1, |(line, _)| *line);
-            return Err(fault(line, "has more than one place: a line of names and one of values are expected, then an empty line".into()));
+            return Err(fault(
+                line,
+                "has more than one place: a line of names and one of values are expected, then an empty line"
+                    .into(),
+            ));
         }
         let names = cells(lines[0].1, separator);
         let values = cells(lines[1].1, separator);
@@ -44,17 +49,26 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
             let Some(index) = names.iter().position(|known| known == name) else { return Ok(None) };
             let text = values.get(index).map_or("", |value| value.trim());
             let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
-            number.map(Some).ok_or_else(|| fault(lines[1].0, format!("{name} is {}: a number is expected", quoted(text))))
+            number
+                .map(Some)
+                .ok_or_else(|| fault(lines[1].0, format!("{name} is {}: a number is expected", quoted(text))))
         };
-        place = value("latitude")?.zip(value("longitude")?).map(|(latitude, longitude)| [latitude, longitude]);
+        place =
+            value("latitude")?.zip(value("longitude")?).map(|(latitude, longitude)| [latitude, longitude]);
         if let Some([latitude, longitude]) = place
             && !(latitude.abs() <= 90.0 && longitude.abs() <= 360.0)
         {
-            return Err(fault(lines[1].0, format!("the place is {latitude}, {longitude}: degrees are expected")));
+            return Err(fault(
+                lines[1].0,
+                format!("the place is {latitude}, {longitude}: degrees are expected"),
+            ));
         }
         let offset = value("utc_offset_seconds")?.unwrap_or(0.0);
         if offset.abs() > 100_000.0 {
-            return Err(fault(lines[1].0, format!("utc_offset_seconds is {offset}: at most a day is expected")));
+            return Err(fault(
+                lines[1].0,
+                format!("utc_offset_seconds is {offset}: at most a day is expected"),
+            ));
         }
         utc_offset = offset as i64;
         lines.drain(..end);
@@ -65,7 +79,8 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
     let Some(((_, header), body)) = lines.split_first() else {
         return Err(whole("has no table: a line of names and a line an hour are expected".into()));
     };
-    let columns: Vec<(String, String)> = cells(header, separator).iter().map(|cell| name_and_unit(cell)).collect();
+    let columns: Vec<(String, String)> =
+        cells(header, separator).iter().map(|cell| name_and_unit(cell)).collect();
     if columns.len() > MOST_COLUMNS {
         return Err(whole(format!("has {} columns: at most {MOST_COLUMNS} are read", columns.len())));
     }
@@ -75,7 +90,10 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
     for (number, line) in &body {
         let found = cells(line, separator);
         if found.len() != columns.len() {
-            return Err(fault(*number, format!("has {} cells: {} are expected, as in the line of names", found.len(), columns.len())));
+            return Err(fault(
+                *number,
+                format!("has {} cells: {} are expected, as in the line of names", found.len(), columns.len()),
+            ));
         }
         let decimal = |cell: &String| if separator == ';' { cell.replace(',', ".") } else { cell.clone() };
         rows.push(found.iter().map(|cell| Cell::of_text(&decimal(cell))).collect());
@@ -120,7 +138,11 @@ fn name_and_unit(cell: &str) -> (String, String) {
         Some((name, unit)) => {
             let unit = unit.trim_end_matches(')').trim();
             // Words that are no units.
-            let unit = if matches!(unit, "wmo code" | "iso8601" | "unixtime" | "\u{b0}" | "undefined") { "" } else { unit };
+            let unit = if matches!(unit, "wmo code" | "iso8601" | "unixtime" | "\u{b0}" | "undefined") {
+                ""
+            } else {
+                unit
+            };
             (name.trim().to_lowercase(), unit.into())
         }
         None => (cell.to_lowercase(), String::new()),

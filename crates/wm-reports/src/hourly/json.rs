@@ -13,8 +13,11 @@ pub(crate) fn read(text: &str, file: &str, options: &ReportOptions) -> Result<We
 
 pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError> {
     let whole = |problem: String| ReportError::Whole { file: file.into(), problem };
-    let json: Value = serde_json::from_str(text)
-        .map_err(|error| ReportError::Line { file: file.into(), line: error.line(), problem: format!("is no JSON: {error}") })?;
+    let json: Value = serde_json::from_str(text).map_err(|error| ReportError::Line {
+        file: file.into(),
+        line: error.line(),
+        problem: format!("is no JSON: {error}"),
+    })?;
     // Of several places there is a list.
     let json = match &json {
         Value::Array(list) => match &list[..] {
@@ -28,7 +31,9 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
         return Err(whole(format!("is an error of the service: {}", crate::error::quoted(reason))));
     }
     let (prefix, hourly) = match map.get("hourly") {
-        Some(hourly) => ("hourly.", hourly.as_object().ok_or_else(|| whole("hourly must be an object of lists".into()))?),
+        Some(hourly) => {
+            ("hourly.", hourly.as_object().ok_or_else(|| whole("hourly must be an object of lists".into()))?)
+        }
         None => ("", map),
     };
     let number = |name: &str, most: f64| -> Result<Option<f64>, ReportError> {
@@ -44,7 +49,11 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
     let length = lists.iter().map(|list| list.len()).max().unwrap_or(0);
     if let Some(at) = lists.iter().position(|list| list.len() != length) {
         let problem = format!("has {} values: {length} are expected, as in the other lists", lists[at].len());
-        return Err(ReportError::Value { file: file.into(), key: format!("{prefix}{}", columns[at].0), problem });
+        return Err(ReportError::Value {
+            file: file.into(),
+            key: format!("{prefix}{}", columns[at].0),
+            problem,
+        });
     }
     let mut rows: Vec<Vec<Cell>> = Vec::with_capacity(length);
     for row in 0..length {

@@ -24,7 +24,9 @@ impl Cell {
     /// A cell of CSV.
     pub(super) fn of_text(text: &str) -> Self {
         let text = text.trim();
-        if text.is_empty() || ["nan", "null", "na", "<na>", "-", "none"].iter().any(|none| text.eq_ignore_ascii_case(none)) {
+        if text.is_empty()
+            || ["nan", "null", "na", "<na>", "-", "none"].iter().any(|none| text.eq_ignore_ascii_case(none))
+        {
             return Self::Missing;
         }
         text.parse().map_or_else(|_| Self::Text(text.into()), Self::Number)
@@ -51,7 +53,9 @@ impl RawTable<'_> {
         for (name, unit) in &self.columns {
             match Column::of(name, unit, has_snow_depth) {
                 Some(column) => {
-                    columns.push(Some(column.map_err(|problem| (self.whole)(format!("column {name} {problem}")))?));
+                    columns.push(Some(
+                        column.map_err(|problem| (self.whole)(format!("column {name} {problem}")))?,
+                    ));
                 }
                 None => {
                     columns.push(None);
@@ -72,7 +76,11 @@ impl RawTable<'_> {
             return Err((self.whole)(format!("has no column `time`{}", near.unwrap_or_default())));
         }
         if columns.iter().flatten().all(|column| is_time(column.field)) {
-            let near = unused.iter().map(|name| meant(name, names())).find(|near| !near.is_empty()).unwrap_or_default();
+            let near = unused
+                .iter()
+                .map(|name| meant(name, names()))
+                .find(|near| !near.is_empty())
+                .unwrap_or_default();
             return Err((self.whole)(format!(
                 "has no column of weather{near}: temperature_2m, rain, snowfall, wind_speed_10m and the like are expected"
             )));
@@ -110,7 +118,8 @@ impl RawTable<'_> {
             let gap = pair[1].time - pair[0].time;
             if gap != seconds || gap <= 0 {
                 let times = [pair[1].time, pair[0].time].map(time::written);
-                let problem = format!("is {} after {}: rows must be the same time apart, and rise", times[0], times[1]);
+                let problem =
+                    format!("is {} after {}: rows must be the same time apart, and rise", times[0], times[1]);
                 return Err((self.fault)(index + 1, "time", problem));
             }
         }
@@ -119,7 +128,10 @@ impl RawTable<'_> {
             return Err((self.whole)(format!("has rows {hours} hours apart: a minute to a day is expected")));
         }
         if hours * rows.len() as f64 > MOST_HOURS {
-            return Err((self.whole)(format!("has {} rows: at most {MOST_HOURS} hours are read, cut it", rows.len())));
+            return Err((self.whole)(format!(
+                "has {} rows: at most {MOST_HOURS} hours are read, cut it",
+                rows.len()
+            )));
         }
         Ok(hours)
     }
@@ -142,7 +154,9 @@ impl RawTable<'_> {
             has_amounts |= matches!(column.field, Field::Rain | Field::Precipitation | Field::Snowfall);
             if matches!(column.field, Field::Time | Field::Date) {
                 let text = match cell {
-                    Cell::Missing => return Err(fault("is empty: a time is expected, as 2024-01-15T06:00".into())),
+                    Cell::Missing => {
+                        return Err(fault("is empty: a time is expected, as 2024-01-15T06:00".into()));
+                    }
                     Cell::Number(number) => format!("{number}"),
                     Cell::Text(text) => text.clone(),
                 };
@@ -178,7 +192,9 @@ impl RawTable<'_> {
                 Field::WindGust => row.wind_gust = Some(value),
                 Field::Clouds => row.cloud_cover = Some(value.min(1.0)),
                 Field::Code => row.code = Some(value.round() as u8),
-                Field::MeteostatCode => row.code = METEOSTAT.get((value.round() as usize).wrapping_sub(1)).copied(),
+                Field::MeteostatCode => {
+                    row.code = METEOSTAT.get((value.round() as usize).wrapping_sub(1)).copied()
+                }
                 Field::Time | Field::Date => {}
             }
         }
@@ -187,7 +203,8 @@ impl RawTable<'_> {
         {
             time = time::midnight(year, month, day).map(|midnight| midnight - self.utc_offset);
         }
-        let time = time.ok_or_else(|| (self.fault)(index, "time", "is missing or no day of the calendar".into()))?;
+        let time =
+            time.ok_or_else(|| (self.fault)(index, "time", "is missing or no day of the calendar".into()))?;
         row.time = time + date[3].unwrap_or(0);
         if let (None, Some(temperature), Some(dew_point)) = (row.humidity, row.temperature, dew_point) {
             row.humidity = Some(humidity(temperature, dew_point));
@@ -218,7 +235,8 @@ fn is_time(field: Field) -> bool {
 
 /// The share of precipitation that is snow.
 fn snow_share(row: &WeatherRow) -> f64 {
-    let code = row.code.and_then(|code| PresentWeather::of(code.into())).filter(|code| code.rain + code.snow > 0.0);
+    let code =
+        row.code.and_then(|code| PresentWeather::of(code.into())).filter(|code| code.rain + code.snow > 0.0);
     if let Some(code) = code {
         return code.snow / (code.rain + code.snow);
     }

@@ -54,7 +54,10 @@ fn the_sums_of_the_table_are_those_of_the_weather() {
 
 #[test]
 fn the_sun_and_the_wind_go_as_they_do() {
-    let report = WeatherTable::parse_json(JSON, "day.json").unwrap().weather("day", &ReportOptions::default()).unwrap();
+    let report = WeatherTable::parse_json(JSON, "day.json")
+        .unwrap()
+        .weather("day", &ReportOptions::default())
+        .unwrap();
     let weather = report.weather();
     // 22 h UTC at 8.56 degrees east are 22:34 of mean solar time, and 24 h later they are again.
     let hour = track(weather, "light.hour").unwrap();
@@ -73,14 +76,23 @@ fn the_sun_and_the_wind_go_as_they_do() {
 fn tables_of_meteostat_and_of_units_are_read() {
     let text = "date;hour;temp;rhum;prcp;snow;wspd;coco\n2024-01-15;6;-1,5;90;1,2;40;18,0;15\n2024-01-15;7;3,0;90;2,0;;36,0;8\n";
     let table = WeatherTable::parse_csv(text, "m.csv").unwrap();
-    assert_eq!((table.rows[0].snow, table.rows[0].snow_depth, table.rows[0].code), (1.2, Some(0.04), Some(73)));
-    assert_eq!((table.rows[1].rain, table.rows[1].wind_speed, table.rows[1].snow_depth), (2.0, Some(10.0), None));
+    assert_eq!(
+        (table.rows[0].snow, table.rows[0].snow_depth, table.rows[0].code),
+        (1.2, Some(0.04), Some(73))
+    );
+    assert_eq!(
+        (table.rows[1].rain, table.rows[1].wind_speed, table.rows[1].snow_depth),
+        (2.0, Some(10.0), None)
+    );
     let newer = "time,temp,snow,snwd,cldc,wspd\n2024-01-15 06:00:00,0,7,12,6,\n";
     let row = WeatherTable::parse_csv(newer, "m.csv").unwrap().rows[0].clone();
     assert!((row.snow - 10.0).abs() < 1e-9 && row.snow_depth == Some(0.12) && row.cloud_cover == Some(0.75));
     let units = "time,temperature_2m (\u{b0}F),rain (inch),wind_speed_10m (mp/h),visibility (ft)\n1705298400,32,0.1,10,3000\n";
     let row = WeatherTable::parse_csv(units, "u.csv").unwrap().rows[0].clone();
-    assert_eq!((row.time, row.temperature, row.visibility.map(f64::round)), (1_705_298_400, Some(0.0), Some(914.0)));
+    assert_eq!(
+        (row.time, row.temperature, row.visibility.map(f64::round)),
+        (1_705_298_400, Some(0.0), Some(914.0))
+    );
     assert!((row.rain - 2.54).abs() < 1e-9 && (row.wind_speed.unwrap() - 4.4704).abs() < 1e-9);
 }
 
@@ -90,10 +102,19 @@ fn what_is_wrong_is_said_with_line_and_column() {
         ("time,rain\n2024-01-15T06:00,wet\n", "t.csv:2: rain is `wet`: a number is expected"),
         ("time,rain\n2024-01-15T06:00\n", "t.csv:2: has 1 cells: 2 are expected"),
         ("time,rain\n2024-01-35T06:00,1\n", "t.csv:2: time is `2024-01-35T06:00`: a time is expected"),
-        ("time,rain\n2024-01-15T06:00,-1\n", "t.csv:2: rain is -1, -1 in the unit used here: must be 0 to 500"),
-        ("time,rain\n2024-01-15T06:00,1\n2024-01-15T06:00,1\n", "t.csv:3: time is 2024-01-15 06:00 after 2024-01-15 06:00"),
+        (
+            "time,rain\n2024-01-15T06:00,-1\n",
+            "t.csv:2: rain is -1, -1 in the unit used here: must be 0 to 500",
+        ),
+        (
+            "time,rain\n2024-01-15T06:00,1\n2024-01-15T06:00,1\n",
+            "t.csv:3: time is 2024-01-15 06:00 after 2024-01-15 06:00",
+        ),
         ("time,rian\n2024-01-15T06:00,1\n", "t.csv: has no column of weather, did you mean `rain`?"),
-        ("tine,rain\n2024-01-15T06:00,1\n", "t.csv: has no column `time`; `tine` is none, did you mean `time`?"),
+        (
+            "tine,rain\n2024-01-15T06:00,1\n",
+            "t.csv: has no column `time`; `tine` is none, did you mean `time`?",
+        ),
         ("time,rain (buckets)\n2024-01-15T06:00,1\n", "t.csv: column rain has the unit `buckets`"),
         ("time,rain\n", "t.csv: has no rows"),
     ] {
@@ -101,8 +122,14 @@ fn what_is_wrong_is_said_with_line_and_column() {
         assert!(got.starts_with(error), "{text}: {got}");
     }
     for (text, error) in [
-        ("{\"hourly\": {\"time\": [\"2024-01-15T06:00\"], \"rain\": [\"x\"]}}", "t.json: hourly.rain[0] is `x`"),
-        ("{\"hourly\": {\"time\": [\"2024-01-15T06:00\"], \"rain\": [1, 2]}}", "t.json: hourly.time has 1 values: 2 are"),
+        (
+            "{\"hourly\": {\"time\": [\"2024-01-15T06:00\"], \"rain\": [\"x\"]}}",
+            "t.json: hourly.rain[0] is `x`",
+        ),
+        (
+            "{\"hourly\": {\"time\": [\"2024-01-15T06:00\"], \"rain\": [1, 2]}}",
+            "t.json: hourly.time has 1 values: 2 are",
+        ),
         ("{\"hourly\": 3}", "t.json: hourly must be an object of lists"),
         ("{\"error\": true, \"reason\": \"Cannot\"}", "t.json: is an error of the service: `Cannot`"),
         ("{\n\"hourly\": ", "t.json:2: is no JSON"),

@@ -4,7 +4,11 @@
 pub(super) fn days(year: i64, month: i64, day: i64) -> i64 {
     // Years begin in March, so that a leap day is their last.
     let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    365 * year + year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400) + (153 * month + 2) / 5 + day - 719_469
+    365 * year + year.div_euclid(4) - year.div_euclid(100)
+        + year.div_euclid(400)
+        + (153 * month + 2) / 5
+        + day
+        - 719_469
 }
 
 /// Year, month and day of a number of days since 1970-01-01.
@@ -35,7 +39,8 @@ pub(super) fn parse(text: &str) -> Option<(i64, bool)> {
     }
     let (date, rest) = text.split_at_checked(10)?;
     let digits = |text: &str| -> Option<i64> {
-        (!text.is_empty() && text.len() <= 4 && text.bytes().all(|b| b.is_ascii_digit())).then(|| text.parse().ok())?
+        (!text.is_empty() && text.len() <= 4 && text.bytes().all(|b| b.is_ascii_digit()))
+            .then(|| text.parse().ok())?
     };
     let mut parts = date.split('-');
     let [year, month, day] = [parts.next()?, parts.next()?, parts.next()?];
@@ -98,7 +103,15 @@ mod tests {
         ] {
             assert_eq!(parse(text).map(|(time, _)| time), Some(seconds), "{text}");
         }
-        for text in ["", "2023-02-29T00:00", "2024-13-01", "2024-01-15T25:00", "15.01.2024 06:00", "2024-01-15T06:00+", "2024-01-1\u{e9}"] {
+        for text in [
+            "",
+            "2023-02-29T00:00",
+            "2024-13-01",
+            "2024-01-15T25:00",
+            "15.01.2024 06:00",
+            "2024-01-15T06:00+",
+            "2024-01-1\u{e9}",
+        ] {
             assert_eq!(parse(text), None, "{text}");
         }
         for since in -800..30_000 {

@@ -16,7 +16,11 @@ const PLAIN: f64 = 20_000.0;
 /// Wind below which gusts say nothing, m/s.
 const BREATH: f64 = 1.0;
 
-pub(super) fn weather(table: &WeatherTable, name: &str, options: &ReportOptions) -> Result<WeatherReport, ReportError> {
+pub(super) fn weather(
+    table: &WeatherTable,
+    name: &str,
+    options: &ReportOptions,
+) -> Result<WeatherReport, ReportError> {
     let Some((first, last)) = table.rows.first().zip(table.rows.last()) else {
         return Err(ReportError::Whole { file: name.into(), problem: "has no rows".into() });
     };
@@ -44,7 +48,10 @@ pub(super) fn weather(table: &WeatherTable, name: &str, options: &ReportOptions)
         draft.note(note.kind, note.text.clone());
     }
     if (table.step - 1.0).abs() > 1e-9 {
-        draft.ignored(format!("hours: rows are {:.2} hours apart, and amounts count for all that time", table.step));
+        draft.ignored(format!(
+            "hours: rows are {:.2} hours apart, and amounts count for all that time",
+            table.step
+        ));
     }
     draft.finish(DecodedReport::Table(table.clone()))
 }
@@ -87,17 +94,26 @@ impl Film<'_> {
                 let days = (solar / 86_400.0).floor();
                 let hour = (solar - 86_400.0 * days) / 3600.0;
                 let end = (self.table.hours() * self.scale, hour + self.table.hours());
-                self.draft.word("light.model", "clear", Basis::told("the sun of the place, by day and night"));
+                self.draft.word(
+                    "light.model",
+                    "clear",
+                    Basis::told("the sun of the place, by day and night"),
+                );
                 let why = format!("mean solar time at longitude {longitude}");
                 self.draft.track("light.hour", &[(0.0, hour), end], Easing::Linear, Basis::told(why));
                 let day = time::day_of_year(days as i64) as f64;
                 self.draft.number("light.day", day, Basis::told("of the year, at the start"));
                 self.draft.number("light.latitude", latitude, Basis::told("of the table"));
-                let lamps = "lamps stand along the path of the photos; \"auto\" for those that the scene states";
+                let lamps =
+                    "lamps stand along the path of the photos; \"auto\" for those that the scene states";
                 self.draft.word("light.lamps", "path", Basis::guess(lamps));
             }
             None => {
-                self.draft.word("light.model", "auto", Basis::guess("the table has no place: the sun of the photos"));
+                self.draft.word(
+                    "light.model",
+                    "auto",
+                    Basis::guess("the table has no place: the sun of the photos"),
+                );
             }
         }
         let clouds = self.at_rows(|row| row.cloud_cover);
@@ -179,7 +195,12 @@ impl Film<'_> {
         let step = self.table.step;
         if self.table.rain_sum() > 0.0 {
             let keys = self.over_steps(|row| row.rain / step);
-            self.draft.track("rain.rate", &keys, Easing::Hold, Basis::told("mm/h, held over the hour before each row"));
+            self.draft.track(
+                "rain.rate",
+                &keys,
+                Easing::Hold,
+                Basis::told("mm/h, held over the hour before each row"),
+            );
             self.draft.number("rain.exposure", 0.004, Basis::guess("a shutter of 1/250 s, as by day"));
             self.draft.word("splash.amount", "auto", Basis::told("as in nature"));
         }
@@ -198,19 +219,35 @@ impl Film<'_> {
         let lies = depth.iter().any(|(_, depth)| *depth > 0.0);
         let (rains, snows) = (self.table.rain_sum() > 0.0, self.table.snow_sum() > 0.0);
         if lies {
-            self.draft.track("snow_cover.depth", &depth, Easing::Linear, Basis::told("depth of the table, m"));
+            self.draft.track(
+                "snow_cover.depth",
+                &depth,
+                Easing::Linear,
+                Basis::told("depth of the table, m"),
+            );
             // What the table says has melted already.
-            let cold: Vec<(f64, f64)> = temperature.iter().map(|(time, degrees)| (*time, degrees.min(0.0))).collect();
+            let cold: Vec<(f64, f64)> =
+                temperature.iter().map(|(time, degrees)| (*time, degrees.min(0.0))).collect();
             let why = "at most 0, as the table's depth has melted already";
             self.draft.track("snow_cover.temperature", &cold, Easing::Linear, Basis::told(why));
         } else if snows && depth.is_empty() {
-            self.draft.word("snow_cover.depth", "auto", Basis::guess("the table has no depth: what has fallen and not melted"));
+            self.draft.word(
+                "snow_cover.depth",
+                "auto",
+                Basis::guess("the table has no depth: what has fallen and not melted"),
+            );
             self.draft.number("snow_cover.hours", 0.0, Basis::guess("no snow lies at the start"));
-            self.draft.track("snow_cover.temperature", &temperature, Easing::Linear, Basis::told("degrees Celsius"));
+            self.draft.track(
+                "snow_cover.temperature",
+                &temperature,
+                Easing::Linear,
+                Basis::told("degrees Celsius"),
+            );
         } else if snows {
             self.draft.ignored("lying snow: the table says that none lies");
         }
-        let melts = !lies && snows && depth.is_empty() && temperature.iter().any(|(_, degrees)| *degrees > 0.0);
+        let melts =
+            !lies && snows && depth.is_empty() && temperature.iter().any(|(_, degrees)| *degrees > 0.0);
         if lies || (snows && depth.is_empty()) {
             self.draft.number("snow_cover.lapse", lapse, Basis::told(why.clone()));
         }

@@ -1,8 +1,8 @@
 //! The groups of a METAR, one function each.
 
 use super::{
-    CloudCover, CloudGroup, IgnoredGroup, Metar, MetarKind, MetarTime, MetarVisibility, MetarWind, RunwayRange,
-    VisibilityBound, WeatherDescriptor, WeatherGroup, WeatherIntensity, WeatherPhenomenon,
+    CloudCover, CloudGroup, IgnoredGroup, Metar, MetarKind, MetarTime, MetarVisibility, MetarWind,
+    RunwayRange, VisibilityBound, WeatherDescriptor, WeatherGroup, WeatherIntensity, WeatherPhenomenon,
 };
 use crate::error::{ReportError, meant, quoted};
 use wm_scene::nearest;
@@ -60,7 +60,11 @@ fn groups(text: &str) -> Vec<Group<'_>> {
 }
 
 fn fault(group: Group<'_>, problem: impl std::fmt::Display) -> ReportError {
-    ReportError::Text { kind: "METAR", position: group.at, problem: format!("{} {problem}", quoted(group.text)) }
+    ReportError::Text {
+        kind: "METAR",
+        position: group.at,
+        problem: format!("{} {problem}", quoted(group.text)),
+    }
 }
 
 fn damaged(group: Group<'_>, form: usize) -> ReportError {
@@ -105,10 +109,14 @@ pub(super) fn parse(text: &str) -> Result<Metar, ReportError> {
         return Err(whole("ends before the station: a report begins as in METAR KJFK 291851Z"));
     };
     let bytes = station.text.as_bytes();
-    let is_station =
-        bytes.len() == 4 && bytes[0].is_ascii_uppercase() && bytes.iter().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit());
+    let is_station = bytes.len() == 4
+        && bytes[0].is_ascii_uppercase()
+        && bytes.iter().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit());
     if !is_station {
-        return Err(fault(*station, "is no station: four capital letters or digits are expected, as in KJFK"));
+        return Err(fault(
+            *station,
+            "is no station: four capital letters or digits are expected, as in KJFK",
+        ));
     }
     metar.station = station.text.into();
     rest = others;
@@ -145,18 +153,24 @@ impl Metar {
             "COR" | "CCA" | "CCB" | "CCC" | "RTD" => self.is_correction |= text != "RTD",
             "CAVOK" => {
                 self.is_cavok = true;
-                self.visibility =
-                    Some(MetarVisibility { metres: 10_000.0, bound: VisibilityBound::OrMore, direction: None });
+                self.visibility = Some(MetarVisibility {
+                    metres: 10_000.0,
+                    bound: VisibilityBound::OrMore,
+                    direction: None,
+                });
             }
             "RMK" => {
                 // As it stands, from the next group to the end.
                 let start = others.first().map_or(all.len(), |next| byte_of(all, next.at));
-                self.remarks = all.get(start..).unwrap_or_default().trim_end_matches(['=', '\n', '\r', ' ']).into();
+                self.remarks =
+                    all.get(start..).unwrap_or_default().trim_end_matches(['=', '\n', '\r', ' ']).into();
                 return Ok(others.len());
             }
             "WS" => {
                 let is_part = |text: &str| {
-                    matches!(text, "ALL" | "RWY" | "TKOF" | "LDG") || text.starts_with("RWY") || runway(text).is_some()
+                    matches!(text, "ALL" | "RWY" | "TKOF" | "LDG")
+                        || text.starts_with("RWY")
+                        || runway(text).is_some()
                 };
                 let taken = others.iter().take_while(|group| is_part(group.text)).count();
                 if taken == 0 {
@@ -181,10 +195,14 @@ impl Metar {
 
     fn take_value(&mut self, group: Group<'_>, others: &[Group<'_>]) -> Result<usize, ReportError> {
         let text = group.text;
-        let is_digits = |text: &str, count: usize| text.len() == count && text.bytes().all(|b| b.is_ascii_digit());
+        let is_digits =
+            |text: &str, count: usize| text.len() == count && text.bytes().all(|b| b.is_ascii_digit());
         if ["KT", "MPS", "KMH"].iter().any(|unit| text.ends_with(unit)) {
             self.wind = Some(wind(text).ok_or_else(|| damaged(group, 0))?);
-        } else if text.len() == 7 && text.as_bytes()[3] == b'V' && text.bytes().filter(u8::is_ascii_digit).count() == 6 {
+        } else if text.len() == 7
+            && text.as_bytes()[3] == b'V'
+            && text.bytes().filter(u8::is_ascii_digit).count() == 6
+        {
             let between = [&text[..3], &text[4..]].map(|part| part.parse::<f64>().unwrap_or(f64::NAN));
             if !between.iter().all(|degrees| (0.0..=360.0).contains(degrees)) {
                 return Err(fault(group, "is damaged: a varying wind is 180V240, in degrees up to 360"));
@@ -196,7 +214,9 @@ impl Metar {
         } else if text.ends_with("SM") {
             let metres = miles(text, 0.0).ok_or_else(|| damaged(group, 1))?;
             self.see(metres);
-        } else if (is_digits(text, 1) || is_digits(text, 2)) && others.first().is_some_and(|next| next.text.ends_with("SM")) {
+        } else if (is_digits(text, 1) || is_digits(text, 2))
+            && others.first().is_some_and(|next| next.text.ends_with("SM"))
+        {
             let whole = text.parse::<f64>().unwrap_or_default();
             let metres = miles(others[0].text, whole).ok_or_else(|| damaged(others[0], 1))?;
             self.see(metres);
@@ -207,20 +227,28 @@ impl Metar {
             let (runway, range) = runway_range(text).ok_or_else(|| damaged(group, 5))?;
             match range {
                 Some(metres) => self.runway_ranges.push(RunwayRange { runway, metres }),
-                None => self.ignored.push(IgnoredGroup { text: text.into(), reason: "the state of a runway" }),
+                None => {
+                    self.ignored.push(IgnoredGroup { text: text.into(), reason: "the state of a runway" })
+                }
             }
         } else if is_digits(text, 8) {
             self.ignored.push(IgnoredGroup { text: text.into(), reason: "the state of a runway" });
         } else if let Some(cloud) = clouds(text) {
             self.clouds.push(cloud.map_err(|()| damaged(group, 2))?);
-        } else if text.starts_with(['Q', 'A']) && text[1..].starts_with(|c: char| c.is_ascii_digit() || c == '/') {
+        } else if text.starts_with(['Q', 'A'])
+            && text[1..].starts_with(|c: char| c.is_ascii_digit() || c == '/')
+        {
             self.pressure = pressure(text).ok_or_else(|| damaged(group, 4))?.or(self.pressure);
-        } else if text.starts_with('W') && text.contains("/S") || text.starts_with('W') && text.contains("/H") {
+        } else if text.starts_with('W') && text.contains("/S") || text.starts_with('W') && text.contains("/H")
+        {
             self.ignored.push(IgnoredGroup { text: text.into(), reason: "the state of the sea" });
         } else if text.contains('/') {
             let degrees = degrees(text).ok_or_else(|| damaged(group, 3))?;
             if !degrees.iter().flatten().all(|t| (-90.0..=60.0).contains(t)) {
-                return Err(fault(group, "is no temperature of the air: -90 to 60 degrees Celsius are expected"));
+                return Err(fault(
+                    group,
+                    "is no temperature of the air: -90 to 60 degrees Celsius are expected",
+                ));
             }
             [self.temperature, self.dew_point] = degrees;
         } else if let Some(recent) = text.strip_prefix("RE").filter(|rest| rest.len() >= 2) {
@@ -254,10 +282,13 @@ fn unknown(group: Group<'_>) -> ReportError {
     let shape = |text: &str| -> String {
         text.chars().map(|c| if c.is_ascii_digit() { '0' } else { c.to_ascii_uppercase() }).collect()
     };
-    let shapes: Vec<(String, &str)> =
-        FORMS.iter().flat_map(|(form, examples)| examples.iter().map(move |one| (shape(one), *form))).collect();
+    let shapes: Vec<(String, &str)> = FORMS
+        .iter()
+        .flat_map(|(form, examples)| examples.iter().map(move |one| (shape(one), *form)))
+        .collect();
     let own = shape(text);
-    let words = ["AUTO", "CAVOK", "NOSIG", "TEMPO", "BECMG", "SKC", "CLR", "NSC", "NCD", "RMK", "SPECI", "METAR"];
+    let words =
+        ["AUTO", "CAVOK", "NOSIG", "TEMPO", "BECMG", "SKC", "CLR", "NSC", "NCD", "RMK", "SPECI", "METAR"];
     let codes = words.into_iter().chain(WeatherPhenomenon::ALL.iter().map(|one| one.code()));
     let near_form = nearest(&own, shapes.iter().map(|(shape, _)| &shape[..]), 1);
     let problem = if text.bytes().any(|b| b.is_ascii_digit()) && !near_form.is_empty() {
@@ -265,7 +296,9 @@ fn unknown(group: Group<'_>) -> ReportError {
         format!("is of no known form; the nearest is {form}")
     } else {
         let near = meant(text, codes);
-        format!("is of no known form{near}; present weather is one of -RA, +SHSN, FZFG, BR, VCTS and the like")
+        format!(
+            "is of no known form{near}; present weather is one of -RA, +SHSN, FZFG, BR, VCTS and the like"
+        )
     };
     fault(group, problem)
 }
@@ -278,7 +311,10 @@ fn time(group: Group<'_>) -> Result<MetarTime, ReportError> {
     let part = |from: usize| text[from..from + 2].parse().unwrap_or(99);
     let time = MetarTime { day: part(0), hour: part(2), minute: part(4) };
     if !(1..=31).contains(&time.day) || time.hour > 23 || time.minute > 59 {
-        return Err(fault(group, "is no time: day of the month, hour and minute are expected, as in 291851Z"));
+        return Err(fault(
+            group,
+            "is no time: day of the month, hour and minute are expected, as in 291851Z",
+        ));
     }
     Ok(time)
 }
@@ -338,7 +374,9 @@ fn metres(text: &str) -> Option<MetarVisibility> {
         return Some(MetarVisibility { metres, bound: VisibilityBound::Exact, direction: None });
     }
     let (digits, side) = text.split_at_checked(4)?;
-    if !digits.bytes().all(|b| b.is_ascii_digit()) || !(side.is_empty() || side == "NDV" || SIDES.contains(&side)) {
+    if !digits.bytes().all(|b| b.is_ascii_digit())
+        || !(side.is_empty() || side == "NDV" || SIDES.contains(&side))
+    {
         return None;
     }
     let direction = (!side.is_empty() && side != "NDV").then(|| side.to_owned());
@@ -397,7 +435,12 @@ fn clouds(text: &str) -> Option<Result<CloudGroup, ()>> {
         _ => None,
     };
     if matches!(text, "SKC" | "CLR" | "NSC" | "NCD") {
-        return Some(Ok(CloudGroup { cover: CloudCover::Clear, height: None, kind: None, code: text.into() }));
+        return Some(Ok(CloudGroup {
+            cover: CloudCover::Clear,
+            height: None,
+            kind: None,
+            code: text.into(),
+        }));
     }
     let (cover, rest) = match text.strip_prefix("VV") {
         Some(rest) => (CloudCover::Obscured, rest),
@@ -405,7 +448,14 @@ fn clouds(text: &str) -> Option<Result<CloudGroup, ()>> {
             let (head, rest) = text.split_at_checked(3)?;
             let found = cover(head)?;
             // Five slashes are a temperature.
-            (found, if found == CloudCover::Unknown && (rest.len() < 3 || rest.starts_with('M')) { return None } else { rest })
+            (
+                found,
+                if found == CloudCover::Unknown && (rest.len() < 3 || rest.starts_with('M')) {
+                    return None;
+                } else {
+                    rest
+                },
+            )
         }
     };
     let kinds = [("///", None), ("CB", Some("CB")), ("TCU", Some("TCU")), ("ACC", Some("ACC")), ("", None)];
@@ -450,11 +500,8 @@ fn degrees(text: &str) -> Option<[Option<f64>; 2]> {
         good.then(|| digits.parse::<f64>().ok().map(|value| sign * value))
     };
     // The stroke between the two, where the first may be two strokes.
-    let (first, second) = if let Some(second) = text.strip_prefix("///") {
-        ("//", second)
-    } else {
-        text.split_once('/')?
-    };
+    let (first, second) =
+        if let Some(second) = text.strip_prefix("///") { ("//", second) } else { text.split_once('/')? };
     Some([one(first)?, one(second)?])
 }
 

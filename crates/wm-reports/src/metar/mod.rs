@@ -4,7 +4,7 @@
 //! what was expected, and so is a group of no known form. Trends, runway states and the like are kept as they are
 //! ([`Metar::ignored`]); remarks too ([`Metar::remarks`]).
 //!
-//! How a report becomes a weather is in `weather.rs`, group by group.
+//! `weather.rs` has the weather of each group.
 
 mod groups;
 mod weather;
@@ -221,7 +221,7 @@ impl WeatherGroup {
     }
 }
 
-/// How much of the sky a layer of clouds covers.
+/// The share of the sky that a layer of clouds covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CloudCover {
     /// `FEW`: 1 to 2 eighths.

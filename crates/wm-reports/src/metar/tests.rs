@@ -15,13 +15,17 @@ fn weather(text: &str) -> WeatherReport {
     read(text, &ReportOptions::default()).unwrap_or_else(|error| panic!("{text}: {error}"))
 }
 
-/// What single groups become: values that were worked out by hand from the mapping.
+/// Single groups and their parameters, worked out by hand from the mapping.
 #[test]
 fn groups_become_parameters() {
     let close = |text: &str, key: &str, want: f64| {
         let report = weather(&format!("METAR KJFK 291851Z {text}"));
         let got = value(report.weather(), key).unwrap_or(f64::NAN);
-        assert!((got - want).abs() <= 2e-3 * want.abs(), "{text}: {key} is {got}, not {want}\n{}", report.to_toml());
+        assert!(
+            (got - want).abs() <= 2e-3 * want.abs(),
+            "{text}: {key} is {got}, not {want}\n{}",
+            report.to_toml()
+        );
     };
     // From 40 degrees at 14 kt.
     close("04014KT 9999", "wind.direction", 220.0);
@@ -54,7 +58,9 @@ fn groups_become_parameters() {
 
 #[test]
 fn snow_falls_as_the_visibility_says_within_its_intensity() {
-    let rate = |text: &str| value(weather(&format!("METAR KJFK 291851Z {text}")).weather(), "snowfall.rate").unwrap();
+    let rate = |text: &str| {
+        value(weather(&format!("METAR KJFK 291851Z {text}")).weather(), "snowfall.rate").unwrap()
+    };
     let seen = |rate: f64| crate::optics::visibility(crate::optics::extinction("snowfall", rate));
     // Where the law and the intensity agree, the visibility comes back.
     let moderate = rate("00000KT 0500 SN M02/M03");
@@ -67,7 +73,12 @@ fn snow_falls_as_the_visibility_says_within_its_intensity() {
     let report = weather("METAR KJFK 291851Z 00000KT 0100 -SN M02/M03");
     let air = crate::optics::visibility(2.995_732 / 100.0 - 2.995_732 / seen(1.0));
     assert!((value(report.weather(), "fog.mor").unwrap() / air - 1.0).abs() < 2e-3);
-    assert!(report.notes().iter().any(|note| note.kind == ReportNoteKind::Guess && note.text.contains("snow_cover.depth")));
+    assert!(
+        report
+            .notes()
+            .iter()
+            .any(|note| note.kind == ReportNoteKind::Guess && note.text.contains("snow_cover.depth"))
+    );
     let wet = weather("METAR KJFK 291851Z 00000KT 2000 SN 01/00");
     assert!(!wet.weather().has(wm_weather::EffectRole::Lies), "{}", wet.to_toml());
 }
@@ -89,13 +100,25 @@ fn what_is_wrong_is_said_with_its_place() {
         ("METAR KJFK 291851Z", "METAR: has no groups"),
         ("METAR KJFK 291851Z NIL=", "METAR, character 20: `NIL` says that the report is missing"),
         ("METAR KJFK 291851Z 4O014KT", "METAR, character 20: `4O014KT` is damaged: a wind, as in 24015G25KT"),
-        ("METAR KJFK 291851Z 00000KT 9O99", "METAR, character 28: `9O99` is of no known form; the nearest is a visibility"),
+        (
+            "METAR KJFK 291851Z 00000KT 9O99",
+            "METAR, character 28: `9O99` is of no known form; the nearest is a visibility",
+        ),
         ("METAR KJFK 291851Z 00000KT BKN12", "METAR, character 28: `BKN12` is damaged: clouds, as in BKN012"),
         ("METAR KJFK 291851Z 00000KT 0/0SM", "METAR, character 28: `0/0SM` is damaged: a visibility"),
-        ("METAR KJFK 291851Z 00000KT 03/M1", "METAR, character 28: `03/M1` is damaged: temperature and dew point"),
+        (
+            "METAR KJFK 291851Z 00000KT 03/M1",
+            "METAR, character 28: `03/M1` is damaged: temperature and dew point",
+        ),
         ("METAR KJFK 291851Z 00000KT Q10I3", "METAR, character 28: `Q10I3` is damaged: a pressure"),
-        ("METAR KJFK 291851Z 00000KT R04/12", "METAR, character 28: `R04/12` is damaged: a runway visual range"),
-        ("METAR KJFK 291851Z 00000KT CAVOC", "METAR, character 28: `CAVOC` is of no known form, did you mean `CAVOK`?"),
+        (
+            "METAR KJFK 291851Z 00000KT R04/12",
+            "METAR, character 28: `R04/12` is damaged: a runway visual range",
+        ),
+        (
+            "METAR KJFK 291851Z 00000KT CAVOC",
+            "METAR, character 28: `CAVOC` is of no known form, did you mean `CAVOK`?",
+        ),
         ("METAR KJFK 291851Z 00000KT +SNRX", "METAR, character 28: `+SNRX` is of no known form"),
         ("METAR KJFK 291851Z 180V240", "METAR, character 20: `180V240` says how the wind varies"),
     ] {

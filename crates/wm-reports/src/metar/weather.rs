@@ -14,8 +14,8 @@
 //! | temperature, dew point | of the snow, and of the air that dries the ground |
 
 use super::{
-    CloudCover, Metar, MetarKind, MetarVisibility, VisibilityBound, WeatherDescriptor as Descriptor, WeatherGroup,
-    WeatherIntensity, WeatherPhenomenon as Phenomenon,
+    CloudCover, Metar, MetarKind, MetarVisibility, VisibilityBound, WeatherDescriptor as Descriptor,
+    WeatherGroup, WeatherIntensity, WeatherPhenomenon as Phenomenon,
 };
 use crate::conditions::{Carrier, Conditions, Known, SnowRate, Sun};
 use crate::draft::{Basis, Draft};
@@ -41,7 +41,11 @@ const FLASHES: [f64; 3] = [4.0, 6.0, 10.0];
 const STORM: f64 = 3000.0;
 const STORM_NEARBY: [f64; 2] = [3.0, 12_000.0];
 
-pub(super) fn weather(text: &str, metar: Metar, options: &ReportOptions) -> Result<WeatherReport, ReportError> {
+pub(super) fn weather(
+    text: &str,
+    metar: Metar,
+    options: &ReportOptions,
+) -> Result<WeatherReport, ReportError> {
     let mut mapping = Mapping { now: Conditions::default(), ignored: Vec::new() };
     mapping.wind(&metar);
     mapping.air_and_clouds(&metar);
@@ -55,7 +59,9 @@ pub(super) fn weather(text: &str, metar: Metar, options: &ReportOptions) -> Resu
     mapping.sun(&metar, options);
     let Mapping { now, ignored } = mapping;
     let kind = if metar.kind == MetarKind::Speci { "SPECI" } else { "METAR" };
-    let time = metar.time.map_or_else(String::new, |time| format!(" {:02}T{:02}{:02}Z", time.day, time.hour, time.minute));
+    let time = metar
+        .time
+        .map_or_else(String::new, |time| format!(" {:02}T{:02}{:02}Z", time.day, time.hour, time.minute));
     let name = format!("{kind} {}{time}", metar.station);
     let head = vec![text.split_whitespace().collect::<Vec<_>>().join(" ")];
     let mut draft = Draft::new(&name, &now.summary(), head);
@@ -89,9 +95,10 @@ impl Mapping {
         };
         self.now.wind.speed = Some(Known::told(speed, "mean of the report, m/s"));
         self.now.wind.from = match (wind.from, wind.between) {
-            (Some(from), Some([a, b])) => {
-                Some(Known::told(from, format!("mean direction, from {from} degrees (varies from {a} to {b})")))
-            }
+            (Some(from), Some([a, b])) => Some(Known::told(
+                from,
+                format!("mean direction, from {from} degrees (varies from {a} to {b})"),
+            )),
             (Some(from), None) => Some(Known::told(from, format!("from {from} degrees"))),
             (None, _) => None,
         };
@@ -118,9 +125,12 @@ impl Mapping {
         let most = covers.iter().copied().reduce(|a, b| if b.0 > a.0 { b } else { a });
         self.now.clouds = match most {
             Some((share, code)) if metar.clouds.iter().any(|layer| layer.cover != CloudCover::Clear) => {
-                Some(Known::told(share, format!("{code}: the middle of its eighths")))
+                let part = if share < 1.0 { "the middle of its eighths" } else { "all of the sky" };
+                Some(Known::told(share, format!("{code}: {part}")))
             }
-            Some((share, code)) => Some(Known::told(share, format!("{code}: no clouds, or none that matter"))),
+            Some((share, code)) => {
+                Some(Known::told(share, format!("{code}: no clouds, or none that matter")))
+            }
             None if metar.is_cavok => Some(Known::guess(0.0, "CAVOK: no clouds that matter")),
             None => None,
         };
@@ -146,7 +156,8 @@ impl Mapping {
         if group.is_nearby {
             if group.is(Descriptor::Thunderstorm) {
                 let [rate, distance] = STORM_NEARBY;
-                self.now.lightning = Some((Known::guess(rate, format!("{code}: flashes a minute")), distance));
+                self.now.lightning =
+                    Some((Known::guess(rate, format!("{code}: flashes a minute")), distance));
             } else {
                 self.ignored.push(format!("{code}: it is not at the station"));
             }
@@ -157,12 +168,14 @@ impl Mapping {
             self.now.lightning = Some((Known::guess(FLASHES[strength], why), STORM));
         }
         let is_shower = group.is(Descriptor::Showers) || group.is(Descriptor::Thunderstorm);
-        let is_mixed = group.phenomena.iter().any(|one| matches!(one, Phenomenon::Snow | Phenomenon::SnowGrains))
-            && group.phenomena.iter().any(|one| matches!(one, Phenomenon::Rain | Phenomenon::Drizzle));
+        let is_mixed =
+            group.phenomena.iter().any(|one| matches!(one, Phenomenon::Snow | Phenomenon::SnowGrains))
+                && group.phenomena.iter().any(|one| matches!(one, Phenomenon::Rain | Phenomenon::Drizzle));
         if group.is(Descriptor::Freezing) {
             self.ignored.push(format!("{code}: ice that grows on surfaces is not drawn"));
             if self.now.temperature.is_none() {
-                self.now.temperature = Some(Known::guess(-2.0, format!("{code}, and no temperature is told")));
+                self.now.temperature =
+                    Some(Known::guess(-2.0, format!("{code}, and no temperature is told")));
             }
         }
         for phenomenon in &group.phenomena {
@@ -182,7 +195,9 @@ impl Mapping {
         let share = if is_mixed { 0.5 } else { 1.0 };
         let mixed = if is_mixed { ", half of it" } else { "" };
         match phenomenon {
-            Phenomenon::Rain if is_shower => self.rain(share * SHOWERS[strength], format!("{code}: showers{mixed}")),
+            Phenomenon::Rain if is_shower => {
+                self.rain(share * SHOWERS[strength], format!("{code}: showers{mixed}"))
+            }
             Phenomenon::Rain => self.rain(share * RAIN[strength], format!("{code}: rain{mixed}")),
             Phenomenon::Drizzle => self.rain(share * DRIZZLE[strength], format!("{code}: drizzle{mixed}")),
             Phenomenon::Snow if group.is(Descriptor::Drifting) => {
@@ -190,7 +205,8 @@ impl Mapping {
             }
             Phenomenon::Snow => {
                 if group.is(Descriptor::Blowing) {
-                    self.ignored.push(format!("{code}: snow is drawn as falling, not as lifted from the ground"));
+                    self.ignored
+                        .push(format!("{code}: snow is drawn as falling, not as lifted from the ground"));
                     if self.now.wind.speed.as_ref().is_none_or(|speed| speed.value < LIFTS_SNOW) {
                         let why = format!("{code}: the least that lifts snow");
                         self.now.wind.speed = Some(Known::guess(LIFTS_SNOW, why));
@@ -207,9 +223,13 @@ impl Mapping {
                 self.now.snow = Some(SnowRate::ByVisibility { range, usual, text });
             }
             Phenomenon::SnowGrains => self.snow(SNOW_GRAINS[strength], format!("{code}: snow grains")),
-            Phenomenon::IceCrystals => self.snow(ICE_CRYSTALS, format!("{code}: ice crystals, as sparse snow")),
+            Phenomenon::IceCrystals => {
+                self.snow(ICE_CRYSTALS, format!("{code}: ice crystals, as sparse snow"))
+            }
             Phenomenon::Hail => self.hail(HAIL[strength], None, format!("{code}: hail")),
-            Phenomenon::SmallHail => self.hail(SMALL_HAIL[strength], Some(0.5), format!("{code}: small hail")),
+            Phenomenon::SmallHail => {
+                self.hail(SMALL_HAIL[strength], Some(0.5), format!("{code}: small hail"))
+            }
             Phenomenon::IcePellets => self.hail(PELLETS[strength], Some(0.4), format!("{code}: ice pellets")),
             Phenomenon::Unknown => match self.now.temperature.as_ref().map(|temperature| temperature.value) {
                 Some(degrees) if degrees <= 0.0 => {
@@ -224,7 +244,8 @@ impl Mapping {
             }
             Phenomenon::Fog => {
                 if group.is(Descriptor::Patches) || group.is(Descriptor::Partial) {
-                    self.ignored.push(format!("{code}: there are no patches of fog, it is the same all around"));
+                    self.ignored
+                        .push(format!("{code}: there are no patches of fog, it is the same all around"));
                 }
                 self.carry(Carrier::Droplets, code);
             }
@@ -244,7 +265,8 @@ impl Mapping {
     /// Several groups of rain add up.
     fn rain(&mut self, rate: f64, text: String) {
         let known = self.now.rain.take();
-        let (before, words) = known.map_or((0.0, String::new()), |known| (known.value, format!("{}; ", known.basis.text())));
+        let (before, words) =
+            known.map_or((0.0, String::new()), |known| (known.value, format!("{}; ", known.basis.text())));
         self.now.rain = Some(Known::told(before + rate, format!("{words}{text}")));
     }
 
@@ -278,7 +300,8 @@ impl Mapping {
         let has_rain = group.has(Phenomenon::Rain) || group.has(Phenomenon::Drizzle);
         let text = format!("RE{}: it has ended", group.code());
         if has_rain && self.now.rain.is_none() && self.now.rained.is_none() {
-            let why = format!("RE{}: it rained in the last hour; 30 minutes until 15 minutes ago", group.code());
+            let why =
+                format!("RE{}: it rained in the last hour; 30 minutes until 15 minutes ago", group.code());
             self.now.rained = Some(([30.0, 5.0, 15.0], Basis::guess(why)));
         } else {
             self.ignored.push(text);
@@ -294,7 +317,8 @@ impl Mapping {
         };
         let universal = f64::from(time.hour) + f64::from(time.minute) / 60.0;
         let hour = (universal + longitude / 15.0).rem_euclid(24.0);
-        let why = format!("mean solar time at longitude {longitude} of {:02}:{:02} UTC", time.hour, time.minute);
+        let why =
+            format!("mean solar time at longitude {longitude} of {:02}:{:02} UTC", time.hour, time.minute);
         self.now.sun = Sun::Hour { hour: Known::told(hour, why), latitude, day: options.day };
     }
 }

@@ -3,13 +3,15 @@
 //! Commas, `and` and `with` part what is said. A word that is not known is an error with the nearest one: nothing is
 //! understood by guessing. Words for strength have rates of their own, which are marked as guesses.
 
+mod tokens;
 mod units;
 mod vocabulary;
 
 use crate::conditions::{Carrier, Conditions, Known, SnowRate, Sun};
 use crate::draft::{Basis, Draft};
-use crate::error::{ReportError, meant, quoted};
+use crate::error::{ReportError, meant};
 use crate::report::{DecodedReport, WeatherReport};
+use tokens::{Token, clauses, fault};
 use units::{Quantity, unit};
 use vocabulary::{CALM_WORDS, Daytime, Falling, Meaning, WORDS, compass, meaning};
 
@@ -42,7 +44,8 @@ const SHOWERS: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
 const DRIZZLE: [f64; 4] = [0.1, 0.3, 0.8, 1.0];
 const HAIL: [f64; 4] = [5.0, 20.0, 60.0, 100.0];
 /// Ranges of snow, mm/h of water, and a usual rate of each.
-const SNOW: [([f64; 2], f64); 4] = [([0.1, 1.0], 0.4), ([1.0, 2.5], 1.6), ([2.5, 8.0], 4.0), ([4.0, 10.0], 6.0)];
+const SNOW: [([f64; 2], f64); 4] =
+    [([0.1, 1.0], 0.4), ([1.0, 2.5], 1.6), ([2.5, 8.0], 4.0), ([4.0, 10.0], 6.0)];
 /// Visibilities, m.
 const FOG: [f64; 4] = [800.0, 300.0, 100.0, 40.0];
 const MIST: [f64; 4] = [4000.0, 2000.0, 1200.0, 1000.0];
@@ -54,70 +57,6 @@ const WIND: [f64; 4] = [3.0, 7.0, 14.0, 25.0];
 /// Flashes a minute, and their distance, m.
 const FLASHES: [f64; 4] = [4.0, 6.0, 10.0, 15.0];
 const STORM: f64 = 3000.0;
-
-/// A word or a number, and its place in characters from 1.
-#[derive(Clone, Debug, PartialEq)]
-struct Token {
-    text: String,
-    number: Option<f64>,
-    at: usize,
-}
-
-fn fault(token: &Token, problem: impl std::fmt::Display) -> ReportError {
-    ReportError::Text { kind: "words", position: token.at, problem: format!("{} {problem}", quoted(&token.text)) }
-}
-
-/// Splits a text into clauses of tokens.
-fn clauses(text: &str) -> Vec<Vec<Token>> {
-    let chars: Vec<char> = text.chars().collect();
-    let mut clauses = vec![Vec::new()];
-    let mut index = 0;
-    let digit = |index: usize| chars.get(index).is_some_and(char::is_ascii_digit);
-    while index < chars.len() {
-        let c = chars[index];
-        let at = index + 1;
-        let is_minus = |c: char| matches!(c, '-' | '\u{2212}');
-        let follows_space = index == 0 || !chars[index - 1].is_alphanumeric();
-        if digit(index) || ((is_minus(c) || matches!(c, '+' | '.')) && digit(index + 1) && follows_space) {
-            let start = index;
-            index += 1;
-            while digit(index) || (chars.get(index) == Some(&'.') && digit(index + 1)) {
-                index += 1;
-            }
-            let text: String = chars[start..index].iter().map(|c| if is_minus(*c) { '-' } else { *c }).collect();
-            let number = text.parse().ok();
-            push(&mut clauses, Token { text, number, at });
-        } else if c.is_alphabetic() || matches!(c, '\u{b0}' | '%') {
-            let start = index;
-            index += 1;
-            let is_part = |c: &char| c.is_alphabetic() || matches!(c, '/' | '\u{b0}' | '\'');
-            while c != '%' && chars.get(index).is_some_and(is_part) {
-                index += 1;
-            }
-            let text = chars[start..index].iter().collect::<String>().to_lowercase();
-            if matches!(&text[..], "and" | "with" | "but" | "then") {
-                clauses.push(Vec::new());
-            } else {
-                push(&mut clauses, Token { text, number: None, at });
-            }
-        } else {
-            if matches!(c, ',' | ';' | '.' | '\n') {
-                clauses.push(Vec::new());
-            } else if !c.is_whitespace() && !matches!(c, '-' | '(' | ')' | ':' | '!' | '/') {
-                push(&mut clauses, Token { text: c.into(), number: None, at });
-            }
-            index += 1;
-        }
-    }
-    clauses.retain(|clause| !clause.is_empty());
-    clauses
-}
-
-fn push(clauses: &mut [Vec<Token>], token: Token) {
-    if let Some(last) = clauses.last_mut() {
-        last.push(token);
-    }
-}
 
 pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
     let clauses = clauses(text);
@@ -156,7 +95,7 @@ struct Reader {
     usual_visibility: Option<Known>,
 }
 
-/// What a clause is about, before its numbers are read.
+/// The subjects of a clause, found before its numbers are read.
 struct Subject {
     sees: bool,
     snow: bool,
@@ -171,7 +110,9 @@ struct Subject {
 
 impl Subject {
     fn of(clause: &[Token]) -> Self {
-        let has = |wanted: &dyn Fn(Meaning) -> bool| clause.iter().filter_map(|token| meaning(&token.text)).any(wanted);
+        let has = |wanted: &dyn Fn(Meaning) -> bool| {
+            clause.iter().filter_map(|token| meaning(&token.text)).any(wanted)
+        };
         let snow = has(&|word| matches!(word, Meaning::Falls(Falling::Snow | Falling::Flurries)));
         let sees = has(&|word| word == Meaning::Visibility);
         let has_depth = clause.windows(2).any(|pair| {
@@ -180,12 +121,16 @@ impl Subject {
         Self {
             sees,
             snow,
-            rain: has(&|word| matches!(word, Meaning::Falls(Falling::Rain | Falling::Showers | Falling::Drizzle))),
+            rain: has(&|word| {
+                matches!(word, Meaning::Falls(Falling::Rain | Falling::Showers | Falling::Drizzle))
+            }),
             hail: has(&|word| matches!(word, Meaning::Falls(Falling::Hail))),
             air: has(&|word| matches!(word, Meaning::Air(..))),
             clouds: has(&|word| matches!(word, Meaning::Cloud(_))),
             humidity: has(&|word| word == Meaning::Humidity),
-            lies: snow && !sees && (has_depth || has(&|word| matches!(word, Meaning::Lies | Meaning::Ground))),
+            lies: snow
+                && !sees
+                && (has_depth || has(&|word| matches!(word, Meaning::Lies | Meaning::Ground))),
         }
     }
 }
@@ -200,7 +145,13 @@ impl Reader {
             index += 1;
             let next = clause.get(index);
             if token.number.is_some() {
-                index += self.number(token, &clause[index..], clause.get(index.wrapping_sub(2)), &subject, is_gust)?;
+                index += self.number(
+                    token,
+                    &clause[index..],
+                    clause.get(index.wrapping_sub(2)),
+                    &subject,
+                    is_gust,
+                )?;
                 continue;
             }
             let Some(word) = meaning(&token.text) else {
@@ -228,7 +179,8 @@ impl Reader {
                 Meaning::Strength(level) => strength = Some((level, token)),
                 Meaning::Freezing => is_freezing = true,
                 Meaning::Ground => {
-                    is_shallow = next.is_some_and(|next| matches!(meaning(&next.text), Some(Meaning::Air(..))));
+                    is_shallow =
+                        next.is_some_and(|next| matches!(meaning(&next.text), Some(Meaning::Air(..))));
                 }
                 Meaning::Share(value) => share = Some(value),
                 Meaning::Falls(what) => {
@@ -263,7 +215,9 @@ impl Reader {
                     let has_speed = clause.iter().any(|token| token.number.is_some());
                     let is_plain = token.text.starts_with("wind") && token.text != "windy";
                     if !has_speed && self.now.wind.speed.is_none() {
-                        let speed = taken.filter(|_| is_plain || token.text.starts_with("breez")).map_or(usual, |level| WIND[level]);
+                        let speed = taken
+                            .filter(|_| is_plain || token.text.starts_with("breez"))
+                            .map_or(usual, |level| WIND[level]);
                         let basis = if CALM_WORDS.contains(&&token.text[..]) {
                             Basis::told(token.text.clone())
                         } else {
@@ -279,11 +233,14 @@ impl Reader {
                         self.now.wind.gusts = Some(Known::guess(0.35, format!("\"{}\"", token.text)));
                     }
                 }
-                Meaning::From | Meaning::To => index += self.direction(word == Meaning::To, &clause[index..])?,
+                Meaning::From | Meaning::To => {
+                    index += self.direction(word == Meaning::To, &clause[index..])?
+                }
                 Meaning::Force => {}
                 Meaning::Time(time) => {
                     if self.now.sun != Sun::Auto && token.text != "hour" && time != Daytime::Day {
-                        let is_day = matches!(&self.now.sun, Sun::At { basis, .. } if basis.text().contains("sunny"));
+                        let is_day =
+                            matches!(&self.now.sun, Sun::At { basis, .. } if basis.text().contains("sunny"));
                         if !is_day {
                             return Err(fault(token, "is a second time of day: one is expected"));
                         }
@@ -298,7 +255,8 @@ impl Reader {
                 }
                 Meaning::Wet => {
                     strength = None;
-                    let (wet, puddles) = if token.text.starts_with("puddle") { (0.6, Some(0.6)) } else { (0.6, None) };
+                    let (wet, puddles) =
+                        if token.text.starts_with("puddle") { (0.6, Some(0.6)) } else { (0.6, None) };
                     self.now.wetness = Some(Known::guess(wet, format!("\"{}\"", token.text)));
                     if let Some(puddles) = puddles {
                         self.now.puddles = Some(Known::guess(puddles, format!("\"{}\"", token.text)));
@@ -307,7 +265,11 @@ impl Reader {
                 Meaning::Warmth(degrees) => {
                     strength = None;
                     // Very warm and very cold are ten degrees from there.
-                    let more = if taken.is_some_and(|level| level >= 2) { if degrees > 10.0 { 10.0 } else { -10.0 } } else { 0.0 };
+                    let more = if taken.is_some_and(|level| level >= 2) {
+                        if degrees > 10.0 { 10.0 } else { -10.0 }
+                    } else {
+                        0.0
+                    };
                     let degrees = degrees + more;
                     if self.now.temperature.is_none() {
                         self.now.temperature = Some(Known::guess(degrees, format!("\"{}\"", token.text)));
@@ -316,7 +278,10 @@ impl Reader {
             }
         }
         if let Some((_, token)) = strength {
-            return Err(fault(token, "says how strong and not what: rain, snow, fog, wind and the like are expected after it"));
+            return Err(fault(
+                token,
+                "says how strong and not what: rain, snow, fog, wind and the like are expected after it",
+            ));
         }
         if is_freezing && self.now.temperature.is_none() {
             self.now.temperature = Some(Known::guess(-2.0, "\"freezing\""));
@@ -324,11 +289,18 @@ impl Reader {
         Ok(())
     }
 
-    fn falls(&mut self, what: Falling, strength: Option<usize>, word: &str, subject: &Subject, clause: &[Token]) {
+    fn falls(
+        &mut self,
+        what: Falling,
+        strength: Option<usize>,
+        word: &str,
+        subject: &Subject,
+        clause: &[Token],
+    ) {
         let level = strength.unwrap_or(1);
-        let has_rate = clause.windows(2).any(|pair| {
-            pair[0].number.is_some() && matches!(unit(&pair[1].text), Some((Quantity::Rate, _)))
-        });
+        let has_rate = clause
+            .windows(2)
+            .any(|pair| pair[0].number.is_some() && matches!(unit(&pair[1].text), Some((Quantity::Rate, _))));
         let why = match strength {
             Some(level) => format!("\"{} {word}\"", ["light", "moderate", "heavy", "violent"][level]),
             None => format!("\"{word}\""),
@@ -375,7 +347,14 @@ impl Reader {
         }
     }
 
-    fn air(&mut self, carrier: Carrier, usual: &[f64; 4], strength: Option<usize>, word: &str, is_shallow: bool) {
+    fn air(
+        &mut self,
+        carrier: Carrier,
+        usual: &[f64; 4],
+        strength: Option<usize>,
+        word: &str,
+        is_shallow: bool,
+    ) {
         if is_shallow {
             self.now.shallow_fog = Some(Basis::told(format!("ground {word}")));
             return;
@@ -408,7 +387,11 @@ impl Reader {
             if !(0.0..=360.0).contains(&degrees) {
                 return Err(fault(token, "is no direction: 0 to 360 degrees are expected"));
             }
-            set(&mut self.now.wind.from, Known::told(turned(degrees), format!("{word} {degrees} degrees")), token)?;
+            set(
+                &mut self.now.wind.from,
+                Known::told(turned(degrees), format!("{word} {degrees} degrees")),
+                token,
+            )?;
             return Ok(skipped + 2);
         }
         let Some((degrees, count)) = direction(&rest[skipped..]) else { return Ok(skipped) };
@@ -426,22 +409,37 @@ impl Reader {
         is_gust: bool,
     ) -> Result<usize, ReportError> {
         let value = token.number.unwrap_or(f64::NAN);
-        let words = |count: usize| rest.iter().take(count).map(|token| &token.text[..]).collect::<Vec<_>>().join(" ");
+        let words =
+            |count: usize| rest.iter().take(count).map(|token| &token.text[..]).collect::<Vec<_>>().join(" ");
         // "Force 6", and units of two or three words first: "degrees C", "km per hour".
         let is_force = before.is_some_and(|before| meaning(&before.text) == Some(Meaning::Force));
         let found = if is_force {
             unit("bft").map(|unit| (unit, 0))
         } else {
-            [3, 2, 1].into_iter().filter(|count| rest.len() >= *count).find_map(|count| Some((unit(&words(count))?, count)))
+            [3, 2, 1]
+                .into_iter()
+                .filter(|count| rest.len() >= *count)
+                .find_map(|count| Some((unit(&words(count))?, count)))
         };
         let Some(((quantity, scale), count)) = found else {
-            let near = rest.first().map_or_else(String::new, |next| meant(&next.text, units::NAMES.iter().copied()));
-            return Err(fault(token, format!("has no unit after it{near}: km/h, m/s, mph, kt, Bft, m, km, mi, ft, cm, C, F, mm/h or % is expected")));
+            let near =
+                rest.first().map_or_else(String::new, |next| meant(&next.text, units::NAMES.iter().copied()));
+            return Err(fault(
+                token,
+                format!(
+                    "has no unit after it{near}: km/h, m/s, mph, kt, Bft, m, km, mi, ft, cm, C, F, mm/h or % is expected"
+                ),
+            ));
         };
         let si = scale(value);
-        let text = format!("{} {}", token.text, words(count));
+        let unit: Vec<&str> = rest.iter().take(count).map(|token| &token.raw[..]).collect();
+        let text = format!("{} {}", token.raw, unit.join(" "));
         let within = |[least, most]: [f64; 2], what: &str| {
-            if (least..=most).contains(&si) { Ok(()) } else { Err(fault(token, format!("is no {what}: {least} to {most} are expected"))) }
+            if (least..=most).contains(&si) {
+                Ok(())
+            } else {
+                Err(fault(token, format!("is no {what}: {least} to {most} are expected")))
+            }
         };
         let now = &mut self.now;
         match quantity {
@@ -508,7 +506,8 @@ impl Reader {
             let why = format!("gusts of {gust:.1} m/s are taken for three standard deviations");
             self.now.wind.gusts = Some(Known::told(share.clamp(0.0, 1.0), why));
         } else if let Some(gust) = self.gust {
-            self.now.wind.speed = Some(Known::guess(gust / 1.6, format!("gusts of {gust:.1} m/s and no mean")));
+            self.now.wind.speed =
+                Some(Known::guess(gust / 1.6, format!("gusts of {gust:.1} m/s and no mean")));
         }
         if self.now.visibility.is_none() {
             self.now.visibility = self.usual_visibility.take();
@@ -548,7 +547,10 @@ fn unknown(token: &Token) -> ReportError {
     let known = WORDS.iter().flat_map(|(words, _)| words.iter().copied());
     let known = known.chain(vocabulary::COMPASS.iter().copied()).chain(units::NAMES.iter().copied());
     let near = meant(&token.text, known);
-    fault(token, format!("is no word for weather that is known here{near}; see docs/guide/weather-reports.md"))
+    fault(
+        token,
+        format!("is no word for weather that is known here{near}; see docs/guide/weather-reports.md"),
+    )
 }
 
 #[cfg(test)]

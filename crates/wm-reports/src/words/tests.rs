@@ -13,7 +13,9 @@ fn words_and_units_are_understood() {
     assert_eq!((told.rain, told.visibility, told.temperature), (Some(20.0), Some(300.0), Some(-2.0)));
     assert_eq!((told.wind_speed.map(f64::round), told.wind_from), (Some(11.0), Some(270.0)));
 
-    let close = |value: Option<f64>, want: f64| assert!((value.unwrap() - want).abs() < 0.006 * want.abs(), "{value:?} {want}");
+    let close = |value: Option<f64>, want: f64| {
+        assert!((value.unwrap() - want).abs() < 0.006 * want.abs(), "{value:?} {want}")
+    };
     close(words("wind 20 kt").wind_speed, 10.29);
     close(words("wind 20mph to the NE").wind_speed, 8.94);
     assert_eq!(words("wind 20mph to the NE").wind_from, Some(225.0));
@@ -37,7 +39,10 @@ fn words_and_units_are_understood() {
 #[test]
 fn what_is_not_understood_is_said_with_its_place() {
     for (text, error) in [
-        ("heavy rian", "words, character 7: `rian` is no word for weather that is known here, did you mean `rain`?"),
+        (
+            "heavy rian",
+            "words, character 7: `rian` is no word for weather that is known here, did you mean `rain`?",
+        ),
         ("wind 40", "words, character 6: `40` has no unit after it"),
         ("heavy, 3 C", "words, character 1: `heavy` says how strong and not what"),
         ("rain, 300 m", "words, character 7: `300` is a length of what"),

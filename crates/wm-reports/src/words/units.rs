@@ -1,6 +1,6 @@
 //! Units in words.
 
-/// What a unit measures.
+/// The quantity that a unit measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Quantity {
     Speed,
@@ -14,7 +14,8 @@ pub(super) enum Quantity {
 pub(super) type Scale = fn(f64) -> f64;
 
 /// Names of units for messages.
-pub(super) const NAMES: &[&str] = &["m/s", "km/h", "mph", "kt", "knots", "bft", "km", "mi", "ft", "cm", "mm/h", "in/h", "metres", "miles"];
+pub(super) const NAMES: &[&str] =
+    &["m/s", "km/h", "mph", "kt", "knots", "bft", "km", "mi", "ft", "cm", "mm/h", "in/h", "metres", "miles"];
 
 /// The unit of a name in small letters.
 pub(super) fn unit(name: &str) -> Option<(Quantity, Scale)> {
@@ -36,9 +37,8 @@ pub(super) fn unit(name: &str) -> Option<(Quantity, Scale)> {
         "in" | "inch" | "inches" => (Quantity::Length, |v| 0.0254 * v),
         "mm/h" | "mm/hr" | "mm per hour" => (Quantity::Rate, |v| v),
         "in/h" | "in/hr" | "inches per hour" => (Quantity::Rate, |v| 25.4 * v),
-        "c" | "\u{b0}c" | "\u{b0}" | "celsius" | "degrees" | "degree" | "deg" | "degrees c" | "degrees celsius" | "deg c" => {
-            (Quantity::Temperature, |v| v)
-        }
+        "c" | "\u{b0}c" | "\u{b0}" | "celsius" | "degrees" | "degree" | "deg" | "degrees c"
+        | "degrees celsius" | "deg c" => (Quantity::Temperature, |v| v),
         "f" | "\u{b0}f" | "fahrenheit" | "degrees f" | "degrees fahrenheit" | "deg f" => {
             (Quantity::Temperature, |v| (v - 32.0) / 1.8)
         }

@@ -3,7 +3,7 @@
 use super::{DUST, FOG, HAZE, MIST, SMOKE};
 use crate::conditions::Carrier;
 
-/// What falls.
+/// Kinds of precipitation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Falling {
     Rain,
@@ -63,7 +63,7 @@ pub(super) enum Meaning {
     Strength(usize),
     Very,
     Falls(Falling),
-    /// What is in the air, and its visibilities, m, by strength.
+    /// Particles in the air, and their visibilities, m, by strength.
     Air(Carrier, &'static [f64; 4]),
     Freezing,
     /// Of fog: shallow; of snow: on the ground.
@@ -95,7 +95,42 @@ pub(super) const CALM_WORDS: [&str; 2] = ["calm", "windless"];
 /// All words.
 pub(super) const WORDS: &[(&[&str], Meaning)] = &[
     (
-        &["a", "an", "the", "of", "in", "at", "is", "are", "it", "some", "on", "over", "under", "during", "falling", "blowing", "weather", "sky", "skies", "temperature", "air", "before", "after", "about", "there", "day's", "street", "road", "roads", "mean", "speed", "up", "rate", "per"],
+        &[
+            "a",
+            "an",
+            "the",
+            "of",
+            "in",
+            "at",
+            "is",
+            "are",
+            "it",
+            "some",
+            "on",
+            "over",
+            "under",
+            "during",
+            "falling",
+            "blowing",
+            "weather",
+            "sky",
+            "skies",
+            "temperature",
+            "air",
+            "before",
+            "after",
+            "about",
+            "there",
+            "day's",
+            "street",
+            "road",
+            "roads",
+            "mean",
+            "speed",
+            "up",
+            "rate",
+            "per",
+        ],
         Meaning::Filler,
     ),
     (&["light", "slight", "faint", "weak", "gentle", "thin"], Meaning::Strength(0)),
@@ -170,7 +205,8 @@ pub(super) fn meaning(word: &str) -> Option<Meaning> {
 /// Directions in letters, clockwise from north in steps of 22.5 degrees.
 pub(super) const COMPASS: [&str; 16] =
     ["n", "nne", "ne", "ene", "e", "ese", "se", "sse", "s", "ssw", "sw", "wsw", "w", "wnw", "nw", "nnw"];
-const NAMED: [&str; 8] = ["north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest"];
+const NAMED: [&str; 8] =
+    ["north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest"];
 
 /// A direction, degrees clockwise from north: `nw`, `northwest`, `northwesterly`.
 pub(super) fn compass(word: &str) -> Option<f64> {
