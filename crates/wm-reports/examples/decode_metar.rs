@@ -45,12 +45,12 @@ fn fields(text: &str, metar: &Metar) -> Value {
         "visibility": seen(&metar.visibility),
         "minimum_visibility": seen(&metar.minimum_visibility),
         "runway_ranges": ranges.collect::<Vec<_>>(),
-        "weather": metar.weather.iter().map(|group| group.code()).collect::<Vec<_>>(),
+        "weather": metar.weather.iter().map(wm_reports::metar::WeatherGroup::code).collect::<Vec<_>>(),
         "clouds": clouds.collect::<Vec<_>>(),
         "temperature": metar.temperature,
         "dew_point": metar.dew_point,
         "pressure": metar.pressure,
-        "recent": metar.recent.iter().map(|group| group.code()).collect::<Vec<_>>(),
+        "recent": metar.recent.iter().map(wm_reports::metar::WeatherGroup::code).collect::<Vec<_>>(),
         "remarks": metar.remarks,
     })
 }

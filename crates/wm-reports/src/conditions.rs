@@ -181,7 +181,7 @@ impl Conditions {
     fn write_light(&self, draft: &mut Draft) {
         match &self.sun {
             Sun::Auto => {
-                draft.word("light.model", "auto", Basis::told("the light of the photos under this weather"))
+                draft.word("light.model", "auto", Basis::told("the light of the photos under this weather"));
             }
             Sun::At { elevation, azimuth, turbidity, basis } => {
                 draft.word("light.model", "clear", Basis::told("a sun and a sky of its own"));
@@ -203,7 +203,7 @@ impl Conditions {
                 match day {
                     Some(day) => draft.number("light.day", f64::from(*day), Basis::told("of the year")),
                     None => {
-                        draft.word("light.day", "auto", Basis::guess("no month is told: that of the photos"))
+                        draft.word("light.day", "auto", Basis::guess("no month is told: that of the photos"));
                     }
                 }
                 draft.word("light.lamps", "path", lamps());

@@ -145,7 +145,7 @@ impl Draft {
             let _ = writeln!(text, "# {}", plain(line));
         }
         for note in self.notes.iter().filter(|note| note.kind != ReportNoteKind::Guess) {
-            let _ = writeln!(text, "# {}", note);
+            let _ = writeln!(text, "# {note}");
         }
         let quoted = |text: &str| format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""));
         let _ = writeln!(text, "name = {}", quoted(&self.name));

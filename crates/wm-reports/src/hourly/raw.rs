@@ -193,7 +193,7 @@ impl RawTable<'_> {
                 Field::Clouds => row.cloud_cover = Some(value.min(1.0)),
                 Field::Code => row.code = Some(value.round() as u8),
                 Field::MeteostatCode => {
-                    row.code = METEOSTAT.get((value.round() as usize).wrapping_sub(1)).copied()
+                    row.code = METEOSTAT.get((value.round() as usize).wrapping_sub(1)).copied();
                 }
                 Field::Time | Field::Date => {}
             }

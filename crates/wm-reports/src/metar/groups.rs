@@ -228,7 +228,7 @@ impl Metar {
             match range {
                 Some(metres) => self.runway_ranges.push(RunwayRange { runway, metres }),
                 None => {
-                    self.ignored.push(IgnoredGroup { text: text.into(), reason: "the state of a runway" })
+                    self.ignored.push(IgnoredGroup { text: text.into(), reason: "the state of a runway" });
                 }
             }
         } else if is_digits(text, 8) {

@@ -196,7 +196,7 @@ impl Mapping {
         let mixed = if is_mixed { ", half of it" } else { "" };
         match phenomenon {
             Phenomenon::Rain if is_shower => {
-                self.rain(share * SHOWERS[strength], format!("{code}: showers{mixed}"))
+                self.rain(share * SHOWERS[strength], format!("{code}: showers{mixed}"));
             }
             Phenomenon::Rain => self.rain(share * RAIN[strength], format!("{code}: rain{mixed}")),
             Phenomenon::Drizzle => self.rain(share * DRIZZLE[strength], format!("{code}: drizzle{mixed}")),
@@ -224,11 +224,11 @@ impl Mapping {
             }
             Phenomenon::SnowGrains => self.snow(SNOW_GRAINS[strength], format!("{code}: snow grains")),
             Phenomenon::IceCrystals => {
-                self.snow(ICE_CRYSTALS, format!("{code}: ice crystals, as sparse snow"))
+                self.snow(ICE_CRYSTALS, format!("{code}: ice crystals, as sparse snow"));
             }
             Phenomenon::Hail => self.hail(HAIL[strength], None, format!("{code}: hail")),
             Phenomenon::SmallHail => {
-                self.hail(SMALL_HAIL[strength], Some(0.5), format!("{code}: small hail"))
+                self.hail(SMALL_HAIL[strength], Some(0.5), format!("{code}: small hail"));
             }
             Phenomenon::IcePellets => self.hail(PELLETS[strength], Some(0.4), format!("{code}: ice pellets")),
             Phenomenon::Unknown => match self.now.temperature.as_ref().map(|temperature| temperature.value) {

@@ -234,7 +234,7 @@ impl Reader {
                     }
                 }
                 Meaning::From | Meaning::To => {
-                    index += self.direction(word == Meaning::To, &clause[index..])?
+                    index += self.direction(word == Meaning::To, &clause[index..])?;
                 }
                 Meaning::Force => {}
                 Meaning::Time(time) => {

@@ -14,7 +14,7 @@ fn words_and_units_are_understood() {
     assert_eq!((told.wind_speed.map(f64::round), told.wind_from), (Some(11.0), Some(270.0)));
 
     let close = |value: Option<f64>, want: f64| {
-        assert!((value.unwrap() - want).abs() < 0.006 * want.abs(), "{value:?} {want}")
+        assert!((value.unwrap() - want).abs() < 0.006 * want.abs(), "{value:?} {want}");
     };
     close(words("wind 20 kt").wind_speed, 10.29);
     close(words("wind 20mph to the NE").wind_speed, 8.94);
