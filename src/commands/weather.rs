@@ -1,7 +1,7 @@
 //! `weather`: weather files from weather reports.
 
 use crate::overwrite::OverwriteArgs;
-use anyhow::{Result, anyhow};
+use anyhow::Result;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
 use wm_reports::{ReportNoteKind, ReportOptions, WeatherReport};
@@ -70,10 +70,7 @@ pub fn run(args: &WeatherCommandArgs) -> Result<()> {
         println!("{}", report.to_toml().trim_end());
         return Ok(());
     };
-    write_atomically(out, |file| {
-        Ok(file.write_all(report.to_toml().as_bytes()).map_err(|e| e.to_string())?)
-    })
-    .map_err(|error| anyhow!(error))?;
+    write_atomically(out, |file| Ok(file.write_all(report.to_toml().as_bytes())?))?;
     println!("{}: {}", out.display(), summary(&report));
     Ok(())
 }

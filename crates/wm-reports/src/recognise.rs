@@ -37,6 +37,7 @@ pub fn recognise(text: &str) -> ReportKind {
         let is_carla = !has_hours && CarlaParameters::NAMES.iter().any(|name| text.contains(name));
         return if is_carla { ReportKind::Carla } else { ReportKind::HourlyJson };
     }
+    let text = after_comments(text);
     let first_line = text.lines().next().unwrap_or_default();
     let mut words = first_line.split_whitespace();
     let (first, second) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
@@ -45,7 +46,9 @@ pub fn recognise(text: &str) -> ReportKind {
         digits.len() >= 4 && digits.bytes().all(|b| b.is_ascii_digit())
     };
     let is_station = first.len() == 4 && first.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit());
-    if matches!(first, "METAR" | "SPECI") || (is_station && is_time(second)) {
+    // A TAF is told apart there.
+    let is_named = ["METAR", "SPECI", "TAF"].iter().any(|name| first.eq_ignore_ascii_case(name));
+    if is_named || (is_station && is_time(second)) {
         return ReportKind::Metar;
     }
     let lower = first.to_lowercase();
@@ -78,4 +81,13 @@ pub fn recognise(text: &str) -> ReportKind {
             matches!(&name[..], "time" | "date" | "latitude" | "datetime" | "valid_time" | "year")
         });
     if is_table { ReportKind::HourlyCsv } else { ReportKind::Words }
+}
+
+/// A text without the lines of comment at its beginning.
+pub(crate) fn after_comments(text: &str) -> &str {
+    let mut rest = text;
+    while rest.starts_with('#') {
+        rest = rest.split_once('\n').map_or("", |(_, rest)| rest).trim_start();
+    }
+    rest
 }

@@ -5,7 +5,7 @@ use crate::error::ReportError;
 use crate::hourly::WeatherTable;
 use crate::metar::Metar;
 use crate::present_weather::PresentWeather;
-use crate::recognise::{ReportKind, recognise};
+use crate::recognise::{ReportKind, after_comments, recognise};
 use crate::words::WordsReport;
 use crate::{carla, hourly, metar, present_weather, words};
 use std::fmt;
@@ -138,11 +138,12 @@ impl WeatherReport {
         options.check()?;
         // Editors of some systems put this in front.
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        let line = after_comments(text.trim_start());
         match recognise(text) {
-            ReportKind::Metar => metar::read(text, options),
-            ReportKind::Carla => carla::read(text),
-            ReportKind::PresentWeather => present_weather::read(text),
-            ReportKind::Words => words::read(text),
+            ReportKind::Metar => metar::read(line, options),
+            ReportKind::Carla => carla::read(line),
+            ReportKind::PresentWeather => present_weather::read(line),
+            ReportKind::Words => words::read(line),
             ReportKind::HourlyJson => hourly::read_json(text, source, options),
             ReportKind::HourlyCsv => hourly::read_csv(text, source, options),
         }

@@ -108,6 +108,9 @@ pub(super) fn parse(text: &str) -> Result<Metar, ReportError> {
     let Some((station, others)) = rest.split_first() else {
         return Err(whole("ends before the station: a report begins as in METAR KJFK 291851Z"));
     };
+    if station.text == "TAF" {
+        return Err(fault(*station, "begins a forecast, which is not read: give a METAR or SPECI"));
+    }
     let bytes = station.text.as_bytes();
     let is_station = bytes.len() == 4
         && bytes[0].is_ascii_uppercase()
@@ -149,6 +152,7 @@ impl Metar {
         };
         match text {
             "AUTO" => self.is_automatic = true,
+            "METAR" | "SPECI" => return Err(fault(group, "begins a second report: one is expected")),
             "NIL" => return Err(fault(group, "says that the report is missing: there is no weather in it")),
             "COR" | "CCA" | "CCB" | "CCC" | "RTD" => self.is_correction |= text != "RTD",
             "CAVOK" => {

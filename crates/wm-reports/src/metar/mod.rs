@@ -341,8 +341,10 @@ impl Metar {
 
 /// Reads a report as a weather.
 pub(crate) fn read(text: &str, options: &ReportOptions) -> Result<WeatherReport, ReportError> {
-    let metar = Metar::parse(text)?;
-    weather::weather(text, metar, options)
+    // Typed by hand it is often in small letters.
+    let text = text.to_ascii_uppercase();
+    let metar = Metar::parse(&text)?;
+    weather::weather(&text, metar, options)
 }
 
 #[cfg(test)]

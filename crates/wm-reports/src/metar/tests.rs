@@ -98,6 +98,8 @@ fn what_is_wrong_is_said_with_its_place() {
         ("METAR kjfk 291851Z", "METAR, character 7: `kjfk` is no station"),
         ("METAR KJFK 321851Z CAVOK", "METAR, character 12: `321851Z` is no time"),
         ("METAR KJFK 291851Z", "METAR: has no groups"),
+        ("TAF KJFK 291730Z 2918/3024 CAVOK", "METAR, character 1: `TAF` begins a forecast"),
+        ("METAR KJFK 291851Z CAVOK= METAR KBUF", "METAR, character 27: `METAR` begins a second report"),
         ("METAR KJFK 291851Z NIL=", "METAR, character 20: `NIL` says that the report is missing"),
         ("METAR KJFK 291851Z 4O014KT", "METAR, character 20: `4O014KT` is damaged: a wind, as in 24015G25KT"),
         (

@@ -139,7 +139,8 @@ impl Reader {
     fn clause(&mut self, clause: &[Token]) -> Result<(), ReportError> {
         let subject = Subject::of(clause);
         let mut strength: Option<(usize, &Token)> = None;
-        let (mut is_freezing, mut is_shallow, mut is_gust, mut share) = (false, false, false, None);
+        let (mut is_freezing, mut is_shallow, mut is_gust, mut share, mut share_of) =
+            (false, false, false, None, None);
         let mut index = 0;
         while let Some(token) = clause.get(index) {
             index += 1;
@@ -182,9 +183,27 @@ impl Reader {
                     is_shallow =
                         next.is_some_and(|next| matches!(meaning(&next.text), Some(Meaning::Air(..))));
                 }
-                Meaning::Share(value) => share = Some(value),
+                Meaning::Share(value) => (share, share_of) = (Some(value), Some(token)),
+                Meaning::No => {
+                    match next.and_then(|next| meaning(&next.text)) {
+                        Some(Meaning::Wind(_)) => {
+                            set(&mut self.now.wind.speed, Known::told(0.0, "no wind"), token)?;
+                        }
+                        Some(Meaning::Cloud(_)) => {
+                            self.now.clouds = Some(Known::told(0.0, "no clouds"));
+                        }
+                        Some(Meaning::Falls(_) | Meaning::Air(..) | Meaning::Thunder | Meaning::Gusts) => {}
+                        _ => {
+                            return Err(fault(
+                                token,
+                                "says that there is none of what: rain, wind, fog and the like are expected after it",
+                            ));
+                        }
+                    }
+                    index += 1;
+                }
                 Meaning::Falls(what) => {
-                    strength = None;
+                    (strength, share) = (None, None);
                     self.falls(what, taken, &token.text, &subject, clause);
                 }
                 Meaning::Air(carrier, usual) => {
@@ -202,8 +221,11 @@ impl Reader {
                 }
                 Meaning::Cloud(usual) => {
                     strength = None;
-                    if self.now.clouds.is_none() || usual > 0.0 {
-                        let cover = share.take().unwrap_or(usual);
+                    if self.now.clouds.is_none() || usual > 0.0 || share.is_some() {
+                        // Mostly clear is hardly cloudy.
+                        let of_words =
+                            share.take().map(|share| if usual > 0.0 { share } else { 1.0 - share });
+                        let cover = of_words.unwrap_or(usual);
                         self.now.clouds = Some(Known::told(cover, format!("\"{}\"", token.text)));
                     }
                     if token.text == "sunny" && self.now.sun == Sun::Auto {
@@ -282,6 +304,9 @@ impl Reader {
                 token,
                 "says how strong and not what: rain, snow, fog, wind and the like are expected after it",
             ));
+        }
+        if let (Some(_), Some(token)) = (share, share_of) {
+            return Err(fault(token, "says how much and not of what: cloudy or clear is expected after it"));
         }
         if is_freezing && self.now.temperature.is_none() {
             self.now.temperature = Some(Known::guess(-2.0, "\"freezing\""));

@@ -32,6 +32,8 @@ fn words_and_units_are_understood() {
     assert!(!words("snow on the ground").snows);
     assert_eq!(words("partly cloudy").clouds, Some(0.5));
     assert_eq!(words("clouds 30 %").clouds, Some(0.3));
+    assert_eq!(words("mostly clear, no wind and no rain").clouds, Some(0.25));
+    assert_eq!((words("no rain, no wind").rain, words("no wind").wind_speed), (None, Some(0.0)));
     assert_eq!(words("northwesterly gale").wind_from, Some(315.0));
     assert_eq!(words("calm and very cold at the blue hour").wind_speed, Some(0.0));
 }
@@ -46,6 +48,7 @@ fn what_is_not_understood_is_said_with_its_place() {
         ("wind 40", "words, character 6: `40` has no unit after it"),
         ("heavy, 3 C", "words, character 1: `heavy` says how strong and not what"),
         ("rain, 300 m", "words, character 7: `300` is a length of what"),
+        ("rain, mostly", "words, character 7: `mostly` says how much and not of what"),
         ("5 C, 6 C", "words, character 6: `6` is told a second time"),
         ("wind 900 km/h", "words, character 6: `900` is no speed of the wind in m/s: 0 to 120 are expected"),
         ("dusk at noon", "words, character 9: `noon` is a second time of day"),

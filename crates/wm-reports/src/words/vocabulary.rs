@@ -75,6 +75,8 @@ pub(super) enum Meaning {
     Cloud(f64),
     /// The share of clouds that a word before them says.
     Share(f64),
+    /// None of what follows.
+    No,
     /// Wind, and a usual speed, m/s.
     Wind(f64),
     Gusts,
@@ -163,7 +165,7 @@ pub(super) const WORDS: &[(&[&str], Meaning)] = &[
     (&["scattered"], Meaning::Share(0.4)),
     (&["few"], Meaning::Share(0.2)),
     (&["mostly", "mainly"], Meaning::Share(0.75)),
-    (&["no"], Meaning::Share(0.0)),
+    (&["no", "without"], Meaning::No),
     (&["wind", "winds"], Meaning::Wind(7.0)),
     (&["windy"], Meaning::Wind(10.0)),
     (&["breeze", "breezy"], Meaning::Wind(5.0)),
