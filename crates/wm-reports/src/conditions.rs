@@ -133,7 +133,12 @@ impl Conditions {
         self.write_air(draft, snow.as_ref().map_or(0.0, |snow| snow.value));
         if let Some(rain) = &self.rain {
             draft.number("rain.rate", rain.value, rain.basis.clone());
-            draft.number("rain.exposure", 0.004, Basis::guess("a shutter of 1/250 s, as by day"));
+            let (exposure, why) = if self.is_dark() {
+                (0.01, "a shutter of 1/100 s, as by night")
+            } else {
+                (0.004, "a shutter of 1/250 s, as by day")
+            };
+            draft.number("rain.exposure", exposure, Basis::guess(why));
             draft.word("splash.amount", "auto", Basis::told("as in nature"));
         }
         if let Some(snow) = snow {
@@ -175,6 +180,15 @@ impl Conditions {
                     format!("{text} at a visibility of {} m: {least} to {most} mm/h", seen.value.round());
                 Some(Known::told(rate, why))
             }
+        }
+    }
+
+    /// Returns true if the sun is told to be down.
+    fn is_dark(&self) -> bool {
+        match &self.sun {
+            Sun::Night(_) => true,
+            Sun::At { elevation, .. } => *elevation < 0.0,
+            Sun::Auto | Sun::Hour { .. } => false,
         }
     }
 

@@ -64,6 +64,9 @@ fn the_sun_and_the_wind_go_as_they_do() {
     for (time, want) in [(0.0, 22.5707), (24.0, 46.5707)] {
         assert!((hour.at(time).number().unwrap() - want).abs() < 1e-3, "{time}: {:?}", hour.at(time));
     }
+    // Most of a winter's day is night or overcast.
+    let radiation = track(weather, "wetness.radiation").unwrap().at(0.0).number().unwrap();
+    assert!((-25.0..30.0).contains(&radiation), "{radiation}");
     assert_eq!(track(weather, "light.day").unwrap().at(0.0), ParamValue::Number(14.0));
     // 350 to 10 degrees is 20 degrees, not 340.
     let text = "time,wspd,wdir\n2024-01-15 06:00,18,350\n2024-01-15 07:00,18,10\n";

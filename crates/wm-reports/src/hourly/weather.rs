@@ -7,6 +7,7 @@ use crate::error::ReportError;
 use crate::optics::{extinction, visibility};
 use crate::present_weather::{PresentAir, PresentWeather};
 use crate::report::{DecodedReport, ReportOptions, WeatherReport};
+use std::f64::consts::TAU;
 use wm_weather::Easing;
 use wm_weather::optics::sigma_of_mor;
 
@@ -15,6 +16,8 @@ const CLEAR: f64 = 100_000.0;
 const PLAIN: f64 = 20_000.0;
 /// Wind below which gusts say nothing, m/s.
 const BREATH: f64 = 1.0;
+/// Net radiation by night, W/m^2.
+const NIGHT: f64 = -30.0;
 
 pub(super) fn weather(
     table: &WeatherTable,
@@ -37,8 +40,13 @@ pub(super) fn weather(
         format!("Second 0 is {} UTC, an hour takes {} s.", time::written(begin), options.seconds_per_hour),
         "Seeds are 0: wind.seed, rain.seed and the like give other gusts and drops.".into(),
     ];
-    let mut film = Film { table, scale: options.seconds_per_hour, draft: Draft::new(name, &about, head) };
-    film.light(begin, options);
+    let mut film = Film {
+        table,
+        scale: options.seconds_per_hour,
+        place: table.place.or(options.place),
+        draft: Draft::new(name, &about, head),
+    };
+    film.light(begin);
     film.wind();
     film.air();
     film.falls();
@@ -60,6 +68,8 @@ struct Film<'a> {
     table: &'a WeatherTable,
     /// Seconds of the shot in an hour.
     scale: f64,
+    /// Latitude and longitude, degrees.
+    place: Option<[f64; 2]>,
     draft: Draft,
 }
 
@@ -86,8 +96,8 @@ impl Film<'_> {
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     }
 
-    fn light(&mut self, begin: i64, options: &ReportOptions) {
-        match self.table.place.or(options.place) {
+    fn light(&mut self, begin: i64) {
+        match self.place {
             Some([latitude, longitude]) => {
                 // Mean solar time.
                 let solar = begin as f64 + 240.0 * longitude;
@@ -261,6 +271,29 @@ impl Film<'_> {
         if let Some(humidity) = self.mean(|row| row.humidity) {
             self.draft.number("wetness.humidity", humidity, Basis::told("mean of the table"));
         }
+        if let Some(place) = self.place {
+            // One value for all hours, as the drying so far goes by the radiation of the frame.
+            let radiation = self.mean(|row| Some(radiation(place, row))).unwrap_or_default();
+            let why = "mean over the hours of sun and clouds, W/m^2";
+            self.draft.number("wetness.radiation", radiation, Basis::guess(why));
+        }
         self.draft.number("wetness.lapse", lapse, Basis::told(why));
     }
+}
+
+/// Net radiation on the ground by day and by night, W/m^2, as the effect `wetness` has it: 0.65 of Haurwitz' clear sky, less by
+/// clouds (Kasten and Czeplak 1980).
+fn radiation([latitude, longitude]: [f64; 2], row: &WeatherRow) -> f64 {
+    let solar = row.time as f64 + 240.0 * longitude;
+    let day = time::day_of_year((solar / 86_400.0).floor() as i64) as f64;
+    // Declination within a degree (Cooper 1969); the sun is highest at noon.
+    let declination = (23.44 * (TAU * (284.0 + day) / 365.0).sin()).to_radians();
+    let turn = TAU * (solar.rem_euclid(86_400.0) / 86_400.0 - 0.5);
+    let latitude = latitude.to_radians();
+    let sin = latitude.sin() * declination.sin() + latitude.cos() * declination.cos() * turn.cos();
+    if sin <= 0.0 {
+        return NIGHT;
+    }
+    let clouds = row.cloud_cover.unwrap_or(0.5);
+    (0.65 * 1098.0 * sin * (-0.057 / sin).exp() * (1.0 - 0.75 * clouds.powf(3.4))).max(NIGHT)
 }
