@@ -78,8 +78,7 @@ pub fn run(args: &WeatherCommandArgs) -> Result<()> {
 /// Returns true if a text that is no file was meant to be one.
 pub fn looks_like_path(text: &str) -> bool {
     let has_ending = |ending: &str| text.to_lowercase().ends_with(ending);
-    !text.contains(['\n', '{'])
-        && [".json", ".csv", ".txt", ".metar"].iter().any(|ending| has_ending(ending))
+    !text.contains(['\n', '{']) && [".json", ".csv", ".txt", ".metar"].iter().any(|ending| has_ending(ending))
 }
 
 /// The weather of a report in a line, and how much of it was guessed.

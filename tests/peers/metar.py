@@ -9,6 +9,7 @@ the reason; the exit code is 1 if there is any other.
 """
 
 import json
+import re
 import sys
 
 # This folder, in which this very file would be found as the package.
@@ -18,8 +19,10 @@ from metar import Metar  # noqa: E402
 # What differs on purpose: fields, whether a report is one of those, and the reason.
 MEANT = [
     ("auto", lambda text: " AUTO " not in text, "there a report is automatic unless it says that it is a correction"),
-    ("temperature dew_point", lambda text: " RMK " in text and " T1" in text, "there tenths of a degree are read from the remarks"),
+    ("temperature dew_point", lambda text: re.search(r" RMK .* T[01]\d{3}", text), "there tenths of a degree are read from the remarks"),
     ("clouds", lambda text: " SKC " in text, "there SKC is told as CLR"),
+    ("weather visibility visibility_bound", lambda text: " //// " in text, "there a visibility that was not measured is 10 km, and strokes are weather"),
+    ("clouds", lambda text: re.search(r"\d{3}(SC|AC|CI|CU)\b", text), "here genera of clouds other than CB and TCU are not kept"),
     ("visibility_bound", lambda text: " CAVOK " in text, "there CAVOK is 10 km, here 10 km or more"),
 ]
 

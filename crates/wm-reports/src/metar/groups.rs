@@ -184,7 +184,15 @@ impl Metar {
             }
             "$" | "NSW" | "SNOCLO" | "R/SNOCLO" => return ignore(self, 0, "no part of a weather"),
             // Not measured: visibility, weather, temperature.
-            "//" | "////" | "/////" | "//SM" | "////SM" => {}
+            "//SM" | "////SM" | "M" => {}
+            _ if text.len() != 6 && text.bytes().all(|b| b == b'/') => {}
+            // Outside of the remarks, where they belong, in bulletins of some services.
+            _ if text.starts_with("SLP") && text.len() == 6 => {
+                return ignore(self, 0, "a pressure of the remarks");
+            }
+            _ if text.starts_with("RF") && text.contains('.') => {
+                return ignore(self, 0, "rain so far, in Australia");
+            }
             _ if TRENDS.contains(&text) => {
                 let taken = others.iter().take_while(|group| group.text != "RMK").count();
                 return ignore(self, taken, "a forecast, not what is there");
@@ -336,7 +344,7 @@ fn wind(text: &str) -> Option<MetarWind> {
         _ => return None,
     };
     let speed = |text: &str| -> Option<Option<f64>> {
-        if text == "//" {
+        if matches!(text, "//" | "///") {
             return Some(None);
         }
         // P: or more.
@@ -463,6 +471,9 @@ fn clouds(text: &str) -> Option<Result<CloudGroup, ()>> {
         }
     };
     let kinds = [("///", None), ("CB", Some("CB")), ("TCU", Some("TCU")), ("ACC", Some("ACC")), ("", None)];
+    // The genera of clouds, where a service tells them.
+    let genera = ["CI", "CC", "CS", "AC", "AS", "NS", "SC", "ST", "CU"].map(|genus| (genus, None));
+    let kinds: Vec<(&str, Option<&'static str>)> = kinds.into_iter().chain(genera).collect();
     let read = || {
         let (height, rest) = match rest.split_at_checked(3) {
             None => (None, rest),
