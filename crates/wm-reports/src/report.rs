@@ -12,6 +12,9 @@ use std::fmt;
 use std::path::Path;
 use wm_weather::Weather;
 
+/// Most bytes of a report that is no table.
+const LONGEST: usize = 10_000;
+
 /// The kind of a remark about a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReportNoteKind {
@@ -139,7 +142,16 @@ impl WeatherReport {
         // Editors of some systems put this in front.
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let line = after_comments(text.trim_start());
-        match recognise(text) {
+        let kind = recognise(text);
+        let is_table = matches!(kind, ReportKind::HourlyJson | ReportKind::HourlyCsv);
+        if !is_table && line.len() > LONGEST {
+            let problem = format!(
+                "is {} bytes long and no table of hours: a report of one line is expected, or columns with a `time`",
+                line.len()
+            );
+            return Err(ReportError::Whole { file: source.into(), problem });
+        }
+        match kind {
             ReportKind::Metar => metar::read(line, options),
             ReportKind::Carla => carla::read(line),
             ReportKind::PresentWeather => present_weather::read(line),

@@ -101,3 +101,11 @@ fn the_fixtures_are_weathers() {
         assert!(read(&report), "{report}");
     }
 }
+
+/// Long texts are refused at once, or read in time that goes with their length.
+#[test]
+fn long_texts_end() {
+    for part in ["wind ", "\n", "#\n", "METAR ", "5 m/s ", "{", "a=1 ", "time,rain\n", "\"time\","] {
+        read(&part.repeat(50_000));
+    }
+}

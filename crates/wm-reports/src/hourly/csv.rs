@@ -26,9 +26,7 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
     let whole = |problem: String| ReportError::Whole { file: file.into(), problem };
     let lines = (1..).zip(text.lines().map(str::trim_end));
     let mut lines: Vec<Line<'_>> = lines.filter(|(_, line)| !line.starts_with('#')).collect();
-    while lines.first().is_some_and(|(_, line)| line.trim().is_empty()) {
-        lines.remove(0);
-    }
+    drop_empty(&mut lines);
     let separator = separator(lines.first().map_or("", |(_, line)| line));
     let (mut place, mut utc_offset) = (None, 0);
     // Open-Meteo's first block: where it is.
@@ -72,9 +70,7 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
         }
         utc_offset = offset as i64;
         lines.drain(..end);
-        while lines.first().is_some_and(|(_, line)| line.trim().is_empty()) {
-            lines.remove(0);
-        }
+        drop_empty(&mut lines);
     }
     let Some(((_, header), body)) = lines.split_first() else {
         return Err(whole("has no table: a line of names and a line an hour are expected".into()));
@@ -108,6 +104,12 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
         whole: &whole,
     }
     .read()
+}
+
+/// Drops empty lines at the beginning.
+fn drop_empty(lines: &mut Vec<Line<'_>>) {
+    let empty = lines.iter().take_while(|(_, line)| line.trim().is_empty()).count();
+    lines.drain(..empty);
 }
 
 /// The character between cells.
