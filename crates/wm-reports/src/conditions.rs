@@ -178,7 +178,8 @@ impl Conditions {
                 let rate = snow_rate(sigma, *range);
                 let why =
                     format!("{text} at a visibility of {} m: {least} to {most} mm/h", seen.value.round());
-                Some(Known::told(rate, why))
+                let is_told = matches!(seen.basis, Basis::Told(_));
+                Some(if is_told { Known::told(rate, why) } else { Known::guess(rate, why) })
             }
         }
     }

@@ -219,7 +219,8 @@ impl Mapping {
                     return;
                 }
                 let (range, usual) = SNOW[strength];
-                let text = format!("{code}: snow");
+                let (range, usual) = (range.map(|rate| share * rate), share * usual);
+                let text = format!("{code}: snow{mixed}");
                 self.now.snow = Some(SnowRate::ByVisibility { range, usual, text });
             }
             Phenomenon::SnowGrains => self.snow(SNOW_GRAINS[strength], format!("{code}: snow grains")),

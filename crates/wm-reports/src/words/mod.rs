@@ -156,9 +156,10 @@ impl Reader {
                 continue;
             }
             let Some(word) = meaning(&token.text) else {
-                if let Some((from, count)) = direction(&clause[index - 1..]) {
-                    index += count - 1;
-                    set(&mut self.now.wind.from, Known::told(from, format!("from {}", token.text)), token)?;
+                if let Some((from, words)) = direction(&clause[index - 1..]) {
+                    index += words.len() - 1;
+                    let known = Known::told(from, format!("from {}", words.join(" ")));
+                    set(&mut self.now.wind.from, known, token)?;
                     continue;
                 }
                 return Err(unknown(token));
@@ -419,9 +420,10 @@ impl Reader {
             )?;
             return Ok(skipped + 2);
         }
-        let Some((degrees, count)) = direction(&rest[skipped..]) else { return Ok(skipped) };
-        set(&mut self.now.wind.from, Known::told(turned(degrees), format!("{word} {}", token.text)), token)?;
-        Ok(skipped + count)
+        let Some((degrees, words)) = direction(&rest[skipped..]) else { return Ok(skipped) };
+        let known = Known::told(turned(degrees), format!("{word} {}", words.join(" ")));
+        set(&mut self.now.wind.from, known, token)?;
+        Ok(skipped + words.len())
     }
 
     /// A number with its unit; returns how many tokens the unit took.
@@ -541,14 +543,15 @@ impl Reader {
     }
 }
 
-/// A direction at the beginning of some tokens, degrees, and how many words it has: `north`, `north east`.
-fn direction(tokens: &[Token]) -> Option<(f64, usize)> {
+/// A direction at the beginning of some tokens, degrees, and its words: `north`, `north east`.
+fn direction(tokens: &[Token]) -> Option<(f64, Vec<&str>)> {
     if let [first, second, ..] = tokens
         && let Some(degrees) = compass(&format!("{}{}", first.text, second.text))
     {
-        return Some((degrees, 2));
+        return Some((degrees, vec![&first.raw, &second.raw]));
     }
-    Some((compass(&tokens.first()?.text)?, 1))
+    let first = tokens.first()?;
+    Some((compass(&first.text)?, vec![&first.raw]))
 }
 
 /// Sets what may be told once; a guess gives way.

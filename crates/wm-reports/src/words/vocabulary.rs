@@ -125,6 +125,7 @@ pub(super) const WORDS: &[(&[&str], Meaning)] = &[
             "there",
             "day's",
             "street",
+            "streets",
             "road",
             "roads",
             "mean",
