@@ -14,16 +14,23 @@ fn markdown() -> String {
     let mut program = Cli::command();
     program.build();
     for command in program.get_subcommands().filter(|command| command.get_name() != "help") {
-        section(command, &mut page);
+        // A command of commands has a section for each.
+        if command.has_subcommands() {
+            for inner in command.get_subcommands().filter(|inner| inner.get_name() != "help") {
+                section(inner, &format!("{} {}", command.get_name(), inner.get_name()), &mut page);
+            }
+        } else {
+            section(command, command.get_name(), &mut page);
+        }
     }
     page
 }
 
-fn section(command: &Command, page: &mut String) {
+fn section(command: &Command, name_of: &str, page: &mut String) {
     let about = one_line(command.get_about());
     let usage = command.clone().render_usage().to_string();
     let usage = usage.trim_start_matches("Usage: ");
-    writeln!(page, "\n## {}\n\n{about}.\n\n```sh\n{usage}\n```\n", command.get_name()).unwrap();
+    writeln!(page, "\n## {}\n\n{about}.\n\n```sh\n{usage}\n```\n", name_of).unwrap();
     page.push_str("| option | value | default | what it does |\n|---|---|---|---|\n");
     let args = command.get_arguments().filter(|arg| !arg.is_hide_set() && arg.get_id() != "help");
     for arg in args {

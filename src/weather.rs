@@ -1,16 +1,19 @@
 //! Options of a weather.
 
+use crate::commands::weather::summary;
 use anyhow::Result;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use weather_magician::panorama_file::read_panorama;
+use wm_reports::find_weather;
 use wm_weather::Weather;
 
 /// The weather and its parameters.
 #[derive(Args, Debug)]
 pub struct WeatherArgs {
-    /// The weather: a name from the list below (--help), or a TOML file [default: clear]
-    #[arg(short, long, value_name = "NAME|FILE", help_heading = "Weather")]
+    /// The weather: a name from the list below (--help), a TOML file, or a weather report or its file, as `weather from` takes it
+    /// [default: clear]
+    #[arg(short, long, value_name = "NAME|FILE|REPORT", help_heading = "Weather")]
     weather: Option<String>,
     /// Change a parameter and turn its effect on: fog.mor=120, or keyframes fog.mor=0:2000,5:60
     #[arg(short, long = "set", value_name = "KEY=VALUE", help_heading = "Weather")]
@@ -32,7 +35,7 @@ impl WeatherArgs {
     pub fn read_with_files(&self) -> Result<(Weather, Vec<PathBuf>)> {
         let mut files: Vec<PathBuf> = self.weather.iter().map(PathBuf::from).collect();
         let mut weather = match &self.weather {
-            Some(name) => Weather::find(name)?,
+            Some(name) => find(name)?,
             None => Weather::clear(),
         };
         for text in &self.set {
@@ -47,4 +50,13 @@ impl WeatherArgs {
         }
         Ok((weather, files))
     }
+}
+
+/// The weather of a preset's name, of a weather file, or of a report or its file.
+fn find(name: &str) -> Result<Weather> {
+    let found = find_weather(name, Path::new(""))?;
+    if let Some(report) = &found.report {
+        eprintln!("weather report: {}; `weather-magician weather from` shows its file", summary(report));
+    }
+    Ok(found.weather)
 }

@@ -18,6 +18,7 @@ pub mod scan;
 mod sky;
 #[cfg(feature = "viewer")]
 mod view;
+pub mod weather;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
@@ -45,6 +46,8 @@ enum CliCommand {
     View(Box<view::ViewArgs>),
     /// Make a data set by a plan: scenes in many weathers, as nuScenes, KITTI and other layouts
     Batch(batch::BatchArgs),
+    /// Turn weather reports (METAR, hourly tables, WMO codes, CARLA, words) into weather files
+    Weather(weather::WeatherCommandArgs),
     /// Write a scene with its snow or dust cover as an ordinary scene file
     Bake(Box<bake::BakeArgs>),
     /// Convert scenes to another format; rotate, scale, crop or reduce them
@@ -81,6 +84,7 @@ pub fn run(cli: Cli) -> Result<()> {
         #[cfg(feature = "viewer")]
         CliCommand::View(args) => view::run(&args),
         CliCommand::Batch(args) => batch::run(&args),
+        CliCommand::Weather(args) => weather::run(&args),
         CliCommand::Bake(args) => bake::run(&args),
         CliCommand::Convert(args) => convert::run(&args),
         CliCommand::Evaluate(args) => evaluate::run(&args),

@@ -38,6 +38,7 @@
 //! | sweeps of a lidar in weather | [`Renderer::scan`], [`lidar`] |
 //! | sweeps of a radar in rain | [`Renderer::scan_radar`], [`radar`] |
 //! | data sets of many weathers, in the layouts of nuScenes, KITTI and others | [`batch`] |
+//! | weathers by METAR, hourly tables and words | [`reports`] |
 //! | checks of visibility, rain rate, snow depth in pictures | [`measure`] |
 //!
 //! Frames are pure functions of (scene, weather, camera, time): the same inputs give the same bytes on the CPU, on any number
@@ -91,6 +92,7 @@ pub use renderer::Renderer;
 pub use tags::picture_tags;
 pub use wm_media::{PictureSize, video};
 pub use wm_render::{CpuConfig, Device};
+pub use wm_reports as reports;
 pub use wm_scene::{Camera, LensModel, LookAt, Metadata, Scene, formats};
 pub use wm_train as train;
 pub use wm_weather::{EFFECTS, Weather};

@@ -3,6 +3,7 @@
 use super::weathers::{FindWeather, WeatherEntry, WeatherSource};
 use crate::MotionSpec;
 use crate::output::{ExtraPicture, PictureFormat, outputs, parts};
+use crate::panorama_file::read_panorama;
 use crate::rig::Rig;
 use crate::view::moves::PathSpec;
 use crate::view::spec::CameraSpec;
@@ -705,12 +706,10 @@ impl BatchPlan {
     }
 }
 
-/// Finds a weather of a plan: a preset, or a file beside it.
+/// Finds a weather of a plan: a preset, a file beside it, or a report.
 fn find_weather(name: &str, folder: &Path) -> Result<Weather, String> {
-    let is_file = Path::new(name).extension().is_some();
-    let path = folder.join(name);
-    let found = if is_file { Weather::read(&path) } else { Weather::find(name) };
-    let weather = found.map_err(|error| error.to_string())?;
+    let mut weather = wm_reports::find_weather(name, folder).map_err(|error| error.to_string())?.weather;
+    weather.load_images(read_panorama).map_err(|error| error.to_string())?;
     if weather.fidelity == Fidelity::Paper {
         return Err(format!(
             "`{name}` has fidelity paper, which is no weather in physical units: use physical"

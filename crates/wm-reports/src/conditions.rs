@@ -1,0 +1,439 @@
+//! The weather at one instant as reports of any kind tell it, and the way from there into a weather file.
+//!
+//! Visibility is shared out: what falls takes its part by the program's own laws of extinction, and the air has the rest,
+//! `sigma_air = max(0, 2.996 / visibility - sigma_precipitation)`.
+
+use crate::draft::{Basis, Draft, rounded};
+use crate::optics::{extinction, snow_rate, visibility};
+use wm_weather::optics::sigma_of_mor;
+
+/// A value and its origin.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Known {
+    pub value: f64,
+    pub basis: Basis,
+}
+
+impl Known {
+    pub(crate) fn told(value: f64, text: impl Into<String>) -> Self {
+        Self { value, basis: Basis::told(text) }
+    }
+
+    pub(crate) fn guess(value: f64, text: impl Into<String>) -> Self {
+        Self { value, basis: Basis::guess(text) }
+    }
+}
+
+/// The particles that make the air turbid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Carrier {
+    /// Fog and mist.
+    Droplets,
+    Haze,
+    Smoke,
+    Dust,
+    Ash,
+}
+
+impl Carrier {
+    pub(crate) fn effect(self) -> &'static str {
+        match self {
+            Self::Droplets => "fog",
+            Self::Haze => "haze",
+            Self::Smoke | Self::Dust | Self::Ash => "smog",
+        }
+    }
+}
+
+/// Falling snow: a rate that is told, or one of a range that the visibility chooses.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum SnowRate {
+    Told(Known),
+    ByVisibility { range: [f64; 2], usual: f64, text: String },
+}
+
+/// Wind.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct WindTold {
+    pub speed: Option<Known>,
+    /// Direction it comes from, degrees from north.
+    pub from: Option<Known>,
+    /// Standard deviation of the speed as a share of it.
+    pub gusts: Option<Known>,
+}
+
+/// The sun.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) enum Sun {
+    /// That of the photos, or clouds.
+    #[default]
+    Auto,
+    /// Elevation and azimuth, degrees.
+    At { elevation: f64, azimuth: Option<f64>, turbidity: Option<f64>, basis: Basis },
+    /// By mean solar time, h, latitude, degrees, and day of the year.
+    Hour { hour: Known, latitude: f64, day: Option<u32> },
+    /// Night.
+    Night(Basis),
+}
+
+/// The weather at one instant. `None` is not known.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Conditions {
+    /// mm/h of water.
+    pub rain: Option<Known>,
+    pub snow: Option<SnowRate>,
+    pub hail: Option<Known>,
+    /// Factor on the size of stones.
+    pub hail_size: Option<Known>,
+    /// m.
+    pub visibility: Option<Known>,
+    pub carrier: Option<(Carrier, Basis)>,
+    /// Fog below 2 m, under air of the visibility that is told.
+    pub shallow_fog: Option<Basis>,
+    pub wind: WindTold,
+    /// Cloud cover, 0-1.
+    pub clouds: Option<Known>,
+    /// Flashes a minute, and their distance, m.
+    pub lightning: Option<(Known, f64)>,
+    /// Degrees Celsius.
+    pub temperature: Option<Known>,
+    /// 0-1.
+    pub humidity: Option<Known>,
+    /// Lying snow, m.
+    pub snow_depth: Option<Known>,
+    /// Minutes of rain before, its rate, mm/h, and minutes since it stopped.
+    pub rained: Option<([f64; 3], Basis)>,
+    /// Wetness of the ground and share of full puddles, 0-1.
+    pub wetness: Option<Known>,
+    pub puddles: Option<Known>,
+    /// Depth of lying dust, m.
+    pub dust_depth: Option<Known>,
+    pub sun: Sun,
+}
+
+/// Height of shallow fog, m, and its visibility at the ground, m.
+const SHALLOW: [f64; 2] = [2.0, 150.0];
+/// Visibility of each carrier where none is told, m.
+const USUAL: [(Carrier, f64); 5] = [
+    (Carrier::Droplets, 300.0),
+    (Carrier::Haze, 4000.0),
+    (Carrier::Smoke, 1500.0),
+    (Carrier::Dust, 1500.0),
+    (Carrier::Ash, 2000.0),
+];
+/// Air that nobody sees, m.
+const CLEAR: f64 = 100_000.0;
+
+impl Conditions {
+    /// Writes everything into a weather file.
+    pub(crate) fn write(&self, draft: &mut Draft) {
+        let snow = self.snow_rate();
+        self.write_light(draft);
+        self.write_wind(draft);
+        self.write_air(draft, snow.as_ref().map_or(0.0, |snow| snow.value));
+        if let Some(rain) = &self.rain {
+            draft.number("rain.rate", rain.value, rain.basis.clone());
+            let (exposure, why) = if self.is_dark() {
+                (0.01, "a shutter of 1/100 s, as by night")
+            } else {
+                (0.004, "a shutter of 1/250 s, as by day")
+            };
+            draft.number("rain.exposure", exposure, Basis::guess(why));
+            draft.word("splash.amount", "auto", Basis::told("as in nature"));
+        }
+        if let Some(snow) = snow {
+            draft.number("snowfall.rate", snow.value, snow.basis);
+        }
+        if let Some(hail) = &self.hail {
+            draft.number("hail.rate", hail.value, hail.basis.clone());
+            if let Some(size) = &self.hail_size {
+                draft.number("hail.size", size.value, size.basis.clone());
+            }
+        }
+        self.write_ground(draft);
+    }
+
+    /// The rate of snow that falls.
+    fn snow_rate(&self) -> Option<Known> {
+        match self.snow.as_ref()? {
+            SnowRate::Told(known) => Some(known.clone()),
+            SnowRate::ByVisibility { range, usual, text } => {
+                let is_foggy = matches!(self.carrier, Some((Carrier::Droplets, Basis::Told(_))));
+                let [least, most] = range;
+                let Some(seen) = &self.visibility else {
+                    return Some(Known::guess(
+                        *usual,
+                        format!("{text}: {least} to {most} mm/h, and no visibility is told"),
+                    ));
+                };
+                let others = self.rain.as_ref().map_or(0.0, |rain| extinction("rain", rain.value));
+                let sigma = (sigma_of_mor(seen.value) - others).max(0.0);
+                if is_foggy {
+                    let rate = snow_rate(0.5 * sigma, *range).min(*usual);
+                    let why = format!(
+                        "{text}: {least} to {most} mm/h; at most half of the visibility is taken for snow, as there is fog"
+                    );
+                    return Some(Known::guess(rate, why));
+                }
+                let rate = snow_rate(sigma, *range);
+                let why =
+                    format!("{text} at a visibility of {} m: {least} to {most} mm/h", seen.value.round());
+                let is_told = matches!(seen.basis, Basis::Told(_));
+                Some(if is_told { Known::told(rate, why) } else { Known::guess(rate, why) })
+            }
+        }
+    }
+
+    /// Returns true if the sun is told to be down.
+    fn is_dark(&self) -> bool {
+        match &self.sun {
+            Sun::Night(_) => true,
+            Sun::At { elevation, .. } => *elevation < 0.0,
+            Sun::Auto | Sun::Hour { .. } => false,
+        }
+    }
+
+    fn write_light(&self, draft: &mut Draft) {
+        match &self.sun {
+            Sun::Auto => {
+                draft.word("light.model", "auto", Basis::told("the light of the photos under this weather"));
+            }
+            Sun::At { elevation, azimuth, turbidity, basis } => {
+                draft.word("light.model", "clear", Basis::told("a sun and a sky of its own"));
+                draft.number("light.sun_elevation", *elevation, basis.clone());
+                if let Some(azimuth) = azimuth {
+                    draft.number("light.sun_azimuth", *azimuth, basis.clone());
+                }
+                if let Some(turbidity) = turbidity {
+                    draft.number("light.turbidity", *turbidity, basis.clone());
+                }
+                if *elevation < 2.0 {
+                    draft.word("light.lamps", "path", lamps());
+                }
+            }
+            Sun::Hour { hour, latitude, day } => {
+                draft.word("light.model", "clear", Basis::told("a sun and a sky of its own"));
+                draft.number("light.hour", hour.value, hour.basis.clone());
+                draft.number("light.latitude", *latitude, Basis::told("of the place"));
+                match day {
+                    Some(day) => draft.number("light.day", f64::from(*day), Basis::told("of the year")),
+                    None => {
+                        draft.word("light.day", "auto", Basis::guess("no month is told: that of the photos"));
+                    }
+                }
+                draft.word("light.lamps", "path", lamps());
+            }
+            Sun::Night(basis) => {
+                draft.word("light.model", "night", basis.clone());
+                draft.word("light.lamps", "path", lamps());
+            }
+        }
+        if let Some(clouds) = &self.clouds {
+            draft.number("light.clouds", clouds.value, clouds.basis.clone());
+        }
+        if let Some((rate, distance)) = &self.lightning {
+            draft.number("lightning.rate", rate.value, rate.basis.clone());
+            draft.number("lightning.distance", *distance, Basis::guess("no report has the distance"));
+        }
+    }
+
+    fn write_wind(&self, draft: &mut Draft) {
+        if let Some(speed) = &self.wind.speed {
+            draft.number("wind.speed", speed.value, speed.basis.clone());
+        }
+        let Some(speed) = self.wind.speed.as_ref().map(|speed| speed.value).filter(|speed| *speed > 0.0)
+        else {
+            return;
+        };
+        match &self.wind.from {
+            Some(from) => {
+                let (to, text) = (heading(from.value), from.basis.text());
+                let why = format!("{text}: it blows to {to} degrees; north is taken for the scene's x axis");
+                let basis = match &from.basis {
+                    Basis::Told(_) => Basis::told(why),
+                    Basis::Guess(_) => Basis::guess(why),
+                };
+                draft.number("wind.direction", to, basis);
+            }
+            None => draft.number(
+                "wind.direction",
+                90.0,
+                Basis::guess(format!("no direction of the {speed:.1} m/s is told")),
+            ),
+        }
+        if let Some(gusts) = &self.wind.gusts {
+            draft.number("wind.gusts", gusts.value, gusts.basis.clone());
+        }
+    }
+
+    fn write_air(&self, draft: &mut Draft, snow: f64) {
+        if let Some(basis) = &self.shallow_fog {
+            let [height, mor] = SHALLOW;
+            draft.number("fog.mor", mor, Basis::guess(format!("at the ground; {}", basis.text())));
+            draft.number("fog.scale_height", height, Basis::told(format!("{}: fog below 2 m", basis.text())));
+        }
+        let falls = self.rain.as_ref().map_or(0.0, |rain| extinction("rain", rain.value))
+            + extinction("snowfall", snow)
+            + self.hail.as_ref().map_or(0.0, |hail| extinction("hail", hail.value));
+        let (carrier, why) = self.carrier_or_guess(falls);
+        let Some(seen) = &self.visibility else {
+            if let Some((carrier, basis)) = &self.carrier {
+                let usual =
+                    USUAL.iter().find(|(known, _)| known == carrier).map_or(1000.0, |(_, usual)| *usual);
+                let key = format!("{}.mor", carrier.effect());
+                draft.number(&key, usual, Basis::guess(format!("{}, without a visibility", basis.text())));
+                tint(draft, *carrier);
+            }
+            return;
+        };
+        let sigma = sigma_of_mor(seen.value) - falls;
+        let mor = if sigma > 0.0 { visibility(sigma) } else { f64::INFINITY };
+        // Beyond this, what falls explains the visibility but for the digits of the report.
+        if mor > CLEAR {
+            let alone = visibility(falls);
+            // By the digits of a report.
+            if alone < 0.97 * seen.value {
+                draft.ignored(format!(
+                    "visibility of {:.0} m ({}): what falls leaves {alone:.0} m by itself, so that nothing else is in the air",
+                    seen.value,
+                    seen.basis.text()
+                ));
+            }
+            return;
+        }
+        // Shallow fog has the table of fog; what is above it is as dry as it can be.
+        let carrier =
+            if self.shallow_fog.is_some() && carrier == Carrier::Droplets { Carrier::Haze } else { carrier };
+        let share = if falls > 0.0 { ", less what falls" } else { "" };
+        let text = format!("visibility {:.0} m ({}){share}; {why}", seen.value, seen.basis.text());
+        let basis = match seen.basis {
+            Basis::Told(_) => Basis::told(text),
+            Basis::Guess(_) => Basis::guess(text),
+        };
+        draft.number(&format!("{}.mor", carrier.effect()), mor.max(1.0), basis);
+        tint(draft, carrier);
+    }
+
+    fn carrier_or_guess(&self, falls: f64) -> (Carrier, String) {
+        if let Some((carrier, basis)) = &self.carrier {
+            return (*carrier, basis.text().to_owned());
+        }
+        let seen = self.visibility.as_ref().map_or(f64::INFINITY, |seen| seen.value);
+        let is_damp = self.humidity.as_ref().is_some_and(|humidity| humidity.value >= 0.9);
+        if seen < 1000.0 || (seen < 5000.0 && (falls > 0.0 || is_damp)) {
+            (Carrier::Droplets, "taken for droplets".into())
+        } else {
+            (Carrier::Haze, "taken for haze".into())
+        }
+    }
+
+    fn write_ground(&self, draft: &mut Draft) {
+        let snow_falls = self.snow.is_some();
+        let degrees = self.temperature.as_ref().map(|temperature| temperature.value);
+        if let Some(depth) = &self.snow_depth {
+            draft.number("snow_cover.depth", depth.value, depth.basis.clone());
+        } else if snow_falls && degrees.is_none_or(|degrees| degrees <= 0.0) {
+            draft.word(
+                "snow_cover.depth",
+                "auto",
+                Basis::guess("the report does not know what lies: what has fallen"),
+            );
+            draft.number("snow_cover.hours", 1.0, Basis::guess("it has snowed for an hour"));
+        } else if snow_falls {
+            draft.ignored("lying snow: the report does not know it, and above 0 degrees none is guessed");
+        }
+        let lies = self.snow_depth.is_some() || (snow_falls && degrees.is_none_or(|degrees| degrees <= 0.0));
+        if let Some(temperature) = self.temperature.as_ref().filter(|_| lies) {
+            draft.number("snow_cover.temperature", temperature.value, temperature.basis.clone());
+        }
+        if let Some(depth) = &self.dust_depth {
+            draft.number("dust_cover.depth", depth.value, depth.basis.clone());
+        }
+        let is_wet =
+            self.rain.is_some() || self.rained.is_some() || self.wetness.is_some() || self.puddles.is_some();
+        if !is_wet {
+            return;
+        }
+        if let Some(amount) = &self.wetness {
+            draft.number("wetness.amount", amount.value, amount.basis.clone());
+        }
+        if let Some(puddles) = &self.puddles {
+            draft.number("wetness.puddles", puddles.value, puddles.basis.clone());
+        }
+        if let Some(([minutes, rate, stopped], basis)) = &self.rained {
+            draft.number("wetness.rained_before", *minutes, basis.clone());
+            draft.number("wetness.rate_before", *rate, basis.clone());
+            draft.number("wetness.stopped", *stopped, basis.clone());
+        } else if self.rain.is_some() && self.wetness.is_none() {
+            draft.number("wetness.rained_before", 15.0, Basis::guess("minutes that it has rained so far"));
+        }
+        if let Some(temperature) = &self.temperature {
+            draft.number("wetness.temperature", temperature.value, temperature.basis.clone());
+        }
+        if let Some(humidity) = &self.humidity {
+            draft.number("wetness.humidity", humidity.value, humidity.basis.clone());
+        }
+    }
+
+    /// The weather in one line.
+    pub(crate) fn summary(&self) -> String {
+        let mut parts = Vec::new();
+        if let Some(rain) = &self.rain {
+            parts.push(format!("rain {} mm/h", rounded(rain.value, 3)));
+        }
+        if let Some(snow) = self.snow_rate() {
+            parts.push(format!("snow {} mm/h", rounded(snow.value, 3)));
+        }
+        if let Some(hail) = &self.hail {
+            parts.push(format!("hail {} mm/h", rounded(hail.value, 3)));
+        }
+        if self.lightning.is_some() {
+            parts.push("lightning".into());
+        }
+        if let Some(seen) = &self.visibility {
+            parts.push(format!("visibility {:.0} m", seen.value));
+        }
+        if let Some(depth) = &self.snow_depth {
+            parts.push(format!("{:.2} m of snow lie", depth.value));
+        }
+        match (&self.wind.speed, &self.wind.from) {
+            (Some(speed), _) if speed.value <= 0.0 => parts.push("calm".into()),
+            (Some(speed), Some(from)) => {
+                parts.push(format!("wind {:.1} m/s from {:.0} degrees", speed.value, from.value));
+            }
+            (Some(speed), None) => parts.push(format!("wind {:.1} m/s", speed.value)),
+            _ => {}
+        }
+        if let Some(clouds) = &self.clouds {
+            parts.push(format!("clouds {:.0} %", 100.0 * clouds.value));
+        }
+        if let Some(temperature) = &self.temperature {
+            parts.push(format!("{:.0} degrees", temperature.value));
+        }
+        parts.join(", ")
+    }
+}
+
+/// The direction that a wind from a direction blows to, degrees, 0 to 360.
+pub(crate) fn heading(from: f64) -> f64 {
+    (from + 180.0).rem_euclid(360.0)
+}
+
+fn lamps() -> Basis {
+    Basis::guess("lamps stand along the path of the photos; \"auto\" for those that the scene states")
+}
+
+/// The colours of smog, dust and ash.
+pub(crate) fn tint(draft: &mut Draft, carrier: Carrier) {
+    let (albedo, color, angstrom) = match carrier {
+        Carrier::Dust => (0.9, "#e3cba9", 0.3),
+        Carrier::Ash => (0.8, "#c4c0bb", 0.0),
+        _ => return,
+    };
+    let why =
+        if carrier == Carrier::Ash { "grey ash" } else { "as airborne dust of the weather `sandstorm`" };
+    let basis = || Basis::guess(why);
+    draft.number("smog.albedo", albedo, basis());
+    draft.word("smog.tint", color, basis());
+    draft.number("smog.angstrom", angstrom, basis());
+}

@@ -1,0 +1,244 @@
+//! Cells of a table on their way to rows.
+
+use super::columns::{Column, Field, METEOSTAT, names};
+use super::{WeatherRow, WeatherTable, time};
+use crate::error::{ReportError, meant, quoted};
+use crate::optics::humidity;
+use crate::present_weather::PresentWeather;
+use crate::report::{ReportNote, ReportNoteKind};
+
+/// mm of water in a metre of fresh snow, as Open-Meteo counts: 7 cm are 10 mm.
+const WATER: f64 = 1000.0 / 7.0;
+/// Most hours of a table: a year of `light.hour`.
+const MOST_HOURS: f64 = 8700.0;
+
+/// The content of a cell.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Cell {
+    Missing,
+    Number(f64),
+    Text(String),
+}
+
+impl Cell {
+    /// A cell of CSV.
+    pub(super) fn of_text(text: &str) -> Self {
+        let text = text.trim();
+        if text.is_empty()
+            || ["nan", "null", "na", "<na>", "-", "none"].iter().any(|none| text.eq_ignore_ascii_case(none))
+        {
+            return Self::Missing;
+        }
+        text.parse().map_or_else(|_| Self::Text(text.into()), Self::Number)
+    }
+}
+
+/// A table as it is in a file.
+pub(super) struct RawTable<'a> {
+    pub place: Option<[f64; 2]>,
+    pub utc_offset: i64,
+    /// Names and units; an empty unit for none.
+    pub columns: Vec<(String, String)>,
+    pub rows: Vec<Vec<Cell>>,
+    /// An error in a row and column of the table.
+    pub fault: &'a dyn Fn(usize, &str, String) -> ReportError,
+    /// An error of the whole.
+    pub whole: &'a dyn Fn(String) -> ReportError,
+}
+
+impl RawTable<'_> {
+    pub(super) fn read(&self) -> Result<WeatherTable, ReportError> {
+        let has_snow_depth = self.columns.iter().any(|(name, _)| name == "snwd" || name == "cldc");
+        let (mut columns, mut unused) = (Vec::new(), Vec::new());
+        for (name, unit) in &self.columns {
+            match Column::of(name, unit, has_snow_depth) {
+                Some(column) => {
+                    columns.push(Some(
+                        column.map_err(|problem| (self.whole)(format!("column {name} {problem}")))?,
+                    ));
+                }
+                None => {
+                    columns.push(None);
+                    // Of what the values came.
+                    if !name.ends_with("_source") && name != "station" {
+                        unused.push(name.as_str());
+                    }
+                }
+            }
+        }
+        let has = |field: Field| columns.iter().flatten().any(|column| column.field == field);
+        let date_and_hour = has(Field::Date) || (has(Field::Year) && has(Field::Month) && has(Field::Day));
+        if !has(Field::Time) && !date_and_hour {
+            let near = self.columns.iter().find_map(|(name, _)| {
+                let near = meant(name, ["time", "date"].into_iter());
+                (!near.is_empty()).then(|| format!("; {} is none{near}", quoted(name)))
+            });
+            return Err((self.whole)(format!("has no column `time`{}", near.unwrap_or_default())));
+        }
+        if columns.iter().flatten().all(|column| is_time(column.field)) {
+            let near = unused
+                .iter()
+                .map(|name| meant(name, names()))
+                .find(|near| !near.is_empty())
+                .unwrap_or_default();
+            return Err((self.whole)(format!(
+                "has no column of weather{near}: temperature_2m, rain, snowfall, wind_speed_10m and the like are expected"
+            )));
+        }
+        if self.rows.is_empty() {
+            return Err((self.whole)("has no rows: at least one hour is expected".into()));
+        }
+        let mut notes = Vec::new();
+        let mut note = |kind, text: String| notes.push(ReportNote { kind, text });
+        for name in unused {
+            note(ReportNoteKind::Ignored, format!("column {}: it is no part of a weather", quoted(name)));
+        }
+        let mut rows = Vec::with_capacity(self.rows.len());
+        let mut missing = 0;
+        for (index, cells) in self.rows.iter().enumerate() {
+            let row = self.row(index, cells, &columns, &mut missing)?;
+            rows.push(row);
+        }
+        if missing > 0 {
+            note(ReportNoteKind::Guess, format!("amounts of {missing} rows are missing: nothing fell"));
+        }
+        let guesses_phase = has(Field::Precipitation) && !has(Field::Rain) && !has(Field::Snowfall);
+        if guesses_phase && rows.iter().any(|row| row.rain > 0.0 || row.snow > 0.0) {
+            let text = "rain and snow are parted by the code, else by the temperature: snow up to 0 degrees, rain from 2 degrees on";
+            note(ReportNoteKind::Guess, text.into());
+        }
+        let step = self.step(&rows)?;
+        Ok(WeatherTable { place: self.place, utc_offset: self.utc_offset, step, rows, notes })
+    }
+
+    /// Hours between rows.
+    fn step(&self, rows: &[WeatherRow]) -> Result<f64, ReportError> {
+        let seconds = rows.get(1).map_or(3600, |second| second.time - rows[0].time);
+        for (index, pair) in rows.windows(2).enumerate() {
+            let gap = pair[1].time - pair[0].time;
+            if gap != seconds || gap <= 0 {
+                let times = [pair[1].time, pair[0].time].map(time::written);
+                let problem =
+                    format!("is {} after {}: rows must be the same time apart, and rise", times[0], times[1]);
+                return Err((self.fault)(index + 1, "time", problem));
+            }
+        }
+        let hours = seconds as f64 / 3600.0;
+        if !(1.0 / 60.0..=24.0).contains(&hours) {
+            return Err((self.whole)(format!("has rows {hours} hours apart: a minute to a day is expected")));
+        }
+        if hours * rows.len() as f64 > MOST_HOURS {
+            return Err((self.whole)(format!(
+                "has {} rows: at most {MOST_HOURS} hours are read, cut it",
+                rows.len()
+            )));
+        }
+        Ok(hours)
+    }
+
+    fn row(
+        &self,
+        index: usize,
+        cells: &[Cell],
+        columns: &[Option<Column>],
+        missing: &mut usize,
+    ) -> Result<WeatherRow, ReportError> {
+        let mut row = WeatherRow::default();
+        let mut time = None;
+        let mut date = [None; 4];
+        let (mut rain, mut showers, mut all, mut snowfall, mut dew_point) = (None, None, None, None, None);
+        let mut has_amounts = false;
+        for ((cell, column), (name, _)) in cells.iter().zip(columns).zip(&self.columns) {
+            let Some(column) = column else { continue };
+            let fault = |problem: String| (self.fault)(index, name, problem);
+            has_amounts |= matches!(column.field, Field::Rain | Field::Precipitation | Field::Snowfall);
+            if matches!(column.field, Field::Time | Field::Date) {
+                let text = match cell {
+                    Cell::Missing => {
+                        return Err(fault("is empty: a time is expected, as 2024-01-15T06:00".into()));
+                    }
+                    Cell::Number(number) => format!("{number}"),
+                    Cell::Text(text) => text.clone(),
+                };
+                let (at, is_utc) = time::parse(&text).ok_or_else(|| {
+                    fault(format!("is {}: a time is expected, as 2024-01-15T06:00", quoted(&text)))
+                })?;
+                time = Some(if is_utc { at } else { at - self.utc_offset });
+                continue;
+            }
+            let number = match cell {
+                Cell::Missing => continue,
+                Cell::Number(number) if number.is_finite() => *number,
+                Cell::Number(number) => return Err(fault(format!("is {number}: a number is expected"))),
+                Cell::Text(text) => return Err(fault(format!("is {}: a number is expected", quoted(text)))),
+            };
+            let value = column.value(number).map_err(fault)?;
+            match column.field {
+                Field::Year => date[0] = Some(value as i64),
+                Field::Month => date[1] = Some(value as i64),
+                Field::Day => date[2] = Some(value as i64),
+                Field::Hour => date[3] = Some((3600.0 * value) as i64),
+                Field::Temperature => row.temperature = Some(value),
+                Field::DewPoint => dew_point = Some(value),
+                Field::Humidity => row.humidity = Some(value.min(1.0)),
+                Field::Rain => rain = Some(value),
+                Field::Showers => showers = Some(value),
+                Field::Precipitation => all = Some(value),
+                Field::Snowfall => snowfall = Some(WATER * value),
+                Field::SnowDepth => row.snow_depth = Some(value),
+                Field::Visibility => row.visibility = Some(value),
+                Field::WindSpeed => row.wind_speed = Some(value),
+                Field::WindFrom => row.wind_from = Some(value),
+                Field::WindGust => row.wind_gust = Some(value),
+                Field::Clouds => row.cloud_cover = Some(value.min(1.0)),
+                Field::Code => row.code = Some(value.round() as u8),
+                Field::MeteostatCode => {
+                    row.code = METEOSTAT.get((value.round() as usize).wrapping_sub(1)).copied();
+                }
+                Field::Time | Field::Date => {}
+            }
+        }
+        if time.is_none()
+            && let [Some(year), Some(month), Some(day), _] = date
+        {
+            time = time::midnight(year, month, day).map(|midnight| midnight - self.utc_offset);
+        }
+        let time =
+            time.ok_or_else(|| (self.fault)(index, "time", "is missing or no day of the calendar".into()))?;
+        row.time = time + date[3].unwrap_or(0);
+        if let (None, Some(temperature), Some(dew_point)) = (row.humidity, row.temperature, dew_point) {
+            row.humidity = Some(humidity(temperature, dew_point));
+        }
+        let liquid = rain.or(showers).map(|_| rain.unwrap_or(0.0) + showers.unwrap_or(0.0));
+        (row.rain, row.snow) = match (liquid, snowfall, all) {
+            (Some(rain), Some(snow), _) => (rain, snow),
+            (Some(rain), None, Some(all)) => (rain, (all - rain).max(0.0)),
+            (Some(rain), None, None) => (rain, 0.0),
+            (None, Some(snow), Some(all)) => ((all - snow).max(0.0), snow),
+            (None, Some(snow), None) => (0.0, snow),
+            (None, None, Some(all)) => {
+                let share = snow_share(&row);
+                (all * (1.0 - share), all * share)
+            }
+            (None, None, None) => {
+                *missing += usize::from(has_amounts);
+                (0.0, 0.0)
+            }
+        };
+        Ok(row)
+    }
+}
+
+fn is_time(field: Field) -> bool {
+    matches!(field, Field::Time | Field::Date | Field::Year | Field::Month | Field::Day | Field::Hour)
+}
+
+/// The share of precipitation that is snow.
+fn snow_share(row: &WeatherRow) -> f64 {
+    let code =
+        row.code.and_then(|code| PresentWeather::of(code.into())).filter(|code| code.rain + code.snow > 0.0);
+    if let Some(code) = code {
+        return code.snow / (code.rain + code.snow);
+    }
+    row.temperature.map_or(0.0, |temperature| (1.0 - temperature / 2.0).clamp(0.0, 1.0))
+}

@@ -1,0 +1,585 @@
+//! Weather in plain words: `heavy rain, wind 40 km/h from the west, visibility 300 m, -2 C`.
+//!
+//! Commas, `and` and `with` part what is said. A word that is not known is an error with the nearest one: nothing is
+//! understood by guessing. Words for strength have rates of their own, which are marked as guesses.
+
+mod tokens;
+mod units;
+mod vocabulary;
+
+use crate::conditions::{Carrier, Conditions, Known, SnowRate, Sun};
+use crate::draft::{Basis, Draft};
+use crate::error::{ReportError, meant};
+use crate::report::{DecodedReport, WeatherReport};
+use tokens::{Token, clauses, fault};
+use units::{Quantity, unit};
+use vocabulary::{CALM_WORDS, Daytime, Falling, Meaning, WORDS, compass, meaning};
+
+/// Weather in words, in SI units and degrees Celsius. `None` is not told.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WordsReport {
+    /// Rain, mm/h.
+    pub rain: Option<f64>,
+    /// True if snow falls; its rate follows from the visibility if one is told.
+    pub snows: bool,
+    /// Hail, mm/h of water.
+    pub hail: Option<f64>,
+    /// Visibility, m.
+    pub visibility: Option<f64>,
+    /// Wind, m/s.
+    pub wind_speed: Option<f64>,
+    /// Direction that the wind comes from, degrees.
+    pub wind_from: Option<f64>,
+    /// Cloud cover, 0-1.
+    pub clouds: Option<f64>,
+    /// Temperature, degrees Celsius.
+    pub temperature: Option<f64>,
+    /// Depth of lying snow, m.
+    pub snow_depth: Option<f64>,
+}
+
+/// Rates of rain, showers and drizzle, mm/h, when light, moderate, heavy and violent.
+const RAIN: [f64; 4] = [1.0, 5.0, 20.0, 60.0];
+const SHOWERS: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
+const DRIZZLE: [f64; 4] = [0.1, 0.3, 0.8, 1.0];
+const HAIL: [f64; 4] = [5.0, 20.0, 60.0, 100.0];
+/// Ranges of snow, mm/h of water, and a usual rate of each.
+const SNOW: [([f64; 2], f64); 4] =
+    [([0.1, 1.0], 0.4), ([1.0, 2.5], 1.6), ([2.5, 8.0], 4.0), ([4.0, 10.0], 6.0)];
+/// Visibilities, m.
+const FOG: [f64; 4] = [800.0, 300.0, 100.0, 40.0];
+const MIST: [f64; 4] = [4000.0, 2000.0, 1200.0, 1000.0];
+const HAZE: [f64; 4] = [8000.0, 4000.0, 2000.0, 1500.0];
+const SMOKE: [f64; 4] = [4000.0, 1500.0, 800.0, 400.0];
+const DUST: [f64; 4] = [3000.0, 800.0, 250.0, 100.0];
+/// Winds, m/s.
+const WIND: [f64; 4] = [3.0, 7.0, 14.0, 25.0];
+/// Flashes a minute, and their distance, m.
+const FLASHES: [f64; 4] = [4.0, 6.0, 10.0, 15.0];
+const STORM: f64 = 3000.0;
+
+pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
+    let clauses = clauses(text);
+    if clauses.is_empty() {
+        let problem = "nothing is said: words as in \"heavy rain, wind 40 km/h from the west\" are expected";
+        return Err(ReportError::Whole { file: "words".into(), problem: problem.into() });
+    }
+    let mut reader = Reader::default();
+    for clause in &clauses {
+        reader.clause(clause)?;
+    }
+    let now = reader.finish();
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let mut draft = Draft::new(&line, &now.summary(), vec![format!("In words: {line}")]);
+    now.write(&mut draft);
+    let value = |known: &Option<Known>| known.as_ref().map(|known| known.value);
+    let report = WordsReport {
+        rain: value(&now.rain),
+        snows: now.snow.is_some(),
+        hail: value(&now.hail),
+        visibility: value(&now.visibility),
+        wind_speed: value(&now.wind.speed),
+        wind_from: value(&now.wind.from),
+        clouds: value(&now.clouds),
+        temperature: value(&now.temperature),
+        snow_depth: value(&now.snow_depth),
+    };
+    draft.finish(DecodedReport::Words(Box::new(report)))
+}
+
+#[derive(Default)]
+struct Reader {
+    now: Conditions,
+    gust: Option<f64>,
+    /// The visibility that a word such as fog has, where none is told.
+    usual_visibility: Option<Known>,
+}
+
+/// The subjects of a clause, found before its numbers are read.
+struct Subject {
+    sees: bool,
+    snow: bool,
+    rain: bool,
+    hail: bool,
+    air: bool,
+    clouds: bool,
+    humidity: bool,
+    /// Snow lies and does not fall.
+    lies: bool,
+}
+
+impl Subject {
+    fn of(clause: &[Token]) -> Self {
+        let has = |wanted: &dyn Fn(Meaning) -> bool| {
+            clause.iter().filter_map(|token| meaning(&token.text)).any(wanted)
+        };
+        let snow = has(&|word| matches!(word, Meaning::Falls(Falling::Snow | Falling::Flurries)));
+        let sees = has(&|word| word == Meaning::Visibility);
+        let has_depth = clause.windows(2).any(|pair| {
+            pair[0].number.is_some() && matches!(unit(&pair[1].text), Some((Quantity::Length, _)))
+        });
+        Self {
+            sees,
+            snow,
+            rain: has(&|word| {
+                matches!(word, Meaning::Falls(Falling::Rain | Falling::Showers | Falling::Drizzle))
+            }),
+            hail: has(&|word| matches!(word, Meaning::Falls(Falling::Hail))),
+            air: has(&|word| matches!(word, Meaning::Air(..))),
+            clouds: has(&|word| matches!(word, Meaning::Cloud(_))),
+            humidity: has(&|word| word == Meaning::Humidity),
+            lies: snow
+                && !sees
+                && (has_depth || has(&|word| matches!(word, Meaning::Lies | Meaning::Ground))),
+        }
+    }
+}
+
+impl Reader {
+    fn clause(&mut self, clause: &[Token]) -> Result<(), ReportError> {
+        let subject = Subject::of(clause);
+        let mut strength: Option<(usize, &Token)> = None;
+        let (mut is_freezing, mut is_shallow, mut is_gust, mut share, mut share_of) =
+            (false, false, false, None, None);
+        let mut index = 0;
+        while let Some(token) = clause.get(index) {
+            index += 1;
+            let next = clause.get(index);
+            if token.number.is_some() {
+                index += self.number(
+                    token,
+                    &clause[index..],
+                    clause.get(index.wrapping_sub(2)),
+                    &subject,
+                    is_gust,
+                )?;
+                continue;
+            }
+            let Some(word) = meaning(&token.text) else {
+                if let Some((from, words)) = direction(&clause[index - 1..]) {
+                    index += words.len() - 1;
+                    let known = Known::told(from, format!("from {}", words.join(" ")));
+                    set(&mut self.now.wind.from, known, token)?;
+                    continue;
+                }
+                return Err(unknown(token));
+            };
+            let taken = strength.map(|(strength, _)| strength);
+            match word {
+                Meaning::Filler | Meaning::Visibility | Meaning::Humidity | Meaning::Lies => {}
+                Meaning::Very => {
+                    let stronger = next.and_then(|next| meaning(&next.text));
+                    match stronger {
+                        Some(Meaning::Strength(level)) => {
+                            // Light is lighter and not stronger; there is no step below.
+                            strength = Some((if level == 0 { 0 } else { (level + 1).min(3) }, token));
+                            index += 1;
+                        }
+                        _ => strength = Some((2, token)),
+                    }
+                }
+                Meaning::Strength(level) => strength = Some((level, token)),
+                Meaning::Freezing => is_freezing = true,
+                Meaning::Ground => {
+                    is_shallow =
+                        next.is_some_and(|next| matches!(meaning(&next.text), Some(Meaning::Air(..))));
+                }
+                Meaning::Share(value) => (share, share_of) = (Some(value), Some(token)),
+                Meaning::No => {
+                    match next.and_then(|next| meaning(&next.text)) {
+                        Some(Meaning::Wind(_)) => {
+                            set(&mut self.now.wind.speed, Known::told(0.0, "no wind"), token)?;
+                        }
+                        Some(Meaning::Cloud(_)) => {
+                            self.now.clouds = Some(Known::told(0.0, "no clouds"));
+                        }
+                        Some(Meaning::Falls(_) | Meaning::Air(..) | Meaning::Thunder | Meaning::Gusts) => {}
+                        _ => {
+                            return Err(fault(
+                                token,
+                                "says that there is none of what: rain, wind, fog and the like are expected after it",
+                            ));
+                        }
+                    }
+                    index += 1;
+                }
+                Meaning::Falls(what) => {
+                    (strength, share) = (None, None);
+                    self.falls(what, taken, &token.text, &subject, clause);
+                }
+                Meaning::Air(carrier, usual) => {
+                    strength = None;
+                    self.air(carrier, usual, taken, &token.text, is_shallow);
+                }
+                Meaning::Thunder => {
+                    strength = None;
+                    let level = taken.unwrap_or(1);
+                    let flashes = Known::guess(FLASHES[level], format!("{}: flashes a minute", token.text));
+                    self.now.lightning = Some((flashes, STORM));
+                    if token.text == "thunderstorm" && self.now.rain.is_none() {
+                        self.now.rain = Some(Known::guess(SHOWERS[level], "thunderstorm: a shower of rain"));
+                    }
+                }
+                Meaning::Cloud(usual) => {
+                    strength = None;
+                    if self.now.clouds.is_none() || usual > 0.0 || share.is_some() {
+                        // Mostly clear is hardly cloudy.
+                        let of_words =
+                            share.take().map(|share| if usual > 0.0 { share } else { 1.0 - share });
+                        let cover = of_words.unwrap_or(usual);
+                        self.now.clouds = Some(Known::told(cover, format!("\"{}\"", token.text)));
+                    }
+                    if token.text == "sunny" && self.now.sun == Sun::Auto {
+                        self.now.sun = sun(Daytime::Day, &token.text);
+                    }
+                }
+                Meaning::Wind(usual) => {
+                    strength = None;
+                    let has_speed = clause.iter().any(|token| token.number.is_some());
+                    let is_plain = token.text.starts_with("wind") && token.text != "windy";
+                    if !has_speed && self.now.wind.speed.is_none() {
+                        let speed = taken
+                            .filter(|_| is_plain || token.text.starts_with("breez"))
+                            .map_or(usual, |level| WIND[level]);
+                        let basis = if CALM_WORDS.contains(&&token.text[..]) {
+                            Basis::told(token.text.clone())
+                        } else {
+                            Basis::guess(format!("\"{}\", m/s", token.text))
+                        };
+                        self.now.wind.speed = Some(Known { value: speed, basis });
+                    }
+                }
+                Meaning::Gusts => {
+                    strength = None;
+                    is_gust = true;
+                    if self.now.wind.gusts.is_none() {
+                        self.now.wind.gusts = Some(Known::guess(0.35, format!("\"{}\"", token.text)));
+                    }
+                }
+                Meaning::From | Meaning::To => {
+                    index += self.direction(word == Meaning::To, &clause[index..])?;
+                }
+                Meaning::Force => {}
+                Meaning::Time(time) => {
+                    if self.now.sun != Sun::Auto && token.text != "hour" && time != Daytime::Day {
+                        let is_day =
+                            matches!(&self.now.sun, Sun::At { basis, .. } if basis.text().contains("sunny"));
+                        if !is_day {
+                            return Err(fault(token, "is a second time of day: one is expected"));
+                        }
+                    }
+                    if !(time == Daytime::Day && self.now.sun != Sun::Auto) {
+                        self.now.sun = sun(time, &token.text);
+                    }
+                    // Golden and blue hour.
+                    if next.is_some_and(|next| next.text == "hour") {
+                        index += 1;
+                    }
+                }
+                Meaning::Wet => {
+                    strength = None;
+                    let (wet, puddles) =
+                        if token.text.starts_with("puddle") { (0.6, Some(0.6)) } else { (0.6, None) };
+                    self.now.wetness = Some(Known::guess(wet, format!("\"{}\"", token.text)));
+                    if let Some(puddles) = puddles {
+                        self.now.puddles = Some(Known::guess(puddles, format!("\"{}\"", token.text)));
+                    }
+                }
+                Meaning::Warmth(degrees) => {
+                    strength = None;
+                    // Very warm and very cold are ten degrees from there.
+                    let more = if taken.is_some_and(|level| level >= 2) {
+                        if degrees > 10.0 { 10.0 } else { -10.0 }
+                    } else {
+                        0.0
+                    };
+                    let degrees = degrees + more;
+                    if self.now.temperature.is_none() {
+                        self.now.temperature = Some(Known::guess(degrees, format!("\"{}\"", token.text)));
+                    }
+                }
+            }
+        }
+        if let Some((_, token)) = strength {
+            return Err(fault(
+                token,
+                "says how strong and not what: rain, snow, fog, wind and the like are expected after it",
+            ));
+        }
+        if let (Some(_), Some(token)) = (share, share_of) {
+            return Err(fault(token, "says how much and not of what: cloudy or clear is expected after it"));
+        }
+        if is_freezing && self.now.temperature.is_none() {
+            self.now.temperature = Some(Known::guess(-2.0, "\"freezing\""));
+        }
+        Ok(())
+    }
+
+    fn falls(
+        &mut self,
+        what: Falling,
+        strength: Option<usize>,
+        word: &str,
+        subject: &Subject,
+        clause: &[Token],
+    ) {
+        let level = strength.unwrap_or(1);
+        let has_rate = clause
+            .windows(2)
+            .any(|pair| pair[0].number.is_some() && matches!(unit(&pair[1].text), Some((Quantity::Rate, _))));
+        let why = match strength {
+            Some(level) => format!("\"{} {word}\"", ["light", "moderate", "heavy", "violent"][level]),
+            None => format!("\"{word}\""),
+        };
+        let now = &mut self.now;
+        let mut snow = |level: usize| {
+            let (range, usual) = SNOW[level];
+            if now.snow.is_none() {
+                now.snow = Some(SnowRate::ByVisibility { range, usual, text: why.clone() });
+            }
+        };
+        let rate = |rate: f64| Some(Known::guess(rate, format!("{why}, mm/h")));
+        match what {
+            Falling::Snow if subject.lies => {
+                if now.snow_depth.is_none() {
+                    now.snow_depth = Some(Known::guess(0.1, format!("\"{word}\" that lies")));
+                }
+            }
+            Falling::Snow if !has_rate => snow(level),
+            Falling::Flurries => snow(strength.unwrap_or(0)),
+            Falling::Blizzard => {
+                snow(strength.unwrap_or(2));
+                if now.wind.speed.is_none() {
+                    now.wind.speed = Some(Known::guess(14.0, format!("\"{word}\"")));
+                }
+                if self.usual_visibility.is_none() {
+                    self.usual_visibility = Some(Known::guess(200.0, format!("\"{word}\"")));
+                }
+            }
+            Falling::Sleet => {
+                snow(level.min(1).saturating_sub(usize::from(strength.is_none())));
+                now.rain = rate(0.5 * RAIN[level]);
+                if now.temperature.is_none() {
+                    now.temperature = Some(Known::guess(1.0, format!("\"{word}\"")));
+                }
+            }
+            Falling::Rain if !has_rate => now.rain = rate(RAIN[level]),
+            Falling::Showers if subject.snow => {}
+            Falling::Showers if !has_rate => now.rain = rate(SHOWERS[level]),
+            Falling::Cloudburst => now.rain = rate(SHOWERS[strength.unwrap_or(2)]),
+            Falling::Drizzle if !has_rate => now.rain = rate(DRIZZLE[level]),
+            Falling::Hail if !has_rate => now.hail = rate(HAIL[level]),
+            Falling::Snow | Falling::Rain | Falling::Showers | Falling::Drizzle | Falling::Hail => {}
+        }
+    }
+
+    fn air(
+        &mut self,
+        carrier: Carrier,
+        usual: &[f64; 4],
+        strength: Option<usize>,
+        word: &str,
+        is_shallow: bool,
+    ) {
+        if is_shallow {
+            self.now.shallow_fog = Some(Basis::told(format!("ground {word}")));
+            return;
+        }
+        self.now.carrier = Some((carrier, Basis::told(format!("\"{word}\""))));
+        if self.usual_visibility.is_none() {
+            let why = match strength {
+                Some(level) => format!("\"{} {word}\"", ["light", "moderate", "dense", "very dense"][level]),
+                None => format!("\"{word}\""),
+            };
+            self.usual_visibility = Some(Known::guess(usual[strength.unwrap_or(1)], why));
+        }
+        if word.ends_with("storm") && self.now.wind.speed.is_none() {
+            self.now.wind.speed = Some(Known::guess(16.0, format!("\"{word}\"")));
+        }
+    }
+
+    /// A direction after `from` or `to`; returns how many tokens it took.
+    fn direction(&mut self, is_to: bool, rest: &[Token]) -> Result<usize, ReportError> {
+        let skipped = rest.iter().take_while(|token| meaning(&token.text) == Some(Meaning::Filler)).count();
+        let Some(token) = rest.get(skipped) else { return Ok(skipped) };
+        let turned = |degrees: f64| if is_to { (degrees + 180.0).rem_euclid(360.0) } else { degrees };
+        let word = if is_to { "to" } else { "from" };
+        if let Some(degrees) = token.number {
+            let unit = rest.get(skipped + 1).map(|unit| &unit.text[..]);
+            // Another number: gusts to 60 km/h.
+            if !matches!(unit, Some("degrees" | "degree" | "deg" | "\u{b0}")) {
+                return Ok(skipped);
+            }
+            if !(0.0..=360.0).contains(&degrees) {
+                return Err(fault(token, "is no direction: 0 to 360 degrees are expected"));
+            }
+            set(
+                &mut self.now.wind.from,
+                Known::told(turned(degrees), format!("{word} {degrees} degrees")),
+                token,
+            )?;
+            return Ok(skipped + 2);
+        }
+        let Some((degrees, words)) = direction(&rest[skipped..]) else { return Ok(skipped) };
+        let known = Known::told(turned(degrees), format!("{word} {}", words.join(" ")));
+        set(&mut self.now.wind.from, known, token)?;
+        Ok(skipped + words.len())
+    }
+
+    /// A number with its unit; returns how many tokens the unit took.
+    fn number(
+        &mut self,
+        token: &Token,
+        rest: &[Token],
+        before: Option<&Token>,
+        subject: &Subject,
+        is_gust: bool,
+    ) -> Result<usize, ReportError> {
+        let value = token.number.unwrap_or(f64::NAN);
+        let words =
+            |count: usize| rest.iter().take(count).map(|token| &token.text[..]).collect::<Vec<_>>().join(" ");
+        // "Force 6", and units of two or three words first: "degrees C", "km per hour".
+        let is_force = before.is_some_and(|before| meaning(&before.text) == Some(Meaning::Force));
+        let found = if is_force {
+            unit("bft").map(|unit| (unit, 0))
+        } else {
+            [3, 2, 1]
+                .into_iter()
+                .filter(|count| rest.len() >= *count)
+                .find_map(|count| Some((unit(&words(count))?, count)))
+        };
+        let Some(((quantity, scale), count)) = found else {
+            let near =
+                rest.first().map_or_else(String::new, |next| meant(&next.text, units::NAMES.iter().copied()));
+            return Err(fault(
+                token,
+                format!(
+                    "has no unit after it{near}: km/h, m/s, mph, kt, Bft, m, km, mi, ft, cm, C, F, mm/h or % is expected"
+                ),
+            ));
+        };
+        let si = scale(value);
+        let unit: Vec<&str> = rest.iter().take(count).map(|token| &token.raw[..]).collect();
+        let text = format!("{} {}", token.raw, unit.join(" "));
+        let within = |[least, most]: [f64; 2], what: &str| {
+            if (least..=most).contains(&si) {
+                Ok(())
+            } else {
+                Err(fault(token, format!("is no {what}: {least} to {most} are expected")))
+            }
+        };
+        let now = &mut self.now;
+        match quantity {
+            Quantity::Speed => {
+                within([0.0, 120.0], "speed of the wind in m/s")?;
+                if is_gust {
+                    self.gust = Some(si);
+                } else {
+                    let is_usual = matches!(&now.wind.speed, Some(Known { basis: Basis::Guess(_), .. }));
+                    if is_usual {
+                        now.wind.speed = None;
+                    }
+                    set(&mut now.wind.speed, Known::told(si, text), token)?;
+                }
+            }
+            Quantity::Length if subject.sees || (subject.air && !subject.lies) => {
+                within([1.0, 1e6], "visibility in m")?;
+                set(&mut now.visibility, Known::told(si, text), token)?;
+            }
+            Quantity::Length if subject.snow => {
+                within([0.0, 50.0], "depth of snow in m")?;
+                now.snow_depth = Some(Known::told(si, text));
+            }
+            Quantity::Length => {
+                return Err(fault(token, "is a length of what: write visibility, fog or snow beside it"));
+            }
+            Quantity::Rate => {
+                within([0.0, 2000.0], "rate in mm/h")?;
+                let known = Known::told(si, text);
+                if subject.snow {
+                    now.snow = Some(SnowRate::Told(known));
+                } else if subject.hail {
+                    now.hail = Some(known);
+                } else if subject.rain {
+                    now.rain = Some(known);
+                } else {
+                    return Err(fault(token, "is a rate of what: write rain, snow or hail beside it"));
+                }
+            }
+            Quantity::Temperature => {
+                within([-90.0, 60.0], "temperature of the air in degrees Celsius")?;
+                if matches!(&now.temperature, Some(Known { basis: Basis::Guess(_), .. })) {
+                    now.temperature = None;
+                }
+                set(&mut now.temperature, Known::told(si, text), token)?;
+            }
+            Quantity::Percent => {
+                within([0.0, 1.0], "share, of which there are 100 %")?;
+                if subject.humidity {
+                    now.humidity = Some(Known::told(si, text));
+                } else if subject.clouds {
+                    now.clouds = Some(Known::told(si, text));
+                } else {
+                    return Err(fault(token, "is a share of what: write humidity or clouds beside it"));
+                }
+            }
+        }
+        Ok(count)
+    }
+
+    fn finish(mut self) -> Conditions {
+        if let (Some(gust), Some(speed)) = (self.gust, &self.now.wind.speed) {
+            let share = if speed.value > 0.0 { (gust / speed.value - 1.0) / 3.0 } else { 1.0 };
+            let why = format!("gusts of {gust:.1} m/s are taken for three standard deviations");
+            self.now.wind.gusts = Some(Known::told(share.clamp(0.0, 1.0), why));
+        } else if let Some(gust) = self.gust {
+            self.now.wind.speed =
+                Some(Known::guess(gust / 1.6, format!("gusts of {gust:.1} m/s and no mean")));
+        }
+        if self.now.visibility.is_none() {
+            self.now.visibility = self.usual_visibility.take();
+        }
+        self.now
+    }
+}
+
+/// A direction at the beginning of some tokens, degrees, and its words: `north`, `north east`.
+fn direction(tokens: &[Token]) -> Option<(f64, Vec<&str>)> {
+    if let [first, second, ..] = tokens
+        && let Some(degrees) = compass(&format!("{}{}", first.text, second.text))
+    {
+        return Some((degrees, vec![&first.raw, &second.raw]));
+    }
+    let first = tokens.first()?;
+    Some((compass(&first.text)?, vec![&first.raw]))
+}
+
+/// Sets what may be told once; a guess gives way.
+fn set(place: &mut Option<Known>, known: Known, token: &Token) -> Result<(), ReportError> {
+    if matches!(place, Some(Known { basis: Basis::Told(_), .. })) {
+        return Err(fault(token, "is told a second time: one value is expected"));
+    }
+    *place = Some(known);
+    Ok(())
+}
+
+fn sun(time: Daytime, word: &str) -> Sun {
+    let basis = Basis::guess(format!("\"{word}\""));
+    match time.sun() {
+        None => Sun::Night(Basis::told(format!("\"{word}\""))),
+        Some((elevation, azimuth, turbidity)) => Sun::At { elevation, azimuth, turbidity, basis },
+    }
+}
+
+fn unknown(token: &Token) -> ReportError {
+    let known = WORDS.iter().flat_map(|(words, _)| words.iter().copied());
+    let known = known.chain(vocabulary::COMPASS.iter().copied()).chain(units::NAMES.iter().copied());
+    let near = meant(&token.text, known);
+    fault(
+        token,
+        format!("is no word for weather that is known here{near}; see docs/guide/weather-reports.md"),
+    )
+}
+
+#[cfg(test)]
+mod tests;
