@@ -8,6 +8,7 @@
 
 mod error;
 pub mod layouts;
+pub mod logs;
 mod pose;
 mod set;
 #[cfg(any(test, feature = "testing"))]
@@ -15,6 +16,7 @@ pub mod testing;
 
 pub use error::DatasetError;
 pub use layouts::{BlockWriter, FileSink, LAYOUTS, LayerNeeds, Layout, find_layout};
+pub use logs::{DrivingLog, LOG_FORMATS, LogCaptureOptions, LogCaptureSummary, LogOptions};
 pub use pose::RigidPose;
 pub use set::{
     BlockInfo, CameraInfo, ClipInfo, ClipRecord, Condition, DatasetDetection, DatasetPoint, PictureReading,
