@@ -12,7 +12,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let Some(log) = DrivingLog::open(log.as_ref(), &options)? else {
         return Err(format!("{log}: no driving log of a known format").into());
     };
-    let written = log.write_capture(folder.as_ref(), &LogCaptureOptions::default(), &mut |_| ControlFlow::Continue(()))?;
+    let written = log
+        .write_capture(folder.as_ref(), &LogCaptureOptions::default(), &mut |_| ControlFlow::Continue(()))?;
     println!("{written:#?}");
     Ok(())
 }

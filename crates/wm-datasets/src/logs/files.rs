@@ -103,22 +103,7 @@ pub fn all_numbers(path: &Path) -> Result<Vec<f64>, FormatError> {
 /// # Errors
 /// What is wrong with it, in words.
 pub fn pose_of_rows(numbers: &[f64]) -> Result<RigidPose, String> {
-    let [
-        a,
-        b,
-        c,
-        x,
-        d,
-        e,
-        f,
-        y,
-        g,
-        h,
-        i,
-        z,
-        rest @ ..,
-    ] = numbers
-    else {
+    let [a, b, c, x, d, e, f, y, g, h, i, z, rest @ ..] = numbers else {
         return Err(format!("a pose has 12 or 16 numbers, not {}", numbers.len()));
     };
     if !(rest.is_empty() || rest.len() == 4) {
@@ -291,7 +276,7 @@ mod tests {
             done.map(|()| all).map_err(|e| e.to_string().replace(&path.display().to_string(), "F"))
         };
         assert_eq!(say("[1, 2,\n3]"), Ok(vec![1, 2, 3]));
-        assert_eq!(say("[1,\n9, 2]"), Err("F, line 2, column 1: nine; copy the file again".into()));
+        assert_eq!(say("[1,\n9]"), Err("F, line 2, column 2: nine; copy the file again".into()));
         for bad in ["", "[", "[1", "[1]x", "{}", "[300]"] {
             assert!(say(bad).unwrap_err().ends_with("; copy the file again"), "{bad}");
         }
@@ -318,7 +303,8 @@ mod tests {
         for name in ["10.bin", "9.bin", "a.bin", "8.txt"] {
             fs::write(folder.path().join(name), "").unwrap();
         }
-        let names: Vec<String> = files_in(folder.path(), &["bin"]).unwrap().into_iter().map(|f| f.0).collect();
+        let names: Vec<String> =
+            files_in(folder.path(), &["bin"]).unwrap().into_iter().map(|f| f.0).collect();
         assert_eq!(names, ["a", "9", "10"]);
         assert!(files_in(&folder.path().join("no"), &[]).is_err());
     }

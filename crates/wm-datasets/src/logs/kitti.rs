@@ -44,7 +44,10 @@ impl KittiCalibration {
     /// The numbers of a key.
     pub(super) fn get<const N: usize>(&self, key: &str) -> Result<[f64; N], FormatError> {
         let Some((line, values)) = self.values.get(key) else {
-            return Err(fault(&self.path, format!("it has no line \"{key}:\"; unpack the calibration again")));
+            return Err(fault(
+                &self.path,
+                format!("it has no line \"{key}:\"; unpack the calibration again"),
+            ));
         };
         values.as_slice().try_into().map_err(|_| {
             let count = values.len();
@@ -66,7 +69,12 @@ impl KittiCalibration {
     }
 
     /// The camera of a projection matrix, and its axes in those of the rectified first camera.
-    pub(super) fn camera(&self, key: &str, name: &str, size: (u32, u32)) -> Result<(LogCamera, RigidPose), FormatError> {
+    pub(super) fn camera(
+        &self,
+        key: &str,
+        name: &str,
+        size: (u32, u32),
+    ) -> Result<(LogCamera, RigidPose), FormatError> {
         let [fx, skew, cx, tx, zero, fy, cy, ty, .., one, tz] = self.get::<12>(key)?;
         let is_pinhole = fx > 0.0 && fy > 0.0 && skew == 0.0 && zero == 0.0 && (one - 1.0).abs() < 1e-6;
         if !is_pinhole {

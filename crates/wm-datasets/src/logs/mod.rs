@@ -6,10 +6,12 @@
 
 mod capture;
 mod files;
+#[cfg(any(test, feature = "testing"))]
+pub mod mini;
 mod sweep;
-mod track;
 #[cfg(test)]
 mod tests;
+mod track;
 
 use crate::{DatasetError, RigidPose};
 use glam::{DVec3, dvec3};
@@ -193,7 +195,8 @@ impl DrivingLog {
             self.warnings.push("it has no lidar sweeps: no points and no depth".into());
         }
         if self.tracks.is_empty() && self.pictures.iter().all(|picture| picture.masks.movers.is_none()) {
-            self.warnings.push("it has no boxes: what moves stays in the points, and no photo gets a mask".into());
+            self.warnings
+                .push("it has no boxes: what moves stays in the points, and no photo gets a mask".into());
         }
         for camera in &self.cameras {
             let fault = |what: String| files::fault(&self.source, format!("camera {}: {what}", camera.name));
@@ -221,7 +224,8 @@ impl DrivingLog {
             });
             if options.stride == 0 {
                 let kept = self.pictures.len();
-                self.warnings.push(format!("{kept} of {all} pictures are taken, one in {stride} of each camera"));
+                self.warnings
+                    .push(format!("{kept} of {all} pictures are taken, one in {stride} of each camera"));
             }
         }
     }
@@ -268,7 +272,10 @@ fn check_cameras(source: &Path, options: &LogOptions, names: &[&str]) -> Result<
     match options.cameras.iter().find(|asked| !names.contains(&asked.as_str())) {
         Some(unknown) => {
             let known = names.join(", ");
-            Err(files::fault(source, format!("there is no camera \"{}\"; its cameras are {known}", files::excerpt(unknown))))
+            Err(files::fault(
+                source,
+                format!("there is no camera \"{}\"; its cameras are {known}", files::excerpt(unknown)),
+            ))
         }
         None => Ok(()),
     }

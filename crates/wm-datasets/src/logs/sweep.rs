@@ -113,7 +113,9 @@ impl LogSweep {
                     let length = bytes.len();
                     return Err(fault(
                         &self.file,
-                        format!("{length} bytes are no whole number of points of {size} bytes; copy the file again"),
+                        format!(
+                            "{length} bytes are no whole number of points of {size} bytes; copy the file again"
+                        ),
                     ));
                 }
                 let record = |record: &[u8]| {

@@ -110,7 +110,16 @@ impl LogBox {
 /// Returns true for kinds that move even when they stand.
 fn is_living(category: &str) -> bool {
     const KINDS: [&str; 11] = [
-        "human", "pedestrian", "person", "people", "cyclist", "motorcyclist", "rider", "animal", "dog", "stroller",
+        "human",
+        "pedestrian",
+        "person",
+        "people",
+        "cyclist",
+        "motorcyclist",
+        "rider",
+        "animal",
+        "dog",
+        "stroller",
         "signaler",
     ];
     let category = category.to_ascii_lowercase();
@@ -120,7 +129,9 @@ fn is_living(category: &str) -> bool {
 fn has_moved(boxes: &[LogBox]) -> bool {
     let mut later = 0;
     boxes.iter().any(|first| {
-        while boxes.get(later).is_some_and(|box_| first.timestamp.abs_diff(box_.timestamp) < BASELINE || box_.timestamp < first.timestamp) {
+        while boxes.get(later).is_some_and(|box_| {
+            first.timestamp.abs_diff(box_.timestamp) < BASELINE || box_.timestamp < first.timestamp
+        }) {
             later += 1;
         }
         boxes.get(later).is_some_and(|second| {

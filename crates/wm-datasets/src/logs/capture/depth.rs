@@ -1,8 +1,8 @@
 //! Depth of a picture from the points of a sweep, without what is hidden from the camera.
 //!
 //! The lidar stands higher than the cameras, and beside them: it sees over and past things. Such a point falls into the picture of what
-//! hides it, at or below its upper edge, or beside its side edges. A point is hidden if a nearer one lies at its height in the picture or a
-//! little above it, closer than a beam's distance. Nearer points below it are the ground before it.
+//! hides it, below its upper edge, or beside its side edges. A point is hidden if a nearer one lies a little above it in the picture, closer
+//! than the distance of two beams. Nearer points below it, and in its row, are the ground before it.
 
 use crate::logs::LogPoint;
 use wm_scene::Camera;
@@ -41,8 +41,14 @@ impl LidarView {
     /// The points in the picture of a camera, which has the size of the map.
     pub(super) fn new(camera: &Camera, points: &[LogPoint]) -> Self {
         let pixels = camera.width as usize * camera.height as usize;
-        let mut view = Self { camera: *camera, nearest: vec![f32::INFINITY; pixels], points: Vec::new(), window: (0, 0) };
-        view.window = ((BESIDE * camera.fx).ceil().min(64.0) as i64, (ABOVE * camera.fy).ceil().min(64.0) as i64);
+        let mut view = Self {
+            camera: *camera,
+            nearest: vec![f32::INFINITY; pixels],
+            points: Vec::new(),
+            window: (0, 0),
+        };
+        view.window =
+            ((BESIDE * camera.fx).ceil().min(64.0) as i64, (ABOVE * camera.fy).ceil().min(64.0) as i64);
         for point in points {
             let Some((x, y, z)) = camera.project(point.position) else { continue };
             if z < NEAREST || !view.has(x, y) {
@@ -70,7 +76,7 @@ impl LidarView {
         let limit = (SHARE * z - STEP) as f32;
         let (column, row) = (x as i64, y as i64);
         let (width, height) = (i64::from(self.camera.width), i64::from(self.camera.height));
-        let rows = (row - self.window.1).max(0)..=row.min(height - 1);
+        let rows = (row - self.window.1).max(0)..row.min(height);
         let columns = (column - self.window.0).max(0)..=(column + self.window.0).min(width - 1);
         rows.into_iter().any(|row| {
             let start = (row * width) as usize;
@@ -129,13 +135,14 @@ mod tests {
             ..Camera::looking((100, 80), 60.0, DVec3::ZERO, DVec3::Y, DVec3::Z).unwrap()
         };
         // A sign 10 m away, a wall 40 m away that the lidar sees over its top, and beside it.
-        let sign: Vec<LogPoint> = (0..10).map(|k| point(0.1 * f64::from(k), 10.0, 0.0)).collect();
+        let sign: Vec<LogPoint> =
+            (0..40).map(|k| point(0.1 * f64::from(k % 10), 10.0, 0.1 * f64::from(k / 10))).collect();
         let hidden = point(1.2, 40.0, -0.2);
         let free = point(-12.0, 40.0, 0.0);
         let view = LidarView::new(&camera, &[&sign[..], &[hidden, free]].concat());
         let map = view.depth().unwrap();
         let at = |x: usize, y: usize| map[y * 100 + x];
-        assert_eq!((at(53, 40), at(20, 40), at(80, 10)), (10.0, 40.0, 0.0));
+        assert_eq!((at(53, 38), at(20, 40), at(80, 10)), (10.0, 40.0, 0.0));
         assert!(!map.iter().enumerate().any(|(pixel, z)| *z == 40.0 && pixel % 100 > 40));
         // The ground before a wall does not hide it, nor itself.
         let ground: Vec<LogPoint> = (5..60).map(|k| point(0.0, f64::from(k), -1.7)).collect();

@@ -28,10 +28,19 @@ pub(super) struct MaskLens {
 impl MaskLens {
     pub(super) fn new(camera: &LogCamera) -> Self {
         let (width, height) = (f64::from(camera.size.0), f64::from(camera.size.1));
-        let plane = |x: f64, y: f64| dvec2((x - camera.center[0]) / camera.focal[0], (y - camera.center[1]) / camera.focal[1]);
+        let plane = |x: f64, y: f64| {
+            dvec2((x - camera.center[0]) / camera.focal[0], (y - camera.center[1]) / camera.focal[1])
+        };
         let edge = (0..=32).map(|step| f64::from(step) / 32.0);
         let border: Vec<DVec2> = edge
-            .flat_map(|s| [plane(s * width, 0.0), plane(s * width, height), plane(0.0, s * height), plane(width, s * height)])
+            .flat_map(|s| {
+                [
+                    plane(s * width, 0.0),
+                    plane(s * width, height),
+                    plane(0.0, s * height),
+                    plane(width, s * height),
+                ]
+            })
             .collect();
         let ideal: Option<Vec<DVec2>> =
             border.iter().map(|p| camera.distortion.undistort(p.x, p.y).map(|(x, y)| dvec2(x, y))).collect();
@@ -84,7 +93,11 @@ impl MaskLens {
         let mut outline = Vec::new();
         for (index, from) in hull.iter().enumerate() {
             let to = hull[(index + 1) % hull.len()];
-            let parts = if self.distortion == Distortion::None { 1.0 } else { (from.distance(to) / step).ceil().clamp(1.0, 2.0 * PARTS) };
+            let parts = if self.distortion == Distortion::None {
+                1.0
+            } else {
+                (from.distance(to) / step).ceil().clamp(1.0, 2.0 * PARTS)
+            };
             for part in 0..parts as u32 {
                 let p = from.lerp(to, f64::from(part) / parts);
                 let (x, y) = self.distortion.distort(p.x, p.y);
@@ -214,7 +227,13 @@ mod tests {
     use glam::DQuat;
 
     fn camera(distortion: Distortion) -> LogCamera {
-        LogCamera { name: "a".into(), size: (120, 90), focal: [100.0, 100.0], center: [60.0, 45.0], distortion }
+        LogCamera {
+            name: "a".into(),
+            size: (120, 90),
+            focal: [100.0, 100.0],
+            center: [60.0, 45.0],
+            distortion,
+        }
     }
 
     /// The mask, and whether the ray through each pixel's middle meets the box.

@@ -46,7 +46,14 @@ pub struct LogCaptureOptions {
 
 impl Default for LogCaptureOptions {
     fn default() -> Self {
-        Self { voxel: 0.07, more: 0.15, nearest: 2.5, farthest: 100.0, most_points: 3_000_000, depth_pixels: 300_000 }
+        Self {
+            voxel: 0.07,
+            more: 0.15,
+            nearest: 2.5,
+            farthest: 100.0,
+            most_points: 3_000_000,
+            depth_pixels: 300_000,
+        }
     }
 }
 
@@ -161,7 +168,18 @@ impl DrivingLog {
             warnings.push("the sweeps cover more than 40 million voxels; later ones add no points".into());
         }
         let mut points = cloud.points(options.most_points);
-        let mut frames = Frames { log: self, folder, options, frames: Vec::new(), warnings: Vec::new(), sweep: None, lenses: Vec::new(), depth_maps: 0, masks: 0, sky_masks: 0 };
+        let mut frames = Frames {
+            log: self,
+            folder,
+            options,
+            frames: Vec::new(),
+            warnings: Vec::new(),
+            sweep: None,
+            lenses: Vec::new(),
+            depth_maps: 0,
+            masks: 0,
+            sky_masks: 0,
+        };
         // In the order of time, so that each sweep is read once.
         let mut order: Vec<usize> = (0..self.pictures.len()).collect();
         order.sort_by_key(|index| (self.pictures[*index].timestamp, *index));
@@ -188,7 +206,9 @@ impl DrivingLog {
         // Without photos nothing is seen, and all is kept, grey.
         let unseen_points = if bad.len() == self.pictures.len() { 0 } else { points.drop_unseen() };
         if all > 0 && all == unseen_points {
-            warnings.push("no photo shows a point of the lidar: its poses or its calibration are wrong, perhaps".into());
+            warnings.push(
+                "no photo shows a point of the lidar: its poses or its calibration are wrong, perhaps".into(),
+            );
         }
         let summary = LogCaptureSummary {
             folder: folder.into(),
@@ -214,7 +234,10 @@ impl DrivingLog {
         write::json(&folder.join("log.json"), &summary)?;
         // Last: without it the folder is no capture.
         frames.frames.sort_by_key(|(index, _)| *index);
-        write::transforms(&folder.join("transforms.json"), frames.frames.into_iter().map(|(_, frame)| frame).collect())?;
+        write::transforms(
+            &folder.join("transforms.json"),
+            frames.frames.into_iter().map(|(_, frame)| frame).collect(),
+        )?;
         Ok(Some(summary))
     }
 
@@ -232,7 +255,9 @@ impl DrivingLog {
             up_source: Some(source.clone()),
             north: self.is_north_known.then_some(DVec3::Y),
             north_source: self.is_north_known.then_some(source),
-            location: self.location.filter(|[latitude, longitude]| latitude.abs() <= 90.0 && longitude.abs() <= 180.0),
+            location: self
+                .location
+                .filter(|[latitude, longitude]| latitude.abs() <= 90.0 && longitude.abs() <= 180.0),
             captured,
             captured_span: (captured.is_some() && span >= 60.0).then_some(span),
             ..Metadata::default()
@@ -291,7 +316,8 @@ impl Frames<'_> {
         }
         let mut mask_path = None;
         if let Some(mask) = &mask {
-            let camera: String = camera.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+            let camera: String =
+                camera.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
             let path = format!("{MASKS}/{camera}_{index:06}.png");
             make(&self.folder.join(MASKS))?;
             write::grey(&self.folder.join(&path), mask, camera_size(&photo))?;
@@ -318,7 +344,8 @@ impl Frames<'_> {
                     self.depth_maps += 1;
                 }
                 if let Some(file) = &picture.masks.sky {
-                    let sky = masks::pinhole_sky(file, &photo, camera.distortion, &ideal.resized(size.0, size.1))?;
+                    let sky =
+                        masks::pinhole_sky(file, &photo, camera.distortion, &ideal.resized(size.0, size.1))?;
                     let path = map_path(&self.folder.join(SKY), &name, "png");
                     make(path.parent().unwrap_or(self.folder))?;
                     write::grey(&path, &sky, size)?;
@@ -350,7 +377,9 @@ fn camera_size(camera: &wm_scene::Camera) -> (u32, u32) {
 fn photo_name(file: &Path) -> Result<String, FormatError> {
     let whole = std::path::absolute(file).map_err(|e| FormatError::reading(file, e))?;
     let name = whole.to_str().map(str::to_owned);
-    name.ok_or_else(|| super::files::fault(file, "its path is not text in UTF-8, which JSON cannot hold; rename it"))
+    name.ok_or_else(|| {
+        super::files::fault(file, "its path is not text in UTF-8, which JSON cannot hold; rename it")
+    })
 }
 
 /// The file of a map of a photo, as maps of photos are looked for.

@@ -28,7 +28,10 @@ impl Rgb {
         let decoded = if bytes.starts_with(b"\x89PNG") { png(&bytes) } else { jpeg(&bytes) };
         let (width, height, channels, bytes) = decoded.map_err(|what| fault(path, what))?;
         if (width, height) != size {
-            return Err(fault(path, format!("{width}x{height} px, and {}x{} in the calibration", size.0, size.1)));
+            return Err(fault(
+                path,
+                format!("{width}x{height} px, and {}x{} in the calibration", size.0, size.1),
+            ));
         }
         let bytes = match channels {
             3 => bytes,
@@ -40,7 +43,8 @@ impl Rgb {
 
     /// The index of the pixel at these px.
     pub(super) fn pixel(&self, x: f64, y: f64) -> Option<usize> {
-        let is_within = (0.0..f64::from(self.width)).contains(&x) && (0.0..f64::from(self.height)).contains(&y);
+        let is_within =
+            (0.0..f64::from(self.width)).contains(&x) && (0.0..f64::from(self.height)).contains(&y);
         is_within.then(|| y as usize * self.width as usize + x as usize)
     }
 

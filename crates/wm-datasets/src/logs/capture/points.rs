@@ -22,13 +22,19 @@ pub(super) struct CleanSweep {
 }
 
 impl CleanSweep {
-    pub(super) fn read(log: &DrivingLog, sweep: &LogSweep, options: &LogCaptureOptions) -> Result<Self, FormatError> {
+    pub(super) fn read(
+        log: &DrivingLog,
+        sweep: &LogSweep,
+        options: &LogCaptureOptions,
+    ) -> Result<Self, FormatError> {
         let mut points = sweep.points()?;
         let boxes = log.movers_at(sweep.timestamp);
         // Within a sweep boxes move less than by what they are enlarged.
         let reach: Vec<(DVec3, f64)> = boxes
             .iter()
-            .map(|own| (own.world_from_box.translation, (0.5 * (1.0 + options.more) * own.size.length()).powi(2)))
+            .map(|own| {
+                (own.world_from_box.translation, (0.5 * (1.0 + options.more) * own.size.length()).powi(2))
+            })
             .collect();
         points.retain(|point| {
             let is_in = |(own, (middle, reach)): (&crate::logs::LogBox, &(DVec3, f64))| {
@@ -96,8 +102,13 @@ impl VoxelCloud {
         let place = |(key, sum, count): &([i32; 3], [f32; 3], u32)| {
             middle(*key) * self.side + DVec3::from(sum.map(f64::from)) / f64::from(*count)
         };
-        let positions: Vec<DVec3> =
-            self.sums.iter().enumerate().filter(|(index, _)| kept(*index)).map(|(_, voxel)| place(voxel)).collect();
+        let positions: Vec<DVec3> = self
+            .sums
+            .iter()
+            .enumerate()
+            .filter(|(index, _)| kept(*index))
+            .map(|(_, voxel)| place(voxel))
+            .collect();
         ColoredPoints::new(positions)
     }
 }
@@ -192,7 +203,12 @@ mod tests {
 
     #[test]
     fn a_voxel_keeps_the_mean() {
-        let at = |x: f64| LogPoint { position: DVec3::new(x, 1.0, -1.0), range: 5.0, intensity: 0.5, timestamp: 0 };
+        let at = |x: f64| LogPoint {
+            position: DVec3::new(x, 1.0, -1.0),
+            range: 5.0,
+            intensity: 0.5,
+            timestamp: 0,
+        };
         let points = vec![at(0.01), at(0.03), at(0.08), at(-0.01), LogPoint { range: 200.0, ..at(7.0) }];
         let mut cloud = VoxelCloud::new(0.07);
         cloud.add(&CleanSweep { points }, 100.0);
@@ -205,7 +221,12 @@ mod tests {
     #[test]
     fn too_many_points_are_thinned_evenly() {
         let points = (0..1000)
-            .map(|k| LogPoint { position: DVec3::new(f64::from(k), 0.0, 0.0), range: 5.0, intensity: 0.5, timestamp: 0 })
+            .map(|k| LogPoint {
+                position: DVec3::new(f64::from(k), 0.0, 0.0),
+                range: 5.0,
+                intensity: 0.5,
+                timestamp: 0,
+            })
             .collect();
         let mut cloud = VoxelCloud::new(0.07);
         cloud.add(&CleanSweep { points }, 100.0);
