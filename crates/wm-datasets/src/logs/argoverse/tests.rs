@@ -70,6 +70,7 @@ fn a_real_sweep_is_read() {
     ranges.sort_by(f64::total_cmp);
     let at = |share: f64| (10.0 * ranges[(share * (ranges.len() - 1) as f64) as usize]).round() / 10.0;
     assert_eq!((ranges.len(), lasers.len()), (99_229, 64));
-    assert_eq!([at(0.01), at(0.5), at(0.9), at(0.99)], [4.6, 16.9, 36.0, 94.0]);
+    // As NumPy has them, of the lower of two ranks.
+    assert_eq!([at(0.01), at(0.5), at(0.9), at(0.99)], [4.6, 16.9, 36.1, 94.4]);
     assert!(matches!(FeatherTable::read(&bytes, &[]), Ok(table) if table == FeatherTable::default()));
 }
