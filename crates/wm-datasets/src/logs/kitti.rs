@@ -1,7 +1,7 @@
 //! What both forms of KITTI share: calibration files, and cameras of projection matrices.
 //!
-//! Pictures are rectified: pinholes. `P_i` maps the axes of the rectified first camera to pixels of camera i, `K [I | b]`: camera i is
-//! shifted by b in these axes.
+//! Pictures are rectified: pinholes. `P_i` maps the axes of the rectified first camera to pixels of camera i. KITTI's own are `K [I | b]`,
+//! shifted by b; sets in its layout with cameras that look elsewhere have `K [R | b]`.
 
 use super::LogCamera;
 use super::files::{fault, fault_in_line, numbers, pose_of, read_text};
@@ -75,12 +75,26 @@ impl KittiCalibration {
         name: &str,
         size: (u32, u32),
     ) -> Result<(LogCamera, RigidPose), FormatError> {
-        let [fx, skew, cx, tx, zero, fy, cy, ty, .., one, tz] = self.get::<12>(key)?;
-        let is_pinhole = fx > 0.0 && fy > 0.0 && skew == 0.0 && zero == 0.0 && (one - 1.0).abs() < 1e-6;
+        let [a, b, c, tx, d, e, f, ty, g, h, i, tz] = self.get::<12>(key)?;
+        let [first, second, third] = [[a, b, c], [d, e, f], [g, h, i]].map(DVec3::from);
+        // K is upper triangular, so that the rows of the rotation come out one after the other, the last first.
+        let (forward, scale) = (third.normalize_or_zero(), third.length());
+        let (cy, down) = (second.dot(forward) / scale, second.reject_from_normalized(forward) / scale);
+        let (down, fy) = (down.normalize_or_zero(), down.length());
+        let (cx, skew) = (first.dot(forward) / scale, first.dot(down) / scale);
+        let right =
+            (first - first.project_onto_normalized(forward) - first.project_onto_normalized(down)) / scale;
+        let (right, fx) = (right.normalize_or_zero(), right.length());
+        let axes = DMat3::from_cols(right, down, forward).transpose();
+        // Written so that NaN is refused.
+        let is_pinhole = skew.abs() < 1e-3 * fx && fx < 1e9 && fy < 1e9 && axes.determinant() > 0.99;
         if !is_pinhole {
             return Err(fault(&self.path, format!("{key} is no projection of a rectified camera")));
         }
-        let shift = DVec3::new((tx - cx * tz) / fx, (ty - cy * tz) / fy, tz);
+        let z = tz / scale;
+        let shift = DVec3::new((tx / scale - cx * z) / fx, (ty / scale - cy * z) / fy, z);
+        let camera_from_rectified =
+            pose_of(&axes, shift).map_err(|what| fault(&self.path, format!("{key}: {what}")))?;
         let camera = LogCamera {
             name: name.into(),
             size,
@@ -88,6 +102,6 @@ impl KittiCalibration {
             center: [cx + 0.5, cy + 0.5],
             distortion: Distortion::None,
         };
-        Ok((camera, RigidPose { translation: -shift, ..RigidPose::IDENTITY }))
+        Ok((camera, camera_from_rectified.inverse()))
     }
 }
