@@ -90,7 +90,10 @@ impl LogArgs {
             return Ok(None);
         };
         let (cameras, pictures, sweeps) = (log.cameras.len(), log.pictures.len(), log.sweeps.len());
-        println!("{} log {}: {pictures} pictures of {cameras} cameras, {sweeps} sweeps", log.format, log.name);
+        println!(
+            "{} log {}: {pictures} pictures of {cameras} cameras, {sweeps} sweeps",
+            log.format, log.name
+        );
         for warning in &log.warnings {
             eprintln!("warning: {}: {warning}", dataset.display());
         }

@@ -1,11 +1,12 @@
 //! KITTI raw drives, synchronised and rectified (Geiger et al. 2013).
 //!
-//! `DATE/calib_{imu_to_velo,velo_to_cam,cam_to_cam}.txt` and `DATE/DATE_drive_NNNN_sync/{image_0C,oxts,velodyne_points}`. The rig is the
+//! `DATE/calib_{imu_to_velo,velo_to_cam,cam_to_cam}.txt` and `DATE/DATE_drive_NNNN_sync/{image_0C,oxts,velodyne_points,tracklet_labels.xml}`. The rig is the
 //! GPS/IMU unit: x ahead, y left, z up. Latitude and longitude become metres by the Mercator projection at the first latitude. The lidar
 //! turns counterclockwise and looks ahead when the cameras are triggered; its points are moved to where they were at their own time.
 
 use super::files::{fault, fault_in_line, files_in, folders_in, name_of, numbers, read_text};
 use super::kitti::KittiCalibration;
+use super::kitti_tracklets::read_tracklets;
 use super::sweep::{SweepMotion, SweepRecords};
 use super::track::EgoTrack;
 use super::{
@@ -86,6 +87,10 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         log.cameras.push(camera);
     }
     log.sweeps = sweeps(&drive, &times, &track, rig_from_lidar)?;
+    log.tracks = read_tracklets(&drive.join("tracklet_labels.xml"), |frame| {
+        let time = *times.get(frame)?;
+        Some((time, track.at(time)?.then(&rig_from_lidar)))
+    })?;
     log.warnings = warnings;
     Ok(Some(log))
 }

@@ -203,6 +203,12 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
     let scale = lat0.cos();
     let mercator = |latitude: f64| (0.25 * PI + 0.5 * latitude).tan().ln();
     let mut photos = Vec::new();
+    let mut tracklets = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\" standalone=\"yes\" ?>\n<!DOCTYPE boost_serialization>\n\
+         <boost_serialization version=\"9\">\n<tracklets class_id=\"0\">\n<count>1</count>\n<item>\n\
+         <objectType>Car</objectType><h>{}</h><w>{}</w><l>{}</l><first_frame>0</first_frame>\n<poses>\n<count>{FRAMES}</count>\n",
+        MOVER_SIZE.z, MOVER_SIZE.y, MOVER_SIZE.x
+    );
     let first = rig(at(0)).col(3).truncate();
     let origin = dvec3(scale * 6_378_137.0 * lon0, scale * 6_378_137.0 * mercator(lat0), 112.0) - first;
     for frame in 0..FRAMES {
@@ -237,8 +243,20 @@ fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
             }
             points.extend([own.x, own.y, own.z, 0.25]);
         }
+        let lidar_from_world = (rig(at(frame)) * rig_from_lidar()).inverse();
+        for own in mover_points(at(frame)).iter().map(|p| lidar_from_world.transform_point3(*p)) {
+            points.extend([own.x, own.y, own.z, 0.25]);
+        }
+        let floor = lidar_from_world.transform_point3(mover(at(frame)) - DVec3::Z * 0.5 * MOVER_SIZE.z);
+        let angle = -(0.1 + 0.15 * seconds(at(frame))) - 0.05;
+        tracklets += &format!(
+            "<item><tx>{}</tx><ty>{}</ty><tz>{}</tz><rx>0</rx><ry>0</ry><rz>{angle}</rz><state>2</state></item>\n",
+            floor.x, floor.y, floor.z
+        );
         write(&drive.join(format!("velodyne_points/data/{frame:010}.bin")), floats(points))?;
     }
+    tracklets += "</poses>\n<finished>1</finished>\n</item>\n</tracklets>\n</boost_serialization>\n";
+    write(&drive.join("tracklet_labels.xml"), tracklets)?;
     write(&drive.join("oxts/timestamps.txt"), lines(0))?;
     for camera in [2, 3] {
         let times = (0..FRAMES)

@@ -37,6 +37,7 @@ macro_rules! logs {
 logs! { kitti_raw, kitti_odometry, nuscenes, argoverse, drivestudio }
 
 mod kitti;
+mod kitti_tracklets;
 
 /// A format of driving logs.
 pub struct LogFormat {
