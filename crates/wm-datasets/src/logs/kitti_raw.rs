@@ -2,7 +2,8 @@
 //!
 //! `DATE/calib_{imu_to_velo,velo_to_cam,cam_to_cam}.txt` and `DATE/DATE_drive_NNNN_sync/{image_0C,oxts,velodyne_points,tracklet_labels.xml}`. The rig is the
 //! GPS/IMU unit: x ahead, y left, z up. Latitude and longitude become metres by the Mercator projection at the first latitude. The lidar
-//! turns counterclockwise and looks ahead when the cameras are triggered; its points are moved to where they were at their own time.
+//! turns counterclockwise and looks ahead when the cameras are triggered; its points are moved to where they were at their own time. Times have no time zone, so
+//! that the time of day is not taken from them.
 
 use super::files::{fault, fault_in_line, files_in, folders_in, name_of, numbers, read_text};
 use super::kitti::KittiCalibration;
@@ -133,8 +134,6 @@ fn poses(drive: &Path, log: &mut DrivingLog) -> Result<(EgoTrack, Vec<i64>), For
     let files = files_in(&folder.join("data"), &["txt"])?;
     if stated.is_empty() {
         log.warnings.push("oxts has no timestamps.txt: ten frames a second are assumed".into());
-    } else {
-        log.captured = stated.get(stated.len() / 2).map(|time| *time as f64 * 1e-9);
     }
     let mut times = stated;
     let mut poses = Vec::with_capacity(files.len());

@@ -109,7 +109,7 @@ impl LogBox {
 
 /// Returns true for kinds that move even when they stand.
 fn is_living(category: &str) -> bool {
-    const KINDS: [&str; 11] = [
+    const KINDS: [&str; 12] = [
         "human",
         "pedestrian",
         "person",
@@ -120,6 +120,7 @@ fn is_living(category: &str) -> bool {
         "animal",
         "dog",
         "stroller",
+        "wheelchair",
         "signaler",
     ];
     let category = category.to_ascii_lowercase();

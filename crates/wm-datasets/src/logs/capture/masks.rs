@@ -162,10 +162,7 @@ fn fill(mask: &mut [u8], (width, height): (u32, u32), polygon: &[DVec2]) {
     let first = (bound(f64::min) - 0.5).ceil().clamp(0.0, f64::from(height)) as usize;
     let last = (bound(f64::max) - 0.5).floor().clamp(-1.0, f64::from(height) - 1.0) as i64;
     let mut crossings: Vec<f64> = Vec::new();
-    for row in first..=last.max(-1) as usize {
-        if last < 0 {
-            break;
-        }
+    for row in first..(last + 1) as usize {
         let y = row as f64 + 0.5;
         crossings.clear();
         for (index, a) in polygon.iter().enumerate() {

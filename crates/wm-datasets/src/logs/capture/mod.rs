@@ -130,6 +130,7 @@ impl LogCaptureSummary {
     }
 }
 
+const TRANSFORMS: &str = "transforms.json";
 const DEPTH: &str = "depth";
 const SKY: &str = "sky";
 const MASKS: &str = "masks";
@@ -152,6 +153,13 @@ impl DrivingLog {
         progress: &mut dyn FnMut(LogCaptureStep) -> ControlFlow<()>,
     ) -> Result<Option<LogCaptureSummary>, DatasetError> {
         make(folder)?;
+        // What is being replaced is no capture until it is whole again.
+        let transforms = folder.join(TRANSFORMS);
+        if let Err(e) = std::fs::remove_file(&transforms)
+            && e.kind() != std::io::ErrorKind::NotFound
+        {
+            return Err(FormatError::whole(&transforms, Problem::Write(e.into())).into());
+        }
         let mut warnings = self.warnings.clone();
         let mut cloud = VoxelCloud::new(options.voxel);
         let (mut intensities, mut count) = (0.0, 0u64);
@@ -165,7 +173,10 @@ impl DrivingLog {
             }
         }
         if cloud.is_full() {
-            warnings.push("the sweeps cover more than 40 million voxels; later ones add no points".into());
+            warnings.push(format!(
+                "the sweeps cover more than {} voxels; later ones add no points",
+                points::MOST
+            ));
         }
         let mut points = cloud.points(options.most_points);
         let mut frames = Frames {
@@ -234,10 +245,7 @@ impl DrivingLog {
         write::json(&folder.join("log.json"), &summary)?;
         // Last: without it the folder is no capture.
         frames.frames.sort_by_key(|(index, _)| *index);
-        write::transforms(
-            &folder.join("transforms.json"),
-            frames.frames.into_iter().map(|(_, frame)| frame).collect(),
-        )?;
+        write::transforms(&transforms, frames.frames.into_iter().map(|(_, frame)| frame).collect())?;
         Ok(Some(summary))
     }
 

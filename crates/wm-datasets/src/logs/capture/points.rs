@@ -10,7 +10,7 @@ use wm_scene::capture::Distortion;
 use wm_scene::{Camera, FormatError};
 
 /// Most voxels.
-const MOST: usize = 40_000_000;
+pub(super) const MOST: usize = 20_000_000;
 /// The side of the cells in which points are sorted, m.
 const CELL: f64 = 20.0;
 /// Colour of what no photo shows.
