@@ -272,8 +272,8 @@ fn damaged_logs_are_errors_or_logs() {
         std::fs::write(file, bytes).unwrap();
         let opened = DrivingLog::open(&mini.path, &LogOptions::default()).map_err(|e| e.to_string());
         let read = opened.and_then(|log| {
-            let sweeps = log.into_iter().flat_map(|log| log.sweeps);
-            sweeps.map(|sweep| sweep.points().map(drop)).collect::<Result<(), _>>().map_err(|e| e.to_string())
+            let mut sweeps = log.into_iter().flat_map(|log| log.sweeps);
+            sweeps.try_for_each(|sweep| sweep.points().map(drop)).map_err(|e| e.to_string())
         });
         std::fs::write(file, whole).unwrap();
         if let Err(message) = read {
