@@ -215,6 +215,7 @@ fn sweeps(
         let world_from_own = moved(pose, log.origin);
         log.sweeps.push(LogSweep {
             file,
+            labels: None,
             timestamp: time_of(frame),
             center: world_from_own.translation,
             records,

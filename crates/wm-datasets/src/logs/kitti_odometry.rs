@@ -2,7 +2,7 @@
 //!
 //! `sequences/SS/{calib.txt,times.txt,image_2,velodyne}` and `poses/SS.txt`: in each line the first camera's pose in the axes that it had
 //! in the first frame, 3 rows of 4. The rig is the lidar: x ahead, y left, z up; the world is the rig of the first frame, so that up is the
-//! vehicle's there. Sweeps are in the axes of their frame: their own motion has been taken out already.
+//! vehicle's there. SemanticKITTI's `labels` say which points move. Sweeps are in the axes of their frame: their own motion has been taken out already.
 
 use super::files::{fault, fault_in_line, files_in, name_of, numbers, pose_of_rows, read_text};
 use super::kitti::KittiCalibration;
@@ -87,7 +87,9 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     if sweeps.is_dir() {
         for (stem, file) in files_in(&sweeps, &["bin"])? {
             let Some((timestamp, world_from_rig)) = at(&stem) else { continue };
-            log.sweeps.push(sweep(file, timestamp, world_from_rig));
+            let labels = path.join("labels").join(format!("{stem}.label"));
+            let labels = Some(labels).filter(|labels| labels.is_file());
+            log.sweeps.push(LogSweep { labels, ..sweep(file, timestamp, world_from_rig) });
         }
     }
     Ok(Some(log))
@@ -98,6 +100,7 @@ fn sweep(file: std::path::PathBuf, timestamp: i64, world_from_lidar: RigidPose) 
         file,
         timestamp,
         center: world_from_lidar.translation,
+        labels: None,
         records: SweepRecords::Floats { columns: 4, position: 0, intensity: Some(3), white: 1.0 },
         motion: SweepMotion::Still(world_from_lidar),
     }

@@ -202,7 +202,7 @@ fn sweeps(
             None => SweepMotion::Still(world_from_lidar),
         };
         let records = SweepRecords::Floats { columns: 4, position: 0, intensity: Some(3), white: 1.0 };
-        sweeps.push(LogSweep { file, timestamp, center: world_from_lidar.translation, records, motion });
+        sweeps.push(LogSweep { file, labels: None, timestamp, center: world_from_lidar.translation, records, motion });
     }
     Ok(sweeps)
 }

@@ -195,9 +195,11 @@ impl DrivingLog {
         if self.sweeps.is_empty() {
             self.warnings.push("it has no lidar sweeps: no points and no depth".into());
         }
-        if self.tracks.is_empty() && self.pictures.iter().all(|picture| picture.masks.movers.is_none()) {
-            self.warnings
-                .push("it has no boxes: what moves stays in the points, and no photo gets a mask".into());
+        let has_masks = self.pictures.iter().any(|picture| picture.masks.movers.is_some());
+        let has_labels = self.sweeps.iter().any(|sweep| sweep.labels.is_some());
+        if self.tracks.is_empty() && !has_masks {
+            let points = if has_labels { "" } else { "what moves stays in the points, and " };
+            self.warnings.push(format!("it has no boxes: {points}no photo gets a mask"));
         }
         for camera in &self.cameras {
             let fault = |what: String| files::fault(&self.source, format!("camera {}: {what}", camera.name));

@@ -323,6 +323,7 @@ fn assemble(
         } else {
             log.sweeps.push(LogSweep {
                 file,
+                labels: None,
                 timestamp,
                 center: world_from_sensor.translation,
                 records: SweepRecords::Floats { columns: 5, position: 0, intensity: Some(3), white: 255.0 },

@@ -6,12 +6,15 @@ use super::track::EgoTrack;
 use crate::RigidPose;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use wm_scene::FormatError;
 
 /// Farthest that a point may be from its lidar, m.
 const FARTHEST: f64 = 1000.0;
+
+/// The classes of SemanticKITTI that move: car, bicyclist, person, motorcyclist, on rails, bus, truck, other vehicle.
+const MOVING: std::ops::RangeInclusive<u16> = 252..=259;
 
 /// A sweep of a lidar, in a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +25,8 @@ pub struct LogSweep {
     pub timestamp: i64,
     /// The lidar's place then, world axes, m.
     pub center: DVec3,
+    /// Labels of SemanticKITTI, one a point.
+    pub(super) labels: Option<PathBuf>,
     pub(super) records: SweepRecords,
     pub(super) motion: SweepMotion,
 }
@@ -37,6 +42,8 @@ pub struct LogPoint {
     pub intensity: f32,
     /// Nanoseconds.
     pub timestamp: i64,
+    /// True if the log labels it as a part of something that moves.
+    pub moves: bool,
 }
 
 /// The layout of a sweep's file.
@@ -80,8 +87,9 @@ impl LogSweep {
     /// The file is missing or damaged.
     pub fn points(&self) -> Result<Vec<LogPoint>, FormatError> {
         let raw = self.raw()?;
+        let labels = self.labels.as_ref().map(|file| read_labels(file, raw.len())).transpose()?;
         let mut points = Vec::with_capacity(raw.len());
-        for ([x, y, z], intensity) in raw {
+        for (index, ([x, y, z], intensity)) in raw.into_iter().enumerate() {
             let own = DVec3::new(x.into(), y.into(), z.into());
             let (position, timestamp) = match &self.motion {
                 SweepMotion::Still(world_from_own) => (world_from_own.point(own), self.timestamp),
@@ -97,7 +105,8 @@ impl LogSweep {
             let is_usable = own.length_squared() > 1e-4 && range < FARTHEST;
             if is_usable {
                 let intensity = if intensity.is_finite() { intensity.max(0.0) } else { 0.0 };
-                points.push(LogPoint { position, range, intensity, timestamp });
+                let moves = labels.as_ref().is_some_and(|labels| MOVING.contains(&labels[index]));
+                points.push(LogPoint { position, range, intensity, timestamp, moves });
             }
         }
         Ok(points)
@@ -129,4 +138,18 @@ impl LogSweep {
             SweepRecords::Feather => read_points(&self.file, &bytes),
         }
     }
+}
+
+/// The classes of as many points, the lower half of each label.
+fn read_labels(file: &Path, points: usize) -> Result<Vec<u16>, FormatError> {
+    let bytes = read_bytes(file, MOST_BINARY)?;
+    let (labels, rest) = bytes.as_chunks::<4>();
+    if labels.len() != points || !rest.is_empty() {
+        let length = bytes.len();
+        return Err(fault(
+            file,
+            format!("{length} bytes are not the labels of {points} points; copy the file again"),
+        ));
+    }
+    Ok(labels.iter().map(|[low, high, ..]| u16::from_le_bytes([*low, *high])).collect())
 }

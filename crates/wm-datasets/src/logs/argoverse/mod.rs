@@ -53,7 +53,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         for (stem, file) in files_in(&sweeps, &["feather"])? {
             let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?))) else { continue };
             let (records, motion) = (SweepRecords::Feather, SweepMotion::Still(pose));
-            log.sweeps.push(LogSweep { file, timestamp, center: pose.translation, records, motion });
+            log.sweeps.push(LogSweep { file, labels: None, timestamp, center: pose.translation, records, motion });
         }
     }
     log.tracks = tracks(&path.join("annotations.feather"), &track)?;

@@ -119,7 +119,7 @@ mod tests {
     use glam::DVec3;
 
     fn point(x: f64, y: f64, z: f64) -> LogPoint {
-        LogPoint { position: DVec3::new(x, y, z), range: 10.0, intensity: 0.0, timestamp: 0 }
+        LogPoint { position: DVec3::new(x, y, z), range: 10.0, intensity: 0.0, timestamp: 0, moves: false }
     }
 
     #[test]

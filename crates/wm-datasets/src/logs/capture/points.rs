@@ -40,7 +40,7 @@ impl CleanSweep {
             let is_in = |(own, (middle, reach)): (&crate::logs::LogBox, &(DVec3, f64))| {
                 point.position.distance_squared(*middle) <= *reach && own.has(point.position, options.more)
             };
-            point.range >= options.nearest && !boxes.iter().zip(&reach).any(is_in)
+            !point.moves && point.range >= options.nearest && !boxes.iter().zip(&reach).any(is_in)
         });
         Ok(Self { points })
     }
@@ -208,6 +208,7 @@ mod tests {
             range: 5.0,
             intensity: 0.5,
             timestamp: 0,
+            moves: false,
         };
         let points = vec![at(0.01), at(0.03), at(0.08), at(-0.01), LogPoint { range: 200.0, ..at(7.0) }];
         let mut cloud = VoxelCloud::new(0.07);
@@ -226,6 +227,7 @@ mod tests {
                 range: 5.0,
                 intensity: 0.5,
                 timestamp: 0,
+                moves: false,
             })
             .collect();
         let mut cloud = VoxelCloud::new(0.07);

@@ -306,11 +306,20 @@ fn kitti_odometry(folder: &Path) -> io::Result<MiniLog> {
             landmarks().iter().map(|p| pixel(camera_from_world * p.extend(1.0), &projection(2))).collect();
         photos.push((name, pixels));
         let lidar_from_world = (rig(at(frame)) * rig_from_lidar()).inverse();
-        let points = landmarks().into_iter().flat_map(|p| {
+        let points = landmarks().into_iter().chain(mover_points(at(frame))).flat_map(|p| {
             let own = lidar_from_world.transform_point3(p);
             [own.x, own.y, own.z, 0.25]
         });
         write(&sequence.join(format!("velodyne/{frame:06}.bin")), floats(points))?;
+        // Vegetation, and moving cars with a number of their own.
+        let labels = landmarks()
+            .into_iter()
+            .map(|_| 70u32)
+            .chain(mover_points(at(frame)).into_iter().map(|_| 7 << 16 | 252));
+        write(
+            &sequence.join(format!("labels/{frame:06}.label")),
+            labels.flat_map(u32::to_le_bytes).collect::<Vec<u8>>(),
+        )?;
     }
     write(&sequence.join("times.txt"), times)?;
     write(&folder.join("poses/07.txt"), poses)?;
