@@ -24,6 +24,7 @@ use wm_scene::capture::Distortion;
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "drivestudio",
     about: "a scene that drivestudio's preprocessing wrote: Waymo, nuScenes, KITTI, PandaSet, nuPlan, Argoverse",
+    has_scenes: false,
     read,
 };
 

@@ -18,6 +18,7 @@ use wm_scene::FormatError;
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "KITTI odometry",
     about: "a sequence of KITTI odometry or SemanticKITTI, sequences/SS, with its poses in poses/SS.txt",
+    has_scenes: false,
     read,
 };
 

@@ -24,6 +24,7 @@ use wm_scene::FormatError;
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "KITTI raw",
     about: "a drive of the KITTI raw data, DATE/DATE_drive_NNNN_sync, with the calibration in DATE; or DATE itself",
+    has_scenes: true,
     read,
 };
 

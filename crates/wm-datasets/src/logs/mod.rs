@@ -45,6 +45,8 @@ pub struct LogFormat {
     pub name: &'static str,
     /// A description in one line.
     pub about: &'static str,
+    /// True if a folder holds several logs, of which [`LogOptions::scene`] names one.
+    pub has_scenes: bool,
     /// The log in a folder; `None` if it is not of this format.
     read: fn(&Path, &LogOptions) -> Result<Option<DrivingLog>, FormatError>,
 }
@@ -166,6 +168,11 @@ impl DrivingLog {
         }
         for format in LOG_FORMATS {
             if let Some(log) = (format.read)(path, options)? {
+                if let (Some(scene), false) = (&options.scene, format.has_scenes) {
+                    let what =
+                        format!("a {} log has no scenes to choose from; leave {scene:?} out", format.name);
+                    return Err(files::fault(path, what).into());
+                }
                 return Ok(Some(log.finished(format.name, options)?));
             }
         }

@@ -22,6 +22,7 @@ use wm_scene::capture::Distortion;
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "nuScenes",
     about: "the root of nuScenes or of a set in its layout, with samples, sweeps and v1.0-VERSION; one scene of it",
+    has_scenes: true,
     read,
 };
 

@@ -210,6 +210,18 @@ fn parts_of_a_log_are_asked_for() {
 }
 
 #[test]
+fn scenes_are_of_formats_that_have_them() {
+    let (_folder, mini) = made(1);
+    let error =
+        DrivingLog::open(&mini.path, &LogOptions { scene: Some("7".into()), ..LogOptions::default() })
+            .unwrap_err();
+    assert!(
+        error.to_string().ends_with("a KITTI odometry log has no scenes to choose from; leave \"7\" out"),
+        "{error}"
+    );
+}
+
+#[test]
 fn a_day_of_kitti_has_drives() {
     let (_folder, mini) = made(0);
     let day = mini.path.parent().unwrap();

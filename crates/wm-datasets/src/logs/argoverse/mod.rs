@@ -24,7 +24,7 @@ use wm_scene::{FormatError, Location, Problem};
 
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat =
-    LogFormat { name: "Argoverse 2", about: "a log of the Argoverse 2 sensor data, with city_SE3_egovehicle.feather", read };
+    LogFormat { name: "Argoverse 2", about: "a log of the Argoverse 2 sensor data, with city_SE3_egovehicle.feather", has_scenes: false, read };
 
 /// Latitude and longitude of the origins of the cities' axes, degrees.
 const CITIES: [(&str, [f64; 2]); 6] = [
