@@ -44,7 +44,7 @@ pub enum Error {
     Sensor(Box<SensorError>),
     /// A data set cannot be written or read.
     #[error(transparent)]
-    Dataset(#[from] wm_datasets::DatasetError),
+    Dataset(#[from] wm_datasets::SetError),
     /// The training failed.
     #[error(transparent)]
     Train(Box<SessionError>),

@@ -1,12 +1,12 @@
 //! Questions that several layouts ask of cameras and of what they took.
 
-use crate::{CameraInfo, DatasetError, Reading, ReadingData, SensorInfo, SensorInfoKind, SetInfo};
+use crate::{CameraInfo, ReadingData, SensorInfo, SensorInfoKind, SensorReading, SetError, SetInfo};
 use crate::{PictureReading, RigidPose};
 use wm_scene::LensModel;
 
 /// The error of a layout that cannot hold a set.
-pub(crate) fn refuse(layout: &'static str, problem: impl Into<String>) -> DatasetError {
-    DatasetError::Layout { layout, problem: problem.into() }
+pub(crate) fn refuse(layout: &'static str, problem: impl Into<String>) -> SetError {
+    SetError::Layout { layout, problem: problem.into() }
 }
 
 /// The cameras of a set with their indices.
@@ -18,7 +18,7 @@ pub(crate) fn cameras(set: &SetInfo) -> impl Iterator<Item = (usize, &SensorInfo
 }
 
 /// Checks that a set has a camera.
-pub(crate) fn check_cameras(layout: &'static str, set: &SetInfo) -> Result<(), DatasetError> {
+pub(crate) fn check_cameras(layout: &'static str, set: &SetInfo) -> Result<(), SetError> {
     match cameras(set).next() {
         Some(_) => Ok(()),
         None => Err(refuse(layout, "the rig has no camera; add one, or leave out this layout")),
@@ -35,7 +35,7 @@ pub(crate) fn distortion(camera: &CameraInfo) -> Option<[f64; 5]> {
 }
 
 /// Checks that all cameras are pinholes.
-pub(crate) fn check_pinholes(layout: &'static str, set: &SetInfo) -> Result<(), DatasetError> {
+pub(crate) fn check_pinholes(layout: &'static str, set: &SetInfo) -> Result<(), SetError> {
     match cameras(set).find(|(_, _, camera)| distortion(camera) != Some([0.0; 5])) {
         None => Ok(()),
         Some((_, sensor, _)) => Err(refuse(
@@ -48,7 +48,7 @@ pub(crate) fn check_pinholes(layout: &'static str, set: &SetInfo) -> Result<(), 
 /// The picture of a reading with the camera that took it; `None` for readings of other sensors.
 pub(crate) fn picture<'a>(
     set: &'a SetInfo,
-    reading: &Reading<'a>,
+    reading: &SensorReading<'a>,
 ) -> Option<(&'a SensorInfo, &'a CameraInfo, PictureReading<'a>)> {
     let sensor = &set.sensors[reading.info.sensor];
     match (&sensor.kind, reading.data) {
@@ -64,8 +64,8 @@ pub(crate) fn layer<'a, T>(
     layer: Option<&'a [T]>,
     channels: usize,
     name: &str,
-) -> Result<&'a [T], DatasetError> {
-    let fault = |problem: String| DatasetError::Picture { sensor: sensor.name.clone(), problem };
+) -> Result<&'a [T], SetError> {
+    let fault = |problem: String| SetError::Picture { sensor: sensor.name.clone(), problem };
     let layer = layer.ok_or_else(|| fault(format!("it came without its {name}")))?;
     let wanted = camera.size.0 as usize * camera.size.1 as usize * channels;
     if layer.len() != wanted {

@@ -1,6 +1,6 @@
 //! Pictures as files in memory.
 
-use crate::{CameraInfo, DatasetError, SensorInfo};
+use crate::{CameraInfo, SensorInfo, SetError};
 use wm_media::PictureSize;
 use wm_media::jpeg::{self, SamplingFactor};
 
@@ -8,7 +8,7 @@ use wm_media::jpeg::{self, SamplingFactor};
 const JPEG_QUALITY: u8 = 92;
 
 /// Encodes `rgb [H, W, 3]` as a PNG.
-pub(crate) fn png(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Result<Vec<u8>, DatasetError> {
+pub(crate) fn png(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Result<Vec<u8>, SetError> {
     check_size(sensor, camera, rgb)?;
     let (width, height) = camera.size;
     wm_media::png::encode_rgb8(rgb, PictureSize::new(width, height)).map_err(|error| problem(sensor, &error))
@@ -16,13 +16,13 @@ pub(crate) fn png(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Resul
 
 /// Encodes `rgb [H, W, 3]` as a JPEG. Chroma has the full resolution: for half of it, the encoder would take every fourth pixel instead of
 /// their mean, and small lights would lose their colour.
-pub(crate) fn jpeg(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Result<Vec<u8>, DatasetError> {
+pub(crate) fn jpeg(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Result<Vec<u8>, SetError> {
     check_size(sensor, camera, rgb)?;
     jpeg::encode(rgb, camera.size, JPEG_QUALITY, SamplingFactor::F_1_1)
         .map_err(|error| problem(sensor, &error))
 }
 
-fn check_size(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Result<(), DatasetError> {
+fn check_size(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Result<(), SetError> {
     let (width, height) = camera.size;
     if rgb.len() as u64 == 3 * u64::from(width) * u64::from(height) {
         return Ok(());
@@ -30,6 +30,6 @@ fn check_size(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Result<()
     Err(problem(sensor, &format!("{} bytes are no picture of {width}x{height} px", rgb.len())))
 }
 
-fn problem(sensor: &SensorInfo, problem: &dyn std::fmt::Display) -> DatasetError {
-    DatasetError::Picture { sensor: sensor.name.clone(), problem: problem.to_string() }
+fn problem(sensor: &SensorInfo, problem: &dyn std::fmt::Display) -> SetError {
+    SetError::Picture { sensor: sensor.name.clone(), problem: problem.to_string() }
 }

@@ -185,14 +185,14 @@ impl ReadingInfo {
 
 /// What one sensor read.
 #[derive(Clone, Copy, Debug)]
-pub struct Reading<'a> {
+pub struct SensorReading<'a> {
     /// When and where.
     pub info: ReadingInfo,
     /// What.
     pub data: ReadingData<'a>,
 }
 
-/// The data of a [`Reading`].
+/// The data of a [`SensorReading`].
 #[derive(Clone, Copy, Debug)]
 pub enum ReadingData<'a> {
     /// A picture.

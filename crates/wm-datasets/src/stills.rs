@@ -1,6 +1,6 @@
 //! Scenes of layouts that hold one scene a folder: a clip, or all stills of one place in one weather.
 
-use crate::{ClipInfo, ClipRecord, DatasetError, ReadingInfo, SetInfo};
+use crate::{ClipInfo, ClipRecord, ReadingInfo, SetError, SetInfo};
 use std::collections::BTreeMap;
 
 /// Returns true if clips have one frame each.
@@ -32,9 +32,9 @@ pub(crate) fn photo(set: &SetInfo, clip: &ClipInfo, info: &ReadingInfo) -> Strin
 /// Calls `take` for each scene with its folder and its clips, in the order of their numbers. Stills are kept until the last.
 pub(crate) fn for_each_scene(
     set: &SetInfo,
-    clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
-    take: &mut dyn FnMut(&str, &[ClipRecord]) -> Result<(), DatasetError>,
-) -> Result<(), DatasetError> {
+    clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
+    take: &mut dyn FnMut(&str, &[ClipRecord]) -> Result<(), SetError>,
+) -> Result<(), SetError> {
     let mut stills: BTreeMap<String, Vec<ClipRecord>> = BTreeMap::new();
     for record in clips {
         let record = record?;

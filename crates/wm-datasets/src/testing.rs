@@ -1,9 +1,9 @@
 //! A small synthetic set: a car with three cameras, a lidar and a radar that drives a curve, twice.
 
 use crate::{
-    BlockInfo, CameraInfo, ClipInfo, ClipRecord, Condition, DatasetDetection, DatasetError, DatasetPoint,
-    FileSink, Layout, PictureReading, PlaceInfo, PointSource, Reading, ReadingData, ReadingInfo, RigidPose,
-    SensorInfo, SensorInfoKind, SetInfo, WeatherInfo,
+    BlockInfo, CameraInfo, ClipInfo, ClipRecord, Condition, DatasetDetection, DatasetPoint, FileSink, Layout,
+    PictureReading, PlaceInfo, PointSource, ReadingData, ReadingInfo, RigidPose, SensorInfo, SensorInfoKind,
+    SensorReading, SetError, SetInfo, WeatherInfo,
 };
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
@@ -22,7 +22,7 @@ const BLOCK: u32 = 8;
 pub struct MemorySink(pub BTreeMap<String, Vec<u8>>);
 
 impl FileSink for MemorySink {
-    fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), DatasetError> {
+    fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), SetError> {
         assert!(self.0.insert(path.into(), bytes.to_vec()).is_none(), "{path} is written twice");
         Ok(())
     }
@@ -33,10 +33,10 @@ impl FileSink for MemorySink {
 pub struct FolderSink(pub PathBuf);
 
 impl FileSink for FolderSink {
-    fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), DatasetError> {
+    fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), SetError> {
         let path = self.0.join(path);
         let fault =
-            |error: std::io::Error| DatasetError::Write { path: path.clone(), problem: error.to_string() };
+            |error: std::io::Error| SetError::Write { path: path.clone(), problem: error.to_string() };
         std::fs::create_dir_all(path.parent().expect("a folder")).map_err(fault)?;
         std::fs::write(&path, bytes).map_err(fault)
     }
@@ -141,7 +141,7 @@ pub const SPOT: DVec3 = DVec3::new(30.0, 2.0, 1.0);
 ///
 /// # Errors
 /// Those of the layout.
-pub fn write(layout: &dyn Layout, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+pub fn write(layout: &dyn Layout, files: &mut dyn FileSink) -> Result<(), SetError> {
     write_in_blocks(layout, BLOCK, files)
 }
 
@@ -149,11 +149,7 @@ pub fn write(layout: &dyn Layout, files: &mut dyn FileSink) -> Result<(), Datase
 ///
 /// # Errors
 /// Those of the layout.
-pub fn write_in_blocks(
-    layout: &dyn Layout,
-    frames: u32,
-    files: &mut dyn FileSink,
-) -> Result<(), DatasetError> {
+pub fn write_in_blocks(layout: &dyn Layout, frames: u32, files: &mut dyn FileSink) -> Result<(), SetError> {
     let set = set();
     layout.check(&set)?;
     let clips = clips();
@@ -266,8 +262,8 @@ pub fn pixel(camera: &CameraInfo, point: DVec3) -> Option<[f64; 2]> {
 fn with_data(
     set: &SetInfo,
     info: ReadingInfo,
-    take: &mut dyn FnMut(&Reading<'_>) -> Result<(), DatasetError>,
-) -> Result<(), DatasetError> {
+    take: &mut dyn FnMut(&SensorReading<'_>) -> Result<(), SetError>,
+) -> Result<(), SetError> {
     let sensor_from_world = info.world_from_sensor(set).inverse();
     let spot = sensor_from_world.point(SPOT);
     match &set.sensors[info.sensor].kind {
@@ -284,7 +280,7 @@ fn with_data(
             }
             let picture =
                 PictureReading { rgb: &rgb, clean: Some(&clean), depth: Some(&depth), flow: Some(&flow) };
-            take(&Reading { info, data: ReadingData::Picture(picture) })
+            take(&SensorReading { info, data: ReadingData::Picture(picture) })
         }
         SensorInfoKind::Lidar { .. } => {
             let at = |k: u32, position: DVec3, source: PointSource| DatasetPoint {
@@ -310,7 +306,7 @@ fn with_data(
                 };
                 points.push(at(k, position, source));
             }
-            take(&Reading { info, data: ReadingData::Points(&points) })
+            take(&SensorReading { info, data: ReadingData::Points(&points) })
         }
         SensorInfoKind::Radar { .. } => {
             let of = |k: u8| DatasetDetection {
@@ -321,7 +317,7 @@ fn with_data(
                 snr: 14.0,
                 is_rain: k == 3,
             };
-            take(&Reading { info, data: ReadingData::Detections(&[of(0), of(1), of(2), of(3)]) })
+            take(&SensorReading { info, data: ReadingData::Detections(&[of(0), of(1), of(2), of(3)]) })
         }
     }
 }

@@ -2,6 +2,7 @@
 
 mod console;
 mod explain;
+mod log;
 mod lpips;
 mod prepare;
 mod watch;
@@ -31,8 +32,8 @@ use wm_train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
 /// Options of `reconstruct`.
 #[derive(Args, Clone, Debug)]
 pub struct ReconstructArgs {
-    /// The data set: a folder with a COLMAP model or a transforms.json; or a plain folder of photos, or a video, if COLMAP or
-    /// pycolmap is installed
+    /// The data set: a folder with a COLMAP model or a transforms.json; a driving log of KITTI, nuScenes, Argoverse 2 or
+    /// drivestudio; or a plain folder of photos, or a video, if COLMAP or pycolmap is installed
     dataset: PathBuf,
     /// Scene file to write [default: named after the data set, in this folder]
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
@@ -48,6 +49,8 @@ pub struct ReconstructArgs {
     /// Longest time between two checkpoints, seconds
     #[arg(long, value_name = "S", default_value_t = 45.0, help_heading = "Output")]
     checkpoint_every: f64,
+    #[command(flatten)]
+    log: log::LogArgs,
     #[command(flatten)]
     photos: PhotoArgs,
     #[command(flatten)]
@@ -292,6 +295,20 @@ impl ReconstructArgs {
     }
 }
 
+impl ReconstructArgs {
+    /// Refuses to write into the folder of a training that is neither continued nor replaced; the session explains it better, but
+    /// later.
+    fn check_run_folder(&self, run_folder: &Path) -> Result<()> {
+        if !self.resume && !self.overwrite.overwrite && run_folder.join(CHECKPOINT).is_file() {
+            bail!(
+                "{}: it holds a training; continue it with --resume, replace it with --overwrite, or choose another --run-folder",
+                run_folder.display()
+            );
+        }
+        Ok(())
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &ReconstructArgs) -> Result<()> {
     if !(args.checkpoint_every.is_finite() && args.checkpoint_every > 0.0) {
@@ -311,7 +328,17 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         args.overwrite.check(&out, &[&args.dataset], other)?;
     }
     let run_folder = args.run_folder.clone().unwrap_or_else(|| with_behind(&out, ".run"));
-    let mut session = Session::new(&args.dataset).options(args.options(facts, config, &run_folder));
+    let (dataset, facts) = match args.log.open(&args.dataset)? {
+        None => (args.dataset.clone(), facts),
+        Some(log) => {
+            args.check_run_folder(&run_folder)?;
+            let choices = (args.resume, args.geometry.priors.is_none());
+            let (photos, held_out) = (&args.photos.set, args.photos.held_out.held_out());
+            let made = log::prepare(&log, &run_folder, choices, photos, held_out)?;
+            (made.folder, facts.or(made.facts))
+        }
+    };
+    let mut session = Session::new(&dataset).options(args.options(facts, config, &run_folder));
     if let Some(lpips) = lpips {
         session = session.metric(lpips);
     }

@@ -10,7 +10,7 @@ use crate::{Error, Progress, Result};
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use wm_datasets::{ClipRecord, DatasetError, SensorInfoKind};
+use wm_datasets::{ClipRecord, SensorInfoKind, SetError};
 use wm_scene::files::write_atomically;
 
 /// The file that describes a set.
@@ -193,8 +193,8 @@ struct ClipRecords<'a> {
 
 impl ClipRecords<'_> {
     /// Reads the next block.
-    fn read(&mut self) -> Result<(), DatasetError> {
-        let fault = |problem: String| DatasetError::Write { path: self.store.folder().into(), problem };
+    fn read(&mut self) -> Result<(), SetError> {
+        let fault = |problem: String| SetError::Write { path: self.store.folder().into(), problem };
         let marker = self.store.marker(self.block, &self.run.plan.digest);
         let marker: Option<BlockMarker> = marker.map_err(|error| fault(error.to_string()))?;
         let marker = marker.ok_or_else(|| fault(format!("block {} is gone", self.block)))?;
@@ -213,7 +213,7 @@ impl ClipRecords<'_> {
 }
 
 impl Iterator for ClipRecords<'_> {
-    type Item = Result<ClipRecord, DatasetError>;
+    type Item = Result<ClipRecord, SetError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         while self.waiting.is_empty() {

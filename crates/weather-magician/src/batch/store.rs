@@ -9,7 +9,7 @@ use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use wm_datasets::{
-    ClipInfo, ClipRecord, Condition, DatasetError, FileSink, PlaceInfo, ReadingInfo, RigidPose, WeatherInfo,
+    ClipInfo, ClipRecord, Condition, FileSink, PlaceInfo, ReadingInfo, RigidPose, SetError, WeatherInfo,
 };
 use wm_scene::files::write_durably;
 
@@ -383,9 +383,9 @@ pub struct LayoutFiles<'a> {
 }
 
 impl FileSink for LayoutFiles<'_> {
-    fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), DatasetError> {
+    fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), SetError> {
         let path = format!("{}/{path}", self.name);
-        let to = |path: &Path, problem: String| DatasetError::Write { path: path.into(), problem };
+        let to = |path: &Path, problem: String| SetError::Write { path: path.into(), problem };
         let staged = self.files.staged.join(&path);
         if let Some(folder) = staged.parent() {
             fs::create_dir_all(folder).map_err(|error| to(folder, error.to_string()))?;
@@ -413,14 +413,12 @@ pub struct TableFiles<'a> {
 }
 
 impl FileSink for TableFiles<'_> {
-    fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), DatasetError> {
+    fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), SetError> {
         let path = format!("{}/{path}", self.name);
         let own = self.folder.join(&path);
         if let Some(folder) = own.parent() {
-            let problem = |error: std::io::Error| DatasetError::Write {
-                path: folder.into(),
-                problem: error.to_string(),
-            };
+            let problem =
+                |error: std::io::Error| SetError::Write { path: folder.into(), problem: error.to_string() };
             fs::create_dir_all(folder).map_err(problem)?;
         }
         wm_scene::files::write_atomically(&own, |out| Ok(out.write_all(bytes)?))?;

@@ -8,7 +8,7 @@ use crate::Result;
 use crate::output::PictureStyle;
 use crate::rig::{Rig, RigDevice};
 use std::time::{Duration, Instant};
-use wm_datasets::{BlockInfo, BlockWriter, PictureReading, Reading, ReadingData, ReadingInfo, SetInfo};
+use wm_datasets::{BlockInfo, BlockWriter, PictureReading, ReadingData, ReadingInfo, SensorReading, SetInfo};
 use wm_media::png::DepthScale;
 
 /// The depth that 16-bit depths of all scenes reach, m: one scale for the whole set.
@@ -78,7 +78,7 @@ impl<'a> BlockWriters<'a> {
             self.open = Some((part, plan.layouts.iter().map(|layout| layout.block(own)).collect()));
         }
         let info = active.readings[index];
-        let reading = Reading { info, data: self.data(&info, buffer) };
+        let reading = SensorReading { info, data: self.data(&info, buffer) };
         if let Some((_, writers)) = &mut self.open {
             for (layout, writer) in plan.layouts.iter().zip(writers) {
                 writer.write(&reading, &mut self.files.layout(layout.name()))?;

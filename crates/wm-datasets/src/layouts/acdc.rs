@@ -13,7 +13,7 @@
 
 use super::{BlockWriter, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, check_cameras, layer, picture};
-use crate::{BlockInfo, ClipRecord, DatasetError, Reading, SetInfo, picture_files};
+use crate::{BlockInfo, ClipRecord, SetError, SensorReading, SetInfo, picture_files};
 
 const NAME: &str = "acdc";
 
@@ -38,7 +38,7 @@ impl Layout for Acdc {
         false
     }
 
-    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
+    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
         check_cameras(NAME, set)
     }
 
@@ -49,9 +49,9 @@ impl Layout for Acdc {
     fn tables(
         &self,
         _set: &SetInfo,
-        _clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        _clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
         _files: &mut dyn FileSink,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), SetError> {
         Ok(())
     }
 }
@@ -61,7 +61,7 @@ struct Pairs<'a> {
 }
 
 impl BlockWriter for Pairs<'_> {
-    fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let BlockInfo { set, clip, .. } = self.block;
         let Some((sensor, camera, picture)) = picture(set, reading) else { return Ok(()) };
         let sequence = match cameras(set).count() {

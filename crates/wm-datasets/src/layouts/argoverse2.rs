@@ -18,7 +18,7 @@
 
 use super::{BlockWriter, FileSink, Layout};
 use crate::cameras::{cameras, distortion, picture, refuse, wxyz_and_translation};
-use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetError, DatasetPoint, Reading, ReadingData, SetInfo};
+use crate::{BlockInfo, ClipInfo, ClipRecord, SetError, DatasetPoint, SensorReading, ReadingData, SetInfo};
 use crate::{SensorInfo, SensorInfoKind, picture_files};
 use arrow_array::{
     ArrayRef, Float16Array, Float64Array, Int32Array, Int64Array, RecordBatch, StringArray, UInt8Array, UInt16Array,
@@ -62,7 +62,7 @@ impl Layout for Argoverse2 {
         "Argoverse 2 sensor logs: Feather tables and JPEG; without radars, boxes and maps"
     }
 
-    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
+    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
         let lidars: Vec<_> = lidars(set).collect();
         if lidars.len() > 1 {
             let names = lidars.iter().map(|(sensor, _)| sensor.name.as_str()).collect::<Vec<_>>().join(", ");
@@ -97,9 +97,9 @@ impl Layout for Argoverse2 {
     fn tables(
         &self,
         set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
         files: &mut dyn FileSink,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), SetError> {
         let (poses, intrinsics) = (calibration(set), intrinsics(set));
         for record in clips {
             let ClipRecord { clip, readings } = record?;
@@ -162,7 +162,7 @@ struct LogBlock<'a> {
 }
 
 impl BlockWriter for LogBlock<'_> {
-    fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let BlockInfo { set, clip, .. } = self.block;
         let (folder, time) = (folder(clip), reading.info.timestamp(clip));
         if let Some((sensor, camera, picture)) = picture(set, reading) {
@@ -266,8 +266,8 @@ fn annotations() -> Columns {
 }
 
 /// Writes a table.
-fn write(files: &mut dyn FileSink, path: String, columns: Columns) -> Result<(), DatasetError> {
-    let bytes = feather(columns).map_err(|error| DatasetError::Write {
+fn write(files: &mut dyn FileSink, path: String, columns: Columns) -> Result<(), SetError> {
+    let bytes = feather(columns).map_err(|error| SetError::Write {
         path: PathBuf::from(&path),
         problem: error.to_string(),
     })?;

@@ -13,7 +13,7 @@
 use super::{BlockWriter, FileSink, Layout};
 use crate::cameras::{cameras, check_cameras, distortion, picture, refuse, wxyz_and_translation};
 use crate::stills::{folder, for_each_scene, photo};
-use crate::{BlockInfo, CameraInfo, ClipRecord, DatasetError, Reading, SetInfo, picture_files};
+use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SensorReading, SetInfo, picture_files};
 use std::fmt::Write;
 use wm_scene::LensModel;
 
@@ -36,7 +36,7 @@ impl Layout for Colmap {
         false
     }
 
-    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
+    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
         check_cameras(NAME, set)?;
         match cameras(set).find(|(_, _, camera)| model(camera).is_none()) {
             None => Ok(()),
@@ -54,9 +54,9 @@ impl Layout for Colmap {
     fn tables(
         &self,
         set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
         files: &mut dyn FileSink,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), SetError> {
         let cameras = camera_table(set);
         for_each_scene(set, clips, &mut |folder, records| {
             let folder = format!("{folder}/sparse/0");
@@ -116,7 +116,7 @@ struct Photos<'a> {
 }
 
 impl BlockWriter for Photos<'_> {
-    fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let BlockInfo { set, clip, .. } = self.block;
         let Some((sensor, camera, picture)) = picture(set, reading) else { return Ok(()) };
         let jpeg = picture_files::jpeg(sensor, camera, picture.rgb)?;

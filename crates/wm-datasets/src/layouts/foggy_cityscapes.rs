@@ -18,7 +18,7 @@
 
 use super::{BlockWriter, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, check_cameras, check_pinholes, layer, picture, refuse};
-use crate::{BlockInfo, CameraInfo, ClipRecord, DatasetError, Reading, RigidPose, SetInfo, picture_files};
+use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SensorReading, RigidPose, SetInfo, picture_files};
 use glam::{DMat3, DVec3, EulerRot};
 use serde_json::{Value, json};
 
@@ -48,7 +48,7 @@ impl Layout for FoggyCityscapes {
         false
     }
 
-    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
+    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
         check_cameras(NAME, set)?;
         check_pinholes(NAME, set)?;
         let names: Vec<_> = cameras(set).map(|(_, sensor, _)| word(&sensor.name)).collect();
@@ -67,9 +67,9 @@ impl Layout for FoggyCityscapes {
     fn tables(
         &self,
         _set: &SetInfo,
-        _clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        _clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
         _files: &mut dyn FileSink,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), SetError> {
         Ok(())
     }
 }
@@ -123,7 +123,7 @@ struct Pairs<'a> {
 }
 
 impl BlockWriter for Pairs<'_> {
-    fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let BlockInfo { set, clip, .. } = self.block;
         let Some((sensor, camera, picture)) = picture(set, reading) else { return Ok(()) };
         let mut city = word(&clip.place.name);

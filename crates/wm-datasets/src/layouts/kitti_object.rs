@@ -10,7 +10,7 @@
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
 use super::{BlockWriter, FileSink, Layout};
-use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetError, Reading, SetInfo};
+use crate::{BlockInfo, ClipInfo, ClipRecord, SetError, SensorReading, SetInfo};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -27,7 +27,7 @@ impl Layout for KittiObject {
         "KITTI object benchmark: pictures of up to four pinhole cameras, points and calibration by frame; label files are empty, nothing moves"
     }
 
-    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
+    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
         kitti::check(self.name(), KittiNeed::Camera, set)
     }
 
@@ -47,9 +47,9 @@ impl Layout for KittiObject {
     fn tables(
         &self,
         set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
         files: &mut dyn FileSink,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), SetError> {
         // Readers open these three even if no frame is in them.
         let mut lists: BTreeMap<String, String> =
             ["train", "val", "test"].into_iter().map(|split| (split.into(), String::new())).collect();
@@ -58,7 +58,7 @@ impl Layout for KittiObject {
             let ClipRecord { clip, .. } = record?;
             let frames = frames(set, &clip);
             if *length.get_or_insert(frames) != frames {
-                return Err(DatasetError::Layout {
+                return Err(SetError::Layout {
                     layout: self.name(),
                     problem: format!(
                         "clip \"{}\" has {frames} frames and others do not, but their numbers run on: make all clips equally long",
@@ -103,7 +103,7 @@ struct ObjectFiles<'a, P> {
 }
 
 impl<P: Fn(KittiFile, u32) -> Option<String> + Send> BlockWriter for ObjectFiles<'_, P> {
-    fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         self.files.write(reading, files)?;
         let (info, clip) = (&reading.info, self.block.clip);
         if info.is_key && KittiRig::new(self.block.set).slots().next().map(|(sensor, _)| sensor) == Some(info.sensor) {

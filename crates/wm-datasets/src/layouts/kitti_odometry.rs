@@ -8,7 +8,7 @@
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
 use super::{BlockWriter, FileSink, Layout};
-use crate::{BlockInfo, ClipRecord, DatasetError, SetInfo};
+use crate::{BlockInfo, ClipRecord, SetError, SetInfo};
 
 pub(super) const LAYOUT: KittiOdometry = KittiOdometry;
 
@@ -23,7 +23,7 @@ impl Layout for KittiOdometry {
         "KITTI odometry benchmark: sequences of up to four pinhole cameras as PNG and one lidar, with poses; no radars"
     }
 
-    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
+    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
         kitti::check(self.name(), KittiNeed::Any, set)
     }
 
@@ -40,9 +40,9 @@ impl Layout for KittiOdometry {
     fn tables(
         &self,
         set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
         files: &mut dyn FileSink,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), SetError> {
         let rig = KittiRig::new(set);
         kitti::sequence_tables(&rig, clips, files, |record, trajectory, files| {
             let path = format!("poses/{}.txt", kitti::sequence_name(&record.clip));

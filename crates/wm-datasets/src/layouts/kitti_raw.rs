@@ -10,7 +10,7 @@
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig, KittiTrajectory};
 use super::{BlockWriter, FileSink, Layout};
 use crate::utc::UtcTime;
-use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetError, SetInfo};
+use crate::{BlockInfo, ClipInfo, ClipRecord, SetError, SetInfo};
 use std::collections::BTreeSet;
 
 pub(super) const LAYOUT: KittiRaw = KittiRaw;
@@ -26,7 +26,7 @@ impl Layout for KittiRaw {
         "KITTI raw data: up to four pinhole cameras as PNG, one lidar, GPS/IMU packets and calibration; no radars, no boxes"
     }
 
-    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
+    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
         kitti::check(self.name(), KittiNeed::Any, set)
     }
 
@@ -43,9 +43,9 @@ impl Layout for KittiRaw {
     fn tables(
         &self,
         set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
         files: &mut dyn FileSink,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), SetError> {
         let rig = KittiRig::new(set);
         let mut days = BTreeSet::new();
         for record in clips {

@@ -1,6 +1,6 @@
 //! Layouts of data sets, one module each, one line each in the list below.
 
-use crate::{BlockInfo, ClipRecord, DatasetError, Reading, SetInfo};
+use crate::{BlockInfo, ClipRecord, SensorReading, SetError, SetInfo};
 
 macro_rules! layouts {
     ($($name:ident),* $(,)?) => {
@@ -51,8 +51,8 @@ pub trait Layout: Sync {
     /// Checks that it can hold a set.
     ///
     /// # Errors
-    /// [`DatasetError::Layout`] with what it cannot hold.
-    fn check(&self, set: &SetInfo) -> Result<(), DatasetError>;
+    /// [`SetError::Layout`] with what it cannot hold.
+    fn check(&self, set: &SetInfo) -> Result<(), SetError>;
 
     /// Begins the files of a block. They depend on the block alone.
     fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a>;
@@ -64,9 +64,9 @@ pub trait Layout: Sync {
     fn tables(
         &self,
         set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
         files: &mut dyn FileSink,
-    ) -> Result<(), DatasetError>;
+    ) -> Result<(), SetError>;
 }
 
 impl std::fmt::Debug for dyn Layout + '_ {
@@ -103,14 +103,14 @@ pub trait BlockWriter: Send {
     /// Takes the next reading, in the order of [`BlockInfo::readings`].
     ///
     /// # Errors
-    /// Those of `files`; [`DatasetError::Picture`].
-    fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError>;
+    /// Those of `files`; [`SetError::Picture`].
+    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError>;
 
     /// Writes what is left.
     ///
     /// # Errors
     /// Those of `files`.
-    fn finish(self: Box<Self>, _files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn finish(self: Box<Self>, _files: &mut dyn FileSink) -> Result<(), SetError> {
         Ok(())
     }
 }
@@ -120,19 +120,19 @@ pub trait FileSink {
     /// Writes a file; `path` is relative to the folder of the layout, with `/` between its parts.
     ///
     /// # Errors
-    /// [`DatasetError::Write`].
-    fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), DatasetError>;
+    /// [`SetError::Write`].
+    fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), SetError>;
 }
 
 /// The layout of a name.
 ///
 /// # Errors
-/// [`DatasetError::UnknownLayout`] with the nearest name.
-pub fn find_layout(name: &str) -> Result<&'static dyn Layout, DatasetError> {
+/// [`SetError::UnknownLayout`] with the nearest name.
+pub fn find_layout(name: &str) -> Result<&'static dyn Layout, SetError> {
     let names: Vec<&str> = LAYOUTS.iter().map(|layout| layout.name()).collect();
     LAYOUTS.iter().copied().find(|layout| layout.name() == name).ok_or_else(|| {
         let near = wm_scene::nearest(name, names.iter().copied(), 1);
-        DatasetError::UnknownLayout {
+        SetError::UnknownLayout {
             name: name.into(),
             near: near.first().map_or_else(String::new, |near| format!(", did you mean `{near}`?")),
             all: names.join(", "),

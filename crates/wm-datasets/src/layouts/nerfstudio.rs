@@ -14,7 +14,7 @@
 use super::{BlockWriter, FileSink, Layout};
 use crate::cameras::{cameras, check_cameras, distortion, picture, refuse};
 use crate::stills::{folder, for_each_scene, photo};
-use crate::{BlockInfo, CameraInfo, ClipRecord, DatasetError, Reading, SetInfo, picture_files};
+use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SensorReading, SetInfo, picture_files};
 use glam::{DMat4, DVec4};
 use serde_json::{Value, json};
 use wm_scene::LensModel;
@@ -38,7 +38,7 @@ impl Layout for Nerfstudio {
         false
     }
 
-    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
+    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
         check_cameras(NAME, set)?;
         let mut first = None;
         for (_, sensor, camera) in cameras(set) {
@@ -61,13 +61,13 @@ impl Layout for Nerfstudio {
     fn tables(
         &self,
         set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
         files: &mut dyn FileSink,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), SetError> {
         for_each_scene(set, clips, &mut |folder, records| {
             let path = format!("{folder}/transforms.json");
             let mut bytes = serde_json::to_vec_pretty(&transforms(set, records))
-                .map_err(|error| DatasetError::Write { path: path.clone().into(), problem: error.to_string() })?;
+                .map_err(|error| SetError::Write { path: path.clone().into(), problem: error.to_string() })?;
             bytes.push(b'\n');
             files.write(&path, &bytes)
         })
@@ -119,7 +119,7 @@ struct Photos<'a> {
 }
 
 impl BlockWriter for Photos<'_> {
-    fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let BlockInfo { set, clip, .. } = self.block;
         let Some((sensor, camera, picture)) = picture(set, reading) else { return Ok(()) };
         let jpeg = picture_files::jpeg(sensor, camera, picture.rgb)?;

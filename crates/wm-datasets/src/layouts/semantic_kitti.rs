@@ -11,7 +11,7 @@
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
 use super::surface_classes::semantic_kitti_classes;
 use super::{BlockWriter, FileSink, Layout};
-use crate::{BlockInfo, ClipRecord, DatasetError, DatasetPoint, PointSource, SetInfo};
+use crate::{BlockInfo, ClipRecord, SetError, DatasetPoint, PointSource, SetInfo};
 
 pub(super) const LAYOUT: SemanticKitti = SemanticKitti {
     name: "semantic-kitti",
@@ -39,7 +39,7 @@ impl Layout for SemanticKitti {
         self.about
     }
 
-    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
+    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
         kitti::check(self.name(), KittiNeed::Lidar, set)
     }
 
@@ -62,9 +62,9 @@ impl Layout for SemanticKitti {
     fn tables(
         &self,
         set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
         files: &mut dyn FileSink,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), SetError> {
         let rig = KittiRig::new(set);
         kitti::sequence_tables(&rig, clips, files, |record, trajectory, files| {
             let path = format!("{}/poses.txt", kitti::sequence_folder(&record.clip));

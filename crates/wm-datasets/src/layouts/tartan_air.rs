@@ -16,7 +16,7 @@
 
 use super::{BlockWriter, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, check_cameras, check_pinholes, layer, picture};
-use crate::{BlockInfo, CameraInfo, ClipInfo, ClipRecord, DatasetError, Reading, RigidPose, SensorInfo, SetInfo};
+use crate::{BlockInfo, CameraInfo, ClipInfo, ClipRecord, SetError, SensorReading, RigidPose, SensorInfo, SetInfo};
 use crate::{array_files, picture_files};
 use glam::{DMat3, DVec3};
 use std::fmt::Write;
@@ -46,7 +46,7 @@ impl Layout for TartanAir {
         LayerNeeds { depth: true, flow: true, ..LayerNeeds::default() }
     }
 
-    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
+    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
         check_cameras(NAME, set)?;
         check_pinholes(NAME, set)
     }
@@ -58,9 +58,9 @@ impl Layout for TartanAir {
     fn tables(
         &self,
         set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
         files: &mut dyn FileSink,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), SetError> {
         for record in clips {
             let ClipRecord { clip, readings } = record?;
             let folder = folder(&clip);
@@ -127,7 +127,7 @@ struct Pictures<'a> {
 }
 
 impl BlockWriter for Pictures<'_> {
-    fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let BlockInfo { set, clip, .. } = self.block;
         let info = &reading.info;
         let Some((_, side)) = self.eyes.iter().find(|(eye, _)| *eye == info.sensor) else { return Ok(()) };

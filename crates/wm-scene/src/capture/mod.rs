@@ -201,7 +201,8 @@ impl Capture {
         if let Some(mask) = &view.mask {
             return Some(mask.clone());
         }
-        let place = self.masks.as_ref()?.join(&view.file);
+        // Joined to a folder, a whole path would be the photo itself.
+        let place = self.masks.as_ref().filter(|_| !view.file.is_absolute())?.join(&view.file);
         let mut appended = place.clone().into_os_string();
         appended.push(".png");
         let appended = PathBuf::from(appended);

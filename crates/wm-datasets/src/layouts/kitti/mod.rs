@@ -25,7 +25,7 @@ pub(super) use readings::{KittiFile, KittiFiles};
 pub(super) use sequences::{sequence_folder, sequence_name, sequence_tables};
 pub(super) use trajectory::{KittiTrajectory, times};
 
-use crate::{DatasetError, SensorInfoKind, SetInfo};
+use crate::{SensorInfoKind, SetError, SetInfo};
 
 /// The numbers of the folders of cameras in the order of the rig.
 pub(super) const SLOTS: [usize; 4] = [2, 3, 1, 0];
@@ -42,8 +42,8 @@ pub(super) enum KittiNeed {
 }
 
 /// Checks that a set has what KITTI's layouts can hold.
-pub(super) fn check(layout: &'static str, need: KittiNeed, set: &SetInfo) -> Result<(), DatasetError> {
-    let refuse = |problem: String| Err(DatasetError::Layout { layout, problem });
+pub(super) fn check(layout: &'static str, need: KittiNeed, set: &SetInfo) -> Result<(), SetError> {
+    let refuse = |problem: String| Err(SetError::Layout { layout, problem });
     let rig = KittiRig::new(set);
     let lidars =
         set.sensors.iter().filter(|sensor| matches!(sensor.kind, SensorInfoKind::Lidar { .. })).count();

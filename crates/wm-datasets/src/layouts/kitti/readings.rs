@@ -3,7 +3,7 @@
 use super::KittiRig;
 use crate::picture_files;
 use crate::{
-    BlockInfo, BlockWriter, DatasetError, DatasetPoint, FileSink, Reading, ReadingData, SensorInfoKind,
+    BlockInfo, BlockWriter, DatasetPoint, FileSink, ReadingData, SensorInfoKind, SensorReading, SetError,
 };
 
 /// A file of a frame.
@@ -42,7 +42,7 @@ impl<'a, P: Fn(KittiFile, u32) -> Option<String>> KittiFiles<'a, P> {
 }
 
 impl<P: Fn(KittiFile, u32) -> Option<String> + Send> BlockWriter for KittiFiles<'_, P> {
-    fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let info = &reading.info;
         if !info.is_key {
             return Ok(());

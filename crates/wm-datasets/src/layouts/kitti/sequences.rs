@@ -1,7 +1,7 @@
 //! Sequences of the odometry benchmark and of SemanticKITTI.
 
 use super::{KittiRig, KittiTrajectory};
-use crate::{ClipInfo, ClipRecord, DatasetError, FileSink};
+use crate::{ClipInfo, ClipRecord, FileSink, SetError};
 use std::collections::BTreeMap;
 
 /// The name of a sequence: two digits, or more from the hundredth.
@@ -17,10 +17,10 @@ pub(in super::super) fn sequence_folder(clip: &ClipInfo) -> String {
 /// Writes `calib.txt` and `times.txt` of each sequence, what `poses` writes of it, and `splits.json`.
 pub(in super::super) fn sequence_tables(
     rig: &KittiRig<'_>,
-    clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+    clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
     files: &mut dyn FileSink,
-    poses: impl Fn(&ClipRecord, &KittiTrajectory, &mut dyn FileSink) -> Result<(), DatasetError>,
-) -> Result<(), DatasetError> {
+    poses: impl Fn(&ClipRecord, &KittiTrajectory, &mut dyn FileSink) -> Result<(), SetError>,
+) -> Result<(), SetError> {
     let mut splits: BTreeMap<String, Vec<String>> = BTreeMap::new();
     let calibration = rig.sequence_file();
     for record in clips {

@@ -29,7 +29,7 @@ mod metadata;
 
 use super::{BlockWriter, FileSink, Layout};
 use crate::cameras::{picture, refuse};
-use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetDetection, DatasetError, DatasetPoint, Reading, ReadingData};
+use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetDetection, SetError, DatasetPoint, SensorReading, ReadingData};
 use crate::{ReadingInfo, RigidPose, SensorInfoKind, SetInfo, picture_files};
 use cdr::{Field, FieldKind, MessageType};
 use file::McapFile;
@@ -77,7 +77,7 @@ impl Layout for RosBags {
         "ROS 2 bags as MCAP: tf, JPEG with CameraInfo, PointCloud2 of lidars and radars"
     }
 
-    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
+    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
         if set.sensors.is_empty() {
             return Err(refuse(NAME, "the rig has no sensor; add one"));
         }
@@ -112,9 +112,9 @@ impl Layout for RosBags {
     fn tables(
         &self,
         set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
         files: &mut dyn FileSink,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), SetError> {
         for record in clips {
             let record = record?;
             if !record.readings.is_empty() {
@@ -205,7 +205,7 @@ struct BagFile<'a> {
 }
 
 impl BlockWriter for BagFile<'_> {
-    fn write(&mut self, reading: &Reading<'_>, _files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn write(&mut self, reading: &SensorReading<'_>, _files: &mut dyn FileSink) -> Result<(), SetError> {
         let BlockInfo { set, clip, .. } = self.block;
         let file = self.file.get_or_insert_with(|| OpenFile::new(&self.block));
         let (time, frame) = (reading.info.timestamp(clip), frame(set, reading.info.sensor));
@@ -228,7 +228,7 @@ impl BlockWriter for BagFile<'_> {
         Ok(())
     }
 
-    fn finish(self: Box<Self>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn finish(self: Box<Self>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let BlockInfo { clip, number, .. } = self.block;
         let Some(file) = self.file else { return Ok(()) };
         files.write(&format!("{}/{}", folder(clip), file_name(clip, number)), &file.file.finish())

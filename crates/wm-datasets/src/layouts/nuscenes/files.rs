@@ -4,7 +4,7 @@ use super::{channels, classes_path, is_key, reading_path, reading_token};
 use crate::layouts::surface_classes::lidarseg_classes;
 use crate::picture_files;
 use crate::{
-    BlockInfo, BlockWriter, DatasetDetection, DatasetError, DatasetPoint, FileSink, Reading, ReadingData, SensorInfoKind,
+    BlockInfo, BlockWriter, DatasetDetection, SetError, DatasetPoint, FileSink, SensorReading, ReadingData, SensorInfoKind,
 };
 use std::fmt::Write;
 
@@ -35,7 +35,7 @@ impl<'a> NuScenesFiles<'a> {
 }
 
 impl BlockWriter for NuScenesFiles<'_> {
-    fn write(&mut self, reading: &Reading<'_>, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let (info, BlockInfo { set, clip, .. }) = (&reading.info, self.block);
         let sensor = &set.sensors[info.sensor];
         let path = reading_path(set, clip, &self.channels[info.sensor], info);

@@ -27,7 +27,7 @@ mod tables;
 mod tests;
 
 use super::{BlockWriter, FileSink, Layout};
-use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetError, ReadingInfo, SensorInfoKind, SetInfo};
+use crate::{BlockInfo, ClipInfo, ClipRecord, SetError, ReadingInfo, SensorInfoKind, SetInfo};
 use channels::channels;
 use sha2::{Digest, Sha256};
 
@@ -47,8 +47,8 @@ impl Layout for NuScenes {
         "nuScenes v1.0: pinhole cameras as JPEG, lidars with nuScenes-lidarseg, radars, samples at 2 Hz and sweeps; no boxes, nothing moves"
     }
 
-    fn check(&self, set: &SetInfo) -> Result<(), DatasetError> {
-        let refuse = |problem: String| Err(DatasetError::Layout { layout: self.name(), problem });
+    fn check(&self, set: &SetInfo) -> Result<(), SetError> {
+        let refuse = |problem: String| Err(SetError::Layout { layout: self.name(), problem });
         if set.sensors.is_empty() {
             return refuse("it needs a sensor: add one to the rig".into());
         }
@@ -84,9 +84,9 @@ impl Layout for NuScenes {
     fn tables(
         &self,
         set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
         files: &mut dyn FileSink,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), SetError> {
         tables::write(set, clips, files)
     }
 }

@@ -4,7 +4,7 @@ use super::{channels, classes_path, is_key, microseconds, reading_path, reading_
 use crate::layouts::surface_classes::LIDARSEG_NAMES;
 use crate::utc::UtcTime;
 use crate::{
-    CameraInfo, ClipInfo, ClipRecord, DatasetError, FileSink, ReadingInfo, RigidPose, SensorInfoKind, SetInfo,
+    CameraInfo, ClipInfo, ClipRecord, SetError, FileSink, ReadingInfo, RigidPose, SensorInfoKind, SetInfo,
     WeatherInfo,
 };
 use glam::DQuat;
@@ -27,7 +27,7 @@ impl Table {
         self.text.extend_from_slice(row.to_string().as_bytes());
     }
 
-    fn write(mut self, set: &SetInfo, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn write(mut self, set: &SetInfo, files: &mut dyn FileSink) -> Result<(), SetError> {
         self.text.extend_from_slice(b"\n]\n");
         files.write(&format!("{}/{}.json", version(set), self.name), &self.text)
     }
@@ -36,9 +36,9 @@ impl Table {
 /// Writes all tables, the map's picture and the splits.
 pub(super) fn write(
     set: &SetInfo,
-    clips: &mut dyn Iterator<Item = Result<ClipRecord, DatasetError>>,
+    clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
     files: &mut dyn FileSink,
-) -> Result<(), DatasetError> {
+) -> Result<(), SetError> {
     let channels = channels(set);
     let mut clip_tables = ClipTables::new(set, &channels);
     let mut splits: BTreeMap<String, Vec<String>> = BTreeMap::new();
@@ -75,7 +75,7 @@ pub(super) fn write(
     maps.write(set, files)?;
     // The devkit opens the map's picture; one black pixel is nothing known.
     let pixel = wm_media::png::encode_rgb8(&[0; 3], wm_media::PictureSize::new(1, 1)).map_err(|error| {
-        DatasetError::Layout { layout: "nuscenes", problem: format!("the map cannot be written: {error}") }
+        SetError::Layout { layout: "nuscenes", problem: format!("the map cannot be written: {error}") }
     })?;
     files.write(&map_path, &pixel)?;
     let splits = serde_json::to_string_pretty(&splits).unwrap_or_default();
@@ -109,7 +109,7 @@ impl<'a> ClipTables<'a> {
         }
     }
 
-    fn write(self, files: &mut dyn FileSink) -> Result<(), DatasetError> {
+    fn write(self, files: &mut dyn FileSink) -> Result<(), SetError> {
         let tables = [self.logs, self.scenes, self.samples, self.sample_data, self.ego_poses];
         tables.into_iter().chain(self.lidarseg).try_for_each(|table| table.write(self.set, files))
     }

@@ -119,6 +119,20 @@ fn reduced_photos_and_points_are_found() {
 }
 
 #[test]
+fn a_photo_elsewhere_is_not_its_own_mask() {
+    let photos = tempdir().unwrap();
+    let photo = photos.path().join("a.png");
+    fs::write(&photo, PNG).unwrap();
+    let path = photo.display().to_string().replace('\\', "/");
+    let folder = folder_with(&format!(
+        r#"{{"fl_x": 500, "w": 640, "h": 480, "frames": [{{"file_path": "{path}", "transform_matrix": {POSE}}}]}}"#
+    ));
+    fs::create_dir(folder.path().join("masks")).unwrap();
+    let capture = capture::read(folder.path(), &CaptureOptions::default()).unwrap();
+    assert_eq!((capture.photo(0), capture.mask(0)), (Some(photo), None));
+}
+
+#[test]
 fn faults_are_told() {
     let frames = |inner: &str, pose: &str| {
         format!(r#"{{"w": 640, "h": 480, {inner} "frames": [{{"file_path": "a.png", "transform_matrix": {pose}}}]}}"#)

@@ -1,0 +1,206 @@
+//! Argoverse 2 sensor logs (Wilson et al. 2021).
+//!
+//! `calibration/{egovehicle_SE3_sensor,intrinsics}.feather`, `city_SE3_egovehicle.feather`, `annotations.feather`,
+//! `sensors/cameras/NAME/NS.jpg`, `sensors/lidar/NS.feather`. Sweeps are in the vehicle's axes at their time, their motion taken out.
+//! Pictures have been undistorted by its makers: k1, k2 and k3 of the intrinsics are those of the lens before, and are not used. Boxes are
+//! in the vehicle's axes at their time.
+
+mod feather;
+
+use super::files::{MOST_BINARY, fault, files_in, name_of, pose_of_quaternion, read_bytes};
+use super::sweep::{SweepMotion, SweepRecords};
+use super::track::EgoTrack;
+use super::{
+    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack, displaced,
+    empty_log, moved,
+};
+use crate::RigidPose;
+use feather::FeatherTable;
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::path::Path;
+use wm_scene::capture::Distortion;
+use wm_scene::{FormatError, Location, Problem};
+
+/// The entry of [`super::LOG_FORMATS`].
+pub(super) const FORMAT: LogFormat =
+    LogFormat { name: "Argoverse 2", about: "a log of the Argoverse 2 sensor data, with city_SE3_egovehicle.feather", has_scenes: false, read };
+
+/// Latitude and longitude of the origins of the cities' axes, degrees.
+const CITIES: [(&str, [f64; 2]); 6] = [
+    ("ATX", [30.27464237939507, -97.7404457407424]),
+    ("DTW", [42.29993066912924, -83.17555750783717]),
+    ("MIA", [25.77452579915163, -80.19656914449405]),
+    ("PAO", [37.416065, -122.13571963362166]),
+    ("PIT", [40.44177902989321, -80.01294377242584]),
+    ("WDC", [38.889377, -77.0355047439081]),
+];
+/// Nanoseconds since 1970 before which no log was recorded: their times are those of the GPS or of a test.
+const EARLIEST: i64 = 1_000_000_000_000_000_000;
+const POSE: [&str; 7] = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
+
+fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
+    let poses = path.join("city_SE3_egovehicle.feather");
+    if !poses.is_file() {
+        return Ok(None);
+    }
+    let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
+    let mut log = empty_log(path, name_of(&whole));
+    let track = ego_track(&poses, &mut log)?;
+    cameras(path, options, &track, &mut log)?;
+    let sweeps = path.join("sensors/lidar");
+    if sweeps.is_dir() {
+        for (stem, file) in files_in(&sweeps, &["feather"])? {
+            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?))) else { continue };
+            let (records, motion) = (SweepRecords::Feather, SweepMotion::Still(pose));
+            log.sweeps.push(LogSweep { file, labels: None, timestamp, center: pose.translation, records, motion });
+        }
+    }
+    log.tracks = tracks(&path.join("annotations.feather"), &track)?;
+    log.location = place(path, log.origin);
+    log.is_north_known = log.location.is_some();
+    Ok(Some(log))
+}
+
+/// Reads columns of a file.
+fn table(path: &Path, names: &[&str]) -> Result<FeatherTable, FormatError> {
+    table_of(path, &read_bytes(path, MOST_BINARY)?, names)
+}
+
+fn table_of(path: &Path, bytes: &[u8], names: &[&str]) -> Result<FeatherTable, FormatError> {
+    FeatherTable::read(bytes, names).map_err(|fault| {
+        let problem = Problem::Value(format!("{}; copy the file again", fault.what));
+        FormatError::at(path, Location::Byte(fault.byte), problem)
+    })
+}
+
+/// The poses of the rows.
+fn poses_of(path: &Path, table: &mut FeatherTable) -> Result<Vec<RigidPose>, FormatError> {
+    let mut columns = Vec::with_capacity(POSE.len());
+    for name in POSE {
+        columns.push(table.floats(name).map_err(|what| fault(path, what))?);
+    }
+    let rows = columns.iter().map(Vec::len).min().unwrap_or(0);
+    let pose = |row: usize| {
+        let at = |column: usize| columns[column][row];
+        pose_of_quaternion([at(0), at(1), at(2), at(3)], DVec3::new(at(4), at(5), at(6)))
+            .map_err(|what| fault(path, format!("row {}: {what}", row + 1)))
+    };
+    (0..rows).map(pose).collect()
+}
+
+fn ego_track(path: &Path, log: &mut DrivingLog) -> Result<EgoTrack, FormatError> {
+    let mut table = table(path, &[&["timestamp_ns"], &POSE[..]].concat())?;
+    let times = table.ints("timestamp_ns").map_err(|what| fault(path, what))?;
+    let poses = poses_of(path, &mut table)?;
+    let first = times.iter().zip(&poses).min_by_key(|(time, _)| **time);
+    let Some((_, first)) = first else { return Err(fault(path, "there are no poses in it")) };
+    log.origin = first.translation;
+    log.captured = times.get(times.len() / 2).filter(|time| **time > EARLIEST).map(|time| *time as f64 * 1e-9);
+    let poses = times.into_iter().zip(poses).map(|(time, pose)| (time, moved(pose, log.origin)));
+    Ok(EgoTrack::new(poses.collect()))
+}
+
+fn cameras(path: &Path, options: &LogOptions, track: &EgoTrack, log: &mut DrivingLog) -> Result<(), FormatError> {
+    let file = path.join("calibration/egovehicle_SE3_sensor.feather");
+    let mut table_ = table(&file, &[&["sensor_name"], &POSE[..]].concat())?;
+    let names = table_.texts("sensor_name").map_err(|what| fault(&file, what))?;
+    let poses: BTreeMap<String, RigidPose> = names.into_iter().zip(poses_of(&file, &mut table_)?).collect();
+
+    let file = path.join("calibration/intrinsics.feather");
+    let columns = ["fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px"];
+    let mut table_ = table(&file, &[&["sensor_name"], &columns[..]].concat())?;
+    let names = table_.texts("sensor_name").map_err(|what| fault(&file, what))?;
+    let mut values = Vec::with_capacity(columns.len());
+    for column in columns {
+        values.push(table_.floats(column).map_err(|what| fault(&file, what))?);
+    }
+    let folder = path.join("sensors/cameras");
+    let known: Vec<&str> = names.iter().map(String::as_str).collect();
+    super::check_cameras(path, options, &known)?;
+    for (row, name) in names.iter().enumerate() {
+        // The stereo pair shows grey pictures of what the ring shows in colour.
+        let is_wanted = if options.cameras.is_empty() { name.starts_with("ring_") } else { options.cameras.contains(name) };
+        // Names are of others: none may lead out of the log.
+        let own = folder.join(name);
+        if !is_wanted || name.contains(['/', '\\']) || !own.is_dir() {
+            continue;
+        }
+        let Some(rig_from_camera) = poses.get(name) else {
+            return Err(fault(&file, format!("camera {name:?} has no pose in egovehicle_SE3_sensor.feather")));
+        };
+        let at = |column: usize| values[column].get(row).copied().unwrap_or(f64::NAN);
+        let side = |value: f64| if (1.0..=32_768.0).contains(&value) { value as u32 } else { 0 };
+        let mut lost = 0;
+        for (stem, file) in files_in(&own, &["jpg", "png"])? {
+            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?))) else {
+                lost += 1;
+                continue;
+            };
+            let world_from_camera = pose.then(rig_from_camera);
+            let (camera, masks) = (log.cameras.len(), LogPictureMasks::default());
+            log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks });
+        }
+        if lost > 0 {
+            log.warnings.push(format!("{lost} pictures of {name} have no pose; they are left out"));
+        }
+        log.cameras.push(LogCamera {
+            name: name.clone(),
+            size: (side(at(4)), side(at(5))),
+            focal: [at(0), at(1)],
+            center: [at(2) + 0.5, at(3) + 0.5],
+            distortion: Distortion::None,
+        });
+    }
+    Ok(())
+}
+
+/// The points of a sweep: positions in the vehicle's axes, and intensities, 0-1.
+pub(super) fn read_points(path: &Path, bytes: &[u8]) -> Result<Vec<([f32; 3], f32)>, FormatError> {
+    let mut table = table_of(path, bytes, &["x", "y", "z", "intensity"])?;
+    let mut column = |name: &str| table.floats(name).map_err(|what| fault(path, what));
+    let (x, y, z, intensity) = (column("x")?, column("y")?, column("z")?, column("intensity")?);
+    let points = x.iter().zip(&y).zip(&z).zip(&intensity);
+    Ok(points.map(|(((x, y), z), i)| ([*x as f32, *y as f32, *z as f32], (*i / 255.0) as f32)).collect())
+}
+
+/// The boxes; none if there is no file.
+fn tracks(path: &Path, ego: &EgoTrack) -> Result<Vec<LogTrack>, FormatError> {
+    if !path.is_file() {
+        return Ok(Vec::new());
+    }
+    let others = ["timestamp_ns", "track_uuid", "category", "length_m", "width_m", "height_m"];
+    let mut table = table(path, &[&others[..], &POSE[..]].concat())?;
+    let told = |what: String| fault(path, what);
+    let times = table.ints("timestamp_ns").map_err(told)?;
+    let (ids, kinds) = (table.texts("track_uuid").map_err(told)?, table.texts("category").map_err(told)?);
+    let mut sides = Vec::with_capacity(3);
+    for name in ["length_m", "width_m", "height_m"] {
+        sides.push(table.floats(name).map_err(told)?);
+    }
+    let poses = poses_of(path, &mut table)?;
+    let mut found = BTreeMap::<String, (String, Vec<LogBox>)>::new();
+    let rows = times.iter().zip(ids).zip(kinds).zip(poses).enumerate();
+    for (row, (((time, id), category), rig_from_box)) in rows {
+        let Some(world_from_rig) = ego.at(*time) else { continue };
+        let side = |axis: usize| sides[axis].get(row).copied().unwrap_or(f64::NAN);
+        let size = DVec3::new(side(0), side(1), side(2));
+        if !size.to_array().iter().all(|side| (0.0..1000.0).contains(side)) {
+            return Err(fault(path, format!("row {}: a box of {size} m", row + 1)));
+        }
+        let own = LogBox { timestamp: *time, world_from_box: world_from_rig.then(&rig_from_box), size };
+        found.entry(id).or_insert_with(|| (category, Vec::new())).1.push(own);
+    }
+    Ok(found.into_iter().map(|(id, (category, boxes))| LogTrack::new(id, category, boxes)).collect())
+}
+
+/// Latitude and longitude of the origin, by the city in the name of the map.
+fn place(path: &Path, origin: DVec3) -> Option<[f64; 2]> {
+    let maps = files_in(&path.join("map"), &["json"]).ok()?;
+    let city = |name: &str| CITIES.iter().find(|(city, _)| name.contains(&format!("____{city}_city_")));
+    let (_, place) = maps.iter().find_map(|(name, _)| city(name))?;
+    Some(displaced(*place, origin.x, origin.y))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,397 @@
+//! A driving log as a capture: a folder that every reader of captures and of priors reads.
+//!
+//! | file | contents |
+//! |---|---|
+//! | `transforms.json` | cameras, with the log's own photos by their paths |
+//! | `points.ply` | points of the sweeps without movers, coloured |
+//! | `masks/*.png` | black where something moves, for the photos that show such |
+//! | `depth/PHOTO.npy` | view z of the lidar's points, m, 0 where there is none, of the photo without its lens |
+//! | `sky/PHOTO.png` | white in the sky, if the log says where it is, of the photo without its lens |
+//! | `facts.toml` | scale, up, north, place and time |
+//! | `log.json` | what was read, the origin, warnings |
+
+mod depth;
+mod masks;
+mod photo;
+mod points;
+mod write;
+
+use super::{DrivingLog, LogPicture};
+use crate::SetError;
+use depth::LidarView;
+use glam::DVec3;
+use photo::Rgb;
+use points::{CleanSweep, VoxelCloud};
+use serde::Serialize;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use wm_scene::{FormatError, Metadata, Problem};
+
+/// How a log becomes a capture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LogCaptureOptions {
+    /// The side of the voxels of which each keeps one point, m.
+    pub voxel: f64,
+    /// The share by which boxes of movers are enlarged.
+    pub more: f64,
+    /// Points nearer to the lidar are of the vehicle itself, m.
+    pub nearest: f64,
+    /// Points farther from the lidar are left out of the points, m; depth has all.
+    pub farthest: f64,
+    /// Most points; above that every so many are kept.
+    pub most_points: usize,
+    /// Most pixels of a depth map.
+    pub depth_pixels: u32,
+}
+
+impl Default for LogCaptureOptions {
+    fn default() -> Self {
+        Self {
+            voxel: 0.07,
+            more: 0.15,
+            nearest: 2.5,
+            farthest: 100.0,
+            most_points: 3_000_000,
+            depth_pixels: 300_000,
+        }
+    }
+}
+
+/// A step of writing a capture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LogCaptureStep {
+    /// Sweeps are read.
+    Sweeps {
+        /// So many are done.
+        done: usize,
+        /// Of so many.
+        total: usize,
+    },
+    /// Pictures are looked at.
+    Pictures {
+        /// So many are done.
+        done: usize,
+        /// Of so many.
+        total: usize,
+    },
+}
+
+/// The capture that was written.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LogCaptureSummary {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// The log.
+    pub source: PathBuf,
+    /// The format of the log.
+    pub format: String,
+    /// The name of the log.
+    pub name: String,
+    /// Cameras.
+    pub cameras: usize,
+    /// Pictures.
+    pub pictures: usize,
+    /// Pictures with a mask.
+    pub masks: usize,
+    /// Pictures with a depth map.
+    pub depth_maps: usize,
+    /// Pictures with a sky mask.
+    pub sky_masks: usize,
+    /// Sweeps.
+    pub sweeps: usize,
+    /// Points.
+    pub points: usize,
+    /// Points that no picture shows; they are left out.
+    pub unseen_points: usize,
+    /// Tracks of movers, whose boxes are left out.
+    pub movers: usize,
+    /// The mean intensity of the points of the sweeps, 0-1, as the lidar has it: not a reflectance, which grows with distance.
+    pub mean_intensity: Option<f64>,
+    /// The world's origin in the log's own coordinates, m.
+    pub origin: [f64; 3],
+    /// Scale, up, north, place and time.
+    #[serde(skip)]
+    pub facts: Metadata,
+    /// What is missing or was left out, in words.
+    pub warnings: Vec<String>,
+}
+
+impl LogCaptureSummary {
+    /// The folder of the depth maps, for `priors --depth`; `None` if there are none.
+    #[must_use]
+    pub fn depth(&self) -> Option<PathBuf> {
+        (self.depth_maps > 0).then(|| self.folder.join(DEPTH))
+    }
+
+    /// The folder of the sky masks, for `priors --sky`; `None` if there are none.
+    #[must_use]
+    pub fn sky(&self) -> Option<PathBuf> {
+        (self.sky_masks > 0).then(|| self.folder.join(SKY))
+    }
+}
+
+const TRANSFORMS: &str = "transforms.json";
+const DEPTH: &str = "depth";
+const SKY: &str = "sky";
+const MASKS: &str = "masks";
+/// Longest time between a picture and the sweep that gives its depth, ns.
+const NEAR: u64 = 200_000_000;
+/// Farthest at which a picture colours points, m.
+const COLOURS: f64 = 80.0;
+
+impl DrivingLog {
+    /// Writes the log as a capture into a folder, which is made. `None` if `progress` said to stop.
+    ///
+    /// Photos that cannot be decoded are warnings: reading the capture tells of them.
+    ///
+    /// # Errors
+    /// [`SetError::File`] if a sweep or a mask of the log cannot be read, or a file of the capture cannot be written.
+    pub fn write_capture(
+        &self,
+        folder: &Path,
+        options: &LogCaptureOptions,
+        progress: &mut dyn FnMut(LogCaptureStep) -> ControlFlow<()>,
+    ) -> Result<Option<LogCaptureSummary>, SetError> {
+        make(folder)?;
+        // What is being replaced is no capture until it is whole again.
+        let transforms = folder.join(TRANSFORMS);
+        if let Err(e) = std::fs::remove_file(&transforms)
+            && e.kind() != std::io::ErrorKind::NotFound
+        {
+            return Err(FormatError::whole(&transforms, Problem::Write(e.into())).into());
+        }
+        let mut warnings = self.warnings.clone();
+        let mut cloud = VoxelCloud::new(options.voxel);
+        let (mut intensities, mut count) = (0.0, 0u64);
+        for (done, sweep) in self.sweeps.iter().enumerate() {
+            let clean = CleanSweep::read(self, sweep, options)?;
+            cloud.add(&clean, options.farthest);
+            intensities += clean.points.iter().map(|point| f64::from(point.intensity)).sum::<f64>();
+            count += clean.points.len() as u64;
+            if progress(LogCaptureStep::Sweeps { done: done + 1, total: self.sweeps.len() }).is_break() {
+                return Ok(None);
+            }
+        }
+        if cloud.is_full() {
+            warnings.push(format!(
+                "the sweeps cover more than {} voxels; later ones add no points",
+                points::MOST
+            ));
+        }
+        let mut points = cloud.points(options.most_points);
+        let mut frames = Frames {
+            log: self,
+            folder,
+            options,
+            frames: Vec::new(),
+            warnings: Vec::new(),
+            sweep: None,
+            lenses: Vec::new(),
+            depth_maps: 0,
+            masks: 0,
+            sky_masks: 0,
+        };
+        // In the order of time, so that each sweep is read once.
+        let mut order: Vec<usize> = (0..self.pictures.len()).collect();
+        order.sort_by_key(|index| (self.pictures[*index].timestamp, *index));
+        let mut bad = Vec::new();
+        for (done, index) in order.into_iter().enumerate() {
+            let picture = &self.pictures[index];
+            let rgb = match Rgb::read(&picture.file, self.cameras[picture.camera].size) {
+                Ok(rgb) => Some(rgb),
+                Err(error) => {
+                    bad.push(error.to_string());
+                    None
+                }
+            };
+            frames.add(index, picture, rgb.as_ref(), &mut points)?;
+            if progress(LogCaptureStep::Pictures { done: done + 1, total: self.pictures.len() }).is_break() {
+                return Ok(None);
+            }
+        }
+        if let Some(first) = bad.first() {
+            warnings.push(format!("{} of {} photos cannot be read: {first}", bad.len(), self.pictures.len()));
+        }
+        warnings.append(&mut frames.warnings);
+        let all = points.len();
+        // Without photos nothing is seen, and all is kept, grey.
+        let unseen_points = if bad.len() == self.pictures.len() { 0 } else { points.drop_unseen() };
+        if all > 0 && all == unseen_points {
+            warnings.push(
+                "no photo shows a point of the lidar: its poses or its calibration are wrong, perhaps".into(),
+            );
+        }
+        let summary = LogCaptureSummary {
+            folder: folder.into(),
+            source: self.source.clone(),
+            format: self.format.into(),
+            name: self.name.clone(),
+            cameras: self.cameras.len(),
+            pictures: self.pictures.len(),
+            masks: frames.masks,
+            depth_maps: frames.depth_maps,
+            sky_masks: frames.sky_masks,
+            sweeps: self.sweeps.len(),
+            points: points.len(),
+            unseen_points,
+            movers: self.tracks.iter().filter(|track| track.is_mover).count(),
+            mean_intensity: (count > 0).then(|| intensities / count as f64),
+            origin: self.origin.to_array(),
+            facts: self.facts(),
+            warnings,
+        };
+        write::points(&folder.join("points.ply"), &points)?;
+        write::facts(&folder.join("facts.toml"), &summary.facts)?;
+        write::json(&folder.join("log.json"), &summary)?;
+        // Last: without it the folder is no capture.
+        frames.frames.sort_by_key(|(index, _)| *index);
+        write::transforms(&transforms, frames.frames.into_iter().map(|(_, frame)| frame).collect())?;
+        Ok(Some(summary))
+    }
+
+    /// What the log says of the place.
+    #[must_use]
+    pub fn facts(&self) -> Metadata {
+        let source = format!("the {} log", self.format);
+        let (first, last) = self.span();
+        let span = first.abs_diff(last) as f64 * 1e-9;
+        let captured = self.captured.filter(|time| Metadata::TIMES.contains(time));
+        Metadata {
+            metres_per_unit: Some(1.0),
+            scale_source: Some(source.clone()),
+            up: Some(DVec3::Z),
+            up_source: Some(source.clone()),
+            north: self.is_north_known.then_some(DVec3::Y),
+            north_source: self.is_north_known.then_some(source),
+            location: self
+                .location
+                .filter(|[latitude, longitude]| latitude.abs() <= 90.0 && longitude.abs() <= 180.0),
+            captured,
+            captured_span: (captured.is_some() && span >= 60.0).then_some(span),
+            ..Metadata::default()
+        }
+    }
+
+    /// The sweep that is nearest in time, at most 0.2 s away.
+    fn sweep_near(&self, time: i64) -> Option<usize> {
+        let after = self.sweeps.partition_point(|sweep| sweep.timestamp < time);
+        let near = [after.checked_sub(1), Some(after)].into_iter().flatten();
+        let away = |index: &usize| self.sweeps.get(*index).map(|sweep| sweep.timestamp.abs_diff(time));
+        near.filter(|index| away(index).is_some_and(|away| away <= NEAR)).min_by_key(|index| away(index))
+    }
+}
+
+/// Makes a folder.
+fn make(folder: &Path) -> Result<(), FormatError> {
+    std::fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))
+}
+
+/// Writes what belongs to each picture.
+struct Frames<'a> {
+    log: &'a DrivingLog,
+    folder: &'a Path,
+    options: &'a LogCaptureOptions,
+    frames: Vec<(usize, write::Frame)>,
+    warnings: Vec<String>,
+    /// The last sweep that was read.
+    sweep: Option<(usize, CleanSweep)>,
+    /// For each camera what its masks need; made when it is first needed.
+    lenses: Vec<Option<masks::MaskLens>>,
+    depth_maps: usize,
+    masks: usize,
+    sky_masks: usize,
+}
+
+impl Frames<'_> {
+    /// Writes mask, depth and sky of a picture, and colours points by it.
+    fn add(
+        &mut self,
+        index: usize,
+        picture: &LogPicture,
+        rgb: Option<&Rgb>,
+        points: &mut points::ColoredPoints,
+    ) -> Result<(), FormatError> {
+        let camera = &self.log.cameras[picture.camera];
+        let photo = camera.camera(&picture.world_from_camera);
+        photo.check().map_err(|e| super::files::fault(&picture.file, e.to_string()))?;
+        let name = photo_name(&picture.file)?;
+        self.lenses.resize(self.log.cameras.len(), None);
+        let lens = self.lenses[picture.camera].get_or_insert_with(|| masks::MaskLens::new(camera));
+        let boxes = self.log.movers_at(picture.timestamp);
+        let mut mask = lens.mask(&photo, &boxes, self.options.more);
+        if let Some(file) = &picture.masks.movers {
+            masks::add_file(&mut mask, file, camera.size)?;
+        }
+        let mut mask_path = None;
+        if let Some(mask) = &mask {
+            let camera: String =
+                camera.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+            let path = format!("{MASKS}/{camera}_{index:06}.png");
+            make(&self.folder.join(MASKS))?;
+            write::grey(&self.folder.join(&path), mask, camera_size(&photo))?;
+            mask_path = Some(path);
+            self.masks += 1;
+        }
+        match camera.distortion.undistorted(&photo) {
+            None => {
+                let warning = format!("the lens of camera {} folds over within its pictures", camera.name);
+                if !self.warnings.contains(&warning) {
+                    self.warnings.push(warning);
+                }
+            }
+            Some(ideal) => {
+                let size = depth::map_size(&ideal, self.options.depth_pixels);
+                let view = match self.log.sweep_near(picture.timestamp) {
+                    Some(near) => LidarView::new(&ideal.resized(size.0, size.1), &self.clean(near)?.points),
+                    None => LidarView::new(&ideal.resized(size.0, size.1), &[]),
+                };
+                if let Some(map) = view.depth() {
+                    let path = map_path(&self.folder.join(DEPTH), &name, "npy");
+                    make(path.parent().unwrap_or(self.folder))?;
+                    wm_scene::npy::write(&path, &map, &[size.1 as usize, size.0 as usize])?;
+                    self.depth_maps += 1;
+                }
+                if let Some(file) = &picture.masks.sky {
+                    let sky =
+                        masks::pinhole_sky(file, &photo, camera.distortion, &ideal.resized(size.0, size.1))?;
+                    let path = map_path(&self.folder.join(SKY), &name, "png");
+                    make(path.parent().unwrap_or(self.folder))?;
+                    write::grey(&path, &sky, size)?;
+                    self.sky_masks += 1;
+                }
+                if let Some(rgb) = rgb {
+                    points.paint(&photo, camera.distortion, &view, rgb, mask.as_deref(), COLOURS);
+                }
+            }
+        }
+        self.frames.push((index, write::Frame::new(&photo, camera.distortion, picture, name, mask_path)));
+        Ok(())
+    }
+
+    fn clean(&mut self, index: usize) -> Result<&CleanSweep, FormatError> {
+        let sweep = match self.sweep.take() {
+            Some((own, sweep)) if own == index => sweep,
+            _ => CleanSweep::read(self.log, &self.log.sweeps[index], self.options)?,
+        };
+        Ok(&self.sweep.insert((index, sweep)).1)
+    }
+}
+
+fn camera_size(camera: &wm_scene::Camera) -> (u32, u32) {
+    (camera.width, camera.height)
+}
+
+/// The name of a photo in the capture: its whole path.
+fn photo_name(file: &Path) -> Result<String, FormatError> {
+    let whole = std::path::absolute(file).map_err(|e| FormatError::reading(file, e))?;
+    let name = whole.to_str().map(str::to_owned);
+    name.ok_or_else(|| {
+        super::files::fault(file, "its path is not text in UTF-8, which JSON cannot hold; rename it")
+    })
+}
+
+/// The file of a map of a photo, as maps of photos are looked for.
+fn map_path(folder: &Path, name: &str, extension: &str) -> PathBuf {
+    let parts = Path::new(name).components().filter(|part| matches!(part, std::path::Component::Normal(_)));
+    folder.join(parts.collect::<PathBuf>()).with_extension(extension)
+}

@@ -1,0 +1,270 @@
+//! Scenes as drivestudio's preprocessing writes them: Waymo, nuScenes, KITTI, PandaSet, nuPlan and Argoverse with one reader.
+//!
+//! `images/%03d_C.jpg`, `lidar/%03d.bin`, `ego_pose/%03d.txt` (or `lidar_pose`), `extrinsics/C.txt` (`rig_from_camera`) or
+//! `extrinsics/%03d_C.txt` (`world_from_camera`), `intrinsics/C.txt` (fx fy cx cy k1 k2 p1 p2 k3). Cameras of Waymo have x ahead and z up,
+//! all others OpenCV's axes; which it is shows in the matrices. Points are in the axes of the ego pose, or of the lidar pose where there is
+//! one. Frames are a tenth of a second apart.
+
+use super::files::{all_numbers, fault, files_in, name_of, pose_of_rows, read_json};
+use super::sweep::{SweepMotion, SweepRecords};
+use super::{
+    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack, empty_log,
+    is_asked, moved, size_of,
+};
+use crate::RigidPose;
+use glam::{DMat3, DQuat, DVec3};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use wm_scene::FormatError;
+use wm_scene::capture::Distortion;
+
+/// The entry of [`super::LOG_FORMATS`].
+pub(super) const FORMAT: LogFormat = LogFormat {
+    name: "drivestudio",
+    about: "a scene that drivestudio's preprocessing wrote: Waymo, nuScenes, KITTI, PandaSet, nuPlan, Argoverse",
+    has_scenes: false,
+    read,
+};
+
+/// Time between two frames, ns.
+const FRAME: i64 = 100_000_000;
+/// Largest frame number.
+const MOST_FRAMES: u64 = 1_000_000;
+/// Most boxes.
+const MOST_BOXES: usize = 2_000_000;
+
+fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
+    let has = |name: &str| path.join(name).is_dir();
+    if !(has("images") && has("extrinsics") && has("intrinsics")) {
+        return Ok(None);
+    }
+    let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
+    let mut log = empty_log(path, name_of(&whole));
+    let rigs = poses(&path.join("ego_pose"))?;
+    let lidars = poses(&path.join("lidar_pose"))?;
+    let extrinsics = Extrinsics::read(&path.join("extrinsics"), &rigs)?;
+    let first = rigs.values().next().or(lidars.values().next()).copied().or_else(|| extrinsics.first());
+    log.origin = first.map_or(DVec3::ZERO, |pose| pose.translation);
+
+    let mut by_camera = BTreeMap::<String, Vec<(u64, PathBuf)>>::new();
+    for (stem, file) in files_in(&path.join("images"), &["jpg", "jpeg", "png"])? {
+        if let Some((frame, camera)) = frame_and_camera(&stem) {
+            by_camera.entry(camera.to_owned()).or_default().push((frame, file));
+        }
+    }
+    let names: Vec<&str> = by_camera.keys().map(String::as_str).collect();
+    super::check_cameras(path, options, &names)?;
+    let fine = path.join("fine_dynamic_masks/all");
+    let movers = if fine.is_dir() { fine } else { path.join("dynamic_masks/all") };
+    let mut lost = 0;
+    for (name, files) in &by_camera {
+        if !is_asked(options, name) {
+            continue;
+        }
+        let camera = camera(&path.join("intrinsics").join(format!("{name}.txt")), name, size_of(&files[0].1)?)?;
+        for (frame, file) in files {
+            let Some(world_from_camera) = extrinsics.at(&rigs, name, *frame) else {
+                lost += 1;
+                continue;
+            };
+            let mask = |folder: PathBuf| Some(folder.join(format!("{frame:03}_{name}.png"))).filter(|file| file.is_file());
+            log.pictures.push(LogPicture {
+                camera: log.cameras.len(),
+                file: file.clone(),
+                timestamp: time_of(*frame),
+                world_from_camera: moved(world_from_camera, log.origin),
+                masks: LogPictureMasks { movers: mask(movers.clone()), sky: mask(path.join("sky_masks")) },
+            });
+        }
+        log.cameras.push(camera);
+    }
+    if lost > 0 {
+        log.warnings.push(format!("{lost} pictures have no pose; they are left out"));
+    }
+    let is_waymo = extrinsics.is_forward;
+    let is_own = !lidars.is_empty();
+    sweeps(&mut log, path, if is_own { &lidars } else { &rigs }, is_waymo, extrinsics.is_by_frame && !is_own)?;
+    log.tracks = tracks(&path.join("instances/instances_info.json"), log.origin)?;
+    Ok(Some(log))
+}
+
+fn time_of(frame: u64) -> i64 {
+    frame.min(MOST_FRAMES) as i64 * FRAME
+}
+
+/// `012_3`: frame 12 of camera 3.
+fn frame_and_camera(stem: &str) -> Option<(u64, &str)> {
+    let (frame, camera) = stem.split_once('_')?;
+    let frame = frame.parse().ok().filter(|frame| *frame <= MOST_FRAMES)?;
+    Some((frame, camera))
+}
+
+fn pose(path: &Path) -> Result<RigidPose, FormatError> {
+    pose_of_rows(&all_numbers(path)?).map_err(|what| fault(path, what))
+}
+
+/// The poses of a folder by frame; none if there is none.
+fn poses(folder: &Path) -> Result<BTreeMap<u64, RigidPose>, FormatError> {
+    let mut poses = BTreeMap::new();
+    if folder.is_dir() {
+        for (stem, file) in files_in(folder, &["txt"])? {
+            if let Some(frame) = stem.parse().ok().filter(|frame| *frame <= MOST_FRAMES) {
+                poses.insert(frame, pose(&file)?);
+            }
+        }
+    }
+    Ok(poses)
+}
+
+/// The poses of the cameras.
+struct Extrinsics {
+    /// `rig_from_camera` by camera.
+    fixed: BTreeMap<String, RigidPose>,
+    /// `world_from_camera` by camera and frame.
+    by_frame: BTreeMap<(String, u64), RigidPose>,
+    is_by_frame: bool,
+    /// True if cameras have x ahead and z up in the files.
+    is_forward: bool,
+}
+
+impl Extrinsics {
+    fn read(folder: &Path, rigs: &BTreeMap<u64, RigidPose>) -> Result<Self, FormatError> {
+        let (mut fixed, mut by_frame) = (BTreeMap::new(), BTreeMap::new());
+        for (stem, file) in files_in(folder, &["txt"])? {
+            match frame_and_camera(&stem) {
+                Some((frame, camera)) => drop(by_frame.insert((camera.to_owned(), frame), pose(&file)?)),
+                None => drop(fixed.insert(stem, pose(&file)?)),
+            }
+        }
+        let is_by_frame = !by_frame.is_empty();
+        if !is_by_frame && (fixed.is_empty() || rigs.is_empty()) {
+            return Err(fault(folder, "there are no camera poses: C.txt and ego_pose/FRAME.txt, or FRAME_C.txt, are needed"));
+        }
+        // A camera's up is its z in one convention and its -y in the other, and near the vehicle's up in both.
+        let up = |pose: &RigidPose, axis: DVec3| (pose.rotation * axis).z.abs();
+        let all = || fixed.values().chain(by_frame.values());
+        let is_forward = all().map(|pose| up(pose, DVec3::Z) - up(pose, DVec3::Y)).sum::<f64>() > 0.0;
+        Ok(Self { fixed, by_frame, is_by_frame, is_forward })
+    }
+
+    fn first(&self) -> Option<RigidPose> {
+        self.by_frame.values().next().copied()
+    }
+
+    /// `world_from_camera` with OpenCV's axes.
+    fn at(&self, rigs: &BTreeMap<u64, RigidPose>, camera: &str, frame: u64) -> Option<RigidPose> {
+        let pose = match self.by_frame.get(&(camera.to_owned(), frame)) {
+            Some(pose) => *pose,
+            None => rigs.get(&frame)?.then(self.fixed.get(camera)?),
+        };
+        let turn = match self.is_forward {
+            true => DQuat::from_mat3(&DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X)),
+            false => DQuat::IDENTITY,
+        };
+        Some(RigidPose { rotation: (pose.rotation * turn).normalize(), ..pose })
+    }
+}
+
+fn camera(path: &Path, name: &str, size: (u32, u32)) -> Result<LogCamera, FormatError> {
+    let numbers = all_numbers(path)?;
+    let [fx, fy, cx, cy, lens @ ..] = numbers.as_slice() else {
+        return Err(fault(path, format!("{} numbers: fx fy cx cy and k1 k2 p1 p2 k3 are needed", numbers.len())));
+    };
+    let mut coefficients = [0.0; 5];
+    if lens.len() > coefficients.len() {
+        return Err(fault(path, format!("{} numbers: fx fy cx cy and k1 k2 p1 p2 k3 are needed", numbers.len())));
+    }
+    coefficients[..lens.len()].copy_from_slice(lens);
+    let distortion = Distortion::of(coefficients);
+    Ok(LogCamera { name: name.into(), size, focal: [*fx, *fy], center: [cx + 0.5, cy + 0.5], distortion })
+}
+
+/// The sweeps. Files do not say how many floats a point has: 14 for Waymo, 5 for PandaSet, 6 for nuPlan, else 4.
+fn sweeps(
+    log: &mut DrivingLog,
+    path: &Path,
+    poses: &BTreeMap<u64, RigidPose>,
+    is_waymo: bool,
+    is_panda: bool,
+) -> Result<(), FormatError> {
+    let folder = path.join("lidar");
+    if !folder.is_dir() {
+        return Ok(());
+    }
+    let files = files_in(&folder, &["bin"])?;
+    let fits = |columns: u64| {
+        files.iter().all(|(_, file)| fs::metadata(file).is_ok_and(|about| about.len().is_multiple_of(4 * columns)))
+    };
+    let candidates: &[u64] = match (is_waymo, is_panda) {
+        (true, _) => &[14],
+        (_, true) => &[5],
+        _ => &[4, 6],
+    };
+    let Some(columns) = candidates.iter().copied().find(|columns| fits(*columns)) else {
+        return Err(fault(&folder, format!("its files hold no whole number of points of {candidates:?} floats; make them again")));
+    };
+    let (position, intensity, white) = match columns {
+        14 => (3, Some(11), 1.0),
+        4 | 5 => (0, Some(3), 1.0),
+        _ => (0, Some(3), 255.0),
+    };
+    let records = SweepRecords::Floats { columns: columns as usize, position, intensity, white };
+    for (stem, file) in files {
+        let Some((frame, pose)) = stem.parse().ok().and_then(|frame: u64| Some((frame, *poses.get(&frame)?))) else { continue };
+        let world_from_own = moved(pose, log.origin);
+        log.sweeps.push(LogSweep {
+            file,
+            labels: None,
+            timestamp: time_of(frame),
+            center: world_from_own.translation,
+            records,
+            motion: SweepMotion::Still(world_from_own),
+        });
+    }
+    Ok(())
+}
+
+#[derive(Deserialize)]
+struct Instance {
+    #[serde(default)]
+    class_name: String,
+    frame_annotations: Annotations,
+}
+
+#[derive(Deserialize)]
+struct Annotations {
+    frame_idx: Vec<u64>,
+    obj_to_world: Vec<[[f64; 4]; 4]>,
+    box_size: Vec<[f64; 3]>,
+}
+
+/// The boxes; none if there is no file.
+fn tracks(path: &Path, origin: DVec3) -> Result<Vec<LogTrack>, FormatError> {
+    if !path.is_file() {
+        return Ok(Vec::new());
+    }
+    let instances: BTreeMap<String, Instance> = read_json(path)?;
+    let (mut tracks, mut count) = (Vec::new(), 0);
+    for (id, instance) in instances {
+        let of = instance.frame_annotations;
+        let mut boxes = Vec::with_capacity(of.frame_idx.len());
+        for ((frame, matrix), size) in of.frame_idx.iter().zip(&of.obj_to_world).zip(&of.box_size) {
+            let id = super::files::excerpt(&id);
+            let pose = pose_of_rows(matrix.as_flattened());
+            let world_from_box = pose.map_err(|what| fault(path, format!("instance {id}, frame {frame}: {what}")))?;
+            if !size.iter().all(|side| (0.0..1000.0).contains(side)) {
+                return Err(fault(path, format!("instance {id}, frame {frame}: a box of {size:?} m")));
+            }
+            let (timestamp, size) = (time_of(*frame), DVec3::from(*size));
+            boxes.push(LogBox { timestamp, world_from_box: moved(world_from_box, origin), size });
+        }
+        count += boxes.len();
+        if count > MOST_BOXES {
+            return Err(fault(path, format!("there are more than {MOST_BOXES} boxes in it")));
+        }
+        tracks.push(LogTrack::new(id, instance.class_name, boxes));
+    }
+    Ok(tracks)
+}

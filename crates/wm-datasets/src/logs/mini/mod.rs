@@ -1,0 +1,593 @@
+//! Small logs of every format, for tests and for damage: a vehicle that drives past landmarks and behind another one.
+//!
+//! The files are written from the formats' definitions, by matrices, and not by what the readers are made of.
+
+mod feather;
+
+use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, dvec3};
+use std::f64::consts::{PI, TAU};
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+pub use feather::{MiniColumn, feather};
+use wm_media::jpeg::{SamplingFactor, encode};
+
+/// Width and height of the photos, px.
+pub const SIZE: (u32, u32) = (80, 60);
+/// Frames, a tenth of a second apart.
+pub const FRAMES: usize = 6;
+/// The time of the first frame, ns.
+const START: i64 = 1_317_042_145_000_000_000;
+/// The world's place in the log's coordinates, m.
+const FAR: DVec3 = dvec3(5172.0, 2419.0, 66.0);
+const FOCAL: f64 = 50.0;
+/// The principal point, as logs count it: the middle of the first pixel is 0.
+const CENTER: [f64; 2] = [39.0, 28.0];
+
+/// Where landmarks are in a photo, px from the corner of the first pixel; `None` behind the camera.
+pub type MiniPixels = Vec<Option<(f64, f64)>>;
+
+/// A log, and what is true of it.
+pub struct MiniLog {
+    /// The folder to open.
+    pub path: PathBuf,
+    /// The landmarks, in the log's coordinates, m.
+    pub landmarks: Vec<DVec3>,
+    /// By the end of a photo's path, where the landmarks are in it.
+    pub photos: Vec<(String, MiniPixels)>,
+    /// The middle of the other vehicle at a time, ns, in the log's coordinates.
+    pub mover: fn(i64) -> DVec3,
+}
+
+/// A writer of a small log.
+pub type MiniWriter = fn(&Path) -> io::Result<MiniLog>;
+
+/// A writer for each format, in the order of [`super::LOG_FORMATS`], and one more for each form of drivestudio.
+pub const MINI_LOGS: [(&str, MiniWriter); 6] = [
+    ("KITTI raw", kitti_raw),
+    ("KITTI odometry", kitti_odometry),
+    ("nuScenes", nuscenes),
+    ("Argoverse 2", argoverse),
+    ("drivestudio", |folder| drivestudio(folder, true)),
+    ("drivestudio", |folder| drivestudio(folder, false)),
+];
+
+fn seconds(time: i64) -> f64 {
+    (time - START) as f64 * 1e-9
+}
+
+/// `world_from_rig` in the mini world.
+fn rig(time: i64) -> DMat4 {
+    let t = seconds(time);
+    DMat4::from_rotation_translation(DQuat::from_rotation_z(0.1 + 0.15 * t), dvec3(5.0 * t, 1.0 * t, 0.1 * t))
+}
+
+fn rig_from_lidar() -> DMat4 {
+    DMat4::from_rotation_translation(DQuat::from_rotation_z(0.05), dvec3(0.9, 0.05, 1.7))
+}
+
+/// OpenCV's axes, turned to the left by an angle.
+fn rig_from_camera(angle: f64) -> DMat4 {
+    let axes = DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X);
+    DMat4::from_rotation_translation(
+        DQuat::from_rotation_z(angle) * DQuat::from_mat3(&axes),
+        dvec3(1.5, 0.1, 1.4),
+    )
+}
+
+/// Landmarks in the mini world: none hides another.
+fn landmarks() -> Vec<DVec3> {
+    (0..80)
+        .map(|k| {
+            let angle = f64::from(k) * 0.6;
+            let ring = 14.0 + 0.1 * f64::from(k % 7);
+            dvec3(2.0 + ring * angle.cos(), ring * angle.sin(), 0.4 + 0.5 * f64::from(k % 6))
+        })
+        .collect()
+}
+
+/// The other vehicle in the mini world: it drives ahead.
+fn mover(time: i64) -> DVec3 {
+    dvec3(9.0 + 8.0 * seconds(time), 1.5, 0.9)
+}
+
+const MOVER_SIZE: DVec3 = dvec3(4.0, 1.8, 1.6);
+
+fn mover_points(time: i64) -> Vec<DVec3> {
+    (0..24)
+        .map(|k| {
+            mover(time)
+                + (dvec3(f64::from(k % 4), f64::from(k / 4 % 3), f64::from(k / 12)) / 4.0 - 0.4) * MOVER_SIZE
+        })
+        .collect()
+}
+
+fn at(frame: usize) -> i64 {
+    START + frame as i64 * 100_000_000
+}
+
+/// What a camera shows of the landmarks.
+fn seen(camera_from_world: &DMat4, landmarks: &[DVec3]) -> MiniPixels {
+    let k = DMat4::from_cols_array_2d(&[
+        [FOCAL, 0.0, 0.0, 0.0],
+        [0.0, FOCAL, 0.0, 0.0],
+        [CENTER[0], CENTER[1], 1.0, 0.0],
+        [0.0, 0.0, 0.0, 1.0],
+    ]);
+    landmarks.iter().map(|point| pixel(*camera_from_world * point.extend(1.0), &k)).collect()
+}
+
+fn pixel(camera: DVec4, projection: &DMat4) -> Option<(f64, f64)> {
+    let p = *projection * camera;
+    // Half a pixel: counted from the corner.
+    (p.z > 0.1).then(|| (p.x / p.z + 0.5, p.y / p.z + 0.5))
+}
+
+/// A photo whose colours are its pixels' places.
+#[must_use]
+pub fn color_at(x: u32, y: u32) -> [u8; 3] {
+    [(3 * x) as u8, (4 * y) as u8, 90]
+}
+
+fn photo_bytes() -> Vec<u8> {
+    (0..SIZE.1).flat_map(|y| (0..SIZE.0).flat_map(move |x| color_at(x, y))).collect()
+}
+
+fn write(path: &Path, bytes: impl AsRef<[u8]>) -> io::Result<()> {
+    fs::create_dir_all(path.parent().unwrap_or(path))?;
+    fs::write(path, bytes)
+}
+
+fn write_photo(path: &Path) -> io::Result<()> {
+    let bytes = if path.extension().is_some_and(|extension| extension == "png") {
+        png_bytes(png::ColorType::Rgb, &photo_bytes())?
+    } else {
+        encode(&photo_bytes(), SIZE, 100, SamplingFactor::R_4_4_4).map_err(io::Error::other)?
+    };
+    write(path, bytes)
+}
+
+fn png_bytes(color: png::ColorType, bytes: &[u8]) -> io::Result<Vec<u8>> {
+    let mut out = Vec::new();
+    let mut encoder = png::Encoder::new(&mut out, SIZE.0, SIZE.1);
+    encoder.set_color(color);
+    encoder.write_header()?.write_image_data(bytes)?;
+    Ok(out)
+}
+
+fn floats(values: impl IntoIterator<Item = f64>) -> Vec<u8> {
+    values.into_iter().flat_map(|value| (value as f32).to_le_bytes()).collect()
+}
+
+/// Numbers of a matrix, row by row.
+fn rows(matrix: &DMat4, count: usize) -> Vec<f64> {
+    (0..count).flat_map(|row| matrix.row(row).to_array()).collect()
+}
+
+fn words(values: &[f64]) -> String {
+    values.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
+}
+
+fn kitti_raw(folder: &Path) -> io::Result<MiniLog> {
+    let day = folder.join("2011_09_26");
+    let drive = day.join("2011_09_26_drive_0001_sync");
+    let lidar_from_rig = rig_from_lidar().inverse();
+    let cam0_from_lidar = rig_from_camera(0.0).inverse() * rig_from_lidar();
+    let rectification = DMat4::from_rotation_x(0.01) * DMat4::from_rotation_y(-0.02);
+    let rt = |pose: &DMat4| {
+        let r: Vec<f64> = (0..3).flat_map(|row| pose.row(row).truncate().to_array()).collect();
+        format!(
+            "calib_time: 15-Mar-2012 11:37:16\nR: {}\nT: {}\n",
+            words(&r),
+            words(&pose.col(3).truncate().to_array())
+        )
+    };
+    write(&day.join("calib_imu_to_velo.txt"), rt(&lidar_from_rig))?;
+    write(&day.join("calib_velo_to_cam.txt"), rt(&cam0_from_lidar))?;
+    let r_rect: Vec<f64> = (0..3).flat_map(|row| rectification.row(row).truncate().to_array()).collect();
+    let projection = |camera: usize| {
+        DMat4::from_cols_array_2d(&[
+            [FOCAL, 0.0, 0.0, 0.0],
+            [0.0, FOCAL, 0.0, 0.0],
+            [CENTER[0], CENTER[1], 1.0, 0.0],
+            [-FOCAL * 0.27 * camera as f64, 0.2 * camera as f64, 0.003 * camera as f64, 1.0],
+        ])
+    };
+    let mut calibration = format!(
+        "calib_time: 09-Jan-2012 13:57:47\ncorner_dist: 9.950000e-02\nR_rect_00: {}\n",
+        words(&r_rect)
+    );
+    for camera in 0..4 {
+        calibration += &format!("P_rect_0{camera}: {}\n", words(&rows(&projection(camera), 3)));
+    }
+    write(&day.join("calib_cam_to_cam.txt"), calibration)?;
+
+    let stamp = |time: i64| format!("2011-09-26 13:02:{:012.9}\n", 25.0 + seconds(time));
+    let lines = |shift: i64| (0..FRAMES).map(|frame| stamp(at(frame) + shift)).collect::<String>();
+    let (lat0, lon0) = (49.0f64.to_radians(), 8.4f64.to_radians());
+    let scale = lat0.cos();
+    let mercator = |latitude: f64| (0.25 * PI + 0.5 * latitude).tan().ln();
+    let mut photos = Vec::new();
+    let mut tracklets = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\" standalone=\"yes\" ?>\n<!DOCTYPE boost_serialization>\n\
+         <boost_serialization version=\"9\">\n<tracklets class_id=\"0\">\n<count>1</count>\n<item>\n\
+         <objectType>Car</objectType><h>{}</h><w>{}</w><l>{}</l><first_frame>0</first_frame>\n<poses>\n<count>{FRAMES}</count>\n",
+        MOVER_SIZE.z, MOVER_SIZE.y, MOVER_SIZE.x
+    );
+    let first = rig(at(0)).col(3).truncate();
+    let origin = dvec3(scale * 6_378_137.0 * lon0, scale * 6_378_137.0 * mercator(lat0), 112.0) - first;
+    for frame in 0..FRAMES {
+        let pose = rig(at(frame));
+        let position = pose.col(3).truncate() - first;
+        let longitude = lon0 + position.x / (scale * 6_378_137.0);
+        let latitude = 2.0 * (mercator(lat0) + position.y / (scale * 6_378_137.0)).exp().atan() - 0.5 * PI;
+        let yaw = 0.1 + 0.15 * seconds(at(frame));
+        let numbers = [latitude.to_degrees(), longitude.to_degrees(), 112.0 + position.z, 0.0, 0.0, yaw];
+        let rest = "0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 4 11 6 6 6";
+        write(&drive.join(format!("oxts/data/{frame:010}.txt")), format!("{} {rest}\n", words(&numbers)))?;
+        for camera in [2, 3] {
+            // The cameras are triggered a little later.
+            let time = at(frame) + 3_000_000 * i64::from(frame + 1 < FRAMES);
+            let camera_from_world = rectification * cam0_from_lidar * lidar_from_rig * rig(time).inverse();
+            let name = format!("image_0{camera}/data/{frame:010}.png");
+            write_photo(&drive.join(&name))?;
+            let pixels = landmarks()
+                .iter()
+                .map(|p| pixel(camera_from_world * p.extend(1.0), &projection(camera)))
+                .collect();
+            photos.push((name, pixels));
+        }
+        let mut points = Vec::new();
+        for landmark in landmarks() {
+            // A point is in the lidar's axes of its own time, which depends on its azimuth.
+            let mut time = at(frame);
+            let mut own = DVec3::ZERO;
+            for _ in 0..30 {
+                own = (rig(time) * rig_from_lidar()).inverse().transform_point3(landmark);
+                time = at(frame) - 50_000_000 + ((own.y.atan2(own.x) + PI) / TAU * 1e8) as i64;
+            }
+            points.extend([own.x, own.y, own.z, 0.25]);
+        }
+        let lidar_from_world = (rig(at(frame)) * rig_from_lidar()).inverse();
+        for own in mover_points(at(frame)).iter().map(|p| lidar_from_world.transform_point3(*p)) {
+            points.extend([own.x, own.y, own.z, 0.25]);
+        }
+        let floor = lidar_from_world.transform_point3(mover(at(frame)) - DVec3::Z * 0.5 * MOVER_SIZE.z);
+        let angle = -(0.1 + 0.15 * seconds(at(frame))) - 0.05;
+        tracklets += &format!(
+            "<item><tx>{}</tx><ty>{}</ty><tz>{}</tz><rx>0</rx><ry>0</ry><rz>{angle}</rz><state>2</state></item>\n",
+            floor.x, floor.y, floor.z
+        );
+        write(&drive.join(format!("velodyne_points/data/{frame:010}.bin")), floats(points))?;
+    }
+    tracklets += "</poses>\n<finished>1</finished>\n</item>\n</tracklets>\n</boost_serialization>\n";
+    write(&drive.join("tracklet_labels.xml"), tracklets)?;
+    write(&drive.join("oxts/timestamps.txt"), lines(0))?;
+    for camera in [2, 3] {
+        let times = (0..FRAMES)
+            .map(|frame| stamp(at(frame) + 3_000_000 * i64::from(frame + 1 < FRAMES)))
+            .collect::<String>();
+        write(&drive.join(format!("image_0{camera}/timestamps.txt")), times)?;
+    }
+    for (name, shift) in [("", 0), ("_start", -50_000_000), ("_end", 50_000_000)] {
+        write(&drive.join(format!("velodyne_points/timestamps{name}.txt")), lines(shift))?;
+    }
+    let landmarks = landmarks().into_iter().map(|p| p + origin).collect();
+    Ok(MiniLog { path: drive, landmarks, photos, mover: |_| DVec3::ZERO })
+}
+
+fn kitti_odometry(folder: &Path) -> io::Result<MiniLog> {
+    let sequence = folder.join("sequences/07");
+    let cam0_from_lidar = rig_from_camera(0.0).inverse() * rig_from_lidar();
+    let projection = |camera: usize| {
+        DMat4::from_cols_array_2d(&[
+            [FOCAL, 0.0, 0.0, 0.0],
+            [0.0, FOCAL, 0.0, 0.0],
+            [CENTER[0], CENTER[1], 1.0, 0.0],
+            [-FOCAL * 0.27 * camera as f64, 0.0, 0.0, 1.0],
+        ])
+    };
+    let mut calibration = String::new();
+    for camera in 0..4 {
+        calibration += &format!("P{camera}: {}\n", words(&rows(&projection(camera), 3)));
+    }
+    calibration += &format!("Tr: {}\n", words(&rows(&cam0_from_lidar, 3)));
+    write(&sequence.join("calib.txt"), calibration)?;
+    let world_from_cam0 = |frame: usize| rig(at(frame)) * rig_from_lidar() * cam0_from_lidar.inverse();
+    let (mut poses, mut times, mut photos) = (String::new(), String::new(), Vec::new());
+    for frame in 0..FRAMES {
+        poses += &format!("{}\n", words(&rows(&(world_from_cam0(0).inverse() * world_from_cam0(frame)), 3)));
+        times += &format!("{:e}\n", seconds(at(frame)));
+        let name = format!("image_2/{frame:06}.png");
+        write_photo(&sequence.join(&name))?;
+        let camera_from_world = world_from_cam0(frame).inverse();
+        let pixels =
+            landmarks().iter().map(|p| pixel(camera_from_world * p.extend(1.0), &projection(2))).collect();
+        photos.push((name, pixels));
+        let lidar_from_world = (rig(at(frame)) * rig_from_lidar()).inverse();
+        let points = landmarks().into_iter().chain(mover_points(at(frame))).flat_map(|p| {
+            let own = lidar_from_world.transform_point3(p);
+            [own.x, own.y, own.z, 0.25]
+        });
+        write(&sequence.join(format!("velodyne/{frame:06}.bin")), floats(points))?;
+        // Vegetation, and moving cars with a number of their own.
+        let labels = landmarks()
+            .into_iter()
+            .map(|_| 70u32)
+            .chain(mover_points(at(frame)).into_iter().map(|_| 7 << 16 | 252));
+        write(
+            &sequence.join(format!("labels/{frame:06}.label")),
+            labels.flat_map(u32::to_le_bytes).collect::<Vec<u8>>(),
+        )?;
+    }
+    write(&sequence.join("times.txt"), times)?;
+    write(&folder.join("poses/07.txt"), poses)?;
+    // The world is the lidar of the first frame.
+    let world = (rig(at(0)) * rig_from_lidar()).inverse();
+    let landmarks = landmarks().into_iter().map(|p| world.transform_point3(p)).collect();
+    Ok(MiniLog { path: sequence, landmarks, photos, mover: |_| DVec3::ZERO })
+}
+
+/// A pose as nuScenes' tables and Argoverse's have it: w x y z and translation.
+fn quaternion(pose: &DMat4) -> ([f64; 4], [f64; 3]) {
+    let (_, q, t) = pose.to_scale_rotation_translation();
+    ([q.w, q.x, q.y, q.z], t.to_array())
+}
+
+fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
+    use serde_json::{Value, json};
+    let version = folder.join("v1.0-mini");
+    let micro = |time: i64| time / 1000;
+    let posed = |pose: &DMat4, mut record: Value| {
+        let (rotation, translation) = quaternion(pose);
+        record["rotation"] = json!(rotation);
+        record["translation"] = json!(translation);
+        record
+    };
+    let world = DMat4::from_translation(FAR);
+    // The lidar's x is to the right.
+    let lidar = rig_from_lidar() * DMat4::from_rotation_z(-0.5 * PI);
+    let intrinsic = [[FOCAL, 0.0, CENTER[0]], [0.0, FOCAL, CENTER[1]], [0.0, 0.0, 1.0]];
+    let cameras = [("CAM_FRONT", 0.0), ("CAM_BACK", PI)];
+    let mut calibrated =
+        vec![posed(&lidar, json!({"token": "c-lidar", "sensor_token": "s-lidar", "camera_intrinsic": []}))];
+    let mut sensors = vec![
+        json!({"token": "s-lidar", "channel": "LIDAR_TOP", "modality": "lidar"}),
+        json!({"token": "s-radar", "channel": "RADAR_FRONT", "modality": "radar"}),
+    ];
+    for (name, angle) in cameras {
+        sensors.push(json!({"token": format!("s-{name}"), "channel": name, "modality": "camera"}));
+        let record = json!({"token": format!("c-{name}"), "sensor_token": format!("s-{name}"), "camera_intrinsic": intrinsic});
+        calibrated.push(posed(&rig_from_camera(angle), record));
+    }
+    let (mut samples, mut data, mut poses, mut boxes, mut photos) = (vec![], vec![], vec![], vec![], vec![]);
+    for frame in 0..FRAMES {
+        let sample = format!("sample-{}", frame / 5);
+        if frame % 5 == 0 {
+            samples.push(json!({"token": sample, "scene_token": "scene-b", "timestamp": micro(at(frame)), "prev": "", "next": ""}));
+            for (instance, position, attribute) in
+                [("i-car", mover(at(frame)), "a-moving"), ("i-parked", dvec3(3.0, -30.0, 0.9), "a-parked")]
+            {
+                let box_ = world * DMat4::from_translation(position);
+                let size = [MOVER_SIZE.y, MOVER_SIZE.x, MOVER_SIZE.z];
+                boxes.push(posed(
+                    &box_,
+                    json!({"token": format!("{instance}-{frame}"), "sample_token": sample, "instance_token": instance,
+                           "attribute_tokens": [attribute], "size": size, "visibility_token": "4"}),
+                ));
+            }
+        }
+        let mut add = |sensor: &str, time: i64, file: &str, size: Value| {
+            let token = format!("{sensor}-{frame}");
+            poses.push(posed(&(world * rig(time)), json!({"token": token, "timestamp": micro(time)})));
+            data.push(json!({"token": token, "sample_token": sample, "ego_pose_token": token,
+                "calibrated_sensor_token": format!("c-{sensor}"), "timestamp": micro(time), "fileformat": "jpg",
+                "is_key_frame": frame % 5 == 0, "height": size[1], "width": size[0], "filename": file, "prev": "", "next": ""}));
+        };
+        let kind = if frame % 5 == 0 { "samples" } else { "sweeps" };
+        for (index, (name, angle)) in cameras.into_iter().enumerate() {
+            let time = at(frame) - 12_000_000 * (index as i64 + 1);
+            let file = format!("{kind}/{name}/log__{name}__{}.jpg", micro(time));
+            add(name, time, &file, json!([SIZE.0, SIZE.1]));
+            write_photo(&folder.join(&file))?;
+            let camera_from_world = (rig(time) * rig_from_camera(angle)).inverse();
+            photos.push((file, seen(&camera_from_world, &landmarks())));
+        }
+        let file = format!("{kind}/LIDAR_TOP/log__LIDAR_TOP__{}.pcd.bin", micro(at(frame)));
+        add("lidar", at(frame), &file, json!([null, null]));
+        let lidar_from_world = (rig(at(frame)) * lidar).inverse();
+        let points = landmarks().into_iter().chain(mover_points(at(frame))).flat_map(|p| {
+            let own = lidar_from_world.transform_point3(p);
+            [own.x, own.y, own.z, 64.0, 3.0]
+        });
+        write(&folder.join(file), floats(points))?;
+    }
+    data.push(json!({"token": "other", "sample_token": "of another scene", "ego_pose_token": "", "calibrated_sensor_token": "c-lidar",
+        "timestamp": 0, "height": null, "width": null, "filename": "x"}));
+    let tables: [(&str, Vec<Value>); 11] = [
+        (
+            "scene",
+            vec![
+                json!({"token": "scene-b", "name": "scene-0002", "log_token": "log", "description": ""}),
+                json!({"token": "scene-c", "name": "scene-0003", "log_token": "log", "description": ""}),
+            ],
+        ),
+        ("log", vec![json!({"token": "log", "location": "boston-seaport", "vehicle": "n015"})]),
+        ("sample", samples),
+        ("sample_data", data),
+        ("ego_pose", poses),
+        ("sensor", sensors),
+        ("calibrated_sensor", calibrated),
+        ("sample_annotation", boxes),
+        (
+            "instance",
+            vec![
+                json!({"token": "i-car", "category_token": "k-car"}),
+                json!({"token": "i-parked", "category_token": "k-car"}),
+            ],
+        ),
+        ("category", vec![json!({"token": "k-car", "name": "vehicle.car", "description": ""})]),
+        (
+            "attribute",
+            vec![
+                json!({"token": "a-moving", "name": "vehicle.moving"}),
+                json!({"token": "a-parked", "name": "vehicle.parked"}),
+            ],
+        ),
+    ];
+    for (name, records) in tables {
+        write(&version.join(format!("{name}.json")), serde_json::to_vec_pretty(&records)?)?;
+    }
+    let landmarks = landmarks().into_iter().map(|p| p + FAR).collect();
+    Ok(MiniLog { path: folder.into(), landmarks, photos, mover: |time| mover(time) + FAR })
+}
+
+fn argoverse(folder: &Path) -> io::Result<MiniLog> {
+    let log = folder.join("adcf7d18-0510-35b0-a2fa-b4cea13a6d76");
+    let world = DMat4::from_translation(FAR);
+    let posed = |poses: &[DMat4]| -> Vec<(&'static str, MiniColumn)> {
+        let split: Vec<([f64; 4], [f64; 3])> = poses.iter().map(quaternion).collect();
+        let names = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
+        let value =
+            |(q, t): &([f64; 4], [f64; 3]), column: usize| if column < 4 { q[column] } else { t[column - 4] };
+        let column = |(column, name): (usize, &'static str)| {
+            (name, MiniColumn::F64(split.iter().map(|row| value(row, column)).collect()))
+        };
+        names.into_iter().enumerate().map(column).collect()
+    };
+    let texts = |values: &[&str]| MiniColumn::Text(values.iter().map(|v| (*v).to_owned()).collect());
+    let cameras = [("ring_front_center", 0.0), ("ring_side_left", 1.2)];
+    let names = ["ring_front_center", "ring_side_left", "up_lidar"];
+    let mut table = vec![("sensor_name", texts(&names))];
+    table.extend(posed(&[rig_from_camera(0.0), rig_from_camera(1.2), rig_from_lidar()]));
+    write(&log.join("calibration/egovehicle_SE3_sensor.feather"), feather(&table, true)?)?;
+    let same = |value: f64| MiniColumn::F64(vec![value; 2]);
+    let intrinsics = [
+        ("sensor_name", texts(&names[..2])),
+        ("fx_px", same(FOCAL)),
+        ("fy_px", same(FOCAL)),
+        ("cx_px", same(CENTER[0])),
+        ("cy_px", same(CENTER[1])),
+        ("k1", same(-0.24)),
+        ("height_px", MiniColumn::U16(vec![SIZE.1 as u16; 2])),
+        ("width_px", MiniColumn::U16(vec![SIZE.0 as u16; 2])),
+    ];
+    write(&log.join("calibration/intrinsics.feather"), feather(&intrinsics, false)?)?;
+    let times: Vec<i64> = (-2..32).map(|step| START + step * 20_000_000).collect();
+    let mut table = vec![("timestamp_ns", MiniColumn::I64(times.clone()))];
+    table.extend(posed(&times.iter().map(|time| world * rig(*time)).collect::<Vec<_>>()));
+    write(&log.join("city_SE3_egovehicle.feather"), feather(&table, true)?)?;
+
+    let frames: Vec<i64> = (0..FRAMES).map(at).collect();
+    let both: Vec<i64> = frames.iter().flat_map(|time| [*time; 2]).collect();
+    let of =
+        |index: usize, time: i64| if index.is_multiple_of(2) { mover(time) } else { dvec3(3.0, -30.0, 0.9) };
+    let boxes: Vec<DMat4> = both
+        .iter()
+        .enumerate()
+        .map(|(index, time)| rig(*time).inverse() * DMat4::from_translation(of(index, *time)))
+        .collect();
+    let mut table = vec![
+        ("timestamp_ns", MiniColumn::I64(both.clone())),
+        ("track_uuid", texts(&["car", "parked"].repeat(FRAMES))),
+        ("category", texts(&["REGULAR_VEHICLE"].repeat(2 * FRAMES))),
+        ("length_m", MiniColumn::F64(vec![MOVER_SIZE.x; both.len()])),
+        ("width_m", MiniColumn::F64(vec![MOVER_SIZE.y; both.len()])),
+        ("height_m", MiniColumn::F64(vec![MOVER_SIZE.z; both.len()])),
+    ];
+    table.extend(posed(&boxes));
+    write(&log.join("annotations.feather"), feather(&table, true)?)?;
+    let mut photos = Vec::new();
+    for time in frames {
+        for (name, angle) in cameras {
+            let time = time + 7_000_000;
+            let file = format!("sensors/cameras/{name}/{time}.jpg");
+            write_photo(&log.join(&file))?;
+            photos.push((file, seen(&(rig(time) * rig_from_camera(angle)).inverse(), &landmarks())));
+        }
+        let points: Vec<DVec3> = landmarks()
+            .into_iter()
+            .chain(mover_points(time))
+            .map(|p| rig(time).inverse().transform_point3(p))
+            .collect();
+        let axis = |axis: usize| MiniColumn::F16(points.iter().map(|p| p[axis]).collect());
+        let table = [
+            ("x", axis(0)),
+            ("y", axis(1)),
+            ("z", axis(2)),
+            ("intensity", MiniColumn::U8(vec![64; points.len()])),
+            ("laser_number", MiniColumn::U8(vec![3; points.len()])),
+        ];
+        write(&log.join(format!("sensors/lidar/{time}.feather")), feather(&table, true)?)?;
+    }
+    write(&log.join("map/log_map_archive_adcf____PIT_city_31785.json"), "{}")?;
+    let landmarks = landmarks().into_iter().map(|p| p + FAR).collect();
+    Ok(MiniLog { path: log, landmarks, photos, mover: |time| mover(time) + FAR })
+}
+
+fn drivestudio(folder: &Path, is_waymo: bool) -> io::Result<MiniLog> {
+    let scene = folder.join("023");
+    let world = DMat4::from_translation(FAR);
+    let text = |pose: &DMat4| (0..4).map(|row| words(&pose.row(row).to_array()) + "\n").collect::<String>();
+    // Waymo's cameras have x ahead, y left and z up.
+    let forward = DMat4::from_mat3(DMat3::from_cols(DVec3::Z, -DVec3::X, -DVec3::Y));
+    let mut photos = Vec::new();
+    let mut matrices = Vec::new();
+    for frame in 0..FRAMES {
+        let pose = world * rig(at(frame));
+        for (camera, angle) in [("0", 0.0), ("1", 0.9)] {
+            let own = rig_from_camera(angle);
+            if is_waymo {
+                write(&scene.join(format!("extrinsics/{camera}.txt")), text(&(own * forward)))?;
+            } else {
+                write(&scene.join(format!("extrinsics/{frame:03}_{camera}.txt")), text(&(pose * own)))?;
+            }
+            let numbers = [FOCAL, FOCAL, CENTER[0], CENTER[1], 0.0, 0.0, 0.0, 0.0, 0.0];
+            write(
+                &scene.join(format!("intrinsics/{camera}.txt")),
+                numbers.map(|v| format!("{v}\n")).concat(),
+            )?;
+            let name = format!("images/{frame:03}_{camera}.jpg");
+            write_photo(&scene.join(&name))?;
+            photos.push((name, seen(&(rig(at(frame)) * own).inverse(), &landmarks())));
+            let upper: Vec<u8> =
+                (0..SIZE.0 * SIZE.1).map(|pixel| if pixel < 10 * SIZE.0 { 255 } else { 0 }).collect();
+            write(
+                &scene.join(format!("sky_masks/{frame:03}_{camera}.png")),
+                png_bytes(png::ColorType::Grayscale, &upper)?,
+            )?;
+            let left: Vec<u8> =
+                (0..SIZE.0 * SIZE.1).map(|pixel| if pixel % SIZE.0 < 4 { 255 } else { 0 }).collect();
+            write(
+                &scene.join(format!("dynamic_masks/all/{frame:03}_{camera}.png")),
+                png_bytes(png::ColorType::Grayscale, &left)?,
+            )?;
+        }
+        let all = landmarks().into_iter().chain(mover_points(at(frame)));
+        let points: Vec<f64> = if is_waymo {
+            write(&scene.join(format!("ego_pose/{frame:03}.txt")), text(&pose))?;
+            let own = |p: DVec3| {
+                let p = rig(at(frame)).inverse().transform_point3(p);
+                [0.9, 0.0, 1.7, p.x, p.y, p.z, 0.0, 0.0, 0.0, -1.0, 0.0, 0.25, 0.0, 0.0]
+            };
+            all.flat_map(own).collect()
+        } else {
+            let lidar = rig(at(frame)) * rig_from_lidar();
+            write(&scene.join(format!("lidar_pose/{frame:03}.txt")), text(&(world * lidar)))?;
+            let own = |p: DVec3| {
+                let p = lidar.inverse().transform_point3(p);
+                [p.x, p.y, p.z, 0.25]
+            };
+            all.flat_map(own).collect()
+        };
+        write(&scene.join(format!("lidar/{frame:03}.bin")), floats(points))?;
+        let box_ = world * DMat4::from_translation(mover(at(frame)));
+        matrices.push([0, 1, 2, 3].map(|row| box_.row(row).to_array()));
+    }
+    let instances = serde_json::json!({"0": {"id": "car", "class_name": "Vehicle", "frame_annotations": {
+        "frame_idx": (0..FRAMES).collect::<Vec<_>>(), "obj_to_world": matrices, "box_size": vec![MOVER_SIZE.to_array(); FRAMES]}}});
+    write(&scene.join("instances/instances_info.json"), instances.to_string())?;
+    let landmarks = landmarks().into_iter().map(|p| p + FAR).collect();
+    Ok(MiniLog { path: scene, landmarks, photos, mover: |time| mover(time + START) + FAR })
+}

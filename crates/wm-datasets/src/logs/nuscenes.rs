@@ -1,0 +1,433 @@
+//! nuScenes (Caesar et al. 2020): one scene of a version's tables.
+//!
+//! Tables are read record by record, and only the records of the scene are kept: `sample_data.json` of the whole set is over a gigabyte.
+//! Pictures and sweeps between key frames are taken, too. Poses are of the record's own time; sweeps are, as the devkit has them, in the
+//! axes of that time. Times are microseconds.
+
+use super::files::{fault, folders_in, name_of, pose_of_quaternion, read_table};
+use super::sweep::{SweepMotion, SweepRecords};
+use super::{
+    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack, displaced,
+    empty_log, is_asked, moved,
+};
+use crate::RigidPose;
+use glam::DVec3;
+use serde::Deserialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Component, Path, PathBuf};
+use wm_scene::FormatError;
+use wm_scene::capture::Distortion;
+
+/// The entry of [`super::LOG_FORMATS`].
+pub(super) const FORMAT: LogFormat = LogFormat {
+    name: "nuScenes",
+    about: "the root of nuScenes or of a set in its layout, with samples, sweeps and v1.0-VERSION; one scene of it",
+    has_scenes: true,
+    read,
+};
+
+/// Most records of one scene in a table.
+const MOST: usize = 500_000;
+/// Latitude and longitude of the origins of the maps, degrees.
+const MAPS: [(&str, [f64; 2]); 4] = [
+    ("boston-seaport", [42.336849169438615, -71.05785369873047]),
+    ("singapore-onenorth", [1.2882100868743724, 103.78475189208984]),
+    ("singapore-hollandvillage", [1.2993652317780957, 103.78217697143555]),
+    ("singapore-queenstown", [1.2782562240223188, 103.76741409301758]),
+];
+
+#[derive(Deserialize)]
+struct SceneRecord {
+    token: String,
+    name: String,
+    log_token: String,
+}
+
+#[derive(Deserialize)]
+struct MapLogRecord {
+    token: String,
+    location: String,
+}
+
+#[derive(Deserialize)]
+struct SampleRecord {
+    token: String,
+    scene_token: String,
+    timestamp: i64,
+}
+
+#[derive(Deserialize)]
+struct DataRecord {
+    sample_token: String,
+    ego_pose_token: String,
+    calibrated_sensor_token: String,
+    timestamp: i64,
+    height: Option<f64>,
+    width: Option<f64>,
+    filename: String,
+}
+
+#[derive(Deserialize)]
+struct PoseRecord {
+    token: String,
+    translation: [f64; 3],
+    rotation: [f64; 4],
+}
+
+#[derive(Deserialize)]
+struct CalibratedRecord {
+    token: String,
+    sensor_token: String,
+    translation: [f64; 3],
+    rotation: [f64; 4],
+    camera_intrinsic: Vec<Vec<f64>>,
+}
+
+#[derive(Deserialize)]
+struct SensorRecord {
+    token: String,
+    channel: String,
+    modality: String,
+}
+
+#[derive(Deserialize)]
+struct NamedRecord {
+    token: String,
+    name: String,
+}
+
+#[derive(Deserialize)]
+struct InstanceRecord {
+    token: String,
+    category_token: String,
+}
+
+#[derive(Deserialize)]
+struct AnnotationRecord {
+    sample_token: String,
+    instance_token: String,
+    #[serde(default)]
+    attribute_tokens: Vec<String>,
+    translation: [f64; 3],
+    /// Width, length, height.
+    size: [f64; 3],
+    rotation: [f64; 4],
+}
+
+/// A sensor with its pose in the rig.
+struct Calibrated {
+    channel: String,
+    is_camera: bool,
+    rig_from_sensor: RigidPose,
+    intrinsic: Vec<Vec<f64>>,
+}
+
+fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
+    let is_version = |folder: &PathBuf| folder.join("scene.json").is_file() && folder.join("sample_data.json").is_file();
+    let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
+    let (version, root, mut warnings) = if is_version(&whole) {
+        let root = whole.parent().unwrap_or(&whole).to_owned();
+        (whole, root, Vec::new())
+    } else {
+        let versions: Vec<PathBuf> = folders_in(path).into_iter().filter(is_version).collect();
+        let Some(first) = versions.first() else { return Ok(None) };
+        let names: Vec<String> = versions.iter().map(|version| name_of(version)).collect();
+        let note = (versions.len() > 1).then(|| format!("of the versions {}, {} is read", names.join(", "), names[0]));
+        (first.clone(), path.to_owned(), note.into_iter().collect())
+    };
+    let (scene, note) = scene(&version, options)?;
+    warnings.extend(note);
+    let mut log = empty_log(path, scene.name.clone());
+    log.warnings = warnings;
+    let map = map_of(&version, &scene)?;
+    let samples = samples(&version, &scene)?;
+    log.captured = samples.values().nth(samples.len() / 2).map(|time| *time as f64 * 1e-6);
+
+    let sensors = calibrated(&version)?;
+    let data = data(&version, &samples, &sensors, options)?;
+    let poses = ego_poses(&version, &data)?;
+    let first = data.iter().min_by_key(|record| record.timestamp).and_then(|record| poses.get(&record.ego_pose_token));
+    log.origin = first.map_or(DVec3::ZERO, |pose| pose.translation);
+    if let Some((_, place)) = MAPS.iter().find(|(name, _)| Some(*name) == map.as_deref()) {
+        log.location = Some(displaced(*place, log.origin.x, log.origin.y));
+        log.is_north_known = true;
+    }
+    assemble(&mut log, &root, &version, &sensors, data, &poses)?;
+    log.tracks = tracks(&version, &samples, log.origin)?;
+    Ok(Some(log))
+}
+
+fn nanoseconds(microseconds: i64) -> i64 {
+    microseconds.saturating_mul(1000)
+}
+
+/// The scene that is asked for, or the first.
+fn scene(version: &Path, options: &LogOptions) -> Result<(SceneRecord, Option<String>), FormatError> {
+    let path = version.join("scene.json");
+    let mut scenes = Vec::new();
+    read_table::<SceneRecord>(&path, |record| {
+        scenes.push(record);
+        if scenes.len() > MOST { Err("there are too many scenes".into()) } else { Ok(()) }
+    })?;
+    scenes.sort_by(|a, b| a.name.cmp(&b.name));
+    let count = scenes.len();
+    let shown: Vec<&str> = scenes.iter().take(12).map(|scene| scene.name.as_str()).collect();
+    let shown = format!("{}{}", shown.join(", "), if count > 12 { ", ..." } else { "" });
+    match &options.scene {
+        None => {
+            let note = (count > 1).then(|| format!("the first of {count} scenes is read: {shown}"));
+            let first = scenes.into_iter().next().ok_or_else(|| fault(&path, "there is no scene in it"))?;
+            Ok((first, note))
+        }
+        Some(asked) => {
+            let found = scenes.iter().position(|scene| scene.name == *asked || scene.token == *asked);
+            let found = found.ok_or_else(|| fault(&path, format!("there is no scene {asked:?}; there are {shown}")))?;
+            Ok((scenes.swap_remove(found), None))
+        }
+    }
+}
+
+/// The name of the scene's map, if it is told.
+fn map_of(version: &Path, scene: &SceneRecord) -> Result<Option<String>, FormatError> {
+    let path = version.join("log.json");
+    let mut map = None;
+    if path.is_file() {
+        read_table::<MapLogRecord>(&path, |record| {
+            if record.token == scene.log_token {
+                map = Some(record.location);
+            }
+            Ok(())
+        })?;
+    }
+    Ok(map)
+}
+
+/// The times of the scene's samples, microseconds, by token.
+fn samples(version: &Path, scene: &SceneRecord) -> Result<BTreeMap<String, i64>, FormatError> {
+    let path = version.join("sample.json");
+    let mut samples = BTreeMap::new();
+    read_table::<SampleRecord>(&path, |record| {
+        if record.scene_token == scene.token {
+            samples.insert(record.token, record.timestamp);
+        }
+        if samples.len() > MOST { Err("the scene has too many samples".into()) } else { Ok(()) }
+    })?;
+    if samples.is_empty() {
+        return Err(fault(&path, format!("scene {:?} has no samples", scene.name)));
+    }
+    Ok(samples)
+}
+
+/// Cameras and lidars by the token of their calibration.
+fn calibrated(version: &Path) -> Result<BTreeMap<String, Calibrated>, FormatError> {
+    let mut channels = BTreeMap::new();
+    read_table::<SensorRecord>(&version.join("sensor.json"), |record| {
+        channels.insert(record.token, (record.channel, record.modality));
+        if channels.len() > MOST { Err("there are too many sensors".into()) } else { Ok(()) }
+    })?;
+    let path = version.join("calibrated_sensor.json");
+    let mut sensors = BTreeMap::new();
+    read_table::<CalibratedRecord>(&path, |record| {
+        let Some((channel, modality)) = channels.get(&record.sensor_token) else { return Ok(()) };
+        let is_camera = modality == "camera";
+        if is_camera || modality == "lidar" {
+            let pose = pose_of_quaternion(record.rotation, record.translation.into());
+            let rig_from_sensor = pose.map_err(|what| format!("sensor {}: {what}", record.token))?;
+            let own = Calibrated { channel: channel.clone(), is_camera, rig_from_sensor, intrinsic: record.camera_intrinsic };
+            sensors.insert(record.token, own);
+        }
+        if sensors.len() > MOST { Err("there are too many sensors".into()) } else { Ok(()) }
+    })?;
+    Ok(sensors)
+}
+
+/// The records of pictures and sweeps of the scene.
+fn data(
+    version: &Path,
+    samples: &BTreeMap<String, i64>,
+    sensors: &BTreeMap<String, Calibrated>,
+    options: &LogOptions,
+) -> Result<Vec<DataRecord>, FormatError> {
+    let path = version.join("sample_data.json");
+    let mut data = Vec::new();
+    read_table::<DataRecord>(&path, |record| {
+        if samples.contains_key(&record.sample_token)
+            && let Some(sensor) = sensors.get(&record.calibrated_sensor_token)
+            && (!sensor.is_camera || is_asked(options, &sensor.channel))
+        {
+            data.push(record);
+        }
+        if data.len() > MOST { Err("the scene has too many pictures and sweeps".into()) } else { Ok(()) }
+    })?;
+    let names: BTreeSet<&str> =
+        sensors.values().filter(|sensor| sensor.is_camera).map(|sensor| sensor.channel.as_str()).collect();
+    super::check_cameras(&path, options, &names.into_iter().collect::<Vec<_>>())?;
+    Ok(data)
+}
+
+fn ego_poses(version: &Path, data: &[DataRecord]) -> Result<BTreeMap<String, RigidPose>, FormatError> {
+    let wanted: BTreeSet<&str> = data.iter().map(|record| record.ego_pose_token.as_str()).collect();
+    let mut poses = BTreeMap::new();
+    read_table::<PoseRecord>(&version.join("ego_pose.json"), |record| {
+        if wanted.contains(record.token.as_str()) {
+            let pose = pose_of_quaternion(record.rotation, record.translation.into());
+            poses.insert(record.token.clone(), pose.map_err(|what| format!("pose {}: {what}", record.token))?);
+        }
+        Ok(())
+    })?;
+    Ok(poses)
+}
+
+/// Makes pictures and sweeps of the records.
+fn assemble(
+    log: &mut DrivingLog,
+    root: &Path,
+    version: &Path,
+    sensors: &BTreeMap<String, Calibrated>,
+    data: Vec<DataRecord>,
+    poses: &BTreeMap<String, RigidPose>,
+) -> Result<(), FormatError> {
+    let (mut missing, mut without) = (0, 0);
+    let mut cameras = BTreeMap::<String, usize>::new();
+    for record in data {
+        let sensor = &sensors[&record.calibrated_sensor_token];
+        let Some(world_from_rig) = poses.get(&record.ego_pose_token) else {
+            without += 1;
+            continue;
+        };
+        // Names are of others: none may lead out of the data set.
+        let file = Path::new(&record.filename);
+        if file.components().any(|part| !matches!(part, Component::Normal(_) | Component::CurDir)) {
+            let name = super::files::excerpt(&record.filename);
+            return Err(fault(&version.join("sample_data.json"), format!("the file name \"{name}\" leaves the data set")));
+        }
+        let file = root.join(file);
+        if !file.is_file() {
+            missing += 1;
+            continue;
+        }
+        let world_from_sensor = moved(*world_from_rig, log.origin).then(&sensor.rig_from_sensor);
+        let timestamp = nanoseconds(record.timestamp);
+        if sensor.is_camera {
+            let camera = match cameras.get(&record.calibrated_sensor_token) {
+                Some(camera) => *camera,
+                None => {
+                    let camera = camera(sensor, &record)
+                        .map_err(|what| fault(&version.join("calibrated_sensor.json"), format!("{}: {what}", sensor.channel)))?;
+                    log.cameras.push(camera);
+                    cameras.insert(record.calibrated_sensor_token.clone(), log.cameras.len() - 1);
+                    log.cameras.len() - 1
+                }
+            };
+            let (world_from_camera, masks) = (world_from_sensor, LogPictureMasks::default());
+            log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks });
+        } else {
+            log.sweeps.push(LogSweep {
+                file,
+                labels: None,
+                timestamp,
+                center: world_from_sensor.translation,
+                records: SweepRecords::Floats { columns: 5, position: 0, intensity: Some(3), white: 255.0 },
+                motion: SweepMotion::Still(world_from_sensor),
+            });
+        }
+    }
+    if missing > 0 {
+        log.warnings.push(format!("{missing} pictures and sweeps of the scene have no file; they are left out"));
+    }
+    if without > 0 {
+        log.warnings.push(format!("{without} pictures and sweeps have no ego_pose; they are left out"));
+    }
+    Ok(())
+}
+
+fn camera(sensor: &Calibrated, record: &DataRecord) -> Result<LogCamera, String> {
+    let [a, b, c] = sensor.intrinsic.as_slice() else {
+        return Err(format!("camera_intrinsic has {} rows, not 3", sensor.intrinsic.len()));
+    };
+    let (&[fx, _, cx], &[_, fy, cy], [_, _, _]) = (a.as_slice(), b.as_slice(), c.as_slice()) else {
+        return Err("camera_intrinsic must have rows of 3".into());
+    };
+    let side = |side: Option<f64>| match side {
+        Some(side) if side.fract() == 0.0 && (1.0..=32_768.0).contains(&side) => Ok(side as u32),
+        _ => Err("its pictures have no width and height"),
+    };
+    Ok(LogCamera {
+        name: sensor.channel.clone(),
+        size: (side(record.width)?, side(record.height)?),
+        focal: [fx, fy],
+        center: [cx + 0.5, cy + 0.5],
+        distortion: Distortion::None,
+    })
+}
+
+/// What has boxes in the scene.
+fn tracks(version: &Path, samples: &BTreeMap<String, i64>, origin: DVec3) -> Result<Vec<LogTrack>, FormatError> {
+    let names = |file: &str| -> Result<BTreeMap<String, String>, FormatError> {
+        let mut names = BTreeMap::new();
+        let path = version.join(file);
+        if path.is_file() {
+            read_table::<NamedRecord>(&path, |record| {
+                names.insert(record.token, record.name);
+                if names.len() > MOST { Err("there are too many records".into()) } else { Ok(()) }
+            })?;
+        }
+        Ok(names)
+    };
+    let (categories, attributes) = (names("category.json")?, names("attribute.json")?);
+    let path = version.join("sample_annotation.json");
+    if !path.is_file() {
+        return Ok(Vec::new());
+    }
+    /// Boxes, and whether attributes say that it moves or that it is parked.
+    #[derive(Default)]
+    struct Found {
+        boxes: Vec<LogBox>,
+        moves: bool,
+        stands: bool,
+    }
+    let mut found = BTreeMap::<String, Found>::new();
+    let mut count = 0;
+    read_table::<AnnotationRecord>(&path, |record| {
+        let Some(time) = samples.get(&record.sample_token) else { return Ok(()) };
+        let [width, length, height] = record.size;
+        if !record.size.iter().all(|side| (0.0..1000.0).contains(side)) {
+            return Err(format!("a box of {width} x {length} x {height} m"));
+        }
+        let world_from_box = pose_of_quaternion(record.rotation, record.translation.into())?;
+        let own = LogBox {
+            timestamp: nanoseconds(*time),
+            world_from_box: moved(world_from_box, origin),
+            size: DVec3::new(length, width, height),
+        };
+        let entry = found.entry(record.instance_token).or_default();
+        entry.boxes.push(own);
+        for attribute in record.attribute_tokens.iter().filter_map(|token| attributes.get(token)) {
+            entry.moves |= matches!(attribute.as_str(), "vehicle.moving" | "cycle.with_rider" | "pedestrian.moving");
+            entry.stands |= matches!(attribute.as_str(), "vehicle.parked" | "cycle.without_rider");
+        }
+        count += 1;
+        if count > MOST { Err("the scene has too many boxes".into()) } else { Ok(()) }
+    })?;
+    let mut kinds = BTreeMap::new();
+    let instances = version.join("instance.json");
+    if !found.is_empty() && instances.is_file() {
+        read_table::<InstanceRecord>(&instances, |record| {
+            if found.contains_key(&record.token) {
+                kinds.insert(record.token, record.category_token);
+            }
+            Ok(())
+        })?;
+    }
+    let track = |(id, found): (String, Found)| {
+        let category = kinds.get(&id).and_then(|kind| categories.get(kind)).cloned().unwrap_or_default();
+        let mut track = LogTrack::new(id, category, found.boxes);
+        // Boxes of what is parked jitter; attributes know better.
+        if found.stands && !found.moves {
+            track.is_mover = false;
+        }
+        track.is_mover |= found.moves;
+        track
+    };
+    Ok(found.into_iter().map(track).collect())
+}

@@ -1,0 +1,214 @@
+//! Poses over time: of the vehicle and of the boxes around others.
+
+use crate::RigidPose;
+use glam::DVec3;
+
+/// Longest time beyond the first and last pose of a vehicle at which it is believed still, ns.
+const BEYOND: u64 = 150_000_000;
+/// Longest time between two boxes of a track between which it is interpolated, ns.
+const GAP: u64 = 1_050_000_000;
+/// Longest time beyond the first and last box of a track, ns.
+const BOX_BEYOND: u64 = 260_000_000;
+/// Time over which the speed of a box is measured, at least, ns: boxes of single sweeps jitter.
+const BASELINE: u64 = 450_000_000;
+/// Speed from which a box moves, m/s.
+const MOVES: f64 = 0.5;
+
+/// The poses of a vehicle: `world_from_rig` over time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EgoTrack {
+    /// Nanoseconds and poses, in the order of time, each time once.
+    poses: Vec<(i64, RigidPose)>,
+}
+
+impl EgoTrack {
+    /// A track of poses in any order.
+    #[must_use]
+    pub fn new(mut poses: Vec<(i64, RigidPose)>) -> Self {
+        poses.sort_by_key(|(time, _)| *time);
+        poses.dedup_by_key(|(time, _)| *time);
+        Self { poses }
+    }
+
+    /// The poses, in the order of time.
+    #[must_use]
+    pub fn poses(&self) -> &[(i64, RigidPose)] {
+        &self.poses
+    }
+
+    /// The pose at a time, ns: between two poses straight ahead and turning evenly. `None` more than 150 ms before the first or
+    /// after the last.
+    #[must_use]
+    pub fn at(&self, time: i64) -> Option<RigidPose> {
+        interpolate(&self.poses, time, |(time, pose)| (*time, *pose), (BEYOND, u64::MAX))
+    }
+}
+
+/// What is around a vehicle and has a box at several times.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LogTrack {
+    /// Its name in the log.
+    pub id: String,
+    /// Its category, as the log has it.
+    pub category: String,
+    /// True if it moves at any time of the log, or is of a kind that does: people, animals, riders.
+    pub is_mover: bool,
+    /// Its boxes, in the order of time.
+    pub boxes: Vec<LogBox>,
+}
+
+/// A box around something at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LogBox {
+    /// Nanoseconds.
+    pub timestamp: i64,
+    /// From its middle, with x along its length and z up.
+    pub world_from_box: RigidPose,
+    /// Length, width and height, m.
+    pub size: DVec3,
+}
+
+impl LogTrack {
+    /// A track of boxes in any order. It moves if one of its boxes goes faster than 0.5 m/s, or by its category.
+    #[must_use]
+    pub fn new(id: String, category: String, mut boxes: Vec<LogBox>) -> Self {
+        boxes.sort_by_key(|own| own.timestamp);
+        boxes.dedup_by_key(|own| own.timestamp);
+        let is_mover = is_living(&category) || has_moved(&boxes);
+        Self { id, category, is_mover, boxes }
+    }
+
+    /// The box at a time, ns: interpolated between boxes at most a second apart, and held for a quarter of a second at both ends.
+    #[must_use]
+    pub fn at(&self, time: i64) -> Option<LogBox> {
+        let size = self.boxes.iter().min_by_key(|own| own.timestamp.abs_diff(time))?.size;
+        let pose = |own: &LogBox| (own.timestamp, own.world_from_box);
+        let world_from_box = interpolate(&self.boxes, time, pose, (BOX_BEYOND, GAP))?;
+        Some(LogBox { timestamp: time, world_from_box, size })
+    }
+}
+
+impl LogBox {
+    /// Returns true if a point is in the box, its sides longer by a share.
+    #[must_use]
+    pub fn has(&self, point: DVec3, more: f64) -> bool {
+        let own = self.world_from_box.inverse().point(point).abs();
+        own.cmple(0.5 * (1.0 + more) * self.size).all()
+    }
+
+    /// The corners of the box, world axes, its sides longer by a share. Bits of the index: beyond the middle along x, y, z.
+    #[must_use]
+    pub fn corners(&self, more: f64) -> [DVec3; 8] {
+        let half = 0.5 * (1.0 + more) * self.size;
+        std::array::from_fn(|index| {
+            let side = |axis: usize| if index >> axis & 1 == 1 { 1.0 } else { -1.0 };
+            self.world_from_box.point(half * DVec3::new(side(0), side(1), side(2)))
+        })
+    }
+}
+
+/// Returns true for kinds that move even when they stand.
+fn is_living(category: &str) -> bool {
+    const KINDS: [&str; 12] = [
+        "human",
+        "pedestrian",
+        "person",
+        "people",
+        "cyclist",
+        "motorcyclist",
+        "rider",
+        "animal",
+        "dog",
+        "stroller",
+        "wheelchair",
+        "signaler",
+    ];
+    let category = category.to_ascii_lowercase();
+    KINDS.iter().any(|kind| category.contains(kind))
+}
+
+fn has_moved(boxes: &[LogBox]) -> bool {
+    let mut later = 0;
+    boxes.iter().any(|first| {
+        while boxes.get(later).is_some_and(|box_| {
+            first.timestamp.abs_diff(box_.timestamp) < BASELINE || box_.timestamp < first.timestamp
+        }) {
+            later += 1;
+        }
+        boxes.get(later).is_some_and(|second| {
+            let seconds = second.timestamp.abs_diff(first.timestamp) as f64 * 1e-9;
+            let way = second.world_from_box.translation.distance(first.world_from_box.translation);
+            way > MOVES * seconds
+        })
+    })
+}
+
+/// The pose at a time, of entries in the order of time; `None` more than the first limit (ns) beyond the ends, or between two that
+/// are farther apart than the second.
+fn interpolate<T>(
+    entries: &[T],
+    time: i64,
+    of: impl Fn(&T) -> (i64, RigidPose),
+    (beyond, gap): (u64, u64),
+) -> Option<RigidPose> {
+    let after = entries.partition_point(|entry| of(entry).0 <= time);
+    let held = |entry: &T| {
+        let (at, pose) = of(entry);
+        (at.abs_diff(time) <= beyond).then_some(pose)
+    };
+    let Some(second) = entries.get(after) else { return entries.last().and_then(held) };
+    let Some(first) = after.checked_sub(1).map(|before| &entries[before]) else { return held(second) };
+    let ((t0, a), (t1, b)) = (of(first), of(second));
+    if t0.abs_diff(t1) > gap {
+        return held(first).or_else(|| held(second));
+    }
+    let share = time.abs_diff(t0) as f64 / t1.abs_diff(t0) as f64;
+    Some(RigidPose {
+        rotation: a.rotation.slerp(b.rotation, share).normalize(),
+        translation: a.translation.lerp(b.translation, share),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DQuat;
+
+    fn pose(x: f64, angle: f64) -> RigidPose {
+        RigidPose { rotation: DQuat::from_rotation_z(angle), translation: DVec3::new(x, 0.0, 0.0) }
+    }
+
+    #[test]
+    fn poses_are_interpolated() {
+        let track = EgoTrack::new(vec![(2_000_000_000, pose(4.0, 0.3)), (1_000_000_000, pose(2.0, 0.1))]);
+        let middle = track.at(1_250_000_000).unwrap();
+        assert!(middle.translation.distance(DVec3::new(2.5, 0.0, 0.0)) < 1e-12);
+        assert!(middle.rotation.angle_between(DQuat::from_rotation_z(0.15)) < 1e-7);
+        assert_eq!(track.at(1_000_000_000), Some(pose(2.0, 0.1)));
+        assert_eq!(track.at(2_100_000_000), Some(pose(4.0, 0.3)));
+        assert_eq!(track.at(2_200_000_000), None);
+        assert_eq!(track.at(i64::MIN), None);
+        assert_eq!(EgoTrack::default().at(0), None);
+    }
+
+    #[test]
+    fn what_moves_is_found() {
+        let boxed = |way: f64, category: &str| {
+            let own = |k: i64| LogBox {
+                timestamp: k * 100_000_000,
+                // Annotations jitter by some centimetres.
+                world_from_box: pose(way * k as f64 + 0.05 * (k % 2) as f64, 0.0),
+                size: DVec3::ONE,
+            };
+            LogTrack::new("a".into(), category.into(), (0..20).map(own).collect())
+        };
+        assert!(!boxed(0.0, "REGULAR_VEHICLE").is_mover);
+        assert!(boxed(0.1, "REGULAR_VEHICLE").is_mover);
+        assert!(boxed(0.0, "human.pedestrian.adult").is_mover);
+        let track = boxed(0.1, "car");
+        assert!(track.at(1_950_000_000).is_some() && track.at(2_300_000_000).is_none());
+        let own = track.at(1_000_000_000).unwrap();
+        assert!(own.has(DVec3::new(1.55, 0.0, 0.0), 0.15) && !own.has(DVec3::new(1.6, 0.0, 0.0), 0.15));
+        assert_eq!(own.corners(0.0)[7], DVec3::new(1.5, 0.5, 0.5));
+    }
+}
