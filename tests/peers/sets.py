@@ -6,8 +6,8 @@ own calibration and poses.
     weather-magician batch PLAN -o SET      # layouts = ["frames", and any of those below]
     python3 tests/peers/sets.py SET LAYOUT [REPOSITORY]
 
-The rig has a lidar `top` and cameras `front` (ahead), `left` and `right` (45 to 80 degrees to the sides), all of the rate of the frames, and
-frames are 10 a second. What each layout needs, from PyPI, or as a clone of a public repository that is given as REPOSITORY:
+The rig has a lidar `top` and cameras `front` (ahead), `left` and `right` (45 to 60 degrees to the sides), all of the rate of the frames. What
+each layout needs, from PyPI, or as a clone of a public repository that is given as REPOSITORY:
 
     nuscenes                              nuscenes-devkit==1.2.0 'numpy<2'
     kitti-raw, kitti-odometry             pykitti==0.3.1 opencv-python-headless
@@ -19,29 +19,24 @@ frames are 10 a second. What each layout needs, from PyPI, or as a clone of a pu
     nerfstudio                            nerfstudio==1.1.5
     colmap, acdc, foggy-cityscapes        pycolmap cityscapesscripts numpy pillow
 
-No reader was found of ACDC's paths and of Cityscapes' camera files: these conventions are written out here, as are the axes of TartanAir's
-cameras, whose tools read poses alone.
-
-It takes up to a minute a layout and is no part of `cargo test`. The exit code is 1 if anything differs.
+Layouts of pictures are in `picture_sets.py`. It takes seconds a layout and is no part of `cargo test`. The exit code is 1 if anything differs.
 """
 
+import io
 import json
 import sys
+import tempfile
+from importlib.metadata import version
 from pathlib import Path
 
-from common import Differences, MadeSet, check, finish, matrix, moved, pixels, rotation, turn
+import picture_sets
+from common import CLASSES, EVERY, EXACT, FLAKE, SURFACE, Differences, MadeSet, check, finish, matrix, moved, pixels, rotation, turn
 
 # Packages have the names of scripts in this folder.
 HERE = sys.path.pop(0)
 
 import numpy as np
 from PIL import Image
-
-EVERY = 5
-# Pixels that 13 digits of text, or matrices of f64, may be off where points are 1 m in front of the camera and far outside of the picture.
-EXACT = 1e-5
-# Classes of `frames/`: 0 surface, 1 drop, 2 flake, 3 air, 4 ghost.
-SURFACE, FLAKE = 0, 2
 
 
 def script(name):
@@ -52,10 +47,10 @@ def script(name):
     return module
 
 
-def shares(made, clips):
-    """Words on the classes of the points of clips."""
-    counts = sum(np.bincount(made.sweep(clip, frame)["class"], minlength=5) for clip in clips for frame in range(made.frames))
-    return ", ".join(f"{count} {name}" for name, count in zip(["surface", "drop", "flake", "air", "ghost"], counts) if count)
+def shares(made):
+    """Words on the classes of all points."""
+    counts = sum(np.bincount(made.sweep(clip, frame)["class"], minlength=5) for clip in made.clips for frame in range(made.frames))
+    return ", ".join(f"{count} {name}" for name, count in zip(CLASSES, counts) if count)
 
 
 def nuscenes(made, folder, _):
@@ -68,14 +63,14 @@ def nuscenes(made, folder, _):
 
     nusc = NuScenes(version=f"v1.0-{made.manifest['name']}", dataroot=str(folder), verbose=False)
     channels = {"CAM_FRONT": "front", "CAM_FRONT_LEFT": "left", "CAM_FRONT_RIGHT": "right", "LIDAR_TOP": "top"}
-    keys = range(0, made.frames, 5)
+    keys = range(0, made.frames, max(1, round(made.manifest["frame_rate"] / 2)))
     counts = (len(nusc.scene), len(nusc.sample), len(nusc.sample_data), len(nusc.lidarseg))
     expected = (len(made.clips), len(made.clips) * len(keys), len(made.readings), len(made.clips) * len(keys))
     check("counts", counts == expected, "{} scenes, {} samples, {} readings, {} classified sweeps".format(*counts))
     check("channels", {sensor["channel"] for sensor in nusc.sensor} == set(channels), ", ".join(channels))
     clips = {clip["name"]: clip for clip in made.clips}
     quarter = transform_matrix([0, 0, 0], Quaternion(axis=[0, 0, 1], angle=-np.pi / 2))
-    far, poses, clouds, seen, keyed = Differences(made), {}, {}, set(), 0
+    far, poses, clouds, intrinsics, seen, keyed = Differences(made), {}, {}, {}, set(), 0
     for record in nusc.sample_data:
         clip = clips[nusc.get("scene", nusc.get("sample", record["sample_token"])["scene_token"])["name"]]
         sensor, path = channels[record["channel"]], folder / record["filename"]
@@ -98,7 +93,8 @@ def nuscenes(made, folder, _):
             far.add("rings", 0, rings, made.sensors["top"]["rings"] - 1 - sweep["ring"].astype(int))
             clouds[clip["name"], frame] = cloud[:3].T
         else:
-            far.add("intrinsics, px", 1e-9, calibration["camera_intrinsic"], made.whole_k(sensor))
+            intrinsics[sensor] = np.array(calibration["camera_intrinsic"])
+            far.add("intrinsics, px", 1e-9, intrinsics[sensor], made.whole_k(sensor))
             assert (record["width"], record["height"]) == made.sensors[sensor]["size"]
             far.add_picture(clip, frame, sensor, Image.open(path), False)
     check("readings", len(seen) == len(made.readings) == keyed, f"{len(seen)} different ones, {keyed} rightly in samples or sweeps")
@@ -108,7 +104,7 @@ def nuscenes(made, folder, _):
             for camera in made.cameras:
                 points = moved(np.linalg.inv(poses[clip["name"], frame, camera]), world)
                 with np.errstate(all="ignore"):
-                    found = view_points(points.T, made.whole_k(camera), normalize=True)[:2].T
+                    found = view_points(points.T, intrinsics[camera], normalize=True)[:2].T
                 far.add_pixels("view_points", EXACT, clip, frame, camera, found + 0.5)
     # The devkit's own chain keeps what is in the picture and works in f32.
     drawn, missed = 0, 0
@@ -131,6 +127,24 @@ def nuscenes(made, folder, _):
         is_noise = labels == nusc.lidarseg_name2idx_mapping["noise"]
         far.add("noise against classes, points", 0, is_noise, made.sweep(clip, frame)["class"] != SURFACE)
     check("pictures with as many points", missed <= 2, f"{drawn} of {drawn + missed}")
+    # Five sweeps in the axes of one, as detectors read them, by the chain of records.
+    for sample in nusc.sample:
+        clip = clips[nusc.get("scene", sample["scene_token"])["name"]]
+        frame = [time // 1000 for time in made.times(clip, "top")].index(sample["timestamp"])
+        if frame < 4:
+            continue
+        found, ages = LidarPointCloud.from_file_multisweep(nusc, sample, "LIDAR_TOP", "LIDAR_TOP", nsweeps=5)
+        expected, seconds = [], []
+        for before in range(frame, frame - 5, -1):
+            # It leaves out what is near the sensor.
+            far_ones = np.abs(made.points(clip, before)[:, :2]).max(axis=1) >= 1
+            expected.append(moved(np.linalg.inv(made.pose(clip, frame, "top") @ quarter), made.world_points(clip, before)[far_ones]))
+            seconds.append(np.full(far_ones.sum(), (made.time(clip, frame, "top") - made.time(clip, before, "top")) * 1e-9))
+        far.add("points of five sweeps, m", 1e-3, found.points[:3].T, np.concatenate(expected))
+        far.add("their ages, s", 1e-6, ages[0], np.concatenate(seconds))
+    for scene in nusc.scene:
+        is_rain = clips[scene["name"]]["weather"]["condition"] == "rain"
+        check(f"description of {scene['name']}", ("rain" in scene["description"].lower()) == is_rain, scene["description"])
     for split in {clip["split"] for clip in made.clips}:
         names = get_scenes_of_split(f"{made.manifest['name']}_{split}", nusc)
         check(f"split {split}", names == [clip["name"] for clip in made.clips if clip["split"] == split], f"{len(names)} scenes")
@@ -348,6 +362,7 @@ def semantic_kitti(made, folder, api):
 def argoverse2(made, folder, _):
     from av2.datasets.sensor.av2_sensor_dataloader import AV2SensorDataLoader
     from av2.structures.sweep import Sweep
+    from av2.torch.data_loaders.detection import DetectionDataLoader
     from av2.utils.io import read_feather, read_img
 
     names = script("argoverse2").CAMERAS
@@ -362,7 +377,10 @@ def argoverse2(made, folder, _):
         check("counts and times", good, f"{len(times)} sweeps, {sum(map(len, found.values()))} pictures")
         rig_from_lidar = made.sensors["top"]["rig_from_sensor"]
         for name in ("up_lidar", "down_lidar"):
-            far.add_pose("extrinsics", loader.get_log_pinhole_camera(log, names["front"]) and lidar_pose(read_feather, folder, clip, name), rig_from_lidar)
+            table = read_feather(folder / clip["split"] / log / "calibration/egovehicle_SE3_sensor.feather")
+            (row,) = [row for row in table.to_dict("records") if row["sensor_name"] == name]
+            pose = matrix(rotation(*(row[f"q{axis}"] for axis in "wxyz")), [row[f"t{axis}_m"] for axis in "xyz"])
+            far.add_pose("extrinsics", pose, rig_from_lidar)
         for camera, name in names.items():
             pinhole = loader.get_log_pinhole_camera(log, name)
             far.add("intrinsics, px", 0, pinhole.intrinsics.K, made.whole_k(camera))
@@ -379,7 +397,7 @@ def argoverse2(made, folder, _):
             rounded = exact.astype(np.float32).astype(np.float16)
             far.add("points against rounded ones, m", 0, sweep.xyz, rounded)
             far.add("points, m", 2**-5, sweep.xyz, exact)
-            far.add("intensities", 0, sweep.intensity, np.floor(own["intensity"] + np.float32(0.5)))
+            far.add("intensities", 0, sweep.intensity, np.floor(own["intensity"].astype(float) + 0.5))
             far.add("rings", 0, sweep.laser_number, own["ring"])
             far.add("offsets, ns", 1, sweep.offset_ns, own["time"].astype(float) * 1e9)
             if frame % EVERY:
@@ -400,14 +418,21 @@ def argoverse2(made, folder, _):
                 inside = before & (expected >= 0).all(axis=1) & (expected < made.sensors[camera]["size"]).all(axis=1)
                 far.add("points by the reader in pictures, px", np.inf, off[inside])
     check("logs", logs == len(made.clips), f"{logs}")
+    # The data loader in Rust, which has a reader of Feather of its own.
+    with tempfile.TemporaryDirectory() as root:
+        (Path(root) / "av2").mkdir()
+        (Path(root) / "av2/sensor").symlink_to(folder.resolve())
+        clips, count = {clip["name"]: clip for clip in made.clips}, 0
+        for split in {clip["split"] for clip in made.clips}:
+            sweeps = DetectionDataLoader(root_dir=Path(root), dataset_name="av2", split_name=split)
+            for index in range(len(sweeps)):
+                log, time = sweeps[index].sweep_uuid
+                frame = made.times(clips[log], "top").index(time)
+                exact = moved(rig_from_lidar, made.points(clips[log], frame))
+                far.add("points by av2.torch, m", 2**-5, sweeps[index].lidar.as_tensor()[:, :3].numpy(), exact)
+                count += 1
+    check("sweeps by av2.torch", count == made.frames * len(made.clips), f"{count}")
     far.report()
-
-
-def lidar_pose(read_feather, folder, clip, name):
-    """The pose of a lidar of a log: `egovehicle_SE3_sensor`."""
-    table = read_feather(folder / clip["split"] / clip["name"] / "calibration/egovehicle_SE3_sensor.feather")
-    (row,) = [row for row in table.to_dict("records") if row["sensor_name"] == name]
-    return matrix(rotation(*(row[f"q{axis}"] for axis in "wxyz")), [row[f"t{axis}_m"] for axis in "xyz"])
 
 
 def ros2_mcap(made, folder, _):
@@ -426,6 +451,14 @@ def ros2_mcap(made, folder, _):
     def by_rosbags(bag):
         store = get_typestore(Stores.ROS2_HUMBLE)
         with Reader(bag) as reader:
+            # Its end is exclusive.
+            times = (reader.start_time, reader.end_time - 1)
+            files = len(list(bag.glob("*.mcap")))
+            # A message of /tf_static in each file, of /tf in each frame, two of each camera and one of the lidar.
+            expected = files + made.frames * (2 + 2 * len(made.cameras))
+            clip = next(clip for clip in made.clips if clip["name"] == bag.name)
+            good = times == (made.time(clip, 0, "top"), made.time(clip, made.frames - 1, "top")) and reader.message_count == expected
+            check("metadata.yaml", good, f"{bag.name}: {reader.message_count} messages in {reader.duration * 1e-9:.3f} s")
             for connection, time, data in reader.messages():
                 yield connection.topic, time, store.deserialize_cdr(data, connection.msgtype)
 
@@ -440,8 +473,6 @@ def ros2_mcap(made, folder, _):
 
 def hold_bag(made, far, ros, clip, name, messages):
     """Messages as (topic, log time, message) against a clip."""
-    import io
-
     world, counts, static, clouds, infos = {}, {}, {}, {}, {}
     frames = {time: frame for frame, time in enumerate(made.times(clip, "top"))}
     for topic, time, message in messages:
@@ -473,7 +504,7 @@ def hold_bag(made, far, ros, clip, name, messages):
             points, own = ros.cloud(message), made.sweep(clip, frame)
             xyz = np.stack([points[axis] for axis in "xyz"], axis=1)
             far.add("points, m", 0, xyz, made.points(clip, frame))
-            far.add("intensities", 0, points["intensity"], np.floor(own["intensity"] + np.float32(0.5)))
+            far.add("intensities", 0, points["intensity"], np.floor(own["intensity"].astype(float) + 0.5))
             far.add("channels", 0, points["channel"], own["ring"])
             far.add("time stamps, ns", 1, points["time_stamp"], own["time"].astype(float) * 1e9)
             far.add("distances, m", 0, points["distance"], own["range"])
@@ -498,221 +529,21 @@ def hold_bag(made, far, ros, clip, name, messages):
             far.add_pixels("tf and P", EXACT, clip, frame, camera, pixels(infos[frame, camera][:, :3], local) + 0.5)
 
 
-def tartanair(made, folder, tools):
-    sys.path.insert(0, str(Path(tools) / "evaluation"))
-    from transformation import pos_quats2SE_matrices
-
-    # The world has x north and y east, a camera x forward, y right and z down.
-    ned_from_world = matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]], [0, 0, 0])
-    ned_from_camera = matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]], [0, 0, 0])
-    far, all_depths = Differences(made), {}
-    width, height = made.sensors["front"]["size"]
-    v, u = np.mgrid[:height, :width] + 0.5
-    for clip in made.clips:
-        root = folder / clip["name"] / clip["split"] / "P000"
-        poses = [np.array(pose) for pose in pos_quats2SE_matrices(np.loadtxt(root / "pose_left.txt"))]
-        pictures = sorted(root.glob("image_left/*_left.png"))
-        counts = [len(poses), len(pictures), len(list(root.glob("depth_left/*.npy"))), len(list(root.glob("flow/*_flow.npy"))) + 1]
-        check("counts", set(counts) == {made.frames}, f"{clip['name']}, {made.frames} poses, pictures and depths, {counts[3] - 1} flows")
-        fx, fy, cx, cy, baseline = np.loadtxt(root / "intrinsics.txt")
-        far.add("intrinsics, px", 0, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], made.sensors["front"]["k"])
-
-        def project(pose, points):
-            """Pixels and depths of points in the world of TartanAir."""
-            x, y, z = moved(np.linalg.inv(pose), points).T
-            with np.errstate(all="ignore"):
-                return np.stack([fx * y / x + cx, fy * z / x + cy], axis=1), x
-
-        depths, flows, outside = [], [], []
-        for frame, pose in enumerate(poses):
-            far.add_pose("poses", pose, ned_from_world @ made.pose(clip, frame, "front") @ np.linalg.inv(ned_from_camera))
-            far.add_picture(clip, frame, "front", Image.open(pictures[frame]), True)
-            if frame % EVERY:
-                continue
-            found, x = project(pose, moved(ned_from_world, made.world_points(clip, frame)))
-            far.add_pixels("poses and intrinsics", EXACT, clip, frame, "front", found)
-            # Surfaces that the lidar sees: most are what the camera sees there too.
-            is_inside = (x > 1) & (found >= 0).all(axis=1) & (found < [width, height]).all(axis=1) & (made.sweep(clip, frame)["class"] == SURFACE)
-            column, row = found[is_inside].astype(int).T
-            depth = np.load(root / f"depth_left/{frame:06}_left_depth.npy")
-            assert depth.shape == (height, width) and depth.dtype == np.float32
-            all_depths[clip["clip"], frame] = depth
-            depths.append(np.abs(depth[row, column] / x[is_inside] - 1))
-            if frame + 1 < made.frames:
-                flow, mask = (np.load(root / f"flow/{frame:06}_{frame + 1:06}_{name}.npy") for name in ("flow", "mask"))
-                assert flow.shape == (height, width, 2) and mask.shape == (height, width) and mask.dtype == np.uint8
-                # Nothing moves: flow follows from depth, poses and intrinsics.
-                points = np.stack([depth, (u - cx) / fx * depth, (v - cy) / fy * depth], axis=2).reshape(-1, 3)
-                moves = project(poses[frame + 1], moved(pose, points))[0].reshape(height, width, 2) - np.stack([u, v], axis=2)
-                flows.append(np.linalg.norm(flow - moves, axis=2)[mask == 0])
-                to = (np.stack([u, v], axis=2) + flow)[mask == 0]
-                outside.append(((to < 0) | (to > [width, height])).any(axis=1).mean())
-        depths, flows = np.concatenate(depths), np.concatenate(flows)
-        check("depth at lidar points", np.median(depths) < 0.05, f"|depth / z - 1|, median {np.median(depths):.3f}, 90 % {np.percentile(depths, 90):.3f}, "
-              f"{len(depths)} points")
-        check("flow by depth and poses", np.percentile(flows, 90) < 0.5, "px off at 50, 90 and 99 %: {:.3f} {:.3f} {:.3f}".format(
-            *np.percentile(flows, [50, 90, 99])))
-        check("flow mask", np.max(outside) < 1e-3, f"{np.mean(outside):.1%} of pixels with mask 0 go out of the picture")
-    for a, b in same_views(made):
-        both = [(all_depths[a["clip"], frame], all_depths[b["clip"], frame]) for frame in range(0, made.frames, EVERY)]
-        differ = np.mean([np.abs(one / other - 1) > 0.01 for one, other in both])
-        sky = [np.mean([pair[k] > 9999 for pair in both]) for k in (0, 1)]
-        check(f"depth in {a['weather']['name']} and {b['weather']['name']}", differ < 1e-3,
-              f"{differ:.1%} of pixels differ by more than 1 %; 10000 m in {sky[0]:.1%} and {sky[1]:.1%}")
-    far.report()
-
-
-def same_views(made):
-    """Pairs of clips with the same scene and path."""
-    pairs = [(a, b) for a in made.clips for b in made.clips if a["clip"] < b["clip"] and a["scene"] == b["scene"]]
-    return [(a, b) for a, b in pairs if np.array_equal(made.pose(a, 0, "front"), made.pose(b, 0, "front"))]
-
-
-def nerfstudio(made, folder, _):
-    import torch
-    from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
-
-    far = Differences(made)
-    for clip in made.clips:
-        root = folder / clip["split"] / clip["name"]
-        as_they_are = {"orientation_method": "none", "center_method": "none", "auto_scale_poses": False, "eval_mode": "all"}
-        parser = NerfstudioDataParserConfig(data=root, load_3D_points=False, downscale_factor=1, **as_they_are).setup()
-        outputs = parser.get_dataparser_outputs("train")
-        cameras = outputs.cameras
-        check("counts", len(cameras) == len(outputs.image_filenames) == made.frames * len(made.cameras), f"{clip['name']}, {len(cameras)} frames")
-        times = {frame["file_path"]: frame["time"] for frame in json.loads((root / "transforms.json").read_text())["frames"]}
-        for index, path in enumerate(outputs.image_filenames):
-            camera, frame = path.parent.name, int(path.stem)
-            reading = made.readings[clip["clip"], frame, camera]
-            far.add("times, s", 0, times[str(path.relative_to(root))], reading["time"])
-            far.add_picture(clip, frame, camera, Image.open(path), False)
-            pose = np.vstack([cameras.camera_to_worlds[index].numpy().astype(float), [0, 0, 0, 1]])
-            fx, fy, cx, cy = (float(getattr(cameras, name)[index]) for name in ("fx", "fy", "cx", "cy"))
-            # It has f32.
-            far.add("intrinsics, px", 1e-5, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], made.sensors[camera]["k"])
-            far.add("distortion", 0, cameras.distortion_params[index].numpy())
-            assert (int(cameras.width[index]), int(cameras.height[index])) == made.sensors[camera]["size"]
-            far.add_pose("poses", pose @ np.diag([1, -1, -1, 1]), made.pose(clip, frame, camera), metres=1e-5, radians=1e-6)
-            if frame % EVERY:
-                continue
-            # x right, y up, z backward.
-            world = made.world_points(clip, frame)
-            x, y, z = moved(np.linalg.inv(pose), world).T
-            with np.errstate(all="ignore"):
-                found = np.stack([cx - fx * x / z, cy + fy * y / z], axis=1)
-            far.add_pixels("poses and intrinsics of f32", 0.02, clip, frame, camera, found)
-            # Its own rays through the pixels of points must meet the points.
-            expected, before = made.pixels(clip, frame, camera)
-            inside = before & (expected >= 0).all(axis=1) & (expected < made.sensors[camera]["size"]).all(axis=1)
-            coordinates = torch.tensor(expected[inside][:, ::-1].copy(), dtype=torch.float32)
-            rays = cameras.generate_rays(camera_indices=torch.full((len(coordinates), 1), index), coords=coordinates)
-            ahead = world[inside] - made.pose(clip, frame, camera)[:3, 3]
-            ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-            beside = np.linalg.norm(np.cross(rays.directions.numpy().astype(float), ahead), axis=1)
-            far.add("points by generate_rays in pictures, px", 1e-3, fx * beside)
-    far.report()
-
-
-def colmap(made, folder, _):
-    import pycolmap
-
-    far = Differences(made)
-    for clip in made.clips:
-        root = folder / clip["split"] / clip["name"]
-        model = pycolmap.Reconstruction(root / "sparse/0")
-        counts = (len(model.cameras), len(model.images))
-        check("counts", counts == (len(made.cameras), len(made.cameras) * made.frames), "{}, {} cameras, {} images".format(clip["name"], *counts))
-        for image in model.images.values():
-            camera, frame = image.name.split("/")[0], int(Path(image.name).stem)
-            far.add_picture(clip, frame, camera, Image.open(root / "images" / image.name), False)
-            assert (image.camera.width, image.camera.height) == made.sensors[camera]["size"]
-            far.add("intrinsics, px", 0, image.camera.calibration_matrix(), made.sensors[camera]["k"])
-            pose = image.cam_from_world()
-            far.add_pose("poses", np.linalg.inv(np.vstack([pose.matrix(), [0, 0, 0, 1]])), made.pose(clip, frame, camera))
-            if frame % EVERY:
-                continue
-            world = made.world_points(clip, frame)
-            expected, before = made.pixels(clip, frame, camera)
-            expected[before] = image.camera.img_from_cam(pose * world[before])
-            far.add_pixels("img_from_cam", EXACT, clip, frame, camera, expected)
-    far.report()
-
-
-def acdc(made, folder, _):
-    far, clean, paths = Differences(made), {}, set()
-    for clip in made.clips:
-        root = folder / "rgb_anon" / clip["weather"]["condition"]
-        for camera in made.cameras:
-            for frame in range(made.frames):
-                sequence = f"{clip['name']}-{camera}"
-                path = root / clip["split"] / sequence / f"{sequence}_frame_{frame:06}_rgb_anon.png"
-                reference = root / f"{clip['split']}_ref" / sequence / f"{sequence}_frame_{frame:06}_rgb_ref_anon.png"
-                paths |= {path, reference}
-                far.add_picture(clip, frame, camera, Image.open(path), True)
-                clean[clip["clip"], camera, frame] = np.array(Image.open(reference))
-    found = set(folder.glob("rgb_anon/*/*/*/*.png"))
-    check("counts", found == paths, f"{len(found)} pictures, half of them references")
-    hold_clean(made, clean)
-    far.report()
-
-
-def hold_clean(made, clean):
-    """Pictures without weather of one scene and path must not depend on the weather."""
-    far = [np.abs(clean[a["clip"], camera, frame].astype(int) - clean[b["clip"], camera, frame])
-           for a, b in same_views(made) for camera in made.cameras for frame in range(made.frames)]
-    check("clean pictures in two weathers", not np.max(far, initial=0), f"at most {np.max(far, initial=0)} of 255 apart, on average {np.mean(far):.1f}, {len(far)} pairs")
-    weathered = [np.array_equal(picture, made.picture(made.clips[clip], frame, camera)) for (clip, camera, frame), picture in clean.items()]
-    check("clean pictures are no weathered ones", not any(weathered), f"{sum(weathered)} of {len(weathered)} are")
-
-
-def foggy_cityscapes(made, folder, _):
-    from cityscapesscripts.helpers.csHelpers import getCsFileInfo
-
-    far, clean, seen = Differences(made), {}, set()
-    for path in sorted(folder.glob("leftImg8bit/*/*/*.png")):
-        name = getCsFileInfo(str(path))
-        clip, camera, frame = made.clips[int(name.sequenceNb)], name.city.split("-")[-1], int(name.frameNb)
-        assert (name.type, name.city, path.parent.parent.name) == ("leftImg8bit", f"{clip['scene']}-{camera}", clip["split"])
-        seen.add((clip["clip"], frame, camera))
-        clean[clip["clip"], camera, frame] = np.array(Image.open(path))
-        stem = f"{clip['split']}/{name.city}/{name.city}_{name.sequenceNb}_{name.frameNb}"
-        (foggy,) = folder.glob(f"leftImg8bit_foggy/{stem}_leftImg8bit_foggy_beta_*.png")
-        # Two digits.
-        far.add("beta against the visibility", 0.05, float(foggy.stem.split("_")[-1]) * clip["weather"]["mor"] / -np.log(0.05), 1)
-        far.add_picture(clip, frame, camera, Image.open(foggy), True)
-        numbers = json.loads((folder / f"camera/{stem}_camera.json").read_text())
-        extrinsic, intrinsic = numbers["extrinsic"], numbers["intrinsic"]
-        k = np.array([[intrinsic["fx"], 0, intrinsic["u0"]], [0, intrinsic["fy"], intrinsic["v0"]], [0, 0, 1]])
-        far.add("intrinsics, px", 0, k, made.whole_k(camera))
-        (cy, sy), (cp, sp), (cr, sr) = [(np.cos(extrinsic[a]), np.sin(extrinsic[a])) for a in ("yaw", "pitch", "roll")]
-        axes = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]]) @ [[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]] @ [[1, 0, 0], [0, cr, -sr], [0, sr, cr]]
-        # From x forward, y left, z up to x right, y down, z forward.
-        rig_from_camera = matrix(axes, [extrinsic[axis] for axis in "xyz"]) @ matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0, 0, 0])
-        far.add_pose("extrinsics", rig_from_camera, made.sensors[camera]["rig_from_sensor"])
-        if frame % EVERY == 0:
-            points = moved(np.linalg.inv(made.rig(clip, frame) @ rig_from_camera), made.world_points(clip, frame))
-            far.add_pixels("camera files", EXACT, clip, frame, camera, pixels(k, points) + 0.5)
-    counts = [len(list(folder.glob(f"{name}/*/*/*"))) for name in ("leftImg8bit", "leftImg8bit_foggy", "camera")]
-    check("counts", len(seen) == counts[0] == counts[1] == counts[2] == len(made.clips) * made.frames * len(made.cameras),
-          f"{counts[0]} pictures in fog, without, and camera files")
-    hold_clean(made, clean)
-    far.report()
-
-
+# What holds each layout, and the packages from PyPI that read it.
 LAYOUTS = {
-    "nuscenes": nuscenes,
-    "kitti-raw": kitti_raw,
-    "kitti-odometry": kitti_odometry,
-    "kitti-object": kitti_object,
-    "semantic-kitti": semantic_kitti,
-    "wads": semantic_kitti,
-    "argoverse2": argoverse2,
-    "ros2-mcap": ros2_mcap,
-    "tartanair": tartanair,
-    "nerfstudio": nerfstudio,
-    "colmap": colmap,
-    "acdc": acdc,
-    "foggy-cityscapes": foggy_cityscapes,
+    "nuscenes": (nuscenes, ["nuscenes-devkit"]),
+    "kitti-raw": (kitti_raw, ["pykitti"]),
+    "kitti-odometry": (kitti_odometry, ["pykitti"]),
+    "kitti-object": (kitti_object, []),
+    "semantic-kitti": (semantic_kitti, []),
+    "wads": (semantic_kitti, []),
+    "argoverse2": (argoverse2, ["av2"]),
+    "ros2-mcap": (ros2_mcap, ["mcap-ros2-support", "rosbags"]),
+    "tartanair": (picture_sets.tartanair, []),
+    "nerfstudio": (picture_sets.nerfstudio, ["nerfstudio"]),
+    "colmap": (picture_sets.colmap, ["pycolmap"]),
+    "acdc": (picture_sets.acdc, []),
+    "foggy-cityscapes": (picture_sets.foggy_cityscapes, ["cityscapesscripts"]),
 }
 
 
@@ -720,8 +551,11 @@ def main():
     if len(sys.argv) not in (3, 4) or sys.argv[2] not in LAYOUTS:
         sys.exit(f"usage: sets.py SET LAYOUT [REPOSITORY], LAYOUT one of {', '.join(LAYOUTS)}")
     made, layout = MadeSet(sys.argv[1]), sys.argv[2]
-    print(f"{layout}: {len(made.clips)} clips of {made.frames} frames, {len(made.cameras)} cameras; points: {shares(made, made.clips)}")
-    LAYOUTS[layout](made, made.folder / layout, sys.argv[3] if len(sys.argv) > 3 else None)
+    hold, packages = LAYOUTS[layout]
+    readers = [f"{package} {version(package)}" for package in packages] + [Path(path).name for path in sys.argv[3:]]
+    print(f"{layout} by {', '.join(readers) or 'its conventions'}: {len(made.clips)} clips of {made.frames} frames, {len(made.cameras)} cameras, "
+          f"points of {shares(made)}")
+    hold(made, made.folder / layout, sys.argv[3] if len(sys.argv) > 3 else None)
     finish()
 
 
