@@ -168,7 +168,7 @@ fn shards_make_the_same_tree_as_one_run_and_a_killed_one_is_made_again() {
 fn photos_get_their_weathers_and_wrong_plans_one_line() {
     let workshop = Workshop::new();
     place(&workshop);
-    let plan = "also = [\"clean\"]\n[[scene]]\nfile = \"yard.ply\"\n[[path]]\ncameras = \"capture\"\n[[weather]]\nfrom = [\"fog\", \"snow\"]\n";
+    let plan = "pairs = true\n[[scene]]\nfile = \"yard.ply\"\n[[path]]\ncameras = \"capture\"\n[[weather]]\nfrom = [\"fog\", \"snow\"]\n";
     std::fs::write(workshop.path("plan.toml"), plan).unwrap();
     let listed = printed(&finish(&mut batch(&workshop, "set", "--list")));
     assert!(
@@ -182,10 +182,10 @@ fn photos_get_their_weathers_and_wrong_plans_one_line() {
     };
     assert_eq!((picture(0, "").width, picture(0, "").height), (64, 48));
     // The same view in fog and in snow, with one clean picture.
-    assert!(picture(1, ".clean").pixels == picture(4, ".clean").pixels);
+    assert!(picture(1, ".clear").pixels == picture(4, ".clear").pixels);
     assert!(
         picture(1, "").pixels != picture(4, "").pixels
-            && picture(0, ".clean").pixels != picture(1, ".clean").pixels
+            && picture(0, ".clear").pixels != picture(1, ".clear").pixels
     );
     for (change, says) in [
         (
@@ -193,7 +193,7 @@ fn photos_get_their_weathers_and_wrong_plans_one_line() {
             "line 7: from: there is no weather `fogg`, did you mean `fog`?",
         ),
         (("cameras", "camera"), "line 5: path camera"),
-        (("also", "layouts = [\"nope\"]\nalso"), "line 1: layouts: there is no layout `nope`"),
+        (("pairs", "layouts = [\"nope\"]\npairs"), "line 1: layouts: there is no layout `nope`"),
     ] {
         std::fs::write(workshop.path("plan.toml"), plan.replace(change.0, change.1)).unwrap();
         fails(&mut batch(&workshop, "other", ""), &[says], &[]);

@@ -20,16 +20,10 @@ from av2.structures.sweep import Sweep
 from av2.torch.data_loaders.detection import DetectionDataLoader
 from av2.utils.io import read_feather, read_img
 
+from common import check, finish
+
 # Names of the synthetic rig's cameras, which look 0, 60 and -60 degrees to the left.
 CAMERAS = {"front": "ring_front_center", "left": "ring_front_left", "right": "ring_front_right"}
-
-failures = []
-
-
-def check(name, good, what):
-    print(f"  {'ok  ' if good else 'FAIL'} {name}: {what}")
-    if not good:
-        failures.append(f"{name}: {what}")
 
 
 def main():
@@ -112,7 +106,7 @@ def main():
                 want = np.linalg.inv(reading["world_from_rig"]) @ [*spot, 1]
                 far = max(far, np.abs(sweep.lidar.as_tensor()[0, :3].numpy() - want[:3]).max())
             check(f"av2.torch {clip['split']}", far < 0.5 / 64 + 1e-6 and len(set(times)) == 20, f"{len(times)} sweeps, {far:.4f} m")
-    sys.exit(bool(failures))
+    finish()
 
 
 if __name__ == "__main__":

@@ -20,20 +20,10 @@ from pathlib import Path
 import numpy as np
 import pykitti
 
-failures = []
+from common import check, finish, turn
+
 # The folders of the first to the fourth camera of the rig.
 SLOTS = [2, 3, 1, 0]
-
-
-def check(name, good, what):
-    print(f"  {'ok  ' if good else 'FAIL'} {name}: {what}")
-    if not good:
-        failures.append(name)
-
-
-def turn(a, b):
-    """The angle between two rotations, radians."""
-    return 2 * np.arcsin(min(1, np.linalg.norm(a[:3, :3] - b[:3, :3]) / np.sqrt(8)))
 
 
 def apart(poses, expected):
@@ -210,4 +200,4 @@ if __name__ == "__main__":
     if len(sys.argv) > 2:
         print("kitti-object")
         objects(sets / "kitti-object", sys.argv[2])
-    sys.exit(1 if failures else 0)
+    finish()

@@ -13,6 +13,8 @@ import json
 import sys
 from pathlib import Path
 
+from common import check, finish, turn
+
 # This file has the package's name: its folder must not be searched.
 sys.path.pop(0)
 
@@ -24,19 +26,6 @@ from nuscenes.utils.geometry_utils import transform_matrix, view_points
 from nuscenes.utils.splits import get_scenes_of_split
 from PIL import Image
 from pyquaternion import Quaternion
-
-failures = []
-
-
-def check(name, good, what):
-    print(f"  {'ok  ' if good else 'FAIL'} {name}: {what}")
-    if not good:
-        failures.append(name)
-
-
-def turn(a, b):
-    """The angle between two rotations, radians."""
-    return 2 * np.arcsin(min(1, np.linalg.norm(a[:3, :3] - b[:3, :3]) / np.sqrt(8)))
 
 
 def main():
@@ -134,7 +123,7 @@ def main():
         names = get_scenes_of_split(f"{truth['name']}_{split}", nusc)
         check(f"split {split}", names == [c["name"] for c in truth["clips"] if c["split"] == split], ", ".join(names))
     nusc.list_scenes()
-    sys.exit(1 if failures else 0)
+    finish()
 
 
 if __name__ == "__main__":

@@ -26,13 +26,7 @@ import pycolmap
 from cityscapesscripts.helpers.csHelpers import getCsFileInfo
 from PIL import Image
 
-failures = []
-
-
-def check(name, good, what):
-    print(f"  {'ok  ' if good else 'FAIL'} {name}: {what}")
-    if not good:
-        failures.append(f"{name}: {what}")
+from common import check, finish, rotation
 
 
 def picture(path):
@@ -48,14 +42,6 @@ def is_red(path, pixel):
 def pictures_of(clip, cameras, sensor=None):
     """Readings of cameras, of one if it is named."""
     return [r for r in clip["readings"] if r["sensor"] in cameras and sensor in (None, r["sensor"])]
-
-
-def turn(x, y, z, w):
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])
 
 
 class Pixels:
@@ -87,7 +73,7 @@ def tartan_air(folder, clip, cameras, spot):
     target = np.array([spot[1], spot[0], -spot[2]])
     pixels, red = Pixels(), []
     for index, (pose, reading) in enumerate(zip(poses, readings)):
-        x, y, z = (turn(*pose[3:]) @ ned_from_cv).T @ (target - pose[:3])
+        x, y, z = (rotation(pose[6], *pose[3:6]) @ ned_from_cv).T @ (target - pose[:3])
         pixels.add([fx * x / z + cx, fy * y / z + cy], reading)
         if reading["spot_pixel"]:
             red.append(is_red(root / f"image_left/{index:06}_left.png", reading["spot_pixel"]))
@@ -211,7 +197,7 @@ def main():
         for clip in truth["clips"]:
             print(f"{name} {clip['name']}")
             hold(folder, clip, cameras, np.array(truth["spot"]))
-    sys.exit(bool(failures))
+    finish()
 
 
 if __name__ == "__main__":

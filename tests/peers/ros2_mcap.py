@@ -24,26 +24,14 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from common import check, finish, matrix, rotation
+
 KINDS = {2: "u1", 4: "<u2", 6: "<u4", 7: "<f4", 8: "<f8"}
 
-failures = []
 
-
-def check(name, good, what):
-    print(f"  {'ok  ' if good else 'FAIL'} {name}: {what}")
-    if not good:
-        failures.append(f"{name}: {what}")
-
-
-def matrix(transform):
+def pose(transform):
     t, q = transform.translation, transform.rotation
-    w, x, y, z = q.w, q.x, q.y, q.z
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), t.x],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x), t.y],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y), t.z],
-        [0, 0, 0, 1],
-    ])
+    return matrix(rotation(q.w, q.x, q.y, q.z), [t.x, t.y, t.z])
 
 
 def is_reddest(picture, x, y):
@@ -79,14 +67,14 @@ def hold(name, messages, clip, truth):
     for topic, time, message in messages:
         counts[topic] += 1
         if topic == "/tf_static":
-            static = {t.child_frame_id: matrix(t.transform) for t in message.transforms}
-            for frame, pose in static.items():
-                worst["tf_static"] = max(worst["tf_static"], np.abs(pose - sensors[frame]["rig_from_sensor"]).max())
+            static = {t.child_frame_id: pose(t.transform) for t in message.transforms}
+            for frame, found in static.items():
+                worst["tf_static"] = max(worst["tf_static"], np.abs(found - sensors[frame]["rig_from_sensor"]).max())
             continue
         if topic == "/tf":
             (t,) = message.transforms
             assert (t.header.frame_id, t.child_frame_id) == ("map", "base_link") and stamp(t) == time
-            world[time] = matrix(t.transform)
+            world[time] = pose(t.transform)
             continue
         sensor = topic.split("/")[2]
         assert message.header.frame_id == sensor and stamp(message) == time
@@ -172,7 +160,7 @@ def main():
         with AnyReader([bag]) as reader:
             count = sum(reader.deserialize(data, c.msgtype) is not None for c, _, data in reader.messages())
             check("by the definitions in the files", count == sum(counts.values()), f"{count} messages")
-    sys.exit(bool(failures))
+    finish()
 
 
 if __name__ == "__main__":

@@ -21,13 +21,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-failures = []
-
-
-def check(name, good, what):
-    print(f"  {'ok  ' if good else 'FAIL'} {name}: {what}")
-    if not good:
-        failures.append(name)
+from common import check, finish
 
 
 def classes(truth, config):
@@ -92,4 +86,4 @@ if __name__ == "__main__":
             config["labels"] |= {110: "active-snow", 111: "accumulated-snow"}
             config["color_map"] |= {110: [255, 255, 255], 111: [200, 200, 200]}
         sequences(sets / layout, api, config)
-    sys.exit(1 if failures else 0)
+    finish()

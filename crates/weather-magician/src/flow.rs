@@ -225,7 +225,7 @@ impl Renderer {
     }
 
     /// Returns the depth of the surfaces in a frame, see [`FlowView::depth`].
-    fn surfaces(
+    pub(crate) fn surfaces(
         &mut self,
         place: &mut PreparedPlace,
         weather: &Weather,

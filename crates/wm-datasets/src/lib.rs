@@ -12,6 +12,7 @@
 mod array_files;
 mod cameras;
 mod error;
+mod feather;
 pub mod layouts;
 pub mod logs;
 mod picture_files;

@@ -210,10 +210,12 @@ pub struct PictureReading<'a> {
     pub rgb: &'a [u8],
     /// The same view without weather, `[H, W, 3]`, sRGB; given if the layout needs it.
     pub clean: Option<&'a [u8]>,
-    /// `[H, W]`, m along the view axis, 0 where there is nothing; given if the layout needs it.
+    /// `[H, W]`, m along the view axis, of the surface that the flow follows; 0 in the sky; given if the layout needs it.
     pub depth: Option<&'a [f32]>,
     /// `[H, W, 2]`, px: the way to where the point is seen in the sensor's next picture, x right and y down; given if the layout needs it.
     pub flow: Option<&'a [f32]>,
+    /// `[H, W]`: what becomes of each point there, given with the flow: 0 is seen, 1 hidden, 2 out of the picture, 3 not known.
+    pub flow_states: Option<&'a [u8]>,
 }
 
 /// A point of a lidar.

@@ -29,11 +29,14 @@ pub(crate) fn photo(set: &SetInfo, clip: &ClipInfo, info: &ReadingInfo) -> Strin
     }
 }
 
+/// Takes a scene: its folder and its clips.
+type TakeScene<'a> = &'a mut dyn FnMut(&str, &[ClipRecord]) -> Result<(), SetError>;
+
 /// Calls `take` for each scene with its folder and its clips, in the order of their numbers. Stills are kept until the last.
 pub(crate) fn for_each_scene(
     set: &SetInfo,
     clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-    take: &mut dyn FnMut(&str, &[ClipRecord]) -> Result<(), SetError>,
+    take: TakeScene<'_>,
 ) -> Result<(), SetError> {
     let mut stills: BTreeMap<String, Vec<ClipRecord>> = BTreeMap::new();
     for record in clips {

@@ -274,12 +274,18 @@ fn with_data(
             let clean = rgb.clone();
             let depth: Vec<f32> = (0..pixels).map(|i| 5.0 + (i / SIZE.0 as usize) as f32).collect();
             let flow = vec![0.5f32; pixels * 2];
+            let states = vec![0u8; pixels];
             if let Some([x, y]) = pixel(camera, spot) {
                 let at = 3 * (y as usize * SIZE.0 as usize + x as usize);
                 rgb[at..at + 3].copy_from_slice(&[255, 0, 0]);
             }
-            let picture =
-                PictureReading { rgb: &rgb, clean: Some(&clean), depth: Some(&depth), flow: Some(&flow) };
+            let picture = PictureReading {
+                rgb: &rgb,
+                clean: Some(&clean),
+                depth: Some(&depth),
+                flow: Some(&flow),
+                flow_states: Some(&states),
+            };
             take(&SensorReading { info, data: ReadingData::Picture(picture) })
         }
         SensorInfoKind::Lidar { .. } => {

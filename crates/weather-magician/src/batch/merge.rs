@@ -3,7 +3,7 @@
 use super::run::BatchRun;
 use super::store::{BatchStore, BlockMarker, MarkedFile, TableFiles, digest_of};
 use super::summary::SetSummary;
-use super::writers::frame_path;
+use super::writers::{clear_path, frame_path};
 use crate::output::PictureStyle;
 use crate::rig::RigDevice;
 use crate::{Error, Progress, Result};
@@ -273,6 +273,9 @@ fn frame_row(
                     let beside = PictureStyle::path_of(*also, plan.picture, Path::new(&path));
                     beside.to_string_lossy().into_owned()
                 }));
+            }
+            if plan.pairs {
+                own.push(clear_path(&path));
             }
             own.insert(0, path);
         }

@@ -60,6 +60,8 @@ pub struct BatchPlan {
     pub picture: PictureFormat,
     /// Its pictures beside the colour.
     pub also: Vec<ExtraPicture>,
+    /// True if the same view without weather is written beside each of its pictures.
+    pub pairs: bool,
     /// The names of the labels of splats, from 1.
     pub labels: Vec<String>,
     /// The parts of the set and their shares, which sum to 1.
@@ -143,6 +145,8 @@ struct PlanFile {
     picture: Option<String>,
     #[serde(default)]
     also: Vec<String>,
+    #[serde(default)]
+    pairs: bool,
     #[serde(default)]
     labels: Vec<String>,
     #[serde(default)]
@@ -253,11 +257,9 @@ impl BatchPlan {
     /// The outputs that a camera's picture needs, for all layouts.
     #[must_use]
     pub fn picture_needs(&self) -> PictureNeeds {
-        let needs = self
-            .layouts
-            .iter()
-            .map(|layout| layout.needs())
-            .fold(Default::default(), wm_datasets::LayerNeeds::or);
+        let layers = self.layouts.iter().map(|layout| layout.needs());
+        let mut needs = layers.fold(wm_datasets::LayerNeeds::default(), wm_datasets::LayerNeeds::or);
+        needs.clean |= self.pairs;
         let mut also = self.also.clone();
         let mut ask = |is_needed: bool, text: &str| {
             if let Ok(one) = text.parse::<ExtraPicture>()
@@ -267,8 +269,6 @@ impl BatchPlan {
                 also.push(one);
             }
         };
-        ask(needs.clean, "clean");
-        ask(needs.depth, "depth");
         ask(needs.flow, "flow");
         PictureNeeds {
             outputs: outputs(&also),
@@ -372,9 +372,9 @@ impl PlanFile {
         let also = self.also.iter().map(|text| text.parse::<ExtraPicture>());
         let also = also.collect::<Result<Vec<_>, _>>().map_err(|says| PlanFault::new(None, "also", says))?;
         let (layouts, writes_frames) = self.layouts()?;
-        if let Some(key) = ["picture", "also"]
+        if let Some(key) = ["picture", "also", "pairs"]
             .into_iter()
-            .zip([self.picture.is_some(), !also.is_empty()])
+            .zip([self.picture.is_some(), !also.is_empty(), self.pairs])
             .find_map(|(key, is)| is.then_some(key))
             && !writes_frames
         {
@@ -394,6 +394,7 @@ impl PlanFile {
             writes_frames,
             picture,
             also,
+            pairs: self.pairs,
             labels: self.labels.clone(),
             splits: self.splits()?,
             scenes,
@@ -693,7 +694,7 @@ impl BatchPlan {
             "{} {:?} {:?} {:?} {layouts:?} {scenes:?} {:?} {:?} {:?}",
             env!("CARGO_PKG_VERSION"),
             (&self.name, &self.about, self.seed, self.frames, self.frame_rate, self.block, self.start),
-            (self.writes_frames, self.picture, &self.also),
+            (self.writes_frames, self.picture, &self.also, self.pairs),
             (&self.labels, &self.splits),
             &self.paths,
             &self.rig,

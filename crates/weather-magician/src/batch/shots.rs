@@ -8,13 +8,14 @@ use crate::lidar::{LidarSweep, ScanOptions};
 use crate::motion::CameraMotion;
 use crate::radar::{RadarScanOptions, RadarSweep};
 use crate::rig::{Rig, RigDevice};
-use crate::{Error, FrameOptions, Picture, PreparedPlace, Renderer, Result};
+use crate::{Error, FrameOptions, LensView, Picture, PreparedPlace, Renderer, Result};
 use std::collections::VecDeque;
 use wm_datasets::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo};
 use wm_media::PictureSize;
 use wm_media::color::{Dither, quantize_rgb8};
-use wm_render::frame::srgb_encode;
+use wm_scene::Group;
 use wm_scene::random::bits;
+use wm_weather::Weather;
 
 /// A part of a clip while it is made.
 pub struct ActivePart {
@@ -59,6 +60,10 @@ pub struct Shots<'a> {
     /// The part that the rest is of.
     part: usize,
     cameras: Vec<Option<SensorCamera>>,
+    /// The same cameras before the scene without weather.
+    clean_cameras: Vec<Option<SensorCamera>>,
+    /// Memory for further pictures of a reading.
+    spare: Picture,
     sweeps: Vec<VecDeque<LidarSweep>>,
     radars: Vec<VecDeque<RadarSweep>>,
 }
@@ -74,6 +79,8 @@ impl<'a> Shots<'a> {
             seed,
             part: usize::MAX,
             cameras: vec![None; count],
+            clean_cameras: vec![None; count],
+            spare: Picture::default(),
             sweeps: vec![VecDeque::new(); count],
             radars: vec![VecDeque::new(); count],
         }
@@ -93,6 +100,7 @@ impl<'a> Shots<'a> {
         if self.part != number {
             self.part = number;
             self.cameras.fill(None);
+            self.clean_cameras.fill(None);
             self.sweeps.iter_mut().for_each(VecDeque::clear);
             self.radars.iter_mut().for_each(VecDeque::clear);
         }
@@ -174,6 +182,7 @@ impl<'a> Shots<'a> {
         let RigDevice::Camera { model, .. } = &sensor.device else { return Ok(()) };
         let metres = place.site().metres_per_unit;
         let number = info.sensor as u32;
+        let needs = self.needs;
         let camera = self.cameras[info.sensor].get_or_insert_with(|| {
             let mut camera = SensorCamera::new((**model).clone(), sensor.motion(&active.base, metres));
             camera.number = number;
@@ -183,32 +192,67 @@ impl<'a> Shots<'a> {
         let time = active.clip.weather.at + info.time;
         // Noise is another in each clip.
         let index = info.index ^ (bits(self.seed, active.clip.number) as u32) << 8;
-        let shot = Shot { time, index, parts: &self.needs.parts };
+        let shot = Shot { time, index, parts: &needs.parts };
         renderer.expose(place, weather, camera, &shot, &mut buffer.picture, &mut ())?;
         let at = |time: f64| FrameOptions::new(time, camera.motion().at(time, metres));
         let (frame, next) = (at(time), at(time + 1.0 / sensor.rate));
         let lens = model.lens.as_ref();
-        self.needs.later.render(
-            renderer,
-            (place, weather),
-            lens,
-            [&frame, &next],
-            &mut buffer.picture,
-            &mut (),
-        )?;
-        let picture = &buffer.picture;
-        let frame = &picture.frame;
-        let size = PictureSize::new(frame.width, frame.height);
-        buffer.rgb = quantize_rgb8(&frame.rgb, size, Dither::default());
-        if self.needs.layers.clean {
-            let shown = |light: &f32| srgb_encode(f64::from(light.max(0.0))) as f32;
-            let shown: Vec<f32> = picture.parts.clean.iter().map(shown).collect();
-            buffer.clean = quantize_rgb8(&shown, size, Dither::default());
+        let frames = [&frame, &next];
+        needs.later.render(renderer, (place, weather), lens, frames, &mut buffer.picture, &mut ())?;
+        let taken = &buffer.picture.frame;
+        let size = PictureSize::new(taken.width, taken.height);
+        buffer.rgb = quantize_rgb8(&taken.rgb, size, Dither::default());
+        if needs.layers.clean {
+            let clean = self.clean(renderer, place, (active, info), shot)?;
+            buffer.clean = quantize_rgb8(&clean, size, Dither::default());
         }
-        if self.needs.layers.depth {
-            buffer.depth.clear();
-            buffer.depth.extend(frame.depth.iter().map(|depth| (f64::from(*depth) * metres) as f32));
+        if needs.layers.depth {
+            buffer.depth = self.depth(renderer, place, (weather, &frame, lens))?;
         }
         Ok(())
+    }
+
+    /// The same picture without any weather: with the sky and the light of the photos.
+    fn clean(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        (active, info): (&ActivePart, ReadingInfo),
+        shot: Shot<'_>,
+    ) -> Result<Vec<f32>> {
+        let sensor = &self.rig.sensors[info.sensor];
+        let RigDevice::Camera { model, .. } = &sensor.device else { return Ok(Vec::new()) };
+        let metres = place.site().metres_per_unit;
+        let camera = self.clean_cameras[info.sensor].get_or_insert_with(|| {
+            let mut camera = SensorCamera::new((**model).clone(), sensor.motion(&active.base, metres));
+            camera.number = info.sensor as u32;
+            camera
+        });
+        let shot = Shot { parts: &[], ..shot };
+        renderer.expose(place, &Weather::clear(), camera, &shot, &mut self.spare, &mut ())?;
+        Ok(self.spare.frame.rgb.clone())
+    }
+
+    /// The depth of surfaces, m; 0 where the scene's own sky is seen, whatever the weather does with it.
+    fn depth(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        (weather, frame, lens): (&Weather, &FrameOptions<'_>, Option<&LensView>),
+    ) -> Result<Vec<f32>> {
+        let metres = place.site().metres_per_unit;
+        let mut depth = renderer.surfaces(place, weather, (lens, frame), &mut ())?;
+        depth.iter_mut().for_each(|depth| *depth = (f64::from(*depth) * metres) as f32);
+        if lens.is_none() {
+            renderer.render_median_splats(place, &frame.camera.camera, &mut self.spare.frame)?;
+            let groups = &place.scene().splats.groups;
+            for (pixel, depth) in depth.iter_mut().enumerate() {
+                let splat = self.spare.frame.median_splat(pixel);
+                if splat.is_some_and(|splat| groups.get(splat as usize) == Some(&Group::Sky)) {
+                    *depth = 0.0;
+                }
+            }
+        }
+        Ok(depth)
     }
 }

@@ -5,11 +5,13 @@ use super::shots::{ActivePart, ReadingBuffer};
 use super::store::BlockFiles;
 use super::summary::{is_shown, thumbnail};
 use crate::Result;
-use crate::output::PictureStyle;
+use crate::output::{PictureStyle, beside};
 use crate::rig::{Rig, RigDevice};
+use std::path::Path;
 use std::time::{Duration, Instant};
 use wm_datasets::{BlockInfo, BlockWriter, PictureReading, ReadingData, ReadingInfo, SensorReading, SetInfo};
-use wm_media::png::DepthScale;
+use wm_media::PictureSize;
+use wm_media::png::{DepthScale, write_rgb8};
 
 /// The depth that 16-bit depths of all scenes reach, m: one scale for the whole set.
 const FARTHEST: f64 = 500.0;
@@ -55,6 +57,12 @@ pub fn frame_path(plan: &BatchPlan, rig: &Rig, (number, name): (u64, &str), info
         return format!("{FRAMES_LAYOUT}/{:05}/{}/{number:08}.{extension}", number / GROUP, sensor.name);
     }
     format!("{FRAMES_LAYOUT}/{name}/{}/{:06}.{extension}", sensor.name, info.index)
+}
+
+/// The file of the same view without weather.
+#[must_use]
+pub fn clear_path(path: &str) -> String {
+    beside(Path::new(path), "clear", "png").to_string_lossy().into_owned()
 }
 
 impl<'a> BlockWriters<'a> {
@@ -108,6 +116,7 @@ impl<'a> BlockWriters<'a> {
                 clean: some(&buffer.clean),
                 depth: (!buffer.depth.is_empty()).then_some(&buffer.depth[..]),
                 flow: Some(&buffer.picture.flow.vectors[..]).filter(|flow| !flow.is_empty()),
+                flow_states: some(&buffer.picture.flow.states),
             }),
             RigDevice::Lidar { .. } => ReadingData::Points(&buffer.points),
             RigDevice::Radar { .. } => ReadingData::Detections(&buffer.detections),
@@ -129,8 +138,14 @@ impl<'a> BlockWriters<'a> {
                 };
                 style.write(&buffer.picture, &staged)?;
                 self.files.add(&path)?;
+                if plan.pairs {
+                    let frame = &buffer.picture.frame;
+                    let (size, clear) = (PictureSize::new(frame.width, frame.height), clear_path(&path));
+                    write_rgb8(&self.files.path(&clear)?, &buffer.clean, size, &[])?;
+                    self.files.add(&clear)?;
+                }
                 for also in &plan.also {
-                    let beside = PictureStyle::path_of(*also, plan.picture, std::path::Path::new(&path));
+                    let beside = PictureStyle::path_of(*also, plan.picture, Path::new(&path));
                     self.files.add(&beside.to_string_lossy())?;
                 }
             }

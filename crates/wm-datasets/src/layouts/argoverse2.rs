@@ -18,17 +18,12 @@
 
 use super::{BlockWriter, FileSink, Layout};
 use crate::cameras::{cameras, distortion, picture, refuse, wxyz_and_translation};
+use crate::feather::{FeatherColumn, feather};
 use crate::{BlockInfo, ClipInfo, ClipRecord, SetError, DatasetPoint, SensorReading, ReadingData, SetInfo};
 use crate::{SensorInfo, SensorInfoKind, picture_files};
-use arrow_array::{
-    ArrayRef, Float16Array, Float64Array, Int32Array, Int64Array, RecordBatch, StringArray, UInt8Array, UInt16Array,
-};
-use arrow_ipc::writer::FileWriter;
-use arrow_schema::ArrowError;
 use glam::{DVec3, Vec3};
 use half::f16;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 const NAME: &str = "argoverse2";
 
@@ -108,13 +103,13 @@ impl Layout for Argoverse2 {
                 readings.iter().map(|info| (info.timestamp(&clip), info.world_from_rig)).collect();
             times.sort_by_key(|(time, _)| *time);
             times.dedup_by_key(|(time, _)| *time);
-            let stamps: ArrayRef = Arc::new(Int64Array::from_iter_values(times.iter().map(|(time, _)| *time)));
+            let stamps = FeatherColumn::new("timestamp_ns", times.iter().map(|(time, _)| *time));
             let rows: Vec<_> = times.iter().map(|(_, pose)| wxyz_and_translation(pose)).collect();
-            let columns = [("timestamp_ns", stamps)].into_iter().chain(pose_columns(&rows)).collect();
-            write(files, format!("{folder}/city_SE3_egovehicle.feather"), columns)?;
-            write(files, format!("{folder}/calibration/egovehicle_SE3_sensor.feather"), poses.clone())?;
-            write(files, format!("{folder}/calibration/intrinsics.feather"), intrinsics.clone())?;
-            write(files, format!("{folder}/annotations.feather"), annotations())?;
+            let columns: Vec<_> = [stamps].into_iter().chain(pose_columns(&rows)).collect();
+            write(files, format!("{folder}/city_SE3_egovehicle.feather"), &columns)?;
+            write(files, format!("{folder}/calibration/egovehicle_SE3_sensor.feather"), &poses)?;
+            write(files, format!("{folder}/calibration/intrinsics.feather"), &intrinsics)?;
+            write(files, format!("{folder}/annotations.feather"), &annotations())?;
         }
         Ok(())
     }
@@ -172,45 +167,41 @@ impl BlockWriter for LogBlock<'_> {
         }
         if let ReadingData::Points(points) = reading.data {
             let columns = sweep(&set.sensors[reading.info.sensor], points);
-            write(files, format!("{folder}/sensors/lidar/{time}.feather"), columns)?;
+            write(files, format!("{folder}/sensors/lidar/{time}.feather"), &columns)?;
         }
         Ok(())
     }
 }
 
-type Columns = Vec<(&'static str, ArrayRef)>;
-
 /// The columns of a sweep.
-fn sweep(sensor: &SensorInfo, points: &[DatasetPoint]) -> Columns {
+fn sweep(sensor: &SensorInfo, points: &[DatasetPoint]) -> Vec<FeatherColumn> {
     let positions: Vec<DVec3> = points
         .iter()
         .map(|point| sensor.rig_from_sensor.point(Vec3::from_array(point.position).as_dvec3()))
         .collect();
-    let axis = |k: usize| -> ArrayRef {
-        Arc::new(Float16Array::from_iter_values(positions.iter().map(|position| f16::from_f64(position[k]))))
+    let axis = |name, k: usize| {
+        FeatherColumn::new(name, positions.iter().map(|position| f16::from_f64(position[k])))
     };
     let intensity = points.iter().map(|point| point.intensity.round() as u8);
     let offset = points.iter().map(|point| (f64::from(point.time) * 1e9).round() as i32);
     vec![
-        ("x", axis(0)),
-        ("y", axis(1)),
-        ("z", axis(2)),
-        ("intensity", Arc::new(UInt8Array::from_iter_values(intensity))),
-        ("laser_number", Arc::new(UInt8Array::from_iter_values(points.iter().map(|point| point.ring as u8)))),
-        ("offset_ns", Arc::new(Int32Array::from_iter_values(offset))),
+        axis("x", 0),
+        axis("y", 1),
+        axis("z", 2),
+        FeatherColumn::new("intensity", intensity),
+        FeatherColumn::new("laser_number", points.iter().map(|point| point.ring as u8)),
+        FeatherColumn::new("offset_ns", offset),
     ]
 }
 
 /// Columns of poses: rotation and translation.
-fn pose_columns(rows: &[[f64; 7]]) -> impl Iterator<Item = (&'static str, ArrayRef)> {
+fn pose_columns(rows: &[[f64; 7]]) -> impl Iterator<Item = FeatherColumn> {
     let names = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
-    names.into_iter().enumerate().map(|(k, name)| {
-        (name, Arc::new(Float64Array::from_iter_values(rows.iter().map(|row| row[k]))) as ArrayRef)
-    })
+    names.into_iter().enumerate().map(|(k, name)| FeatherColumn::new(name, rows.iter().map(|row| row[k])))
 }
 
 /// The table of the sensors' poses.
-fn calibration(set: &SetInfo) -> Columns {
+fn calibration(set: &SetInfo) -> Vec<FeatherColumn> {
     let names = camera_names(set);
     let mut rows: Vec<(String, [f64; 7])> = cameras(set)
         .map(|(index, sensor, _)| (names[index].clone(), wxyz_and_translation(&sensor.rig_from_sensor)))
@@ -219,54 +210,48 @@ fn calibration(set: &SetInfo) -> Columns {
         rows.extend(LIDARS.map(|name| (name.to_owned(), wxyz_and_translation(&sensor.rig_from_sensor))));
     }
     let (names, poses): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
-    [("sensor_name", Arc::new(StringArray::from(names)) as ArrayRef)]
-        .into_iter()
-        .chain(pose_columns(&poses))
-        .collect()
+    let names = FeatherColumn::new("sensor_name", names.iter().map(String::as_str));
+    [names].into_iter().chain(pose_columns(&poses)).collect()
 }
 
 /// The table of the cameras' intrinsics.
-fn intrinsics(set: &SetInfo) -> Columns {
+fn intrinsics(set: &SetInfo) -> Vec<FeatherColumn> {
     let names = camera_names(set);
-    let numbers = |of: &dyn Fn(&crate::CameraInfo) -> f64| -> ArrayRef {
-        Arc::new(Float64Array::from_iter_values(cameras(set).map(|(_, _, camera)| of(camera))))
+    let numbers = |name, of: &dyn Fn(&crate::CameraInfo) -> f64| {
+        FeatherColumn::new(name, cameras(set).map(|(_, _, camera)| of(camera)))
     };
-    let lens = |k: usize| numbers(&|camera| distortion(camera).map_or(0.0, |lens| lens[k]));
-    let side = |of: &dyn Fn(&crate::CameraInfo) -> u32| -> ArrayRef {
-        Arc::new(UInt16Array::from_iter_values(cameras(set).map(|(_, _, camera)| of(camera) as u16)))
+    let lens = |name, k: usize| numbers(name, &|camera| distortion(camera).map_or(0.0, |lens| lens[k]));
+    let side = |name, of: &dyn Fn(&crate::CameraInfo) -> u32| {
+        FeatherColumn::new(name, cameras(set).map(|(_, _, camera)| of(camera) as u16))
     };
     vec![
-        (
-            "sensor_name",
-            Arc::new(StringArray::from_iter_values(cameras(set).map(|(index, _, _)| &names[index]))) as ArrayRef,
-        ),
-        ("fx_px", numbers(&|camera| camera.focal[0])),
-        ("fy_px", numbers(&|camera| camera.focal[1])),
-        ("cx_px", numbers(&|camera| camera.center[0] - 0.5)),
-        ("cy_px", numbers(&|camera| camera.center[1] - 0.5)),
-        ("k1", lens(0)),
-        ("k2", lens(1)),
-        ("k3", lens(4)),
-        ("height_px", side(&|camera| camera.size.1)),
-        ("width_px", side(&|camera| camera.size.0)),
+        FeatherColumn::new("sensor_name", cameras(set).map(|(index, _, _)| names[index].as_str())),
+        numbers("fx_px", &|camera| camera.focal[0]),
+        numbers("fy_px", &|camera| camera.focal[1]),
+        numbers("cx_px", &|camera| camera.center[0] - 0.5),
+        numbers("cy_px", &|camera| camera.center[1] - 0.5),
+        lens("k1", 0),
+        lens("k2", 1),
+        lens("k3", 4),
+        side("height_px", &|camera| camera.size.1),
+        side("width_px", &|camera| camera.size.0),
     ]
 }
 
 /// The table of boxes, without rows.
-fn annotations() -> Columns {
-    let floats = || Arc::new(Float64Array::from_iter_values([])) as ArrayRef;
-    let words = || Arc::new(StringArray::from_iter_values::<&str, _>([])) as ArrayRef;
-    let numbers = || Arc::new(Int64Array::from_iter_values([])) as ArrayRef;
-    let mut columns = vec![("timestamp_ns", numbers()), ("track_uuid", words()), ("category", words())];
+fn annotations() -> Vec<FeatherColumn> {
+    let numbers = |name| FeatherColumn::new(name, [0i64; 0]);
+    let words = |name| FeatherColumn::new(name, [""; 0]);
+    let mut columns = vec![numbers("timestamp_ns"), words("track_uuid"), words("category")];
     for name in ["length_m", "width_m", "height_m", "qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"] {
-        columns.push((name, floats()));
+        columns.push(FeatherColumn::new(name, [0.0f64; 0]));
     }
-    columns.push(("num_interior_pts", numbers()));
+    columns.push(numbers("num_interior_pts"));
     columns
 }
 
 /// Writes a table.
-fn write(files: &mut dyn FileSink, path: String, columns: Columns) -> Result<(), SetError> {
+fn write(files: &mut dyn FileSink, path: String, columns: &[FeatherColumn]) -> Result<(), SetError> {
     let bytes = feather(columns).map_err(|error| SetError::Write {
         path: PathBuf::from(&path),
         problem: error.to_string(),
@@ -274,44 +259,31 @@ fn write(files: &mut dyn FileSink, path: String, columns: Columns) -> Result<(),
     files.write(&path, &bytes)
 }
 
-/// A table as a Feather file of one batch.
-///
-/// It is not compressed: this writer leaves buffers as they are that LZ4 would not make smaller, and the data loader in Rust of `av2`
-/// takes those for broken.
-fn feather(columns: Columns) -> Result<Vec<u8>, ArrowError> {
-    let batch = RecordBatch::try_from_iter_with_nullable(
-        columns.into_iter().map(|(name, column)| (name, column, true)),
-    )?;
-    let mut writer = FileWriter::try_new(Vec::new(), &batch.schema())?;
-    writer.write(&batch)?;
-    writer.into_inner()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::testing::{self, MemorySink, SPOT};
-    use arrow_array::cast::AsArray;
-    use arrow_array::types::{Float16Type, Float64Type, Int64Type};
-    use arrow_ipc::reader::FileReader;
+    use crate::feather::FeatherTable;
     use glam::DQuat;
-    use std::io::Cursor;
 
-    fn table(files: &MemorySink, path: &str) -> RecordBatch {
-        let mut reader = FileReader::try_new(Cursor::new(&files.0[path]), None).unwrap();
-        let batch = reader.next().unwrap().unwrap();
-        assert!(reader.next().is_none());
-        batch
+    const POSE: [&str; 7] = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
+
+    fn table(files: &MemorySink, path: &str, names: &[&str]) -> FeatherTable {
+        FeatherTable::read(&files.0[path], names).unwrap()
     }
 
-    fn number(batch: &RecordBatch, name: &str, row: usize) -> f64 {
-        batch.column_by_name(name).unwrap().as_primitive::<Float64Type>().value(row)
+    /// The rows of columns of numbers.
+    fn rows<const N: usize>(table: &mut FeatherTable, names: [&str; N]) -> Vec<[f64; N]> {
+        let columns = names.map(|name| table.floats(name).unwrap());
+        (0..columns[0].len()).map(|row| columns.each_ref().map(|column| column[row])).collect()
     }
 
-    fn pose(batch: &RecordBatch, row: usize) -> crate::RigidPose {
-        let [w, x, y, z, tx, ty, tz] =
-            ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"].map(|name| number(batch, name, row));
-        crate::RigidPose { rotation: DQuat::from_xyzw(x, y, z, w), translation: DVec3::new(tx, ty, tz) }
+    fn poses(table: &mut FeatherTable) -> Vec<crate::RigidPose> {
+        let pose = |[w, x, y, z, tx, ty, tz]: [f64; 7]| crate::RigidPose {
+            rotation: DQuat::from_xyzw(x, y, z, w),
+            translation: DVec3::new(tx, ty, tz),
+        };
+        rows(table, POSE).into_iter().map(pose).collect()
     }
 
     #[test]
@@ -320,36 +292,41 @@ mod tests {
         testing::write(&LAYOUT, &mut files).unwrap();
         let (set, clip) = (testing::set(), &testing::clips()[0]);
         let log = folder(clip);
-        let poses = table(&files, &format!("{log}/city_SE3_egovehicle.feather"));
-        assert_eq!(poses.num_rows(), testing::FRAMES as usize);
-        let sensors = table(&files, &format!("{log}/calibration/egovehicle_SE3_sensor.feather"));
-        let intrinsics = table(&files, &format!("{log}/calibration/intrinsics.feather"));
-        let names = sensors.column(0).as_string::<i32>();
-        let names: Vec<_> = names.iter().map(Option::unwrap).collect();
+        let named = |name| [&[name], &POSE[..]].concat();
+        let mut track = table(&files, &format!("{log}/city_SE3_egovehicle.feather"), &named("timestamp_ns"));
+        let (stamps, world_from_rig) = (track.ints("timestamp_ns").unwrap(), poses(&mut track));
+        assert_eq!(stamps.len(), testing::FRAMES as usize);
+        let path = format!("{log}/calibration/egovehicle_SE3_sensor.feather");
+        let mut sensors = table(&files, &path, &named("sensor_name"));
+        let (names, rig_from_sensor) = (sensors.texts("sensor_name").unwrap(), poses(&mut sensors));
+        let k = ["fx_px", "fy_px", "cx_px", "cy_px"];
+        let intrinsics = rows(&mut table(&files, &format!("{log}/calibration/intrinsics.feather"), &k), k);
         assert_eq!(names, ["ring_front_center", "ring_front_left", "ring_front_right", "up_lidar", "down_lidar"]);
         let mut seen = 0;
         for info in testing::readings(&set) {
             let row = info.frame as usize;
-            let stamp = poses.column(0).as_primitive::<Int64Type>().value(row);
+            let stamp = stamps[row];
             assert_eq!(stamp, info.timestamp(clip));
-            let spot = pose(&poses, row).inverse().point(SPOT);
+            let spot = world_from_rig[row].inverse().point(SPOT);
             if let SensorInfoKind::Camera(camera) = &set.sensors[info.sensor].kind {
-                let local = pose(&sensors, info.sensor).inverse().point(spot);
-                let k = |name| number(&intrinsics, name, info.sensor);
-                let x = k("fx_px") * local.x / local.z + k("cx_px");
-                let y = k("fy_px") * local.y / local.z + k("cy_px");
+                let local = rig_from_sensor[info.sensor].inverse().point(spot);
+                let [fx, fy, cx, cy] = intrinsics[info.sensor];
+                let x = fx * local.x / local.z + cx;
+                let y = fy * local.y / local.z + cy;
                 let truth = testing::pixel(camera, info.world_from_sensor(&set).inverse().point(SPOT));
                 if let Some(truth) = truth {
                     assert!((x + 0.5 - truth[0]).hypot(y + 0.5 - truth[1]) < 1e-6);
                     seen += 1;
                 }
-                let name = names[info.sensor];
+                let name = &names[info.sensor];
                 assert!(files.0[&format!("{log}/sensors/cameras/{name}/{stamp}.jpg")].starts_with(&[0xff, 0xd8]));
             } else if matches!(set.sensors[info.sensor].kind, SensorInfoKind::Lidar { .. }) {
-                let sweep = table(&files, &format!("{log}/sensors/lidar/{stamp}.feather"));
-                assert_eq!(sweep.num_rows(), 60);
+                let axes = ["x", "y", "z"];
+                let path = format!("{log}/sensors/lidar/{stamp}.feather");
+                let points = rows(&mut table(&files, &path, &axes), axes);
+                assert_eq!(points.len(), 60);
                 for k in 0..3 {
-                    let value = sweep.column(k).as_primitive::<Float16Type>().value(0).to_f64();
+                    let value = points[0][k];
                     // Half a step of 16-bit floats below 32.
                     assert!((value - spot[k]).abs() < 0.5 / 64.0 + 1e-4, "{value} is not {}", spot[k]);
                 }

@@ -11,7 +11,7 @@
 //!
 //! CITY is the place, with `-CAMERA` if the rig has more than one camera; SEQ is the clip's number and FRAME that of the picture,
 //! both with six digits. `_` in names becomes `-`, since readers cut names there. Lidars, radars, disparity and `gtFine` are left out.
-//! Weathers other than fog are written too: B says only what fog there is.
+//! Weathers other than fog are written too: B is the extinction of all that is in the air, of rain and snow too.
 //!
 //! Source: Sakaridis, Dai and Van Gool, "Semantic Foggy Scene Understanding with Synthetic Data" (2018), and Cityscapes' README and
 //! camera calibration.

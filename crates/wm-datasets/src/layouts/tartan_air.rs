@@ -9,7 +9,7 @@
 //! - Poses are `tx ty tz qx qy qz qw` of the camera in the world, m, a line a picture. Both have north-east-down axes: the world's
 //!   x is our y (north), its y our x (east); a camera has x forward, y right and z down.
 //! - Depth is f32 along the view axis, m, 10000 where there is nothing, as for TartanAir's sky. Flow is f32 `[H, W, 2]`, px, from a
-//!   picture to the next; the mask is u8 `[H, W]`, 0 where there is a vector, 1 where there is none. The last picture has no flow.
+//!   picture to the next; the mask is u8 `[H, W]`, 0 where the point is seen there, 1 where something hides it or there is no vector, 100 where it is out of the picture. The last picture has no flow.
 //! - The principal point counts from the corner of the first pixel: TartanAir has 320, 240 in pictures of 640x480.
 //!
 //! Source: github.com/castacks/tartanair_tools, data_type.md.
@@ -22,6 +22,8 @@ use glam::{DMat3, DVec3};
 use std::fmt::Write;
 
 const NAME: &str = "tartanair";
+/// What is out of the next picture, in masks of flow.
+const OUTSIDE: u8 = 100;
 
 /// The depth of what is farther than all else, m.
 const SKY: f32 = 10_000.0;
@@ -146,7 +148,14 @@ impl BlockWriter for Pictures<'_> {
             let pairs = flow.as_chunks::<2>().0;
             let is_known = |pair: &[f32; 2]| pair.iter().all(|value| value.is_finite());
             let known = pairs.iter().flat_map(|pair| if is_known(pair) { *pair } else { [0.0; 2] });
-            let mask: Vec<u8> = pairs.iter().map(|pair| u8::from(!is_known(pair))).collect();
+            let states = picture.flow_states.unwrap_or_default();
+            let state = |pixel: usize| states.get(pixel).copied().unwrap_or(0);
+            let masked = |(pixel, pair): (usize, &[f32; 2])| match state(pixel) {
+                _ if !is_known(pair) => 1,
+                2 => OUTSIDE,
+                state => u8::from(state > 0),
+            };
+            let mask: Vec<u8> = pairs.iter().enumerate().map(masked).collect();
             let name = format!("{folder}/flow/{index:06}_{:06}", index + 1);
             files.write(&format!("{name}_flow.npy"), &array_files::floats(known, &[height, width, 2]))?;
             files.write(&format!("{name}_mask.npy"), &array_files::bytes(&mask, &[height, width]))?;

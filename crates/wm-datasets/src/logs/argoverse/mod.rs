@@ -5,8 +5,6 @@
 //! Pictures have been undistorted by its makers: k1, k2 and k3 of the intrinsics are those of the lens before, and are not used. Boxes are
 //! in the vehicle's axes at their time.
 
-mod feather;
-
 use super::files::{MOST_BINARY, fault, files_in, name_of, pose_of_quaternion, read_bytes};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::track::EgoTrack;
@@ -15,7 +13,7 @@ use super::{
     empty_log, moved,
 };
 use crate::RigidPose;
-use feather::FeatherTable;
+use crate::feather::FeatherTable;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -201,6 +199,3 @@ fn place(path: &Path, origin: DVec3) -> Option<[f64; 2]> {
     let (_, place) = maps.iter().find_map(|(name, _)| city(name))?;
     Some(displaced(*place, origin.x, origin.y))
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,16 +1,16 @@
 //! Small logs of every format, for tests and for damage: a vehicle that drives past landmarks and behind another one.
 //!
-//! The files are written from the formats' definitions, by matrices, and not by what the readers are made of.
+//! The files are written from the formats' definitions, by matrices, and not by what the readers are made of; but for Feather, whose writer
+//! and reader are each held against other programs' files.
 
-mod feather;
-
+use crate::feather::{FeatherColumn, feather, feather_packed};
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, dvec3};
+use half::f16;
 use std::f64::consts::{PI, TAU};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-pub use feather::{MiniColumn, feather};
 use wm_media::jpeg::{SamplingFactor, encode};
 
 /// Width and height of the photos, px.
@@ -446,38 +446,38 @@ fn nuscenes(folder: &Path) -> io::Result<MiniLog> {
 fn argoverse(folder: &Path) -> io::Result<MiniLog> {
     let log = folder.join("adcf7d18-0510-35b0-a2fa-b4cea13a6d76");
     let world = DMat4::from_translation(FAR);
-    let posed = |poses: &[DMat4]| -> Vec<(&'static str, MiniColumn)> {
+    let posed = |poses: &[DMat4]| -> Vec<FeatherColumn> {
         let split: Vec<([f64; 4], [f64; 3])> = poses.iter().map(quaternion).collect();
         let names = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
         let value =
             |(q, t): &([f64; 4], [f64; 3]), column: usize| if column < 4 { q[column] } else { t[column - 4] };
         let column = |(column, name): (usize, &'static str)| {
-            (name, MiniColumn::F64(split.iter().map(|row| value(row, column)).collect()))
+            FeatherColumn::new(name, split.iter().map(|row| value(row, column)))
         };
         names.into_iter().enumerate().map(column).collect()
     };
-    let texts = |values: &[&str]| MiniColumn::Text(values.iter().map(|v| (*v).to_owned()).collect());
+    let texts = |name, values: &[&str]| FeatherColumn::new(name, values.iter().copied());
     let cameras = [("ring_front_center", 0.0), ("ring_side_left", 1.2)];
     let names = ["ring_front_center", "ring_side_left", "up_lidar"];
-    let mut table = vec![("sensor_name", texts(&names))];
+    let mut table = vec![texts("sensor_name", &names)];
     table.extend(posed(&[rig_from_camera(0.0), rig_from_camera(1.2), rig_from_lidar()]));
-    write(&log.join("calibration/egovehicle_SE3_sensor.feather"), feather(&table, true)?)?;
-    let same = |value: f64| MiniColumn::F64(vec![value; 2]);
+    write(&log.join("calibration/egovehicle_SE3_sensor.feather"), feather_packed(&table)?)?;
+    let same = |name, value: f64| FeatherColumn::new(name, [value; 2]);
     let intrinsics = [
-        ("sensor_name", texts(&names[..2])),
-        ("fx_px", same(FOCAL)),
-        ("fy_px", same(FOCAL)),
-        ("cx_px", same(CENTER[0])),
-        ("cy_px", same(CENTER[1])),
-        ("k1", same(-0.24)),
-        ("height_px", MiniColumn::U16(vec![SIZE.1 as u16; 2])),
-        ("width_px", MiniColumn::U16(vec![SIZE.0 as u16; 2])),
+        texts("sensor_name", &names[..2]),
+        same("fx_px", FOCAL),
+        same("fy_px", FOCAL),
+        same("cx_px", CENTER[0]),
+        same("cy_px", CENTER[1]),
+        same("k1", -0.24),
+        FeatherColumn::new("height_px", vec![SIZE.1 as u16; 2]),
+        FeatherColumn::new("width_px", vec![SIZE.0 as u16; 2]),
     ];
-    write(&log.join("calibration/intrinsics.feather"), feather(&intrinsics, false)?)?;
+    write(&log.join("calibration/intrinsics.feather"), feather(&intrinsics)?)?;
     let times: Vec<i64> = (-2..32).map(|step| START + step * 20_000_000).collect();
-    let mut table = vec![("timestamp_ns", MiniColumn::I64(times.clone()))];
+    let mut table = vec![FeatherColumn::new("timestamp_ns", times.clone())];
     table.extend(posed(&times.iter().map(|time| world * rig(*time)).collect::<Vec<_>>()));
-    write(&log.join("city_SE3_egovehicle.feather"), feather(&table, true)?)?;
+    write(&log.join("city_SE3_egovehicle.feather"), feather_packed(&table)?)?;
 
     let frames: Vec<i64> = (0..FRAMES).map(at).collect();
     let both: Vec<i64> = frames.iter().flat_map(|time| [*time; 2]).collect();
@@ -489,15 +489,15 @@ fn argoverse(folder: &Path) -> io::Result<MiniLog> {
         .map(|(index, time)| rig(*time).inverse() * DMat4::from_translation(of(index, *time)))
         .collect();
     let mut table = vec![
-        ("timestamp_ns", MiniColumn::I64(both.clone())),
-        ("track_uuid", texts(&["car", "parked"].repeat(FRAMES))),
-        ("category", texts(&["REGULAR_VEHICLE"].repeat(2 * FRAMES))),
-        ("length_m", MiniColumn::F64(vec![MOVER_SIZE.x; both.len()])),
-        ("width_m", MiniColumn::F64(vec![MOVER_SIZE.y; both.len()])),
-        ("height_m", MiniColumn::F64(vec![MOVER_SIZE.z; both.len()])),
+        FeatherColumn::new("timestamp_ns", both.clone()),
+        texts("track_uuid", &["car", "parked"].repeat(FRAMES)),
+        texts("category", &["REGULAR_VEHICLE"].repeat(2 * FRAMES)),
+        FeatherColumn::new("length_m", vec![MOVER_SIZE.x; both.len()]),
+        FeatherColumn::new("width_m", vec![MOVER_SIZE.y; both.len()]),
+        FeatherColumn::new("height_m", vec![MOVER_SIZE.z; both.len()]),
     ];
     table.extend(posed(&boxes));
-    write(&log.join("annotations.feather"), feather(&table, true)?)?;
+    write(&log.join("annotations.feather"), feather_packed(&table)?)?;
     let mut photos = Vec::new();
     for time in frames {
         for (name, angle) in cameras {
@@ -511,15 +511,16 @@ fn argoverse(folder: &Path) -> io::Result<MiniLog> {
             .chain(mover_points(time))
             .map(|p| rig(time).inverse().transform_point3(p))
             .collect();
-        let axis = |axis: usize| MiniColumn::F16(points.iter().map(|p| p[axis]).collect());
+        let axis =
+            |name, axis: usize| FeatherColumn::new(name, points.iter().map(|p| f16::from_f64(p[axis])));
         let table = [
-            ("x", axis(0)),
-            ("y", axis(1)),
-            ("z", axis(2)),
-            ("intensity", MiniColumn::U8(vec![64; points.len()])),
-            ("laser_number", MiniColumn::U8(vec![3; points.len()])),
+            axis("x", 0),
+            axis("y", 1),
+            axis("z", 2),
+            FeatherColumn::new("intensity", vec![64u8; points.len()]),
+            FeatherColumn::new("laser_number", vec![3u8; points.len()]),
         ];
-        write(&log.join(format!("sensors/lidar/{time}.feather")), feather(&table, true)?)?;
+        write(&log.join(format!("sensors/lidar/{time}.feather")), feather_packed(&table)?)?;
     }
     write(&log.join("map/log_map_archive_adcf____PIT_city_31785.json"), "{}")?;
     let landmarks = landmarks().into_iter().map(|p| p + FAR).collect();

@@ -1,49 +1,24 @@
-//! Feather files: flat tables of numbers and texts in Arrow's IPC file format, plain or in LZ4 frames.
+//! The reader: columns of a file, plain or in LZ4 frames.
 //!
 //! Written here, since damaged files must be errors and nothing else: every offset of the FlatBuffers is checked before it is followed, and
-//! nothing is taken in advance that a header promises. Types: integers of 8 to 64 bits, floats of 16 to 64 bits, UTF-8.
-//!
-//! A file is `ARROW1`, messages, a footer, the footer's length (i32) and `ARROW1`. The footer has the schema and the places of the record
-//! batches; a batch has a message and a body with the buffers of its columns: for numbers validity and values, for texts validity, offsets
-//! and bytes. A compressed buffer begins with its length (i64), or -1 if it is stored as it is.
+//! nothing is taken in advance that a header promises. Types: integers of 8 to 64 bits, floats of 16 to 64 bits, booleans, UTF-8.
 
+use super::flatbuffer::{FlatTable, le_u32, le_u64};
+use super::{ColumnType, FeatherFault, MAGIC, MOST_COLUMNS, fault};
 use half::f16;
 use lz4_flex::frame::FrameDecoder;
 use std::io::Read;
 
-const MAGIC: &[u8] = b"ARROW1";
-/// Most rows of a table, columns, and record batches.
+/// Most rows of a table, and record batches.
 const MOST_ROWS: u64 = 50_000_000;
-const MOST_COLUMNS: usize = 1000;
 const MOST_BATCHES: usize = 100_000;
 /// Most bytes of a column of texts in one batch.
 const MOST_TEXT: u64 = 1 << 30;
 
-/// A fault of a file: a byte, and what is wrong there.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FeatherFault {
-    pub byte: u64,
-    pub what: String,
-}
-
-fn fault<T>(byte: usize, what: impl Into<String>) -> Result<T, FeatherFault> {
-    Err(FeatherFault { byte: byte as u64, what: what.into() })
-}
-
-/// A type of a column.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum ColumnType {
-    Int { bytes: usize, is_signed: bool },
-    Float { bytes: usize },
-    Text,
-    /// Not read; it has so many buffers.
-    Other(usize),
-}
-
 /// The values of a column.
 #[derive(Clone, Debug, PartialEq)]
-pub enum FeatherColumn {
-    /// Integers; those above the largest i64 are that.
+pub(crate) enum ColumnValues {
+    /// Integers; those above the largest i64 are that. Booleans are 0 and 1.
     Ints(Vec<i64>),
     /// Floats.
     Floats(Vec<f64>),
@@ -53,8 +28,8 @@ pub enum FeatherColumn {
 
 /// A table.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct FeatherTable {
-    columns: Vec<(String, FeatherColumn)>,
+pub(crate) struct FeatherTable {
+    columns: Vec<(String, ColumnValues)>,
 }
 
 impl FeatherTable {
@@ -68,7 +43,7 @@ impl FeatherTable {
         let Some(start) = (end - 10).checked_sub(length).filter(|start| *start >= 8) else {
             return fault(end - 10, format!("a footer of {length} bytes in a file of {end}"));
         };
-        let footer = Table::root(&bytes[..end - 10], start)?;
+        let footer = FlatTable::root(&bytes[..end - 10], start)?;
         let schema = footer.table(1)?.ok_or(FeatherFault { byte: start as u64, what: "no schema".into() })?;
         if schema.number::<2>(0)?.is_some_and(|endianness| endianness != [0, 0]) {
             return fault(start, "big endian, which is not read");
@@ -77,9 +52,9 @@ impl FeatherTable {
         let mut table = Self::default();
         for (name, kind) in &fields {
             let empty = match kind {
-                ColumnType::Int { .. } => FeatherColumn::Ints(Vec::new()),
-                ColumnType::Float { .. } => FeatherColumn::Floats(Vec::new()),
-                ColumnType::Text => FeatherColumn::Texts(Vec::new()),
+                ColumnType::Int { .. } | ColumnType::Bool => ColumnValues::Ints(Vec::new()),
+                ColumnType::Float { .. } => ColumnValues::Floats(Vec::new()),
+                ColumnType::Text => ColumnValues::Texts(Vec::new()),
                 ColumnType::Other(_) => continue,
             };
             if names.contains(&name.as_str()) && table.get(name).is_none() {
@@ -95,7 +70,8 @@ impl FeatherTable {
             let at = blocks + 24 * index;
             let place = le_u64(bytes, at)?;
             let meta = le_u32(bytes, at + 8)?;
-            let Some(body) = place.checked_add(meta.into()).and_then(|body| usize::try_from(body).ok()) else {
+            let Some(body) = place.checked_add(meta.into()).and_then(|body| usize::try_from(body).ok())
+            else {
                 return fault(at, "a record batch outside of the file");
             };
             rows += table.append(bytes, &fields, (place as usize, body))?;
@@ -115,10 +91,11 @@ impl FeatherTable {
     ) -> Result<u64, FeatherFault> {
         // Since Arrow 0.15 the length is behind a mark.
         let start = if le_u32(bytes, place)? == u32::MAX { place + 8 } else { place + 4 };
-        let Some(metadata) = bytes.get(..body.min(bytes.len())).filter(|metadata| start < metadata.len()) else {
+        let Some(metadata) = bytes.get(..body.min(bytes.len())).filter(|metadata| start < metadata.len())
+        else {
             return fault(place, "a record batch outside of the file");
         };
-        let message = Table::root(metadata, start)?;
+        let message = FlatTable::root(metadata, start)?;
         if message.number::<1>(1)? != Some([3]) {
             return fault(place, "a message that is no record batch");
         }
@@ -133,7 +110,12 @@ impl FeatherTable {
             None => false,
             Some(compression) => match compression.number::<1>(0)?.unwrap_or([0]) {
                 [0] => true,
-                _ => return fault(place, "compressed with Zstandard, which is not read; write it with LZ4 or uncompressed"),
+                _ => {
+                    return fault(
+                        place,
+                        "compressed with Zstandard, which is not read; write it with LZ4 or uncompressed",
+                    );
+                }
             },
         };
         let mut next = 0;
@@ -163,8 +145,11 @@ impl FeatherTable {
                 let stored = start
                     .zip(usize::try_from(length).ok())
                     .and_then(|(start, length)| bytes.get(start..start.checked_add(length)?));
-                let Some(stored) = stored else { return fault(at, format!("the column {name:?} lies outside of the file")) };
-                unpacked(stored, is_packed, most).or_else(|what| fault(at, format!("the column {name:?}: {what}")))
+                let Some(stored) = stored else {
+                    return fault(at, format!("the column {name:?} lies outside of the file"));
+                };
+                unpacked(stored, is_packed, most)
+                    .or_else(|what| fault(at, format!("the column {name:?}: {what}")))
             };
             let rows = rows as usize;
             column.extend(*kind, rows, &buffer).map_err(|e| match e.byte {
@@ -175,23 +160,23 @@ impl FeatherTable {
         Ok(rows)
     }
 
-    fn get(&self, name: &str) -> Option<&FeatherColumn> {
+    fn get(&self, name: &str) -> Option<&ColumnValues> {
         self.columns.iter().find(|(own, _)| own == name).map(|(_, column)| column)
     }
 
     /// Takes a column of floats; integers become floats.
     pub fn floats(&mut self, name: &str) -> Result<Vec<f64>, String> {
         match self.take(name)? {
-            FeatherColumn::Floats(values) => Ok(values),
-            FeatherColumn::Ints(values) => Ok(values.into_iter().map(|v| v as f64).collect()),
-            FeatherColumn::Texts(_) => Err(format!("the column {name:?} holds texts, not numbers")),
+            ColumnValues::Floats(values) => Ok(values),
+            ColumnValues::Ints(values) => Ok(values.into_iter().map(|v| v as f64).collect()),
+            ColumnValues::Texts(_) => Err(format!("the column {name:?} holds texts, not numbers")),
         }
     }
 
     /// Takes a column of integers.
     pub fn ints(&mut self, name: &str) -> Result<Vec<i64>, String> {
         match self.take(name)? {
-            FeatherColumn::Ints(values) => Ok(values),
+            ColumnValues::Ints(values) => Ok(values),
             _ => Err(format!("the column {name:?} does not hold whole numbers")),
         }
     }
@@ -199,19 +184,21 @@ impl FeatherTable {
     /// Takes a column of texts.
     pub fn texts(&mut self, name: &str) -> Result<Vec<String>, String> {
         match self.take(name)? {
-            FeatherColumn::Texts(values) => Ok(values),
+            ColumnValues::Texts(values) => Ok(values),
             _ => Err(format!("the column {name:?} does not hold texts")),
         }
     }
 
-    fn take(&mut self, name: &str) -> Result<FeatherColumn, String> {
+    fn take(&mut self, name: &str) -> Result<ColumnValues, String> {
         let place = self.columns.iter().position(|(own, _)| own == name);
         let place = place.ok_or_else(|| format!("there is no column {name:?} of a type that is read"))?;
         Ok(self.columns.swap_remove(place).1)
     }
 }
 
-impl FeatherColumn {
+const SHORT: &str = "it has fewer bytes than rows";
+
+impl ColumnValues {
     /// Appends rows from the buffers of a batch.
     fn extend<'a>(
         &mut self,
@@ -219,10 +206,9 @@ impl FeatherColumn {
         rows: usize,
         buffer: &dyn Fn(usize, u64) -> Result<std::borrow::Cow<'a, [u8]>, FeatherFault>,
     ) -> Result<(), FeatherFault> {
-        let short = || fault(0, "it has fewer bytes than rows");
         let fixed = |which: usize, width: usize, rows: usize| {
             let data = buffer(which, (width * rows) as u64)?;
-            if data.len() < width * rows { short() } else { Ok(data) }
+            if data.len() < width * rows { fault(0, SHORT) } else { Ok(data) }
         };
         match (self, kind) {
             (Self::Ints(values), ColumnType::Int { bytes, is_signed }) => {
@@ -234,6 +220,13 @@ impl FeatherColumn {
                     let value = i64::from_le_bytes(whole);
                     if is_signed || bytes < 8 || value >= 0 { value } else { i64::MAX }
                 }));
+            }
+            (Self::Ints(values), ColumnType::Bool) => {
+                let bits = buffer(1, rows.div_ceil(8) as u64)?;
+                if bits.len() < rows.div_ceil(8) {
+                    return fault(0, SHORT);
+                }
+                values.extend((0..rows).map(|row| i64::from(bits[row / 8] >> (row % 8) & 1)));
             }
             (Self::Floats(values), ColumnType::Float { bytes }) => {
                 let data = fixed(1, bytes, rows)?;
@@ -250,7 +243,9 @@ impl FeatherColumn {
                 for pair in offsets.as_chunks::<4>().0[..=rows].windows(2) {
                     let [start, end] = [pair[0], pair[1]].map(|v| u32::from_le_bytes(v) as usize);
                     let text = data.get(start..end).and_then(|text| std::str::from_utf8(text).ok());
-                    let Some(text) = text else { return fault(0, "a text outside of its bytes, or not UTF-8") };
+                    let Some(text) = text else {
+                        return fault(0, "a text outside of its bytes, or not UTF-8");
+                    };
                     values.push(text.to_owned());
                 }
             }
@@ -274,22 +269,27 @@ fn unpacked(stored: &[u8], is_packed: bool, most: u64) -> Result<std::borrow::Co
     // The length is no reason to take memory: the decoder gives what there is.
     let mut data = Vec::new();
     let read = FrameDecoder::new(rest).take(length.min(most)).read_to_end(&mut data);
-    read.map_err(|e| format!("its LZ4 frame is damaged: {}", e.to_string().replace(|c: char| c.is_control(), " ")))?;
+    read.map_err(|e| {
+        format!("its LZ4 frame is damaged: {}", e.to_string().replace(|c: char| c.is_control(), " "))
+    })?;
     Ok(data.into())
 }
 
 /// The names and types of the columns.
-fn fields(schema: &Table<'_>) -> Result<Vec<(String, ColumnType)>, FeatherFault> {
+fn fields(schema: &FlatTable<'_>) -> Result<Vec<(String, ColumnType)>, FeatherFault> {
     let mut fields = Vec::new();
     for field in schema.tables(1)? {
         let name = field.text(0)?.unwrap_or_default().to_owned();
         let kind = field.table(3)?;
-        let small = |table: &Option<Table<'_>>, slot: usize| -> Result<Option<i32>, FeatherFault> {
+        let small = |table: &Option<FlatTable<'_>>, slot: usize| -> Result<Option<i32>, FeatherFault> {
             table.as_ref().map_or(Ok(None), |table| Ok(table.number::<4>(slot)?.map(i32::from_le_bytes)))
         };
         let has_children = field.tables(5)?.next().is_some();
         if has_children || field.table(4)?.is_some() {
-            return fault(field.at, format!("the column {name:?} is nested or a dictionary, which is not read"));
+            return fault(
+                field.at,
+                format!("the column {name:?} is nested or a dictionary, which is not read"),
+            );
         }
         let of = match field.number::<1>(2)?.map_or(0, |[kind]| kind) {
             // A null column has no buffers.
@@ -298,7 +298,9 @@ fn fields(schema: &Table<'_>) -> Result<Vec<(String, ColumnType)>, FeatherFault>
                 let is_signed = kind.as_ref().map_or(Ok(None), |kind| kind.number::<1>(1))? == Some([1]);
                 match small(&kind, 0)?.unwrap_or(0) {
                     bits @ (8 | 16 | 32 | 64) => ColumnType::Int { bytes: bits as usize / 8, is_signed },
-                    bits => return fault(field.at, format!("the column {name:?} has integers of {bits} bits")),
+                    bits => {
+                        return fault(field.at, format!("the column {name:?} has integers of {bits} bits"));
+                    }
                 }
             }
             3 => match kind.as_ref().map_or(Ok(None), |kind| kind.number::<2>(0))?.unwrap_or([0, 0]) {
@@ -309,8 +311,14 @@ fn fields(schema: &Table<'_>) -> Result<Vec<(String, ColumnType)>, FeatherFault>
             },
             4 => ColumnType::Other(3),
             5 => ColumnType::Text,
-            6..=11 => ColumnType::Other(2),
-            kind => return fault(field.at, format!("the column {name:?} has the type {kind}, which is not read")),
+            6 => ColumnType::Bool,
+            7..=11 => ColumnType::Other(2),
+            kind => {
+                return fault(
+                    field.at,
+                    format!("the column {name:?} has the type {kind}, which is not read"),
+                );
+            }
         };
         fields.push((name, of));
         if fields.len() > MOST_COLUMNS {
@@ -318,86 +326,4 @@ fn fields(schema: &Table<'_>) -> Result<Vec<(String, ColumnType)>, FeatherFault>
         }
     }
     Ok(fields)
-}
-
-fn le_u32(bytes: &[u8], at: usize) -> Result<u32, FeatherFault> {
-    Ok(u32::from_le_bytes(chunk(bytes, at)?))
-}
-
-fn le_u64(bytes: &[u8], at: usize) -> Result<u64, FeatherFault> {
-    Ok(u64::from_le_bytes(chunk(bytes, at)?))
-}
-
-fn chunk<const N: usize>(bytes: &[u8], at: usize) -> Result<[u8; N], FeatherFault> {
-    match bytes.get(at..).and_then(|rest| rest.first_chunk()) {
-        Some(chunk) => Ok(*chunk),
-        None => fault(at, "cut off"),
-    }
-}
-
-/// A table of FlatBuffers: an offset back to its vtable, which says where its fields lie.
-#[derive(Clone, Copy)]
-struct Table<'a> {
-    bytes: &'a [u8],
-    at: usize,
-}
-
-impl<'a> Table<'a> {
-    /// The root table of a buffer that begins at `start`.
-    fn root(bytes: &'a [u8], start: usize) -> Result<Self, FeatherFault> {
-        Ok(Self { bytes, at: followed(bytes, start)? })
-    }
-
-    /// The place of a field; `None` if it is left out.
-    fn field(&self, slot: usize) -> Result<Option<usize>, FeatherFault> {
-        let back = i64::from(le_u32(self.bytes, self.at)? as i32);
-        let Some(vtable) = usize::try_from(self.at as i64 - back).ok() else { return fault(self.at, "a table without its fields") };
-        let size = usize::from(u16::from_le_bytes(chunk(self.bytes, vtable)?));
-        let entry = 4 + 2 * slot;
-        if entry + 2 > size {
-            return Ok(None);
-        }
-        let offset = usize::from(u16::from_le_bytes(chunk(self.bytes, vtable.saturating_add(entry))?));
-        Ok((offset != 0).then(|| self.at.saturating_add(offset)))
-    }
-
-    fn number<const N: usize>(&self, slot: usize) -> Result<Option<[u8; N]>, FeatherFault> {
-        self.field(slot)?.map(|at| chunk(self.bytes, at)).transpose()
-    }
-
-    fn table(&self, slot: usize) -> Result<Option<Self>, FeatherFault> {
-        let at = self.field(slot)?.map(|at| followed(self.bytes, at)).transpose()?;
-        Ok(at.map(|at| Self { bytes: self.bytes, at }))
-    }
-
-    /// The place of the first element of a vector and their number, all within the buffer.
-    fn structs(&self, slot: usize, size: usize) -> Result<(usize, usize), FeatherFault> {
-        let Some(at) = self.field(slot)? else { return Ok((0, 0)) };
-        let at = followed(self.bytes, at)?;
-        let count = le_u32(self.bytes, at)? as usize;
-        let is_within = count.checked_mul(size).is_some_and(|length| length <= self.bytes.len().saturating_sub(at + 4));
-        if is_within { Ok((at + 4, count)) } else { fault(at, "a list outside of the file") }
-    }
-
-    fn tables(&self, slot: usize) -> Result<impl Iterator<Item = Self> + use<'a>, FeatherFault> {
-        let (first, count) = self.structs(slot, 4)?;
-        let bytes = self.bytes;
-        let places: Result<Vec<usize>, FeatherFault> =
-            (0..count.min(MOST_COLUMNS + 1)).map(|index| followed(bytes, first + 4 * index)).collect();
-        Ok(places?.into_iter().map(move |at| Self { bytes, at }))
-    }
-
-    fn text(&self, slot: usize) -> Result<Option<&'a str>, FeatherFault> {
-        let (first, length) = self.structs(slot, 1)?;
-        match self.bytes.get(first..first + length).map(std::str::from_utf8) {
-            Some(Ok(text)) => Ok((length > 0).then_some(text)),
-            _ => fault(first, "a name that is not UTF-8"),
-        }
-    }
-}
-
-/// The place that an offset at `at` leads to.
-fn followed(bytes: &[u8], at: usize) -> Result<usize, FeatherFault> {
-    let to = at.saturating_add(le_u32(bytes, at)? as usize);
-    if to.saturating_add(4) <= bytes.len() { Ok(to) } else { fault(at, "an offset outside of the file") }
 }
