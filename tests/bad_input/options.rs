@@ -16,7 +16,7 @@ fn the_command_line_itself() {
             "'--wether' found; a similar argument exists: '--weather'",
         ),
         (&["render", "good.ply", "other.ply"], "unexpected argument 'other.ply' found"),
-        (&["render", "good.ply", "--weather"], "a value is required for '--weather <NAME|FILE>'"),
+        (&["render", "good.ply", "--weather"], "a value is required for '--weather <NAME|FILE|REPORT>'"),
         (&["inspect", "good.ply", "--set", "fog=on"], "unexpected argument '--set' found"),
     ] {
         place.refused(args, &[says, "(--help lists the options)"]);

@@ -21,7 +21,8 @@ pub struct FoundWeather {
 ///
 /// let found = wm_reports::find_weather("light snow, -3 C", Path::new(""))?;
 /// assert!(found.report.is_some() && found.weather.has(wm_weather::EffectRole::Falls));
-/// assert!(wm_reports::find_weather("fogg", Path::new("")).is_err());
+/// let wrong = wm_reports::find_weather("fogg", Path::new("plans")).unwrap_err().to_string();
+/// assert!(wrong.contains("there is no weather `fogg`, did you mean `fog`?"));
 /// # Ok::<(), wm_reports::ReportError>(())
 /// ```
 ///
@@ -40,7 +41,9 @@ pub fn find_weather(name: &str, folder: &Path) -> Result<FoundWeather, ReportErr
     } else if !path.exists() && is_report(name) {
         WeatherReport::read(name, "report", &ReportOptions::default())?
     } else {
-        return Ok(FoundWeather { weather: Weather::find(&path.to_string_lossy())?, report: None });
+        // A name that is neither gets the nearest preset.
+        let weather = if path.exists() { Weather::read(&path)? } else { Weather::find(name)? };
+        return Ok(FoundWeather { weather, report: None });
     };
     Ok(FoundWeather { weather: report.weather().clone(), report: Some(report) })
 }
