@@ -192,7 +192,7 @@ fn photos_get_their_weathers_and_wrong_plans_one_line() {
             ("[\"fog\", \"snow\"]", "[\"fogg\"]"),
             "line 7: from: there is no weather `fogg`, did you mean `fog`?",
         ),
-        (("cameras", "camera"), "line 5: path camera"),
+        (("cameras", "cameraz"), "line 5: unknown field `cameraz`"),
         (("pairs", "layouts = [\"nope\"]\npairs"), "line 1: layouts: there is no layout `nope`"),
     ] {
         std::fs::write(workshop.path("plan.toml"), plan.replace(change.0, change.1)).unwrap();

@@ -157,7 +157,7 @@ impl SetSummary {
 fn histogram(name: &str, values: &[f64]) -> String {
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
     let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if !(most > least) {
+    if most <= least || values.is_empty() {
         return format!("<p><b>{name}</b> {least} in {} clips</p>", values.len());
     }
     let is_log = least > 0.0 && most > 20.0 * least;

@@ -1,7 +1,7 @@
 //! Tests of plans: numbers of clips and blocks, readings, and what is said of wrong plans.
 
 use super::plan::slug;
-use super::set::{readings_of, rig_of};
+use super::set::{condition_of, readings_of, rig_of};
 use super::*;
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -99,7 +99,7 @@ fn every_frame_is_in_one_block_and_every_clip_is_found_by_its_number() {
         let plan =
             parse(&format!("[[scene]]\nfile = \"street.ply\"\n[[weather]]\n{text}"), folder.path()).unwrap();
         let clips = BatchClips::of(&plan, &mut |_| Ok(Vec::new())).unwrap();
-        super::set::condition_of(&clips.clip(&plan, 0).unwrap().weather).name()
+        condition_of(&clips.clip(&plan, 0).unwrap().weather).name()
     };
     for (text, name) in [
         ("grid = { \"wind.speed\" = [3] }", "clear"),
