@@ -28,7 +28,7 @@
 //! # Ok::<(), wm_reports::ReportError>(())
 //! ```
 //!
-//! To add a kind of report, write one module that ends in a weather file and add it to [`ReportKind`] and [`recognise`].
+//! To add a kind of report, write one module that ends in a weather file and add it to [`ReportKind`] and [`recognise()`].
 
 pub mod carla;
 mod conditions;
