@@ -224,7 +224,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Returns the depth of the surfaces in a frame, see [`FlowView::depth`].
+    /// Returns the depth of the surfaces in a frame without the scene's own sky, see [`FlowView::depth`].
     pub(crate) fn surfaces(
         &mut self,
         place: &mut PreparedPlace,
@@ -233,6 +233,8 @@ impl Renderer {
         progress: &mut dyn Progress,
     ) -> Result<Vec<f32>> {
         let options = FrameOptions { content: FrameContent::Geometry, parts: &[], ..*options };
+        // The sky of a reconstruction hangs some hundred metres away and shines through walls: it is infinitely far.
+        let weather = &weather.clone().set("sky.scene_sky", "replace")?;
         let mut picture = Picture::default();
         let Some(lens) = lens else {
             self.render_into(place, weather, &options, &mut picture, progress)?;

@@ -8,12 +8,11 @@ use crate::lidar::{LidarSweep, ScanOptions};
 use crate::motion::CameraMotion;
 use crate::radar::{RadarScanOptions, RadarSweep};
 use crate::rig::{Rig, RigDevice};
-use crate::{Error, FrameOptions, LensView, Picture, PreparedPlace, Renderer, Result};
+use crate::{Error, FrameOptions, Picture, PreparedPlace, Renderer, Result};
 use std::collections::VecDeque;
 use wm_datasets::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo};
 use wm_media::PictureSize;
 use wm_media::color::{Dither, quantize_rgb8};
-use wm_scene::Group;
 use wm_scene::random::bits;
 use wm_weather::Weather;
 
@@ -207,7 +206,8 @@ impl<'a> Shots<'a> {
             buffer.clean = quantize_rgb8(&clean, size, Dither::default());
         }
         if needs.layers.depth {
-            buffer.depth = self.depth(renderer, place, (weather, &frame, lens))?;
+            buffer.depth = renderer.surfaces(place, weather, (lens, &frame), &mut ())?;
+            buffer.depth.iter_mut().for_each(|depth| *depth = (f64::from(*depth) * metres) as f32);
         }
         Ok(())
     }
@@ -231,28 +231,5 @@ impl<'a> Shots<'a> {
         let shot = Shot { parts: &[], ..shot };
         renderer.expose(place, &Weather::clear(), camera, &shot, &mut self.spare, &mut ())?;
         Ok(self.spare.frame.rgb.clone())
-    }
-
-    /// The depth of surfaces, m; 0 where the scene's own sky is seen, whatever the weather does with it.
-    fn depth(
-        &mut self,
-        renderer: &mut Renderer,
-        place: &mut PreparedPlace,
-        (weather, frame, lens): (&Weather, &FrameOptions<'_>, Option<&LensView>),
-    ) -> Result<Vec<f32>> {
-        let metres = place.site().metres_per_unit;
-        let mut depth = renderer.surfaces(place, weather, (lens, frame), &mut ())?;
-        depth.iter_mut().for_each(|depth| *depth = (f64::from(*depth) * metres) as f32);
-        if lens.is_none() {
-            renderer.render_median_splats(place, &frame.camera.camera, &mut self.spare.frame)?;
-            let groups = &place.scene().splats.groups;
-            for (pixel, depth) in depth.iter_mut().enumerate() {
-                let splat = self.spare.frame.median_splat(pixel);
-                if splat.is_some_and(|splat| groups.get(splat as usize) == Some(&Group::Sky)) {
-                    *depth = 0.0;
-                }
-            }
-        }
-        Ok(depth)
     }
 }
