@@ -165,6 +165,25 @@ fn shards_make_the_same_tree_as_one_run_and_a_killed_one_is_made_again() {
 }
 
 #[test]
+fn a_camera_may_be_faster_than_frames_and_stand_behind_a_lidar() {
+    let workshop = Workshop::new();
+    place(&workshop);
+    let camera = RIG.find("[[sensor]]\nname = \"front\"").unwrap();
+    let lidar = RIG.find("[[sensor]]\nname = \"top\"").unwrap();
+    let rig = format!("{}{}", &RIG[lidar..], RIG[camera..lidar].replace("rate = 10.0", "rate = 20.0"));
+    std::fs::write(workshop.path("rig.toml"), rig).unwrap();
+    std::fs::write(workshop.path("plan.toml"), PLAN.replace("frames = 3", "frames = 1")).unwrap();
+    for out in ["one", "two"] {
+        let made = finish(&mut batch(&workshop, out, ""));
+        assert!(made.status.success(), "{}", said(&made));
+        assert!(printed(&made).contains("2 clips, 2 frames, 6 readings"), "{}", printed(&made));
+    }
+    // The pictures of the summary are those of the camera, and the same each time.
+    let [one, two] = ["one", "two"].map(|out| files(&workshop.path(out)));
+    assert!(one == two && one.keys().filter(|path| path.starts_with("summary")).count() == 2);
+}
+
+#[test]
 fn photos_get_their_weathers_and_wrong_plans_one_line() {
     let workshop = Workshop::new();
     place(&workshop);

@@ -10,7 +10,7 @@ use wm_scene::Camera;
 /// The way of a camera or of a rig.
 #[derive(Clone, Debug, Default)]
 pub struct MotionSpec {
-    /// Where it begins; `None` for a view that suits the scene.
+    /// Its beginning; `None` for a view that suits the scene.
     pub camera: Option<CameraSpec>,
     /// Its path; `None` to stay.
     pub path: Option<PathSpec>,
@@ -57,7 +57,7 @@ impl MotionSpec {
         Ok(CameraMotion::Along { path, size: options.size() })
     }
 
-    /// Finds where it begins.
+    /// Finds its beginning.
     ///
     /// # Errors
     /// As [`Self::motion`].

@@ -12,7 +12,7 @@ pub enum SetError {
     Layout {
         /// The layout's name.
         layout: &'static str,
-        /// What it cannot hold, and what to do.
+        /// The part of the set that it cannot hold, and what to do.
         problem: String,
     },
     /// There is no layout of a name.
@@ -41,6 +41,9 @@ pub enum SetError {
         /// The problem.
         problem: String,
     },
+    /// The clips of a set cannot be had; their source says why.
+    #[error("{0}")]
+    Clips(String),
     /// A file of a log is wrong: path, place and what to do.
     #[error(transparent)]
     File(#[from] FormatError),

@@ -1,4 +1,4 @@
-//! What a data set holds, in no layout's terms.
+//! The contents of a data set, in no layout's terms.
 //!
 //! Axes: the world's z is up, in metres; a rig, a lidar and a radar have x forward, y left and z up; a camera has OpenCV's axes, x
 //! right, y down and z forward.
@@ -11,7 +11,7 @@ use wm_scene::LensModel;
 pub struct SetInfo {
     /// Its name: letters, digits, `-` and `_`.
     pub name: String,
-    /// What it is, in a line.
+    /// A description in one line.
     pub about: String,
     /// The program that made it, with its version.
     pub program: String,
@@ -104,7 +104,7 @@ pub struct PlaceInfo {
 pub struct WeatherInfo {
     /// The name of the weather: letters, digits, `-` and `_`.
     pub name: String,
-    /// What prevails.
+    /// The condition that prevails.
     pub condition: Condition,
     /// Visibility, m (5 % of light is left): of fog, haze, smog and what falls together; infinite in clear air.
     pub mor: f64,
@@ -118,7 +118,7 @@ pub struct WeatherInfo {
     pub file: String,
 }
 
-/// What prevails in a weather, as data sets sort their pictures.
+/// The condition that prevails in a weather, by which data sets sort their pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Condition {
     /// None of the others.
@@ -183,12 +183,12 @@ impl ReadingInfo {
     }
 }
 
-/// What one sensor read.
+/// A reading: the data of one sensor at one time.
 #[derive(Clone, Copy, Debug)]
 pub struct SensorReading<'a> {
-    /// When and where.
+    /// Its place in the clip: time and pose.
     pub info: ReadingInfo,
-    /// What.
+    /// Its data.
     pub data: ReadingData<'a>,
 }
 
@@ -235,13 +235,13 @@ pub struct DatasetPoint {
     pub ring: u16,
     /// The number of the return, from 0.
     pub rank: u8,
-    /// What sent the light back.
+    /// The source of its light.
     pub source: PointSource,
     /// The label of the surface, from 1; 0 if it has none.
     pub label: u16,
 }
 
-/// What sent light back to a lidar.
+/// The source of light that comes back to a lidar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointSource {
     /// A surface of the scene, or snow that lies on it.

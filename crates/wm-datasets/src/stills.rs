@@ -1,6 +1,8 @@
 //! Scenes of layouts that hold one scene a folder: a clip, or all stills of one place in one weather.
 
-use crate::{ClipInfo, ClipRecord, ReadingInfo, SetError, SetInfo};
+use crate::cameras::picture;
+use crate::layouts::{BlockWriter, FileSink};
+use crate::{BlockInfo, ClipInfo, ClipRecord, ReadingInfo, SensorReading, SetError, SetInfo, picture_files};
 use std::collections::BTreeMap;
 
 /// Returns true if clips have one frame each.
@@ -49,4 +51,19 @@ pub(crate) fn for_each_scene(
         }
     }
     stills.iter().try_for_each(|(folder, records)| take(folder, records))
+}
+
+/// Writes the pictures of all cameras of a block as JPEG, into `images/` of their scenes.
+pub(crate) struct ScenePhotos<'a> {
+    /// The block.
+    pub block: BlockInfo<'a>,
+}
+
+impl BlockWriter for ScenePhotos<'_> {
+    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
+        let BlockInfo { set, clip, .. } = self.block;
+        let Some((sensor, camera, picture)) = picture(set, reading) else { return Ok(()) };
+        let jpeg = picture_files::jpeg(sensor, camera, picture.rgb)?;
+        files.write(&format!("{}/images/{}", folder(set, clip), photo(set, clip, &reading.info)), &jpeg)
+    }
 }

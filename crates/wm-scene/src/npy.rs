@@ -26,7 +26,7 @@ const PART: usize = 4096;
 pub fn write(path: &Path, values: &[f32], shape: &[usize]) -> Result<(), FormatError> {
     assert_eq!(values.len(), shape.iter().product::<usize>(), "an array of shape {shape:?}");
     write_atomically(path, |out| {
-        out.write_all(&header(shape))?;
+        out.write_all(&header("<f4", shape))?;
         // Part by part: a copy of a part, not of the array.
         let mut bytes = Vec::with_capacity(4 * PART.min(values.len()));
         for part in values.chunks(PART) {
@@ -38,14 +38,16 @@ pub fn write(path: &Path, values: &[f32], shape: &[usize]) -> Result<(), FormatE
     })
 }
 
-/// Magic, version, length and a Python dictionary padded to a multiple of 64 bytes.
-fn header(shape: &[usize]) -> Vec<u8> {
+/// The bytes before the values of an array: magic, version, length and a Python dictionary padded to a multiple of 64 bytes. `kind` is
+/// NumPy's text of a type, such as `<f4` for little-endian f32.
+#[must_use]
+pub fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     const FIXED: usize = 10;
     let sides: Vec<String> = shape.iter().map(usize::to_string).collect();
     // As Python writes tuples: (2, 5), but (5,).
     let comma = if shape.len() == 1 { "," } else { "" };
     let sides = sides.join(", ");
-    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({sides}{comma}), }}");
+    let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sides}{comma}), }}");
     let length = (FIXED + text.len() + 1).next_multiple_of(64);
     text.extend(std::iter::repeat_n(' ', length - FIXED - text.len() - 1));
     text.push('\n');
@@ -140,7 +142,7 @@ mod tests {
 
     #[test]
     fn arrays_cut_at_any_byte_are_errors() {
-        let mut bytes = header(&[2, 2]);
+        let mut bytes = header("<f4", &[2, 2]);
         bytes.extend([0; 16]);
         assert!(read_from(&bytes[..], bytes.len() as u64).is_ok());
         for end in 0..bytes.len() {
@@ -151,7 +153,7 @@ mod tests {
     proptest! {
         #[test]
         fn mutated_arrays_never_panic(edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6)) {
-            let mut bytes = header(&[2, 2]);
+            let mut bytes = header("<f4", &[2, 2]);
             bytes.extend([0; 16]);
             for (at, byte) in edits {
                 let at = at.index(bytes.len());

@@ -25,7 +25,7 @@ impl RandomPermutation {
         Self { count, half: needed.div_ceil(2).max(1), seed }
     }
 
-    /// Where number `index` goes.
+    /// The place of number `index` in the permutation.
     #[must_use]
     pub fn at(&self, index: u64) -> u64 {
         let mut value = index;

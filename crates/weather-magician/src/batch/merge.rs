@@ -1,17 +1,17 @@
 //! The end of a set: what lacks, the tables of the layouts, and the manifest.
 
 use super::run::BatchRun;
-use super::store::{BatchStore, BlockMarker, MarkedFile, TableFiles, digest_of};
+use super::store::{BatchStore, BlockMarker, MarkedClip, MarkedFile, TableFiles, digest_of};
 use super::summary::SetSummary;
-use super::writers::{clear_path, frame_path};
-use crate::output::PictureStyle;
-use crate::rig::RigDevice;
+use super::writers::frame_files;
 use crate::{Error, Progress, Result};
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
 use std::path::Path;
-use wm_datasets::{ClipRecord, SensorInfoKind, SetError};
-use wm_scene::files::write_atomically;
+use wm_datasets::{ClipRecord, ReadingInfo, SensorInfoKind, SetError};
+use wm_scene::FormatError;
+use wm_scene::files::{WriteFault, write_atomically, write_whole};
 
 /// The file that describes a set.
 pub const MANIFEST: &str = "manifest.json";
@@ -78,53 +78,19 @@ pub fn merge(
             run.plan.file
         )));
     }
-    let mut merged = MergedSet { counts: [0; 3], bytes: 0, warnings: Vec::new() };
-    let mut summary = SetSummary::new(&run.plan, run.clips.clips());
-    let (mut renderers, mut scenes) = (BTreeSet::new(), BTreeMap::<String, BTreeSet<String>>::new());
+    let mut rows = SetRows::new(run, store, verify);
+    let (frames_file, clips_file) = (store.folder().join(FRAMES), store.folder().join(CLIPS));
     progress.begin("blocks", Some(run.clips.blocks()));
-    let rows = store.folder().join(FRAMES);
-    let clip_rows = store.folder().join(CLIPS);
-    let mut lacking = Vec::new();
-    write_atomically(&rows, |frames| {
-        let written = write_atomically(&clip_rows, |clips| {
-            let mut last = None;
+    write_rows(&frames_file, &mut |frames| {
+        write_rows(&clips_file, &mut |clips| {
             for block in 0..run.clips.blocks() {
-                let marker = match store.marker(block, &run.plan.digest) {
-                    Ok(Some(marker)) => marker,
-                    // It was there a moment ago.
-                    _ => return Err(wm_scene::Problem::Missing),
-                };
-                for file in &marker.files {
-                    if let Some(says) = check_file(store.folder(), file, verify) {
-                        lacking.push(says);
-                    }
-                    merged.bytes += file.bytes;
-                }
-                renderers.insert(marker.renderer.clone());
-                scenes.entry(marker.scene.clone()).or_default().insert(marker.scene_sha256.clone());
-                let files: BTreeMap<&str, &MarkedFile> =
-                    marker.files.iter().map(|file| (file.path.as_str(), file)).collect();
-                for marked in &marker.clips {
-                    let Ok(record) = marked.record() else { return Err(wm_scene::Problem::Missing) };
-                    if last != Some(record.clip.number) {
-                        last = Some(record.clip.number);
-                        merged.counts[0] += 1;
-                        summary.add(&record.clip, &marked.variables);
-                        writeln!(clips, "{}", clip_row(&record, marked.at, &marked.variables))?;
-                    }
-                    for own in record.readings.chunk_by(|a, b| a.frame == b.frame) {
-                        merged.counts[1] +=
-                            u64::from(own.iter().any(|info| info.is_key && info.frame == own[0].frame));
-                        merged.counts[2] += own.len() as u64;
-                        writeln!(frames, "{}", frame_row(run, &record, own, &files))?;
-                    }
-                }
+                rows.block(block, (frames, clips))?;
                 progress.advance(1);
             }
             Ok(())
-        });
-        written.map_err(|error| error.problem)
+        })
     })?;
+    let SetRows { mut merged, summary, renderers, scenes, lacking, .. } = rows;
     progress.end();
     if let Some(first) = lacking.first() {
         return Err(Error::Unsupported(format!(
@@ -164,6 +130,97 @@ pub fn merge(
     Ok(merged)
 }
 
+/// Rows of a file, each a line.
+struct Rows<'a> {
+    path: &'a Path,
+    out: &'a mut dyn Write,
+}
+
+impl Rows<'_> {
+    fn write(&mut self, row: &Json) -> Result<()> {
+        let fault = |error: std::io::Error| FormatError::whole(self.path, WriteFault::from(error).into());
+        Ok(writeln!(self.out, "{row}").map_err(fault)?)
+    }
+}
+
+/// Writes a file of rows, whole or not at all.
+fn write_rows(path: &Path, write: &mut dyn FnMut(&mut Rows<'_>) -> Result<()>) -> Result<()> {
+    let fault = |fault: WriteFault| Error::from(FormatError::whole(path, fault.into()));
+    write_whole(path, fault, |out| write(&mut Rows { path, out }))
+}
+
+/// The rows of a set and the counts over them.
+struct SetRows<'a> {
+    run: &'a BatchRun,
+    store: &'a BatchStore,
+    verify: bool,
+    merged: MergedSet,
+    summary: SetSummary,
+    renderers: BTreeSet<String>,
+    /// Hashes of the file of each scene.
+    scenes: BTreeMap<String, BTreeSet<String>>,
+    /// Files that are not as they were made.
+    lacking: Vec<String>,
+    /// The last clip that has a row.
+    last: Option<u64>,
+}
+
+impl<'a> SetRows<'a> {
+    fn new(run: &'a BatchRun, store: &'a BatchStore, verify: bool) -> Self {
+        Self {
+            run,
+            store,
+            verify,
+            merged: MergedSet { counts: [0; 3], bytes: 0, warnings: Vec::new() },
+            summary: SetSummary::new(&run.plan, run.clips.clips()),
+            renderers: BTreeSet::new(),
+            scenes: BTreeMap::new(),
+            lacking: Vec::new(),
+            last: None,
+        }
+    }
+
+    /// Adds the rows of a block.
+    fn block(&mut self, number: u64, (frames, clips): (&mut Rows<'_>, &mut Rows<'_>)) -> Result<()> {
+        let marker = marker_of(self.run, self.store, number)?;
+        for file in &marker.files {
+            self.lacking.extend(check_file(self.store.folder(), file, self.verify));
+            self.merged.bytes += file.bytes;
+        }
+        let files = marker.files.iter().map(|file| (file.path.as_str(), file)).collect();
+        for marked in &marker.clips {
+            let record = record_of(self.store, marked)?;
+            if self.last.replace(record.clip.number) != Some(record.clip.number) {
+                self.merged.counts[0] += 1;
+                self.summary.add(&record.clip, &marked.variables);
+                clips.write(&clip_row(&record, marked.at, &marked.variables))?;
+            }
+            for own in record.readings.chunk_by(|a, b| a.frame == b.frame) {
+                self.merged.counts[1] += u64::from(own.iter().any(|info| info.is_key));
+                self.merged.counts[2] += own.len() as u64;
+                frames.write(&frame_row(self.run, &record, own, &files))?;
+            }
+        }
+        self.renderers.insert(marker.renderer);
+        self.scenes.entry(marker.scene).or_default().insert(marker.scene_sha256);
+        Ok(())
+    }
+}
+
+/// The marker of a block that is done.
+fn marker_of(run: &BatchRun, store: &BatchStore, block: u64) -> Result<BlockMarker> {
+    let marker = store.marker(block, &run.plan.digest)?;
+    marker.ok_or_else(|| {
+        Error::Unsupported(format!("{}: the marker of block {block} is gone", store.folder().display()))
+    })
+}
+
+/// The clip of a marker.
+fn record_of(store: &BatchStore, marked: &MarkedClip) -> Result<ClipRecord> {
+    let fault = |says: String| Error::Unsupported(format!("{}: {says}", store.folder().display()));
+    marked.record().map_err(fault)
+}
+
 fn write_text(path: &Path, text: &str) -> Result<()> {
     Ok(write_atomically(path, |out| Ok(out.write_all(text.as_bytes())?))?)
 }
@@ -193,19 +250,14 @@ struct ClipRecords<'a> {
 
 impl ClipRecords<'_> {
     /// Reads the next block.
-    fn read(&mut self) -> Result<(), SetError> {
-        let fault = |problem: String| SetError::Write { path: self.store.folder().into(), problem };
-        let marker = self.store.marker(self.block, &self.run.plan.digest);
-        let marker: Option<BlockMarker> = marker.map_err(|error| fault(error.to_string()))?;
-        let marker = marker.ok_or_else(|| fault(format!("block {} is gone", self.block)))?;
+    fn read(&mut self) -> Result<()> {
+        let marker = marker_of(self.run, self.store, self.block)?;
         self.block += 1;
         for marked in &marker.clips {
-            let record = marked.record().map_err(fault)?;
+            let record = record_of(self.store, marked)?;
             match &mut self.open {
                 Some(open) if open.clip.number == record.clip.number => open.readings.extend(record.readings),
-                open => {
-                    self.waiting.extend(open.replace(record));
-                }
+                open => self.waiting.extend(open.replace(record)),
             }
         }
         Ok(())
@@ -221,7 +273,7 @@ impl Iterator for ClipRecords<'_> {
                 return self.open.take().map(Ok);
             }
             if let Err(error) = self.read() {
-                return Some(Err(error));
+                return Some(Err(SetError::Clips(error.to_string())));
             }
         }
         Some(Ok(self.waiting.remove(0)))
@@ -257,28 +309,19 @@ fn clip_row(record: &ClipRecord, at: f64, variables: &BTreeMap<String, f64>) -> 
 fn frame_row(
     run: &BatchRun,
     record: &ClipRecord,
-    readings: &[wm_datasets::ReadingInfo],
+    readings: &[ReadingInfo],
     files: &BTreeMap<&str, &MarkedFile>,
 ) -> Json {
     let (plan, rig, clip) = (&run.plan, &run.rig, &record.clip);
     let frame = clip.number * u64::from(plan.frames) + u64::from(readings[0].frame);
-    let row = |info: &wm_datasets::ReadingInfo| {
+    let row = |info: &ReadingInfo| {
         let pose = info.world_from_sensor(&run.set);
         let (t, q) = (pose.translation, pose.rotation);
-        let mut own = Vec::new();
-        if plan.writes_frames {
-            let path = frame_path(plan, rig, (clip.number, &clip.name), info);
-            if let RigDevice::Camera { .. } = &rig.sensors[info.sensor].device {
-                own.extend(plan.also.iter().map(|also| {
-                    let beside = PictureStyle::path_of(*also, plan.picture, Path::new(&path));
-                    beside.to_string_lossy().into_owned()
-                }));
-            }
-            if plan.pairs {
-                own.push(clear_path(&path));
-            }
-            own.insert(0, path);
-        }
+        let own = if plan.writes_frames {
+            frame_files(plan, rig, (clip.number, &clip.name), info)
+        } else {
+            Vec::new()
+        };
         let files: Vec<Json> = own
             .iter()
             .filter_map(|path| files.get(path.as_str()))

@@ -1,6 +1,6 @@
 //! The plan of a data set: a TOML file.
 
-use super::weathers::{FindWeather, WeatherEntry, WeatherSource};
+use super::weathers::{FindWeather, WeatherEntry, WeatherSource, meant};
 use crate::MotionSpec;
 use crate::output::{ExtraPicture, PictureFormat, outputs, parts};
 use crate::panorama_file::read_panorama;
@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 use wm_datasets::{LAYOUTS, Layout};
-use wm_scene::{Metadata, nearest};
+use wm_scene::Metadata;
 use wm_weather::{Fidelity, Weather};
 
 /// Longest plan that is read, bytes.
@@ -288,7 +288,7 @@ pub struct PictureNeeds {
     pub parts: Vec<wm_render::parts::PicturePart>,
     /// Layers that are drawn later.
     pub later: LaterLayers,
-    /// What layouts need.
+    /// The layers that layouts need.
     pub layers: wm_datasets::LayerNeeds,
 }
 
@@ -518,8 +518,7 @@ impl PlanFile {
             if let Some(scene) = &path.scene
                 && !scenes.iter().any(|one| one.name == *scene)
             {
-                let near = nearest(scene, scenes.iter().map(|one| one.name.as_str()), 1);
-                let near = near.first().map_or_else(String::new, |near| format!(", did you mean `{near}`?"));
+                let near = meant(scene, scenes.iter().map(|one| one.name.as_str()));
                 return Err(PlanFault::new(at, "path scene", format!("there is no scene `{scene}`{near}")));
             }
             let is_same = |other: &PlanPath| {
@@ -555,8 +554,7 @@ impl PlanFile {
             }
             let all = || LAYOUTS.iter().map(|layout| layout.name()).chain([FRAMES_LAYOUT]);
             let Some(layout) = LAYOUTS.iter().copied().find(|layout| layout.name() == name) else {
-                let near = nearest(name, all(), 1);
-                let near = near.first().map_or_else(String::new, |near| format!(", did you mean `{near}`?"));
+                let near = meant(name, all());
                 let all: Vec<&str> = all().collect();
                 return Err(fault(format!(
                     "there is no layout `{name}`{near}; the layouts are {}",

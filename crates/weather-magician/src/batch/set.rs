@@ -172,7 +172,7 @@ pub fn clip_of(plan: &BatchPlan, clip: &PlannedClip, place: PlaceInfo) -> ClipIn
     }
 }
 
-/// What prevails in a weather when its clip begins.
+/// The condition that prevails in a weather when its clip begins.
 #[must_use]
 pub fn condition_of(planned: &PlannedWeather) -> Condition {
     let sample = planned.weather.at(planned.at);

@@ -1,13 +1,13 @@
-//! What the sensors of a plan read: pictures, sweeps and detections.
+//! Readings of the sensors of a plan: pictures, sweeps and detections.
 
 use super::clips::{BlockPart, PlannedClip};
 use super::plan::PictureNeeds;
 use super::set::{detections_of, points_of};
-use crate::camera_model::{SensorCamera, Shot};
+use crate::camera_model::{CameraModel, SensorCamera, Shot};
 use crate::lidar::{LidarSweep, ScanOptions};
 use crate::motion::CameraMotion;
 use crate::radar::{RadarScanOptions, RadarSweep};
-use crate::rig::{Rig, RigDevice};
+use crate::rig::{Rig, RigDevice, RigSensor};
 use crate::{Error, FrameOptions, Picture, PreparedPlace, Renderer, Result};
 use std::collections::VecDeque;
 use wm_datasets::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo};
@@ -30,7 +30,7 @@ pub struct ActivePart {
     pub readings: Vec<ReadingInfo>,
 }
 
-/// What one sensor read.
+/// The data of one reading.
 #[derive(Default)]
 pub struct ReadingBuffer {
     /// The picture of a camera.
@@ -106,18 +106,20 @@ impl<'a> Shots<'a> {
         let info = active.readings[index];
         let sensor = &self.rig.sensors[info.sensor];
         let metres = place.site().metres_per_unit;
+        let weather = &active.clip.weather.weather;
+        let (time, seed) = (active.clip.weather.at + sensor.phase, bits(self.seed, active.clip.number));
+        // All sweeps of the part at once: one alone would sort the splats again.
+        let sweeps = active.readings.iter().filter(|other| other.sensor == info.sensor).count() as u32;
         match &sensor.device {
             RigDevice::Camera { .. } => self.picture(renderer, place, (active, info), buffer),
             RigDevice::Lidar { model, sub_rays, returns, .. } => {
                 let made = &mut self.sweeps[info.sensor];
                 if made.is_empty() {
-                    // All of the part at once: a sweep alone would sort the splats again.
                     let options = ScanOptions {
-                        time: active.clip.weather.at + sensor.phase,
+                        time,
                         first: info.index,
-                        sweeps: active.readings.iter().filter(|other| other.sensor == info.sensor).count()
-                            as u32,
-                        seed: bits(self.seed, active.clip.number),
+                        sweeps,
+                        seed,
                         sensor: info.sensor as u8,
                         sub_rays: *sub_rays,
                         returns: *returns,
@@ -128,14 +130,7 @@ impl<'a> Shots<'a> {
                         made.push_back(sweep);
                         Ok(())
                     };
-                    renderer.scan(
-                        place,
-                        &active.clip.weather.weather,
-                        model,
-                        &motion,
-                        &options,
-                        (&mut keep, &mut ()),
-                    )?;
+                    renderer.scan(place, weather, model, &motion, &options, (&mut keep, &mut ()))?;
                 }
                 let sweep = made.pop_front().ok_or(Error::Stopped)?;
                 buffer.points = points_of(&sweep);
@@ -146,11 +141,10 @@ impl<'a> Shots<'a> {
                 let made = &mut self.radars[info.sensor];
                 if made.is_empty() {
                     let options = RadarScanOptions {
-                        time: active.clip.weather.at + sensor.phase,
+                        time,
                         first: info.index,
-                        sweeps: active.readings.iter().filter(|other| other.sensor == info.sensor).count()
-                            as u32,
-                        seed: bits(self.seed, active.clip.number),
+                        sweeps,
+                        seed,
                         sensor: info.sensor as u8,
                         ..RadarScanOptions::default()
                     };
@@ -159,7 +153,6 @@ impl<'a> Shots<'a> {
                         made.push_back(sweep);
                         Ok(())
                     };
-                    let weather = &active.clip.weather.weather;
                     renderer.scan_radar(place, weather, model, &motion, &options, (&mut keep, &mut ()))?;
                 }
                 let sweep = made.pop_front().ok_or(Error::Stopped)?;
@@ -180,13 +173,9 @@ impl<'a> Shots<'a> {
         let sensor = &self.rig.sensors[info.sensor];
         let RigDevice::Camera { model, .. } = &sensor.device else { return Ok(()) };
         let metres = place.site().metres_per_unit;
-        let number = info.sensor as u32;
         let needs = self.needs;
-        let camera = self.cameras[info.sensor].get_or_insert_with(|| {
-            let mut camera = SensorCamera::new((**model).clone(), sensor.motion(&active.base, metres));
-            camera.number = number;
-            camera
-        });
+        let new = || camera_of(sensor, model, (active, info), metres);
+        let camera = self.cameras[info.sensor].get_or_insert_with(new);
         let weather = &active.clip.weather.weather;
         let time = active.clip.weather.at + info.time;
         // Noise is another in each clip.
@@ -223,13 +212,22 @@ impl<'a> Shots<'a> {
         let sensor = &self.rig.sensors[info.sensor];
         let RigDevice::Camera { model, .. } = &sensor.device else { return Ok(Vec::new()) };
         let metres = place.site().metres_per_unit;
-        let camera = self.clean_cameras[info.sensor].get_or_insert_with(|| {
-            let mut camera = SensorCamera::new((**model).clone(), sensor.motion(&active.base, metres));
-            camera.number = info.sensor as u32;
-            camera
-        });
+        let new = || camera_of(sensor, model, (active, info), metres);
+        let camera = self.clean_cameras[info.sensor].get_or_insert_with(new);
         let shot = Shot { parts: &[], ..shot };
         renderer.expose(place, &Weather::clear(), camera, &shot, &mut self.spare, &mut ())?;
         Ok(self.spare.frame.rgb.clone())
     }
+}
+
+/// The camera of a sensor in a part of a clip.
+fn camera_of(
+    sensor: &RigSensor,
+    model: &CameraModel,
+    (active, info): (&ActivePart, ReadingInfo),
+    metres_per_unit: f64,
+) -> SensorCamera {
+    let mut camera = SensorCamera::new(model.clone(), sensor.motion(&active.base, metres_per_unit));
+    camera.number = info.sensor as u32;
+    camera
 }

@@ -26,7 +26,7 @@ pub struct BatchStore {
     folder: PathBuf,
 }
 
-/// What a block holds, as its marker says.
+/// The marker of a block: its clips and its files.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct BlockMarker {
@@ -256,12 +256,6 @@ impl BatchStore {
             return Err(fault(&path, says));
         }
         Ok(Some(marker))
-    }
-
-    /// True if the marker of a block is there.
-    #[must_use]
-    pub fn is_done(&self, block: u64) -> bool {
-        self.marker_path(block).exists()
     }
 
     /// Removes what killed runs left, once all blocks are done.

@@ -53,7 +53,7 @@ pub fn thumbnail(clip: u64, rgb: &[u8], (width, height): (u32, u32)) -> Result<(
     Ok((path_of(clip), bytes))
 }
 
-/// What the page tells.
+/// The counts and values that the page tells.
 #[derive(Debug)]
 pub struct SetSummary {
     title: String,

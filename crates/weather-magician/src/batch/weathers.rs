@@ -267,6 +267,11 @@ impl WeatherEntry {
     }
 }
 
+/// Words that suggest the nearest name of a misspelt one; none where no name is near.
+pub(super) fn meant<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    nearest(name, known, 1).first().map_or_else(String::new, |near| format!(", did you mean `{near}`?"))
+}
+
 fn unknown_variable(name: &str, variables: &[Variable]) -> String {
     let known = variables.iter().map(|variable| variable.name.as_str());
     match nearest(name, known, 1).first() {
@@ -333,8 +338,7 @@ impl SpreadEntry {
             "choice" => (None, &["values"]),
             other => {
                 let names = ["uniform", "log-uniform", "normal", "log-normal", "weibull", "choice"];
-                let near = nearest(other, names.into_iter(), 1);
-                let near = near.first().map_or_else(String::new, |near| format!(", did you mean `{near}`?"));
+                let near = meant(other, names.into_iter());
                 return Err(format!(
                     "there is no distribution `{other}`{near}; there are {}",
                     names.join(", ")
@@ -393,8 +397,7 @@ fn is_effect(name: &str) -> Result<(), String> {
     if EFFECTS.iter().any(|effect| effect.name == name) {
         return Ok(());
     }
-    let near = nearest(name, EFFECTS.iter().map(|effect| effect.name), 1);
-    let near = near.first().map_or_else(String::new, |near| format!(", did you mean `{near}`?"));
+    let near = meant(name, EFFECTS.iter().map(|effect| effect.name));
     Err(format!("there is no effect `{name}`{near}"))
 }
 

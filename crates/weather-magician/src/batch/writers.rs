@@ -18,7 +18,7 @@ const FARTHEST: f64 = 500.0;
 /// Clips of single frames in a folder.
 const GROUP: u64 = 1000;
 
-/// What is written, and for whom.
+/// The set that a block belongs to, for its writers.
 #[derive(Clone, Copy)]
 pub struct WriterTarget<'a> {
     /// The plan.
@@ -43,25 +43,40 @@ pub struct BlockWriters<'a> {
     spent: Duration,
 }
 
-/// The file of a reading in the program's own layout, from the folder of the set.
+/// The files of a reading in the program's own layout, from the folder of the set: the picture or the points, the layers beside a picture, and the
+/// same view without weather.
 #[must_use]
-pub fn frame_path(plan: &BatchPlan, rig: &Rig, (number, name): (u64, &str), info: &ReadingInfo) -> String {
+pub fn frame_files(
+    plan: &BatchPlan,
+    rig: &Rig,
+    (number, name): (u64, &str),
+    info: &ReadingInfo,
+) -> Vec<String> {
     let sensor = &rig.sensors[info.sensor];
     let extension = match &sensor.device {
         RigDevice::Camera { .. } => plan.picture.extension(),
         RigDevice::Lidar { format, .. } => format.extension(),
         RigDevice::Radar { format, .. } => format.extension(),
     };
-    if plan.frames == 1 && info.index == 0 {
+    let path = if plan.frames == 1 && info.index == 0 {
         // A folder for each of a million clips would be slow to list.
-        return format!("{FRAMES_LAYOUT}/{:05}/{}/{number:08}.{extension}", number / GROUP, sensor.name);
+        format!("{FRAMES_LAYOUT}/{:05}/{}/{number:08}.{extension}", number / GROUP, sensor.name)
+    } else {
+        format!("{FRAMES_LAYOUT}/{name}/{}/{:06}.{extension}", sensor.name, info.index)
+    };
+    let mut files = vec![path];
+    if let RigDevice::Camera { .. } = &sensor.device {
+        let layers =
+            plan.also.iter().map(|also| PictureStyle::path_of(*also, plan.picture, Path::new(&files[0])));
+        let layers: Vec<String> = layers.map(|path| path.to_string_lossy().into_owned()).collect();
+        files.extend(layers);
+        files.extend(plan.pairs.then(|| clear_path(&files[0])));
     }
-    format!("{FRAMES_LAYOUT}/{name}/{}/{:06}.{extension}", sensor.name, info.index)
+    files
 }
 
 /// The file of the same view without weather.
-#[must_use]
-pub fn clear_path(path: &str) -> String {
+fn clear_path(path: &str) -> String {
     beside(Path::new(path), "clear", "png").to_string_lossy().into_owned()
 }
 
@@ -95,11 +110,11 @@ impl<'a> BlockWriters<'a> {
         if plan.writes_frames {
             self.own(active, &info, buffer)?;
         }
-        if info.sensor == 0
-            && info.frame == 0
-            && !buffer.rgb.is_empty()
-            && is_shown(active.info.number, clips)
-        {
+        // The first picture of the clip; buffers of other sensors may hold an old one.
+        let is_camera =
+            |sensor: usize| matches!(self.target.rig.sensors[sensor].device, RigDevice::Camera { .. });
+        let first = active.readings.iter().find(|other| other.index == 0 && is_camera(other.sensor));
+        if first == Some(&info) && is_shown(active.info.number, clips) {
             let size = (buffer.picture.frame.width, buffer.picture.frame.height);
             let (path, bytes) = thumbnail(active.info.number, &buffer.rgb, size)?;
             self.files.bytes_of(&path, &bytes)?;
@@ -126,8 +141,8 @@ impl<'a> BlockWriters<'a> {
     /// Writes the program's own files of a reading.
     fn own(&mut self, active: &ActivePart, info: &ReadingInfo, buffer: &ReadingBuffer) -> Result<()> {
         let WriterTarget { plan, rig, metres, .. } = self.target;
-        let path = frame_path(plan, rig, (active.info.number, &active.info.name), info);
-        let staged = self.files.path(&path)?;
+        let files = frame_files(plan, rig, (active.info.number, &active.info.name), info);
+        let staged = self.files.path(&files[0])?;
         match &rig.sensors[info.sensor].device {
             RigDevice::Camera { .. } => {
                 let style = PictureStyle {
@@ -137,32 +152,16 @@ impl<'a> BlockWriters<'a> {
                     ..PictureStyle::default()
                 };
                 style.write(&buffer.picture, &staged)?;
-                self.files.add(&path)?;
                 if plan.pairs {
                     let frame = &buffer.picture.frame;
-                    let (size, clear) = (PictureSize::new(frame.width, frame.height), clear_path(&path));
-                    write_rgb8(&self.files.path(&clear)?, &buffer.clean, size, &[])?;
-                    self.files.add(&clear)?;
-                }
-                for also in &plan.also {
-                    let beside = PictureStyle::path_of(*also, plan.picture, Path::new(&path));
-                    self.files.add(&beside.to_string_lossy())?;
+                    let size = PictureSize::new(frame.width, frame.height);
+                    write_rgb8(&self.files.path(&clear_path(&files[0]))?, &buffer.clean, size, &[])?;
                 }
             }
-            RigDevice::Lidar { .. } => {
-                if let Some(sweep) = &buffer.sweep {
-                    sweep.save(&staged)?;
-                    self.files.add(&path)?;
-                }
-            }
-            RigDevice::Radar { .. } => {
-                if let Some(sweep) = &buffer.radar {
-                    sweep.save(&staged)?;
-                    self.files.add(&path)?;
-                }
-            }
+            RigDevice::Lidar { .. } => buffer.sweep.iter().try_for_each(|sweep| sweep.save(&staged))?,
+            RigDevice::Radar { .. } => buffer.radar.iter().try_for_each(|sweep| sweep.save(&staged))?,
         }
-        Ok(())
+        files.iter().try_for_each(|file| self.files.add(file))
     }
 
     fn close(&mut self) -> Result<()> {

@@ -13,7 +13,7 @@
 
 use super::{BlockWriter, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, check_cameras, layer, picture};
-use crate::{BlockInfo, ClipRecord, SetError, SensorReading, SetInfo, picture_files};
+use crate::{BlockInfo, SetError, SensorReading, SetInfo, picture_files};
 
 const NAME: &str = "acdc";
 
@@ -44,15 +44,6 @@ impl Layout for Acdc {
 
     fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
         Box::new(Pairs { block })
-    }
-
-    fn tables(
-        &self,
-        _set: &SetInfo,
-        _clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        _files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
-        Ok(())
     }
 }
 

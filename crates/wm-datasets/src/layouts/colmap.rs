@@ -11,9 +11,9 @@
 //! Source: colmap.github.io, "Output format".
 
 use super::{BlockWriter, FileSink, Layout};
-use crate::cameras::{cameras, check_cameras, distortion, picture, refuse, wxyz_and_translation};
-use crate::stills::{folder, for_each_scene, photo};
-use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SensorReading, SetInfo, picture_files};
+use crate::cameras::{cameras, check_cameras, distortion, refuse, wxyz_and_translation};
+use crate::stills::{ScenePhotos, for_each_scene, photo};
+use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SetInfo};
 use std::fmt::Write;
 use wm_scene::LensModel;
 
@@ -48,7 +48,7 @@ impl Layout for Colmap {
     }
 
     fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
-        Box::new(Photos { block })
+        Box::new(ScenePhotos { block })
     }
 
     fn tables(
@@ -111,22 +111,10 @@ fn image_table(set: &SetInfo, records: &[ClipRecord]) -> String {
     out
 }
 
-struct Photos<'a> {
-    block: BlockInfo<'a>,
-}
-
-impl BlockWriter for Photos<'_> {
-    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        let BlockInfo { set, clip, .. } = self.block;
-        let Some((sensor, camera, picture)) = picture(set, reading) else { return Ok(()) };
-        let jpeg = picture_files::jpeg(sensor, camera, picture.rgb)?;
-        files.write(&format!("{}/images/{}", folder(set, clip), photo(set, clip, &reading.info)), &jpeg)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stills::folder;
     use crate::testing;
 
     #[test]

@@ -18,7 +18,7 @@
 
 use super::{BlockWriter, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, check_cameras, check_pinholes, layer, picture, refuse};
-use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SensorReading, RigidPose, SetInfo, picture_files};
+use crate::{BlockInfo, CameraInfo, SetError, SensorReading, RigidPose, SetInfo, picture_files};
 use glam::{DMat3, DVec3, EulerRot};
 use serde_json::{Value, json};
 
@@ -62,15 +62,6 @@ impl Layout for FoggyCityscapes {
 
     fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
         Box::new(Pairs { block })
-    }
-
-    fn tables(
-        &self,
-        _set: &SetInfo,
-        _clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        _files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
-        Ok(())
     }
 }
 

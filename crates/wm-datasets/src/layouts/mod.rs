@@ -57,16 +57,18 @@ pub trait Layout: Sync {
     /// Begins the files of a block. They depend on the block alone.
     fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a>;
 
-    /// Writes the tables over all clips, which come in the order of their numbers.
+    /// Writes the tables over all clips, which come in the order of their numbers. A layout of pictures alone has none.
     ///
     /// # Errors
     /// Those of `clips` and `files`.
     fn tables(
         &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError>;
+        _set: &SetInfo,
+        _clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
+        _files: &mut dyn FileSink,
+    ) -> Result<(), SetError> {
+        Ok(())
+    }
 }
 
 impl std::fmt::Debug for dyn Layout + '_ {
@@ -87,7 +89,7 @@ pub struct LayerNeeds {
 }
 
 impl LayerNeeds {
-    /// What either needs.
+    /// The layers that one or the other needs.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
         Self {
@@ -115,7 +117,7 @@ pub trait BlockWriter: Send {
     }
 }
 
-/// Where the files of a layout go.
+/// Takes the files of a layout.
 pub trait FileSink {
     /// Writes a file; `path` is relative to the folder of the layout, with `/` between its parts.
     ///

@@ -12,9 +12,9 @@
 //! Source: docs.nerf.studio, "Data conventions".
 
 use super::{BlockWriter, FileSink, Layout};
-use crate::cameras::{cameras, check_cameras, distortion, picture, refuse};
-use crate::stills::{folder, for_each_scene, photo};
-use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SensorReading, SetInfo, picture_files};
+use crate::cameras::{cameras, check_cameras, distortion, refuse};
+use crate::stills::{ScenePhotos, for_each_scene, photo};
+use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SetInfo};
 use glam::{DMat4, DVec4};
 use serde_json::{Value, json};
 use wm_scene::LensModel;
@@ -55,7 +55,7 @@ impl Layout for Nerfstudio {
     }
 
     fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a> {
-        Box::new(Photos { block })
+        Box::new(ScenePhotos { block })
     }
 
     fn tables(
@@ -114,22 +114,10 @@ fn transforms(set: &SetInfo, records: &[ClipRecord]) -> Value {
     json!({ "camera_model": model, "frames": frames.collect::<Vec<_>>() })
 }
 
-struct Photos<'a> {
-    block: BlockInfo<'a>,
-}
-
-impl BlockWriter for Photos<'_> {
-    fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
-        let BlockInfo { set, clip, .. } = self.block;
-        let Some((sensor, camera, picture)) = picture(set, reading) else { return Ok(()) };
-        let jpeg = picture_files::jpeg(sensor, camera, picture.rgb)?;
-        files.write(&format!("{}/images/{}", folder(set, clip), photo(set, clip, &reading.info)), &jpeg)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stills::folder;
     use crate::testing;
 
     #[test]

@@ -22,7 +22,7 @@ use glam::{DMat3, DVec3};
 use std::fmt::Write;
 
 const NAME: &str = "tartanair";
-/// What is out of the next picture, in masks of flow.
+/// The value of pixels that leave the picture, in masks of flow.
 const OUTSIDE: u8 = 100;
 
 /// The depth of what is farther than all else, m.

@@ -101,7 +101,7 @@ pub fn all_numbers(path: &Path) -> Result<Vec<f64>, FormatError> {
 /// A pose of a matrix of 3 or 4 rows of 4, row by row.
 ///
 /// # Errors
-/// What is wrong with it, in words.
+/// The fault, in words.
 pub fn pose_of_rows(numbers: &[f64]) -> Result<RigidPose, String> {
     let [a, b, c, x, d, e, f, y, g, h, i, z, rest @ ..] = numbers else {
         return Err(format!("a pose has 12 or 16 numbers, not {}", numbers.len()));
@@ -116,7 +116,7 @@ pub fn pose_of_rows(numbers: &[f64]) -> Result<RigidPose, String> {
 /// A pose of axes (columns) and a translation.
 ///
 /// # Errors
-/// What is wrong with it, in words.
+/// The fault, in words.
 pub fn pose_of(axes: &DMat3, translation: DVec3) -> Result<RigidPose, String> {
     let axes = rotation_of(axes).map_err(|e| format!("the matrix is not a rotation: {e}"))?;
     Ok(RigidPose::new(axes, checked(translation)?))
@@ -125,7 +125,7 @@ pub fn pose_of(axes: &DMat3, translation: DVec3) -> Result<RigidPose, String> {
 /// A pose of a quaternion w, x, y, z and a translation.
 ///
 /// # Errors
-/// What is wrong with it, in words.
+/// The fault, in words.
 pub fn pose_of_quaternion([w, x, y, z]: [f64; 4], translation: DVec3) -> Result<RigidPose, String> {
     let rotation = DQuat::from_xyzw(x, y, z, w);
     let length = rotation.length();

@@ -1,4 +1,4 @@
-//! What both forms of KITTI share: calibration files, and cameras of projection matrices.
+//! The parts that both forms of KITTI share: calibration files, and cameras of projection matrices.
 //!
 //! Pictures are rectified: pinholes. `P_i` maps the axes of the rectified first camera to pixels of camera i. KITTI's own are `K [I | b]`,
 //! shifted by b; sets in its layout with cameras that look elsewhere have `K [R | b]`.

@@ -87,7 +87,7 @@ pub struct DrivingLog {
     pub pictures: Vec<LogPicture>,
     /// The sweeps of the lidar, in the order of time.
     pub sweeps: Vec<LogSweep>,
-    /// What is around the vehicle and has boxes.
+    /// Things around the vehicle that have boxes.
     pub tracks: Vec<LogTrack>,
     /// The world's origin in the log's own coordinates, m: all poses here are relative to it.
     pub origin: DVec3,
@@ -97,7 +97,7 @@ pub struct DrivingLog {
     pub is_north_known: bool,
     /// Seconds since 1970, UTC, of the middle of the log, where that is known.
     pub captured: Option<f64>,
-    /// What is missing or was left out, in words.
+    /// Warnings: parts that are missing or were left out, in words.
     pub warnings: Vec<String>,
 }
 

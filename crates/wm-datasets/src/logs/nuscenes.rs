@@ -361,7 +361,7 @@ fn camera(sensor: &Calibrated, record: &DataRecord) -> Result<LogCamera, String>
     })
 }
 
-/// What has boxes in the scene.
+/// The things that have boxes in the scene.
 fn tracks(version: &Path, samples: &BTreeMap<String, i64>, origin: DVec3) -> Result<Vec<LogTrack>, FormatError> {
     let names = |file: &str| -> Result<BTreeMap<String, String>, FormatError> {
         let mut names = BTreeMap::new();

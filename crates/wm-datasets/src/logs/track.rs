@@ -44,7 +44,7 @@ impl EgoTrack {
     }
 }
 
-/// What is around a vehicle and has a box at several times.
+/// Something around the vehicle that has a box at several times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LogTrack {
     /// Its name in the log.

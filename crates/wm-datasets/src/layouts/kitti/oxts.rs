@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 
 /// Radius of the Earth of KITTI's Mercator projection, m.
 const EARTH_RADIUS: f64 = 6_378_137.0;
-/// What an accelerometer at rest reads, m/s^2.
+/// Gravity, which an accelerometer at rest reads, m/s^2.
 const GRAVITY: DVec3 = DVec3::new(0.0, 0.0, 9.806_65);
 
 /// One packet a frame, 30 numbers: latitude, longitude (degrees), altitude (m), roll, pitch, yaw (radians; yaw 0 is east, R = Rz Ry

@@ -18,7 +18,7 @@ const NEAREST: f64 = 0.5;
 /// Longest side of a map, px.
 const LONGEST: f64 = 8192.0;
 
-/// What a lidar saw, in a camera's picture.
+/// The points of a lidar in a camera's picture.
 pub(super) struct LidarView {
     camera: Camera,
     /// The nearest z of each pixel, m; infinite where there is no point.

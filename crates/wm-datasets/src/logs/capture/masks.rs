@@ -20,7 +20,7 @@ const PARTS: f64 = 24.0;
 #[derive(Clone)]
 pub(super) struct MaskLens {
     distortion: Distortion,
-    /// What the photo shows of the ideal plane z = 1.
+    /// The part of the ideal plane z = 1 that the photo shows.
     low: DVec2,
     high: DVec2,
 }

@@ -27,7 +27,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use wm_scene::{FormatError, Metadata, Problem};
 
-/// How a log becomes a capture.
+/// Options of making a capture of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LogCaptureOptions {
     /// The side of the voxels of which each keeps one point, m.
@@ -112,7 +112,7 @@ pub struct LogCaptureSummary {
     /// Scale, up, north, place and time.
     #[serde(skip)]
     pub facts: Metadata,
-    /// What is missing or was left out, in words.
+    /// Warnings: parts that are missing or were left out, in words.
     pub warnings: Vec<String>,
 }
 
@@ -249,7 +249,7 @@ impl DrivingLog {
         Ok(Some(summary))
     }
 
-    /// What the log says of the place.
+    /// The facts that the log states of the place.
     #[must_use]
     pub fn facts(&self) -> Metadata {
         let source = format!("the {} log", self.format);

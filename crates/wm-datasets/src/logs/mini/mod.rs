@@ -25,7 +25,7 @@ const FOCAL: f64 = 50.0;
 /// The principal point, as logs count it: the middle of the first pixel is 0.
 const CENTER: [f64; 2] = [39.0, 28.0];
 
-/// Where landmarks are in a photo, px from the corner of the first pixel; `None` behind the camera.
+/// The places of landmarks in a photo, px from the corner of the first pixel; `None` behind the camera.
 pub type MiniPixels = Vec<Option<(f64, f64)>>;
 
 /// A log, and what is true of it.
@@ -107,7 +107,7 @@ fn at(frame: usize) -> i64 {
     START + frame as i64 * 100_000_000
 }
 
-/// What a camera shows of the landmarks.
+/// The picture that a camera has of the landmarks.
 fn seen(camera_from_world: &DMat4, landmarks: &[DVec3]) -> MiniPixels {
     let k = DMat4::from_cols_array_2d(&[
         [FOCAL, 0.0, 0.0, 0.0],
