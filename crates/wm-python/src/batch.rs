@@ -79,7 +79,9 @@ impl Batch {
             let planned = run.clips.block(block);
             match run.make(&store, &planned, reporter) {
                 Err(weather_magician::Error::Stopped) => Err(Failure::Stopped),
-                Err(error) => Err(Failure::Library(format!("block {block}: {}", crate::error::line_of(&error)))),
+                Err(error) => {
+                    Err(Failure::Library(format!("block {block}: {}", crate::error::line_of(&error))))
+                }
                 Ok(()) => Ok(()),
             }
         })

@@ -2,10 +2,16 @@
 //!
 //! Classes hold the library's values; arrays are moved into NumPy. What they are for is told in `weather_magician/__init__.pyi`.
 
+mod arrays;
 mod batch;
+mod camera;
 mod error;
+mod picture;
 mod process;
+mod reconstruct;
 mod renderer;
+mod scene;
+mod weather;
 
 use pyo3::prelude::*;
 
@@ -13,7 +19,26 @@ use pyo3::prelude::*;
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("Error", module.py().get_type::<error::Error>())?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("LIDAR_CLASSES", lidar_classes())?;
+    module.add_class::<scene::Scene>()?;
+    module.add_class::<scene::Splats>()?;
+    module.add_class::<camera::Camera>()?;
+    module.add_class::<weather::Weather>()?;
+    module.add_class::<renderer::Renderer>()?;
+    module.add_class::<picture::Picture>()?;
     module.add_class::<batch::Batch>()?;
+    module.add_function(wrap_pyfunction!(reconstruct::reconstruct, module)?)?;
+    // What pickles call.
+    module.add_function(wrap_pyfunction!(scene::_scene_of_file, module)?)?;
+    module.add_function(wrap_pyfunction!(scene::_scene_of_bytes, module)?)?;
+    module.add_function(wrap_pyfunction!(camera::_camera_of, module)?)?;
+    module.add_function(wrap_pyfunction!(weather::_weather_of, module)?)?;
+    module.add_function(wrap_pyfunction!(renderer::_renderer_of, module)?)?;
     module.add_function(wrap_pyfunction!(batch::_open_batch, module)?)?;
     Ok(())
+}
+
+/// The names of the classes of lidar points, by their numbers.
+fn lidar_classes() -> Vec<&'static str> {
+    weather_magician::lidar::EchoClass::ALL.iter().map(|class| class.name()).collect()
 }

@@ -15,10 +15,7 @@ use weather_magician::Progress;
 const SIGNALS: Duration = Duration::from_millis(50);
 
 /// Does `work` on a thread of its own, with the interpreter free for others. Ctrl-C asks it to stop, and is raised when it has.
-pub fn detached<T: Send>(
-    py: Python<'_>,
-    work: impl FnOnce(&StopFlag) -> Outcome<T> + Send,
-) -> PyResult<T> {
+pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce(&StopFlag) -> Outcome<T> + Send) -> PyResult<T> {
     let stop = StopFlag::default();
     let (outcome, signal) = py.detach(|| {
         thread::scope(|scope| {
@@ -81,6 +78,11 @@ impl<'a> Reporter<'a> {
             Some(raised) => Err(Failure::Python(raised)),
             None => outcome.map_err(Into::into),
         }
+    }
+
+    /// Takes the exception of the callback, if it raised one.
+    pub fn take_raised(&mut self) -> Option<PyErr> {
+        self.raised.take()
     }
 
     fn tell(&mut self) {

@@ -1,9 +1,624 @@
-//! A device with a place on it.
+//! A device with a place on it: pictures as arrays, sweeps, videos, bakes and measurements.
 
-use crate::error::{Failure, Outcome};
-use weather_magician::Device;
+use crate::arrays::{intrinsics, matrices, moved, numbers, shape_fault};
+use crate::camera::Camera;
+use crate::error::{Error, Failure, Outcome, line_of};
+use crate::picture::{Picture, PictureOutputs};
+use crate::process::{PerProcess, Reporter, StopFlag, detached, on_threads};
+use crate::scene::Scene;
+use crate::weather::Weather;
+use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList, PyTuple};
+use std::ffi::CString;
+use std::path::PathBuf;
+use std::sync::Mutex;
+use weather_magician::assets::AssetCache;
+use weather_magician::lidar::{LidarModel, PointFrame, ReturnMode, ScanOptions, SubRays};
+use weather_magician::measure::{INSTRUMENTS, MeasureRequest, PlaceRenderer};
+use weather_magician::output::outputs;
+use weather_magician::video::{FrameRate, VideoSettings};
+use weather_magician::view::ViewOptions;
+use weather_magician::{
+    CameraMotion, CpuConfig, Device, FrameOptions, MotionSpec, MovingCamera, PictureSize, PlaceOptions,
+    PreparedPlace, picture_tags,
+};
+use wm_render::RenderConfig;
 
 /// The device of a name: auto, cpu, gpu or gpu:NAME.
 pub fn device_of(name: &str) -> Outcome<Device> {
     name.parse().map_err(|error| Failure::Library(format!("device: {error}")))
+}
+
+/// A device with a place on it. See `weather_magician/__init__.pyi`.
+#[pyclass(frozen, module = "weather_magician")]
+pub struct Renderer {
+    scene: Scene,
+    device: String,
+    threads: Option<usize>,
+    assets: Option<PathBuf>,
+    open: PerProcess<OpenPlace>,
+    /// Warnings that were not given to Python yet.
+    warnings: Mutex<Vec<String>>,
+}
+
+/// A renderer and a place in it.
+struct OpenPlace {
+    renderer: weather_magician::Renderer,
+    place: PreparedPlace,
+    /// Memory of a frame.
+    picture: weather_magician::Picture,
+}
+
+impl Renderer {
+    /// Does `work` with the place of this process, without the interpreter.
+    fn with<R: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut OpenPlace, &StopFlag) -> Outcome<R> + Send,
+    ) -> PyResult<R> {
+        let result = detached(py, |stop| {
+            let make = || self.load();
+            self.open.with(make, |open| {
+                let result = on_threads(|| work(open, stop))?;
+                self.keep(open.place.take_warnings());
+                result
+            })
+        });
+        self.warn(py)?;
+        result
+    }
+
+    fn load(&self) -> Outcome<OpenPlace> {
+        let cpu = CpuConfig { threads: self.threads, ..CpuConfig::default() };
+        let device = device_of(&self.device)?;
+        on_threads(|| {
+            let mut renderer = weather_magician::Renderer::new(&device, cpu, |_| {})?;
+            let options = PlaceOptions { assets: self.assets.clone(), ..PlaceOptions::default() };
+            let mut place = renderer.load_with((*self.scene.scene).clone(), &options)?;
+            self.keep(place.take_warnings());
+            Ok(OpenPlace { renderer, place, picture: weather_magician::Picture::default() })
+        })?
+    }
+
+    fn keep(&self, warnings: Vec<impl ToString>) {
+        if let Ok(mut kept) = self.warnings.lock() {
+            kept.extend(warnings.iter().map(ToString::to_string));
+        }
+    }
+
+    fn warn(&self, py: Python<'_>) -> PyResult<()> {
+        let pending = self.warnings.lock().map(|mut kept| std::mem::take(&mut *kept)).unwrap_or_default();
+        for text in pending {
+            let text = CString::new(text.replace('\0', "")).unwrap_or_default();
+            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)?;
+        }
+        Ok(())
+    }
+}
+
+impl OpenPlace {
+    /// The camera of what Python gave.
+    fn camera(&mut self, given: &CameraInput, options: &ViewOptions) -> Outcome<wm_scene::Camera> {
+        let Self { renderer, place, .. } = self;
+        let spec = match given {
+            CameraInput::Camera(camera) => {
+                return Ok(match options.size {
+                    Some((width, height)) => camera.refitted(width, height),
+                    None => *camera,
+                });
+            }
+            CameraInput::Spec(spec) => Some(spec.parse()?),
+            CameraInput::Chosen => None,
+        };
+        let spec = MotionSpec { camera: spec, ..MotionSpec::default() };
+        Ok(spec.start(renderer, place, options, &mut |_| {})?)
+    }
+}
+
+/// A camera as functions take it.
+pub enum CameraInput {
+    /// A camera.
+    Camera(wm_scene::Camera),
+    /// Eye and target, a view's name or number, or a file of keyframes.
+    Spec(String),
+    /// One that suits the scene.
+    Chosen,
+}
+
+impl CameraInput {
+    fn of(value: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let Some(value) = value else { return Ok(Self::Chosen) };
+        if let Ok(camera) = value.cast::<Camera>() {
+            return Ok(Self::Camera(camera.get().camera));
+        }
+        if let Ok(number) = value.extract::<u32>() {
+            return Ok(Self::Spec(number.to_string()));
+        }
+        if let Ok(spec) = value.extract::<PathBuf>() {
+            return Ok(Self::Spec(spec.to_string_lossy().into_owned()));
+        }
+        let says = "camera: must be a Camera, a text such as \"0,0,2:0,10,2\", the name or the number of a view, or None";
+        Err(PyTypeError::new_err(says))
+    }
+}
+
+fn view_options(size: Option<(u32, u32)>, fov: Option<f64>) -> PyResult<ViewOptions> {
+    if let Some(fov) = fov.filter(|fov| !(*fov > 0.0 && *fov < 180.0)) {
+        return Err(PyValueError::new_err(format!("fov {fov}: must be above 0 and below 180 degrees")));
+    }
+    Ok(ViewOptions { size, fov, ..ViewOptions::default() })
+}
+
+fn finite(name: &str, value: f64) -> PyResult<f64> {
+    if value.is_finite() {
+        return Ok(value);
+    }
+    Err(PyValueError::new_err(format!("{name} {value}: must be a number")))
+}
+
+/// The times of `count` frames: one for all, or one each.
+fn times_of(time: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<f64>> {
+    let Some(time) = time else { return Ok(vec![0.0; count]) };
+    let (times, shape) = numbers::<f64>(time, "time")?;
+    let times = match times[..] {
+        [time] => vec![time; count],
+        _ if shape == [count] => times,
+        _ => return Err(shape_fault("time", &format!("[] or [{count}]"), &shape)),
+    };
+    times.into_iter().map(|time| finite("time", time)).collect()
+}
+
+#[pymethods]
+impl Renderer {
+    #[new]
+    #[pyo3(signature = (scene, *, device="auto", threads=None, assets=None))]
+    fn new(
+        py: Python<'_>,
+        scene: &Bound<'_, PyAny>,
+        device: &str,
+        threads: Option<usize>,
+        assets: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let scene = match (scene.cast::<Scene>(), scene.extract::<PathBuf>()) {
+            (Ok(scene), _) => scene.get().clone(),
+            (_, Ok(path)) => detached(py, |_| Scene::read(&path, false, None))?,
+            _ => return Err(PyTypeError::new_err("scene: must be a Scene or the path of one")),
+        };
+        let beside = || scene.origin.as_ref().map(|origin| AssetCache::folder_of(&origin.path));
+        let assets = match assets {
+            None => beside(),
+            Some(assets) => match (assets.extract::<bool>(), assets.extract::<PathBuf>()) {
+                (Ok(false), _) => None,
+                (Ok(true), _) => beside(),
+                (_, Ok(folder)) => Some(folder),
+                _ => return Err(PyTypeError::new_err("assets: must be a folder, or False for none")),
+            },
+        };
+        let made = Self {
+            scene,
+            device: device.to_owned(),
+            threads,
+            assets,
+            open: PerProcess::new(),
+            warnings: Mutex::default(),
+        };
+        made.with(py, |_, _| Ok(()))?;
+        Ok(made)
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        Ok(format!("Renderer({:?}, {})", self.scene.name(), self.describe(py)?))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let again = py.import("weather_magician")?.getattr("_renderer_of")?;
+        let scene = own.scene.clone().into_pyobject(py)?;
+        Ok((again, (scene, &own.device, own.threads, &own.assets).into_pyobject(py)?))
+    }
+
+    #[getter]
+    fn scene(&self) -> Scene {
+        self.scene.clone()
+    }
+
+    fn describe(&self, py: Python<'_>) -> PyResult<String> {
+        self.with(py, |open, _| Ok(open.renderer.describe()))
+    }
+
+    #[getter]
+    fn metres_per_unit(&self, py: Python<'_>) -> PyResult<f64> {
+        self.with(py, |open, _| Ok(open.place.site().metres_per_unit))
+    }
+
+    #[getter]
+    fn up(&self, py: Python<'_>) -> PyResult<[f64; 3]> {
+        self.with(py, |open, _| Ok(open.place.site().up))
+    }
+
+    #[getter]
+    fn ground(&self, py: Python<'_>) -> PyResult<f64> {
+        self.with(py, |open, _| Ok(open.place.site().ground))
+    }
+
+    #[pyo3(signature = (camera=None, *, size=None, fov=None))]
+    fn camera(
+        &self,
+        py: Python<'_>,
+        camera: Option<&Bound<'_, PyAny>>,
+        size: Option<(u32, u32)>,
+        fov: Option<f64>,
+    ) -> PyResult<Camera> {
+        let (given, options) = (CameraInput::of(camera)?, view_options(size, fov)?);
+        self.with(py, |open, _| Ok(Camera { camera: open.camera(&given, &options)? }))
+    }
+
+    #[pyo3(signature = (weather, viewmats, Ks, width, height, *, time=None, outputs=vec!["rgb".to_owned()], near=None, velocities=None, progress=None))]
+    #[allow(non_snake_case, clippy::too_many_arguments)] // As gsplat has it.
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        weather: &Bound<'py, PyAny>,
+        viewmats: &Bound<'py, PyAny>,
+        Ks: &Bound<'py, PyAny>,
+        width: u32,
+        height: u32,
+        time: Option<&Bound<'py, PyAny>>,
+        outputs: Vec<String>,
+        near: Option<f64>,
+        velocities: Option<&Bound<'py, PyAny>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let weather = Weather::given(weather)?;
+        let (viewmats, ks) = (matrices(viewmats, "viewmats")?, intrinsics(Ks, "Ks")?);
+        let count = viewmats.len();
+        if ks.len() != count {
+            return Err(PyValueError::new_err(format!("Ks: there are {} for {count} viewmats", ks.len())));
+        }
+        let times = times_of(time, count)?;
+        let wanted = PictureOutputs::of(&outputs)?;
+        let velocities = match velocities {
+            None => vec![[0.0; 3]; count],
+            Some(velocities) => {
+                let (values, shape) = numbers::<f64>(velocities, "velocities")?;
+                if shape != [count, 3] {
+                    return Err(shape_fault("velocities", &format!("[{count}, 3]"), &shape));
+                }
+                values.as_chunks().0.to_vec()
+            }
+        };
+        let made = self.with(py, |open, stop| {
+            let near = near.unwrap_or_else(|| ViewOptions::default().near(open.place.survey()));
+            let mut reporter = Reporter::new(stop, progress.as_ref());
+            let mut stack = wanted.stack(count, (width, height))?;
+            weather_magician::Progress::begin(&mut reporter, "frames", Some(count as u64));
+            for index in 0..count {
+                let [fx, fy, cx, cy] = ks[index];
+                let camera =
+                    wm_scene::Camera { width, height, fx, fy, cx, cy, viewmat: viewmats[index], near };
+                camera.check()?;
+                let moving = MovingCamera { camera, velocity: velocities[index] };
+                open.draw(&weather, &FrameOptions::new(times[index], moving), &wanted, &mut reporter)?;
+                stack.add(&open.picture);
+                weather_magician::Progress::advance(&mut reporter, 1);
+                if weather_magician::Progress::is_stopped(&mut reporter) && index + 1 < count {
+                    return reporter.outcome(Err(Failure::Stopped));
+                }
+            }
+            Ok(stack)
+        })?;
+        made.into_dict(py)
+    }
+
+    #[pyo3(signature = (weather=None, camera=None, *, size=None, fov=None, time=0.0, outputs=Vec::new(), speed=0.0))]
+    #[allow(clippy::too_many_arguments)] // As many as Python's.
+    fn picture(
+        &self,
+        py: Python<'_>,
+        weather: Option<&Bound<'_, PyAny>>,
+        camera: Option<&Bound<'_, PyAny>>,
+        size: Option<(u32, u32)>,
+        fov: Option<f64>,
+        time: f64,
+        outputs: Vec<String>,
+        speed: f64,
+    ) -> PyResult<Picture> {
+        let weather = weather.map_or_else(|| Ok(wm_weather::Weather::clear()), Weather::given)?;
+        let (given, options) = (CameraInput::of(camera)?, view_options(size, fov)?);
+        let (time, speed) = (finite("time", time)?, finite("speed", speed)?);
+        let wanted = PictureOutputs::of(&outputs)?;
+        let name = self.scene.name();
+        self.with(py, |open, stop| {
+            let camera = open.camera(&given, &options)?;
+            let moving = CameraMotion::Still { camera: Box::new(camera), speed };
+            let moving = moving.at(time, open.place.site().metres_per_unit);
+            let mut reporter = Reporter::new(stop, None);
+            open.draw(&weather, &FrameOptions::new(time, moving), &wanted, &mut reporter)?;
+            let mut picture = std::mem::take(&mut open.picture);
+            let site = open.place.site();
+            picture.tags = picture_tags(&name, site, open.renderer.backend(), &weather, time, &camera);
+            Ok(Picture { picture, outputs: wanted, camera })
+        })
+    }
+
+    #[pyo3(signature = (path, weather=None, camera=None, *, move_=None, seconds=5.0, fps=30.0, size=None, fov=None, speed=None, distance=None, progress=None))]
+    #[allow(clippy::too_many_arguments)] // As many as Python's.
+    fn video(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        weather: Option<&Bound<'_, PyAny>>,
+        camera: Option<&Bound<'_, PyAny>>,
+        move_: Option<String>,
+        seconds: f64,
+        fps: f64,
+        size: Option<(u32, u32)>,
+        fov: Option<f64>,
+        speed: Option<f64>,
+        distance: Option<f64>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let weather = weather.map_or_else(|| Ok(wm_weather::Weather::clear()), Weather::given)?;
+        let (given, options) = (CameraInput::of(camera)?, view_options(size, fov)?);
+        if !(seconds > 0.0 && seconds.is_finite()) {
+            return Err(PyValueError::new_err(format!("seconds {seconds}: must be above 0")));
+        }
+        let wrong = |error: wm_media::MediaError| PyValueError::new_err(format!("fps {fps}: {error}"));
+        let rate: FrameRate = fps.to_string().parse().map_err(wrong)?;
+        let name = self.scene.name();
+        self.with(py, |open, stop| {
+            let mut reporter = Reporter::new(stop, progress.as_ref());
+            let motion = match (&move_, &given) {
+                (None, CameraInput::Camera(_)) => {
+                    let camera = Box::new(open.camera(&given, &options)?);
+                    CameraMotion::Still { camera, speed: speed.unwrap_or(0.0) }
+                }
+                (path, given) => {
+                    let camera = match given {
+                        CameraInput::Camera(camera) => {
+                            Some(weather_magician::view::spec::text_of(camera).parse()?)
+                        }
+                        CameraInput::Spec(spec) => Some(spec.parse()?),
+                        CameraInput::Chosen => None,
+                    };
+                    let path = path.as_ref().map(|path| path.parse()).transpose()?;
+                    let spec = MotionSpec { camera, path, distance, speed, seconds };
+                    let OpenPlace { renderer, place, .. } = open;
+                    spec.motion(renderer, place, &options, &mut |_| {})?
+                }
+            };
+            let first = motion.camera(0.0);
+            let mut settings = VideoSettings::new(PictureSize::new(first.width, first.height), rate);
+            let OpenPlace { renderer, place, .. } = open;
+            place.config.outputs = outputs(&[]);
+            settings.tags = picture_tags(&name, place.site(), renderer.backend(), &weather, 0.0, &first);
+            let target = (&path, settings);
+            let made = renderer.render_video(place, &weather, &motion, seconds, target, &mut reporter);
+            reporter.outcome(made).map(drop)
+        })
+    }
+
+    #[pyo3(signature = (weather=None, lidar="os1-64", camera=None, *, time=0.0, speed=0.0, returns="strongest", rays=7, frame="compensated", seed=0, sweep=0))]
+    #[allow(clippy::too_many_arguments)] // As many as Python's.
+    fn scan<'py>(
+        &self,
+        py: Python<'py>,
+        weather: Option<&Bound<'py, PyAny>>,
+        lidar: &str,
+        camera: Option<&Bound<'py, PyAny>>,
+        time: f64,
+        speed: f64,
+        returns: &str,
+        rays: u8,
+        frame: &str,
+        seed: u64,
+        sweep: u32,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let weather = weather.map_or_else(|| Ok(wm_weather::Weather::clear()), Weather::given)?;
+        let given = CameraInput::of(camera)?;
+        let (time, speed) = (finite("time", time)?, finite("speed", speed)?);
+        let wrong = |name: &str, value: &str, words: &str| {
+            PyValueError::new_err(format!("{name} {value:?}: must be {words}"))
+        };
+        let options = ScanOptions {
+            time,
+            first: sweep,
+            seed,
+            sub_rays: match rays {
+                1 => SubRays::One,
+                7 => SubRays::Seven,
+                _ => return Err(wrong("rays", &rays.to_string(), "1 or 7")),
+            },
+            returns: match returns {
+                "strongest" => ReturnMode::Strongest,
+                "first" => ReturnMode::First,
+                "last" => ReturnMode::Last,
+                "dual" => ReturnMode::Dual,
+                "all" => ReturnMode::All,
+                _ => return Err(wrong("returns", returns, "strongest, first, last, dual or all")),
+            },
+            frame: match frame {
+                "compensated" => PointFrame::Compensated,
+                "raw" => PointFrame::Raw,
+                "world" => PointFrame::World,
+                _ => return Err(wrong("frame", frame, "compensated, raw or world")),
+            },
+            ..ScanOptions::default()
+        };
+        let made = self.with(py, |open, _| {
+            let model = LidarModel::find(lidar)?;
+            let camera = Box::new(open.camera(&given, &ViewOptions::default())?);
+            let motion = CameraMotion::Still { camera, speed };
+            let OpenPlace { renderer, place, .. } = open;
+            Ok(renderer.scan_once(place, &weather, &model, &motion, &options)?)
+        })?;
+        let (count, points) = (made.points.len(), &made.points);
+        let dict = PyDict::new(py);
+        let flat: Vec<f32> = points.iter().flat_map(|point| point.position).collect();
+        dict.set_item("position", moved(py, flat, &[count, 3])?)?;
+        let floats = |of: &dyn Fn(&weather_magician::lidar::LidarPoint) -> f32| {
+            moved(py, points.iter().map(of).collect(), &[count])
+        };
+        dict.set_item("range", floats(&|point| point.range)?)?;
+        dict.set_item("intensity", floats(&|point| point.intensity)?)?;
+        dict.set_item("time", floats(&|point| point.time)?)?;
+        dict.set_item("ring", moved(py, points.iter().map(|point| point.ring).collect(), &[count])?)?;
+        dict.set_item("column", moved(py, points.iter().map(|point| point.column).collect(), &[count])?)?;
+        let classes = points.iter().map(|point| point.class as u8).collect();
+        dict.set_item("class", moved::<u8>(py, classes, &[count])?)?;
+        dict.set_item("label", moved(py, points.iter().map(|point| point.label).collect(), &[count])?)?;
+        let metres = made.metres_per_unit;
+        let axes = made.pose.world_from_sensor.to_cols_array_2d();
+        let origin = (made.pose.origin * metres).to_array();
+        let pose: Vec<f64> = (0..3)
+            .flat_map(|row| [axes[0][row], axes[1][row], axes[2][row], origin[row]])
+            .chain([0.0, 0.0, 0.0, 1.0])
+            .collect();
+        dict.set_item("world_from_sensor", moved(py, pose, &[4, 4])?)?;
+        dict.set_item("pulses", made.pulses)?;
+        Ok(dict)
+    }
+
+    #[pyo3(signature = (weather, *, time=0.0, progress=None))]
+    fn bake(
+        &self,
+        py: Python<'_>,
+        weather: &Bound<'_, PyAny>,
+        time: f64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Scene> {
+        let (weather, time) = (Weather::given(weather)?, finite("time", time)?);
+        self.with(py, |open, stop| {
+            let mut reporter = Reporter::new(stop, progress.as_ref());
+            let OpenPlace { renderer, place, .. } = open;
+            let baked = renderer.bake(place, &weather, time, &mut reporter);
+            let baked = reporter.outcome(baked)?.ok_or_else(|| {
+                let says = "nothing lies under the weather";
+                Failure::Library(format!(
+                    "{says} {} at {time} s: ask for it, such as {{\"snow_cover.depth\": 0.1}}",
+                    weather.name
+                ))
+            })?;
+            Ok(Scene::made(baked.scene))
+        })
+    }
+
+    #[pyo3(signature = (weather, *, time=0.0, camera=None, instruments=None, size=(480, 320), progress=None))]
+    #[allow(clippy::too_many_arguments)] // As many as Python's.
+    fn measure<'py>(
+        &self,
+        py: Python<'py>,
+        weather: &Bound<'py, PyAny>,
+        time: f64,
+        camera: Option<&Bound<'py, PyAny>>,
+        instruments: Option<Vec<String>>,
+        size: (u32, u32),
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let (weather, time) = (Weather::given(weather)?, finite("time", time)?);
+        let (given, options) = (CameraInput::of(camera)?, view_options(Some(size), None)?);
+        let names: Vec<&str> = INSTRUMENTS.iter().map(|instrument| instrument.name).collect();
+        if let Some(wrong) = instruments.iter().flatten().find(|name| !names.contains(&name.as_str())) {
+            let says = format!("instruments {wrong:?}: unknown; the instruments are {}", names.join(", "));
+            return Err(PyValueError::new_err(says));
+        }
+        let asked = |name: &str| instruments.as_ref().is_none_or(|asked| asked.iter().any(|own| own == name));
+        let chosen: Vec<_> = INSTRUMENTS
+            .iter()
+            .filter(|instrument| asked(instrument.name) && (instrument.applies)(&weather, time))
+            .collect();
+        if weather.fidelity == wm_weather::Fidelity::Paper {
+            return Err(Error::new_err(
+                "fidelity `paper` has no physical units to be measured: use physical",
+            ));
+        }
+        let readings = detached(py, |stop| {
+            let mut reporter = Reporter::new(stop, progress.as_ref());
+            // Instruments take the place for themselves; after an error it is loaded again.
+            let mut lent = self.open.lock();
+            let mut open = match lent.take() {
+                Some(open) => open,
+                None => self.load()?,
+            };
+            let (open, readings) = on_threads(|| {
+                let camera = open.camera(&given, &options)?;
+                let config = open.place.config;
+                let mut field = PlaceRenderer::new(open.renderer, open.place, camera);
+                let request = MeasureRequest { weather: &weather, time, setting: &weather.name };
+                let mut readings = Vec::new();
+                weather_magician::Progress::begin(&mut reporter, "readings", Some(chosen.len() as u64));
+                for instrument in chosen {
+                    if weather_magician::Progress::is_stopped(&mut reporter) {
+                        return reporter.outcome(Err(Failure::Stopped));
+                    }
+                    let found = (instrument.read)(&mut field, &request).map_err(|error| {
+                        Failure::Library(format!("{}: {}", instrument.name, line_of(&error)))
+                    })?;
+                    weather_magician::measure::InstrumentRenderer::clear_away(&mut field);
+                    readings.extend(found.readings.into_iter().map(|reading| (instrument.name, reading)));
+                    weather_magician::Progress::advance(&mut reporter, 1);
+                }
+                let PlaceRenderer { renderer, mut place, .. } = field;
+                place.config = RenderConfig { ..config };
+                Ok((OpenPlace { renderer, place, picture: open.picture }, readings))
+            })??;
+            *lent = Some(open);
+            Ok(readings)
+        })?;
+        let list = PyList::empty(py);
+        for (instrument, reading) in readings {
+            let dict = PyDict::new(py);
+            dict.set_item("instrument", instrument)?;
+            dict.set_item("passes", reading.passes())?;
+            dict.set_item("error", reading.error())?;
+            dict.set_item("quantity", reading.quantity)?;
+            dict.set_item("unit", reading.unit)?;
+            dict.set_item("expected", reading.asked)?;
+            dict.set_item("measured", reading.measured)?;
+            dict.set_item("standard_error", reading.standard_error)?;
+            list.append(dict)?;
+        }
+        Ok(list)
+    }
+}
+
+impl OpenPlace {
+    /// Draws a frame into its memory.
+    fn draw(
+        &mut self,
+        weather: &wm_weather::Weather,
+        options: &FrameOptions<'_>,
+        wanted: &PictureOutputs,
+        reporter: &mut Reporter<'_>,
+    ) -> Outcome<()> {
+        let Self { renderer, place, picture } = self;
+        place.config = RenderConfig { outputs: outputs(&wanted.layers), ..place.config };
+        let parts = wanted.parts();
+        let options = FrameOptions { parts: &parts, ..*options };
+        renderer
+            .render_into(place, weather, &options, picture, reporter)
+            .map_err(|error| reporter.take_raised().map_or_else(|| Failure::from(error), Failure::Python))?;
+        if wanted.labels() {
+            renderer.render_labels(place, (None, &options.camera.camera), picture)?;
+        }
+        Ok(())
+    }
+}
+
+/// Makes a renderer that was pickled.
+#[pyfunction]
+pub fn _renderer_of(
+    py: Python<'_>,
+    scene: &Bound<'_, PyAny>,
+    device: &str,
+    threads: Option<usize>,
+    assets: Option<PathBuf>,
+) -> PyResult<Renderer> {
+    let off = false.into_pyobject(py)?.to_owned().into_any();
+    let assets = match assets {
+        Some(assets) => assets.into_pyobject(py)?.into_any(),
+        None => off,
+    };
+    Renderer::new(py, scene, device, threads, Some(&assets))
 }

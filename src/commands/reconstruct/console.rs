@@ -65,63 +65,17 @@ impl TrainObserver for TrainingConsole<'_> {
 
     fn on_notice(&mut self, notice: &TrainNotice) {
         match notice {
-            TrainNotice::FramesChosen { frames } => {
+            TrainNotice::FramesChosen { .. } | TrainNotice::PriorsMade(_) => {
                 self.clear();
-                eprintln!("video: {frames} frames were chosen");
+                eprintln!("{notice}");
             }
-            TrainNotice::Registered { registered, photos } => {
-                eprintln!("colmap: the cameras of {registered} of {photos} photos were found");
+            TrainNotice::FewerSteps { .. } => eprintln!("{notice} (--steps sets another number)"),
+            TrainNotice::Movers { outcome: MoverOutcome::Found { .. }, .. } => {
+                eprintln!("{notice}: {}", self.folder.join(sheet::FILE).display());
             }
-            TrainNotice::PriorsMade(summary) => {
-                self.clear();
-                eprintln!("geometry: {summary}");
-            }
-            TrainNotice::ExposuresDiffer { spread } => {
-                eprintln!(
-                    "exposure: one for each photo, their brightness differs by {:.0} %",
-                    100.0 * spread
-                );
-            }
-            TrainNotice::FewerSteps { steps, of, photos } => {
-                eprintln!(
-                    "steps: {steps} instead of {of}, since more would learn {photos} photos by heart (--steps sets another number)"
-                );
-            }
-            TrainNotice::Movers { outcome, photos } => match outcome {
-                MoverOutcome::Found { photos: with, share } => eprintln!(
-                    "movers: in {with} of {photos} photos, {:.1} % of the pixels, left out: {}",
-                    100.0 * share,
-                    self.folder.join(sheet::FILE).display()
-                ),
-                MoverOutcome::TooMany(share) => eprintln!(
-                    "movers: none are left out, since {:.0} % of the pixels differ between photos, which cannot be true",
-                    100.0 * share
-                ),
-                MoverOutcome::None | MoverOutcome::TooFewJudged(_) => {}
-            },
-            TrainNotice::Haze { range } => {
-                eprintln!(
-                    "haze: the photos were taken in haze of {range}; it is taken out (--haze keep leaves it in)"
-                );
-            }
-            TrainNotice::PriorsIncomplete { folder, found, photos } => {
-                eprintln!("{}: {found} of {photos} photos have priors", folder.display());
-            }
-            TrainNotice::Resumed { folder, step } => {
-                eprintln!("{}: continuing after step {step}", folder.display());
-            }
-            TrainNotice::StartsAgain { folder } => {
-                eprintln!(
-                    "{}: no checkpoint was written yet, starting from the first step",
-                    folder.display()
-                );
-            }
-            TrainNotice::NoScaleFromHeight(reason) => {
-                eprintln!("scale: none from the height of the cameras: {reason}");
-            }
-            TrainNotice::Scale { metres_per_unit, source } => {
-                eprintln!("scale: {metres_per_unit:.4} m per unit, from {source}");
-            }
+            TrainNotice::Movers { outcome: MoverOutcome::None | MoverOutcome::TooFewJudged(_), .. } => {}
+            TrainNotice::Haze { .. } => eprintln!("{notice} (--haze keep leaves it in)"),
+            notice => eprintln!("{notice}"),
         }
     }
 

@@ -54,7 +54,7 @@ pub use hypercube::{LatinHypercube, RandomPermutation};
 pub use merge::{CLIPS, FRAMES, MANIFEST, MergedSet, merge, missing_blocks, runs_of};
 pub use plan::{BatchPlan, FRAMES_LAYOUT, PictureNeeds, PlanPath, PlanPathKind, PlanRig, PlanScene};
 pub use run::{BatchRun, WriteShare};
-pub use store::{BatchStore, BlockMarker, MarkedClip, MarkedFile};
+pub use store::{BatchStore, BlockMarker, MarkedClip, MarkedFile, scene_digest_of};
 pub use summary::PAGE;
 pub use weathers::{PlannedWeather, SamplePlace, WeatherEntry, WeatherSource};
 pub use wm_datasets as datasets;

@@ -8,6 +8,7 @@ use crate::poor_photos::PhotoDefect;
 use crate::priors::folder::PriorsSummary;
 use crate::video::VideoProgress;
 use std::error::Error;
+use std::fmt;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use thiserror::Error as Display;
@@ -253,6 +254,52 @@ pub enum TrainNotice {
         /// The origin of the scale, in words.
         source: String,
     },
+}
+
+impl fmt::Display for TrainNotice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::FramesChosen { frames } => write!(f, "video: {frames} frames were chosen"),
+            Self::Registered { registered, photos } => {
+                write!(f, "colmap: the cameras of {registered} of {photos} photos were found")
+            }
+            Self::PriorsMade(summary) => write!(f, "geometry: {summary}"),
+            Self::ExposuresDiffer { spread } => {
+                write!(f, "exposure: one for each photo, their brightness differs by {:.0} %", 100.0 * spread)
+            }
+            Self::FewerSteps { steps, of, photos } => {
+                write!(f, "steps: {steps} instead of {of}, since more would learn {photos} photos by heart")
+            }
+            Self::Movers { outcome, photos } => match outcome {
+                MoverOutcome::Found { photos: with, share } => {
+                    let share = 100.0 * share;
+                    write!(f, "movers: in {with} of {photos} photos, {share:.1} % of the pixels, left out")
+                }
+                MoverOutcome::TooMany(share) => write!(
+                    f,
+                    "movers: none are left out, since {:.0} % of the pixels differ between photos, which cannot be true",
+                    100.0 * share
+                ),
+                MoverOutcome::None | MoverOutcome::TooFewJudged(_) => write!(f, "movers: none were found"),
+            },
+            Self::Haze { range } => {
+                write!(f, "haze: the photos were taken in haze of {range}; it is taken out")
+            }
+            Self::PriorsIncomplete { folder, found, photos } => {
+                write!(f, "{}: {found} of {photos} photos have priors", folder.display())
+            }
+            Self::Resumed { folder, step } => write!(f, "{}: continuing after step {step}", folder.display()),
+            Self::StartsAgain { folder } => {
+                write!(f, "{}: no checkpoint was written yet, starting from the first step", folder.display())
+            }
+            Self::NoScaleFromHeight(reason) => {
+                write!(f, "scale: none from the height of the cameras: {reason}")
+            }
+            Self::Scale { metres_per_unit, source } => {
+                write!(f, "scale: {metres_per_unit:.4} m per unit, from {source}")
+            }
+        }
+    }
 }
 
 /// Progress before the first step.

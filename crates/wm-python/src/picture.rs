@@ -1,0 +1,265 @@
+//! Pictures, and their layers as arrays `[C, H, W, k]`.
+
+use crate::arrays::moved;
+use crate::camera::Camera;
+use crate::error::{Failure, Outcome};
+use crate::process::detached;
+use pyo3::exceptions::{PyKeyError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use std::path::PathBuf;
+use weather_magician::PictureSize;
+use weather_magician::output::{ExtraPicture, LayerPlacement, PictureLayer, PictureStyle};
+use wm_media::color::{Dither, quantize_rgb8};
+use wm_media::png;
+use wm_render::parts::PicturePart;
+
+/// Layers without a place in a single frame: they need the next one too.
+const LATER: [PictureLayer; 3] = [PictureLayer::Flow, PictureLayer::FlowMask, PictureLayer::ParticleFlow];
+
+/// The outputs of a picture that were asked for.
+#[derive(Clone, Debug)]
+pub struct PictureOutputs {
+    /// Bytes for display.
+    rgb: bool,
+    /// Linear light.
+    rgb_linear: bool,
+    /// The others.
+    pub layers: Vec<ExtraPicture>,
+}
+
+impl PictureOutputs {
+    /// Those of their names, as in `--also` with `_` for `-`.
+    pub fn of(names: &[String]) -> PyResult<Self> {
+        let mut outputs = Self { rgb: false, rgb_linear: false, layers: Vec::new() };
+        for name in names {
+            match name.as_str() {
+                "rgb" => outputs.rgb = true,
+                "rgb_linear" => outputs.rgb_linear = true,
+                _ => {
+                    let wrong = |error: String| {
+                        let error = error.replace('-', "_").replace("use ", "use rgb, rgb_linear, ");
+                        PyValueError::new_err(format!("outputs: {error}"))
+                    };
+                    if name.contains('.') {
+                        return Err(PyValueError::new_err(format!("outputs: `{name}` is not an output")));
+                    }
+                    let layer: ExtraPicture = name.replace('_', "-").parse().map_err(wrong)?;
+                    if LATER.contains(&layer.kind) {
+                        let says = "needs the next frame: use a plan with this layer, or `render --also`";
+                        return Err(PyValueError::new_err(format!("outputs: {name} {says}")));
+                    }
+                    if outputs.layers.iter().all(|other| other.kind != layer.kind) {
+                        outputs.layers.push(layer);
+                    }
+                }
+            }
+        }
+        Ok(outputs)
+    }
+
+    /// The parts that need renders of their own.
+    pub fn parts(&self) -> Vec<PicturePart> {
+        weather_magician::output::parts(&self.layers)
+    }
+
+    /// Returns true if labels are asked for.
+    pub fn labels(&self) -> bool {
+        !weather_magician::output::asked_labels(&self.layers).is_empty()
+    }
+
+    /// Memory for the outputs of `count` pictures.
+    pub fn stack(&self, count: usize, (width, height): (u32, u32)) -> Outcome<PictureStack> {
+        let pixels =
+            (width as usize).checked_mul(height as usize).and_then(|pixels| pixels.checked_mul(count));
+        let memory = || {
+            Failure::Library(format!("there is too little memory for {count} pictures of {width}x{height}"))
+        };
+        let pixels = pixels.ok_or_else(memory)?;
+        let room = |channels: usize| -> Outcome<Vec<f32>> {
+            let mut values = Vec::new();
+            let length = pixels.checked_mul(channels).ok_or_else(memory)?;
+            values.try_reserve_exact(length).map_err(|_| memory())?;
+            Ok(values)
+        };
+        let mut rgb = Vec::new();
+        if self.rgb {
+            rgb.try_reserve_exact(pixels.checked_mul(3).ok_or_else(memory)?).map_err(|_| memory())?;
+        }
+        let linear = if self.rgb_linear { room(3)? } else { Vec::new() };
+        let layers = self.layers.iter().filter(|layer| !is_name(layer.kind));
+        let layers = layers.map(|layer| Ok((layer.kind, room(layer.kind.channels().len())?)));
+        let names =
+            self.layers.iter().filter(|layer| is_name(layer.kind)).map(|layer| (layer.kind, Vec::new()));
+        Ok(PictureStack {
+            outputs: self.clone(),
+            shape: [count, height as usize, width as usize],
+            rgb,
+            linear,
+            layers: layers.collect::<Outcome<_>>()?,
+            names: names.collect(),
+        })
+    }
+}
+
+/// Returns true for layers of whole numbers.
+fn is_name(layer: PictureLayer) -> bool {
+    matches!(layer, PictureLayer::Label | PictureLayer::Instance)
+}
+
+/// The outputs of some pictures of one size, one after the other.
+pub struct PictureStack {
+    outputs: PictureOutputs,
+    shape: [usize; 3],
+    rgb: Vec<u8>,
+    linear: Vec<f32>,
+    layers: Vec<(PictureLayer, Vec<f32>)>,
+    names: Vec<(PictureLayer, Vec<u16>)>,
+}
+
+impl PictureStack {
+    /// Adds the outputs of a picture.
+    pub fn add(&mut self, picture: &weather_magician::Picture) {
+        let frame = &picture.frame;
+        if self.outputs.rgb {
+            let size = PictureSize::new(frame.width, frame.height);
+            self.rgb.append(&mut quantize_rgb8(&frame.rgb, size, Dither::default()));
+        }
+        if self.outputs.rgb_linear {
+            self.linear.append(&mut frame.rgb_linear());
+        }
+        for (layer, values) in &mut self.layers {
+            values.extend_from_slice(&picture.layer(*layer));
+        }
+        for (layer, values) in &mut self.names {
+            let labels = &picture.labels;
+            let names = if *layer == PictureLayer::Label { &labels.label } else { &labels.instance };
+            match names.is_empty() {
+                // A scene without labels.
+                true => values.extend(std::iter::repeat_n(0, frame.pixels())),
+                false => values.extend_from_slice(names),
+            }
+        }
+    }
+
+    /// Returns arrays `[C, H, W, k]` by their names.
+    pub fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+        let [count, height, width] = self.shape;
+        let shape = |channels: usize| [count, height, width, channels];
+        let dict = PyDict::new(py);
+        if self.outputs.rgb {
+            dict.set_item("rgb", moved(py, self.rgb, &shape(3))?)?;
+        }
+        if self.outputs.rgb_linear {
+            dict.set_item("rgb_linear", moved(py, self.linear, &shape(3))?)?;
+        }
+        for (layer, values) in self.layers {
+            let array = moved(py, values, &shape(layer.channels().len()))?;
+            dict.set_item(layer.name().replace('-', "_"), array)?;
+        }
+        for (layer, values) in self.names {
+            dict.set_item(layer.name().replace('-', "_"), moved(py, values, &shape(1))?)?;
+        }
+        Ok(dict)
+    }
+}
+
+/// A rendered picture. See `weather_magician/__init__.pyi`.
+#[pyclass(frozen, module = "weather_magician")]
+pub struct Picture {
+    pub picture: weather_magician::Picture,
+    pub outputs: PictureOutputs,
+    pub camera: wm_scene::Camera,
+}
+
+impl Picture {
+    fn array_of<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let asked = PictureOutputs::of(&[name.to_owned()])?;
+        let was_asked = asked
+            .layers
+            .iter()
+            .all(|layer| self.outputs.layers.contains(layer) || layer.kind == PictureLayer::Alpha);
+        if !was_asked {
+            let says = format!("{name}: was not rendered; ask for it with outputs=[{name:?}]");
+            return Err(PyKeyError::new_err(says));
+        }
+        let frame = &self.picture.frame;
+        let stack = detached(py, |_| {
+            let mut stack = asked.stack(1, (frame.width, frame.height))?;
+            stack.add(&self.picture);
+            Ok(stack)
+        })?;
+        let channels = if name.starts_with("rgb") { 3 } else { asked.layers[0].kind.channels().len() };
+        let (height, width) = (frame.height as usize, frame.width as usize);
+        let shape: Vec<usize> =
+            if channels == 1 { vec![height, width] } else { vec![height, width, channels] };
+        let arrays = stack.into_dict(py)?;
+        let array = arrays.get_item(name)?.ok_or_else(|| PyKeyError::new_err(name.to_owned()))?;
+        array.call_method1("reshape", (shape,))
+    }
+}
+
+#[pymethods]
+impl Picture {
+    fn __repr__(&self) -> String {
+        format!("Picture({}x{})", self.picture.frame.width, self.picture.frame.height)
+    }
+
+    #[getter]
+    fn width(&self) -> u32 {
+        self.picture.frame.width
+    }
+
+    #[getter]
+    fn height(&self) -> u32 {
+        self.picture.frame.height
+    }
+
+    #[getter]
+    fn camera(&self) -> Camera {
+        Camera { camera: self.camera }
+    }
+
+    #[getter]
+    fn tags(&self) -> Vec<(String, String)> {
+        self.picture.tags.clone()
+    }
+
+    fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        self.array_of(py, name)
+    }
+
+    #[getter]
+    fn rgb<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array_of(py, "rgb")
+    }
+
+    #[getter]
+    fn rgb_linear<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array_of(py, "rgb_linear")
+    }
+
+    #[pyo3(signature = (path, *, layers=false))]
+    fn save(&self, py: Python<'_>, path: PathBuf, layers: bool) -> PyResult<Vec<String>> {
+        detached(py, |_| {
+            let style = PictureStyle {
+                also: self.outputs.layers.clone(),
+                place: if layers { LayerPlacement::Layers } else { LayerPlacement::Beside },
+                metres_per_unit: self.picture.metres_per_unit,
+                tags: self.picture.tags.clone(),
+                ..PictureStyle::default()
+            };
+            Ok(style.write(&self.picture, &path)?)
+        })
+    }
+
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let bytes: Vec<u8> = detached(py, |_| {
+            let frame = &self.picture.frame;
+            let size = PictureSize::new(frame.width, frame.height);
+            let bytes = png::encode_rgb8(&quantize_rgb8(&frame.rgb, size, Dither::default()), size);
+            bytes.map_err(|error| Failure::Library(error.to_string()))
+        })?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+}

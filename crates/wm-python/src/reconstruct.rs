@@ -1,0 +1,168 @@
+//! Photos to a scene.
+
+use crate::error::{Failure, line_of};
+use crate::process::{StopFlag, detached, on_threads};
+use crate::renderer::device_of;
+use crate::scene::Scene;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use wm_train::session::{
+    HeldOutScores, Resume, Session, SessionError, SessionOptions, StepProgress, StepSummary, TrainNotice,
+    TrainObserver, TrainReport, TrainWarning,
+};
+use wm_train::{Preset, TrainPlan};
+
+/// Events of a training as calls of a Python function.
+struct Events<'a> {
+    stop: &'a StopFlag,
+    callback: Option<&'a Py<PyAny>>,
+    raised: Option<PyErr>,
+}
+
+/// A value of an event.
+enum Fact {
+    Count(u64),
+    Number(f64),
+    Text(String),
+}
+
+impl Events<'_> {
+    fn tell(&mut self, event: &str, facts: &[(&str, Fact)]) {
+        let Some(callback) = self.callback.filter(|_| self.raised.is_none()) else { return };
+        let called = Python::attach(|py| -> PyResult<()> {
+            let dict = PyDict::new(py);
+            for (name, fact) in facts {
+                match fact {
+                    Fact::Count(count) => dict.set_item(name, count)?,
+                    Fact::Number(number) => dict.set_item(name, number)?,
+                    Fact::Text(text) => dict.set_item(name, text)?,
+                }
+            }
+            callback.call1(py, (event, dict)).map(drop)
+        });
+        self.raised = called.err();
+    }
+}
+
+impl TrainObserver for Events<'_> {
+    fn proceed(&mut self) -> ControlFlow<()> {
+        if self.raised.is_some() || self.stop.is_set() {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    }
+
+    fn on_warning(&mut self, warning: &TrainWarning) {
+        self.tell("warning", &[("text", Fact::Text(warning.to_string()))]);
+    }
+
+    fn on_notice(&mut self, notice: &TrainNotice) {
+        self.tell("notice", &[("text", Fact::Text(notice.to_string()))]);
+    }
+
+    fn on_step(&mut self, step: &StepProgress) {
+        let StepProgress { step, steps, splats, loss } = *step;
+        let count = |number: u32| Fact::Count(u64::from(number));
+        let splats = Fact::Count(splats as u64);
+        self.tell(
+            "step",
+            &[
+                ("step", count(step)),
+                ("steps", count(steps)),
+                ("splats", splats),
+                ("loss", Fact::Number(loss)),
+            ],
+        );
+    }
+
+    fn on_summary(&mut self, summary: &StepSummary) {
+        let mut facts = vec![
+            ("step", Fact::Count(u64::from(summary.step))),
+            ("loss", Fact::Number(summary.loss)),
+            ("step_seconds", Fact::Number(summary.step_seconds)),
+            ("splats", Fact::Count(summary.splats as u64)),
+        ];
+        facts.extend(summary.held_out_psnr.map(|psnr| ("held_out_psnr", Fact::Number(psnr))));
+        self.tell("summary", &facts);
+    }
+
+    fn on_evaluation(&mut self, scores: &HeldOutScores) {
+        if let Some(mean) = scores.mean() {
+            self.tell("evaluation", &[("psnr", Fact::Number(mean.psnr)), ("ssim", Fact::Number(mean.ssim))]);
+        }
+    }
+
+    fn on_checkpoint(&mut self, path: &Path, step: u32) {
+        let path = Fact::Text(path.display().to_string());
+        self.tell("checkpoint", &[("path", path), ("step", Fact::Count(u64::from(step)))]);
+    }
+
+    fn on_finish(&mut self, _: &TrainReport) {
+        self.tell("finish", &[]);
+    }
+}
+
+/// Turns photos into a scene. See `weather_magician/__init__.pyi`.
+#[pyfunction]
+#[pyo3(signature = (photos, *, preset="standard", steps=None, max_splats=None, eval_every=0, run_folder=None, resume="never", metres_per_unit=None, camera_height=None, device="auto", threads=None, callback=None))]
+#[allow(clippy::too_many_arguments)] // As many as Python's.
+pub fn reconstruct(
+    py: Python<'_>,
+    photos: PathBuf,
+    preset: &str,
+    steps: Option<u32>,
+    max_splats: Option<usize>,
+    eval_every: u32,
+    run_folder: Option<PathBuf>,
+    resume: &str,
+    metres_per_unit: Option<f64>,
+    camera_height: Option<f64>,
+    device: &str,
+    threads: Option<usize>,
+    callback: Option<Py<PyAny>>,
+) -> PyResult<Scene> {
+    let wrong = |name: &str, value: &str, words: &str| {
+        PyValueError::new_err(format!("{name} {value:?}: must be {words}"))
+    };
+    let preset = match preset {
+        "draft" => Preset::Draft,
+        "quick" => Preset::Quick,
+        "standard" => Preset::Standard,
+        "best" => Preset::Best,
+        _ => return Err(wrong("preset", preset, "draft, quick, standard or best")),
+    };
+    let resume = match resume {
+        "never" => Resume::Never,
+        "always" => Resume::Always,
+        "overwrite" => Resume::Overwrite,
+        _ => return Err(wrong("resume", resume, "never, always or overwrite")),
+    };
+    detached(py, |stop| {
+        let mut options = SessionOptions {
+            plan: TrainPlan { preset, steps, max_splats, ..TrainPlan::default() },
+            run_folder,
+            resume,
+            camera_height,
+            device: device_of(device)?,
+            ..SessionOptions::default()
+        };
+        options.cpu.threads = threads;
+        options.held_out.every = eval_every;
+        options.facts.metres_per_unit = metres_per_unit;
+        if let Some(fault) = options.facts.fault() {
+            return Err(Failure::Library(fault));
+        }
+        let mut events = Events { stop, callback: callback.as_ref(), raised: None };
+        let made = on_threads(|| Session::new(photos).options(options).run(&mut events))?;
+        match (made, events.raised) {
+            (_, Some(raised)) => Err(Failure::Python(raised)),
+            (Err(SessionError::Stopped { .. }), None) => Err(Failure::Stopped),
+            (Err(error), None) => Err(Failure::Library(line_of(&error))),
+            (Ok(scene), None) => Ok(Scene::made(scene)),
+        }
+    })
+}

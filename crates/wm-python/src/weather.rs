@@ -1,0 +1,198 @@
+//! Weathers: presets, files, reports and parameters.
+
+use crate::error::{Failure, Outcome, line_of};
+use crate::process::detached;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList, PyTuple};
+use std::path::{Path, PathBuf};
+use weather_magician::panorama_file::read_panorama;
+use weather_magician::reports::{ReportOptions, WeatherReport, find_weather};
+use wm_weather::param::{ParamInput, ParamValue};
+use wm_weather::presets::PRESETS;
+
+/// Effects with their parameters over time. See `weather_magician/__init__.pyi`.
+#[pyclass(frozen, module = "weather_magician")]
+#[derive(Clone)]
+pub struct Weather {
+    pub weather: wm_weather::Weather,
+    notes: Vec<String>,
+}
+
+impl Weather {
+    fn of(mut weather: wm_weather::Weather, notes: Vec<String>) -> Outcome<Self> {
+        weather.load_images(read_panorama)?;
+        Ok(Self { weather, notes })
+    }
+
+    fn of_report(report: &WeatherReport) -> Outcome<Self> {
+        let notes = report.notes().iter().map(ToString::to_string).collect();
+        Self::of(report.weather().clone(), notes)
+    }
+
+    /// A weather as functions take it: a `Weather`, or what makes one.
+    pub fn given(value: &Bound<'_, PyAny>) -> PyResult<wm_weather::Weather> {
+        if let Ok(weather) = value.cast::<Self>() {
+            return Ok(weather.get().weather.clone());
+        }
+        let Ok(name) = value.extract::<PathBuf>() else {
+            return Err(PyTypeError::new_err("weather: must be a Weather, or the name of one"));
+        };
+        Ok(Self::new(value.py(), name, None)?.weather)
+    }
+}
+
+/// A value of a parameter as Python gives it.
+fn input_of(value: &Bound<'_, PyAny>) -> PyResult<ParamInput> {
+    if let Ok(is_on) = value.extract::<bool>() {
+        return Ok(if is_on { "on" } else { "off" }.into());
+    }
+    if let Ok(number) = value.extract::<f64>() {
+        return Ok(number.into());
+    }
+    if let Ok(text) = value.extract::<String>() {
+        return Ok(text.into());
+    }
+    if let Ok(path) = value.extract::<PathBuf>() {
+        return Ok(path.display().to_string().into());
+    }
+    // Keyframes: seconds and values.
+    if let Ok(keys) = value.cast::<PyDict>() {
+        let key = |(time, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<String> {
+            Ok(format!("{}:{}", time.extract::<f64>()?, value.str()?))
+        };
+        return Ok(keys.iter().map(key).collect::<PyResult<Vec<_>>>()?.join(",").into());
+    }
+    if let Ok(color) = value.extract::<[f64; 3]>() {
+        return Ok(color.into());
+    }
+    Err(PyTypeError::new_err(
+        "a parameter is a number, a text, a colour of three numbers (sRGB, 0 to 1), or keyframes {seconds: value}",
+    ))
+}
+
+fn failed(error: &dyn std::error::Error) -> Failure {
+    Failure::Library(line_of(error))
+}
+
+#[pymethods]
+impl Weather {
+    #[new]
+    #[pyo3(signature = (name=PathBuf::from("clear"), parameters=None))]
+    fn new(py: Python<'_>, name: PathBuf, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let name = name.to_string_lossy().into_owned();
+        let found = detached(py, |_| find_weather(&name, Path::new("")).map_err(|error| failed(&error)))?;
+        let mut weather = found.weather;
+        for (key, value) in parameters.into_iter().flatten() {
+            let (key, value) = (key.extract::<String>()?, input_of(&value)?);
+            weather = weather.set(&key, value).map_err(|error| failed(&error))?;
+        }
+        let notes = found.report.iter().flat_map(WeatherReport::notes).map(ToString::to_string).collect();
+        if name == "clear" && weather.effects().next().is_some() {
+            // As the program names it.
+            weather.name = weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>().join("-");
+        }
+        Ok(detached(py, |_| Self::of(weather, notes))?)
+    }
+
+    #[staticmethod]
+    fn presets() -> Vec<&'static str> {
+        PRESETS.iter().map(|(name, _)| *name).collect()
+    }
+
+    #[staticmethod]
+    fn parse(py: Python<'_>, text: &str) -> PyResult<Self> {
+        detached(py, |_| Self::of(wm_weather::Weather::parse(text, "weather")?, Vec::new()))
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (report, *, place=None, day=None, seconds_per_hour=1.0))]
+    fn from_report(
+        py: Python<'_>,
+        report: PathBuf,
+        place: Option<[f64; 2]>,
+        day: Option<u32>,
+        seconds_per_hour: f64,
+    ) -> PyResult<Self> {
+        detached(py, |_| {
+            let options = ReportOptions { seconds_per_hour, place, day };
+            let text = report.to_string_lossy();
+            let is_file = weather_magician::reports::looks_like_path(&text) || report.is_file();
+            let read = if is_file {
+                WeatherReport::read_file(&report, &options)
+            } else {
+                WeatherReport::read(&text, "report", &options)
+            };
+            Self::of_report(&read.map_err(|error| failed(&error))?)
+        })
+    }
+
+    fn set(&self, py: Python<'_>, key: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let set = self.weather.clone().set(key, input_of(value)?).map_err(|error| failed(&error))?;
+        detached(py, |_| Self::of(set, self.notes.clone()))
+    }
+
+    fn __repr__(&self) -> String {
+        let effects: Vec<&str> = self.weather.effects().map(|(effect, _)| effect.name).collect();
+        format!("Weather({:?}: {})", self.weather.name, effects.join(", "))
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.weather == other.weather
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let again = py.import("weather_magician")?.getattr("_weather_of")?;
+        Ok((again, (own.weather.to_toml(), &own.notes).into_pyobject(py)?))
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.weather.name
+    }
+
+    #[getter]
+    fn about(&self) -> &str {
+        &self.weather.about
+    }
+
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        self.notes.clone()
+    }
+
+    fn to_toml(&self) -> String {
+        self.weather.to_toml()
+    }
+
+    fn save(&self, path: PathBuf) -> PyResult<()> {
+        let written = wm_scene::files::write_atomically(&path, |out| {
+            Ok(out.write_all(self.weather.to_toml().as_bytes())?)
+        });
+        Ok(written.map_err(|error| failed(&error))?)
+    }
+
+    #[pyo3(signature = (time=0.0))]
+    fn parameters<'py>(&self, py: Python<'py>, time: f64) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        let sample = self.weather.at(time);
+        for (effect, values) in sample.effects() {
+            for (param, value) in effect.params.iter().zip(values) {
+                let key = format!("{}.{}", effect.name, param.name);
+                match value {
+                    ParamValue::Number(number) => dict.set_item(key, number)?,
+                    ParamValue::Color(color) => dict.set_item(key, PyList::new(py, color)?)?,
+                    other => dict.set_item(key, other.to_string())?,
+                }
+            }
+        }
+        Ok(dict)
+    }
+}
+
+/// Makes a weather that was pickled.
+#[pyfunction]
+pub fn _weather_of(py: Python<'_>, text: &str, notes: Vec<String>) -> PyResult<Weather> {
+    detached(py, |_| Weather::of(wm_weather::Weather::parse(text, "pickled weather")?, notes))
+}
