@@ -1,13 +1,13 @@
 //! Ctrl-C: work that checks [`asked`] stops between two steps, everything else at once; no partial file is left in either case.
 
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use thiserror::Error;
 use wm_scene::files::abandon_temporaries;
 
-/// The time of the first Ctrl-C.
-static PRESSED: OnceLock<Instant> = OnceLock::new();
+/// The time of the first Ctrl-C of this run.
+static PRESSED: Mutex<Option<Instant>> = Mutex::new(None);
 /// True once the current work checks for Ctrl-C between its steps.
 static HEEDED: AtomicBool = AtomicBool::new(false);
 
@@ -24,13 +24,20 @@ pub fn is_stop(error: &anyhow::Error) -> bool {
     error.is::<Interrupted>() || matches!(error.downcast_ref(), Some(weather_magician::Error::Stopped))
 }
 
-/// Installs the handler. The first Ctrl-C waits for work that calls [`asked`]; if there is none, and
-/// the second time, it ends the program at once.
+fn pressed() -> MutexGuard<'static, Option<Instant>> {
+    PRESSED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Installs the handler, in place of any other. The first Ctrl-C waits for work that calls [`asked`]; if there is none,
+/// and the second time, it ends the program at once.
 pub fn listen() {
-    // Without a handler Ctrl-C ends the program, which may leave a partial file.
+    // A process may run the program more than once: it is not stopped because the last one was.
+    *pressed() = None;
+    HEEDED.store(false, Ordering::Relaxed);
+    // From the second run on there is a handler, which is an error. Without a handler Ctrl-C ends the program, which may
+    // leave a partial file.
     let _ = ctrlc::set_handler(|| {
-        let is_again = PRESSED.get().is_some_and(|first| first.elapsed() > SAME_PRESS);
-        PRESSED.get_or_init(Instant::now);
+        let is_again = pressed().get_or_insert_with(Instant::now).elapsed() > SAME_PRESS;
         if is_again || !HEEDED.load(Ordering::Relaxed) {
             abandon_temporaries();
             std::process::exit(130);
@@ -41,5 +48,5 @@ pub fn listen() {
 /// Returns true if Ctrl-C was pressed. After the first call the handler waits for the caller to stop.
 pub fn asked() -> bool {
     HEEDED.store(true, Ordering::Relaxed);
-    PRESSED.get().is_some()
+    pressed().is_some()
 }

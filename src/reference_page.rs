@@ -30,7 +30,7 @@ fn section(command: &Command, name_of: &str, page: &mut String) {
     let about = one_line(command.get_about());
     let usage = command.clone().render_usage().to_string();
     let usage = usage.trim_start_matches("Usage: ");
-    writeln!(page, "\n## {}\n\n{about}.\n\n```sh\n{usage}\n```\n", name_of).unwrap();
+    writeln!(page, "\n## {name_of}\n\n{about}.\n\n```sh\n{usage}\n```\n").unwrap();
     page.push_str("| option | value | default | what it does |\n|---|---|---|---|\n");
     let args = command.get_arguments().filter(|arg| !arg.is_hide_set() && arg.get_id() != "help");
     for arg in args {
@@ -85,6 +85,6 @@ fn the_page_in_docs_is_this_one() {
     }
     let page = std::fs::read_to_string(path).unwrap_or_default();
     let stale =
-        "docs/reference/command-line.md is stale: run WM_UPDATE_DOCS=1 cargo test --bin weather-magician";
+        "docs/reference/command-line.md is stale: run WM_UPDATE_DOCS=1 cargo test --lib reference_page";
     assert!(page == markdown(), "{stale}");
 }

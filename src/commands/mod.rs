@@ -25,7 +25,9 @@ use clap::{Parser, Subcommand};
 
 /// Real weather on real places: scenes of 3D Gaussian splatting in fog, haze, smog, rain and snow.
 #[derive(Parser, Debug)]
-#[command(name = "weather-magician", version, about, arg_required_else_help = true, max_term_width = 110)]
+// The name in usage texts is not that of whatever started the process, which may be a script.
+#[command(name = "weather-magician", bin_name = "weather-magician")]
+#[command(version, about, arg_required_else_help = true, max_term_width = 110)]
 pub struct Cli {
     #[command(subcommand)]
     command: CliCommand,
