@@ -14,6 +14,7 @@ mod scene;
 mod weather;
 
 use pyo3::prelude::*;
+use std::ffi::OsString;
 
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -28,6 +29,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<picture::Picture>()?;
     module.add_class::<batch::Batch>()?;
     module.add_function(wrap_pyfunction!(reconstruct::reconstruct, module)?)?;
+    module.add_function(wrap_pyfunction!(run_program, module)?)?;
     // What pickles call.
     module.add_function(wrap_pyfunction!(scene::_scene_of_file, module)?)?;
     module.add_function(wrap_pyfunction!(scene::_scene_of_bytes, module)?)?;
@@ -41,4 +43,10 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// The names of the classes of lidar points, by their numbers.
 fn lidar_classes() -> Vec<&'static str> {
     weather_magician::lidar::EchoClass::ALL.iter().map(|class| class.name()).collect()
+}
+
+/// Runs the program with these arguments, of which the first is its name, and returns its exit status.
+#[pyfunction]
+fn run_program(py: Python<'_>, args: Vec<OsString>) -> u8 {
+    py.detach(|| weather_magician_cli::run(args))
 }
