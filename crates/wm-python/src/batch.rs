@@ -11,9 +11,9 @@ use weather_magician::assets::AssetCache;
 use weather_magician::batch::{BatchPlan, BatchRun, BatchStore, merge, missing_blocks};
 use weather_magician::{CpuConfig, Renderer};
 
-/// A plan that is being carried out. See `weather_magician/__init__.pyi`.
-#[pyclass(frozen, module = "weather_magician")]
-pub struct Batch {
+#[doc = docs!("Batch")]
+#[pyclass(frozen, name = "Batch", module = "weather_magician")]
+pub struct PyBatch {
     plan: PathBuf,
     out: PathBuf,
     device: String,
@@ -49,7 +49,7 @@ fn open_run(plan: &Path, device: &str, threads: Option<usize>) -> Outcome<BatchR
     Ok(on_threads(|| BatchRun::new(plan, renderer, |scene| Some(AssetCache::folder_of(scene))))??)
 }
 
-impl Batch {
+impl PyBatch {
     fn with<R: Send>(&self, work: impl FnOnce(&mut BatchRun) -> Outcome<R> + Send) -> Outcome<R> {
         let make = || {
             let run = open_run(&self.plan, &self.device, self.threads)?;
@@ -89,7 +89,7 @@ impl Batch {
 }
 
 #[pymethods]
-impl Batch {
+impl PyBatch {
     #[new]
     #[pyo3(signature = (plan, out=None, *, device="auto", threads=None))]
     fn new(
@@ -109,7 +109,7 @@ impl Batch {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
-        let again = py.import("weather_magician")?.getattr("_open_batch")?;
+        let again = py.import("weather_magician._native")?.getattr("_open_batch")?;
         let args = (&own.plan, &own.out, &own.device, own.threads, &own.facts.digest).into_pyobject(py)?;
         Ok((again, args))
     }
@@ -125,41 +125,49 @@ impl Batch {
         )
     }
 
+    #[doc = docs!("Batch.plan")]
     #[getter]
     fn plan(&self) -> String {
         self.plan.display().to_string()
     }
 
+    #[doc = docs!("Batch.out")]
     #[getter]
     fn out(&self) -> String {
         self.out.display().to_string()
     }
 
+    #[doc = docs!("Batch.name")]
     #[getter]
     fn name(&self) -> &str {
         &self.facts.name
     }
 
+    #[doc = docs!("Batch.digest")]
     #[getter]
     fn digest(&self) -> &str {
         &self.facts.digest
     }
 
+    #[doc = docs!("Batch.clips")]
     #[getter]
     fn clips(&self) -> u64 {
         self.facts.clips
     }
 
+    #[doc = docs!("Batch.frames")]
     #[getter]
     fn frames(&self) -> u64 {
         self.facts.frames
     }
 
+    #[doc = docs!("Batch.blocks")]
     #[getter]
     fn blocks(&self) -> u64 {
         self.facts.blocks
     }
 
+    #[doc = docs!("Batch.shard")]
     fn shard<'py>(&self, py: Python<'py>, index: u64, count: u64) -> PyResult<Bound<'py, PyRange>> {
         if index >= count {
             return Err(PyValueError::new_err(format!("shard {index} of {count}: they are counted from 0")));
@@ -168,6 +176,7 @@ impl Batch {
         PyRange::new(py, own.start as isize, own.end as isize)
     }
 
+    #[doc = docs!("Batch.block")]
     fn block<'py>(&self, py: Python<'py>, number: u64) -> PyResult<Bound<'py, PyDict>> {
         self.check(number)?;
         let (scene, frames) = detached(py, |_| {
@@ -182,6 +191,7 @@ impl Batch {
         Ok(dict)
     }
 
+    #[doc = docs!("Batch.missing")]
     fn missing(&self, py: Python<'_>) -> PyResult<Vec<u64>> {
         detached(py, |_| {
             let store = self.store()?;
@@ -189,6 +199,7 @@ impl Batch {
         })
     }
 
+    #[doc = docs!("Batch.marker")]
     fn marker<'py>(&self, py: Python<'py>, number: u64) -> PyResult<Option<Bound<'py, PyAny>>> {
         self.check(number)?;
         let text = detached(py, |_| {
@@ -201,6 +212,7 @@ impl Batch {
         text.map(|text| py.import("json")?.call_method1("loads", (text,))).transpose()
     }
 
+    #[doc = docs!("Batch.make")]
     #[pyo3(signature = (block, progress=None))]
     fn make(&self, py: Python<'_>, block: u64, progress: Option<Py<PyAny>>) -> PyResult<()> {
         self.check(block)?;
@@ -211,6 +223,7 @@ impl Batch {
         })
     }
 
+    #[doc = docs!("Batch.make_shard")]
     #[pyo3(signature = (index, count, progress=None))]
     fn make_shard(
         &self,
@@ -231,6 +244,7 @@ impl Batch {
         Ok(made)
     }
 
+    #[doc = docs!("Batch.merge")]
     #[pyo3(signature = (verify=false))]
     fn merge<'py>(&self, py: Python<'py>, verify: bool) -> PyResult<Bound<'py, PyDict>> {
         let merged = detached(py, |stop| {
@@ -251,6 +265,7 @@ impl Batch {
         Ok(dict)
     }
 
+    #[doc = docs!("Batch.take_warnings")]
     fn take_warnings(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         detached(py, |_| self.with(|run| Ok(run.take_warnings())))
     }
@@ -265,8 +280,8 @@ pub fn _open_batch(
     device: &str,
     threads: Option<usize>,
     digest: &str,
-) -> PyResult<Batch> {
-    let opened = Batch::new(py, plan, Some(out), device, threads)?;
+) -> PyResult<PyBatch> {
+    let opened = PyBatch::new(py, plan, Some(out), device, threads)?;
     if opened.facts.digest == digest {
         return Ok(opened);
     }

@@ -6,19 +6,19 @@ use numpy::PyArrayDyn;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use weather_magician::view::{DEFAULT_FOV, DEFAULT_SIZE, spec};
+use weather_magician::view::{DEFAULT_SIZE, spec};
 
-/// A pinhole camera. See `weather_magician/__init__.pyi`.
-#[pyclass(frozen, module = "weather_magician")]
+#[doc = docs!("Camera")]
+#[pyclass(frozen, name = "Camera", module = "weather_magician")]
 #[derive(Clone, Copy)]
-pub struct Camera {
+pub struct PyCamera {
     pub camera: wm_scene::Camera,
 }
 
 #[pymethods]
-impl Camera {
+impl PyCamera {
     #[new]
-    #[pyo3(signature = (viewmat, K, width, height, *, near=wm_scene::Camera::DEFAULT_NEAR))]
+    #[pyo3(signature = (viewmat, K, width, height, *, near=0.2))]
     #[allow(non_snake_case)] // Its name in the field.
     fn new(
         viewmat: &Bound<'_, PyAny>,
@@ -39,16 +39,18 @@ impl Camera {
         Ok(Self { camera })
     }
 
+    #[doc = docs!("Camera.look_at")]
     #[staticmethod]
-    #[pyo3(signature = (eye, target, up, *, fov=DEFAULT_FOV, size=DEFAULT_SIZE, near=wm_scene::Camera::DEFAULT_NEAR))]
+    #[pyo3(signature = (eye, target, up, *, fov=50.0, size=None, near=0.2))]
     fn look_at(
         eye: &Bound<'_, PyAny>,
         target: &Bound<'_, PyAny>,
         up: &Bound<'_, PyAny>,
         fov: f64,
-        size: (u32, u32),
+        size: Option<(u32, u32)>,
         near: f64,
     ) -> PyResult<Self> {
+        let size = size.unwrap_or(DEFAULT_SIZE);
         let (eye, target, up) = (vector(eye, "eye")?, vector(target, "target")?, vector(up, "up")?);
         let made = wm_scene::Camera::looking(size, fov, eye, target, up);
         let camera = made.map(|camera| wm_scene::Camera { near, ..camera });
@@ -63,36 +65,42 @@ impl Camera {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, camera) = (slf.py(), &slf.get().camera);
-        let again = py.import("weather_magician")?.getattr("_camera_of")?;
+        let again = py.import("weather_magician._native")?.getattr("_camera_of")?;
         let args = (viewmat_of(py, camera)?, k_of(py, camera)?, camera.width, camera.height, camera.near);
         Ok((again, args.into_pyobject(py)?))
     }
 
+    #[doc = docs!("Camera.viewmat")]
     #[getter]
     fn viewmat<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         viewmat_of(py, &self.camera)
     }
 
+    #[doc = docs!("Camera.K")]
     #[getter(K)]
     fn k<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         k_of(py, &self.camera)
     }
 
+    #[doc = docs!("Camera.width")]
     #[getter]
     fn width(&self) -> u32 {
         self.camera.width
     }
 
+    #[doc = docs!("Camera.height")]
     #[getter]
     fn height(&self) -> u32 {
         self.camera.height
     }
 
+    #[doc = docs!("Camera.near")]
     #[getter]
     fn near(&self) -> f64 {
         self.camera.near
     }
 
+    #[doc = docs!("Camera.resized")]
     fn resized(&self, width: u32, height: u32) -> PyResult<Self> {
         let camera = self.camera.resized(width, height);
         camera.check().map_err(|error| Error::new_err(line_of(&error)))?;
@@ -108,6 +116,6 @@ pub fn _camera_of(
     width: u32,
     height: u32,
     near: f64,
-) -> PyResult<Camera> {
-    Camera::new(viewmat, k, width, height, near)
+) -> PyResult<PyCamera> {
+    PyCamera::new(viewmat, k, width, height, near)
 }

@@ -1,6 +1,9 @@
 //! The native part of the Python package `weather_magician`.
 //!
-//! Classes hold the library's values; arrays are moved into NumPy. What they are for is told in `weather_magician/__init__.pyi`.
+//! Classes hold the library's values; arrays are moved into NumPy. What they are for is told in `weather_magician/_native.pyi`.
+
+// The docstrings of the stub file, as `docs!`.
+include!(concat!(env!("OUT_DIR"), "/docs.rs"));
 
 mod arrays;
 mod batch;
@@ -21,13 +24,13 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("Error", module.py().get_type::<error::Error>())?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("LIDAR_CLASSES", lidar_classes())?;
-    module.add_class::<scene::Scene>()?;
-    module.add_class::<scene::Splats>()?;
-    module.add_class::<camera::Camera>()?;
-    module.add_class::<weather::Weather>()?;
-    module.add_class::<renderer::Renderer>()?;
-    module.add_class::<picture::Picture>()?;
-    module.add_class::<batch::Batch>()?;
+    module.add_class::<scene::PyScene>()?;
+    module.add_class::<scene::PySplats>()?;
+    module.add_class::<camera::PyCamera>()?;
+    module.add_class::<weather::PyWeather>()?;
+    module.add_class::<renderer::PyRenderer>()?;
+    module.add_class::<picture::PyPicture>()?;
+    module.add_class::<batch::PyBatch>()?;
     module.add_function(wrap_pyfunction!(reconstruct::reconstruct, module)?)?;
     module.add_function(wrap_pyfunction!(run_program, module)?)?;
     // What pickles call.

@@ -1,7 +1,7 @@
 //! Pictures, and their layers as arrays `[C, H, W, k]`.
 
 use crate::arrays::moved;
-use crate::camera::Camera;
+use crate::camera::PyCamera;
 use crate::error::{Failure, Outcome};
 use crate::process::detached;
 use pyo3::exceptions::{PyKeyError, PyValueError};
@@ -164,15 +164,15 @@ impl PictureStack {
     }
 }
 
-/// A rendered picture. See `weather_magician/__init__.pyi`.
-#[pyclass(frozen, module = "weather_magician")]
-pub struct Picture {
+#[doc = docs!("Picture")]
+#[pyclass(frozen, name = "Picture", module = "weather_magician")]
+pub struct PyPicture {
     pub picture: weather_magician::Picture,
     pub outputs: PictureOutputs,
     pub camera: wm_scene::Camera,
 }
 
-impl Picture {
+impl PyPicture {
     fn array_of<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let asked = PictureOutputs::of(&[name.to_owned()])?;
         let was_asked = asked
@@ -200,26 +200,30 @@ impl Picture {
 }
 
 #[pymethods]
-impl Picture {
+impl PyPicture {
     fn __repr__(&self) -> String {
         format!("Picture({}x{})", self.picture.frame.width, self.picture.frame.height)
     }
 
+    #[doc = docs!("Picture.width")]
     #[getter]
     fn width(&self) -> u32 {
         self.picture.frame.width
     }
 
+    #[doc = docs!("Picture.height")]
     #[getter]
     fn height(&self) -> u32 {
         self.picture.frame.height
     }
 
+    #[doc = docs!("Picture.camera")]
     #[getter]
-    fn camera(&self) -> Camera {
-        Camera { camera: self.camera }
+    fn camera(&self) -> PyCamera {
+        PyCamera { camera: self.camera }
     }
 
+    #[doc = docs!("Picture.tags")]
     #[getter]
     fn tags(&self) -> Vec<(String, String)> {
         self.picture.tags.clone()
@@ -229,16 +233,19 @@ impl Picture {
         self.array_of(py, name)
     }
 
+    #[doc = docs!("Picture.rgb")]
     #[getter]
     fn rgb<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array_of(py, "rgb")
     }
 
+    #[doc = docs!("Picture.rgb_linear")]
     #[getter]
     fn rgb_linear<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array_of(py, "rgb_linear")
     }
 
+    #[doc = docs!("Picture.save")]
     #[pyo3(signature = (path, *, layers=false))]
     fn save(&self, py: Python<'_>, path: PathBuf, layers: bool) -> PyResult<Vec<String>> {
         detached(py, |_| {

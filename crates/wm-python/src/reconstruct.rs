@@ -3,7 +3,7 @@
 use crate::error::{Failure, line_of};
 use crate::process::{StopFlag, detached, on_threads};
 use crate::renderer::device_of;
-use crate::scene::Scene;
+use crate::scene::PyScene;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -106,7 +106,7 @@ impl TrainObserver for Events<'_> {
     }
 }
 
-/// Turns photos into a scene. See `weather_magician/__init__.pyi`.
+#[doc = docs!("reconstruct")]
 #[pyfunction]
 #[pyo3(signature = (photos, *, preset="standard", steps=None, max_splats=None, eval_every=0, run_folder=None, resume="never", metres_per_unit=None, camera_height=None, device="auto", threads=None, callback=None))]
 #[allow(clippy::too_many_arguments)] // As many as Python's.
@@ -124,7 +124,7 @@ pub fn reconstruct(
     device: &str,
     threads: Option<usize>,
     callback: Option<Py<PyAny>>,
-) -> PyResult<Scene> {
+) -> PyResult<PyScene> {
     let wrong = |name: &str, value: &str, words: &str| {
         PyValueError::new_err(format!("{name} {value:?}: must be {words}"))
     };
@@ -162,7 +162,7 @@ pub fn reconstruct(
             (_, Some(raised)) => Err(Failure::Python(raised)),
             (Err(SessionError::Stopped { .. }), None) => Err(Failure::Stopped),
             (Err(error), None) => Err(Failure::Library(line_of(&error))),
-            (Ok(scene), None) => Ok(Scene::made(scene)),
+            (Ok(scene), None) => Ok(PyScene::made(scene)),
         }
     })
 }

@@ -1,12 +1,12 @@
 //! A device with a place on it: pictures as arrays, sweeps, videos, bakes and measurements.
 
 use crate::arrays::{intrinsics, matrices, moved, numbers, shape_fault};
-use crate::camera::Camera;
+use crate::camera::PyCamera;
 use crate::error::{Error, Failure, Outcome, line_of};
-use crate::picture::{Picture, PictureOutputs};
+use crate::picture::{PyPicture, PictureOutputs};
 use crate::process::{PerProcess, Reporter, StopFlag, detached, on_threads};
-use crate::scene::Scene;
-use crate::weather::Weather;
+use crate::scene::PyScene;
+use crate::weather::PyWeather;
 use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
@@ -30,10 +30,10 @@ pub fn device_of(name: &str) -> Outcome<Device> {
     name.parse().map_err(|error| Failure::Library(format!("device: {error}")))
 }
 
-/// A device with a place on it. See `weather_magician/__init__.pyi`.
-#[pyclass(frozen, module = "weather_magician")]
-pub struct Renderer {
-    scene: Scene,
+#[doc = docs!("Renderer")]
+#[pyclass(frozen, name = "Renderer", module = "weather_magician")]
+pub struct PyRenderer {
+    scene: PyScene,
     device: String,
     threads: Option<usize>,
     assets: Option<PathBuf>,
@@ -50,7 +50,7 @@ struct OpenPlace {
     picture: weather_magician::Picture,
 }
 
-impl Renderer {
+impl PyRenderer {
     /// Does `work` with the place of this process, without the interpreter.
     fn with<R: Send>(
         &self,
@@ -129,7 +129,7 @@ pub enum CameraInput {
 impl CameraInput {
     fn of(value: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let Some(value) = value else { return Ok(Self::Chosen) };
-        if let Ok(camera) = value.cast::<Camera>() {
+        if let Ok(camera) = value.cast::<PyCamera>() {
             return Ok(Self::Camera(camera.get().camera));
         }
         if let Ok(number) = value.extract::<u32>() {
@@ -170,7 +170,7 @@ fn times_of(time: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<f64>>
 }
 
 #[pymethods]
-impl Renderer {
+impl PyRenderer {
     #[new]
     #[pyo3(signature = (scene, *, device="auto", threads=None, assets=None))]
     fn new(
@@ -180,9 +180,9 @@ impl Renderer {
         threads: Option<usize>,
         assets: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let scene = match (scene.cast::<Scene>(), scene.extract::<PathBuf>()) {
+        let scene = match (scene.cast::<PyScene>(), scene.extract::<PathBuf>()) {
             (Ok(scene), _) => scene.get().clone(),
-            (_, Ok(path)) => detached(py, |_| Scene::read(&path, false, None))?,
+            (_, Ok(path)) => detached(py, |_| PyScene::read(&path, false, None))?,
             _ => return Err(PyTypeError::new_err("scene: must be a Scene or the path of one")),
         };
         let beside = || scene.origin.as_ref().map(|origin| AssetCache::folder_of(&origin.path));
@@ -213,35 +213,41 @@ impl Renderer {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
-        let again = py.import("weather_magician")?.getattr("_renderer_of")?;
+        let again = py.import("weather_magician._native")?.getattr("_renderer_of")?;
         let scene = own.scene.clone().into_pyobject(py)?;
         Ok((again, (scene, &own.device, own.threads, &own.assets).into_pyobject(py)?))
     }
 
+    #[doc = docs!("Renderer.scene")]
     #[getter]
-    fn scene(&self) -> Scene {
+    fn scene(&self) -> PyScene {
         self.scene.clone()
     }
 
+    #[doc = docs!("Renderer.describe")]
     fn describe(&self, py: Python<'_>) -> PyResult<String> {
         self.with(py, |open, _| Ok(open.renderer.describe()))
     }
 
+    #[doc = docs!("Renderer.metres_per_unit")]
     #[getter]
     fn metres_per_unit(&self, py: Python<'_>) -> PyResult<f64> {
         self.with(py, |open, _| Ok(open.place.site().metres_per_unit))
     }
 
+    #[doc = docs!("Renderer.up")]
     #[getter]
     fn up(&self, py: Python<'_>) -> PyResult<[f64; 3]> {
         self.with(py, |open, _| Ok(open.place.site().up))
     }
 
+    #[doc = docs!("Renderer.ground")]
     #[getter]
     fn ground(&self, py: Python<'_>) -> PyResult<f64> {
         self.with(py, |open, _| Ok(open.place.site().ground))
     }
 
+    #[doc = docs!("Renderer.camera")]
     #[pyo3(signature = (camera=None, *, size=None, fov=None))]
     fn camera(
         &self,
@@ -249,12 +255,13 @@ impl Renderer {
         camera: Option<&Bound<'_, PyAny>>,
         size: Option<(u32, u32)>,
         fov: Option<f64>,
-    ) -> PyResult<Camera> {
+    ) -> PyResult<PyCamera> {
         let (given, options) = (CameraInput::of(camera)?, view_options(size, fov)?);
-        self.with(py, |open, _| Ok(Camera { camera: open.camera(&given, &options)? }))
+        self.with(py, |open, _| Ok(PyCamera { camera: open.camera(&given, &options)? }))
     }
 
-    #[pyo3(signature = (weather, viewmats, Ks, width, height, *, time=None, outputs=vec!["rgb".to_owned()], near=None, velocities=None, progress=None))]
+    #[doc = docs!("Renderer.render")]
+    #[pyo3(signature = (weather, viewmats, Ks, width, height, *, time=None, outputs=None, near=None, velocities=None, progress=None))]
     #[allow(non_snake_case, clippy::too_many_arguments)] // As gsplat has it.
     fn render<'py>(
         &self,
@@ -265,19 +272,19 @@ impl Renderer {
         width: u32,
         height: u32,
         time: Option<&Bound<'py, PyAny>>,
-        outputs: Vec<String>,
+        outputs: Option<Vec<String>>,
         near: Option<f64>,
         velocities: Option<&Bound<'py, PyAny>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let weather = Weather::given(weather)?;
+        let weather = PyWeather::given(weather)?;
         let (viewmats, ks) = (matrices(viewmats, "viewmats")?, intrinsics(Ks, "Ks")?);
         let count = viewmats.len();
         if ks.len() != count {
             return Err(PyValueError::new_err(format!("Ks: there are {} for {count} viewmats", ks.len())));
         }
         let times = times_of(time, count)?;
-        let wanted = PictureOutputs::of(&outputs)?;
+        let wanted = PictureOutputs::of(&outputs.unwrap_or_else(|| vec!["rgb".into()]))?;
         let velocities = match velocities {
             None => vec![[0.0; 3]; count],
             Some(velocities) => {
@@ -311,7 +318,8 @@ impl Renderer {
         made.into_dict(py)
     }
 
-    #[pyo3(signature = (weather=None, camera=None, *, size=None, fov=None, time=0.0, outputs=Vec::new(), speed=0.0))]
+    #[doc = docs!("Renderer.picture")]
+    #[pyo3(signature = (weather=None, camera=None, *, size=None, fov=None, time=0.0, outputs=None, speed=0.0))]
     #[allow(clippy::too_many_arguments)] // As many as Python's.
     fn picture(
         &self,
@@ -321,13 +329,13 @@ impl Renderer {
         size: Option<(u32, u32)>,
         fov: Option<f64>,
         time: f64,
-        outputs: Vec<String>,
+        outputs: Option<Vec<String>>,
         speed: f64,
-    ) -> PyResult<Picture> {
-        let weather = weather.map_or_else(|| Ok(wm_weather::Weather::clear()), Weather::given)?;
+    ) -> PyResult<PyPicture> {
+        let weather = weather.map_or_else(|| Ok(wm_weather::Weather::clear()), PyWeather::given)?;
         let (given, options) = (CameraInput::of(camera)?, view_options(size, fov)?);
         let (time, speed) = (finite("time", time)?, finite("speed", speed)?);
-        let wanted = PictureOutputs::of(&outputs)?;
+        let wanted = PictureOutputs::of(&outputs.unwrap_or_default())?;
         let name = self.scene.name();
         self.with(py, |open, stop| {
             let camera = open.camera(&given, &options)?;
@@ -338,11 +346,12 @@ impl Renderer {
             let mut picture = std::mem::take(&mut open.picture);
             let site = open.place.site();
             picture.tags = picture_tags(&name, site, open.renderer.backend(), &weather, time, &camera);
-            Ok(Picture { picture, outputs: wanted, camera })
+            Ok(PyPicture { picture, outputs: wanted, camera })
         })
     }
 
-    #[pyo3(signature = (path, weather=None, camera=None, *, move_=None, seconds=5.0, fps=30.0, size=None, fov=None, speed=None, distance=None, progress=None))]
+    #[doc = docs!("Renderer.video")]
+    #[pyo3(signature = (path, weather=None, camera=None, *, r#move=None, seconds=5.0, fps=30.0, size=None, fov=None, speed=None, distance=None, progress=None))]
     #[allow(clippy::too_many_arguments)] // As many as Python's.
     fn video(
         &self,
@@ -350,7 +359,7 @@ impl Renderer {
         path: PathBuf,
         weather: Option<&Bound<'_, PyAny>>,
         camera: Option<&Bound<'_, PyAny>>,
-        move_: Option<String>,
+        r#move: Option<String>,
         seconds: f64,
         fps: f64,
         size: Option<(u32, u32)>,
@@ -359,7 +368,7 @@ impl Renderer {
         distance: Option<f64>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
-        let weather = weather.map_or_else(|| Ok(wm_weather::Weather::clear()), Weather::given)?;
+        let weather = weather.map_or_else(|| Ok(wm_weather::Weather::clear()), PyWeather::given)?;
         let (given, options) = (CameraInput::of(camera)?, view_options(size, fov)?);
         if !(seconds > 0.0 && seconds.is_finite()) {
             return Err(PyValueError::new_err(format!("seconds {seconds}: must be above 0")));
@@ -369,7 +378,7 @@ impl Renderer {
         let name = self.scene.name();
         self.with(py, |open, stop| {
             let mut reporter = Reporter::new(stop, progress.as_ref());
-            let motion = match (&move_, &given) {
+            let motion = match (&r#move, &given) {
                 (None, CameraInput::Camera(_)) => {
                     let camera = Box::new(open.camera(&given, &options)?);
                     CameraMotion::Still { camera, speed: speed.unwrap_or(0.0) }
@@ -399,6 +408,7 @@ impl Renderer {
         })
     }
 
+    #[doc = docs!("Renderer.scan")]
     #[pyo3(signature = (weather=None, lidar="os1-64", camera=None, *, time=0.0, speed=0.0, returns="strongest", rays=7, frame="compensated", seed=0, sweep=0))]
     #[allow(clippy::too_many_arguments)] // As many as Python's.
     fn scan<'py>(
@@ -415,7 +425,7 @@ impl Renderer {
         seed: u64,
         sweep: u32,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let weather = weather.map_or_else(|| Ok(wm_weather::Weather::clear()), Weather::given)?;
+        let weather = weather.map_or_else(|| Ok(wm_weather::Weather::clear()), PyWeather::given)?;
         let given = CameraInput::of(camera)?;
         let (time, speed) = (finite("time", time)?, finite("speed", speed)?);
         let wrong = |name: &str, value: &str, words: &str| {
@@ -480,6 +490,7 @@ impl Renderer {
         Ok(dict)
     }
 
+    #[doc = docs!("Renderer.bake")]
     #[pyo3(signature = (weather, *, time=0.0, progress=None))]
     fn bake(
         &self,
@@ -487,8 +498,8 @@ impl Renderer {
         weather: &Bound<'_, PyAny>,
         time: f64,
         progress: Option<Py<PyAny>>,
-    ) -> PyResult<Scene> {
-        let (weather, time) = (Weather::given(weather)?, finite("time", time)?);
+    ) -> PyResult<PyScene> {
+        let (weather, time) = (PyWeather::given(weather)?, finite("time", time)?);
         self.with(py, |open, stop| {
             let mut reporter = Reporter::new(stop, progress.as_ref());
             let OpenPlace { renderer, place, .. } = open;
@@ -500,11 +511,12 @@ impl Renderer {
                     weather.name
                 ))
             })?;
-            Ok(Scene::made(baked.scene))
+            Ok(PyScene::made(baked.scene))
         })
     }
 
-    #[pyo3(signature = (weather, *, time=0.0, camera=None, instruments=None, size=(480, 320), progress=None))]
+    #[doc = docs!("Renderer.measure")]
+    #[pyo3(signature = (weather, *, time=0.0, camera=None, instruments=None, size=None, progress=None))]
     #[allow(clippy::too_many_arguments)] // As many as Python's.
     fn measure<'py>(
         &self,
@@ -513,11 +525,11 @@ impl Renderer {
         time: f64,
         camera: Option<&Bound<'py, PyAny>>,
         instruments: Option<Vec<String>>,
-        size: (u32, u32),
+        size: Option<(u32, u32)>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyList>> {
-        let (weather, time) = (Weather::given(weather)?, finite("time", time)?);
-        let (given, options) = (CameraInput::of(camera)?, view_options(Some(size), None)?);
+        let (weather, time) = (PyWeather::given(weather)?, finite("time", time)?);
+        let (given, options) = (CameraInput::of(camera)?, view_options(Some(size.unwrap_or((480, 320))), None)?);
         let names: Vec<&str> = INSTRUMENTS.iter().map(|instrument| instrument.name).collect();
         if let Some(wrong) = instruments.iter().flatten().find(|name| !names.contains(&name.as_str())) {
             let says = format!("instruments {wrong:?}: unknown; the instruments are {}", names.join(", "));
@@ -614,11 +626,11 @@ pub fn _renderer_of(
     device: &str,
     threads: Option<usize>,
     assets: Option<PathBuf>,
-) -> PyResult<Renderer> {
+) -> PyResult<PyRenderer> {
     let off = false.into_pyobject(py)?.to_owned().into_any();
     let assets = match assets {
         Some(assets) => assets.into_pyobject(py)?.into_any(),
         None => off,
     };
-    Renderer::new(py, scene, device, threads, Some(&assets))
+    PyRenderer::new(py, scene, device, threads, Some(&assets))
 }

@@ -1,7 +1,7 @@
 //! Scenes, their splats as views of NumPy, and their changes.
 
 use crate::arrays::{moved, numbers, shape_fault, vector, view};
-use crate::camera::Camera;
+use crate::camera::PyCamera;
 use crate::error::{Error, Failure, Outcome, line_of};
 use crate::process::{Reporter, detached, on_threads};
 use crate::renderer::device_of;
@@ -18,10 +18,10 @@ use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
 use wm_scene::splats::{LabelKind, logit};
 use wm_scene::{Group, Metadata, Splats as SceneSplats};
 
-/// Splats, metadata and views. See `weather_magician/__init__.pyi`.
-#[pyclass(frozen, module = "weather_magician")]
+#[doc = docs!("Scene")]
+#[pyclass(frozen, name = "Scene", module = "weather_magician")]
 #[derive(Clone)]
-pub struct Scene {
+pub struct PyScene {
     pub scene: Arc<wm_scene::Scene>,
     pub origin: Option<SceneOrigin>,
 }
@@ -36,7 +36,7 @@ pub struct SceneOrigin {
     facts: Metadata,
 }
 
-impl Scene {
+impl PyScene {
     /// Reads a scene, with the errors of the program.
     pub fn read(path: &Path, repair: bool, level: Option<u32>) -> Outcome<Self> {
         let options = ReadOptions {
@@ -66,13 +66,15 @@ impl Scene {
 }
 
 #[pymethods]
-impl Scene {
+impl PyScene {
+    #[doc = docs!("Scene.open")]
     #[staticmethod]
     #[pyo3(signature = (path, *, repair=false, level=None))]
     fn open(py: Python<'_>, path: PathBuf, repair: bool, level: Option<u32>) -> PyResult<Self> {
         detached(py, |_| Self::read(&path, repair, level))
     }
 
+    #[doc = docs!("Scene.street")]
     #[staticmethod]
     #[pyo3(signature = (detail=1.0))]
     fn street(py: Python<'_>, detail: f64) -> PyResult<Self> {
@@ -86,6 +88,7 @@ impl Scene {
         })
     }
 
+    #[doc = docs!("Scene.from_arrays")]
     #[staticmethod]
     #[pyo3(signature = (means, quats, scales, opacities, sh, *, labels=None, metres_per_unit=None, up=None, ground=None))]
     #[allow(clippy::too_many_arguments)] // As many as Python's.
@@ -175,7 +178,7 @@ impl Scene {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let package = py.import("weather_magician")?;
+        let package = py.import("weather_magician._native")?;
         let Some(origin) = &self.origin else {
             let bytes = detached(py, |_| {
                 // JSON inside, since fields of metadata may be left out.
@@ -197,36 +200,43 @@ impl Scene {
         Ok((package.getattr("_scene_of_file")?, args))
     }
 
+    #[doc = docs!("Scene.path")]
     #[getter]
     fn path(&self) -> Option<String> {
         self.origin.as_ref().map(|origin| origin.path.display().to_string())
     }
 
+    #[doc = docs!("Scene.splats")]
     #[getter]
-    fn splats(&self) -> Splats {
-        Splats { scene: Arc::clone(&self.scene) }
+    fn splats(&self) -> PySplats {
+        PySplats { scene: Arc::clone(&self.scene) }
     }
 
+    #[doc = docs!("Scene.metres_per_unit")]
     #[getter]
     fn metres_per_unit(&self) -> Option<f64> {
         self.scene.metadata.metres_per_unit
     }
 
+    #[doc = docs!("Scene.up")]
     #[getter]
     fn up(&self) -> Option<[f64; 3]> {
         self.scene.metadata.up.map(|up| up.to_array())
     }
 
+    #[doc = docs!("Scene.ground")]
     #[getter]
     fn ground(&self) -> Option<f64> {
         self.scene.metadata.ground
     }
 
+    #[doc = docs!("Scene.views")]
     #[getter]
-    fn views(&self) -> Vec<(String, Camera)> {
-        self.scene.views.iter().map(|view| (view.name.clone(), Camera { camera: view.camera })).collect()
+    fn views(&self) -> Vec<(String, PyCamera)> {
+        self.scene.views.iter().map(|view| (view.name.clone(), PyCamera { camera: view.camera })).collect()
     }
 
+    #[doc = docs!("Scene.with_facts")]
     #[pyo3(signature = (*, metres_per_unit=None, up=None, ground=None))]
     fn with_facts(
         &self,
@@ -258,10 +268,12 @@ impl Scene {
         Ok(Self { scene: Arc::new(scene), origin })
     }
 
+    #[doc = docs!("Scene.save")]
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         detached(py, |_| Ok(on_threads(|| self.scene.save(&path))??))
     }
 
+    #[doc = docs!("Scene.changed")]
     #[pyo3(signature = (*, crop=None, up=None, scale=None, sh_degree=None, max_splats=None, device="auto", threads=None, progress=None))]
     #[allow(clippy::too_many_arguments)] // As many as Python's.
     fn changed(
@@ -317,8 +329,8 @@ pub fn _scene_of_file(
     level: Option<u32>,
     digest: &str,
     facts: (Option<f64>, Option<[f64; 3]>, Option<f64>),
-) -> PyResult<Scene> {
-    let (scene, found) = detached(py, |_| Ok((Scene::read(&path, repair, level)?, scene_digest_of(&path)?)))?;
+) -> PyResult<PyScene> {
+    let (scene, found) = detached(py, |_| Ok((PyScene::read(&path, repair, level)?, scene_digest_of(&path)?)))?;
     if found != digest {
         return Err(Error::new_err(format!("{}: is not the file that was pickled", path.display())));
     }
@@ -329,24 +341,24 @@ pub fn _scene_of_file(
 
 /// Makes a scene that was pickled by its values.
 #[pyfunction]
-pub fn _scene_of_bytes(bytes: &[u8], views: Vec<(String, PyRef<'_, Camera>)>) -> PyResult<Scene> {
+pub fn _scene_of_bytes(bytes: &[u8], views: Vec<(String, PyRef<'_, PyCamera>)>) -> PyResult<PyScene> {
     let damaged = || Error::new_err("this pickled scene is damaged");
     let (splats, facts): (SceneSplats, String) = postcard::from_bytes(bytes).map_err(|_| damaged())?;
     let metadata: Metadata = serde_json::from_str(&facts).map_err(|_| damaged())?;
     splats.check().map_err(|error| Error::new_err(line_of(&error)))?;
     let views =
         views.into_iter().map(|(name, camera)| wm_scene::SceneView { name, camera: camera.camera }).collect();
-    Ok(Scene::made(wm_scene::Scene { splats, metadata, views }))
+    Ok(PyScene::made(wm_scene::Scene { splats, metadata, views }))
 }
 
-/// The splats of a scene as read-only arrays. See `weather_magician/__init__.pyi`.
-#[pyclass(frozen, module = "weather_magician")]
-pub struct Splats {
+#[doc = docs!("Splats")]
+#[pyclass(frozen, name = "Splats", module = "weather_magician")]
+pub struct PySplats {
     scene: Arc<wm_scene::Scene>,
 }
 
 #[pymethods]
-impl Splats {
+impl PySplats {
     fn __len__(&self) -> usize {
         self.scene.splats.len()
     }
@@ -355,41 +367,48 @@ impl Splats {
         format!("Splats({}, SH degree {})", self.scene.splats.len(), self.scene.splats.sh_degree)
     }
 
+    #[doc = docs!("Splats.sh_degree")]
     #[getter]
     fn sh_degree(&self) -> u8 {
         self.scene.splats.sh_degree
     }
 
+    #[doc = docs!("Splats.means")]
     #[getter]
     fn means<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let splats = &slf.get().scene.splats;
         view(slf.clone().into_any(), splats.means.as_flattened(), (splats.len(), 3))
     }
 
+    #[doc = docs!("Splats.quats")]
     #[getter]
     fn quats<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let splats = &slf.get().scene.splats;
         view(slf.clone().into_any(), splats.quats.as_flattened(), (splats.len(), 4))
     }
 
+    #[doc = docs!("Splats.log_scales")]
     #[getter]
     fn log_scales<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let splats = &slf.get().scene.splats;
         view(slf.clone().into_any(), splats.log_scales.as_flattened(), (splats.len(), 3))
     }
 
+    #[doc = docs!("Splats.logit_opacities")]
     #[getter]
     fn logit_opacities<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let splats = &slf.get().scene.splats;
         view(slf.clone().into_any(), &splats.logit_opacities, splats.len())
     }
 
+    #[doc = docs!("Splats.sh")]
     #[getter]
     fn sh<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let splats = &slf.get().scene.splats;
         view(slf.clone().into_any(), &splats.sh, (splats.len(), splats.sh_stride() / 3, 3))
     }
 
+    #[doc = docs!("Splats.labels")]
     #[getter]
     fn labels<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArray1<u16>>>> {
         let names = slf.get().scene.splats.names(LabelKind::Label);
@@ -399,6 +418,7 @@ impl Splats {
         view(slf.clone().into_any(), names, names.len()).map(Some)
     }
 
+    #[doc = docs!("Splats.activated")]
     fn activated<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let splats = &self.scene.splats;
         let count = splats.len();

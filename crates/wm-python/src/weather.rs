@@ -11,15 +11,15 @@ use weather_magician::reports::{ReportOptions, WeatherReport, find_weather};
 use wm_weather::param::{ParamInput, ParamValue};
 use wm_weather::presets::PRESETS;
 
-/// Effects with their parameters over time. See `weather_magician/__init__.pyi`.
-#[pyclass(frozen, module = "weather_magician")]
+#[doc = docs!("Weather")]
+#[pyclass(frozen, name = "Weather", module = "weather_magician")]
 #[derive(Clone)]
-pub struct Weather {
+pub struct PyWeather {
     pub weather: wm_weather::Weather,
     notes: Vec<String>,
 }
 
-impl Weather {
+impl PyWeather {
     fn of(mut weather: wm_weather::Weather, notes: Vec<String>) -> Outcome<Self> {
         weather.load_images(read_panorama)?;
         Ok(Self { weather, notes })
@@ -30,7 +30,7 @@ impl Weather {
         Self::of(report.weather().clone(), notes)
     }
 
-    /// A weather as functions take it: a `Weather`, or what makes one.
+    /// A weather as functions take it: a `PyWeather`, or what makes one.
     pub fn given(value: &Bound<'_, PyAny>) -> PyResult<wm_weather::Weather> {
         if let Ok(weather) = value.cast::<Self>() {
             return Ok(weather.get().weather.clone());
@@ -38,7 +38,7 @@ impl Weather {
         let Ok(name) = value.extract::<PathBuf>() else {
             return Err(PyTypeError::new_err("weather: must be a Weather, or the name of one"));
         };
-        Ok(Self::new(value.py(), name, None)?.weather)
+        Ok(Self::new(value.py(), Some(name), None)?.weather)
     }
 }
 
@@ -76,11 +76,15 @@ fn failed(error: &dyn std::error::Error) -> Failure {
 }
 
 #[pymethods]
-impl Weather {
+impl PyWeather {
     #[new]
-    #[pyo3(signature = (name=PathBuf::from("clear"), parameters=None))]
-    fn new(py: Python<'_>, name: PathBuf, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let name = name.to_string_lossy().into_owned();
+    #[pyo3(signature = (name=None, parameters=None))]
+    fn new(
+        py: Python<'_>,
+        name: Option<PathBuf>,
+        parameters: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let name = name.map_or_else(|| "clear".into(), |name| name.to_string_lossy().into_owned());
         let found = detached(py, |_| find_weather(&name, Path::new("")).map_err(|error| failed(&error)))?;
         let mut weather = found.weather;
         for (key, value) in parameters.into_iter().flatten() {
@@ -95,16 +99,19 @@ impl Weather {
         Ok(detached(py, |_| Self::of(weather, notes))?)
     }
 
+    #[doc = docs!("Weather.presets")]
     #[staticmethod]
     fn presets() -> Vec<&'static str> {
         PRESETS.iter().map(|(name, _)| *name).collect()
     }
 
+    #[doc = docs!("Weather.parse")]
     #[staticmethod]
     fn parse(py: Python<'_>, text: &str) -> PyResult<Self> {
         detached(py, |_| Self::of(wm_weather::Weather::parse(text, "weather")?, Vec::new()))
     }
 
+    #[doc = docs!("Weather.from_report")]
     #[staticmethod]
     #[pyo3(signature = (report, *, place=None, day=None, seconds_per_hour=1.0))]
     fn from_report(
@@ -127,6 +134,7 @@ impl Weather {
         })
     }
 
+    #[doc = docs!("Weather.set")]
     fn set(&self, py: Python<'_>, key: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         let set = self.weather.clone().set(key, input_of(value)?).map_err(|error| failed(&error))?;
         detached(py, |_| Self::of(set, self.notes.clone()))
@@ -143,29 +151,34 @@ impl Weather {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
-        let again = py.import("weather_magician")?.getattr("_weather_of")?;
+        let again = py.import("weather_magician._native")?.getattr("_weather_of")?;
         Ok((again, (own.weather.to_toml(), &own.notes).into_pyobject(py)?))
     }
 
+    #[doc = docs!("Weather.name")]
     #[getter]
     fn name(&self) -> &str {
         &self.weather.name
     }
 
+    #[doc = docs!("Weather.about")]
     #[getter]
     fn about(&self) -> &str {
         &self.weather.about
     }
 
+    #[doc = docs!("Weather.notes")]
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.notes.clone()
     }
 
+    #[doc = docs!("Weather.to_toml")]
     fn to_toml(&self) -> String {
         self.weather.to_toml()
     }
 
+    #[doc = docs!("Weather.save")]
     fn save(&self, path: PathBuf) -> PyResult<()> {
         let written = wm_scene::files::write_atomically(&path, |out| {
             Ok(out.write_all(self.weather.to_toml().as_bytes())?)
@@ -173,6 +186,7 @@ impl Weather {
         Ok(written.map_err(|error| failed(&error))?)
     }
 
+    #[doc = docs!("Weather.parameters")]
     #[pyo3(signature = (time=0.0))]
     fn parameters<'py>(&self, py: Python<'py>, time: f64) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
@@ -193,6 +207,6 @@ impl Weather {
 
 /// Makes a weather that was pickled.
 #[pyfunction]
-pub fn _weather_of(py: Python<'_>, text: &str, notes: Vec<String>) -> PyResult<Weather> {
-    detached(py, |_| Weather::of(wm_weather::Weather::parse(text, "pickled weather")?, notes))
+pub fn _weather_of(py: Python<'_>, text: &str, notes: Vec<String>) -> PyResult<PyWeather> {
+    detached(py, |_| PyWeather::of(wm_weather::Weather::parse(text, "pickled weather")?, notes))
 }
