@@ -76,6 +76,16 @@ fn the_crate_outside_of_the_workspace_locks_what_the_libraries_depend_on() {
     let lock: toml::Table = read("tests/downstream/Cargo.lock").parse().unwrap();
     let locked: Vec<&str> =
         lock["package"].as_array().unwrap().iter().map(|package| package["name"].as_str().unwrap()).collect();
+    // The same versions, or dependencies would be built twice.
+    let here = read("Cargo.lock");
+    for package in lock["package"].as_array().unwrap().iter().filter(|one| one.get("source").is_some()) {
+        let [name, version] = ["name", "version"].map(|key| package[key].as_str().unwrap());
+        assert!(
+            here.contains(&format!("name = \"{name}\"\nversion = \"{version}\"\n")),
+            "{name} {version} is not in Cargo.lock: copy Cargo.lock into tests/downstream and run \
+             `cargo tree --manifest-path tests/downstream/Cargo.toml`"
+        );
+    }
     for library in std::fs::read_dir(Path::new(ROOT).join("crates")).unwrap() {
         let path = library.unwrap().path().join("Cargo.toml");
         let manifest: toml::Table = std::fs::read_to_string(&path).unwrap().parse().unwrap();

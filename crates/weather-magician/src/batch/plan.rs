@@ -240,12 +240,16 @@ impl BatchPlan {
         })?;
         written.plan(file, folder, stem).map_err(|fault| {
             let from = fault.at.unwrap_or(0).min(text.len());
-            // The line of the key itself, where it stands alone.
-            let last = fault.key.rsplit(' ').next().unwrap_or_default();
+            // The line of the key itself: alone, below its table, before keys of its own, or dotted as `vary.temperature`.
+            let mut words = fault.key.rsplit(' ');
+            let last = words.next().unwrap_or_default();
+            let dotted = words.next().map_or_else(|| format!(".{last}"), |table| format!("{table}.{last}"));
             let is_key = |line: &str| {
-                let line = line.trim_start().trim_start_matches('"');
-                line.strip_prefix(last)
-                    .is_some_and(|rest| rest.trim_start_matches('"').trim_start().starts_with(['=', '.']))
+                let Some((key, _)) = line.split_once('=') else { return false };
+                let key: String = key.chars().filter(|c| !c.is_whitespace() && !"\"'".contains(*c)).collect();
+                let is_dotted =
+                    key.strip_suffix(&dotted).is_some_and(|rest| rest.is_empty() || rest.ends_with('.'));
+                key == last || is_dotted || key.strip_prefix(last).is_some_and(|rest| rest.starts_with('.'))
             };
             let own = text[from..].lines().position(is_key).map(|lines| line_of(from) + lines);
             let line = own.or_else(|| fault.at.map(line_of));

@@ -153,12 +153,19 @@ impl SetSummary {
     }
 }
 
+/// A value with at most four decimals.
+fn short(value: f64) -> String {
+    let text = format!("{value:.4}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
+}
+
 /// A histogram of a variable, even in its logarithm where it spans more than a factor of 20.
 fn histogram(name: &str, values: &[f64]) -> String {
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
     let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let clips = if values.len() == 1 { "1 clip".into() } else { format!("{} clips", values.len()) };
     if most <= least || values.is_empty() {
-        return format!("<p><b>{name}</b> {least} in {} clips</p>", values.len());
+        return format!("<p><b>{name}</b> {} in {clips}</p>", short(least));
     }
     let is_log = least > 0.0 && most > 20.0 * least;
     let scaled = |value: f64| if is_log { value.ln() } else { value };
@@ -171,10 +178,11 @@ fn histogram(name: &str, values: &[f64]) -> String {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let mut text = format!(
-        "<p><b>{name}</b> {least:.4} to {most:.4}, median {:.4}, in {} clips{}<br><svg width=\"320\" height=\"48\" role=\"img\" \
+        "<p><b>{name}</b> {} to {}, median {}, in {clips}{}<br><svg width=\"320\" height=\"48\" role=\"img\" \
          aria-label=\"histogram of {name}\">",
-        sorted[sorted.len() / 2],
-        values.len(),
+        short(least),
+        short(most),
+        short(sorted[sorted.len() / 2]),
         if is_log { ", logarithmic" } else { "" }
     );
     for (column, count) in counts.iter().enumerate() {
@@ -187,4 +195,17 @@ fn histogram(name: &str, values: &[f64]) -> String {
         );
     }
     text + "</svg></p>"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_have_at_most_four_decimals_and_one_clip_is_one() {
+        assert_eq!(histogram("fog.mor", &[318.18638674104176]), "<p><b>fog.mor</b> 318.1864 in 1 clip</p>");
+        assert_eq!(histogram("fog.mor", &[80.0, 80.0]), "<p><b>fog.mor</b> 80 in 2 clips</p>");
+        let spread = histogram("temperature", &[-1.25, 0.1 + 0.2, 10.0]);
+        assert!(spread.contains("</b> -1.25 to 10, median 0.3, in 3 clips<br>"), "{spread}");
+    }
 }

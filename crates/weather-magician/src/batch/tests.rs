@@ -216,6 +216,26 @@ fn a_wrong_plan_is_told_with_its_line_and_key() {
             ),
             "line 6: vary fog.mor: max is missing",
         ),
+        (
+            format!(
+                "{scene}[[weather]]\nsamples = 5\nset.temperature = 3\nvary.temperature = {{ distribution = \"uniform\", min = 9 }}\n"
+            ),
+            "line 6: vary temperature: max is missing",
+        ),
+        (
+            format!(
+                "{scene}[[weather]]\nsamples = 5\n\nvary.\"fog.mor\" = {{ distribution = \"uniform\", min = 9 }}\n"
+            ),
+            "line 6: vary fog.mor: max is missing",
+        ),
+        (
+            format!(
+                "{scene}[[weather]]\nsamples = 5\n[weather.vary]\n'fog.mor'.distribution = \"uniform\"\n'fog.mor'.min = 9\n"
+            ),
+            "line 6: vary fog.mor: max is missing",
+        ),
+        (format!("splits.train = 0.5\n{scene}{weather}"), "line 1: splits: the shares sum to 0.5"),
+        (format!("{scene}{weather}[[path]]\n\npath=\"dollly\"\n"), "line 7: path path"),
     ] {
         let fault = parse(&text, folder.path()).unwrap_err();
         assert!(fault.contains(says) && !fault.contains('\n'), "{text}\n{fault}");
