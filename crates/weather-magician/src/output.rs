@@ -70,12 +70,15 @@ impl PictureLayer {
         (Self::Instance, "instance"),
     ];
 
-    fn name(self) -> &'static str {
+    /// Returns its name, as in `--also`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(kind, _)| *kind == self).map_or("", |(_, name)| name)
     }
 
-    /// The channels of an EXR layer.
-    fn channels(self) -> &'static [&'static str] {
+    /// Returns the names of its channels in an EXR file.
+    #[must_use]
+    pub fn channels(self) -> &'static [&'static str] {
         match self {
             Self::Depth | Self::MedianDepth | Self::WaterDepth => &["Z"],
             Self::Normal => &["X", "Y", "Z"],
@@ -448,6 +451,15 @@ impl PictureStyle {
 
     fn exr(&self, path: &Path, size: PictureSize, planes: exr::ExrPlanes<'_>) -> Result<(), MediaError> {
         exr::write_exr(path, planes, size, &self.tags)
+    }
+}
+
+impl Picture {
+    /// Returns the values of a layer that was rendered, `[H, W, C]` with the channels of [`PictureLayer::channels`]: metres, world axes, shares,
+    /// linear light or px. Empty if it was not asked for.
+    #[must_use]
+    pub fn layer(&self, layer: PictureLayer) -> Cow<'_, [f32]> {
+        PictureStyle { metres_per_unit: self.metres_per_unit, ..PictureStyle::default() }.values(layer, self)
     }
 }
 

@@ -6,6 +6,7 @@ mod batch;
 mod error;
 mod process;
 mod renderer;
+mod sample;
 
 use pyo3::prelude::*;
 
@@ -14,6 +15,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("Error", module.py().get_type::<error::Error>())?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<batch::Batch>()?;
+    module.add("CONDITIONS", sample::conditions())?;
+    module.add_class::<sample::SplitFrames>()?;
+    module.add_class::<sample::Permutation>()?;
     module.add_function(wrap_pyfunction!(batch::_open_batch, module)?)?;
     Ok(())
 }
