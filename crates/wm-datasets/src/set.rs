@@ -136,6 +136,9 @@ pub enum Condition {
 }
 
 impl Condition {
+    /// All of them.
+    pub const ALL: [Self; 6] = [Self::Clear, Self::Fog, Self::Rain, Self::Snow, Self::Dust, Self::Night];
+
     /// The name in files.
     #[must_use]
     pub fn name(self) -> &'static str {

@@ -1,14 +1,17 @@
 //! Data sets by a plan, block for block.
 
 use crate::error::{Error, Failure, Outcome};
-use crate::process::{PerProcess, Reporter, detached, on_threads};
+use crate::process::{PerProcess, Reporter, detached, on_some_threads};
 use crate::renderer::device_of;
+use crate::sample::{SplitFrames, dict_of, layers_of, split_index};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyRange, PyTuple};
 use std::path::{Path, PathBuf};
 use weather_magician::assets::AssetCache;
-use weather_magician::batch::{BatchPlan, BatchRun, BatchStore, merge, missing_blocks};
+use weather_magician::batch::{
+    BatchPlan, BatchRun, BatchStore, SampleOptions, SplitClips, merge, missing_blocks,
+};
 use weather_magician::{CpuConfig, Renderer};
 
 #[doc = docs!("Batch")]
@@ -46,7 +49,9 @@ fn open_run(plan: &Path, device: &str, threads: Option<usize>) -> Outcome<BatchR
     let plan = BatchPlan::read(plan)?;
     let cpu = CpuConfig { threads, ..CpuConfig::default() };
     let renderer = Renderer::new(&device_of(device)?, cpu, |_| {})?;
-    Ok(on_threads(|| BatchRun::new(plan, renderer, |scene| Some(AssetCache::folder_of(scene))))??)
+    Ok(on_some_threads(threads, || {
+        BatchRun::new(plan, renderer, |scene| Some(AssetCache::folder_of(scene)))
+    })??)
 }
 
 impl PyBatch {
@@ -59,7 +64,7 @@ impl PyBatch {
             }
             Ok(run)
         };
-        self.run.with(make, |run| on_threads(|| work(run))?)
+        self.run.with(make, |run| on_some_threads(self.threads, || work(run))?)
     }
 
     fn store(&self) -> Outcome<BatchStore> {
@@ -263,6 +268,60 @@ impl PyBatch {
         dict.set_item("bytes", merged.bytes)?;
         dict.set_item("warnings", merged.warnings)?;
         Ok(dict)
+    }
+
+    #[getter]
+    #[doc = docs!("Batch.splits")]
+    fn splits(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        detached(py, |_| self.with(|run| Ok(run.plan.splits.iter().map(|(name, _)| name.clone()).collect())))
+    }
+
+    #[doc = docs!("Batch.split")]
+    fn split(&self, py: Python<'_>, name: String) -> PyResult<SplitFrames> {
+        detached(py, |_| {
+            self.with(|run| {
+                let split = split_index(&run.plan.splits, &name)?;
+                let clips = SplitClips::count(&run.plan, split, run.clips.clips());
+                Ok(SplitFrames { name, clips, frames: u64::from(run.plan.frames) })
+            })
+        })
+    }
+
+    #[getter]
+    #[doc = docs!("Batch.sensors")]
+    fn sensors(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        detached(py, |_| {
+            self.with(|run| Ok(run.rig.sensors.iter().map(|sensor| sensor.name.clone()).collect()))
+        })
+    }
+
+    #[getter]
+    #[doc = docs!("Batch.frames_per_clip")]
+    fn frames_per_clip(&self) -> u64 {
+        self.facts.frames / self.facts.clips.max(1)
+    }
+
+    #[pyo3(signature = (frame, sensor=None, layers=None, *, places=2))]
+    #[doc = docs!("Batch.sample")]
+    fn sample<'py>(
+        &self,
+        py: Python<'py>,
+        frame: i64,
+        sensor: Option<&str>,
+        layers: Option<Vec<String>>,
+        places: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let frame = u64::try_from(frame).ok().filter(|frame| *frame < self.facts.frames);
+        let frame = frame
+            .ok_or_else(|| PyIndexError::new_err(format!("the set has {} frames", self.facts.frames)))?;
+        let layers = layers_of(layers)?;
+        let (sample, set) = detached(py, |_| {
+            self.with(|run| {
+                let options = SampleOptions { sensor, layers: layers.as_deref(), places };
+                Ok((run.sample(frame, &options)?, run.set.clone()))
+            })
+        })?;
+        dict_of(py, frame, sample, &set)
     }
 
     #[doc = docs!("Batch.take_warnings")]

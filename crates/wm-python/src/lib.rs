@@ -13,6 +13,7 @@ mod picture;
 mod process;
 mod reconstruct;
 mod renderer;
+mod sample;
 mod scene;
 mod weather;
 
@@ -33,6 +34,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<batch::PyBatch>()?;
     module.add_function(wrap_pyfunction!(reconstruct::reconstruct, module)?)?;
     module.add_function(wrap_pyfunction!(run_program, module)?)?;
+    module.add("CONDITIONS", sample::conditions())?;
+    module.add_class::<sample::SplitFrames>()?;
+    module.add_class::<sample::Permutation>()?;
     // What pickles call.
     module.add_function(wrap_pyfunction!(scene::_scene_of_file, module)?)?;
     module.add_function(wrap_pyfunction!(scene::_scene_of_bytes, module)?)?;

@@ -2,11 +2,13 @@
 
 use crate::error::{Failure, Outcome};
 use pyo3::prelude::*;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::mem;
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
 use std::time::Duration;
 use weather_magician::Progress;
@@ -168,11 +170,23 @@ impl<T> Drop for PerProcess<T> {
 
 /// Does `work` on the threads of this process.
 pub fn on_threads<R: Send>(work: impl FnOnce() -> R + Send) -> Outcome<R> {
-    static THREADS: PerProcess<std::sync::Arc<rayon::ThreadPool>> = PerProcess::new();
-    let make = || {
-        let built = rayon::ThreadPoolBuilder::new().build();
-        built.map(std::sync::Arc::new).map_err(|error| Failure::Library(error.to_string()))
-    };
-    let pool = THREADS.with(make, |pool| Ok(std::sync::Arc::clone(pool)))?;
+    on_some_threads(None, work)
+}
+
+/// Does `work` on so many threads of this process; `None` for one for each processor.
+pub fn on_some_threads<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send) -> Outcome<R> {
+    type Pools = BTreeMap<usize, Arc<rayon::ThreadPool>>;
+    static POOLS: PerProcess<Pools> = PerProcess::new();
+    let pool = POOLS.with(
+        || Ok::<Pools, Failure>(Pools::new()),
+        |pools| match pools.entry(threads.unwrap_or(0)) {
+            Entry::Occupied(known) => Ok(Arc::clone(known.get())),
+            Entry::Vacant(place) => {
+                let built = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
+                let built = built.map_err(|error| Failure::Library(error.to_string()))?;
+                Ok(Arc::clone(place.insert(Arc::new(built))))
+            }
+        },
+    )?;
     Ok(pool.install(work))
 }

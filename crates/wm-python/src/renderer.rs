@@ -3,7 +3,7 @@
 use crate::arrays::{intrinsics, matrices, moved, numbers, shape_fault};
 use crate::camera::PyCamera;
 use crate::error::{Error, Failure, Outcome, line_of};
-use crate::picture::{PyPicture, PictureOutputs};
+use crate::picture::{PictureOutputs, PyPicture};
 use crate::process::{PerProcess, Reporter, StopFlag, detached, on_threads};
 use crate::scene::PyScene;
 use crate::weather::PyWeather;
@@ -529,7 +529,8 @@ impl PyRenderer {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyList>> {
         let (weather, time) = (PyWeather::given(weather)?, finite("time", time)?);
-        let (given, options) = (CameraInput::of(camera)?, view_options(Some(size.unwrap_or((480, 320))), None)?);
+        let (given, options) =
+            (CameraInput::of(camera)?, view_options(Some(size.unwrap_or((480, 320))), None)?);
         let names: Vec<&str> = INSTRUMENTS.iter().map(|instrument| instrument.name).collect();
         if let Some(wrong) = instruments.iter().flatten().find(|name| !names.contains(&name.as_str())) {
             let says = format!("instruments {wrong:?}: unknown; the instruments are {}", names.join(", "));

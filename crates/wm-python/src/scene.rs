@@ -330,7 +330,8 @@ pub fn _scene_of_file(
     digest: &str,
     facts: (Option<f64>, Option<[f64; 3]>, Option<f64>),
 ) -> PyResult<PyScene> {
-    let (scene, found) = detached(py, |_| Ok((PyScene::read(&path, repair, level)?, scene_digest_of(&path)?)))?;
+    let (scene, found) =
+        detached(py, |_| Ok((PyScene::read(&path, repair, level)?, scene_digest_of(&path)?)))?;
     if found != digest {
         return Err(Error::new_err(format!("{}: is not the file that was pickled", path.display())));
     }

@@ -79,11 +79,7 @@ fn failed(error: &dyn std::error::Error) -> Failure {
 impl PyWeather {
     #[new]
     #[pyo3(signature = (name=None, parameters=None))]
-    fn new(
-        py: Python<'_>,
-        name: Option<PathBuf>,
-        parameters: Option<&Bound<'_, PyDict>>,
-    ) -> PyResult<Self> {
+    fn new(py: Python<'_>, name: Option<PathBuf>, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let name = name.map_or_else(|| "clear".into(), |name| name.to_string_lossy().into_owned());
         let found = detached(py, |_| find_weather(&name, Path::new("")).map_err(|error| failed(&error)))?;
         let mut weather = found.weather;

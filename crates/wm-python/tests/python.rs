@@ -24,7 +24,9 @@ fn the_package_passes_its_tests() {
     let extension = extension();
     // A link, since the file is large; a copy where there are none.
     let here = package.join(format!("_native.{}", if cfg!(windows) { "pyd" } else { "abi3.so" }));
-    fs::hard_link(&extension, &here).or_else(|_| fs::copy(&extension, &here).map(drop)).expect("the extension");
+    fs::hard_link(&extension, &here)
+        .or_else(|_| fs::copy(&extension, &here).map(drop))
+        .expect("the extension");
     let tests = Command::new(&python)
         .args(["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"])
         .arg(root.join("tests/python"))

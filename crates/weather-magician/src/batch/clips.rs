@@ -4,10 +4,10 @@
 //! order of clips. A block is a run of frames of one scene.
 
 use super::plan::{BatchPlan, MOST_FRAMES, PlanPathKind, PlanRig, slug};
+use super::splits::split_of;
 use super::weathers::{PlannedWeather, SamplePlace, seeded};
 use crate::{Error, Result};
 use std::ops::Range;
-use wm_scene::random::uniform;
 use wm_scene::{Camera, SceneView};
 
 /// Seconds between the end of a clip and the start of the next.
@@ -233,6 +233,13 @@ impl BatchClips {
         self.scenes.partition_point(|scene| scene.first <= clip) - 1
     }
 
+    /// The only sensor of a frame; `None` for all.
+    pub(super) fn only_sensor(&self, frame: u64) -> Option<usize> {
+        let clip = frame / self.frames;
+        let own = &self.scenes[self.scene_of(clip)];
+        own.ways[((clip - own.first) % own.ways.len() as u64) as usize].sensor
+    }
+
     pub(super) fn way(&self, clip: &PlannedClip) -> &ClipWay {
         &self.scenes[clip.scene].ways[clip.way]
     }
@@ -283,7 +290,10 @@ impl BatchClips {
             name,
             scene,
             way: way as usize,
-            split: split_of(plan, number),
+            split: plan
+                .splits
+                .get(split_of(plan, number))
+                .map_or_else(|| "train".into(), |(name, _)| name.clone()),
             start,
             weather: planned,
         })
@@ -297,16 +307,4 @@ fn sensor_of(cameras: &mut Vec<Camera>, camera: &Camera) -> usize {
         cameras.push(*camera);
         cameras.len() - 1
     })
-}
-
-/// The part of the set that a clip belongs to.
-fn split_of(plan: &BatchPlan, clip: u64) -> String {
-    let mut at = uniform(plan.seed ^ 0x5eed_5917, clip);
-    for (name, share) in &plan.splits {
-        if at < *share {
-            return name.clone();
-        }
-        at -= share;
-    }
-    plan.splits.last().map_or_else(|| "train".into(), |(name, _)| name.clone())
 }

@@ -36,15 +36,20 @@ mod clips;
 mod distribution;
 mod hypercube;
 mod merge;
+mod places;
 mod plan;
 mod run;
+mod sample;
 mod set;
 mod shots;
+mod splits;
 mod store;
 mod summary;
 mod weathers;
 mod writers;
 
+#[cfg(test)]
+mod sample_tests;
 #[cfg(test)]
 mod tests;
 
@@ -54,6 +59,8 @@ pub use hypercube::{LatinHypercube, RandomPermutation};
 pub use merge::{CLIPS, FRAMES, MANIFEST, MergedSet, merge, missing_blocks, runs_of};
 pub use plan::{BatchPlan, FRAMES_LAYOUT, PictureNeeds, PlanPath, PlanPathKind, PlanRig, PlanScene};
 pub use run::{BatchRun, WriteShare};
+pub use sample::{BatchSample, SampleArray, SampleData, SampleLayer, SampleOptions, SampleValues};
+pub use splits::{SplitClips, split_of};
 pub use store::{BatchStore, BlockMarker, MarkedClip, MarkedFile, scene_digest_of};
 pub use summary::PAGE;
 pub use weathers::{PlannedWeather, SamplePlace, WeatherEntry, WeatherSource};

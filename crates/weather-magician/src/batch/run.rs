@@ -1,20 +1,19 @@
 //! Makes the blocks of a plan: renders, scans and writes.
 
-use super::clips::{BatchClips, BlockPart, PlannedBlock, PlannedClip};
-use super::plan::{BatchPlan, PictureNeeds, PlanPathKind};
-use super::set::{SetWorld, clip_of, place_of, readings_of, rig_of, set_of};
-use super::shots::{ActivePart, ReadingBuffer, Shots};
-use super::store::{BatchStore, BlockFiles, BlockMarker, MarkedClip, scene_digest_of};
+use super::clips::{BatchClips, BlockPart, PlannedBlock};
+use super::places::OpenPlaces;
+use super::plan::{BatchPlan, PictureNeeds};
+use super::set::{clip_of, place_of, readings_of, rig_of, set_of};
+use super::shots::{ActivePart, ReadingBuffer, ShotMemory, Shots};
+use super::store::{BatchStore, BlockFiles, BlockMarker, MarkedClip};
 use super::writers::{BlockWriters, WriterTarget};
 use crate::rig::{Rig, RigDevice};
 use crate::sequence::render_and_write;
-use crate::view::ViewOptions;
-use crate::{CameraMotion, Error, PlaceOptions, PreparedPlace, Progress, Renderer, Result};
+use crate::{CameraMotion, Error, Progress, Renderer, Result};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use wm_datasets::SetInfo;
-use wm_render::RenderConfig;
 use wm_scene::SceneView;
 use wm_scene::formats::{ReadOptions, read_scene};
 
@@ -29,11 +28,13 @@ pub struct BatchRun {
     /// The same in the terms of data sets.
     pub set: SetInfo,
     needs: PictureNeeds,
-    renderer: Renderer,
+    pub(super) renderer: Renderer,
     /// The folder for prepared assets, by scene; `None` keeps none.
-    assets: fn(&Path) -> Option<PathBuf>,
-    open: Option<OpenPlace>,
-    warnings: Vec<String>,
+    pub(super) assets: fn(&Path) -> Option<PathBuf>,
+    pub(super) places: OpenPlaces,
+    /// The cameras of the clip that was sampled last.
+    pub(super) sampled: ShotMemory,
+    pub(super) warnings: Vec<String>,
     /// The time that was spent with writing, of all.
     pub written: WriteShare,
 }
@@ -49,16 +50,6 @@ pub struct WriteShare {
     pub bytes: u64,
     /// Frames that were made.
     pub frames: u64,
-}
-
-/// The scene that is open.
-struct OpenPlace {
-    scene: usize,
-    digest: String,
-    place: PreparedPlace,
-    world: SetWorld,
-    /// The motion of each way, once it was asked for.
-    motions: Vec<Option<CameraMotion>>,
 }
 
 impl BatchRun {
@@ -88,8 +79,19 @@ impl BatchRun {
                 needs.later.check(model, &wm_weather::Weather::clear())?;
             }
         }
-        let (open, warnings, written) = (None, Vec::new(), WriteShare::default());
-        Ok(Self { plan, clips, rig, set, needs, renderer, assets, open, warnings, written })
+        Ok(Self {
+            plan,
+            clips,
+            rig,
+            set,
+            needs,
+            renderer,
+            assets,
+            places: OpenPlaces::default(),
+            sampled: ShotMemory::default(),
+            warnings: Vec::new(),
+            written: WriteShare::default(),
+        })
     }
 
     /// The renderer.
@@ -100,7 +102,7 @@ impl BatchRun {
 
     /// The warnings since the last call.
     pub fn take_warnings(&mut self) -> Vec<String> {
-        if let Some(open) = &mut self.open {
+        for open in self.places.iter_mut() {
             self.warnings.append(&mut open.place.take_warnings());
         }
         std::mem::take(&mut self.warnings)
@@ -120,7 +122,7 @@ impl BatchRun {
         let mut files = store.begin(block.number)?;
         let parts = self.clips.parts(&block.frames);
         let clips = self.draw(&parts, &mut files, progress)?;
-        let open = self.open.as_ref().ok_or(Error::Stopped)?;
+        let open = self.places.last().ok_or(Error::Stopped)?;
         let marker = BlockMarker {
             block: block.number,
             plan: self.plan.digest.clone(),
@@ -153,81 +155,13 @@ impl BatchRun {
         store.place(files).map(drop)
     }
 
-    fn open(&mut self, scene: usize) -> Result<()> {
-        if self.open.as_ref().is_some_and(|open| open.scene == scene) {
-            return Ok(());
-        }
-        if let Some(open) = self.open.take() {
-            self.renderer.unload(open.place)?;
-        }
-        let of = &self.plan.scenes[scene];
-        let digest = scene_digest_of(&of.file)?;
-        let read = read_scene(&of.file, &ReadOptions::default())?;
-        if let Err(found) = read.check_finite() {
-            let says = format!(
-                "{}: {found}; `weather-magician convert --repair` leaves them out",
-                of.file.display()
-            );
-            return Err(Error::Unsupported(says));
-        }
-        let options = PlaceOptions { facts: of.facts.clone(), assets: (self.assets)(&of.file) };
-        let mut place = self.renderer.load_with(read, &options)?;
-        let config = RenderConfig { outputs: self.needs.outputs, ..place.config };
-        place.config = config;
-        let world = SetWorld::of(&place);
-        let warnings = place.take_warnings();
-        self.warnings.extend(warnings.into_iter().map(|warning| format!("{}: {warning}", of.name)));
-        self.open = Some(OpenPlace { scene, digest, place, world, motions: Vec::new() });
-        Ok(())
-    }
-
-    /// The motion of the rig along a way, from time 0 on.
-    fn motion(&mut self, clip: &PlannedClip) -> Result<CameraMotion> {
-        let way = self.clips.way(clip).clone();
-        let Some(open) = &mut self.open else { return Err(Error::Stopped) };
-        if let Some(Some(motion)) = open.motions.get(clip.way) {
-            return Ok(motion.clone());
-        }
-        let options = match &self.rig.sensors.iter().find_map(|sensor| match &sensor.device {
-            RigDevice::Camera { intrinsics, .. } => Some(**intrinsics),
-            _ => None,
-        }) {
-            Some(camera) => {
-                ViewOptions { size: Some((camera.width, camera.height)), ..ViewOptions::default() }
-            }
-            None => ViewOptions::default(),
-        };
-        let OpenPlace { place, .. } = open;
-        let seconds = f64::from(self.plan.frames) / self.plan.frame_rate;
-        let motion = match (&self.plan.paths[way.path].kind, way.photo) {
-            (PlanPathKind::Motion(spec), _) => {
-                let mut chosen = Vec::new();
-                let mut say = |text: String| chosen.push(format!("path \"{}\" begins at {text}", way.name));
-                let motion = spec.motion(&mut self.renderer, place, &options, &mut say)?;
-                self.warnings.append(&mut chosen);
-                motion
-            }
-            (PlanPathKind::Photos { .. }, photo) => {
-                let view = photo.and_then(|photo| place.scene().views.get(photo)).map(|view| view.camera);
-                let view =
-                    view.ok_or_else(|| Error::Unsupported(format!("{}: a photo is gone", self.plan.file)))?;
-                CameraMotion::from(view)
-            }
-        };
-        let motion = motion.driven(seconds, place.site().metres_per_unit)?;
-        if open.motions.len() <= clip.way {
-            open.motions.resize(clip.way + 1, None);
-        }
-        open.motions[clip.way] = Some(motion.clone());
-        Ok(motion)
-    }
-
-    fn part(&mut self, part: &BlockPart) -> Result<ActivePart> {
+    /// A part of a clip, with its scene open, and at most `places` scenes open then.
+    pub(super) fn part(&mut self, part: &BlockPart, places: usize) -> Result<ActivePart> {
         let clip = self.clips.clip(&self.plan, part.clip)?;
-        self.open(clip.scene)?;
+        self.open(clip.scene, places)?;
         let motion = self.motion(&clip)?;
         let only = self.clips.way(&clip).sensor;
-        let Some(open) = &mut self.open else { return Err(Error::Stopped) };
+        let open = self.places.last().ok_or(Error::Stopped)?;
         let world = open.world;
         let readings = readings_of(&self.plan, &self.rig, (part, only), &|time| world.pose(&motion, time));
         let place = place_of(&self.plan.scenes[clip.scene].name, &open.place);
@@ -243,12 +177,14 @@ impl BatchRun {
         files: &mut BlockFiles,
         progress: &mut dyn Progress,
     ) -> Result<Vec<MarkedClip>> {
-        let parts: Vec<ActivePart> = parts.iter().map(|part| self.part(part)).collect::<Result<_>>()?;
-        let Some(open) = &mut self.open else { return Err(Error::Stopped) };
+        let parts: Vec<ActivePart> = parts.iter().map(|part| self.part(part, 1)).collect::<Result<_>>()?;
+        let open = self.places.last_mut().ok_or(Error::Stopped)?;
+        open.place.config.outputs = self.needs.outputs;
         let steps: Vec<(usize, usize)> = (0..parts.len())
             .flat_map(|part| (0..parts[part].readings.len()).map(move |index| (part, index)))
             .collect();
-        let mut shots = Shots::new(&self.rig, &self.needs, self.plan.seed);
+        let mut memory = ShotMemory::default();
+        let mut shots = Shots::new(&self.rig, &self.needs, self.plan.seed, &mut memory);
         let metres = open.place.site().metres_per_unit;
         let target = WriterTarget {
             plan: &self.plan,

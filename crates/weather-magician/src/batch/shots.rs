@@ -51,11 +51,8 @@ pub struct ReadingBuffer {
     pub detections: Vec<DatasetDetection>,
 }
 
-/// Takes the readings of a block one after the other.
-pub struct Shots<'a> {
-    rig: &'a Rig,
-    needs: &'a PictureNeeds,
-    seed: u64,
+/// What [`Shots`] keeps from one reading of a part to the next.
+pub struct ShotMemory {
     /// The part that the rest is of.
     part: usize,
     cameras: Vec<Option<SensorCamera>>,
@@ -67,22 +64,45 @@ pub struct Shots<'a> {
     radars: Vec<VecDeque<RadarSweep>>,
 }
 
+impl Default for ShotMemory {
+    fn default() -> Self {
+        Self {
+            part: usize::MAX,
+            cameras: Vec::new(),
+            clean_cameras: Vec::new(),
+            spare: Picture::default(),
+            sweeps: Vec::new(),
+            radars: Vec::new(),
+        }
+    }
+}
+
+impl ShotMemory {
+    /// Forgets sweeps that nobody took.
+    pub fn clear_sweeps(&mut self) {
+        self.sweeps.iter_mut().for_each(VecDeque::clear);
+        self.radars.iter_mut().for_each(VecDeque::clear);
+    }
+}
+
+/// Takes the readings of a block one after the other.
+pub struct Shots<'a> {
+    rig: &'a Rig,
+    needs: &'a PictureNeeds,
+    seed: u64,
+    memory: &'a mut ShotMemory,
+}
+
 impl<'a> Shots<'a> {
     /// For a rig, with the seed of the plan.
     #[must_use]
-    pub fn new(rig: &'a Rig, needs: &'a PictureNeeds, seed: u64) -> Self {
+    pub fn new(rig: &'a Rig, needs: &'a PictureNeeds, seed: u64, memory: &'a mut ShotMemory) -> Self {
         let count = rig.sensors.len();
-        Self {
-            rig,
-            needs,
-            seed,
-            part: usize::MAX,
-            cameras: vec![None; count],
-            clean_cameras: vec![None; count],
-            spare: Picture::default(),
-            sweeps: vec![VecDeque::new(); count],
-            radars: vec![VecDeque::new(); count],
-        }
+        memory.cameras.resize(count, None);
+        memory.clean_cameras.resize(count, None);
+        memory.sweeps.resize_with(count, VecDeque::new);
+        memory.radars.resize_with(count, VecDeque::new);
+        Self { rig, needs, seed, memory }
     }
 
     /// Takes reading `index` of a part.
@@ -96,12 +116,11 @@ impl<'a> Shots<'a> {
         (number, active, index): (usize, &ActivePart, usize),
         buffer: &mut ReadingBuffer,
     ) -> Result<()> {
-        if self.part != number {
-            self.part = number;
-            self.cameras.fill(None);
-            self.clean_cameras.fill(None);
-            self.sweeps.iter_mut().for_each(VecDeque::clear);
-            self.radars.iter_mut().for_each(VecDeque::clear);
+        if self.memory.part != number {
+            self.memory.part = number;
+            self.memory.cameras.fill(None);
+            self.memory.clean_cameras.fill(None);
+            self.memory.clear_sweeps();
         }
         let info = active.readings[index];
         let sensor = &self.rig.sensors[info.sensor];
@@ -113,7 +132,7 @@ impl<'a> Shots<'a> {
         match &sensor.device {
             RigDevice::Camera { .. } => self.picture(renderer, place, (active, info), buffer),
             RigDevice::Lidar { model, sub_rays, returns, .. } => {
-                let made = &mut self.sweeps[info.sensor];
+                let made = &mut self.memory.sweeps[info.sensor];
                 if made.is_empty() {
                     let options = ScanOptions {
                         time,
@@ -138,7 +157,7 @@ impl<'a> Shots<'a> {
                 Ok(())
             }
             RigDevice::Radar { model, .. } => {
-                let made = &mut self.radars[info.sensor];
+                let made = &mut self.memory.radars[info.sensor];
                 if made.is_empty() {
                     let options = RadarScanOptions {
                         time,
@@ -175,7 +194,7 @@ impl<'a> Shots<'a> {
         let metres = place.site().metres_per_unit;
         let needs = self.needs;
         let new = || camera_of(sensor, model, (active, info), metres);
-        let camera = self.cameras[info.sensor].get_or_insert_with(new);
+        let camera = self.memory.cameras[info.sensor].get_or_insert_with(new);
         let weather = &active.clip.weather.weather;
         let time = active.clip.weather.at + info.time;
         // Noise is another in each clip.
@@ -213,10 +232,10 @@ impl<'a> Shots<'a> {
         let RigDevice::Camera { model, .. } = &sensor.device else { return Ok(Vec::new()) };
         let metres = place.site().metres_per_unit;
         let new = || camera_of(sensor, model, (active, info), metres);
-        let camera = self.clean_cameras[info.sensor].get_or_insert_with(new);
+        let camera = self.memory.clean_cameras[info.sensor].get_or_insert_with(new);
         let shot = Shot { parts: &[], ..shot };
-        renderer.expose(place, &Weather::clear(), camera, &shot, &mut self.spare, &mut ())?;
-        Ok(self.spare.frame.rgb.clone())
+        renderer.expose(place, &Weather::clear(), camera, &shot, &mut self.memory.spare, &mut ())?;
+        Ok(self.memory.spare.frame.rgb.clone())
     }
 }
 

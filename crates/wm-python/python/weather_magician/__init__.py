@@ -25,6 +25,7 @@ from __future__ import annotations
 from typing import Any
 
 from weather_magician._native import (
+    CONDITIONS,
     LIDAR_CLASSES,
     Batch,
     Camera,
@@ -40,6 +41,7 @@ from weather_magician._native import (
 from weather_magician.aliases import Path
 
 __all__ = [
+    "CONDITIONS",
     "LIDAR_CLASSES",
     "Batch",
     "Camera",

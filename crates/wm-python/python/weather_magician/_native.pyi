@@ -12,6 +12,9 @@ __version__: str
 LIDAR_CLASSES: list[str]
 """Names of the classes of lidar points, by their number: surface, drop, flake, air, ghost."""
 
+CONDITIONS: list[str]
+"""Names of the conditions of clips, by their number: clear, fog, rain, snow, dust, night."""
+
 class Error(Exception):
     """What went wrong, in one line: the file, field or value, and what to do.
 
@@ -453,8 +456,48 @@ class Batch:
         ``verify`` compares the hashes of all files too. Returns the numbers of ``clips``, ``frames``, ``readings`` and ``bytes``, and
         ``warnings``.
         """
+    @property
+    def splits(self) -> list[str]:
+        """The names of the splits."""
+    def split(self, name: str) -> SplitFrames:
+        """Returns the frames of a split, without a list of them in memory."""
+    @property
+    def sensors(self) -> list[str]:
+        """The names of the sensors of the rig."""
+    @property
+    def frames_per_clip(self) -> int:
+        """Number of frames of a clip."""
+    def sample(
+        self, frame: int, sensor: str | None = None, layers: Sequence[str] | None = None, *, places: int = 2
+    ) -> dict[str, Any]:
+        """Renders one reading of a frame in memory: the values that the files of the set have, in any order of frames.
+
+        ``sensor`` is the first camera by default. ``layers`` are those of the plan by default, else ``rgb`` (uint8), ``clear`` (the same without weather),
+        and the outputs of :meth:`Renderer.render`, ``flow`` among them; arrays are ``[H, W]`` or ``[H, W, k]``. A lidar gives ``points [N, 4]``
+        (m, intensity 0-255), ``range``, ``point_time``, ``angles``, ``ring``, ``label``, ``rank`` and ``class``; a radar ``detections [N, 7]``.
+        Beside them are ``K [3, 3]`` (px), ``viewmat [4, 4]`` (OpenCV axes, metres), ``world_from_rig`` and ``world_from_sensor``, ``time`` (s),
+        ``condition`` (one of :data:`CONDITIONS`), ``weather`` (``mor`` m, ``rain_rate`` and ``snow_rate`` mm/h, ``is_night``, ``variables``), ``clip``,
+        ``split``, ``place`` and ``weather_file``.
+
+        ``places`` scenes stay open. Raises ``IndexError`` beyond the last frame.
+        """
     def take_warnings(self) -> list[str]:
         """Returns the warnings since the last call."""
+
+@final
+class SplitFrames:
+    """The frames of one split of a set, in their order: a sequence of numbers that takes no memory."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, index: int, /) -> int: ...
+
+@final
+class Permutation:
+    """The numbers below ``count`` in a random order that takes no memory. ``stream`` numbers the orders of one seed."""
+
+    def __new__(cls, count: int, seed: int = 0, stream: int = 0) -> Permutation: ...
+    def __len__(self) -> int: ...
+    def __getitem__(self, index: int, /) -> int: ...
 
 def reconstruct(
     photos: Path,
