@@ -78,13 +78,19 @@ pub fn intrinsics(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<[f64; 4]
     all.iter().map(read).collect()
 }
 
-/// Reads a point or a direction.
+/// Reads a point.
 pub fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
     let (values, shape) = numbers::<f64>(value, name)?;
     match values[..] {
         [x, y, z] => Ok(DVec3::new(x, y, z)),
         _ => Err(shape_fault(name, "[3]", &shape)),
     }
+}
+
+/// Reads a direction of any length but 0, and returns it at length 1.
+pub fn direction(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
+    let wrong = || PyValueError::new_err(format!("{name}: must be a direction, not a vector without length"));
+    vector(value, name)?.try_normalize().ok_or_else(wrong)
 }
 
 /// Returns `viewmat [4, 4]` of a camera.

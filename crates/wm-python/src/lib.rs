@@ -44,7 +44,8 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(weather::_weather_of, module)?)?;
     module.add_function(wrap_pyfunction!(renderer::_renderer_of, module)?)?;
     module.add_function(wrap_pyfunction!(batch::_open_batch, module)?)?;
-    Ok(())
+    // PyO3 lists what pickles call too.
+    module.delattr("__all__")
 }
 
 /// The names of the classes of lidar points, by their numbers.

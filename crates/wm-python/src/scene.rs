@@ -1,6 +1,6 @@
 //! Scenes, their splats as views of NumPy, and their changes.
 
-use crate::arrays::{moved, numbers, shape_fault, vector, view};
+use crate::arrays::{direction, moved, numbers, shape_fault, vector, view};
 use crate::camera::PyCamera;
 use crate::error::{Error, Failure, Outcome, line_of};
 use crate::process::{Reporter, detached, on_threads};
@@ -104,7 +104,7 @@ impl PyScene {
         up: Option<&Bound<'_, PyAny>>,
         ground: Option<f64>,
     ) -> PyResult<Self> {
-        let up = up.map(|up| vector(up, "up")).transpose()?;
+        let up = up.map(|up| direction(up, "up")).transpose()?;
         let (means, shape) = numbers::<f32>(means, "means")?;
         let [count, 3] = shape[..] else { return Err(shape_fault("means", "[N, 3]", &shape)) };
         let read = |value, name: &str, width: usize| -> PyResult<Vec<f32>> {
@@ -244,7 +244,7 @@ impl PyScene {
         up: Option<&Bound<'_, PyAny>>,
         ground: Option<f64>,
     ) -> PyResult<Self> {
-        let up = up.map(|up| vector(up, "up")).transpose()?;
+        let up = up.map(|up| direction(up, "up")).transpose()?;
         let given = Metadata { metres_per_unit, up, ground, ..Metadata::default() };
         if let Some(fault) = given.fault() {
             return Err(PyValueError::new_err(fault));

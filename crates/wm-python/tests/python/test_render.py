@@ -133,7 +133,7 @@ def test_a_changed_file_is_not_what_was_pickled(street, tmp_path):
     path = tmp_path / "scene.ply"
     path.write_bytes(street.read_bytes())
     pickled = pickle.dumps(wm.Scene.open(path))
-    scene, _ = wm.Scene.open(path).changed(sh_degree=0)
+    scene, _ = wm.Scene.open(path).changed(scale=2.0)
     scene.save(path)
     with pytest.raises(wm.Error, match="is not the file that was pickled"):
         pickle.loads(pickled)
