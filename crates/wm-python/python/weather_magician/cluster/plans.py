@@ -83,9 +83,11 @@ def run_plan(
     Blocks that are done are kept. Shards that fail are in the report, and then the set is not merged. Raises ClusterError for what no
     retry can mend, and KeyboardInterrupt: only whole blocks are in the set then, and the next run goes on from there.
     """
-    batch = batch or _native_batch()
     progress = progress or Progress("frames", "shards")
     plan = os.path.abspath(plan)
+    if out is not None and os.fspath(out).partition("://")[0].lower() in OF_ONE_PROCESS:
+        raise ClusterError(f"--out {out}: is the memory of one process, and each task has its own; give a folder or a store")
+    batch = batch or _native_batch()
     if out is not None and is_url(os.fspath(out)):
         place: _Place = _Remote(plan, os.fspath(out), storage_options, cache, batch)
     else:
@@ -222,8 +224,6 @@ class _Remote:
     verifies = True
 
     def __init__(self, plan: str, out: str, options: dict | None, cache: str | os.PathLike | None, batch: Callable) -> None:
-        if out.partition(":")[0].lower() in OF_ONE_PROCESS:
-            raise ClusterError(f"--out {out}: is the memory of one process, and each task has its own; give a folder or a store")
         self.plan, self.out, self.options = plan, out.rstrip("/"), options
         self.cache = None if cache is None else os.path.abspath(cache)
         self.factory, self.batch = batch, batch(plan, None, device="cpu")
@@ -316,7 +316,7 @@ class BlockWork:
             # An earlier attempt at this shard may have made it.
             if not opened.is_done(block):
                 try:
-                    opened.batch.make(block, lambda frames: report(done + frames))
+                    opened.batch.make(block, lambda frames, *of: report(done + min(frames, end - first)))
                 except Exception as error:
                     raise _retried(error) from error
                 opened.move(block)

@@ -96,7 +96,11 @@ class Outcome:
 
 
 class TaskFault(Exception):
-    """An error of a task that another attempt would meet again, as one line."""
+    """An error of a task that another attempt would meet again, as one line; its attribute `node` is the node's id."""
+
+
+class PassingFault(OSError):
+    """An error of a task that another attempt may not meet, as one line; its attribute `node` is the node's id."""
 
 
 def connect(address: str = "auto", *, say: Callable[[str], None] = lambda text: None) -> bool:
@@ -180,7 +184,8 @@ class _Board:
 
 def _attempt(work: Callable, number: int, data: Any, board: Any) -> tuple[Any, float, float]:
     """One attempt at a task, on a node: its result, its wall time and its CPU time in seconds."""
-    board.started.remote(number, ray.get_runtime_context().get_node_id())
+    node = ray.get_runtime_context().get_node_id()
+    board.started.remote(number, node)
     wall, cpu, told = time.monotonic(), time.process_time(), time.monotonic()
 
     def report(done: int) -> None:
@@ -192,11 +197,11 @@ def _attempt(work: Callable, number: int, data: Any, board: Any) -> tuple[Any, f
 
     try:
         result = work(data, report)
-    except OSError:
-        raise
     except Exception as error:
         # Not every exception can be pickled, and the driver may lack its class.
-        raise TaskFault(line_of(error)) from None
+        fault = (PassingFault if isinstance(error, OSError) else TaskFault)(line_of(error))
+        fault.node = node
+        raise fault from None
     return result, time.monotonic() - wall, time.process_time() - cpu
 
 
@@ -219,7 +224,7 @@ class _Run:
             num_gpus=self.resources.gpus,
             memory=self.resources.memory,
             max_retries=self.retries,
-            retry_exceptions=[OSError],
+            retry_exceptions=[PassingFault],
             scheduling_strategy="SPREAD",
         )
         self.tasks, self.outcome = iter(tasks), Outcome()
@@ -305,7 +310,7 @@ class _Run:
         except RayError as error:
             self._look()
             number, task = self.running.pop(ref)
-            node = self.said.get(number, (0, "", 0))[1]
+            node = getattr(getattr(error, "cause", None), "node", "") or self.said.get(number, (0, "", 0))[1]
             self.over.append(number)
             self.outcome.failures.append(Failure(task.name, self.names.get(node, node[:6] or "no node"), _fault_of(error)))
             return
@@ -353,7 +358,7 @@ def _fault_of(error: RayError) -> str:
     """Returns what Ray says of a task that failed, as one line."""
     if isinstance(error, RayTaskError):
         cause = getattr(error, "cause", None)
-        return " ".join(str(cause).split()) if isinstance(cause, TaskFault) else line_of(cause or error)
+        return " ".join(str(cause).split()) if isinstance(cause, (TaskFault, PassingFault)) else line_of(cause or error)
     if isinstance(error, OutOfMemoryError):
         return "the node had no memory left: give --memory, so that fewer tasks run there at a time"
     if isinstance(error, WorkerCrashedError):
