@@ -14,7 +14,7 @@ import pytest
 
 HERE = Path(__file__).parent
 try:
-    import fsspec
+    import fsspec  # noqa: F401
     import ray
     from ray.cluster_utils import Cluster
 
@@ -59,7 +59,10 @@ def cluster():
     paths = [str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])]
     os.environ["PYTHONPATH"] = os.pathsep.join(paths)
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "object_store_memory": STORE})
+    # Nodes that are gone are missed sooner than by default.
+    checks = {"health_check_period_ms": 500, "health_check_failure_threshold": 6}
+    head = {"num_cpus": 1, "object_store_memory": STORE, "_system_config": checks}
+    made = Cluster(initialize_head=True, head_node_args=head)
     made.second = made.add_node(num_cpus=1, object_store_memory=STORE)
     ray.init(address=made.address, log_to_driver=False, logging_level="ERROR")
     yield made

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import shutil
-import signal
 import socket
-import sys
 import tempfile
-import threading
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -105,7 +101,7 @@ def run_plan(
         if missing:
             work = place.work(device, cpus)
             outcome = _make(place, work, missing, resources, shards, retries, progress)
-        made = sum(len(result["made"]) for _, result in outcome.results)
+        made = sum(len(task.data) for task, _ in outcome.results)
         warnings = list(dict.fromkeys(text for _, result in outcome.results for text in result["warnings"]))
         merged = None
         if merge and not outcome.failures:
@@ -155,7 +151,7 @@ def _make(place, work, missing, resources, count, retries, progress) -> Outcome:
 
     def on_result(task: Task, result: dict, seconds: float) -> None:
         pace.tell(task.steps, seconds)
-        place.check(result)
+        place.check(task.data, result["node"])
 
     steps = sum(about(block)[1] for block in missing)
     return run_tasks(
@@ -200,15 +196,15 @@ class _Folder:
     def work(self, device: str, threads: int) -> "BlockWork":
         return BlockWork(self.plan, self.out, self.batch.digest, device, threads, self.factory)
 
-    def check(self, result: dict) -> None:
+    def check(self, blocks: list[int], node: str) -> None:
         """Looks for the markers here: a folder of the same name on another machine is no shared folder."""
         end = time.monotonic() + SEEN
-        for block in result["made"]:
+        for block in blocks:
             path = os.path.join(self.out, marker_name(block))
             while not os.path.exists(path):
                 if time.monotonic() > end:
                     raise ClusterError(
-                        f"{path}: node {result['node']} has made block {block}, and it is not here: --out must be a folder that all nodes "
+                        f"{path}: node {node} has made block {block}, and it is not here: --out must be a folder that all nodes "
                         "share, or a store such as s3://bucket/set"
                     )
                 time.sleep(0.5)
@@ -231,14 +227,17 @@ class _Remote:
 
     def missing(self) -> list[int]:
         done = self.store.markers(self.batch.blocks, self.batch.digest)
-        return [block for block in range(self.batch.blocks) if block not in done]
+        missing = [block for block in range(self.batch.blocks) if block not in done]
+        # Nodes go by the marker alone.
+        self.store.unmark(missing)
+        return missing
 
     def work(self, device: str, threads: int) -> "BlockWork":
         inputs = self.store.put_inputs(inputs_of(self.plan))
         remote = RemoteSet(self.out, inputs, self.options, self.cache)
         return BlockWork(self.plan, None, self.batch.digest, device, threads, self.factory, remote)
 
-    def check(self, result: dict) -> None:
+    def check(self, blocks: list[int], node: str) -> None:
         return
 
     def verifying(self) -> "VerifyWork":
@@ -298,7 +297,7 @@ class RemoteSet:
 
 @dataclass(frozen=True)
 class BlockWork:
-    """Makes blocks on a node. Called with a list of numbers of blocks; returns those it made, its node and its warnings."""
+    """Makes blocks on a node. Called with a list of numbers of blocks; returns its node and its warnings."""
 
     plan: str
     out: str | None
@@ -310,7 +309,7 @@ class BlockWork:
 
     def __call__(self, blocks: list[int], report: Callable[[int], None]) -> dict:
         opened = _opened(self)
-        made, done = [], 0
+        done = 0
         for block in blocks:
             first, end = opened.batch.block(block)["frames"]
             # An earlier attempt at this shard may have made it.
@@ -320,10 +319,9 @@ class BlockWork:
                 except Exception as error:
                     raise _retried(error) from error
                 opened.move(block)
-                made.append(block)
             done += end - first
             report(done)
-        return {"made": made, "node": socket.gethostname(), "warnings": opened.batch.take_warnings()}
+        return {"node": socket.gethostname(), "warnings": opened.batch.take_warnings()}
 
 
 @dataclass(frozen=True)
@@ -379,10 +377,8 @@ class _Opened:
         return self.batch.marker(block) is not None
 
     def move(self, block: int) -> None:
-        """Moves a block to the store, to its end: an interrupt waits."""
         if self.store:
-            with _uninterrupted():
-                self.store.put_block(self.out, block)
+            self.store.put_block(self.out, block)
 
     def close(self) -> None:
         if self.scratch:
@@ -414,22 +410,6 @@ def _retried(error: Exception) -> Exception:
     if number and int(number[1]) not in LASTING:
         return OSError(str(error))
     return error
-
-
-@contextlib.contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Holds Ctrl-C back until the end of what is inside."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if came:
-        raise KeyboardInterrupt
 
 
 def _runs(numbers: list[int]) -> str:

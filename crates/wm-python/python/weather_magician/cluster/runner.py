@@ -18,7 +18,6 @@ from ray.exceptions import (
     OutOfMemoryError,
     RayError,
     RayTaskError,
-    TaskCancelledError,
     WorkerCrashedError,
 )
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
@@ -31,7 +30,7 @@ LEAST_STORE = 80 << 20
 LOOK = 0.5
 # Seconds between two counts of the nodes.
 COUNT = 2.0
-# Seconds that cancelled tasks have to stop by themselves: a block that is being moved to a store is moved to its end.
+# Seconds that tasks have to stop by themselves, each at its next step: then what they left is gone, or whole.
 GRACE = 30.0
 
 
@@ -103,6 +102,10 @@ class PassingFault(OSError):
     """An error of a task that another attempt may not meet, as one line; its attribute `node` is the node's id."""
 
 
+class Stopped(Exception):
+    """Raised by a task's report if the driver was stopped."""
+
+
 def connect(address: str = "auto", *, say: Callable[[str], None] = lambda text: None) -> bool:
     """Connects to a Ray cluster; returns True if this call did, so that the caller disconnects.
 
@@ -155,7 +158,8 @@ def run_tasks(
     steps: steps of all tasks together, if known. on_result(task, result, seconds): is called here with each result and the wall time of
     its task.
 
-    Raises KeyboardInterrupt after the tasks that run are cancelled.
+    After Ctrl-C, and after an exception of `on_result`, report raises an exception in the tasks that run; they have 30 s to end, and
+    KeyboardInterrupt is raised here.
     """
     return _Run(work, resources, retries, in_flight, most_failures, steps, progress, on_result).run(iter(tasks))
 
@@ -165,14 +169,23 @@ class _Board:
 
     def __init__(self) -> None:
         self.said: dict[int, tuple[int, str, int]] = {}
+        self.is_stopped = False
 
-    def started(self, number: int, node: str) -> None:
+    def started(self, number: int, node: str) -> bool:
+        """Counts an attempt; returns True if it should stop."""
         starts = self.said.get(number, (0, "", 0))[0]
         self.said[number] = (starts + 1, node, 0)
+        return self.is_stopped
 
-    def advanced(self, number: int, done: int) -> None:
+    def advanced(self, number: int, done: int) -> bool:
+        """Notes the steps of a task; returns True if it should stop."""
         starts, node, _ = self.said.get(number, (1, "", 0))
         self.said[number] = (starts, node, done)
+        return self.is_stopped
+
+    def stop(self) -> None:
+        """Tells all tasks to stop, each when it speaks next."""
+        self.is_stopped = True
 
     def read(self, over: list[int]) -> dict[int, tuple[int, str, int]]:
         """Returns attempts, node and steps of each task; those of `over` are forgotten."""
@@ -182,19 +195,42 @@ class _Board:
         return said
 
 
+class _Report:
+    """What a task calls with its steps. The board's answers are looked at when they are there: nothing waits for them."""
+
+    def __init__(self, board: Any, number: int, node: str) -> None:
+        self.board, self.number, self.told = board, number, time.monotonic()
+        self.answer = board.started.remote(number, node)
+
+    def __call__(self, done: int) -> None:
+        if self.answer is not None:
+            ready, _ = ray.wait([self.answer], timeout=0)
+            if not ready:
+                return
+            self.answer = None
+            try:
+                is_stopped = ray.get(ready[0])
+            except RayError:
+                # The board is gone, and so is the driver.
+                is_stopped = True
+            if is_stopped:
+                raise Stopped("stopped")
+        now = time.monotonic()
+        if now - self.told >= LOOK:
+            self.told = now
+            self.answer = self.board.advanced.remote(self.number, done)
+
+    def end(self) -> None:
+        """Waits until the board has heard of this attempt, so that whoever sees its result can count it."""
+        if self.answer is not None:
+            ray.wait([self.answer], timeout=10 * LOOK)
+
+
 def _attempt(work: Callable, number: int, data: Any, board: Any) -> tuple[Any, float, float]:
     """One attempt at a task, on a node: its result, its wall time and its CPU time in seconds."""
     node = ray.get_runtime_context().get_node_id()
-    board.started.remote(number, node)
-    wall, cpu, told = time.monotonic(), time.process_time(), time.monotonic()
-
-    def report(done: int) -> None:
-        nonlocal told
-        now = time.monotonic()
-        if now - told >= LOOK:
-            told = now
-            board.advanced.remote(number, done)
-
+    report = _Report(board, number, node)
+    wall, cpu = time.monotonic(), time.process_time()
     try:
         result = work(data, report)
     except Exception as error:
@@ -202,6 +238,8 @@ def _attempt(work: Callable, number: int, data: Any, board: Any) -> tuple[Any, f
         fault = (PassingFault if isinstance(error, OSError) else TaskFault)(line_of(error))
         fault.node = node
         raise fault from None
+    finally:
+        report.end()
     return result, time.monotonic() - wall, time.process_time() - cpu
 
 
@@ -237,7 +275,7 @@ class _Run:
         try:
             self._loop()
         except BaseException:
-            self._cancel()
+            self._stop()
             raise
         finally:
             if self.progress:
@@ -333,17 +371,19 @@ class _Run:
         failures = len(self.outcome.failures)
         self.progress.show(Standing(done, self.steps, len(self.outcome.results), self.nodes, self.outcome.retries, failures))
 
-    def _cancel(self) -> None:
-        """Stops all tasks: first by KeyboardInterrupt, then by force."""
-        refs = list(self.running)
-        for force in (False, True):
-            try:
-                for ref in refs:
-                    ray.cancel(ref, force=force)
-                _, refs = ray.wait(refs, num_returns=len(refs), timeout=GRACE) if refs else ([], [])
-            except (RayError, KeyboardInterrupt):
-                # A second Ctrl-C, or a cluster that is gone.
-                continue
+    def _stop(self) -> None:
+        """Stops all tasks, each at its next step.
+
+        `ray.cancel` would be shorter, but with a task that ends at that moment it kills the driver (Ray 2.60: "Tried to complete task that
+        was not pending").
+        """
+        try:
+            self.board.stop.remote()
+            if self.running:
+                ray.wait(list(self.running), num_returns=len(self.running), timeout=GRACE)
+        except (RayError, KeyboardInterrupt):
+            # A second Ctrl-C, or a cluster that is gone.
+            return
 
 
 def line_of(error: BaseException) -> str:
@@ -365,8 +405,6 @@ def _fault_of(error: RayError) -> str:
         return "its process died in every attempt: killed, or out of memory; see Ray's logs on the node (/tmp/ray/session_latest/logs)"
     if isinstance(error, NodeDiedError):
         return "its node died in every attempt"
-    if isinstance(error, TaskCancelledError):
-        return "it was cancelled"
     return line_of(error)
 
 

@@ -101,11 +101,11 @@ class SetStore:
                 return {}
             return {path[len(self.root) + 1 :]: about["size"] for path, about in found.items()}
 
-    def remove(self, folder: str) -> None:
-        """Removes a folder of the set."""
-        with _Told(self, folder):
+    def remove(self, name: str) -> None:
+        """Removes a file or a folder of the set."""
+        with _Told(self, name):
             try:
-                self.fs.rm(self.path(folder), recursive=True)
+                self.fs.rm(self.path(name), recursive=True)
             except FileNotFoundError:
                 return
 
@@ -130,7 +130,8 @@ class SetStore:
 
     def markers(self, blocks: int, plan: str) -> dict[int, dict]:
         """Returns the markers of all blocks that are done: whole, of this plan, and with all of their files."""
-        names = [name for name in (marker_name(block) for block in range(blocks)) if name in (sizes := self.sizes())] if blocks else []
+        sizes = self.sizes()
+        names = [name for name in map(marker_name, range(blocks)) if name in sizes]
         found: dict[int, dict] = {}
         for at in range(0, len(names), TOGETHER):
             some = names[at : at + TOGETHER]
@@ -142,6 +143,13 @@ class SetStore:
                 if marker and all(sizes.get(file["path"]) == file["bytes"] for file in marker["files"]):
                     found[block] = marker
         return found
+
+    def unmark(self, blocks: Iterable[int]) -> None:
+        """Removes the markers of blocks, so that they are made again."""
+        there = self.sizes(DONE)
+        for name in map(marker_name, blocks):
+            if name in there:
+                self.remove(name)
 
     def _marker(self, text: bytes, name: str, block: int, plan: str) -> dict | None:
         try:
