@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -32,6 +33,7 @@ from weather_magician.cluster import shards as cut  # noqa: E402
 from weather_magician.cluster.__main__ import main  # noqa: E402
 from weather_magician.cluster.cache import NodeCache  # noqa: E402
 from weather_magician.cluster.inputs import inputs_of  # noqa: E402
+from weather_magician.cluster.plans import _retried  # noqa: E402
 from weather_magician.cluster.store import SetStore, marker_name  # noqa: E402
 
 STORE = 80 << 20
@@ -152,8 +154,6 @@ def test_a_store_has_whole_blocks_only(tmp_path, alone, place):
     plan = json.loads((alone / marker_name(0)).read_bytes())["plan"]
     store, moved = SetStore("memory://whole/set"), []
     made = tmp_path / "made"
-    import shutil
-
     shutil.copytree(alone, made)
     store.put_block(made, 0)
     store.put_block(made, 1)
@@ -187,6 +187,12 @@ def test_a_store_that_fails_is_tried_again_and_one_of_a_process_is_refused(place
         run_plan(place, "memory://set")
     with pytest.raises(ClusterError, match="nosuch"):
         run_plan(place, "nosuch://set")
+
+
+def test_errors_of_disks_are_tried_again_and_others_are_not():
+    assert isinstance(_retried(weather_magician.Error("set/done: No space left on device (os error 28)")), OSError)
+    for text in ("scene.ply: No such file or directory (os error 2)", "plan.toml, line 3: unknown key"):
+        assert not isinstance(_retried(weather_magician.Error(text)), OSError)
 
 
 def count_letters(text, report):

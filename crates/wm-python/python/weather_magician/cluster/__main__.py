@@ -49,8 +49,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--retries", type=int, default=5, metavar="N", help="how often a part is begun again whose process, node or disk failed [default: 5]")
     made.add_argument("--cache", metavar="FOLDER", help="with a store: folder on each node for scenes and for blocks that are being made [default: in TMPDIR]")
     made.add_argument("--store-option", type=option, action="append", default=[], metavar="KEY=VALUE", help="an argument of fsspec's file system, such as endpoint_url=http://...; several times")
-    made.add_argument("--verify", action="store_true", help="compare the hashes of all files at the end")
-    made.add_argument("--no-merge", action="store_true", help="write no tables, manifest and summary")
+    end = made.add_mutually_exclusive_group()
+    end.add_argument("--verify", action="store_true", help="compare the hashes of all files at the end")
+    end.add_argument("--no-merge", action="store_true", help="write no tables, manifest and summary")
     return made
 
 

@@ -84,10 +84,8 @@ def run_plan(
     if out is not None and os.fspath(out).partition("://")[0].lower() in OF_ONE_PROCESS:
         raise ClusterError(f"--out {out}: is the memory of one process, and each task has its own; give a folder or a store")
     batch = batch or _native_batch()
-    if out is not None and is_url(os.fspath(out)):
-        place: _Place = _Remote(plan, os.fspath(out), storage_options, cache, batch)
-    else:
-        place = _Folder(plan, out, batch)
+    is_remote = out is not None and is_url(os.fspath(out))
+    place = _Remote(plan, os.fspath(out), storage_options, cache, batch) if is_remote else _Folder(plan, out, batch)
     missing = place.missing()
     blocks = place.batch.blocks
     outcome = Outcome()
@@ -270,9 +268,6 @@ class _Remote:
         return merged
 
 
-_Place = Any
-
-
 def _write(path: Path, data: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
@@ -385,8 +380,8 @@ class _Opened:
             shutil.rmtree(self.scratch.path, ignore_errors=True)
 
 
-# The plan that is open in this process.
-_OPEN: dict[BlockWork, _Opened] = {}
+# The plan that is open in this process, by what it was opened with.
+_OPEN: dict[str, _Opened] = {}
 
 
 def _opened(work: BlockWork) -> _Opened:
