@@ -163,7 +163,7 @@ def test_a_store_has_whole_blocks_only(tmp_path, alone, place):
     store.write = lambda name, data: (moved.append(name), write(name, data))
     store.put = lambda folder, names: (moved.extend(names), put(folder, names))
     store.put_block(made, 2)
-    assert len(moved) > 1 and moved[-1] == marker_name(2) and not (made / marker_name(2)).exists()
+    assert len(moved) > 1 and moved.index(marker_name(2)) == len(moved) - 1 and not (made / marker_name(2)).exists()
     store.fs.rm(store.path(marker_name(2)))
     # A file that is not whole, a marker that is not whole: made again.
     marker = store.marker(1, plan)
@@ -260,7 +260,7 @@ def test_ctrl_c_leaves_whole_blocks(cluster, place, alone, tmp_path):
     attempts.mkdir()
     code = (
         "import sys; from cluster_place import Misbehaving; from weather_magician.cluster import connect, run_plan; "
-        f"run_plan({str(place)!r}, {str(out)!r}, address={cluster.address!r}, batch=Misbehaving({str(attempts)!r}, seconds=0.3))"
+        f"run_plan({str(place)!r}, {str(out)!r}, address={cluster.address!r}, shards=2, batch=Misbehaving({str(attempts)!r}, seconds=0.3))"
     )
     driver = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
     end = time.monotonic() + 60
@@ -300,5 +300,6 @@ def test_killed_workers_and_a_node_that_goes_cost_nothing_but_time(cluster, plac
     assert cluster.second is None and len(ray.nodes()) == 2
     assert (report.kept, report.failures, report.frames) == (0, [], 24)
     assert report.outcome.retries >= 1 and {task.name for task, _ in report.outcome.results} == {f"blocks {n}" for n in range(12)}
-    assert (tmp_path / "attempts/3").stat().st_size == 2
+    # A third time if it was on the node that went.
+    assert (tmp_path / "attempts/3").stat().st_size >= 2
     assert tree_hash(tmp_path / "set") == tree_hash(alone)
