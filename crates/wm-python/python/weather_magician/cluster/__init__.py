@@ -7,7 +7,7 @@ any other tasks in the same way. Needs `ray` and, for stores, `fsspec` with the 
 try:
     import ray as _ray  # noqa: F401
 except ImportError as _error:
-    raise ImportError("weather_magician.cluster needs Ray: `pip install 'ray>=2.40' fsspec`") from _error
+    raise ImportError("weather_magician.cluster needs Ray: `pip install ray fsspec`") from _error
 
 from .plans import SetReport, run_plan
 from .progress import Progress, Standing
