@@ -84,7 +84,7 @@ def put_program(path: Path) -> None:
         if place.exists():
             path.symlink_to(place.resolve())
             return
-    if not importlib.util.find_spec("weather_magician.__main__"):
+    if not (importlib.util.find_spec("weather_magician") and importlib.util.find_spec("weather_magician.__main__")):
         assert os.environ.get("WM_REQUIRE_PYTHON") != "1", "no program: set WM_PROGRAM, or `cargo build`"
         pytest.skip("no program: set WM_PROGRAM, or `cargo build`")
     path.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m weather_magician "$@"\n')
