@@ -224,7 +224,7 @@ class _Remote:
         self.store = SetStore(out, options)
 
     def missing(self) -> list[int]:
-        done = self.store.markers(self.batch.blocks, self.batch.digest)
+        done = {block for block, _, _ in self.store.markers(self.batch.blocks, self.batch.digest)}
         missing = [block for block in range(self.batch.blocks) if block not in done]
         # Nodes go by the marker alone.
         self.store.unmark(missing)
@@ -244,20 +244,17 @@ class _Remote:
     def merge(self, verify: bool) -> dict:
         """Writes the tables of all layouts from the markers, and copies them to the store, the manifest last.
 
-        Tables follow from markers alone. What else a merge asks is whether every file is there with its length: empty files with the
-        lengths that the store tells stand in for them, so nothing is fetched but markers.
+        Tables follow from markers alone. What else a merge asks is whether every file is there with its length: the store has told that, and
+        files of these lengths without contents stand in for them, so nothing is fetched but markers.
         """
-        digest, blocks = self.batch.digest, self.batch.blocks
-        markers, sizes = self.store.markers(blocks, digest), self.store.sizes()
+        own, stands = set(), set()
         with tempfile.TemporaryDirectory(prefix="weather-magician-merge-") as folder:
-            own = {marker_name(block) for block in markers}
-            for name in own:
-                text = self.store.read(name)
-                _write(Path(folder, name), text or b"")
-            stands = {file["path"] for marker in markers.values() for file in marker["files"]}
-            for name in stands:
-                if name in sizes:
-                    _stand_in(Path(folder, name), sizes[name])
+            for block, marker, text in self.store.markers(self.batch.blocks, self.batch.digest):
+                own.add(marker_name(block))
+                _write(Path(folder, marker_name(block)), text)
+                for file in marker["files"]:
+                    stands.add(file["path"])
+                    _stand_in(Path(folder, file["path"]), file["bytes"])
             merged = self.factory(self.plan, folder, device="cpu").merge(verify=False)
             paths = (path.relative_to(folder).as_posix() for path in Path(folder).rglob("*") if path.is_file())
             made = sorted(name for name in paths if name not in own and name not in stands and not name.startswith(f"{WORK}/"))

@@ -11,7 +11,7 @@ import json
 import os
 import re
 from pathlib import Path
-from typing import Any, Iterable
+from typing import Any, Iterable, Iterator
 
 import fsspec
 
@@ -128,21 +128,19 @@ class SetStore:
         text = self.read(name)
         return None if text is None else self._marker(text, name, block, plan)
 
-    def markers(self, blocks: int, plan: str) -> dict[int, dict]:
-        """Returns the markers of all blocks that are done: whole, of this plan, and with all of their files."""
+    def markers(self, blocks: int, plan: str) -> Iterator[tuple[int, dict, bytes]]:
+        """Yields number, marker and the marker's bytes of each block that is done: whole, of this plan, and with all of its files."""
         sizes = self.sizes()
         names = [name for name in map(marker_name, range(blocks)) if name in sizes]
-        found: dict[int, dict] = {}
         for at in range(0, len(names), TOGETHER):
             some = names[at : at + TOGETHER]
             with _Told(self, some[0]):
                 texts = self.fs.cat([self.path(name) for name in some])
             for name in some:
-                block = int(Path(name).stem)
-                marker = self._marker(texts[self.path(name)], name, block, plan)
+                block, text = int(Path(name).stem), texts[self.path(name)]
+                marker = self._marker(text, name, block, plan)
                 if marker and all(sizes.get(file["path"]) == file["bytes"] for file in marker["files"]):
-                    found[block] = marker
-        return found
+                    yield block, marker, text
 
     def unmark(self, blocks: Iterable[int]) -> None:
         """Removes the markers of blocks, so that they are made again."""
