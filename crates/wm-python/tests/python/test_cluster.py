@@ -33,8 +33,8 @@ from weather_magician.cluster import shards as cut  # noqa: E402
 from weather_magician.cluster.__main__ import main  # noqa: E402
 from weather_magician.cluster.cache import NodeCache  # noqa: E402
 from weather_magician.cluster.inputs import inputs_of  # noqa: E402
-from weather_magician.cluster.plans import _retried  # noqa: E402
 from weather_magician.cluster.store import SetStore, marker_name  # noqa: E402
+from weather_magician.cluster.work import _retried  # noqa: E402
 
 STORE = 80 << 20
 

@@ -330,7 +330,7 @@ class _Run:
             if task is None:
                 self.exhausted = True
                 return
-            ref = self.attempt.remote(self.work, self.number, task.data, self.board)
+            ref = self.attempt.options(name=task.name).remote(self.work, self.number, task.data, self.board)
             self.running[ref] = (self.number, task)
             self.number += 1
 
