@@ -202,6 +202,21 @@ def count_letters(text, report):
     return len(text)
 
 
+def note_times(number, report):
+    begun = time.monotonic()
+    for step in range(200):
+        report(step)
+        time.sleep(0.005)
+    return begun, time.monotonic()
+
+
+def test_tasks_that_report_hold_their_slots(cluster):
+    outcome = run_tasks([Task(f"{number}", number) for number in range(6)], note_times)
+    spans = [span for _, span in outcome.results]
+    together = max(sum(begun <= other < end for begun, end in spans) for other, _ in spans)
+    assert outcome.slots == 2 and together == 2, spans
+
+
 def test_tasks_of_any_kind_run_and_their_faults_are_told_in_a_line(cluster):
     tasks = [Task(f"word {text}", text) for text in ("a", "to", "wrong", "long")]
     outcome = run_tasks(tasks, count_letters, resources=Resources(cpus=1))

@@ -6,6 +6,7 @@ with their messages, and files go by a shared folder or a store. So no node need
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import time
@@ -196,34 +197,35 @@ class _Board:
 
 
 class _Report:
-    """What a task calls with its steps. The board's answers are looked at when they are there: nothing waits for them."""
+    """What a task calls with its steps.
+
+    The board's answers are looked at when they are there, and by futures: a task that waits by `ray.get` or `ray.wait` gives its CPUs back
+    meanwhile, and Ray would begin one task too many.
+    """
 
     def __init__(self, board: Any, number: int, node: str) -> None:
         self.board, self.number, self.told = board, number, time.monotonic()
-        self.answer = board.started.remote(number, node)
+        self.answer = board.started.remote(number, node).future()
 
     def __call__(self, done: int) -> None:
         if self.answer is not None:
-            ready, _ = ray.wait([self.answer], timeout=0)
-            if not ready:
+            if not self.answer.done():
                 return
+            # An error: the board is gone, and so is the driver.
+            is_stopped = self.answer.exception() is not None or self.answer.result()
             self.answer = None
-            try:
-                is_stopped = ray.get(ready[0])
-            except RayError:
-                # The board is gone, and so is the driver.
-                is_stopped = True
             if is_stopped:
                 raise Stopped("stopped")
         now = time.monotonic()
         if now - self.told >= LOOK:
             self.told = now
-            self.answer = self.board.advanced.remote(self.number, done)
+            self.answer = self.board.advanced.remote(self.number, done).future()
 
     def end(self) -> None:
         """Waits until the board has heard of this attempt, so that whoever sees its result can count it."""
         if self.answer is not None:
-            ray.wait([self.answer], timeout=10 * LOOK)
+            with contextlib.suppress(Exception):
+                self.answer.result(timeout=10 * LOOK)
 
 
 def _attempt(work: Callable, number: int, data: Any, board: Any) -> tuple[Any, float, float]:
@@ -257,14 +259,14 @@ class _Run:
     def run(self, tasks: Iterable[Task]) -> Outcome:
         here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=False)
         self.board = ray.remote(_Board).options(num_cpus=0, scheduling_strategy=here).remote()
-        self.attempt = ray.remote(_attempt).options(
+        self.attempt = ray.remote(
             num_cpus=self.resources.cpus,
             num_gpus=self.resources.gpus,
             memory=self.resources.memory,
             max_retries=self.retries,
             retry_exceptions=[PassingFault],
             scheduling_strategy="SPREAD",
-        )
+        )(_attempt)
         self.tasks, self.outcome = iter(tasks), Outcome()
         self.running: dict[Any, tuple[int, Task]] = {}
         self.said: dict[int, tuple[int, str, int]] = {}
