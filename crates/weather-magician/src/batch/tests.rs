@@ -233,7 +233,9 @@ fn plans_are_told_apart_by_what_they_say() {
     assert_ne!(of(plan), of(&plan.replace("fog", "snow")));
     let other = self::folder();
     assert_eq!(of(plan), parse(plan, other.path()).unwrap().digest);
-    let plan = format!("about = \"fog/snow\"\n{plan}");
+    // A plan in the present folder has none in its path.
+    let there = folder.path().join("street.ply").display().to_string();
+    let plan = format!("about = \"fog/snow\"\n{plan}").replace("street.ply", &there);
     assert_eq!(of(&plan), parse(&plan, Path::new("")).unwrap().digest);
     assert_eq!(slug("a/b c.JPG--x"), "a-b-c-JPG-x");
     assert_eq!(runs_of(&[0, 1, 2, 5, 7, 8]), "0-2, 5, 7-8");
