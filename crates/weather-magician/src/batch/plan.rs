@@ -702,8 +702,11 @@ impl BatchPlan {
             &self.rig,
             &self.weathers,
         );
-        // The same plan in another folder is the same plan.
-        let text = text.replace(&format!("{}/", folder.display()), "");
+        // The same plan in another folder is the same plan; without a folder (`plan.toml`) paths are as they were written.
+        let text = match folder.as_os_str().is_empty() {
+            true => text,
+            false => text.replace(&format!("{}/", folder.display()), ""),
+        };
         let digest = Sha256::digest(text.as_bytes());
         digest.iter().map(|byte| format!("{byte:02x}")).collect()
     }

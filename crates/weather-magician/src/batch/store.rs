@@ -442,7 +442,10 @@ pub fn digest_of(path: &Path) -> Result<(u64, String)> {
     }
 }
 
-/// The SHA-256 of a scene: of its file, or of the files of its folder in the order of their names.
+/// The end of the names of folders with what is found of a scene: they grow while a set is made, also within the folder of a scene.
+const ASSETS: &str = ".assets";
+
+/// The SHA-256 of a scene: of its file, or of the files of its folder in the order of their names, but for those in `*.assets`.
 ///
 /// # Errors
 /// [`Error::Unsupported`] if one cannot be read.
@@ -455,7 +458,12 @@ pub fn scene_digest_of(path: &Path) -> Result<String> {
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(&folder).map_err(|error| fault(&folder, error))? {
             let path = entry.map_err(|error| fault(&folder, error))?.path();
-            if path.is_dir() { folders.push(path) } else { files.push(path) }
+            let is_assets = path.file_name().is_some_and(|name| name.to_string_lossy().ends_with(ASSETS));
+            match path.is_dir() {
+                true if is_assets => {}
+                true => folders.push(path),
+                false => files.push(path),
+            }
         }
     }
     files.sort();

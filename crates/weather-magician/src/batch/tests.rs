@@ -2,6 +2,7 @@
 
 use super::plan::slug;
 use super::set::{condition_of, readings_of, rig_of};
+use super::store::scene_digest_of;
 use super::*;
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -252,6 +253,23 @@ fn plans_are_told_apart_by_what_they_say() {
     assert_ne!(of(plan), of(&plan.replace("fog", "snow")));
     let other = self::folder();
     assert_eq!(of(plan), parse(plan, other.path()).unwrap().digest);
+    // A plan in the present folder has none in its path.
+    let there = folder.path().join("street.ply").display().to_string();
+    let plan = format!("about = \"fog/snow\"\n{plan}").replace("street.ply", &there);
+    assert_eq!(of(&plan), parse(&plan, Path::new("")).unwrap().digest);
     assert_eq!(slug("a/b c.JPG--x"), "a-b-c-JPG-x");
     assert_eq!(runs_of(&[0, 1, 2, 5, 7, 8]), "0-2, 5, 7-8");
+}
+
+#[test]
+fn what_is_found_of_a_scene_in_a_folder_is_no_part_of_it() {
+    let folder = folder();
+    std::fs::write(folder.path().join("meta.json"), "{}").unwrap();
+    let before = scene_digest_of(folder.path()).unwrap();
+    let assets = crate::assets::AssetCache::folder_of(folder.path());
+    std::fs::create_dir(&assets).unwrap();
+    std::fs::write(assets.join("shelter.wmasset"), "rain").unwrap();
+    assert_eq!(scene_digest_of(folder.path()).unwrap(), before);
+    std::fs::write(folder.path().join("sh0.webp"), "colours").unwrap();
+    assert_ne!(scene_digest_of(folder.path()).unwrap(), before);
 }
