@@ -1,4 +1,4 @@
-"""Trains a small network to tell visibility from pictures that are rendered as they are needed.
+"""Trains a small network to tell the weather in pictures that are rendered as they are needed.
 
     python train_on_weather.py plan.toml
 
@@ -12,7 +12,6 @@ A plan for it needs a scene and weathers, such as
     fov = 60
     [[weather]]
     samples = 200
-    vary."fog.mor" = { distribution = "log-uniform", min = 20, max = 2000 }
 """
 
 import itertools
@@ -21,17 +20,17 @@ import sys
 import torch
 from torch import nn
 from torch.utils.data import DataLoader
-from weather_magician.torch import BlockShuffle, WeatherDataset
+from weather_magician.torch import CONDITIONS, BlockShuffle, WeatherDataset
 
 
-def network():
-    """Three strided convolutions and a mean: the natural logarithm of the visibility in m, less 5."""
+def network(outputs):
+    """Three strided convolutions and a mean over the picture."""
 
     def layer(channels, more):
         return nn.Sequential(nn.Conv2d(channels, more, 3, stride=2, padding=1), nn.ReLU())
 
     return nn.Sequential(
-        layer(3, 16), layer(16, 32), layer(32, 32), nn.AdaptiveAvgPool2d(1), nn.Flatten(), nn.Linear(32, 1)
+        layer(3, 16), layer(16, 32), layer(32, 32), nn.AdaptiveAvgPool2d(1), nn.Flatten(), nn.Linear(32, outputs)
     )
 
 
@@ -40,12 +39,14 @@ def train(plan, steps=10, workers=0):
     torch.manual_seed(0)
     data = WeatherDataset(plan, split="train", layers=("rgb",))
     loader = DataLoader(data, batch_size=8, sampler=BlockShuffle(data), num_workers=workers)
-    model = network()
+    model = network(len(CONDITIONS))
     optimizer = torch.optim.Adam(model.parameters(), lr=0.01)
     losses = []
-    for batch in itertools.islice(itertools.chain.from_iterable(itertools.repeat(loader)), steps):
-        guess = model(batch["rgb"].float() / 255).squeeze(1)
-        loss = nn.functional.mse_loss(guess, batch["log_mor"].float() - 5)
+    epochs = itertools.repeat(loader)
+    for batch in itertools.islice(itertools.chain.from_iterable(epochs), steps):
+        # For visibility: one output, and the mean square of its difference to batch["log_mor"].
+        guess = model(batch["rgb"].float() / 255 - 0.5)
+        loss = nn.functional.cross_entropy(guess, batch["condition"])
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()

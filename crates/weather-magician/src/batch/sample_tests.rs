@@ -70,7 +70,7 @@ speed = 8
 [rig]
 file = "rig.toml"
 [[weather]]
-from = ["heavy-rain", "snow-covered"]
+from = ["heavy-rain", "fog"]
 "#;
 
 fn place(folder: &Path) -> BatchPlan {
