@@ -91,7 +91,7 @@ impl PyRenderer {
         let pending = self.warnings.lock().map(|mut kept| std::mem::take(&mut *kept)).unwrap_or_default();
         for text in pending {
             let text = CString::new(text.replace('\0', "")).unwrap_or_default();
-            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)?;
+            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
         }
         Ok(())
     }

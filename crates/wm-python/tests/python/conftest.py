@@ -8,15 +8,15 @@ import pytest
 
 import weather_magician as wm
 
-REQUIRED = os.environ.get("WM_REQUIRE_PYTHON") == "1"
-
-
 def needed(module):
-    """Imports a module that tests need; they are skipped without it, or fail where nothing may be skipped."""
+    """Imports a module that tests need; they are skipped without it, or fail where nothing may be skipped.
+
+    PyTorch, which is large, is required by a word of its own: WM_REQUIRE_TORCH.
+    """
     try:
         return __import__(module)
     except ImportError:
-        if REQUIRED:
+        if os.environ.get("WM_REQUIRE_TORCH" if module == "torch" else "WM_REQUIRE_PYTHON") == "1":
             raise
         pytest.skip(f"{module} is not installed", allow_module_level=True)
 
