@@ -12,7 +12,7 @@ import weather_magician as wm
 paths = [word for word in sys.argv[1:] if not word.startswith("--")]
 quick = "--quick" in sys.argv
 
-place = wm.Renderer(wm.Scene.open(paths[0]) if paths else wm.Scene.street(0.1))
+place = wm.Renderer(wm.Scene.open(paths[0]) if paths else wm.Scene.street(0.05))
 width, height = (96, 64) if quick else (640, 480)
 camera = place.camera(size=(width, height))
 

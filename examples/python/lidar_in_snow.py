@@ -7,7 +7,7 @@ import numpy as np
 import weather_magician as wm
 
 quick = "--quick" in sys.argv
-place = wm.Renderer(wm.Scene.street(0.1 if quick else 1.0))
+place = wm.Renderer(wm.Scene.street(0.05 if quick else 1.0))
 for weather in ("clear", "snow"):
     sweep = place.scan(weather, "vlp-16", rays=1 if quick else 7)
     counts = np.bincount(sweep["class"], minlength=len(wm.LIDAR_CLASSES))

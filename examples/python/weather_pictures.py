@@ -10,7 +10,7 @@ import weather_magician as wm
 paths = [word for word in sys.argv[1:] if not word.startswith("--")]
 quick = "--quick" in sys.argv
 
-scene = wm.Scene.open(paths[0]) if paths else wm.Scene.street(0.1 if quick else 1.0)
+scene = wm.Scene.open(paths[0]) if paths else wm.Scene.street(0.05 if quick else 1.0)
 place = wm.Renderer(scene)
 camera = place.camera(size=(120, 80) if quick else (1200, 800))
 

@@ -237,8 +237,8 @@ impl PyRenderer {
 
     #[doc = docs!("Renderer.up")]
     #[getter]
-    fn up(&self, py: Python<'_>) -> PyResult<[f64; 3]> {
-        self.with(py, |open, _| Ok(open.place.site().up))
+    fn up(&self, py: Python<'_>) -> PyResult<(f64, f64, f64)> {
+        self.with(py, |open, _| Ok(open.place.site().up.into()))
     }
 
     #[doc = docs!("Renderer.ground")]

@@ -220,8 +220,8 @@ impl PyScene {
 
     #[doc = docs!("Scene.up")]
     #[getter]
-    fn up(&self) -> Option<[f64; 3]> {
-        self.scene.metadata.up.map(|up| up.to_array())
+    fn up(&self) -> Option<(f64, f64, f64)> {
+        self.scene.metadata.up.map(|up| up.into())
     }
 
     #[doc = docs!("Scene.ground")]

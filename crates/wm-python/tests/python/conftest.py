@@ -25,7 +25,7 @@ def needed(module):
 def street(tmp_path_factory):
     """The path of the built-in street, thinly sampled."""
     path = tmp_path_factory.mktemp("place") / "street.ply"
-    wm.Scene.street(0.1).save(path)
+    wm.Scene.street(0.05).save(path)
     return path
 
 
