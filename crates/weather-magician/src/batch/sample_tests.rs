@@ -120,7 +120,7 @@ fn a_sample_has_the_bytes_of_the_files_in_any_order() {
     let one = SampleOptions { places: 1, ..two };
     let depth = SampleLayer::Picture(PictureLayer::Depth);
     // Eight frames: two scenes, two weathers, two frames. To and fro between the scenes, the last frame first.
-    for (number, frame) in [7u64, 0, 5, 2, 6, 1].into_iter().enumerate() {
+    for (number, frame) in [7u64, 0, 5, 2].into_iter().enumerate() {
         let options = if number % 2 == 0 { two } else { one };
         let sample = alone.sample(frame, &options).unwrap();
         let own = frames.join(&sample.clip.name).join("front").join(format!("{:06}", sample.reading.index));
