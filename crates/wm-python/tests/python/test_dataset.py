@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-if os.environ.get("WM_REQUIRE_PYTHON") == "1":
-    import torch
-else:
-    torch = pytest.importorskip("torch", reason="PyTorch is not installed: the data set is not tested")
+from conftest import needed
+
+torch = needed("torch")
 
 from torch.utils.data import DataLoader
 from weather_magician import Batch, Error
