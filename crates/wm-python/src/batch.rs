@@ -1,13 +1,15 @@
 //! Data sets by a plan, block for block.
 
 use crate::error::{Error, Failure, Outcome};
-use crate::process::{PerProcess, Reporter, detached, on_some_threads};
+use crate::process::{PerProcess, Reporter, detached, pool_of};
 use crate::renderer::device_of;
 use crate::sample::{SplitFrames, dict_of, layers_of, split_index};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyRange, PyTuple};
+use rayon::ThreadPool;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use weather_magician::assets::AssetCache;
 use weather_magician::batch::{
     BatchPlan, BatchRun, BatchStore, SampleOptions, SplitClips, merge, missing_blocks,
@@ -22,7 +24,7 @@ pub struct PyBatch {
     device: String,
     threads: Option<usize>,
     facts: BatchFacts,
-    run: PerProcess<BatchRun>,
+    run: PerProcess<OpenBatch>,
 }
 
 struct BatchFacts {
@@ -45,26 +47,32 @@ impl BatchFacts {
     }
 }
 
-fn open_run(plan: &Path, device: &str, threads: Option<usize>) -> Outcome<BatchRun> {
+/// A plan in this process, and threads of what is not its renderer's own work.
+struct OpenBatch {
+    run: BatchRun,
+    pool: Arc<ThreadPool>,
+}
+
+fn open_run(plan: &Path, device: &str, threads: Option<usize>) -> Outcome<OpenBatch> {
     let plan = BatchPlan::read(plan)?;
     let cpu = CpuConfig { threads, ..CpuConfig::default() };
     let renderer = Renderer::new(&device_of(device)?, cpu, |_| {})?;
-    Ok(on_some_threads(threads, || {
-        BatchRun::new(plan, renderer, |scene| Some(AssetCache::folder_of(scene)))
-    })??)
+    let pool = pool_of(threads)?;
+    let run = pool.install(|| BatchRun::new(plan, renderer, |scene| Some(AssetCache::folder_of(scene))))?;
+    Ok(OpenBatch { run, pool })
 }
 
 impl PyBatch {
     fn with<R: Send>(&self, work: impl FnOnce(&mut BatchRun) -> Outcome<R> + Send) -> Outcome<R> {
         let make = || {
             let run = open_run(&self.plan, &self.device, self.threads)?;
-            if run.plan.digest != self.facts.digest {
+            if run.run.plan.digest != self.facts.digest {
                 let says = format!("{}: has changed since it was opened", self.plan.display());
                 return Err(Failure::Library(says));
             }
             Ok(run)
         };
-        self.run.with(make, |run| on_some_threads(self.threads, || work(run))?)
+        self.run.with(make, |OpenBatch { run, pool }| pool.install(|| work(run)))
     }
 
     fn store(&self) -> Outcome<BatchStore> {
@@ -105,7 +113,7 @@ impl PyBatch {
         threads: Option<usize>,
     ) -> PyResult<Self> {
         let run = detached(py, |_| open_run(&plan, device, threads))?;
-        let facts = BatchFacts::of(&run);
+        let facts = BatchFacts::of(&run.run);
         let out = out.unwrap_or_else(|| PathBuf::from(&facts.name));
         let slot = PerProcess::new();
         *slot.lock() = Some(run);

@@ -2,8 +2,7 @@
 
 use crate::error::{Failure, Outcome};
 use pyo3::prelude::*;
-use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::mem;
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -168,25 +167,16 @@ impl<T> Drop for PerProcess<T> {
     }
 }
 
-/// Does `work` on the threads of this process.
-pub fn on_threads<R: Send>(work: impl FnOnce() -> R + Send) -> Outcome<R> {
-    on_some_threads(None, work)
+/// Starts threads for one piece of work after the other; `None` for one for each processor.
+///
+/// Work that may run beside other work has a pool of its own: while a thread of a pool waits for another pool, it takes other work of its
+/// own, which then has to end first.
+pub fn pool_of(threads: Option<usize>) -> Outcome<Arc<ThreadPool>> {
+    let built = ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
+    built.map(Arc::new).map_err(|error| Failure::Library(error.to_string()))
 }
 
-/// Does `work` on so many threads of this process; `None` for one for each processor.
-pub fn on_some_threads<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send) -> Outcome<R> {
-    type Pools = BTreeMap<usize, Arc<rayon::ThreadPool>>;
-    static POOLS: PerProcess<Pools> = PerProcess::new();
-    let pool = POOLS.with(
-        || Ok::<Pools, Failure>(Pools::new()),
-        |pools| match pools.entry(threads.unwrap_or(0)) {
-            Entry::Occupied(known) => Ok(Arc::clone(known.get())),
-            Entry::Vacant(place) => {
-                let built = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
-                let built = built.map_err(|error| Failure::Library(error.to_string()))?;
-                Ok(Arc::clone(place.insert(Arc::new(built))))
-            }
-        },
-    )?;
-    Ok(pool.install(work))
+/// Does `work` on threads of its own: rayon's global ones would be dead in a fork.
+pub fn on_threads<R: Send>(work: impl FnOnce() -> R + Send) -> Outcome<R> {
+    Ok(pool_of(None)?.install(work))
 }

@@ -4,15 +4,16 @@ use crate::arrays::{intrinsics, matrices, moved, numbers, shape_fault};
 use crate::camera::PyCamera;
 use crate::error::{Error, Failure, Outcome, line_of};
 use crate::picture::{PictureOutputs, PyPicture};
-use crate::process::{PerProcess, Reporter, StopFlag, detached, on_threads};
+use crate::process::{PerProcess, Reporter, StopFlag, detached, pool_of};
 use crate::scene::PyScene;
 use crate::weather::PyWeather;
 use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
+use rayon::ThreadPool;
 use std::ffi::CString;
 use std::path::PathBuf;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use weather_magician::assets::AssetCache;
 use weather_magician::lidar::{LidarModel, PointFrame, ReturnMode, ScanOptions, SubRays};
 use weather_magician::measure::{INSTRUMENTS, MeasureRequest, PlaceRenderer};
@@ -48,6 +49,8 @@ struct OpenPlace {
     place: PreparedPlace,
     /// Memory of a frame.
     picture: weather_magician::Picture,
+    /// Threads of what is not the renderer's own work.
+    pool: Arc<ThreadPool>,
 }
 
 impl PyRenderer {
@@ -60,7 +63,7 @@ impl PyRenderer {
         let result = detached(py, |stop| {
             let make = || self.load();
             self.open.with(make, |open| {
-                let result = on_threads(|| work(open, stop))?;
+                let result = Arc::clone(&open.pool).install(|| work(open, stop));
                 self.keep(open.place.take_warnings());
                 result
             })
@@ -72,13 +75,15 @@ impl PyRenderer {
     fn load(&self) -> Outcome<OpenPlace> {
         let cpu = CpuConfig { threads: self.threads, ..CpuConfig::default() };
         let device = device_of(&self.device)?;
-        on_threads(|| {
+        let pool = pool_of(self.threads)?;
+        let (renderer, place) = pool.install(|| -> Outcome<_> {
             let mut renderer = weather_magician::Renderer::new(&device, cpu, |_| {})?;
             let options = PlaceOptions { assets: self.assets.clone(), ..PlaceOptions::default() };
             let mut place = renderer.load_with((*self.scene.scene).clone(), &options)?;
             self.keep(place.take_warnings());
-            Ok(OpenPlace { renderer, place, picture: weather_magician::Picture::default() })
-        })?
+            Ok((renderer, place))
+        })?;
+        Ok(OpenPlace { renderer, place, picture: weather_magician::Picture::default(), pool })
     }
 
     fn keep(&self, warnings: Vec<impl ToString>) {
@@ -554,7 +559,8 @@ impl PyRenderer {
                 Some(open) => open,
                 None => self.load()?,
             };
-            let (open, readings) = on_threads(|| {
+            let pool = Arc::clone(&open.pool);
+            let (open, readings) = Arc::clone(&pool).install(|| {
                 let camera = open.camera(&given, &options)?;
                 let config = open.place.config;
                 let mut field = PlaceRenderer::new(open.renderer, open.place, camera);
@@ -574,8 +580,8 @@ impl PyRenderer {
                 }
                 let PlaceRenderer { renderer, mut place, .. } = field;
                 place.config = RenderConfig { ..config };
-                Ok((OpenPlace { renderer, place, picture: open.picture }, readings))
-            })??;
+                Ok((OpenPlace { renderer, place, picture: open.picture, pool }, readings))
+            })?;
             *lent = Some(open);
             Ok(readings)
         })?;
@@ -605,7 +611,7 @@ impl OpenPlace {
         wanted: &PictureOutputs,
         reporter: &mut Reporter<'_>,
     ) -> Outcome<()> {
-        let Self { renderer, place, picture } = self;
+        let Self { renderer, place, picture, .. } = self;
         place.config = RenderConfig { outputs: outputs(&wanted.layers), ..place.config };
         let parts = wanted.parts();
         let options = FrameOptions { parts: &parts, ..*options };

@@ -2,7 +2,6 @@
 
 import importlib.util
 import math
-import os
 import pickle
 import struct
 import zlib

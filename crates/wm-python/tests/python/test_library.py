@@ -177,11 +177,10 @@ def test_the_stub_is_that_of_the_package():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("script", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
+# The training is run in test_dataset.py, with a plan.
+@pytest.mark.parametrize("script", sorted(set(EXAMPLES.glob("*.py")) - {EXAMPLES / "train_on_weather.py"}), ids=lambda path: path.stem)
 def test_examples_run(script, tmp_path):
     text = script.read_text()
     assert len(text.splitlines()) <= 70, "an example is short"
-    if "import torch" in text:
-        needed("torch")
     done = subprocess.run([sys.executable, script, "--quick"], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
