@@ -1,7 +1,7 @@
 //! Data sets by a plan, block for block.
 
 use crate::error::{Error, Failure, Outcome};
-use crate::process::{PerProcess, Reporter, detached, pool_of};
+use crate::process::{CallbackProgress, PerProcess, detached, pool_of};
 use crate::renderer::device_of;
 use crate::sample::{SplitFrames, dict_of, layers_of, split_index};
 use pyo3::exceptions::{PyIndexError, PyValueError};
@@ -86,7 +86,7 @@ impl PyBatch {
         Err(PyIndexError::new_err(format!("block {block}: the set has {}", self.facts.blocks)))
     }
 
-    fn make_block(&self, block: u64, reporter: &mut Reporter<'_>) -> Outcome<()> {
+    fn make_block(&self, block: u64, reporter: &mut CallbackProgress<'_>) -> Outcome<()> {
         let store = self.store()?;
         self.with(|run| {
             let planned = run.clips.block(block);
@@ -230,7 +230,7 @@ impl PyBatch {
     fn make(&self, py: Python<'_>, block: u64, progress: Option<Py<PyAny>>) -> PyResult<()> {
         self.check(block)?;
         detached(py, |stop| {
-            let mut reporter = Reporter::new(stop, progress.as_ref());
+            let mut reporter = CallbackProgress::new(stop, progress.as_ref());
             let made = self.make_block(block, &mut reporter);
             reporter.outcome(made)
         })
@@ -263,7 +263,7 @@ impl PyBatch {
         let merged = detached(py, |stop| {
             let store = self.store()?;
             self.with(|run| {
-                let mut reporter = Reporter::new(stop, None);
+                let mut reporter = CallbackProgress::new(stop, None);
                 let merged = merge(run, &store, verify, &mut reporter);
                 reporter.outcome(merged)
             })

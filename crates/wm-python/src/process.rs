@@ -56,7 +56,7 @@ impl StopFlag {
 }
 
 /// Progress of the library as calls of a Python function, and the way in which Ctrl-C reaches the library.
-pub struct Reporter<'a> {
+pub struct CallbackProgress<'a> {
     stop: &'a StopFlag,
     /// Called with the steps done, the steps in all or `None`, and the task.
     callback: Option<&'a Py<PyAny>>,
@@ -67,7 +67,7 @@ pub struct Reporter<'a> {
     raised: Option<PyErr>,
 }
 
-impl<'a> Reporter<'a> {
+impl<'a> CallbackProgress<'a> {
     /// Progress that goes to `callback`.
     pub fn new(stop: &'a StopFlag, callback: Option<&'a Py<PyAny>>) -> Self {
         Self { stop, callback, task: "", steps: None, done: 0, raised: None }
@@ -93,7 +93,7 @@ impl<'a> Reporter<'a> {
     }
 }
 
-impl Progress for Reporter<'_> {
+impl Progress for CallbackProgress<'_> {
     fn begin(&mut self, task: &'static str, steps: Option<u64>) {
         (self.task, self.steps, self.done) = (task, steps, 0);
         self.tell();

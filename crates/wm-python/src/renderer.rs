@@ -4,7 +4,7 @@ use crate::arrays::{intrinsics, matrices, moved, numbers, shape_fault};
 use crate::camera::PyCamera;
 use crate::error::{Error, Failure, Outcome, line_of};
 use crate::picture::{PictureOutputs, PyPicture};
-use crate::process::{PerProcess, Reporter, StopFlag, detached, pool_of};
+use crate::process::{CallbackProgress, PerProcess, StopFlag, detached, pool_of};
 use crate::scene::PyScene;
 use crate::weather::PyWeather;
 use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
@@ -302,7 +302,7 @@ impl PyRenderer {
         };
         let made = self.with(py, |open, stop| {
             let near = near.unwrap_or_else(|| ViewOptions::default().near(open.place.survey()));
-            let mut reporter = Reporter::new(stop, progress.as_ref());
+            let mut reporter = CallbackProgress::new(stop, progress.as_ref());
             let mut stack = wanted.stack(count, (width, height))?;
             weather_magician::Progress::begin(&mut reporter, "frames", Some(count as u64));
             for index in 0..count {
@@ -346,7 +346,7 @@ impl PyRenderer {
             let camera = open.camera(&given, &options)?;
             let moving = CameraMotion::Still { camera: Box::new(camera), speed };
             let moving = moving.at(time, open.place.site().metres_per_unit);
-            let mut reporter = Reporter::new(stop, None);
+            let mut reporter = CallbackProgress::new(stop, None);
             open.draw(&weather, &FrameOptions::new(time, moving), &wanted, &mut reporter)?;
             let mut picture = std::mem::take(&mut open.picture);
             let site = open.place.site();
@@ -382,7 +382,7 @@ impl PyRenderer {
         let rate: FrameRate = fps.to_string().parse().map_err(wrong)?;
         let name = self.scene.name();
         self.with(py, |open, stop| {
-            let mut reporter = Reporter::new(stop, progress.as_ref());
+            let mut reporter = CallbackProgress::new(stop, progress.as_ref());
             let motion = match (&r#move, &given) {
                 (None, CameraInput::Camera(_)) => {
                     let camera = Box::new(open.camera(&given, &options)?);
@@ -506,7 +506,7 @@ impl PyRenderer {
     ) -> PyResult<PyScene> {
         let (weather, time) = (PyWeather::given(weather)?, finite("time", time)?);
         self.with(py, |open, stop| {
-            let mut reporter = Reporter::new(stop, progress.as_ref());
+            let mut reporter = CallbackProgress::new(stop, progress.as_ref());
             let OpenPlace { renderer, place, .. } = open;
             let baked = renderer.bake(place, &weather, time, &mut reporter);
             let baked = reporter.outcome(baked)?.ok_or_else(|| {
@@ -552,7 +552,7 @@ impl PyRenderer {
             ));
         }
         let readings = detached(py, |stop| {
-            let mut reporter = Reporter::new(stop, progress.as_ref());
+            let mut reporter = CallbackProgress::new(stop, progress.as_ref());
             // Instruments take the place for themselves; after an error it is loaded again.
             let mut lent = self.open.lock();
             let mut open = match lent.take() {
@@ -609,7 +609,7 @@ impl OpenPlace {
         weather: &wm_weather::Weather,
         options: &FrameOptions<'_>,
         wanted: &PictureOutputs,
-        reporter: &mut Reporter<'_>,
+        reporter: &mut CallbackProgress<'_>,
     ) -> Outcome<()> {
         let Self { renderer, place, picture, .. } = self;
         place.config = RenderConfig { outputs: outputs(&wanted.layers), ..place.config };

@@ -3,7 +3,7 @@
 use crate::arrays::{direction, moved, numbers, shape_fault, vector, view};
 use crate::camera::PyCamera;
 use crate::error::{Error, Failure, Outcome, line_of};
-use crate::process::{Reporter, detached, on_threads};
+use crate::process::{CallbackProgress, detached, on_threads};
 use crate::renderer::device_of;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::exceptions::PyValueError;
@@ -306,7 +306,7 @@ impl PyScene {
         let change = SceneChange { crop, up, up_now: None, scale, sh_degree, max_splats };
         detached(py, |stop| {
             let mut scene = (*self.scene).clone();
-            let mut reporter = Reporter::new(stop, progress.as_ref());
+            let mut reporter = CallbackProgress::new(stop, progress.as_ref());
             let device = device_of(device)?;
             let cpu = CpuConfig { threads, ..CpuConfig::default() };
             let renderer = || {
