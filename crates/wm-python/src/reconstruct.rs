@@ -157,11 +157,13 @@ pub fn reconstruct(
             return Err(Failure::Library(fault));
         }
         let mut events = Events { stop, callback: callback.as_ref(), raised: None };
-        let made = on_threads(|| Session::new(photos).options(options).run(&mut events))?;
+        let made = on_threads(|| Session::new(photos).options(options).run(&mut events).map_err(Box::new))?;
         match (made, events.raised) {
             (_, Some(raised)) => Err(Failure::Python(raised)),
-            (Err(SessionError::Stopped { .. }), None) => Err(Failure::Stopped),
-            (Err(error), None) => Err(Failure::Library(line_of(&error))),
+            (Err(error), None) => match *error {
+                SessionError::Stopped { .. } => Err(Failure::Stopped),
+                error => Err(Failure::Library(line_of(&error))),
+            },
             (Ok(scene), None) => Ok(PyScene::made(scene)),
         }
     })

@@ -221,7 +221,7 @@ impl PyScene {
     #[doc = docs!("Scene.up")]
     #[getter]
     fn up(&self) -> Option<(f64, f64, f64)> {
-        self.scene.metadata.up.map(|up| up.into())
+        self.scene.metadata.up.map(Into::into)
     }
 
     #[doc = docs!("Scene.ground")]

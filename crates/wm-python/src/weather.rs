@@ -92,7 +92,7 @@ impl PyWeather {
             // As the program names it.
             weather.name = weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>().join("-");
         }
-        Ok(detached(py, |_| Self::of(weather, notes))?)
+        detached(py, |_| Self::of(weather, notes))
     }
 
     #[doc = docs!("Weather.presets")]
