@@ -93,9 +93,10 @@ pub fn direction(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
     vector(value, name)?.try_normalize().ok_or_else(wrong)
 }
 
-/// Returns `viewmat [4, 4]` of a camera.
-pub fn viewmat_of<'py>(py: Python<'py>, camera: &Camera) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    moved(py, camera.viewmat.transpose().to_cols_array().to_vec(), &[4, 4])
+/// Returns a matrix as `[4, 4]`.
+pub fn matrix<'py>(py: Python<'py>, matrix: &DMat4) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    // NumPy's rows are glam's columns.
+    moved(py, matrix.transpose().to_cols_array().to_vec(), &[4, 4])
 }
 
 /// Returns `K [3, 3]` of a camera.

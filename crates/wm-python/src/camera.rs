@@ -1,11 +1,11 @@
 //! Cameras.
 
-use crate::arrays::{intrinsics, k_of, matrices, vector, viewmat_of};
+use crate::arrays::{intrinsics, k_of, matrices, matrix, vector};
 use crate::error::{Error, line_of};
 use numpy::PyArrayDyn;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyDict, PyTuple};
 use weather_magician::view::{DEFAULT_SIZE, spec};
 
 #[doc = docs!("Camera")]
@@ -63,17 +63,17 @@ impl PyCamera {
         format!("Camera({}, {width}x{height}, fov {:.1})", spec::text_of(&self.camera), self.camera.fov_y())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (py, camera) = (slf.py(), &slf.get().camera);
-        let again = py.import("weather_magician._native")?.getattr("_camera_of")?;
-        let args = (viewmat_of(py, camera)?, k_of(py, camera)?, camera.width, camera.height, camera.near);
-        Ok((again, args.into_pyobject(py)?))
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let wm_scene::Camera { viewmat, width, height, near, .. } = &self.camera;
+        let options = PyDict::new(py);
+        options.set_item("near", near)?;
+        Ok(((matrix(py, viewmat)?, k_of(py, &self.camera)?, width, height).into_pyobject(py)?, options))
     }
 
     #[doc = docs!("Camera.viewmat")]
     #[getter]
     fn viewmat<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        viewmat_of(py, &self.camera)
+        matrix(py, &self.camera.viewmat)
     }
 
     #[doc = docs!("Camera.K")]
@@ -106,16 +106,4 @@ impl PyCamera {
         camera.check().map_err(|error| Error::new_err(line_of(&error)))?;
         Ok(Self { camera })
     }
-}
-
-/// Makes a camera that was pickled.
-#[pyfunction]
-pub fn _camera_of(
-    viewmat: &Bound<'_, PyAny>,
-    k: &Bound<'_, PyAny>,
-    width: u32,
-    height: u32,
-    near: f64,
-) -> PyResult<PyCamera> {
-    PyCamera::new(viewmat, k, width, height, near)
 }

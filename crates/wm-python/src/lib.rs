@@ -40,9 +40,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     // What pickles call.
     module.add_function(wrap_pyfunction!(scene::_scene_of_file, module)?)?;
     module.add_function(wrap_pyfunction!(scene::_scene_of_bytes, module)?)?;
-    module.add_function(wrap_pyfunction!(camera::_camera_of, module)?)?;
     module.add_function(wrap_pyfunction!(weather::_weather_of, module)?)?;
-    module.add_function(wrap_pyfunction!(renderer::_renderer_of, module)?)?;
     module.add_function(wrap_pyfunction!(batch::_open_batch, module)?)?;
     // PyO3 lists what pickles call too.
     module.delattr("__all__")

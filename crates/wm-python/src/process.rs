@@ -12,7 +12,7 @@ use std::thread;
 use std::time::Duration;
 use weather_magician::Progress;
 
-/// How often the interpreter is asked whether a signal came.
+/// Time between two questions to the interpreter for signals.
 const SIGNALS: Duration = Duration::from_millis(50);
 
 /// Does `work` on a thread of its own, with the interpreter free for others. Ctrl-C asks it to stop, and is raised when it has.
@@ -74,16 +74,17 @@ impl<'a> CallbackProgress<'a> {
     }
 
     /// Returns the outcome of the work, or the exception of the callback that stopped it.
-    pub fn outcome<T>(self, outcome: Result<T, impl Into<Failure>>) -> Outcome<T> {
-        match self.raised {
+    pub fn outcome<T>(&mut self, outcome: Result<T, impl Into<Failure>>) -> Outcome<T> {
+        match self.raised.take() {
             Some(raised) => Err(Failure::Python(raised)),
             None => outcome.map_err(Into::into),
         }
     }
 
-    /// Takes the exception of the callback, if it raised one.
-    pub fn take_raised(&mut self) -> Option<PyErr> {
-        self.raised.take()
+    /// Tells that so many steps of a task are done, where other tasks came in between.
+    pub fn reached(&mut self, task: &'static str, done: u64, steps: u64) {
+        (self.task, self.steps, self.done) = (task, Some(steps), done);
+        self.tell();
     }
 
     fn tell(&mut self) {
@@ -147,10 +148,10 @@ impl<T> PerProcess<T> {
         work: impl FnOnce(&mut T) -> Result<R, E>,
     ) -> Result<R, E> {
         let mut value = self.lock();
-        if value.is_none() {
-            *value = Some(make()?);
-        }
-        value.as_mut().map_or_else(|| unreachable!("made above"), work)
+        work(match &mut *value {
+            Some(made) => made,
+            missing => missing.insert(make()?),
+        })
     }
 }
 

@@ -1,12 +1,13 @@
 //! A device with a place on it: pictures as arrays, sweeps, videos, bakes and measurements.
 
-use crate::arrays::{intrinsics, matrices, moved, numbers, shape_fault};
+use crate::arrays::{intrinsics, matrices, matrix, moved, numbers, shape_fault};
 use crate::camera::PyCamera;
 use crate::error::{Error, Failure, Outcome, line_of};
 use crate::picture::{PictureOutputs, PyPicture};
 use crate::process::{CallbackProgress, PerProcess, StopFlag, detached, pool_of};
 use crate::scene::PyScene;
 use crate::weather::PyWeather;
+use glam::{DAffine3, DMat4};
 use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
@@ -16,15 +17,16 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use weather_magician::assets::AssetCache;
 use weather_magician::lidar::{LidarModel, PointFrame, ReturnMode, ScanOptions, SubRays};
-use weather_magician::measure::{INSTRUMENTS, MeasureRequest, PlaceRenderer};
+use weather_magician::measure::{INSTRUMENTS, InstrumentRenderer, MeasureRequest, PlaceRenderer};
 use weather_magician::output::outputs;
 use weather_magician::video::{FrameRate, VideoSettings};
-use weather_magician::view::ViewOptions;
+use weather_magician::view::{ViewOptions, spec};
 use weather_magician::{
     CameraMotion, CpuConfig, Device, FrameOptions, MotionSpec, MovingCamera, PictureSize, PlaceOptions,
-    PreparedPlace, picture_tags,
+    PreparedPlace, Progress, picture_tags,
 };
 use wm_render::RenderConfig;
+use wm_scene::SceneView;
 
 /// The device of a name: auto, cpu, gpu or gpu:NAME.
 pub fn device_of(name: &str) -> Outcome<Device> {
@@ -108,10 +110,9 @@ impl OpenPlace {
         let Self { renderer, place, .. } = self;
         let spec = match given {
             CameraInput::Camera(camera) => {
-                return Ok(match options.size {
-                    Some((width, height)) => camera.refitted(width, height),
-                    None => *camera,
-                });
+                let view = SceneView { name: String::new(), camera: *camera };
+                let options = ViewOptions { near: Some(camera.near), ..*options };
+                return Ok(spec::of_view(&view, place.survey(), &options)?);
             }
             CameraInput::Spec(spec) => Some(spec.parse()?),
             CameraInput::Chosen => None,
@@ -216,11 +217,15 @@ impl PyRenderer {
         Ok(format!("Renderer({:?}, {})", self.scene.name(), self.describe(py)?))
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (py, own) = (slf.py(), slf.get());
-        let again = py.import("weather_magician._native")?.getattr("_renderer_of")?;
-        let scene = own.scene.clone().into_pyobject(py)?;
-        Ok((again, (scene, &own.device, own.threads, &own.assets).into_pyobject(py)?))
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let options = PyDict::new(py);
+        options.set_item("device", &self.device)?;
+        options.set_item("threads", self.threads)?;
+        match &self.assets {
+            Some(folder) => options.set_item("assets", folder)?,
+            None => options.set_item("assets", false)?,
+        }
+        Ok(((self.scene.clone(),).into_pyobject(py)?, options))
     }
 
     #[doc = docs!("Renderer.scene")]
@@ -282,7 +287,7 @@ impl PyRenderer {
         velocities: Option<&Bound<'py, PyAny>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let weather = PyWeather::given(weather)?;
+        let weather = PyWeather::given(Some(weather))?;
         let (viewmats, ks) = (matrices(viewmats, "viewmats")?, intrinsics(Ks, "Ks")?);
         let count = viewmats.len();
         if ks.len() != count {
@@ -304,8 +309,11 @@ impl PyRenderer {
             let near = near.unwrap_or_else(|| ViewOptions::default().near(open.place.survey()));
             let mut reporter = CallbackProgress::new(stop, progress.as_ref());
             let mut stack = wanted.stack(count, (width, height))?;
-            weather_magician::Progress::begin(&mut reporter, "frames", Some(count as u64));
             for index in 0..count {
+                reporter.reached("frames", index as u64, count as u64);
+                if reporter.is_stopped() {
+                    return reporter.outcome(Err(Failure::Stopped));
+                }
                 let [fx, fy, cx, cy] = ks[index];
                 let camera =
                     wm_scene::Camera { width, height, fx, fy, cx, cy, viewmat: viewmats[index], near };
@@ -313,12 +321,9 @@ impl PyRenderer {
                 let moving = MovingCamera { camera, velocity: velocities[index] };
                 open.draw(&weather, &FrameOptions::new(times[index], moving), &wanted, &mut reporter)?;
                 stack.add(&open.picture);
-                weather_magician::Progress::advance(&mut reporter, 1);
-                if weather_magician::Progress::is_stopped(&mut reporter) && index + 1 < count {
-                    return reporter.outcome(Err(Failure::Stopped));
-                }
             }
-            Ok(stack)
+            reporter.reached("frames", count as u64, count as u64);
+            reporter.outcome(Ok::<_, Failure>(stack))
         })?;
         made.into_dict(py)
     }
@@ -337,7 +342,7 @@ impl PyRenderer {
         outputs: Option<Vec<String>>,
         speed: f64,
     ) -> PyResult<PyPicture> {
-        let weather = weather.map_or_else(|| Ok(wm_weather::Weather::clear()), PyWeather::given)?;
+        let weather = PyWeather::given(weather)?;
         let (given, options) = (CameraInput::of(camera)?, view_options(size, fov)?);
         let (time, speed) = (finite("time", time)?, finite("speed", speed)?);
         let wanted = PictureOutputs::of(&outputs.unwrap_or_default())?;
@@ -373,7 +378,7 @@ impl PyRenderer {
         distance: Option<f64>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
-        let weather = weather.map_or_else(|| Ok(wm_weather::Weather::clear()), PyWeather::given)?;
+        let weather = PyWeather::given(weather)?;
         let (given, options) = (CameraInput::of(camera)?, view_options(size, fov)?);
         if !(seconds > 0.0 && seconds.is_finite()) {
             return Err(PyValueError::new_err(format!("seconds {seconds}: must be above 0")));
@@ -383,18 +388,27 @@ impl PyRenderer {
         let name = self.scene.name();
         self.with(py, |open, stop| {
             let mut reporter = CallbackProgress::new(stop, progress.as_ref());
-            let motion = match (&r#move, &given) {
-                (None, CameraInput::Camera(_)) => {
-                    let camera = Box::new(open.camera(&given, &options)?);
-                    CameraMotion::Still { camera, speed: speed.unwrap_or(0.0) }
+            let mut options = options;
+            let start = match &given {
+                CameraInput::Camera(_) => {
+                    let camera = open.camera(&given, &options)?;
+                    let (size, fov) = ((camera.width, camera.height), camera.fov_y());
+                    // Its path has its lens and its size.
+                    options =
+                        ViewOptions { size: Some(size), fov: Some(fov), near: Some(camera.near), ..options };
+                    Some(camera)
                 }
-                (path, given) => {
-                    let camera = match given {
-                        CameraInput::Camera(camera) => {
-                            Some(weather_magician::view::spec::text_of(camera).parse()?)
-                        }
-                        CameraInput::Spec(spec) => Some(spec.parse()?),
-                        CameraInput::Chosen => None,
+                _ => None,
+            };
+            let motion = match (&r#move, start) {
+                (None, Some(camera)) => {
+                    CameraMotion::Still { camera: Box::new(camera), speed: speed.unwrap_or(0.0) }
+                }
+                (path, start) => {
+                    let camera = match (&given, start) {
+                        (_, Some(camera)) => Some(spec::text_of(&camera).parse()?),
+                        (CameraInput::Spec(spec), None) => Some(spec.parse()?),
+                        _ => None,
                     };
                     let path = path.as_ref().map(|path| path.parse()).transpose()?;
                     let spec = MotionSpec { camera, path, distance, speed, seconds };
@@ -430,7 +444,7 @@ impl PyRenderer {
         seed: u64,
         sweep: u32,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let weather = weather.map_or_else(|| Ok(wm_weather::Weather::clear()), PyWeather::given)?;
+        let weather = PyWeather::given(weather)?;
         let given = CameraInput::of(camera)?;
         let (time, speed) = (finite("time", time)?, finite("speed", speed)?);
         let wrong = |name: &str, value: &str, words: &str| {
@@ -483,14 +497,9 @@ impl PyRenderer {
         let classes = points.iter().map(|point| point.class as u8).collect();
         dict.set_item("class", moved::<u8>(py, classes, &[count])?)?;
         dict.set_item("label", moved(py, points.iter().map(|point| point.label).collect(), &[count])?)?;
-        let metres = made.metres_per_unit;
-        let axes = made.pose.world_from_sensor.to_cols_array_2d();
-        let origin = (made.pose.origin * metres).to_array();
-        let pose: Vec<f64> = (0..3)
-            .flat_map(|row| [axes[0][row], axes[1][row], axes[2][row], origin[row]])
-            .chain([0.0, 0.0, 0.0, 1.0])
-            .collect();
-        dict.set_item("world_from_sensor", moved(py, pose, &[4, 4])?)?;
+        let origin = made.pose.origin * made.metres_per_unit;
+        let pose = DMat4::from(DAffine3::from_mat3_translation(made.pose.world_from_sensor, origin));
+        dict.set_item("world_from_sensor", matrix(py, &pose)?)?;
         dict.set_item("pulses", made.pulses)?;
         Ok(dict)
     }
@@ -504,7 +513,7 @@ impl PyRenderer {
         time: f64,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyScene> {
-        let (weather, time) = (PyWeather::given(weather)?, finite("time", time)?);
+        let (weather, time) = (PyWeather::given(Some(weather))?, finite("time", time)?);
         self.with(py, |open, stop| {
             let mut reporter = CallbackProgress::new(stop, progress.as_ref());
             let OpenPlace { renderer, place, .. } = open;
@@ -533,7 +542,7 @@ impl PyRenderer {
         size: Option<(u32, u32)>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyList>> {
-        let (weather, time) = (PyWeather::given(weather)?, finite("time", time)?);
+        let (weather, time) = (PyWeather::given(Some(weather))?, finite("time", time)?);
         let (given, options) =
             (CameraInput::of(camera)?, view_options(Some(size.unwrap_or((480, 320))), None)?);
         let names: Vec<&str> = INSTRUMENTS.iter().map(|instrument| instrument.name).collect();
@@ -566,24 +575,24 @@ impl PyRenderer {
                 let mut field = PlaceRenderer::new(open.renderer, open.place, camera);
                 let request = MeasureRequest { weather: &weather, time, setting: &weather.name };
                 let mut readings = Vec::new();
-                weather_magician::Progress::begin(&mut reporter, "readings", Some(chosen.len() as u64));
+                reporter.begin("readings", Some(chosen.len() as u64));
                 for instrument in chosen {
-                    if weather_magician::Progress::is_stopped(&mut reporter) {
+                    if reporter.is_stopped() {
                         return reporter.outcome(Err(Failure::Stopped));
                     }
                     let found = (instrument.read)(&mut field, &request).map_err(|error| {
                         Failure::Library(format!("{}: {}", instrument.name, line_of(&error)))
                     })?;
-                    weather_magician::measure::InstrumentRenderer::clear_away(&mut field);
+                    field.clear_away();
                     readings.extend(found.readings.into_iter().map(|reading| (instrument.name, reading)));
-                    weather_magician::Progress::advance(&mut reporter, 1);
+                    reporter.advance(1);
                 }
                 let PlaceRenderer { renderer, mut place, .. } = field;
-                place.config = RenderConfig { ..config };
+                place.config = config;
                 Ok((OpenPlace { renderer, place, picture: open.picture, pool }, readings))
             })?;
             *lent = Some(open);
-            Ok(readings)
+            reporter.outcome(Ok::<_, Failure>(readings))
         })?;
         let list = PyList::empty(py);
         for (instrument, reading) in readings {
@@ -615,29 +624,11 @@ impl OpenPlace {
         place.config = RenderConfig { outputs: outputs(&wanted.layers), ..place.config };
         let parts = wanted.parts();
         let options = FrameOptions { parts: &parts, ..*options };
-        renderer
-            .render_into(place, weather, &options, picture, reporter)
-            .map_err(|error| reporter.take_raised().map_or_else(|| Failure::from(error), Failure::Python))?;
+        let drawn = renderer.render_into(place, weather, &options, picture, reporter);
+        reporter.outcome(drawn)?;
         if wanted.labels() {
             renderer.render_labels(place, (None, &options.camera.camera), picture)?;
         }
         Ok(())
     }
-}
-
-/// Makes a renderer that was pickled.
-#[pyfunction]
-pub fn _renderer_of(
-    py: Python<'_>,
-    scene: &Bound<'_, PyAny>,
-    device: &str,
-    threads: Option<usize>,
-    assets: Option<PathBuf>,
-) -> PyResult<PyRenderer> {
-    let off = false.into_pyobject(py)?.to_owned().into_any();
-    let assets = match assets {
-        Some(assets) => assets.into_pyobject(py)?.into_any(),
-        None => off,
-    };
-    PyRenderer::new(py, scene, device, threads, Some(&assets))
 }

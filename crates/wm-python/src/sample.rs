@@ -1,6 +1,6 @@
 //! Readings of a plan as arrays, and lists of its frames.
 
-use crate::arrays::moved;
+use crate::arrays::{matrix, moved};
 use crate::error::{Failure, Outcome};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
@@ -144,15 +144,13 @@ pub fn dict_of<'py>(
     dict.set_item("weather", weather)?;
     dict.set_item("weather_name", &clip.weather.name)?;
     dict.set_item("weather_file", &clip.weather.file)?;
-    // NumPy's rows are glam's columns.
-    let matrix = |pose: glam::DMat4| moved(py, pose.transpose().to_cols_array().to_vec(), &[4, 4]);
     let world_from_sensor = reading.world_from_sensor(set);
-    dict.set_item("world_from_rig", matrix(reading.world_from_rig.matrix())?)?;
-    dict.set_item("world_from_sensor", matrix(world_from_sensor.matrix())?)?;
+    dict.set_item("world_from_rig", matrix(py, &reading.world_from_rig.matrix())?)?;
+    dict.set_item("world_from_sensor", matrix(py, &world_from_sensor.matrix())?)?;
     if let SensorInfoKind::Camera(camera) = &sensor.kind {
         let ([fx, fy], [cx, cy]) = (camera.focal, camera.center);
         dict.set_item("K", moved(py, vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0], &[3, 3])?)?;
-        dict.set_item("viewmat", matrix(world_from_sensor.inverse().matrix())?)?;
+        dict.set_item("viewmat", matrix(py, &world_from_sensor.inverse().matrix())?)?;
     }
     Ok(dict)
 }

@@ -26,7 +26,7 @@ pub struct PyScene {
     pub origin: Option<SceneOrigin>,
 }
 
-/// What a scene was read from.
+/// The file of a scene, and how it was read.
 #[derive(Clone)]
 pub struct SceneOrigin {
     pub path: PathBuf,

@@ -30,8 +30,9 @@ impl PyWeather {
         Self::of(report.weather().clone(), notes)
     }
 
-    /// A weather as functions take it: a `PyWeather`, or what makes one.
-    pub fn given(value: &Bound<'_, PyAny>) -> PyResult<wm_weather::Weather> {
+    /// A weather as functions take it: a `PyWeather`, or what makes one; clear air for `None`.
+    pub fn given(value: Option<&Bound<'_, PyAny>>) -> PyResult<wm_weather::Weather> {
+        let Some(value) = value else { return Ok(wm_weather::Weather::clear()) };
         if let Ok(weather) = value.cast::<Self>() {
             return Ok(weather.get().weather.clone());
         }
@@ -80,6 +81,7 @@ impl PyWeather {
     #[new]
     #[pyo3(signature = (name=None, parameters=None))]
     fn new(py: Python<'_>, name: Option<PathBuf>, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let is_named = name.is_some();
         let name = name.map_or_else(|| "clear".into(), |name| name.to_string_lossy().into_owned());
         let found = detached(py, |_| find_weather(&name, Path::new("")).map_err(|error| failed(&error)))?;
         let mut weather = found.weather;
@@ -88,7 +90,7 @@ impl PyWeather {
             weather = weather.set(&key, value).map_err(|error| failed(&error))?;
         }
         let notes = found.report.iter().flat_map(WeatherReport::notes).map(ToString::to_string).collect();
-        if name == "clear" && weather.effects().next().is_some() {
+        if !is_named && weather.effects().next().is_some() {
             // As the program names it.
             weather.name = weather.effects().map(|(effect, _)| effect.name).collect::<Vec<_>>().join("-");
         }

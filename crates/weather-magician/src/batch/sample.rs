@@ -93,7 +93,7 @@ pub struct BatchSample {
     pub reading: ReadingInfo,
     /// The sensor: its name, its place on the rig and its intrinsics.
     pub sensor: SensorInfo,
-    /// What was read.
+    /// The layers, points or detections.
     pub data: SampleData,
 }
 
@@ -155,7 +155,7 @@ impl BatchPlan {
     }
 }
 
-/// What must be rendered for some layers.
+/// The passes and pictures that some layers need.
 fn needs_of(layers: &[SampleLayer]) -> PictureNeeds {
     let also: Vec<ExtraPicture> = layers
         .iter()

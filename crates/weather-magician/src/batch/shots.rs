@@ -51,7 +51,7 @@ pub struct ReadingBuffer {
     pub detections: Vec<DatasetDetection>,
 }
 
-/// What [`Shots`] keeps from one reading of a part to the next.
+/// Cameras, sweeps and memory of [`Shots`], from one reading of a part to the next.
 pub struct ShotMemory {
     /// The part that the rest is of.
     part: usize,

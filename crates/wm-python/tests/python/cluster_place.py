@@ -4,10 +4,11 @@ import hashlib
 import os
 import random
 import signal
-import struct
 import time
 from dataclasses import dataclass
 from pathlib import Path
+
+from splat_file import write_ply
 
 PLAN = """
 seed = 3
@@ -50,13 +51,7 @@ def write_place(folder: Path) -> Path:
         else:
             side = -6.0 if number % 2 else 6.0
             rows.append((side, y, chance.uniform(0, 6), chance.uniform(-1, 1), 0.2, -0.2, 3.0, -3.0, -0.3, -0.3, 1.0, 0.0, 0.0, 0.0))
-    names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3".split()
-    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n"
-    head += "".join(f"property float {name}\n" for name in names) + "end_header\n"
-    with open(folder / "scenes/yard.ply", "wb") as file:
-        file.write(head.encode())
-        for row in rows:
-            file.write(struct.pack("<14f", *row))
+    write_ply(folder / "scenes/yard.ply", rows)
     (folder / "mist.toml").write_text('name = "mist"\n[fog]\nmor = 700\n')
     (folder / "plan.toml").write_text(PLAN)
     return folder / "plan.toml"

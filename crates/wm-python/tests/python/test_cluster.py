@@ -12,18 +12,13 @@ import time
 from pathlib import Path
 
 import pytest
+from conftest import needed
 
 HERE = Path(__file__).parent
-try:
-    import fsspec  # noqa: F401
-    import ray
-    from ray.cluster_utils import Cluster
+fsspec, ray = needed("fsspec"), needed("ray")
+from ray.cluster_utils import Cluster  # noqa: E402
 
-    import weather_magician
-except ImportError as error:
-    if os.environ.get("WM_REQUIRE_PYTHON") == "1":
-        raise
-    pytest.skip(f"not installed: {error.name}", allow_module_level=True)
+import weather_magician  # noqa: E402
 
 sys.path.insert(0, str(HERE))
 from cluster_place import Misbehaving, tree_hash, write_place  # noqa: E402

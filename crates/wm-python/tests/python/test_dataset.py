@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from conftest import needed
+from splat_file import write_ply
 
 torch = needed("torch")
 
@@ -100,11 +101,7 @@ def write_scene(path, rgb):
     rows[:, 6] = 4.0
     rows[:, 7:10] = np.log([0.35, 0.35, 0.05])
     rows[:, 10] = 1.0
-    names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2"]
-    names += ["rot_0", "rot_1", "rot_2", "rot_3"]
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
-    header += [f"property float {name}" for name in names] + ["end_header\n"]
-    path.write_bytes("\n".join(header).encode() + rows.tobytes())
+    write_ply(path, rows)
 
 
 def read_png(path):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Callable
 
 import pytest
+from conftest import needed
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[3]
@@ -151,7 +152,7 @@ def test_slurm(tmp_path):
 
 
 def test_kubernetes(tmp_path):
-    pytest.importorskip("yaml")
+    needed("yaml")
     files, _ = blocks_of("kubernetes.md")
     shards = {int(files["make.yaml"].split("completions: ")[1].split()[0]), int(files["make.yaml"].split("INDEX/")[1].split('"')[0])}
     assert len(shards) == 1, "as many completions as shards"

@@ -188,6 +188,32 @@ def test_an_exception_of_a_callback_comes_back(place):
 
     with pytest.raises(RuntimeError, match="enough"):
         place.render("fog", [camera.viewmat] * 9, [camera.K] * 9, *SIZE, progress=progress)
+    # Also that of the last call.
+    with pytest.raises(RuntimeError, match="enough"):
+        place.render("fog", [camera.viewmat] * 2, [camera.K] * 2, *SIZE, progress=progress)
+
+
+def test_frames_are_counted_though_other_tasks_come_in_between(street):
+    place, told = wm.Renderer(street, device="cpu", assets=False), []
+    camera = place.camera(size=SIZE)
+    snow = wm.Weather(parameters={"snow_cover.depth": 0.1})
+    place.render(snow, [camera.viewmat] * 2, [camera.K] * 2, *SIZE, progress=lambda *of: told.append(of))
+    assert [of for of in told if of[2] == "frames"] == [(0, 2, "frames"), (1, 2, "frames"), (2, 2, "frames")]
+    assert any(of[2] != "frames" for of in told)
+
+
+def test_a_camera_of_ones_own_is_used_as_it_is_or_as_is_asked(place, tmp_path):
+    camera = place.camera("0,0,2:0,10,2", size=SIZE, fov=70)
+    again = pickle.loads(pickle.dumps(camera))
+    assert np.array_equal(again.viewmat, camera.viewmat) and np.array_equal(again.K, camera.K)
+    assert (again.width, again.near) == (camera.width, camera.near)
+    assert np.array_equal(place.camera(camera).K, camera.K) and place.camera(camera).near == camera.near
+    assert place.camera(camera, fov=30).K[1, 1] == pytest.approx(32 / np.tan(np.radians(15)))
+    place.video(tmp_path / "orbit.mp4", "clear", camera, move="orbit", seconds=0.2, fps=10)
+    data = (tmp_path / "orbit.mp4").read_bytes()
+    header = data[data.index(b"tkhd") + 4 :]
+    # Version 0 ends with width and height, 16.16, after 76 bytes.
+    assert (int.from_bytes(header[76:78], "big"), int.from_bytes(header[80:82], "big")) == SIZE
 
 
 def test_time_and_seed_alone_decide_a_frame(place):

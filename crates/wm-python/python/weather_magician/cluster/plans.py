@@ -178,9 +178,8 @@ class _Folder:
     verifies = False
 
     def __init__(self, plan: str, out: str | os.PathLike | None, batch: Callable) -> None:
-        own = batch(plan, None if out is None else os.fspath(out), device="cpu")
-        self.plan, self.out = plan, os.path.abspath(own.out)
-        self.factory, self.batch = batch, batch(plan, self.out, device="cpu")
+        self.factory, self.batch = batch, batch(plan, None if out is None else os.fspath(out), device="cpu")
+        self.plan, self.out = plan, os.path.abspath(self.batch.out)
 
     def missing(self) -> list[int]:
         os.makedirs(os.path.join(self.out, DONE), exist_ok=True)
