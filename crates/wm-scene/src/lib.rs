@@ -56,6 +56,7 @@ pub mod group;
 pub mod health;
 pub mod jacobi;
 pub mod lamps;
+pub mod levels;
 pub mod metadata;
 pub mod morton;
 mod nearest;

@@ -19,16 +19,17 @@
 //! called which (`rotation.rs`), and how pictures are packed (`webp.rs`).
 
 mod palette;
-mod read;
+pub(crate) mod read;
 mod rotation;
 mod webp;
 mod write;
 mod zip;
 
-use super::{ANY_SCALE, Axes, DetailLevel, Kept, Loses, ReadOptions, SceneFormat, Writer, has_ending};
+use super::{ANY_SCALE, Axes, Kept, Loses, ReadOptions, SceneFormat, Writer, has_ending};
 use crate::{
     Scene,
     error::{FormatError, Problem},
+    levels::LevelIndex,
     source::Source,
 };
 
@@ -114,7 +115,7 @@ pub mod levels {
 
     fn read(source: &mut Source, options: &ReadOptions) -> Result<Scene, FormatError> {
         let main = source.path().to_owned();
-        let meta = source.rest()?;
-        read::read_levels(&main, &meta, options.level).map_err(|problem| source.whole(problem))
+        let index = LevelIndex::parse(&main, &source.rest()?).map_err(|problem| source.whole(problem))?;
+        index.read_level(options.level)
     }
 }

@@ -1,6 +1,6 @@
 //! Reading: `meta.json` and the pictures that it names.
 
-use super::{DetailLevel, Problem, rotation::from_bytes};
+use super::{Problem, rotation::from_bytes};
 use crate::{
     Metadata, Rasterization, Scene, Splats,
     error::{excerpt, one_line},
@@ -14,9 +14,9 @@ use crate::{
 use image_webp::WebPDecoder;
 use serde::Deserialize;
 use std::{
-    collections::{BTreeMap, BTreeSet},
     fs,
     io::{Cursor, Read},
+    ops::Range,
     path::{Component, Path, PathBuf},
 };
 
@@ -79,11 +79,11 @@ struct Palette {
     files: [String; 2],
 }
 
-fn fault(what: impl Into<String>) -> Problem {
+pub(crate) fn fault(what: impl Into<String>) -> Problem {
     Problem::Header(format!("SOG: {}", what.into()))
 }
 
-fn parse<'a, T: Deserialize<'a>>(text: &'a [u8], name: &str) -> Result<T, Problem> {
+pub(crate) fn parse<'a, T: Deserialize<'a>>(text: &'a [u8], name: &str) -> Result<T, Problem> {
     serde_json::from_slice(text).map_err(|error| fault(format!("{name}: {}", one_line(&error.to_string()))))
 }
 
@@ -167,13 +167,18 @@ pub(super) fn read(files: Files) -> Result<Scene, Problem> {
     read_with(files, &meta)
 }
 
+/// Reads the pictures of the folder of a `meta.json`.
+pub(crate) fn read_pictures(main: &Path) -> Result<SogPictures, Problem> {
+    SogPictures::read(&|name| Ok(Some(read_file(&below(main, name)?)?)), &read_file(main)?)
+}
+
 /// Reads a scene out of the folder of the file `main`, a `meta.json` whose content is `meta`.
 pub(super) fn read_folder(main: &Path, meta: &[u8]) -> Result<Scene, Problem> {
     read_with(&|name| Ok(Some(read_file(&below(main, name)?)?)), meta)
 }
 
 /// A path below the folder of the file `main`; what leads out of it is refused.
-fn below(main: &Path, name: &str) -> Result<PathBuf, Problem> {
+pub(crate) fn below(main: &Path, name: &str) -> Result<PathBuf, Problem> {
     let inside =
         Path::new(name).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     if !inside || name.is_empty() {
@@ -182,7 +187,7 @@ fn below(main: &Path, name: &str) -> Result<PathBuf, Problem> {
     Ok(beside(main, Path::new(name)))
 }
 
-fn read_file(path: &Path) -> Result<Vec<u8>, Problem> {
+pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Problem> {
     let name = excerpt(path.file_name().unwrap_or_default().as_encoded_bytes());
     let refused = |error: std::io::Error| fault(format!("\"{name}\" cannot be read: {error}"));
     let about = fs::metadata(path).map_err(refused)?;
@@ -195,69 +200,118 @@ fn read_file(path: &Path) -> Result<Vec<u8>, Problem> {
 }
 
 fn read_with(files: Files, meta: &[u8]) -> Result<Scene, Problem> {
-    let meta: Meta = parse(meta, "meta.json")?;
-    if let Some(version) = meta.version.filter(|version| !(1..=2).contains(version)) {
-        return Err(fault(format!("version {version} is not read, 1 and 2 are")));
-    }
-    if let Some(fault_of) = meta.metadata.fault() {
-        return Err(fault(format!("meta.json: {fault_of}")));
-    }
-    let count = meta.count.or_else(|| meta.means.shape.first().copied());
-    let count = count.ok_or_else(|| fault("meta.json has no count of splats"))?;
-    // The pictures bound it: nothing is allocated before one of that size is there.
-    let [low, high] = [0, 1].map(|i| Picture::read(files, &meta.means.files[i], count));
-    let (low, high) = (low?.rgba, high?.rgba);
-    let scales = Picture::read(files, &meta.scales.files[0], count)?.rgba;
-    let quats = Picture::read(files, &meta.quats.files[0], count)?.rgba;
-    let colors = Picture::read(files, &meta.sh0.files[0], count)?.rgba;
-    let sh = meta.sh_n.as_ref().map(|palette| Shading::read(files, palette, count)).transpose()?;
-    let degree = sh.as_ref().map_or(0, |sh| sh.degree);
-    let mut splats = Splats::zeroed(count as usize, degree);
+    let pictures = SogPictures::read(files, meta)?;
+    let splats = pictures.splats(0..pictures.len())?;
+    Ok(Scene { splats, metadata: pictures.metadata, views: Vec::new() })
+}
 
-    let Ranged { mins, maxs, .. } = meta.means;
-    let place = |k: usize, step: u16| {
-        let curved = mins[k] + (maxs[k] - mins[k]) * (f32::from(step) / 65535.0);
-        curved.signum() * curved.abs().exp_m1()
-    };
-    // Each step once, where there are more splats than steps.
-    let places: Option<[Vec<f32>; 3]> = (count > 1 << 16)
-        .then(|| std::array::from_fn(|k| (0..=u16::MAX).map(|step| place(k, step)).collect()));
-    for ((mean, low), high) in splats.means.iter_mut().zip(&low).zip(&high) {
-        *mean = std::array::from_fn(|k| {
-            let step = u16::from_le_bytes([low[k], high[k]]);
-            places.as_ref().map_or_else(|| place(k, step), |places| places[k][usize::from(step)])
-        });
-    }
-    let tables = [meta.scales.table(0)?, meta.scales.table(1)?, meta.scales.table(2)?];
-    for (log_scale, bytes) in splats.log_scales.iter_mut().zip(&scales) {
-        *log_scale = std::array::from_fn(|k| tables[k].get(bytes[k]));
-    }
-    for (quat, [a, b, c, mode]) in splats.quats.iter_mut().zip(&quats) {
-        let largest = usize::from(mode.checked_sub(252).ok_or_else(|| {
-            fault(format!("a pixel of the rotations has alpha {mode}, 252 to 255 are known"))
-        })?);
-        *quat = from_bytes(largest, [*a, *b, *c]);
-    }
-    let tables = [meta.sh0.table(0)?, meta.sh0.table(1)?, meta.sh0.table(2)?];
-    let opacities = if meta.sh0.codebook.is_empty() { Some(meta.sh0.table(3)?) } else { None };
-    let stride = splats.sh_stride();
-    for (index, bytes) in colors.iter().take(count as usize).enumerate() {
-        for k in 0..3 {
-            splats.sh[index * stride + k] = tables[k].get(bytes[k]);
+/// The decoded pictures of a SOG: 28 bytes a splat and its palette. Splats are made of any part of them.
+pub(crate) struct SogPictures {
+    count: usize,
+    means: Ranged,
+    /// Lower and upper bytes of the means.
+    places: [Vec<[u8; 4]>; 2],
+    scale_tables: [Table; 3],
+    scales: Vec<[u8; 4]>,
+    quats: Vec<[u8; 4]>,
+    color_tables: [Table; 3],
+    /// Logits of version 1.
+    opacities: Option<Table>,
+    colors: Vec<[u8; 4]>,
+    sh: Option<Shading>,
+    /// What it states of the scene.
+    pub metadata: Metadata,
+}
+
+impl SogPictures {
+    fn read(files: Files, meta: &[u8]) -> Result<Self, Problem> {
+        let meta: Meta = parse(meta, "meta.json")?;
+        if let Some(version) = meta.version.filter(|version| !(1..=2).contains(version)) {
+            return Err(fault(format!("version {version} is not read, 1 and 2 are")));
         }
-        splats.logit_opacities[index] = match &opacities {
-            Some(logits) => logits.get(bytes[3]),
-            None => logit_of_byte(bytes[3]),
+        if let Some(fault_of) = meta.metadata.fault() {
+            return Err(fault(format!("meta.json: {fault_of}")));
+        }
+        let count = meta.count.or_else(|| meta.means.shape.first().copied());
+        let count = count.ok_or_else(|| fault("meta.json has no count of splats"))?;
+        // The pictures bound it: nothing is allocated before one of that size is there.
+        let [low, high] = [0, 1].map(|i| Picture::read(files, &meta.means.files[i], count));
+        let places = [low?.rgba, high?.rgba];
+        let antialiased = meta.antialias.then_some(Rasterization::Antialiased);
+        Ok(Self {
+            count: count as usize,
+            places,
+            scales: Picture::read(files, &meta.scales.files[0], count)?.rgba,
+            quats: Picture::read(files, &meta.quats.files[0], count)?.rgba,
+            colors: Picture::read(files, &meta.sh0.files[0], count)?.rgba,
+            sh: meta.sh_n.as_ref().map(|palette| Shading::read(files, palette, count)).transpose()?,
+            scale_tables: [meta.scales.table(0)?, meta.scales.table(1)?, meta.scales.table(2)?],
+            color_tables: [meta.sh0.table(0)?, meta.sh0.table(1)?, meta.sh0.table(2)?],
+            opacities: if meta.sh0.codebook.is_empty() { Some(meta.sh0.table(3)?) } else { None },
+            means: meta.means,
+            metadata: Metadata {
+                rasterization: meta.metadata.rasterization.or(antialiased),
+                ..meta.metadata
+            },
+        })
+    }
+
+    /// Number of splats.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// The splats of a part.
+    ///
+    /// # Errors
+    /// If it is not there, or one of its splats has a rotation or an entry of the palette that is not known.
+    pub fn splats(&self, part: Range<usize>) -> Result<Splats, Problem> {
+        if part.start > part.end || part.end > self.count {
+            return Err(fault("a part of it has splats that it lacks"));
+        }
+        let degree = self.sh.as_ref().map_or(0, |sh| sh.degree);
+        let mut splats = Splats::zeroed(part.len(), degree);
+        let Ranged { mins, maxs, .. } = self.means;
+        let place = |k: usize, step: u16| {
+            let curved = mins[k] + (maxs[k] - mins[k]) * (f32::from(step) / 65535.0);
+            curved.signum() * curved.abs().exp_m1()
         };
-    }
-    if let Some(sh) = sh {
-        for (index, out) in splats.sh.chunks_exact_mut(stride).enumerate() {
-            sh.write(index, &mut out[3..])?;
+        // Each step once, where there are more splats than steps.
+        let places: Option<[Vec<f32>; 3]> = (part.len() > 1 << 16)
+            .then(|| std::array::from_fn(|k| (0..=u16::MAX).map(|step| place(k, step)).collect()));
+        let [low, high] = self.places.each_ref().map(|bytes| &bytes[part.clone()]);
+        for ((mean, low), high) in splats.means.iter_mut().zip(low).zip(high) {
+            *mean = std::array::from_fn(|k| {
+                let step = u16::from_le_bytes([low[k], high[k]]);
+                places.as_ref().map_or_else(|| place(k, step), |places| places[k][usize::from(step)])
+            });
         }
+        for (log_scale, bytes) in splats.log_scales.iter_mut().zip(&self.scales[part.clone()]) {
+            *log_scale = std::array::from_fn(|k| self.scale_tables[k].get(bytes[k]));
+        }
+        for (quat, [a, b, c, mode]) in splats.quats.iter_mut().zip(&self.quats[part.clone()]) {
+            let largest = usize::from(mode.checked_sub(252).ok_or_else(|| {
+                fault(format!("a pixel of the rotations has alpha {mode}, 252 to 255 are known"))
+            })?);
+            *quat = from_bytes(largest, [*a, *b, *c]);
+        }
+        let stride = splats.sh_stride();
+        for (index, bytes) in self.colors[part.clone()].iter().enumerate() {
+            for k in 0..3 {
+                splats.sh[index * stride + k] = self.color_tables[k].get(bytes[k]);
+            }
+            splats.logit_opacities[index] = match &self.opacities {
+                Some(logits) => logits.get(bytes[3]),
+                None => logit_of_byte(bytes[3]),
+            };
+        }
+        if let Some(sh) = &self.sh {
+            for (index, out) in part.zip(splats.sh.chunks_exact_mut(stride)) {
+                sh.write(index, &mut out[3..])?;
+            }
+        }
+        Ok(splats)
     }
-    let antialiased = meta.antialias.then_some(Rasterization::Antialiased);
-    let metadata = Metadata { rasterization: meta.metadata.rasterization.or(antialiased), ..meta.metadata };
-    Ok(Scene { splats, metadata, views: Vec::new() })
 }
 
 /// SH above degree 0: a palette, and which entry each splat has.
@@ -305,122 +359,4 @@ impl Shading {
         }
         Ok(())
     }
-}
-
-#[derive(Deserialize)]
-struct Levels {
-    #[serde(default)]
-    version: Option<u32>,
-    #[serde(rename = "lodLevels")]
-    levels: u32,
-    #[serde(default)]
-    environment: Option<String>,
-    filenames: Vec<String>,
-    tree: Node,
-}
-
-#[derive(Deserialize)]
-struct Node {
-    #[serde(default)]
-    children: Vec<Node>,
-    #[serde(default)]
-    lods: BTreeMap<String, Run>,
-}
-
-/// Splats of a leaf at a level.
-#[derive(Clone, Copy, Deserialize)]
-struct Run {
-    file: usize,
-    offset: u64,
-    count: u64,
-}
-
-impl Node {
-    /// Every run of a level; of a leaf that lacks it, that of the finest coarser level, else of the coarsest.
-    fn runs(&self, level: u32, out: &mut Vec<Run>) {
-        self.children.iter().for_each(|child| child.runs(level, out));
-        let numbered = || self.lods.iter().filter_map(|(key, run)| Some((key.parse::<u32>().ok()?, *run)));
-        let coarser = numbered().filter(|(number, _)| *number >= level).min_by_key(|(number, _)| *number);
-        out.extend(coarser.or_else(|| numbered().max_by_key(|(number, _)| *number)).map(|(_, run)| run));
-    }
-}
-
-/// Reads one level of a scene with several, out of the folder of its `lod-meta.json`, `main`.
-pub(super) fn read_levels(main: &Path, meta: &[u8], level: DetailLevel) -> Result<Scene, Problem> {
-    let meta: Levels = parse(meta, "lod-meta.json")?;
-    if let Some(version) = meta.version.filter(|version| *version != 1) {
-        return Err(fault(format!("lod-meta.json of version {version} is not read, 1 is")));
-    }
-    let runs_of = |level| {
-        let mut runs = Vec::new();
-        meta.tree.runs(level, &mut runs);
-        runs
-    };
-    let coarsest = meta.levels.clamp(1, MAX_LEVELS) - 1;
-    let number = match level {
-        DetailLevel::Finest => 0,
-        DetailLevel::Number(number) if number > coarsest => {
-            return Err(Problem::Value(format!("there is no level {number}: it has 0 to {coarsest}")));
-        }
-        DetailLevel::Number(number) => number,
-        DetailLevel::Budget(most) => {
-            let fits = |level: &u32| {
-                runs_of(*level).iter().map(|run| u128::from(run.count)).sum::<u128>() <= u128::from(most)
-            };
-            (0..=coarsest).find(fits).unwrap_or(coarsest)
-        }
-    };
-    let mut runs = runs_of(number);
-    runs.sort_by_key(|run| (run.file, run.offset));
-    let mut all: Option<Scene> = None;
-    let mut met = BTreeSet::new();
-    let mut add = |name: &str, runs: Option<&[Run]>| {
-        // A file that has several names would be read as often.
-        if !met.insert(name.to_owned()) {
-            return Err(fault("lod-meta.json names a file twice"));
-        }
-        let path = below(main, name)?;
-        let scene = read_folder(&path, &read_file(&path)?)?;
-        let scene = match runs {
-            None => scene,
-            Some(runs) => Scene { splats: select(&scene.splats, runs)?, ..scene },
-        };
-        match &mut all {
-            None => all = Some(scene),
-            Some(all) => {
-                all.splats = Splats::joined(std::mem::take(&mut all.splats), scene.splats);
-                all.metadata = std::mem::take(&mut all.metadata).or(scene.metadata);
-            }
-        }
-        Ok::<(), Problem>(())
-    };
-    for runs in runs.chunk_by(|a, b| a.file == b.file) {
-        let name = meta.filenames.get(runs[0].file);
-        let name = name.ok_or_else(|| fault(format!("lod-meta.json has no file {}", runs[0].file)))?;
-        add(name, Some(runs))?;
-    }
-    if let Some(name) = &meta.environment {
-        add(name, None)?;
-    }
-    all.ok_or(Problem::NoSplats)
-}
-
-/// Levels that a scene may have.
-const MAX_LEVELS: u32 = 64;
-
-/// The splats of runs that do not overlap, in their order.
-fn select(splats: &Splats, runs: &[Run]) -> Result<Splats, Problem> {
-    let mut indices = Vec::new();
-    let mut end = 0;
-    for run in runs {
-        let last = run.offset.checked_add(run.count).filter(|last| *last <= splats.len() as u64);
-        let Some(last) = last.filter(|_| run.offset >= end) else {
-            return Err(fault(
-                "a leaf of lod-meta.json has splats that its file lacks, or that another has too",
-            ));
-        };
-        indices.extend(run.offset as usize..last as usize);
-        end = last;
-    }
-    Ok(splats.select(&indices))
 }

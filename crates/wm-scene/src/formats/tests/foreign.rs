@@ -98,7 +98,11 @@ fn a_level_or_a_budget_is_chosen() {
     assert_eq!(message, "DIR/lod-meta.json: there is no level 2: it has 0 to 1");
     meta["tree"]["children"][1]["lods"]["0"]["count"] = 61.into();
     fs::write(&path, meta.to_string()).unwrap();
-    assert!(say(&folder, count(DetailLevel::Finest)).contains("a leaf of lod-meta.json has splats"));
+    let message = say(&folder, count(DetailLevel::Finest));
+    assert_eq!(
+        message,
+        "DIR/lod-meta.json: SOG: a leaf of lod-meta.json has splats that another has too; export the file again"
+    );
 }
 
 #[test]

@@ -1,0 +1,22 @@
+//! Scenes in levels of detail: leaves in space, each a run of splats in a file at every level.
+//!
+//! The files are a streamed SOG of PlayCanvas, version 1: `lod-meta.json` lists the leaves, and folders beside it hold the splats of many
+//! leaves at one level each. [`LevelIndex`] is what `lod-meta.json` says; [`LevelFile`] is one such folder, decoded.
+//!
+//! ```text
+//! lod-meta.json = {
+//!   "version": 1, "asset": {"generator"}, "count", "counts": [a level], "lodLevels",
+//!   "lodErrors": [a level],              mean of the leaves' errors; absent if not known
+//!   "environment": "env/meta.json",      splats that are always drawn, such as the sky; may be absent
+//!   "filenames": ["0_0/meta.json", ...],
+//!   "tree": {"bound": {"min", "max"}, "children": [node, node]}
+//!         | {"bound": {"min", "max"}, "lods": {"0": {"file", "offset", "count"}, ...}, "errors": [a level]},
+//!   "wm": {...}                          this library's metadata
+//! }
+//! ```
+
+mod file;
+mod index;
+
+pub use file::LevelFile;
+pub use index::{LevelIndex, LevelLeaf, LevelRun, MAX_LEVELS};
