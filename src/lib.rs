@@ -12,6 +12,7 @@ mod choices;
 mod commands;
 mod dataset;
 mod interrupt;
+mod level_args;
 mod names;
 mod overwrite;
 mod progress;

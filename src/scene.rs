@@ -1,6 +1,7 @@
 //! Options of a scene, and opening it: reading, checking, surveying and loading.
 
 use crate::choices::SkyChoice;
+use crate::level_args::LevelArgs;
 use crate::progress::Reporter;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -17,6 +18,7 @@ use wm_scene::formats::folder::{cameras_path, write_cameras};
 use wm_scene::formats::{
     DetailLevel, ReadOptions, WriteOptions, read_scene, sidecar_path, write_scene_with, write_sidecar,
 };
+use wm_scene::levels::LevelIndex;
 use wm_scene::survey::{OwnSky, known_distance};
 use wm_scene::{Metadata, Scene, capture};
 use wm_weather::Weather;
@@ -29,7 +31,8 @@ pub struct SceneArgs {
     /// Level of a scene with several levels of detail; 0 is the finest
     #[arg(long, value_name = "N", help_heading = "Scene")]
     pub level: Option<u32>,
-    /// Remove splats that contain NaN or infinite numbers, and continue
+    /// Remove splats that contain NaN or infinite numbers, and files of a scene in levels of detail that are missing or damaged, and
+    /// continue
     #[arg(long, help_heading = "Scene")]
     pub repair: bool,
     /// Folder that caches what takes long to compute for a scene (surfaces, shelter, snow covers), or off for no cache;
@@ -167,6 +170,33 @@ impl OpenScene {
             PlaceOptions { facts, assets: args.assets.clone().unwrap_or_default().folder(&args.scene) },
             renderer,
         )
+    }
+
+    /// Opens a scene as [`Self::with_sky`] does, or in levels of detail if it has them and does not fit the budget as a whole.
+    pub fn in_levels(
+        args: &SceneArgs,
+        run: &RunArgs,
+        views: Option<&PathBuf>,
+        sky: OwnSkyArgs,
+        levels: LevelArgs,
+    ) -> Result<Self> {
+        let budget = levels.budget();
+        let index =
+            LevelIndex::of_scene(&args.scene)?.filter(|index| args.level.is_none() && !budget.holds(index));
+        let Some(index) = index else { return Self::with_sky(args, run, views, sky) };
+        let facts = args.facts.metadata()?;
+        if sky.sky != SkyChoice::Keep || views.is_some() {
+            let option = if views.is_some() { "--views" } else { "--sky" };
+            bail!(
+                "{option}: cannot be used with a scene that is drawn in levels of detail; choose one with --level"
+            );
+        }
+        let assets = args.assets.clone().unwrap_or_default().folder(&args.scene);
+        let mut renderer = run.renderer()?;
+        let place = renderer.load_levels(index, &PlaceOptions { facts, assets }, &budget, args.repair)?;
+        let mut loaded = Self { renderer, place };
+        loaded.warn();
+        Ok(loaded)
     }
 
     /// Loads a valid scene from memory.

@@ -322,7 +322,7 @@ impl RenderWorker {
         let (mut left, mut right, mut stats) = (Vec::new(), Vec::new(), Stats::default());
         if cut > 0 {
             let camera = crop_columns(camera, 0, cut);
-            stats += self.renderer.render_clear(&self.place, &camera, &mut self.clear)?;
+            stats += self.renderer.render_clear(&mut self.place, &camera, &mut self.clear)?;
             left = to_bytes(&self.clear, output, half, dither);
             if let Some(overlay) = &overlay {
                 overlay.draw(&mut left, &self.clear, &camera);
@@ -487,7 +487,7 @@ impl RenderWorker {
         let [width, height] = view.state.size.map(|side| (side / 4).max(1));
         let camera = view.camera_plan_for((width, height)).camera(view.state.time);
         self.place.config.outputs = outputs(ViewOutput::Depth.also().as_slice());
-        self.renderer.render_clear(&self.place, &camera, &mut self.clear)?;
+        self.renderer.render_clear(&mut self.place, &camera, &mut self.clear)?;
         let [column, row] =
             [(x, width), (y, height)].map(|(share, side)| ((share * f64::from(side)) as u32).min(side - 1));
         let depth = self.clear.depth[self.clear.index(column, row)];

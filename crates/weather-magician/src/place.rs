@@ -1,5 +1,7 @@
 //! A scene that a renderer holds, and what weather knows of it.
 
+mod levels;
+
 use crate::assets::{
     AssetCache, AssetFile, AssetNeeds, AssetSource, AssetStore, Assets, MissingAssets, SurfaceViews,
     ViewDetail, WithoutSky, lock, photo_views, scene_digest,
@@ -14,6 +16,7 @@ use crate::thinned::{ChosenAttributes, ThinnedSet, thin};
 use crate::view;
 use crate::{Error, Progress, Result};
 use glam::DVec3;
+use levels::{DrawnSet, PlaceLevels};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use wm_render::hooks::{AttributeBlock, Revision, SplatAttributes};
@@ -144,6 +147,8 @@ pub struct PreparedPlace {
     pub(crate) renderer: u64,
     set: SetId,
     scene: Arc<Scene>,
+    /// The levels of detail that frames draw instead of the set.
+    levels: Option<Box<PlaceLevels>>,
     /// Facts that win over those of the scene.
     given: Metadata,
     survey: Survey,
@@ -196,6 +201,13 @@ pub(crate) struct SceneAttributes<'a> {
     pub wet: Option<&'a WetGains<'a>>,
 }
 
+impl SceneAttributes<'_> {
+    /// Returns true if they change how any splat is drawn.
+    pub fn is_changed(&self) -> bool {
+        self.buried.is_some() || self.changes_light()
+    }
+}
+
 impl SplatAttributes for SceneAttributes<'_> {
     fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
         if let Some(buried) = self.buried {
@@ -233,17 +245,22 @@ impl SplatAttributes for SceneAttributes<'_> {
     }
 }
 
-/// A scene with its attributes, and what lies on it.
+/// The sets of a scene with their attributes, if there `is_changed` anything, and what lies on it.
 pub(crate) fn with_cover<'a>(
-    scene: SetId,
-    attributes: &'a SceneAttributes<'a>,
+    scene: &[(SetId, &'a dyn SplatAttributes)],
+    is_changed: bool,
     lying: Option<(SetId, Option<&'a dyn SplatAttributes>)>,
 ) -> Vec<SetView<'a>> {
-    let is_changed = attributes.buried.is_some() || attributes.changes_light();
-    let attributes = is_changed.then_some(attributes as &dyn SplatAttributes);
-    let scene = SetView::plain(scene).with_attributes(attributes);
+    let own = |(set, attributes): &(SetId, &'a dyn SplatAttributes)| {
+        SetView::plain(*set).with_attributes(is_changed.then_some(*attributes))
+    };
     let lying = lying.map(|(set, light)| SetView::plain(set).with_attributes(light));
-    [scene].into_iter().chain(lying).collect()
+    scene.iter().map(own).chain(lying).collect()
+}
+
+/// The attributes of the sets of a cut, by those of the weather's splats.
+fn chosen_attributes<'a>(drawn: &'a [DrawnSet], scene: &'a SceneAttributes<'a>) -> Vec<ChosenAttributes<'a>> {
+    drawn.iter().map(|part| ChosenAttributes { all: scene, chosen: &part.chosen }).collect()
 }
 
 /// The doubts about the facts that what falls and what lies stand on.
@@ -268,6 +285,7 @@ impl PreparedPlace {
         let mut place = Self {
             renderer,
             set,
+            levels: None,
             labels: LabelKind::ALL.map(|kind| scene.splats.names(kind).into()),
             scene: Arc::new(scene),
             given: options.facts.clone(),
@@ -657,6 +675,7 @@ impl PreparedPlace {
             cover: airflow.and_then(|airflow| self.store.cover(&airflow).cloned()),
             is_up_known: !matches!(self.survey.up.source, FactSource::Estimated | FactSource::Assumed),
             cache: self.cache.clone(),
+            path: self.weather_path(),
         })
     }
 
@@ -754,6 +773,10 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
     ) -> Result<()> {
         self.check_light(weather)?;
+        // Without a shot each camera has splats of its own, whose assets are made when it is there.
+        if self.levels.is_some() && !self.focus_on_shot(backend)? {
+            return Ok(());
+        }
         if weather.effects().any(|(effect, _)| ["lens", "wetness", "flood"].contains(&effect.name)) {
             self.make_thinned(backend)?;
         }
@@ -888,6 +911,8 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
     ) -> Result<Stats> {
         self.check_light(weather)?;
+        let wants_weather = self.levels.is_some() && AssetNeeds::of(weather, &self.site).any(weather);
+        self.look(backend, &options.camera.camera, wants_weather)?;
         let mut prepared = weather.at(options.time).prepare(&self.site);
         if options.patience == Patience::Whole {
             let missing = self.lacking(weather, &prepared);
@@ -902,6 +927,7 @@ impl PreparedPlace {
         if prepared.glass().is_some() || prepared.wetness().is_some() || prepared.flood().is_some() {
             self.make_thinned(backend)?;
         }
+        let drawn = self.drawn_sets(backend, wants_weather);
         let shelter = prepared.fall().and_then(|fall| match options.patience {
             Patience::Whole => self.store.shelter(fall).cloned(),
             Patience::Draft => {
@@ -925,18 +951,25 @@ impl PreparedPlace {
             self.lying.as_ref().filter(|_| light.is_some()).and_then(|lying| lying.light.gains());
         let lying_light = lying_light.map(|gains| gains.in_frame(moving.as_ref()));
         let lying_light = lying_light.as_ref().map(|light| light as &dyn SplatAttributes);
+        let chosen = drawn.as_deref().map(|drawn| chosen_attributes(drawn, &scene));
+        let whole = [(self.set, &scene as &dyn SplatAttributes)];
+        let parts: Vec<(SetId, &dyn SplatAttributes)> = match (&drawn, &chosen) {
+            (Some(drawn), Some(chosen)) => {
+                drawn.iter().zip(chosen).map(|(part, own)| (part.set, own as &dyn SplatAttributes)).collect()
+            }
+            _ => whole.to_vec(),
+        };
         let mut sets =
-            with_cover(self.set, &scene, self.lying.as_ref().map(|lying| (lying.set, lying_light)));
+            with_cover(&parts, scene.is_changed(), self.lying.as_ref().map(|lying| (lying.set, lying_light)));
         let windows = self.light.windows(&prepared, &self.scene, &self.site);
         sets.extend(windows.as_ref().map(SetView::transient));
         let thinned_attributes =
             self.thinned.as_ref().map(|thin| ChosenAttributes { all: &scene, chosen: &thin.chosen });
         let thinned_sets =
             self.thinned.as_ref().zip(thinned_attributes.as_ref()).map(|(thin, attributes)| {
-                let mut sets = sets.clone();
-                let attributes = sets[0].attributes.map(|_| attributes as &dyn SplatAttributes);
-                sets[0] = SetView::plain(thin.set).with_attributes(attributes);
-                sets
+                let own = scene.is_changed().then_some(attributes as &dyn SplatAttributes);
+                let thin = SetView::plain(thin.set).with_attributes(own);
+                std::iter::once(thin).chain(sets[parts.len()..].iter().copied()).collect::<Vec<_>>()
             });
         let sources = self.light.sources(&prepared, &self.store, moving.as_ref(), &self.site);
         let lamps = sources.as_ref().map(|(lights, display)| LampsOn { lights, display: *display });
@@ -1021,12 +1054,16 @@ impl PreparedPlace {
 
     /// Draws the scene without any weather, and without what lies.
     pub(crate) fn draw_clear(
-        &self,
+        &mut self,
         backend: &mut AnyRenderer,
         camera: &Camera,
         frame: &mut Frame,
     ) -> Result<Stats> {
-        let sets = [SetView::plain(self.set)];
+        self.look(backend, camera, false)?;
+        let sets = match self.drawn_sets(backend, false) {
+            Some(drawn) => drawn.iter().map(|part| SetView::plain(part.set)).collect(),
+            None => vec![SetView::plain(self.set)],
+        };
         Ok(backend.render(&DrawPass::new(&sets, camera, &self.config), frame)?)
     }
 
@@ -1114,6 +1151,9 @@ impl PreparedPlace {
             backend.unload(thin.set);
         }
         backend.unload(self.set);
+        if let Some(levels) = &mut self.levels {
+            levels.clear(backend);
+        }
     }
 }
 

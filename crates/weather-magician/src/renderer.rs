@@ -2,6 +2,7 @@
 
 use crate::assets::{AssetSource, Assets, MissingAssets};
 use crate::frame::FrameRequest;
+use crate::levels::LevelBudget;
 use crate::picture::Picture;
 use crate::place::{FrameOptions, PlaceFacts, PlaceOptions, PlaceView, PreparedPlace, check_owner};
 use crate::tags::picture_tags;
@@ -11,6 +12,7 @@ use glam::DVec3;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use wm_render::{AnyRenderer, CpuConfig, Device, Frame, Pictures, RenderBackend, RenderError, Stats};
+use wm_scene::levels::LevelIndex;
 use wm_scene::survey::{Aligned, Alignment};
 use wm_scene::{Camera, Lamp, LitWindow, Scene, Splats};
 use wm_weather::Weather;
@@ -101,6 +103,22 @@ impl Renderer {
     /// As [`Self::load`].
     pub fn load_with(&mut self, scene: Scene, options: &PlaceOptions) -> Result<PreparedPlace> {
         PreparedPlace::load(&mut self.backend, self.id, scene, options)
+    }
+
+    /// Opens a scene in levels of detail: surveys it at one level, and draws it under a budget, so that it may be larger than the
+    /// memory. Each frame draws a cut of the levels that depends on its camera and the budget alone; [`PreparedPlace::set_shot`] fixes
+    /// one for many frames. With `repairs`, files that cannot be read are drawn at a coarser level or left out, with a warning.
+    ///
+    /// # Errors
+    /// As [`Self::load`]; [`crate::Error::Format`] if a file cannot be read.
+    pub fn load_levels(
+        &mut self,
+        index: LevelIndex,
+        options: &PlaceOptions,
+        budget: &LevelBudget,
+        repairs: bool,
+    ) -> Result<PreparedPlace> {
+        PreparedPlace::load_levels(&mut self.backend, self.id, index, options, (budget, repairs))
     }
 
     /// Sets facts of a place by hand: up, the ground, the scale. The next frame has them; assets of the old facts are not used
@@ -230,7 +248,7 @@ impl Renderer {
     /// As [`Self::render`].
     pub fn render_clear(
         &mut self,
-        place: &PreparedPlace,
+        place: &mut PreparedPlace,
         camera: &Camera,
         frame: &mut Frame,
     ) -> Result<Stats> {

@@ -80,6 +80,6 @@ pub use plan::{
 pub use ray_tracer::{AnyRaySplats, RayTracer};
 pub use renderer::{
     Background, CpuConfig, DeviceWork, Geometry, MedianDepth, Outputs, ParticlePass, RenderBackend,
-    RenderConfig, RenderError, SetId, SkyGradient, Stats, WaterPass,
+    RenderConfig, RenderError, SetId, SkyGradient, Stats, WaterPass, bytes_of_set,
 };
 pub use stages::rays::{RayHits, RayOutputs, Rays, cpu::RaySplats};

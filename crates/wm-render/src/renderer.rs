@@ -1,5 +1,6 @@
 //! The interface that every back end offers: sets of splats, plans, and the settings of a render.
 
+use crate::cpu::model::{CLUSTER, Cluster, GROUPS, SplatGroup};
 use crate::frame::Frame;
 use crate::hooks::{Backdrop, GROUP, ShadeGroup};
 use crate::plan::{DrawPass, FramePlan, Pictures};
@@ -421,6 +422,18 @@ impl RenderError {
         #[cfg(not(feature = "gpu"))]
         return false;
     }
+}
+
+/// Bytes that a back end takes to keep a set of `splats` of an SH degree: on the CPU in the computer's memory, on a GPU in its own.
+#[must_use]
+pub fn bytes_of_set(splats: usize, sh_degree: u8) -> u64 {
+    let clusters = splats.div_ceil(CLUSTER);
+    let rest = (wm_scene::sh::coefficients(sh_degree) - 1) * 3;
+    let group = size_of::<SplatGroup>()
+        + rest * size_of::<[f32; GROUP]>()
+        + GROUP * size_of::<u32>()
+        + size_of::<u16>();
+    (clusters * (GROUPS * group + size_of::<Cluster>())) as u64
 }
 
 /// Most splats in one frame: what a key of the tile lists can name.

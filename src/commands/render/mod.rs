@@ -11,6 +11,7 @@ mod sequence;
 mod stages;
 
 use crate::choices::{DitherChoice, EncoderChoice};
+use crate::level_args::LevelArgs;
 use crate::names::stem_of;
 use crate::overwrite::check_spares;
 use crate::progress::Reporter;
@@ -18,7 +19,7 @@ use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Result, bail};
 use camera::{CameraArgs, CameraPlan};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use device::DeviceArgs;
 use range::FrameRange;
 use std::num::NonZeroU32;
@@ -43,6 +44,12 @@ pub struct RenderArgs {
     scene: SceneArgs,
     #[command(flatten)]
     sky: OwnSkyArgs,
+    #[command(flatten)]
+    levels: LevelArgs,
+    /// Levels of detail that a sequence is drawn at: shot (those that suit all of its frames, so that nothing changes its level on the
+    /// way) or frame (those of each frame, which are finer)
+    #[arg(long, value_name = "HOW", default_value = "shot", help_heading = "Scene")]
+    lod: LodChoice,
     #[command(flatten)]
     weather: WeatherArgs,
     #[command(flatten)]
@@ -171,6 +178,15 @@ pub fn parse_rasterization(text: &str) -> Result<Rasterization, String> {
     }
 }
 
+/// The frames that share one cut of the levels of detail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum LodChoice {
+    /// All of a sequence.
+    Shot,
+    /// None: each has its own.
+    Frame,
+}
+
 /// Destination of the frames.
 enum OutputTarget {
     Picture(PathBuf),
@@ -258,14 +274,17 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         );
     }
 
-    let mut loaded =
-        OpenScene::with_sky(&args.scene, &args.run, args.camera.viewpoint.views.as_ref(), args.sky)?;
+    let views = args.camera.viewpoint.views.as_ref();
+    let mut loaded = OpenScene::in_levels(&args.scene, &args.run, views, args.sky, args.levels)?;
     let plan = CameraPlan::plan(
         &args.camera,
         &args.output,
         &mut loaded,
         matches!(target, OutputTarget::Picture(_)),
     )?;
+    if args.lod == LodChoice::Shot {
+        loaded.place.set_shot(&plan.shot(args.camera.lens.is_some()));
+    }
     let wanted = range::wanted(args.output.frames, args.output.frame_step, plan.frames)?;
     let config = RenderConfig {
         outputs: outputs(&args.output.also),

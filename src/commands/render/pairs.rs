@@ -125,7 +125,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
         let speed = args.camera.camera_speed.unwrap_or(0.0);
         let moving = MovingCamera { camera, velocity: (camera.forward() * speed).to_array() };
         place.config.outputs = Outputs::default();
-        renderer.render_clear(&place, &camera, &mut pair.clean)?;
+        renderer.render_clear(&mut place, &camera, &mut pair.clean)?;
         place.config.outputs = config.outputs;
         let parts = &[PicturePart::Transmittance];
         let options = FrameOptions { parts, ..FrameOptions::new(time, moving) };

@@ -26,6 +26,9 @@ use wm_weather::{Site, Weather};
 const SHELTERS: usize = 6;
 /// Distance from the photos' path up to which the light is split finely, m.
 const LIGHT_REACH: f64 = 60.0;
+/// Distance from the cameras' path up to which roofs keep rain off in a place that reaches far beyond what they see, m: falling drops are
+/// drawn nearer than that.
+const SHELTER_REACH: f64 = 100.0;
 /// Shadows that are kept, one for each place of the sun.
 const SUNS: usize = 4;
 /// Covers that are kept, one for each way in which the air carries what lies.
@@ -55,6 +58,13 @@ pub struct AssetNeeds {
 }
 
 impl AssetNeeds {
+    /// Returns true if frames of the weather, whose needs they are, use splats or assets beside the scene that is drawn.
+    pub(crate) fn any(&self, weather: &Weather) -> bool {
+        let thins =
+            || weather.effects().any(|(effect, _)| ["lens", "wetness", "flood"].contains(&effect.name));
+        *self != Self::default() || thins()
+    }
+
     /// The needs of a weather at a site.
     #[must_use]
     pub fn of(weather: &Weather, site: &Site) -> Self {
@@ -247,7 +257,9 @@ impl MissingAssets {
             cover,
             is_up_known,
             cache,
+            path: known_path,
         } = source;
+        let path = known_path.unwrap_or_else(|| views::path_of_photos(&scene));
         let lamps_wait = self.lamps.is_some();
         let needs_light = self.light || (casters.is_none() && (self.casters || self.sun.is_some()));
         let needs_surfaces = self.cover.is_some() || needs_light || lamps_wait || self.wet;
@@ -260,7 +272,12 @@ impl MissingAssets {
         let fused = |views: &[PhotoView]| FusedSurfaces::from_views(&scene.splats, views, &site, threads);
         let made_occluders = self.occluders.then(|| {
             let found = fused(&views.shelter);
-            Arc::new(Occluders::of(&found.splats, &site, &ShelterOptions::default()))
+            let focus = known_path.map(|path| (path, SHELTER_REACH));
+            Arc::new(Occluders::of(
+                &found.splats,
+                &site,
+                &ShelterOptions { focus, ..ShelterOptions::default() },
+            ))
         });
         let surfaces = needs_surfaces.then(|| {
             surfaces.unwrap_or_else(|| {
@@ -276,10 +293,7 @@ impl MissingAssets {
             })
         });
         let in_the_way = surfaces.as_ref().filter(|_| needs_light).map(|found| {
-            let options = ShelterOptions {
-                focus: Some((views::path_of_photos(&scene), LIGHT_REACH)),
-                ..ShelterOptions::default()
-            };
+            let options = ShelterOptions { focus: Some((path, LIGHT_REACH)), ..ShelterOptions::default() };
             (found, Occluders::of(&found.casters(), &site, &options).standing(threads))
         });
         let made_light = in_the_way.as_ref().filter(|_| self.light).map(|(found, occluders)| {
@@ -325,7 +339,6 @@ impl MissingAssets {
             })
         };
         let shelters = [sheltered(self.wet_shelter), sheltered(self.shelter)];
-        let path = views::path_of_photos(&scene);
         let ground = surfaces.as_ref().filter(|_| self.wet || self.cover.is_some());
         let ground =
             ground.map(|found| (found, OpenWater::of(&found.splats, scene.metadata.water.as_deref(), &site)));
@@ -391,6 +404,9 @@ pub struct AssetSource {
     /// Up is stated or measured, not estimated from the splats.
     pub(crate) is_up_known: bool,
     pub(crate) cache: AssetCache,
+    /// The line along which cameras are, by its ends (world, scene units), of a place that reaches far beyond what they see; `None` for
+    /// that of the photos.
+    pub(crate) path: Option<[[f64; 3]; 2]>,
 }
 
 /// Assets that were made, to be taken by [`crate::Renderer::insert_assets`].

@@ -5,6 +5,8 @@ use crate::{
     FormatError, Metadata, Problem, Scene, Splats,
     formats::{
         DetailLevel,
+        folder::scene_file,
+        sidecar,
         sog::read::{below, fault, parse},
     },
 };
@@ -15,6 +17,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+/// The name of an index.
+pub const INDEX_NAME: &str = "lod-meta.json";
 /// Most levels of a scene.
 pub const MAX_LEVELS: u32 = 64;
 
@@ -131,13 +135,25 @@ impl RawNode {
 }
 
 impl LevelIndex {
-    /// Reads a `lod-meta.json`. The files that it names are not opened.
+    /// Reads a `lod-meta.json`, and the TOML file of metadata beside it, whose values win. The files that it names are not opened.
     ///
     /// # Errors
     /// [`FormatError`] if it cannot be read, or contradicts itself.
     pub fn open(main: &Path) -> Result<Self, FormatError> {
+        let sidecar = sidecar::read(main)?;
         let text = fs::read(main).map_err(|error| FormatError::reading(main, error))?;
-        Self::parse(main, &text).map_err(|problem| FormatError::whole(main, problem))
+        let index = Self::parse(main, &text).map_err(|problem| FormatError::whole(main, problem))?;
+        Ok(Self { metadata: sidecar.unwrap_or_default().or(index.metadata), ..index })
+    }
+
+    /// Reads the index of a scene, a file or a folder; `None` if the scene is not in levels.
+    ///
+    /// # Errors
+    /// [`FormatError`] if there is no scene, or its index cannot be read.
+    pub fn of_scene(path: &Path) -> Result<Option<Self>, FormatError> {
+        let file = scene_file(path)?;
+        let is_index = file.file_name().is_some_and(|name| name == INDEX_NAME);
+        is_index.then(|| Self::open(&file)).transpose()
     }
 
     /// Reads the content of the file `main`.

@@ -19,4 +19,4 @@ mod file;
 mod index;
 
 pub use file::LevelFile;
-pub use index::{LevelIndex, LevelLeaf, LevelRun, MAX_LEVELS};
+pub use index::{INDEX_NAME, LevelIndex, LevelLeaf, LevelRun, MAX_LEVELS};

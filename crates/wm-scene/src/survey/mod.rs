@@ -24,14 +24,13 @@ use crate::{Metadata, PhotoSun, Scene};
 use glam::DVec3;
 use sample::SurveySample;
 use serde::{Deserialize, Serialize};
-use sky::SkyRegion;
 use std::fmt;
 use thiserror::Error;
 
 pub use airlight::{CapturedSky, SkyPatch, airlight_of_sky};
 pub use align::{AlignError, Aligned, Alignment, GivenGround, GivenScale, UpSide, align, ground_normal};
 pub use own_sky::{OwnSky, SkyChange};
-pub use sky::label_sky;
+pub use sky::{SkyRegion, label_sky};
 pub use sun::{SunFault, SurveyedSun};
 pub use up::{UpEstimate, UpScore};
 

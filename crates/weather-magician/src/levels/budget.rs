@@ -1,0 +1,98 @@
+//! The memory of a place in levels of detail, shared out.
+
+use wm_render::bytes_of_set;
+use wm_scene::levels::LevelIndex;
+
+/// What the rendering of a scene in levels of detail may take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LevelBudget {
+    /// Memory of the whole process, bytes.
+    pub memory: u64,
+    /// Splats of one frame; `None` for as many as the memory allows, [`MOST_SPLATS`] at most.
+    pub splats: Option<u64>,
+}
+
+impl Default for LevelBudget {
+    /// 2 GiB.
+    fn default() -> Self {
+        Self { memory: 2 << 30, splats: None }
+    }
+}
+
+/// Splats of one frame that are not asked for: some two a pixel of a picture of 1200x800 px, beyond which little changes.
+pub const MOST_SPLATS: u64 = 2_000_000;
+/// Least splats of one frame.
+const LEAST_SPLATS: u64 = 10_000;
+/// Memory of the program, its tables and a picture with all its parts, bytes.
+const FIXED: u64 = 160 << 20;
+/// Share of the memory for the splats that weather is prepared with, and what is made of them.
+const WEATHER_SHARE: u64 = 4;
+/// Most of those splats.
+const MOST_WEATHER_SPLATS: u64 = 1_000_000;
+/// Bytes that each of them takes while assets are made of it.
+const WEATHER_BYTES: u64 = 480;
+/// Bytes of a frame's lists, a splat that it draws.
+const FRAME_BYTES: u64 = 112;
+/// Bytes of a splat that is held, beside those in the renderer: its position.
+const HELD_BYTES: u64 = 12;
+
+/// The shares of a [`LevelBudget`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct BudgetShares {
+    /// Splats that weather is prepared with.
+    pub weather_splats: u64,
+    /// Splats of one frame.
+    pub frame_splats: u64,
+    /// Bytes of the splats that are held for frames.
+    pub held_bytes: u64,
+}
+
+impl LevelBudget {
+    /// Returns true if a frame may draw all splats of a scene, whose levels are of no use then.
+    #[must_use]
+    pub fn holds(&self, index: &LevelIndex) -> bool {
+        // The degree is not known before a file is read.
+        index.count_of_level(0) <= self.shares(3).frame_splats
+    }
+
+    /// The shares for splats of an SH degree.
+    pub(crate) fn shares(&self, sh_degree: u8) -> BudgetShares {
+        let weather = self.memory / WEATHER_SHARE;
+        let rest = self.memory.saturating_sub(FIXED + weather);
+        let a_splat = held_bytes(256, sh_degree) / 256 + FRAME_BYTES;
+        // A part of what is held is of other cuts, so that a camera that turns back loads nothing.
+        let by_memory = rest / 2 / a_splat;
+        let frame_splats = self.splats.unwrap_or(by_memory.min(MOST_SPLATS)).max(LEAST_SPLATS);
+        BudgetShares {
+            weather_splats: (weather / WEATHER_BYTES).clamp(LEAST_SPLATS, MOST_WEATHER_SPLATS),
+            frame_splats,
+            held_bytes: rest.saturating_sub(frame_splats * FRAME_BYTES),
+        }
+    }
+}
+
+/// Bytes of a set of splats that is held.
+pub(crate) fn held_bytes(splats: u64, sh_degree: u8) -> u64 {
+    bytes_of_set(splats as usize, sh_degree) + HELD_BYTES * splats
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shares_fit_the_memory() {
+        for memory in [512 << 20, 2 << 30, 16u64 << 30] {
+            for degree in 0..=3 {
+                let shares = LevelBudget { memory, splats: None }.shares(degree);
+                let all = FIXED
+                    + shares.weather_splats * WEATHER_BYTES
+                    + shares.frame_splats * FRAME_BYTES
+                    + shares.held_bytes;
+                assert!(all <= memory, "{memory} {degree}: {shares:?}");
+                // The splats of a frame are held together.
+                assert!(held_bytes(shares.frame_splats, degree) <= shares.held_bytes, "{shares:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,17 @@
+//! Scenes in levels of detail: what of them is drawn under a budget of splats.
+//!
+//! [`LevelCut`] chooses a level for each leaf of a [`wm_scene::levels::LevelIndex`].
+
+mod budget;
+mod coverage;
+mod cut;
+mod stream;
+mod weather_scene;
+
+pub(crate) use budget::BudgetShares;
+pub use budget::{LevelBudget, MOST_SPLATS};
+pub use coverage::coverage;
+pub use cut::{CutBudget, LevelCut};
+pub(crate) use stream::{LevelStream, RunId};
+pub use weather_scene::cameras_around;
+pub(crate) use weather_scene::{WeatherFocus, WeatherScene, nearest_of};

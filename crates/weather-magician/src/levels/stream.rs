@@ -1,0 +1,291 @@
+//! The leaves of a scene in levels that a renderer holds: those of the last cuts, the least used dropped first.
+
+use super::budget::held_bytes;
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use wm_render::{AnyRenderer, RenderBackend, SetId};
+use wm_scene::levels::{LevelIndex, LevelRun};
+use wm_scene::survey::SkyRegion;
+use wm_scene::{FormatError, Group, Metadata, Splats};
+
+/// A leaf at a level: the number of the leaf, and the place of the level in [`wm_scene::levels::LevelLeaf::runs`].
+pub(crate) type RunId = (u32, u16);
+
+/// The splats of a scene in levels, read and dropped as they are wanted.
+pub(crate) struct LevelStream {
+    index: Arc<LevelIndex>,
+    /// The splats that are sky, where the files do not tell.
+    sky: SkyRegion,
+    /// Splats that cannot be drawn and files that cannot be read are left out.
+    repairs: bool,
+    held: BTreeMap<RunId, HeldRun>,
+    /// The highest degree of splats that were read.
+    sh_degree: u8,
+    metadata: Metadata,
+    /// Bytes of all that is held, and the most.
+    bytes: u64,
+    most: u64,
+    /// Counts cuts.
+    clock: u64,
+    /// Files that could not be read.
+    missing: BTreeSet<usize>,
+    warnings: Vec<String>,
+}
+
+/// A run in the renderer.
+pub(crate) struct HeldRun {
+    /// Its splats.
+    pub set: SetId,
+    /// Their positions.
+    pub means: Arc<[[f32; 3]]>,
+    bytes: u64,
+    /// The last cut that it was in.
+    used: u64,
+}
+
+/// Runs of a file, and what it states of the scene.
+struct FileRuns {
+    splats: Vec<Splats>,
+    metadata: Metadata,
+}
+
+impl LevelStream {
+    /// Nothing is held yet.
+    pub fn new(index: Arc<LevelIndex>, repairs: bool) -> Self {
+        Self {
+            index,
+            sky: SkyRegion::None,
+            repairs,
+            held: BTreeMap::new(),
+            sh_degree: 0,
+            metadata: Metadata::default(),
+            bytes: 0,
+            most: 0,
+            clock: 0,
+            missing: BTreeSet::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Sets the splats that are sky, and the bytes that may be held.
+    pub fn limit(&mut self, sky: SkyRegion, most: u64) {
+        (self.sky, self.most) = (sky, most);
+    }
+
+    /// The highest SH degree that was read.
+    pub fn sh_degree(&self) -> u8 {
+        self.sh_degree
+    }
+
+    /// The facts that files state; the first that was read wins.
+    pub fn metadata(&self) -> &Metadata {
+        &self.metadata
+    }
+
+    /// The index.
+    pub fn index(&self) -> &Arc<LevelIndex> {
+        &self.index
+    }
+
+    /// Takes the warnings that came up.
+    pub fn take_warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
+    }
+
+    /// A run that is held.
+    pub fn get(&self, id: RunId) -> Option<&HeldRun> {
+        self.held.get(&id)
+    }
+
+    /// Bytes that are held.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    fn run(&self, (leaf, place): RunId) -> Option<&LevelRun> {
+        self.index.leaves[leaf as usize].runs.get(usize::from(place))
+    }
+
+    /// Makes the renderer hold `wanted`, and returns what of it can be drawn: of a leaf whose file cannot be read, the next coarser
+    /// level that can.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if a file cannot be read and damage is not left out; an error of the renderer.
+    pub fn hold(&mut self, backend: &mut AnyRenderer, wanted: &[RunId]) -> Result<Vec<RunId>> {
+        self.clock += 1;
+        let mut drawn: Vec<RunId> = wanted.to_vec();
+        loop {
+            self.replace_missing(&mut drawn);
+            let new: Vec<RunId> = drawn.iter().copied().filter(|id| !self.held.contains_key(id)).collect();
+            for id in &drawn {
+                if let Some(held) = self.held.get_mut(id) {
+                    held.used = self.clock;
+                }
+            }
+            if new.is_empty() {
+                return Ok(drawn);
+            }
+            self.make_room(backend, &new);
+            if self.load(backend, &new)? {
+                return Ok(drawn);
+            }
+        }
+    }
+
+    /// Takes a coarser level for leaves of which a file is missing, and leaves out those that have none.
+    fn replace_missing(&self, runs: &mut Vec<RunId>) {
+        if self.missing.is_empty() {
+            return;
+        }
+        let readable = |(leaf, place): RunId| {
+            let runs = &self.index.leaves[leaf as usize].runs;
+            let found =
+                (usize::from(place)..runs.len()).find(|place| !self.missing.contains(&runs[*place].file));
+            found.map(|place| (leaf, place as u16))
+        };
+        *runs = runs.iter().filter_map(|id| readable(*id)).collect();
+    }
+
+    /// Drops runs of earlier cuts, those of the oldest first, until `new` fits.
+    fn make_room(&mut self, backend: &mut AnyRenderer, new: &[RunId]) {
+        let wanted: u64 =
+            new.iter().filter_map(|id| self.run(*id)).map(|run| held_bytes(run.count, self.sh_degree)).sum();
+        let mut old: Vec<(u64, RunId)> = self
+            .held
+            .iter()
+            .filter(|(_, held)| held.used < self.clock)
+            .map(|(id, held)| (held.used, *id))
+            .collect();
+        old.sort_unstable();
+        for (_, id) in old {
+            if self.bytes + wanted <= self.most {
+                break;
+            }
+            self.drop_run(backend, id);
+        }
+    }
+
+    fn drop_run(&mut self, backend: &mut AnyRenderer, id: RunId) {
+        if let Some(held) = self.held.remove(&id) {
+            self.bytes -= held.bytes;
+            backend.unload(held.set);
+        }
+    }
+
+    /// Reads runs and loads them. Returns false if a file turned out to be missing: its runs are not loaded.
+    fn load(&mut self, backend: &mut AnyRenderer, new: &[RunId]) -> Result<bool> {
+        let mut is_whole = true;
+        // As many files at a time as are decoded at once.
+        for some in self.by_file(new).chunks(backend.threads().max(1)) {
+            let read: Vec<_> =
+                backend.pool().install(|| some.par_iter().map(|(file, ids)| self.read(*file, ids)).collect());
+            for ((file, ids), read) in some.iter().zip(read) {
+                match self.or_missing(*file, read)? {
+                    Some(runs) => {
+                        for (id, splats) in ids.iter().zip(runs) {
+                            self.insert(backend, *id, &splats)?;
+                        }
+                    }
+                    None => is_whole = false,
+                }
+            }
+        }
+        Ok(is_whole)
+    }
+
+    /// Reads runs in their order: of a leaf whose file cannot be read, the next coarser level that can.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if a file cannot be read and damage is not left out.
+    pub fn read_runs(&mut self, runs: &[RunId]) -> Result<Vec<(RunId, Splats)>> {
+        let mut wanted = runs.to_vec();
+        let mut read = BTreeMap::new();
+        loop {
+            self.replace_missing(&mut wanted);
+            let new: Vec<RunId> = wanted.iter().copied().filter(|id| !read.contains_key(id)).collect();
+            if new.is_empty() {
+                return Ok(wanted.into_iter().filter_map(|id| Some((id, read.remove(&id)?))).collect());
+            }
+            for (file, ids) in self.by_file(&new) {
+                let found = self.read(file, &ids);
+                if let Some(runs) = self.or_missing(file, found)? {
+                    read.extend(ids.into_iter().zip(runs));
+                }
+            }
+        }
+    }
+
+    /// The runs of each file.
+    fn by_file(&self, ids: &[RunId]) -> Vec<(usize, Vec<RunId>)> {
+        let mut by_file: BTreeMap<usize, Vec<RunId>> = BTreeMap::new();
+        for id in ids {
+            if let Some(run) = self.run(*id) {
+                by_file.entry(run.file).or_default().push(*id);
+            }
+        }
+        by_file.into_iter().collect()
+    }
+
+    /// What was read of a file; `None` where it could not be and damage is left out.
+    fn or_missing(
+        &mut self,
+        file: usize,
+        read: Result<FileRuns, FormatError>,
+    ) -> Result<Option<Vec<Splats>>> {
+        match read {
+            Ok(FileRuns { splats, metadata }) => {
+                let degrees = splats.iter().map(|splats| splats.sh_degree);
+                self.sh_degree = degrees.fold(self.sh_degree, u8::max);
+                self.metadata = std::mem::take(&mut self.metadata).or(metadata);
+                Ok(Some(splats))
+            }
+            Err(error) if self.repairs => {
+                self.missing.insert(file);
+                self.warnings.push(format!(
+                    "{error}; its splats are drawn at a coarser level, or left out where there is none"
+                ));
+                Ok(None)
+            }
+            Err(error) => Err(Error::from(error)),
+        }
+    }
+
+    /// Reads runs of a file.
+    fn read(&self, file: usize, ids: &[RunId]) -> Result<FileRuns, FormatError> {
+        let opened = self.index.read_file(file)?;
+        let runs = ids.iter().filter_map(|id| self.run(*id));
+        let splats = runs.map(|run| Ok(self.ready(opened.splats(run.offset, run.count)?)));
+        Ok(FileRuns {
+            splats: splats.collect::<Result<_, FormatError>>()?,
+            metadata: opened.metadata().clone(),
+        })
+    }
+
+    /// Labels the sky, and removes what cannot be drawn.
+    pub fn ready(&self, splats: Splats) -> Splats {
+        let mut splats = if self.repairs { splats.repaired().0 } else { splats };
+        for index in self.sky.indices(&splats) {
+            splats.groups[index] = Group::Sky;
+        }
+        splats
+    }
+
+    fn insert(&mut self, backend: &mut AnyRenderer, id: RunId, splats: &Splats) -> Result<()> {
+        let set = backend.load(splats)?;
+        let bytes = held_bytes(splats.len() as u64, splats.sh_degree);
+        self.bytes += bytes;
+        let held = HeldRun { set, means: splats.means.as_slice().into(), bytes, used: self.clock };
+        self.held.insert(id, held);
+        Ok(())
+    }
+
+    /// Takes all splats out of the renderer.
+    pub fn clear(&mut self, backend: &mut AnyRenderer) {
+        for (_, held) in std::mem::take(&mut self.held) {
+            backend.unload(held.set);
+        }
+        self.bytes = 0;
+    }
+}

@@ -1,0 +1,111 @@
+//! The splats that weather is prepared with: few enough to work on as a whole, finest about where the cameras are.
+
+use super::stream::{LevelStream, RunId};
+use glam::DVec3;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
+use std::num::NonZero;
+use std::ops::Range;
+use wm_scene::{Camera, Splats};
+
+/// Width of the cells of the ground by which a lone camera chooses what weather is prepared with, m.
+const CELL: f64 = 32.0;
+/// Views of a camera's path, at most.
+const MOST_STOPS: usize = 12;
+/// Width and height of the views to all sides, px.
+const SIDE: u32 = 512;
+
+/// The place that weather is prepared about: the line along which the cameras are, by its ends (world, scene units).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct WeatherFocus {
+    pub path: [[f64; 3]; 2],
+}
+
+impl WeatherFocus {
+    /// About the cell of the ground that a camera is in, so that cameras of one cell share what is prepared.
+    pub fn cell_of(camera: &Camera, up: DVec3, metres_per_unit: f64) -> Self {
+        let cell = CELL / metres_per_unit;
+        let east = up.any_orthonormal_vector();
+        let north = up.cross(east);
+        let center = camera.center();
+        let middle = |axis: DVec3| ((center.dot(axis) / cell).floor() + 0.5) * cell * axis;
+        // Storeys of 8 m: what is on a roof is not seen from the street.
+        let storey = cell / 4.0;
+        let height = ((center.dot(up) / storey).floor() + 0.5) * storey * up;
+        Self { path: [(middle(east) + middle(north) + height).to_array(); 2] }
+    }
+
+    /// About a path of cameras, at least one.
+    pub fn along(cameras: &[Camera]) -> Self {
+        let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
+        let first = centers.first().copied().unwrap_or_default();
+        let farthest = |from: DVec3| {
+            let far = centers.iter().max_by(|a, b| a.distance(from).total_cmp(&b.distance(from)));
+            far.copied().unwrap_or(from)
+        };
+        let end = farthest(first);
+        Self { path: [farthest(end), end].map(|end| end.to_array()) }
+    }
+
+    /// Cameras that look to all sides from along the path.
+    pub fn cameras(&self, metres_per_unit: f64) -> Vec<Camera> {
+        let [from, to] = self.path.map(DVec3::from_array);
+        let stops = ((from.distance(to) * metres_per_unit / CELL).ceil() as usize + 1).clamp(1, MOST_STOPS);
+        let at = |stop: usize| from.lerp(to, stop as f64 / (stops - 1).max(1) as f64);
+        (0..stops).flat_map(|stop| cameras_around(at(stop))).collect()
+    }
+}
+
+/// Six cameras that see all sides of a point (world, scene units), for a cut of the levels in which a picture of any lens can be taken.
+#[must_use]
+pub fn cameras_around(eye: DVec3) -> Vec<Camera> {
+    let sides = [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z];
+    let look =
+        |side: DVec3| Camera::looking((SIDE, SIDE), 90.0, eye, eye + side, side.any_orthonormal_vector());
+    // Its numbers make a camera wherever the eye is.
+    sides.into_iter().filter_map(|side| look(side).ok()).collect()
+}
+
+/// The splats that weather is prepared with, and the leaf that each is of.
+pub(crate) struct WeatherScene {
+    pub splats: Splats,
+    /// The runs of its leaves, in order, and their parts of the splats. After them come the splats that are always drawn.
+    pub parts: Vec<(RunId, Range<usize>)>,
+}
+
+/// The splats of a drawn run in the terms of the weather's: for each the nearest of the same leaf.
+pub(crate) fn nearest_of(means: &[[f32; 3]], part: &[[f32; 3]], first: usize) -> Vec<u32> {
+    let places: Vec<[f64; 3]> = part.iter().map(|mean| mean.map(f64::from)).collect();
+    let Ok(tree) = ImmutableKdTree::<f64, 3>::new_from_slice(&places) else {
+        return vec![first as u32; means.len()];
+    };
+    means
+        .par_iter()
+        .map(|mean| {
+            let at = mean.map(f64::from);
+            let found = tree.query(&at).nearest_n::<SquaredEuclidean<f64>>(NonZero::<usize>::MIN).execute();
+            (first + found.first().map_or(0, |found| found.item as usize)) as u32
+        })
+        .collect()
+}
+
+impl LevelStream {
+    /// Reads runs, one of a leaf, as one set of splats without colours that depend on the direction, and `always` after them.
+    ///
+    /// # Errors
+    /// As of [`LevelStream::hold`].
+    pub fn weather_scene(&mut self, runs: &[RunId], always: Option<&Splats>) -> crate::Result<WeatherScene> {
+        let read = self.read_runs(runs)?;
+        let mut scene = WeatherScene { splats: Splats::default(), parts: Vec::new() };
+        for (id, mut splats) in read {
+            splats.limit_sh(0);
+            let first = scene.splats.len();
+            scene.parts.push((id, first..first + splats.len()));
+            scene.splats.append(&splats);
+        }
+        if let Some(always) = always {
+            scene.splats.append(always);
+        }
+        Ok(scene)
+    }
+}

@@ -1,0 +1,298 @@
+//! Places in levels of detail: what frames draw of them, and what their weather is prepared with.
+//!
+//! Frames draw a cut of the levels, which depends on the camera and the budget alone. Weather is prepared with fewer splats that are finest
+//! about where the cameras are, [`WeatherFocus`]: they are the splats of [`PreparedPlace::scene`]. A splat that is drawn has the
+//! attributes of the nearest of those in its leaf.
+
+use super::{PlaceOptions, PreparedPlace};
+use crate::Result;
+use crate::assets::{AssetCache, AssetStore, scene_digest};
+use crate::lamps::PlaceLamps;
+use crate::levels::{
+    BudgetShares, CutBudget, LevelBudget, LevelCut, LevelStream, RunId, WeatherFocus, WeatherScene,
+    nearest_of,
+};
+use crate::place_light::PlaceLight;
+use crate::place_water::PlaceWater;
+use rayon::prelude::*;
+use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
+use std::sync::Arc;
+use wm_render::{AnyRenderer, RenderBackend, SetId};
+use wm_scene::levels::{LevelIndex, LevelLeaf};
+use wm_scene::splats::LabelKind;
+use wm_scene::survey::{SkyRegion, label_sky};
+use wm_scene::{Camera, Group, Scene, Splats};
+
+/// The levels of a place.
+pub(crate) struct PlaceLevels {
+    stream: LevelStream,
+    shares: BudgetShares,
+    /// The splats that are always drawn, and they in the renderer.
+    environment: Option<(Splats, SetId)>,
+    /// The camera of the last cut.
+    camera: Option<Camera>,
+    /// The cut of all frames, and the focus of their weather; else each frame has its own.
+    shot: Option<(LevelCut, WeatherFocus)>,
+    /// The place that the weather is prepared about; `None` for all of it alike.
+    focus: Option<WeatherFocus>,
+    /// The leaves of the weather's splats, by number, and where they are in them.
+    parts: HashMap<u32, (RunId, Range<usize>)>,
+    /// Positions of the weather's splats.
+    points: Arc<[[f32; 3]]>,
+    /// The runs that are drawn, by leaf.
+    drawn: Vec<RunId>,
+    /// The weather's splats for those of runs.
+    choices: BTreeMap<RunId, Arc<[u32]>>,
+}
+
+/// A set that a frame draws of a place in levels, and the weather's splat for each of its own.
+pub(super) struct DrawnSet {
+    pub set: SetId,
+    /// Empty where nobody asked.
+    pub chosen: Arc<[u32]>,
+}
+
+impl PlaceLevels {
+    /// Opens a scene in levels. Returns the scene that it is surveyed with: all of it at one level.
+    fn open(
+        backend: &mut AnyRenderer,
+        index: LevelIndex,
+        budget: &LevelBudget,
+        repairs: bool,
+    ) -> Result<(Self, Scene)> {
+        let mut environment = index.read_environment()?.map(|scene| scene.splats);
+        if let Some(splats) = &mut environment {
+            if repairs {
+                *splats = std::mem::take(splats).repaired().0;
+            }
+            splats.groups.fill(Group::Sky);
+        }
+        let index = Arc::new(index);
+        let mut stream = LevelStream::new(Arc::clone(&index), repairs);
+        let weather_splats = budget.shares(0).weather_splats;
+        let coarsest = index.levels - 1;
+        let level = (0..coarsest).find(|level| index.count_of_level(*level) <= weather_splats);
+        let base = runs_at(&index, level.unwrap_or(coarsest));
+        let WeatherScene { mut splats, parts } = stream.weather_scene(&base, environment.as_ref())?;
+        let sky = if environment.is_some() { SkyRegion::None } else { SkyRegion::of(&splats) };
+        label_sky(&mut splats);
+        let shares = budget.shares(stream.sh_degree());
+        stream.limit(sky, shares.held_bytes);
+        let environment = match environment {
+            Some(splats) => {
+                let set = backend.load(&splats)?;
+                Some((splats, set))
+            }
+            None => None,
+        };
+        let metadata = index.metadata.clone().or(stream.metadata().clone());
+        let mut levels = Self {
+            stream,
+            shares,
+            environment,
+            camera: None,
+            shot: None,
+            focus: None,
+            parts: HashMap::new(),
+            points: Arc::default(),
+            drawn: Vec::new(),
+            choices: BTreeMap::new(),
+        };
+        levels.take_parts(parts, &splats);
+        Ok((levels, Scene { splats, metadata, views: Vec::new() }))
+    }
+
+    /// Takes the leaves of the weather's splats.
+    fn take_parts(&mut self, parts: Vec<(RunId, Range<usize>)>, splats: &Splats) {
+        self.points = splats.means.as_slice().into();
+        self.parts = parts.into_iter().map(|(id, part)| (id.0, (id, part))).collect();
+        self.choices.clear();
+    }
+
+    /// The weather's splats about a focus.
+    fn weather_scene(&mut self, focus: &WeatherFocus, metres_per_unit: f64) -> Result<Splats> {
+        let budget = CutBudget { splats: self.shares.weather_splats };
+        let cut = LevelCut::of(self.stream.index(), &focus.cameras(metres_per_unit), &budget);
+        let always = self.environment.as_ref().map(|(splats, _)| splats);
+        let WeatherScene { splats, parts } = self.stream.weather_scene(&runs_of(&cut), always)?;
+        self.take_parts(parts, &splats);
+        self.focus = Some(*focus);
+        Ok(splats)
+    }
+
+    /// Makes the renderer hold what a camera sees.
+    fn cut_for(&mut self, backend: &mut AnyRenderer, camera: &Camera) -> Result<()> {
+        if self.camera == Some(*camera) || (self.shot.is_some() && self.camera.is_some()) {
+            return Ok(());
+        }
+        let wanted = match &self.shot {
+            Some((cut, _)) => runs_of(cut),
+            None => {
+                let budget = CutBudget { splats: self.shares.frame_splats };
+                runs_of(&LevelCut::of(self.stream.index(), std::slice::from_ref(camera), &budget))
+            }
+        };
+        self.drawn = self.stream.hold(backend, &wanted)?;
+        self.camera = Some(*camera);
+        Ok(())
+    }
+
+    /// The sets of the last cut; with the weather's splats for theirs if `is_changed`.
+    fn sets(&mut self, pool: &rayon::ThreadPool, is_changed: bool) -> Vec<DrawnSet> {
+        if is_changed {
+            self.find_choices(pool);
+        }
+        let none: Arc<[u32]> = Arc::default();
+        let chosen = |id: &RunId| self.choices.get(id).filter(|_| is_changed).unwrap_or(&none);
+        let held =
+            |id: &RunId| Some(DrawnSet { set: self.stream.get(*id)?.set, chosen: Arc::clone(chosen(id)) });
+        let mut sets: Vec<DrawnSet> = self.drawn.iter().filter_map(held).collect();
+        if let Some((splats, set)) = &self.environment {
+            let (count, all) = (splats.len() as u32, self.points.len() as u32);
+            let chosen = if is_changed { (all - count..all).collect() } else { none };
+            sets.push(DrawnSet { set: *set, chosen });
+        }
+        sets
+    }
+
+    /// Finds the weather's splats for those that are drawn.
+    fn find_choices(&mut self, pool: &rayon::ThreadPool) {
+        let stream = &self.stream;
+        self.choices.retain(|id, _| stream.get(*id).is_some());
+        let new: Vec<RunId> =
+            self.drawn.iter().copied().filter(|id| !self.choices.contains_key(id)).collect();
+        let choice = |id: &RunId| -> Option<(RunId, Arc<[u32]>)> {
+            let held = self.stream.get(*id)?;
+            let first_of_all = Arc::from(vec![0; held.means.len()]);
+            let Some((of, part)) = self.parts.get(&id.0) else { return Some((*id, first_of_all)) };
+            let chosen = if of == id && part.len() == held.means.len() {
+                part.clone().map(|index| index as u32).collect()
+            } else {
+                nearest_of(&held.means, &self.points[part.clone()], part.start).into()
+            };
+            Some((*id, chosen))
+        };
+        let found: Vec<(RunId, Arc<[u32]>)> = pool.install(|| new.par_iter().filter_map(choice).collect());
+        self.choices.extend(found);
+    }
+
+    /// Takes all splats out of the renderer.
+    pub(super) fn clear(&mut self, backend: &mut AnyRenderer) {
+        self.stream.clear(backend);
+        if let Some((_, set)) = self.environment.take() {
+            backend.unload(set);
+        }
+        (self.camera, self.drawn) = (None, Vec::new());
+    }
+}
+
+/// The runs of all leaves at one level; of a leaf that lacks it, the finest coarser one, else the coarsest.
+fn runs_at(index: &LevelIndex, level: u32) -> Vec<RunId> {
+    let run = |(leaf, of): (u32, &LevelLeaf)| {
+        let position = of.runs.iter().position(|run| run.level >= level).unwrap_or(of.runs.len() - 1);
+        (leaf, position as u16)
+    };
+    (0u32..).zip(&index.leaves).map(run).collect()
+}
+
+/// The runs of a cut.
+fn runs_of(cut: &LevelCut) -> Vec<RunId> {
+    (0u32..).zip(cut.positions()).map(|(leaf, position)| (leaf, *position)).collect()
+}
+
+impl PreparedPlace {
+    /// Opens a scene in levels: surveys it at one level, and loads what is always drawn.
+    pub(crate) fn load_levels(
+        backend: &mut AnyRenderer,
+        renderer: u64,
+        index: LevelIndex,
+        options: &PlaceOptions,
+        (budget, repairs): (&LevelBudget, bool),
+    ) -> Result<Self> {
+        let (levels, scene) = PlaceLevels::open(backend, index, budget, repairs)?;
+        let mut place = Self::load(backend, renderer, scene, options)?;
+        place.levels = Some(Box::new(levels));
+        Ok(place)
+    }
+
+    /// Returns true if the place is drawn in levels of detail.
+    #[must_use]
+    pub fn has_levels(&self) -> bool {
+        self.levels.is_some()
+    }
+
+    /// Draws all frames from one cut of the levels, the best for these cameras together, so that nothing changes its level between
+    /// them; without cameras each frame has a cut of its own again. Other places stay as they are.
+    pub fn set_shot(&mut self, cameras: &[Camera]) {
+        let Some(levels) = &mut self.levels else { return };
+        let budget = CutBudget { splats: levels.shares.frame_splats };
+        levels.shot = (!cameras.is_empty())
+            .then(|| (LevelCut::of(levels.stream.index(), cameras, &budget), WeatherFocus::along(cameras)));
+        levels.camera = None;
+    }
+
+    /// Makes the renderer hold what a camera sees of the levels, and the weather's splats those about it if `wants_weather`.
+    pub(super) fn look(
+        &mut self,
+        backend: &mut AnyRenderer,
+        camera: &Camera,
+        wants_weather: bool,
+    ) -> Result<()> {
+        if self.levels.is_none() {
+            return Ok(());
+        }
+        if wants_weather && !self.focus_on_shot(backend)? {
+            let (up, metres) = (self.survey.up.value, self.site.metres_per_unit);
+            self.focus_on(backend, WeatherFocus::cell_of(camera, up, metres))?;
+        }
+        let Some(levels) = &mut self.levels else { return Ok(()) };
+        levels.cut_for(backend, camera)?;
+        self.warnings.extend(levels.stream.take_warnings());
+        Ok(())
+    }
+
+    /// Takes the splats along the shot for the weather's; returns false if there is no shot.
+    pub(super) fn focus_on_shot(&mut self, backend: &mut AnyRenderer) -> Result<bool> {
+        let shot = self.levels.as_ref().and_then(|levels| levels.shot.as_ref());
+        let Some((_, focus)) = shot else { return Ok(false) };
+        self.focus_on(backend, *focus)?;
+        Ok(true)
+    }
+
+    /// Takes the splats about a place for the weather's.
+    fn focus_on(&mut self, backend: &mut AnyRenderer, focus: WeatherFocus) -> Result<()> {
+        let metres = self.site.metres_per_unit;
+        let Some(levels) = &mut self.levels else { return Ok(()) };
+        if levels.focus == Some(focus) {
+            return Ok(());
+        }
+        let splats = levels.weather_scene(&focus, metres)?;
+        self.clear_cover(backend);
+        if let Some(thin) = self.thinned.take() {
+            backend.unload(thin.set);
+        }
+        backend.unload(self.set);
+        self.set = backend.load(&splats)?;
+        let scene = Scene { splats, views: Vec::new(), metadata: self.scene.metadata.clone() };
+        let digest = self.assets.as_ref().map(|_| scene_digest(&scene, &self.survey, &backend.arithmetic()));
+        self.cache = AssetCache::new(self.assets.clone(), digest.unwrap_or_default());
+        self.store = AssetStore::default();
+        self.light = PlaceLight::new(PlaceLamps::of(&scene, &self.survey));
+        self.water = PlaceWater::default();
+        self.labels = LabelKind::ALL.map(|kind| scene.splats.names(kind).into());
+        self.scene = Arc::new(scene);
+        self.is_released = false;
+        Ok(())
+    }
+
+    /// The line along which cameras are, where the place is in levels and the weather is prepared about them.
+    pub(super) fn weather_path(&self) -> Option<[[f64; 3]; 2]> {
+        Some(self.levels.as_ref()?.focus?.path)
+    }
+
+    /// The sets that a frame draws: `scene` itself, or those of the last cut.
+    pub(super) fn drawn_sets(&mut self, backend: &AnyRenderer, is_changed: bool) -> Option<Vec<DrawnSet>> {
+        Some(self.levels.as_mut()?.sets(backend.pool(), is_changed))
+    }
+}
