@@ -57,6 +57,7 @@ pub mod labels;
 pub mod lamps;
 mod later_layers;
 mod lens_view;
+pub mod levels;
 pub mod lidar;
 pub mod measure;
 mod motion;

@@ -1,0 +1,272 @@
+//! The level that each leaf of a scene is drawn at, so that a budget of splats shows as much as it can.
+//!
+//! All leaves begin at their coarsest level. Finer ones are bought, the one first that removes most error a splat: squared error of the
+//! leaf's pictures times the pixels that it covers, over the splats that it adds. The first that does not fit ends it, so that the cut
+//! of a larger budget is nowhere coarser than that of a smaller one, but for that last leaf.
+//!
+//! A cut is a pure function of index, cameras and budget: frames need not be rendered in order.
+
+use super::coverage;
+use rayon::prelude::*;
+use std::{cmp::Ordering, cmp::Reverse, collections::BinaryHeap};
+use wm_scene::{
+    Camera,
+    levels::{LevelIndex, LevelLeaf, LevelRun},
+};
+
+/// Error of a leaf's pictures with a share `s` of its splats where the index states none: this times `1 - sqrt(s)`.
+///
+/// 1 is white for black. The value is the order of what reduced leaves of photographed places lose; only its growth over the levels matters
+/// where no leaf has an error.
+const ERROR: f64 = 0.1;
+/// Larger errors of an index are taken for this.
+const LARGEST_ERROR: f64 = 10.0;
+
+/// The most that a cut may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CutBudget {
+    /// Number of splats of all leaves together. Those of the environment are not counted. Leaves are never coarser than their coarsest level.
+    pub splats: u64,
+}
+
+/// The level that each leaf of an index is drawn at.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct LevelCut {
+    positions: Vec<u16>,
+    splats: u64,
+}
+
+impl LevelCut {
+    /// All leaves at their coarsest level.
+    #[must_use]
+    pub fn coarsest(index: &LevelIndex) -> Self {
+        Self::at(index, |leaf| leaf.runs.len().saturating_sub(1))
+    }
+
+    /// All leaves at their finest level.
+    #[must_use]
+    pub fn finest(index: &LevelIndex) -> Self {
+        Self::at(index, |_| 0)
+    }
+
+    fn at(index: &LevelIndex, position: impl Fn(&LevelLeaf) -> usize) -> Self {
+        let positions: Vec<u16> =
+            index.leaves.iter().map(|leaf| u16::try_from(position(leaf)).unwrap_or(u16::MAX)).collect();
+        let mut cut = Self { positions, splats: 0 };
+        cut.splats = cut.runs(index).fold(0, |sum, (_, run)| sum.saturating_add(run.count));
+        cut
+    }
+
+    /// The cut for all pictures of `cameras`: for one frame, or for all frames of a path, so that nothing changes its level between them.
+    ///
+    /// A leaf counts with the largest area that it covers in a picture. One that no picture shows stays at its coarsest level.
+    #[must_use]
+    pub fn of(index: &LevelIndex, cameras: &[Camera], budget: &CutBudget) -> Self {
+        Self::weighted(index, cameras, &[], budget)
+    }
+
+    /// As [`Self::of`], with a weight of each leaf, 0 or more, such as the share of it that nothing hides. Leaves without one have 1.
+    #[must_use]
+    pub fn weighted(index: &LevelIndex, cameras: &[Camera], weights: &[f64], budget: &CutBudget) -> Self {
+        let areas: Vec<f64> = index
+            .leaves
+            .par_iter()
+            .with_min_len(256)
+            .map(|leaf| {
+                cameras.iter().map(|camera| coverage(leaf.low, leaf.high, camera)).fold(0.0, f64::max)
+            })
+            .collect();
+        let mut cut = Self::coarsest(index);
+        let step = |leaf: usize, from: usize| {
+            let weight = weights.get(leaf).copied().unwrap_or(1.0);
+            Step::best(&index.leaves[leaf], leaf, from, areas[leaf], weight)
+        };
+        let first = |leaf: usize| step(leaf, usize::from(cut.positions[leaf]));
+        let mut steps: BinaryHeap<Step> = (0..areas.len()).filter_map(first).collect();
+        while let Some(next) = steps.pop() {
+            let left = budget.splats.saturating_sub(cut.splats);
+            if next.added > left {
+                // The finest of it that fits, and no other leaf: it would look better than one that is worth more.
+                let (runs, from) = (&index.leaves[next.leaf].runs, usize::from(cut.positions[next.leaf]));
+                let fits = |to: &usize| runs[*to].count.saturating_sub(runs[from].count) <= left;
+                if let Some(to) = (usize::from(next.to) + 1..from).find(fits) {
+                    cut.splats += runs[to].count.saturating_sub(runs[from].count);
+                    cut.positions[next.leaf] = to as u16;
+                }
+                break;
+            }
+            cut.splats += next.added;
+            cut.positions[next.leaf] = next.to;
+            steps.extend(step(next.leaf, usize::from(next.to)));
+        }
+        cut
+    }
+
+    /// The position in [`LevelLeaf::runs`] of each leaf.
+    #[must_use]
+    pub fn positions(&self) -> &[u16] {
+        &self.positions
+    }
+
+    /// Number of splats of all leaves.
+    #[must_use]
+    pub fn splats(&self) -> u64 {
+        self.splats
+    }
+
+    /// The leaves and the run that is drawn of each, in the order of the index that it was made for.
+    pub fn runs<'a>(&'a self, index: &'a LevelIndex) -> impl Iterator<Item = (usize, &'a LevelRun)> + 'a {
+        let run = |(leaf, position): (usize, &u16)| {
+            Some((leaf, index.leaves.get(leaf)?.runs.get(usize::from(*position))?))
+        };
+        self.positions.iter().enumerate().filter_map(run)
+    }
+}
+
+/// A finer level of a leaf.
+struct Step {
+    /// Squared error removed over splats added.
+    gain: f64,
+    leaf: usize,
+    to: u16,
+    added: u64,
+}
+
+impl Step {
+    /// The finer level of a leaf that removes most a splat; `None` if none removes anything.
+    fn best(leaf: &LevelLeaf, number: usize, from: usize, area: f64, weight: f64) -> Option<Self> {
+        let weight = area * weight;
+        if !(weight > 0.0 && weight.is_finite()) {
+            return None;
+        }
+        let lost = |position: usize| seen_error(leaf, position, area).powi(2);
+        let (now, count) = (lost(from), leaf.runs.get(from)?.count);
+        let mut best: Option<Self> = None;
+        for to in (0..from).rev() {
+            let added = leaf.runs[to].count.saturating_sub(count);
+            let gain = weight * (now - lost(to)) / added.max(1) as f64;
+            if gain > best.as_ref().map_or(0.0, |best| best.gain) {
+                best = Some(Self { gain, leaf: number, to: u16::try_from(to).ok()?, added });
+            }
+        }
+        best
+    }
+}
+
+/// The error of a leaf at a level in pictures where it covers `area` px.
+///
+/// What a level lacks is finer than the distance of its splats. Where that is below a pixel, the pixel averages it away.
+fn seen_error(leaf: &LevelLeaf, position: usize, area: f64) -> f64 {
+    let run = &leaf.runs[position];
+    let count = run.count as f64;
+    let error = run.error.map_or_else(
+        || ERROR * (1.0 - (count / leaf.runs[0].count.max(1) as f64).sqrt()).max(0.0),
+        |error| f64::from(error).min(LARGEST_ERROR),
+    );
+    error * (area / count.max(1.0)).sqrt().min(1.0)
+}
+
+impl Ord for Step {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.gain.total_cmp(&other.gain).then_with(|| Reverse(self.leaf).cmp(&Reverse(other.leaf)))
+    }
+}
+
+impl PartialOrd for Step {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Step {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Step {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    /// Leaves along y, from near to far, of 1000, 500, 250 and 125 splats.
+    fn index(leaves: usize, errors: &str) -> LevelIndex {
+        let leaf = |i: usize| {
+            let runs: Vec<String> = [1000, 500, 250, 125]
+                .iter()
+                .enumerate()
+                .map(|(level, count)| {
+                    format!(r#""{level}": {{"file": {level}, "offset": {}, "count": {count}}}"#, i * count)
+                })
+                .collect();
+            let (from, to) = (10 * i, 10 * i + 4);
+            format!(
+                r#"{{"bound": {{"min": [-2, {from}, -2], "max": [2, {to}, 2]}}, "lods": {{{}}} {errors}}}"#,
+                runs.join(",")
+            )
+        };
+        let text = format!(
+            r#"{{"lodLevels": 4, "filenames": ["a", "b", "c", "d"], "tree": {{"children": [{}]}}}}"#,
+            (0..leaves).map(leaf).collect::<Vec<_>>().join(",")
+        );
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lod-meta.json");
+        std::fs::write(&path, text).unwrap();
+        LevelIndex::open(&path).unwrap()
+    }
+
+    fn camera(y: f64, forward: f64) -> Camera {
+        let eye = DVec3::new(0.0, y, 0.0);
+        Camera::looking((800, 600), 50.0, eye, eye + forward * DVec3::Y, DVec3::Z).unwrap()
+    }
+
+    const ERRORS: &str = r#", "errors": [0, 0.01, 0.02, 0.04]"#;
+
+    #[test]
+    fn what_is_near_is_finer_and_what_is_not_seen_is_coarsest() {
+        let index = index(10, ERRORS);
+        let budget = CutBudget { splats: 4000 };
+        let cut = LevelCut::of(&index, &[camera(-10.0, 1.0)], &budget);
+        assert!(cut.positions().is_sorted() && cut.positions()[0] == 0 && cut.positions()[9] == 2, "{cut:?}");
+        assert!((3500..=4000).contains(&cut.splats()), "{cut:?}");
+        assert_eq!(cut.runs(&index).map(|(_, run)| run.count).sum::<u64>(), cut.splats());
+        let away = LevelCut::of(&index, &[camera(-10.0, -1.0)], &budget);
+        assert_eq!(away, LevelCut::coarsest(&index));
+        // A path that ends there: both ends are fine, whatever the order of its cameras.
+        let path = [camera(-10.0, 1.0), camera(110.0, -1.0)];
+        let cut = LevelCut::of(&index, &path, &budget);
+        assert!(
+            cut.positions()[0] < cut.positions()[5] && cut.positions()[9] < cut.positions()[5],
+            "{cut:?}"
+        );
+        assert_eq!(cut, LevelCut::of(&index, &[path[1], path[0]], &budget));
+        let hidden = LevelCut::weighted(&index, &path, &[0.0; 2], &budget);
+        assert_eq!(hidden.positions()[..2], [3, 3]);
+    }
+
+    #[test]
+    fn budgets_are_kept_and_more_is_never_coarser() {
+        let (mut before, index) = (LevelCut::coarsest(&index(30, ERRORS)), index(30, ERRORS));
+        for splats in (0..32_000).step_by(1000) {
+            let cut = LevelCut::of(&index, &[camera(-10.0, 1.0)], &CutBudget { splats });
+            assert!(cut.splats() <= splats.max(30 * 125));
+            let coarser = cut.positions().iter().zip(before.positions()).filter(|(now, then)| now > then);
+            // The last leaf of the smaller budget may have had another step.
+            assert!(coarser.count() <= 1);
+            before = cut;
+        }
+    }
+
+    #[test]
+    fn indices_without_errors_or_with_bad_ones_are_cut_too() {
+        let cameras = [camera(-10.0, 1.0)];
+        for errors in ["", r#", "errors": [1e38, 0, 1e38, 0.5]"#, r#", "errors": [0, 0, 0, 0]"#] {
+            let index = index(10, errors);
+            let cut = LevelCut::of(&index, &cameras, &CutBudget { splats: 4000 });
+            assert!(cut.splats() <= 4000, "{errors} {cut:?}");
+            assert_eq!(cut.positions()[0] == 0, errors.is_empty(), "{errors} {cut:?}");
+        }
+    }
+}
