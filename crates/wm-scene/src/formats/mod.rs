@@ -88,7 +88,7 @@ pub(crate) struct NamedFile {
 }
 
 /// The receiver of such files, one after the other.
-type FileSink<'a> = dyn FnMut(NamedFile) -> Result<(), Problem> + 'a;
+pub(crate) type FileSink<'a> = dyn FnMut(NamedFile) -> Result<(), Problem> + 'a;
 
 /// The facts about a file by which its format is recognised.
 pub(crate) struct Start<'a> {
@@ -266,26 +266,37 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: &WriteOptions) -> R
         Writer::Stream(write) => write_atomically(path, |out| write(out, scene, options))?,
         // No name leads here: such a format has no extension.
         Writer::Nothing => {}
-        Writer::Files(write) => {
-            if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-                std::fs::create_dir_all(folder).map_err(|error| fault(error.into()))?;
-            }
-            // All files are complete before the first gets its name: one scene is not mixed with another.
-            let mut complete = Vec::new();
-            let mut sink = |file: NamedFile| {
-                let temporary = TempFile::beside(&path.with_file_name(file.name))?;
-                temporary.file().write_all(&file.bytes)?;
-                complete.push(temporary);
-                Ok(())
-            };
-            write(scene, &mut sink).map_err(fault)?;
-            for file in complete {
-                file.persist().map_err(|refusal| fault(refusal.into()))?;
-            }
-        }
+        Writer::Files(write) => write_files(path, |sink| write(scene, sink))?,
     }
     if format.loses.metadata == Kept::Beside && scene.metadata != Default::default() {
         write_sidecar(path, &scene.metadata)?;
+    }
+    Ok(())
+}
+
+/// Writes the files of a scene beside each other in the folder of `path`, which is made if it is not there.
+///
+/// # Errors
+/// [`FormatError`] if `write` fails or the system refuses.
+pub(crate) fn write_files(
+    path: &Path,
+    write: impl FnOnce(&mut FileSink) -> Result<(), Problem>,
+) -> Result<(), FormatError> {
+    let fault = |problem| FormatError::whole(path, problem);
+    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(|error| fault(error.into()))?;
+    }
+    // All files are complete before the first gets its name: one scene is not mixed with another.
+    let mut complete = Vec::new();
+    let mut sink = |file: NamedFile| {
+        let temporary = TempFile::beside(&path.with_file_name(file.name))?;
+        temporary.file().write_all(&file.bytes)?;
+        complete.push(temporary);
+        Ok(())
+    };
+    write(&mut sink).map_err(fault)?;
+    for file in complete {
+        file.persist().map_err(|refusal| fault(refusal.into()))?;
     }
     Ok(())
 }

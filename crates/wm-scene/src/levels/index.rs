@@ -1,6 +1,6 @@
 //! `lod-meta.json`: the leaves of a scene in levels, and where their splats are.
 
-use super::LevelFile;
+use super::{LevelFile, tree::Extent};
 use crate::{
     FormatError, Metadata, Problem, Scene, Splats,
     formats::{
@@ -11,6 +11,7 @@ use crate::{
     },
 };
 use serde::Deserialize;
+use serde_json::Value;
 use std::{
     collections::{BTreeMap, BTreeSet},
     fs,
@@ -78,8 +79,9 @@ struct RawIndex {
     version: Option<u32>,
     #[serde(rename = "lodLevels")]
     levels: u32,
+    /// True if every leaf has errors.
     #[serde(rename = "lodErrors", default)]
-    errors: Vec<f32>,
+    has_errors: Value,
     #[serde(default)]
     environment: Option<String>,
     filenames: Vec<String>,
@@ -117,10 +119,10 @@ struct RawRun {
 
 impl RawNode {
     /// Adds the leaves of this node, with `around` the box of the node above it.
-    fn leaves(&self, around: ([f32; 3], [f32; 3]), errors: &[f32], out: &mut Vec<LevelLeaf>) {
+    fn leaves(&self, around: Extent, has_errors: bool, out: &mut Vec<LevelLeaf>) {
         let (low, high) = (self.bound.min.unwrap_or(around.0), self.bound.max.unwrap_or(around.1));
-        self.children.iter().for_each(|child| child.leaves((low, high), errors, out));
-        let errors = if self.errors.is_empty() { errors } else { &self.errors };
+        self.children.iter().for_each(|child| child.leaves((low, high), has_errors, out));
+        let errors = if has_errors { &self.errors[..] } else { &[] };
         let run = |(key, run): (&String, &RawRun)| {
             let level: u32 = key.parse().ok()?;
             let error = errors.get(level as usize).copied().filter(|error| *error >= 0.0);
@@ -166,7 +168,11 @@ impl LevelIndex {
             return Err(fault(format!("lod-meta.json: {fault_of}")));
         }
         let mut leaves = Vec::new();
-        raw.tree.leaves(([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]), &raw.errors, &mut leaves);
+        raw.tree.leaves(
+            ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]),
+            raw.has_errors == Value::Bool(true),
+            &mut leaves,
+        );
         let index = Self {
             main: main.into(),
             levels: raw.levels.clamp(1, MAX_LEVELS),

@@ -6,7 +6,7 @@
 //! ```text
 //! lod-meta.json = {
 //!   "version": 1, "asset": {"generator"}, "count", "counts": [a level], "lodLevels",
-//!   "lodErrors": [a level],              mean of the leaves' errors; absent if not known
+//!   "lodErrors": true,                   every leaf has errors; absent if not
 //!   "environment": "env/meta.json",      splats that are always drawn, such as the sky; may be absent
 //!   "filenames": ["0_0/meta.json", ...],
 //!   "tree": {"bound": {"min", "max"}, "children": [node, node]}
@@ -17,6 +17,12 @@
 
 mod file;
 mod index;
+mod tree;
+mod writer;
+
+#[cfg(test)]
+mod tests;
 
 pub use file::LevelFile;
 pub use index::{INDEX_NAME, LevelIndex, LevelLeaf, LevelRun, MAX_LEVELS};
+pub use writer::{LevelEnd, LevelFileJob, LevelWriteOptions, LevelWriter, NewLeaf};

@@ -22,7 +22,7 @@ mod palette;
 pub(crate) mod read;
 mod rotation;
 mod webp;
-mod write;
+pub(crate) mod write;
 mod zip;
 
 use super::{ANY_SCALE, Axes, Kept, Loses, ReadOptions, SceneFormat, Writer, has_ending};

@@ -58,8 +58,27 @@ pub(in crate::formats) fn order(steps: &[[u16; 3]]) -> Vec<u32> {
     morton::sorted(steps.iter().map(|step| morton::code(step.map(u64::from))))
 }
 
+/// The order in which splats are written.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Arrangement {
+    /// Along a Morton curve.
+    Morton,
+    /// As they are.
+    AsGiven,
+}
+
 /// Gives `file` the files of a scene, `meta.json` last.
 pub(super) fn files(scene: &Scene, file: &mut FileSink) -> Result<(), Problem> {
+    files_with(scene, Arrangement::Morton, MAX_ENTRIES, file)
+}
+
+/// Gives `file` the files of a scene in an order, with at most `entries` (65,536 at most) in the palette of SH; `meta.json` comes last.
+pub(crate) fn files_with(
+    scene: &Scene,
+    arrangement: Arrangement,
+    entries: usize,
+    file: &mut FileSink,
+) -> Result<(), Problem> {
     let splats = &scene.splats;
     if let Some(fault) = scene.metadata.fault() {
         return Err(Problem::Value(format!("not written: {fault}")));
@@ -73,7 +92,10 @@ pub(super) fn files(scene: &Scene, file: &mut FileSink) -> Result<(), Problem> {
     }
     let range = Steps::for_means(&splats.means);
     let steps: Vec<[u16; 3]> = splats.means.iter().map(|mean| range.of(*mean)).collect();
-    let order = order(&steps);
+    let order = match arrangement {
+        Arrangement::Morton => order(&steps),
+        Arrangement::AsGiven => (0..count as u32).collect(),
+    };
     // Of each splat the writer says how its pixel looks.
     let mut picture = |name, pixel: &dyn Fn(usize) -> [u8; 4]| {
         let pixels = order.iter().map(|index| pixel(*index as usize));
@@ -122,7 +144,7 @@ pub(super) fn files(scene: &Scene, file: &mut FileSink) -> Result<(), Problem> {
         let finite = |v: &f32| if v.is_finite() { *v } else { 0.0 };
         let vectors: Vec<f32> =
             splats.sh.chunks_exact(stride).flat_map(|sh| sh[3..].iter().map(finite)).collect();
-        let palette = Palette::of(&vectors, size, MAX_ENTRIES);
+        let palette = Palette::of(&vectors, size, entries.clamp(1, MAX_ENTRIES));
         picture("shN_labels.webp", &|index| {
             let [low, high] = palette.labels[index].to_le_bytes();
             [low, high, 0, 255]
