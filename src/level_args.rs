@@ -17,6 +17,13 @@ pub struct LevelArgs {
 }
 
 impl LevelArgs {
+    /// Returns the options as words of a command line.
+    pub fn words(self) -> Vec<String> {
+        let memory = self.memory.map(|size| format!("--memory={}MiB", size.0 >> 20));
+        let splats = self.splats.map(|count| format!("--splats={count}"));
+        [memory, splats].into_iter().flatten().collect()
+    }
+
     /// Returns the budget.
     pub fn budget(self) -> LevelBudget {
         let default = LevelBudget::default();

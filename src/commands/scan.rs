@@ -1,6 +1,7 @@
 //! `scan`: sweeps of a lidar or a radar through a scene under a weather.
 
 use super::render::camera::{MotionArgs, ViewpointArgs};
+use crate::level_args::LevelArgs;
 use crate::names::stem_of;
 use crate::overwrite::check_spares;
 use crate::progress::Reporter;
@@ -31,6 +32,8 @@ pub struct ScanArgs {
     scene: SceneArgs,
     #[command(flatten)]
     sky: OwnSkyArgs,
+    #[command(flatten)]
+    levels: LevelArgs,
     #[command(flatten)]
     weather: WeatherArgs,
     #[command(flatten)]
@@ -366,7 +369,8 @@ pub fn run(args: &ScanArgs) -> Result<()> {
         near: None,
     };
     viewpoint.check()?;
-    let mut loaded = OpenScene::with_sky(&args.scene, &args.run, args.place.views.as_ref(), args.sky)?;
+    let mut loaded =
+        OpenScene::in_levels(&args.scene, &args.run, args.place.views.as_ref(), args.sky, args.levels)?;
     let moves = MotionArgs {
         path: args.place.path.as_ref(),
         distance: None,

@@ -1,6 +1,7 @@
 //! `view`: shows a scene and its weather in a browser.
 
 use super::render::camera::ViewpointArgs;
+use crate::level_args::LevelArgs;
 use crate::scene::{OwnSkyArgs, RunArgs, SceneArgs};
 use crate::viewer::{ViewerOptions, run as serve, server::ServerArgs};
 use crate::weather::WeatherArgs;
@@ -18,6 +19,8 @@ pub struct ViewArgs {
     scene: SceneArgs,
     #[command(flatten)]
     sky: OwnSkyArgs,
+    #[command(flatten)]
+    levels: LevelArgs,
     #[command(flatten)]
     weather: WeatherArgs,
     /// Panorama that the page offers as a sky, in addition to the weather's; may be given several times
@@ -46,6 +49,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
     let options = ViewerOptions {
         scene: &args.scene,
         sky: args.sky,
+        levels: args.levels,
         viewpoint: &args.viewpoint,
         run: &args.run,
         weather,

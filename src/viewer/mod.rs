@@ -25,6 +25,7 @@ mod videos;
 
 use crate::commands::render::camera::ViewpointArgs;
 use crate::interrupt;
+use crate::level_args::LevelArgs;
 use crate::names::stem_of;
 use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use anyhow::Result;
@@ -52,6 +53,8 @@ pub struct ViewerOptions<'a> {
     pub scene: &'a SceneArgs,
     /// The treatment of its sky.
     pub sky: OwnSkyArgs,
+    /// The budget of a scene in levels of detail.
+    pub levels: LevelArgs,
     /// The camera at the start.
     pub viewpoint: &'a ViewpointArgs,
     /// The device and other options of the run.
@@ -193,8 +196,13 @@ fn open(
     options: ViewerOptions<'_>,
     context: &ViewerContext,
 ) -> Result<(Renderer, PreparedPlace, FactEditor)> {
-    let mut loaded =
-        OpenScene::with_sky(options.scene, options.run, options.viewpoint.views.as_ref(), options.sky)?;
+    let mut loaded = OpenScene::in_levels(
+        options.scene,
+        options.run,
+        options.viewpoint.views.as_ref(),
+        options.sky,
+        options.levels,
+    )?;
     let camera = options.viewpoint.start(&mut loaded)?;
     let OpenScene { renderer, place } = loaded;
     let mut panoramas = options.panoramas;
@@ -202,13 +210,17 @@ fn open(
     let fact_words = catalog::given_words(&options.scene.facts);
     let catalog = Catalog {
         stem: stem_of(&options.scene.scene),
-        words: catalog::scene_words(options.scene, options.sky, options.viewpoint.views.as_ref()),
+        words: [
+            catalog::scene_words(options.scene, options.sky, options.viewpoint.views.as_ref()),
+            options.levels.words(),
+        ]
+        .concat(),
         fact_words: fact_words.clone(),
         is_unsaved: false,
         run_words: catalog::run_words(options.run),
         survey: place.survey().clone(),
         near: camera.near,
-        splats: place.scene().splats.len(),
+        splats: place.splats() as usize,
         renderer: renderer.describe(),
         views: place.scene().views.iter().map(|view| (view.name.clone(), view.camera)).collect(),
         weather: options.weather,

@@ -183,7 +183,18 @@ impl RenderWorker {
     }
 
     /// Returns true if all assets for a weather at `time` exist; otherwise starts to make them.
-    fn ensure_assets(&mut self, weather: &Weather, time: f64, client: Option<u64>) -> Result<bool> {
+    fn ensure_assets(
+        &mut self,
+        weather: &Weather,
+        camera: &Camera,
+        time: f64,
+        client: Option<u64>,
+    ) -> Result<bool> {
+        // What is being made is of the place that the last camera was in.
+        if self.pending.is_some() && !self.place.is_focused(weather, camera) {
+            return Ok(false);
+        }
+        self.renderer.focus(&mut self.place, weather, camera)?;
         let missing = self.place.missing_assets(weather, time);
         let is_ready = missing.is_empty();
         if !is_ready && self.pending.is_none() {
@@ -225,7 +236,7 @@ impl RenderWorker {
             }
             false
         } else {
-            self.ensure_assets(weather, time, Some(client))?
+            self.ensure_assets(weather, &view.camera_plan().camera(time), time, Some(client))?
         };
         let full = (view.state.size[0], view.state.size[1]);
         let (size, patience, quality, dither) = match (request.is_moving, is_ready) {
@@ -378,7 +389,8 @@ impl RenderWorker {
     fn execute(&mut self, command: ViewerCommand) -> Result<()> {
         let waits = match &command {
             ViewerCommand::Picture { view, .. } | ViewerCommand::Points { view, .. } => {
-                !self.ensure_assets(&view.weather, view.state.time, None)?
+                let time = view.state.time;
+                !self.ensure_assets(&view.weather, &view.camera_plan().camera(time), time, None)?
             }
             ViewerCommand::Pick { .. }
             | ViewerCommand::Surface { .. }
@@ -596,7 +608,7 @@ impl RenderWorker {
     /// Renders a frame of the video once its assets exist; returns false if the writer has stopped.
     fn try_video_frame(&mut self, active: &mut ActiveVideo) -> Result<bool> {
         let time = active.video.rate.seconds(u64::from(active.next));
-        if !self.ensure_assets(&active.view.weather, time, None)? {
+        if !self.ensure_assets(&active.view.weather, &active.plan.camera(time), time, None)? {
             return Ok(true);
         }
         self.place.config.outputs = outputs(ViewOutput::Rgb.also().as_slice());

@@ -911,8 +911,10 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
     ) -> Result<Stats> {
         self.check_light(weather)?;
-        let wants_weather = self.levels.is_some() && AssetNeeds::of(weather, &self.site).any(weather);
-        self.look(backend, &options.camera.camera, wants_weather)?;
+        if options.patience == Patience::Whole {
+            self.focus(backend, weather, &options.camera.camera)?;
+        }
+        self.look(backend, options.whole.as_ref().unwrap_or(&options.camera.camera), options.patience)?;
         let mut prepared = weather.at(options.time).prepare(&self.site);
         if options.patience == Patience::Whole {
             let missing = self.lacking(weather, &prepared);
@@ -927,6 +929,7 @@ impl PreparedPlace {
         if prepared.glass().is_some() || prepared.wetness().is_some() || prepared.flood().is_some() {
             self.make_thinned(backend)?;
         }
+        let wants_weather = self.levels.is_some() && AssetNeeds::of(weather, &self.site).any(weather);
         let drawn = self.drawn_sets(backend, wants_weather);
         let shelter = prepared.fall().and_then(|fall| match options.patience {
             Patience::Whole => self.store.shelter(fall).cloned(),
@@ -1059,7 +1062,7 @@ impl PreparedPlace {
         camera: &Camera,
         frame: &mut Frame,
     ) -> Result<Stats> {
-        self.look(backend, camera, false)?;
+        self.look(backend, camera, Patience::Whole)?;
         let sets = match self.drawn_sets(backend, false) {
             Some(drawn) => drawn.iter().map(|part| SetView::plain(part.set)).collect(),
             None => vec![SetView::plain(self.set)],

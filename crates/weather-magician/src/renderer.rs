@@ -7,7 +7,7 @@ use crate::picture::Picture;
 use crate::place::{FrameOptions, PlaceFacts, PlaceOptions, PlaceView, PreparedPlace, check_owner};
 use crate::tags::picture_tags;
 use crate::view;
-use crate::{Progress, Result};
+use crate::{CameraMotion, Progress, Result};
 use glam::DVec3;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -240,6 +240,22 @@ impl Renderer {
     /// [`crate::Error::Render`].
     pub fn draw(&mut self, request: &FrameRequest<'_>, picture: &mut Picture) -> Result<Stats> {
         Ok(request.draw(&mut self.backend, &mut self.memory, picture)?)
+    }
+
+    /// Takes the splats about a camera for those that a weather is prepared with, of a place in levels of detail: [`Self::render`] does so
+    /// itself. Assets that are being made on another thread are of the splats of before then: do not insert them.
+    ///
+    /// # Errors
+    /// [`crate::Error::Format`] if a file cannot be read.
+    pub fn focus(&mut self, place: &mut PreparedPlace, weather: &Weather, camera: &Camera) -> Result<()> {
+        check_owner(place, self.id)?;
+        place.focus(&mut self.backend, weather, camera)
+    }
+
+    /// Takes the splats along a sensor's way for the weather's, of a place in levels of detail.
+    pub(crate) fn focus_along(&mut self, place: &mut PreparedPlace, motion: &CameraMotion) -> Result<()> {
+        check_owner(place, self.id)?;
+        place.focus_along(&mut self.backend, motion)
     }
 
     /// Renders the scene alone, without weather and without what lies.

@@ -9,6 +9,8 @@ mod stream;
 mod weather_scene;
 
 pub(crate) use budget::BudgetShares;
+#[cfg(test)]
+pub(crate) use budget::held_bytes;
 pub use budget::{LevelBudget, MOST_SPLATS};
 pub use coverage::coverage;
 pub use cut::{CutBudget, LevelCut};

@@ -1,7 +1,7 @@
 //! The leaves of a scene in levels that a renderer holds: those of the last cuts, the least used dropped first.
 
 use super::budget::held_bytes;
-use crate::{Error, Result};
+use crate::{Error, Patience, Result};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -12,6 +12,9 @@ use wm_scene::{FormatError, Group, Metadata, Splats};
 
 /// A leaf at a level: the number of the leaf, and the place of the level in [`wm_scene::levels::LevelLeaf::runs`].
 pub(crate) type RunId = (u32, u16);
+
+/// Splats that are read for a draft: some 50 ms.
+const DRAFT_SPLATS: u64 = 200_000;
 
 /// The splats of a scene in levels, read and dropped as they are wanted.
 pub(crate) struct LevelStream {
@@ -100,6 +103,7 @@ impl LevelStream {
     }
 
     /// Bytes that are held.
+    #[cfg(test)]
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
@@ -109,13 +113,21 @@ impl LevelStream {
     }
 
     /// Makes the renderer hold `wanted`, and returns what of it can be drawn: of a leaf whose file cannot be read, the next coarser
-    /// level that can.
+    /// level that can. With [`Patience::Draft`] few splats are read at a time, and leaves that wait are drawn at a level that is held.
     ///
     /// # Errors
     /// [`Error::Format`] if a file cannot be read and damage is not left out; an error of the renderer.
-    pub fn hold(&mut self, backend: &mut AnyRenderer, wanted: &[RunId]) -> Result<Vec<RunId>> {
+    pub fn hold(
+        &mut self,
+        backend: &mut AnyRenderer,
+        wanted: &[RunId],
+        patience: Patience,
+    ) -> Result<Vec<RunId>> {
         self.clock += 1;
         let mut drawn: Vec<RunId> = wanted.to_vec();
+        if patience == Patience::Draft {
+            self.wait_for_some(&mut drawn);
+        }
         loop {
             self.replace_missing(&mut drawn);
             let new: Vec<RunId> = drawn.iter().copied().filter(|id| !self.held.contains_key(id)).collect();
@@ -130,6 +142,23 @@ impl LevelStream {
             self.make_room(backend, &new);
             if self.load(backend, &new)? {
                 return Ok(drawn);
+            }
+        }
+    }
+
+    /// Takes a level that is held for leaves that are not and would be too many to read now.
+    fn wait_for_some(&self, runs: &mut [RunId]) {
+        let mut read = 0;
+        for id in runs {
+            if self.held.contains_key(id) {
+                continue;
+            }
+            let count = self.run(*id).map_or(0, |run| run.count);
+            let levels = self.held.range((id.0, 0)..=(id.0, u16::MAX)).map(|(held, _)| *held);
+            let held = levels.min_by_key(|held| held.1.abs_diff(id.1));
+            match held.filter(|_| read + count > DRAFT_SPLATS) {
+                Some(held) => *id = held,
+                None => read += count,
             }
         }
     }

@@ -125,6 +125,7 @@ impl Renderer {
             let fault = "a lidar needs weather in physical units: use fidelity `physical`";
             return Err(Error::Unsupported(fault.into()));
         }
+        self.focus_along(place, motion)?;
         let time = |index: u32| options.time + f64::from(index) * lidar.period();
         let site = *place.site();
         let covers = |index: u32| weather.at(time(index)).prepare(&site).cover().to_vec();

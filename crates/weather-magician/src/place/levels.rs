@@ -4,9 +4,11 @@
 //! about where the cameras are, [`WeatherFocus`]: they are the splats of [`PreparedPlace::scene`]. A splat that is drawn has the
 //! attributes of the nearest of those in its leaf.
 
+#[cfg(test)]
+mod tests;
+
 use super::{PlaceOptions, PreparedPlace};
-use crate::Result;
-use crate::assets::{AssetCache, AssetStore, scene_digest};
+use crate::assets::{AssetCache, AssetNeeds, AssetStore, scene_digest};
 use crate::lamps::PlaceLamps;
 use crate::levels::{
     BudgetShares, CutBudget, LevelBudget, LevelCut, LevelStream, RunId, WeatherFocus, WeatherScene,
@@ -14,6 +16,7 @@ use crate::levels::{
 };
 use crate::place_light::PlaceLight;
 use crate::place_water::PlaceWater;
+use crate::{CameraMotion, Patience, Result};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
@@ -23,6 +26,10 @@ use wm_scene::levels::{LevelIndex, LevelLeaf};
 use wm_scene::splats::LabelKind;
 use wm_scene::survey::{SkyRegion, label_sky};
 use wm_scene::{Camera, Group, Scene, Splats};
+use wm_weather::Weather;
+
+/// Places of a sensor on its way, less one.
+const WAY_STOPS: u32 = 32;
 
 /// The levels of a place.
 pub(crate) struct PlaceLevels {
@@ -122,7 +129,7 @@ impl PlaceLevels {
     }
 
     /// Makes the renderer hold what a camera sees.
-    fn cut_for(&mut self, backend: &mut AnyRenderer, camera: &Camera) -> Result<()> {
+    fn cut_for(&mut self, backend: &mut AnyRenderer, camera: &Camera, patience: Patience) -> Result<()> {
         if self.camera == Some(*camera) || (self.shot.is_some() && self.camera.is_some()) {
             return Ok(());
         }
@@ -133,8 +140,8 @@ impl PlaceLevels {
                 runs_of(&LevelCut::of(self.stream.index(), std::slice::from_ref(camera), &budget))
             }
         };
-        self.drawn = self.stream.hold(backend, &wanted)?;
-        self.camera = Some(*camera);
+        self.drawn = self.stream.hold(backend, &wanted, patience)?;
+        self.camera = Some(*camera).filter(|_| patience == Patience::Whole);
         Ok(())
     }
 
@@ -222,6 +229,17 @@ impl PreparedPlace {
         self.levels.is_some()
     }
 
+    /// The number of its splats, of a place in levels those of the finest.
+    #[must_use]
+    pub fn splats(&self) -> u64 {
+        let always =
+            |levels: &PlaceLevels| levels.environment.as_ref().map_or(0, |(splats, _)| splats.len() as u64);
+        match &self.levels {
+            Some(levels) => levels.stream.index().count_of_level(0) + always(levels),
+            None => self.scene.splats.len() as u64,
+        }
+    }
+
     /// Draws all frames from one cut of the levels, the best for these cameras together, so that nothing changes its level between
     /// them; without cameras each frame has a cut of its own again. Other places stay as they are.
     pub fn set_shot(&mut self, cameras: &[Camera]) {
@@ -232,24 +250,58 @@ impl PreparedPlace {
         levels.camera = None;
     }
 
-    /// Makes the renderer hold what a camera sees of the levels, and the weather's splats those about it if `wants_weather`.
+    /// Makes the renderer hold what a camera sees of the levels.
     pub(super) fn look(
         &mut self,
         backend: &mut AnyRenderer,
         camera: &Camera,
-        wants_weather: bool,
+        patience: Patience,
     ) -> Result<()> {
+        let Some(levels) = &mut self.levels else { return Ok(()) };
+        levels.cut_for(backend, camera, patience)?;
+        self.warnings.extend(levels.stream.take_warnings());
+        Ok(())
+    }
+
+    /// Returns true if no splats have to be read before a camera's pictures of a weather can be prepared, as [`crate::Renderer::focus`]
+    /// does.
+    #[must_use]
+    pub fn is_focused(&self, weather: &Weather, camera: &Camera) -> bool {
+        let Some(levels) = &self.levels else { return true };
+        !AssetNeeds::of(weather, &self.site).any(weather)
+            || levels.focus == Some(self.focus_for(levels, camera))
+    }
+
+    fn focus_for(&self, levels: &PlaceLevels, camera: &Camera) -> WeatherFocus {
+        match &levels.shot {
+            Some((_, focus)) => *focus,
+            None => WeatherFocus::cell_of(camera, self.survey.up.value, self.site.metres_per_unit),
+        }
+    }
+
+    /// Takes the splats about a camera, or along its shot, for the weather's, if the weather needs any.
+    pub(crate) fn focus(
+        &mut self,
+        backend: &mut AnyRenderer,
+        weather: &Weather,
+        camera: &Camera,
+    ) -> Result<()> {
+        match &self.levels {
+            Some(levels) if !self.is_focused(weather, camera) => {
+                self.focus_on(backend, self.focus_for(levels, camera))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Takes the splats along a sensor's whole way for the weather's, whichever part of it is asked for.
+    pub(crate) fn focus_along(&mut self, backend: &mut AnyRenderer, motion: &CameraMotion) -> Result<()> {
         if self.levels.is_none() {
             return Ok(());
         }
-        if wants_weather && !self.focus_on_shot(backend)? {
-            let (up, metres) = (self.survey.up.value, self.site.metres_per_unit);
-            self.focus_on(backend, WeatherFocus::cell_of(camera, up, metres))?;
-        }
-        let Some(levels) = &mut self.levels else { return Ok(()) };
-        levels.cut_for(backend, camera)?;
-        self.warnings.extend(levels.stream.take_warnings());
-        Ok(())
+        let at = |stop: u32| motion.camera(motion.duration() * f64::from(stop) / f64::from(WAY_STOPS));
+        let cameras: Vec<Camera> = (0..=WAY_STOPS).map(at).collect();
+        self.focus_on(backend, WeatherFocus::along(&cameras))
     }
 
     /// Takes the splats along the shot for the weather's; returns false if there is no shot.

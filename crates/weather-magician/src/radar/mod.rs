@@ -98,6 +98,7 @@ impl Renderer {
             let fault = "a radar needs weather in physical units: use fidelity `physical`";
             return Err(Error::Unsupported(fault.into()));
         }
+        self.focus_along(place, motion)?;
         let site = *place.site();
         let motion = UprightMotion {
             motion,

@@ -1,0 +1,184 @@
+use super::*;
+use crate::levels::{coverage, held_bytes};
+use crate::{Error, FrameOptions, Picture, Renderer};
+use glam::DVec3;
+use std::fs;
+use std::path::PathBuf;
+use tempfile::TempDir;
+use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
+use wm_scene::levels::{LevelWriteOptions, LevelWriter, NewLeaf};
+
+/// The built-in street in leaves of 8 m and three levels, of which each leaves out every other splat of the one before.
+fn street() -> (TempDir, PathBuf) {
+    let scene = wm_street::Street::builtin().sampling(0.06).scene(&|_| true).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let main = folder.path().join("lod-meta.json");
+    let mut leaves: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
+    let mut sky = Vec::new();
+    for index in 0..scene.splats.len() {
+        let cell = scene.splats.means[index].map(|v| (v / 8.0).floor() as i32);
+        match scene.splats.groups[index] {
+            Group::Sky => sky.push(index),
+            _ => leaves.entry(cell).or_default().push(index),
+        }
+    }
+    let options = LevelWriteOptions { splats_per_file: 2000, ..LevelWriteOptions::default() };
+    let mut writer = LevelWriter::create(&main, options).unwrap();
+    for leaf in leaves.values() {
+        let level = |step: usize| {
+            let mut splats = scene.splats.select(&leaf.iter().copied().step_by(step).collect::<Vec<_>>());
+            let wider = 0.5 * (step as f32).ln();
+            splats.log_scales.iter_mut().for_each(|scales| scales[0] += wider);
+            splats
+        };
+        let levels = [1, 2, 4].map(level).to_vec();
+        for job in writer.add(NewLeaf { levels, errors: vec![0.0, 0.02, 0.05] }).unwrap() {
+            job.write().unwrap();
+        }
+    }
+    let mut end = writer.finish(Some(scene.splats.select(&sky)), &scene.metadata).unwrap();
+    end.jobs.drain(..).for_each(|job| job.write().unwrap());
+    end.write_index().unwrap();
+    (folder, main)
+}
+
+fn camera(x: f64, target: f64) -> Camera {
+    let (eye, target) = (DVec3::new(x, -10.0, 1.6), DVec3::new(0.0, target, 1.5));
+    Camera { near: 0.1, ..Camera::looking((120, 80), 60.0, eye, target, DVec3::Z).unwrap() }
+}
+
+fn load(main: &std::path::Path, splats: u64, repairs: bool) -> (Renderer, PreparedPlace) {
+    let mut renderer = Renderer::cpu().unwrap();
+    let budget = LevelBudget { splats: Some(splats), ..LevelBudget::default() };
+    let index = LevelIndex::open(main).unwrap();
+    let place = renderer.load_levels(index, &PlaceOptions::default(), &budget, repairs).unwrap();
+    (renderer, place)
+}
+
+fn picture(renderer: &mut Renderer, place: &mut PreparedPlace, weather: &str, camera: Camera) -> Vec<f32> {
+    let weather = Weather::preset(weather).unwrap();
+    renderer.render(place, &weather, &camera, 0.0).unwrap().frame.rgb
+}
+
+fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// With room for all splats the picture is that of the finest level as a whole, whatever was looked at before.
+#[test]
+fn a_cut_depends_on_the_camera_alone() {
+    let (_folder, main) = street();
+    let options = ReadOptions { level: DetailLevel::Finest, ..ReadOptions::default() };
+    let whole = read_scene(&main, &options).unwrap();
+    let all = whole.splats.len() as u64;
+    let mut renderer = Renderer::cpu().unwrap();
+    let mut place = renderer.load(whole).unwrap();
+    let here = camera(0.0, 20.0);
+    let expected = picture(&mut renderer, &mut place, "clear", here);
+    let (mut renderer, mut place) = load(&main, all, false);
+    let fine = picture(&mut renderer, &mut place, "clear", here);
+    // Where two splats are at the same depth, the order of the leaves decides.
+    assert!(largest_difference(&fine, &expected) < 0.02);
+
+    // With a third of them it is another picture, and the same one after any other.
+    let (mut renderer, mut place) = load(&main, all / 3, false);
+    let alone = picture(&mut renderer, &mut place, "clear", here);
+    let difference = largest_difference(&alone, &expected);
+    assert!(difference > 0.01, "{difference}");
+    picture(&mut renderer, &mut place, "clear", camera(1.0, -50.0));
+    assert_eq!(picture(&mut renderer, &mut place, "clear", here), alone);
+    // Nor do drafts before it change it.
+    let weather = Weather::clear();
+    let draft = FrameOptions { patience: Patience::Draft, ..FrameOptions::new(0.0, camera(-1.0, 40.0)) };
+    renderer.render_into(&mut place, &weather, &draft, &mut Picture::default(), &mut ()).unwrap();
+    assert_eq!(picture(&mut renderer, &mut place, "clear", here), alone);
+    // A shot of other cameras is another cut.
+    place.set_shot(&[camera(1.0, -50.0)]);
+    assert_ne!(picture(&mut renderer, &mut place, "clear", here), alone);
+    place.set_shot(&[]);
+    assert_eq!(picture(&mut renderer, &mut place, "clear", here), alone);
+}
+
+/// Runs that no cut wants are dropped once others need the room.
+#[test]
+fn memory_is_bounded() {
+    let (_folder, main) = street();
+    let index = Arc::new(LevelIndex::open(&main).unwrap());
+    let mut backend =
+        AnyRenderer::new(&wm_render::Device::Cpu, wm_render::CpuConfig::default(), |_| {}).unwrap();
+    let mut stream = LevelStream::new(Arc::clone(&index), false);
+    let all = runs_at(&index, 0);
+    // As much as the largest of the cuts below takes.
+    let bytes = |some: &[RunId]| {
+        some.iter().map(|id| held_bytes(index.leaves[id.0 as usize].runs[0].count, 0)).sum::<u64>()
+    };
+    let most = all.chunks(3).map(bytes).max().unwrap();
+    assert!(most < bytes(&all) / 2);
+    stream.limit(SkyRegion::None, most);
+    for some in all.chunks(3) {
+        assert_eq!(stream.hold(&mut backend, some, Patience::Whole).unwrap(), some);
+        assert!(stream.bytes() <= most, "{}", stream.bytes());
+        assert!(some.iter().all(|id| stream.get(*id).is_some()));
+    }
+    assert!(stream.get(all[0]).is_none());
+    stream.clear(&mut backend);
+    assert_eq!(stream.bytes(), 0);
+}
+
+/// A file that is missing or damaged is named, or by choice what it holds is drawn at a coarser level or not at all.
+#[test]
+fn damaged_files_are_named_or_left_out() {
+    let (folder, main) = street();
+    let here = camera(0.0, 20.0);
+    let (mut renderer, mut place) = load(&main, 1 << 20, false);
+    let whole = picture(&mut renderer, &mut place, "clear", here);
+    // A file of the finest level that the camera sees.
+    let index = LevelIndex::open(&main).unwrap();
+    let leaf = index.leaves.iter().max_by(|a, b| {
+        let area = |leaf: &LevelLeaf| coverage(leaf.low, leaf.high, &here);
+        area(a).total_cmp(&area(b))
+    });
+    let file = leaf.unwrap().runs[0].file;
+    let path = folder.path().join(&index.files[file]).with_file_name("sh0.webp");
+    let bytes = fs::read(&path).unwrap();
+    for damage in [Some(&bytes[..bytes.len() / 2]), Some(&b"RIFF"[..]), None] {
+        match damage {
+            Some(bytes) => fs::write(&path, bytes).unwrap(),
+            None => fs::remove_file(&path).unwrap(),
+        }
+        let mut renderer = Renderer::cpu().unwrap();
+        let opened = LevelIndex::open(&main).unwrap();
+        let budget = LevelBudget::default();
+        let failed = renderer.load_levels(opened, &PlaceOptions::default(), &budget, false);
+        let Err(Error::Format(error)) = failed else { panic!("{:?}", failed.map(|_| ())) };
+        let line = error.to_string();
+        assert!(line.contains(&index.files[file]) && !line.contains('\n'), "{line}");
+        let (mut renderer, mut place) = load(&main, 1 << 20, true);
+        let coarser = picture(&mut renderer, &mut place, "clear", here);
+        let warnings = place.take_warnings();
+        assert_eq!(warnings.iter().filter(|line| line.contains("coarser level")).count(), 1, "{warnings:?}");
+        let difference = largest_difference(&coarser, &whole);
+        assert!((1e-3..0.9).contains(&difference), "{difference}");
+    }
+}
+
+/// Weather that is prepared with few splats acts on all that are drawn: snow covers the street, and fog takes its far end.
+#[test]
+fn weather_acts_on_what_is_drawn() {
+    let (_folder, main) = street();
+    let (mut renderer, mut place) = load(&main, 1 << 20, false);
+    let here = camera(0.0, 20.0);
+    let clear = picture(&mut renderer, &mut place, "clear", here);
+    let weather = Weather::preset("snow-covered").unwrap();
+    let snow = renderer.render(&mut place, &weather, &here, 0.0).unwrap().frame.rgb;
+    let below = |rgb: &[f32]| rgb[rgb.len() * 2 / 3..].iter().sum::<f32>() / (rgb.len() / 3) as f32;
+    assert!(largest_difference(&snow, &clear) > 0.2);
+    println!("{} {}", below(&snow), below(&clear));
+    // The same snow as of the whole scene.
+    let whole = read_scene(&main, &ReadOptions::default()).unwrap();
+    let mut of_whole = renderer.load(whole).unwrap();
+    let expected = renderer.render(&mut of_whole, &weather, &here, 0.0).unwrap().frame.rgb;
+    let squared: f32 = snow.iter().zip(&expected).map(|(a, b)| (a - b).powi(2)).sum();
+    let psnr = -10.0 * (squared / snow.len() as f32).log10();
+    assert!(psnr > 25.0, "{psnr} dB");
+}
