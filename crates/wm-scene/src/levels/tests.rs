@@ -1,6 +1,6 @@
 //! Scenes in levels, written and read.
 
-use super::{LevelIndex, LevelWriteOptions, LevelWriter, NewLeaf};
+use super::{LevelFileJob, LevelIndex, LevelWriteOptions, LevelWriter, NewLeaf};
 use crate::{FormatError, Metadata, Rasterization, Splats, formats::DetailLevel, morton, testing::Dice};
 use std::{
     collections::BTreeMap,
@@ -51,7 +51,7 @@ fn written(main: &Path, leaves: Vec<NewLeaf>) -> Result<(), FormatError> {
     let environment = some(&mut Dice::new(1), [500.0; 3], 9);
     let mut end = writer.finish(Some(environment), &metadata)?;
     jobs.append(&mut end.jobs);
-    jobs.into_iter().rev().try_for_each(|job| job.write())?;
+    jobs.into_iter().rev().try_for_each(LevelFileJob::write)?;
     end.write_index()
 }
 
@@ -83,7 +83,8 @@ fn what_is_written_is_read() {
     // 40 splats a leaf: three leaves are the first that have 100.
     let names = ["0_0", "1_0", "2_0", "0_1", "0_2"].map(|name| format!("{name}/meta.json"));
     let (mut found, mut expected) = (index.files.clone(), names.to_vec());
-    (found.sort(), expected.sort());
+    found.sort();
+    expected.sort();
     assert_eq!(found, expected);
     assert_eq!(index.metadata.metres_per_unit, Some(0.5));
     assert_eq!(index.metadata.rasterization, Some(Rasterization::Antialiased));

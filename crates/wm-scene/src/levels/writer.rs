@@ -222,12 +222,15 @@ impl LevelWriter {
         }
         let boxes: Vec<Extent> = self.leaves.iter().map(|leaf| leaf.extent).collect();
         let tree = BoxTree::of(&boxes).ok_or_else(|| fault(Problem::NoSplats))?;
-        let mut jobs: Vec<LevelFileJob> = (0..self.pending.len())
-            .filter_map(|level| (!self.pending[level].splats.is_empty()).then_some(level))
-            .collect::<Vec<_>>()
-            .into_iter()
-            .map(|level| self.job(level))
+        let is_begun = |pending: &Pending| !pending.splats.is_empty();
+        let begun: Vec<usize> = self
+            .pending
+            .iter()
+            .enumerate()
+            .filter(|(_, pending)| is_begun(pending))
+            .map(|(level, _)| level)
             .collect();
+        let mut jobs: Vec<LevelFileJob> = begun.into_iter().map(|level| self.job(level)).collect();
         let name = environment.is_some().then(|| "env/meta.json".to_owned());
         jobs.extend(environment.map(|splats| {
             let order: Vec<usize> =
