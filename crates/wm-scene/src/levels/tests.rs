@@ -2,6 +2,7 @@
 
 use super::{LevelFileJob, LevelIndex, LevelWriteOptions, LevelWriter, NewLeaf};
 use crate::{FormatError, Metadata, Rasterization, Splats, formats::DetailLevel, morton, testing::Dice};
+use serde_json::{Value, json};
 use std::{
     collections::BTreeMap,
     fs,
@@ -41,7 +42,11 @@ fn leaves() -> Vec<NewLeaf> {
 }
 
 fn written(main: &Path, leaves: Vec<NewLeaf>) -> Result<(), FormatError> {
-    let options = LevelWriteOptions { splats_per_file: 100, rasterization: Some(Rasterization::Antialiased) };
+    let options = LevelWriteOptions {
+        splats_per_file: 100,
+        rasterization: Some(Rasterization::Antialiased),
+        ..Default::default()
+    };
     let mut writer = LevelWriter::create(main, options)?;
     let mut jobs = Vec::new();
     for leaf in leaves {
@@ -167,4 +172,180 @@ fn what_cannot_be_written_is_told() {
     }
     let empty = said(writer.finish(None, &Metadata::default()).err().unwrap());
     assert_eq!(empty, "there are no splats in it; nothing can be shown");
+}
+
+#[test]
+fn leaves_are_given_the_levels_that_they_lack() {
+    let folder = tempdir().unwrap();
+    let main = folder.path().join("lod-meta.json");
+    let options = LevelWriteOptions { levels: 4, ..LevelWriteOptions::default() };
+    let mut writer = LevelWriter::create(&main, options).unwrap();
+    writer.add(leaves().remove(3)).unwrap();
+    writer.add(leaves().remove(4)).unwrap();
+    let mut end = writer.finish(None, &Metadata::default()).unwrap();
+    end.jobs.drain(..).try_for_each(LevelFileJob::write).unwrap();
+    end.write_index().unwrap();
+    let text: Value = serde_json::from_slice(&fs::read(&main).unwrap()).unwrap();
+    assert_eq!(text["counts"], json!([80, 40, 50, 50]));
+    // Here they are not read again.
+    let index = LevelIndex::open(&main).unwrap();
+    let levels = |leaf: usize| index.leaves[leaf].runs.iter().map(|run| run.level).collect::<Vec<_>>();
+    assert_eq!((levels(0), levels(1)), (vec![0], vec![0, 2]));
+    assert_eq!(index.count_of_level(3), 50);
+}
+
+/// A small index whose files are not there.
+fn index() -> Value {
+    let leaf = |run: Value| json!({ "bound": { "min": [0, 0, 0], "max": [1, 1, 1] }, "lods": { "0": run }, "errors": [0, 1] });
+    json!({
+        "version": 1, "lodLevels": 2, "lodErrors": true, "environment": "env/meta.json", "filenames": ["0_0/meta.json", "1_0/meta.json"],
+        "tree": { "bound": {}, "children": [
+            leaf(json!({ "file": 0, "offset": 0, "count": 5 })),
+            leaf(json!({ "file": 0, "offset": 5, "count": 7 })),
+        ] },
+    })
+}
+
+fn parsed(text: &str) -> Result<LevelIndex, String> {
+    let parsed = LevelIndex::parse(Path::new("lod-meta.json"), text.as_bytes());
+    parsed.map_err(|problem| {
+        let message = problem.to_string();
+        assert!(!message.contains(['\n', '\r']), "{message}");
+        message.trim_start_matches("SOG: ").trim_end_matches("; export the file again").to_owned()
+    })
+}
+
+#[test]
+fn an_index_that_contradicts_itself_is_refused() {
+    assert!(parsed(&index().to_string()).is_ok());
+    let run = json!({ "file": 1, "offset": 0, "count": 2 });
+    for (place, value, expected) in [
+        ("/version", json!(2), "lod-meta.json of version 2 is not read, 1 is"),
+        ("/lodLevels", json!(0), "lod-meta.json has 0 levels; 1 to 64 are read"),
+        ("/lodLevels", json!(65), "lod-meta.json has 65 levels; 1 to 64 are read"),
+        ("/environment", json!("./0_0/meta.json"), "lod-meta.json names \"./0_0/meta.json\" twice"),
+        ("/filenames/1", json!("0_0/./meta.json"), "lod-meta.json names \"0_0/./meta.json\" twice"),
+        ("/tree/children/1/lods/0/file", json!(2), "lod-meta.json has no file 2"),
+        (
+            "/tree/children/1/lods/0/offset",
+            json!(4),
+            "a leaf of lod-meta.json has splats that another has too",
+        ),
+        (
+            "/tree/children/1/lods/0/offset",
+            json!(u64::MAX),
+            "a leaf of lod-meta.json has splats that another has too",
+        ),
+        (
+            "/tree/children/0/lods",
+            json!({ "0": run, "00": run }),
+            "a leaf of lod-meta.json has level 0 twice",
+        ),
+        (
+            "/tree/children/0/lods",
+            json!({ "2": run }),
+            "a leaf of lod-meta.json has a level \"2\": there are 0 to 1",
+        ),
+        (
+            "/tree/children/0/lods",
+            json!({ "a\n": run }),
+            "a leaf of lod-meta.json has a level \"a\\n\": there are 0 to 1",
+        ),
+        (
+            "/tree/children/0/bound/min/1",
+            json!(2),
+            "a box of lod-meta.json ends before it begins: [0.0, 2.0, 0.0] to [1.0, 1.0, 1.0]",
+        ),
+    ] {
+        let mut changed = index();
+        *changed.pointer_mut(place).unwrap() = value;
+        assert_eq!(parsed(&changed.to_string()).err().as_deref(), Some(expected), "{place}");
+    }
+    for (place, value) in [
+        ("/tree/children/1/lods/0/offset", json!(-1)),
+        ("/tree/children/1/lods/0/count", json!(1.5)),
+        ("/tree/children/0/bound/min", json!([0, null, 0])),
+        ("/tree/children/0/errors", json!([null])),
+        ("/filenames", json!("0_0")),
+    ] {
+        let mut changed = index();
+        *changed.pointer_mut(place).unwrap() = value;
+        assert!(
+            parsed(&changed.to_string()).err().unwrap().starts_with("lod-meta.json: invalid "),
+            "{place}"
+        );
+    }
+    let deep = format!("{}{{}}{}", "{\"children\":[".repeat(100_000), "]}".repeat(100_000));
+    let deep = format!("{{\"lodLevels\":1,\"filenames\":[],\"tree\":{deep}}}");
+    let message = parsed(&deep).unwrap_err();
+    assert!(message.starts_with("lod-meta.json: recursion limit exceeded at line 1"), "{message}");
+    // What only lacks a use is left out: errors that are none, levels without splats.
+    let mut odd = index();
+    odd["tree"]["children"][0]["errors"] = json!([-1]);
+    odd["tree"]["children"][0]["lods"]["1"] = json!({ "file": 1, "offset": 0, "count": 2 });
+    odd["tree"]["children"][1]["lods"]["0"]["count"] = json!(0);
+    let odd = parsed(&odd.to_string()).unwrap();
+    assert_eq!(odd.leaves.len(), 1);
+    assert!(odd.leaves[0].runs.iter().all(|run| run.error.is_none()));
+}
+
+#[test]
+fn every_cut_of_an_index_is_refused() {
+    let text = index().to_string();
+    for length in 0..text.len() {
+        assert!(parsed(&text[..length]).is_err(), "{length}");
+    }
+}
+
+#[test]
+fn damaged_files_are_told() {
+    let folder = tempdir().unwrap();
+    let main = folder.path().join("lod-meta.json");
+    let said = || {
+        let message =
+            LevelIndex::open(&main).unwrap().read_level(DetailLevel::Finest).unwrap_err().to_string();
+        assert!(!message.contains(['\n', '\r']), "{message}");
+        message.replace(&folder.path().display().to_string(), "DIR")
+    };
+    let file = |name: &str| folder.path().join("0_1").join(name);
+    written(&main, leaves()).unwrap();
+    // More splats than the file has: the index alone cannot tell.
+    let text = fs::read_to_string(&main).unwrap();
+    let last = LevelIndex::open(&main)
+        .unwrap()
+        .leaves
+        .iter()
+        .map(|leaf| leaf.runs[0])
+        .find(|run| run.offset == 80)
+        .unwrap();
+    let run = format!("\"0\":{{\"file\":{},\"offset\":80,\"count\":40}}", last.file);
+    assert!(text.contains(&run));
+    fs::write(&main, text.replace(&run, &run.replace("40}", "41}"))).unwrap();
+    let name = LevelIndex::open(&main).unwrap().files[last.file].clone();
+    assert_eq!(
+        said(),
+        format!("DIR/{name}: SOG: a part of it has splats that it lacks; export the file again")
+    );
+    fs::write(&main, text).unwrap();
+    let means = fs::read(file("means_u.webp")).unwrap();
+    for length in [0, 11, means.len() / 2, means.len() - 1] {
+        fs::write(file("means_u.webp"), &means[..length]).unwrap();
+        let message = said();
+        assert!(
+            message.starts_with("DIR/0_1/meta.json: SOG: the picture \"means_u.webp\" is not a WebP"),
+            "{message}"
+        );
+    }
+    fs::write(file("means_u.webp"), means).unwrap();
+    let meta = fs::read_to_string(file("meta.json")).unwrap();
+    fs::write(file("meta.json"), meta.replace("\"count\":120", "\"count\":999999999999")).unwrap();
+    assert_eq!(
+        said(),
+        "DIR/0_1/meta.json: SOG: the picture \"means_l.webp\" has 120 pixels, 999999999999 are needed; export the file again"
+    );
+    fs::remove_file(file("quats.webp")).unwrap();
+    fs::write(file("meta.json"), meta).unwrap();
+    assert!(said().starts_with("DIR/0_1/meta.json: SOG: \"quats.webp\" cannot be read"), "{}", said());
+    fs::remove_file(file("meta.json")).unwrap();
+    assert!(said().starts_with("DIR/0_1/meta.json: SOG: \"meta.json\" cannot be read"), "{}", said());
 }

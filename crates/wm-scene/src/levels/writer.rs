@@ -30,13 +30,16 @@ use std::{
 pub struct LevelWriteOptions {
     /// Splats of a level from which on a file is written, at least 1. A file has fewer than this and the largest leaf together.
     pub splats_per_file: usize,
+    /// Levels that every leaf gets, 0 to [`MAX_LEVELS`]: where it has fewer, its coarsest splats are written again. Other programs draw
+    /// nothing of a leaf at a level that is coarser than its own.
+    pub levels: usize,
     /// The rasterisation that every file states.
     pub rasterization: Option<Rasterization>,
 }
 
 impl Default for LevelWriteOptions {
     fn default() -> Self {
-        Self { splats_per_file: 1 << 16, rasterization: None }
+        Self { splats_per_file: 1 << 16, levels: 0, rasterization: None }
     }
 }
 
@@ -148,12 +151,20 @@ impl LevelWriter {
     /// # Errors
     /// [`FormatError`] if there are too many levels, arrays do not fit each other, a splat has a number that is not finite, or an error
     /// is not a number of 0 or more; nothing is added then.
-    pub fn add(&mut self, leaf: NewLeaf) -> Result<Vec<LevelFileJob>, FormatError> {
+    pub fn add(&mut self, mut leaf: NewLeaf) -> Result<Vec<LevelFileJob>, FormatError> {
         let number = self.leaves.len();
         let extent = extent_of(&leaf).map_err(|problem| {
             let what = format!("not written: leaf {number}: {problem}");
             FormatError::whole(&self.main, Problem::Value(what))
         })?;
+        if let Some(coarsest) = leaf.levels.iter().rposition(|splats| !splats.is_empty()) {
+            let coarsest = leaf.levels[coarsest].clone();
+            let most = self.options.levels.min(MAX_LEVELS as usize);
+            leaf.levels.resize(leaf.levels.len().max(most), coarsest);
+            if let Some(error) = leaf.errors.last() {
+                leaf.errors.resize(leaf.levels.len(), *error);
+            }
+        }
         let mut jobs = Vec::new();
         let mut runs = Vec::new();
         if self.pending.len() < leaf.levels.len() {
