@@ -1,7 +1,10 @@
 //! Scenes in levels, written and read.
 
-use super::{LevelFileJob, LevelIndex, LevelWriteOptions, LevelWriter, NewLeaf};
-use crate::{FormatError, Metadata, Rasterization, Splats, formats::DetailLevel, morton, testing::Dice};
+use super::{LevelFileJob, LevelIndex, LevelWriteOptions, LevelWriter, NewLeaf, TileOptions, TilePlan};
+use crate::{
+    FormatError, Metadata, Rasterization, Scene, Splats, formats::DetailLevel, morton, testing::Dice,
+};
+use glam::{DMat4, DVec3};
 use serde_json::{Value, json};
 use std::{
     collections::BTreeMap,
@@ -348,4 +351,85 @@ fn damaged_files_are_told() {
     assert!(said().starts_with("DIR/0_1/meta.json: SOG: \"quats.webp\" cannot be read"), "{}", said());
     fs::remove_file(file("meta.json")).unwrap();
     assert!(said().starts_with("DIR/0_1/meta.json: SOG: \"meta.json\" cannot be read"), "{}", said());
+}
+
+/// Checks a tile and those below it, whose axes are moved by `above`; gives the splats of tiles that have none below, in the axes of the
+/// Earth.
+fn walked(folder: &Path, tile: &Value, above: DMat4, error: f64) -> Vec<DVec3> {
+    let transform = tile.get("transform").map_or(DMat4::IDENTITY, |v| {
+        DMat4::from_cols_array(&serde_json::from_value::<[f64; 16]>(v.clone()).unwrap())
+    });
+    let here = above * transform;
+    let own = tile["geometricError"].as_f64().unwrap();
+    assert!(own < error || own == 0.0);
+    let bounds: [f64; 12] = serde_json::from_value(tile["boundingVolume"]["box"].clone()).unwrap();
+    let mut found = Vec::new();
+    if let Some(uri) = tile.pointer("/content/uri") {
+        let splats = Scene::open(folder.join(uri.as_str().unwrap())).unwrap().splats;
+        for mean in &splats.means {
+            // The axes of a PLY to those of glTF, y up, and then z up.
+            let [x, y, z] = mean.map(f64::from);
+            let local = [-x, -z, -y];
+            assert!(
+                (0..3).all(|k| (local[k] - bounds[k]).abs() <= bounds[3 + 4 * k] + 1e-3),
+                "{local:?} {bounds:?}"
+            );
+            found.push(here.transform_point3(local.into()));
+        }
+    }
+    match tile.get("children").and_then(Value::as_array) {
+        None => found,
+        Some(children) => children.iter().flat_map(|child| walked(folder, child, here, own)).collect(),
+    }
+}
+
+#[test]
+fn tiles_stand_where_the_scene_does() {
+    let folder = tempdir().unwrap();
+    let levels = folder.path().join("levels/lod-meta.json");
+    written(&levels, leaves()).unwrap();
+    let mut index = LevelIndex::open(&levels).unwrap();
+    index.metadata.location = Some([0.0, 0.0]);
+    index.metadata.up = Some(DVec3::NEG_Y);
+    index.metadata.north = Some(DVec3::Z);
+    index.metadata.ground = Some(4.0);
+    let main = folder.path().join("tiles/tileset.json");
+    let plan = TilePlan::new(&index, &main, TileOptions::default()).unwrap();
+    assert_eq!(plan.notes().len(), 1);
+    assert!(plan.write_tileset().is_err() && !main.exists());
+    (0..plan.len()).rev().for_each(|tile| plan.write_tiles(tile..tile + 1).unwrap());
+    plan.write_tileset().unwrap();
+    let tileset: Value = serde_json::from_slice(&fs::read(&main).unwrap()).unwrap();
+    let root = &tileset["root"];
+    assert_eq!((&root["refine"], &root["children"][0]["refine"]), (&json!("ADD"), &json!("REPLACE")));
+    // Seven leaves are three steps high, and there are three levels: the tile above all is empty.
+    assert_eq!((plan.len(), root["children"][0].get("content")), (7 + 5 + 1, None));
+    let mut found = walked(
+        main.parent().unwrap(),
+        root,
+        DMat4::IDENTITY,
+        tileset["geometricError"].as_f64().unwrap() + 1.0,
+    );
+    // At the equator of longitude 0 up is x, east y, north z; a unit is half a metre, and -y = 4 on the ground.
+    let middles = |k: usize| {
+        let mut all: Vec<f64> =
+            index.leaves.iter().map(|leaf| 0.5 * f64::from(leaf.low[k] + leaf.high[k])).collect();
+        all.sort_by(f64::total_cmp);
+        all[3]
+    };
+    let mut expected: Vec<DVec3> = Vec::new();
+    for run in index.leaves.iter().map(|leaf| leaf.runs[0]) {
+        let splats = index.read_file(run.file).unwrap().splats(run.offset, run.count).unwrap();
+        let moved = |[x, y, z]: [f32; 3]| {
+            let [x, y, z] = [x, y, z].map(f64::from);
+            DVec3::new(6_378_137.0 + 0.5 * (-y - 4.0), 0.5 * (x - middles(0)), 0.5 * (z - middles(2)))
+        };
+        expected.extend(splats.means.into_iter().map(moved));
+    }
+    assert_eq!(found.len(), expected.len());
+    let by_place = |a: &DVec3, b: &DVec3| a.y.total_cmp(&b.y);
+    found.sort_by(by_place);
+    expected.sort_by(by_place);
+    let far = found.iter().zip(&expected).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    assert!(far < 1e-3, "{far}");
 }

@@ -349,15 +349,20 @@ fn extent_of(leaf: &NewLeaf) -> Result<Extent, Problem> {
     if let Some(error) = leaf.errors.iter().find(|error| !(error.is_finite() && **error >= 0.0)) {
         return Err(value(format!("the error {error}; it must be 0 or more")));
     }
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for splats in &leaf.levels {
         splats.check()?;
+        if let Some(index) = (0..splats.len()).find(|index| !splats.is_sound(*index)) {
+            return Err(value(format!("splat {index} has numbers that are not finite; repair the scene")));
+        }
+    }
+    Ok(ellipsoids(&leaf.levels))
+}
+
+/// The box that holds the ellipsoids of splats, of 3 standard deviations.
+pub(super) fn ellipsoids(sets: &[Splats]) -> Extent {
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for splats in sets {
         for index in 0..splats.len() {
-            if !splats.is_sound(index) {
-                return Err(value(format!(
-                    "splat {index} has numbers that are not finite; repair the scene"
-                )));
-            }
             let (mean, half) = (splats.means[index].map(f64::from), half_extents(splats, index));
             for k in 0..3 {
                 low[k] = low[k].min(mean[k] - half[k]);
@@ -365,7 +370,7 @@ fn extent_of(leaf: &NewLeaf) -> Result<Extent, Problem> {
             }
         }
     }
-    Ok((low.map(|v| outward(v, -1.0)), high.map(|v| outward(v, 1.0))))
+    (low.map(|v| outward(v, -1.0)), high.map(|v| outward(v, 1.0)))
 }
 
 /// Half the sides of the box of a splat's ellipsoid of 3 standard deviations.
