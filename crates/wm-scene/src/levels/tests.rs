@@ -293,11 +293,36 @@ fn an_index_that_contradicts_itself_is_refused() {
 }
 
 #[test]
-fn every_cut_of_an_index_is_refused() {
+fn a_cut_or_damaged_index_is_read_or_refused() {
     let text = index().to_string();
     for length in 0..text.len() {
         assert!(parsed(&text[..length]).is_err(), "{length}");
     }
+    // `parsed` holds each message to one line.
+    damage(&text, 2000);
+}
+
+/// Reads an index with one to three of its bytes changed, `count` times.
+fn damage(text: &str, count: u64) {
+    let mut read = 0u64;
+    for round in 0..count {
+        let mut bytes = text.as_bytes().to_vec();
+        let mut dice = Dice::new(round);
+        let mut below = |most: usize| (dice.draw(0.0, most as f64) as usize).min(most - 1);
+        for _ in 0..=below(3) {
+            let (at, with) = (below(bytes.len()), b"0123456789-.eE{}[],:\"n\0 \xff"[below(25)]);
+            bytes[at] = with;
+        }
+        let Ok(text) = String::from_utf8(bytes) else { continue };
+        read += u64::from(parsed(&text).is_ok());
+    }
+    assert!(read > 0 && read < count, "{read} of {count}");
+}
+
+#[test]
+#[ignore = "a million indices, by hand"]
+fn a_million_damaged_indices_are_read_or_refused() {
+    damage(&index().to_string(), 1_000_000);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! A scene in levels as 3D Tiles 1.1, for CesiumJS and others.
 //!
 //! `tileset.json` has a binary tree of tiles; beside it, `tiles/<number>.glb` has the splats of each as SPZ in glTF
-//! (`KHR_gaussian_splatting_compression_spz_2`). A leaf of the index is a tile with its finest splats. A tile above has the splats of its
+//! (`KHR_gaussian_splatting_compression_spz_2`), as CesiumJS reads it. A leaf of the index is a tile with its finest splats. A tile above has the splats of its
 //! leaves at the level that is as many steps coarser as it is above them, and is replaced by the tiles below it: where levels halve, each
 //! tile has about as many splats as a leaf. Above the coarsest level tiles are empty. The splats that are always drawn are in the root,
 //! to which the rest is added.
@@ -151,7 +151,7 @@ impl<'a> TilePlan<'a> {
             };
             let scene =
                 Scene { splats: self.moved(splats, middle), metadata: self.facts(), views: Vec::new() };
-            let options = WriteOptions { gltf: GltfSplats::Spz, ..WriteOptions::default() };
+            let options = WriteOptions { gltf: GltfSplats::SpzCesium, ..WriteOptions::default() };
             write_scene_with(&self.main.with_file_name(uri(number)), &scene, &options)?;
         }
         Ok(())
