@@ -16,6 +16,7 @@ use crate::{
     },
     morton,
     quat::to_matrix,
+    splats::Faults,
 };
 use serde::{Serialize, Serializer};
 use std::{
@@ -351,7 +352,10 @@ fn extent_of(leaf: &NewLeaf) -> Result<Extent, Problem> {
     }
     for splats in &leaf.levels {
         splats.check()?;
-        if let Some(index) = (0..splats.len()).find(|index| !splats.is_sound(*index)) {
+        // A rotation of zeros is none, as in every format.
+        let is_finite =
+            |index: usize| Faults { zero_quat: false, ..splats.faults(index) } == Faults::default();
+        if let Some(index) = (0..splats.len()).find(|index| !is_finite(*index)) {
             return Err(value(format!("splat {index} has numbers that are not finite; repair the scene")));
         }
     }
