@@ -1,5 +1,7 @@
 //! `convert`: converts scenes to another format; rotates, scales, crops and reduces them.
 
+mod tiles;
+
 use crate::choices::SkyChoice;
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
@@ -22,11 +24,13 @@ use wm_scene::{Metadata, Scene};
 /// Options of `convert`.
 #[derive(Args, Debug)]
 #[command(
-    after_help = "Formats: .ply, .compressed.ply, .spz, .sog, FOLDER/meta.json (SOG), .glb, .splat, .ksplat. \
+    after_help = "Formats: .ply, .compressed.ply, .spz, .sog, FOLDER/meta.json (SOG), .glb, .splat, .ksplat; \
+                        of a scene in levels of detail also FOLDER/tileset.json (3D Tiles). \
                         docs/guide/formats.md says what each loses.\n\n\
                         weather-magician convert garden.ply garden.spz\n\
                         weather-magician convert scans/*.ply --to sog --folder web/\n\
-                        weather-magician convert town.sog small.glb --max-splats 500000 --up 0,1,0"
+                        weather-magician convert town.sog small.glb --max-splats 500000 --up 0,1,0\n\
+                        weather-magician convert city/lod-meta.json city-tiles/tileset.json"
 )]
 pub struct ConvertArgs {
     /// Input and output scene; with --to any number of input scenes
@@ -120,7 +124,9 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
     }
     let inputs: Vec<&Path> = jobs.iter().map(|(scene, _)| *scene).collect();
     for (_, out) in &jobs {
-        format_for(out)?;
+        if !tiles::is_tileset(out) {
+            format_for(out)?;
+        }
         // The folder for the files of a SOG is created; any other must exist.
         if out.extension().is_none_or(|extension| extension != "json") {
             check_writable(out)?;
@@ -132,7 +138,8 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
         if interrupt::asked() {
             bail!(Interrupted(format!("{done} of {} scenes are written", jobs.len())));
         }
-        let line = convert(scene, out, args)?;
+        let line =
+            if tiles::is_tileset(out) { tiles::write(scene, out, args)? } else { convert(scene, out, args)? };
         match &bar {
             Some(bar) => bar.suspend(|| println!("{line}")),
             None => println!("{line}"),

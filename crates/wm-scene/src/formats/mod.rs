@@ -151,6 +151,9 @@ pub enum GltfSplats {
     Floats,
     /// As SPZ in `KHR_gaussian_splatting_compression_spz_2`.
     Spz,
+    /// The same as CesiumJS reads it (1.140): the numbers in the SPZ are in the axes of glTF, where the draft asks for those of SPZ. Such
+    /// files state no kernel and no colour space, by which they are told.
+    SpzCesium,
 }
 
 /// The treatment of the TOML file beside a scene file.

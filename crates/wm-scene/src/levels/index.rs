@@ -3,6 +3,7 @@
 use super::{LevelFile, tree::Extent};
 use crate::{
     FormatError, Metadata, Problem, Scene, Splats,
+    error::excerpt,
     formats::{
         DetailLevel,
         folder::scene_file,
@@ -15,7 +16,7 @@ use serde_json::Value;
 use std::{
     collections::{BTreeMap, BTreeSet},
     fs,
-    path::{Path, PathBuf},
+    path::{Component, Path, PathBuf},
 };
 
 /// The name of an index.
@@ -46,7 +47,8 @@ pub struct LevelLeaf {
     pub low: [f32; 3],
     /// Greatest coordinates.
     pub high: [f32; 3],
-    /// Its levels, the finest first, at least one.
+    /// Its levels, the finest first, at least one, each of one splat or more. A level that has as many splats and the same error as the one
+    /// before is left out.
     pub runs: Vec<LevelRun>,
 }
 
@@ -119,20 +121,36 @@ struct RawRun {
 
 impl RawNode {
     /// Adds the leaves of this node, with `around` the box of the node above it.
-    fn leaves(&self, around: Extent, has_errors: bool, out: &mut Vec<LevelLeaf>) {
+    fn leaves(&self, around: Extent, index: &RawIndex, out: &mut Vec<LevelLeaf>) -> Result<(), Problem> {
         let (low, high) = (self.bound.min.unwrap_or(around.0), self.bound.max.unwrap_or(around.1));
-        self.children.iter().for_each(|child| child.leaves((low, high), has_errors, out));
-        let errors = if has_errors { &self.errors[..] } else { &[] };
-        let run = |(key, run): (&String, &RawRun)| {
-            let level: u32 = key.parse().ok()?;
-            let error = errors.get(level as usize).copied().filter(|error| *error >= 0.0);
-            Some(LevelRun { level, file: run.file, offset: run.offset, count: run.count, error })
-        };
-        let mut runs: Vec<LevelRun> = self.lods.iter().filter_map(run).collect();
+        if (0..3).any(|k| low[k] > high[k]) {
+            return Err(fault(format!("a box of lod-meta.json ends before it begins: {low:?} to {high:?}")));
+        }
+        self.children.iter().try_for_each(|child| child.leaves((low, high), index, out))?;
+        let errors = if index.has_errors == Value::Bool(true) { &self.errors[..] } else { &[] };
+        let mut runs = Vec::new();
+        // What has no splats is as good as missing.
+        for (key, run) in self.lods.iter().filter(|(_, run)| run.count > 0) {
+            let level = key.parse().ok().filter(|level| *level < index.levels).ok_or_else(|| {
+                let (key, coarsest) = (excerpt(key.as_bytes()), index.levels - 1);
+                fault(format!("a leaf of lod-meta.json has a level \"{key}\": there are 0 to {coarsest}"))
+            })?;
+            let error = errors.get(level as usize).copied();
+            let error = error.filter(|error| error.is_finite() && *error >= 0.0);
+            runs.push(LevelRun { level, file: run.file, offset: run.offset, count: run.count, error });
+        }
+        runs.sort_by_key(|run| run.level);
+        if let Some(pair) = runs.windows(2).find(|pair| pair[0].level == pair[1].level) {
+            return Err(fault(format!("a leaf of lod-meta.json has level {} twice", pair[0].level)));
+        }
+        // A level that is the one before again stands there for programs that draw nothing of a leaf at levels that it lacks.
+        runs.dedup_by(|run, finer| {
+            run.count == finer.count && run.error.is_some() && run.error == finer.error
+        });
         if !runs.is_empty() {
-            runs.sort_by_key(|run| run.level);
             out.push(LevelLeaf { low, high, runs });
         }
+        Ok(())
     }
 }
 
@@ -167,15 +185,17 @@ impl LevelIndex {
         if let Some(fault_of) = raw.metadata.fault() {
             return Err(fault(format!("lod-meta.json: {fault_of}")));
         }
+        if !(1..=MAX_LEVELS).contains(&raw.levels) {
+            return Err(fault(format!(
+                "lod-meta.json has {} levels; 1 to {MAX_LEVELS} are read",
+                raw.levels
+            )));
+        }
         let mut leaves = Vec::new();
-        raw.tree.leaves(
-            ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]),
-            raw.has_errors == Value::Bool(true),
-            &mut leaves,
-        );
+        raw.tree.leaves(([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]), &raw, &mut leaves)?;
         let index = Self {
             main: main.into(),
-            levels: raw.levels.clamp(1, MAX_LEVELS),
+            levels: raw.levels,
             files: raw.filenames,
             environment: raw.environment,
             leaves,
@@ -189,8 +209,13 @@ impl LevelIndex {
     fn check(&self) -> Result<(), Problem> {
         let mut names = BTreeSet::new();
         // A file that has several names would be read as often.
-        if !self.files.iter().chain(&self.environment).all(|name| names.insert(name)) {
-            return Err(fault("lod-meta.json names a file twice"));
+        let mut plain = |name: &String| {
+            names.insert(
+                Path::new(name).components().filter(|part| *part != Component::CurDir).collect::<PathBuf>(),
+            )
+        };
+        if let Some(name) = self.files.iter().chain(&self.environment).find(|name| !plain(name)) {
+            return Err(fault(format!("lod-meta.json names \"{}\" twice", excerpt(name.as_bytes()))));
         }
         let mut runs: Vec<&LevelRun> = self.leaves.iter().flat_map(|leaf| &leaf.runs).collect();
         runs.sort_by_key(|run| (run.file, run.offset));

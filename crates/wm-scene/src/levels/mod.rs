@@ -17,6 +17,7 @@
 
 mod file;
 mod index;
+mod tiles;
 mod tree;
 mod writer;
 
@@ -25,4 +26,5 @@ mod tests;
 
 pub use file::LevelFile;
 pub use index::{INDEX_NAME, LevelIndex, LevelLeaf, LevelRun, MAX_LEVELS};
+pub use tiles::{TileOptions, TilePlan};
 pub use writer::{LevelEnd, LevelFileJob, LevelWriteOptions, LevelWriter, NewLeaf};

@@ -1,7 +1,11 @@
 //! Scenes in levels, written and read.
 
-use super::{LevelIndex, LevelWriteOptions, LevelWriter, NewLeaf};
-use crate::{FormatError, Metadata, Rasterization, Splats, formats::DetailLevel, morton, testing::Dice};
+use super::{LevelFileJob, LevelIndex, LevelWriteOptions, LevelWriter, NewLeaf, TileOptions, TilePlan};
+use crate::{
+    FormatError, Metadata, Rasterization, Scene, Splats, formats::DetailLevel, morton, testing::Dice,
+};
+use glam::{DMat4, DVec3};
+use serde_json::{Value, json};
 use std::{
     collections::BTreeMap,
     fs,
@@ -41,7 +45,11 @@ fn leaves() -> Vec<NewLeaf> {
 }
 
 fn written(main: &Path, leaves: Vec<NewLeaf>) -> Result<(), FormatError> {
-    let options = LevelWriteOptions { splats_per_file: 100, rasterization: Some(Rasterization::Antialiased) };
+    let options = LevelWriteOptions {
+        splats_per_file: 100,
+        rasterization: Some(Rasterization::Antialiased),
+        ..Default::default()
+    };
     let mut writer = LevelWriter::create(main, options)?;
     let mut jobs = Vec::new();
     for leaf in leaves {
@@ -51,7 +59,7 @@ fn written(main: &Path, leaves: Vec<NewLeaf>) -> Result<(), FormatError> {
     let environment = some(&mut Dice::new(1), [500.0; 3], 9);
     let mut end = writer.finish(Some(environment), &metadata)?;
     jobs.append(&mut end.jobs);
-    jobs.into_iter().rev().try_for_each(|job| job.write())?;
+    jobs.into_iter().rev().try_for_each(LevelFileJob::write)?;
     end.write_index()
 }
 
@@ -83,7 +91,8 @@ fn what_is_written_is_read() {
     // 40 splats a leaf: three leaves are the first that have 100.
     let names = ["0_0", "1_0", "2_0", "0_1", "0_2"].map(|name| format!("{name}/meta.json"));
     let (mut found, mut expected) = (index.files.clone(), names.to_vec());
-    (found.sort(), expected.sort());
+    found.sort();
+    expected.sort();
     assert_eq!(found, expected);
     assert_eq!(index.metadata.metres_per_unit, Some(0.5));
     assert_eq!(index.metadata.rasterization, Some(Rasterization::Antialiased));
@@ -166,4 +175,286 @@ fn what_cannot_be_written_is_told() {
     }
     let empty = said(writer.finish(None, &Metadata::default()).err().unwrap());
     assert_eq!(empty, "there are no splats in it; nothing can be shown");
+}
+
+#[test]
+fn leaves_are_given_the_levels_that_they_lack() {
+    let folder = tempdir().unwrap();
+    let main = folder.path().join("lod-meta.json");
+    let options = LevelWriteOptions { levels: 4, ..LevelWriteOptions::default() };
+    let mut writer = LevelWriter::create(&main, options).unwrap();
+    writer.add(leaves().remove(3)).unwrap();
+    writer.add(leaves().remove(4)).unwrap();
+    let mut end = writer.finish(None, &Metadata::default()).unwrap();
+    end.jobs.drain(..).try_for_each(LevelFileJob::write).unwrap();
+    end.write_index().unwrap();
+    let text: Value = serde_json::from_slice(&fs::read(&main).unwrap()).unwrap();
+    assert_eq!(text["counts"], json!([80, 40, 50, 50]));
+    // Here they are not read again.
+    let index = LevelIndex::open(&main).unwrap();
+    let levels = |leaf: usize| index.leaves[leaf].runs.iter().map(|run| run.level).collect::<Vec<_>>();
+    assert_eq!((levels(0), levels(1)), (vec![0], vec![0, 2]));
+    assert_eq!(index.count_of_level(3), 50);
+}
+
+/// A small index whose files are not there.
+fn index() -> Value {
+    let leaf = |run: Value| json!({ "bound": { "min": [0, 0, 0], "max": [1, 1, 1] }, "lods": { "0": run }, "errors": [0, 1] });
+    json!({
+        "version": 1, "lodLevels": 2, "lodErrors": true, "environment": "env/meta.json", "filenames": ["0_0/meta.json", "1_0/meta.json"],
+        "tree": { "bound": {}, "children": [
+            leaf(json!({ "file": 0, "offset": 0, "count": 5 })),
+            leaf(json!({ "file": 0, "offset": 5, "count": 7 })),
+        ] },
+    })
+}
+
+fn parsed(text: &str) -> Result<LevelIndex, String> {
+    let parsed = LevelIndex::parse(Path::new("lod-meta.json"), text.as_bytes());
+    parsed.map_err(|problem| {
+        let message = problem.to_string();
+        assert!(!message.contains(['\n', '\r']), "{message}");
+        message.trim_start_matches("SOG: ").trim_end_matches("; export the file again").to_owned()
+    })
+}
+
+#[test]
+fn an_index_that_contradicts_itself_is_refused() {
+    assert!(parsed(&index().to_string()).is_ok());
+    let run = json!({ "file": 1, "offset": 0, "count": 2 });
+    for (place, value, expected) in [
+        ("/version", json!(2), "lod-meta.json of version 2 is not read, 1 is"),
+        ("/lodLevels", json!(0), "lod-meta.json has 0 levels; 1 to 64 are read"),
+        ("/lodLevels", json!(65), "lod-meta.json has 65 levels; 1 to 64 are read"),
+        ("/environment", json!("./0_0/meta.json"), "lod-meta.json names \"./0_0/meta.json\" twice"),
+        ("/filenames/1", json!("0_0/./meta.json"), "lod-meta.json names \"0_0/./meta.json\" twice"),
+        ("/tree/children/1/lods/0/file", json!(2), "lod-meta.json has no file 2"),
+        (
+            "/tree/children/1/lods/0/offset",
+            json!(4),
+            "a leaf of lod-meta.json has splats that another has too",
+        ),
+        (
+            "/tree/children/1/lods/0/offset",
+            json!(u64::MAX),
+            "a leaf of lod-meta.json has splats that another has too",
+        ),
+        (
+            "/tree/children/0/lods",
+            json!({ "0": run, "00": run }),
+            "a leaf of lod-meta.json has level 0 twice",
+        ),
+        (
+            "/tree/children/0/lods",
+            json!({ "2": run }),
+            "a leaf of lod-meta.json has a level \"2\": there are 0 to 1",
+        ),
+        (
+            "/tree/children/0/lods",
+            json!({ "a\n": run }),
+            "a leaf of lod-meta.json has a level \"a\\n\": there are 0 to 1",
+        ),
+        (
+            "/tree/children/0/bound/min/1",
+            json!(2),
+            "a box of lod-meta.json ends before it begins: [0.0, 2.0, 0.0] to [1.0, 1.0, 1.0]",
+        ),
+    ] {
+        let mut changed = index();
+        *changed.pointer_mut(place).unwrap() = value;
+        assert_eq!(parsed(&changed.to_string()).err().as_deref(), Some(expected), "{place}");
+    }
+    for (place, value) in [
+        ("/tree/children/1/lods/0/offset", json!(-1)),
+        ("/tree/children/1/lods/0/count", json!(1.5)),
+        ("/tree/children/0/bound/min", json!([0, null, 0])),
+        ("/tree/children/0/errors", json!([null])),
+        ("/filenames", json!("0_0")),
+    ] {
+        let mut changed = index();
+        *changed.pointer_mut(place).unwrap() = value;
+        assert!(
+            parsed(&changed.to_string()).err().unwrap().starts_with("lod-meta.json: invalid "),
+            "{place}"
+        );
+    }
+    let deep = format!("{}{{}}{}", "{\"children\":[".repeat(100_000), "]}".repeat(100_000));
+    let deep = format!("{{\"lodLevels\":1,\"filenames\":[],\"tree\":{deep}}}");
+    let message = parsed(&deep).unwrap_err();
+    assert!(message.starts_with("lod-meta.json: recursion limit exceeded at line 1"), "{message}");
+    // What only lacks a use is left out: errors that are none, levels without splats.
+    let mut odd = index();
+    odd["tree"]["children"][0]["errors"] = json!([-1]);
+    odd["tree"]["children"][0]["lods"]["1"] = json!({ "file": 1, "offset": 0, "count": 2 });
+    odd["tree"]["children"][1]["lods"]["0"]["count"] = json!(0);
+    let odd = parsed(&odd.to_string()).unwrap();
+    assert_eq!(odd.leaves.len(), 1);
+    assert!(odd.leaves[0].runs.iter().all(|run| run.error.is_none()));
+}
+
+#[test]
+fn a_cut_or_damaged_index_is_read_or_refused() {
+    let text = index().to_string();
+    for length in 0..text.len() {
+        assert!(parsed(&text[..length]).is_err(), "{length}");
+    }
+    // `parsed` holds each message to one line.
+    damage(&text, 2000);
+}
+
+/// Reads an index with one to three of its bytes changed, `count` times.
+fn damage(text: &str, count: u64) {
+    let mut read = 0u64;
+    for round in 0..count {
+        let mut bytes = text.as_bytes().to_vec();
+        let mut dice = Dice::new(round);
+        let mut below = |most: usize| (dice.draw(0.0, most as f64) as usize).min(most - 1);
+        for _ in 0..=below(3) {
+            let (at, with) = (below(bytes.len()), b"0123456789-.eE{}[],:\"n\0 \xff"[below(25)]);
+            bytes[at] = with;
+        }
+        let Ok(text) = String::from_utf8(bytes) else { continue };
+        read += u64::from(parsed(&text).is_ok());
+    }
+    assert!(read > 0 && read < count, "{read} of {count}");
+}
+
+#[test]
+#[ignore = "a million indices, by hand"]
+fn a_million_damaged_indices_are_read_or_refused() {
+    damage(&index().to_string(), 1_000_000);
+}
+
+#[test]
+fn damaged_files_are_told() {
+    let folder = tempdir().unwrap();
+    let main = folder.path().join("lod-meta.json");
+    let said = || {
+        let message =
+            LevelIndex::open(&main).unwrap().read_level(DetailLevel::Finest).unwrap_err().to_string();
+        assert!(!message.contains(['\n', '\r']), "{message}");
+        message.replace(&folder.path().display().to_string(), "DIR")
+    };
+    let file = |name: &str| folder.path().join("0_1").join(name);
+    written(&main, leaves()).unwrap();
+    // More splats than the file has: the index alone cannot tell.
+    let text = fs::read_to_string(&main).unwrap();
+    let last = LevelIndex::open(&main)
+        .unwrap()
+        .leaves
+        .iter()
+        .map(|leaf| leaf.runs[0])
+        .find(|run| run.offset == 80)
+        .unwrap();
+    let run = format!("\"0\":{{\"file\":{},\"offset\":80,\"count\":40}}", last.file);
+    assert!(text.contains(&run));
+    fs::write(&main, text.replace(&run, &run.replace("40}", "41}"))).unwrap();
+    let name = LevelIndex::open(&main).unwrap().files[last.file].clone();
+    assert_eq!(
+        said(),
+        format!("DIR/{name}: SOG: a part of it has splats that it lacks; export the file again")
+    );
+    fs::write(&main, text).unwrap();
+    let means = fs::read(file("means_u.webp")).unwrap();
+    for length in [0, 11, means.len() / 2, means.len() - 1] {
+        fs::write(file("means_u.webp"), &means[..length]).unwrap();
+        let message = said();
+        assert!(
+            message.starts_with("DIR/0_1/meta.json: SOG: the picture \"means_u.webp\" is not a WebP"),
+            "{message}"
+        );
+    }
+    fs::write(file("means_u.webp"), means).unwrap();
+    let meta = fs::read_to_string(file("meta.json")).unwrap();
+    fs::write(file("meta.json"), meta.replace("\"count\":120", "\"count\":999999999999")).unwrap();
+    assert_eq!(
+        said(),
+        "DIR/0_1/meta.json: SOG: the picture \"means_l.webp\" has 120 pixels, 999999999999 are needed; export the file again"
+    );
+    fs::remove_file(file("quats.webp")).unwrap();
+    fs::write(file("meta.json"), meta).unwrap();
+    assert!(said().starts_with("DIR/0_1/meta.json: SOG: \"quats.webp\" cannot be read"), "{}", said());
+    fs::remove_file(file("meta.json")).unwrap();
+    assert!(said().starts_with("DIR/0_1/meta.json: SOG: \"meta.json\" cannot be read"), "{}", said());
+}
+
+/// Checks a tile and those below it, whose axes are moved by `above`; gives the splats of tiles that have none below, in the axes of the
+/// Earth.
+fn walked(folder: &Path, tile: &Value, above: DMat4, error: f64) -> Vec<DVec3> {
+    let transform = tile.get("transform").map_or(DMat4::IDENTITY, |v| {
+        DMat4::from_cols_array(&serde_json::from_value::<[f64; 16]>(v.clone()).unwrap())
+    });
+    let here = above * transform;
+    let own = tile["geometricError"].as_f64().unwrap();
+    assert!(own < error || own == 0.0);
+    let bounds: [f64; 12] = serde_json::from_value(tile["boundingVolume"]["box"].clone()).unwrap();
+    let mut found = Vec::new();
+    if let Some(uri) = tile.pointer("/content/uri") {
+        let splats = Scene::open(folder.join(uri.as_str().unwrap())).unwrap().splats;
+        for mean in &splats.means {
+            // The axes of a PLY to those of glTF, y up, and then z up.
+            let [x, y, z] = mean.map(f64::from);
+            let local = [-x, -z, -y];
+            assert!(
+                (0..3).all(|k| (local[k] - bounds[k]).abs() <= bounds[3 + 4 * k] + 1e-3),
+                "{local:?} {bounds:?}"
+            );
+            found.push(here.transform_point3(local.into()));
+        }
+    }
+    match tile.get("children").and_then(Value::as_array) {
+        None => found,
+        Some(children) => children.iter().flat_map(|child| walked(folder, child, here, own)).collect(),
+    }
+}
+
+#[test]
+fn tiles_stand_where_the_scene_does() {
+    let folder = tempdir().unwrap();
+    let levels = folder.path().join("levels/lod-meta.json");
+    written(&levels, leaves()).unwrap();
+    let mut index = LevelIndex::open(&levels).unwrap();
+    index.metadata.location = Some([0.0, 0.0]);
+    index.metadata.up = Some(DVec3::NEG_Y);
+    index.metadata.north = Some(DVec3::Z);
+    index.metadata.ground = Some(4.0);
+    let main = folder.path().join("tiles/tileset.json");
+    let plan = TilePlan::new(&index, &main, TileOptions::default()).unwrap();
+    assert_eq!(plan.notes().len(), 1);
+    assert!(plan.write_tileset().is_err() && !main.exists());
+    (0..plan.len()).rev().for_each(|tile| plan.write_tiles(tile..tile + 1).unwrap());
+    plan.write_tileset().unwrap();
+    let tileset: Value = serde_json::from_slice(&fs::read(&main).unwrap()).unwrap();
+    let root = &tileset["root"];
+    assert_eq!((&root["refine"], &root["children"][0]["refine"]), (&json!("ADD"), &json!("REPLACE")));
+    // Seven leaves are three steps high, and there are three levels: the tile above all is empty.
+    assert_eq!((plan.len(), root["children"][0].get("content")), (7 + 5 + 1, None));
+    let mut found = walked(
+        main.parent().unwrap(),
+        root,
+        DMat4::IDENTITY,
+        tileset["geometricError"].as_f64().unwrap() + 1.0,
+    );
+    // At the equator of longitude 0 up is x, east y, north z; a unit is half a metre, and -y = 4 on the ground.
+    let middles = |k: usize| {
+        let mut all: Vec<f64> =
+            index.leaves.iter().map(|leaf| 0.5 * f64::from(leaf.low[k] + leaf.high[k])).collect();
+        all.sort_by(f64::total_cmp);
+        all[3]
+    };
+    let mut expected: Vec<DVec3> = Vec::new();
+    for run in index.leaves.iter().map(|leaf| leaf.runs[0]) {
+        let splats = index.read_file(run.file).unwrap().splats(run.offset, run.count).unwrap();
+        let moved = |[x, y, z]: [f32; 3]| {
+            let [x, y, z] = [x, y, z].map(f64::from);
+            DVec3::new(6_378_137.0 + 0.5 * (-y - 4.0), 0.5 * (x - middles(0)), 0.5 * (z - middles(2)))
+        };
+        expected.extend(splats.means.into_iter().map(moved));
+    }
+    assert_eq!(found.len(), expected.len());
+    let by_place = |a: &DVec3, b: &DVec3| a.y.total_cmp(&b.y);
+    found.sort_by(by_place);
+    expected.sort_by(by_place);
+    let far = found.iter().zip(&expected).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    assert!(far < 1e-3, "{far}");
 }

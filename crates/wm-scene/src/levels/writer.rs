@@ -16,6 +16,7 @@ use crate::{
     },
     morton,
     quat::to_matrix,
+    splats::Faults,
 };
 use serde::{Serialize, Serializer};
 use std::{
@@ -30,13 +31,16 @@ use std::{
 pub struct LevelWriteOptions {
     /// Splats of a level from which on a file is written, at least 1. A file has fewer than this and the largest leaf together.
     pub splats_per_file: usize,
+    /// Levels that every leaf gets, 0 to [`MAX_LEVELS`]: where it has fewer, its coarsest splats are written again. Other programs draw
+    /// nothing of a leaf at a level that is coarser than its own.
+    pub levels: usize,
     /// The rasterisation that every file states.
     pub rasterization: Option<Rasterization>,
 }
 
 impl Default for LevelWriteOptions {
     fn default() -> Self {
-        Self { splats_per_file: 1 << 16, rasterization: None }
+        Self { splats_per_file: 1 << 16, levels: 0, rasterization: None }
     }
 }
 
@@ -148,12 +152,20 @@ impl LevelWriter {
     /// # Errors
     /// [`FormatError`] if there are too many levels, arrays do not fit each other, a splat has a number that is not finite, or an error
     /// is not a number of 0 or more; nothing is added then.
-    pub fn add(&mut self, leaf: NewLeaf) -> Result<Vec<LevelFileJob>, FormatError> {
+    pub fn add(&mut self, mut leaf: NewLeaf) -> Result<Vec<LevelFileJob>, FormatError> {
         let number = self.leaves.len();
         let extent = extent_of(&leaf).map_err(|problem| {
             let what = format!("not written: leaf {number}: {problem}");
             FormatError::whole(&self.main, Problem::Value(what))
         })?;
+        if let Some(coarsest) = leaf.levels.iter().rposition(|splats| !splats.is_empty()) {
+            let coarsest = leaf.levels[coarsest].clone();
+            let most = self.options.levels.min(MAX_LEVELS as usize);
+            leaf.levels.resize(leaf.levels.len().max(most), coarsest);
+            if let Some(error) = leaf.errors.last() {
+                leaf.errors.resize(leaf.levels.len(), *error);
+            }
+        }
         let mut jobs = Vec::new();
         let mut runs = Vec::new();
         if self.pending.len() < leaf.levels.len() {
@@ -222,12 +234,15 @@ impl LevelWriter {
         }
         let boxes: Vec<Extent> = self.leaves.iter().map(|leaf| leaf.extent).collect();
         let tree = BoxTree::of(&boxes).ok_or_else(|| fault(Problem::NoSplats))?;
-        let mut jobs: Vec<LevelFileJob> = (0..self.pending.len())
-            .filter_map(|level| (!self.pending[level].splats.is_empty()).then_some(level))
-            .collect::<Vec<_>>()
-            .into_iter()
-            .map(|level| self.job(level))
+        let is_begun = |pending: &Pending| !pending.splats.is_empty();
+        let begun: Vec<usize> = self
+            .pending
+            .iter()
+            .enumerate()
+            .filter(|(_, pending)| is_begun(pending))
+            .map(|(level, _)| level)
             .collect();
+        let mut jobs: Vec<LevelFileJob> = begun.into_iter().map(|level| self.job(level)).collect();
         let name = environment.is_some().then(|| "env/meta.json".to_owned());
         jobs.extend(environment.map(|splats| {
             let order: Vec<usize> =
@@ -335,15 +350,23 @@ fn extent_of(leaf: &NewLeaf) -> Result<Extent, Problem> {
     if let Some(error) = leaf.errors.iter().find(|error| !(error.is_finite() && **error >= 0.0)) {
         return Err(value(format!("the error {error}; it must be 0 or more")));
     }
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for splats in &leaf.levels {
         splats.check()?;
+        // A rotation of zeros is none, as in every format.
+        let is_finite =
+            |index: usize| Faults { zero_quat: false, ..splats.faults(index) } == Faults::default();
+        if let Some(index) = (0..splats.len()).find(|index| !is_finite(*index)) {
+            return Err(value(format!("splat {index} has numbers that are not finite; repair the scene")));
+        }
+    }
+    Ok(ellipsoids(&leaf.levels))
+}
+
+/// The box that holds the ellipsoids of splats, of 3 standard deviations.
+pub(super) fn ellipsoids(sets: &[Splats]) -> Extent {
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for splats in sets {
         for index in 0..splats.len() {
-            if !splats.is_sound(index) {
-                return Err(value(format!(
-                    "splat {index} has numbers that are not finite; repair the scene"
-                )));
-            }
             let (mean, half) = (splats.means[index].map(f64::from), half_extents(splats, index));
             for k in 0..3 {
                 low[k] = low[k].min(mean[k] - half[k]);
@@ -351,7 +374,7 @@ fn extent_of(leaf: &NewLeaf) -> Result<Extent, Problem> {
             }
         }
     }
-    Ok((low.map(|v| outward(v, -1.0)), high.map(|v| outward(v, 1.0))))
+    (low.map(|v| outward(v, -1.0)), high.map(|v| outward(v, 1.0)))
 }
 
 /// Half the sides of the box of a splat's ellipsoid of 3 standard deviations.

@@ -279,8 +279,11 @@ impl Reader<'_> {
                 Some(view) => {
                     let view = view.as_u64().ok_or_else(|| fault("the SPZ's bufferView is not a number"))?;
                     let mut inner = spz::read(self.view(view as usize)?.1)?;
-                    spz::FORMAT.axes.turn(&mut inner);
-                    FORMAT.axes.turn(&mut inner);
+                    // As CesiumJS has them, the axes are those of glTF already.
+                    if extension.get("kernel").is_some() {
+                        spz::FORMAT.axes.turn(&mut inner);
+                        FORMAT.axes.turn(&mut inner);
+                    }
                     scene.metadata = std::mem::take(&mut scene.metadata).or(inner.metadata);
                     inner.splats
                 }

@@ -93,7 +93,7 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
         GltfSplats::Floats => {
             let sizes: Vec<u64> = all.iter().map(|a| a.kind().2 * splats.len() as u64).collect();
             let binary = sizes.iter().sum();
-            head(out, &document(scene, &all, &sizes, false), binary)?;
+            head(out, &document(scene, &all, &sizes, options.gltf), binary)?;
             let signs = FORMAT.axes.sh_signs();
             let mut bytes = Vec::new();
             for attribute in &all {
@@ -107,13 +107,23 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
             }
             Ok(out.write_all(&bytes)?)
         }
-        GltfSplats::Spz => {
+        GltfSplats::Spz | GltfSplats::SpzCesium => {
             all.retain(|a| !matches!(a.what, What::Group));
             let mut packed = Vec::new();
-            spz::write(&mut packed, scene, &WriteOptions { spz: SpzVersion::V3, ..*options })?;
+            let inner = WriteOptions { spz: SpzVersion::V3, ..*options };
+            if options.gltf == GltfSplats::SpzCesium {
+                // It has the opacity and the first coefficients of SH in COLOR_0.
+                all.retain(|a| !matches!(a.what, What::Opacity | What::Sh(0)));
+                let mut turned = scene.clone();
+                FORMAT.axes.turn(&mut turned);
+                spz::FORMAT.axes.turn(&mut turned);
+                spz::write(&mut packed, &turned, &inner)?;
+            } else {
+                spz::write(&mut packed, scene, &inner)?;
+            }
             let length = packed.len() as u64;
             packed.resize(packed.len().next_multiple_of(4), 0);
-            head(out, &document(scene, &all, &[length], true), packed.len() as u64)?;
+            head(out, &document(scene, &all, &[length], options.gltf), packed.len() as u64)?;
             Ok(out.write_all(&packed)?)
         }
     }
@@ -141,7 +151,8 @@ fn head(out: &mut dyn Write, document: &Value, length: u64) -> Result<(), Proble
 }
 
 /// The JSON. A buffer view of each of `sizes`; accessors have one each, or none where an SPZ has all values.
-fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], is_packed: bool) -> Value {
+fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -> Value {
+    let is_packed = form != GltfSplats::Floats;
     let splats = &scene.splats;
     let mut at = 0;
     let views: Vec<Value> = sizes
@@ -181,12 +192,15 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], is_packed: bool) ->
         names.insert(attribute.name.clone(), json!(index));
         accessors.push(accessor);
     }
-    let mut extension = json!({
-        "kernel": "ellipse",
-        "colorSpace": "srgb_rec709_display",
-        "sortingMethod": "cameraDistance",
-        "projection": "perspective",
-    });
+    let mut extension = match form {
+        GltfSplats::SpzCesium => json!({}),
+        GltfSplats::Floats | GltfSplats::Spz => json!({
+            "kernel": "ellipse",
+            "colorSpace": "srgb_rec709_display",
+            "sortingMethod": "cameraDistance",
+            "projection": "perspective",
+        }),
+    };
     let mut used = vec![SPLATTING];
     if is_packed {
         extension["extensions"] = json!({ SPZ: { "bufferView": 0 } });

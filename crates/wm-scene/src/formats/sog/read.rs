@@ -297,8 +297,9 @@ impl SogPictures {
         }
         let stride = splats.sh_stride();
         for (index, bytes) in self.colors[part.clone()].iter().enumerate() {
-            for k in 0..3 {
-                splats.sh[index * stride + k] = self.color_tables[k].get(bytes[k]);
+            let color = &mut splats.sh[index * stride..][..3];
+            for ((value, table), byte) in color.iter_mut().zip(&self.color_tables).zip(bytes) {
+                *value = table.get(*byte);
             }
             splats.logit_opacities[index] = match &self.opacities {
                 Some(logits) => logits.get(bytes[3]),

@@ -207,6 +207,7 @@ fn choices_of_a_format_are_read_back() {
     for (name, options) in [
         ("a.spz", WriteOptions { spz: SpzVersion::V4, ..usual }),
         ("a.glb", WriteOptions { gltf: GltfSplats::Spz, ..usual }),
+        ("a.glb", WriteOptions { gltf: GltfSplats::SpzCesium, ..usual }),
     ] {
         let path = folder.path().join(name);
         write_scene_with(&path, &scene, &options).unwrap();

@@ -1,0 +1,67 @@
+//! 3D Tiles of a scene in levels.
+
+use super::ConvertArgs;
+use crate::interrupt::{self, Interrupted};
+use crate::progress;
+use anyhow::{Result, bail};
+use rayon::prelude::*;
+use std::path::Path;
+use wm_scene::formats::folder::scene_file;
+use wm_scene::levels::{LevelIndex, TileOptions, TilePlan};
+
+/// Tiles that are written one after the other on one thread, so that they share what is read for them.
+const TOGETHER: usize = 16;
+
+/// Returns true if a path names 3D Tiles.
+pub(super) fn is_tileset(out: &Path) -> bool {
+    out.file_name().is_some_and(|name| name.eq_ignore_ascii_case("tileset.json"))
+}
+
+/// Writes 3D Tiles of a scene in levels; returns the lines to print.
+pub(super) fn write(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
+    let main = scene_file(path)?;
+    if main.file_name().is_none_or(|name| name != "lod-meta.json") {
+        bail!(
+            "{}: 3D Tiles are made of a scene in levels of detail; convert it to FOLDER/lod-meta.json first",
+            path.display()
+        );
+    }
+    let change = &args.change;
+    let others = [
+        ("--crop", change.crop.is_some()),
+        ("--up", change.up.is_some()),
+        ("--scale", change.scale.is_some()),
+        ("--max-splats", change.max_splats.is_some()),
+        ("--level", args.level.is_some()),
+    ];
+    if let Some((option, _)) = others.iter().find(|(_, is_given)| *is_given) {
+        bail!(
+            "{option} does not go with 3D Tiles, which have all levels and splats; change the scene before"
+        );
+    }
+    let index = LevelIndex::open(&main)?;
+    let options = TileOptions { sh_degree: change.sh_degree.unwrap_or(TileOptions::default().sh_degree) };
+    let plan = TilePlan::new(&index, out, options)?;
+    let bar = progress::bar(plan.len() as u64, "tiles");
+    let threads = args.run.threads.map_or(0, usize::from);
+    let starts: Vec<usize> = (0..plan.len()).step_by(TOGETHER).collect();
+    let written = || {
+        starts.par_iter().try_for_each(|start| {
+            if interrupt::asked() {
+                bail!(Interrupted(format!("{} of {} tiles are written", bar.position(), plan.len())));
+            }
+            let tiles = *start..plan.len().min(start + TOGETHER);
+            let count = tiles.len() as u64;
+            plan.write_tiles(tiles)?;
+            bar.inc(count);
+            Ok(())
+        })
+    };
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build()?.install(written)?;
+    bar.finish_and_clear();
+    plan.write_tileset()?;
+    let (tiles, finest) = (plan.len(), index.count_of_level(0));
+    let mut lines = vec![format!("{}: {finest} splats in {tiles} tiles, 3D Tiles 1.1", out.display())];
+    lines.extend(plan.notes().iter().map(|note| format!("  {note}")));
+    Ok(lines.join("\n"))
+}
