@@ -60,6 +60,7 @@ mod lens_view;
 pub mod levels;
 pub mod lidar;
 pub mod measure;
+mod moments;
 mod motion;
 mod motion_spec;
 pub mod output;

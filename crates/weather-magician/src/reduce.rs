@@ -5,21 +5,19 @@
 //! place that was not looked at thins out instead of vanishing.
 //!
 //! Those that are worth least are taken away, at most half of all at a time. Each goes into the nearest that stays: that one takes
-//! mean, covariance and colours of the two, weighted by worth, and so much opacity that what they cover together stays (moment matching, as in
-//! Kerbl et al. 2024, "A Hierarchical 3D Gaussian Representation"). One that has no neighbour near is dropped.
+//! the moments of all, and so much opacity that what they cover together stays. One that has no neighbour near is dropped.
 
+use crate::moments::{cover, put};
 use crate::view::candidates::candidates;
 use crate::view::space::OccupancyGrid;
 use crate::view::{DEFAULT_FOV, ViewOptions};
 use crate::{Error, Progress, Result};
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::num::NonZero;
 use wm_render::{Differentiable, ForwardConfig, Frame, Gradients, Learn, Upstream};
-use wm_scene::jacobi::jacobi;
-use wm_scene::splats::logit;
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, Group, Metadata, Scene, Splats, quat};
+use wm_scene::{Camera, Group, Metadata, Scene, Splats};
 use wm_train::metrics::psnr;
 
 /// Longest side of the pictures, px.
@@ -164,13 +162,6 @@ impl Eye<'_> {
     }
 }
 
-/// The area of a splat seen from its broad side, squared units, up to a constant factor.
-fn cover(log_scale: [f32; 3]) -> f64 {
-    let mut sorted = log_scale.map(f64::from);
-    sorted.sort_by(f64::total_cmp);
-    (sorted[1] + sorted[2]).exp()
-}
-
 /// The `target` splats that are worth most, with the others in them.
 fn merged(splats: &Splats, worth: &[f64], target: usize) -> Splats {
     let mut order: Vec<usize> = (0..splats.len()).collect();
@@ -197,57 +188,12 @@ fn merged(splats: &Splats, worth: &[f64], target: usize) -> Splats {
     let mut out = splats.select(kept);
     for (slot, (keeper, others)) in kept.iter().zip(&taken).enumerate() {
         if !others.is_empty() {
-            put(&mut out, slot, splats, worth, *keeper, others);
+            let members: Vec<u32> =
+                std::iter::once(keeper).chain(others).map(|index| *index as u32).collect();
+            put(&mut out, slot, splats, worth, &members);
         }
     }
     out
-}
-
-/// Writes a splat and those that go into it as one.
-fn put(out: &mut Splats, slot: usize, splats: &Splats, worth: &[f64], keeper: usize, others: &[usize]) {
-    let all = || others.iter().copied().chain([keeper]);
-    let total: f64 = all().map(|i| worth[i]).sum();
-    if total <= 0.0 {
-        return;
-    }
-    let share = |i: usize| worth[i] / total;
-    let mean = |i: usize| DVec3::from_array(splats.means[i].map(f64::from));
-    let center: DVec3 = all().map(|i| share(i) * mean(i)).sum();
-    let mut covariance = DMat3::ZERO;
-    for i in all() {
-        let rows = quat::to_matrix(splats.quats[i].map(f64::from));
-        let rotation = DMat3::from_cols_array_2d(&rows).transpose();
-        let scaled = rotation * DMat3::from_diagonal(DVec3::from_array(splats.scales(i)));
-        let offset = mean(i) - center;
-        let outer = DMat3::from_cols(offset * offset.x, offset * offset.y, offset * offset.z);
-        covariance += (scaled * scaled.transpose() + outer) * share(i);
-    }
-    let (variances, vectors) = jacobi(covariance.to_cols_array_2d());
-    if !variances.iter().all(|v| v.is_finite()) {
-        return;
-    }
-    let mut rotation = DMat3::from_cols_array_2d(&vectors);
-    if rotation.determinant() < 0.0 {
-        rotation.z_axis = -rotation.z_axis;
-    }
-    let turn = DQuat::from_mat3(&rotation);
-    out.means[slot] = center.to_array().map(|v| v as f32);
-    out.quats[slot] = [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32);
-    out.log_scales[slot] = variances.map(|v| (0.5 * v.max(1e-20).ln()) as f32);
-    let covered = |i: usize| splats.opacity(i) * cover(splats.log_scales[i]);
-    // One that is hidden more than the keeper covers less of what is seen.
-    let seen = |i: usize| {
-        (worth[i] / covered(i).max(1e-30)) / (worth[keeper] / covered(keeper).max(1e-30)).max(1e-30)
-    };
-    let together = covered(keeper) + others.iter().map(|i| covered(*i) * seen(*i).min(1.0)).sum::<f64>();
-    let opacity = (together / cover(out.log_scales[slot])).min(splats.opacity(keeper).max(0.99));
-    out.logit_opacities[slot] = logit(opacity) as f32;
-    let stride = splats.sh_stride();
-    let sh = &mut out.sh[slot * stride..][..stride];
-    sh.fill(0.0);
-    for i in all() {
-        sh.iter_mut().zip(splats.sh_of(i)).for_each(|(sum, v)| *sum += share(i) as f32 * v);
-    }
 }
 
 #[cfg(test)]
@@ -277,7 +223,10 @@ mod tests {
         let mut scales = one.scales(0);
         scales.sort_by(f64::total_cmp);
         assert!((scales[2] - 2f64.sqrt()).abs() < 1e-6 && (scales[1] - 1.0).abs() < 1e-6);
-        assert!((one.opacity(0) - 2.0 * 0.5 / 2f64.sqrt()).abs() < 1e-5, "{}", one.opacity(0));
+        // What both cover is counted once: the product of two Gaussians of variance 1 at a distance of 2.
+        let overlap = 0.5 * 0.5 / 2.0 * (-0.5_f64 * 4.0 / 2.04).exp();
+        let opacity = (2.0 * 0.5 - overlap) / 2f64.sqrt();
+        assert!((one.opacity(0) - opacity).abs() < 1e-3, "{}", one.opacity(0));
         let grey = wm_scene::sh::color(one.sh_of(0), [0.0, 0.0, 1.0]);
         assert!(grey.iter().all(|v| (v - 0.5).abs() < 1e-6));
         assert_eq!(one.means[1], [50.0, 0.0, 0.0]);

@@ -1,5 +1,6 @@
 //! `inspect`: the content of a scene, and its faults.
 
+mod levels;
 mod light;
 
 use crate::overwrite::check_spares;
@@ -52,10 +53,16 @@ pub fn run(args: &InspectArgs) -> Result<()> {
     label_sky(&mut scene.splats);
     let health = Health::of(&scene.splats);
     let survey = Survey::of(&scene, &given);
+    let levels = levels::of(&args.scene)?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&report(args, format, &scene, &health, &survey))?);
+        let mut report = report(args, format, &scene, &health, &survey);
+        if let Some(levels) = &levels {
+            report["levels"] = levels::report(levels);
+        }
+        println!("{}", serde_json::to_string_pretty(&report)?);
     } else {
         print(args, format, &scene, &health, &survey, labelled);
+        levels.iter().for_each(levels::print);
     }
     if args.light {
         light::show(args, scene.clone(), given)?;

@@ -1,5 +1,6 @@
 //! `convert`: converts scenes to another format; rotates, scales, crops and reduces them.
 
+mod levels;
 mod tiles;
 
 use crate::choices::SkyChoice;
@@ -12,6 +13,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use weather_magician::view::spec;
 use weather_magician::{CropBox, LengthScale, SceneChange};
 use wm_render::Differentiable;
@@ -19,17 +21,19 @@ use wm_scene::files::check_writable;
 use wm_scene::formats::{
     DetailLevel, GltfSplats, ReadOptions, SpzVersion, WriteOptions, format_for, lost, read_scene,
 };
+use wm_scene::levels::MAX_LEVELS;
 use wm_scene::{Metadata, Scene};
 
 /// Options of `convert`.
 #[derive(Args, Debug)]
 #[command(
-    after_help = "Formats: .ply, .compressed.ply, .spz, .sog, FOLDER/meta.json (SOG), .glb, .splat, .ksplat; \
-                        of a scene in levels of detail also FOLDER/tileset.json (3D Tiles). \
+    after_help = "Formats: .ply, .compressed.ply, .spz, .sog, FOLDER/meta.json (SOG), FOLDER/lod-meta.json (levels of detail), .glb, \
+                        .splat, .ksplat; of a scene in levels of detail also FOLDER/tileset.json (3D Tiles). \
                         docs/guide/formats.md says what each loses.\n\n\
                         weather-magician convert garden.ply garden.spz\n\
                         weather-magician convert scans/*.ply --to sog --folder web/\n\
                         weather-magician convert town.sog small.glb --max-splats 500000 --up 0,1,0\n\
+                        weather-magician convert town.ply town/lod-meta.json\n\
                         weather-magician convert city/lod-meta.json city-tiles/tileset.json"
 )]
 pub struct ConvertArgs {
@@ -53,6 +57,9 @@ pub struct ConvertArgs {
     level: Option<u32>,
     #[command(flatten)]
     change: ChangeArgs,
+    /// Number of levels of a lod-meta.json, each with half the splats of the one before, or auto: down to 16 splats in 2048
+    #[arg(long, value_name = "N|auto", default_value = "auto", help_heading = "Format")]
+    lod: LevelCount,
     /// Version of SPZ: 3 (gzip, read by most programs) or 4 (Zstandard)
     #[arg(long, value_name = "N", default_value = "3", help_heading = "Format")]
     spz_version: Version,
@@ -87,6 +94,25 @@ struct ChangeArgs {
     /// Reduce to this many splats; keeps those that contribute most to views around the scene
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Change")]
     max_splats: Option<u64>,
+}
+
+/// Number of levels of detail.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum LevelCount {
+    Auto,
+    Number(u32),
+}
+
+impl FromStr for LevelCount {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        let number = text.parse().ok().filter(|number| (1..=MAX_LEVELS).contains(number));
+        number.map(Self::Number).ok_or_else(|| format!("give a number from 1 to {MAX_LEVELS}, or auto"))
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -124,7 +150,7 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
     }
     let inputs: Vec<&Path> = jobs.iter().map(|(scene, _)| *scene).collect();
     for (_, out) in &jobs {
-        if !tiles::is_tileset(out) {
+        if !is_levels(out) && !tiles::is_tileset(out) {
             format_for(out)?;
         }
         // The folder for the files of a SOG is created; any other must exist.
@@ -166,8 +192,8 @@ fn jobs(args: &ConvertArgs) -> Result<Vec<(&Path, PathBuf)>> {
         let beside = scene.parent().unwrap_or(Path::new(""));
         let folder = args.folder.as_deref().unwrap_or(beside);
         let stem = stem_of(scene);
-        let out = if ending == "meta.json" {
-            folder.join(stem).join("meta.json")
+        let out = if ending == "meta.json" || ending == "lod-meta.json" {
+            folder.join(stem).join(ending)
         } else {
             folder.join(format!("{stem}.{ending}"))
         };
@@ -198,6 +224,9 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
     let facts = Metadata { up: change.up_now, ..Metadata::default() };
     let mut notes: Vec<String> = change_sky(&mut scene, path, change.sky, &facts)?.into_iter().collect();
     notes.extend(apply(&mut scene, change, &args.run).with_context(|| path.display().to_string())?);
+    if is_levels(out) {
+        return levels::write(out, scene, notes, args);
+    }
     let format = format_for(out)?;
     notes.extend(lost(&format.loses, &scene).into_iter().map(|line| format!("lost: {line}")));
     let options = WriteOptions {
@@ -216,6 +245,11 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
     let mut lines = vec![format!("{}: {count} splats, {megabytes:.1} MB, {}", out.display(), format.name)];
     lines.extend(notes.into_iter().map(|note| format!("  {note}")));
     Ok(lines.join("\n"))
+}
+
+/// Returns true if a path is that of a scene in levels of detail.
+fn is_levels(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name == "lod-meta.json")
 }
 
 fn file_size(path: &Path) -> u64 {
@@ -253,6 +287,9 @@ mod tests {
         for bad in ["", "1,2,3", "1,2:3,4", "a,b,c:1,2,3"] {
             assert!(parse_box(bad).is_err(), "{bad}");
         }
+        assert_eq!("auto".parse(), Ok(LevelCount::Auto));
+        assert_eq!("5".parse(), Ok(LevelCount::Number(5)));
+        assert!(["0", "65", "-1", "all"].iter().all(|bad| bad.parse::<LevelCount>().is_err()));
         assert_eq!(parse_scale("metres"), Ok(LengthScale::Metres));
         assert!(parse_scale("0").is_err() && parse_scale("-1").is_err() && parse_scale("m").is_err());
     }

@@ -1,0 +1,234 @@
+//! Builds the levels of a scene of any size: blocks of splats in, files out.
+
+use super::judge::Judge;
+use super::leaves::leaves;
+use super::merge::{halved, worth};
+use crate::{Error, Progress, Result};
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use wm_render::{CpuConfig, CpuRenderer, RenderError};
+use wm_scene::levels::{LevelFileJob, LevelWriteOptions, LevelWriter, MAX_LEVELS, NewLeaf};
+use wm_scene::{Group, Metadata, Rasterization, Splats};
+
+/// Leaves that are built at a time, a thread: the memory that they take is bounded, and a slow one delays the others little.
+const LEAVES_AT_ONCE: usize = 8;
+
+/// Options of [`LevelBuilder`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LevelOptions {
+    /// Most splats of a leaf at the finest level, at least 1.
+    pub leaf_splats: usize,
+    /// Longest side of a leaf, scene units; leaves that it bounds have fewer splats.
+    pub leaf_side: f64,
+    /// Number of levels, 1 to [`MAX_LEVELS`]; without it, as many as it takes to come down to `coarsest`.
+    pub levels: Option<u32>,
+    /// Splats of a leaf at or below which no coarser level is made.
+    pub coarsest: usize,
+    /// The rasterisation of the scene.
+    pub rasterization: Option<Rasterization>,
+    /// Number of threads; without it, one a core.
+    pub threads: Option<usize>,
+}
+
+impl Default for LevelOptions {
+    fn default() -> Self {
+        Self {
+            leaf_splats: 2048,
+            leaf_side: f64::INFINITY,
+            levels: None,
+            coarsest: 16,
+            rasterization: None,
+            threads: None,
+        }
+    }
+}
+
+/// The size of what was built.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LevelSummary {
+    /// Number of leaves.
+    pub leaves: usize,
+    /// Splats of each level, the finest first, without the environment.
+    pub splats: Vec<u64>,
+    /// Splats of the environment.
+    pub environment: usize,
+}
+
+/// Builds a scene in levels, block by block. Memory is bounded by the largest block and its levels.
+///
+/// Splats of the sky ([`Group::Sky`]) become the environment, which is always drawn. The same blocks give the same bytes on any number of threads.
+///
+/// ```
+/// use weather_magician::{Metadata, levels::{LevelBuilder, LevelOptions}};
+///
+/// # let folder = tempfile::tempdir()?;
+/// # let block = |_| wm_street::Street::builtin().sampling(0.02).scene(&|_| true).unwrap().splats;
+/// let mut builder = LevelBuilder::create(&folder.path().join("lod-meta.json"), LevelOptions::default())?;
+/// for number in 0..2 {
+///     builder.add(&block(number), &mut ())?;
+/// }
+/// let summary = builder.finish(&Metadata::default(), &mut ())?;
+/// assert!(summary.splats.is_sorted_by(|finer, coarser| finer > coarser));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct LevelBuilder {
+    writer: LevelWriter,
+    options: LevelOptions,
+    judges: Vec<Judge>,
+    environment: Splats,
+    summary: LevelSummary,
+}
+
+impl LevelBuilder {
+    /// Starts the scene whose index is `main`, a path that ends in `lod-meta.json`. What was there is removed.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if it cannot be written there, [`Error::Render`] if threads cannot be started.
+    pub fn create(main: &Path, options: LevelOptions) -> Result<Self> {
+        let own = LevelWriteOptions { rasterization: options.rasterization, ..LevelWriteOptions::default() };
+        let writer = LevelWriter::create(main, own)?;
+        let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        let judge = |_| {
+            let renderer = CpuRenderer::new(CpuConfig { threads: Some(1), ..CpuConfig::default() })?;
+            Ok::<_, RenderError>(Judge::new(renderer, options.rasterization.unwrap_or_default()))
+        };
+        let judges =
+            (0..options.threads.unwrap_or_else(cores).max(1)).map(judge).collect::<Result<_, _>>()?;
+        Ok(Self { writer, options, judges, environment: Splats::default(), summary: LevelSummary::default() })
+    }
+
+    /// Adds a block: splats of a part of space, as many as fit memory three times.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if a splat has a number that is not finite or a file cannot be written; [`Error::Stopped`] if `progress` asks to
+    /// stop.
+    pub fn add(&mut self, splats: &Splats, progress: &mut dyn Progress) -> Result<()> {
+        let (sky, rest): (Vec<u32>, Vec<u32>) =
+            (0..splats.len() as u32).partition(|index| splats.groups[*index as usize] == Group::Sky);
+        let environment = std::mem::take(&mut self.environment);
+        self.environment = Splats::joined(environment, select(splats, &sky));
+        progress.begin("building levels", Some(rest.len() as u64));
+        let leaves = leaves(splats, rest, self.options.leaf_splats, self.options.leaf_side);
+        for some in leaves.chunks(LEAVES_AT_ONCE * self.judges.len()) {
+            if progress.is_stopped() {
+                return Err(Error::Stopped);
+            }
+            let built = self.built(splats, some)?;
+            let mut jobs = Vec::new();
+            for leaf in built {
+                self.count(&leaf);
+                jobs.extend(self.writer.add(leaf)?);
+            }
+            self.write(jobs)?;
+            progress.advance(some.iter().map(|leaf| leaf.len() as u64).sum());
+        }
+        progress.end();
+        Ok(())
+    }
+
+    /// Writes the last files and the index.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if there is no splat beside the sky, or a file cannot be written.
+    pub fn finish(mut self, metadata: &Metadata, progress: &mut dyn Progress) -> Result<LevelSummary> {
+        progress.begin("writing levels", None);
+        self.summary.environment = self.environment.len();
+        let environment = std::mem::take(&mut self.environment);
+        let writer = self.writer;
+        let mut end = writer.finish(Some(environment), metadata)?;
+        write(std::mem::take(&mut end.jobs), self.judges.len())?;
+        end.write_index()?;
+        progress.end();
+        Ok(self.summary)
+    }
+
+    fn count(&mut self, leaf: &NewLeaf) {
+        let LevelSummary { leaves, splats, .. } = &mut self.summary;
+        *leaves += 1;
+        splats.resize(splats.len().max(leaf.levels.len()), 0);
+        leaf.levels.iter().zip(splats).for_each(|(level, sum)| *sum += level.len() as u64);
+    }
+
+    /// Builds leaves over the threads.
+    fn built(&mut self, splats: &Splats, leaves: &[Vec<u32>]) -> Result<Vec<NewLeaf>> {
+        let options = self.options;
+        let work = |judge: &mut Judge, leaf: usize| {
+            let levels = levels_of(select(splats, &leaves[leaf]), &options);
+            let errors = judge.errors(&levels)?;
+            Ok(NewLeaf { levels, errors })
+        };
+        over_threads(&mut self.judges, leaves.len(), work)
+    }
+
+    fn write(&mut self, jobs: Vec<LevelFileJob>) -> Result<()> {
+        write(jobs, self.judges.len())
+    }
+}
+
+/// Runs jobs over threads.
+fn write(jobs: Vec<LevelFileJob>, threads: usize) -> Result<()> {
+    let jobs: Vec<Mutex<Option<LevelFileJob>>> = jobs.into_iter().map(|job| Mutex::new(Some(job))).collect();
+    let work = |_: &mut (), number: usize| {
+        let job = jobs[number].lock().ok().and_then(|mut job| job.take());
+        Ok(job.map_or(Ok(()), LevelFileJob::write)?)
+    };
+    over_threads(&mut vec![(); threads], jobs.len(), work).map(|_| ())
+}
+
+/// Does `count` pieces of work over a thread for each worker; what they give is in their order.
+///
+/// These are threads of their own: a renderer's wait would let a thread of a pool begin a second piece within the first.
+fn over_threads<W: Send, T: Send>(
+    workers: &mut [W],
+    count: usize,
+    work: impl Fn(&mut W, usize) -> Result<T> + Sync,
+) -> Result<Vec<T>> {
+    let next = AtomicUsize::new(0);
+    let done = Mutex::new(Vec::with_capacity(count));
+    std::thread::scope(|scope| {
+        for worker in workers {
+            scope.spawn(|| {
+                loop {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    if number >= count {
+                        break;
+                    }
+                    let result = work(worker, number);
+                    if let Ok(mut done) = done.lock() {
+                        done.push((number, result));
+                    }
+                }
+            });
+        }
+    });
+    let mut done = done.into_inner().unwrap_or_default();
+    done.sort_by_key(|(number, _)| *number);
+    done.into_iter().map(|(_, result)| result).collect()
+}
+
+/// The levels of a leaf, the finest first.
+fn levels_of(finest: Splats, options: &LevelOptions) -> Vec<Splats> {
+    let most = options.levels.unwrap_or(MAX_LEVELS).clamp(1, MAX_LEVELS) as usize;
+    let least = if options.levels.is_some() { 1 } else { options.coarsest.max(1) };
+    let mut levels = vec![finest];
+    let mut importance = worth(&levels[0]);
+    while levels.len() < most {
+        let finer = &levels[levels.len() - 1];
+        if finer.len() <= least {
+            break;
+        }
+        let (coarser, of_coarser) = halved(finer, &importance, finer.len() / 2);
+        if coarser.len() >= finer.len() {
+            break;
+        }
+        importance = of_coarser;
+        levels.push(coarser);
+    }
+    levels
+}
+
+fn select(splats: &Splats, indices: &[u32]) -> Splats {
+    let indices: Vec<usize> = indices.iter().map(|index| *index as usize).collect();
+    splats.select(&indices)
+}
