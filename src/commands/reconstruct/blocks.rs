@@ -151,7 +151,7 @@ fn line(blocks: &BlockTraining, done: &TrainedBlock, said: &str) -> String {
 /// The error as the command prints it.
 fn told(error: BlockError) -> anyhow::Error {
     match error {
-        BlockError::Session(error) => explain(error),
+        BlockError::Session(error) => explain(*error),
         BlockError::NotTrained { .. } => anyhow!("{error}, each with --block K, or all without --block"),
         error => error.into(),
     }

@@ -12,7 +12,7 @@ use wm_scene::FormatError;
 pub enum BlockError {
     /// The data set cannot be used, or the training of a block ended early.
     #[error(transparent)]
-    Session(#[from] SessionError),
+    Session(Box<SessionError>),
     /// A file cannot be read or written.
     #[error(transparent)]
     Format(#[from] FormatError),
@@ -104,6 +104,12 @@ pub enum BlockError {
         /// Splats that were written.
         expected: usize,
     },
+}
+
+impl From<SessionError> for BlockError {
+    fn from(error: SessionError) -> Self {
+        Self::Session(Box::new(error))
+    }
 }
 
 /// Most blocks that are named.

@@ -78,7 +78,8 @@ fn a_block_that_was_stopped_gives_the_same_scene() {
     assert!(missing.ends_with("blocks 0, 1 are to be trained before they can be joined"), "{missing}");
     assert_eq!(open(&run).unwrap().train(1, &mut ()).unwrap().splats, counts[1].splats);
     let stopped = open(&run).unwrap().train(0, &mut Limit(3)).unwrap_err();
-    assert!(matches!(stopped, BlockError::Session(SessionError::Stopped { step: 3, .. })), "{stopped}");
+    let BlockError::Session(stopped) = stopped else { panic!("{stopped}") };
+    assert!(matches!(*stopped, SessionError::Stopped { step: 3, .. }), "{stopped}");
     fs::write(run.join("block-000/splats.ply.12-0.part"), "ply").unwrap();
     assert_eq!(open(&run).unwrap().trained(0), None);
     open(&run).unwrap().train(0, &mut ()).unwrap();
