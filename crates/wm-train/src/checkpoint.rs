@@ -253,10 +253,10 @@ macro_rules! arrays {
 }
 use arrays;
 
-const FNV_START: u64 = 0xcbf2_9ce4_8422_2325;
+pub(crate) const FNV_START: u64 = 0xcbf2_9ce4_8422_2325;
 
 /// FNV-1a.
-fn hash(sum: u64, bytes: &[u8]) -> u64 {
+pub(crate) fn hash(sum: u64, bytes: &[u8]) -> u64 {
     bytes.iter().fold(sum, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3))
 }
 

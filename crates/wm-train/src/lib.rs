@@ -38,11 +38,13 @@
 //! - [`haze`]: haze in which photos were taken, measured and taken out.
 //! - [`start`]: the first splats; [`trainer`]: steps, made of [`losses`], [`densify`], [`schedule`] and [`exposure`].
 //! - [`movers`]: what is in one photo and not in the others; [`overlap`]: how many photos show a surface.
+//! - [`blocks`]: trainings of the parts of a large place, and their join.
 //! - [`config`], [`plan`], [`check`]: the configuration; [`checkpoint`]: a training on disk.
 //! - [`evaluation`], [`metrics`]: scores against photos and ground truth.
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
+pub mod blocks;
 pub mod brightness;
 pub mod check;
 pub mod checkpoint;

@@ -129,7 +129,8 @@ enum InGltf {
     Spz,
 }
 
-fn parse_box(text: &str) -> Result<CropBox, String> {
+/// Reads a box, as two opposite corners.
+pub fn parse_box(text: &str) -> Result<CropBox, String> {
     let (a, b) = text.split_once(':').ok_or("write two corners, such as -5,-5,0:5,5,3")?;
     Ok(CropBox::between(spec::parse_point(a)?, spec::parse_point(b)?))
 }

@@ -1,5 +1,6 @@
 //! `reconstruct`: makes a scene from photos.
 
+mod blocks;
 mod console;
 mod explain;
 mod log;
@@ -23,6 +24,7 @@ use std::time::Duration;
 use wm_scene::files::check_writable;
 use wm_scene::formats;
 use wm_scene::{Metadata, Rasterization};
+use wm_train::blocks::PLAN;
 use wm_train::config::{BackgroundKind, Densify, ExposureMode, HazeMode, MoverMode, Resolution};
 use wm_train::photos::PhotoSize;
 use wm_train::poor_photos::PoorPhotoMode;
@@ -53,6 +55,8 @@ pub struct ReconstructArgs {
     log: log::LogArgs,
     #[command(flatten)]
     photos: PhotoArgs,
+    #[command(flatten)]
+    blocks: blocks::BlockArgs,
     #[command(flatten)]
     training: TrainingArgs,
     #[command(flatten)]
@@ -291,6 +295,7 @@ impl ReconstructArgs {
             checkpoint_every: Duration::try_from_secs_f64(self.checkpoint_every).unwrap_or(Duration::MAX),
             device: self.run.device.clone(),
             cpu: self.run.cpu(),
+            part: None,
         }
     }
 }
@@ -322,7 +327,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     formats::format_for(&out)?;
     check_writable(&out)?;
     // The scene of the training that is continued may be written again.
-    if !args.resume || args.run_folder.is_some() {
+    if args.blocks.writes_scene() && (!args.resume || args.run_folder.is_some()) {
         let other = "continue its training with --resume, give another name with --out";
         let other = if args.resume { "give another name with --out" } else { other };
         args.overwrite.check(&out, &[&args.dataset], other)?;
@@ -332,20 +337,33 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         None => (args.dataset.clone(), facts),
         Some(log) => {
             args.check_run_folder(&run_folder)?;
-            let choices = (args.resume, args.geometry.priors.is_none());
+            let keeps = args.resume || (args.blocks.is_given() && !args.overwrite.overwrite);
+            let choices = (keeps, args.geometry.priors.is_none());
             let (photos, held_out) = (&args.photos.set, args.photos.held_out.held_out());
             let made = log::prepare(&log, &run_folder, choices, photos, held_out)?;
             (made.folder, facts.or(made.facts))
         }
     };
-    let mut session = Session::new(&dataset).options(args.options(facts, config, &run_folder));
-    if let Some(lpips) = lpips {
-        session = session.metric(lpips);
-    }
+    let options = args.options(facts, config, &run_folder);
     let mut console = TrainingConsole::new(args, &run_folder);
-    let done = session.run(&mut console);
-    console.clear();
-    let scene = done.map_err(explain)?;
+    let scene = if args.blocks.is_given() {
+        let Some(scene) = blocks::train(args, &dataset, &options, &run_folder)? else { return Ok(()) };
+        scene
+    } else {
+        if run_folder.join(PLAN).is_file() {
+            bail!(
+                "{}: it holds a training in blocks; continue it with --blocks, or choose another --run-folder",
+                run_folder.display()
+            );
+        }
+        let mut session = Session::new(&dataset).options(options);
+        if let Some(lpips) = lpips {
+            session = session.metric(lpips);
+        }
+        let done = session.run(&mut console);
+        console.clear();
+        done.map_err(explain)?
+    };
     scene.save(&out)?;
     println!("{}: {} splats", out.display(), scene.splats.len());
     console.end(&out);

@@ -26,6 +26,11 @@ mod with_viewer {
         pub fn check(&self) -> Result<()> {
             self.server.guard().map(drop)
         }
+
+        /// Returns true if the training is to be shown.
+        pub fn is_asked(&self) -> bool {
+            self.view
+        }
     }
 
     /// A training that is shown in a browser.
@@ -128,6 +133,10 @@ mod without_viewer {
     impl WatchArgs {
         pub fn check(&self) -> Result<()> {
             Ok(())
+        }
+
+        pub fn is_asked(&self) -> bool {
+            false
         }
     }
 

@@ -23,7 +23,7 @@ import weather_magician  # noqa: E402
 sys.path.insert(0, str(HERE))
 from cluster_place import Misbehaving, tree_hash, write_place  # noqa: E402
 
-from weather_magician.cluster import ClusterError, Progress, Resources, Standing, Task, run_plan, run_tasks  # noqa: E402
+from weather_magician.cluster import ClusterError, Progress, Resources, Standing, Task, run_blocks, run_plan, run_tasks  # noqa: E402
 from weather_magician.cluster import shards as cut  # noqa: E402
 from weather_magician.cluster.__main__ import main  # noqa: E402
 from weather_magician.cluster.cache import NodeCache  # noqa: E402
@@ -221,6 +221,37 @@ def test_tasks_of_any_kind_run_and_their_faults_are_told_in_a_line(cluster):
     # A task that is asked for late is not begun after too many failures.
     outcome = run_tasks((Task("w", "wrong") for _ in range(100)), count_letters, most_failures=3)
     assert outcome.not_begun and 3 <= len(outcome.failures) <= 7
+
+
+# Stands for the program: writes a plan of three blocks, trains them and joins them; block 1 is killed the first time.
+TRAINING = """
+import json, os, pathlib, signal, sys
+run, step = pathlib.Path(sys.argv[sys.argv.index("--run-folder") + 1]), sys.argv[-1]
+if step == "plan":
+    run.mkdir(exist_ok=True)
+    (run / "blocks.json").write_text(json.dumps({"blocks": [{}, {}, {}]}))
+elif step == "join":
+    out = pathlib.Path(sys.argv[sys.argv.index("--out") + 1])
+    out.write_text(" ".join((run / f"block-{block}").read_text() for block in range(3)))
+elif "--wrong" in sys.argv:
+    print("error: no photo is left", file=sys.stderr)
+    sys.exit(1)
+elif step == "1" and not (run / "killed").exists():
+    (run / "killed").touch()
+    os.kill(os.getpid(), signal.SIGKILL)
+else:
+    assert "--overwrite" not in sys.argv
+    (run / f"block-{step}").write_text(step)
+"""
+
+
+def test_blocks_of_a_training_are_joined_after_a_kill(cluster, tmp_path):
+    program = [sys.executable, "-c", TRAINING]
+    out = tmp_path / "place.ply"
+    outcome = run_blocks(tmp_path / "photos", out, blocks=3, options=["--overwrite"], command=program)
+    assert out.read_text() == "0 1 2" and outcome.retries == 1 and len(outcome.results) == 3
+    with pytest.raises(ClusterError, match="block . on .*: .*no photo is left"):
+        run_blocks(tmp_path / "photos", out, options=["--wrong"], command=program)
 
 
 def test_a_set_in_a_store_is_made_moved_verified_and_kept(cluster, place, alone, tmp_path, capfd):

@@ -17,8 +17,8 @@ use crate::video;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
-use wm_scene::capture::CaptureUp;
 use wm_scene::capture::gps::GpsFit;
+use wm_scene::capture::{Capture, CaptureUp, SparsePoints};
 use wm_scene::files::write_atomically;
 use wm_scene::{Camera, FormatError, Problem, SceneView};
 
@@ -35,6 +35,8 @@ pub(super) struct TrainData {
     pub up: Option<CaptureUp>,
     /// What the positions of the photos tell.
     pub gps: Option<GpsFit>,
+    /// True if other trainings learn other parts of the data set.
+    is_part: bool,
     /// Poor photos that were left out, with their defects.
     poor: Vec<(usize, PhotoDefect)>,
     gains: OnceLock<Option<PhotoGains>>,
@@ -49,26 +51,11 @@ impl TrainData {
         folder: &RunFolder,
         observer: &mut dyn TrainObserver,
     ) -> Result<Self, SessionError> {
-        let wanted = &options.dataset;
-        let capture = if video::is_video(dataset) {
-            let frames = frames(dataset, folder, observer)?;
-            // Frames that follow each other overlap; others rarely do.
-            let matching = if frames.1 > MOST_WITH_ALL { Matching::Sequential } else { Matching::Exhaustive };
-            let registered = register(&frames.0, matching, folder, observer)?;
-            DatasetReadOptions::default().capture(&registered)?
-        } else {
-            match wanted.capture(dataset) {
-                Ok(capture) => capture,
-                Err(FormatError { problem: Problem::NoCapture, .. }) => {
-                    if let Some(model) = &wanted.model {
-                        return Err(SessionError::NoModel { model: dataset.join(model) });
-                    }
-                    let registered = register(dataset, Matching::Auto, folder, observer)?;
-                    DatasetReadOptions::default().capture(&registered)?
-                }
-                Err(error) => return Err(error.into()),
-            }
-        };
+        let (wanted, part) = (&options.dataset, options.part.as_deref());
+        let mut capture = open_capture(dataset, wanted, folder, observer)?;
+        if let Some(part) = part {
+            capture = part.capture(&capture)?;
+        }
         if capture.views.len() < 3 {
             capture.check_trainable()?;
         }
@@ -77,7 +64,10 @@ impl TrainData {
         for skipped in photos.skipped() {
             observer.on_warning(&TrainWarning::LeftOut(skipped.clone()));
         }
-        let (held_out, mut places) = options.held_out.split(&photos);
+        let (held_out, mut places) = match part {
+            Some(part) => part.split(&capture, &photos),
+            None => options.held_out.split(&photos),
+        };
         if places.len() < 3 {
             return Err(SessionError::TooFewPhotos {
                 dataset: dataset.to_owned(),
@@ -89,7 +79,7 @@ impl TrainData {
             observer.on_warning(&TrainWarning::NoPoints(dataset.to_owned()));
         }
         let misplaced = misplaced(&capture, &photos);
-        if !misplaced.is_empty() {
+        if !misplaced.is_empty() && part.is_none() {
             observer.on_warning(&TrainWarning::Misplaced(misplaced));
         }
         let mut poor = match options.poor_photos {
@@ -108,13 +98,18 @@ impl TrainData {
             places.retain(|place| poor.iter().all(|(poor, _)| poor != place));
         }
         let (up, gps) = orientation(&capture, &photos, options.facts.up);
+        let gains = match part {
+            Some(part) => OnceLock::from(part.gains_of(&capture, &photos, &places)),
+            None => OnceLock::new(),
+        };
         Ok(Self {
             set: Dataset { capture, photos, places },
+            is_part: part.is_some(),
             held_out,
             up,
             gps,
             poor,
-            gains: OnceLock::new(),
+            gains,
             held_out_gains: OnceLock::new(),
         })
     }
@@ -126,10 +121,7 @@ impl TrainData {
 
     /// Returns the number of pixels of the training photos that confirm what two others show.
     pub fn confirmed_pixels(&self) -> u64 {
-        let cameras = self.cameras();
-        let pixels: f64 =
-            cameras.iter().map(|camera| f64::from(camera.width) * f64::from(camera.height)).sum();
-        (confirmed_share(overlap(&self.set.capture.points, &cameras)) * pixels) as u64
+        confirmed_pixels(&self.set.capture.points, &self.cameras())
     }
 
     /// Returns the brightness of the training photos beside each other; `None` if they share too few points.
@@ -147,6 +139,8 @@ impl TrainData {
     ) -> Option<&'a PhotoGains> {
         match mode {
             ExposureMode::Auto => in_haze.or_else(|| self.gains()).filter(|gains| gains.differ()),
+            // A training keeps the mean of its exposures, and the parts must agree on how bright the scene is.
+            ExposureMode::Photo if self.is_part => in_haze.or_else(|| self.gains()),
             ExposureMode::Photo | ExposureMode::Shared => None,
         }
     }
@@ -205,6 +199,38 @@ impl TrainData {
     pub fn shown(&self) -> usize {
         self.held_out.first().or(self.set.places.first()).copied().unwrap_or(0)
     }
+}
+
+/// Returns the number of pixels of the photos of `cameras` that confirm what two others show, by points of the reconstruction.
+pub(super) fn confirmed_pixels(points: &SparsePoints, cameras: &[Camera]) -> u64 {
+    let pixels: f64 = cameras.iter().map(|camera| f64::from(camera.width) * f64::from(camera.height)).sum();
+    (confirmed_share(overlap(points, cameras)) * pixels) as u64
+}
+
+/// Reads cameras and points; those of a video or of plain photos are found first.
+fn open_capture(
+    dataset: &Path,
+    wanted: &DatasetReadOptions,
+    folder: &RunFolder,
+    observer: &mut dyn TrainObserver,
+) -> Result<Capture, SessionError> {
+    let registered = if video::is_video(dataset) {
+        let frames = frames(dataset, folder, observer)?;
+        // Frames that follow each other overlap; others rarely do.
+        let matching = if frames.1 > MOST_WITH_ALL { Matching::Sequential } else { Matching::Exhaustive };
+        register(&frames.0, matching, folder, observer)?
+    } else {
+        match wanted.capture(dataset) {
+            Ok(capture) => return Ok(capture),
+            Err(FormatError { problem: Problem::NoCapture, .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
+        if let Some(model) = &wanted.model {
+            return Err(SessionError::NoModel { model: dataset.join(model) });
+        }
+        register(dataset, Matching::Auto, folder, observer)?
+    };
+    Ok(DatasetReadOptions::default().capture(&registered)?)
 }
 
 /// Most frames of a video of which each is compared with each.

@@ -69,6 +69,14 @@ pub enum SessionError {
     /// There is a metric for held-out photos, and none are held out.
     #[error("the perceptual metric measures held-out photos, and none are held out")]
     NothingHeldOut,
+    /// A part of the data set names a photo that it does not have.
+    #[error("{}: has no photo {photo}, which a block is to learn from; plan the blocks again", dataset.display())]
+    NoSuchPhoto {
+        /// The data set.
+        dataset: PathBuf,
+        /// The name of the photo.
+        photo: String,
+    },
     /// The plan or the configuration is not valid.
     #[error(transparent)]
     Plan(#[from] PlanError),

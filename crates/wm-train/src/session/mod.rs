@@ -43,12 +43,14 @@ mod folder;
 mod movers;
 mod observer;
 mod painted_sky;
+mod part;
 mod priors;
 mod scene;
 mod score;
 #[cfg(test)]
 mod tests;
 mod training;
+mod whole;
 
 pub use error::SessionError;
 pub use folder::{CHECKPOINT, ConfigFileError, Resume};
@@ -56,8 +58,10 @@ pub use observer::{
     ImageMoment, ObserverError, Preparation, StepProgress, StepSummary, TrainImage, TrainNotice,
     TrainObserver, TrainStart, TrainWarning,
 };
+pub use part::TrainPart;
 pub use score::{HeldOutScore, HeldOutScores, PerceptualMetric, TrainReport};
 pub use training::Training;
+pub(crate) use whole::{WholeSession, confirmed_of};
 
 use crate::config::{Preset, TrainConfig};
 use crate::dataset::{DatasetReadOptions, HeldOut};
@@ -66,7 +70,7 @@ use crate::poor_photos::PoorPhotoMode;
 use data::TrainData;
 use folder::RunFolder;
 use std::path::PathBuf;
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 use std::time::Duration;
 use training::{Backend, Parts};
 use wm_render::{AnyDifferentiable, CpuConfig, Device, Differentiable};
@@ -116,6 +120,9 @@ pub struct SessionOptions {
     pub device: Device,
     /// Threads and SIMD path of the CPU's work.
     pub cpu: CpuConfig,
+    /// The part of the data set that is learnt, in place of `held_out` and all other photos; `None` learns all of it. See
+    /// [`crate::blocks`].
+    pub part: Option<Arc<TrainPart>>,
 }
 
 impl Default for SessionOptions {
@@ -134,6 +141,7 @@ impl Default for SessionOptions {
             checkpoint_every: Duration::from_secs(45),
             device: Device::Auto,
             cpu: CpuConfig::default(),
+            part: None,
         }
     }
 }

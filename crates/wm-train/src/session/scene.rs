@@ -5,6 +5,7 @@ use super::data::TrainData;
 use super::error::SessionError;
 use super::observer::{TrainNotice, TrainObserver, TrainWarning};
 use super::painted_sky::label_painted_sky;
+use super::part::TrainPart;
 use crate::brightness::PhotoGains;
 use crate::config::{HazeMode, TrainConfig};
 use crate::dataset::{Dataset, site};
@@ -36,6 +37,7 @@ const SURE_EXTENT: f64 = 20.0;
 const PRIOR_PHOTOS: usize = 200;
 
 /// Returns the splats that a training starts with.
+#[expect(clippy::too_many_arguments)] // All that a start depends on.
 pub(super) fn start(
     dataset: &Path,
     config: &TrainConfig,
@@ -44,6 +46,7 @@ pub(super) fn start(
     haze: Option<&PhotoHaze>,
     gains: Option<&PhotoGains>,
     extent: f64,
+    part: Option<&TrainPart>,
 ) -> Result<Splats, SessionError> {
     let begin = StartConfig {
         opacity: config.start_opacity,
@@ -73,12 +76,36 @@ pub(super) fn start(
     if splats.is_empty() {
         return Err(SessionError::NoFinitePoint(dataset.to_owned()));
     }
-    if config.sky_splats > 0 && priors.is_some_and(Priors::has_sky) {
-        let cameras = data.cameras();
-        let lowest = far_ground(data, &cameras, haze).map(|ground| ground.lowest());
-        add_sky(&mut splats, data, &views, extent, config.sky_splats, lowest);
+    match part {
+        Some(part) => part.add_sky(&mut splats),
+        None if config.sky_splats > 0 && priors.is_some_and(Priors::has_sky) => {
+            let lowest = lowest_sky(data, haze);
+            add_sky(&mut splats, data, &views, extent, config.sky_splats, lowest);
+        }
+        None => {}
     }
     Ok(splats)
+}
+
+/// Returns the splats of the sky over the whole data set, which begin a training and stay as they are.
+pub(super) fn sky(
+    config: &TrainConfig,
+    data: &TrainData,
+    priors: Option<&Priors>,
+    haze: Option<&PhotoHaze>,
+    gains: Option<&PhotoGains>,
+) -> Result<Splats, SessionError> {
+    let mut splats = Splats::with_capacity(0, config.sh_degree);
+    if let Some(priors) = priors.filter(|priors| config.sky_splats > 0 && priors.has_sky()) {
+        let (views, extent) = (prior_views(data, priors, gains)?, start::extent(&data.cameras()));
+        add_sky(&mut splats, data, &views, extent, config.sky_splats, lowest_sky(data, haze));
+    }
+    Ok(splats)
+}
+
+/// Returns the sine of the height down to which haze is seen as sky.
+fn lowest_sky(data: &TrainData, haze: Option<&PhotoHaze>) -> Option<f64> {
+    far_ground(data, &data.cameras(), haze).map(|ground| ground.lowest())
 }
 
 /// Returns the ground that the haze hides from `cameras`, if up is known.
@@ -150,6 +177,9 @@ pub(super) fn haze(
     options: &SessionOptions,
     observer: &mut dyn TrainObserver,
 ) -> Result<Option<(PhotoHaze, PhotoGains)>, SessionError> {
+    if let Some(part) = &options.part {
+        return Ok(part.haze_of(data));
+    }
     if mode == HazeMode::Keep {
         return Ok(None);
     }

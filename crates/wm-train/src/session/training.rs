@@ -25,7 +25,7 @@ use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::Instant;
 use wm_render::{Differentiable, Frame, RenderError};
-use wm_scene::{Camera, Scene};
+use wm_scene::{Camera, Scene, Splats};
 
 /// Photos that are decoded ahead of their step.
 const AHEAD: u32 = 4;
@@ -138,8 +138,9 @@ impl Training {
             }
             None => {
                 let gains = data.first_exposures(config.exposure, gains.as_ref());
+                let (part, known) = (options.part.as_deref(), priors.as_ref());
                 let splats =
-                    scene::start(&dataset, &config, &data, priors.as_ref(), haze.as_ref(), gains, extent)?;
+                    scene::start(&dataset, &config, &data, known, haze.as_ref(), gains, extent, part)?;
                 let mut trainer = Trainer::new(config, renderer, splats, extent, photos);
                 if let Some(found) = gains {
                     trainer.set_exposures(Exposures::with_gains(&found.gains));
@@ -188,6 +189,15 @@ impl Training {
     /// # Errors
     /// [`SessionError`]; where a checkpoint can be written, what was learnt is saved first.
     pub fn run(mut self, observer: &mut dyn TrainObserver) -> Result<Scene, SessionError> {
+        self.run_to_end(observer)?;
+        self.scene(observer)
+    }
+
+    /// Takes all steps that are left, with their evaluations, images and checkpoints, and reports the end.
+    ///
+    /// # Errors
+    /// [`SessionError`] as for [`Self::run`].
+    pub fn run_to_end(&mut self, observer: &mut dyn TrainObserver) -> Result<(), SessionError> {
         let started = Instant::now();
         self.saved = started;
         let steps = self.trainer.config().steps;
@@ -201,8 +211,7 @@ impl Training {
         let seconds = started.elapsed().as_secs_f64();
         self.save(observer)?;
         self.show(ImageMoment::Milestone, observer)?;
-        self.report(seconds, observer)?;
-        self.scene(observer)
+        self.report(seconds, observer)
     }
 
     /// Takes one step, with the summary, evaluation, images and checkpoint that are due after it.
@@ -283,9 +292,17 @@ impl Training {
     /// # Errors
     /// [`SessionError`] if the device fails.
     pub fn scene(&mut self, observer: &mut dyn TrainObserver) -> Result<Scene, SessionError> {
-        let splats = self.trainer.state()?.population.drawn();
+        let splats = self.splats()?;
         let (config, haze) = (self.trainer.config(), self.haze.as_ref());
         scene::finish(splats, config, &self.data, &self.options, self.priors.as_ref(), haze, observer)
+    }
+
+    /// Returns the splats as they are now, of which nothing is labelled yet but the sky that the training began with.
+    ///
+    /// # Errors
+    /// [`SessionError`] if the device fails.
+    pub fn splats(&mut self) -> Result<Splats, SessionError> {
+        Ok(self.trainer.state()?.population.drawn())
     }
 
     /// Takes one step and returns its loss.

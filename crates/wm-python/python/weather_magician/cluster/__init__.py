@@ -1,7 +1,7 @@
 """Data sets on many machines, by Ray.
 
-`python -m weather_magician.cluster plan.toml` makes the set of a plan on a cluster, `run_plan` is the same as a function, and `run_tasks` runs
-any other tasks in the same way. Needs `ray` and, for stores, `fsspec` with the store's package (`s3fs`, `gcsfs`, ...).
+`python -m weather_magician.cluster plan.toml` makes the set of a plan on a cluster, `run_plan` is the same as a function, `run_blocks` trains
+a scene in blocks, and `run_tasks` runs any other tasks in the same way. Needs `ray` and, for stores, `fsspec` with the store's package (`s3fs`, `gcsfs`, ...).
 """
 
 try:
@@ -12,6 +12,7 @@ except ImportError as _error:
 from .plans import SetReport, run_plan
 from .progress import Progress, Standing
 from .runner import ClusterError, Failure, Outcome, Resources, Task, connect, run_tasks
+from .training import run_blocks
 
 __all__ = [
     "ClusterError",
@@ -23,6 +24,7 @@ __all__ = [
     "Standing",
     "Task",
     "connect",
+    "run_blocks",
     "run_plan",
     "run_tasks",
 ]

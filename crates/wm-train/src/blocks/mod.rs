@@ -1,0 +1,196 @@
+//! Training in blocks: a place that is too large for one training is cut into cells of the ground, and each cell is trained by
+//! itself, on any machine, with the photos that show it.
+//!
+//! Three steps, which may be separate processes:
+//! 1. The plan ([`BlockPlan`], `blocks.json` in the run folder): the cells, their photos and configurations, and what all trainings share:
+//!    priors, the brightness of photos, haze and the sky ([`BlockTraining::open`]).
+//! 2. The trainings, one a block ([`BlockTraining::train`]), each in a folder of its own (`block-000`). A training that was stopped or killed
+//!    continues from its checkpoint and ends in the same bytes; its marker is written last, and a block with a whole marker is not trained
+//!    again.
+//! 3. The join ([`BlockTraining::join`]): splats outside the core of their block are dropped, the shared sky is added, and up, ground and
+//!    scale are found as in a single training.
+//!
+//! A block learns all that its photos show, not only what lies in its core: what surrounds it is learnt too, and dropped at the join.
+//! So photos near a border are explained on both sides of it, and both sides meet there.
+
+mod cells;
+mod error;
+mod plan;
+mod shard;
+#[cfg(test)]
+mod tests;
+
+pub use cells::{GroundAxes, GroundCell};
+pub use error::BlockError;
+pub use plan::{BlockCount, BlockOptions, BlockPlan, BlockRegion, PlannedGains, PlannedHaze, TrainBlock};
+pub use shard::TrainedBlock;
+
+use crate::brightness::PhotoGains;
+use crate::haze::PhotoHaze;
+use crate::priors;
+use crate::session::{SessionOptions, TrainObserver, WholeSession};
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+use wm_scene::formats::{ReadOptions, read_scene};
+use wm_scene::{Group, Scene, Splats};
+
+/// The name of the plan in the run folder.
+pub const PLAN: &str = "blocks.json";
+/// The splats of the sky in the run folder, if there are any.
+const SKY: &str = "sky.ply";
+
+/// A training in blocks: its plan, and what is done of it in its run folder.
+pub struct BlockTraining {
+    dataset: PathBuf,
+    options: SessionOptions,
+    folder: PathBuf,
+    plan: BlockPlan,
+    /// The checksum of the plan's bytes.
+    sum: u64,
+    /// The data set, if it is open.
+    whole: Option<WholeSession>,
+}
+
+impl BlockTraining {
+    /// Reads the plan in the run folder, or makes it: opens the data set, finds priors, brightness, haze and sky of all photos, and cuts
+    /// the ground. `options` are those of a training of the whole; their run folder, `folder`, is that of all blocks.
+    ///
+    /// # Errors
+    /// [`BlockError`] says what is wrong with the data set or the options, or that the plan in the folder is of other ones.
+    pub fn open(
+        dataset: &Path,
+        options: &SessionOptions,
+        blocks: &BlockOptions,
+        folder: &Path,
+        observer: &mut dyn TrainObserver,
+    ) -> Result<Self, BlockError> {
+        let path = folder.join(PLAN);
+        let mut whole = None;
+        if !path.is_file() {
+            let opened = WholeSession::open(dataset, options, folder, observer)?;
+            plan::make(&opened, options, blocks, folder, observer)?.write(&path)?;
+            whole = Some(opened);
+        }
+        // Also what was just written, so that all processes have the same numbers.
+        let (plan, sum) = BlockPlan::read(&path)?;
+        plan.check(&path, options, blocks)?;
+        let (dataset, folder) = (dataset.to_owned(), folder.to_owned());
+        Ok(Self { dataset, options: options.clone(), folder, plan, sum, whole })
+    }
+
+    /// Returns the plan.
+    #[must_use]
+    pub fn plan(&self) -> &BlockPlan {
+        &self.plan
+    }
+
+    /// Returns the folder of a block.
+    #[must_use]
+    pub fn block_folder(&self, block: usize) -> PathBuf {
+        folder_of(&self.folder, block)
+    }
+
+    /// Joins the blocks, all of which are trained, to one scene.
+    ///
+    /// # Errors
+    /// [`BlockError`] names the blocks that are not trained yet, or the file that is damaged.
+    pub fn join(&mut self, observer: &mut dyn TrainObserver) -> Result<Scene, BlockError> {
+        let missing: Vec<usize> =
+            (0..self.plan.blocks.len()).filter(|block| self.trained(*block).is_none()).collect();
+        if !missing.is_empty() {
+            return Err(BlockError::NotTrained { folder: self.folder.clone(), blocks: missing });
+        }
+        let degree = self.plan.blocks.iter().map(|block| block.config.sh_degree).max().unwrap_or(0);
+        let mut splats = Splats::with_capacity(0, degree);
+        let mut steps = 0;
+        for (index, block) in self.plan.blocks.iter().enumerate() {
+            splats.append(&self.block_splats(index)?);
+            steps += block.config.steps;
+        }
+        if splats.is_empty() {
+            return Err(BlockError::Empty { folder: self.folder.clone() });
+        }
+        splats.append(&self.sky()?);
+        if self.whole.is_none() {
+            self.whole = Some(WholeSession::open(&self.dataset, &self.options, &self.folder, observer)?);
+        }
+        let haze = self.plan.haze.as_ref().map(PlannedHaze::haze);
+        let (Some(whole), Some(first)) = (&self.whole, self.plan.blocks.first()) else {
+            return Err(BlockError::Empty { folder: self.folder.clone() });
+        };
+        let mut scene = whole.finish(splats, &first.config, haze.as_ref(), observer)?;
+        scene.metadata.provenance = Some(format!(
+            "weather-magician {}, {} photos, {} blocks, {steps} steps",
+            env!("CARGO_PKG_VERSION"),
+            self.plan.photos,
+            self.plan.blocks.len(),
+        ));
+        Ok(scene)
+    }
+
+    /// Reads the shared sky; empty if there is none.
+    fn sky(&self) -> Result<Splats, BlockError> {
+        match self.plan.sky {
+            0 => Ok(Splats::with_capacity(0, 0)),
+            count => read_splats(&self.folder.join(SKY), Group::Sky, count),
+        }
+    }
+
+    /// Returns the haze of all photos, and the gains of those of a block in it.
+    fn haze_of(&self, block: &TrainBlock) -> Option<(PhotoHaze, PhotoGains)> {
+        let planned = self.plan.haze.as_ref()?;
+        Some((planned.haze(), planned.gains.of(&block.cameras)))
+    }
+}
+
+/// Removes the plan in a run folder, and what was made for it and by it.
+///
+/// # Errors
+/// [`BlockError::Unremoved`] names what the system does not remove.
+pub fn remove(folder: &Path) -> Result<(), BlockError> {
+    // Without a plan the rest is nothing.
+    remove_if_there(&folder.join(PLAN))?;
+    remove_if_there(&folder.join(SKY))?;
+    remove_if_there(&folder.join(priors::FOLDER))?;
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    for entry in entries.filter(|entry| is_block(&entry.file_name().to_string_lossy())) {
+        remove_if_there(&entry.path())?;
+    }
+    Ok(())
+}
+
+/// Removes what was trained of a block.
+///
+/// # Errors
+/// Those of [`remove`].
+pub fn remove_block(folder: &Path, block: usize) -> Result<(), BlockError> {
+    remove_if_there(&folder_of(folder, block))
+}
+
+fn folder_of(folder: &Path, block: usize) -> PathBuf {
+    folder.join(format!("block-{block:03}"))
+}
+
+fn is_block(name: &str) -> bool {
+    name.strip_prefix("block-").is_some_and(|number| number.len() >= 3 && number.parse::<usize>().is_ok())
+}
+
+fn remove_if_there(path: &Path) -> Result<(), BlockError> {
+    let removed = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+    match removed {
+        Err(reason) if reason.kind() != io::ErrorKind::NotFound => {
+            Err(BlockError::Unremoved { path: path.to_owned(), reason })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Reads splats that a part of this module wrote, all of one group.
+fn read_splats(path: &Path, group: Group, count: usize) -> Result<Splats, BlockError> {
+    let mut splats = read_scene(path, &ReadOptions::default())?.splats;
+    if splats.len() != count {
+        return Err(BlockError::Splats { path: path.to_owned(), found: splats.len(), expected: count });
+    }
+    splats.groups.fill(group);
+    Ok(splats)
+}

@@ -1,0 +1,374 @@
+//! The plan of a training in blocks: cells, their photos and configurations, and what all trainings share.
+
+use super::cells::{self, FEWEST, GroundAxes, GroundCell, PlacedPhoto};
+use super::{BlockError, SKY};
+use crate::brightness::PhotoGains;
+use crate::checkpoint::{FNV_START, hash};
+use crate::config::TrainConfig;
+use crate::haze::PhotoHaze;
+use crate::session::{SessionOptions, TrainObserver, WholeSession, confirmed_of};
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::num::NonZero;
+use std::path::{Path, PathBuf};
+use wm_scene::files::write_durably;
+use wm_scene::formats::write_scene;
+use wm_scene::{Metadata, Scene};
+
+/// The version of the plan's format.
+const VERSION: u32 = 1;
+/// Photos of a block where their number is not given, about: the preset `best` takes 75 steps for each of 400.
+const PHOTOS: usize = 400;
+
+/// The number of blocks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BlockCount {
+    /// One for every 400 photos.
+    #[default]
+    Auto,
+    /// This many.
+    Number(NonZero<u32>),
+}
+
+/// A box in the axes of the capture.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BlockRegion {
+    /// Least coordinates, scene units.
+    pub low: [f64; 3],
+    /// Greatest coordinates, scene units.
+    pub high: [f64; 3],
+}
+
+impl BlockRegion {
+    /// Returns true if a point is inside.
+    #[must_use]
+    pub fn holds(&self, point: DVec3) -> bool {
+        let point = point.to_array();
+        (0..3).all(|axis| (self.low[axis]..=self.high[axis]).contains(&point[axis]))
+    }
+}
+
+/// What is cut into blocks, and into how many.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BlockOptions {
+    /// The number of blocks.
+    pub count: BlockCount,
+    /// The box that is trained; `None` trains all that the photos show.
+    pub region: Option<BlockRegion>,
+}
+
+/// A plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BlockPlan {
+    version: u32,
+    /// The number of training photos of all blocks together.
+    pub photos: usize,
+    /// The size of the photos, as the options state it.
+    photo_size: String,
+    /// Every how many photos one is held out, and the first of them.
+    hold_out: (u32, u32),
+    /// Axes of the cells.
+    pub ground: GroundAxes,
+    /// The box that is trained, world axes.
+    pub region: Option<BlockRegion>,
+    /// The folder of the priors, relative to the run folder if it lies there.
+    pub priors: Option<PathBuf>,
+    /// Splats of the shared sky, in `sky.ply`.
+    pub sky: usize,
+    /// The haze of all photos.
+    pub haze: Option<PlannedHaze>,
+    /// The brightness of all photos beside each other.
+    pub gains: Option<PlannedGains>,
+    /// The blocks.
+    pub blocks: Vec<TrainBlock>,
+}
+
+/// A block and its training.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainBlock {
+    /// The cell whose splats the scene has from this block.
+    pub core: GroundCell,
+    /// The cell with a fifth of its size around it: photos that show enough of it join.
+    pub reach: GroundCell,
+    /// Points of the reconstruction in the core.
+    pub points: usize,
+    /// Pixels that confirm what two other photos show.
+    pub confirmed: u64,
+    /// The configuration of the training, with its seed.
+    pub config: TrainConfig,
+    /// Names of the photos that it learns from.
+    pub cameras: Vec<String>,
+    /// Names of the photos that it is measured on.
+    pub held_out: Vec<String>,
+}
+
+/// The brightness of photos beside each other; see [`PhotoGains`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlannedGains {
+    /// Root mean square of their logarithms.
+    pub spread: f64,
+    /// Differences of points' colours with equal gains and with these.
+    pub differences: [f64; 2],
+    /// Gains of red, green and blue by the names of photos.
+    pub gains: BTreeMap<String, [f32; 3]>,
+}
+
+impl PlannedGains {
+    fn new(gains: &PhotoGains, names: &[String]) -> Self {
+        let PhotoGains { gains, spread, differences } = gains.clone();
+        Self { spread, differences, gains: names.iter().cloned().zip(gains).collect() }
+    }
+
+    /// Returns those of some photos, in their order.
+    #[must_use]
+    pub fn of(&self, photos: &[String]) -> PhotoGains {
+        let gain = |name: &String| self.gains.get(name).copied().unwrap_or([1.0; 3]);
+        let gains = photos.iter().map(gain).collect();
+        PhotoGains { gains, spread: self.spread, differences: self.differences }
+    }
+}
+
+/// The haze of photos; see [`PhotoHaze`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlannedHaze {
+    /// Extinction a scene unit.
+    pub extinction: f64,
+    /// Its standard deviation; `None` if it was given.
+    pub error: Option<f64>,
+    /// Extinction a scene unit as photos show it.
+    pub shown: f64,
+    /// Light of endless haze, linear RGB.
+    pub airlight: [f64; 3],
+    /// The photos' gains in the haze.
+    pub gains: PlannedGains,
+}
+
+impl PlannedHaze {
+    /// Returns it as trainings take it.
+    #[must_use]
+    pub fn haze(&self) -> PhotoHaze {
+        let Self { extinction, error, shown, airlight, .. } = *self;
+        PhotoHaze { extinction, error, shown, airlight }
+    }
+}
+
+impl BlockPlan {
+    /// Reads a plan; returns it and its checksum.
+    pub(super) fn read(path: &Path) -> Result<(Self, u64), BlockError> {
+        let bytes = fs::read(path).map_err(|reason| BlockError::Unread { path: path.to_owned(), reason })?;
+        let damaged = |reason: String| BlockError::Damaged { path: path.to_owned(), reason };
+        let plan: Self = serde_json::from_slice(&bytes).map_err(|error| damaged(error.to_string()))?;
+        if plan.version != VERSION {
+            return Err(damaged(format!("version {}, this program reads {VERSION}", plan.version)));
+        }
+        if plan.blocks.is_empty() {
+            return Err(damaged("it has no blocks".into()));
+        }
+        if let Some(block) = plan.blocks.iter().position(|block| block.cameras.len() < FEWEST) {
+            return Err(damaged(format!("block {block} has fewer than {FEWEST} cameras")));
+        }
+        for block in &plan.blocks {
+            block.config.check().map_err(|error| damaged(error.to_string()))?;
+        }
+        Ok((plan, hash(FNV_START, &bytes)))
+    }
+
+    /// Writes it, so that it outlives a power cut: trainings of hours stand on it.
+    pub(super) fn write(&self, path: &Path) -> Result<(), BlockError> {
+        write_durably(path, |out| {
+            let text = serde_json::to_string_pretty(self).map_err(io::Error::from)?;
+            Ok(writeln!(out, "{text}")?)
+        })?;
+        Ok(())
+    }
+
+    /// Refuses a plan that was made with other options.
+    pub(super) fn check(
+        &self,
+        path: &Path,
+        options: &SessionOptions,
+        blocks: &BlockOptions,
+    ) -> Result<(), BlockError> {
+        let other = |was: String, is: String| BlockError::OtherPlan { path: path.to_owned(), was, is };
+        if let BlockCount::Number(count) = blocks.count
+            && count.get() as usize != self.blocks.len()
+        {
+            return Err(other(format!("{} blocks", self.blocks.len()), count.to_string()));
+        }
+        let size = format!("{:?}", options.dataset.size);
+        if size != self.photo_size {
+            return Err(other(format!("photos of size {}", self.photo_size), size));
+        }
+        let hold_out = (options.held_out.every, options.held_out.from);
+        if hold_out != self.hold_out {
+            let said = |(every, from)| format!("one photo of {every} held out, from {from}");
+            return Err(other(said(self.hold_out), said(hold_out)));
+        }
+        if blocks.region != self.region {
+            let said = |region: Option<BlockRegion>| match region {
+                Some(BlockRegion { low, high }) => format!("the region {low:?} to {high:?}"),
+                None => "no region".into(),
+            };
+            return Err(other(said(self.region), said(blocks.region)));
+        }
+        for (index, block) in self.blocks.iter().enumerate() {
+            let config = config_of(options, index, block.cameras.len(), block.confirmed)?;
+            if config != block.config {
+                return Err(other("other options of the training".into(), "these".into()));
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns true if a point belongs to the core of a block.
+    #[must_use]
+    pub fn is_core(&self, block: &TrainBlock, point: DVec3) -> bool {
+        block.core.holds(self.ground.place(point)) && self.region.is_none_or(|region| region.holds(point))
+    }
+}
+
+/// Returns the configuration of a block's training: that of a training of its photos, with a seed of its own.
+fn config_of(
+    options: &SessionOptions,
+    block: usize,
+    photos: usize,
+    confirmed: u64,
+) -> Result<TrainConfig, BlockError> {
+    let mut config = match options.config.clone() {
+        Some(config) => config,
+        None => options.plan.config(photos, confirmed)?,
+    };
+    config.seed = config.seed.wrapping_add(block as u64);
+    Ok(config)
+}
+
+/// Makes the plan of a data set, and writes the sky.
+pub(super) fn make(
+    whole: &WholeSession,
+    options: &SessionOptions,
+    blocks: &BlockOptions,
+    folder: &Path,
+    observer: &mut dyn TrainObserver,
+) -> Result<BlockPlan, BlockError> {
+    let (taught, held_out) = whole.places();
+    let count = match blocks.count {
+        BlockCount::Auto => taught.len().div_ceil(PHOTOS).max(1),
+        BlockCount::Number(count) => count.get() as usize,
+    };
+    if count > taught.len() / FEWEST {
+        let (photos, most) = (taught.len(), taught.len() / FEWEST);
+        return Err(BlockError::TooMany { wanted: count, photos, fewest: FEWEST, most });
+    }
+    let points: Vec<DVec3> =
+        whole.capture().points.positions.iter().map(|point| DVec3::from_array(*point)).collect();
+    let is_inside: Vec<bool> =
+        points.iter().map(|point| blocks.region.is_none_or(|region| region.holds(*point))).collect();
+    if !points.is_empty() && !is_inside.contains(&true) {
+        return Err(BlockError::EmptyRegion);
+    }
+    let seen = [whole.seen_points(taught), whole.seen_points(held_out)];
+    let middles: Vec<DVec3> = taught
+        .iter()
+        .zip(&seen[0])
+        .map(|(place, seen)| middle(&points, seen).unwrap_or_else(|| whole.camera(*place).center()))
+        .collect();
+    let ground = GroundAxes::of(up(whole, taught), &middles);
+    let on_ground: Vec<DVec2> = points.iter().map(|point| ground.place(*point)).collect();
+    let places: Vec<DVec2> = middles.iter().map(|middle| ground.place(*middle)).collect();
+    let photos: Vec<PlacedPhoto<'_>> =
+        places.iter().zip(&seen[0]).map(|(place, seen)| PlacedPhoto { place: *place, seen }).collect();
+    let measured: Vec<PlacedPhoto<'_>> = held_out
+        .iter()
+        .zip(&seen[1])
+        .map(|(place, seen)| {
+            let middle = middle(&points, seen).unwrap_or_else(|| whole.camera(*place).center());
+            PlacedPhoto { place: ground.place(middle), seen }
+        })
+        .collect();
+    // Cells are cut where there is something to train.
+    let own: Vec<DVec2> = match blocks.region {
+        Some(region) => {
+            let inside = middles.iter().zip(&places).filter(|(middle, _)| region.holds(**middle));
+            inside.map(|(_, place)| *place).collect()
+        }
+        None => places.clone(),
+    };
+    let own = if own.len() < count { &places } else { &own };
+    let mut planned = Vec::with_capacity(count);
+    for (index, (core, reach)) in cells::cells(own, count).into_iter().enumerate() {
+        let within = |cell: &GroundCell| -> Vec<bool> {
+            on_ground.iter().zip(&is_inside).map(|(at, inside)| *inside && cell.holds(*at)).collect()
+        };
+        let (in_core, in_reach) = (within(&core), within(&reach));
+        let joined: Vec<usize> =
+            cells::joining(&photos, &core, &in_core, &in_reach).into_iter().map(|i| taught[i]).collect();
+        let shown = measured.iter().zip(held_out).filter(|(photo, _)| {
+            let inside = photo.seen.iter().filter(|point| in_reach[**point as usize]).count();
+            2 * inside > photo.seen.len()
+        });
+        let confirmed = confirmed_of(whole, &joined);
+        planned.push(TrainBlock {
+            core,
+            reach,
+            points: in_core.iter().filter(|inside| **inside).count(),
+            confirmed,
+            config: config_of(options, index, joined.len(), confirmed)?,
+            held_out: shown.map(|(_, place)| whole.name(*place).to_owned()).collect(),
+            cameras: joined.into_iter().map(|place| whole.name(place).to_owned()).collect(),
+        });
+    }
+    let names: Vec<String> = taught.iter().map(|place| whole.name(*place).to_owned()).collect();
+    let config = config_of(options, 0, taught.len(), confirmed_of(whole, taught))?;
+    let haze = whole.haze(config.haze, observer)?;
+    let splats = whole.sky(&config, haze.as_ref())?;
+    let sky = splats.len();
+    if sky > 0 {
+        write_scene(&folder.join(SKY), &Scene { splats, metadata: Metadata::default(), views: Vec::new() })?;
+    }
+    Ok(BlockPlan {
+        version: VERSION,
+        photos: taught.len(),
+        photo_size: format!("{:?}", options.dataset.size),
+        hold_out: (options.held_out.every, options.held_out.from),
+        ground,
+        region: blocks.region,
+        priors: whole.priors().map(|priors| match priors.strip_prefix(folder) {
+            Ok(inside) => inside.to_owned(),
+            Err(_) => std::path::absolute(&priors).unwrap_or(priors),
+        }),
+        sky,
+        haze: haze.map(|(haze, gains)| PlannedHaze {
+            extinction: haze.extinction,
+            error: haze.error,
+            shown: haze.shown,
+            airlight: haze.airlight,
+            gains: PlannedGains::new(&gains, &names),
+        }),
+        gains: whole.gains().map(|gains| PlannedGains::new(gains, &names)),
+        blocks: planned,
+    })
+}
+
+/// Returns up, which need not be exact here: that of the capture, or the cameras' own in the mean.
+fn up(whole: &WholeSession, places: &[usize]) -> DVec3 {
+    let held = || places.iter().map(|place| whole.camera(*place).up()).sum::<DVec3>();
+    whole.up().unwrap_or_else(held).try_normalize().unwrap_or(DVec3::Z)
+}
+
+/// Returns the median of the points that a photo shows, axis by axis; `None` if it shows none.
+fn middle(points: &[DVec3], seen: &[u32]) -> Option<DVec3> {
+    let along = |axis: usize| {
+        let mut values: Vec<f64> =
+            seen.iter().map(|point| points[*point as usize].to_array()[axis]).collect();
+        crate::brightness::median(&mut values)
+    };
+    (!seen.is_empty()).then(|| DVec3::new(along(0), along(1), along(2)))
+}

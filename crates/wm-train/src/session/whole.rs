@@ -1,0 +1,127 @@
+//! A whole data set, of which trainings learn parts: what they share is found before them, and what the place is after them.
+
+use super::data::{TrainData, confirmed_pixels};
+use super::error::SessionError;
+use super::folder::RunFolder;
+use super::observer::TrainObserver;
+use super::part::capture_of;
+use super::{PriorSource, Resume, SessionOptions, priors, scene};
+use crate::brightness::PhotoGains;
+use crate::config::{HazeMode, TrainConfig};
+use crate::haze::PhotoHaze;
+use crate::priors::points::seen_points;
+use crate::priors::{FOLDER, Priors};
+use glam::DVec3;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use wm_scene::capture::Capture;
+use wm_scene::{Camera, Scene, Splats};
+
+/// A data set that is open, and its priors.
+pub(crate) struct WholeSession {
+    options: SessionOptions,
+    data: TrainData,
+    priors: Option<Priors>,
+}
+
+impl WholeSession {
+    /// Opens a data set with its photos and priors; what is made for it lies in the run folder, and is taken from there if it is
+    /// there already.
+    pub fn open(
+        dataset: &Path,
+        options: &SessionOptions,
+        run_folder: &Path,
+        observer: &mut dyn TrainObserver,
+    ) -> Result<Self, SessionError> {
+        let mut options = options.clone();
+        let folder = RunFolder::open(Some(run_folder), Resume::Overwrite)?;
+        folder.make()?;
+        let data = TrainData::open(dataset, &options, &folder, observer)?;
+        data.write_poor(&folder)?;
+        let made = run_folder.join(FOLDER);
+        let is_given = matches!(options.priors, PriorSource::Folder(_) | PriorSource::None);
+        if !is_given && Priors::open(&made)?.is_some() {
+            options.priors = PriorSource::Folder(made);
+        }
+        let priors = priors::open(dataset, &options, &data, &folder, observer)?;
+        Ok(Self { options, data, priors })
+    }
+
+    /// Returns cameras and points.
+    pub fn capture(&self) -> &Capture {
+        &self.data.set.capture
+    }
+
+    /// Returns up, if something tells it.
+    pub fn up(&self) -> Option<DVec3> {
+        self.data.up.map(|up| up.up)
+    }
+
+    /// Returns the indices of the photos to learn from, and of those that are held out.
+    pub fn places(&self) -> (&[usize], &[usize]) {
+        (&self.data.set.places, &self.data.held_out)
+    }
+
+    /// Returns the name of a photo.
+    pub fn name(&self, place: usize) -> &str {
+        self.data.set.name(place)
+    }
+
+    /// Returns the camera of a photo in the size in use.
+    pub fn camera(&self, place: usize) -> Camera {
+        self.data.set.photos.camera(place, 0)
+    }
+
+    /// Returns the points that each of the photos shows, as indices into the capture's.
+    pub fn seen_points(&self, places: &[usize]) -> Vec<Vec<u32>> {
+        seen_points(&self.data.set.capture, &self.data.set.photos, places)
+    }
+
+    /// Returns the folder of the priors, if there are any.
+    pub fn priors(&self) -> Option<PathBuf> {
+        self.priors.as_ref().map(|priors| priors.folder().to_owned())
+    }
+
+    /// Returns the brightness of the training photos beside each other.
+    pub fn gains(&self) -> Option<&PhotoGains> {
+        self.data.gains()
+    }
+
+    /// Returns the haze of the training photos, and their gains.
+    pub fn haze(
+        &self,
+        mode: HazeMode,
+        observer: &mut dyn TrainObserver,
+    ) -> Result<Option<(PhotoHaze, PhotoGains)>, SessionError> {
+        scene::haze(mode, &self.data, self.priors.as_ref(), &self.options, observer)
+    }
+
+    /// Returns the splats of the sky.
+    pub fn sky(
+        &self,
+        config: &TrainConfig,
+        haze: Option<&(PhotoHaze, PhotoGains)>,
+    ) -> Result<Splats, SessionError> {
+        let gains = self.data.first_exposures(config.exposure, haze.map(|(_, gains)| gains));
+        scene::sky(config, &self.data, self.priors.as_ref(), haze.map(|(haze, _)| haze), gains)
+    }
+
+    /// Returns the scene of the splats that trainings of the parts made, as [`scene::finish`] does.
+    pub fn finish(
+        &self,
+        splats: Splats,
+        config: &TrainConfig,
+        haze: Option<&PhotoHaze>,
+        observer: &mut dyn TrainObserver,
+    ) -> Result<Scene, SessionError> {
+        scene::finish(splats, config, &self.data, &self.options, self.priors.as_ref(), haze, observer)
+    }
+}
+
+/// Returns the number of pixels of the photos `places` that confirm what two others of them show.
+pub(crate) fn confirmed_of(whole: &WholeSession, places: &[usize]) -> u64 {
+    let names: HashSet<&str> = places.iter().map(|place| whole.name(*place)).collect();
+    let part = capture_of(whole.capture(), |name| names.contains(name), |_| true);
+    let cameras: Vec<Camera> = places.iter().map(|place| whole.camera(*place)).collect();
+    confirmed_pixels(&part.points, &cameras)
+}
