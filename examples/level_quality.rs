@@ -12,7 +12,7 @@ use glam::{DMat3, DMat4, DVec3};
 use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
-use weather_magician::levels::{CutBudget, LevelBuilder, LevelCut, LevelOptions, seen_shares};
+use weather_magician::levels::{CoarseLeaves, CutBudget, LevelBuilder, LevelCut, LevelOptions};
 use weather_magician::view::{ViewOptions, choose};
 use weather_magician::{Camera, Metadata, PlaceOptions, Renderer, Scene};
 use wm_render::{Background, DrawPass, Frame, Geometry, Outputs, RenderBackend, RenderConfig, SetView};
@@ -70,12 +70,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let coarsest = LevelCut::coarsest(&index);
     let outline = splats_of(&index, &files, &coarsest)?;
     let mut small = wm_render::CpuRenderer::new(wm_render::CpuConfig::default())?;
+    let outline = CoarseLeaves::of(&index, &coarsest, small.load(&outline)?);
     let budget = CutBudget { splats: ((share * count as f64) as u64).saturating_sub(sky as u64) };
     for (number, (camera, truth)) in cameras.iter().zip(&truths).enumerate() {
         let started = Instant::now();
         let plain = LevelCut::of(&index, &[*camera], &budget);
         let milliseconds = 1e3 * started.elapsed().as_secs_f64();
-        let weights = seen_shares(&index, &coarsest, &outline, camera, rasterization, &mut small)?;
+        let weights = outline.seen_shares(&index, &[*camera], rasterization, &mut small)?;
         let knowing = LevelCut::weighted(&index, &[*camera], &weights, &budget);
         let mut row = format!("view {number}: cut in {milliseconds:.2} ms");
         for cut in [plain, knowing] {

@@ -20,7 +20,7 @@ pub use budget::{LevelBudget, MOST_SPLATS};
 pub use build::{LevelBuilder, LevelOptions, LevelSummary};
 pub use coverage::coverage;
 pub use cut::{CutBudget, LevelCut};
-pub use seen::seen_shares;
+pub use seen::CoarseLeaves;
 pub(crate) use stream::{LevelStream, RunId};
 pub use weather_scene::cameras_around;
 pub(crate) use weather_scene::{WeatherFocus, WeatherScene, nearest_of};

@@ -11,8 +11,8 @@ use super::{PlaceOptions, PreparedPlace};
 use crate::assets::{AssetCache, AssetNeeds, AssetStore, scene_digest};
 use crate::lamps::PlaceLamps;
 use crate::levels::{
-    BudgetShares, CutBudget, LevelBudget, LevelCut, LevelStream, RunId, WeatherFocus, WeatherScene,
-    nearest_of,
+    BudgetShares, CoarseLeaves, CutBudget, LevelBudget, LevelCut, LevelStream, RunId, WeatherFocus,
+    WeatherScene, nearest_of,
 };
 use crate::place_light::PlaceLight;
 use crate::place_water::PlaceWater;
@@ -21,13 +21,15 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
-use wm_render::{AnyRenderer, RenderBackend, SetId};
+use wm_render::{AnyRenderer, RenderBackend, SetId, bytes_of_set};
 use wm_scene::levels::{LevelIndex, LevelLeaf};
 use wm_scene::splats::LabelKind;
 use wm_scene::survey::{SkyRegion, label_sky};
-use wm_scene::{Camera, Group, Scene, Splats};
+use wm_scene::{Camera, Group, Rasterization, Scene, Splats};
 use wm_weather::Weather;
 
+/// Cameras of a shot by which is told what is hidden, at most.
+const MOST_LOOKS: usize = 24;
 /// Places of a sensor on its way, less one.
 const WAY_STOPS: u32 = 32;
 
@@ -39,8 +41,11 @@ pub(crate) struct PlaceLevels {
     environment: Option<(Splats, SetId)>,
     /// The camera of the last cut.
     camera: Option<Camera>,
-    /// The cut of all frames, and the focus of their weather; else each frame has its own.
-    shot: Option<(LevelCut, WeatherFocus)>,
+    /// The shot that all frames are of; else each frame has a cut of its own.
+    shot: Option<Shot>,
+    /// All of it coarse, to tell what a camera sees.
+    coarse: CoarseLeaves,
+    rasterization: Rasterization,
     /// The place that the weather is prepared about; `None` for all of it alike.
     focus: Option<WeatherFocus>,
     /// The leaves of the weather's splats, by number, and where they are in them.
@@ -51,6 +56,12 @@ pub(crate) struct PlaceLevels {
     drawn: Vec<RunId>,
     /// The weather's splats for those of runs.
     choices: BTreeMap<RunId, Arc<[u32]>>,
+}
+
+/// Cameras whose frames share one cut of the levels.
+struct Shot {
+    cameras: Vec<Camera>,
+    focus: WeatherFocus,
 }
 
 /// A set that a frame draws of a place in levels, and the weather's splat for each of its own.
@@ -84,8 +95,13 @@ impl PlaceLevels {
         let WeatherScene { mut splats, parts } = stream.weather_scene(&base, environment.as_ref())?;
         let sky = if environment.is_some() { SkyRegion::None } else { SkyRegion::of(&splats) };
         label_sky(&mut splats);
+        let WeatherScene { splats: outline, parts: leaves } =
+            stream.weather_scene(&runs_at(&index, coarsest), None)?;
+        let ends = leaves.into_iter().map(|((leaf, _), part)| (leaf as usize, part.end as u64)).collect();
+        let coarse = CoarseLeaves { set: backend.load(&outline)?, ends };
         let shares = budget.shares(stream.sh_degree());
-        stream.limit(sky, shares.held_bytes);
+        let outline = bytes_of_set(outline.len(), outline.sh_degree);
+        stream.limit(sky, shares.held_bytes.saturating_sub(outline));
         let environment = match environment {
             Some(splats) => {
                 let set = backend.load(&splats)?;
@@ -100,6 +116,8 @@ impl PlaceLevels {
             environment,
             camera: None,
             shot: None,
+            coarse,
+            rasterization: metadata.rasterization.unwrap_or_default(),
             focus: None,
             parts: HashMap::new(),
             points: Arc::default(),
@@ -133,13 +151,19 @@ impl PlaceLevels {
         if self.camera == Some(*camera) || (self.shot.is_some() && self.camera.is_some()) {
             return Ok(());
         }
-        let wanted = match &self.shot {
-            Some((cut, _)) => runs_of(cut),
-            None => {
-                let budget = CutBudget { splats: self.shares.frame_splats };
-                runs_of(&LevelCut::of(self.stream.index(), std::slice::from_ref(camera), &budget))
+        let budget = CutBudget { splats: self.shares.frame_splats };
+        let cameras = self.shot.as_ref().map_or(std::slice::from_ref(camera), |shot| &shot.cameras);
+        let index = Arc::clone(self.stream.index());
+        // A draft may spend splats on what is hidden.
+        let seen = match patience {
+            Patience::Whole => {
+                let some: Vec<Camera> =
+                    cameras.iter().copied().step_by(cameras.len().div_ceil(MOST_LOOKS)).collect();
+                self.coarse.seen_shares(&index, &some, self.rasterization, backend)?
             }
+            Patience::Draft => Vec::new(),
         };
+        let wanted = runs_of(&LevelCut::weighted(&index, cameras, &seen, &budget));
         self.drawn = self.stream.hold(backend, &wanted, patience)?;
         self.camera = Some(*camera).filter(|_| patience == Patience::Whole);
         Ok(())
@@ -187,6 +211,7 @@ impl PlaceLevels {
     /// Takes all splats out of the renderer.
     pub(super) fn clear(&mut self, backend: &mut AnyRenderer) {
         self.stream.clear(backend);
+        backend.unload(self.coarse.set);
         if let Some((_, set)) = self.environment.take() {
             backend.unload(set);
         }
@@ -244,9 +269,8 @@ impl PreparedPlace {
     /// them; without cameras each frame has a cut of its own again. Other places stay as they are.
     pub fn set_shot(&mut self, cameras: &[Camera]) {
         let Some(levels) = &mut self.levels else { return };
-        let budget = CutBudget { splats: levels.shares.frame_splats };
         levels.shot = (!cameras.is_empty())
-            .then(|| (LevelCut::of(levels.stream.index(), cameras, &budget), WeatherFocus::along(cameras)));
+            .then(|| Shot { cameras: cameras.to_vec(), focus: WeatherFocus::along(cameras) });
         levels.camera = None;
     }
 
@@ -274,7 +298,7 @@ impl PreparedPlace {
 
     fn focus_for(&self, levels: &PlaceLevels, camera: &Camera) -> WeatherFocus {
         match &levels.shot {
-            Some((_, focus)) => *focus,
+            Some(shot) => shot.focus,
             None => WeatherFocus::cell_of(camera, self.survey.up.value, self.site.metres_per_unit),
         }
     }
@@ -307,7 +331,7 @@ impl PreparedPlace {
     /// Takes the splats along the shot for the weather's; returns false if there is no shot.
     pub(super) fn focus_on_shot(&mut self, backend: &mut AnyRenderer) -> Result<bool> {
         let shot = self.levels.as_ref().and_then(|levels| levels.shot.as_ref());
-        let Some((_, focus)) = shot else { return Ok(false) };
+        let Some(Shot { focus, .. }) = shot else { return Ok(false) };
         self.focus_on(backend, *focus)?;
         Ok(true)
     }
