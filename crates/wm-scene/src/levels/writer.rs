@@ -294,8 +294,11 @@ impl LevelFileJob {
     /// # Errors
     /// [`FormatError`] if it cannot be written.
     pub fn write(self) -> Result<(), FormatError> {
-        let entries = self.scene.splats.len().div_ceil(SPLATS_PER_ENTRY);
-        write_files(&self.path, |sink| files_with(&self.scene, Arrangement::AsGiven, entries, sink))
+        let splats = &self.scene.splats;
+        let entries = splats.len().div_ceil(SPLATS_PER_ENTRY);
+        let weights: Vec<f32> = (0..splats.len()).map(|index| visibility(splats, index)).collect();
+        let scene = &self.scene;
+        write_files(&self.path, |sink| files_with(scene, Arrangement::AsGiven, entries, &weights, sink))
     }
 }
 
@@ -375,6 +378,14 @@ pub(super) fn ellipsoids(sets: &[Splats]) -> Extent {
         }
     }
     (low.map(|v| outward(v, -1.0)), high.map(|v| outward(v, 1.0)))
+}
+
+/// Share of a splat's squared error in that of pictures: its opacity squared times its area, above 0.
+fn visibility(splats: &Splats, index: usize) -> f32 {
+    let [x, y, z] = splats.log_scales[index];
+    // Without the thinnest axis.
+    let area = (x + y + z - x.min(y).min(z)).clamp(-60.0, 60.0).exp();
+    (splats.opacity(index) as f32).powi(2).max(1e-4) * area
 }
 
 /// Half the sides of the box of a splat's ellipsoid of 3 standard deviations.

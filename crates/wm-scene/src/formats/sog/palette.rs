@@ -111,15 +111,17 @@ struct Cell {
 const SPLIT_ROUNDS: usize = 3;
 
 impl Palette {
-    /// A palette of at most `most` entries (65,536 at most) for vectors of `size` values, `[N, size]` flat.
+    /// A palette of at most `most` entries (65,536 at most) for vectors of `size` values, `[N, size]` flat, whose squared errors count by
+    /// `weights`, `[N]`, above 0; alike if there are none.
     ///
     /// The set with the largest error is split in two, again and again: across its mean along the value that
     /// varies most, then by a few rounds of two means. So each vector is looked at some log2(entries) times.
-    pub fn of(vectors: &[f32], size: usize, most: usize) -> Self {
+    pub fn of(vectors: &[f32], size: usize, most: usize, weights: &[f32]) -> Self {
         let count = vectors.len() / size;
         let vector = |i: u32| &vectors[i as usize * size..][..size];
+        let weight = |i: u32| weights.get(i as usize).copied().unwrap_or(1.0);
         let mut order: Vec<u32> = (0..count as u32).collect();
-        let mut cells = vec![Cell::of(&order, 0, count, size, &vector)];
+        let mut cells = vec![Cell::of(&order, 0, count, size, &vector, &weight)];
         // The largest error first, then the earliest cell.
         let mut heap = std::collections::BinaryHeap::new();
         let key = |cell: &Cell| (cell.error.max(0.0)).to_bits();
@@ -129,11 +131,11 @@ impl Palette {
             if error == 0 {
                 break;
             }
-            let Some(middle) = split(&mut order, &cells[index], size, &vector) else { continue };
+            let Some(middle) = split(&mut order, &cells[index], size, &vector, &weight) else { continue };
             let (first, end) = (cells[index].first, cells[index].end);
             let (a, b) = (
-                Cell::of(&order, first, middle, size, &vector),
-                Cell::of(&order, middle, end, size, &vector),
+                Cell::of(&order, first, middle, size, &vector, &weight),
+                Cell::of(&order, middle, end, size, &vector, &weight),
             );
             heap.push((key(&a), std::cmp::Reverse(index)));
             heap.push((key(&b), std::cmp::Reverse(cells.len())));
@@ -157,17 +159,21 @@ impl Cell {
         end: usize,
         size: usize,
         vector: &impl Fn(u32) -> &'a [f32],
+        weight: &impl Fn(u32) -> f32,
     ) -> Self {
-        let mut sums = vec![0f64; size];
+        let (mut sums, mut total) = (vec![0f64; size], 0f64);
         for index in &order[first..end] {
+            let weight = f64::from(weight(*index));
+            total += weight;
             for (sum, v) in sums.iter_mut().zip(vector(*index)) {
-                *sum += f64::from(*v);
+                *sum += weight * f64::from(*v);
             }
         }
-        let count = (end - first).max(1) as f64;
-        let mean: Vec<f32> = sums.iter().map(|sum| (sum / count) as f32).collect();
-        let error =
-            order[first..end].iter().map(|index| f64::from(squared_distance(vector(*index), &mean))).sum();
+        let total = if total > 0.0 { total } else { 1.0 };
+        let mean: Vec<f32> = sums.iter().map(|sum| (sum / total) as f32).collect();
+        let far =
+            |index: &u32| f64::from(weight(*index)) * f64::from(squared_distance(vector(*index), &mean));
+        let error = order[first..end].iter().map(far).sum();
         Self { first, end, mean, error }
     }
 }
@@ -191,12 +197,14 @@ fn split<'a>(
     cell: &Cell,
     size: usize,
     vector: &impl Fn(u32) -> &'a [f32],
+    weight: &impl Fn(u32) -> f32,
 ) -> Option<usize> {
     let part = &mut order[cell.first..cell.end];
     let mut spread = vec![0f64; size];
     for index in &*part {
+        let weight = f64::from(weight(*index));
         for ((sum, v), mean) in spread.iter_mut().zip(vector(*index)).zip(&cell.mean) {
-            *sum += f64::from(v - mean).powi(2);
+            *sum += weight * f64::from(v - mean).powi(2);
         }
     }
     let widest = (0..size).max_by(|a, b| spread[*a].total_cmp(&spread[*b]))?;
@@ -206,11 +214,13 @@ fn split<'a>(
             return None;
         }
         let mean = |indices: &[u32]| {
-            let mut sums = vec![0f32; size];
+            let (mut sums, mut total) = (vec![0f32; size], 0f32);
             for index in indices {
-                sums.iter_mut().zip(vector(*index)).for_each(|(sum, v)| *sum += v);
+                let weight = weight(*index);
+                total += weight;
+                sums.iter_mut().zip(vector(*index)).for_each(|(sum, v)| *sum += weight * v);
             }
-            sums.iter_mut().for_each(|sum| *sum /= indices.len() as f32);
+            sums.iter_mut().for_each(|sum| *sum /= total);
             sums
         };
         let (a, b) = (mean(&part[..middle]), mean(&part[middle..]));
@@ -263,11 +273,11 @@ mod tests {
     #[test]
     fn a_palette_holds_few_vectors_exactly() {
         let vectors: Vec<f32> = (0..200).flat_map(|i| [(i % 7) as f32, (i % 5) as f32, 1.0]).collect();
-        let palette = Palette::of(&vectors, 3, 64);
+        let palette = Palette::of(&vectors, 3, 64, &[]);
         assert_eq!(palette.entries.len(), 35 * 3);
         for (vector, label) in vectors.chunks(3).zip(&palette.labels) {
             assert_eq!(vector, &palette.entries[usize::from(*label) * 3..][..3]);
         }
-        assert_eq!(Palette::of(&vectors, 3, 10).entries.len(), 30);
+        assert_eq!(Palette::of(&vectors, 3, 10, &[]).entries.len(), 30);
     }
 }

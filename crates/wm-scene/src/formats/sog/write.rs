@@ -69,14 +69,16 @@ pub(crate) enum Arrangement {
 
 /// Gives `file` the files of a scene, `meta.json` last.
 pub(super) fn files(scene: &Scene, file: &mut FileSink) -> Result<(), Problem> {
-    files_with(scene, Arrangement::Morton, MAX_ENTRIES, file)
+    files_with(scene, Arrangement::Morton, MAX_ENTRIES, &[], file)
 }
 
-/// Gives `file` the files of a scene in an order, with at most `entries` (65,536 at most) in the palette of SH; `meta.json` comes last.
+/// Gives `file` the files of a scene in an order, with at most `entries` (65,536 at most) in the palette of SH, whose errors count by
+/// `weights`, a splat each, or alike if there are none; `meta.json` comes last.
 pub(crate) fn files_with(
     scene: &Scene,
     arrangement: Arrangement,
     entries: usize,
+    weights: &[f32],
     file: &mut FileSink,
 ) -> Result<(), Problem> {
     let splats = &scene.splats;
@@ -144,7 +146,7 @@ pub(crate) fn files_with(
         let finite = |v: &f32| if v.is_finite() { *v } else { 0.0 };
         let vectors: Vec<f32> =
             splats.sh.chunks_exact(stride).flat_map(|sh| sh[3..].iter().map(finite)).collect();
-        let palette = Palette::of(&vectors, size, entries.clamp(1, MAX_ENTRIES));
+        let palette = Palette::of(&vectors, size, entries.clamp(1, MAX_ENTRIES), weights);
         picture("shN_labels.webp", &|index| {
             let [low, high] = palette.labels[index].to_le_bytes();
             [low, high, 0, 255]
