@@ -363,12 +363,12 @@ fn up(whole: &WholeSession, places: &[usize]) -> DVec3 {
     whole.up().unwrap_or_else(held).try_normalize().unwrap_or(DVec3::Z)
 }
 
-/// Returns the median of the points that a photo shows, axis by axis; `None` if it shows none.
+/// Returns the median of the points that a photo shows, axis by axis; `None` if it shows none that is finite.
 fn middle(points: &[DVec3], seen: &[u32]) -> Option<DVec3> {
+    let finite = || seen.iter().map(|point| points[*point as usize]).filter(|point| point.is_finite());
     let along = |axis: usize| {
-        let mut values: Vec<f64> =
-            seen.iter().map(|point| points[*point as usize].to_array()[axis]).collect();
+        let mut values: Vec<f64> = finite().map(|point| point.to_array()[axis]).collect();
         crate::brightness::median(&mut values)
     };
-    (!seen.is_empty()).then(|| DVec3::new(along(0), along(1), along(2)))
+    finite().next().map(|_| DVec3::new(along(0), along(1), along(2)))
 }
