@@ -51,13 +51,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let tile = part(&rest, inside);
 
     let started = Instant::now();
-    let options = LevelOptions {
-        // Fewer, larger leaves than of one place: each is a set of splats of its own when it is drawn.
-        leaf_splats: 1 << 14,
-        coarsest: 1 << 7,
-        rasterization: scene.metadata.rasterization,
-        ..LevelOptions::default()
-    };
+    let all = u64::from(side * side) * tile.len() as u64;
+    let options =
+        LevelOptions { rasterization: scene.metadata.rasterization, ..LevelOptions::for_splats(all) };
     let mut builder = LevelBuilder::create(Path::new(out), options)?;
     for number in 0..side * side {
         let at = |cell: u32| length * (f64::from(cell) - 0.5 * f64::from(side - 1));

@@ -19,7 +19,7 @@ pub(super) fn write(out: &Path, mut scene: Scene, notes: Vec<String>, args: &Con
         },
         rasterization: scene.metadata.rasterization,
         threads: args.run.threads.map(usize::from),
-        ..LevelOptions::default()
+        ..LevelOptions::for_splats(scene.splats.len() as u64)
     };
     let mut builder = LevelBuilder::create(out, options)?;
     builder.add(&scene.splats, &mut Reporter::default())?;

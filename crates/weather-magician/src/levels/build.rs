@@ -31,6 +31,16 @@ pub struct LevelOptions {
     pub threads: Option<usize>,
 }
 
+impl LevelOptions {
+    /// The options for a scene of so many splats. Few, large leaves are made of a large one, since each is a set of splats of its own when it
+    /// is drawn; small ones fit better what cameras see.
+    #[must_use]
+    pub fn for_splats(count: u64) -> Self {
+        let leaf_splats = (count / 4096).next_power_of_two().clamp(2048, 1 << 14) as usize;
+        Self { leaf_splats, coarsest: leaf_splats / 128, ..Self::default() }
+    }
+}
+
 impl Default for LevelOptions {
     fn default() -> Self {
         Self {
