@@ -208,7 +208,7 @@ mod tests {
             )
         };
         let text = format!(
-            r#"{{"lodLevels": 4, "filenames": ["a", "b", "c", "d"], "tree": {{"children": [{}]}}}}"#,
+            r#"{{"lodLevels": 4, "lodErrors": true, "filenames": ["a", "b", "c", "d"], "tree": {{"children": [{}]}}}}"#,
             (0..leaves).map(leaf).collect::<Vec<_>>().join(",")
         );
         let folder = tempfile::tempdir().unwrap();
