@@ -1,10 +1,10 @@
-//! Makes a city in levels of detail: a scene, repeated on a grid with quarter turns and other colours, written block by block.
+//! Makes a city in levels of detail: a scene, repeated on a grid with half turns and other colours, written block by block.
 //!
 //! ```text
 //! cargo run --release --example city -- SCENE N OUT/lod-meta.json
 //! ```
 //!
-//! N is the number of blocks to a side: a scene of 850,000 splats and N = 12 make 122 million. Memory is that of a block or two. The sky
+//! N is the number of blocks to a side: a scene of 850,000 splats and N = 12 make more than 100 million. Memory is that of a block or two. The sky
 //! of the scene is kept once, about the middle.
 
 use glam::{DMat3, DVec3};
@@ -21,7 +21,7 @@ use wm_scene::{Group, Splats, sh};
 /// Share of the splats, on each side, beyond which a block does not reach: what is far out is seldom sharp.
 const FAR: f64 = 0.03;
 /// Largest change of a colour channel's gain.
-const TINT: f64 = 0.15;
+const TINT: f64 = 0.06;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().collect();
@@ -43,10 +43,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         [FAR, 1.0 - FAR].map(|share| f64::from(along[(share * (along.len() - 1) as f64) as usize]))
     });
     let middle = DVec3::new(0.5 * (ends[0][0] + ends[0][1]), 0.5 * (ends[1][0] + ends[1][1]), ground);
-    // A square, so that it fits after a quarter turn.
-    let length = ends.iter().map(|[low, high]| high - low).fold(f64::INFINITY, f64::min);
+    let sides = ends.map(|[low, high]| high - low);
     let inside = |index: usize| {
-        (0..2).all(|axis| (f64::from(rest.means[index][axis]) - middle[axis]).abs() <= 0.5 * length)
+        (0..2).all(|axis| (f64::from(rest.means[index][axis]) - middle[axis]).abs() <= 0.5 * sides[axis])
     };
     let tile = part(&rest, inside);
 
@@ -56,9 +55,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         LevelOptions { rasterization: scene.metadata.rasterization, ..LevelOptions::for_splats(all) };
     let mut builder = LevelBuilder::create(Path::new(out), options)?;
     for number in 0..side * side {
-        let at = |cell: u32| length * (f64::from(cell) - 0.5 * f64::from(side - 1));
-        let place = DVec3::new(at(number % side), at(number / side), 0.0);
-        let mut block = placed(&tile, middle, number % 4, place);
+        let at = |axis: usize, cell: u32| sides[axis] * (f64::from(cell) - 0.5 * f64::from(side - 1));
+        let place = DVec3::new(at(0, number % side), at(1, number / side), 0.0);
+        // Neighbours in a row and in a column are turned against each other.
+        let mut block = placed(&tile, middle, 2 * ((number + number / side) % 2), place);
         for channel in 0..3 {
             let gain = 1.0 + TINT * (2.0 * uniform(30, u64::from(3 * number + channel)) - 1.0);
             tint(&mut block, channel as usize, gain);

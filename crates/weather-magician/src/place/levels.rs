@@ -25,7 +25,7 @@ use wm_render::{AnyRenderer, RenderBackend, SetId, bytes_of_set};
 use wm_scene::levels::{LevelIndex, LevelLeaf};
 use wm_scene::splats::LabelKind;
 use wm_scene::survey::{SkyRegion, label_sky};
-use wm_scene::{Camera, Group, Rasterization, Scene, Splats};
+use wm_scene::{Camera, Rasterization, Scene, Splats};
 use wm_weather::Weather;
 
 /// Cameras of a shot by which is told what is hidden, at most.
@@ -80,11 +80,8 @@ impl PlaceLevels {
         repairs: bool,
     ) -> Result<(Self, Scene)> {
         let mut environment = index.read_environment()?.map(|scene| scene.splats);
-        if let Some(splats) = &mut environment {
-            if repairs {
-                *splats = std::mem::take(splats).repaired().0;
-            }
-            splats.groups.fill(Group::Sky);
+        if repairs && let Some(splats) = &mut environment {
+            *splats = std::mem::take(splats).repaired().0;
         }
         let index = Arc::new(index);
         let mut stream = LevelStream::new(Arc::clone(&index), repairs);

@@ -2,7 +2,7 @@
 
 use super::{LevelFile, tree::Extent};
 use crate::{
-    FormatError, Metadata, Problem, Scene, Splats,
+    FormatError, Group, Metadata, Problem, Scene, Splats,
     error::excerpt,
     formats::{
         DetailLevel,
@@ -258,14 +258,15 @@ impl LevelIndex {
         self.read_named(&self.files[file])
     }
 
-    /// Reads the splats that are always drawn; none if there is no such file.
+    /// Reads the splats that are always drawn, as those of the sky: infinitely far for weather; none if there is no such file.
     ///
     /// # Errors
     /// [`FormatError`] if it is not there or damaged.
     pub fn read_environment(&self) -> Result<Option<Scene>, FormatError> {
         let Some(name) = &self.environment else { return Ok(None) };
         let file = self.read_named(name)?;
-        let splats = file.splats(0, file.len() as u64)?;
+        let mut splats = file.splats(0, file.len() as u64)?;
+        splats.groups.fill(Group::Sky);
         Ok(Some(Scene { splats, metadata: file.metadata().clone(), views: Vec::new() }))
     }
 
