@@ -224,6 +224,23 @@ fn views_and_baked_snow_go_along() {
     assert!(desk.read("snowy.spz").splats.len() > 600);
 }
 
+/// Levels of detail are written, drawn under a budget, read back whole and written as 3D Tiles; a file that is missing is named.
+#[test]
+fn levels_of_detail() {
+    let desk = Desk::new();
+    fs::create_dir(desk.at("lod")).unwrap();
+    let line = desk.run("convert a.ply lod/lod-meta.json --lod 3");
+    assert!(line.starts_with("lod/lod-meta.json: 3 levels of 600, 300, 150 splats"), "{line}");
+    desk.run("convert lod/lod-meta.json back.ply");
+    assert_eq!(desk.read("back.ply").splats.len(), 600);
+    desk.run("convert lod/lod-meta.json coarse.ply --level 2");
+    assert_eq!(desk.read("coarse.ply").splats.len(), 150);
+    desk.run("convert lod/lod-meta.json tiles/tileset.json");
+    assert!(fs::read_to_string(desk.at("tiles/tileset.json")).unwrap().contains("KHR_gaussian_splatting"));
+    fs::remove_file(desk.at("lod/1_0/sh0.webp")).unwrap();
+    desk.refused("convert lod/lod-meta.json d.ply --level 1", &["lod/1_0/meta.json", "sh0.webp"]);
+}
+
 #[test]
 fn what_cannot_be_is_refused_and_nothing_is_written() {
     let desk = Desk::new();
@@ -236,7 +253,7 @@ fn what_cannot_be_is_refused_and_nothing_is_written() {
             "convert a.ply b.obj",
             "b.obj: no scene format is written to a name that ends in \".obj\"; use .ply",
         ),
-        ("convert a.ply lod-meta.json", "lod-meta.json: no scene format is written"),
+        ("convert a.ply tileset.json", "a.ply: 3D Tiles are made of a scene in levels of detail"),
         ("convert a.ply no/b.spz", "the folder \"no\" does not exist"),
         ("convert no.ply b.spz", "no.ply: no such file"),
         ("convert a.ply --to ply", "a.ply has that ending already"),

@@ -1,6 +1,6 @@
 //! Builds the levels of a scene of any size: blocks of splats in, files out.
 
-use super::judge::Judge;
+use super::judge::LeafJudge;
 use super::leaves::leaves;
 use super::merge::{halved, worth};
 use crate::{Error, Progress, Result};
@@ -85,7 +85,7 @@ pub struct LevelSummary {
 pub struct LevelBuilder {
     writer: LevelWriter,
     options: LevelOptions,
-    judges: Vec<Judge>,
+    judges: Vec<LeafJudge>,
     environment: Splats,
     summary: LevelSummary,
 }
@@ -101,7 +101,7 @@ impl LevelBuilder {
         let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         let judge = |_| {
             let renderer = CpuRenderer::new(CpuConfig { threads: Some(1), ..CpuConfig::default() })?;
-            Ok::<_, RenderError>(Judge::new(renderer, options.rasterization.unwrap_or_default()))
+            Ok::<_, RenderError>(LeafJudge::new(renderer, options.rasterization.unwrap_or_default()))
         };
         let judges =
             (0..options.threads.unwrap_or_else(cores).max(1)).map(judge).collect::<Result<_, _>>()?;
@@ -163,7 +163,7 @@ impl LevelBuilder {
     /// Builds leaves over the threads.
     fn built(&mut self, splats: &Splats, leaves: &[Vec<u32>]) -> Result<Vec<NewLeaf>> {
         let options = self.options;
-        let work = |judge: &mut Judge, leaf: usize| {
+        let work = |judge: &mut LeafJudge, leaf: usize| {
             let levels = levels_of(select(splats, &leaves[leaf]), &options);
             let errors = judge.errors(&levels)?;
             Ok(NewLeaf { levels, errors })

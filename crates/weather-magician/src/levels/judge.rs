@@ -15,14 +15,14 @@ const DISTANCE: f64 = 4.0;
 const SIDES: (u32, u32) = (48, 160);
 
 /// Measures the errors of levels.
-pub struct Judge {
+pub struct LeafJudge {
     renderer: CpuRenderer,
     config: RenderConfig,
     truth: Frame,
     other: Frame,
 }
 
-impl Judge {
+impl LeafJudge {
     /// A judge that renders with `renderer`.
     pub fn new(renderer: CpuRenderer, rasterization: Rasterization) -> Self {
         let config = RenderConfig {

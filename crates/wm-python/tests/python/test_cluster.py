@@ -301,7 +301,7 @@ def test_ctrl_c_leaves_whole_blocks(cluster, place, alone, tmp_path):
     attempts.mkdir()
     code = (
         "import sys; from cluster_place import Misbehaving; from weather_magician.cluster import connect, run_plan; "
-        f"run_plan({str(place)!r}, {str(out)!r}, address={cluster.address!r}, shards=2, batch=Misbehaving({str(attempts)!r}, seconds=0.3))"
+        f"run_plan({str(place)!r}, {str(out)!r}, address={cluster.address!r}, shards=2, batch=Misbehaving({str(attempts)!r}, seconds=0.8))"
     )
     driver = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
     end = time.monotonic() + 60
