@@ -73,7 +73,7 @@ pub struct LevelSummary {
 /// use weather_magician::{Metadata, levels::{LevelBuilder, LevelOptions}};
 ///
 /// # let folder = tempfile::tempdir()?;
-/// # let block = |_| wm_street::Street::builtin().sampling(0.02).scene(&|_| true).unwrap().splats;
+/// # let block = |_| wm_street::Street::builtin().sampling(0.06).scene(&|_| true).unwrap().splats;
 /// let mut builder = LevelBuilder::create(&folder.path().join("lod-meta.json"), LevelOptions::default())?;
 /// for number in 0..2 {
 ///     builder.add(&block(number), &mut ())?;
