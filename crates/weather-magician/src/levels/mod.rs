@@ -1,7 +1,7 @@
 //! Scenes in levels of detail: how they are built, and what of them is drawn under a budget of splats.
 //!
 //! [`LevelBuilder`] takes splats block by block and writes leaves, each at levels with half the splats of the one before.
-//! [`LevelCut`] chooses a level for each leaf of a [`wm_scene::levels::LevelIndex`]; [`seen_shares`] tells it what is hidden.
+//! [`LevelCut`] chooses a level for each leaf of a [`wm_scene::levels::LevelIndex`]; [`CoarseLeaves`] tells it what is hidden.
 //!
 //! With a quarter of the splats, in leaves of 2048, mean of four views, without the rounding of SOG: garden 26.1 dB by the cut alone and
 //! 32.2 dB by the cut that knows what is hidden, the built-in street 33.4 and 36.1 dB; by the latter, depth within 0.4 and 1.4 %, alpha
