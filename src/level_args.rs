@@ -1,5 +1,6 @@
 //! Options of scenes in levels of detail.
 
+use anyhow::{Result, bail};
 use clap::Args;
 use std::str::FromStr;
 use weather_magician::levels::LevelBudget;
@@ -17,6 +18,14 @@ pub struct LevelArgs {
 }
 
 impl LevelArgs {
+    /// Fails if one is given where `what` is drawn, for which a scene is loaded as a whole.
+    pub fn refuse_for(self, what: &str) -> Result<()> {
+        let given = self.memory.map(|_| "--memory").or(self.splats.map(|_| "--splats"));
+        given.map_or(Ok(()), |option| {
+            bail!("{option}: {what} loads a scene as a whole; choose a level with --level")
+        })
+    }
+
     /// Returns the options as words of a command line.
     pub fn words(self) -> Vec<String> {
         let memory = self.memory.map(|size| format!("--memory={}MiB", size.0 >> 20));

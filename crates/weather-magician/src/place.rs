@@ -149,6 +149,8 @@ pub struct PreparedPlace {
     scene: Arc<Scene>,
     /// The levels of detail that frames draw instead of the set.
     levels: Option<Box<PlaceLevels>>,
+    /// Counts the scenes that the weather was prepared with: assets of another one are not taken.
+    scene_number: u64,
     /// Facts that win over those of the scene.
     given: Metadata,
     survey: Survey,
@@ -286,6 +288,7 @@ impl PreparedPlace {
             renderer,
             set,
             levels: None,
+            scene_number: 0,
             labels: LabelKind::ALL.map(|kind| scene.splats.names(kind).into()),
             scene: Arc::new(scene),
             given: options.facts.clone(),
@@ -413,6 +416,9 @@ impl PreparedPlace {
         self.water = PlaceWater::default();
         self.doubts = doubts(&survey);
         self.survey = survey;
+        if let Some(levels) = &mut self.levels {
+            levels.captured_sky = self.survey.captured_sky;
+        }
         if !has_own_background {
             self.config.background = self.background();
         }
@@ -676,6 +682,7 @@ impl PreparedPlace {
             is_up_known: !matches!(self.survey.up.source, FactSource::Estimated | FactSource::Assumed),
             cache: self.cache.clone(),
             path: self.weather_path(),
+            scene_number: self.scene_number,
         })
     }
 
@@ -695,8 +702,22 @@ impl PreparedPlace {
 
     /// Takes assets that were made.
     pub(crate) fn insert(&mut self, backend: &mut AnyRenderer, assets: Assets) -> Result<()> {
-        let Assets { occluders, shelters, wet, cover, lying, paper_cover, light, shadows, casters, lamps } =
-            assets;
+        let Assets {
+            occluders,
+            shelters,
+            wet,
+            cover,
+            lying,
+            paper_cover,
+            light,
+            shadows,
+            casters,
+            lamps,
+            scene_number,
+        } = assets;
+        if scene_number != self.scene_number {
+            return Ok(());
+        }
         self.store.wet = wet.or(self.store.wet.take());
         if let Some(light) = light {
             self.set_light(light);

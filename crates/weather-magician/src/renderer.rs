@@ -243,7 +243,7 @@ impl Renderer {
     }
 
     /// Takes the splats about a camera for those that a weather is prepared with, of a place in levels of detail: [`Self::render`] does so
-    /// itself. Assets that are being made on another thread are of the splats of before then: do not insert them.
+    /// itself. Assets that are being made on another thread are of the splats of before then: [`Self::insert_assets`] leaves them out.
     ///
     /// # Errors
     /// [`crate::Error::Format`] if a file cannot be read.

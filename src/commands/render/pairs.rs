@@ -90,6 +90,7 @@ struct FramePair {
 /// Runs `render --pairs`.
 pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let folder = check(args, weather)?;
+    args.levels.refuse_for("--pairs")?;
     let mut loaded =
         OpenScene::with_sky(&args.scene, &args.run, args.camera.viewpoint.views.as_ref(), args.sky)?;
     let shots = shots(&mut loaded, args)?;

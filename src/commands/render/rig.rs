@@ -44,6 +44,7 @@ struct RigJob<'a> {
 pub fn run(args: &RenderArgs, weather: &Weather, file: &Path) -> Result<()> {
     let rig = Rig::read(file)?;
     let folder = check(args, weather, &rig)?;
+    args.levels.refuse_for("--rig")?;
     let mut loaded =
         OpenScene::with_sky(&args.scene, &args.run, args.camera.viewpoint.views.as_ref(), args.sky)?;
     let moves = MotionArgs {

@@ -258,6 +258,7 @@ impl MissingAssets {
             is_up_known,
             cache,
             path: known_path,
+            scene_number,
         } = source;
         let path = known_path.unwrap_or_else(|| views::path_of_photos(&scene));
         let lamps_wait = self.lamps.is_some();
@@ -377,6 +378,7 @@ impl MissingAssets {
             shadows,
             casters: casters.filter(|_| self.casters),
             lamps,
+            scene_number,
         })
     }
 }
@@ -407,6 +409,8 @@ pub struct AssetSource {
     /// The line along which cameras are, by its ends (world, scene units), of a place that reaches far beyond what they see; `None` for
     /// that of the photos.
     pub(crate) path: Option<[[f64; 3]; 2]>,
+    /// The number of the scene, among those of the place.
+    pub(crate) scene_number: u64,
 }
 
 /// Assets that were made, to be taken by [`crate::Renderer::insert_assets`].
@@ -422,6 +426,8 @@ pub struct Assets {
     pub(crate) casters: Option<Arc<ShadowCasters>>,
     pub(crate) light: Option<Arc<CaptureLight>>,
     pub(crate) lamps: Option<Arc<LampShadows>>,
+    /// As of [`AssetSource`].
+    pub(crate) scene_number: u64,
 }
 
 #[cfg(test)]

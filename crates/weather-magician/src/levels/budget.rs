@@ -3,7 +3,7 @@
 use wm_render::bytes_of_set;
 use wm_scene::levels::LevelIndex;
 
-/// What the rendering of a scene in levels of detail may take.
+/// The memory and the splats that rendering a scene in levels of detail may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LevelBudget {
     /// Memory of the whole process, bytes.

@@ -155,7 +155,7 @@ impl Step {
 
 /// The error of a leaf at a level in pictures where it covers `area` px.
 ///
-/// What a level lacks is finer than the distance of its splats. Where that is below a pixel, the pixel averages it away.
+/// A level lacks details that are finer than the distance of its splats. Where that is below a pixel, the pixel averages them away.
 fn seen_error(leaf: &LevelLeaf, position: usize, area: f64) -> f64 {
     let run = &leaf.runs[position];
     let count = run.count as f64;

@@ -43,7 +43,7 @@ impl LeafJudge {
         let Some((finest, coarser)) = levels.split_first() else { return Ok(Vec::new()) };
         let extent = extent(finest);
         let side = (finest.len() as f64).sqrt() as u32;
-        for camera in cameras_around(finest, VIEWS, side.clamp(SIDES.0, SIDES.1)) {
+        for camera in cameras_about(finest, VIEWS, side.clamp(SIDES.0, SIDES.1)) {
             pixels += coverage(extent.0, extent.1, &camera);
             look(&mut self.renderer, finest, &camera, &self.config, &mut self.truth)?;
             for (splats, sum) in coarser.iter().zip(&mut sums[1..]) {
@@ -94,7 +94,7 @@ fn extent(splats: &Splats) -> ([f32; 3], [f32; 3]) {
 }
 
 /// Cameras about the means of splats, evenly over all directions, with square pictures that hold them.
-pub fn cameras_around(splats: &Splats, count: usize, side: u32) -> Vec<Camera> {
+pub fn cameras_about(splats: &Splats, count: usize, side: u32) -> Vec<Camera> {
     let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let (low, high) = splats.means.iter().fold(empty, |(low, high), mean| {
         let mean = DVec3::from_array(mean.map(f64::from));

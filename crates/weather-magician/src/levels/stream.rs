@@ -257,7 +257,7 @@ impl LevelStream {
         by_file.into_iter().collect()
     }
 
-    /// What was read of a file; `None` where it could not be and damage is left out.
+    /// The splats that were read of a file; `None` where it cannot be read and damage is left out.
     fn or_missing(
         &mut self,
         file: usize,

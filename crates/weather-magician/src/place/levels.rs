@@ -24,7 +24,7 @@ use std::sync::Arc;
 use wm_render::{AnyRenderer, RenderBackend, SetId, bytes_of_set};
 use wm_scene::levels::{LevelIndex, LevelLeaf};
 use wm_scene::splats::LabelKind;
-use wm_scene::survey::{SkyRegion, label_sky};
+use wm_scene::survey::{CapturedSky, SkyRegion, label_sky};
 use wm_scene::{Camera, Rasterization, Scene, Splats};
 use wm_weather::Weather;
 
@@ -48,6 +48,8 @@ pub(crate) struct PlaceLevels {
     rasterization: Rasterization,
     /// The place that the weather is prepared about; `None` for all of it alike.
     focus: Option<WeatherFocus>,
+    /// The sky of the capture as the survey of all of it found it: the light about a focus may tell another, for that focus alone.
+    pub(super) captured_sky: CapturedSky,
     /// The leaves of the weather's splats, by number, and where they are in them.
     parts: HashMap<u32, (RunId, Range<usize>)>,
     /// Positions of the weather's splats.
@@ -85,15 +87,12 @@ impl PlaceLevels {
         }
         let index = Arc::new(index);
         let mut stream = LevelStream::new(Arc::clone(&index), repairs);
-        let weather_splats = budget.shares(0).weather_splats;
-        let coarsest = index.levels - 1;
-        let level = (0..coarsest).find(|level| index.count_of_level(*level) <= weather_splats);
-        let base = runs_at(&index, level.unwrap_or(coarsest));
+        let base = runs_at(&index, index.level_within(budget.shares(0).weather_splats));
         let WeatherScene { mut splats, parts } = stream.weather_scene(&base, environment.as_ref())?;
         let sky = if environment.is_some() { SkyRegion::None } else { SkyRegion::of(&splats) };
         label_sky(&mut splats);
         let WeatherScene { splats: outline, parts: leaves } =
-            stream.weather_scene(&runs_at(&index, coarsest), None)?;
+            stream.weather_scene(&runs_at(&index, index.levels - 1), None)?;
         let ends = leaves.into_iter().map(|((leaf, _), part)| (leaf as usize, part.end as u64)).collect();
         let coarse = CoarseLeaves { set: backend.load(&outline)?, ends };
         let shares = budget.shares(stream.sh_degree());
@@ -116,6 +115,7 @@ impl PlaceLevels {
             coarse,
             rasterization: metadata.rasterization.unwrap_or_default(),
             focus: None,
+            captured_sky: CapturedSky::default(),
             parts: HashMap::new(),
             points: Arc::default(),
             drawn: Vec::new(),
@@ -218,11 +218,8 @@ impl PlaceLevels {
 
 /// The runs of all leaves at one level; of a leaf that lacks it, the finest coarser one, else the coarsest.
 fn runs_at(index: &LevelIndex, level: u32) -> Vec<RunId> {
-    let run = |(leaf, of): (u32, &LevelLeaf)| {
-        let position = of.runs.iter().position(|run| run.level >= level).unwrap_or(of.runs.len() - 1);
-        (leaf, position as u16)
-    };
-    (0u32..).zip(&index.leaves).map(run).collect()
+    let run = |(leaf, of): (u32, &LevelLeaf)| Some((leaf, of.position_at(level)? as u16));
+    (0u32..).zip(&index.leaves).filter_map(run).collect()
 }
 
 /// The runs of a cut.
@@ -241,6 +238,7 @@ impl PreparedPlace {
     ) -> Result<Self> {
         let (levels, scene) = PlaceLevels::open(backend, index, budget, repairs)?;
         let mut place = Self::load(backend, renderer, scene, options)?;
+        let levels = PlaceLevels { captured_sky: place.survey.captured_sky, ..levels };
         place.levels = Some(Box::new(levels));
         Ok(place)
     }
@@ -322,7 +320,12 @@ impl PreparedPlace {
         }
         let at = |stop: u32| motion.camera(motion.duration() * f64::from(stop) / f64::from(WAY_STOPS));
         let cameras: Vec<Camera> = (0..=WAY_STOPS).map(at).collect();
-        self.focus_on(backend, WeatherFocus::along(&cameras))
+        let (up, metres) = (self.survey.up.value, self.site.metres_per_unit);
+        let cell = |camera: &Camera| WeatherFocus::cell_of(camera, up, metres);
+        // In one cell it shares what is prepared with the cameras of that cell.
+        let is_in_one = cameras.iter().all(|camera| cell(camera) == cell(&cameras[0]));
+        let focus = if is_in_one { cell(&cameras[0]) } else { WeatherFocus::along(&cameras) };
+        self.focus_on(backend, focus)
     }
 
     /// Takes the splats along the shot for the weather's; returns false if there is no shot.
@@ -341,12 +344,16 @@ impl PreparedPlace {
             return Ok(());
         }
         let splats = levels.weather_scene(&focus, metres)?;
+        let captured_sky = levels.captured_sky;
+        let set = backend.load(&splats)?;
+        self.survey.captured_sky = captured_sky;
+        self.site.captured_sky = captured_sky;
+        self.scene_number += 1;
         self.clear_cover(backend);
         if let Some(thin) = self.thinned.take() {
             backend.unload(thin.set);
         }
-        backend.unload(self.set);
-        self.set = backend.load(&splats)?;
+        backend.unload(std::mem::replace(&mut self.set, set));
         let scene = Scene { splats, views: Vec::new(), metadata: self.scene.metadata.clone() };
         let digest = self.assets.as_ref().map(|_| scene_digest(&scene, &self.survey, &backend.arithmetic()));
         self.cache = AssetCache::new(self.assets.clone(), digest.unwrap_or_default());

@@ -36,7 +36,7 @@ pub struct LevelIndex {
     pub environment: Option<String>,
     /// The leaves, depth first.
     pub leaves: Vec<LevelLeaf>,
-    /// What the index states of the scene.
+    /// The facts that the index states about the scene.
     pub metadata: Metadata,
 }
 
@@ -71,7 +71,13 @@ impl LevelLeaf {
     /// The run for a level: of a leaf that lacks it, that of the finest coarser level, else of the coarsest.
     #[must_use]
     pub fn at_level(&self, level: u32) -> Option<&LevelRun> {
-        self.runs.iter().find(|run| run.level >= level).or(self.runs.last())
+        self.runs.get(self.position_at(level)?)
+    }
+
+    /// The position of that run in [`Self::runs`].
+    #[must_use]
+    pub fn position_at(&self, level: u32) -> Option<usize> {
+        self.runs.iter().position(|run| run.level >= level).or(self.runs.len().checked_sub(1))
     }
 }
 
@@ -247,6 +253,13 @@ impl LevelIndex {
             .fold(0, |sum, run| sum.saturating_add(run.count))
     }
 
+    /// The finest level with no more splats than `most`; the coarsest if all have more.
+    #[must_use]
+    pub fn level_within(&self, most: u64) -> u32 {
+        let coarsest = self.levels - 1;
+        (0..coarsest).find(|level| self.count_of_level(*level) <= most).unwrap_or(coarsest)
+    }
+
     /// Reads and decodes file `file` of [`Self::files`].
     ///
     /// # Errors
@@ -289,9 +302,7 @@ impl LevelIndex {
                 return Err(whole(Problem::Value(fault)));
             }
             DetailLevel::Number(number) => number,
-            DetailLevel::Budget(most) => {
-                (0..=coarsest).find(|level| self.count_of_level(*level) <= most).unwrap_or(coarsest)
-            }
+            DetailLevel::Budget(most) => self.level_within(most),
         };
         let mut runs: Vec<LevelRun> =
             self.leaves.iter().filter_map(|leaf| leaf.at_level(level)).copied().collect();

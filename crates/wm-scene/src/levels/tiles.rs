@@ -126,7 +126,7 @@ impl<'a> TilePlan<'a> {
         self.len() == 0
     }
 
-    /// What the scene does not state, so that the tiles are placed by a guess; one line each.
+    /// Facts that the scene does not state, so that the tiles are placed by a guess; one line each.
     #[must_use]
     pub fn notes(&self) -> &[String] {
         &self.notes
@@ -157,7 +157,7 @@ impl<'a> TilePlan<'a> {
         Ok(())
     }
 
-    /// What each tile states of itself.
+    /// The metadata that each tile holds.
     fn facts(&self) -> Metadata {
         Metadata { rasterization: self.index.metadata.rasterization, ..Metadata::default() }
     }

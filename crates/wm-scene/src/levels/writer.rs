@@ -416,7 +416,7 @@ impl WrittenLeaf {
     }
 }
 
-/// What is written of an index.
+/// The content of an index as JSON.
 #[derive(Serialize)]
 struct OwnIndex {
     version: u32,

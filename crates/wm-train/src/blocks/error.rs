@@ -27,7 +27,7 @@ pub enum BlockError {
         /// The error of the system.
         reason: io::Error,
     },
-    /// What is to be replaced cannot be removed.
+    /// A file that is to be replaced cannot be removed.
     #[error("{}: cannot be removed: {reason}", path.display())]
     Unremoved {
         /// The file or folder.

@@ -52,7 +52,7 @@ impl BlockRegion {
     }
 }
 
-/// What is cut into blocks, and into how many.
+/// Options of cutting a capture into blocks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BlockOptions {
     /// The number of blocks.

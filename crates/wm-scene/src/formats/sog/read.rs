@@ -219,7 +219,7 @@ pub(crate) struct SogPictures {
     opacities: Option<Table>,
     colors: Vec<[u8; 4]>,
     sh: Option<Shading>,
-    /// What it states of the scene.
+    /// The facts that it states about the scene.
     pub metadata: Metadata,
 }
 
