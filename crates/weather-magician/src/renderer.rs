@@ -7,11 +7,13 @@ use crate::picture::Picture;
 use crate::place::{FrameOptions, PlaceFacts, PlaceOptions, PlaceView, PreparedPlace, check_owner};
 use crate::tags::picture_tags;
 use crate::view;
-use crate::{CameraMotion, Progress, Result};
+use crate::{CameraMotion, Error, Progress, Result};
 use glam::DVec3;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use wm_render::{AnyRenderer, CpuConfig, Device, Frame, Pictures, RenderBackend, RenderError, Stats};
+use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::levels::LevelIndex;
 use wm_scene::survey::{Aligned, Alignment};
 use wm_scene::{Camera, Lamp, LitWindow, Scene, Splats};
@@ -119,6 +121,28 @@ impl Renderer {
         repairs: bool,
     ) -> Result<PreparedPlace> {
         PreparedPlace::load_levels(&mut self.backend, self.id, index, options, (budget, repairs))
+    }
+
+    /// Opens the scene at a path: in levels of detail if it has them and its finest level does not fit the budget, else as a whole.
+    ///
+    /// # Errors
+    /// As [`Self::load_levels`]; [`crate::Error::Unsupported`] if a splat has a number that is not finite.
+    pub fn open(
+        &mut self,
+        path: &Path,
+        options: &PlaceOptions,
+        budget: &LevelBudget,
+    ) -> Result<PreparedPlace> {
+        if let Some(index) = LevelIndex::of_scene(path)?.filter(|index| !budget.holds(index)) {
+            return self.load_levels(index, options, budget, false);
+        }
+        let scene = read_scene(path, &ReadOptions::default())?;
+        if let Err(found) = scene.check_finite() {
+            let says =
+                format!("{}: {found}; `weather-magician convert --repair` leaves them out", path.display());
+            return Err(Error::Unsupported(says));
+        }
+        self.load_with(scene, options)
     }
 
     /// Sets facts of a place by hand: up, the ground, the scale. The next frame has them; assets of the old facts are not used

@@ -1,5 +1,6 @@
 //! Frames over time: rendered in order while another thread writes those before, and videos of them.
 
+use crate::levels::shot_cameras;
 use crate::motion::CameraMotion;
 use crate::place::{FrameOptions, PreparedPlace};
 use crate::tags::picture_tags;
@@ -74,7 +75,7 @@ pub fn render_and_write<T: Default + Send, E: Send>(
 impl Renderer {
     /// Renders a video of `seconds` into the MP4 `path`: frame `i` shows the weather and the camera at `i` over the frame
     /// rate of `settings`. The tags of `settings` are kept; the weather, the camera and the renderer are added where there
-    /// are none.
+    /// are none. A place in levels of detail that has no shot ([`PreparedPlace::set_shot`]) is drawn from one cut for all frames.
     ///
     /// # Errors
     /// [`Error::Media`] if the video cannot be written, [`Error::Stopped`] if `progress` asked to stop: no file is left then.
@@ -94,16 +95,24 @@ impl Renderer {
             settings.tags = picture_tags("", place.site(), self.backend(), weather, 0.0, &first);
         }
         let mut sink = create_video(path.as_ref(), settings)?;
-        self.prepare(place, weather, progress)?;
         let frames: Vec<u32> = (0..rate.frames_within(seconds).max(1)).collect();
+        let has_own_shot = place.has_levels() && !place.has_shot();
+        if has_own_shot {
+            let camera = |frame: u32| motion.camera(rate.seconds(u64::from(frame)));
+            place.set_shot(&shot_cameras(frames.len() as u32, camera, false));
+        }
+        self.prepare(place, weather, progress)?;
         let mut render = |index: u32, picture: &mut Picture| -> Result<()> {
             let time = rate.seconds(u64::from(index));
             let options = FrameOptions::new(time, motion.at(time, scale));
             self.render_into(place, weather, &options, picture, &mut ()).map(drop)
         };
         let mut write = |_: u32, picture: &Picture| -> Result<()> { Ok(sink.frame(&picture.frame.rgb)?) };
-        let written = render_and_write(&frames, &mut render, &mut write, progress)?;
-        if (written as usize) < frames.len() {
+        let written = render_and_write(&frames, &mut render, &mut write, progress);
+        if has_own_shot {
+            place.set_shot(&[]);
+        }
+        if (written? as usize) < frames.len() {
             return Err(Error::Stopped);
         }
         Ok(sink.finish()?)

@@ -13,9 +13,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use rayon::ThreadPool;
 use std::ffi::CString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use weather_magician::assets::AssetCache;
+use weather_magician::levels::{LevelBudget, parse_memory};
 use weather_magician::lidar::{LidarModel, PointFrame, ReturnMode, ScanOptions, SubRays};
 use weather_magician::measure::{INSTRUMENTS, InstrumentRenderer, MeasureRequest, PlaceRenderer};
 use weather_magician::output::outputs;
@@ -27,6 +28,7 @@ use weather_magician::{
 };
 use wm_render::RenderConfig;
 use wm_scene::SceneView;
+use wm_scene::levels::LevelIndex;
 
 /// The device of a name: auto, cpu, gpu or gpu:NAME.
 pub fn device_of(name: &str) -> Outcome<Device> {
@@ -36,13 +38,51 @@ pub fn device_of(name: &str) -> Outcome<Device> {
 #[doc = docs!("Renderer")]
 #[pyclass(frozen, name = "Renderer", module = "weather_magician")]
 pub struct PyRenderer {
-    scene: PyScene,
+    source: PlaceSource,
     device: String,
     threads: Option<usize>,
     assets: Option<PathBuf>,
     open: PerProcess<OpenPlace>,
     /// Warnings that were not given to Python yet.
     warnings: Mutex<Vec<String>>,
+}
+
+/// The scene of a renderer.
+#[derive(Clone)]
+enum PlaceSource {
+    Scene(PyScene),
+    /// A file in levels of detail that is drawn under a budget.
+    Levels {
+        path: PathBuf,
+        budget: LevelBudget,
+        /// The memory as it was asked for.
+        memory: Option<String>,
+    },
+}
+
+impl PlaceSource {
+    /// Reads a scene, unless it is in levels and does not fit the budget.
+    fn open(path: PathBuf, budget: LevelBudget, memory: Option<&str>) -> Outcome<Self> {
+        match LevelIndex::of_scene(&path)? {
+            Some(index) if !budget.holds(&index) => {
+                Ok(Self::Levels { path, budget, memory: memory.map(str::to_owned) })
+            }
+            _ => Ok(Self::Scene(PyScene::read(&path, false, None)?)),
+        }
+    }
+
+    /// The file.
+    fn path(&self) -> Option<&Path> {
+        match self {
+            Self::Scene(scene) => scene.origin.as_ref().map(|origin| origin.path.as_path()),
+            Self::Levels { path, .. } => Some(path),
+        }
+    }
+
+    /// The name in messages and in the words of pictures.
+    fn name(&self) -> String {
+        self.path().map_or_else(String::new, |path| path.display().to_string())
+    }
 }
 
 /// A renderer and a place in it.
@@ -81,7 +121,10 @@ impl PyRenderer {
         let (renderer, place) = pool.install(|| -> Outcome<_> {
             let mut renderer = weather_magician::Renderer::new(&device, cpu, |_| {})?;
             let options = PlaceOptions { assets: self.assets.clone(), ..PlaceOptions::default() };
-            let mut place = renderer.load_with((*self.scene.scene).clone(), &options)?;
+            let mut place = match &self.source {
+                PlaceSource::Scene(scene) => renderer.load_with((*scene.scene).clone(), &options)?,
+                PlaceSource::Levels { path, budget, .. } => renderer.open(path, &options, budget)?,
+            };
             self.keep(place.take_warnings());
             Ok((renderer, place))
         })?;
@@ -178,20 +221,33 @@ fn times_of(time: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<f64>>
 #[pymethods]
 impl PyRenderer {
     #[new]
-    #[pyo3(signature = (scene, *, device="auto", threads=None, assets=None))]
+    #[pyo3(signature = (scene, *, device="auto", threads=None, assets=None, memory=None, splats=None))]
     fn new(
         py: Python<'_>,
         scene: &Bound<'_, PyAny>,
         device: &str,
         threads: Option<usize>,
         assets: Option<&Bound<'_, PyAny>>,
+        memory: Option<&str>,
+        splats: Option<u64>,
     ) -> PyResult<Self> {
-        let scene = match (scene.cast::<PyScene>(), scene.extract::<PathBuf>()) {
-            (Ok(scene), _) => scene.get().clone(),
-            (_, Ok(path)) => detached(py, |_| PyScene::read(&path, false, None))?,
+        let wrong = |says: String| PyValueError::new_err(format!("memory: {says}"));
+        let default = LevelBudget::default().memory;
+        let bytes = memory.map_or(Ok(default), |text| parse_memory(text).map_err(wrong))?;
+        if splats == Some(0) {
+            return Err(PyValueError::new_err("splats 0: must be 1 or more"));
+        }
+        let budget = LevelBudget { memory: bytes, splats };
+        let source = match (scene.cast::<PyScene>(), scene.extract::<PathBuf>()) {
+            (Ok(_), _) if memory.is_some() || splats.is_some() => {
+                let says = "memory and splats: this scene was read as a whole; give its path";
+                return Err(PyValueError::new_err(says));
+            }
+            (Ok(scene), _) => PlaceSource::Scene(scene.get().clone()),
+            (_, Ok(path)) => detached(py, |_| PlaceSource::open(path, budget, memory))?,
             _ => return Err(PyTypeError::new_err("scene: must be a Scene or the path of one")),
         };
-        let beside = || scene.origin.as_ref().map(|origin| AssetCache::folder_of(&origin.path));
+        let beside = || source.path().map(AssetCache::folder_of);
         let assets = match assets {
             None => beside(),
             Some(assets) => match (assets.extract::<bool>(), assets.extract::<PathBuf>()) {
@@ -202,7 +258,7 @@ impl PyRenderer {
             },
         };
         let made = Self {
-            scene,
+            source,
             device: device.to_owned(),
             threads,
             assets,
@@ -214,7 +270,7 @@ impl PyRenderer {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        Ok(format!("Renderer({:?}, {})", self.scene.name(), self.describe(py)?))
+        Ok(format!("Renderer({:?}, {})", self.source.name(), self.describe(py)?))
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
@@ -225,13 +281,24 @@ impl PyRenderer {
             Some(folder) => options.set_item("assets", folder)?,
             None => options.set_item("assets", false)?,
         }
-        Ok(((self.scene.clone(),).into_pyobject(py)?, options))
+        let source = match &self.source {
+            PlaceSource::Scene(scene) => scene.clone().into_pyobject(py)?.into_any(),
+            PlaceSource::Levels { path, budget, memory } => {
+                options.set_item("memory", memory)?;
+                options.set_item("splats", budget.splats)?;
+                path.into_pyobject(py)?.into_any()
+            }
+        };
+        Ok(((source,).into_pyobject(py)?, options))
     }
 
     #[doc = docs!("Renderer.scene")]
     #[getter]
-    fn scene(&self) -> PyScene {
-        self.scene.clone()
+    fn scene(&self) -> Option<PyScene> {
+        match &self.source {
+            PlaceSource::Scene(scene) => Some(scene.clone()),
+            PlaceSource::Levels { .. } => None,
+        }
     }
 
     #[doc = docs!("Renderer.describe")]
@@ -346,7 +413,7 @@ impl PyRenderer {
         let (given, options) = (CameraInput::of(camera)?, view_options(size, fov)?);
         let (time, speed) = (finite("time", time)?, finite("speed", speed)?);
         let wanted = PictureOutputs::of(&outputs.unwrap_or_default())?;
-        let name = self.scene.name();
+        let name = self.source.name();
         self.with(py, |open, stop| {
             let camera = open.camera(&given, &options)?;
             let moving = CameraMotion::Still { camera: Box::new(camera), speed };
@@ -385,7 +452,7 @@ impl PyRenderer {
         }
         let wrong = |error: wm_media::MediaError| PyValueError::new_err(format!("fps {fps}: {error}"));
         let rate: FrameRate = fps.to_string().parse().map_err(wrong)?;
-        let name = self.scene.name();
+        let name = self.source.name();
         self.with(py, |open, stop| {
             let mut reporter = CallbackProgress::new(stop, progress.as_ref());
             let mut options = options;

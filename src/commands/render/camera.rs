@@ -5,7 +5,7 @@ use crate::scene::OpenScene;
 use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
-use weather_magician::levels::cameras_around;
+use weather_magician::levels::shot_cameras;
 use weather_magician::view;
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::path::{CameraPath, PathKey};
@@ -17,8 +17,6 @@ use wm_scene::{Camera, FormatError};
 
 /// Default length of a sequence, seconds.
 const DEFAULT_SECONDS: f64 = 5.0;
-/// Frames by which the levels of detail of a sequence are chosen, less one.
-const SHOT_STOPS: u32 = 120;
 /// Longest sequence, frames: file names have six digits.
 const MAX_FRAMES: u32 = 1_000_000;
 
@@ -226,17 +224,7 @@ impl CameraPlan {
 
     /// Returns cameras over all frames of the sequence, whichever of them are rendered; with a lens, cameras that see all about.
     pub fn shot(&self, has_lens: bool) -> Vec<Camera> {
-        let last = self.frames.saturating_sub(1);
-        let stops = last.min(SHOT_STOPS);
-        let at = |stop: u32| {
-            self.camera(self.time((u64::from(last) * u64::from(stop) / u64::from(stops.max(1))) as u32))
-        };
-        let cameras = (0..=stops).map(at);
-        if has_lens {
-            cameras.flat_map(|camera| cameras_around(camera.center())).collect()
-        } else {
-            cameras.collect()
-        }
+        shot_cameras(self.frames, |frame| self.camera(self.time(frame)), has_lens)
     }
 
     /// Returns the camera at `time`, seconds, with its velocity.

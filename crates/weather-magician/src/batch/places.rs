@@ -8,7 +8,6 @@ use super::store::scene_digest_of;
 use crate::rig::RigDevice;
 use crate::view::ViewOptions;
 use crate::{CameraMotion, Error, PlaceOptions, PreparedPlace, Result};
-use wm_scene::formats::{ReadOptions, read_scene};
 
 /// A scene that is open.
 pub(super) struct OpenPlace {
@@ -67,16 +66,8 @@ impl BatchRun {
         }
         let of = &self.plan.scenes[scene];
         let digest = scene_digest_of(&of.file)?;
-        let read = read_scene(&of.file, &ReadOptions::default())?;
-        if let Err(found) = read.check_finite() {
-            let says = format!(
-                "{}: {found}; `weather-magician convert --repair` leaves them out",
-                of.file.display()
-            );
-            return Err(Error::Unsupported(says));
-        }
         let options = PlaceOptions { facts: of.facts.clone(), assets: (self.assets)(&of.file) };
-        let mut place = self.renderer.load_with(read, &options)?;
+        let mut place = self.renderer.open(&of.file, &options, &of.budget)?;
         let world = SetWorld::of(&place);
         let warnings = place.take_warnings();
         self.warnings.extend(warnings.into_iter().map(|warning| format!("{}: {warning}", of.name)));

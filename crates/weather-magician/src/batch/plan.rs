@@ -2,6 +2,7 @@
 
 use super::weathers::{FindWeather, WeatherEntry, WeatherSource, meant};
 use crate::MotionSpec;
+use crate::levels::{LevelBudget, parse_memory};
 use crate::output::{ExtraPicture, PictureFormat, outputs, parts};
 use crate::panorama_file::read_panorama;
 use crate::rig::Rig;
@@ -87,6 +88,8 @@ pub struct PlanScene {
     pub file: PathBuf,
     /// Facts that win over those of the file.
     pub facts: Metadata,
+    /// The most that it may take if it is in levels of detail.
+    pub budget: LevelBudget,
 }
 
 /// A path, or the cameras of a scene's photos.
@@ -168,6 +171,8 @@ struct SceneEntry {
     up: Option<[f64; 3]>,
     ground: Option<f64>,
     metres_per_unit: Option<f64>,
+    memory: Option<String>,
+    splats: Option<u64>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -451,7 +456,14 @@ impl PlanFile {
             if let Some(says) = facts.fault() {
                 return Err(PlanFault::new(at, "scene", says));
             }
-            scenes.push(PlanScene { name, file, facts });
+            let memory = entry.memory.as_deref().map(parse_memory).transpose();
+            let memory = memory.map_err(|says| PlanFault::new(at, "scene memory", says))?;
+            if entry.splats == Some(0) {
+                return Err(PlanFault::new(at, "scene splats", "a frame has one splat or more"));
+            }
+            let memory = memory.unwrap_or(LevelBudget::default().memory);
+            let budget = LevelBudget { memory, splats: entry.splats };
+            scenes.push(PlanScene { name, file, facts, budget });
         }
         Ok(scenes)
     }
@@ -691,7 +703,8 @@ impl BatchPlan {
     /// A digest of all that frames follow from, but for the scenes: of what was read, not of how it was written.
     fn own_digest(&self, folder: &Path) -> String {
         let layouts: Vec<&str> = self.layouts.iter().map(|layout| layout.name()).collect();
-        let scenes: Vec<_> = self.scenes.iter().map(|scene| (&scene.name, &scene.facts)).collect();
+        let scenes: Vec<_> =
+            self.scenes.iter().map(|scene| (&scene.name, &scene.facts, scene.budget)).collect();
         let text = format!(
             "{} {:?} {:?} {:?} {layouts:?} {scenes:?} {:?} {:?} {:?}",
             env!("CARGO_PKG_VERSION"),

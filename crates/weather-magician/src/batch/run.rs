@@ -2,20 +2,22 @@
 
 use super::clips::{BatchClips, BlockPart, PlannedBlock};
 use super::places::OpenPlaces;
-use super::plan::{BatchPlan, PictureNeeds};
+use super::plan::{BatchPlan, PictureNeeds, PlanScene};
 use super::set::{clip_of, place_of, readings_of, rig_of, set_of};
 use super::shots::{ActivePart, ReadingBuffer, ShotMemory, Shots};
 use super::store::{BatchStore, BlockFiles, BlockMarker, MarkedClip};
 use super::writers::{BlockWriters, WriterTarget};
-use crate::rig::{Rig, RigDevice};
+use crate::levels::shot_cameras;
+use crate::rig::{Rig, RigDevice, RigSensor};
 use crate::sequence::render_and_write;
 use crate::{CameraMotion, Error, Progress, Renderer, Result};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use wm_datasets::SetInfo;
-use wm_scene::SceneView;
 use wm_scene::formats::{ReadOptions, read_scene};
+use wm_scene::levels::LevelIndex;
+use wm_scene::{Camera, SceneView};
 
 /// A plan that is being carried out.
 pub struct BatchRun {
@@ -167,7 +169,25 @@ impl BatchRun {
         let place = place_of(&self.plan.scenes[clip.scene].name, &open.place);
         let info = clip_of(&self.plan, &clip, place);
         let base = CameraMotion::Delayed { base: Box::new(motion), by: clip.weather.at };
-        Ok(ActivePart { part: part.clone(), clip, info, base, readings })
+        let mut active = ActivePart { part: part.clone(), clip, info, base, readings, shot: Vec::new() };
+        if open.place.has_levels() {
+            active.shot = self.shot(&active, open.place.site().metres_per_unit);
+        }
+        Ok(active)
+    }
+
+    /// Cameras over the whole clip of a part, whichever of its frames are made: what they see is drawn from one cut of the levels.
+    fn shot(&self, active: &ActivePart, metres_per_unit: f64) -> Vec<Camera> {
+        let time = |frame: u32| active.clip.weather.at + f64::from(frame) / self.plan.frame_rate;
+        let only = self.clips.way(&active.clip).sensor;
+        let shot = |(number, sensor): (usize, &RigSensor)| match &sensor.device {
+            RigDevice::Camera { model, .. } if only.is_none_or(|only| only == number) => {
+                let motion = sensor.motion(&active.base, metres_per_unit);
+                shot_cameras(self.plan.frames, |frame| motion.camera(time(frame)), model.lens.is_some())
+            }
+            _ => Vec::new(),
+        };
+        self.rig.sensors.iter().enumerate().flat_map(shot).collect()
     }
 
     /// Draws the frames of some parts of clips of one scene.
@@ -223,7 +243,12 @@ impl BatchRun {
 
 /// The photos of a scene of a plan.
 fn views_of(plan: &BatchPlan, scene: usize) -> Result<Vec<SceneView>> {
-    Ok(read_scene(&plan.scenes[scene].file, &ReadOptions::default())?.views)
+    let PlanScene { file, budget, .. } = &plan.scenes[scene];
+    // Scenes in levels have none, and may be larger than the memory.
+    match LevelIndex::of_scene(file)? {
+        Some(index) if !budget.holds(&index) => Ok(Vec::new()),
+        _ => Ok(read_scene(file, &ReadOptions::default())?.views),
+    }
 }
 
 /// Progress of readings as progress of frames.

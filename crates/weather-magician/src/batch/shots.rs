@@ -13,6 +13,7 @@ use std::collections::VecDeque;
 use wm_datasets::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo};
 use wm_media::PictureSize;
 use wm_media::color::{Dither, quantize_rgb8};
+use wm_scene::Camera;
 use wm_scene::random::bits;
 use wm_weather::Weather;
 
@@ -28,6 +29,8 @@ pub struct ActivePart {
     pub base: CameraMotion,
     /// The readings of the part.
     pub readings: Vec<ReadingInfo>,
+    /// Cameras over the whole clip, for the cut of a scene in levels of detail; of other scenes none.
+    pub shot: Vec<Camera>,
 }
 
 /// The data of one reading.
@@ -122,6 +125,7 @@ impl<'a> Shots<'a> {
             self.memory.clean_cameras.fill(None);
             self.memory.clear_sweeps();
         }
+        place.set_shot(&active.shot);
         let info = active.readings[index];
         let sensor = &self.rig.sensors[info.sensor];
         let metres = place.site().metres_per_unit;

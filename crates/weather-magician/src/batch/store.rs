@@ -5,6 +5,7 @@
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use std::ffi::OsStr;
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -12,6 +13,7 @@ use wm_datasets::{
     ClipInfo, ClipRecord, Condition, FileSink, PlaceInfo, ReadingInfo, RigidPose, SetError, WeatherInfo,
 };
 use wm_scene::files::write_durably;
+use wm_scene::levels::INDEX_NAME;
 
 /// The folder of markers.
 const DONE: &str = "done";
@@ -445,16 +447,20 @@ pub fn digest_of(path: &Path) -> Result<(u64, String)> {
 /// The end of the names of folders with what is found of a scene: they grow while a set is made, also within the folder of a scene.
 const ASSETS: &str = ".assets";
 
-/// The SHA-256 of a scene: of its file, or of the files of its folder in the order of their names, but for those in `*.assets`.
+/// The SHA-256 of a scene: of its file, or of the files of its folder in the order of their names, but for those in `*.assets`. A file
+/// that only names others, such as `lod-meta.json`, stands for its folder.
 ///
 /// # Errors
 /// [`Error::Unsupported`] if one cannot be read.
 pub fn scene_digest_of(path: &Path) -> Result<String> {
-    if !path.is_dir() {
-        return Ok(digest_of(path)?.1);
-    }
+    let names_others = [INDEX_NAME, "meta.json"].map(OsStr::new);
+    let folder = match path.parent() {
+        _ if path.is_dir() => path,
+        Some(folder) if path.file_name().is_some_and(|name| names_others.contains(&name)) => folder,
+        _ => return Ok(digest_of(path)?.1),
+    };
     let mut files = Vec::new();
-    let mut folders = vec![path.to_path_buf()];
+    let mut folders = vec![folder.to_path_buf()];
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(&folder).map_err(|error| fault(&folder, error))? {
             let path = entry.map_err(|error| fault(&folder, error))?.path();

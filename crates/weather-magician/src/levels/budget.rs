@@ -19,6 +19,33 @@ impl Default for LevelBudget {
     }
 }
 
+/// Least memory that can be asked for: the program alone takes a part of it, bytes.
+const LEAST_MEMORY: u64 = 256 << 20;
+
+/// Reads a size of memory such as `2GiB` or `800MB`, bytes.
+///
+/// # Errors
+/// A line that says what is wrong: no unit that is known, or less than 256 MiB.
+pub fn parse_memory(text: &str) -> Result<u64, String> {
+    let form =
+        || format!("`{text}` is not a size of memory: write a number and a unit, such as 2GiB or 800MB");
+    let end = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let (number, unit) = text.split_at(end);
+    let number: f64 = number.parse().map_err(|_| form())?;
+    let factor = match unit.trim().to_ascii_lowercase().as_str() {
+        "mb" => 1e6,
+        "gb" => 1e9,
+        "mib" => f64::from(1 << 20),
+        "gib" => f64::from(1 << 30),
+        _ => return Err(form()),
+    };
+    let bytes = number * factor;
+    if bytes < LEAST_MEMORY as f64 {
+        return Err(format!("`{text}` is too little: give 256MiB or more"));
+    }
+    Ok(bytes as u64)
+}
+
 /// Splats of one frame that are not asked for: some two a pixel of a picture of 1200x800 px, beyond which little changes.
 pub const MOST_SPLATS: u64 = 2_000_000;
 /// Least splats of one frame.
@@ -79,6 +106,17 @@ pub(crate) fn held_bytes(splats: u64, sh_degree: u8) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sizes_of_memory_are_read() {
+        assert_eq!(parse_memory("2GiB"), Ok(2 << 30));
+        assert_eq!(parse_memory("0.5 gb"), Ok(500_000_000));
+        assert_eq!(parse_memory("300MB"), Ok(300_000_000));
+        assert_eq!(parse_memory("512mib"), Ok(512 << 20));
+        for bad in ["", "2", "GiB", "2TB!", "-1GiB", "nan GiB", "1.2.3GB", "100MiB"] {
+            assert!(parse_memory(bad).is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn the_shares_fit_the_memory() {

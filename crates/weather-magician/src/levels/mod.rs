@@ -15,17 +15,18 @@ mod judge;
 mod leaves;
 mod merge;
 mod seen;
+mod shot;
 mod stream;
 mod weather_scene;
 
 pub(crate) use budget::BudgetShares;
 #[cfg(test)]
 pub(crate) use budget::held_bytes;
-pub use budget::{LevelBudget, MOST_SPLATS};
+pub use budget::{LevelBudget, MOST_SPLATS, parse_memory};
 pub use build::{LevelBuilder, LevelOptions, LevelSummary};
 pub use coverage::coverage;
 pub use cut::{CutBudget, LevelCut};
 pub use seen::CoarseLeaves;
+pub use shot::{cameras_around, shot_cameras};
 pub(crate) use stream::{LevelStream, RunId};
-pub use weather_scene::cameras_around;
 pub(crate) use weather_scene::{WeatherFocus, WeatherScene, nearest_of};

@@ -1,5 +1,6 @@
 //! The splats that weather is prepared with: few enough to work on as a whole, finest about where the cameras are.
 
+use super::shot::cameras_around;
 use super::stream::{LevelStream, RunId};
 use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -12,8 +13,6 @@ use wm_scene::{Camera, Splats};
 const CELL: f64 = 32.0;
 /// Views of a camera's path, at most.
 const MOST_STOPS: usize = 12;
-/// Width and height of the views to all sides, px.
-const SIDE: u32 = 512;
 
 /// The place that weather is prepared about: the line along which the cameras are, by its ends (world, scene units).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,16 +53,6 @@ impl WeatherFocus {
         let at = |stop: usize| from.lerp(to, stop as f64 / (stops - 1).max(1) as f64);
         (0..stops).flat_map(|stop| cameras_around(at(stop))).collect()
     }
-}
-
-/// Six cameras that see all sides of a point (world, scene units), for a cut of the levels in which a picture of any lens can be taken.
-#[must_use]
-pub fn cameras_around(eye: DVec3) -> Vec<Camera> {
-    let sides = [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z];
-    let look =
-        |side: DVec3| Camera::looking((SIDE, SIDE), 90.0, eye, eye + side, side.any_orthonormal_vector());
-    // Its numbers make a camera wherever the eye is.
-    sides.into_iter().filter_map(|side| look(side).ok()).collect()
 }
 
 /// The splats that weather is prepared with, and the leaf that each is of.

@@ -263,10 +263,21 @@ impl PreparedPlace {
     /// Draws all frames from one cut of the levels, the best for these cameras together, so that nothing changes its level between
     /// them; without cameras each frame has a cut of its own again. Other places stay as they are.
     pub fn set_shot(&mut self, cameras: &[Camera]) {
-        let Some(levels) = &mut self.levels else { return };
-        levels.shot = (!cameras.is_empty())
-            .then(|| Shot { cameras: cameras.to_vec(), focus: WeatherFocus::along(cameras) });
-        levels.camera = None;
+        let Some(levels) = &self.levels else { return };
+        if levels.shot.as_ref().map_or(&[][..], |shot| &shot.cameras) == cameras {
+            return;
+        }
+        let shot = (!cameras.is_empty())
+            .then(|| Shot { cameras: cameras.to_vec(), focus: self.focus_of_all(cameras) });
+        if let Some(levels) = &mut self.levels {
+            (levels.shot, levels.camera) = (shot, None);
+        }
+    }
+
+    /// Returns true if all frames are drawn from one cut of the levels.
+    #[must_use]
+    pub fn has_shot(&self) -> bool {
+        self.levels.as_ref().is_some_and(|levels| levels.shot.is_some())
     }
 
     /// Makes the renderer hold what a camera sees of the levels.
@@ -320,12 +331,17 @@ impl PreparedPlace {
         }
         let at = |stop: u32| motion.camera(motion.duration() * f64::from(stop) / f64::from(WAY_STOPS));
         let cameras: Vec<Camera> = (0..=WAY_STOPS).map(at).collect();
+        self.focus_on(backend, self.focus_of_all(&cameras))
+    }
+
+    /// The focus for all of some cameras: in one cell they share what is prepared with the other cameras of that cell.
+    fn focus_of_all(&self, cameras: &[Camera]) -> WeatherFocus {
         let (up, metres) = (self.survey.up.value, self.site.metres_per_unit);
-        let cell = |camera: &Camera| WeatherFocus::cell_of(camera, up, metres);
-        // In one cell it shares what is prepared with the cameras of that cell.
-        let is_in_one = cameras.iter().all(|camera| cell(camera) == cell(&cameras[0]));
-        let focus = if is_in_one { cell(&cameras[0]) } else { WeatherFocus::along(&cameras) };
-        self.focus_on(backend, focus)
+        let mut cells = cameras.iter().map(|camera| WeatherFocus::cell_of(camera, up, metres));
+        match cells.next() {
+            Some(first) if cells.all(|cell| cell == first) => first,
+            _ => WeatherFocus::along(cameras),
+        }
     }
 
     /// Takes the splats along the shot for the weather's; returns false if there is no shot.

@@ -276,6 +276,8 @@ class Renderer:
         device: str = "auto",
         threads: int | None = None,
         assets: Path | bool | None = None,
+        memory: str | None = None,
+        splats: int | None = None,
     ) -> Renderer:
         """Loads a scene: finds its up, its ground and its scale, and gives its splats to the device.
 
@@ -283,12 +285,15 @@ class Renderer:
         ``threads`` is the number of threads, one per core by default. ``assets`` is the folder that keeps what takes long to find (beside the
         scene's file by default), False keeps nothing.
 
+        The path of a scene in levels of detail that does not fit ``memory`` (such as ``"2GiB"``, the default) is drawn under that budget: each
+        frame has a cut of the levels of its own, of at most ``splats`` splats; a video has one for all frames.
+
         Facts that are guessed are told as warnings of Python.
         """
     def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]: ...
     @property
-    def scene(self) -> Scene:
-        """The scene."""
+    def scene(self) -> Scene | None:
+        """The scene; None if it is drawn in levels of detail."""
     def describe(self) -> str:
         """Returns the device in words."""
     @property

@@ -27,6 +27,35 @@ def test_a_picture_has_the_bytes_of_the_program(street, place, program, tmp_path
     assert (tmp_path / "python.png").read_bytes() == out.read_bytes()
 
 
+def test_scenes_in_levels_are_drawn_under_a_budget(street, program, tmp_path):
+    levels, own = tmp_path / "levels" / "lod-meta.json", ["--device", "cpu", "--splats", "3000"]
+    program("convert", street, levels)
+    out = tmp_path / "program.png"
+    program("render", levels, "--weather", "fog", "--size", "96x64", *own, "-o", out)
+    place = wm.Renderer(levels, device="cpu", splats=3000)
+    assert place.scene is None
+    # What is pickled is the path.
+    for renderer in (place, pickle.loads(pickle.dumps(place))):
+        renderer.picture("fog", size=SIZE).save(tmp_path / "python.png")
+        assert (tmp_path / "python.png").read_bytes() == out.read_bytes()
+    whole = wm.Renderer(levels, device="cpu").picture("fog", size=SIZE)
+    assert not np.array_equal(whole.rgb, place.picture("fog", size=SIZE).rgb)
+    with pytest.raises(ValueError, match="2GiB"):
+        wm.Renderer(levels, memory="much")
+    with pytest.raises(ValueError, match="path"):
+        wm.Renderer(wm.Scene.open(levels), splats=3000)
+    # Data sets too, and a frame alone is that of the run.
+    plan = tmp_path / "set.toml"
+    plan.write_text(
+        'frames = 3\nalso = ["depth.npy"]\n[rig]\nsize = [96, 64]\n[[path]]\npath = "dolly"\n[[weather]]\nfrom = ["snow-covered"]\n'
+        f"[[scene]]\nfile = {str(levels)!r}\nsplats = 3000\n"
+    )
+    program("batch", plan, "-o", tmp_path / "set", "--device", "cpu")
+    alone = wm.Batch(plan, tmp_path / "alone", device="cpu").sample(2, layers=["depth"])
+    depths = sorted((tmp_path / "set").glob("**/*.depth.npy"))
+    assert len(depths) == 3 and np.array_equal(alone["depth"], np.load(depths[2]))
+
+
 def test_arrays_have_the_shapes_and_the_values_of_pictures(place):
     cameras = [place.camera(size=SIZE), place.camera("0,0,2:0,10,2", size=SIZE)]
     viewmats, ks = np.stack([c.viewmat for c in cameras]), np.stack([c.K for c in cameras])

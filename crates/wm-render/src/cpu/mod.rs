@@ -118,9 +118,7 @@ impl CpuRenderer {
         if total > MAX_SPLATS {
             return Err(RenderError::TooMany(total));
         }
-        if self.records.len() < total {
-            self.records.resize(total, Record::default());
-        }
+        grow(&mut self.records, total, Record::default);
         let grid = TileGrid::new(pass.camera.width, pass.camera.height);
         let camera = ProjectCamera::new(&pass.camera).part_of(pass.whole.as_ref());
         let units = Unit::split(&sets, (8 * self.threads()).max(32), &mut self.records);
@@ -135,9 +133,7 @@ impl CpuRenderer {
         let laying = Instant::now();
         intersect::offsets(grid.tiles(), self.parts.iter_mut().map(Part::pairs), &mut self.bounds);
         let pairs = self.bounds[grid.tiles()] as usize;
-        if self.keys.len() < pairs {
-            self.keys.resize_with(pairs + pairs / 4, AtomicU64::default);
-        }
+        grow(&mut self.keys, pairs, AtomicU64::default);
         stats.intersections = pairs as u64;
         stats.intersect += laying.elapsed().as_secs_f64();
         let keys = &self.keys[..];
@@ -169,6 +165,16 @@ impl CpuRenderer {
         back.run(frame, &mut stats);
         stats.wall = started.elapsed().as_secs_f64();
         Ok(stats)
+    }
+}
+
+/// Makes a list at least `count` long, a little more if it has to grow. What was in it is lost: the old list is freed first, as both at a time
+/// would be the largest part of a frame's memory.
+fn grow<T>(list: &mut Vec<T>, count: usize, new: impl FnMut() -> T) {
+    if list.len() < count {
+        *list = Vec::new();
+        list.reserve_exact(count + count / 8);
+        list.resize_with(count + count / 8, new);
     }
 }
 
