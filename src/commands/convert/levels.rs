@@ -1,24 +1,31 @@
 //! Writing a scene in levels of detail.
 
-use super::{ConvertArgs, LevelCount, file_size, folder_size};
+use super::{file_size, folder_size};
 use crate::progress::Reporter;
 use anyhow::Result;
 use std::path::Path;
 use weather_magician::levels::{LevelBuilder, LevelOptions};
 use wm_scene::Scene;
-use wm_scene::levels::LevelIndex;
+use wm_scene::levels::{INDEX_NAME, LevelIndex};
 use wm_scene::survey::label_sky;
 
-/// Writes `scene` with the index `out`; returns the lines to print.
-pub(super) fn write(out: &Path, mut scene: Scene, notes: Vec<String>, args: &ConvertArgs) -> Result<String> {
+/// Returns true if a path is that of a scene in levels of detail.
+pub fn is_levels(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name == INDEX_NAME)
+}
+
+/// Writes `scene` with the index `out`, with so many levels, or as many as suit its leaves; returns the lines to print.
+pub fn write(
+    out: &Path,
+    mut scene: Scene,
+    notes: Vec<String>,
+    (levels, threads): (Option<u32>, Option<usize>),
+) -> Result<String> {
     label_sky(&mut scene.splats);
     let options = LevelOptions {
-        levels: match args.lod {
-            LevelCount::Auto => None,
-            LevelCount::Number(number) => Some(number),
-        },
+        levels,
         rasterization: scene.metadata.rasterization,
-        threads: args.run.threads.map(usize::from),
+        threads,
         ..LevelOptions::for_splats(scene.splats.len() as u64)
     };
     let mut builder = LevelBuilder::create(out, options)?;

@@ -1,6 +1,6 @@
 //! `convert`: converts scenes to another format; rotates, scales, crops and reduces them.
 
-mod levels;
+pub mod levels;
 mod tiles;
 
 use crate::choices::SkyChoice;
@@ -12,6 +12,7 @@ use crate::scene::{RunArgs, change_sky, check, save};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
+use levels::is_levels;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use weather_magician::view::spec;
@@ -226,7 +227,11 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
     let mut notes: Vec<String> = change_sky(&mut scene, path, change.sky, &facts)?.into_iter().collect();
     notes.extend(apply(&mut scene, change, &args.run).with_context(|| path.display().to_string())?);
     if is_levels(out) {
-        return levels::write(out, scene, notes, args);
+        let levels = match args.lod {
+            LevelCount::Auto => None,
+            LevelCount::Number(number) => Some(number),
+        };
+        return levels::write(out, scene, notes, (levels, args.run.threads.map(usize::from)));
     }
     let format = format_for(out)?;
     notes.extend(lost(&format.loses, &scene).into_iter().map(|line| format!("lost: {line}")));
@@ -246,11 +251,6 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
     let mut lines = vec![format!("{}: {count} splats, {megabytes:.1} MB, {}", out.display(), format.name)];
     lines.extend(notes.into_iter().map(|note| format!("  {note}")));
     Ok(lines.join("\n"))
-}
-
-/// Returns true if a path is that of a scene in levels of detail.
-fn is_levels(path: &Path) -> bool {
-    path.file_name().is_some_and(|name| name == "lod-meta.json")
 }
 
 fn file_size(path: &Path) -> u64 {

@@ -10,11 +10,12 @@ mod watch;
 
 pub use wm_train::session::CHECKPOINT;
 
+use crate::commands::convert::levels::{self, is_levels};
 use crate::dataset::{DatasetArgs, DatasetReadOptions, HeldOutArgs};
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::scene::RunArgs;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use clap::builder::PossibleValuesParser;
 use clap::{Args, ValueEnum};
 use console::TrainingConsole;
@@ -37,10 +38,10 @@ pub struct ReconstructArgs {
     /// The data set: a folder with a COLMAP model or a transforms.json; a driving log of KITTI, nuScenes, Argoverse 2 or
     /// drivestudio; or a plain folder of photos, or a video, if COLMAP or pycolmap is installed
     dataset: PathBuf,
-    /// Scene file to write [default: named after the data set, in this folder]
+    /// Scene file to write, or FOLDER/lod-meta.json for levels of detail [default: named after the data set, in this folder]
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     out: Option<PathBuf>,
-    /// Folder for checkpoint, metrics and previews [default: the scene's name followed by .run]
+    /// Folder for checkpoint, metrics and previews [default: the name of the scene, or of its folder, followed by .run]
     #[arg(long, value_name = "FOLDER", help_heading = "Output")]
     run_folder: Option<PathBuf>,
     /// Continue the training in the run folder
@@ -324,15 +325,21 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     let lpips = lpips::read(args)?;
     let config = args.training.config.as_deref().map(TrainConfig::read).transpose()?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.ply", stem_of(&args.dataset))));
-    formats::format_for(&out)?;
-    check_writable(&out)?;
+    let beside = if is_levels(&out) {
+        let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty());
+        folder.with_context(|| format!("{}: give it a folder of its own", out.display()))?.to_path_buf()
+    } else {
+        formats::format_for(&out)?;
+        out.clone()
+    };
+    check_writable(&beside)?;
     // The scene of the training that is continued may be written again.
     if args.blocks.writes_scene() && (!args.resume || args.run_folder.is_some()) {
         let other = "continue its training with --resume, give another name with --out";
         let other = if args.resume { "give another name with --out" } else { other };
         args.overwrite.check(&out, &[&args.dataset], other)?;
     }
-    let run_folder = args.run_folder.clone().unwrap_or_else(|| with_behind(&out, ".run"));
+    let run_folder = args.run_folder.clone().unwrap_or_else(|| with_behind(&beside, ".run"));
     let (dataset, facts) = match args.log.open(&args.dataset)? {
         None => (args.dataset.clone(), facts),
         Some(log) => {
@@ -364,8 +371,12 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         console.clear();
         done.map_err(explain)?
     };
-    scene.save(&out)?;
-    println!("{}: {} splats", out.display(), scene.splats.len());
+    if is_levels(&out) {
+        println!("{}", levels::write(&out, scene, Vec::new(), (None, args.run.threads.map(usize::from)))?);
+    } else {
+        scene.save(&out)?;
+        println!("{}: {} splats", out.display(), scene.splats.len());
+    }
     console.end(&out);
     if !args.no_assets
         && let Err(error) = prepare::prepare(&out, &args.run)

@@ -2,11 +2,11 @@
 
 use crate::interrupt;
 use crate::progress::Reporter;
-use crate::scene::{AssetFolder, RunArgs, read_options};
+use crate::scene::{AssetFolder, RunArgs};
 use anyhow::Result;
 use std::path::Path;
+use weather_magician::levels::LevelBudget;
 use weather_magician::{PlaceOptions, Weather};
-use wm_scene::formats::read_scene;
 
 /// The presets whose assets are made: rain under a cloudy sky, and lying snow.
 const PRESETS: [&str; 2] = ["heavy-rain", "snow-covered"];
@@ -15,7 +15,8 @@ const PRESETS: [&str; 2] = ["heavy-rain", "snow-covered"];
 pub fn prepare(out: &Path, run: &RunArgs) -> Result<()> {
     let options = PlaceOptions { assets: AssetFolder::default().folder(out), ..PlaceOptions::default() };
     let mut renderer = run.renderer()?;
-    let mut place = renderer.load_with(read_scene(out, &read_options(None))?, &options)?;
+    // A scene in levels that does not fit the memory is prepared about the cameras that are there later.
+    let mut place = renderer.open(out, &options, &LevelBudget::default())?;
     for preset in PRESETS {
         if interrupt::asked() {
             return Ok(());

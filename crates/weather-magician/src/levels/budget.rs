@@ -82,6 +82,15 @@ impl LevelBudget {
         index.count_of_level(0) <= self.shares(3).frame_splats
     }
 
+    /// Returns the memory that a scene takes at its coarsest level, bytes, if that is more than the budget.
+    pub(crate) fn exceeded_by(&self, index: &LevelIndex, sh_degree: u8) -> Option<u64> {
+        let coarsest = index.leaves.iter().filter_map(|leaf| leaf.runs.last()).map(|run| run.count);
+        // For weather, to tell what is hidden, and in the frame.
+        let a_splat = WEATHER_BYTES + 2 * held_bytes(256, sh_degree) / 256 + FRAME_BYTES;
+        let least = FIXED + coarsest.sum::<u64>().saturating_mul(a_splat);
+        Some(least).filter(|least| *least > self.memory)
+    }
+
     /// The shares for splats of an SH degree.
     pub(crate) fn shares(&self, sh_degree: u8) -> BudgetShares {
         let weather = self.memory / WEATHER_SHARE;

@@ -37,7 +37,7 @@ impl LevelOptions {
     #[must_use]
     pub fn for_splats(count: u64) -> Self {
         let leaf_splats = (count / 4096).next_power_of_two().clamp(2048, 1 << 14) as usize;
-        Self { leaf_splats, coarsest: leaf_splats / 128, ..Self::default() }
+        Self { leaf_splats, coarsest: (leaf_splats / 512).max(16), ..Self::default() }
     }
 }
 

@@ -92,6 +92,11 @@ impl LevelStream {
         &self.index
     }
 
+    /// Adds a warning.
+    pub fn warn(&mut self, text: String) {
+        self.warnings.push(text);
+    }
+
     /// Takes the warnings that came up.
     pub fn take_warnings(&mut self) -> Vec<String> {
         std::mem::take(&mut self.warnings)
