@@ -58,7 +58,8 @@ pub struct ConvertArgs {
     level: Option<u32>,
     #[command(flatten)]
     change: ChangeArgs,
-    /// Number of levels of a lod-meta.json, each with half the splats of the one before, or auto: down to a 128th
+    /// Number of levels of a lod-meta.json, each with half the splats of the one before, or auto: down to a 128th, of large
+    /// scenes a 512th
     #[arg(long, value_name = "N|auto", default_value = "auto", help_heading = "Format")]
     lod: LevelCount,
     /// Version of SPZ: 3 (gzip, read by most programs) or 4 (Zstandard)
