@@ -7,6 +7,8 @@
 //! 32.2 dB by the cut that knows what is hidden, the built-in street 33.4 and 36.1 dB; by the latter, depth within 0.4 and 1.4 %, alpha
 //! within 0.0001 and 0.0014. Leaves of 1024 splats gain 0.5 dB and double the index. `examples/level_quality.rs` measures it at other views.
 
+/// Trial.
+pub(crate) fn knob(name: &str, or: f64) -> f64 { std::env::var(name).ok().and_then(|t| t.parse().ok()).unwrap_or(or) }
 mod budget;
 mod build;
 mod coverage;
@@ -17,6 +19,7 @@ mod merge;
 mod seen;
 mod stream;
 mod weather_scene;
+mod worth;
 
 pub(crate) use budget::BudgetShares;
 #[cfg(test)]
@@ -24,8 +27,9 @@ pub(crate) use budget::held_bytes;
 pub use budget::{LevelBudget, MOST_SPLATS};
 pub use build::{LevelBuilder, LevelOptions, LevelSummary};
 pub use coverage::coverage;
-pub use cut::{CutBudget, LevelCut};
-pub use seen::CoarseLeaves;
+pub use cut::{CutBudget, LevelCut, SeenLeaf};
+pub(crate) use seen::DrawnAttributes;
+pub use seen::{CoarseLeaves, DrawnPart, HeldLeaf, LevelLooks};
 pub(crate) use stream::{LevelStream, RunId};
 pub use weather_scene::cameras_around;
 pub(crate) use weather_scene::{WeatherFocus, WeatherScene, nearest_of};
