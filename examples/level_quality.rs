@@ -17,8 +17,8 @@ use weather_magician::levels::{LevelBudget, LevelBuilder, LevelOptions};
 use weather_magician::view::{ViewOptions, choose};
 use weather_magician::{Camera, Metadata, PlaceOptions, Renderer, Scene};
 use wm_render::{Background, Frame, Geometry, Outputs};
-use wm_scene::formats::DetailLevel;
 use wm_scene::Group;
+use wm_scene::formats::DetailLevel;
 use wm_scene::levels::LevelIndex;
 use wm_scene::survey::{Survey, label_sky};
 use wm_street::{Park, Street};
@@ -29,7 +29,9 @@ const SIZE: (u32, u32) = (960, 640);
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().collect();
     let [_, scene, out, rest @ ..] = &args[..] else {
-        return Err("usage: level_quality SCENE|street|park OUT/lod-meta.json [SHARE] [LEAF_SPLATS] [TURN]".into());
+        return Err(
+            "usage: level_quality SCENE|street|park OUT/lod-meta.json [SHARE] [LEAF_SPLATS] [TURN]".into()
+        );
     };
     let share: f64 = rest.first().map_or(Ok(0.25), |text| text.parse())?;
     let defaults = LevelOptions::default();

@@ -315,7 +315,8 @@ impl FrameRequest<'_> {
         let observer = Observer { camera: &wide, lamps: None, splashes: None, ..self.observer() };
         self.weather.with_hooks(&observer, |hooks| {
             let hooks = Hooks { particles: &[], ..hooks };
-            let wide = DrawPass::new(self.thinned.unwrap_or(self.elsewhere), &wide, &config).with_hooks(hooks);
+            let wide =
+                DrawPass::new(self.thinned.unwrap_or(self.elsewhere), &wide, &config).with_hooks(hooks);
             work(Some(LensPass { wide, effect: &effect }))
         })
     }

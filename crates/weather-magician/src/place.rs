@@ -269,11 +269,7 @@ fn chosen_attributes<'a>(drawn: &'a [DrawnSet], scene: &'a SceneAttributes<'a>) 
 
 /// The attributes of the sets of a cut of which a part is shown; `views` are the sets as a whole.
 fn shown_attributes<'a>(drawn: &'a [DrawnSet], views: &[SetView<'a>]) -> Vec<Option<DrawnAttributes<'a>>> {
-    let shown = |(set, view): (&'a DrawnSet, &SetView<'a>)| match &set.part {
-        DrawnPart::Some(drawn) => Some(DrawnAttributes { own: view.attributes, drawn }),
-        DrawnPart::All | DrawnPart::None => None,
-    };
-    drawn.iter().zip(views).map(shown).collect()
+    drawn.iter().zip(views).map(|(set, view)| set.part.attributes(view.attributes)).collect()
 }
 
 /// The parts of the sets of a cut that are shown.

@@ -37,7 +37,7 @@ const FRAME_BYTES: u64 = 112;
 const HELD_BYTES: u64 = 12;
 
 /// Splats that are held for a frame over those that it draws, at most: which of them show something is known once they are held.
-const HELD_FOR_DRAWN: u64 = 3;
+const HELD_FOR_DRAWN: u64 = 4;
 
 /// The shares of a [`LevelBudget`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,8 +68,7 @@ impl LevelBudget {
         let by_memory = rest / a_splat;
         // A part of what is held is of other cuts, so that a camera that turns back loads nothing.
         let frame_splats = self.splats.unwrap_or((by_memory / 2).min(MOST_SPLATS)).max(LEAST_SPLATS);
-        // That part gives way where hidden splats are many.
-        let cut_splats = ((frame_splats as f64 * super::knob("HELD", HELD_FOR_DRAWN as f64)) as u64).min(by_memory).max(frame_splats);
+        let cut_splats = frame_splats.saturating_mul(HELD_FOR_DRAWN).min(by_memory / 4 * 3).max(frame_splats);
         BudgetShares {
             weather_splats: (weather / WEATHER_BYTES).clamp(LEAST_SPLATS, MOST_WEATHER_SPLATS),
             frame_splats,

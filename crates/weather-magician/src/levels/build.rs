@@ -109,7 +109,14 @@ impl LevelBuilder {
         let judges =
             (0..options.threads.unwrap_or_else(cores).max(1)).map(judge).collect::<Result<_, _>>()?;
         let renderer = CpuRenderer::new(CpuConfig { threads: options.threads, ..CpuConfig::default() })?;
-        Ok(Self { writer, options, judges, renderer, environment: Splats::default(), summary: LevelSummary::default() })
+        Ok(Self {
+            writer,
+            options,
+            judges,
+            renderer,
+            environment: Splats::default(),
+            summary: LevelSummary::default(),
+        })
     }
 
     /// Adds a block: splats of a part of space, as many as fit memory three times.
@@ -128,9 +135,7 @@ impl LevelBuilder {
             return Ok(());
         }
         let rasterization = self.options.rasterization.unwrap_or_default();
-        let worth = if super::knob("WORTH", 1.0) > 0.0 { seen_worth(splats, rasterization, &mut self.renderer, progress)? } else {
-            (0..splats.len()).map(|i| splats.opacity(i) * crate::moments::cover(splats.log_scales[i])).collect()
-        };
+        let worth = seen_worth(splats, rasterization, &mut self.renderer, progress)?;
         let leaves = leaves(splats, rest, self.options.leaf_splats, self.options.leaf_side);
         for some in leaves.chunks(LEAVES_AT_ONCE * self.judges.len()) {
             if progress.is_stopped() {

@@ -113,9 +113,11 @@ impl LevelCut {
         let mut cut = Self::coarsest(index);
         let seen_of = |leaf: usize| seen.get(leaf).copied().unwrap_or_default();
         let drawn_of = |leaf: usize, run: &LevelRun| seen_of(leaf).drawn_of(run.count);
-        let mut drawn = cut.runs(index).fold(0u64, |sum, (leaf, run)| sum.saturating_add(drawn_of(leaf, run)));
-        let step =
-            |leaf: usize, from: usize| Step::best(&index.leaves[leaf], leaf, from, areas[leaf], seen_of(leaf));
+        let mut drawn =
+            cut.runs(index).fold(0u64, |sum, (leaf, run)| sum.saturating_add(drawn_of(leaf, run)));
+        let step = |leaf: usize, from: usize| {
+            Step::best(&index.leaves[leaf], leaf, from, areas[leaf], seen_of(leaf))
+        };
         let first = |leaf: usize| step(leaf, usize::from(cut.positions[leaf]));
         let mut steps: BinaryHeap<Step> = (0..areas.len()).filter_map(first).collect();
         while let Some(next) = steps.pop() {

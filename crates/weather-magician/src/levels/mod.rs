@@ -7,8 +7,6 @@
 //! 32.2 dB by the cut that knows what is hidden, the built-in street 33.4 and 36.1 dB; by the latter, depth within 0.4 and 1.4 %, alpha
 //! within 0.0001 and 0.0014. Leaves of 1024 splats gain 0.5 dB and double the index. `examples/level_quality.rs` measures it at other views.
 
-/// Trial.
-pub(crate) fn knob(name: &str, or: f64) -> f64 { std::env::var(name).ok().and_then(|t| t.parse().ok()).unwrap_or(or) }
 mod budget;
 mod build;
 mod coverage;

@@ -1,8 +1,10 @@
 //! What pictures show of a scene in levels, found by looking: small pictures tell the light that comes from each splat.
 //!
-//! [`LevelLooks::cut`] cuts the levels in turns. All leaves are looked at where they are coarsest; then those of a cut that may hold all that is
-//! allowed; then the last cut is made, in which a leaf counts with the light that comes from it, and its splats with the share of them
-//! that nearly all of that light comes from. [`LevelLooks::drawn`] says which splats of a cut a picture draws: those that most light comes from.
+//! [`LevelLooks::cut`] cuts the levels in turns. All leaves are looked at where they are coarsest; then those of a cut with as many splats as can be held. Then
+//! cuts are tried in which a leaf counts with the light that comes from it, and its splats with the share of them that nearly all of that light
+//! comes from: the less light may be lost, the coarser are the leaves of which all is drawn. The one whose small pictures, drawn as
+//! [`LevelLooks::drawn`] says, are nearest to those of all that can be held is taken. Where surfaces are many thin layers, few splats of a fine level
+//! are best; where each splat covers something of its own, coarse ones.
 //!
 //! Looks are pictures of the same renderer. What they say depends on index, cameras and budget alone.
 
@@ -10,19 +12,20 @@ use super::{CutBudget, LevelCut, SeenLeaf, coverage};
 use crate::Result;
 use std::sync::Arc;
 use wm_render::hooks::{Attribute, AttributeBlock, Revision, SplatAttributes};
-use wm_render::{DrawPass, RenderBackend, RenderConfig, RenderError, SetId, SetView};
+use wm_render::{DrawPass, Frame, RenderBackend, RenderConfig, RenderError, SetId, SetView};
 use wm_scene::levels::{LevelIndex, LevelLeaf};
 use wm_scene::{Camera, Rasterization};
 
-/// Longest side of a look, over that of the picture, and its bounds, px.
-const SCALE: f64 = 0.5;
-const LONGEST: (f64, f64) = (480.0, 960.0);
+/// Longest side of a look, px; that of the picture if that is less: splats that fall between the pixels of a smaller one would be missed.
+const LONGEST: f64 = 1280.0;
 /// Light of a leaf that is hidden: a look is small and its splats are coarse, so that a gap in what hides it may not show.
 const HIDDEN: f64 = 0.01;
 /// Share of that light which a leaf keeps from one look to the next: where it is coarser, more of it may stick out.
 const KEPT: f64 = 0.1;
-/// Share of a leaf's light without which it may be drawn.
-const LOST: f64 = 0.01;
+/// Shares of a leaf's light without which it may be drawn, that are tried; less than 0 where all of its splats are drawn.
+const LOST: [f64; 4] = [-1.0, 0.0005, 0.008, 0.06];
+/// Cameras by which what is tried is compared, at most.
+const MOST_COMPARED: usize = 4;
 
 /// Splats of all leaves at coarse levels, by which is told what of them a camera sees.
 #[derive(Clone, Debug)]
@@ -92,38 +95,73 @@ impl LevelLooks<'_> {
         let runs: Vec<(usize, usize)> = runs.collect();
         let mut seen = vec![SeenLeaf { light: 0.0, drawn: 1.0 }; self.index.leaves.len()];
         self.look(&eyes, &[self.coarse.set], &runs, renderer, |leaf, light, _| {
-            seen[leaf].light = seen[leaf].light.max(light.max(super::knob("HIDDEN", HIDDEN)));
+            seen[leaf].light = seen[leaf].light.max(light.max(HIDDEN));
         })?;
         // As much as can be held, to see all of it.
         let first = CutBudget { splats: self.budget.held, ..self.budget };
         let cut = LevelCut::of_seen(self.index, self.cameras, &seen, &first);
+        if cut.splats() <= self.budget.splats {
+            return Ok(cut);
+        }
         let held = hold(renderer, &cut)?;
         let sets: Vec<SetId> = held.iter().map(|held| held.set).collect();
         let runs: Vec<(usize, usize)> = held.iter().map(|held| (held.leaf, held.splats)).collect();
-        let mut found = vec![SeenLeaf { light: 0.0, drawn: 0.0 }; seen.len()];
+        let mut found = vec![[SeenLeaf { light: 0.0, drawn: 0.0 }; LOST.len()]; seen.len()];
         self.look(&eyes, &sets, &runs, renderer, |leaf, light, drawn| {
-            let found = &mut found[leaf];
-            *found = SeenLeaf { light: found.light.max(light), drawn: found.drawn.max(drawn) };
-        })?;
-        for (found, before) in found.iter_mut().zip(&seen) {
-            found.light = found.light.max(super::knob("KEPT", KEPT) * before.light);
-        }
-        let mut cut = LevelCut::of_seen(self.index, self.cameras, &found, &self.budget);
-        for _ in 0..super::knob("MORE", 0.0) as usize {
-            let held = hold(renderer, &cut)?;
-            let sets: Vec<SetId> = held.iter().map(|held| held.set).collect();
-            let runs: Vec<(usize, usize)> = held.iter().map(|held| (held.leaf, held.splats)).collect();
-            let mut next = vec![SeenLeaf { light: 0.0, drawn: 0.0 }; seen.len()];
-            self.look(&eyes, &sets, &runs, renderer, |leaf, light, drawn| {
-                let found = &mut next[leaf];
+            for (found, drawn) in found[leaf].iter_mut().zip(drawn) {
                 *found = SeenLeaf { light: found.light.max(light), drawn: found.drawn.max(drawn) };
-            })?;
-            for (next, before) in next.iter_mut().zip(&found) {
-                next.light = next.light.max(super::knob("KEPT", KEPT) * before.light);
             }
-            cut = LevelCut::of_seen(self.index, self.cameras, &next, &self.budget);
+        })?;
+        let few: Vec<Camera> =
+            eyes.iter().step_by(eyes.len().div_ceil(MOST_COMPARED).max(1)).copied().collect();
+        let all = vec![DrawnPart::All; held.len()];
+        let wanted = few
+            .iter()
+            .map(|eye| self.picture(eye, &held, &all, renderer))
+            .collect::<std::result::Result<Vec<Frame>, RenderError>>()?;
+        let mut best: Option<(f64, LevelCut)> = None;
+        for tried in 0..LOST.len() {
+            let seen: Vec<SeenLeaf> = (found.iter().zip(&seen))
+                .map(|(found, before)| {
+                    let SeenLeaf { light, drawn } = found[tried];
+                    SeenLeaf { light: light.max(KEPT * before.light), drawn }
+                })
+                .collect();
+            let cut = LevelCut::of_seen(self.index, self.cameras, &seen, &self.budget);
+            let held = hold(renderer, &cut)?;
+            let mut off = 0.0;
+            for (eye, wanted) in few.iter().zip(&wanted) {
+                let drawn = self.drawn_by(eye, &held, renderer)?;
+                off += difference(wanted, &self.picture(eye, &held, &drawn, renderer)?);
+            }
+            if best.as_ref().is_none_or(|(least, _)| off < *least) {
+                best = Some((off, cut));
+            }
         }
-        Ok(cut)
+        Ok(best.map_or_else(|| LevelCut::coarsest(self.index), |(_, cut)| cut))
+    }
+
+    /// The picture of some of the splats of a cut.
+    fn picture(
+        &self,
+        eye: &Camera,
+        held: &[HeldLeaf],
+        drawn: &[DrawnPart],
+        renderer: &mut dyn RenderBackend,
+    ) -> Result<Frame, RenderError> {
+        let config = RenderConfig { rasterization: self.rasterization, ..RenderConfig::default() };
+        let shown: Vec<Option<DrawnAttributes<'_>>> =
+            drawn.iter().map(|part| part.attributes(None)).collect();
+        let views = held.iter().zip(drawn).zip(&shown).filter(|((_, part), _)| **part != DrawnPart::None);
+        let views: Vec<SetView<'_>> = views
+            .map(|((held, _), shown)| {
+                let attributes = shown.as_ref().map(|shown| shown as &dyn SplatAttributes);
+                SetView::plain(held.set).with_attributes(attributes)
+            })
+            .collect();
+        let mut frame = Frame::default();
+        renderer.render(&DrawPass::new(&views, eye, &config), &mut frame)?;
+        Ok(frame)
     }
 
     /// Looks at sets with the leaves `runs` (number, and number of splats), and tells of each leaf and camera the light and the share of the splats that it
@@ -134,7 +172,7 @@ impl LevelLooks<'_> {
         sets: &[SetId],
         runs: &[(usize, usize)],
         renderer: &mut dyn RenderBackend,
-        mut tell: impl FnMut(usize, f64, f64),
+        mut tell: impl FnMut(usize, f64, [f64; LOST.len()]),
     ) -> Result<(), RenderError> {
         let mut weights = Vec::new();
         for eye in eyes {
@@ -176,6 +214,16 @@ impl LevelLooks<'_> {
         held: &[HeldLeaf],
         renderer: &mut dyn RenderBackend,
     ) -> Result<Vec<DrawnPart>, RenderError> {
+        self.drawn_by(&small(camera), held, renderer)
+    }
+
+    /// The same by the camera of a look.
+    fn drawn_by(
+        &self,
+        eye: &Camera,
+        held: &[HeldLeaf],
+        renderer: &mut dyn RenderBackend,
+    ) -> Result<Vec<DrawnPart>, RenderError> {
         let all: usize = held.iter().map(|held| held.splats).sum();
         let most = usize::try_from(self.budget.splats).unwrap_or(usize::MAX);
         if all <= most {
@@ -186,7 +234,7 @@ impl LevelLooks<'_> {
         }
         let sets: Vec<SetId> = held.iter().map(|held| held.set).collect();
         let mut weights = Vec::new();
-        self.weigh(&small(camera), &sets, renderer, &mut weights)?;
+        self.weigh(eye, &sets, renderer, &mut weights)?;
         let mut sorted = weights.clone();
         let (_, least, _) = sorted.select_nth_unstable_by(all - most, f32::total_cmp);
         let least = *least;
@@ -208,26 +256,36 @@ impl LevelLooks<'_> {
 
 /// The camera of a look.
 fn small(camera: &Camera) -> Camera {
-    let longest = f64::from(camera.width.max(camera.height));
-    let scale = ((SCALE * longest).clamp(LONGEST.0, LONGEST.1) / longest).min(1.0);
+    let scale = (LONGEST / f64::from(camera.width.max(camera.height))).min(1.0);
     let side = |length: u32| ((f64::from(length) * scale).round() as u32).max(1);
     camera.resized(side(camera.width), side(camera.height))
 }
 
-/// The sum of the weights of a leaf's splats, px, and the share of its splats that it comes from, but for [`LOST`]. The order of the weights is lost.
-fn light_of(weights: &mut [f32]) -> (f64, f64) {
+/// The sum of the squared differences of colour and of alpha.
+fn difference(a: &Frame, b: &Frame) -> f64 {
+    let squares = |a: &[f32], b: &[f32]| -> f64 {
+        a.iter().zip(b).map(|(a, b)| f64::from(a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)).powi(2)).sum()
+    };
+    squares(&a.rgb, &b.rgb) + squares(&a.alpha, &b.alpha)
+}
+
+/// The sum of the weights of a leaf's splats, px, and the shares of its splats that it comes from, but for each of [`LOST`]. The order of the
+/// weights is lost.
+fn light_of(weights: &mut [f32]) -> (f64, [f64; LOST.len()]) {
     let light: f64 = weights.iter().copied().map(f64::from).sum();
     if light <= 0.0 {
-        return (0.0, 0.0);
+        return (0.0, [0.0; LOST.len()]);
     }
     weights.sort_unstable_by(f32::total_cmp);
-    let most_lost = super::knob("LOST", LOST);
-    let mut lost = 0.0;
-    let dark = weights.iter().take_while(|weight| {
-        lost += f64::from(**weight);
-        lost <= most_lost * light
+    let drawn = LOST.map(|most| {
+        let mut lost = 0.0;
+        let dark = weights.iter().take_while(|weight| {
+            lost += f64::from(**weight);
+            lost <= most * light
+        });
+        1.0 - dark.count() as f64 / weights.len() as f64
     });
-    (light, 1.0 - dark.count() as f64 / weights.len() as f64)
+    (light, drawn)
 }
 
 /// The splats of a set that are drawn.
@@ -257,6 +315,17 @@ impl DrawnPart {
             0 => Self::None,
             _ if count == all => Self::All,
             _ => Self::Some(words.into()),
+        }
+    }
+
+    /// The attributes of a set of which this part is drawn, with its own ones; `None` where all or none is.
+    pub(crate) fn attributes<'a>(
+        &'a self,
+        own: Option<&'a dyn SplatAttributes>,
+    ) -> Option<DrawnAttributes<'a>> {
+        match self {
+            Self::Some(drawn) => Some(DrawnAttributes { own, drawn }),
+            Self::All | Self::None => None,
         }
     }
 
@@ -316,8 +385,8 @@ mod tests {
         let mut weights = [0.0, 50.0, 0.001, 0.0, 49.0, 0.002, 0.0, 0.0];
         let (light, drawn) = light_of(&mut weights);
         assert!((light - 99.003).abs() < 1e-3);
-        assert_eq!(drawn, 0.25);
-        assert_eq!(light_of(&mut [0.0; 3]), (0.0, 0.0));
+        assert_eq!(drawn, [1.0, 0.25, 0.25, 0.25]);
+        assert_eq!(light_of(&mut [0.0; 3]), (0.0, [0.0; 4]));
     }
 
     #[test]

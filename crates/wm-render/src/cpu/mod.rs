@@ -16,7 +16,9 @@ use crate::frame::Frame;
 use crate::hooks::{Hooks, ParticleView};
 use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
 use crate::renderer::Models;
-use crate::renderer::{CpuConfig, MAX_SPLATS, RenderBackend, RenderError, SetId, Stats, WEIGHT_UNITS, check_weighed};
+use crate::renderer::{
+    CpuConfig, MAX_SPLATS, RenderBackend, RenderError, SetId, Stats, WEIGHT_UNITS, check_weighed,
+};
 use crate::simd::SimdPath;
 use crate::stages::composite::{background::BackgroundView, cpu::Composite};
 use crate::stages::intersect::{TileGrid, cpu as intersect};
@@ -189,7 +191,8 @@ impl CpuRenderer {
                     let source = &sets[set].0.source;
                     for record in first..first + part.visible() {
                         let splat = source[self.records[record].index as usize] as usize;
-                        weights[ends[set].1 + splat] = units[record].load(Ordering::Relaxed) as f32 / WEIGHT_UNITS;
+                        weights[ends[set].1 + splat] =
+                            units[record].load(Ordering::Relaxed) as f32 / WEIGHT_UNITS;
                     }
                 }
             }

@@ -74,7 +74,13 @@ impl GpuModel {
             gpu.queue.submit([]);
         }
         gpu.check()?;
-        Ok(Self { chunks, len: model.len, source: model.source, sh_rows: sh_rows as u32, kept: Mutex::default() })
+        Ok(Self {
+            chunks,
+            len: model.len,
+            source: model.source,
+            sh_rows: sh_rows as u32,
+            kept: Mutex::default(),
+        })
     }
 
     /// The buffer of attributes of this revision, if it has been asked for before: a light that changes in each frame takes no memory of

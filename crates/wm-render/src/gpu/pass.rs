@@ -279,7 +279,8 @@ impl<'a> GpuPass<'a> {
                     for bit in (0..u32::BITS as usize).filter(|bit| mask >> bit & 1 == 1) {
                         let slot = block * WORKGROUP as usize + word * u32::BITS as usize + bit;
                         let splat = model.source[slot] as usize;
-                        weights[first + splat] = units.get(place).map_or(0.0, |units| *units as f32 / WEIGHT_UNITS);
+                        weights[first + splat] =
+                            units.get(place).map_or(0.0, |units| *units as f32 / WEIGHT_UNITS);
                         place += 1;
                     }
                 }

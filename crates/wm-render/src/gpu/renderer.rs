@@ -11,9 +11,11 @@ use super::source::{BLOCK_WORDS, COUNTER_WORDS, WORKGROUP};
 use super::uniforms::{Capacity, ItemBytes, Uniform, bytes_of};
 use crate::cpu;
 use crate::frame::FRONT;
-use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
 use crate::hooks::Hooks;
-use crate::renderer::{CpuConfig, MAX_SPLATS, Models, RenderBackend, RenderError, SetId, Stats, check_weighed};
+use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
+use crate::renderer::{
+    CpuConfig, MAX_SPLATS, Models, RenderBackend, RenderError, SetId, Stats, check_weighed,
+};
 use crate::simd::SimdPath;
 use crate::stages::particles::cpu::Falling;
 use std::sync::Arc;

@@ -260,9 +260,27 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
                 let sums = &mut patches[patch];
                 // Where there is no surface, the front is all that is blended.
                 let (alive, walked) = if SPLIT && sums.crossed >> block & 1 == 1 {
-                    blend_block::<S, C, MEDIAN, true, WEIGH>(simd, batch, walk, corner, lanes, block, sums, batch_weights)
+                    blend_block::<S, C, MEDIAN, true, WEIGH>(
+                        simd,
+                        batch,
+                        walk,
+                        corner,
+                        lanes,
+                        block,
+                        sums,
+                        batch_weights,
+                    )
                 } else {
-                    blend_block::<S, C, MEDIAN, false, WEIGH>(simd, batch, walk, corner, lanes, block, sums, batch_weights)
+                    blend_block::<S, C, MEDIAN, false, WEIGH>(
+                        simd,
+                        batch,
+                        walk,
+                        corner,
+                        lanes,
+                        block,
+                        sums,
+                        batch_weights,
+                    )
                 };
                 evaluated += (walked.min(count) * S::N) as u64;
                 if !alive {

@@ -5,8 +5,8 @@ use crate::reference;
 use crate::renderer::{Background, RenderConfig};
 use crate::testing::{ALL_OUTPUTS, Backend, Hard, camera, compare, random_splats};
 use crate::{
-    Channels, CpuConfig, CpuDifferentiable, CpuRenderer, Differentiable, FRONT, ForwardConfig, Frame, Geometry,
-    Gradients, Learn, MedianDepth, Outputs, RenderBackend, Upstream,
+    Channels, CpuConfig, CpuDifferentiable, CpuRenderer, Differentiable, FRONT, ForwardConfig, Frame,
+    Geometry, Gradients, Learn, MedianDepth, Outputs, RenderBackend, Upstream,
 };
 use wm_scene::{Camera, Rasterization, Splats};
 
