@@ -1,25 +1,26 @@
 //! Measures levels of detail: builds them for a scene, and compares pictures of a cut with pictures of all splats.
 //!
 //! ```text
-//! cargo run --release --example level_quality -- SCENE|street|park OUT/lod-meta.json [SHARE] [LEAF_SPLATS]
+//! cargo run --release --example level_quality -- SCENE|street|park OUT/lod-meta.json [SHARE] [LEAF_SPLATS] [TURN]
 //! ```
 //!
-//! SHARE is that of the splats which the cut has, 0.25 if not given. A row a view: PSNR in dB, relative error of the expected depth in
-//! percent, mean difference of alpha; by the cut alone, and by the cut that knows what is hidden. `all` are the splats of the files at
-//! the finest level, so that the rounding of SOG counts on neither side.
+//! SHARE is that of the splats which a picture draws, 0.25 if not given; TURN turns all views about up, degrees. A row a view: PSNR in dB,
+//! relative error of the expected depth in percent, mean difference of alpha; the splats that are drawn and those that are held; the
+//! milliseconds that the picture takes with its looks, and again without. The cut is the program's own. `all` are the splats of the files at
+//! the finest level, so that the rounding of SOG counts on neither side. With the variable PICTURES, a folder, pictures are written there.
 
 use glam::{DMat3, DMat4, DVec3};
 use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
-use weather_magician::levels::{CoarseLeaves, CutBudget, LevelBuilder, LevelCut, LevelOptions};
+use weather_magician::levels::{LevelBudget, LevelBuilder, LevelOptions};
 use weather_magician::view::{ViewOptions, choose};
-use weather_magician::{Camera, Metadata, PlaceOptions, Renderer, Scene};
-use wm_render::{Background, DrawPass, Frame, Geometry, Outputs, RenderBackend, RenderConfig, SetView};
+use weather_magician::{Camera, LevelCounts, Metadata, PlaceOptions, Renderer, Scene};
+use wm_render::{Background, Frame, Geometry, Outputs};
+use wm_scene::Group;
 use wm_scene::formats::DetailLevel;
-use wm_scene::levels::{LevelFile, LevelIndex};
+use wm_scene::levels::LevelIndex;
 use wm_scene::survey::{Survey, label_sky};
-use wm_scene::{Group, Splats};
 use wm_street::{Park, Street};
 
 /// Size of the pictures, px.
@@ -28,11 +29,14 @@ const SIZE: (u32, u32) = (960, 640);
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().collect();
     let [_, scene, out, rest @ ..] = &args[..] else {
-        return Err("usage: level_quality SCENE|street|park OUT/lod-meta.json [SHARE] [LEAF_SPLATS]".into());
+        return Err(
+            "usage: level_quality SCENE|street|park OUT/lod-meta.json [SHARE] [LEAF_SPLATS] [TURN]".into()
+        );
     };
     let share: f64 = rest.first().map_or(Ok(0.25), |text| text.parse())?;
     let defaults = LevelOptions::default();
     let leaf_splats: usize = rest.get(1).map_or(Ok(defaults.leaf_splats), |text| text.parse())?;
+    let turn: f64 = rest.get(2).map_or(Ok(0.0), |text| text.parse())?;
     let mut scene = match scene.as_str() {
         "street" => Street::builtin().sampling(1.0).scene(&|_| true).ok_or("stopped")?,
         "park" => Park::builtin().sampling(1.0).scene(&|_| true).ok_or("stopped")?,
@@ -50,59 +54,63 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{count} splats in {seconds:.1} s, {:.0} a second: {summary:?}", count as f64 / seconds);
 
     let mut renderer = Renderer::cpu()?;
-    let cameras = cameras(&mut renderer, &scene)?;
-    let index = LevelIndex::open(out)?;
-    let files: Vec<LevelFile> =
-        (0..index.files.len()).map(|file| index.read_file(file)).collect::<Result<_, _>>()?;
-    let all = index.read_level(DetailLevel::Finest)?.splats;
-    let environment = index.read_environment()?.map(|scene| scene.splats).unwrap_or_default();
-    let rasterization = rasterization.unwrap_or_default();
-    let outputs = Outputs { geometry: Geometry::Depth, ..Outputs::default() };
-    let config = RenderConfig { outputs, background: Background::Color([0.5; 3]), rasterization };
-    let mut look = |splats: &Splats, camera: &Camera| {
-        let mut frame = Frame::default();
-        renderer
-            .backend_mut()
-            .render(&DrawPass::new(&[SetView::transient(splats)], camera, &config), &mut frame)
-            .map(|_| frame)
-    };
-    let truths: Vec<Frame> = cameras.iter().map(|camera| look(&all, camera)).collect::<Result<_, _>>()?;
-    let coarsest = LevelCut::coarsest(&index);
-    let outline = splats_of(&index, &files, &coarsest)?;
-    let mut small = wm_render::CpuRenderer::new(wm_render::CpuConfig::default())?;
-    let outline = CoarseLeaves::of(&index, &coarsest, small.load(&outline)?);
-    let budget = CutBudget { splats: ((share * count as f64) as u64).saturating_sub(sky as u64) };
-    for (number, (camera, truth)) in cameras.iter().zip(&truths).enumerate() {
-        let started = Instant::now();
-        let plain = LevelCut::of(&index, &[*camera], &budget);
-        let milliseconds = 1e3 * started.elapsed().as_secs_f64();
-        let weights = outline.seen_shares(&index, &[*camera], rasterization, &mut small)?;
-        let knowing = LevelCut::weighted(&index, &[*camera], &weights, &budget);
-        let mut row = format!("view {number}: cut in {milliseconds:.2} ms");
-        for cut in [plain, knowing] {
-            let splats = Splats::joined(splats_of(&index, &files, &cut)?, environment.clone());
-            let frame = look(&splats, camera)?;
-            let (psnr, depth, alpha) = compare(truth, &frame);
-            row += &format!(" | {} splats, {psnr:.1} dB, {:.2} %, {alpha:.4}", splats.len(), 100.0 * depth);
-            if let Some(folder) = std::env::var_os("PICTURES") {
-                let name = format!("{number}-{}.png", splats.len());
-                save(&frame, &Path::new(&folder).join(name))?;
-                save(truth, &Path::new(&folder).join(format!("{number}-all.png")))?;
+    let cameras = cameras(&mut renderer, &scene, turn)?;
+    drop(scene);
+    let all = LevelIndex::open(out)?.read_level(DetailLevel::Finest)?;
+    // Splats of the sky are drawn in addition.
+    let splats = ((share * count as f64) as u64).saturating_sub(sky as u64);
+    let budget = LevelBudget { memory: 16 << 30, splats: Some(splats) };
+    let options = PlaceOptions::default();
+    let mut place = renderer.load_levels(LevelIndex::open(out)?, &options, &budget, false)?;
+    let mut whole = renderer.load_with(all, &options)?;
+    for place in [&mut place, &mut whole] {
+        place.config.outputs = Outputs { geometry: Geometry::Depth, ..Outputs::default() };
+        place.config.background = Background::Color([0.5; 3]);
+    }
+    let (mut truth, mut frame) = (Frame::default(), Frame::default());
+    for (number, camera) in cameras.iter().enumerate() {
+        renderer.render_clear(&mut whole, camera, &mut truth)?;
+        let mut counts = LevelCounts::default();
+        for is_shot in [false, true] {
+            let shot = if is_shot { vec![*camera] } else { Vec::new() };
+            place.set_shot(&shot);
+            // Read and loaded by the first picture; the second has a camera that is a hair's breadth away and looks again.
+            renderer.render_clear(&mut place, camera, &mut frame)?;
+            let again = Camera { near: camera.near * (1.0 + 1e-12), ..*camera };
+            place.set_shot(&if is_shot { vec![again] } else { Vec::new() });
+            let mut milliseconds = [0.0; 2];
+            for time in &mut milliseconds {
+                let started = Instant::now();
+                renderer.render_clear(&mut place, &again, &mut frame)?;
+                *time = 1e3 * started.elapsed().as_secs_f64();
             }
+            let (psnr, depth, alpha) = compare(&truth, &frame);
+            counts = place.level_counts().unwrap_or_default();
+            let [with, without] = milliseconds;
+            println!(
+                "view {number}, {}: {psnr:.1} dB, {:.2} %, {alpha:.4}; {} drawn, {} held; {with:.0} ms, {without:.0} ms without looks",
+                if is_shot { "shot" } else { "frame" },
+                100.0 * depth,
+                counts.drawn + sky as u64,
+                counts.held + sky as u64,
+            );
         }
-        println!("{row}");
+        if let Some(folder) = std::env::var_os("PICTURES") {
+            save(&frame, &Path::new(&folder).join(format!("{number}-{}.png", counts.drawn)))?;
+            save(&truth, &Path::new(&folder).join(format!("{number}-all.png")))?;
+        }
     }
     Ok(())
 }
 
 /// The view that is chosen for the scene, and others from its place: to both sides and back.
-fn cameras(renderer: &mut Renderer, scene: &Scene) -> Result<Vec<Camera>, Box<dyn Error>> {
+fn cameras(renderer: &mut Renderer, scene: &Scene, turn: f64) -> Result<Vec<Camera>, Box<dyn Error>> {
     let up = Survey::of(scene, &Metadata::default()).up.value;
     let options = ViewOptions { size: Some(SIZE), ..ViewOptions::default() };
     let place = renderer.load_with(scene.clone(), &PlaceOptions::default())?;
     let chosen = choose::choose(&mut renderer.view_search(&place, options))?.camera;
     let turned = |degrees: f64| {
-        let about = DMat4::from_mat3(DMat3::from_axis_angle(up, f64::to_radians(degrees)));
+        let about = DMat4::from_mat3(DMat3::from_axis_angle(up, f64::to_radians(degrees + turn)));
         let there = |sign: f64| DMat4::from_translation(sign * chosen.center());
         Camera { viewmat: chosen.viewmat * there(1.0) * about * there(-1.0), ..chosen }
     };
@@ -110,16 +118,7 @@ fn cameras(renderer: &mut Renderer, scene: &Scene) -> Result<Vec<Camera>, Box<dy
     let away = turned(20.0);
     let back: DVec3 = away.forward() * -0.15 * Survey::of(scene, &Metadata::default()).radius;
     let far = Camera { viewmat: away.viewmat * DMat4::from_translation(-back), ..away };
-    Ok(vec![chosen, turned(45.0), turned(-45.0), far])
-}
-
-/// The splats of a cut, leaf after leaf.
-fn splats_of(index: &LevelIndex, files: &[LevelFile], cut: &LevelCut) -> Result<Splats, Box<dyn Error>> {
-    let mut splats = Splats::default();
-    for (_, run) in cut.runs(index) {
-        splats = Splats::joined(splats, files[run.file].splats(run.offset, run.count)?);
-    }
-    Ok(splats)
+    Ok(vec![turned(0.0), turned(45.0), turned(-45.0), far])
 }
 
 /// PSNR, mean relative error of the depth where half of the light is stopped, mean difference of alpha.

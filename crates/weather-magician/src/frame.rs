@@ -43,8 +43,10 @@ impl From<Camera> for MovingCamera {
 pub struct FrameRequest<'a> {
     /// The splat sets, drawn together.
     pub sets: &'a [SetView<'a>],
-    /// The same with fewer splats, for what drops on the lens show and films and waves mirror; `None` for [`Self::sets`].
+    /// The same with fewer splats, for what drops on the lens show and films and waves mirror; `None` for [`Self::elsewhere`].
     pub thinned: Option<&'a [SetView<'a>]>,
+    /// The same for other eyes and wider views: with splats that the camera does not see.
+    pub elsewhere: &'a [SetView<'a>],
     /// The weather at the instant.
     pub weather: &'a PreparedWeather,
     /// The camera.
@@ -177,7 +179,7 @@ impl FrameRequest<'_> {
             let hooks = Hooks { particles: &[], ..hooks };
             // What a film mirrors is blurred, and what waves mirror is in pieces, so a few splats will do.
             let is_unclear = water.surface.is_film || water.motion.is_rough();
-            let sets = self.thinned.filter(|_| is_unclear).unwrap_or(self.sets);
+            let sets = self.thinned.filter(|_| is_unclear).unwrap_or(self.elsewhere);
             let mirrored = DrawPass {
                 cut: Some(water.mirror.cut),
                 ..DrawPass::new(sets, &water.mirror.camera, &mirror_config).with_hooks(hooks)
@@ -313,7 +315,8 @@ impl FrameRequest<'_> {
         let observer = Observer { camera: &wide, lamps: None, splashes: None, ..self.observer() };
         self.weather.with_hooks(&observer, |hooks| {
             let hooks = Hooks { particles: &[], ..hooks };
-            let wide = DrawPass::new(self.thinned.unwrap_or(self.sets), &wide, &config).with_hooks(hooks);
+            let wide =
+                DrawPass::new(self.thinned.unwrap_or(self.elsewhere), &wide, &config).with_hooks(hooks);
             work(Some(LensPass { wide, effect: &effect }))
         })
     }

@@ -88,7 +88,9 @@ pub use lens_view::{LensSpec, LensView};
 pub use motion::{CameraMotion, Mount};
 pub use motion_spec::MotionSpec;
 pub use picture::Picture;
-pub use place::{FrameContent, FrameOptions, Patience, PlaceFacts, PlaceOptions, PlaceView, PreparedPlace};
+pub use place::{
+    FrameContent, FrameOptions, LevelCounts, Patience, PlaceFacts, PlaceOptions, PlaceView, PreparedPlace,
+};
 pub use progress::Progress;
 pub use renderer::Renderer;
 pub use tags::picture_tags;

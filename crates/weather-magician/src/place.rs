@@ -9,6 +9,7 @@ use crate::assets::{
 use crate::frame::FrameRequest;
 use crate::frame::MovingCamera;
 use crate::lamps::PlaceLamps;
+use crate::levels::{DrawnAttributes, DrawnPart};
 use crate::picture::Picture;
 use crate::place_light::{CoverLight, PlaceLight};
 use crate::place_water::{OnGround, PlaceWater};
@@ -16,6 +17,7 @@ use crate::thinned::{ChosenAttributes, ThinnedSet, thin};
 use crate::view;
 use crate::{Error, Progress, Result};
 use glam::DVec3;
+pub use levels::LevelCounts;
 use levels::{DrawnSet, PlaceLevels};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
@@ -263,6 +265,24 @@ pub(crate) fn with_cover<'a>(
 /// The attributes of the sets of a cut, by those of the weather's splats.
 fn chosen_attributes<'a>(drawn: &'a [DrawnSet], scene: &'a SceneAttributes<'a>) -> Vec<ChosenAttributes<'a>> {
     drawn.iter().map(|part| ChosenAttributes { all: scene, chosen: &part.chosen }).collect()
+}
+
+/// The attributes of the sets of a cut of which a part is shown; `views` are the sets as a whole.
+fn shown_attributes<'a>(drawn: &'a [DrawnSet], views: &[SetView<'a>]) -> Vec<Option<DrawnAttributes<'a>>> {
+    drawn.iter().zip(views).map(|(set, view)| set.part.attributes(view.attributes)).collect()
+}
+
+/// The parts of the sets of a cut that are shown.
+fn shown_views<'a>(
+    drawn: &[DrawnSet],
+    views: &[SetView<'a>],
+    shown: &'a [Option<DrawnAttributes<'a>>],
+) -> impl Iterator<Item = SetView<'a>> {
+    let sets = drawn.iter().zip(views).zip(shown).filter(|((set, _), _)| set.part != DrawnPart::None);
+    sets.map(|((_, view), shown)| match shown {
+        Some(shown) => view.with_attributes(Some(shown)),
+        None => *view,
+    })
 }
 
 /// The doubts about the facts that what falls and what lies stand on.
@@ -983,17 +1003,26 @@ impl PreparedPlace {
             }
             _ => whole.to_vec(),
         };
-        let mut sets =
+        // Of a place in levels all that is held, for views from elsewhere, such as that of a mirror.
+        let mut held =
             with_cover(&parts, scene.is_changed(), self.lying.as_ref().map(|lying| (lying.set, lying_light)));
         let windows = self.light.windows(&prepared, &self.scene, &self.site);
-        sets.extend(windows.as_ref().map(SetView::transient));
+        held.extend(windows.as_ref().map(SetView::transient));
+        let (own, others) = held.split_at(parts.len());
+        let shown = drawn.as_deref().map(|drawn| shown_attributes(drawn, own));
+        let sets: Vec<SetView<'_>> = match (&drawn, &shown) {
+            (Some(drawn), Some(shown)) => {
+                shown_views(drawn, own, shown).chain(others.iter().copied()).collect()
+            }
+            _ => held.clone(),
+        };
         let thinned_attributes =
             self.thinned.as_ref().map(|thin| ChosenAttributes { all: &scene, chosen: &thin.chosen });
         let thinned_sets =
             self.thinned.as_ref().zip(thinned_attributes.as_ref()).map(|(thin, attributes)| {
                 let own = scene.is_changed().then_some(attributes as &dyn SplatAttributes);
                 let thin = SetView::plain(thin.set).with_attributes(own);
-                std::iter::once(thin).chain(sets[parts.len()..].iter().copied()).collect::<Vec<_>>()
+                std::iter::once(thin).chain(others.iter().copied()).collect::<Vec<_>>()
             });
         let sources = self.light.sources(&prepared, &self.store, moving.as_ref(), &self.site);
         let lamps = sources.as_ref().map(|(lights, display)| LampsOn { lights, display: *display });
@@ -1004,6 +1033,7 @@ impl PreparedPlace {
             threads: backend.threads(),
             sets: &sets,
             thinned: thinned_sets.as_deref(),
+            elsewhere: &held,
             weather: &prepared,
             camera: options.camera,
             whole: options.whole,
@@ -1085,9 +1115,15 @@ impl PreparedPlace {
     ) -> Result<Stats> {
         self.look(backend, camera, Patience::Whole)?;
         let sets = match self.drawn_sets(backend, false) {
-            Some(drawn) => drawn.iter().map(|part| SetView::plain(part.set)).collect(),
-            None => vec![SetView::plain(self.set)],
+            Some(drawn) => drawn,
+            None => {
+                let set = [SetView::plain(self.set)];
+                return Ok(backend.render(&DrawPass::new(&set, camera, &self.config), frame)?);
+            }
         };
+        let plain: Vec<SetView<'_>> = sets.iter().map(|part| SetView::plain(part.set)).collect();
+        let shown = shown_attributes(&sets, &plain);
+        let sets: Vec<SetView<'_>> = shown_views(&sets, &plain, &shown).collect();
         Ok(backend.render(&DrawPass::new(&sets, camera, &self.config), frame)?)
     }
 

@@ -54,7 +54,7 @@ pub fn reduce(
     progress: &mut dyn Progress,
 ) -> Result<ReducedScene> {
     let survey = Survey::of(scene, &Metadata::default());
-    let cameras = cameras(scene, &survey);
+    let cameras = cameras(scene, &survey, LONGEST);
     let (measured, tried): (Vec<_>, Vec<_>) = cameras.into_iter().enumerate().partition(|(i, _)| i % 3 == 1);
     let mut eye = Eye {
         renderer,
@@ -91,14 +91,14 @@ pub fn reduce(
     Ok(ReducedScene { splats, note })
 }
 
-/// Places to look from; neighbours in the list are mostly alike.
-fn cameras(scene: &Scene, survey: &Survey) -> Vec<Camera> {
+/// Places to look from, for pictures of which no side is longer than this, px; neighbours in the list are mostly alike.
+pub(crate) fn cameras(scene: &Scene, survey: &Survey, longest: u32) -> Vec<Camera> {
     if !scene.views.is_empty() {
         let step = (scene.views.len() as f64 / VIEWS as f64).max(1.0);
         let count = scene.views.len().min(VIEWS);
-        return (0..count).map(|i| small(&scene.views[(i as f64 * step) as usize].camera)).collect();
+        return (0..count).map(|i| small(&scene.views[(i as f64 * step) as usize].camera, longest)).collect();
     }
-    let options = ViewOptions { size: Some((LONGEST, LONGEST * 9 / 16)), ..ViewOptions::default() };
+    let options = ViewOptions { size: Some((longest, longest * 9 / 16)), ..ViewOptions::default() };
     let at = |eye: DVec3, target: DVec3| {
         let camera = Camera::looking(options.size(), DEFAULT_FOV, eye, target, options.up(survey)).ok()?;
         Some(Camera { near: options.near(survey), ..camera })
@@ -117,13 +117,20 @@ fn cameras(scene: &Scene, survey: &Survey) -> Vec<Camera> {
     cameras
 }
 
-fn small(camera: &Camera) -> Camera {
-    let scale = f64::from(LONGEST) / f64::from(camera.width.max(camera.height));
+fn small(camera: &Camera, longest: u32) -> Camera {
+    let scale = f64::from(longest) / f64::from(camera.width.max(camera.height));
     if scale >= 1.0 {
         return *camera;
     }
     let side = |length: u32| ((f64::from(length) * scale).round() as u32).max(1);
     camera.resized(side(camera.width), side(camera.height))
+}
+
+/// The importance of splats that no picture shows, of a scene of this radius: by their size, px.
+pub(crate) fn unseen_worth(splats: &Splats, radius: f64) -> Vec<f64> {
+    let pixels = (FOCAL / (NEAR * radius.max(1e-6))).powi(2);
+    let unseen = |i: usize| UNSEEN * (splats.opacity(i) * cover(splats.log_scales[i]) * pixels).min(LARGEST);
+    (0..splats.len()).map(unseen).collect()
 }
 
 /// Renders the pictures that splats are judged by.
@@ -146,10 +153,7 @@ impl Eye<'_> {
 
     /// Returns the importance of each splat, px.
     fn worth(&mut self, splats: &Splats, cameras: &[(usize, Camera)], radius: f64) -> Result<Vec<f64>> {
-        let pixels = (FOCAL / (NEAR * radius.max(1e-6))).powi(2);
-        let unseen =
-            |i: usize| UNSEEN * (splats.opacity(i) * cover(splats.log_scales[i]) * pixels).min(LARGEST);
-        let mut worth: Vec<f64> = (0..splats.len()).map(unseen).collect();
+        let mut worth = unseen_worth(splats, radius);
         let mut gradients = Gradients::default();
         for (_, camera) in cameras {
             self.look(splats, camera)?;

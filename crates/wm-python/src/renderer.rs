@@ -419,7 +419,11 @@ impl PyRenderer {
             let moving = CameraMotion::Still { camera: Box::new(camera), speed };
             let moving = moving.at(time, open.place.site().metres_per_unit);
             let mut reporter = CallbackProgress::new(stop, None);
-            open.draw(&weather, &FrameOptions::new(time, moving), &wanted, &mut reporter)?;
+            // As the program's pictures: the best cut for it alone.
+            open.place.set_shot(&[camera]);
+            let drawn = open.draw(&weather, &FrameOptions::new(time, moving), &wanted, &mut reporter);
+            open.place.set_shot(&[]);
+            drawn?;
             let mut picture = std::mem::take(&mut open.picture);
             let site = open.place.site();
             picture.tags = picture_tags(&name, site, open.renderer.backend(), &weather, time, &camera);

@@ -7,7 +7,7 @@ use crate::differentiable::{
 use crate::frame::Frame;
 #[cfg(feature = "gpu")]
 use crate::gpu::{self, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
-use crate::plan::{FramePlan, Pictures};
+use crate::plan::{DrawPass, FramePlan, Pictures};
 use crate::ray_tracer::AnyRaySplats;
 use crate::renderer::{CpuConfig, RenderBackend, RenderError, SetId, Stats};
 use crate::simd::SimdPath;
@@ -294,6 +294,16 @@ impl RenderBackend for AnyRenderer {
             && let Some(splats) = kept.get_mut(set.0)
         {
             *splats = None;
+        }
+    }
+
+    fn weigh(&mut self, pass: &DrawPass<'_>, weights: &mut Vec<f32>) -> Result<Stats, RenderError> {
+        match self.renderer().weigh(pass, weights) {
+            Err(error) => {
+                self.fall_back(error)?;
+                self.renderer().weigh(pass, weights)
+            }
+            done => done,
         }
     }
 

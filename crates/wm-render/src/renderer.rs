@@ -31,6 +31,14 @@ pub trait RenderBackend {
     /// holds then is of no use.
     fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError>;
 
+    /// Finds the weight of each splat of a pass in its picture: alpha times the transmittance before it, summed over the pixels, px, in steps of
+    /// 1/1024 a tile. `weights` has those of the sets one after the other, each in the order in which it was loaded. The weather of the pass and the rest of its
+    /// outputs do not count.
+    ///
+    /// # Errors
+    /// As of [`Self::execute`], and if the picture has more than 4 million pixels.
+    fn weigh(&mut self, pass: &DrawPass<'_>, weights: &mut Vec<f32>) -> Result<Stats, RenderError>;
+
     /// Carries out a plan of one draw pass: renders one view into `frame`, whose arrays are re-used where they fit.
     ///
     /// # Errors
@@ -42,6 +50,19 @@ pub trait RenderBackend {
         let done = self.execute(&plan, &mut pictures);
         *frame = pictures.take(picture);
         done
+    }
+}
+
+/// The number that stands for a weight of one pixel, see [`RenderBackend::weigh`].
+pub(crate) const WEIGHT_UNITS: f32 = 1024.0;
+
+/// Checks that weights of a camera's picture can be counted.
+pub(crate) fn check_weighed(camera: &wm_scene::Camera) -> Result<(), RenderError> {
+    let most = u64::from(u32::MAX) / WEIGHT_UNITS as u64;
+    let (width, height) = (camera.width, camera.height);
+    match u64::from(width) * u64::from(height) <= most {
+        true => Ok(()),
+        false => Err(RenderError::Memory { width, height }),
     }
 }
 

@@ -224,6 +224,7 @@ impl<'a> BenchTarget<'a> {
                 let request = FrameRequest {
                     sets,
                     thinned: None,
+                    elsewhere: sets,
                     weather: &case.sky,
                     whole: None,
                     camera: (*camera).into(),

@@ -170,7 +170,8 @@ impl BatchRun {
         let info = clip_of(&self.plan, &clip, place);
         let base = CameraMotion::Delayed { base: Box::new(motion), by: clip.weather.at };
         let mut active = ActivePart { part: part.clone(), clip, info, base, readings, shot: Vec::new() };
-        if open.place.has_levels() {
+        // A still shares what is prepared with the others of its place.
+        if open.place.has_levels() && self.plan.frames > 1 {
             active.shot = self.shot(&active, open.place.site().metres_per_unit);
         }
         Ok(active)

@@ -49,7 +49,7 @@ pub fn parse_memory(text: &str) -> Result<u64, String> {
 /// Splats of one frame that are not asked for: some two a pixel of a picture of 1200x800 px, beyond which little changes.
 pub const MOST_SPLATS: u64 = 2_000_000;
 /// Least splats of one frame.
-const LEAST_SPLATS: u64 = 10_000;
+const LEAST_SPLATS: u64 = 1000;
 /// Memory of the program, its tables and a picture with all its parts, bytes.
 const FIXED: u64 = 160 << 20;
 /// Share of the memory for the splats that weather is prepared with, and what is made of them.
@@ -63,13 +63,18 @@ const FRAME_BYTES: u64 = 112;
 /// Bytes of a splat that is held, beside those in the renderer: its position.
 const HELD_BYTES: u64 = 12;
 
+/// Splats that are held for a frame over those that it draws, at most: which of them show something is known once they are held.
+const HELD_FOR_DRAWN: u64 = 4;
+
 /// The shares of a [`LevelBudget`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct BudgetShares {
     /// Splats that weather is prepared with.
     pub weather_splats: u64,
-    /// Splats of one frame.
+    /// Splats that one frame draws.
     pub frame_splats: u64,
+    /// Splats that are held for one frame.
+    pub cut_splats: u64,
     /// Bytes of the splats that are held for frames.
     pub held_bytes: u64,
 }
@@ -96,13 +101,15 @@ impl LevelBudget {
         let weather = self.memory / WEATHER_SHARE;
         let rest = self.memory.saturating_sub(FIXED + weather);
         let a_splat = held_bytes(256, sh_degree) / 256 + FRAME_BYTES;
+        let by_memory = rest / a_splat;
         // A part of what is held is of other cuts, so that a camera that turns back loads nothing.
-        let by_memory = rest / 2 / a_splat;
-        let frame_splats = self.splats.unwrap_or(by_memory.min(MOST_SPLATS)).max(LEAST_SPLATS);
+        let frame_splats = self.splats.unwrap_or((by_memory / 2).min(MOST_SPLATS)).max(LEAST_SPLATS);
+        let cut_splats = frame_splats.saturating_mul(HELD_FOR_DRAWN).min(by_memory / 4 * 3).max(frame_splats);
         BudgetShares {
             weather_splats: (weather / WEATHER_BYTES).clamp(LEAST_SPLATS, MOST_WEATHER_SPLATS),
             frame_splats,
-            held_bytes: rest.saturating_sub(frame_splats * FRAME_BYTES),
+            cut_splats,
+            held_bytes: rest.saturating_sub(cut_splats * FRAME_BYTES),
         }
     }
 }
@@ -134,11 +141,11 @@ mod tests {
                 let shares = LevelBudget { memory, splats: None }.shares(degree);
                 let all = FIXED
                     + shares.weather_splats * WEATHER_BYTES
-                    + shares.frame_splats * FRAME_BYTES
+                    + shares.cut_splats * FRAME_BYTES
                     + shares.held_bytes;
                 assert!(all <= memory, "{memory} {degree}: {shares:?}");
                 // The splats of a frame are held together.
-                assert!(held_bytes(shares.frame_splats, degree) <= shares.held_bytes, "{shares:?}");
+                assert!(held_bytes(shares.cut_splats, degree) <= shares.held_bytes, "{shares:?}");
             }
         }
     }

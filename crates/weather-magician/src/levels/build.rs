@@ -2,7 +2,8 @@
 
 use super::judge::LeafJudge;
 use super::leaves::leaves;
-use super::merge::{halved, worth};
+use super::merge::halved;
+use super::worth::seen_worth;
 use crate::{Error, Progress, Result};
 use std::path::Path;
 use std::sync::Mutex;
@@ -36,7 +37,7 @@ impl LevelOptions {
     /// is drawn; small ones fit better what cameras see.
     #[must_use]
     pub fn for_splats(count: u64) -> Self {
-        let leaf_splats = (count / 4096).next_power_of_two().clamp(2048, 1 << 14) as usize;
+        let leaf_splats = (count / 4096).next_power_of_two().clamp(512, 1 << 14) as usize;
         Self { leaf_splats, coarsest: (leaf_splats / 512).max(16), ..Self::default() }
     }
 }
@@ -44,7 +45,7 @@ impl LevelOptions {
 impl Default for LevelOptions {
     fn default() -> Self {
         Self {
-            leaf_splats: 2048,
+            leaf_splats: 512,
             leaf_side: f64::INFINITY,
             levels: None,
             coarsest: 16,
@@ -86,6 +87,8 @@ pub struct LevelBuilder {
     writer: LevelWriter,
     options: LevelOptions,
     judges: Vec<LeafJudge>,
+    /// The one that looks at blocks, on all threads.
+    renderer: CpuRenderer,
     environment: Splats,
     summary: LevelSummary,
 }
@@ -105,7 +108,15 @@ impl LevelBuilder {
         };
         let judges =
             (0..options.threads.unwrap_or_else(cores).max(1)).map(judge).collect::<Result<_, _>>()?;
-        Ok(Self { writer, options, judges, environment: Splats::default(), summary: LevelSummary::default() })
+        let renderer = CpuRenderer::new(CpuConfig { threads: options.threads, ..CpuConfig::default() })?;
+        Ok(Self {
+            writer,
+            options,
+            judges,
+            renderer,
+            environment: Splats::default(),
+            summary: LevelSummary::default(),
+        })
     }
 
     /// Adds a block: splats of a part of space, as many as fit memory three times.
@@ -119,12 +130,18 @@ impl LevelBuilder {
         let environment = std::mem::take(&mut self.environment);
         self.environment = Splats::joined(environment, select(splats, &sky));
         progress.begin("building levels", Some(rest.len() as u64));
+        if rest.is_empty() {
+            progress.end();
+            return Ok(());
+        }
+        let rasterization = self.options.rasterization.unwrap_or_default();
+        let worth = seen_worth(splats, rasterization, &mut self.renderer, progress)?;
         let leaves = leaves(splats, rest, self.options.leaf_splats, self.options.leaf_side);
         for some in leaves.chunks(LEAVES_AT_ONCE * self.judges.len()) {
             if progress.is_stopped() {
                 return Err(Error::Stopped);
             }
-            let built = self.built(splats, some)?;
+            let built = self.built(splats, &worth, some)?;
             let mut jobs = Vec::new();
             for leaf in built {
                 self.count(&leaf);
@@ -161,10 +178,11 @@ impl LevelBuilder {
     }
 
     /// Builds leaves over the threads.
-    fn built(&mut self, splats: &Splats, leaves: &[Vec<u32>]) -> Result<Vec<NewLeaf>> {
+    fn built(&mut self, splats: &Splats, worth: &[f64], leaves: &[Vec<u32>]) -> Result<Vec<NewLeaf>> {
         let options = self.options;
         let work = |judge: &mut LeafJudge, leaf: usize| {
-            let levels = levels_of(select(splats, &leaves[leaf]), &options);
+            let own = leaves[leaf].iter().map(|index| worth[*index as usize]).collect();
+            let levels = levels_of(select(splats, &leaves[leaf]), own, &options);
             let errors = judge.errors(&levels)?;
             Ok(NewLeaf { levels, errors })
         };
@@ -217,12 +235,12 @@ fn over_threads<W: Send, T: Send>(
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-/// The levels of a leaf, the finest first.
-fn levels_of(finest: Splats, options: &LevelOptions) -> Vec<Splats> {
+/// The levels of a leaf, the finest first; `worth` are the importances of its splats.
+fn levels_of(finest: Splats, worth: Vec<f64>, options: &LevelOptions) -> Vec<Splats> {
     let most = options.levels.unwrap_or(MAX_LEVELS).clamp(1, MAX_LEVELS) as usize;
     let least = if options.levels.is_some() { 1 } else { options.coarsest.max(1) };
     let mut levels = vec![finest];
-    let mut importance = worth(&levels[0]);
+    let mut importance = worth;
     while levels.len() < most {
         let finer = &levels[levels.len() - 1];
         if finer.len() <= least {

@@ -22,11 +22,45 @@ const ERROR: f64 = 0.1;
 /// Larger errors of an index are taken for this.
 const LARGEST_ERROR: f64 = 10.0;
 
-/// The most that a cut may be.
+/// The most that a cut may be. Splats of the environment are not counted. Leaves are never coarser than their coarsest level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CutBudget {
-    /// Number of splats of all leaves together. Those of the environment are not counted. Leaves are never coarser than their coarsest level.
+    /// Number of splats that a picture draws.
     pub splats: u64,
+    /// Number of splats of all leaves together, drawn or not.
+    pub held: u64,
+}
+
+impl CutBudget {
+    /// So many splats, all of which are drawn.
+    #[must_use]
+    pub fn of(splats: u64) -> Self {
+        Self { splats, held: splats }
+    }
+}
+
+/// The part of a leaf that pictures show.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeenLeaf {
+    /// The light that comes from it over what would come if it hid all behind it and nothing hid it, 0-1; its weight against other leaves.
+    pub light: f64,
+    /// The share of its splats that this light comes from, 0-1: the others are not drawn.
+    pub drawn: f64,
+}
+
+impl Default for SeenLeaf {
+    /// All of it.
+    fn default() -> Self {
+        Self { light: 1.0, drawn: 1.0 }
+    }
+}
+
+impl SeenLeaf {
+    /// The splats that are drawn of `count`.
+    fn drawn_of(&self, count: u64) -> u64 {
+        // Larger numbers than this are not added up.
+        (count as f64 * self.drawn.clamp(0.0, 1.0)).ceil() as u64
+    }
 }
 
 /// The level that each leaf of an index is drawn at.
@@ -62,12 +96,12 @@ impl LevelCut {
     /// A leaf counts with the largest area that it covers in a picture. One that no picture shows stays at its coarsest level.
     #[must_use]
     pub fn of(index: &LevelIndex, cameras: &[Camera], budget: &CutBudget) -> Self {
-        Self::weighted(index, cameras, &[], budget)
+        Self::of_seen(index, cameras, &[], budget)
     }
 
-    /// As [`Self::of`], with a weight of each leaf, 0 or more, such as the share of it that nothing hides. Leaves without one have 1.
+    /// As [`Self::of`], with what is seen of each leaf; of those without, all.
     #[must_use]
-    pub fn weighted(index: &LevelIndex, cameras: &[Camera], weights: &[f64], budget: &CutBudget) -> Self {
+    pub fn of_seen(index: &LevelIndex, cameras: &[Camera], seen: &[SeenLeaf], budget: &CutBudget) -> Self {
         let areas: Vec<f64> = index
             .leaves
             .par_iter()
@@ -77,27 +111,33 @@ impl LevelCut {
             })
             .collect();
         let mut cut = Self::coarsest(index);
+        let seen_of = |leaf: usize| seen.get(leaf).copied().unwrap_or_default();
+        let drawn_of = |leaf: usize, run: &LevelRun| seen_of(leaf).drawn_of(run.count);
+        let mut drawn =
+            cut.runs(index).fold(0u64, |sum, (leaf, run)| sum.saturating_add(drawn_of(leaf, run)));
         let step = |leaf: usize, from: usize| {
-            let weight = weights.get(leaf).copied().unwrap_or(1.0);
-            Step::best(&index.leaves[leaf], leaf, from, areas[leaf], weight)
+            Step::best(&index.leaves[leaf], leaf, from, areas[leaf], seen_of(leaf))
         };
         let first = |leaf: usize| step(leaf, usize::from(cut.positions[leaf]));
         let mut steps: BinaryHeap<Step> = (0..areas.len()).filter_map(first).collect();
         while let Some(next) = steps.pop() {
-            let left = budget.splats.saturating_sub(cut.splats);
-            if next.added > left {
-                // The finest of it that fits, and no other leaf: it would look better than one that is worth more.
-                let (runs, from) = (&index.leaves[next.leaf].runs, usize::from(cut.positions[next.leaf]));
-                let fits = |to: &usize| runs[*to].count.saturating_sub(runs[from].count) <= left;
-                if let Some(to) = (usize::from(next.to) + 1..from).find(fits) {
-                    cut.splats += runs[to].count.saturating_sub(runs[from].count);
-                    cut.positions[next.leaf] = to as u16;
-                }
+            let (runs, from) = (&index.leaves[next.leaf].runs, usize::from(cut.positions[next.leaf]));
+            // The splats that are held and those that are drawn in addition.
+            let added = |to: usize| {
+                let drawn = drawn_of(next.leaf, &runs[to]).saturating_sub(drawn_of(next.leaf, &runs[from]));
+                (runs[to].count.saturating_sub(runs[from].count), drawn)
+            };
+            let left = (budget.held.saturating_sub(cut.splats), budget.splats.saturating_sub(drawn));
+            let fits = |to: &usize| added(*to).0 <= left.0 && added(*to).1 <= left.1;
+            // The finest of it that fits, and then no other leaf: it would look better than one that is worth more.
+            let Some(to) = (usize::from(next.to)..from).find(fits) else { break };
+            cut.splats += added(to).0;
+            drawn += added(to).1;
+            cut.positions[next.leaf] = to as u16;
+            if to != usize::from(next.to) {
                 break;
             }
-            cut.splats += next.added;
-            cut.positions[next.leaf] = next.to;
-            steps.extend(step(next.leaf, usize::from(next.to)));
+            steps.extend(step(next.leaf, to));
         }
         cut
     }
@@ -125,17 +165,16 @@ impl LevelCut {
 
 /// A finer level of a leaf.
 struct Step {
-    /// Squared error removed over splats added.
+    /// Squared error removed over splats that are drawn in addition.
     gain: f64,
     leaf: usize,
     to: u16,
-    added: u64,
 }
 
 impl Step {
     /// The finer level of a leaf that removes most a splat; `None` if none removes anything.
-    fn best(leaf: &LevelLeaf, number: usize, from: usize, area: f64, weight: f64) -> Option<Self> {
-        let weight = area * weight;
+    fn best(leaf: &LevelLeaf, number: usize, from: usize, area: f64, seen: SeenLeaf) -> Option<Self> {
+        let weight = area * seen.light;
         if !(weight > 0.0 && weight.is_finite()) {
             return None;
         }
@@ -143,10 +182,10 @@ impl Step {
         let (now, count) = (lost(from), leaf.runs.get(from)?.count);
         let mut best: Option<Self> = None;
         for to in (0..from).rev() {
-            let added = leaf.runs[to].count.saturating_sub(count);
+            let added = seen.drawn_of(leaf.runs[to].count).saturating_sub(seen.drawn_of(count));
             let gain = weight * (now - lost(to)) / added.max(1) as f64;
             if gain > best.as_ref().map_or(0.0, |best| best.gain) {
-                best = Some(Self { gain, leaf: number, to: u16::try_from(to).ok()?, added });
+                best = Some(Self { gain, leaf: number, to: u16::try_from(to).ok()? });
             }
         }
         best
@@ -227,7 +266,7 @@ mod tests {
     #[test]
     fn what_is_near_is_finer_and_what_is_not_seen_is_coarsest() {
         let index = index(10, ERRORS);
-        let budget = CutBudget { splats: 4000 };
+        let budget = CutBudget::of(4000);
         let cut = LevelCut::of(&index, &[camera(-10.0, 1.0)], &budget);
         assert!(cut.positions().is_sorted() && cut.positions()[0] == 0 && cut.positions()[9] == 2, "{cut:?}");
         assert!((3500..=4000).contains(&cut.splats()), "{cut:?}");
@@ -242,15 +281,15 @@ mod tests {
             "{cut:?}"
         );
         assert_eq!(cut, LevelCut::of(&index, &[path[1], path[0]], &budget));
-        let hidden = LevelCut::weighted(&index, &path, &[0.0; 2], &budget);
-        assert_eq!(hidden.positions()[..2], [3, 3]);
+        let hidden = [SeenLeaf { light: 0.0, drawn: 0.0 }; 2];
+        assert_eq!(LevelCut::of_seen(&index, &path, &hidden, &budget).positions()[..2], [3, 3]);
     }
 
     #[test]
     fn budgets_are_kept_and_more_is_never_coarser() {
         let (mut before, index) = (LevelCut::coarsest(&index(30, ERRORS)), index(30, ERRORS));
         for splats in (0..32_000).step_by(1000) {
-            let cut = LevelCut::of(&index, &[camera(-10.0, 1.0)], &CutBudget { splats });
+            let cut = LevelCut::of(&index, &[camera(-10.0, 1.0)], &CutBudget::of(splats));
             assert!(cut.splats() <= splats.max(30 * 125));
             let coarser = cut.positions().iter().zip(before.positions()).filter(|(now, then)| now > then);
             // The last leaf of the smaller budget may have had another step.
@@ -259,12 +298,23 @@ mod tests {
         }
     }
 
+    /// What is not drawn leaves room for others, as long as it can be held.
+    #[test]
+    fn splats_that_show_nothing_are_held_and_not_drawn() {
+        let (index, cameras) = (index(10, ERRORS), [camera(-10.0, 1.0)]);
+        let fifth = [SeenLeaf { drawn: 0.2, ..SeenLeaf::default() }; 10];
+        let held = |held| LevelCut::of_seen(&index, &cameras, &fifth, &CutBudget { splats: 800, held });
+        let (some, all) = (held(3000), LevelCut::of(&index, &cameras, &CutBudget::of(4000)));
+        assert_eq!(held(9000), all);
+        assert!(some.splats() <= 3000 && all.splats() > 3000, "{some:?}");
+    }
+
     #[test]
     fn indices_without_errors_or_with_bad_ones_are_cut_too() {
         let cameras = [camera(-10.0, 1.0)];
         for errors in ["", r#", "errors": [1e38, 0, 1e38, 0.5]"#, r#", "errors": [0, 0, 0, 0]"#] {
             let index = index(10, errors);
-            let cut = LevelCut::of(&index, &cameras, &CutBudget { splats: 4000 });
+            let cut = LevelCut::of(&index, &cameras, &CutBudget::of(4000));
             assert!(cut.splats() <= 4000, "{errors} {cut:?}");
             assert_eq!(cut.positions()[0] == 0, errors.is_empty(), "{errors} {cut:?}");
         }

@@ -3,7 +3,7 @@
 //! Of each splat and its nearest neighbours, those pairs are joined first that differ least: in place, in standard deviations of both,
 //! and in colour, times the worth that a merge of the two moves. Several may come together in one step.
 
-use crate::moments::{apart, covariance, cover, put};
+use crate::moments::{apart, covariance, put};
 use glam::{DMat3, DVec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::num::NonZero;
@@ -16,11 +16,6 @@ const MOST: usize = 4;
 /// Cost of a difference in colour against one in place: of colours that differ by 1 in all channels against this many
 /// squared standard deviations, about.
 const COLOR: f64 = 20.0;
-
-/// The importance of each splat without pictures: its opacity times its area, squared units.
-pub fn worth(splats: &Splats) -> Vec<f64> {
-    (0..splats.len()).map(|i| splats.opacity(i) * cover(splats.log_scales[i])).collect()
-}
 
 /// A pair that may be joined.
 struct Pair {
@@ -132,7 +127,12 @@ impl Groups {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::moments::cover;
     use wm_scene::{Group, splats::Splat};
+
+    fn worth(splats: &Splats) -> Vec<f64> {
+        (0..splats.len()).map(|i| splats.opacity(i) * cover(splats.log_scales[i])).collect()
+    }
 
     fn row(count: usize, color: impl Fn(usize) -> f32) -> Splats {
         let mut splats = Splats::with_capacity(count, 0);

@@ -1,15 +1,33 @@
-//! The share of each leaf that nothing hides.
+//! What pictures show of a scene in levels, found by looking: small pictures tell the light that comes from each splat.
+//!
+//! [`LevelLooks::cut`] cuts the levels in turns. All leaves are looked at where they are coarsest; then those of a cut with as many splats as can be held. Then
+//! cuts are tried in which a leaf counts with the light that comes from it, and its splats with the share of them that nearly all of that light
+//! comes from: the less light may be lost, the coarser are the leaves of which all is drawn. The one whose small pictures, drawn as
+//! [`LevelLooks::drawn`] says, are nearest to those of all that can be held is taken. Where surfaces are many thin layers, few splats of a fine level
+//! are best; where each splat covers something of its own, coarse ones.
+//!
+//! Looks are pictures of the same renderer. What they say depends on index, cameras and budget alone.
 
-use super::{LevelCut, coverage};
-use wm_render::{
-    DrawPass, Frame, MedianDepth, Outputs, RenderBackend, RenderConfig, RenderError, SetId, SetView,
-};
-use wm_scene::{Camera, Rasterization, levels::LevelIndex};
+use super::{CutBudget, LevelCut, SeenLeaf, coverage};
+use crate::Result;
+use std::sync::Arc;
+use wm_render::hooks::{Attribute, AttributeBlock, Revision, SplatAttributes};
+use wm_render::{DrawPass, Frame, RenderBackend, RenderConfig, RenderError, SetId, SetView};
+use wm_scene::levels::{LevelIndex, LevelLeaf};
+use wm_scene::{Camera, Rasterization};
 
-/// Longest side of the picture, px.
-const LONGEST: u32 = 480;
-/// Weight of a leaf that is hidden: the picture is small and its splats are coarse, so that a gap in what hides it may not show.
+/// Longest side of a look, px; that of the picture if that is less: splats that fall between the pixels of a smaller one would be missed.
+const LONGEST: f64 = 1280.0;
+/// Light of a leaf that is hidden: a look is small and its splats are coarse, so that a gap in what hides it may not show.
 const HIDDEN: f64 = 0.01;
+/// Share of that light which a leaf keeps from one look to the next: where it is coarser, more of it may stick out.
+const KEPT: f64 = 0.1;
+/// Shares of a leaf's light without which it may be drawn, that are tried; less than 0 where all of its splats are drawn.
+const LOST: [f64; 4] = [-1.0, 0.0005, 0.008, 0.06];
+/// The only one of them where no others are tried.
+const LOST_ALONE: usize = 2;
+/// Cameras by which what is tried is compared, at most.
+const MOST_COMPARED: usize = 4;
 
 /// Splats of all leaves at coarse levels, by which is told what of them a camera sees.
 #[derive(Clone, Debug)]
@@ -30,41 +48,367 @@ impl CoarseLeaves {
         });
         Self { set, ends: runs.collect() }
     }
+}
 
-    /// Returns a weight of each leaf for [`LevelCut::weighted`], 0-1: the share of its pixels where it, and no other leaf, is at the median
-    /// depth; for several cameras the largest. One small picture a camera is rendered.
+/// A leaf of a cut that a renderer holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HeldLeaf {
+    /// Its number.
+    pub leaf: usize,
+    /// Its splats.
+    pub set: SetId,
+    /// Their number.
+    pub splats: usize,
+}
+
+/// The way to a cut: which cameras look, and how much they may see.
+#[derive(Clone, Copy, Debug)]
+pub struct LevelLooks<'a> {
+    /// The scene.
+    pub index: &'a LevelIndex,
+    /// All of it at its coarsest.
+    pub coarse: &'a CoarseLeaves,
+    /// The cameras of all pictures.
+    pub cameras: &'a [Camera],
+    /// The most cameras that look; those between are skipped.
+    pub most: usize,
+    /// True to try several cuts and take the best, which takes as long as some 15 frames; else one is made, after two looks.
+    pub tries_several: bool,
+    /// The most that is drawn and held.
+    pub budget: CutBudget,
+    /// The drawing of small splats.
+    pub rasterization: Rasterization,
+}
+
+impl LevelLooks<'_> {
+    /// The best cut for the pictures of all cameras. `hold` makes the renderer hold a cut, and says what it holds.
     ///
     /// # Errors
-    /// [`RenderError`] if it cannot be rendered.
-    pub fn seen_shares(
+    /// Those of `hold`, and [`crate::Error::Render`] if a look cannot be rendered.
+    pub fn cut<R: RenderBackend>(
         &self,
-        index: &LevelIndex,
-        cameras: &[Camera],
-        rasterization: Rasterization,
-        renderer: &mut dyn RenderBackend,
-    ) -> Result<Vec<f64>, RenderError> {
-        let outputs = Outputs { median_depth: MedianDepth::Splat, ..Outputs::default() };
-        let config = RenderConfig { outputs, rasterization, ..RenderConfig::default() };
-        let (mut frame, mut shares) = (Frame::default(), vec![0.0; index.leaves.len()]);
-        for camera in cameras {
-            let scale = (f64::from(LONGEST) / f64::from(camera.width.max(camera.height))).min(1.0);
-            let side = |length: u32| ((f64::from(length) * scale).round() as u32).max(1);
-            let small = camera.resized(side(camera.width), side(camera.height));
-            renderer.render(&DrawPass::new(&[SetView::plain(self.set)], &small, &config), &mut frame)?;
-            let mut seen = vec![0_u32; index.leaves.len()];
-            for splat in (0..frame.pixels()).filter_map(|pixel| frame.median_splat(pixel)) {
-                let run = self.ends.partition_point(|(_, end)| *end <= u64::from(splat));
-                if let Some((leaf, _)) = self.ends.get(run) {
-                    seen[*leaf] += 1;
-                }
+        renderer: &mut R,
+        mut hold: impl FnMut(&mut R, &LevelCut) -> Result<Vec<HeldLeaf>>,
+    ) -> Result<LevelCut> {
+        let eyes: Vec<Camera> =
+            self.cameras.iter().step_by(self.cameras.len().div_ceil(self.most).max(1)).map(small).collect();
+        let runs = self.coarse.ends.iter().scan(0, |start, (leaf, end)| {
+            let count = (*end - std::mem::replace(start, *end)) as usize;
+            Some((*leaf, count))
+        });
+        let runs: Vec<(usize, usize)> = runs.collect();
+        let mut seen = vec![SeenLeaf { light: 0.0, drawn: 1.0 }; self.index.leaves.len()];
+        self.look(&eyes, &[self.coarse.set], &runs, renderer, |leaf, light, _| {
+            seen[leaf].light = seen[leaf].light.max(light.max(HIDDEN));
+        })?;
+        // As much as can be held, to see all of it.
+        let first = CutBudget { splats: self.budget.held, ..self.budget };
+        let cut = LevelCut::of_seen(self.index, self.cameras, &seen, &first);
+        if cut.splats() <= self.budget.splats {
+            return Ok(cut);
+        }
+        let held = hold(renderer, &cut)?;
+        let sets: Vec<SetId> = held.iter().map(|held| held.set).collect();
+        let runs: Vec<(usize, usize)> = held.iter().map(|held| (held.leaf, held.splats)).collect();
+        let mut found = vec![[SeenLeaf { light: 0.0, drawn: 0.0 }; LOST.len()]; seen.len()];
+        self.look(&eyes, &sets, &runs, renderer, |leaf, light, drawn| {
+            for (found, drawn) in found[leaf].iter_mut().zip(drawn) {
+                *found = SeenLeaf { light: found.light.max(light), drawn: found.drawn.max(drawn) };
             }
-            for ((share, seen), leaf) in shares.iter_mut().zip(seen).zip(&index.leaves) {
-                let area = coverage(leaf.low, leaf.high, &small);
+        })?;
+        let cut_of = |tried: usize| {
+            let seen: Vec<SeenLeaf> = (found.iter().zip(&seen))
+                .map(|(found, before)| {
+                    let SeenLeaf { light, drawn } = found[tried];
+                    SeenLeaf { light: light.max(KEPT * before.light), drawn }
+                })
+                .collect();
+            LevelCut::of_seen(self.index, self.cameras, &seen, &self.budget)
+        };
+        if !self.tries_several {
+            return Ok(cut_of(LOST_ALONE));
+        }
+        let few: Vec<Camera> =
+            eyes.iter().step_by(eyes.len().div_ceil(MOST_COMPARED).max(1)).copied().collect();
+        let all = vec![DrawnPart::All; held.len()];
+        let wanted = few
+            .iter()
+            .map(|eye| self.picture(eye, &held, &all, renderer))
+            .collect::<std::result::Result<Vec<Frame>, RenderError>>()?;
+        let mut best: Option<(f64, LevelCut)> = None;
+        for tried in 0..LOST.len() {
+            let cut = cut_of(tried);
+            let held = hold(renderer, &cut)?;
+            let mut off = 0.0;
+            for (eye, wanted) in few.iter().zip(&wanted) {
+                let drawn = self.drawn_by(eye, &held, renderer)?;
+                off += difference(wanted, &self.picture(eye, &held, &drawn, renderer)?);
+            }
+            if best.as_ref().is_none_or(|(least, _)| off < *least) {
+                best = Some((off, cut));
+            }
+        }
+        Ok(best.map_or_else(|| LevelCut::coarsest(self.index), |(_, cut)| cut))
+    }
+
+    /// The picture of some of the splats of a cut.
+    fn picture(
+        &self,
+        eye: &Camera,
+        held: &[HeldLeaf],
+        drawn: &[DrawnPart],
+        renderer: &mut dyn RenderBackend,
+    ) -> Result<Frame, RenderError> {
+        let config = RenderConfig { rasterization: self.rasterization, ..RenderConfig::default() };
+        let shown: Vec<Option<DrawnAttributes<'_>>> =
+            drawn.iter().map(|part| part.attributes(None)).collect();
+        let views = held.iter().zip(drawn).zip(&shown).filter(|((_, part), _)| **part != DrawnPart::None);
+        let views: Vec<SetView<'_>> = views
+            .map(|((held, _), shown)| {
+                let attributes = shown.as_ref().map(|shown| shown as &dyn SplatAttributes);
+                SetView::plain(held.set).with_attributes(attributes)
+            })
+            .collect();
+        let mut frame = Frame::default();
+        renderer.render(&DrawPass::new(&views, eye, &config), &mut frame)?;
+        Ok(frame)
+    }
+
+    /// Looks at sets with the leaves `runs` (number, and number of splats), and tells of each leaf and camera the light and the share of the splats that it
+    /// comes from.
+    fn look(
+        &self,
+        eyes: &[Camera],
+        sets: &[SetId],
+        runs: &[(usize, usize)],
+        renderer: &mut dyn RenderBackend,
+        mut tell: impl FnMut(usize, f64, [f64; LOST.len()]),
+    ) -> Result<(), RenderError> {
+        let mut weights = Vec::new();
+        for eye in eyes {
+            self.weigh(eye, sets, renderer, &mut weights)?;
+            let mut first = 0;
+            for (leaf, count) in runs {
+                let own = &mut weights[first..first + count];
+                first += count;
+                let LevelLeaf { low, high, .. } = &self.index.leaves[*leaf];
+                let area = coverage(*low, *high, eye);
                 if area > 0.0 {
-                    *share = f64::max(*share, (f64::from(seen) / area).clamp(HIDDEN, 1.0));
+                    let (light, drawn) = light_of(own);
+                    tell(*leaf, (light / area).min(1.0), drawn);
                 }
             }
         }
-        Ok(shares)
+        Ok(())
+    }
+
+    fn weigh(
+        &self,
+        eye: &Camera,
+        sets: &[SetId],
+        renderer: &mut dyn RenderBackend,
+        weights: &mut Vec<f32>,
+    ) -> Result<(), RenderError> {
+        let config = RenderConfig { rasterization: self.rasterization, ..RenderConfig::default() };
+        let views: Vec<SetView<'_>> = sets.iter().map(|set| SetView::plain(*set)).collect();
+        renderer.weigh(&DrawPass::new(&views, eye, &config), weights).map(|_| ())
+    }
+
+    /// The splats of each leaf of a cut that the picture of a camera draws, in the order of `held`.
+    ///
+    /// # Errors
+    /// [`RenderError`] if it cannot be looked at.
+    pub fn drawn(
+        &self,
+        camera: &Camera,
+        held: &[HeldLeaf],
+        renderer: &mut dyn RenderBackend,
+    ) -> Result<Vec<DrawnPart>, RenderError> {
+        self.drawn_by(&small(camera), held, renderer)
+    }
+
+    /// The same by the camera of a look.
+    fn drawn_by(
+        &self,
+        eye: &Camera,
+        held: &[HeldLeaf],
+        renderer: &mut dyn RenderBackend,
+    ) -> Result<Vec<DrawnPart>, RenderError> {
+        let all: usize = held.iter().map(|held| held.splats).sum();
+        let most = usize::try_from(self.budget.splats).unwrap_or(usize::MAX);
+        if all <= most {
+            return Ok(vec![DrawnPart::All; held.len()]);
+        }
+        if most == 0 {
+            return Ok(vec![DrawnPart::None; held.len()]);
+        }
+        let sets: Vec<SetId> = held.iter().map(|held| held.set).collect();
+        let mut weights = Vec::new();
+        self.weigh(eye, &sets, renderer, &mut weights)?;
+        let mut sorted = weights.clone();
+        let (_, least, _) = sorted.select_nth_unstable_by(all - most, f32::total_cmp);
+        let least = *least;
+        // Of those that weigh as little as the last, the first.
+        let mut left = most - weights.iter().filter(|weight| **weight > least).count();
+        let mut first = 0;
+        let kept = held.iter().map(|held| {
+            let own = &weights[first..first + held.splats];
+            first += held.splats;
+            DrawnPart::of(own.iter().map(|weight| {
+                let is_last = *weight == least && left > 0;
+                left -= usize::from(is_last);
+                *weight > least || is_last
+            }))
+        });
+        Ok(kept.collect())
+    }
+}
+
+/// The camera of a look.
+fn small(camera: &Camera) -> Camera {
+    let scale = (LONGEST / f64::from(camera.width.max(camera.height))).min(1.0);
+    let side = |length: u32| ((f64::from(length) * scale).round() as u32).max(1);
+    camera.resized(side(camera.width), side(camera.height))
+}
+
+/// The sum of the squared differences of colour and of alpha.
+fn difference(a: &Frame, b: &Frame) -> f64 {
+    let squares = |a: &[f32], b: &[f32]| -> f64 {
+        a.iter().zip(b).map(|(a, b)| f64::from(a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)).powi(2)).sum()
+    };
+    squares(&a.rgb, &b.rgb) + squares(&a.alpha, &b.alpha)
+}
+
+/// The sum of the weights of a leaf's splats, px, and the shares of its splats that it comes from, but for each of [`LOST`]. The order of the
+/// weights is lost.
+fn light_of(weights: &mut [f32]) -> (f64, [f64; LOST.len()]) {
+    let light: f64 = weights.iter().copied().map(f64::from).sum();
+    if light <= 0.0 {
+        return (0.0, [0.0; LOST.len()]);
+    }
+    weights.sort_unstable_by(f32::total_cmp);
+    let drawn = LOST.map(|most| {
+        let mut lost = 0.0;
+        let dark = weights.iter().take_while(|weight| {
+            lost += f64::from(**weight);
+            lost <= most * light
+        });
+        1.0 - dark.count() as f64 / weights.len() as f64
+    });
+    (light, drawn)
+}
+
+/// The splats of a set that are drawn.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DrawnPart {
+    /// Every one.
+    All,
+    /// Those that have a bit.
+    Some(Arc<[u32]>),
+    /// None.
+    None,
+}
+
+impl DrawnPart {
+    fn of(kept: impl Iterator<Item = bool>) -> Self {
+        let (mut words, mut count, mut all) = (Vec::new(), 0, 0);
+        for (index, kept) in kept.enumerate() {
+            if index % 32 == 0 {
+                words.push(0);
+            }
+            if let Some(word) = words.last_mut() {
+                *word |= u32::from(kept) << (index % 32);
+            }
+            (count, all) = (count + usize::from(kept), all + 1);
+        }
+        match count {
+            0 => Self::None,
+            _ if count == all => Self::All,
+            _ => Self::Some(words.into()),
+        }
+    }
+
+    /// The attributes of a set of which this part is drawn, with its own ones; `None` where all or none is.
+    pub(crate) fn attributes<'a>(
+        &'a self,
+        own: Option<&'a dyn SplatAttributes>,
+    ) -> Option<DrawnAttributes<'a>> {
+        match self {
+            Self::Some(drawn) => Some(DrawnAttributes { own, drawn }),
+            Self::All | Self::None => None,
+        }
+    }
+
+    /// Number of those that are drawn of a set of `splats`.
+    #[must_use]
+    pub fn count(&self, splats: usize) -> usize {
+        match self {
+            Self::All => splats,
+            Self::Some(words) => words.iter().map(|word| word.count_ones() as usize).sum(),
+            Self::None => 0,
+        }
+    }
+}
+
+/// The attributes of the splats of a set of which some are not drawn.
+pub(crate) struct DrawnAttributes<'a> {
+    /// Those of the drawn ones; `None` if they have none.
+    pub own: Option<&'a dyn SplatAttributes>,
+    /// A bit for each splat that is drawn.
+    pub drawn: &'a [u32],
+}
+
+impl SplatAttributes for DrawnAttributes<'_> {
+    fn fill(&self, indices: &[u32], block: &mut AttributeBlock) {
+        if let Some(own) = self.own.filter(|own| own.changes_visibility()) {
+            own.fill(indices, block);
+        }
+        for (index, factor) in indices.iter().zip(block.column_mut(Attribute::Visibility)) {
+            if self.drawn[*index as usize / 32] >> (index % 32) & 1 == 0 {
+                *factor = 0.0;
+            }
+        }
+    }
+
+    fn fill_light(&self, indices: &[u32], block: &mut AttributeBlock) {
+        if let Some(own) = self.own {
+            own.fill_light(indices, block);
+        }
+    }
+
+    fn changes_light(&self) -> bool {
+        self.own.is_some_and(SplatAttributes::changes_light)
+    }
+
+    fn revision(&self) -> Option<Revision> {
+        let own = self.own.map_or(Some(Revision::default()), SplatAttributes::revision)?;
+        Some(Revision::of(self.drawn.iter().copied()).and(own))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn light_comes_from_few_splats() {
+        let mut weights = [0.0, 50.0, 0.001, 0.0, 49.0, 0.002, 0.0, 0.0];
+        let (light, drawn) = light_of(&mut weights);
+        assert!((light - 99.003).abs() < 1e-3);
+        assert_eq!(drawn, [1.0, 0.25, 0.25, 0.25]);
+        assert_eq!(light_of(&mut [0.0; 3]), (0.0, [0.0; 4]));
+    }
+
+    #[test]
+    fn bits_are_those_of_the_drawn() {
+        let drawn = DrawnPart::of((0..70).map(|index| index % 3 == 0));
+        assert_eq!(drawn.count(70), 24);
+        let DrawnPart::Some(words) = &drawn else { panic!("{drawn:?}") };
+        let attributes = DrawnAttributes { own: None, drawn: words };
+        let mut block = AttributeBlock::default();
+        attributes.fill(&[0, 1, 69, 68], &mut block);
+        assert_eq!(block.column(Attribute::Visibility)[..4], [1.0, 0.0, 1.0, 0.0]);
+        assert_eq!(DrawnPart::of([true; 40].into_iter()), DrawnPart::All);
+        assert_eq!(DrawnPart::of([false; 3].into_iter()), DrawnPart::None);
     }
 }

@@ -208,6 +208,7 @@ impl InstrumentRenderer for PlaceRenderer {
         let request = FrameRequest {
             sets: &sets,
             thinned: None,
+            elsewhere: &sets,
             weather: &weather,
             whole: None,
             camera: (*shot.camera).into(),

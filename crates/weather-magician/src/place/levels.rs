@@ -11,8 +11,8 @@ use super::{PlaceOptions, PreparedPlace};
 use crate::assets::{AssetCache, AssetNeeds, AssetStore, scene_digest};
 use crate::lamps::PlaceLamps;
 use crate::levels::{
-    BudgetShares, CoarseLeaves, CutBudget, LevelBudget, LevelCut, LevelStream, RunId, WeatherFocus,
-    WeatherScene, nearest_of,
+    BudgetShares, CoarseLeaves, CutBudget, DrawnPart, HeldLeaf, LevelBudget, LevelCut, LevelLooks,
+    LevelStream, RunId, WeatherFocus, WeatherScene, nearest_of,
 };
 use crate::place_light::PlaceLight;
 use crate::place_water::PlaceWater;
@@ -41,6 +41,8 @@ pub(crate) struct PlaceLevels {
     environment: Option<(Splats, SetId)>,
     /// The camera of the last cut.
     camera: Option<Camera>,
+    /// The runs of the cut of the shot; `None` where it is not known.
+    shot_cut: Option<Vec<RunId>>,
     /// The shot that all frames are of; else each frame has a cut of its own.
     shot: Option<Shot>,
     /// All of it coarse, to tell what a camera sees.
@@ -54,8 +56,8 @@ pub(crate) struct PlaceLevels {
     parts: HashMap<u32, (RunId, Range<usize>)>,
     /// Positions of the weather's splats.
     points: Arc<[[f32; 3]]>,
-    /// The runs that are drawn, by leaf.
-    drawn: Vec<RunId>,
+    /// The runs that are held for the picture, by leaf, and what is drawn of each.
+    drawn: Vec<(RunId, DrawnPart)>,
     /// The weather's splats for those of runs.
     choices: BTreeMap<RunId, Arc<[u32]>>,
 }
@@ -71,6 +73,17 @@ pub(super) struct DrawnSet {
     pub set: SetId,
     /// Empty where nobody asked.
     pub chosen: Arc<[u32]>,
+    /// The splats of it that the picture shows.
+    pub part: DrawnPart,
+}
+
+/// The splats of a picture of a scene in levels, without those that are always drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LevelCounts {
+    /// Those that are drawn.
+    pub drawn: u64,
+    /// Those that the renderer holds for the picture.
+    pub held: u64,
 }
 
 impl PlaceLevels {
@@ -117,6 +130,7 @@ impl PlaceLevels {
             shares,
             environment,
             camera: None,
+            shot_cut: None,
             shot: None,
             coarse,
             rasterization: metadata.rasterization.unwrap_or_default(),
@@ -140,7 +154,7 @@ impl PlaceLevels {
 
     /// The weather's splats about a focus.
     fn weather_scene(&mut self, focus: &WeatherFocus, metres_per_unit: f64) -> Result<Splats> {
-        let budget = CutBudget { splats: self.shares.weather_splats };
+        let budget = CutBudget::of(self.shares.weather_splats);
         let cut = LevelCut::of(self.stream.index(), &focus.cameras(metres_per_unit), &budget);
         let always = self.environment.as_ref().map(|(splats, _)| splats);
         let WeatherScene { splats, parts } = self.stream.weather_scene(&runs_of(&cut), always)?;
@@ -149,26 +163,44 @@ impl PlaceLevels {
         Ok(splats)
     }
 
-    /// Makes the renderer hold what a camera sees.
+    /// Makes the renderer hold what a camera sees, and finds what of it is drawn.
     fn cut_for(&mut self, backend: &mut AnyRenderer, camera: &Camera, patience: Patience) -> Result<()> {
-        if self.camera == Some(*camera) || (self.shot.is_some() && self.camera.is_some()) {
+        if self.camera == Some(*camera) {
             return Ok(());
         }
-        let budget = CutBudget { splats: self.shares.frame_splats };
-        let cameras = self.shot.as_ref().map_or(std::slice::from_ref(camera), |shot| &shot.cameras);
         let index = Arc::clone(self.stream.index());
-        // A draft may spend splats on what is hidden.
-        let seen = match patience {
-            Patience::Whole => {
-                let some: Vec<Camera> =
-                    cameras.iter().copied().step_by(cameras.len().div_ceil(MOST_LOOKS)).collect();
-                self.coarse.seen_shares(&index, &some, self.rasterization, backend)?
-            }
-            Patience::Draft => Vec::new(),
+        let cameras = self.shot.as_ref().map_or(std::slice::from_ref(camera), |shot| &shot.cameras).to_vec();
+        if patience == Patience::Draft {
+            // It may spend splats on what is hidden.
+            let cut = LevelCut::of(&index, &cameras, &CutBudget::of(self.shares.frame_splats));
+            let held = self.stream.hold(backend, &runs_of(&cut), patience)?;
+            self.drawn = held.into_iter().map(|id| (id, DrawnPart::All)).collect();
+            self.camera = None;
+            return Ok(());
+        }
+        let looks = LevelLooks {
+            index: &index,
+            coarse: &self.coarse,
+            cameras: &cameras,
+            most: MOST_LOOKS,
+            tries_several: self.shot.is_some(),
+            budget: CutBudget { splats: self.shares.frame_splats, held: self.shares.cut_splats },
+            rasterization: self.rasterization,
         };
-        let wanted = runs_of(&LevelCut::weighted(&index, cameras, &seen, &budget));
-        self.drawn = self.stream.hold(backend, &wanted, patience)?;
-        self.camera = Some(*camera).filter(|_| patience == Patience::Whole);
+        let stream = &mut self.stream;
+        let known = self.shot_cut.take().filter(|_| self.shot.is_some());
+        let wanted = match known {
+            Some(runs) => runs,
+            None => runs_of(&looks.cut(backend, |backend, cut| {
+                let runs = stream.hold(backend, &runs_of(cut), patience)?;
+                Ok(held_leaves(stream, &runs))
+            })?),
+        };
+        let runs = stream.hold(backend, &wanted, patience)?;
+        let parts = looks.drawn(camera, &held_leaves(stream, &runs), backend)?;
+        self.drawn = runs.into_iter().zip(parts).collect();
+        self.shot_cut = self.shot.is_some().then_some(wanted);
+        self.camera = Some(*camera);
         Ok(())
     }
 
@@ -179,13 +211,15 @@ impl PlaceLevels {
         }
         let none: Arc<[u32]> = Arc::default();
         let chosen = |id: &RunId| self.choices.get(id).filter(|_| is_changed).unwrap_or(&none);
-        let held =
-            |id: &RunId| Some(DrawnSet { set: self.stream.get(*id)?.set, chosen: Arc::clone(chosen(id)) });
+        let held = |(id, part): &(RunId, DrawnPart)| {
+            let (set, part) = (self.stream.get(*id)?.set, part.clone());
+            Some(DrawnSet { set, chosen: Arc::clone(chosen(id)), part })
+        };
         let mut sets: Vec<DrawnSet> = self.drawn.iter().filter_map(held).collect();
         if let Some((splats, set)) = &self.environment {
             let (count, all) = (splats.len() as u32, self.points.len() as u32);
             let chosen = if is_changed { (all - count..all).collect() } else { none };
-            sets.push(DrawnSet { set: *set, chosen });
+            sets.push(DrawnSet { set: *set, chosen, part: DrawnPart::All });
         }
         sets
     }
@@ -195,7 +229,7 @@ impl PlaceLevels {
         let stream = &self.stream;
         self.choices.retain(|id, _| stream.get(*id).is_some());
         let new: Vec<RunId> =
-            self.drawn.iter().copied().filter(|id| !self.choices.contains_key(id)).collect();
+            self.drawn.iter().map(|(id, _)| *id).filter(|id| !self.choices.contains_key(id)).collect();
         let choice = |id: &RunId| -> Option<(RunId, Arc<[u32]>)> {
             let held = self.stream.get(*id)?;
             let first_of_all = Arc::from(vec![0; held.means.len()]);
@@ -218,7 +252,7 @@ impl PlaceLevels {
         if let Some((_, set)) = self.environment.take() {
             backend.unload(set);
         }
-        (self.camera, self.drawn) = (None, Vec::new());
+        (self.camera, self.shot_cut, self.drawn) = (None, None, Vec::new());
     }
 }
 
@@ -226,6 +260,15 @@ impl PlaceLevels {
 fn runs_at(index: &LevelIndex, level: u32) -> Vec<RunId> {
     let run = |(leaf, of): (u32, &LevelLeaf)| Some((leaf, of.position_at(level)? as u16));
     (0u32..).zip(&index.leaves).filter_map(run).collect()
+}
+
+/// The runs that a stream holds, as looks take them.
+fn held_leaves(stream: &LevelStream, runs: &[RunId]) -> Vec<HeldLeaf> {
+    let held = |id: &RunId| {
+        let run = stream.get(*id)?;
+        Some(HeldLeaf { leaf: id.0 as usize, set: run.set, splats: run.means.len() })
+    };
+    runs.iter().filter_map(held).collect()
 }
 
 /// The runs of a cut.
@@ -276,7 +319,7 @@ impl PreparedPlace {
         let shot = (!cameras.is_empty())
             .then(|| Shot { cameras: cameras.to_vec(), focus: self.focus_of_all(cameras) });
         if let Some(levels) = &mut self.levels {
-            (levels.shot, levels.camera) = (shot, None);
+            (levels.shot, levels.camera, levels.shot_cut) = (shot, None, None);
         }
     }
 
@@ -284,6 +327,20 @@ impl PreparedPlace {
     #[must_use]
     pub fn has_shot(&self) -> bool {
         self.levels.as_ref().is_some_and(|levels| levels.shot.is_some())
+    }
+
+    /// The splats of the last picture of a place in levels; `None` of other places.
+    #[must_use]
+    pub fn level_counts(&self) -> Option<LevelCounts> {
+        let levels = self.levels.as_ref()?;
+        let counts = levels.drawn.iter().filter_map(|(id, part)| {
+            let held = levels.stream.get(*id)?.means.len();
+            Some((part.count(held) as u64, held as u64))
+        });
+        Some(counts.fold(LevelCounts::default(), |sum, (drawn, held)| LevelCounts {
+            drawn: sum.drawn + drawn,
+            held: sum.held + held,
+        }))
     }
 
     /// Makes the renderer hold what a camera sees of the levels.

@@ -4,16 +4,16 @@ use crate::dispatch;
 use crate::frame::{Arrays, Frame};
 use crate::hooks::PATCH;
 use crate::plan::DrawPass;
-use crate::renderer::{Geometry, MedianDepth, ParticlePass, Stats};
+use crate::renderer::{Geometry, MedianDepth, ParticlePass, Stats, WEIGHT_UNITS};
 use crate::simd::SimdPath;
 use crate::stages::composite::cpu::{Composite, OutputRows, PatchPixels, finish_patch};
-use crate::stages::intersect::{PATCHES, TILE, TileGrid};
+use crate::stages::intersect::{PATCHES, TILE, TileGrid, record_of};
 use crate::stages::project::Record;
 use crate::stages::rasterize::cpu::{BlendScratch, PatchSums, Surface, blend_tile};
 use crate::stages::sort::cpu::sort;
 use rayon::prelude::*;
 use std::ops::Add;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -131,6 +131,28 @@ impl Back<'_> {
         *stats += done;
     }
 
+    /// Adds the weights of all records to `weights`, one a record, in [`WEIGHT_UNITS`]: whole numbers, whose sum does not hang on the order of the
+    /// threads.
+    pub fn weigh(&self, weights: &[AtomicU32]) {
+        (0..self.grid.tiles()).into_par_iter().with_min_len(RUN).for_each(|index| {
+            let columns = self.grid.columns as usize;
+            let tile = (index % columns, index / columns);
+            let list = &self.keys[self.bounds[index] as usize..self.bounds[index + 1] as usize];
+            let mut worker = own(self.workers);
+            worker.sort(list);
+            let Worker { scratch, keys, .. } = &mut *worker;
+            let corner = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
+            let inside = inside(tile, self.size);
+            dispatch!(self.path, s => blend_tile::<_, 1, false, false, true>(s, self.records, keys, corner, inside, scratch));
+            for (key, weight) in keys.iter().zip(&scratch.weights) {
+                let units = (*weight * WEIGHT_UNITS).round() as u32;
+                if units > 0 {
+                    weights[record_of(*key)].fetch_add(units, Ordering::Relaxed);
+                }
+            }
+        });
+    }
+
     fn tile(
         &self,
         worker: &mut Worker,
@@ -185,7 +207,7 @@ pub fn blend(
             blend!($features, $median, false)
         };
         ($features:literal, $median:literal, $split:literal) => {
-            dispatch!(path, s => blend_tile::<_, $features, $median, $split>(s, records, keys, corner, inside, scratch))
+            dispatch!(path, s => blend_tile::<_, $features, $median, $split, false>(s, records, keys, corner, inside, scratch))
         };
     }
     if let Some(surface) = surface {

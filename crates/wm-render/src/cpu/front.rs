@@ -28,6 +28,11 @@ pub(crate) struct Unit<'a> {
 }
 
 impl<'a> Unit<'a> {
+    /// Its first record among those of the frame.
+    pub fn first_record(&self) -> usize {
+        self.first_record as usize
+    }
+
     /// Cuts the sets in about `wanted` runs of equal size, none across sets.
     pub fn split(
         sets: &[(&'a CpuModel, Option<&'a dyn SplatAttributes>)],
@@ -63,6 +68,11 @@ pub(crate) struct Part {
 }
 
 impl Part {
+    /// Number of its records.
+    pub fn visible(&self) -> usize {
+        self.visible as usize
+    }
+
     /// The pairs of tiles and splats.
     pub fn pairs(&mut self) -> &mut Pairs {
         &mut self.pairs

@@ -13,10 +13,12 @@ pub mod model;
 pub use differentiable::CpuDifferentiable;
 
 use crate::frame::Frame;
-use crate::hooks::ParticleView;
+use crate::hooks::{Hooks, ParticleView};
 use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
 use crate::renderer::Models;
-use crate::renderer::{CpuConfig, MAX_SPLATS, RenderBackend, RenderError, SetId, Stats};
+use crate::renderer::{
+    CpuConfig, MAX_SPLATS, RenderBackend, RenderError, SetId, Stats, WEIGHT_UNITS, check_weighed,
+};
 use crate::simd::SimdPath;
 use crate::stages::composite::{background::BackgroundView, cpu::Composite};
 use crate::stages::intersect::{TileGrid, cpu as intersect};
@@ -27,7 +29,7 @@ pub(crate) use back::{Features, arrays};
 use front::{Front, Part, Unit};
 use model::CpuModel;
 use rayon::prelude::*;
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 use wm_scene::Splats;
@@ -95,12 +97,17 @@ impl CpuRenderer {
         &self.pool
     }
 
-    fn draw(&mut self, pass: &DrawPass<'_>, frame: &mut Frame) -> Result<Stats, RenderError> {
+    fn draw(&mut self, pass: &DrawPass<'_>, target: Target<'_>) -> Result<Stats, RenderError> {
         let started = Instant::now();
         pass.camera.check()?;
         let features = Features::of(pass);
-        frame.prepare((pass.camera.width, pass.camera.height), pass.encoding(), arrays(pass))?;
-
+        let mut target = target;
+        match &mut target {
+            Target::Picture(frame) => {
+                frame.prepare((pass.camera.width, pass.camera.height), pass.encoding(), arrays(pass))?;
+            }
+            Target::Weights(_) => check_weighed(&pass.camera)?,
+        }
         let transient = pass.sets.iter().map(|view| match view.splats {
             SplatSource::Loaded(_) => Ok(None),
             SplatSource::Transient(splats) => CpuModel::new(splats).map(Some),
@@ -124,6 +131,7 @@ impl CpuRenderer {
         let units = Unit::split(&sets, (8 * self.threads()).max(32), &mut self.records);
         self.parts.resize_with(units.len(), Part::default);
         let front = Front::new(self.path, &camera, pass, grid);
+        let firsts: Vec<usize> = units.iter().map(Unit::first_record).collect();
         units.into_par_iter().zip(&mut self.parts).for_each(|(unit, part)| front.run(unit, part));
 
         let mut stats = Stats::default();
@@ -162,7 +170,29 @@ impl CpuRenderer {
             },
             workers: &self.workers,
         };
-        back.run(frame, &mut stats);
+        match target {
+            Target::Picture(frame) => back.run(frame, &mut stats),
+            Target::Weights(weights) => {
+                let units: Vec<AtomicU32> = (0..total).map(|_| AtomicU32::new(0)).collect();
+                back.weigh(&units);
+                let mut ends: Vec<(usize, usize)> = vec![(0, 0)];
+                for (model, _) in &sets {
+                    let (records, splats) = ends[ends.len() - 1];
+                    ends.push((records + model.source.len(), splats + model.len));
+                }
+                weights.clear();
+                weights.resize(ends[ends.len() - 1].1, 0.0);
+                for (first, part) in firsts.into_iter().zip(&self.parts) {
+                    let set = ends.partition_point(|(records, _)| *records <= first) - 1;
+                    let source = &sets[set].0.source;
+                    for record in first..first + part.visible() {
+                        let splat = source[self.records[record].index as usize] as usize;
+                        weights[ends[set].1 + splat] =
+                            units[record].load(Ordering::Relaxed) as f32 / WEIGHT_UNITS;
+                    }
+                }
+            }
+        }
         stats.wall = started.elapsed().as_secs_f64();
         Ok(stats)
     }
@@ -176,6 +206,13 @@ fn grow<T>(list: &mut Vec<T>, count: usize, new: impl FnMut() -> T) {
         list.reserve_exact(count + count / 8);
         list.resize_with(count + count / 8, new);
     }
+}
+
+/// The result of a pass.
+enum Target<'a> {
+    Picture(&'a mut Frame),
+    /// The weight of each splat.
+    Weights(&'a mut Vec<f32>),
 }
 
 impl RenderBackend for CpuRenderer {
@@ -192,6 +229,13 @@ impl RenderBackend for CpuRenderer {
         self.models.remove(set);
     }
 
+    fn weigh(&mut self, pass: &DrawPass<'_>, weights: &mut Vec<f32>) -> Result<Stats, RenderError> {
+        let pool = Arc::clone(&self.pool);
+        // Weather does not count.
+        let pass = DrawPass { hooks: Hooks::default(), ..pass.clone() };
+        pool.install(|| self.draw(&pass, Target::Weights(weights)))
+    }
+
     fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError> {
         let pool = Arc::clone(&self.pool);
         pool.install(|| {
@@ -200,7 +244,9 @@ impl RenderBackend for CpuRenderer {
             pictures.fit(plan.pictures());
             for pass in plan.passes() {
                 match pass {
-                    FramePass::Draw { target, pass } => stats += self.draw(pass, &mut pictures[*target])?,
+                    FramePass::Draw { target, pass } => {
+                        stats += self.draw(pass, Target::Picture(&mut pictures[*target]))?;
+                    }
                     FramePass::Picture(pass) => pass.run(self.path, pictures),
                 }
             }

@@ -208,7 +208,7 @@ impl Memory {
                 [fit("depths", 4 * visible, READ_BACK)?, fit("the order by depth", 4 * visible, READ_BACK)?],
                 [fit("depths", 4 * visible, READ_BACK)?, fit("the order by depth", 4 * visible, READ_BACK)?],
             ],
-            counts: fit("tiles of splats", 4 * visible, READ_BACK)?,
+            counts: fit("tiles of splats", 4 * visible, READ_BACK | BufferUsages::COPY_DST)?,
             sums: fit("sums", 4 * visible.div_ceil(u64::from(WORKGROUP)), READ_BACK)?,
             entry_pairs: [
                 [fit("tile lists", 4 * entries, READ_BACK)?, fit("tile lists", 4 * entries, READ_BACK)?],

@@ -29,6 +29,8 @@ pub struct GpuModel {
     pub chunks: Vec<Chunk>,
     /// Index in the loaded [`Splats`] of each splat, padded with 0 to whole blocks.
     pub source: Vec<u32>,
+    /// Number of splats, without padding.
+    pub len: usize,
     /// Rows of `sh_rest` a group.
     pub sh_rows: u32,
     kept: Mutex<KeptAttributes>,
@@ -72,7 +74,13 @@ impl GpuModel {
             gpu.queue.submit([]);
         }
         gpu.check()?;
-        Ok(Self { chunks, source: model.source, sh_rows: sh_rows as u32, kept: Mutex::default() })
+        Ok(Self {
+            chunks,
+            len: model.len,
+            source: model.source,
+            sh_rows: sh_rows as u32,
+            kept: Mutex::default(),
+        })
     }
 
     /// The buffer of attributes of this revision, if it has been asked for before: a light that changes in each frame takes no memory of

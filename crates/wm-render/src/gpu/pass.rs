@@ -8,13 +8,14 @@ use super::lists::{self, CHUNKS, Entries};
 use super::model::GpuModel;
 use super::readback::Source;
 use super::recorder::{Recorder, Stage};
+use super::source::{BLOCK_WORDS, WORKGROUP};
 use super::uniforms::{self, AttributeUse, Capacity, Uniform, ViewParameters};
 use crate::attributes::SplatAttributes;
 use crate::cpu::{self, Features};
 use crate::frame::{Arrays, FRONT, Frame, splat_name};
 use crate::hooks::{ParticleView, WgslSource};
 use crate::plan::{DrawPass, SplatSource};
-use crate::renderer::{Geometry, MedianDepth, Models, RenderError};
+use crate::renderer::{Geometry, MedianDepth, Models, RenderError, WEIGHT_UNITS};
 use crate::simd::SimdPath;
 use crate::stages::composite::background::BackgroundView;
 use crate::stages::composite::gpu::{BackgroundForm, Composite, ParticleBlend};
@@ -241,6 +242,50 @@ impl<'a> GpuPass<'a> {
         };
         let sums = (self.features.geometry, self.features.median);
         rasterize.record(recorder, self.tiles(), sums, self.pass.surface.is_some(), &room.counters);
+    }
+
+    /// Records the commands up to the weights of the records in view, which are in the room of their counts of tiles then.
+    pub fn record_weights(&self, recorder: &mut Recorder<'_>, room: &Room) {
+        recorder.encoder().clear_buffer(&room.counters, 0, None);
+        let pieces = self.pieces(recorder);
+        lists::front(recorder, room, &pieces, self.pass.shading, None);
+        let listed = lists::lists(recorder, room, self.tiles(), Entries::Records);
+        // The lists are made, and nothing reads the counts any more.
+        recorder.encoder().clear_buffer(&room.counts, 0, None);
+        recorder.begin(Stage::Rasterize);
+        let rasterize = Rasterize {
+            tile_offsets: &room.tile_offsets,
+            entries: listed.1,
+            records: &room.records,
+            rgb: &room.rgb,
+            alpha: &room.alpha,
+            depths: &room.depths,
+            normal: &room.normal,
+        };
+        rasterize.record_weights(recorder, self.tiles(), &room.counts);
+    }
+
+    /// The weights of the splats, set after set and as they were loaded: `blocks` are those of the room with their masks, `units` the
+    /// weights of those in view.
+    pub fn weights_of(&self, blocks: &[u32], units: &[u32], weights: &mut Vec<f32>) {
+        weights.clear();
+        let mut blocks = blocks.chunks_exact(BLOCK_WORDS as usize);
+        for (model, ..) in &self.sets {
+            let first = weights.len();
+            weights.resize(first + model.len, 0.0);
+            for (block, own) in blocks.by_ref().take(model.blocks() as usize).enumerate() {
+                let mut place = own[0] as usize;
+                for (word, mask) in own[1..].iter().enumerate() {
+                    for bit in (0..u32::BITS as usize).filter(|bit| mask >> bit & 1 == 1) {
+                        let slot = block * WORKGROUP as usize + word * u32::BITS as usize + bit;
+                        let splat = model.source[slot] as usize;
+                        weights[first + splat] =
+                            units.get(place).map_or(0.0, |units| *units as f32 / WEIGHT_UNITS);
+                        place += 1;
+                    }
+                }
+            }
+        }
     }
 
     /// Records the commands that put the background behind the splats and the particles before them.

@@ -5,14 +5,17 @@ use super::device::Gpu;
 use super::hosted;
 use super::model::GpuModel;
 use super::pass::GpuPass;
-use super::readback::{Returned, WayBack};
+use super::readback::{Part, Returned, WayBack, copy};
 use super::recorder::{Clock, Recorder};
-use super::source::WORKGROUP;
+use super::source::{BLOCK_WORDS, COUNTER_WORDS, WORKGROUP};
 use super::uniforms::{Capacity, ItemBytes, Uniform, bytes_of};
 use crate::cpu;
 use crate::frame::FRONT;
+use crate::hooks::Hooks;
 use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
-use crate::renderer::{CpuConfig, MAX_SPLATS, Models, RenderBackend, RenderError, SetId, Stats};
+use crate::renderer::{
+    CpuConfig, MAX_SPLATS, Models, RenderBackend, RenderError, SetId, Stats, check_weighed,
+};
 use crate::simd::SimdPath;
 use crate::stages::particles::cpu::Falling;
 use std::sync::Arc;
@@ -173,6 +176,55 @@ impl GpuRenderer {
     }
 }
 
+impl GpuRenderer {
+    fn weigh_on_pool(&mut self, pass: &DrawPass<'_>, weights: &mut Vec<f32>) -> Result<Stats, RenderError> {
+        let started = Instant::now();
+        self.gpu.check()?;
+        pass.camera.check()?;
+        check_weighed(&pass.camera)?;
+        let before = self.gpu.work();
+        let Self { gpu, path, models, memory, room: last, capacity, clock, .. } = self;
+        let (clock, most) = (clock.as_ref(), gpu.most_binding());
+        // Weather does not count.
+        let pass = DrawPass { hooks: Hooks::default(), ..pass.clone() };
+        let transient = transient(gpu, &[&pass])?;
+        memory.start_batch();
+        let own = GpuPass::new((gpu, memory), *path, models, (&pass, &transient[0]), 0)?;
+        if own.splats() > MAX_SPLATS {
+            return Err(RenderError::TooMany(own.splats()));
+        }
+        capacity.start(own.splats(), most, ItemBytes::FRAME);
+        let mut stats = Stats::default();
+        loop {
+            *last = None;
+            let extent = Extent { slots: own.slots(), ..own.extent(*capacity) };
+            let room = memory.room(gpu, &extent)?;
+            gpu.write(&room.uniforms, 0, &bytes_of(&own.uniforms(*capacity)));
+            let mut recorder = Recorder::new(gpu, &room.uniforms, clock);
+            own.record_weights(&mut recorder, &room);
+            let mut counters = [0u32; COUNTER_WORDS as usize];
+            let mut blocks = vec![0u32; BLOCK_WORDS as usize * extent.blocks as usize];
+            let mut units = vec![0u32; capacity.visible as usize];
+            let parts = [&mut counters[..], &mut blocks, &mut units].map(bytemuck::cast_slice_mut);
+            let buffers = [&room.counters, &room.blocks, &room.counts];
+            let mut parts: Vec<Part<'_>> =
+                buffers.into_iter().zip(parts).map(|(buffer, part)| (buffer, 0, part)).collect();
+            copy(gpu, recorder, &mut memory.staging, &mut parts)?;
+            let [_, _, visible, entries, _] = counters;
+            if !capacity.grow(visible, entries, most, ItemBytes::FRAME) {
+                own.weights_of(&blocks, &units, weights);
+                *last = Some(room);
+                (stats.visible, stats.intersections) = (visible.into(), entries.into());
+                break;
+            }
+        }
+        drop(own);
+        stats.device = self.gpu.work().since(before);
+        stats.wall = started.elapsed().as_secs_f64();
+        Ok(stats)
+    }
+}
+
 /// Takes the pictures of the draw passes out of what came back, and carries out what works on finished pictures, in
 /// order.
 fn take(
@@ -262,6 +314,11 @@ impl RenderBackend for GpuRenderer {
 
     fn unload(&mut self, set: SetId) {
         self.models.remove(set);
+    }
+
+    fn weigh(&mut self, pass: &DrawPass<'_>, weights: &mut Vec<f32>) -> Result<Stats, RenderError> {
+        let pool = Arc::clone(&self.pool);
+        pool.install(|| self.weigh_on_pool(pass, weights))
     }
 
     fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError> {

@@ -95,6 +95,20 @@ pub struct BlendScratch {
     pub patches: [PatchSums; PATCHES],
     batch: Batch,
     lists: Lists,
+    /// The sum of the weights of each splat of the tile's list over its pixels, filled where they are asked for.
+    pub weights: Vec<f32>,
+    batch_weights: BatchWeights,
+}
+
+/// The weights of the splats of a batch, a vector each.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+struct BatchWeights([[f32; 16]; 256]);
+
+impl Default for BatchWeights {
+    fn default() -> Self {
+        Self([[0.0; 16]; 256])
+    }
 }
 
 /// The splats of the batch that touch the current patch, and those that touch each of its blocks.
@@ -172,11 +186,11 @@ impl Batch {
 
 /// Blends the splats of `keys` (sorted) over the tile whose first pixel is `(left, top)`. `C` features
 /// are summed: 3 colour, 4 and view z, 7 and normal. Patches without a bit in `inside` lie outside the
-/// picture.
+/// picture. With `WEIGH` the sums of each splat's weights are left in the scratch.
 ///
 /// Returns the number of splat-pixel pairs evaluated.
 #[inline(always)]
-pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
+pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, const WEIGH: bool>(
     simd: S,
     records: &[Record],
     keys: &[u64],
@@ -206,18 +220,25 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
         live[patch] = if inside >> patch & 1 == 1 { u32::MAX >> (32 - blocks) } else { 0 };
     }
     let mut evaluated = 0;
-    for batch in keys.chunks(BATCH) {
+    if WEIGH {
+        scratch.weights.clear();
+        scratch.weights.resize(keys.len(), 0.0);
+    }
+    for (number, batch) in keys.chunks(BATCH).enumerate() {
         scratch.batch.fill(records, batch, (left, top));
         let len = batch.len();
         if SPLIT {
             scratch.batch.find_planes(len);
+        }
+        if WEIGH {
+            scratch.batch_weights.0[..len].fill([0.0; 16]);
         }
         for patch in 0..PATCHES {
             if live[patch] == 0 {
                 continue;
             }
             let corner = ((patch % 2 * PATCH) as f32, (patch / 2 * PATCH) as f32);
-            let BlendScratch { patches, batch, lists } = scratch;
+            let BlendScratch { patches, batch, lists, batch_weights, .. } = scratch;
             let splats = list(simd, &batch.touched, len, 1 << patch, None, &mut lists.patch);
             let field = (left + corner.0, top + corner.1);
             mask_blocks(simd, batch, splats, field, lanes, lists);
@@ -239,15 +260,37 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
                 let sums = &mut patches[patch];
                 // Where there is no surface, the front is all that is blended.
                 let (alive, walked) = if SPLIT && sums.crossed >> block & 1 == 1 {
-                    blend_block::<S, C, MEDIAN, true>(simd, batch, walk, corner, lanes, block, sums)
+                    blend_block::<S, C, MEDIAN, true, WEIGH>(
+                        simd,
+                        batch,
+                        walk,
+                        corner,
+                        lanes,
+                        block,
+                        sums,
+                        batch_weights,
+                    )
                 } else {
-                    blend_block::<S, C, MEDIAN, false>(simd, batch, walk, corner, lanes, block, sums)
+                    blend_block::<S, C, MEDIAN, false, WEIGH>(
+                        simd,
+                        batch,
+                        walk,
+                        corner,
+                        lanes,
+                        block,
+                        sums,
+                        batch_weights,
+                    )
                 };
                 evaluated += (walked.min(count) * S::N) as u64;
                 if !alive {
                     live[patch] &= !(1 << block);
                 }
             }
+        }
+        if WEIGH {
+            let sums = scratch.batch_weights.0[..len].iter().map(|lanes| lanes.iter().sum::<f32>());
+            scratch.weights[number * BATCH..].iter_mut().zip(sums).for_each(|(weight, sum)| *weight = sum);
         }
         if live == [0; PATCHES] {
             break;
@@ -402,7 +445,8 @@ pub(crate) fn alphas<S: Lanes, const LOOPED: bool>(
 /// Blends one block, whose first pixel centre is `corner` px from the tile's corner. Returns whether
 /// any pixel still takes light, and the number of splats walked.
 #[inline(always)]
-fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
+#[allow(clippy::too_many_arguments)] // One caller; the pieces have no noun of their own.
+fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, const WEIGH: bool>(
     simd: S,
     batch: &Batch,
     walk: &[u8],
@@ -410,6 +454,7 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
     (column, row): (S::F, S::F),
     block: usize,
     sums: &mut PatchSums,
+    own_weights: &mut BatchWeights,
 ) -> (bool, usize) {
     let zero = simd.set(0.0);
     let (px, py) = (column + corner.0, row + corner.1);
@@ -477,6 +522,10 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool>(
                 features[c] = weight.mul_add(simd.set(values[c]), features[c]);
             }
             weights[k] = weight;
+            if WEIGH {
+                let own = &mut own_weights.0[at[k] & 255][..S::N];
+                (simd.load(own) + weight).store_slice(own);
+            }
             if k == FLIGHT - 1 {
                 alive = open.any_true();
             }

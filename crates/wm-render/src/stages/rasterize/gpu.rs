@@ -5,7 +5,7 @@ use crate::frame::FRONT;
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{StagePrograms, switches};
 use crate::hooks::GROUP;
-use crate::renderer::{Geometry, MedianDepth};
+use crate::renderer::{Geometry, MedianDepth, WEIGHT_UNITS};
 use std::borrow::Cow;
 
 /// Pictures of depths before that of the surface in the buffer of depths: expected and median depth. The sums of
@@ -21,11 +21,14 @@ pub enum RasterizeProgram {
     Split(Geometry, MedianDepth),
     /// Blends the sums of a step of training, and keeps them.
     Sums(Channels),
+    /// Sums the weights of each record, and blends nothing.
+    Weights,
 }
 
 impl StagePrograms for RasterizeProgram {
     fn all() -> Vec<Self> {
         let mut all: Vec<Self> = Channels::ALL.map(Self::Sums).into();
+        all.push(Self::Weights);
         for geometry in [Geometry::None, Geometry::Depth, Geometry::DepthNormal] {
             all.extend([MedianDepth::Off, MedianDepth::On].map(|median| Self::Frame(geometry, median)));
             if geometry != Geometry::None {
@@ -36,7 +39,10 @@ impl StagePrograms for RasterizeProgram {
     }
 
     fn entry(&self) -> &'static str {
-        "rasterize"
+        match self {
+            Self::Weights => "weigh",
+            _ => "rasterize",
+        }
     }
 
     fn parts(&self) -> Vec<Cow<'static, str>> {
@@ -50,6 +56,10 @@ impl StagePrograms for RasterizeProgram {
                 (channels, false, *median == MedianDepth::On, include_str!("records.wgsl"))
             }
             Self::Sums(channels) => (*channels, true, false, include_str!("pairs.wgsl")),
+            Self::Weights => {
+                let constants = format!("const WEIGHT_UNITS = {WEIGHT_UNITS:?};");
+                return vec![switches(Channels::Depth), constants.into(), include_str!("weigh.wgsl").into()];
+            }
         };
         let is_split = matches!(self, Self::Split(..));
         let constants = format!(
@@ -98,6 +108,15 @@ impl Rasterize<'_> {
         names: &wgpu::Buffer,
     ) {
         self.dispatch(recorder, tiles, RasterizeProgram::Sums(channels), names);
+    }
+
+    /// Adds the weights of the records to `weights`, one a record, in [`WEIGHT_UNITS`].
+    pub fn record_weights(&self, recorder: &mut Recorder<'_>, tiles: u32, weights: &wgpu::Buffer) {
+        let bindings = with_buffers(
+            vec![(0, recorder.view())],
+            [self.tile_offsets, self.entries, self.records, weights],
+        );
+        recorder.dispatch(RasterizeProgram::Weights, Groups::Direct(tiles), bindings);
     }
 
     fn dispatch(

@@ -4,7 +4,10 @@ use crate::plan::{BlendSurface, CutPlane, DrawPass, SetView, Shading};
 use crate::reference;
 use crate::renderer::{Background, RenderConfig};
 use crate::testing::{ALL_OUTPUTS, Backend, Hard, camera, compare, random_splats};
-use crate::{CpuConfig, CpuRenderer, FRONT, Frame, Geometry, MedianDepth, Outputs, RenderBackend};
+use crate::{
+    Channels, CpuConfig, CpuDifferentiable, CpuRenderer, Differentiable, FRONT, ForwardConfig, Frame,
+    Geometry, Gradients, Learn, MedianDepth, Outputs, RenderBackend, Upstream,
+};
 use wm_scene::{Camera, Rasterization, Splats};
 
 crate::parity! {
@@ -40,6 +43,10 @@ crate::parity! {
     names_of_splats => |backend| {
         names(backend, &random_splats(900, 1, 80));
         names(backend, &Hard::Opaque.splats(250, 81));
+    };
+    weights_of_splats => |backend| {
+        weights(backend, [random_splats(700, 1, 80), Splats::default(), random_splats(300, 0, 83)]);
+        weights(backend, [Hard::Opaque.splats(250, 81), Hard::Tiny.splats(250, 84), Hard::Huge.splats(50, 85)]);
     };
     no_splats => |backend| check(backend, &[Splats::default()], Rasterization::Classic);
 }
@@ -103,6 +110,33 @@ fn names(backend: Backend, splats: &Splats) {
         seen += 1;
     }
     assert!(seen > 100, "{seen}");
+}
+
+/// Weights are those of training, set after set, but for what is rounded at each tile.
+fn weights(backend: Backend, sets: [Splats; 3]) {
+    let camera = camera(75, 53);
+    let mut renderer = backend.renderer();
+    let views = sets.each_ref().map(|set| SetView::plain(renderer.load(set).unwrap()));
+    let config = RenderConfig::default();
+    let mut found = vec![9.0; 3];
+    renderer.weigh(&DrawPass::new(&views, &camera, &config), &mut found).unwrap();
+    let all = sets.into_iter().fold(Splats::default(), Splats::joined);
+    let mut training = CpuDifferentiable::new(CpuConfig::default()).unwrap();
+    let (mut frame, mut gradients) = (Frame::default(), Gradients::default());
+    let config = ForwardConfig { channels: Channels::Depth, sh_degree: 0, ..ForwardConfig::default() };
+    training.forward(&all, &camera, &config, &mut frame).unwrap();
+    training.backward(&all, &Upstream::default(), Learn::NONE, &mut gradients).unwrap();
+    let mut wanted = vec![0.0; all.len()];
+    for (index, weight) in gradients.visible.iter().zip(&gradients.weights) {
+        wanted[*index as usize] = *weight;
+    }
+    assert_eq!(found.len(), wanted.len());
+    assert!(found.iter().sum::<f32>() > 100.0);
+    let tiles = 20.0;
+    for (splat, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
+        let most = 0.5 * tiles / 1024.0 + 0.01 * wanted;
+        assert!((found - wanted).abs() < most, "{backend:?}, {splat}: {found} and {wanted}");
+    }
 }
 
 fn render(splats: &Splats, camera: &Camera, threads: usize, outputs: Outputs) -> Frame {
