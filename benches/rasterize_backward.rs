@@ -29,7 +29,7 @@ struct Tile {
 
 #[inline(always)]
 fn blend<S: Lanes, const C: usize>(simd: S, tile: &Tile, scratch: &mut forward::BlendScratch) -> u64 {
-    forward::blend_tile::<S, C, false, false>(simd, &tile.records, &tile.keys, (0.0, 0.0), 15, scratch)
+    forward::blend_tile::<S, C, false, false, false>(simd, &tile.records, &tile.keys, (0.0, 0.0), 15, scratch)
 }
 
 /// After [`prepare`].
