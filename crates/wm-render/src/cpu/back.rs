@@ -143,6 +143,7 @@ impl Back<'_> {
             let Worker { scratch, keys, .. } = &mut *worker;
             let corner = ((tile.0 * TILE) as f32, (tile.1 * TILE) as f32);
             let inside = inside(tile, self.size);
+            scratch.weighed = (self.size.0 - tile.0 * TILE, self.size.1 - tile.1 * TILE);
             dispatch!(self.path, s => blend_tile::<_, 1, false, false, true>(s, self.records, keys, corner, inside, scratch));
             for (key, weight) in keys.iter().zip(&scratch.weights) {
                 let units = (*weight * WEIGHT_UNITS).round() as u32;

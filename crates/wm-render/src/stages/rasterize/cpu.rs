@@ -97,6 +97,8 @@ pub struct BlendScratch {
     lists: Lists,
     /// The sum of the weights of each splat of the tile's list over its pixels, filled where they are asked for.
     pub weights: Vec<f32>,
+    /// Columns and rows of the tile that are in the picture: pixels beside it have no weights.
+    pub weighed: (usize, usize),
     batch_weights: BatchWeights,
 }
 
@@ -221,6 +223,19 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
     }
     let mut evaluated = 0;
     if WEIGH {
+        let block_height = S::N / 4;
+        for (patch, sums) in scratch.patches.iter_mut().enumerate() {
+            for (run, pixels) in sums.transmittance.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+                let (block, row) = (run / block_height, run % block_height);
+                let x = patch % 2 * PATCH + block % 4 * 4;
+                let y = patch / 2 * PATCH + block / 4 * block_height + row;
+                for (lane, pixel) in pixels.iter_mut().enumerate() {
+                    if x + lane >= scratch.weighed.0 || y >= scratch.weighed.1 {
+                        *pixel = 0.0;
+                    }
+                }
+            }
+        }
         scratch.weights.clear();
         scratch.weights.resize(keys.len(), 0.0);
     }

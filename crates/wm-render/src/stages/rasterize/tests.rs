@@ -132,9 +132,10 @@ fn weights(backend: Backend, sets: [Splats; 3]) {
     }
     assert_eq!(found.len(), wanted.len());
     assert!(found.iter().sum::<f32>() > 100.0);
-    let tiles = 20.0;
+    // A tile's sum is rounded, and on a GPU that of a pixel.
+    let rounded = 0.5 * 20.0 / 1024.0 + 0.5 * (75.0 * 53.0) / 16384.0;
     for (splat, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
-        let most = 0.5 * tiles / 1024.0 + 0.01 * wanted;
+        let most = rounded + 0.01 * wanted;
         assert!((found - wanted).abs() < most, "{backend:?}, {splat}: {found} and {wanted}");
     }
 }
