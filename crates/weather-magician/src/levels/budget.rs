@@ -63,7 +63,8 @@ const FRAME_BYTES: u64 = 112;
 /// Bytes of a splat that is held, beside those in the renderer: its position.
 const HELD_BYTES: u64 = 12;
 
-/// Splats that are held for a frame over those that it draws, at most: which of them show something is known once they are held.
+/// Splats that are held for a frame over those that it may draw, at most, where their number is asked for: which of them show something is
+/// known once they are held.
 const HELD_FOR_DRAWN: u64 = 4;
 
 /// The shares of a [`LevelBudget`].
@@ -104,7 +105,9 @@ impl LevelBudget {
         let by_memory = rest / a_splat;
         // A part of what is held is of other cuts, so that a camera that turns back loads nothing.
         let frame_splats = self.splats.unwrap_or((by_memory / 2).min(MOST_SPLATS)).max(LEAST_SPLATS);
-        let cut_splats = frame_splats.saturating_mul(HELD_FOR_DRAWN).min(by_memory / 4 * 3).max(frame_splats);
+        // As many as the memory allows are drawn at once: to choose among more would take longer than to draw them.
+        let held = if self.splats.is_some() { HELD_FOR_DRAWN } else { 1 };
+        let cut_splats = frame_splats.saturating_mul(held).min(by_memory / 4 * 3).max(frame_splats);
         BudgetShares {
             weather_splats: (weather / WEATHER_BYTES).clamp(LEAST_SPLATS, MOST_WEATHER_SPLATS),
             frame_splats,
