@@ -82,7 +82,7 @@ fn a_cut_depends_on_the_camera_alone() {
     assert!(largest_difference(&fine, &expected) < 0.02);
 
     // With few of them it is another picture, and the same one after any other.
-    let (mut renderer, mut place) = load(&main, all / 16, false);
+    let (mut renderer, mut place) = load(&main, all / 8, false);
     let alone = picture(&mut renderer, &mut place, "clear", here);
     let difference = largest_difference(&alone, &expected);
     assert!(difference > 0.01, "{difference}");
