@@ -50,7 +50,7 @@ pub struct PyRenderer {
 /// The scene of a renderer.
 #[derive(Clone)]
 enum PlaceSource {
-    Scene(PyScene),
+    Scene(Box<PyScene>),
     /// A file in levels of detail that is drawn under a budget.
     Levels {
         path: PathBuf,
@@ -67,7 +67,7 @@ impl PlaceSource {
             Some(index) if !budget.holds(&index) => {
                 Ok(Self::Levels { path, budget, memory: memory.map(str::to_owned) })
             }
-            _ => Ok(Self::Scene(PyScene::read(&path, false, None)?)),
+            _ => Ok(Self::Scene(Box::new(PyScene::read(&path, false, None)?))),
         }
     }
 
@@ -243,7 +243,7 @@ impl PyRenderer {
                 let says = "memory and splats: this scene was read as a whole; give its path";
                 return Err(PyValueError::new_err(says));
             }
-            (Ok(scene), _) => PlaceSource::Scene(scene.get().clone()),
+            (Ok(scene), _) => PlaceSource::Scene(Box::new(scene.get().clone())),
             (_, Ok(path)) => detached(py, |_| PlaceSource::open(path, budget, memory))?,
             _ => return Err(PyTypeError::new_err("scene: must be a Scene or the path of one")),
         };
@@ -282,7 +282,7 @@ impl PyRenderer {
             None => options.set_item("assets", false)?,
         }
         let source = match &self.source {
-            PlaceSource::Scene(scene) => scene.clone().into_pyobject(py)?.into_any(),
+            PlaceSource::Scene(scene) => PyScene::clone(scene).into_pyobject(py)?.into_any(),
             PlaceSource::Levels { path, budget, memory } => {
                 options.set_item("memory", memory)?;
                 options.set_item("splats", budget.splats)?;
@@ -296,7 +296,7 @@ impl PyRenderer {
     #[getter]
     fn scene(&self) -> Option<PyScene> {
         match &self.source {
-            PlaceSource::Scene(scene) => Some(scene.clone()),
+            PlaceSource::Scene(scene) => Some(PyScene::clone(scene)),
             PlaceSource::Levels { .. } => None,
         }
     }
