@@ -26,6 +26,7 @@ impl LevelArgs {
     }
 
     /// Returns the options as words of a command line.
+    #[cfg(feature = "viewer")]
     pub fn words(self) -> Vec<String> {
         let memory = self.memory.map(|size| format!("--memory={}MiB", size >> 20));
         let splats = self.splats.map(|count| format!("--splats={count}"));
