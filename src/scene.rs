@@ -18,7 +18,6 @@ use wm_scene::formats::folder::{cameras_path, write_cameras};
 use wm_scene::formats::{
     DetailLevel, ReadOptions, WriteOptions, read_scene, sidecar_path, write_scene_with, write_sidecar,
 };
-use wm_scene::levels::LevelIndex;
 use wm_scene::survey::{OwnSky, known_distance};
 use wm_scene::{Metadata, Scene, capture};
 use wm_weather::Weather;
@@ -181,8 +180,7 @@ impl OpenScene {
         levels: LevelArgs,
     ) -> Result<Self> {
         let budget = levels.budget();
-        let index =
-            LevelIndex::of_scene(&args.scene)?.filter(|index| args.level.is_none() && !budget.holds(index));
+        let index = if args.level.is_none() { budget.levels_of(&args.scene)? } else { None };
         let Some(index) = index else { return Self::with_sky(args, run, views, sky) };
         let facts = args.facts.metadata()?;
         if sky.sky != SkyChoice::Keep || views.is_some() {

@@ -133,7 +133,7 @@ impl Renderer {
         options: &PlaceOptions,
         budget: &LevelBudget,
     ) -> Result<PreparedPlace> {
-        if let Some(index) = LevelIndex::of_scene(path)?.filter(|index| !budget.holds(index)) {
+        if let Some(index) = budget.levels_of(path)? {
             return self.load_levels(index, options, budget, false);
         }
         let scene = read_scene(path, &ReadOptions::default())?;

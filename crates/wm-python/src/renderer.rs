@@ -28,7 +28,6 @@ use weather_magician::{
 };
 use wm_render::RenderConfig;
 use wm_scene::SceneView;
-use wm_scene::levels::LevelIndex;
 
 /// The device of a name: auto, cpu, gpu or gpu:NAME.
 pub fn device_of(name: &str) -> Outcome<Device> {
@@ -63,11 +62,9 @@ enum PlaceSource {
 impl PlaceSource {
     /// Reads a scene, unless it is in levels and does not fit the budget.
     fn open(path: PathBuf, budget: LevelBudget, memory: Option<&str>) -> Outcome<Self> {
-        match LevelIndex::of_scene(&path)? {
-            Some(index) if !budget.holds(&index) => {
-                Ok(Self::Levels { path, budget, memory: memory.map(str::to_owned) })
-            }
-            _ => Ok(Self::Scene(Box::new(PyScene::read(&path, false, None)?))),
+        match budget.levels_of(&path)? {
+            Some(_) => Ok(Self::Levels { path, budget, memory: memory.map(str::to_owned) }),
+            None => Ok(Self::Scene(Box::new(PyScene::read(&path, false, None)?))),
         }
     }
 

@@ -40,7 +40,7 @@ pub enum SimdChoice {
     Avx2,
     /// NEON of 64-bit Arm.
     Neon,
-    /// What any processor has, with the same bytes on all: SSE2 on x86-64, elsewhere plain Rust.
+    /// The path that every processor has, with the same bytes on all: SSE2 on x86-64, elsewhere plain Rust.
     Portable,
 }
 

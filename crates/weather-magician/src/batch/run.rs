@@ -16,7 +16,6 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use wm_datasets::SetInfo;
 use wm_scene::formats::{ReadOptions, read_scene};
-use wm_scene::levels::LevelIndex;
 use wm_scene::{Camera, SceneView};
 
 /// A plan that is being carried out.
@@ -246,9 +245,9 @@ impl BatchRun {
 fn views_of(plan: &BatchPlan, scene: usize) -> Result<Vec<SceneView>> {
     let PlanScene { file, budget, .. } = &plan.scenes[scene];
     // Scenes in levels have none, and may be larger than the memory.
-    match LevelIndex::of_scene(file)? {
-        Some(index) if !budget.holds(&index) => Ok(Vec::new()),
-        _ => Ok(read_scene(file, &ReadOptions::default())?.views),
+    match budget.levels_of(file)? {
+        Some(_) => Ok(Vec::new()),
+        None => Ok(read_scene(file, &ReadOptions::default())?.views),
     }
 }
 

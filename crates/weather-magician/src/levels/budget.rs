@@ -1,6 +1,8 @@
 //! The memory of a place in levels of detail, shared out.
 
+use std::path::Path;
 use wm_render::bytes_of_set;
+use wm_scene::FormatError;
 use wm_scene::levels::LevelIndex;
 
 /// The memory and the splats that rendering a scene in levels of detail may take.
@@ -81,6 +83,15 @@ pub(crate) struct BudgetShares {
 }
 
 impl LevelBudget {
+    /// Returns the index of the scene at a path if it is in levels of detail and its finest level does not fit; else the scene is drawn as a
+    /// whole.
+    ///
+    /// # Errors
+    /// [`FormatError`] if it has an index that cannot be read.
+    pub fn levels_of(&self, path: &Path) -> Result<Option<LevelIndex>, FormatError> {
+        Ok(LevelIndex::of_scene(path)?.filter(|index| !self.holds(index)))
+    }
+
     /// Returns true if a frame may draw all splats of a scene, whose levels are of no use then.
     #[must_use]
     pub fn holds(&self, index: &LevelIndex) -> bool {

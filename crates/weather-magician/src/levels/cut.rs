@@ -298,7 +298,7 @@ mod tests {
         }
     }
 
-    /// What is not drawn leaves room for others, as long as it can be held.
+    /// Splats that are held and not drawn leave room for other leaves, up to the number that may be held.
     #[test]
     fn splats_that_show_nothing_are_held_and_not_drawn() {
         let (index, cameras) = (index(10, ERRORS), [camera(-10.0, 1.0)]);

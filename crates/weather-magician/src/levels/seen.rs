@@ -1,10 +1,10 @@
-//! What pictures show of a scene in levels, found by looking: small pictures tell the light that comes from each splat.
+//! Looks at a scene in levels: small pictures that tell the light which comes from each splat.
 //!
-//! [`LevelLooks::cut`] cuts the levels in turns. All leaves are looked at where they are coarsest; then those of a cut with as many splats as can be held. Then
-//! cuts are tried in which a leaf counts with the light that comes from it, and its splats with the share of them that nearly all of that light
-//! comes from: the less light may be lost, the coarser are the leaves of which all is drawn. The one whose small pictures, drawn as
-//! [`LevelLooks::drawn`] says, are nearest to those of all that can be held is taken. Where surfaces are many thin layers, few splats of a fine level
-//! are best; where each splat covers something of its own, coarse ones.
+//! [`LevelLooks::cut`] makes a cut in turns. It looks at all leaves where they are coarsest, then at a cut with as many splats as can be held. In the
+//! cut that it makes then, a leaf counts with the light that comes from it, and its splats with the share of them that nearly all of that light
+//! comes from: the less light may be lost, the coarser are the leaves of which all is drawn. For a shot it tries several such shares, and takes the
+//! cut whose small pictures, drawn as [`LevelLooks::drawn`] says, are nearest to those of all that can be held. Few splats of a fine level
+//! are best where surfaces are many thin layers, coarse ones where each splat covers something of its own.
 //!
 //! Looks are pictures of the same renderer. What they say depends on index, cameras and budget alone.
 

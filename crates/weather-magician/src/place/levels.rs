@@ -312,15 +312,13 @@ impl PreparedPlace {
     /// Draws all frames from one cut of the levels, the best for these cameras together, so that nothing changes its level between
     /// them; without cameras each frame has a cut of its own again. Other places stay as they are.
     pub fn set_shot(&mut self, cameras: &[Camera]) {
-        let Some(levels) = &self.levels else { return };
+        let Some(levels) = &mut self.levels else { return };
         if levels.shot.as_ref().map_or(&[][..], |shot| &shot.cameras) == cameras {
             return;
         }
-        let shot = (!cameras.is_empty())
-            .then(|| Shot { cameras: cameras.to_vec(), focus: self.focus_of_all(cameras) });
-        if let Some(levels) = &mut self.levels {
-            (levels.shot, levels.camera, levels.shot_cut) = (shot, None, None);
-        }
+        levels.shot = (!cameras.is_empty())
+            .then(|| Shot { cameras: cameras.to_vec(), focus: WeatherFocus::along(cameras) });
+        (levels.camera, levels.shot_cut) = (None, None);
     }
 
     /// Returns true if all frames are drawn from one cut of the levels.

@@ -41,6 +41,19 @@ pub(crate) struct GpuPass<'a> {
     pub first_slot: usize,
 }
 
+/// The buffers of a room that blending works on, with the lists `entries`.
+fn rasterize_of<'r>(room: &'r Room, entries: &'r wgpu::Buffer) -> Rasterize<'r> {
+    Rasterize {
+        tile_offsets: &room.tile_offsets,
+        entries,
+        records: &room.records,
+        rgb: &room.rgb,
+        alpha: &room.alpha,
+        depths: &room.depths,
+        normal: &room.normal,
+    }
+}
+
 impl<'a> GpuPass<'a> {
     /// Uploads what is known of a pass before it is drawn. `transient` are its splats that no set holds, one a set.
     pub fn new(
@@ -231,15 +244,7 @@ impl<'a> GpuPass<'a> {
         lists::front(recorder, room, &pieces, self.pass.shading, air);
         let listed = lists::lists(recorder, room, self.tiles(), Entries::Records);
         recorder.begin(Stage::Rasterize);
-        let rasterize = Rasterize {
-            tile_offsets: &room.tile_offsets,
-            entries: listed.1,
-            records: &room.records,
-            rgb: &room.rgb,
-            alpha: &room.alpha,
-            depths: &room.depths,
-            normal: &room.normal,
-        };
+        let rasterize = rasterize_of(room, listed.1);
         let sums = (self.features.geometry, self.features.median);
         rasterize.record(recorder, self.tiles(), sums, self.pass.surface.is_some(), &room.counters);
     }
@@ -253,16 +258,7 @@ impl<'a> GpuPass<'a> {
         // The lists are made, and nothing reads the counts any more.
         recorder.encoder().clear_buffer(&room.counts, 0, None);
         recorder.begin(Stage::Rasterize);
-        let rasterize = Rasterize {
-            tile_offsets: &room.tile_offsets,
-            entries: listed.1,
-            records: &room.records,
-            rgb: &room.rgb,
-            alpha: &room.alpha,
-            depths: &room.depths,
-            normal: &room.normal,
-        };
-        rasterize.record_weights(recorder, self.tiles(), &room.counts);
+        rasterize_of(room, listed.1).record_weights(recorder, self.tiles(), &room.counts);
     }
 
     /// The weights of the splats, set after set and as they were loaded: `blocks` are those of the room with their masks, `units` the
