@@ -10,7 +10,7 @@ use wm_render::simd::SimdPath;
 use wm_render::{
     Background, BlendSurface, DrawPass, FRONT, Frame, FramePlan, Geometry, MedianDepth, Outputs,
     ParticlePass, PictureEffect, PictureId, Pictures, RenderBackend, RenderConfig, RenderError, SetView,
-    Stats, WaterPass,
+    Stats, WaterPass, at_once,
 };
 use wm_scene::{Camera, Splats};
 use wm_weather::lens::{LensEffect, wide_camera};
@@ -95,18 +95,35 @@ impl FrameRequest<'_> {
         picture: &mut Picture,
         stages: Option<&mut PaperStages>,
     ) -> Result<Stats, RenderError> {
+        at_once(self.draw_async(backend, memory, picture, stages))
+    }
+
+    /// [`Self::draw_stages`] that in a browser lets the page work while a GPU draws.
+    pub(crate) async fn draw_async(
+        &self,
+        backend: &mut dyn RenderBackend,
+        memory: &mut Pictures,
+        picture: &mut Picture,
+        stages: Option<&mut PaperStages>,
+    ) -> Result<Stats, RenderError> {
         let is_paper = !self.weather.paper_falls().is_empty() || stages.is_some();
         if is_paper {
-            return self.with_lens(|lens| self.draw_as_paper(lens, backend, memory, picture, stages));
+            let draw = async |lens: Option<LensPass<'_>>| {
+                self.draw_as_paper(lens, backend, memory, picture, stages).await
+            };
+            return self.with_lens(draw).await;
         }
         picture.water = WaterLayers::default();
         let camera = &self.camera.camera;
         let water = self.weather.water(self.puddles).and_then(|map| Water::new(map, self.weather, camera));
         if let Some(water) = water {
-            return self.with_lens(|lens| self.draw_with_water(&water, lens, backend, memory, picture));
+            let draw = async |lens: Option<LensPass<'_>>| {
+                self.draw_with_water(&water, lens, backend, memory, picture).await
+            };
+            return self.with_lens(draw).await;
         }
-        self.with_lens(|lens| {
-            self.with_scene_pass(self.config, |pass| {
+        self.with_lens(async |lens: Option<LensPass<'_>>| {
+            self.with_scene_pass(self.config, async |pass: DrawPass<'_>| {
                 let mut plan = FramePlan::new();
                 let color = plan.draw(pass);
                 let parts =
@@ -114,9 +131,11 @@ impl FrameRequest<'_> {
                 if let Some(lens) = lens {
                     lens.append(&mut plan, color);
                 }
-                execute(&plan, (color, parts), (backend, memory), picture)
+                execute(&plan, (color, parts), (backend, memory), picture).await
             })
+            .await
         })
+        .await
     }
 
     /// Draws coverage, expected and median depth alone. Water counts as a surface where it hides at least half of what lies behind it.
@@ -129,18 +148,29 @@ impl FrameRequest<'_> {
         memory: &mut Pictures,
         picture: &mut Picture,
     ) -> Result<Stats, RenderError> {
+        at_once(self.draw_geometry_async(backend, memory, picture))
+    }
+
+    /// [`Self::draw_geometry`] that in a browser lets the page work while a GPU draws.
+    pub(crate) async fn draw_geometry_async(
+        &self,
+        backend: &mut dyn RenderBackend,
+        memory: &mut Pictures,
+        picture: &mut Picture,
+    ) -> Result<Stats, RenderError> {
         let outputs =
             Outputs { geometry: Geometry::Depth, median_depth: MedianDepth::On, ..Outputs::default() };
         let config = RenderConfig { outputs, ..*self.config };
         let camera = &self.camera.camera;
         let observer = Observer { lamps: None, splashes: None, is_within: true, ..self.observer() };
-        let stats = self.weather.with_hooks(&observer, |hooks| {
+        let draw = async |hooks: Hooks<'_>| {
             // A sky of the weather takes the place of the scene's own.
             let hooks = Hooks { background: hooks.background, ..Hooks::default() };
             let mut plan = FramePlan::new();
             let drawn = plan.draw(DrawPass::new(self.sets, camera, &config).with_hooks(hooks));
-            execute(&plan, (drawn, None), (backend, memory), picture)
-        })?;
+            execute(&plan, (drawn, None), (backend, memory), picture).await
+        };
+        let stats = self.weather.with_hooks_async(&observer, draw).await?;
         picture.water = WaterLayers::default();
         let surface = self.weather.water(self.puddles).and_then(|map| WaterSurface::of(&map, camera));
         let Some(WaterSurface { depth, cover, .. }) = surface else { return Ok(stats) };
@@ -160,7 +190,7 @@ impl FrameRequest<'_> {
     }
 
     /// Draws the scene from the mirrored eye, then from its own, and lays the water between.
-    fn draw_with_water(
+    async fn draw_with_water(
         &self,
         water: &Water,
         lens: Option<LensPass<'_>>,
@@ -174,7 +204,7 @@ impl FrameRequest<'_> {
             self.beyond_the_picture(Outputs { geometry: Geometry::Depth, ..Outputs::default() });
         let mirrored_observer =
             Observer { camera: &water.mirror.camera, splashes: None, is_within: true, ..self.observer() };
-        self.weather.with_hooks(&mirrored_observer, |hooks| {
+        let draw = async |hooks: Hooks<'_>| {
             // The lamps and their glow are mirrored too.
             let hooks = Hooks { particles: &[], ..hooks };
             // What a film mirrors is blurred, and what waves mirror is in pieces, so a few splats will do.
@@ -184,7 +214,8 @@ impl FrameRequest<'_> {
                 cut: Some(water.mirror.cut),
                 ..DrawPass::new(sets, &water.mirror.camera, &mirror_config).with_hooks(hooks)
             };
-            self.weather.with_hooks(&self.observer(), |hooks| {
+            let observer = self.observer();
+            let draw = async |hooks: Hooks<'_>| {
                 let particles = match hooks.particles.is_empty() {
                     true => ParticlePass::Off,
                     false => ParticlePass::On,
@@ -222,7 +253,7 @@ impl FrameRequest<'_> {
                     lens.append(&mut plan, color);
                 }
                 picture.spare.lend(&mut picture.frame);
-                let stats = execute(&plan, (color, parts), (backend, memory), picture)?;
+                let stats = execute(&plan, (color, parts), (backend, memory), picture).await?;
                 picture.water = match asked.water {
                     WaterPass::Off => WaterLayers::default(),
                     WaterPass::On => water.layers(&picture.frame),
@@ -230,12 +261,14 @@ impl FrameRequest<'_> {
                 let wants_particles = asked.particles == ParticlePass::On;
                 picture.spare.take(&mut picture.frame, asked.geometry != Geometry::None, wants_particles);
                 Ok(stats)
-            })
-        })
+            };
+            self.weather.with_hooks_async(&observer, draw).await
+        };
+        self.weather.with_hooks_async(&mirrored_observer, draw).await
     }
 
     /// Draws the scene, then each sub-cloud of what falls by itself, and lays them over it.
-    fn draw_as_paper(
+    async fn draw_as_paper(
         &self,
         lens: Option<LensPass<'_>>,
         backend: &mut dyn RenderBackend,
@@ -264,7 +297,7 @@ impl FrameRequest<'_> {
         let overlays: Vec<Overlay<'_, '_>> =
             clouds.iter().map(|(blend, _)| Overlay { blend, stages: &stages }).collect();
         let finish = Finish(weather);
-        self.with_scene_pass(&config, |pass| {
+        self.with_scene_pass(&config, async |pass: DrawPass<'_>| {
             let mut plan = FramePlan::new();
             let color = plan.draw(pass);
             if begins {
@@ -288,37 +321,44 @@ impl FrameRequest<'_> {
             if let Some(lens) = lens {
                 lens.append(&mut plan, color);
             }
-            let stats = execute(&plan, (color, None), (backend, memory), picture)?;
+            let stats = execute(&plan, (color, None), (backend, memory), picture).await?;
             if asked == Geometry::None {
                 picture.frame.depth.clear();
             }
             Ok(stats)
         })
+        .await
     }
 
     /// Calls `work` with the pass that draws the scene in its weather, whose hooks live as long as the call.
-    fn with_scene_pass<R>(&self, config: &RenderConfig, work: impl FnOnce(DrawPass<'_>) -> R) -> R {
-        self.weather.with_hooks(&self.observer(), |hooks| {
+    async fn with_scene_pass<R>(
+        &self,
+        config: &RenderConfig,
+        work: impl AsyncFnOnce(DrawPass<'_>) -> R,
+    ) -> R {
+        let call = async |hooks: Hooks<'_>| {
             let pass = DrawPass::new(self.sets, &self.camera.camera, config).with_hooks(hooks);
-            work(DrawPass { whole: self.whole, ..pass })
-        })
+            work(DrawPass { whole: self.whole, ..pass }).await
+        };
+        self.weather.with_hooks_async(&self.observer(), call).await
     }
 
     /// Calls `work` with the passes of the glass before the camera, whose hooks live as long as the call; with `None` where it changes no
     /// picture.
-    fn with_lens<R>(&self, work: impl FnOnce(Option<LensPass<'_>>) -> R) -> R {
-        let Some(glass) = self.weather.glass() else { return work(None) };
+    async fn with_lens<R>(&self, work: impl AsyncFnOnce(Option<LensPass<'_>>) -> R) -> R {
+        let Some(glass) = self.weather.glass() else { return work(None).await };
         let camera = &self.camera.camera;
         let wide = wide_camera(camera);
         let config = self.beyond_the_picture(Outputs::default());
         let effect = LensEffect { glass, camera };
         let observer = Observer { camera: &wide, lamps: None, splashes: None, ..self.observer() };
-        self.weather.with_hooks(&observer, |hooks| {
+        let call = async |hooks: Hooks<'_>| {
             let hooks = Hooks { particles: &[], ..hooks };
             let wide =
                 DrawPass::new(self.thinned.unwrap_or(self.elsewhere), &wide, &config).with_hooks(hooks);
-            work(Some(LensPass { wide, effect: &effect }))
-        })
+            work(Some(LensPass { wide, effect: &effect })).await
+        };
+        self.weather.with_hooks_async(&observer, call).await
     }
 
     /// The configuration of views that show more than the picture: a scene with a sky of its own shows what nobody photographed as haze,
@@ -339,14 +379,14 @@ impl FrameRequest<'_> {
 }
 
 /// Carries out a plan that draws into `picture`, with the parts of it that are wanted.
-fn execute(
+async fn execute(
     plan: &FramePlan<'_>,
     (color, parts): (PictureId, Option<PartPasses>),
     (backend, memory): (&mut dyn RenderBackend, &mut Pictures),
     picture: &mut Picture,
 ) -> Result<Stats, RenderError> {
     memory.put(color, std::mem::take(&mut picture.frame));
-    let stats = backend.execute(plan, memory)?;
+    let stats = backend.execute_async(plan, memory).await?;
     picture.parts = parts.map(|parts| parts.finish(memory)).unwrap_or_default();
     picture.frame = memory.take(color);
     Ok(stats)

@@ -517,7 +517,7 @@ impl Renderer {
             let own = self.render_into(place, weather, &own, side, progress)?;
             stats += own;
         }
-        let started = std::time::Instant::now();
+        let started = web_time::Instant::now();
         self.backend().pool().install(|| lens.sample(&sides, picture));
         stats.wall += started.elapsed().as_secs_f64();
         picture.metres_per_unit = sides.first().map_or(0.0, |side| side.metres_per_unit);

@@ -941,8 +941,8 @@ impl PreparedPlace {
         light_fault(weather, &self.site).map_or(Ok(()), |fault| Err(Error::Unsupported(fault)))
     }
 
-    /// Draws an instant of a weather.
-    pub(crate) fn draw(
+    /// Draws an instant of a weather; in a browser it lets the page work while a GPU draws.
+    pub(crate) async fn draw(
         &mut self,
         backend: &mut AnyRenderer,
         memory: &mut Pictures,
@@ -1043,8 +1043,8 @@ impl PreparedPlace {
         };
         picture.metres_per_unit = self.site.metres_per_unit;
         Ok(match options.content {
-            FrameContent::Picture => request.draw_stages(backend, memory, picture, stages)?,
-            FrameContent::Geometry => request.draw_geometry(backend, memory, picture)?,
+            FrameContent::Picture => request.draw_async(backend, memory, picture, stages).await?,
+            FrameContent::Geometry => request.draw_geometry_async(backend, memory, picture).await?,
             FrameContent::Particles => {
                 picture.falling = request.particles(backend.path());
                 Stats::default()

@@ -12,7 +12,9 @@ use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use wm_render::{AnyRenderer, CpuConfig, Device, Frame, Pictures, RenderBackend, RenderError, Stats};
+use wm_render::{
+    AnyRenderer, CpuConfig, Device, Frame, Pictures, RenderBackend, RenderError, Stats, at_once,
+};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::levels::LevelIndex;
 use wm_scene::survey::{Aligned, Alignment};
@@ -59,14 +61,13 @@ impl Renderer {
         cpu: CpuConfig,
         warn: impl FnMut(&RenderError) + Send + 'static,
     ) -> Result<Self> {
+        Ok(Self::on(AnyRenderer::new(device, cpu, warn)?))
+    }
+
+    fn on(backend: AnyRenderer) -> Self {
         static NEXT: AtomicU64 = AtomicU64::new(1);
-        let backend = AnyRenderer::new(device, cpu, warn)?;
-        Ok(Self {
-            backend,
-            memory: Pictures::default(),
-            sides: Vec::new(),
-            id: NEXT.fetch_add(1, Ordering::Relaxed),
-        })
+        let id = NEXT.fetch_add(1, Ordering::Relaxed);
+        Self { backend, memory: Pictures::default(), sides: Vec::new(), id }
     }
 
     /// The number that tells it from other renderers.
@@ -89,6 +90,15 @@ impl Renderer {
     #[must_use]
     pub fn describe(&self) -> String {
         self.backend.describe()
+    }
+
+    /// A renderer on the GPU that a browser gives. `warn` is called with the reason if the GPU fails; the CPU goes on then.
+    ///
+    /// # Errors
+    /// [`crate::Error::Render`] if the browser gives none.
+    #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
+    pub async fn in_browser(warn: impl FnMut(&RenderError) + Send + 'static) -> Result<Self> {
+        Ok(Self::on(AnyRenderer::in_browser(CpuConfig::default(), warn).await?))
     }
 
     /// Loads a scene: labels its sky, surveys it (up, ground, scale, light) and uploads its splats.
@@ -237,8 +247,25 @@ impl Renderer {
         picture: &mut Picture,
         progress: &mut dyn Progress,
     ) -> Result<Stats> {
+        at_once(self.render_async(place, weather, options, picture, progress))
+    }
+
+    /// [`Self::render_into`] for a program that must not wait: in a browser others work while the GPU draws. Elsewhere the future is done
+    /// when it is first polled.
+    ///
+    /// # Errors
+    /// As [`Self::render_into`].
+    pub async fn render_async(
+        &mut self,
+        place: &mut PreparedPlace,
+        weather: &Weather,
+        options: &FrameOptions<'_>,
+        picture: &mut Picture,
+        progress: &mut dyn Progress,
+    ) -> Result<Stats> {
         check_owner(place, self.id)?;
-        place.draw(&mut self.backend, &mut self.memory, weather, options, (picture, None), progress)
+        let target = (picture, None);
+        place.draw(&mut self.backend, &mut self.memory, weather, options, target, progress).await
     }
 
     /// Renders a frame of the paper's fidelity, and keeps what lies between the clear picture and the last.
@@ -255,7 +282,7 @@ impl Renderer {
     ) -> Result<Stats> {
         check_owner(place, self.id)?;
         let target = (picture, Some(stages));
-        place.draw(&mut self.backend, &mut self.memory, weather, options, target, progress)
+        at_once(place.draw(&mut self.backend, &mut self.memory, weather, options, target, progress))
     }
 
     /// Draws a frame of splat sets of your own in a weather, by the same plan as [`Self::render`].

@@ -9,6 +9,8 @@ use crate::frame::Frame;
 use crate::gpu::{self, Gpu, GpuConfig, GpuDifferentiable, GpuRenderer};
 use crate::plan::{DrawPass, FramePlan, Pictures};
 use crate::ray_tracer::AnyRaySplats;
+#[cfg(all(feature = "gpu", target_arch = "wasm32"))]
+use crate::renderer::ExecuteFuture;
 use crate::renderer::{CpuConfig, RenderBackend, RenderError, SetId, Stats};
 use crate::simd::SimdPath;
 use std::fmt;
@@ -72,6 +74,12 @@ enum Body {
         gpu: Box<GpuRenderer>,
         kept: Option<Vec<Option<Splats>>>,
     },
+    /// In a browser, which never waits for its GPU: the CPU draws what must come back at once. Both hold all sets, under the same names.
+    #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
+    Browser {
+        gpu: Box<GpuRenderer>,
+        cpu: Box<CpuRenderer>,
+    },
 }
 
 impl AnyRenderer {
@@ -98,6 +106,22 @@ impl AnyRenderer {
         Ok(Self { config, path, body, warn })
     }
 
+    /// A renderer on the GPU that a browser gives, with the CPU for what must come back at once. `warn` is called with why the GPU is given
+    /// up; the CPU goes on then.
+    ///
+    /// # Errors
+    /// [`RenderError::Gpu`] if there is none or it cannot be used.
+    #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
+    pub async fn in_browser(
+        config: CpuConfig,
+        warn: impl FnMut(&RenderError) + Send + 'static,
+    ) -> Result<Self, RenderError> {
+        let path = SimdPath::select(config.simd).ok_or(RenderError::NoSimd(config.simd.name()))?;
+        let gpu = Box::new(GpuRenderer::new(Gpu::open_in_browser(&GpuConfig::default()).await?, config)?);
+        let body = Body::Browser { gpu, cpu: Box::new(CpuRenderer::new(config)?) };
+        Ok(Self { config, path, body, warn: Box::new(warn) })
+    }
+
     /// The SIMD path of the CPU's work.
     #[must_use]
     pub fn path(&self) -> SimdPath {
@@ -111,6 +135,8 @@ impl AnyRenderer {
             Body::Cpu(cpu) => cpu.pool(),
             #[cfg(feature = "gpu")]
             Body::Gpu { gpu, .. } => gpu.pool(),
+            #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
+            Body::Browser { cpu, .. } => cpu.pool(),
         }
     }
 
@@ -133,6 +159,8 @@ impl AnyRenderer {
             Body::Cpu(_) => None,
             #[cfg(feature = "gpu")]
             Body::Gpu { gpu, .. } => gpu.gpu().memory(),
+            #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
+            Body::Browser { .. } => None,
         }
     }
 
@@ -143,6 +171,8 @@ impl AnyRenderer {
             Body::Cpu(cpu) => format!("cpu, {}", cpu.path()),
             #[cfg(feature = "gpu")]
             Body::Gpu { gpu, .. } => format!("{}, {}", gpu.describe(), self.path),
+            #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
+            Body::Browser { gpu, .. } => format!("{}, {}", gpu.describe(), self.path),
         }
     }
 
@@ -195,12 +225,24 @@ impl AnyRenderer {
             Body::Cpu(cpu) => &mut **cpu,
             #[cfg(feature = "gpu")]
             Body::Gpu { gpu, .. } => &mut **gpu,
+            #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
+            Body::Browser { cpu, .. } => &mut **cpu,
         }
     }
 
     /// Goes on with the CPU, if `error` is the GPU's and the splats are there.
     #[cfg(feature = "gpu")]
     fn fall_back(&mut self, error: RenderError) -> Result<(), RenderError> {
+        #[cfg(target_arch = "wasm32")]
+        if error.is_of_gpu() && matches!(self.body, Body::Browser { .. }) {
+            (self.warn)(&error);
+            // A renderer without sets takes the place for a moment.
+            let empty = Body::Cpu(Box::new(CpuRenderer::new(self.config)?));
+            if let Body::Browser { cpu, .. } = std::mem::replace(&mut self.body, empty) {
+                self.body = Body::Cpu(cpu);
+            }
+            return Ok(());
+        }
         let Body::Gpu { kept, .. } = &mut self.body else { return Err(error) };
         let (RenderError::Gpu(_), Some(sets)) = (&error, kept.take()) else { return Err(error) };
         (self.warn)(&error);
@@ -268,6 +310,8 @@ impl RenderBackend for AnyRenderer {
             Body::Cpu(cpu) => cpu.describe(),
             #[cfg(feature = "gpu")]
             Body::Gpu { gpu, .. } => gpu.describe(),
+            #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
+            Body::Browser { gpu, .. } => gpu.describe(),
         }
     }
 
@@ -284,11 +328,22 @@ impl RenderBackend for AnyRenderer {
             kept.resize(kept.len().max(set.0 + 1), None);
             kept[set.0] = Some(splats.clone());
         }
+        #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
+        if let Body::Browser { gpu, .. } = &mut self.body {
+            match gpu.load(splats) {
+                Ok(same) => debug_assert_eq!(same, set, "both have loaded the same sets"),
+                Err(error) => self.fall_back(error)?,
+            }
+        }
         Ok(set)
     }
 
     fn unload(&mut self, set: SetId) {
         self.renderer().unload(set);
+        #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
+        if let Body::Browser { gpu, .. } = &mut self.body {
+            gpu.unload(set);
+        }
         #[cfg(feature = "gpu")]
         if let Body::Gpu { kept: Some(kept), .. } = &mut self.body
             && let Some(splats) = kept.get_mut(set.0)
@@ -315,6 +370,23 @@ impl RenderBackend for AnyRenderer {
             }
             done => done,
         }
+    }
+
+    #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
+    fn execute_async<'a>(
+        &'a mut self,
+        plan: &'a FramePlan<'_>,
+        pictures: &'a mut Pictures,
+    ) -> ExecuteFuture<'a> {
+        Box::pin(async move {
+            if let Body::Browser { gpu, .. } = &mut self.body {
+                match gpu.execute_async(plan, pictures).await {
+                    Err(error) => self.fall_back(error)?,
+                    done => return done,
+                }
+            }
+            self.execute(plan, pictures)
+        })
     }
 }
 

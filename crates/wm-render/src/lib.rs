@@ -37,6 +37,7 @@
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 
+pub mod at_once;
 pub mod attributes;
 pub mod bench_scene;
 pub mod cpu;
@@ -63,6 +64,7 @@ pub mod stages;
 pub mod testing;
 pub mod training;
 
+pub use at_once::at_once;
 pub use cpu::{CpuDifferentiable, CpuRenderer};
 pub use device::{AnyDifferentiable, AnyRenderer, Device};
 pub use differentiable::{
@@ -79,7 +81,7 @@ pub use plan::{
 };
 pub use ray_tracer::{AnyRaySplats, RayTracer};
 pub use renderer::{
-    Background, CpuConfig, DeviceWork, Geometry, MedianDepth, Outputs, ParticlePass, RenderBackend,
-    RenderConfig, RenderError, SetId, SkyGradient, Stats, WaterPass, bytes_of_set,
+    Background, CpuConfig, DeviceWork, ExecuteFuture, Geometry, MedianDepth, Outputs, ParticlePass,
+    RenderBackend, RenderConfig, RenderError, SetId, SkyGradient, Stats, WaterPass, bytes_of_set,
 };
 pub use stages::rays::{RayHits, RayOutputs, Rays, cpu::RaySplats};

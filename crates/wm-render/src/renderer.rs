@@ -6,7 +6,9 @@ use crate::hooks::{Backdrop, GROUP, ShadeGroup};
 use crate::plan::{DrawPass, FramePlan, Pictures};
 use crate::simd::SimdChoice;
 use serde::{Deserialize, Serialize};
+use std::future::Future;
 use std::ops::{Add, AddAssign};
+use std::pin::Pin;
 use thiserror::Error;
 use wm_scene::{CameraError, Rasterization, Splats, SplatsError};
 
@@ -31,6 +33,19 @@ pub trait RenderBackend {
     /// holds then is of no use.
     fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError>;
 
+    /// Carries out a plan as [`Self::execute`] does. In a browser it lets the page work while a GPU draws; elsewhere it is done when it is
+    /// first polled.
+    ///
+    /// # Errors
+    /// As of [`Self::execute`].
+    fn execute_async<'a>(
+        &'a mut self,
+        plan: &'a FramePlan<'_>,
+        pictures: &'a mut Pictures,
+    ) -> ExecuteFuture<'a> {
+        Box::pin(std::future::ready(self.execute(plan, pictures)))
+    }
+
     /// Finds the weight of each splat of a pass in its picture: alpha times the transmittance before it, summed over the pixels, px, in steps of
     /// 1/1024 a tile. `weights` has those of the sets one after the other, each in the order in which it was loaded. The weather of the pass and the rest of its
     /// outputs do not count.
@@ -52,6 +67,9 @@ pub trait RenderBackend {
         done
     }
 }
+
+/// A plan that is being carried out.
+pub type ExecuteFuture<'a> = Pin<Box<dyn Future<Output = Result<Stats, RenderError>> + 'a>>;
 
 /// The number that stands for a weight of one pixel, see [`RenderBackend::weigh`].
 pub(crate) const WEIGHT_UNITS: f32 = 1024.0;

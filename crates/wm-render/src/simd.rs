@@ -5,15 +5,22 @@
 //! The portable path is the twin that every other path is tested against: IEEE arithmetic without fused
 //! operations and estimates, whose bytes are the same on every processor.
 
-use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, f32x8, mask32x8, u32x8};
+#[cfg(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64"))]
+use fearless_simd::Level;
+use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, f32x8, mask32x8, u32x8};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-#[cfg(any(test, not(target_arch = "x86_64")))]
+#[cfg(any(
+    test,
+    not(any(target_arch = "x86_64", all(target_arch = "wasm32", target_feature = "simd128")))
+))]
 use fearless_simd::Fallback;
 #[cfg(target_arch = "aarch64")]
 use fearless_simd::Neon;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+use fearless_simd::wasm32::WasmSimd128;
 #[cfg(target_arch = "x86_64")]
 use fearless_simd::x86::Sse2;
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
@@ -23,8 +30,11 @@ use fearless_simd::{Avx2, Avx512, f32x16, mask32x16, u32x16};
 /// Rust, whose lanes unrolled were two thirds of this crate's code and nine tenths of the time to compile it.
 #[cfg(target_arch = "x86_64")]
 pub type Portable = Sse2;
+/// The token of the portable path: the 128-bit vectors of WebAssembly.
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+pub type Portable = WasmSimd128;
 /// The token of the portable path: plain Rust.
-#[cfg(not(target_arch = "x86_64"))]
+#[cfg(not(any(target_arch = "x86_64", all(target_arch = "wasm32", target_feature = "simd128"))))]
 pub type Portable = Fallback;
 
 /// The choice of a SIMD path.
@@ -40,7 +50,8 @@ pub enum SimdChoice {
     Avx2,
     /// NEON of 64-bit Arm.
     Neon,
-    /// The path that every processor has, with the same bytes on all: SSE2 on x86-64, elsewhere plain Rust.
+    /// The path that every processor has, with the same bytes on all: SSE2 on x86-64, 128-bit vectors of WebAssembly in a browser,
+    /// elsewhere plain Rust.
     Portable,
 }
 
@@ -115,8 +126,14 @@ impl SimdPath {
         Self::Portable(Level::baseline().as_sse2().expect("SSE2 is part of x86-64"))
     }
 
+    /// The path that every browser has which this program was built for.
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    fn portable() -> Self {
+        Self::Portable(fearless_simd::Level::new().as_wasm_simd128().expect("the target has it"))
+    }
+
     /// The path that every processor has.
-    #[cfg(not(target_arch = "x86_64"))]
+    #[cfg(not(any(target_arch = "x86_64", all(target_arch = "wasm32", target_feature = "simd128"))))]
     fn portable() -> Self {
         Self::Portable(Fallback::new())
     }
@@ -228,8 +245,10 @@ lanes!(Avx2, f32x8, u32x8, mask32x8, 8, false, false);
 lanes!(Neon, f32x8, u32x8, mask32x8, 8, false, false);
 #[cfg(target_arch = "x86_64")]
 lanes!(Sse2, f32x8, u32x8, mask32x8, 8, false, true);
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+lanes!(WasmSimd128, f32x8, u32x8, mask32x8, 8, false, true);
 // On x86-64 only for tests, which hold SSE2 against it.
-#[cfg(any(test, not(target_arch = "x86_64")))]
+#[cfg(any(test, not(any(target_arch = "x86_64", all(target_arch = "wasm32", target_feature = "simd128")))))]
 lanes!(Fallback, f32x8, u32x8, mask32x8, 8, false, true);
 
 /// Runs `$call` compiled for the path `$path`, with its token bound to `$simd`.

@@ -23,9 +23,9 @@ use crate::water::{WaterBody, WaterForces, WaterGrid, WaterMap, WaterMotion};
 use crate::wetness::{SkySheen, SlantedRain, WetRequest};
 use std::path::Path;
 use std::sync::Arc;
-use wm_render::Frame;
 use wm_render::hooks::{Backdrop, Hooks, Medium, Particle, ParticleView, Particles, PixelEffect, SkySplats};
 use wm_render::simd::SimdPath;
+use wm_render::{Frame, at_once};
 use wm_scene::color::srgb_decode;
 use wm_scene::{Camera, Splats};
 
@@ -694,6 +694,15 @@ impl PreparedWeather {
 
     /// Calls `render` with the hooks of this weather for what is `seen`.
     pub fn with_hooks<R>(&self, seen: &Observer<'_>, render: impl FnOnce(Hooks<'_>) -> R) -> R {
+        at_once(self.with_hooks_async(seen, async |hooks| render(hooks)))
+    }
+
+    /// [`Self::with_hooks`] for what may wait for a GPU.
+    pub async fn with_hooks_async<R>(
+        &self,
+        seen: &Observer<'_>,
+        render: impl AsyncFnOnce(Hooks<'_>) -> R,
+    ) -> R {
         let mut pixels: Vec<&dyn PixelEffect> =
             self.paper.iter().map(|fog| fog as &dyn PixelEffect).collect();
         // The lens comes last: after the paper's rain, which is not the renderer's.
@@ -720,6 +729,6 @@ impl PreparedWeather {
         let falls = falls.iter().map(|fall| fall as &dyn Particles);
         let splashes = splashes.iter().map(|splashes| splashes as &dyn Particles);
         let particles: Vec<&dyn Particles> = falls.chain(splashes).collect();
-        render(Hooks { background, medium, particles: &particles, pixels: &pixels })
+        render(Hooks { background, medium, particles: &particles, pixels: &pixels }).await
     }
 }

@@ -201,7 +201,7 @@ impl Renderer {
             let steps = camera.model.shutter.steps(speed, camera.model.shutter.lines(size));
             self.over_steps(place, weather, camera, (shot, &steps, size), picture, progress)?
         };
-        let started = std::time::Instant::now();
+        let started = web_time::Instant::now();
         let gain = match camera.model.exposure {
             CameraExposure::Stops(stops) => stops.exp2(),
             CameraExposure::Auto => self.metered_gain(place, weather, camera, shot.time, progress)?,
@@ -283,7 +283,7 @@ impl Renderer {
             let is_across = matches!(shutter.first, ReadoutSide::Left | ReadoutSide::Right);
             self.backend().pool().install(|| exposed.add(&part, &rect, (&shares, is_across)));
         }
-        let started = std::time::Instant::now();
+        let started = web_time::Instant::now();
         self.backend().pool().install(|| exposed.finish(picture));
         picture.metres_per_unit = part.metres_per_unit;
         stats.wall += started.elapsed().as_secs_f64();

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use std::ops::Add;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use web_time::Instant;
 
 /// Tiles of one task: small enough to share out, large enough to write whole lines.
 pub const RUN: usize = 4;

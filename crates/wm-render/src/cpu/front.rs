@@ -15,7 +15,7 @@ use crate::stages::project::{ProjectCamera, Record};
 use crate::stages::shade::cpu::{fade_group, relight_group, shade_group, through_air};
 use std::ops::Range;
 use std::sync::atomic::AtomicU64;
-use std::time::Instant;
+use web_time::Instant;
 use wm_scene::Rasterization;
 
 /// A run of clusters of one set, with the records that it may fill.

@@ -31,7 +31,7 @@ use model::CpuModel;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
+use web_time::Instant;
 use wm_scene::Splats;
 
 /// The CPU back end. It keeps its working memory from frame to frame.
@@ -50,12 +50,26 @@ pub struct CpuRenderer {
 /// The SIMD path and the threads of `config`.
 pub(crate) fn start(config: CpuConfig) -> Result<(SimdPath, Arc<rayon::ThreadPool>), RenderError> {
     let path = SimdPath::select(config.simd).ok_or(RenderError::NoSimd(config.simd.name()))?;
-    let threads = config.threads.unwrap_or(0);
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|error| RenderError::Threads { threads, reason: error.to_string() })?;
-    Ok((path, Arc::new(pool)))
+    Ok((path, pool(config.threads.unwrap_or(0))?))
+}
+
+/// A pool of so many threads, 0 for those of the processor.
+#[cfg(not(target_arch = "wasm32"))]
+fn pool(threads: usize) -> Result<Arc<rayon::ThreadPool>, RenderError> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.map(Arc::new).map_err(|error| RenderError::Threads { threads, reason: error.to_string() })
+}
+
+/// The one thread that there is in a browser, as a pool.
+#[cfg(target_arch = "wasm32")]
+fn pool(_: usize) -> Result<Arc<rayon::ThreadPool>, RenderError> {
+    static POOL: std::sync::OnceLock<Arc<rayon::ThreadPool>> = std::sync::OnceLock::new();
+    if let Some(pool) = POOL.get() {
+        return Ok(Arc::clone(pool));
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
+    let pool = pool.map_err(|error| RenderError::Threads { threads: 1, reason: error.to_string() })?;
+    Ok(Arc::clone(POOL.get_or_init(|| Arc::new(pool))))
 }
 
 impl CpuRenderer {

@@ -2,13 +2,11 @@
 
 use super::error::GpuError;
 use super::source::{MIN_SUBGROUP, Program, Subgroups, WORKGROUP};
+use crate::at_once::ready;
 use crate::renderer::DeviceWork;
 use std::collections::HashMap;
-use std::future::Future;
 use std::path::Path;
-use std::pin::pin;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
-use std::task::{Context, Poll, Waker};
 use wgpu::{Adapter, DeviceType, Limits};
 
 /// The choice of a GPU.
@@ -136,14 +134,6 @@ fn ranked() -> Vec<Adapter> {
     adapters
 }
 
-/// Waits for what native back ends have at once.
-pub(crate) fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
-    match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
-        Poll::Ready(value) => Some(value),
-        Poll::Pending => None,
-    }
-}
-
 /// Returns true if there may be a real GPU. Asking every driver takes time, and some of them print to stderr.
 fn may_have_hardware() -> bool {
     // Linux has a file for each: of the kernel's own drivers, NVIDIA's, Windows' below it, Adreno's, Mali's.
@@ -218,24 +208,58 @@ impl Gpu {
         if let Some(unfit) = &listed[at].unfit {
             return Err(unfit.clone());
         }
-        Self::start(&ranked[at], &listed[at], config)
+        let failed =
+            || GpuError::Start { adapter: listed[at].name.clone(), reason: "it does not answer".to_owned() };
+        ready(Self::start(&ranked[at], &listed[at], config)).ok_or_else(failed)?
     }
 
-    fn start(adapter: &Adapter, listed: &ListedAdapter, config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
+    /// Starts the GPU that a browser gives; the choice of `config` does not count.
+    ///
+    /// # Errors
+    /// [`GpuError`] if the browser has no WebGPU or gives no GPU, or it cannot be started.
+    #[cfg(target_arch = "wasm32")]
+    pub async fn open_in_browser(config: &GpuConfig) -> Result<Arc<Self>, GpuError> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            ..wgpu::RequestAdapterOptions::default()
+        };
+        let adapter = instance.request_adapter(&options).await.map_err(|error| GpuError::NoAdapter {
+            wanted: "can be used".to_owned(),
+            found: one_line(&error.to_string()),
+        })?;
+        let mut listed = list(&adapter);
+        // Browsers give times in steps of 0.1 ms, and no subgroups that all of them have.
+        (listed.timestamps, listed.subgroups) = (false, None);
+        if listed.name.is_empty() {
+            "WebGPU".clone_into(&mut listed.name);
+        }
+        if let Some(unfit) = &listed.unfit {
+            return Err(unfit.clone());
+        }
+        Self::start(&adapter, &listed, config).await
+    }
+
+    async fn start(
+        adapter: &Adapter,
+        listed: &ListedAdapter,
+        config: &GpuConfig,
+    ) -> Result<Arc<Self>, GpuError> {
         let failed = |reason: String| GpuError::Start { adapter: listed.name.clone(), reason };
         let limits = config.limits.clone().unwrap_or_else(|| adapter.limits());
         fits(&listed.name, &limits)?;
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("weather-magician"),
-            required_features: adapter.features()
-                & (wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SUBGROUP),
+            required_features: match cfg!(target_arch = "wasm32") {
+                true => wgpu::Features::empty(),
+                false => adapter.features() & (wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SUBGROUP),
+            },
             required_limits: limits.clone(),
             ..wgpu::DeviceDescriptor::default()
         };
-        let (device, queue) = ready(adapter.request_device(&descriptor))
-            .ok_or_else(|| failed("it does not answer".to_owned()))?
-            .map_err(|error| failed(error.to_string()))?;
+        let (device, queue) =
+            adapter.request_device(&descriptor).await.map_err(|error| failed(error.to_string()))?;
         let faults: Arc<Mutex<Option<String>>> = Arc::default();
         let lost: Arc<OnceLock<String>> = Arc::default();
         let told = Arc::clone(&faults);
@@ -393,6 +417,7 @@ impl Gpu {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let descriptor = wgpu::BufferDescriptor { label: Some(what), size, usage, mapped_at_creation: false };
         let buffer = self.device.create_buffer(&descriptor);
+        // A browser tells later, as it tells of other faults.
         if ready(memory.pop()).flatten().is_some() {
             return Err(GpuError::Memory { what, bytes });
         }

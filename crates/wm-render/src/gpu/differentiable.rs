@@ -39,7 +39,7 @@ use crate::stages::rasterize::gpu::Rasterize;
 use crate::stages::rasterize_backward::GradientSlot;
 use crate::stages::rasterize_backward::gpu::{Kept, RasterizeBackward, by_sums};
 use std::sync::Arc;
-use std::time::Instant;
+use web_time::Instant;
 use wm_scene::{Camera, Splats, sh};
 
 /// Words of a slot.

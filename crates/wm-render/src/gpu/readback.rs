@@ -8,7 +8,9 @@ use super::recorder::{Clock, Recorder, Stage, Ticks};
 use super::source::COUNTER_WORDS;
 use crate::frame::Frame;
 use crate::renderer::Stats;
+#[cfg(not(target_arch = "wasm32"))]
 use std::sync::mpsc::channel;
+#[cfg(not(target_arch = "wasm32"))]
 use std::time::Duration;
 use wgpu::BufferUsages;
 
@@ -74,12 +76,12 @@ impl WayBack {
     }
 
     /// Submits the commands, and waits for what they made.
-    pub fn submit(self, gpu: &Gpu, recorder: Recorder<'_>) -> Result<Returned, GpuError> {
+    pub async fn submit(self, gpu: &Gpu, recorder: Recorder<'_>) -> Result<Returned, GpuError> {
         let Self { staging, starts, recorded } = self;
         let bytes = starts[recorded];
         recorder.submit();
         gpu.count(|work| work.returned += bytes);
-        wait(gpu, &staging, bytes)?;
+        mapped(gpu, &staging, bytes).await?;
         let view = staging.slice(..bytes).get_mapped_range();
         let view = view.map_err(|error| GpuError::Refused(error.to_string()))?;
         Ok(Returned { view: Some(view), staging, starts, taken: 0 })
@@ -195,7 +197,43 @@ pub(crate) fn copy(
     Ok(())
 }
 
+/// Waits until the first `bytes` of a buffer can be read: a native interface blocks.
+#[cfg(not(target_arch = "wasm32"))]
+async fn mapped(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), GpuError> {
+    wait(gpu, buffer, bytes)
+}
+
 /// Waits until the first `bytes` of a buffer can be read.
+#[cfg(target_arch = "wasm32")]
+async fn mapped(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), GpuError> {
+    use std::sync::{Arc, Mutex, PoisonError};
+    use std::task::{Poll, Waker};
+    type Told = (Option<Result<(), wgpu::BufferAsyncError>>, Option<Waker>);
+    let told: Arc<Mutex<Told>> = Arc::default();
+    let tell = Arc::clone(&told);
+    buffer.slice(..bytes).map_async(wgpu::MapMode::Read, move |result| {
+        let mut told = tell.lock().unwrap_or_else(PoisonError::into_inner);
+        told.0 = Some(result);
+        told.1.take().into_iter().for_each(Waker::wake);
+    });
+    let result = std::future::poll_fn(|context| {
+        let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
+        told.1 = Some(context.waker().clone());
+        told.0.take().map_or(Poll::Pending, Poll::Ready)
+    });
+    let result = result.await;
+    gpu.check()?;
+    result.map_err(|error| GpuError::Refused(error.to_string()))
+}
+
+/// A browser never blocks: what must come back at once is the CPU's work there.
+#[cfg(target_arch = "wasm32")]
+pub(crate) fn wait(_: &Gpu, _: &wgpu::Buffer, _: u64) -> Result<(), GpuError> {
+    Err(GpuError::Refused("a browser does not wait for its GPU".to_owned()))
+}
+
+/// Waits until the first `bytes` of a buffer can be read.
+#[cfg(not(target_arch = "wasm32"))]
 pub(crate) fn wait(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), GpuError> {
     let (told, mapped) = channel();
     buffer.slice(..bytes).map_async(wgpu::MapMode::Read, move |result| {

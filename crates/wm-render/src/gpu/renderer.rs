@@ -9,6 +9,7 @@ use super::readback::{Part, Returned, WayBack, copy};
 use super::recorder::{Clock, Recorder};
 use super::source::{BLOCK_WORDS, COUNTER_WORDS, WORKGROUP};
 use super::uniforms::{Capacity, ItemBytes, Uniform, bytes_of};
+use crate::at_once::at_once;
 use crate::cpu;
 use crate::frame::FRONT;
 use crate::hooks::Hooks;
@@ -19,7 +20,7 @@ use crate::renderer::{
 use crate::simd::SimdPath;
 use crate::stages::particles::cpu::Falling;
 use std::sync::Arc;
-use std::time::Instant;
+use web_time::Instant;
 use wm_scene::Splats;
 
 /// Bytes of pictures that come back together, at most, unless one pass alone has more: what waits on the way back is
@@ -80,7 +81,11 @@ impl GpuRenderer {
         self.room.as_ref()
     }
 
-    fn execute_on_pool(
+    /// Carries out a plan, as [`RenderBackend::execute`] does, and lets others work while the GPU does.
+    ///
+    /// # Errors
+    /// As of [`RenderBackend::execute`].
+    pub async fn execute_async(
         &mut self,
         plan: &FramePlan<'_>,
         pictures: &mut Pictures,
@@ -93,7 +98,7 @@ impl GpuRenderer {
         let mut passes = plan.passes();
         while !passes.is_empty() {
             let (batch, later) = passes.split_at(batch_length(passes));
-            self.run(batch, pictures, &mut stats)?;
+            self.run(batch, pictures, &mut stats).await?;
             passes = later;
         }
         stats.device = self.gpu.work().since(before);
@@ -104,7 +109,7 @@ impl GpuRenderer {
     /// Runs passes whose pictures come back together: the draw passes in one submission, or in two where the CPU has
     /// work of its own for them, which it does while the GPU draws the first splats. Then everything that works on
     /// finished pictures, in order.
-    fn run(
+    async fn run(
         &mut self,
         passes: &[FramePass<'_>],
         pictures: &mut Pictures,
@@ -162,7 +167,7 @@ impl GpuRenderer {
                 work[i].record_composite(&mut recorder, &room);
                 way_back.record(&mut recorder, &work[i], &room);
             }
-            let returned = way_back.submit(gpu, recorder)?;
+            let returned = way_back.submit(gpu, recorder).await?;
             let mut fits = true;
             for counted in returned.counted() {
                 fits &= !capacity.grow(counted.visible, counted.entries, most, ItemBytes::FRAME);
@@ -323,6 +328,6 @@ impl RenderBackend for GpuRenderer {
 
     fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError> {
         let pool = Arc::clone(&self.pool);
-        pool.install(|| self.execute_on_pool(plan, pictures))
+        pool.install(|| at_once(self.execute_async(plan, pictures)))
     }
 }

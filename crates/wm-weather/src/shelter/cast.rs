@@ -339,6 +339,9 @@ fn share<T: Send>(items: impl Iterator<Item = T> + Send, threads: usize, work: i
             work(item);
         }
     };
+    if threads <= 1 {
+        return run();
+    }
     std::thread::scope(|scope| {
         for _ in 1..threads {
             scope.spawn(run);

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use std::ops::Add;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
-use std::time::Instant;
+use web_time::Instant;
 use wm_scene::Camera;
 
 /// The inputs that all tiles of one pass share.

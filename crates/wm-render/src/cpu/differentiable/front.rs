@@ -14,7 +14,7 @@ use crate::stages::project::{ProjectCamera, Record};
 use crate::stages::shade::cpu::{gather_rows, shade_group};
 use fearless_simd::SimdBase;
 use std::ops::Range;
-use std::time::Instant;
+use web_time::Instant;
 use wm_scene::{Group, Splats, sh};
 
 /// A run of splats, with the records that it may fill.

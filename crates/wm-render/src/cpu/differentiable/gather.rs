@@ -14,7 +14,7 @@ use crate::stages::shade_backward::cpu::{ShadeGradients, shade_backward_group};
 use fearless_simd::SimdBase;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
-use std::time::Instant;
+use web_time::Instant;
 use wm_scene::{Splats, sh};
 
 /// The inputs that all parts share.

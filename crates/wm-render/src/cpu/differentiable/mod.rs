@@ -24,7 +24,7 @@ use front::{Front, Part, Unit};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicU64};
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
+use web_time::Instant;
 use wm_scene::{Camera, Splats};
 
 /// The CPU back end of training. It holds no copy of the parameters, only its working memory and what the backward pass

@@ -10,7 +10,7 @@ use crate::stages::project::SQRT_HALF_LOG2E;
 use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 use rayon::prelude::*;
 use std::f32::consts::{LN_2, LOG2_E, TAU};
-use std::time::Instant;
+use web_time::Instant;
 
 /// A particle in the picture: `log2 tau = peak - (ux dx)^2 - (vx dx + vy dy)^2`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
