@@ -123,7 +123,7 @@ struct PointArgs {
 
 /// Rays of a pulse.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum SubRayChoice {
+enum SubRayChoice {
     /// One, in the middle.
     #[value(name = "1")]
     One,
@@ -134,7 +134,7 @@ pub enum SubRayChoice {
 
 /// Returns of a pulse.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum ReturnChoice {
+enum ReturnChoice {
     /// The strongest.
     Strongest,
     /// The first.

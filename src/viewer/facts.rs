@@ -3,7 +3,7 @@
 //! Changes act on the pictures at once. They are written beside the scene only when the page asks for it, as `align --overwrite`
 //! writes them.
 
-use super::catalog::survey_words;
+use super::words::survey_words;
 use crate::choices::SkyChoice;
 use crate::scene::count_of;
 use glam::DVec3;

@@ -2,26 +2,22 @@
 //!
 //! Two threads: the `server` (one tokio thread) accepts requests and sends bytes; the `render_worker` (the program's main thread)
 //! owns the renderer and the scene and renders one frame after the other. Between them is the `request_queue`: the latest request
-//! of each page, and commands. Everything that a
+//! of each page, and commands. Everything else is in the crate `wm_viewer`, which needs no server: all that a
 //! picture depends on is in a `state`; a client may only use names that are in the `catalog`.
 //!
 //! Complete pictures are rendered as `render` does it, so that the command that the page shows gives the same bytes.
 
-mod catalog;
-mod encode;
 mod facts;
 mod guard;
-mod lidar;
 mod listener;
-mod pace;
 mod render_worker;
 mod request_queue;
 mod routes;
 pub mod server;
 mod session;
-mod state;
 pub mod training;
 mod videos;
+mod words;
 
 use crate::commands::render::camera::ViewpointArgs;
 use crate::interrupt;
@@ -30,19 +26,19 @@ use crate::names::stem_of;
 use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use anyhow::Result;
 use axum::body::Bytes;
-use catalog::Catalog;
 use facts::FactEditor;
 use render_worker::RenderWorker;
 use request_queue::RequestQueue;
 use serde_json::{Value, json};
-use state::ViewState;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 use videos::VideoList;
 use weather_magician::{PreparedPlace, Renderer};
 use wm_scene::survey::Survey;
-use wm_weather::{Panorama, ParamValue, Weather};
+use wm_viewer::catalog::panoramas_of;
+use wm_viewer::{Catalog, ViewState};
+use wm_weather::{Panorama, Weather};
 
 /// Time for which the page of a scene that cannot be read is served, so that it can show the error.
 const FAREWELL: Duration = Duration::from_secs(10);
@@ -207,17 +203,17 @@ fn open(
     let OpenScene { renderer, place } = loaded;
     let mut panoramas = options.panoramas;
     panoramas.extend(panoramas_of(&options.weather));
-    let fact_words = catalog::given_words(&options.scene.facts);
+    let fact_words = words::given_words(&options.scene.facts);
     let catalog = Catalog {
         stem: stem_of(&options.scene.scene),
         words: [
-            catalog::scene_words(options.scene, options.sky, options.viewpoint.views.as_ref()),
+            words::scene_words(options.scene, options.sky, options.viewpoint.views.as_ref()),
             options.levels.words(),
         ]
         .concat(),
         fact_words: fact_words.clone(),
         is_unsaved: false,
-        run_words: catalog::run_words(options.run),
+        run_words: words::run_words(options.run),
         survey: place.survey().clone(),
         near: camera.near,
         splats: place.splats() as usize,
@@ -225,21 +221,10 @@ fn open(
         views: place.scene().views.iter().map(|view| (view.name.clone(), view.camera)).collect(),
         weather: options.weather,
         panoramas,
+        has_video: cfg!(feature = "h264"),
     };
     let start = catalog.initial_state(&camera);
     context.set_loaded(Loaded { catalog: Arc::new(catalog), start });
     let facts = FactEditor::new(options.scene.scene.clone(), options.sky.sky, &place, fact_words);
     Ok((renderer, place, facts))
-}
-
-/// The panoramas that a weather uses, by path.
-fn panoramas_of(weather: &Weather) -> BTreeMap<String, Arc<Panorama>> {
-    let keys = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::keys);
-    let picture = |key: &wm_weather::Keyframe| match &key.value {
-        ParamValue::Image(picture) => {
-            Some((picture.path().to_str()?.to_owned(), Arc::clone(picture.panorama()?)))
-        }
-        _ => None,
-    };
-    keys.filter_map(picture).collect()
 }

@@ -4,13 +4,9 @@
 //! without them.
 
 use super::ViewerContext;
-use super::encode::{join_columns, jpeg, to_bytes};
 use super::facts::{FactChange, FactEditor, FactError};
-use super::lidar::SweepMemory;
 use super::request_queue::{ClientTask, RequestOutcome, ResponseFormat, ViewerCommand, WorkerTask};
-use super::state::{View, ViewOutput, ViewState};
 use super::videos::{VideoWriter, ViewerVideo};
-use crate::commands::render::camera::CameraPlan;
 use crate::interrupt;
 use anyhow::{Context, Result, anyhow, bail};
 use axum::body::Bytes;
@@ -21,15 +17,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 use weather_magician::assets::{Assets, MissingAssets};
-use weather_magician::output::{ExtraPicture, PictureFormat, PictureLayer, PictureStyle, outputs};
+use weather_magician::output::{ExtraPicture, PictureFormat, PictureStyle, outputs};
 use weather_magician::{
-    FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Progress, Renderer, picture_tags,
+    CameraMotion, FrameOptions, Patience, PreparedPlace, Progress, Renderer, picture_tags,
 };
 use wm_media::color::Dither;
 use wm_media::{PictureSize, video};
-use wm_render::{Frame, Stats};
+use wm_render::Stats;
 use wm_scene::Camera;
-use wm_weather::{EffectRole, PreparedWeather, Weather};
+use wm_viewer::encode::jpeg;
+use wm_viewer::lidar::SweepMemory;
+use wm_viewer::paint::{FrameReport, PaintOptions};
+use wm_viewer::state::ViewOutput;
+use wm_viewer::thumbnail::{self, thumbnail_view};
+use wm_viewer::{View, ViewPainter};
+use wm_weather::Weather;
 
 /// Longest wait for a task before the worker checks for Ctrl-C and for finished assets.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -39,10 +41,6 @@ const VIDEO_FRAME_EVERY: Duration = Duration::from_millis(500);
 const SWEEP_WITHIN: [Duration; 2] = [Duration::from_millis(150), Duration::from_millis(1000)];
 /// JPEG quality of drafts.
 const DRAFT_QUALITY: u8 = 72;
-/// Width, px, and JPEG quality of thumbnails.
-const THUMBNAIL: (u32, u8) = (224, 80);
-/// Depth that gets the middle colour, scene radii.
-const HALF_DEPTH: f64 = 0.3;
 
 /// Renders for all clients.
 pub struct RenderWorker {
@@ -56,8 +54,7 @@ pub struct RenderWorker {
     video: Option<ActiveVideo>,
     sweeps: SweepMemory,
     due: Vec<DueSweep>,
-    picture: Picture,
-    clear: Frame,
+    painter: ViewPainter,
 }
 
 /// A sweep that a client's frame waits for.
@@ -88,24 +85,11 @@ impl Progress for Stop {
 /// A video that is being rendered.
 struct ActiveVideo {
     view: Arc<View>,
-    plan: CameraPlan,
+    motion: CameraMotion,
     video: Arc<ViewerVideo>,
     writer: VideoWriter,
     next: u32,
     last: Instant,
-}
-
-impl ViewOutput {
-    /// Returns the extra picture to render; `None` for the colour, which is always rendered.
-    fn also(self) -> Option<ExtraPicture> {
-        let kind = match self {
-            Self::Rgb => return None,
-            Self::Depth => PictureLayer::Depth,
-            Self::Normal => PictureLayer::Normal,
-            Self::Alpha => PictureLayer::Alpha,
-        };
-        Some(ExtraPicture { kind, format: None })
-    }
 }
 
 impl RenderWorker {
@@ -126,8 +110,7 @@ impl RenderWorker {
             video: None,
             sweeps: SweepMemory::default(),
             due: Vec::new(),
-            picture: Picture::default(),
-            clear: Frame::default(),
+            painter: ViewPainter::default(),
         }
     }
 
@@ -236,9 +219,9 @@ impl RenderWorker {
             }
             false
         } else {
-            self.ensure_assets(weather, &view.camera_plan().camera(time), time, Some(client))?
+            self.ensure_assets(weather, &view.camera(), time, Some(client))?
         };
-        let full = (view.state.size[0], view.state.size[1]);
+        let full = view.size();
         let (size, patience, quality, dither) = match (request.is_moving, is_ready) {
             (true, _) => (small, Patience::Draft, DRAFT_QUALITY, Dither::Off),
             (false, false) => (full, Patience::Draft, view.state.quality, Dither::Ordered),
@@ -247,13 +230,20 @@ impl RenderWorker {
         // The picture does not wait for its points.
         let lacks_sweep = is_ready && view.lidar.is_some() && self.sweeps.get(view).is_none();
         let is_ready = is_ready && !lacks_sweep;
-        let drawn = self.draw(view, size, patience, dither);
+        let drawn = self.draw(view, PaintOptions { size, patience, dither });
         let message = drawn.and_then(|(rgb, stats)| {
             let drew = started.elapsed().as_secs_f64();
             let jpeg = jpeg(&rgb, size, quality)?;
             let took = started.elapsed().as_secs_f64();
-            let head = self.header(&request.view, request.seq, size, is_ready, &stats, [drew, took - drew]);
-            Ok(join_message(&head, &jpeg))
+            let report = FrameReport {
+                seq: request.seq,
+                size,
+                is_whole: is_ready,
+                stats: &stats,
+                seconds: [drew, took - drew],
+            };
+            let head = report.header(view, self.place.site(), self.sweeps.report(view));
+            Ok(join_message(&head.to_string(), &jpeg))
         });
         match message {
             Ok(message) => client_queue.set_picture(message),
@@ -305,84 +295,10 @@ impl RenderWorker {
     }
 
     /// Renders a view as bytes `[H, W, 3]`, without weather left of its divider, and with the points of its lidar.
-    fn draw(
-        &mut self,
-        view: &View,
-        size: (u32, u32),
-        patience: Patience,
-        dither: Dither,
-    ) -> Result<(Vec<u8>, Stats)> {
-        let ViewState { time, output, divider, .. } = view.state;
+    fn draw(&mut self, view: &View, options: PaintOptions) -> Result<(Vec<u8>, Stats)> {
         let overlay = self.sweeps.overlay(view);
-        let depths =
-            [PictureLayer::Depth, PictureLayer::MedianDepth].map(|kind| ExtraPicture { kind, format: None });
-        let hides = if overlay.is_some() { &depths[..] } else { &[] };
-        self.place.config.outputs = outputs(&[output.also().as_slice(), hides].concat());
-        let camera = view.camera_plan_for(size).moving(time, self.place.site().metres_per_unit);
-        let options = FrameOptions { patience, ..FrameOptions::new(time, camera) };
-        let half = HALF_DEPTH * self.place.survey().radius;
-        let Some(share) = divider else {
-            let stats = self.render(view, &options)?;
-            let mut whole = to_bytes(&self.picture.frame, output, half, dither);
-            if let Some(overlay) = &overlay {
-                overlay.draw(&mut whole, &self.picture.frame, &camera.camera);
-            }
-            return Ok((whole, stats));
-        };
-        let (camera, cut) = (&camera.camera, (share * f64::from(size.0)).round() as u32);
-        let (mut left, mut right, mut stats) = (Vec::new(), Vec::new(), Stats::default());
-        if cut > 0 {
-            let camera = crop_columns(camera, 0, cut);
-            stats += self.renderer.render_clear(&mut self.place, &camera, &mut self.clear)?;
-            left = to_bytes(&self.clear, output, half, dither);
-            if let Some(overlay) = &overlay {
-                overlay.draw(&mut left, &self.clear, &camera);
-            }
-        }
-        if cut < size.0 {
-            let camera = MovingCamera { camera: crop_columns(camera, cut, size.0 - cut), ..options.camera };
-            stats += self.render(view, &FrameOptions { camera, ..options })?;
-            right = to_bytes(&self.picture.frame, output, half, dither);
-            if let Some(overlay) = &overlay {
-                overlay.draw(&mut right, &self.picture.frame, &camera.camera);
-            }
-        }
-        Ok((join_columns((&left, cut), (&right, size.0 - cut)), stats))
-    }
-
-    /// Renders a frame of a view's weather.
-    fn render(&mut self, view: &View, options: &FrameOptions<'_>) -> Result<Stats> {
-        let Self { renderer, place, picture, .. } = self;
-        Ok(renderer.render_into(place, &view.weather, options, picture, &mut ())?)
-    }
-
-    /// The JSON header that is sent with a frame.
-    fn header(
-        &self,
-        view: &View,
-        seq: u64,
-        size: (u32, u32),
-        is_whole: bool,
-        stats: &Stats,
-        [draw, encode]: [f64; 2],
-    ) -> String {
-        let time = view.state.time;
-        let sky: PreparedWeather = view.weather.at(time).prepare(self.place.site());
-        let camera = view.camera_plan().camera(time);
-        let mor = sky.air.mor_at(camera.center().to_array());
-        let rate = |name: &str| -> f64 {
-            sky.falling().iter().filter(|fall| fall.kind.name == name).map(|fall| fall.rate).sum()
-        };
-        let falls: serde_json::Map<String, Value> =
-            sky.falling().iter().map(|fall| (fall.kind.name.to_owned(), fall.rate.into())).collect();
-        json!({
-            "seq": seq, "width": size.0, "height": size.1, "whole": is_whole, "time": time,
-            "draw_ms": draw * 1e3, "encode_ms": encode * 1e3,
-            "splats": stats.visible, "drops": stats.particles,
-            "mor": mor.is_finite().then_some(mor), "rain": rate("rain"), "snow": rate("snow"), "falls": falls,
-            "camera": super::state::Pose::of(&camera), "lidar": self.sweeps.report(view),
-        })
-        .to_string()
+        let Self { renderer, place, painter, .. } = self;
+        Ok(painter.draw(renderer, place, view, overlay.as_deref(), options)?)
     }
 
     /// Carries out a command, or keeps it until its assets exist.
@@ -390,7 +306,7 @@ impl RenderWorker {
         let waits = match &command {
             ViewerCommand::Picture { view, .. } | ViewerCommand::Points { view, .. } => {
                 let time = view.state.time;
-                !self.ensure_assets(&view.weather, &view.camera_plan().camera(time), time, None)?
+                !self.ensure_assets(&view.weather, &view.camera(), time, None)?
             }
             ViewerCommand::Pick { .. }
             | ViewerCommand::Surface { .. }
@@ -415,7 +331,8 @@ impl RenderWorker {
                 let _ = reply.send(self.encode_points(&view).map_err(|error| format!("{error:#}")));
             }
             ViewerCommand::Pick { view, at, client_queue } => {
-                let point = self.pick_point(&view, at)?;
+                let Self { renderer, place, painter, .. } = self;
+                let point = painter.pick(renderer, place, &view, at)?;
                 client_queue.push_message(json!({ "type": "picked", "point": point }).to_string());
             }
             ViewerCommand::Surface { view, at, reply } => {
@@ -452,65 +369,42 @@ impl RenderWorker {
         if let Some(Err(error)) = self.sweeps.get(view) {
             bail!("{error}");
         }
-        let size = (view.state.size[0], view.state.size[1]);
-        let (rgb, _) = self.draw(view, size, Patience::Whole, Dither::Ordered)?;
-        jpeg(&rgb, size, view.state.quality)
+        let size = view.size();
+        let (rgb, _) =
+            self.draw(view, PaintOptions { size, patience: Patience::Whole, dither: Dither::Ordered })?;
+        Ok(jpeg(&rgb, size, view.state.quality)?)
     }
 
     /// Returns the bytes of the PNG file that `render` writes.
     fn encode_png(&mut self, view: &View) -> Result<Vec<u8>> {
-        let (time, output) = (view.state.time, view.state.output);
-        self.place.config.outputs = outputs(output.also().as_slice());
-        let plan = view.camera_plan();
-        let camera = plan.moving(time, self.place.site().metres_per_unit);
-        self.render(view, &FrameOptions::new(time, camera))?;
-        let style = self.style(view, &plan, time);
+        let style = self.style(view, &view.camera(), view.state.time);
+        let Self { renderer, place, painter, .. } = self;
+        let picture = painter.render(renderer, place, view)?;
         let folder = tempfile::tempdir().context("cannot create a temporary folder for the picture")?;
         let path = folder.path().join("picture.png");
-        match output.also() {
-            None => _ = style.write(&self.picture, &path)?,
+        match view.state.output.also() {
+            None => _ = style.write(picture, &path)?,
             Some(ExtraPicture { kind, .. }) => {
-                let size = PictureSize::new(view.state.size[0], view.state.size[1]);
-                style.write_one(kind, PictureFormat::Png, &self.picture, size, &path)?;
+                let (width, height) = view.size();
+                let size = PictureSize::new(width, height);
+                style.write_one(kind, PictureFormat::Png, picture, size, &path)?;
             }
         }
         Ok(std::fs::read(&path)?)
     }
 
-    fn style(&self, view: &View, plan: &CameraPlan, time: f64) -> PictureStyle {
+    fn style(&self, view: &View, camera: &Camera, time: f64) -> PictureStyle {
         let (catalog, site) = (self.context.catalog(), self.place.site());
-        let camera = plan.camera(time);
         PictureStyle {
             metres_per_unit: site.metres_per_unit,
-            tags: picture_tags(
-                &catalog.words[0],
-                site,
-                self.renderer.backend(),
-                &view.weather,
-                time,
-                &camera,
-            ),
+            tags: picture_tags(&catalog.words[0], site, self.renderer.backend(), &view.weather, time, camera),
             ..PictureStyle::default()
         }
     }
 
-    /// Returns the point of the scene that is seen at `[x, y]`, 0-1, of the picture; `None` where there is nothing.
-    fn pick_point(&mut self, view: &View, [x, y]: [f64; 2]) -> Result<Option<[f64; 3]>> {
-        let [width, height] = view.state.size.map(|side| (side / 4).max(1));
-        let camera = view.camera_plan_for((width, height)).camera(view.state.time);
-        self.place.config.outputs = outputs(ViewOutput::Depth.also().as_slice());
-        self.renderer.render_clear(&mut self.place, &camera, &mut self.clear)?;
-        let [column, row] =
-            [(x, width), (y, height)].map(|(share, side)| ((share * f64::from(side)) as u32).min(side - 1));
-        let depth = self.clear.depth[self.clear.index(column, row)];
-        let ray = camera.ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
-        let reach = f64::from(depth) / ray.dot(camera.forward());
-        Ok((depth > 0.0).then(|| (camera.center() + ray * reach).to_array()))
-    }
-
     /// Returns the point of the nearest surface at `[x, y]`, 0-1, of the picture; `None` where there is only sky.
     fn surface_at(&mut self, view: &View, [x, y]: [f64; 2]) -> Result<Option<DVec3>> {
-        let camera = view.camera_plan().camera(view.state.time);
+        let camera = view.camera();
         let at = (x * f64::from(camera.width), y * f64::from(camera.height));
         Ok(self.renderer.surface_at(&self.place, &camera, at)?)
     }
@@ -547,15 +441,10 @@ impl RenderWorker {
     }
 
     fn render_thumbnail(&mut self, name: String) -> Result<()> {
-        let Ok(mut weather) = Weather::preset(&name) else { return Ok(()) };
-        if weather.has(EffectRole::Lies) {
-            // All presets share one cover, that of still air.
-            weather.set_text("wind=off").context("wind is an effect")?;
-        }
-        let breaks = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::breaks);
-        // Where most of it has happened.
-        let time = 0.8 * breaks.fold(0.0, f64::max);
-        let missing = self.place.missing_assets(&weather, time);
+        let (catalog, start) = (self.context.catalog(), self.context.initial_state());
+        let shot = thumbnail_view(&name, &catalog, start).map_err(|error| anyhow!(error))?;
+        let Some((view, size)) = shot else { return Ok(()) };
+        let missing = self.place.missing_assets(&view.weather, view.state.time);
         let is_whole = missing.is_empty();
         if !is_whole && !self.place.has_similar(&missing) {
             if self.pending.is_none() {
@@ -564,29 +453,22 @@ impl RenderWorker {
             self.waiting.push(ViewerCommand::Thumbnail(name));
             return Ok(());
         }
-        let state = self.context.initial_state();
-        let [width, height] = state.size;
-        let height = (f64::from(THUMBNAIL.0 * height) / f64::from(width)).round().clamp(1.0, 1024.0) as u32;
-        let weather_json = super::state::weather_to_json(&weather);
-        let state = ViewState { weather: weather_json, time, divider: None, ..state };
-        let view = View::new(state, &self.context.catalog(), None).map_err(|error| anyhow!(error))?;
-        let size = (THUMBNAIL.0, height);
         let patience = if is_whole { Patience::Whole } else { Patience::Draft };
-        let (rgb, _) = self.draw(&view, size, patience, Dither::Ordered)?;
-        let bytes = jpeg(&rgb, size, THUMBNAIL.1)?;
+        let (rgb, _) = self.draw(&view, PaintOptions { size, patience, dither: Dither::Ordered })?;
+        let bytes = jpeg(&rgb, size, thumbnail::QUALITY)?;
         self.context.set_thumbnail(name.clone(), bytes.into());
         self.context.queue.broadcast(&json!({ "type": "thumbnail", "name": name }).to_string());
         Ok(())
     }
 
     fn start_video(&mut self, view: &Arc<View>, video: &Arc<ViewerVideo>) -> Result<()> {
-        let plan = view.camera_plan();
-        let [width, height] = view.state.size;
+        let motion = view.motion();
+        let (width, height) = view.size();
         let mut settings = video::VideoSettings::new(PictureSize::new(width, height), video.rate);
-        settings.tags = self.style(view, &plan, 0.0).tags;
+        settings.tags = self.style(view, &motion.camera(0.0), 0.0).tags;
         let writer = VideoWriter::new(video::create_video(&video.path(), settings)?, video);
         let (view, video) = (Arc::clone(view), Arc::clone(video));
-        self.video = Some(ActiveVideo { view, plan, video, writer, next: 0, last: Instant::now() });
+        self.video = Some(ActiveVideo { view, motion, video, writer, next: 0, last: Instant::now() });
         Ok(())
     }
 
@@ -608,23 +490,18 @@ impl RenderWorker {
     /// Renders a frame of the video once its assets exist; returns false if the writer has stopped.
     fn try_video_frame(&mut self, active: &mut ActiveVideo) -> Result<bool> {
         let time = active.video.rate.seconds(u64::from(active.next));
-        if !self.ensure_assets(&active.view.weather, &active.plan.camera(time), time, None)? {
+        if !self.ensure_assets(&active.view.weather, &active.motion.camera(time), time, None)? {
             return Ok(true);
         }
         self.place.config.outputs = outputs(ViewOutput::Rgb.also().as_slice());
         let mut picture = active.writer.blank_picture();
-        let camera = active.plan.moving(time, self.place.site().metres_per_unit);
+        let camera = active.motion.at(time, self.place.site().metres_per_unit);
         let options = FrameOptions::new(time, camera);
         let Self { renderer, place, .. } = self;
         renderer.render_into(place, &active.view.weather, &options, &mut picture, &mut ())?;
         active.next += 1;
         Ok(active.writer.push_frame(picture))
     }
-}
-
-/// Crops a camera to `width` columns from `first` on.
-fn crop_columns(camera: &Camera, first: u32, width: u32) -> Camera {
-    Camera { width, cx: camera.cx - f64::from(first), ..*camera }
 }
 
 /// Joins a message: the length of its header, the header, the picture.

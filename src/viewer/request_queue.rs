@@ -4,8 +4,6 @@
 //! Clients take turns; those whose view is moving come first.
 
 use super::facts::{FactChange, FactError};
-use super::pace::Pace;
-use super::state::View;
 use axum::body::Bytes;
 use glam::DVec3;
 use serde_json::Value;
@@ -13,6 +11,8 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{Notify, oneshot};
+use wm_viewer::View;
+use wm_viewer::pace::Pace;
 
 /// Maximum number of connected clients.
 pub const MAX_CLIENTS: usize = 16;
@@ -428,8 +428,8 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::state::testing::view;
     use super::*;
+    use wm_viewer::testing::view;
 
     fn queue(pages: usize) -> (RequestQueue, Vec<u64>) {
         let queue = RequestQueue::default();

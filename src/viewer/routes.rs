@@ -3,9 +3,8 @@
 use super::ViewerContext;
 use super::facts::FactError;
 use super::request_queue::{MAX_CLIENTS, ResponseFormat, ViewerCommand};
-use super::server::{MAX_BODY_BYTES, assets, refusal};
+use super::server::{MAX_BODY_BYTES, page_routes, refusal};
 use super::session;
-use super::state::{Follow, Pose, View, ViewOutput, ViewState, weather_of_json, weather_to_json};
 use super::videos::MAX_FRAMES;
 use axum::Router;
 use axum::body::{Body, Bytes};
@@ -22,6 +21,9 @@ use weather_magician::view::ViewOptions;
 use weather_magician::view::spec::{CameraSpec, parse_size};
 use wm_media::video::FrameRate;
 use wm_scene::SceneView as Photo;
+use wm_viewer::page::PageKind;
+use wm_viewer::state::{Follow, Pose, ViewOutput, weather_of_json, weather_to_json};
+use wm_viewer::{FileNames, View, ViewState};
 use wm_weather::Weather;
 
 type Shared = State<Arc<ViewerContext>>;
@@ -44,27 +46,7 @@ impl IntoResponse for RequestError {
 
 /// All routes.
 pub fn routes(context: Arc<ViewerContext>) -> Router {
-    let router = assets! {
-        Router::new(),
-        "/" => "index.html", "text/html; charset=utf-8";
-        "/style.css" => "style.css", "text/css";
-        "/icon.svg" => "icon.svg", "image/svg+xml";
-        "/dial.js" => "dial.js", "text/javascript";
-        "/align.js" => "align.js", "text/javascript";
-        "/align.css" => "align.css", "text/css";
-        "/main.js" => "main.js", "text/javascript";
-        "/camera.js" => "camera.js", "text/javascript";
-        "/controls.js" => "controls.js", "text/javascript";
-        "/connection.js" => "connection.js", "text/javascript";
-        "/dom.js" => "dom.js", "text/javascript";
-        "/files.js" => "files.js", "text/javascript";
-        "/lidar.js" => "lidar.js", "text/javascript";
-        "/panels.js" => "panels.js", "text/javascript";
-        "/store.js" => "store.js", "text/javascript";
-        "/timeline.js" => "timeline.js", "text/javascript";
-        "/tracks.js" => "tracks.js", "text/javascript";
-    };
-    router
+    page_routes(PageKind::Server)
         .route("/ws", get(socket))
         .route("/parameters", get(parameters))
         .route("/state", get(state).put(put_state))
@@ -280,12 +262,7 @@ async fn change_facts(State(context): Shared, body: Bytes) -> Answer {
 async fn read_weather(State(context): Shared, body: Bytes) -> Answer {
     check_loaded(&context)?;
     let text = std::str::from_utf8(&body).map_err(|_| "the file is not UTF-8".to_owned())?;
-    let mut weather = Weather::parse(text, "weather.toml").map_err(|error| error.to_string())?;
-    if weather.name.is_empty() {
-        weather.name = "mine".into();
-    }
-    context.catalog().load_panoramas(&mut weather)?;
-    Ok(json_answer(&weather_to_json(&weather)))
+    Ok(json_answer(&context.catalog().read_weather(text)?))
 }
 
 async fn thumbnail(State(context): Shared, Path(name): Path<String>) -> Answer {
@@ -301,142 +278,35 @@ async fn file(State(context): Shared, Path(kind): Path<String>, body: Bytes) -> 
     check_loaded(&context)?;
     let state = context.state().patched(parsed(&body)?)?;
     let view = View::new(state, &context.catalog(), None)?;
-    let names = FileNames::of(&context, &view);
-    let (name, kind, text) = match &kind[..] {
-        "picture" => {
-            let mut response = picture(&context, view, ResponseFormat::Png).await?;
-            set_file_name(&mut response, &names.picture)?;
-            return Ok(response);
-        }
-        "weather" => (names.weather.clone(), "application/toml", view.weather.to_toml()),
-        "camera" => (names.camera.clone(), "application/json", view.camera_file.clone()),
-        "command" => {
-            ("command.txt".into(), "text/plain; charset=utf-8", names.command(&context, &view, None))
-        }
-        "points" | "scan" if view.lidar.is_none() => {
-            return Err(format!("{kind}: the state has no lidar").into());
-        }
+    let catalog = context.catalog();
+    let names = FileNames::of(&catalog, &view);
+    let (mut response, name) = match &kind[..] {
+        "picture" => (picture(&context, view, ResponseFormat::Png).await?, names.picture),
+        "points" if view.lidar.is_none() => return Err("points: the state has no lidar".to_owned().into()),
         "points" => {
             let view = Arc::new(view);
             let points = reply_of(&context, |reply| ViewerCommand::Points { view, reply }).await??;
-            let mut response = ([(header::CONTENT_TYPE, "application/octet-stream")], points).into_response();
-            set_file_name(&mut response, &names.points)?;
-            return Ok(response);
+            (([(header::CONTENT_TYPE, "application/octet-stream")], points).into_response(), names.points)
         }
-        "scan" => ("scan.txt".into(), "text/plain; charset=utf-8", names.scan(&context, &view)),
-        _ => {
-            return Err(RequestError(
-                StatusCode::NOT_FOUND,
-                "the files are picture, weather, camera, command, points and scan".into(),
-            ));
+        kind => {
+            let saved = names.text(kind, &catalog, &view)?.ok_or_else(|| {
+                let why = "the files are picture, weather, camera, command, points and scan";
+                RequestError(StatusCode::NOT_FOUND, why.into())
+            })?;
+            (([(header::CONTENT_TYPE, saved.kind)], saved.text).into_response(), saved.name)
         }
     };
-    let mut response = ([(header::CONTENT_TYPE, kind)], text).into_response();
     set_file_name(&mut response, &name)?;
     Ok(response)
 }
 
 fn set_file_name(response: &mut Response, name: &str) -> Result<(), String> {
-    // FileNames are made of letters and digits, see below.
+    // File names are made of letters and digits.
     let value = format!("attachment; filename=\"{name}\"")
         .parse()
         .map_err(|_| "the file name is invalid".to_owned())?;
     response.headers_mut().insert(header::CONTENT_DISPOSITION, value);
     Ok(())
-}
-
-/// Names of the files of a state.
-struct FileNames {
-    weather: String,
-    camera: String,
-    picture: String,
-    video: String,
-    points: String,
-}
-
-impl FileNames {
-    fn of(context: &ViewerContext, view: &View) -> Self {
-        let plain = |text: &str| -> String {
-            let keep = |c: char| if c.is_ascii_alphanumeric() || "-_".contains(c) { c } else { '-' };
-            text.chars().take(60).map(keep).collect()
-        };
-        let base = format!("{}-{}", plain(&context.catalog().stem), plain(&view.weather.name));
-        Self {
-            weather: format!("{base}.toml"),
-            camera: format!("{base}.camera.json"),
-            picture: format!("{base}.png"),
-            video: format!("{base}.mp4"),
-            points: format!("{base}-scan.ply"),
-        }
-    }
-
-    /// Returns the command that renders the same; `video` is the frame rate and the length in seconds.
-    fn command(&self, context: &ViewerContext, view: &View, video: Option<(FrameRate, f64)>) -> String {
-        let catalog = context.catalog();
-        let mut words = vec!["weather-magician".to_owned(), "render".into()];
-        words.extend(catalog.words.iter().chain(&catalog.fact_words).cloned());
-        let state = &view.state;
-        let [width, height] = state.size;
-        let camera = if state.follow == Follow::Path { "path" } else { "camera" };
-        let mut add = |option: &str, value: String| words.push(format!("--{option}={value}"));
-        add("weather", self.weather.clone());
-        add(camera, self.camera.clone());
-        add("size", format!("{width}x{height}"));
-        match video {
-            Some((rate, seconds)) => {
-                add("fps", rate.to_string());
-                add("seconds", seconds.to_string());
-                add("out", self.video.clone());
-            }
-            None => {
-                add("time", state.time.to_string());
-                if state.output != ViewOutput::Rgb {
-                    add("also", state.output.name().into());
-                }
-                add("out", self.picture.clone());
-            }
-        }
-        words.extend(catalog.run_words.iter().cloned());
-        shell_line(&words)
-    }
-
-    /// Returns the command that makes the same points.
-    fn scan(&self, context: &ViewerContext, view: &View) -> String {
-        let catalog = context.catalog();
-        let mut words = vec!["weather-magician".to_owned(), "scan".into()];
-        words.extend(catalog.words.iter().chain(&catalog.fact_words).cloned());
-        let mut add = |option: &str, value: String| words.push(format!("--{option}={value}"));
-        add("weather", self.weather.clone());
-        if let Some(lidar) = &view.state.lidar {
-            add("lidar", lidar.model.clone());
-            add("sub-rays", lidar.sub_rays.to_string());
-            add("returns", lidar.returns.clone());
-            match lidar.at {
-                Some(place) => add("at", place.text()),
-                None if view.state.follow == Follow::Path => add("path", self.camera.clone()),
-                None => add("at", self.camera.clone()),
-            }
-        }
-        add("time", view.state.time.to_string());
-        add("out", self.points.clone());
-        words.extend(catalog.run_words.iter().cloned());
-        shell_line(&words)
-    }
-}
-
-/// Joins words to a line for a POSIX shell.
-fn shell_line(words: &[String]) -> String {
-    words.iter().map(|word| shell_word(word)).collect::<Vec<_>>().join(" ") + "\n"
-}
-
-/// Quotes a word for a POSIX shell.
-fn shell_word(word: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "-_./:=,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(is_plain) {
-        word.into()
-    } else {
-        format!("'{}'", word.replace('\'', r"'\''"))
-    }
 }
 
 #[derive(Deserialize)]
@@ -465,7 +335,8 @@ async fn begin_video(State(context): Shared, body: Bytes) -> Answer {
     let mut state = context.state().patched(state)?;
     (state.time, state.output, state.divider) = (0.0, ViewOutput::Rgb, None);
     let view = Arc::new(View::new(state, &context.catalog(), None)?);
-    let names = FileNames::of(&context, &view);
+    let catalog = context.catalog();
+    let names = FileNames::of(&catalog, &view);
     let busy = |error| RequestError(StatusCode::CONFLICT, error);
     let video = context.videos.add(names.video.clone(), rate, frames).map_err(busy)?;
     let command = ViewerCommand::Video { view: Arc::clone(&view), job: Arc::clone(&video) };
@@ -473,7 +344,7 @@ async fn begin_video(State(context): Shared, body: Bytes) -> Answer {
         video.end(Err("too many requests at once".into()));
     }
     let mut answer = video.json();
-    answer["command"] = names.command(&context, &view, Some((rate, seconds))).trim().into();
+    answer["command"] = names.command(&catalog, &view, Some((rate, seconds))).trim().into();
     Ok(json_answer(&answer))
 }
 
@@ -523,13 +394,5 @@ mod tests {
         for bad in ["%", "%1", "%zz", "%ff", "%+1"] {
             assert!(decode_query(bad).is_err(), "{bad}");
         }
-    }
-
-    #[test]
-    fn words_are_quoted_for_a_shell() {
-        assert_eq!(shell_word("--camera=a-b.camera.json"), "--camera=a-b.camera.json");
-        assert_eq!(shell_word("my place.ply"), "'my place.ply'");
-        assert_eq!(shell_word("it's; $(rm)"), r"'it'\''s; $(rm)'");
-        assert_eq!(shell_word(""), "''");
     }
 }

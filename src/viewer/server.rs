@@ -11,6 +11,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use clap::Args;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
+use wm_viewer::page::{PageKind, files_of};
 
 /// Longest body of a request, and longest message of a WebSocket, bytes.
 pub const MAX_BODY_BYTES: usize = 1 << 18;
@@ -135,18 +136,13 @@ pub fn refusal(status: StatusCode, why: impl AsRef<str>) -> Response {
         .into_response()
 }
 
-/// Returns a response with a file of the page.
-pub fn asset(kind: &'static str, text: &'static str) -> Response {
-    ([(header::CONTENT_TYPE, kind)], text).into_response()
+/// Returns the routes of a page's files, which are built into the program.
+pub fn page_routes<S: Clone + Send + Sync + 'static>(page: PageKind) -> Router<S> {
+    files_of(page).fold(Router::new(), |router, file| {
+        let path = if file.path == "index.html" { "/".into() } else { format!("/{}", file.path) };
+        router.route(&path, get(async || ([(header::CONTENT_TYPE, file.kind)], file.text).into_response()))
+    })
 }
-
-/// Adds the routes of files that are built into the program.
-macro_rules! assets {
-    ($router:expr, $($path:literal => $file:literal, $kind:literal;)+) => {
-        $router$(.route($path, axum::routing::get(|| async { $crate::viewer::server::asset($kind, include_str!(concat!("page/", $file))) })))+
-    };
-}
-pub(super) use assets;
 
 #[cfg(test)]
 mod tests {

@@ -12,13 +12,13 @@
 
 use super::ViewerContext;
 use super::request_queue::{ClientQueue, ViewRequest, ViewerCommand};
-use super::state::View;
 use axum::extract::ws::{Message, WebSocket};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{interval, timeout};
+use wm_viewer::View;
 use wm_weather::presets::PRESETS;
 
 /// Longest time for a page to accept a message.

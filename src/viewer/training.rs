@@ -1,9 +1,7 @@
 //! The page of a training: its curves, and a rendered picture every few seconds while the page is open.
 
-use super::encode::jpeg;
-use super::server::{self, ServerArgs, assets, refusal};
+use super::server::{self, ServerArgs, page_routes, refusal};
 use anyhow::Result;
-use axum::Router;
 use axum::body::Bytes;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
@@ -15,6 +13,8 @@ use std::time::{Duration, Instant};
 use wm_media::PictureSize;
 use wm_media::color::{Dither, quantize_rgb8};
 use wm_render::Frame;
+use wm_viewer::encode::jpeg;
+use wm_viewer::page::PageKind;
 
 /// Time between pictures.
 const PICTURE_EVERY: Duration = Duration::from_secs(3);
@@ -76,22 +76,14 @@ impl TrainingBoard {
     /// No port is free.
     pub fn serve(args: &ServerArgs, dataset: String, photo: String, steps: u32) -> Result<Self> {
         let status = TrainingStatus {
-            program: concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
+            program: wm_viewer::PROGRAM,
             dataset,
             photo,
             steps,
             ..TrainingStatus::default()
         };
         let board = Self(Arc::new(Mutex::new(BoardState { status, ..BoardState::default() })));
-        let router = assets! {
-            Router::new(),
-            "/" => "training.html", "text/html; charset=utf-8";
-            "/style.css" => "style.css", "text/css";
-            "/icon.svg" => "icon.svg", "image/svg+xml";
-            "/training.js" => "training.js", "text/javascript";
-            "/dom.js" => "dom.js", "text/javascript";
-        };
-        let router = router
+        let router = page_routes(PageKind::Training)
             .route("/training", get(status_json))
             .route("/training/picture", get(picture))
             .route("/training/camera", put(set_camera))

@@ -404,19 +404,14 @@ impl SensorEntry {
         self.refuse_camera_options("lidar")?;
         let model = LidarModel::find(&self.model(folder, "lidar")?).map_err(|error| error.to_string())?;
         let sub_rays = match self.sub_rays {
-            None | Some(7) => SubRays::Seven,
-            Some(1) => SubRays::One,
-            Some(count) => return Err(format!("sub_rays is {count}: use 1 or 7")),
-        };
-        let returns = match self.returns.as_deref() {
-            None | Some("strongest") => ReturnMode::Strongest,
-            Some("first") => ReturnMode::First,
-            Some("last") => ReturnMode::Last,
-            Some("dual") => ReturnMode::Dual,
-            Some("all") => ReturnMode::All,
-            Some(other) => {
-                return Err(format!("returns is `{other}`: use strongest, first, last, dual or all"));
+            None => SubRays::default(),
+            Some(count) => {
+                SubRays::of_count(count as usize).ok_or_else(|| format!("sub_rays is {count}: use 1 or 7"))?
             }
+        };
+        let returns = match &self.returns {
+            None => ReturnMode::default(),
+            Some(name) => name.parse().map_err(|error| format!("returns is {error}"))?,
         };
         let format = self.format.as_deref().unwrap_or("ply");
         let format = PointFormat::of(Path::new(&format!("points.{format}")))

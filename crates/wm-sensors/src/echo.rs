@@ -1,6 +1,7 @@
 //! Echoes of one pulse: added up, detected and put in the order of a sensor's returns.
 
 use crate::model::LidarModel;
+use std::str::FromStr;
 use wm_scene::random::RandomStream;
 
 /// The source of a point.
@@ -50,6 +51,28 @@ pub enum ReturnMode {
     Dual,
     /// All that are detected.
     All,
+}
+
+impl ReturnMode {
+    /// Every mode, with its name in options and files.
+    pub const ALL: [(Self, &'static str); 5] = [
+        (Self::Strongest, "strongest"),
+        (Self::First, "first"),
+        (Self::Last, "last"),
+        (Self::Dual, "dual"),
+        (Self::All, "all"),
+    ];
+}
+
+impl FromStr for ReturnMode {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.iter().find(|(_, name)| *name == text);
+        found
+            .map(|(mode, _)| *mode)
+            .ok_or_else(|| format!("`{text}`: use strongest, first, last, dual or all"))
+    }
 }
 
 /// The place of a point among the returns of its pulse.

@@ -59,6 +59,12 @@ impl SubRays {
             Self::Seven => 7,
         }
     }
+
+    /// Those of this number; `None` if there are none.
+    #[must_use]
+    pub fn of_count(count: usize) -> Option<Self> {
+        [Self::One, Self::Seven].into_iter().find(|rays| rays.count() == count)
+    }
 }
 
 /// The axes of the points.

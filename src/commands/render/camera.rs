@@ -211,12 +211,6 @@ impl CameraPlan {
         Ok(plan)
     }
 
-    /// Returns the plan of one frame at the time `start`.
-    #[cfg(feature = "viewer")]
-    pub fn at(motion: CameraMotion, start: f64) -> Self {
-        Self { motion, start, rate: FrameRate::default(), frames: 1 }
-    }
-
     /// Returns the camera at `time`, seconds.
     pub fn camera(&self, time: f64) -> Camera {
         self.motion.camera(time)

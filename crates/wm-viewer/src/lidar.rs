@@ -1,8 +1,6 @@
 //! The lidar whose points are drawn over the picture: its part of a state, and the sweeps that were made last.
 
-use super::state::View;
-use crate::commands::scan::{ReturnChoice, SubRayChoice};
-use clap::ValueEnum;
+use crate::state::View;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -93,12 +91,9 @@ impl CheckedLidar {
     /// The first invalid value, in one line.
     pub fn new(state: &LidarState, survey: &Survey) -> Result<Self, String> {
         let model = LidarModel::preset(&state.model).map_err(|error| format!("lidar: {error}"))?;
-        let sub_rays = match state.sub_rays {
-            1 => SubRayChoice::One,
-            7 => SubRayChoice::Seven,
-            other => return Err(format!("lidar.sub_rays is {other}: must be 1 or 7")),
-        };
-        let returns = ReturnChoice::from_str(&state.returns, false).map_err(|_| {
+        let sub_rays = SubRays::of_count(state.sub_rays.into())
+            .ok_or_else(|| format!("lidar.sub_rays is {}: must be 1 or 7", state.sub_rays))?;
+        let returns = state.returns.parse().map_err(|_| {
             format!("lidar.returns is `{}`: must be one of {}", state.returns, return_names().join(", "))
         })?;
         let colors = state.colors.parse().map_err(|error: String| format!("lidar.colors: {error}"))?;
@@ -112,7 +107,7 @@ impl CheckedLidar {
         if at.abs().max_element() > FARTHEST {
             return Err(format!("lidar.at: the sensor must be within {FARTHEST} scene units"));
         }
-        Ok(Self { model, fixed, sub_rays: sub_rays.into(), returns: returns.into(), colors })
+        Ok(Self { model, fixed, sub_rays, returns, colors })
     }
 
     /// Returns the options of a sweep at a time, s, as `scan` has them.
@@ -127,9 +122,8 @@ pub fn presets() -> Value {
 }
 
 /// Returns the names of the choices of returns.
-pub fn return_names() -> Vec<String> {
-    let values = ReturnChoice::value_variants().iter().filter_map(ReturnChoice::to_possible_value);
-    values.map(|value| value.get_name().to_owned()).collect()
+pub fn return_names() -> Vec<&'static str> {
+    ReturnMode::ALL.iter().map(|(_, name)| *name).collect()
 }
 
 impl View {
@@ -223,9 +217,9 @@ impl SweepMemory {
 
 #[cfg(test)]
 mod tests {
-    use super::super::state::testing::{catalog, state};
-    use super::super::state::{Follow, PoseKey, ViewState};
     use super::*;
+    use crate::state::{Follow, PoseKey, ViewState};
+    use crate::testing::{catalog, state};
     use glam::DMat3;
     use weather_magician::lidar::PointFrame;
 

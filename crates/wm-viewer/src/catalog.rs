@@ -1,9 +1,7 @@
 //! The names that clients may use: parameters, weathers, cameras. Names from a client are looked up here only, so that none of
 //! them reaches the file system.
 
-use super::state::{Follow, Pose, ViewOutput, ViewState, weather_of_json, weather_to_json};
-use crate::choices::SkyChoice;
-use crate::scene::{FactArgs, OwnSkyArgs, RunArgs, SceneArgs};
+use crate::state::{Follow, Pose, ViewOutput, ViewState, weather_of_json, weather_to_json};
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -14,7 +12,7 @@ use wm_scene::Camera;
 use wm_scene::survey::{FactSource, Survey};
 use wm_weather::param::{Param, ParamKind};
 use wm_weather::presets::PRESETS;
-use wm_weather::{EFFECTS, Easing, Panorama, Weather};
+use wm_weather::{EFFECTS, Easing, Panorama, ParamValue, Weather};
 
 /// Maximum number of photos' cameras that are sent to the page, evenly spaced.
 const MAX_VIEWS: usize = 400;
@@ -46,6 +44,8 @@ pub struct Catalog {
     pub weather: Weather,
     /// Panoramas by the paths that weather files use for them.
     pub panoramas: BTreeMap<String, Arc<Panorama>>,
+    /// True if videos can be rendered.
+    pub has_video: bool,
 }
 
 impl Catalog {
@@ -57,6 +57,19 @@ impl Catalog {
         let mut weather = weather_of_json(value)?;
         self.load_panoramas(&mut weather)?;
         Ok(weather)
+    }
+
+    /// Converts the text of a weather file to the weather of a state.
+    ///
+    /// # Errors
+    /// The first invalid value, in one line.
+    pub fn read_weather(&self, text: &str) -> Result<Value, String> {
+        let mut weather = Weather::parse(text, "weather.toml").map_err(|error| error.to_string())?;
+        if weather.name.is_empty() {
+            weather.name = "mine".into();
+        }
+        self.load_panoramas(&mut weather)?;
+        Ok(weather_to_json(&weather))
     }
 
     /// Sets the panoramas of a weather.
@@ -143,7 +156,7 @@ impl Catalog {
         scene["renderer"] = json!(self.renderer);
         scene["views"] = self.views.iter().step_by(every).map(view).collect();
         json!({
-            "program": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),
+            "program": crate::PROGRAM,
             "scene": scene,
             "state": start,
             "outputs": ViewOutput::ALL.map(|(_, name)| name),
@@ -151,55 +164,11 @@ impl Catalog {
             "effects": effects(),
             "presets": PRESETS.iter().map(preset).collect::<Value>(),
             "panoramas": self.panoramas.keys().collect::<Vec<_>>(),
-            "video": cfg!(feature = "h264"),
-            "lidars": super::lidar::presets(),
-            "returns": super::lidar::return_names(),
+            "video": self.has_video,
+            "lidars": crate::lidar::presets(),
+            "returns": crate::lidar::return_names(),
         })
     }
-}
-
-/// Returns the command-line words that name a scene, with its photos' cameras, which influence snow covers.
-pub fn scene_words(args: &SceneArgs, sky: OwnSkyArgs, views: Option<&std::path::PathBuf>) -> Vec<String> {
-    let mut words = vec![args.scene.display().to_string()];
-    let mut add =
-        |option: &str, value: Option<String>| words.extend(value.map(|value| format!("--{option}={value}")));
-    add("level", args.level.map(|level| level.to_string()));
-    add("sky", (sky.sky != SkyChoice::Keep).then(|| sky.sky.name().into()));
-    add("views", views.map(|folder| folder.display().to_string()));
-    words.extend(args.repair.then(|| "--repair".into()));
-    words
-}
-
-/// Returns the command-line words of the facts that were given with a scene.
-pub fn given_words(facts: &FactArgs) -> Vec<String> {
-    fact_words(facts.up, facts.ground, facts.metres_per_unit.or(facts.known_distance))
-}
-
-/// Returns the command-line words that give the facts of a survey, except those that are assumed.
-pub fn survey_words(survey: &Survey) -> Vec<String> {
-    let scale = survey.metres_per_unit;
-    let is_known = scale.source != FactSource::Assumed;
-    fact_words(Some(survey.up.value), Some(survey.ground.value), is_known.then_some(scale.value))
-}
-
-fn fact_words(up: Option<DVec3>, ground: Option<f64>, metres_per_unit: Option<f64>) -> Vec<String> {
-    let up = up.map(|up| format!("--up={}", up.to_array().map(|v| v.to_string()).join(",")));
-    let ground = ground.map(|height| format!("--ground={height}"));
-    let scale = metres_per_unit.map(|metres| format!("--metres-per-unit={metres}"));
-    [up, ground, scale].into_iter().flatten().collect()
-}
-
-/// Returns the command-line words of the options of a run that change bytes.
-pub fn run_words(args: &RunArgs) -> Vec<String> {
-    let default = RunArgs::default();
-    let mut words = Vec::new();
-    if args.device != default.device {
-        words.push(format!("--device={}", args.device));
-    }
-    if args.simd != default.simd {
-        words.push(format!("--simd={}", args.simd.name()));
-    }
-    words
 }
 
 /// Returns every effect with its parameters as JSON.
@@ -227,8 +196,8 @@ fn param(param: &Param) -> Value {
     // JSON has no infinity.
     let number = |number: f64| if number.is_finite() { json!(number) } else { json!(number.to_string()) };
     let default = match &param.default {
-        wm_weather::ParamValue::Number(value) => number(*value),
-        wm_weather::ParamValue::Color(rgb) => json!(rgb),
+        ParamValue::Number(value) => number(*value),
+        ParamValue::Color(rgb) => json!(rgb),
         other => json!(other.to_string()),
     };
     json!({
@@ -241,4 +210,16 @@ fn param(param: &Param) -> Value {
         "unit": param.unit,
         "meaning": param.meaning.trim(),
     })
+}
+
+/// Returns the panoramas that a weather uses, by path.
+pub fn panoramas_of(weather: &Weather) -> BTreeMap<String, Arc<Panorama>> {
+    let keys = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::keys);
+    let picture = |key: &wm_weather::Keyframe| match &key.value {
+        ParamValue::Image(picture) => {
+            Some((picture.path().to_str()?.to_owned(), Arc::clone(picture.panorama()?)))
+        }
+        _ => None,
+    };
+    keys.filter_map(picture).collect()
 }

@@ -1,8 +1,7 @@
 //! The state of a view: everything except the scene that a picture depends on, in one value that clients send and receive.
 
-use super::catalog::Catalog;
-use super::lidar::{CheckedLidar, LidarState};
-use crate::commands::render::camera::CameraPlan;
+use crate::catalog::Catalog;
+use crate::lidar::{CheckedLidar, LidarState};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -185,30 +184,37 @@ impl View {
         let lidar =
             state.lidar.as_ref().map(|lidar| CheckedLidar::new(lidar, &catalog.survey)).transpose()?;
         let view = Self { state, weather, camera_file, lidar, path };
-        view.camera_plan().camera(view.state.time).check().map_err(|error| error.to_string())?;
+        view.camera().check().map_err(|error| error.to_string())?;
         Ok(view)
     }
 
-    /// Returns the camera at the state's time, as `render` has it with `--camera FILE` or `--path FILE`.
-    pub fn camera_plan(&self) -> CameraPlan {
-        self.camera_plan_for((self.state.size[0], self.state.size[1]))
+    /// Returns the motion of the camera, as `render` has it with `--camera FILE` or `--path FILE`.
+    pub fn motion(&self) -> CameraMotion {
+        self.motion_for(self.size())
+    }
+
+    /// Returns the motion of the camera for pictures of another size, px.
+    pub fn motion_for(&self, size: (u32, u32)) -> CameraMotion {
+        match self.state.follow {
+            Follow::Camera => self.path.at(self.path.start(), size).into(),
+            Follow::Path => CameraMotion::Along { path: self.path.clone(), size },
+        }
+    }
+
+    /// Returns the camera at the state's time.
+    pub fn camera(&self) -> Camera {
+        self.motion().camera(self.state.time)
     }
 
     /// Returns the motion of the lidar, as `scan` has it with `--at` or `--path`; `None` without a lidar.
     pub fn sensor_motion(&self) -> Option<CameraMotion> {
         let fixed = self.lidar.as_ref()?.fixed;
-        Some(fixed.map_or_else(|| self.camera_plan().motion().clone(), CameraMotion::from))
+        Some(fixed.map_or_else(|| self.motion(), CameraMotion::from))
     }
 
-    /// Returns the camera for a picture of another size, px.
-    pub fn camera_plan_for(&self, size: (u32, u32)) -> CameraPlan {
-        match self.state.follow {
-            Follow::Camera => CameraPlan::at(self.path.at(self.path.start(), size).into(), self.state.time),
-            Follow::Path => {
-                let motion = CameraMotion::Along { path: self.path.clone(), size };
-                CameraPlan::at(motion, self.state.time)
-            }
-        }
+    /// Returns the size of the picture, px.
+    pub fn size(&self) -> (u32, u32) {
+        (self.state.size[0], self.state.size[1])
     }
 }
 
@@ -219,7 +225,7 @@ pub fn weather_to_json(weather: &Weather) -> Value {
     json_of(toml::Value::Table(table))
 }
 
-fn json_of(value: toml::Value) -> Value {
+pub(crate) fn json_of(value: toml::Value) -> Value {
     match value {
         toml::Value::Float(number) if number.is_finite() => json!(number),
         toml::Value::Float(number) => json!(number.to_string()),
@@ -251,44 +257,9 @@ pub fn weather_of_json(value: &Value) -> Result<Weather, String> {
 }
 
 #[cfg(test)]
-pub(super) mod testing {
-    use super::*;
-    use wm_scene::survey::Survey;
-    use wm_scene::{Metadata, Scene};
-
-    /// Returns a catalog for an empty scene.
-    pub fn catalog() -> Catalog {
-        Catalog {
-            stem: "nothing".into(),
-            words: vec!["nothing.ply".into()],
-            fact_words: Vec::new(),
-            is_unsaved: false,
-            run_words: Vec::new(),
-            survey: Survey::of(&Scene::default(), &Metadata::default()),
-            near: 0.1,
-            splats: 0,
-            renderer: String::new(),
-            views: Vec::new(),
-            weather: Weather::clear(),
-            panoramas: Default::default(),
-        }
-    }
-
-    /// Returns a state with an unrotated camera at the origin.
-    pub fn state() -> ViewState {
-        catalog().initial_state(&Camera::posed((60, 40), 50.0, DVec3::ZERO, glam::DMat3::IDENTITY))
-    }
-
-    /// Returns the checked view of [`state`].
-    pub fn view() -> Arc<View> {
-        Arc::new(View::new(state(), &catalog(), None).unwrap())
-    }
-}
-
-#[cfg(test)]
 mod tests {
-    use super::testing::{catalog, state};
     use super::*;
+    use crate::testing::{catalog, state};
     use wm_weather::presets::PRESETS;
 
     #[test]
@@ -315,7 +286,7 @@ mod tests {
         let read =
             CameraPath::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default())
                 .unwrap();
-        assert_eq!(read.at(0.0, (60, 40)), view.camera_plan().camera(0.0));
+        assert_eq!(read.at(0.0, (60, 40)), view.motion().camera(0.0));
         // And of a path at an instant of it.
         let key =
             |time: f64| PoseKey { time, eye: [time, 0.1, 0.2], rotation: state.camera.rotation, fov: 50.0 };
@@ -324,7 +295,7 @@ mod tests {
         let read =
             CameraPath::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default())
                 .unwrap();
-        assert_eq!(read.at(read.start() + 0.9, (60, 40)), view.camera_plan().camera(0.9));
+        assert_eq!(read.at(read.start() + 0.9, (60, 40)), view.motion().camera(0.9));
     }
 
     #[test]

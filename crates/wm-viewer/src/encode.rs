@@ -1,12 +1,11 @@
 //! Conversion of frames to 8-bit pictures and JPEG.
 
-use super::state::ViewOutput;
-use anyhow::Result;
+use crate::state::ViewOutput;
 use std::sync::LazyLock;
+use wm_media::PictureSize;
 use wm_media::color::{Dither, quantize_rgb8};
-use wm_media::jpeg::SamplingFactor;
+use wm_media::jpeg::{JpegError, SamplingFactor};
 use wm_media::ramps::turbo;
-use wm_media::{self, PictureSize};
 use wm_render::Frame;
 
 /// JPEG quality from which on chroma is not subsampled.
@@ -35,11 +34,11 @@ pub fn to_bytes(frame: &Frame, output: ViewOutput, half: f64, dither: Dither) ->
 }
 
 /// Joins `left` and `right`, each `[H, W, 3]` with its width, side by side.
-pub fn join_columns(left: (&[u8], u32), right: (&[u8], u32)) -> Vec<u8> {
+pub fn join_columns(left: (Vec<u8>, u32), right: (Vec<u8>, u32)) -> Vec<u8> {
     let ((left, left_width), (right, right_width)) = (left, right);
     match (left_width, right_width) {
-        (0, _) => right.to_vec(),
-        (_, 0) => left.to_vec(),
+        (0, _) => right,
+        (_, 0) => left,
         _ => {
             let mut whole = Vec::with_capacity(left.len() + right.len());
             for (left, right) in
@@ -57,9 +56,9 @@ pub fn join_columns(left: (&[u8], u32), right: (&[u8], u32)) -> Vec<u8> {
 ///
 /// # Errors
 /// The picture is too large for a JPEG.
-pub fn jpeg(rgb: &[u8], size: (u32, u32), quality: u8) -> Result<Vec<u8>> {
+pub fn jpeg(rgb: &[u8], size: (u32, u32), quality: u8) -> Result<Vec<u8>, JpegError> {
     let sampling = if quality >= WHOLE_COLORS { SamplingFactor::F_1_1 } else { SamplingFactor::F_2_2 };
-    Ok(wm_media::jpeg::encode(rgb, size, quality, sampling)?)
+    wm_media::jpeg::encode(rgb, size, quality, sampling)
 }
 
 #[cfg(test)]
@@ -88,10 +87,10 @@ mod tests {
     #[test]
     fn halves_make_a_whole() {
         assert_eq!(
-            join_columns((&[1, 1, 1, 4, 4, 4], 1), (&[2, 2, 2, 3, 3, 3, 5, 5, 5, 6, 6, 6], 2)),
+            join_columns((vec![1, 1, 1, 4, 4, 4], 1), (vec![2, 2, 2, 3, 3, 3, 5, 5, 5, 6, 6, 6], 2)),
             [1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 5, 5, 5, 6, 6, 6]
         );
-        assert_eq!(join_columns((&[], 0), (&[2, 2, 2], 1)), [2, 2, 2]);
+        assert_eq!(join_columns((vec![], 0), (vec![2, 2, 2], 1)), [2, 2, 2]);
     }
 
     #[test]

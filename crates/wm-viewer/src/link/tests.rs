@@ -1,0 +1,1 @@
+//! Links are what they were made of, and hostile ones do nothing.

@@ -1,0 +1,198 @@
+//! Draws views as bytes, and says what they show.
+
+use crate::encode::{join_columns, to_bytes};
+use crate::state::{Pose, View, ViewOutput, ViewState};
+use serde_json::{Map, Value, json};
+use weather_magician::lidar::PointOverlay;
+use weather_magician::output::{ExtraPicture, PictureLayer, outputs};
+use weather_magician::{FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Renderer, Result};
+use wm_media::color::Dither;
+use wm_render::{Frame, Stats};
+use wm_scene::Camera;
+use wm_weather::{PreparedWeather, Site};
+
+/// Depth that gets the middle colour, scene radii.
+const HALF_DEPTH: f64 = 0.3;
+
+impl ViewOutput {
+    /// Returns the extra picture to render; `None` for the colour, which is always rendered.
+    pub fn also(self) -> Option<ExtraPicture> {
+        let kind = match self {
+            Self::Rgb => return None,
+            Self::Depth => PictureLayer::Depth,
+            Self::Normal => PictureLayer::Normal,
+            Self::Alpha => PictureLayer::Alpha,
+        };
+        Some(ExtraPicture { kind, format: None })
+    }
+}
+
+/// The size and the effort of a drawing.
+#[derive(Clone, Copy, Debug)]
+pub struct PaintOptions {
+    /// Width and height, px: those of the view, or others for a draft.
+    pub size: (u32, u32),
+    /// The treatment of missing assets.
+    pub patience: Patience,
+    /// The quantisation of colours.
+    pub dither: Dither,
+}
+
+/// Draws views, and keeps the memory of their frames from one to the next.
+#[derive(Default)]
+pub struct ViewPainter {
+    picture: Picture,
+    clear: Frame,
+}
+
+impl ViewPainter {
+    /// Draws a view as bytes `[H, W, 3]`, without weather left of its divider, and with the points of its lidar if they are given.
+    ///
+    /// # Errors
+    /// As [`Renderer::render_into`].
+    pub fn draw(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        view: &View,
+        overlay: Option<&PointOverlay>,
+        options: PaintOptions,
+    ) -> Result<(Vec<u8>, Stats)> {
+        let ViewState { time, output, divider, .. } = view.state;
+        let PaintOptions { size, patience, dither } = options;
+        let depths =
+            [PictureLayer::Depth, PictureLayer::MedianDepth].map(|kind| ExtraPicture { kind, format: None });
+        let hides = if overlay.is_some() { &depths[..] } else { &[] };
+        place.config.outputs = outputs(&[output.also().as_slice(), hides].concat());
+        let camera = view.motion_for(size).at(time, place.site().metres_per_unit);
+        let half = HALF_DEPTH * place.survey().radius;
+        let shown = |frame: &Frame, camera: &Camera| {
+            let mut bytes = to_bytes(frame, output, half, dither);
+            if let Some(overlay) = overlay {
+                overlay.draw(&mut bytes, frame, camera);
+            }
+            bytes
+        };
+        // Columns without weather.
+        let cut = divider.map_or(0, |share| (share * f64::from(size.0)).round() as u32);
+        let (mut left, mut right, mut stats) = (Vec::new(), Vec::new(), Stats::default());
+        if cut > 0 {
+            let camera = crop_columns(&camera.camera, 0, cut);
+            stats += self.render_clear(renderer, place, &camera)?;
+            left = shown(&self.clear, &camera);
+        }
+        if cut < size.0 {
+            let camera = MovingCamera { camera: crop_columns(&camera.camera, cut, size.0 - cut), ..camera };
+            let options = FrameOptions { patience, ..FrameOptions::new(time, camera) };
+            stats += self.render_weather(renderer, place, view, &options)?;
+            right = shown(&self.picture.frame, &camera.camera);
+        }
+        Ok((join_columns((left, cut), (right, size.0 - cut)), stats))
+    }
+
+    /// Renders the picture of a view that `render` writes: of its size, without divider and points.
+    ///
+    /// # Errors
+    /// As [`Renderer::render_into`].
+    pub fn render(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        view: &View,
+    ) -> Result<&Picture> {
+        let time = view.state.time;
+        place.config.outputs = outputs(view.state.output.also().as_slice());
+        let camera = view.motion().at(time, place.site().metres_per_unit);
+        self.render_weather(renderer, place, view, &FrameOptions::new(time, camera))?;
+        Ok(&self.picture)
+    }
+
+    /// Returns the point of the scene that is seen at `[x, y]`, 0-1, of the picture; `None` where there is nothing.
+    ///
+    /// # Errors
+    /// As [`Renderer::render_clear`].
+    pub fn pick(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        view: &View,
+        [x, y]: [f64; 2],
+    ) -> Result<Option<[f64; 3]>> {
+        let [width, height] = view.state.size.map(|side| (side / 4).max(1));
+        let camera = view.motion_for((width, height)).camera(view.state.time);
+        place.config.outputs = outputs(ViewOutput::Depth.also().as_slice());
+        self.render_clear(renderer, place, &camera)?;
+        let [column, row] =
+            [(x, width), (y, height)].map(|(share, side)| ((share * f64::from(side)) as u32).min(side - 1));
+        let depth = self.clear.depth[self.clear.index(column, row)];
+        let ray = camera.ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
+        let reach = f64::from(depth) / ray.dot(camera.forward());
+        Ok((depth > 0.0).then(|| (camera.center() + ray * reach).to_array()))
+    }
+
+    // Every frame of the painter is rendered by one of the following two.
+
+    /// Renders a frame of a view's weather into `picture`.
+    fn render_weather(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        view: &View,
+        options: &FrameOptions<'_>,
+    ) -> Result<Stats> {
+        renderer.render_into(place, &view.weather, options, &mut self.picture, &mut ())
+    }
+
+    /// Renders a frame of the scene without weather into `clear`.
+    fn render_clear(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        camera: &Camera,
+    ) -> Result<Stats> {
+        renderer.render_clear(place, camera, &mut self.clear)
+    }
+}
+
+/// Crops a camera to `width` columns from `first` on.
+fn crop_columns(camera: &Camera, first: u32, width: u32) -> Camera {
+    Camera { width, cx: camera.cx - f64::from(first), ..*camera }
+}
+
+/// A frame of a view, as its header tells it.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameReport<'a> {
+    /// The sequence number of the request.
+    pub seq: u64,
+    /// Width and height, px.
+    pub size: (u32, u32),
+    /// True if nothing is missing: no asset, and no sweep.
+    pub is_whole: bool,
+    /// What was drawn.
+    pub stats: &'a Stats,
+    /// Time of drawing and of encoding, s.
+    pub seconds: [f64; 2],
+}
+
+impl FrameReport<'_> {
+    /// Returns the JSON header that is sent with the frame of a view; `lidar` is the report of its sweep.
+    pub fn header(&self, view: &View, site: &Site, lidar: Value) -> Value {
+        let time = view.state.time;
+        let sky: PreparedWeather = view.weather.at(time).prepare(site);
+        let camera = view.camera();
+        let mor = sky.air.mor_at(camera.center().to_array());
+        let rate = |name: &str| -> f64 {
+            sky.falling().iter().filter(|fall| fall.kind.name == name).map(|fall| fall.rate).sum()
+        };
+        let falls: Map<String, Value> =
+            sky.falling().iter().map(|fall| (fall.kind.name.to_owned(), fall.rate.into())).collect();
+        let [draw, encode] = self.seconds;
+        json!({
+            "seq": self.seq, "width": self.size.0, "height": self.size.1, "whole": self.is_whole, "time": time,
+            "draw_ms": draw * 1e3, "encode_ms": encode * 1e3,
+            "splats": self.stats.visible, "drops": self.stats.particles,
+            "mor": mor.is_finite().then_some(mor), "rain": rate("rain"), "snow": rate("snow"), "falls": falls,
+            "camera": Pose::of(&camera), "lidar": lidar,
+        })
+    }
+}

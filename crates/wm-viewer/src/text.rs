@@ -1,0 +1,37 @@
+//! Texts of others in messages.
+
+/// Longest part of a text that is shown, characters.
+const LONGEST: usize = 300;
+
+/// Returns a text on one line, without control characters, and shortened.
+pub fn one_line(text: &str) -> String {
+    let mut line = String::new();
+    for (count, c) in text.trim().chars().enumerate() {
+        if count == LONGEST {
+            line.push('…');
+            break;
+        }
+        if c == '\n' {
+            line.push(' ');
+        } else if c.is_control()
+            || ('\u{2028}'..='\u{202e}').contains(&c)
+            || ('\u{2066}'..='\u{2069}').contains(&c)
+        {
+            line.extend(c.escape_default());
+        } else {
+            line.push(c);
+        }
+    }
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_are_one_short_line() {
+        assert_eq!(one_line("a\nb\u{1b}[0m\u{202e}"), r"a b\u{1b}[0m\u{202e}");
+        assert_eq!(one_line(&"ä".repeat(999)).chars().count(), LONGEST + 1);
+    }
+}

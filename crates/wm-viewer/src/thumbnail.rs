@@ -1,0 +1,35 @@
+//! Thumbnails of the presets.
+
+use crate::catalog::Catalog;
+use crate::state::{View, ViewState, weather_to_json};
+use std::sync::Arc;
+use wm_weather::{EffectRole, Weather};
+
+/// Width, px.
+const WIDTH: u32 = 224;
+/// JPEG quality.
+pub const QUALITY: u8 = 80;
+
+/// Returns the view of the thumbnail of a preset and its size, px, for a scene that starts with the state `start`; `None` if there is no
+/// such preset.
+///
+/// # Errors
+/// The start makes no view.
+pub fn thumbnail_view(
+    name: &str,
+    catalog: &Catalog,
+    start: ViewState,
+) -> Result<Option<(Arc<View>, (u32, u32))>, String> {
+    let Ok(mut weather) = Weather::preset(name) else { return Ok(None) };
+    if weather.has(EffectRole::Lies) {
+        // All presets share one cover, that of still air.
+        weather.set_text("wind=off").map_err(|error| error.to_string())?;
+    }
+    let breaks = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::breaks);
+    // Where most of it has happened.
+    let time = 0.8 * breaks.fold(0.0, f64::max);
+    let [width, height] = start.size;
+    let height = (f64::from(WIDTH * height) / f64::from(width)).round().clamp(1.0, 1024.0) as u32;
+    let state = ViewState { weather: weather_to_json(&weather), time, divider: None, ..start };
+    Ok(Some((Arc::new(View::new(state, catalog, None)?), (WIDTH, height))))
+}
