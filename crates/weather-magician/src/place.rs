@@ -1107,7 +1107,7 @@ impl PreparedPlace {
     }
 
     /// Draws the scene without any weather, and without what lies.
-    pub(crate) fn draw_clear(
+    pub(crate) async fn draw_clear(
         &mut self,
         backend: &mut AnyRenderer,
         camera: &Camera,
@@ -1118,13 +1118,13 @@ impl PreparedPlace {
             Some(drawn) => drawn,
             None => {
                 let set = [SetView::plain(self.set)];
-                return Ok(backend.render(&DrawPass::new(&set, camera, &self.config), frame)?);
+                return Ok(backend.render_async(&DrawPass::new(&set, camera, &self.config), frame).await?);
             }
         };
         let plain: Vec<SetView<'_>> = sets.iter().map(|part| SetView::plain(part.set)).collect();
         let shown = shown_attributes(&sets, &plain);
         let sets: Vec<SetView<'_>> = shown_views(&sets, &plain, &shown).collect();
-        Ok(backend.render(&DrawPass::new(&sets, camera, &self.config), frame)?)
+        Ok(backend.render_async(&DrawPass::new(&sets, camera, &self.config), frame).await?)
     }
 
     /// Draws the splat that has the median depth at each pixel, without any weather: see [`Frame::median_splat`].

@@ -92,13 +92,17 @@ impl Renderer {
         self.backend.describe()
     }
 
-    /// A renderer on the GPU that a browser gives. `warn` is called with the reason if the GPU fails; the CPU goes on then.
+    /// A renderer in a browser: on its GPU if that is a real one, or is asked for, else on the CPU. `warn` is called with the reason why the
+    /// GPU is not used.
     ///
     /// # Errors
-    /// [`crate::Error::Render`] if the browser gives none.
+    /// [`crate::Error::Render`] if `device` asks for a GPU, and there is none or it cannot be used.
     #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
-    pub async fn in_browser(warn: impl FnMut(&RenderError) + Send + 'static) -> Result<Self> {
-        Ok(Self::on(AnyRenderer::in_browser(CpuConfig::default(), warn).await?))
+    pub async fn in_browser(
+        device: &Device,
+        warn: impl FnMut(&RenderError) + Send + 'static,
+    ) -> Result<Self> {
+        Ok(Self::on(AnyRenderer::in_browser(device, CpuConfig::default(), warn).await?))
     }
 
     /// Loads a scene: labels its sky, surveys it (up, ground, scale, light) and uploads its splats.
@@ -319,8 +323,21 @@ impl Renderer {
         camera: &Camera,
         frame: &mut Frame,
     ) -> Result<Stats> {
+        at_once(self.render_clear_async(place, camera, frame))
+    }
+
+    /// [`Self::render_clear`] for a program that must not wait, see [`Self::render_async`].
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub async fn render_clear_async(
+        &mut self,
+        place: &mut PreparedPlace,
+        camera: &Camera,
+        frame: &mut Frame,
+    ) -> Result<Stats> {
         check_owner(place, self.id)?;
-        place.draw_clear(&mut self.backend, camera, frame)
+        place.draw_clear(&mut self.backend, camera, frame).await
     }
 
     /// Draws the splat at the median depth of each pixel into `frame`, without weather and without what lies: [`Frame::median_splat`]

@@ -106,20 +106,35 @@ impl AnyRenderer {
         Ok(Self { config, path, body, warn })
     }
 
-    /// A renderer on the GPU that a browser gives, with the CPU for what must come back at once. `warn` is called with why the GPU is given
-    /// up; the CPU goes on then.
+    /// A renderer in a browser: on its GPU, with the CPU for what must come back at once, or on the CPU. `warn` is called with why the GPU
+    /// is given up; the CPU goes on then.
     ///
     /// # Errors
-    /// [`RenderError::Gpu`] if there is none or it cannot be used.
+    /// [`RenderError::Gpu`] if `device` asks for a GPU, and there is none or it cannot be used.
     #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
     pub async fn in_browser(
+        device: &Device,
         config: CpuConfig,
         warn: impl FnMut(&RenderError) + Send + 'static,
     ) -> Result<Self, RenderError> {
+        let choice = match device {
+            Device::Cpu => return Self::new(device, config, warn),
+            Device::Auto => gpu::AdapterChoice::Auto,
+            Device::Gpu(_) => gpu::AdapterChoice::Any,
+        };
+        let mut warn: GpuWarning = Box::new(warn);
+        let gpu = match Gpu::open_in_browser(&GpuConfig { choice, ..GpuConfig::default() }).await {
+            Ok(gpu) => gpu,
+            Err(error) if *device == Device::Auto => {
+                warn(&error.into());
+                return Self::new(&Device::Cpu, config, warn);
+            }
+            Err(error) => return Err(error.into()),
+        };
         let path = SimdPath::select(config.simd).ok_or(RenderError::NoSimd(config.simd.name()))?;
-        let gpu = Box::new(GpuRenderer::new(Gpu::open_in_browser(&GpuConfig::default()).await?, config)?);
+        let gpu = Box::new(GpuRenderer::new(gpu, config)?);
         let body = Body::Browser { gpu, cpu: Box::new(CpuRenderer::new(config)?) };
-        Ok(Self { config, path, body, warn: Box::new(warn) })
+        Ok(Self { config, path, body, warn })
     }
 
     /// The SIMD path of the CPU's work.

@@ -66,6 +66,21 @@ pub trait RenderBackend {
         *frame = pictures.take(picture);
         done
     }
+
+    /// [`Self::render`] as [`Self::execute_async`] does it.
+    ///
+    /// # Errors
+    /// As of [`Self::execute`].
+    fn render_async<'a>(&'a mut self, pass: &'a DrawPass<'_>, frame: &'a mut Frame) -> ExecuteFuture<'a> {
+        Box::pin(async move {
+            let (mut plan, mut pictures) = (FramePlan::new(), Pictures::default());
+            let picture = plan.draw(pass.clone());
+            pictures.put(picture, std::mem::take(frame));
+            let done = self.execute_async(&plan, &mut pictures).await;
+            *frame = pictures.take(picture);
+            done
+        })
+    }
 }
 
 /// A plan that is being carried out.

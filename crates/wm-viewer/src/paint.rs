@@ -7,7 +7,7 @@ use weather_magician::lidar::PointOverlay;
 use weather_magician::output::{ExtraPicture, PictureLayer, outputs};
 use weather_magician::{FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Renderer, Result};
 use wm_media::color::Dither;
-use wm_render::{Frame, Stats};
+use wm_render::{Frame, Stats, at_once};
 use wm_scene::Camera;
 use wm_weather::{PreparedWeather, Site};
 
@@ -58,6 +58,21 @@ impl ViewPainter {
         overlay: Option<&PointOverlay>,
         options: PaintOptions,
     ) -> Result<(Vec<u8>, Stats)> {
+        at_once(self.draw_async(renderer, place, view, overlay, options))
+    }
+
+    /// [`Self::draw`] for a page that must not wait, see [`Renderer::render_async`].
+    ///
+    /// # Errors
+    /// As [`Renderer::render_into`].
+    pub async fn draw_async(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        view: &View,
+        overlay: Option<&PointOverlay>,
+        options: PaintOptions,
+    ) -> Result<(Vec<u8>, Stats)> {
         let ViewState { time, output, divider, .. } = view.state;
         let PaintOptions { size, patience, dither } = options;
         let depths =
@@ -78,13 +93,13 @@ impl ViewPainter {
         let (mut left, mut right, mut stats) = (Vec::new(), Vec::new(), Stats::default());
         if cut > 0 {
             let camera = crop_columns(&camera.camera, 0, cut);
-            stats += self.render_clear(renderer, place, &camera)?;
+            stats += self.render_clear(renderer, place, &camera).await?;
             left = shown(&self.clear, &camera);
         }
         if cut < size.0 {
             let camera = MovingCamera { camera: crop_columns(&camera.camera, cut, size.0 - cut), ..camera };
             let options = FrameOptions { patience, ..FrameOptions::new(time, camera) };
-            stats += self.render_weather(renderer, place, view, &options)?;
+            stats += self.render_weather(renderer, place, view, &options).await?;
             right = shown(&self.picture.frame, &camera.camera);
         }
         Ok((join_columns((left, cut), (right, size.0 - cut)), stats))
@@ -100,10 +115,23 @@ impl ViewPainter {
         place: &mut PreparedPlace,
         view: &View,
     ) -> Result<&Picture> {
+        at_once(self.render_async(renderer, place, view))
+    }
+
+    /// [`Self::render`] for a page that must not wait.
+    ///
+    /// # Errors
+    /// As [`Renderer::render_into`].
+    pub async fn render_async(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        view: &View,
+    ) -> Result<&Picture> {
         let time = view.state.time;
         place.config.outputs = outputs(view.state.output.also().as_slice());
         let camera = view.motion().at(time, place.site().metres_per_unit);
-        self.render_weather(renderer, place, view, &FrameOptions::new(time, camera))?;
+        self.render_weather(renderer, place, view, &FrameOptions::new(time, camera)).await?;
         Ok(&self.picture)
     }
 
@@ -116,12 +144,26 @@ impl ViewPainter {
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         view: &View,
+        at: [f64; 2],
+    ) -> Result<Option<[f64; 3]>> {
+        at_once(self.pick_async(renderer, place, view, at))
+    }
+
+    /// [`Self::pick`] for a page that must not wait.
+    ///
+    /// # Errors
+    /// As [`Renderer::render_clear`].
+    pub async fn pick_async(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        view: &View,
         [x, y]: [f64; 2],
     ) -> Result<Option<[f64; 3]>> {
         let [width, height] = view.state.size.map(|side| (side / 4).max(1));
         let camera = view.motion_for((width, height)).camera(view.state.time);
         place.config.outputs = outputs(ViewOutput::Depth.also().as_slice());
-        self.render_clear(renderer, place, &camera)?;
+        self.render_clear(renderer, place, &camera).await?;
         let [column, row] =
             [(x, width), (y, height)].map(|(share, side)| ((share * f64::from(side)) as u32).min(side - 1));
         let depth = self.clear.depth[self.clear.index(column, row)];
@@ -133,24 +175,24 @@ impl ViewPainter {
     // Every frame of the painter is rendered by one of the following two.
 
     /// Renders a frame of a view's weather into `picture`.
-    fn render_weather(
+    async fn render_weather(
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         view: &View,
         options: &FrameOptions<'_>,
     ) -> Result<Stats> {
-        renderer.render_into(place, &view.weather, options, &mut self.picture, &mut ())
+        renderer.render_async(place, &view.weather, options, &mut self.picture, &mut ()).await
     }
 
     /// Renders a frame of the scene without weather into `clear`.
-    fn render_clear(
+    async fn render_clear(
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
         camera: &Camera,
     ) -> Result<Stats> {
-        renderer.render_clear(place, camera, &mut self.clear)
+        renderer.render_clear_async(place, camera, &mut self.clear).await
     }
 }
 

@@ -1,34 +1,218 @@
-//! The player of exported web pages.
+//! The player of exported pages: what the program's server and render worker do for the viewer's page, in the page's own worker.
+//!
+//! A module of WebAssembly with one class, [`Player`]. It fetches the files of a site through a function of the page, draws views as
+//! the program does, and answers what the page asks: catalog, links, files to save.
 #![cfg(target_arch = "wasm32")]
 
-use js_sys::Error;
+mod engine;
+mod files;
+mod page;
+
+use engine::Engine;
+use files::SiteFiles;
+use page::{Page, failure};
+use serde_json::{Value, json};
+use std::cell::{RefCell, RefMut};
+use std::sync::Arc;
 use wasm_bindgen::prelude::*;
-use weather_magician::{FrameOptions, Picture, PlaceOptions, PreparedPlace, Renderer};
-use wm_scene::Camera;
-use wm_weather::Weather;
+use wm_render::Device;
+use wm_viewer::catalog::Catalog;
+use wm_viewer::files::FileNames;
+use wm_viewer::link;
+use wm_viewer::site::SiteFile;
+use wm_viewer::state::{View, ViewState};
+
+/// Renders the scene of a site. What draws, [`Self::render`], [`Self::prepare`], [`Self::pick`] and [`Self::picture`], is called one after
+/// the other; the rest answers at any time.
+#[wasm_bindgen]
+pub struct Player {
+    catalog: Arc<Catalog>,
+    start: ViewState,
+    device: String,
+    /// The state of the last frame that was asked for: what a message leaves out keeps its value.
+    last: RefCell<ViewState>,
+    engine: RefCell<Engine>,
+}
+
+/// A frame: RGBA bytes and what is known of it.
+#[wasm_bindgen]
+pub struct PlayerFrame {
+    head: String,
+    width: u32,
+    height: u32,
+    pixels: Vec<u8>,
+    more: bool,
+}
 
 #[wasm_bindgen]
-pub struct Probe { renderer: Renderer, place: PreparedPlace, picture: Picture }
+impl PlayerFrame {
+    /// The header of a frame of the viewer, JSON.
+    #[wasm_bindgen(getter)]
+    pub fn head(&self) -> String {
+        self.head.clone()
+    }
 
-fn js(e: impl std::fmt::Display) -> JsValue { Error::new(&e.to_string()).into() }
+    /// Width, px.
+    #[wasm_bindgen(getter)]
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height, px.
+    #[wasm_bindgen(getter)]
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// Takes the pixels, RGBA, row after row from the top.
+    #[wasm_bindgen(js_name = takePixels)]
+    pub fn take_pixels(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.pixels)
+    }
+
+    /// True if something is missing that [`Player::prepare`] makes or fetches.
+    #[wasm_bindgen(getter)]
+    pub fn more(&self) -> bool {
+        self.more
+    }
+}
+
+/// A file to save.
+#[wasm_bindgen]
+pub struct SavedFile {
+    name: String,
+    kind: String,
+    bytes: Vec<u8>,
+}
 
 #[wasm_bindgen]
-impl Probe {
-    pub async fn open(bytes: Vec<u8>, gpu: bool) -> Result<Probe, JsValue> {
-        std::panic::set_hook(Box::new(|info| js_sys::eval(&format!("console.error({:?})", info.to_string())).map(|_| ()).unwrap_or(())));
-        let mut renderer = if gpu { Renderer::in_browser(|e| { js_sys::eval(&format!("console.error({:?})", e.to_string())).ok(); }).await.map_err(js)? } else { Renderer::cpu().map_err(js)? };
-        let scene = wm_scene::formats::read_scene_from("scene.sog".as_ref(), &bytes[..], Some(bytes.len() as u64)).map_err(js)?;
-        let place = renderer.load_with(scene, &PlaceOptions::default()).map_err(js)?;
-        Ok(Probe { renderer, place, picture: Picture::default() })
+impl SavedFile {
+    /// The name of the file.
+    #[wasm_bindgen(getter)]
+    pub fn name(&self) -> String {
+        self.name.clone()
     }
-    pub fn device(&self) -> String { self.renderer.describe() }
-    pub async fn render(&mut self, weather: String, time: f64, w: u32, h: u32, eye: Vec<f64>, target: Vec<f64>) -> Result<Vec<u8>, JsValue> {
-        let weather = match Weather::preset(&weather) { Ok(w) => w, Err(e) => return Err(js(e)) };
-        let v = |a: &[f64]| glam::DVec3::new(a[0], a[1], a[2]);
-        let camera = Camera::looking((w, h), 50.0, v(&eye), v(&target), glam::DVec3::Z).map_err(js)?;
-        let options = FrameOptions::new(time, weather_magician::MovingCamera::from(camera));
-        self.renderer.render_async(&mut self.place, &weather, &options, &mut self.picture, &mut ()).await.map_err(js)?;
-        let rgb = wm_media::color::quantize_rgb8(&self.picture.frame.rgb, wm_media::PictureSize::new(w, h), wm_media::color::Dither::Off);
-        Ok(rgb.chunks_exact(3).flat_map(|c| [c[0], c[1], c[2], 255]).collect())
+
+    /// The content type.
+    #[wasm_bindgen(getter)]
+    pub fn kind(&self) -> String {
+        self.kind.clone()
     }
+
+    /// Takes the content.
+    #[wasm_bindgen(js_name = takeBytes)]
+    pub fn take_bytes(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.bytes)
+    }
+}
+
+#[wasm_bindgen]
+impl Player {
+    /// Opens the site: `fetch(name)` gives a promise of the bytes of a file below `place/`, `say(json)` takes messages of the viewer such as
+    /// its status, `device` is `auto`, `gpu` or `cpu`.
+    pub async fn open(
+        fetch: js_sys::Function,
+        say: js_sys::Function,
+        device: String,
+    ) -> Result<Player, JsValue> {
+        let page = Page::new(say);
+        page.report_panics();
+        let device: Device = device.parse().map_err(failure)?;
+        let files = SiteFiles::new(fetch);
+        let text = files.fetch("place.json").await.map_err(failure)?;
+        let text = String::from_utf8(text).map_err(|_| failure("place.json: is not UTF-8"))?;
+        let site = SiteFile::parse(&text).map_err(failure)?;
+        let engine = Engine::open(page, files, &site, &device).await.map_err(failure)?;
+        let survey = engine.survey().clone();
+        let catalog = Arc::new(site.catalog(survey, engine.describe()).map_err(failure)?);
+        let (start, device) = (site.start, engine.describe());
+        Ok(Self { catalog, last: RefCell::new(start.clone()), start, device, engine: RefCell::new(engine) })
+    }
+
+    /// The renderer, in words.
+    pub fn device(&self) -> String {
+        self.device.clone()
+    }
+
+    /// The catalog and the initial state, JSON: what the server answers to `GET /parameters`.
+    pub fn parameters(&self) -> String {
+        self.catalog.json(&self.start).to_string()
+    }
+
+    /// Draws the view of a state, JSON, whose missing fields keep their value: a small draft of a view that is `moving`, else the whole
+    /// picture, with the assets that there are.
+    pub async fn render(&self, seq: f64, moving: bool, state: String) -> Result<PlayerFrame, JsValue> {
+        let state = parsed(&state).and_then(|patch| self.last.borrow().patched(patch)).map_err(failure)?;
+        let mut engine = self.engine()?;
+        let view = engine.view(state, &self.catalog).map_err(failure)?;
+        *self.last.borrow_mut() = view.state.clone();
+        let drawn = engine.render(&view, seq as u64, moving).await.map_err(failure)?;
+        let (width, height) = drawn.size;
+        let pixels = drawn.rgb.as_chunks::<3>().0.iter().flat_map(|[r, g, b]| [*r, *g, *b, 255]).collect();
+        Ok(PlayerFrame { head: drawn.head.to_string(), width, height, pixels, more: drawn.lacks })
+    }
+
+    /// Fetches or makes what the last frame lacked.
+    pub async fn prepare(&self) -> Result<(), JsValue> {
+        self.engine()?.prepare().await.map_err(failure)
+    }
+
+    /// The point of the scene at a point of the last picture, 0-1 of its sides, as JSON; `null` where there is nothing.
+    pub async fn pick(&self, x: f64, y: f64) -> Result<String, JsValue> {
+        let view = self.last_view()?;
+        let point = self.engine()?.pick(&view, [x, y]).await.map_err(failure)?;
+        Ok(json!(point).to_string())
+    }
+
+    /// A file to save of a state, JSON: `weather`, `camera` or `command`.
+    pub fn file(&self, kind: &str, state: &str) -> Result<SavedFile, JsValue> {
+        let view = self.view_of(state).map_err(failure)?;
+        let saved = FileNames::of(&self.catalog, &view).text(kind, &self.catalog, &view).map_err(failure)?;
+        let saved = saved.ok_or_else(|| failure("the files are weather, camera and command"))?;
+        Ok(SavedFile { name: saved.name, kind: saved.kind.to_owned(), bytes: saved.text.into_bytes() })
+    }
+
+    /// The PNG file of a state, JSON, that `render` writes.
+    pub async fn picture(&self, state: String) -> Result<SavedFile, JsValue> {
+        let view = self.view_of(&state).map_err(failure)?;
+        let name = FileNames::of(&self.catalog, &view).picture;
+        let bytes = self.engine()?.picture(&view).await.map_err(failure)?;
+        Ok(SavedFile { name, kind: "image/png".to_owned(), bytes })
+    }
+
+    /// The weather of a state, JSON, by the text of a weather file.
+    pub fn weather(&self, text: &str) -> Result<String, JsValue> {
+        Ok(self.catalog.read_weather(text).map_err(failure)?.to_string())
+    }
+
+    /// The fragment of a link to a state, JSON.
+    pub fn link(&self, state: &str) -> Result<String, JsValue> {
+        link::encode(&self.view_of(state).map_err(failure)?.state).map_err(failure)
+    }
+
+    /// The state of a link's fragment, JSON.
+    pub fn unlink(&self, fragment: &str) -> Result<String, JsValue> {
+        let state = link::decode(fragment, &self.start).map_err(failure)?;
+        let view = View::new(state, &self.catalog, None).map_err(failure)?;
+        serde_json::to_string(&view.state).map_err(failure)
+    }
+}
+
+impl Player {
+    fn engine(&self) -> Result<RefMut<'_, Engine>, JsValue> {
+        self.engine.try_borrow_mut().map_err(|_| failure("the player is drawing: ask when it is done"))
+    }
+
+    /// The view of a state, whose missing fields are those of the initial one.
+    fn view_of(&self, state: &str) -> Result<View, String> {
+        View::new(self.start.patched(parsed(state)?)?, &self.catalog, None)
+    }
+
+    fn last_view(&self) -> Result<View, JsValue> {
+        View::new(self.last.borrow().clone(), &self.catalog, None).map_err(failure)
+    }
+}
+
+fn parsed(text: &str) -> Result<Value, String> {
+    serde_json::from_str(text).map_err(|error| format!("state: {error}"))
 }

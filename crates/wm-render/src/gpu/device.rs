@@ -213,7 +213,7 @@ impl Gpu {
         ready(Self::start(&ranked[at], &listed[at], config)).ok_or_else(failed)?
     }
 
-    /// Starts the GPU that a browser gives; the choice of `config` does not count.
+    /// Starts the GPU that a browser gives, of whatever name.
     ///
     /// # Errors
     /// [`GpuError`] if the browser has no WebGPU or gives no GPU, or it cannot be started.
@@ -233,6 +233,10 @@ impl Gpu {
         (listed.timestamps, listed.subgroups) = (false, None);
         if listed.name.is_empty() {
             "WebGPU".clone_into(&mut listed.name);
+        }
+        if config.choice == AdapterChoice::Auto && listed.kind == AdapterKind::Software {
+            let (wanted, found) = ("is real".to_owned(), format!("`{}` ({})", listed.name, listed.kind.name()));
+            return Err(GpuError::NoAdapter { wanted, found });
         }
         if let Some(unfit) = &listed.unfit {
             return Err(unfit.clone());
