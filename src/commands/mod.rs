@@ -8,6 +8,8 @@ mod convert;
 pub mod demo;
 mod devices;
 mod evaluate;
+#[cfg(feature = "viewer")]
+mod export_web;
 mod inspect;
 mod label;
 mod measure;
@@ -46,6 +48,9 @@ enum CliCommand {
     /// Show a scene in a browser: fly through it, change the weather, save pictures and videos
     #[cfg(feature = "viewer")]
     View(Box<view::ViewArgs>),
+    /// Write a scene as a static web page that renders it in weather in the browser, without a server
+    #[cfg(feature = "viewer")]
+    ExportWeb(Box<export_web::ExportWebArgs>),
     /// Make a data set by a plan: scenes in many weathers, as nuScenes, KITTI and other layouts
     Batch(batch::BatchArgs),
     /// Turn weather reports (METAR, hourly tables, WMO codes, CARLA, words) into weather files
@@ -85,6 +90,8 @@ pub fn run(cli: Cli) -> Result<()> {
         CliCommand::Scan(args) => scan::run(&args),
         #[cfg(feature = "viewer")]
         CliCommand::View(args) => view::run(&args),
+        #[cfg(feature = "viewer")]
+        CliCommand::ExportWeb(args) => export_web::run(&args),
         CliCommand::Batch(args) => batch::run(&args),
         CliCommand::Weather(args) => weather::run(&args),
         CliCommand::Bake(args) => bake::run(&args),

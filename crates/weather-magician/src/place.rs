@@ -19,7 +19,7 @@ use crate::{Error, Progress, Result};
 use glam::DVec3;
 pub use levels::LevelCounts;
 use levels::{DrawnSet, PlaceLevels};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use wm_render::hooks::{AttributeBlock, Revision, SplatAttributes};
 use wm_render::parts::PicturePart;
@@ -534,6 +534,43 @@ impl PreparedPlace {
     #[must_use]
     pub fn missing_assets(&self, weather: &Weather, time: f64) -> MissingAssets {
         self.lacking(weather, &weather.at(time).prepare(&self.site))
+    }
+
+    /// The folder of prepared assets; `None` if they are not kept.
+    #[must_use]
+    pub fn asset_folder(&self) -> Option<&Path> {
+        self.cache.folder()
+    }
+
+    /// The digest of the scene by which its prepared assets are known, 64 hexadecimal digits; `None` if they are not kept.
+    #[must_use]
+    pub fn asset_digest(&self) -> Option<String> {
+        self.cache.digest()
+    }
+
+    /// The names of the files of prepared assets that the instant `time` of a weather uses, whether they are there or not; none if assets
+    /// are not kept.
+    #[must_use]
+    pub fn asset_files(&self, weather: &Weather, time: f64) -> Vec<String> {
+        let (needs, prepared) = (AssetNeeds::of(weather, &self.site), weather.at(time).prepare(&self.site));
+        let mut files: Vec<AssetFile<'_>> =
+            prepared.fall().filter(|_| needs.shelter).map(AssetFile::Shelter).into_iter().collect();
+        if let Some(wet) = prepared.wetness().filter(|_| needs.wetness.is_some()) {
+            files.extend([AssetFile::Wet, AssetFile::Shelter(wet.rain.fall)]);
+        }
+        files.extend(needs.cover.filter(|_| !prepared.cover().is_empty()).map(AssetFile::Cover));
+        if let Some(change) = prepared.light().filter(|_| needs.light) {
+            let takes_sun =
+                self.store.light.as_ref().is_none_or(|capture| capture.takes_another_sun(change.is_diffuse));
+            let lamps = change.lamps.map(|(source, _)| self.light.lamps.get(source));
+            files.push(AssetFile::Light);
+            files.extend(change.sun.filter(|_| takes_sun).map(AssetFile::SunShadows));
+            files.extend(lamps.filter(|lamps| !lamps.is_empty()).map(AssetFile::Lamps));
+        }
+        let mut names: Vec<String> = files.iter().filter_map(|file| self.cache.name(file)).collect();
+        names.sort();
+        names.dedup();
+        names
     }
 
     /// The assets that a prepared instant of a weather needs and that are not made yet.

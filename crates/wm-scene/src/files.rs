@@ -127,7 +127,7 @@ pub fn check_writable(path: &Path) -> Result<(), FormatError> {
     TempFile::beside(path).map(drop).map_err(|fault| FormatError::whole(path, fault.into()))
 }
 
-/// The temporary files that exist now.
+/// The temporary files and folders that exist now.
 static PENDING: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Locks the list, which stays valid if a thread panicked while it held the lock.
@@ -135,13 +135,13 @@ fn pending() -> MutexGuard<'static, Vec<PathBuf>> {
     PENDING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes every temporary file of this process before it is ended at once. From then on other threads
+/// Removes every temporary file and folder of this process before it is ended at once. From then on other threads
 /// wait when they begin or complete a file.
 pub fn abandon_temporaries() {
     let mut pending = pending();
     for path in pending.drain(..) {
         // What cannot be removed stays; there is nobody left to be told.
-        let _ = fs::remove_file(path);
+        let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
     }
     std::mem::forget(pending);
 }
@@ -234,6 +234,58 @@ impl TempFile {
     }
 }
 
+/// A new empty folder beside `target`, for what is made of many files; removed with all of them when dropped.
+#[derive(Debug)]
+pub struct TempFolder {
+    path: PathBuf,
+}
+
+impl TempFolder {
+    /// Creates the folder.
+    ///
+    /// # Errors
+    /// The folder that `target` is in is missing or refuses; the disk is full.
+    pub fn beside(target: &Path) -> Result<Self, WriteFault> {
+        // Also of `site/..` and of the like.
+        let name = target.file_name().ok_or(WriteFault::IsFolder)?;
+        static COUNT: AtomicU64 = AtomicU64::new(0);
+        loop {
+            let mut temporary = name.to_os_string();
+            let count = COUNT.fetch_add(1, Ordering::Relaxed);
+            temporary.push(format!(".{}-{count}.parts", std::process::id()));
+            let path = target.with_file_name(temporary);
+            let mut pending = pending();
+            match fs::create_dir(&path) {
+                Ok(()) => {
+                    pending.push(path.clone());
+                    return Ok(Self { path });
+                }
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                Err(error) => {
+                    let folder = folder_of(&path);
+                    let is_missing = error.kind() == ErrorKind::NotFound && !folder.is_dir();
+                    return Err(if is_missing { WriteFault::NoFolder(folder.into()) } else { error.into() });
+                }
+            }
+        }
+    }
+
+    /// Its path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for TempFolder {
+    fn drop(&mut self) {
+        let mut pending = pending();
+        // Nothing more can be done if this fails; the first error is the one to report.
+        let _ = fs::remove_dir_all(&self.path);
+        pending.retain(|other| *other != self.path);
+    }
+}
+
 impl Drop for TempFile {
     fn drop(&mut self) {
         // Closed first: Windows does not remove open files.
@@ -315,6 +367,20 @@ mod tests {
         let result = std::panic::catch_unwind(|| write_atomically(&path, |_| panic!("in the middle")));
         assert!(result.is_err());
         assert_eq!(names(folder.path()), [] as [&str; 0]);
+    }
+
+    #[test]
+    fn temporary_folders_go_with_what_is_in_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let made = TempFolder::beside(&folder.path().join("site")).unwrap();
+        fs::create_dir(made.path().join("place")).unwrap();
+        fs::write(made.path().join("place/a"), "a").unwrap();
+        assert_ne!(TempFolder::beside(&folder.path().join("site")).unwrap().path(), made.path());
+        assert_eq!(names(folder.path()).len(), 1);
+        drop(made);
+        assert_eq!(names(folder.path()), [] as [&str; 0]);
+        let fault = TempFolder::beside(&folder.path().join("no/site")).unwrap_err().to_string();
+        assert!(fault.contains("does not exist; create it first"), "{fault}");
     }
 
     #[test]

@@ -11,6 +11,7 @@
 //! 44  contents: postcard
 //! ```
 
+use super::packed::unpacked;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
@@ -95,6 +96,21 @@ impl AssetCache {
         Self { folder, scene }
     }
 
+    /// The folder; `None` if nothing is kept.
+    pub(crate) fn folder(&self) -> Option<&Path> {
+        self.folder.as_deref()
+    }
+
+    /// The digest of the scene, 64 hexadecimal digits; `None` if nothing is kept.
+    pub(crate) fn digest(&self) -> Option<String> {
+        self.folder.as_ref().map(|_| self.scene.iter().map(|byte| format!("{byte:02x}")).collect())
+    }
+
+    /// The name of the file of an asset; `None` if nothing is kept.
+    pub(crate) fn name(&self, file: &AssetFile<'_>) -> Option<String> {
+        Some(self.entry(file)?.0.file_name()?.to_str()?.to_owned())
+    }
+
     /// The digest of everything that an asset is made from, and the path that it has.
     fn entry(&self, file: &AssetFile<'_>) -> Option<(PathBuf, [u8; 32])> {
         let folder = self.folder.as_ref()?;
@@ -112,6 +128,7 @@ impl AssetCache {
     pub(crate) fn get<T: DeserializeOwned>(&self, file: &AssetFile<'_>) -> Option<T> {
         let (path, digest) = self.entry(file)?;
         let bytes = fs::read(path).ok()?;
+        let bytes = unpacked(&bytes)?;
         let (header, contents) = bytes.split_at_checked(HEADER)?;
         let is_whole = header[..8] == *MAGIC
             && header[8..40] == digest

@@ -4,9 +4,11 @@
 //! [`MissingAssets::make`] makes it, on any thread. [`AssetCache`] keeps it on disk.
 
 mod cache;
+mod packed;
 mod views;
 
 pub use cache::AssetCache;
+pub use packed::pack_asset;
 pub(crate) use cache::{AssetFile, scene_digest};
 pub(crate) use views::{ViewDetail, WithoutSky, photo_views};
 

@@ -1,0 +1,138 @@
+//! The prepared data of a site: made by the library's cache, packed, and chosen by their size.
+
+use super::output::write;
+use super::{at, stop_if_asked};
+use crate::progress::Reporter;
+use crate::scene::OpenScene;
+use anyhow::Result;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+use weather_magician::PreparedPlace;
+use weather_magician::assets::pack_asset;
+use weather_magician::panorama_file::read_panorama;
+use wm_weather::Weather;
+use wm_weather::presets::PRESETS;
+
+/// The presets that are prepared without being asked for, the most useful first: light, rain on wet ground, lying snow, the sun,
+/// falling snow, lamps.
+const COMMON: [&str; 8] =
+    ["overcast", "moderate-rain", "snow-covered", "sunny", "snow", "heavy-rain", "night", "golden-hour"];
+/// The beginning of the name of surfaces, which the others are made from.
+const SURFACES: &str = "surfaces-";
+
+/// Returns the weathers of `--prepare`.
+pub fn weathers(names: &[String]) -> Result<Vec<Weather>> {
+    let all = || PRESETS.iter().map(|(name, _)| *name);
+    let presets = |names: &mut dyn Iterator<Item = &str>| -> Result<Vec<Weather>> {
+        Ok(names.map(Weather::preset).collect::<Result<_, _>>()?)
+    };
+    match names {
+        [word] if word == "none" => Ok(Vec::new()),
+        [word] if word == "auto" => presets(&mut COMMON.into_iter()),
+        [word] if word == "all" => {
+            presets(&mut COMMON.into_iter().chain(all().filter(|name| !COMMON.contains(name))))
+        }
+        _ => names
+            .iter()
+            .map(|name| {
+                let mut weather = Weather::find(name)?;
+                weather.load_images(read_panorama)?;
+                Ok(weather)
+            })
+            .collect(),
+    }
+}
+
+/// A file of a site's folder of prepared data.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PackedAsset {
+    /// Its name, as the cache has it.
+    pub name: String,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// The weather that it was made for.
+    pub of: String,
+}
+
+/// What was prepared.
+#[derive(Default)]
+pub struct PreparedWeathers {
+    /// The files that belong to the site.
+    chosen: Vec<PackedAsset>,
+}
+
+/// Prepares what the weathers need, the first one whatever it takes and the others as far as all takes `most` bytes. What is in the
+/// folder already is of the first one.
+pub fn prepare(
+    loaded: &mut OpenScene,
+    first: &Weather,
+    others: &[Weather],
+    most: u64,
+) -> Result<PreparedWeathers> {
+    let mut prepared = PreparedWeathers::default();
+    let Some(folder) = loaded.place.asset_folder().map(Path::to_path_buf) else { return Ok(prepared) };
+    let (mut seen, mut surfaces, mut total) = (BTreeSet::new(), Vec::new(), 0);
+    for (position, weather) in std::iter::once(first).chain(others).enumerate() {
+        stop_if_asked()?;
+        loaded.renderer.prepare(&mut loaded.place, weather, &mut Reporter::default())?;
+        loaded.warn();
+        let mut new = Vec::new();
+        for name in names_in(&folder)?.into_iter().filter(|name| !seen.contains(name)) {
+            let path = folder.join(&name);
+            let bytes = pack_asset(&at(fs::read(&path), &path)?).len() as u64;
+            let asset = PackedAsset { name, bytes, of: weather.name.clone() };
+            if asset.name.starts_with(SURFACES) { &mut surfaces } else { &mut new }.push(asset);
+        }
+        seen.extend(new.iter().chain(&surfaces).map(|asset| asset.name.clone()));
+        let size: u64 = new.iter().map(|asset| asset.bytes).sum();
+        if position == 0 || total + size <= most {
+            total += size;
+            prepared.chosen.extend(new);
+        }
+    }
+    // They serve only what the browser makes itself, such as the shadows of another sun.
+    prepared.chosen.extend(surfaces.into_iter().filter(|asset| total + asset.bytes <= most));
+    Ok(prepared)
+}
+
+impl PreparedWeathers {
+    /// Leaves the files that were chosen in the folder, packed; returns them, the names ascending.
+    pub fn finish(&self, folder: &Path) -> Result<Vec<PackedAsset>> {
+        let mut kept = Vec::new();
+        for name in names_in(folder)? {
+            let path = folder.join(&name);
+            match self.chosen.iter().find(|asset| asset.name == name) {
+                Some(asset) => {
+                    let packed = pack_asset(&at(fs::read(&path), &path)?);
+                    write(&path, &packed)?;
+                    kept.push(PackedAsset { bytes: packed.len() as u64, ..asset.clone() });
+                }
+                None => at(fs::remove_file(&path), &path)?,
+            }
+        }
+        Ok(kept)
+    }
+
+    /// Returns the presets for which the browser must make something at their beginning.
+    pub fn left(&self, place: &PreparedPlace) -> Vec<&'static str> {
+        let has = |name: &String| self.chosen.iter().any(|asset| asset.name == *name);
+        let is_whole = |name: &str| {
+            let weather = Weather::preset(name).unwrap_or_default();
+            place.asset_files(&weather, 0.0).iter().all(has)
+        };
+        PRESETS.iter().map(|(name, _)| *name).filter(|name| !is_whole(name)).collect()
+    }
+}
+
+/// Returns the names of the prepared data in a folder, ascending; none if it is not there.
+fn names_in(folder: &Path) -> Result<Vec<String>> {
+    if !folder.is_dir() {
+        return Ok(Vec::new());
+    }
+    let entries = at(fs::read_dir(folder), folder)?.flatten();
+    let mut names: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+    names.retain(|name| name.ends_with(".wmasset"));
+    names.sort();
+    Ok(names)
+}

@@ -1,0 +1,149 @@
+//! The folder of a site: made beside its place, and moved there when it is whole.
+
+use super::at;
+use anyhow::{Result, bail};
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use wm_scene::files::{TempFolder, check_writable, write_atomically};
+
+/// The file by which a site of this program is known.
+const MARK: &str = "place/place.json";
+/// What a site has at its top: parts of an older one that the new one lacks go.
+const PARTS: [&str; 2] = ["place", "video.mp4"];
+
+/// A site that is being made.
+pub struct SiteFolder {
+    made: TempFolder,
+    out: PathBuf,
+}
+
+impl SiteFolder {
+    /// Begins a site that will be the folder `out`, or a file if `is_file` is set.
+    ///
+    /// # Errors
+    /// `out` cannot be written, or is a folder that holds something else than a site.
+    pub fn new(out: &Path, is_file: bool) -> Result<Self> {
+        // `site/` is the folder `site`.
+        let out: PathBuf = out.components().collect();
+        if is_file {
+            check_writable(&out)?;
+        } else {
+            check_folder(&out)?;
+        }
+        let made = at(TempFolder::beside(&out), &out)?;
+        Ok(Self { made, out })
+    }
+
+    /// The folder to write into.
+    pub fn path(&self) -> &Path {
+        self.made.path()
+    }
+
+    /// Moves the site to its place, and returns its size, bytes. What else lies in a folder with an older site stays.
+    pub fn finish(self) -> Result<u64> {
+        let (made, out) = (self.made.path(), &self.out);
+        let bytes = size_of(made)?;
+        at(fs::create_dir_all(out), out)?;
+        let old = made.join("old");
+        at(fs::create_dir(&old), &old)?;
+        let mut names: Vec<_> = at(fs::read_dir(made), made)?.flatten().map(|entry| entry.file_name()).collect();
+        names.retain(|name| name != "old");
+        // The mark is in the last: a folder with it is whole.
+        names.sort_by_key(|name| name == "place");
+        for name in PARTS.iter().map(Into::into).chain(names.iter().cloned()) {
+            match fs::rename(out.join(&name), old.join(&name)) {
+                Err(error) if error.kind() != ErrorKind::NotFound => at(Err(error), &out.join(&name))?,
+                _ => {}
+            }
+        }
+        for name in &names {
+            at(fs::rename(made.join(name), out.join(name)), &out.join(name))?;
+        }
+        Ok(bytes)
+    }
+}
+
+/// Fails unless a site can be written to `out`: there is nothing, an empty folder or a site.
+fn check_folder(out: &Path) -> Result<()> {
+    let entries = match fs::read_dir(out) {
+        Ok(mut entries) => entries.next(),
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(error) if error.kind() == ErrorKind::NotADirectory => {
+            bail!("{}: is a file; name a folder for the site", out.display())
+        }
+        Err(error) => return at(Err(error), out),
+    };
+    if entries.is_some() && !out.join(MARK).is_file() {
+        bail!("{}: holds other things than a site; name a new or an empty folder", out.display());
+    }
+    Ok(())
+}
+
+/// Writes a file whole or not at all.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    Ok(write_atomically(path, |out| Ok(out.write_all(bytes)?))?)
+}
+
+/// Makes a folder.
+pub fn make_folder(path: &Path) -> Result<()> {
+    at(fs::create_dir_all(path), path)
+}
+
+/// Returns the size of a file, or of all files in a folder, bytes; 0 if it is not there.
+pub fn size_of(path: &Path) -> Result<u64> {
+    let about = match fs::metadata(path) {
+        Ok(about) => about,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(0),
+        Err(error) => return at(Err(error), path),
+    };
+    if !about.is_dir() {
+        return Ok(about.len());
+    }
+    let entries = at(fs::read_dir(path), path)?;
+    entries.map(|entry| size_of(&at(entry, path)?.path())).sum()
+}
+
+/// Returns a number of bytes in words, such as "1.2 MB".
+pub fn megabytes(bytes: u64) -> String {
+    if bytes < 100_000 {
+        return format!("{:.1} kB", bytes as f64 / 1e3);
+    }
+    format!("{:.1} MB", bytes as f64 / 1e6)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn site(out: &Path, page: &str) -> Result<u64> {
+        let made = SiteFolder::new(out, false)?;
+        fs::create_dir(made.path().join("place")).unwrap();
+        fs::write(made.path().join(MARK), "{}").unwrap();
+        fs::write(made.path().join("index.html"), page).unwrap();
+        made.finish()
+    }
+
+    #[test]
+    fn sites_are_replaced_and_other_things_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("site");
+        assert_eq!(site(&out, "first").unwrap(), 7);
+        for name in ["video.mp4", "CNAME", "place/scene.sog"] {
+            fs::write(out.join(name), "a").unwrap();
+        }
+        site(&out.join(""), "second").unwrap();
+        assert_eq!(fs::read_to_string(out.join("index.html")).unwrap(), "second");
+        assert!(out.join("CNAME").exists() && out.join(MARK).exists());
+        assert!(!out.join("video.mp4").exists() && !out.join("place/scene.sog").exists());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        fs::remove_file(out.join(MARK)).unwrap();
+        let said = site(&out, "third").unwrap_err().to_string();
+        assert!(said.ends_with("site: holds other things than a site; name a new or an empty folder"), "{said}");
+        let said = site(&out.join("index.html"), "").unwrap_err().to_string();
+        assert!(said.ends_with("index.html: is a file; name a folder for the site"), "{said}");
+        // Nothing is left of what was not finished.
+        drop(SiteFolder::new(&folder.path().join("other"), false).unwrap());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

@@ -1,0 +1,130 @@
+//! The pictures of a site: its poster, its video, and a small picture of each preset.
+
+use super::output::{make_folder, write};
+use super::{resized, stop_if_asked};
+use crate::progress::{self, Reporter};
+use crate::scene::OpenScene;
+use anyhow::{Context, Result};
+use std::path::Path;
+use weather_magician::levels::shot_cameras;
+use weather_magician::sequence::render_and_write;
+use weather_magician::view::moves;
+use weather_magician::view::ViewOptions;
+use weather_magician::{CameraMotion, FrameOptions, Patience, Picture, picture_tags};
+use wm_media::PictureSize;
+use wm_media::color::{Dither, quantize_rgb8};
+use wm_media::jpeg::{SamplingFactor, encode};
+use wm_media::video::{FrameRate, VideoSettings, create_video};
+use wm_render::{Frame, Outputs};
+use wm_scene::Camera;
+use wm_weather::presets::PRESETS;
+use wm_weather::{EffectRole, Track, Weather};
+
+/// Width, px, and JPEG quality of the poster.
+const POSTER: (u32, u8) = (1280, 85);
+/// Width, px, and JPEG quality of thumbnails.
+const THUMBNAIL: (u32, u8) = (224, 80);
+/// Width, px, frames a second and length, s, of the video.
+const VIDEO: (u32, f64, f64) = (640, 24.0, 3.0);
+/// Way of the video's camera, scene radii.
+const WAY: f64 = 0.04;
+
+/// Writes the picture that is shown while the page loads.
+pub fn poster(loaded: &mut OpenScene, weather: &Weather, start: &Camera, time: f64, path: &Path) -> Result<()> {
+    let camera = resized(start, POSTER.0);
+    let mut picture = Picture::default();
+    loaded.place.config.outputs = Outputs::default();
+    let options = FrameOptions::new(time, camera);
+    let OpenScene { renderer, place } = loaded;
+    renderer.render_into(place, weather, &options, &mut picture, &mut Reporter::default())?;
+    loaded.warn();
+    write(path, &jpeg(&picture.frame, POSTER.1)?)
+}
+
+/// Writes a small picture of each preset into `folder`; returns the names of those that it wrote: not of a preset that the place
+/// cannot be rendered in.
+pub fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Result<Vec<String>> {
+    make_folder(folder)?;
+    let camera = resized(start, THUMBNAIL.0);
+    let bar = progress::bar(PRESETS.len() as u64, "thumbnails");
+    let (mut names, mut picture) = (Vec::new(), Picture::default());
+    let OpenScene { renderer, place } = loaded;
+    for (name, _) in PRESETS {
+        stop_if_asked()?;
+        let mut weather = Weather::preset(name).context("presets are right")?;
+        if weather.has(EffectRole::Lies) {
+            // All presets share one cover, that of still air.
+            weather.set_text("wind=off").context("wind is an effect")?;
+        }
+        let breaks = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(Track::breaks);
+        // Where most of it has happened.
+        let time = 0.8 * breaks.fold(0.0, f64::max);
+        let missing = place.missing_assets(&weather, time);
+        let is_similar = !missing.is_empty() && place.has_similar(&missing);
+        let patience = if is_similar { Patience::Draft } else { Patience::Whole };
+        let options = FrameOptions { patience, ..FrameOptions::new(time, camera) };
+        // Such as a flood where the ground is not known.
+        if renderer.render_into(place, &weather, &options, &mut picture, &mut ()).is_ok() {
+            write(&folder.join(format!("{name}.jpg")), &jpeg(&picture.frame, THUMBNAIL.1)?)?;
+            names.push((*name).to_owned());
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    // They are of weathers that nobody asked for.
+    loaded.place.take_warnings();
+    Ok(names)
+}
+
+/// Writes a video of a few seconds from the start on, for browsers that cannot run the player. A program without an encoder writes none.
+pub fn video(loaded: &mut OpenScene, weather: &Weather, start: &Camera, time: f64, path: &Path) -> Result<()> {
+    if !cfg!(feature = "h264") {
+        eprintln!("this program was built without the video encoder: the site has no video");
+        return Ok(());
+    }
+    let (width, rate, seconds) = VIDEO;
+    let camera = resized(start, width);
+    let size = (camera.width, camera.height);
+    let OpenScene { renderer, place } = loaded;
+    let options = ViewOptions { up: None, fov: None, near: Some(camera.near), size: Some(size) };
+    let way = WAY * place.survey().radius;
+    let dolly = moves::dolly(&mut renderer.view_search(place, options), &camera, Some(way), seconds);
+    // A view straight down has no way ahead.
+    let motion = match dolly {
+        Ok(path) => CameraMotion::Along { path, size },
+        Err(_) => camera.into(),
+    };
+    let rate: FrameRate = rate.to_string().parse().map_err(anyhow::Error::msg)?;
+    let mut settings = VideoSettings::new(PictureSize::new(size.0, size.1), rate);
+    settings.tags = picture_tags("", place.site(), renderer.backend(), weather, time, &camera);
+    let mut sink = create_video(path, settings)?;
+    let frames: Vec<u32> = (0..rate.frames_within(seconds).max(1)).collect();
+    let at = |frame: u32| rate.seconds(u64::from(frame));
+    place.set_shot(&shot_cameras(frames.len() as u32, |frame| motion.camera(at(frame)), false));
+    place.config.outputs = Outputs::default();
+    let scale = place.site().metres_per_unit;
+    let written = render_and_write(
+        &frames,
+        &mut |frame, picture: &mut Picture| -> Result<()> {
+            let options = FrameOptions::new(time + at(frame), motion.at(at(frame), scale));
+            renderer.render_into(place, weather, &options, picture, &mut ())?;
+            Ok(())
+        },
+        &mut |_, picture| Ok(sink.frame(&picture.frame.rgb)?),
+        &mut Reporter::default(),
+    )?;
+    place.set_shot(&[]);
+    loaded.warn();
+    if (written as usize) < frames.len() {
+        return stop_if_asked();
+    }
+    sink.finish()?;
+    Ok(())
+}
+
+/// Returns the colours of a frame as a JPEG.
+fn jpeg(frame: &Frame, quality: u8) -> Result<Vec<u8>> {
+    let bytes = quantize_rgb8(&frame.rgb, PictureSize::new(frame.width, frame.height), Dither::Ordered);
+    let sampling = if quality >= 85 { SamplingFactor::F_1_1 } else { SamplingFactor::F_2_2 };
+    Ok(encode(&bytes, (frame.width, frame.height), quality, sampling)?)
+}

@@ -1,0 +1,180 @@
+//! The scene of a site: written for the browser, and opened again as the browser will see it.
+
+use super::output::make_folder;
+use super::{ExportWebArgs, MEMORY, at};
+use crate::choices::SkyChoice;
+use crate::commands::convert::levels;
+use crate::progress;
+use crate::scene::{OpenScene, change_sky, check, read_options};
+use anyhow::{Result, bail};
+use std::fs;
+use std::path::{Component, Path};
+use weather_magician::PlaceOptions;
+use weather_magician::levels::{LevelBudget, MOST_SPLATS};
+use wm_scene::formats::{ReadOptions, read_scene, write_scene};
+use wm_scene::levels::{INDEX_NAME, LevelIndex};
+use wm_scene::survey::{FactSource, Survey, label_sky};
+use wm_scene::{Metadata, Scene, SceneView, capture};
+
+/// The scene as a site has it.
+pub struct SitePlace {
+    /// The name of its file.
+    pub file: &'static str,
+    /// All facts.
+    pub metadata: Metadata,
+    /// The cameras of the photos.
+    pub views: Vec<SceneView>,
+    /// Command-line words of the scene.
+    pub words: Vec<String>,
+    /// True if it is drawn in levels of detail.
+    pub is_in_levels: bool,
+}
+
+/// Writes the scene into `folder`, and opens what was written.
+pub fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlace)> {
+    let SceneOptions { facts, words } = SceneOptions::of(args)?;
+    make_folder(folder)?;
+    let source = &args.scene.scene;
+    let index = if args.scene.level.is_none() { LevelIndex::of_scene(source)? } else { None };
+    // A page draws smaller ones as a whole.
+    if let Some(index) = index.filter(|index| index.count_of_level(0) > MOST_SPLATS) {
+        if args.sky.sky != SkyChoice::Keep || args.viewpoint.views.is_some() {
+            let option = if args.viewpoint.views.is_some() { "--views" } else { "--sky" };
+            bail!("{option}: cannot be used with a scene that is drawn in levels of detail; choose one with --level");
+        }
+        copy_levels(&index, folder, args.scene.repair)?;
+        return open_levels(args, folder, facts.or(index.metadata.clone()), words);
+    }
+    let bar = progress::spinner("reading the scene");
+    let views = args.viewpoint.views.as_ref().map(|folder| capture::read_views(folder)).transpose()?;
+    let mut scene = read_scene(source, &read_options(args.scene.level))?;
+    scene.views = views.unwrap_or(scene.views);
+    check(&mut scene, source, args.scene.repair)?;
+    if scene.splats.is_empty() {
+        bail!("{}: there are no splats in it", source.display());
+    }
+    if let Some(line) = change_sky(&mut scene, source, args.sky.sky, &facts)? {
+        bar.suspend(|| eprintln!("{line}"));
+    }
+    label_sky(&mut scene.splats);
+    let survey = Survey::of(&scene, &facts);
+    scene.metadata = known(facts.or(std::mem::take(&mut scene.metadata)), &survey);
+    bar.finish_and_clear();
+    if scene.splats.len() as u64 > MOST_SPLATS {
+        let facts = scene.metadata.clone();
+        levels::write(&folder.join(INDEX_NAME), scene, Vec::new(), (None, args.run.threads.map(usize::from)))?;
+        return open_levels(args, folder, facts, words);
+    }
+    let bar = progress::spinner("writing the scene");
+    let file = folder.join("scene.sog");
+    let (views, metadata) = (std::mem::take(&mut scene.views), scene.metadata.clone());
+    write_scene(&file, &scene)?;
+    drop(scene);
+    let read = read_scene(&file, &ReadOptions::default())?;
+    bar.finish_and_clear();
+    let scene = Scene { views: views.clone(), metadata: metadata.clone(), ..read };
+    let mut renderer = args.run.renderer()?;
+    let options = PlaceOptions { assets: Some(folder.join("assets")), ..PlaceOptions::default() };
+    let place = renderer.load_with(scene, &options)?;
+    let mut loaded = OpenScene { renderer, place };
+    loaded.warn();
+    Ok((loaded, SitePlace { file: "scene.sog", metadata, views, words, is_in_levels: false }))
+}
+
+/// The facts that were given, and the words of the command line that name the scene.
+struct SceneOptions {
+    facts: Metadata,
+    words: Vec<String>,
+}
+
+impl SceneOptions {
+    fn of(args: &ExportWebArgs) -> Result<Self> {
+        let facts = args.scene.facts.metadata()?;
+        let mut words = vec![args.scene.scene.display().to_string()];
+        let mut add =
+            |option: &str, value: Option<String>| words.extend(value.map(|value| format!("--{option}={value}")));
+        add("level", args.scene.level.map(|level| level.to_string()));
+        add("sky", (args.sky.sky != SkyChoice::Keep).then(|| args.sky.sky.name().into()));
+        add("views", args.viewpoint.views.as_ref().map(|folder| folder.display().to_string()));
+        add("up", facts.up.map(|up| up.to_array().map(|v| v.to_string()).join(",")));
+        add("ground", facts.ground.map(|height| height.to_string()));
+        add("metres-per-unit", facts.metres_per_unit.map(|metres| metres.to_string()));
+        words.extend(args.scene.repair.then(|| "--repair".into()));
+        Ok(Self { facts, words })
+    }
+}
+
+/// Opens a scene in levels that was written, with these facts.
+fn open_levels(
+    args: &ExportWebArgs,
+    folder: &Path,
+    facts: Metadata,
+    words: Vec<String>,
+) -> Result<(OpenScene, SitePlace)> {
+    let index = LevelIndex::open(&folder.join(INDEX_NAME))?;
+    let budget = LevelBudget { memory: args.memory.unwrap_or(MEMORY), splats: None };
+    let mut renderer = args.run.renderer()?;
+    let options = PlaceOptions { facts: facts.clone(), ..PlaceOptions::default() };
+    let place = renderer.load_levels(index, &options, &budget, args.scene.repair)?;
+    let metadata = known(facts, place.survey());
+    let mut loaded = OpenScene { renderer, place };
+    loaded.warn();
+    Ok((loaded, SitePlace { file: INDEX_NAME, metadata, views: Vec::new(), words, is_in_levels: true }))
+}
+
+/// Adds what a survey found to the facts of a scene: browsers compute with other last digits, and assets are known by all of them.
+fn known(stated: Metadata, survey: &Survey) -> Metadata {
+    let is_known = |source: FactSource| source != FactSource::Assumed;
+    let is_sure = |fact: wm_scene::survey::Confidence| Some(fact).filter(|fact| *fact != Default::default());
+    let mut facts = stated;
+    if facts.up.is_none() {
+        (facts.up, facts.up_confidence) = (Some(survey.up.value), is_sure(survey.up.confidence));
+    }
+    if is_known(survey.ground.source) {
+        (facts.ground, facts.ground_confidence) = (Some(survey.ground.value), is_sure(survey.ground.confidence));
+    }
+    if is_known(survey.metres_per_unit.source) {
+        facts.metres_per_unit = Some(survey.metres_per_unit.value);
+    }
+    // The light of a place without a sky is a guess, which a stated one would not be.
+    if survey.sky_splats > 0 {
+        facts.airlight = Some(survey.airlight.value);
+    }
+    facts
+}
+
+/// Copies a scene in levels, with its index last. With `repairs` files that are missing are left out.
+fn copy_levels(index: &LevelIndex, folder: &Path, repairs: bool) -> Result<()> {
+    let source = index.path().parent().unwrap_or(Path::new(""));
+    let names: Vec<&String> = index.files.iter().chain(&index.environment).collect();
+    let bar = progress::bar(names.len() as u64, "copying the scene");
+    for name in names {
+        super::stop_if_asked()?;
+        if !Path::new(name).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) {
+            bail!("{}: names the file {name:?}, which is not below it", index.path().display());
+        }
+        let (from, to) = (source.join(name), folder.join(name));
+        if repairs && !from.exists() {
+            eprintln!("warning: {}: is missing and left out", from.display());
+            continue;
+        }
+        let to_folder = to.parent().unwrap_or(folder);
+        make_folder(to_folder)?;
+        copy(&from, &to)?;
+        // The pictures that it names are beside it.
+        let beside = from.parent().unwrap_or(source);
+        for entry in at(fs::read_dir(beside), beside)?.flatten() {
+            let path = entry.path();
+            if path.extension().is_some_and(|extension| extension == "webp") {
+                copy(&path, &to_folder.join(entry.file_name()))?;
+            }
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    copy(index.path(), &folder.join(INDEX_NAME))
+}
+
+fn copy(from: &Path, to: &Path) -> Result<()> {
+    at(fs::copy(from, to), from).map(drop)
+}
