@@ -9,10 +9,16 @@ use weather_magician::{FrameOptions, MovingCamera, Patience, Picture, PreparedPl
 use wm_media::color::Dither;
 use wm_render::{Frame, Stats, at_once};
 use wm_scene::Camera;
+use wm_scene::survey::Survey;
 use wm_weather::{PreparedWeather, Site};
 
 /// Depth that gets the middle colour, scene radii.
 const HALF_DEPTH: f64 = 0.3;
+
+/// Returns the depth that gets the middle colour in pictures of a scene, scene units.
+pub fn half_depth(survey: &Survey) -> f64 {
+    HALF_DEPTH * survey.radius
+}
 
 impl ViewOutput {
     /// Returns the extra picture to render; `None` for the colour, which is always rendered.
@@ -80,7 +86,7 @@ impl ViewPainter {
         let hides = if overlay.is_some() { &depths[..] } else { &[] };
         place.config.outputs = outputs(&[output.also().as_slice(), hides].concat());
         let camera = view.motion_for(size).at(time, place.site().metres_per_unit);
-        let half = HALF_DEPTH * place.survey().radius;
+        let half = half_depth(place.survey());
         let shown = |frame: &Frame, camera: &Camera| {
             let mut bytes = to_bytes(frame, output, half, dither);
             if let Some(overlay) = overlay {

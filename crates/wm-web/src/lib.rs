@@ -122,7 +122,7 @@ impl Player {
         let text = files.fetch("place.json").await.map_err(failure)?;
         let text = String::from_utf8(text).map_err(|_| failure("place.json: is not UTF-8"))?;
         let site = SiteFile::parse(&text).map_err(failure)?;
-        let engine = Engine::open(page, files, &site, &device).await.map_err(failure)?;
+        let engine = Engine::open(page, files.of_site(&site), &site, &device).await.map_err(failure)?;
         let survey = engine.survey().clone();
         let catalog = Arc::new(site.catalog(survey, engine.describe()).map_err(failure)?);
         let (start, device) = (site.start, engine.describe());

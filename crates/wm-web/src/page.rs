@@ -21,6 +21,11 @@ impl Page {
         self.message("status", text);
     }
 
+    /// Says something that the user may want to know.
+    pub fn note(&self, text: &str) {
+        self.message("note", text);
+    }
+
     fn message(&self, kind: &str, text: &str) {
         let message = json!({ "type": kind, "text": text }).to_string();
         // A page that cannot listen misses nothing that it needs.

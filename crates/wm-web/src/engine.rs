@@ -1,0 +1,222 @@
+//! The renderer and the place of the page, with what a frame of the viewer needs.
+
+use crate::files::SiteFiles;
+use crate::page::Page;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use weather_magician::levels::LevelBudget;
+use weather_magician::{Patience, PlaceOptions, PreparedPlace, Renderer};
+use web_time::Instant;
+use wm_media::color::{Dither, quantize_rgb8};
+use wm_media::{PictureSize, png};
+use wm_render::Device;
+use wm_scene::formats::{ReadOptions, read_scene};
+use wm_scene::levels::{INDEX_NAME, LevelIndex};
+use wm_scene::survey::Survey;
+use wm_scene::{Scene, SceneView, files::fetched};
+use wm_viewer::catalog::Catalog;
+use wm_viewer::encode::to_bytes;
+use wm_viewer::pace::Pace;
+use wm_viewer::paint::{FrameReport, PaintOptions, ViewPainter, half_depth};
+use wm_viewer::site::{SiteFile, SiteView};
+use wm_viewer::state::{View, ViewOutput, ViewState};
+
+/// Memory for the splats of a scene in levels of detail where the site says none, bytes.
+const MEMORY: u64 = 1 << 30;
+
+/// Draws the views of one place.
+pub struct Engine {
+    page: Page,
+    files: SiteFiles,
+    renderer: Renderer,
+    place: PreparedPlace,
+    painter: ViewPainter,
+    pace: Pace,
+    /// The view of the last frame.
+    view: Option<Arc<View>>,
+    /// Files of levels that it lacked.
+    wanted: Vec<PathBuf>,
+}
+
+/// What was drawn of a view.
+pub struct Drawn {
+    /// The header of the frame.
+    pub head: Value,
+    /// Width and height, px.
+    pub size: (u32, u32),
+    /// Bytes `[H, W, 3]`.
+    pub rgb: Vec<u8>,
+    /// Something is missing that [`Engine::prepare`] gets.
+    pub lacks: bool,
+}
+
+impl Engine {
+    /// Reads the scene of a site.
+    ///
+    /// # Errors
+    /// A file cannot be fetched or read, or the device cannot be used, in one line.
+    pub async fn open(
+        page: Page,
+        files: SiteFiles,
+        site: &SiteFile,
+        device: &Device,
+    ) -> Result<Self, String> {
+        let told = page.clone();
+        let warn = move |error: &wm_render::RenderError| told.note(&error.to_string());
+        let mut renderer = Renderer::in_browser(device, warn).await.map_err(said)?;
+        files.keep_all(&[PathBuf::from(&site.scene)]).await?;
+        let options = PlaceOptions {
+            assets: Some("assets".into()),
+            asset_digest: Some(site.digest.parse()?),
+            ..PlaceOptions::default()
+        };
+        let path = Path::new(&site.scene);
+        let place = if site.scene == INDEX_NAME {
+            let budget = LevelBudget { memory: site.memory.unwrap_or(MEMORY), splats: None };
+            let index = LevelIndex::open(path).map_err(said)?;
+            loop {
+                let options = PlaceOptions { facts: site.metadata.clone(), ..options.clone() };
+                let opened = renderer.load_levels(index.clone(), &options, &budget, false);
+                // What it reads first is fetched, and read then.
+                match (opened, fetched::take_wanted()) {
+                    (Err(_), wanted) if !wanted.is_empty() => files.keep_all(&wanted).await?,
+                    (opened, _) => break opened.map_err(said)?,
+                }
+            }
+        } else {
+            let read = read_scene(path, &ReadOptions::default()).map_err(said)?;
+            fetched::remove(path);
+            let view = |view: &SiteView| SceneView { name: view.name.clone(), camera: view.camera };
+            let views = site.views.iter().map(view).collect();
+            let scene = Scene { views, metadata: site.metadata.clone(), ..read };
+            scene.check_finite().map_err(said)?;
+            renderer.load_with(scene, &options).map_err(said)?
+        };
+        let (painter, pace) = (ViewPainter::default(), Pace::default());
+        Ok(Self { page, files, renderer, place, painter, pace, view: None, wanted: Vec::new() })
+    }
+
+    /// The renderer, in words.
+    pub fn describe(&self) -> String {
+        self.renderer.describe()
+    }
+
+    /// The facts of the place.
+    pub fn survey(&self) -> &Survey {
+        self.place.survey()
+    }
+
+    /// Checks a state.
+    ///
+    /// # Errors
+    /// The first invalid value, in one line.
+    pub fn view(&self, state: ViewState, catalog: &Catalog) -> Result<Arc<View>, String> {
+        View::new(state, catalog, self.view.as_deref()).map(Arc::new)
+    }
+
+    /// Draws a view with the assets that there are: small while it is `moving`.
+    ///
+    /// # Errors
+    /// In one line.
+    pub async fn render(&mut self, view: &Arc<View>, seq: u64, moving: bool) -> Result<Drawn, String> {
+        let started = Instant::now();
+        self.view = Some(Arc::clone(view));
+        let lacks = !moving && self.lacks(view)?;
+        let (size, patience, dither) = match (moving, lacks) {
+            (true, _) => (self.pace.size(view.state.size), Patience::Draft, Dither::Off),
+            (false, true) => (view.size(), Patience::Draft, Dither::Ordered),
+            (false, false) => (view.size(), Patience::Whole, Dither::Ordered),
+        };
+        let options = PaintOptions { size, patience, dither };
+        let Self { painter, renderer, place, .. } = self;
+        let (rgb, stats) = painter.draw_async(renderer, place, view, None, options).await.map_err(said)?;
+        // Files of levels that were not there are known only now.
+        self.wanted = fetched::take_wanted();
+        let lacks = lacks || !(moving || self.wanted.is_empty());
+        let seconds = started.elapsed().as_secs_f64();
+        if moving {
+            self.pace.learn(seconds, 1, 0.0);
+        }
+        let report =
+            FrameReport { seq, size, is_whole: !moving && !lacks, stats: &stats, seconds: [seconds, 0.0] };
+        let head = report.header(view, self.place.site(), Value::Null);
+        Ok(Drawn { head, size, rgb, lacks })
+    }
+
+    /// Returns true if assets of a view are missing.
+    fn lacks(&mut self, view: &View) -> Result<bool, String> {
+        self.renderer.focus(&mut self.place, &view.weather, &view.camera()).map_err(said)?;
+        Ok(!self.place.missing_assets(&view.weather, view.state.time).is_empty())
+    }
+
+    /// Fetches or makes what the last view lacked.
+    ///
+    /// # Errors
+    /// In one line.
+    pub async fn prepare(&mut self) -> Result<(), String> {
+        let done = self.get_ready().await;
+        self.page.status("");
+        done
+    }
+
+    async fn get_ready(&mut self) -> Result<(), String> {
+        let wanted = std::mem::take(&mut self.wanted);
+        if !wanted.is_empty() {
+            self.page.status("fetching the scene");
+            self.files.keep_all(&wanted).await?;
+        }
+        let Some(view) = self.view.clone() else { return Ok(()) };
+        if !self.lacks(&view)? {
+            return Ok(());
+        }
+        let mut missing = self.place.missing_assets(&view.weather, view.state.time);
+        self.page.status(missing.description());
+        // Of what the site has, what this instant uses.
+        let prepared = self.place.asset_files(&view.weather, view.state.time);
+        let kept = self.files.keep_prepared(&prepared).await;
+        let source = self.renderer.asset_source(&mut self.place, &mut missing);
+        kept.iter().for_each(|path| fetched::remove(path));
+        // What the site does not have is made.
+        let _ = fetched::take_wanted();
+        let source = source.map_err(said)?;
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let assets = missing.make(source, &mut ()).map_err(said)?;
+        self.renderer.insert_assets(&mut self.place, assets).map_err(said)
+    }
+
+    /// Returns the point of the scene at a point of a view's picture, 0-1 of its sides.
+    ///
+    /// # Errors
+    /// In one line.
+    pub async fn pick(&mut self, view: &View, at: [f64; 2]) -> Result<Option<[f64; 3]>, String> {
+        let Self { painter, renderer, place, .. } = self;
+        painter.pick_async(renderer, place, view, at).await.map_err(said)
+    }
+
+    /// Returns the bytes of the PNG file of a view, without its divider.
+    ///
+    /// # Errors
+    /// In one line.
+    pub async fn picture(&mut self, view: &Arc<View>) -> Result<Vec<u8>, String> {
+        self.view = Some(Arc::clone(view));
+        while self.lacks(view)? {
+            self.prepare().await?;
+        }
+        let Self { painter, renderer, place, .. } = self;
+        let half = half_depth(place.survey());
+        let frame = &painter.render_async(renderer, place, view).await.map_err(said)?.frame;
+        let size = PictureSize::new(frame.width, frame.height);
+        let bytes = match view.state.output {
+            ViewOutput::Rgb => quantize_rgb8(&frame.rgb, size, Dither::Ordered),
+            output => to_bytes(frame, output, half, Dither::Off),
+        };
+        png::encode_rgb8(&bytes, size).map_err(said)
+    }
+}
+
+fn said(error: impl std::fmt::Display) -> String {
+    error.to_string()
+}
