@@ -1,5 +1,6 @@
 // The weather: presets as pictures, and a panel for each effect made from its table.
 
+import * as backend from "./backend.js";
 import { SunDial } from "./dial.js";
 import { h, $, short, toast } from "./dom.js";
 import { Store } from "./store.js";
@@ -89,7 +90,7 @@ export class WeatherPanel {
   /** The picture of a preset is there. @param {string} name */
   thumbnail(name) {
     const card = [...this.presets.children].find((card) => card.dataset.name === name);
-    card?.querySelector(".thumb")?.replaceChildren(h("img", { src: `/thumbnails/${encodeURIComponent(name)}?${Date.now()}`, alt: "" }));
+    card?.querySelector(".thumb")?.replaceChildren(h("img", { src: backend.thumbnail(name), alt: "" }));
   }
 
   /** @param {Effect} effect */
@@ -218,20 +219,4 @@ export class WeatherPanel {
 function starting(param) {
   if (param.kind === "color-or-auto") return "#c8ced4";
   return scaleOf(param).toValue(0.5);
-}
-
-/** The tabs of the panel. */
-export function tabs() {
-  const all = /** @type {HTMLElement[]} */ ([...document.querySelectorAll("[data-tab]")]);
-  for (const tab of all) {
-    tab.addEventListener("click", () => {
-      const isOpen = tab.getAttribute("aria-selected") === "true" && document.body.classList.contains("sheet");
-      for (const other of all) {
-        other.setAttribute("aria-selected", String(other === tab));
-        $(`tab-${other.dataset.tab}`).hidden = other !== tab;
-      }
-      // On a phone the panel is a sheet that a second touch puts away.
-      document.body.classList.toggle("sheet", !isOpen);
-    });
-  }
 }
