@@ -50,7 +50,7 @@ const [LINES, LONGEST] = [4, 300];
  */
 export function toast(text, kind = "note", about) {
   let box = $("toasts");
-  if (!box) document.body.append((box = h("div", { id: "toasts", role: "alert" })));
+  if (!box) document.body.append((box = h("div", { id: "toasts", role: "status" })));
   const words = text.length > LONGEST ? `${text.slice(0, LONGEST)} …` : text;
   const lines = /** @type {HTMLElement[]} */ ([...box.children]);
   if (about) lines.filter((line) => line.dataset.about === about && line.textContent !== words).forEach((line) => line.remove());

@@ -288,6 +288,7 @@ function compare() {
     $("divider-switch").setAttribute("aria-pressed", String(divider !== null));
     if (divider === null) return;
     line.style.left = `${100 * divider}%`;
+    line.setAttribute("aria-valuenow", String(Math.round(100 * divider)));
     $("divider-right").textContent = weather.name ?? "weather";
   };
   $("divider-switch").addEventListener("click", () => store.set({ divider: store.state.divider === null ? 0.5 : null }));
@@ -296,6 +297,16 @@ function compare() {
     if (!event.buttons) return;
     const box = canvas.getBoundingClientRect();
     store.set({ divider: Math.min(1, Math.max(0, (event.clientX - box.left) / box.width)) });
+  });
+  line.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
+    const at = store.state.divider ?? 0.5;
+    const step = event.shiftKey ? 0.1 : 0.01;
+    /** @type {Record<string, number>} */
+    const ways = { ArrowLeft: at - step, ArrowDown: at - step, ArrowRight: at + step, ArrowUp: at + step, Home: 0, End: 1 };
+    const to = ways[event.key];
+    if (to === undefined) return;
+    event.preventDefault();
+    store.set({ divider: Math.round(1000 * Math.min(1, Math.max(0, to))) / 1000 });
   });
   store.listen(refresh);
   refresh();
@@ -317,15 +328,26 @@ function cameraPanel(controls) {
   };
   const where = h("p", { id: "where", className: "quiet" });
   const keys = h("div", { id: "camera-keys" });
+  const goTo = (/** @type {number} */ index) => {
+    const { time, eye, rotation, fov } = store.state.path[index];
+    controls.flyTo({ eye, rotation, fov });
+    store.set({ time });
+  };
+  const remove = (/** @type {number} */ index) => {
+    const { path } = store.state;
+    store.set({ path: path.filter((_, other) => other !== index), ...(path.length === 1 ? { follow: "camera" } : {}) });
+    // The focus goes to the next one, or to what adds one.
+    /** @type {HTMLElement} */ (keys.children[Math.min(index, keys.children.length - 1)]?.lastElementChild ?? $("add-key")).focus();
+  };
   const follow = h("button", { id: "follow", onclick: () => {
     if (store.state.path.length === 0) return toast("Set keyframes of the camera first: ◆ Camera beside the time");
     store.set({ follow: store.state.follow === "path" ? "camera" : "path" });
   } }, "Look along the path");
   const photos = scene.views.length === 0 ? [h("p", { className: "quiet" }, "This scene has no photos' cameras. Load them with --views.")] : [
     h("div", { className: "row" },
-      h("button", { id: "photo-before", onclick: () => photo(-1) }, "‹"),
+      h("button", { id: "photo-before", ariaLabel: "Previous photo", onclick: () => photo(-1) }, "‹"),
       h("select", { id: "photo", ariaLabel: "Photo", onchange: () => photo(0) }, ...scene.views.map((view, index) => h("option", { value: String(index) }, view.name.split(/[/\\]/).pop() ?? ""))),
-      h("button", { id: "photo-after", onclick: () => photo(1) }, "›")),
+      h("button", { id: "photo-after", ariaLabel: "Next photo", onclick: () => photo(1) }, "›")),
     h("button", { id: "photo-path", onclick: () => {
       const step = Math.max(1, Math.ceil(scene.views.length / 60));
       const views = scene.views.filter((_, index) => index % step === 0);
@@ -350,13 +372,17 @@ function cameraPanel(controls) {
     h("h2", {}, "Photos"),
     ...photos,
   );
+  let listed = "";
   const refresh = () => {
     const { camera, path, follow: way } = store.state;
     where.textContent = `Eye ${camera.eye.map((v) => short(v)).join(", ")}, ${scene.has_scale ? `1 unit is ${short(scene.metres_per_unit)} m` : "scene units"}`;
     follow.setAttribute("aria-pressed", String(way === "path"));
+    const shown = JSON.stringify(path.map((key) => key.time));
+    if (shown === listed) return;
+    listed = shown;
     keys.replaceChildren(...path.slice(0, 100).map((key, index) => h("div", { className: "row" },
-      h("button", { className: "grow", onclick: () => { controls.flyTo({ eye: key.eye, rotation: key.rotation, fov: key.fov }); store.set({ time: key.time }); } }, `◆ ${short(key.time)} s`),
-      h("button", { className: "icon-button", ariaLabel: "Remove this keyframe", onclick: () => store.set({ path: path.filter((_, other) => other !== index), ...(path.length === 1 ? { follow: "camera" } : {}) }) }, "×"))));
+      h("button", { className: "grow", onclick: () => goTo(index) }, `◆ ${short(key.time)} s`),
+      h("button", { className: "icon-button", title: "Remove this keyframe", ariaLabel: `Remove the keyframe at ${short(key.time)} s`, onclick: () => remove(index) }, "×"))));
   };
   store.listen((changed) => {
     if (["camera", "path", "follow"].some((what) => changed.has(what))) refresh();
@@ -379,23 +405,26 @@ const KEYS = [
   [", .", "previous and next frame"],
   ["K", "keyframe of the camera"],
   ["P", "look along the path"],
+  ["Tab", "next control; the arrows go among tabs and presets, and move the line of Compare and the sun"],
   ["1 2 3 4", "colour, depth, normals, coverage"],
   ["B", "before and after"],
   ["Ctrl S", "save the picture"],
   ["L", "light or dark"],
-  ["Escape", "close Align"],
+  ["Escape", features.align ? "close this list, Align, the panel of a phone" : "close this list, the panel of a phone"],
   ["?", "this list"],
 ];
 
 /** @param {Controls} controls @param {Timeline} timeline */
 function keys(controls, timeline) {
-  const isTyping = (/** @type {Event} */ event) => /** @type {HTMLElement} */ (event.target).matches?.("input[type=text], input:not([type]), input.number, select, textarea");
+  const isTyping = (/** @type {Event} */ event) => /** @type {HTMLElement} */ (event.target).matches?.("input[type=text], input:not([type]), input.number, select, textarea, pre");
   addEventListener("keydown", (event) => {
     if (event.key === "s" && (event.ctrlKey || event.metaKey)) {
       event.preventDefault();
       return $("save-picture").click();
     }
-    if (isTyping(event) || event.ctrlKey || event.metaKey || event.altKey) return;
+    // What a control or a dialog does with a key is its own.
+    if (event.defaultPrevented || isTyping(event) || event.ctrlKey || event.metaKey || event.altKey) return;
+    if ($("help").open && event.key !== "?") return;
     // Space presses what has the focus.
     const isPressed = /** @type {HTMLElement} */ (event.target).matches?.("button, summary, a, input[type=checkbox]");
     if (event.key === " " && isPressed) return;
