@@ -2,6 +2,7 @@
 // and the sun of the photos from a point and the end of its shadow.
 // Fetched when it is opened.
 
+import * as backend from "./backend.js";
 import { axes, dot, sub } from "./camera.js";
 import { $, h, short } from "./dom.js";
 import { Store } from "./store.js";
@@ -19,13 +20,6 @@ const ASK = {
   window: "Click two opposite corners of a window",
   sun: "Click the top of something that casts a shadow, then the end of its shadow",
 };
-
-/** The answer of the program; its words where it refuses. @param {string} path @param {any} body */
-async function ask(path, body) {
-  const response = await fetch(path, { method: "POST", body: JSON.stringify(body) });
-  if (response.ok) return response.json();
-  throw new Error((await response.text()).trim() || `the program responded with status ${response.status}`);
-}
 
 export class AlignTool {
   /** @param {HTMLCanvasElement} canvas @param {Store} store */
@@ -141,7 +135,7 @@ export class AlignTool {
     const state = { ...this.store.state, camera: JSON.parse(this.canvas.dataset.camera), follow: "camera" };
     const mode = this.mode;
     await this.work(async () => {
-      const { point } = await ask("/surface", { state, x, y });
+      const { point } = await backend.surface({ state, x, y });
       if (!point) throw new Error("There is no surface at this point, only sky. Click where something is.");
       if (mode === this.mode) this.points.push(point);
     });
@@ -163,7 +157,7 @@ export class AlignTool {
     await this.work(async () => {
       this.points = [];
       this.done = "";
-      this.done = (await ask("/facts", change)).text;
+      this.done = (await backend.facts(change)).text;
     });
   }
 
@@ -176,7 +170,7 @@ export class AlignTool {
     try {
       await job();
     } catch (error) {
-      const text = error instanceof TypeError ? "the program does not respond" : /** @type {Error} */ (error).message;
+      const text = /** @type {Error} */ (error).message;
       this.complain(text.charAt(0).toUpperCase() + text.slice(1));
     }
     this.isBusy = false;

@@ -90,6 +90,7 @@ export class Controls {
   /** Flies to a pose. @param {Pose} to */
   flyTo(to) {
     this.pivot = null;
+    if (matchMedia("(prefers-reduced-motion: reduce)").matches) return this.set(to);
     this.flight = { from: this.pose, to, start: performance.now() };
   }
 

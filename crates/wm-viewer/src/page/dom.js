@@ -41,13 +41,55 @@ export function metres(metres) {
   return metres >= 1000 ? `${short(metres / 1000, 2)} km` : `${short(metres, 3)} m`;
 }
 
-/** Says something for a while. @param {string} text @param {"note" | "bad"} [kind] */
-export function toast(text, kind = "note") {
+/** Most lines that are said at once, and their longest, characters. */
+const [LINES, LONGEST] = [4, 300];
+
+/**
+ * Says something for a while. A line about something replaces the last one about it.
+ * @param {string} text @param {"note" | "bad"} [kind] @param {string} [about]
+ */
+export function toast(text, kind = "note", about) {
   let box = $("toasts");
-  if (!box) document.body.append((box = h("div", { id: "toasts", role: "alert" })));
-  if ([...box.children].some((child) => child.textContent === text)) return;
-  const line = h("div", { className: kind }, text);
+  if (!box) document.body.append((box = h("div", { id: "toasts", role: "status" })));
+  const words = text.length > LONGEST ? `${text.slice(0, LONGEST)} …` : text;
+  const lines = /** @type {HTMLElement[]} */ ([...box.children]);
+  if (about) lines.filter((line) => line.dataset.about === about && line.textContent !== words).forEach((line) => line.remove());
+  if (lines.some((line) => line.isConnected && line.textContent === words)) return;
+  while (box.children.length >= LINES) box.firstElementChild.remove();
+  const line = h("div", { className: kind, "data-about": about }, words);
   line.addEventListener("click", () => line.remove());
   box.append(line);
   setTimeout(() => line.remove(), kind === "bad" ? 9000 : 3500);
+}
+
+/**
+ * Makes one stop of the Tab key of some controls; the arrows, Home and End go among them.
+ * @param {HTMLElement} root @param {() => HTMLElement[]} controls @param {(control: HTMLElement) => void} [onGo]
+ * @returns {(control: HTMLElement) => void} Sets the control that the Tab key reaches.
+ */
+export function roving(root, controls, onGo) {
+  const stop = (/** @type {HTMLElement} */ control) => controls().forEach((other) => (other.tabIndex = other === control ? 0 : -1));
+  root.addEventListener("keydown", (event) => {
+    const all = controls();
+    const at = all.indexOf(/** @type {HTMLElement} */ (event.target));
+    if (at < 0 || event.ctrlKey || event.altKey || event.metaKey) return;
+    const top = all[0].offsetTop;
+    const columns = Math.max(1, all.filter((control) => control.offsetTop === top).length);
+    const isGrid = columns < all.length;
+    /** @type {Record<string, number>} */
+    const ways = { ArrowRight: at + 1, ArrowLeft: at - 1, ArrowDown: isGrid ? at + columns : at + 1, ArrowUp: isGrid ? at - columns : at - 1, Home: 0, End: all.length - 1 };
+    const to = ways[event.key];
+    if (to === undefined) return;
+    event.preventDefault();
+    // Up and down end at the edge of a grid; a row goes round.
+    const control = isGrid ? all[to] : all[(to + all.length) % all.length];
+    if (!control) return;
+    stop(control);
+    control.focus();
+    onGo?.(control);
+  });
+  root.addEventListener("focusin", (event) => controls().includes(/** @type {HTMLElement} */ (event.target)) && stop(/** @type {HTMLElement} */ (event.target)));
+  const first = controls()[0];
+  if (first) stop(first);
+  return stop;
 }

@@ -1,16 +1,11 @@
 // Saving: pictures, weathers, cameras, commands, videos. And loading a weather.
 
+import * as backend from "./backend.js";
 import { h, short, toast } from "./dom.js";
 import { Store } from "./store.js";
 
 /** Sizes of pictures and videos beside that of the window, px. */
 const SIZES = [[1280, 720], [1920, 1080], [2560, 1440], [3840, 2160]];
-
-/** What was wrong, in the program's words. @param {Response} response */
-async function problem(response) {
-  const text = (await response.text()).trim();
-  return text || `the program responded with status ${response.status}`;
-}
 
 /** Gives a file to the browser. @param {Blob} blob @param {string} name */
 function download(blob, name) {
@@ -19,24 +14,29 @@ function download(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
-/** A file of a state; null without an answer. @param {string} kind @param {import("./store.js").ViewState} state */
-export async function fileOf(kind, state) {
+/** The command that makes a file of a state; none without an answer. @param {string} kind @param {import("./store.js").ViewState} state */
+export async function commandOf(kind, state) {
   try {
-    return await fetch(`/files/${kind}`, { method: "POST", body: JSON.stringify(state) });
+    const { blob } = await backend.file(kind, state);
+    return (await blob.text()).trim();
   } catch {
-    return null;
+    return "";
   }
 }
+
+/** Says what was wrong. @param {any} error */
+const complain = (error) => toast(error.message, "bad");
 
 /** Saves files of a state. @param {string[]} kinds @param {import("./store.js").ViewState} state */
 export async function saveFiles(kinds, state) {
   for (const kind of kinds) {
-    const response = await fileOf(kind, state);
-    if (!response) return toast("The program does not respond", "bad");
-    if (!response.ok) return toast(await problem(response), "bad");
-    const name = /filename="([^"]+)"/.exec(response.headers.get("content-disposition") ?? "")?.[1] ?? kind;
-    download(await response.blob(), name);
-    toast(`Saved ${name}`);
+    try {
+      const { name, blob } = await backend.file(kind, state);
+      download(blob, name);
+      toast(`Saved ${name}`);
+    } catch (error) {
+      return complain(error);
+    }
   }
 }
 
@@ -59,20 +59,22 @@ export class FilesPanel {
       h("button", { id, onclick: () => this.save([kind]) }, text);
     root.replaceChildren(
       h("h2", {}, "Picture"),
-      h("div", { className: "param" }, h("label", {}, "Size"), this.size),
+      h("div", { className: "param" }, h("label", { htmlFor: "size-picture" }, "Size"), this.size),
       h("div", { className: "buttons" },
         h("button", { id: "save-all", className: "main", title: "Save the picture, and the weather and camera files that the command below needs", onclick: () => this.save(["picture", "weather", "camera"]) }, "Save all"),
         button("save-picture", "PNG", "picture"), button("save-weather", "Weather", "weather"), button("save-camera", "Camera", "camera")),
       h("p", { className: "quiet" }, "The command gives the same picture, byte for byte, from the saved files."),
       this.command,
       h("div", { className: "buttons" }, h("button", { id: "copy-command", onclick: () => this.copy() }, "Copy command"), h("button", { onclick: () => this.file.click() }, "Load weather…"), this.file),
-      h("h2", {}, "Video"),
-      h("p", { className: "quiet", hidden: store.parameters.video }, "This build has no video encoder."),
-      h("div", { className: "param" }, h("label", {}, "Size"), this.filmSize),
-      h("div", { className: "row" }, h("label", {}, "Seconds"), this.seconds, h("label", {}, "Frames/s"), this.fps),
-      h("p", { className: "quiet" }, "Starts at time 0; follows the camera path if “Look along the path” is on."),
-      h("div", { className: "buttons" }, this.begin, this.stop, this.link),
-      this.bar, this.note,
+      ...(backend.features.video ? [
+        h("h2", {}, "Video"),
+        h("p", { className: "quiet", hidden: store.parameters.video }, "This build has no video encoder."),
+        h("div", { className: "param" }, h("label", { htmlFor: "size-video" }, "Size"), this.filmSize),
+        h("div", { className: "row" }, h("label", { htmlFor: "seconds" }, "Seconds"), this.seconds, h("label", { htmlFor: "fps" }, "Frames/s"), this.fps),
+        h("p", { className: "quiet" }, "Starts at time 0; follows the camera path if “Look along the path” is on."),
+        h("div", { className: "buttons" }, this.begin, this.stop, this.link),
+        this.bar, this.note,
+      ] : []),
     );
     this.timer = 0;
     store.listen((changed) => {
@@ -98,8 +100,8 @@ export class FilesPanel {
     clearTimeout(this.timer);
     if (this.store.isPlaying) return;
     this.timer = window.setTimeout(async () => {
-      const response = await fileOf("command", this.stateFor(this.size));
-      if (response?.ok) this.command.textContent = (await response.text()).trim();
+      const command = await commandOf("command", this.stateFor(this.size));
+      if (command) this.command.textContent = command;
     }, 400);
   }
 
@@ -121,36 +123,39 @@ export class FilesPanel {
   async load() {
     const file = this.file.files?.[0];
     if (!file) return;
-    const response = await fetch("/weather", { method: "POST", body: await file.text() });
+    try {
+      this.store.set({ weather: await backend.readWeather(await file.text()) });
+      toast(`Loaded ${file.name}`);
+    } catch (error) {
+      complain(error);
+    }
     this.file.value = "";
-    if (!response.ok) return toast(await problem(response), "bad");
-    this.store.set({ weather: await response.json() });
-    toast(`Loaded ${file.name}`);
   }
 
   async film() {
     const asked = { state: this.stateFor(this.filmSize), fps: Number(this.fps.value), seconds: Number(this.seconds.value) };
-    const response = await fetch("/videos", { method: "POST", body: JSON.stringify(asked) });
-    if (!response.ok) return toast(await problem(response), "bad");
-    const video = await response.json();
-    this.id = video.id;
+    try {
+      this.id = (await backend.beginVideo(asked)).id;
+    } catch (error) {
+      return complain(error);
+    }
     [this.begin.hidden, this.stop.hidden, this.link.hidden, this.bar.hidden] = [true, false, true, false];
     this.watch();
   }
 
   async watch() {
-    const response = await fetch(`/videos/${this.id}`).catch(() => null);
-    const video = response?.ok ? await response.json() : { state: "failed", error: "the program does not respond" };
+    /** @type {any} */
+    const video = await backend.video(this.id).catch((error) => ({ state: "failed", error: error.message }));
     this.bar.value = video.frames ? video.done / video.frames : 0;
     this.note.textContent = video.state === "running" ? `${video.done} of ${video.frames} frames` : video.state === "done" ? `${video.frames} frames` : video.error;
     if (video.state === "running") return setTimeout(() => this.watch(), 400);
     [this.begin.hidden, this.stop.hidden, this.bar.hidden] = [false, true, true];
     if (video.state === "done") {
-      [this.link.href, this.link.download, this.link.hidden] = [`/videos/${this.id}/file`, video.name, false];
+      [this.link.href, this.link.download, this.link.hidden] = [backend.videoFile(this.id), video.name, false];
     }
   }
 
   async end() {
-    await fetch(`/videos/${this.id}`, { method: "DELETE" });
+    await backend.stopVideo(this.id).catch(complain);
   }
 }

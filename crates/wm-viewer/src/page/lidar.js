@@ -2,7 +2,7 @@
 
 import { add, axes, looking, mul, sub, unit } from "./camera.js";
 import { count, h, short } from "./dom.js";
-import { fileOf, saveFiles } from "./files.js";
+import { commandOf, saveFiles } from "./files.js";
 import { Store } from "./store.js";
 
 /** @typedef {import("./store.js").LidarState} LidarState */
@@ -126,8 +126,8 @@ export class LidarPanel {
     clearTimeout(this.timer);
     if (this.store.isPlaying || !this.store.state.lidar) return;
     this.timer = window.setTimeout(async () => {
-      const response = await fileOf("scan", this.store.state);
-      if (response?.ok) this.command.textContent = (await response.text()).trim();
+      const command = await commandOf("scan", this.store.state);
+      if (command) this.command.textContent = command;
     }, 400);
   }
 

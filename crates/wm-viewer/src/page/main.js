@@ -1,12 +1,14 @@
 // The page: puts its parts together.
 
-import { Connection } from "./connection.js";
+import * as backend from "./backend.js";
 import { Controls } from "./controls.js";
 import { $, count, h, metres, short, toast } from "./dom.js";
 import { FilesPanel } from "./files.js";
 import { LidarPanel } from "./lidar.js";
-import { WeatherPanel, tabs, titled } from "./panels.js";
+import { WeatherPanel, titled } from "./panels.js";
+import { Links } from "./share.js";
 import { Store } from "./store.js";
+import { tabs } from "./tabs.js";
 import { Timeline } from "./timeline.js";
 
 /** Longest side and most pixels of a picture that are asked for. */
@@ -15,10 +17,14 @@ const MOST_PIXELS = 3840 * 2160;
 
 const store = new Store();
 const canvas = /** @type {HTMLCanvasElement} */ ($("picture"));
-/** @type {{weather: WeatherPanel, timeline: Timeline, controls: Controls, lidar: LidarPanel} | null} */
+/** @type {{weather: WeatherPanel, timeline: Timeline, controls: Controls, lidar: LidarPanel | null} | null} */
 let parts = null;
 
-const connection = new Connection(store, {
+const { features } = backend;
+/** What renders, where the page does; none is said where it is the usual. */
+let renderer = "";
+
+const connection = new backend.Connection(store, {
   frame: show,
   word: hear,
   open: (isOpen) => {
@@ -34,6 +40,31 @@ function veil(text, isBad = false) {
   $("veil").hidden = text === "";
   $("veil").classList.toggle("bad", isBad);
   $("veil-text").textContent = text;
+}
+
+/** How far the scene is. @param {{text?: string, done?: number, total?: number}} word */
+function loading({ text, done, total }) {
+  const mb = (/** @type {number} */ bytes) => (bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0);
+  const far = done === undefined ? "" : total ? `: ${mb(done)} of ${mb(total)} MB` : `: ${mb(done)} MB`;
+  veil(`${text ?? "Reading the scene"}${far}`);
+  $("veil-progress").hidden = !total;
+  if (total) $("veil-progress").value = (done ?? 0) / total;
+}
+
+/** A picture of the scene behind the veil, until there is a better one. @param {string} url */
+function poster(url) {
+  if (!url) return;
+  const picture = h("img", { id: "poster", alt: "", src: url, onload: () => document.body.classList.add("has-poster"), onerror: () => picture.remove() });
+  $("veil").before(picture);
+}
+
+/** A film of the scene where it cannot be rendered; the poster stays where there is none. @param {string} url */
+function film(url) {
+  const isStill = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  const video = h("video", { id: "film", src: url, muted: true, loop: true, autoplay: !isStill, controls: true, playsInline: true, poster: $("poster")?.src ?? "", ariaLabel: "Video of the scene",
+    onloadeddata: () => document.body.classList.add("has-poster"), onerror: () => video.remove() });
+  $("film")?.remove();
+  $("veil").before(video);
 }
 
 let statusTimer = 0;
@@ -52,11 +83,16 @@ function status(text) {
 async function hear(word) {
   switch (word.type) {
     case "loading":
-      return veil("Reading the scene");
+      return loading(word);
+    case "poster":
+      return poster(word.url);
     case "failed":
       document.body.dataset.failed = "yes";
+      status("");
+      if (word.film) film(word.film);
       return veil(word.text, true);
     case "ready":
+      renderer = word.device ?? "";
       return begin();
     case "status":
       return status(word.text);
@@ -75,21 +111,28 @@ async function hear(word) {
 
 /** The scene is there. */
 async function begin() {
-  const response = await fetch("/parameters");
-  if (!response.ok) return veil((await response.text()).trim(), true);
-  const parameters = await response.json();
+  /** @type {import("./store.js").Parameters} */
+  let parameters;
+  try {
+    parameters = await backend.parameters();
+  } catch (error) {
+    return veil(/** @type {Error} */ (error).message, true);
+  }
   delete document.body.dataset.failed;
   const isOther = store.parameters?.scene.name !== parameters.scene.name;
   store.parameters = parameters;
   // After a new start of the program the page goes on with what it showed.
   if (isOther || !store.state) store.state = { ...parameters.state, size: shownSize() };
-  if (!parts) build();
-  else if (isOther) location.reload();
+  if (parts && isOther) return location.reload();
+  const links = parts ? null : build();
   const { scene } = parameters;
   $("scene-name").textContent = scene.name;
   about();
   document.title = `${scene.name} – Weather-Magician`;
-  veil("");
+  // The first picture is that of the link.
+  await links?.open();
+  if (!features.isStatic || canvas.dataset.seq) veil("");
+  else loading({ text: "Rendering the first picture" });
   connection.sentWeather = null;
   connection.touch();
   connection.say({ type: "thumbnails" });
@@ -119,7 +162,7 @@ function alignment() {
   /** @type {Promise<import("./align.js").AlignTool> | null} */
   let tool = null;
   const load = async () => {
-    document.head.append(h("link", { rel: "stylesheet", href: "/align.css" }));
+    document.head.append(h("link", { rel: "stylesheet", href: "./align.css" }));
     const { AlignTool } = await import("./align.js");
     return new AlignTool(canvas, store);
   };
@@ -133,6 +176,7 @@ function alignment() {
   });
 }
 
+/** Makes the page's parts. */
 function build() {
   const pick = (/** @type {number} */ x, /** @type {number} */ y) => connection.say({ type: "pick", x, y });
   const controls = new Controls(canvas, store, pick);
@@ -140,13 +184,15 @@ function build() {
     weather: new WeatherPanel($("tab-weather"), store),
     timeline: new Timeline($("timeline"), store),
     controls,
-    lidar: new LidarPanel($("tab-lidar"), store, (pose) => controls.flyTo(pose)),
+    lidar: features.lidar ? new LidarPanel($("tab-lidar"), store, (pose) => controls.flyTo(pose)) : null,
   };
   new FilesPanel($("tab-save"), store);
   cameraPanel(parts.controls);
   outputs();
   compare();
-  alignment();
+  if (features.align) alignment();
+  $("align-switch").hidden = !features.align;
+  if (!features.lidar) for (const part of [$("tab-lidar"), document.querySelector("[data-tab=lidar]")]) part.remove();
   store.listen((changed) => {
     if ([...changed].every((what) => what === "playing" || what === "duration")) return;
     canvas.dataset.settled = "false";
@@ -156,6 +202,7 @@ function build() {
   keys(parts.controls, parts.timeline);
   help();
   tabs();
+  return new Links(store);
 }
 
 /** The picture's size in the pixels of the screen: even, and not too large. */
@@ -169,12 +216,18 @@ function shownSize() {
 
 const rate = { frames: 0, since: performance.now(), shown: 0 };
 
-/** @param {import("./connection.js").Head} head @param {ImageBitmap} picture */
+/** @param {import("./connection.js").Head} head @param {ImageBitmap | ImageData} picture */
 function show(head, picture) {
   if (canvas.width !== picture.width || canvas.height !== picture.height) {
     [canvas.width, canvas.height] = [picture.width, picture.height];
   }
-  canvas.getContext("2d")?.drawImage(picture, 0, 0);
+  const context = canvas.getContext("2d");
+  if (picture instanceof ImageData) context?.putImageData(picture, 0, 0);
+  else context?.drawImage(picture, 0, 0);
+  if (features.isStatic && !canvas.dataset.seq) {
+    veil("");
+    $("poster")?.remove();
+  }
   Object.assign(canvas.dataset, { seq: head.seq, whole: head.whole, settled: head.seq === connection.seq && !connection.isDue(), time: head.time, camera: JSON.stringify(head.camera) });
   // On a path the camera is the program's; from there the next drag goes on.
   if (store.state.follow === "path") store.state.camera = head.camera;
@@ -185,7 +238,7 @@ function show(head, picture) {
     [rate.frames, rate.since] = [0, now];
   }
   stats(head);
-  parts?.lidar.report(head);
+  parts?.lidar?.report(head);
 }
 
 /** @param {import("./connection.js").Head} head */
@@ -195,14 +248,25 @@ function stats(head) {
   const isStill = head.whole || (!store.isPlaying && performance.now() - store.changedAt > 1000);
   $("stats").replaceChildren(
     isStill ? h("span", { title: "Frames are rendered when something changes" }, h("b", {}, head.whole ? "still" : "draft")) : figure("fps", short(rate.shown, 2), "Pictures a second that this page shows"),
-    figure("ms", String(Math.round(head.draw_ms + head.encode_ms)), `Drawing ${short(head.draw_ms)} ms, JPEG ${short(head.encode_ms)} ms`),
+    figure("ms", String(Math.round(head.draw_ms + head.encode_ms)), `Drawing ${short(head.draw_ms)} ms${features.isStatic ? "" : `, JPEG ${short(head.encode_ms)} ms`}`),
     figure("px", `${head.width}×${head.height}`, "Size of the picture: smaller while something moves"),
     figure("splats", count(head.splats), "Splats in view"),
     ...(head.drops ? [figure("drops", count(head.drops), "Drops or flakes in the picture")] : []),
     figure("MOR", metres(head.mor), "Meteorological optical range at the camera: where 5 % of the light is left"),
     ...(head.rain ? [figure("mm/h rain", short(head.rain), "Rain")] : []),
     ...(head.snow ? [figure("mm/h snow", short(head.snow), "Snowfall, as water")] : []),
+    ...(renderer ? [rendererFigure()] : []),
   );
+}
+
+/** What renders here, and why where it is the processor. */
+function rendererFigure() {
+  const [name] = renderer.split(",");
+  const isGpu = name.trim().toLowerCase() === "gpu";
+  const why = isGpu ? "The graphics card of this device renders the pictures" : "navigator" in globalThis && "gpu" in navigator
+    ? "The processor renders the pictures: this browser's WebGPU has no graphics card that will do. Pictures come more slowly and smaller while something moves"
+    : "The processor renders the pictures, as this browser has no WebGPU. Pictures come more slowly; they are the same";
+  return h("span", { "data-stat": "device", title: `${why} (${renderer})` }, "on ", h("b", {}, isGpu ? "GPU" : "CPU"), isGpu ? "" : ", no WebGPU");
 }
 
 function outputs() {
@@ -224,6 +288,7 @@ function compare() {
     $("divider-switch").setAttribute("aria-pressed", String(divider !== null));
     if (divider === null) return;
     line.style.left = `${100 * divider}%`;
+    line.setAttribute("aria-valuenow", String(Math.round(100 * divider)));
     $("divider-right").textContent = weather.name ?? "weather";
   };
   $("divider-switch").addEventListener("click", () => store.set({ divider: store.state.divider === null ? 0.5 : null }));
@@ -232,6 +297,16 @@ function compare() {
     if (!event.buttons) return;
     const box = canvas.getBoundingClientRect();
     store.set({ divider: Math.min(1, Math.max(0, (event.clientX - box.left) / box.width)) });
+  });
+  line.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
+    const at = store.state.divider ?? 0.5;
+    const step = event.shiftKey ? 0.1 : 0.01;
+    /** @type {Record<string, number>} */
+    const ways = { ArrowLeft: at - step, ArrowDown: at - step, ArrowRight: at + step, ArrowUp: at + step, Home: 0, End: 1 };
+    const to = ways[event.key];
+    if (to === undefined) return;
+    event.preventDefault();
+    store.set({ divider: Math.round(1000 * Math.min(1, Math.max(0, to))) / 1000 });
   });
   store.listen(refresh);
   refresh();
@@ -253,15 +328,26 @@ function cameraPanel(controls) {
   };
   const where = h("p", { id: "where", className: "quiet" });
   const keys = h("div", { id: "camera-keys" });
+  const goTo = (/** @type {number} */ index) => {
+    const { time, eye, rotation, fov } = store.state.path[index];
+    controls.flyTo({ eye, rotation, fov });
+    store.set({ time });
+  };
+  const remove = (/** @type {number} */ index) => {
+    const { path } = store.state;
+    store.set({ path: path.filter((_, other) => other !== index), ...(path.length === 1 ? { follow: "camera" } : {}) });
+    // The focus goes to the next one, or to what adds one.
+    /** @type {HTMLElement} */ (keys.children[Math.min(index, keys.children.length - 1)]?.lastElementChild ?? $("add-key")).focus();
+  };
   const follow = h("button", { id: "follow", onclick: () => {
     if (store.state.path.length === 0) return toast("Set keyframes of the camera first: ◆ Camera beside the time");
     store.set({ follow: store.state.follow === "path" ? "camera" : "path" });
   } }, "Look along the path");
   const photos = scene.views.length === 0 ? [h("p", { className: "quiet" }, "This scene has no photos' cameras. Load them with --views.")] : [
     h("div", { className: "row" },
-      h("button", { id: "photo-before", onclick: () => photo(-1) }, "‹"),
+      h("button", { id: "photo-before", ariaLabel: "Previous photo", onclick: () => photo(-1) }, "‹"),
       h("select", { id: "photo", ariaLabel: "Photo", onchange: () => photo(0) }, ...scene.views.map((view, index) => h("option", { value: String(index) }, view.name.split(/[/\\]/).pop() ?? ""))),
-      h("button", { id: "photo-after", onclick: () => photo(1) }, "›")),
+      h("button", { id: "photo-after", ariaLabel: "Next photo", onclick: () => photo(1) }, "›")),
     h("button", { id: "photo-path", onclick: () => {
       const step = Math.max(1, Math.ceil(scene.views.length / 60));
       const views = scene.views.filter((_, index) => index % step === 0);
@@ -286,13 +372,17 @@ function cameraPanel(controls) {
     h("h2", {}, "Photos"),
     ...photos,
   );
+  let listed = "";
   const refresh = () => {
     const { camera, path, follow: way } = store.state;
     where.textContent = `Eye ${camera.eye.map((v) => short(v)).join(", ")}, ${scene.has_scale ? `1 unit is ${short(scene.metres_per_unit)} m` : "scene units"}`;
     follow.setAttribute("aria-pressed", String(way === "path"));
+    const shown = JSON.stringify(path.map((key) => key.time));
+    if (shown === listed) return;
+    listed = shown;
     keys.replaceChildren(...path.slice(0, 100).map((key, index) => h("div", { className: "row" },
-      h("button", { className: "grow", onclick: () => { controls.flyTo({ eye: key.eye, rotation: key.rotation, fov: key.fov }); store.set({ time: key.time }); } }, `◆ ${short(key.time)} s`),
-      h("button", { className: "icon-button", ariaLabel: "Remove this keyframe", onclick: () => store.set({ path: path.filter((_, other) => other !== index), ...(path.length === 1 ? { follow: "camera" } : {}) }) }, "×"))));
+      h("button", { className: "grow", onclick: () => goTo(index) }, `◆ ${short(key.time)} s`),
+      h("button", { className: "icon-button", title: "Remove this keyframe", ariaLabel: `Remove the keyframe at ${short(key.time)} s`, onclick: () => remove(index) }, "×"))));
   };
   store.listen((changed) => {
     if (["camera", "path", "follow"].some((what) => changed.has(what))) refresh();
@@ -315,23 +405,26 @@ const KEYS = [
   [", .", "previous and next frame"],
   ["K", "keyframe of the camera"],
   ["P", "look along the path"],
+  ["Tab", "next control; the arrows go among tabs and presets, and move the line of Compare and the sun"],
   ["1 2 3 4", "colour, depth, normals, coverage"],
   ["B", "before and after"],
   ["Ctrl S", "save the picture"],
   ["L", "light or dark"],
-  ["Escape", "close Align"],
+  ["Escape", features.align ? "close this list, Align, the panel of a phone" : "close this list, the panel of a phone"],
   ["?", "this list"],
 ];
 
 /** @param {Controls} controls @param {Timeline} timeline */
 function keys(controls, timeline) {
-  const isTyping = (/** @type {Event} */ event) => /** @type {HTMLElement} */ (event.target).matches?.("input[type=text], input:not([type]), input.number, select, textarea");
+  const isTyping = (/** @type {Event} */ event) => /** @type {HTMLElement} */ (event.target).matches?.("input[type=text], input:not([type]), input.number, select, textarea, pre");
   addEventListener("keydown", (event) => {
     if (event.key === "s" && (event.ctrlKey || event.metaKey)) {
       event.preventDefault();
       return $("save-picture").click();
     }
-    if (isTyping(event) || event.ctrlKey || event.metaKey || event.altKey) return;
+    // What a control or a dialog does with a key is its own.
+    if (event.defaultPrevented || isTyping(event) || event.ctrlKey || event.metaKey || event.altKey) return;
+    if ($("help").open && event.key !== "?") return;
     // Space presses what has the focus.
     const isPressed = /** @type {HTMLElement} */ (event.target).matches?.("button, summary, a, input[type=checkbox]");
     if (event.key === " " && isPressed) return;
@@ -367,7 +460,7 @@ function keys(controls, timeline) {
 function help() {
   const dialog = $("help");
   dialog.replaceChildren(
-    h("h2", {}, "Keys and gestures"),
+    h("h2", { id: "help-title" }, "Keys and gestures"),
     h("dl", {}, ...KEYS.flatMap(([key, what]) => [h("dt", {}, ...key.split(", ").flatMap((part, index) => [index ? ", " : "", h("kbd", {}, part)])), h("dd", {}, what)])),
     h("p", { className: "quiet" }, `${store.parameters.program}, ${store.parameters.scene.renderer}`),
     h("form", { method: "dialog" }, h("button", { className: "main" }, "Close")),

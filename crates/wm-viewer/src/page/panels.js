@@ -1,7 +1,8 @@
 // The weather: presets as pictures, and a panel for each effect made from its table.
 
+import * as backend from "./backend.js";
 import { SunDial } from "./dial.js";
-import { h, $, short, toast } from "./dom.js";
+import { h, roving, short, toast } from "./dom.js";
 import { Store } from "./store.js";
 import { hasKey, hexOf, keysOf, number, scaleOf, valueAt, withKey, withoutKey } from "./tracks.js";
 
@@ -46,6 +47,7 @@ export class WeatherPanel {
       const { fidelity: _, ...others } = store.state.weather;
       store.setWeather(word === "paper" ? { ...others, fidelity: "paper" } : others);
     });
+    roving(this.presets, () => /** @type {HTMLElement[]} */ ([...this.presets.children]));
     root.replaceChildren(
       h("div", { className: "row" }, this.name, h("button", { id: "all-off", title: "Turn all weather off", onclick: () => this.choose("clear") }, "Clear")),
       this.presets,
@@ -89,7 +91,7 @@ export class WeatherPanel {
   /** The picture of a preset is there. @param {string} name */
   thumbnail(name) {
     const card = [...this.presets.children].find((card) => card.dataset.name === name);
-    card?.querySelector(".thumb")?.replaceChildren(h("img", { src: `/thumbnails/${encodeURIComponent(name)}?${Date.now()}`, alt: "" }));
+    card?.querySelector(".thumb")?.replaceChildren(h("img", { src: backend.thumbnail(name), alt: "" }));
   }
 
   /** @param {Effect} effect */
@@ -99,16 +101,17 @@ export class WeatherPanel {
     const paper = effect.params.filter((param) => param.name.startsWith("paper_"));
     const first = /** @type {any} */ (FIRST)[effect.name] ?? params.slice(0, 4).map((param) => param.name);
     const isFirst = (/** @type {Param} */ param) => first.includes(param.name);
-    const onOff = h("input", { type: "checkbox", className: "switch", ariaLabel: `${effect.name} on or off`, onchange: () => store.turn(effect.name, onOff.checked) });
+    const onOff = h("input", { type: "checkbox", className: "switch", ariaLabel: titled(effect.name), onchange: () => store.turn(effect.name, onOff.checked) });
     const rows = (/** @type {Param[]} */ list) => list.map((param) => this.param(effect, param));
     const rest = params.filter((param) => !isFirst(param));
-    const more = rest.length > 0 ? h("details", { className: "more" }, h("summary", {}, `${rest.length} more`), ...rows(rest)) : null;
+    const more = rest.length > 0 ? h("details", { className: "more" }, h("summary", { ariaLabel: `${rest.length} more of ${titled(effect.name).toLowerCase()}` }, `${rest.length} more`), ...rows(rest)) : null;
     const papers = paper.length > 0 ? h("details", { className: "more paper" }, h("summary", {}, "Fidelity paper"), ...rows(paper)) : null;
     const summary = h("span", { className: "summary quiet" });
     const dial = effect.name === "light" ? new SunDial(store) : null;
     const body = h("div", { className: "body" }, h("p", { className: "quiet about" }, effect.about), dial?.root ?? null, ...rows(params.filter(isFirst)), more, papers);
-    const box = h("details", { className: "effect", "data-effect": effect.name }, h("summary", {}, h("span", { className: "name" }, titled(effect.name)), summary, onOff), body);
-    onOff.addEventListener("click", (/** @type {Event} */ event) => event.stopPropagation());
+    // The switch is beside what opens the effect, not in it: each is a control of its own.
+    const box = h("div", { className: "effect", "data-effect": effect.name }, onOff,
+      h("details", {}, h("summary", {}, h("span", { className: "name" }, titled(effect.name)), summary), body));
     this.refreshers.set(effect.name, () => {
       const values = store.state.weather[effect.name];
       onOff.checked = values !== undefined;
@@ -133,6 +136,7 @@ export class WeatherPanel {
   param(effect, param) {
     const { store } = this;
     const id = `${effect.name}.${param.name}`;
+    const label = `${titled(param.name)} of ${titled(effect.name).toLowerCase()}`;
     const track = () => store.state.weather[effect.name]?.[param.name];
     const now = () => valueAt(track() ?? param.default, store.state.time);
     const set = (/** @type {any} */ value) => {
@@ -140,9 +144,9 @@ export class WeatherPanel {
       store.setParam(effect.name, param.name, isKeyed && value !== "auto" ? withKey(track(), store.state.time, value) : value);
     };
     const takesAuto = param.kind.endsWith("-or-auto");
-    const auto = takesAuto && param.kind !== "picture-or-auto" ? h("button", { className: "auto", title: "Determine the value automatically", onclick: () => set(now() === "auto" ? starting(param) : "auto") }, "auto") : null;
-    const reset = h("button", { className: "icon-button reset", title: "Reset to the default", ariaLabel: `Reset ${id}`, onclick: () => store.setParam(effect.name, param.name, undefined) }, "↺");
-    const key = param.kind === "picture-or-auto" ? null : h("button", { className: "icon-button key", ariaLabel: `Keyframe of ${id}`, onclick: () => this.toggleKey(effect, param) }, "◆");
+    const auto = takesAuto && param.kind !== "picture-or-auto" ? h("button", { className: "auto", title: "Determine the value automatically", ariaLabel: `auto ${label}`, onclick: () => set(now() === "auto" ? starting(param) : "auto") }, "auto") : null;
+    const reset = h("button", { className: "icon-button reset", title: "Reset to the default", ariaLabel: `Reset ${label}`, onclick: () => store.setParam(effect.name, param.name, undefined) }, "↺");
+    const key = param.kind === "picture-or-auto" ? null : h("button", { className: "icon-button key", ariaLabel: `Keyframe of ${label}`, onclick: () => this.toggleKey(effect, param) }, "◆");
     const [control, refresh] = this.control(effect, param, now, set);
     const row = h("div", { className: "param", "data-param": id },
       h("label", { title: param.meaning }, titled(param.name)), h("span", { className: "tools" }, auto, key, reset), control);
@@ -176,7 +180,7 @@ export class WeatherPanel {
    * @returns {[HTMLElement, () => void]}
    */
   control(effect, param, now, set) {
-    const label = `${effect.name} ${param.name}`;
+    const label = `${titled(param.name)} of ${titled(effect.name).toLowerCase()}`;
     if (param.kind === "word") {
       const box = h("select", { ariaLabel: label, onchange: () => set(box.value) }, ...param.words.map((word) => h("option", { value: word }, word)));
       return [box, () => (box.value = now())];
@@ -218,20 +222,4 @@ export class WeatherPanel {
 function starting(param) {
   if (param.kind === "color-or-auto") return "#c8ced4";
   return scaleOf(param).toValue(0.5);
-}
-
-/** The tabs of the panel. */
-export function tabs() {
-  const all = /** @type {HTMLElement[]} */ ([...document.querySelectorAll("[data-tab]")]);
-  for (const tab of all) {
-    tab.addEventListener("click", () => {
-      const isOpen = tab.getAttribute("aria-selected") === "true" && document.body.classList.contains("sheet");
-      for (const other of all) {
-        other.setAttribute("aria-selected", String(other === tab));
-        $(`tab-${other.dataset.tab}`).hidden = other !== tab;
-      }
-      // On a phone the panel is a sheet that a second touch puts away.
-      document.body.classList.toggle("sheet", !isOpen);
-    });
-  }
 }

@@ -20,6 +20,8 @@ export class Timeline {
       h("span", { className: "times" }, this.box, h("span", { className: "quiet" }, "/"), this.end, h("span", { className: "quiet" }, "s")),
       this.key,
     );
+    /** What the marks are of. */
+    this.shown = "";
     this.last = performance.now();
     store.listen((changed) => {
       if (["time", "duration", "weather", "path", "follow", "playing", "all"].some((what) => changed.has(what))) this.refresh();
@@ -78,8 +80,13 @@ export class Timeline {
       box.style.left = `${(100 * Math.min(at, store.duration)) / store.duration}%`;
       return box;
     };
+    const times = this.times().filter((at) => at >= 0);
+    // Marks stay while they are the same: one of them may have the focus.
+    const shown = JSON.stringify([times, path.map((key) => key.time), store.duration]);
+    if (shown === this.shown) return;
+    this.shown = shown;
     this.marks.replaceChildren(
-      ...this.times().filter((at) => at >= 0).map((at) => mark(at, "weather", `Weather at ${short(at)} s`)),
+      ...times.map((at) => mark(at, "weather", `Weather at ${short(at)} s`)),
       ...path.map((key) => mark(key.time, "camera", `Camera at ${short(key.time)} s`)),
     );
   }

@@ -74,7 +74,7 @@ function show(told) {
   const key = told.picture === null ? null : told.picture;
   if (key !== picture) {
     picture = key;
-    $("training-picture").src = `/training/picture?step=${key}`;
+    $("training-picture").src = `./training/picture?step=${key}`;
     [$("training-picture").hidden, $("training-note").hidden] = [false, true];
   }
   if (told.end) ended(told.end);
@@ -90,7 +90,7 @@ let isOver = false;
 
 async function ask() {
   try {
-    const response = await fetch("/training");
+    const response = await fetch("./training");
     if (!response.ok) throw new Error(await response.text());
     const told = await response.json();
     show(told);
@@ -102,6 +102,6 @@ async function ask() {
 }
 
 for (const name of ["photo", "orbit"]) {
-  $(`camera-${name}`).addEventListener("click", () => fetch("/training/camera", { method: "PUT", body: JSON.stringify(name) }));
+  $(`camera-${name}`).addEventListener("click", () => fetch("./training/camera", { method: "PUT", body: JSON.stringify(name) }));
 }
 ask();
