@@ -4,7 +4,7 @@ mod levels;
 
 use crate::assets::{
     AssetCache, AssetFile, AssetNeeds, AssetSource, AssetStore, Assets, MissingAssets, SurfaceViews,
-    ViewDetail, WithoutSky, lock, photo_views, scene_digest,
+    ViewDetail, WithoutSky, are_same_lamps, lock, photo_views, scene_digest,
 };
 use crate::frame::FrameRequest;
 use crate::frame::MovingCamera;
@@ -683,12 +683,13 @@ impl PreparedPlace {
             && let Some(shadows) = self.cache.get::<SunShadows>(&AssetFile::SunShadows(sun))
             && shadows.len() == self.scene.splats.len()
         {
-            self.store.add_shadows(Arc::new(shadows));
+            self.store.add_shadows(sun, Arc::new(shadows));
             missing.sun = None;
         }
         if let Some(lamps) = &missing.lamps
             && let Some(shadows) = self.cache.get::<LampShadows>(&AssetFile::Lamps(lamps))
             && shadows.len() == self.scene.splats.len()
+            && are_same_lamps(shadows.lamps(), lamps)
         {
             self.store.lamps = Some(Arc::new(shadows));
             missing.lamps = None;
@@ -787,7 +788,7 @@ impl PreparedPlace {
         }
         self.store.casters = casters.or(self.store.casters.take());
         if let Some(shadows) = shadows {
-            self.store.add_shadows(shadows);
+            self.store.add_shadows(shadows.direction(), shadows);
         }
         self.store.occluders = occluders.or(self.store.occluders.take());
         for (fall, shelter) in shelters.into_iter().flatten() {

@@ -62,13 +62,21 @@ pub struct PreparedWeathers {
     chosen: Vec<PackedAsset>,
 }
 
-/// Prepares what the weathers need, the first one whatever it takes and the others as far as all takes `most` bytes. What is in the
-/// folder already is of the first one.
+/// The bytes that prepared data may take.
+#[derive(Clone, Copy, Debug)]
+pub struct AssetBudget {
+    /// The most of them.
+    pub most: u64,
+    /// The first weather is bound by it too.
+    pub is_strict: bool,
+}
+
+/// Prepares what the weathers need, each as far as the budget allows. What is in the folder already is of the first one.
 pub fn prepare(
     loaded: &mut OpenScene,
     first: &Weather,
     others: &[Weather],
-    most: u64,
+    AssetBudget { most, is_strict }: AssetBudget,
 ) -> Result<PreparedWeathers> {
     let mut prepared = PreparedWeathers::default();
     let Some(folder) = loaded.place.asset_folder().map(Path::to_path_buf) else { return Ok(prepared) };
@@ -85,10 +93,13 @@ pub fn prepare(
             if asset.name.starts_with(SURFACES) { &mut surfaces } else { &mut new }.push(asset);
         }
         seen.extend(new.iter().chain(&surfaces).map(|asset| asset.name.clone()));
-        let size: u64 = new.iter().map(|asset| asset.bytes).sum();
-        if position == 0 || total + size <= most {
-            total += size;
-            prepared.chosen.extend(new);
+        // The smallest first: a part of them is of use too.
+        new.sort_by_key(|asset| asset.bytes);
+        for asset in new {
+            if total + asset.bytes <= most || (position == 0 && !is_strict) {
+                total += asset.bytes;
+                prepared.chosen.push(asset);
+            }
         }
     }
     // They serve only what the browser makes itself, such as the shadows of another sun.

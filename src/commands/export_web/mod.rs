@@ -17,7 +17,7 @@ use crate::overwrite::check_spares;
 use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result, bail};
-use assets::PreparedWeathers;
+use assets::{AssetBudget, PreparedWeathers};
 use clap::Args;
 use output::{SiteFolder, megabytes};
 use player::PlayerFiles;
@@ -53,9 +53,10 @@ pub struct ExportWebArgs {
     /// what is not prepared, which takes it up to a minute
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "auto", help_heading = "Weather")]
     prepare: Vec<String>,
-    /// Most of those data, megabytes; those of the first weather are always there
-    #[arg(long, value_name = "N", default_value_t = 64, help_heading = "Weather")]
-    asset_megabytes: u32,
+    /// Most of those data, megabytes [default: 64, with --single-file 12]; those of the first weather are always there but with
+    /// --single-file
+    #[arg(long, value_name = "N", help_heading = "Weather")]
+    asset_megabytes: Option<u32>,
     #[command(flatten)]
     viewpoint: ViewpointArgs,
     /// Output folder, or the HTML file with --single-file [default: named after scene and weather, in this folder]
@@ -93,6 +94,12 @@ impl ExportWebArgs {
         Ok(())
     }
 
+    /// The bytes of prepared data.
+    fn asset_budget(&self) -> AssetBudget {
+        let megabytes = self.asset_megabytes.unwrap_or(if self.single_file { 12 } else { 64 });
+        AssetBudget { most: u64::from(megabytes) * 1_000_000, is_strict: self.single_file }
+    }
+
     /// The output path.
     fn out(&self, weather: &Weather) -> Result<PathBuf> {
         let named = || {
@@ -126,14 +133,14 @@ pub fn run(args: &ExportWebArgs) -> Result<()> {
     let (mut loaded, place) = place::write(args, &folder.path().join("place"))?;
     stop_if_asked()?;
     let start = args.viewpoint.start(&mut loaded)?;
+    // What it needs is of the first weather.
+    pictures::poster(&mut loaded, &weather, &start, args.time, &folder.path().join("poster.jpg"))?;
     let prepared = if place.is_in_levels {
         // They are of the splats about a camera, and of no use elsewhere.
         PreparedWeathers::default()
     } else {
-        let most = u64::from(args.asset_megabytes) * 1_000_000;
-        assets::prepare(&mut loaded, &weather, &others, most)?
+        assets::prepare(&mut loaded, &weather, &others, args.asset_budget())?
     };
-    pictures::poster(&mut loaded, &weather, &start, args.time, &folder.path().join("poster.jpg"))?;
     let thumbnails = match args.no_thumbnails {
         true => Vec::new(),
         false => pictures::thumbnails(&mut loaded, &start, &folder.path().join("place/thumbnails"))?,
@@ -164,7 +171,7 @@ pub fn run(args: &ExportWebArgs) -> Result<()> {
     let text = site.text().map_err(anyhow::Error::msg)?;
     output::write(&folder.path().join("place/place.json"), text.as_bytes())?;
     let lines = report(folder.path(), &loaded, &prepared, &files)?;
-    let bytes = if args.single_file { single_file::write(folder, &out)? } else { folder.finish()? };
+    let bytes = if args.single_file { single_file::write(&folder, &out)? } else { folder.finish()? };
     println!("{}: {}, {} splats, {}", out.display(), megabytes(bytes), loaded.place.splats(), weather.name);
     lines.iter().for_each(|line| println!("  {line}"));
     Ok(())

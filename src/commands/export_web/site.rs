@@ -1,6 +1,7 @@
 //! The file of a site and the files of its page.
 
 use super::output::write;
+use super::single_file::with_policy;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -119,7 +120,19 @@ page! {
     "connection.js", "dom.js", "files.js", "lidar.js", "panels.js", "store.js", "timeline.js", "tracks.js",
 }
 
+/// What a page may load: its own files. Its module is compiled, and pictures are shown from memory.
+const POLICY: &str = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; \
+                      style-src 'self' 'unsafe-inline'; img-src 'self' blob: data:; media-src 'self'; connect-src 'self'; \
+                      base-uri 'none'; form-action 'none'";
+
 /// Writes the files of the page into a site.
 pub fn write_page(folder: &Path) -> Result<()> {
-    PAGE.iter().try_for_each(|(name, text)| write(&folder.join(name), text.as_bytes()))
+    for (name, text) in PAGE {
+        let text = match *name {
+            "index.html" => with_policy(text, POLICY)?,
+            _ => (*text).to_owned(),
+        };
+        write(&folder.join(name), text.as_bytes())?;
+    }
+    Ok(())
 }

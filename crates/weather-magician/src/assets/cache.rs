@@ -28,7 +28,7 @@ const MAGIC: &[u8; 8] = b"WMASSET1";
 const HEADER: usize = 44;
 const EXTENSION: &str = "wmasset";
 /// Version of the algorithms that make assets: raise it when any of them gives other numbers for the same scene.
-const VERSION: u32 = 19;
+const VERSION: u32 = 20;
 /// Bytes that the files of one scene take at most; the oldest go first.
 const MOST_BYTES: u64 = 1 << 30;
 
@@ -59,7 +59,8 @@ impl AssetFile<'_> {
             Self::Light => ("light", Vec::new()),
             Self::Wet => ("wet", Vec::new()),
             Self::SunShadows(sun) => ("sun", sun.to_vec()),
-            Self::Lamps(lamps) => ("lamps", lamps.numbers()),
+            // They are of single precision: four digits name them, and who reads them compares the others.
+            Self::Lamps(lamps) => ("lamps", lamps.numbers().into_iter().map(four_digits).collect()),
             Self::Shelter(fall) => ("shelter", fall.to_vec()),
             Self::Cover(Airflow { slope, moved }) => ("cover", vec![slope[0], slope[1], *moved]),
         }
@@ -118,7 +119,7 @@ impl AssetCache {
         let mut hash = Sha256::new();
         hash.update(self.scene);
         hash.update(name);
-        numbers.iter().for_each(|number| hash.update(number.to_le_bytes()));
+        numbers.iter().for_each(|number| hash.update(rounded(*number).to_le_bytes()));
         let digest: [u8; 32] = hash.finalize().into();
         let short: String = digest[..6].iter().map(|byte| format!("{byte:02x}")).collect();
         Some((folder.join(format!("{name}-{short}.{EXTENSION}")), digest))
@@ -156,6 +157,17 @@ impl AssetCache {
         let _ = write_atomically(&path, |out| Ok(out.write_all(&bytes)?));
         make_room(folder, MOST_BYTES);
     }
+}
+
+/// A number of an asset's name in steps of 1e-9: sines and cosines differ in their last digits from system to system, and a browser
+/// reads what another computer has made.
+fn rounded(number: f64) -> i64 {
+    (number * f64::from(1 << 30)).round() as i64
+}
+
+/// A number with the upper 13 bits of its mantissa.
+fn four_digits(number: f64) -> f64 {
+    f64::from_bits((number.to_bits() + (1 << 38)) & !((1 << 39) - 1))
 }
 
 /// Removes the oldest assets of a folder until the rest take `most` bytes or fewer.
@@ -247,6 +259,23 @@ mod tests {
         // It is replaced.
         cache.put(&file, &asset);
         assert_eq!(cache.get::<Vec<f32>>(&file), Some(asset));
+    }
+
+    #[test]
+    fn last_digits_of_directions_do_not_matter() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = cache(folder.path());
+        let sun = [0.48, 0.6, 0.64];
+        cache.put(&AssetFile::SunShadows(sun), &1u8);
+        let near = sun.map(|v: f64| v.next_up());
+        assert_eq!(cache.get::<u8>(&AssetFile::SunShadows(near)), Some(1));
+        assert_eq!(cache.get::<u8>(&AssetFile::SunShadows([0.48, 0.6, 0.640_001])), None);
+        for number in [0.0, 1.0, -1234.567_89, 3e-5] {
+            let near = f64::from((number as f32).next_down());
+            let is_near = |a: f64| (a - number).abs() <= 1.3e-4 * number.abs() + 1e-30;
+            assert!(is_near(four_digits(number)) && is_near(four_digits(near)), "{number}");
+        }
+        assert_eq!(four_digits(1.0f64.next_down()), 1.0);
     }
 
     #[test]

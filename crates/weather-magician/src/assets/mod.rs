@@ -131,7 +131,7 @@ impl AssetStore {
 
     /// The light of these lamps.
     pub fn lamps(&self, lamps: &LampLights) -> Option<&Arc<LampShadows>> {
-        self.lamps.as_ref().filter(|known| known.lamps() == lamps)
+        self.lamps.as_ref().filter(|known| are_same_lamps(known.lamps(), lamps))
     }
 
     /// The shadows of a sun.
@@ -143,13 +143,21 @@ impl AssetStore {
         self.shadows(sun).is_some()
     }
 
-    pub fn add_shadows(&mut self, shadows: Arc<SunShadows>) {
-        keep(&mut self.shadows, (shadows.direction(), shadows), SUNS);
+    /// Adds the shadows of a sun that was asked for: those of a file may have other last digits.
+    pub fn add_shadows(&mut self, sun: [f64; 3], shadows: Arc<SunShadows>) {
+        keep(&mut self.shadows, (sun, shadows), SUNS);
     }
 
     pub fn add_cover(&mut self, airflow: Airflow, cover: SharedCover) {
         keep(&mut self.covers, (airflow, cover), COVERS);
     }
+}
+
+/// Returns true if lamps are the same but for their last digits, which differ from system to system.
+pub(crate) fn are_same_lamps(a: &LampLights, b: &LampLights) -> bool {
+    let (a, b) = (a.numbers(), b.numbers());
+    let is_near = |(a, b): (f64, f64)| (a - b).abs() <= 1e-5 * a.abs().max(1e-3);
+    a.len() == b.len() && a.into_iter().zip(b).all(is_near)
 }
 
 /// Finds an entry and moves it to the end.
