@@ -18,7 +18,7 @@ use wm_weather::{EFFECTS, Easing, Panorama, ParamValue, Weather};
 const MAX_VIEWS: usize = 400;
 
 /// Facts about the scene, and the names that clients may use.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Catalog {
     /// The scene's name, used in file names.
     pub stem: String,

@@ -5,10 +5,11 @@
 //! shortest decimals that are read as the same value, so a link opens the same state, bit by bit. The size and the quality are the
 //! screen's, and in no link.
 //!
-//! A link may come from anybody. Nothing in it is believed before [`View::new`](crate::View::new) has checked it.
+//! A link may come from anybody. Nothing in it is believed before [`View::new`] has checked it, which [`open`] does.
 
-use crate::state::{Follow, Pose, PoseKey, ViewOutput, ViewState, json_of};
-use crate::text::one_line;
+use crate::catalog::Catalog;
+use crate::state::{Follow, Pose, PoseKey, View, ViewOutput, ViewState, json_of};
+use crate::text::{one_line, shown};
 use base64::Engine;
 use base64::prelude::BASE64_URL_SAFE_NO_PAD;
 use serde::de::DeserializeOwned;
@@ -58,8 +59,15 @@ pub fn encode(state: &ViewState) -> Result<String, String> {
     Ok(text)
 }
 
-/// Returns the state of a fragment; the size and the quality are those of `base`. The state is not checked:
-/// [`View::new`](crate::View::new) does that.
+/// Returns the view of a fragment of a link to the scene of `catalog`; the size and the quality are those of `base`.
+///
+/// # Errors
+/// As [`decode`], or the first invalid value of its state, in one line.
+pub fn open(fragment: &str, catalog: &Catalog, base: &ViewState) -> Result<View, String> {
+    View::new(decode(fragment, base)?, catalog, None).map_err(|error| format!("link: {}", one_line(&error)))
+}
+
+/// Returns the state of a fragment; the size and the quality are those of `base`. The state is not checked: [`View::new`] does that.
 ///
 /// # Errors
 /// The fragment is too long, of another version, or not one that [`encode`] could have written, in one line.
@@ -181,11 +189,6 @@ fn too_long() -> String {
     format!(
         "link: the weather and the path are too long for a link of {MAX_FRAGMENT} bytes; save them as files"
     )
-}
-
-/// The beginning of a text that is not understood.
-fn shown(text: &str) -> String {
-    one_line(&text.chars().take(40).collect::<String>())
 }
 
 #[cfg(test)]

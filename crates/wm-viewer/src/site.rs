@@ -2,7 +2,7 @@
 
 use crate::catalog::Catalog;
 use crate::state::{View, ViewState};
-use crate::text::one_line;
+use crate::text::{one_line, shown};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use wm_scene::survey::Survey;
@@ -110,17 +110,17 @@ impl SiteFile {
 
     fn check(&self) -> Result<(), String> {
         if !SCENES.contains(&self.scene.as_str()) {
-            return Err(format!("scene is `{}`: must be {}", self.scene, SCENES.join(" or ")));
+            return Err(format!("scene is `{}`: must be {}", shown(&self.scene), SCENES.join(" or ")));
         }
         if !(self.near.is_finite() && self.near > 0.0) {
             return Err(format!("near is {}: must be finite and above 0", self.near));
         }
         if self.digest.len() != 64 || !self.digest.bytes().all(|byte| byte.is_ascii_hexdigit()) {
-            return Err(format!("digest is `{}`: must be 64 hexadecimal digits", self.digest));
+            return Err(format!("digest is `{}`: must be 64 hexadecimal digits", shown(&self.digest)));
         }
         let mut names = BTreeSet::new();
         for SiteAsset { name, .. } in &self.files {
-            check_name(name).map_err(|why| format!("files: `{name}` {why}"))?;
+            check_name(name).map_err(|why| format!("files: `{}` {why}", shown(name)))?;
             if !names.insert(name) {
                 return Err(format!("files: `{name}` is there twice"));
             }
@@ -128,11 +128,11 @@ impl SiteFile {
         for name in &self.thumbnails {
             let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
             if name.is_empty() || name.len() > MAX_NAME || !name.chars().all(is_plain) {
-                return Err(format!("thumbnails: `{name}` must be letters, digits and -_"));
+                return Err(format!("thumbnails: `{}` must be letters, digits and -_", shown(name)));
             }
         }
         for SiteView { name, camera } in &self.views {
-            camera.check().map_err(|error| format!("views: `{name}`: {error}"))?;
+            camera.check().map_err(|error| format!("views: `{}`: {error}", shown(name)))?;
         }
         Ok(())
     }

@@ -25,6 +25,11 @@ pub fn one_line(text: &str) -> String {
     line
 }
 
+/// Returns the beginning of a text that is not understood, as [`one_line`].
+pub fn shown(text: &str) -> String {
+    one_line(&text.chars().take(40).collect::<String>())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
