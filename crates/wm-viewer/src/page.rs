@@ -24,6 +24,10 @@ pub struct PageFile {
     pub pages: &'static [PageKind],
 }
 
+/// The page that the program serves alone.
+const SERVER: &[PageKind] = &[PageKind::Server];
+/// The static page alone.
+const STATIC: &[PageKind] = &[PageKind::Static];
 /// Both pages of a scene.
 const SCENE: &[PageKind] = &[PageKind::Server, PageKind::Static];
 /// The page of a training alone.
@@ -54,6 +58,9 @@ pub const FILES: &[PageFile] = &[
     file!("icon.svg", SVG, EVERY),
     file!("dom.js", JS, EVERY),
     file!("dial.js", JS, SCENE),
+    file!("backend.js" = "backend-server.js", JS, SERVER),
+    file!("backend.js" = "backend-static.js", JS, STATIC),
+    file!("worker.js", JS, STATIC),
     file!("align.js", JS, SCENE),
     file!("align.css", CSS, SCENE),
     file!("main.js", JS, SCENE),
@@ -63,7 +70,10 @@ pub const FILES: &[PageFile] = &[
     file!("files.js", JS, SCENE),
     file!("lidar.js", JS, SCENE),
     file!("panels.js", JS, SCENE),
+    file!("share.js", JS, SCENE),
+    file!("single.js", JS, STATIC),
     file!("store.js", JS, SCENE),
+    file!("tabs.js", JS, SCENE),
     file!("timeline.js", JS, SCENE),
     file!("tracks.js", JS, SCENE),
     file!("training.js", JS, TRAINING),

@@ -66,7 +66,8 @@ impl SiteFiles {
         let wanted: Vec<String> = names.iter().map(|name| format!("assets/{name}")).collect();
         let has_all = wanted.iter().all(|name| self.prepared.contains(name));
         // What is made is made of surfaces.
-        let is_useful = |name: &String| wanted.contains(name) || !has_all && name.starts_with("assets/surfaces-");
+        let is_useful =
+            |name: &String| wanted.contains(name) || !has_all && name.starts_with("assets/surfaces-");
         let mut kept = Vec::new();
         for path in self.prepared.iter().filter(|name| is_useful(name)).map(PathBuf::from) {
             if self.keep_all(std::slice::from_ref(&path)).await.is_ok() {

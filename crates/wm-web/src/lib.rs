@@ -12,7 +12,7 @@ use engine::Engine;
 use files::SiteFiles;
 use page::{Page, failure};
 use serde_json::{Value, json};
-use std::cell::{RefCell, RefMut};
+use std::cell::{Cell, RefCell, RefMut};
 use std::sync::Arc;
 use wasm_bindgen::prelude::*;
 use wm_render::Device;
@@ -22,7 +22,7 @@ use wm_viewer::link;
 use wm_viewer::site::SiteFile;
 use wm_viewer::state::{View, ViewState};
 
-/// Renders the scene of a site. What draws, [`Self::render`], [`Self::prepare`], [`Self::pick`] and [`Self::picture`], is called one after
+/// Renders the scene of a site. What draws, [`Self::render`], [`Self::prepare`], [`Self::pick`] and pictures of [`Self::file`], is called one after
 /// the other; the rest answers at any time.
 #[wasm_bindgen]
 pub struct Player {
@@ -40,7 +40,7 @@ pub struct PlayerFrame {
     head: String,
     width: u32,
     height: u32,
-    pixels: Vec<u8>,
+    pixels: Cell<Vec<u8>>,
     more: bool,
 }
 
@@ -64,10 +64,10 @@ impl PlayerFrame {
         self.height
     }
 
-    /// Takes the pixels, RGBA, row after row from the top.
-    #[wasm_bindgen(js_name = takePixels)]
-    pub fn take_pixels(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.pixels)
+    /// The pixels, RGBA, row after row from the top. They can be taken once.
+    #[wasm_bindgen(getter)]
+    pub fn pixels(&self) -> Vec<u8> {
+        self.pixels.take()
     }
 
     /// True if something is missing that [`Player::prepare`] makes or fetches.
@@ -82,7 +82,7 @@ impl PlayerFrame {
 pub struct SavedFile {
     name: String,
     kind: String,
-    bytes: Vec<u8>,
+    bytes: Cell<Vec<u8>>,
 }
 
 #[wasm_bindgen]
@@ -99,10 +99,10 @@ impl SavedFile {
         self.kind.clone()
     }
 
-    /// Takes the content.
-    #[wasm_bindgen(js_name = takeBytes)]
-    pub fn take_bytes(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.bytes)
+    /// The content. It can be taken once.
+    #[wasm_bindgen(getter)]
+    pub fn bytes(&self) -> Vec<u8> {
+        self.bytes.take()
     }
 }
 
@@ -148,8 +148,10 @@ impl Player {
         *self.last.borrow_mut() = view.state.clone();
         let drawn = engine.render(&view, seq as u64, moving).await.map_err(failure)?;
         let (width, height) = drawn.size;
-        let pixels = drawn.rgb.as_chunks::<3>().0.iter().flat_map(|[r, g, b]| [*r, *g, *b, 255]).collect();
-        Ok(PlayerFrame { head: drawn.head.to_string(), width, height, pixels, more: drawn.lacks })
+        let pixels: Vec<u8> =
+            drawn.rgb.as_chunks::<3>().0.iter().flat_map(|[r, g, b]| [*r, *g, *b, 255]).collect();
+        let (head, pixels) = (drawn.head.to_string(), Cell::new(pixels));
+        Ok(PlayerFrame { head, width, height, pixels, more: drawn.lacks })
     }
 
     /// Fetches or makes what the last frame lacked.
@@ -164,20 +166,19 @@ impl Player {
         Ok(json!(point).to_string())
     }
 
-    /// A file to save of a state, JSON: `weather`, `camera` or `command`.
-    pub fn file(&self, kind: &str, state: &str) -> Result<SavedFile, JsValue> {
-        let view = self.view_of(state).map_err(failure)?;
-        let saved = FileNames::of(&self.catalog, &view).text(kind, &self.catalog, &view).map_err(failure)?;
-        let saved = saved.ok_or_else(|| failure("the files are weather, camera and command"))?;
-        Ok(SavedFile { name: saved.name, kind: saved.kind.to_owned(), bytes: saved.text.into_bytes() })
-    }
-
-    /// The PNG file of a state, JSON, that `render` writes.
-    pub async fn picture(&self, state: String) -> Result<SavedFile, JsValue> {
+    /// A file to save of a state, JSON: `weather`, `camera`, `command`, or `picture`, a PNG file as `render` writes it.
+    pub async fn file(&self, kind: String, state: String) -> Result<SavedFile, JsValue> {
         let view = self.view_of(&state).map_err(failure)?;
-        let name = FileNames::of(&self.catalog, &view).picture;
-        let bytes = self.engine()?.picture(&view).await.map_err(failure)?;
-        Ok(SavedFile { name, kind: "image/png".to_owned(), bytes })
+        let names = FileNames::of(&self.catalog, &view);
+        if kind == "picture" {
+            let bytes = self.engine()?.picture(&Arc::new(view)).await.map_err(failure)?;
+            let bytes = Cell::new(bytes);
+            return Ok(SavedFile { name: names.picture, kind: "image/png".to_owned(), bytes });
+        }
+        let saved = names.text(&kind, &self.catalog, &view).map_err(failure)?;
+        let saved = saved.ok_or_else(|| failure("the files are weather, camera, command and picture"))?;
+        let (kind, bytes) = (saved.kind.to_owned(), Cell::new(saved.text.into_bytes()));
+        Ok(SavedFile { name: saved.name, kind, bytes })
     }
 
     /// The weather of a state, JSON, by the text of a weather file.

@@ -21,10 +21,10 @@ use assets::{AssetBudget, PreparedWeathers};
 use clap::Args;
 use output::{SiteFolder, megabytes};
 use player::PlayerFiles;
-use site::{SITE_VERSION, SiteAsset, SiteFile, SiteView};
 use std::path::{Path, PathBuf};
 use weather_magician::levels::parse_memory;
 use wm_scene::Camera;
+use wm_viewer::site::{SITE_VERSION, SiteAsset, SiteFile, SiteView};
 use wm_weather::{ParamValue, Weather};
 
 /// Memory of a page for a scene in levels of detail, bytes: a module of 32 bits has 4 GiB at most, and phones less.
@@ -32,12 +32,10 @@ const MEMORY: u64 = 1 << 30;
 
 /// Options of `export-web`.
 #[derive(Args, Debug)]
-#[command(
-    after_help = "weather-magician export-web garden.ply --weather fog --out site/\n\
+#[command(after_help = "weather-magician export-web garden.ply --weather fog --out site/\n\
                   weather-magician export-web garden.ply --weather moderate-rain --set wind.speed=6 --single-file --out garden.html\n\n\
                   Put the folder on any static host, or look at it here: python3 -m http.server -d site/\n\
-                  docs/guide/web.md says what runs where, and how the player is built."
-)]
+                  docs/guide/web.md says what runs where, and how the player is built.")]
 pub struct ExportWebArgs {
     #[command(flatten)]
     scene: SceneArgs,
@@ -46,12 +44,24 @@ pub struct ExportWebArgs {
     #[command(flatten)]
     weather: WeatherArgs,
     /// Time of the weather at which the page opens, seconds
-    #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true, help_heading = "Weather")]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 0.0,
+        allow_negative_numbers = true,
+        help_heading = "Weather"
+    )]
     time: f64,
     /// Weathers that the page has the prepared data of, beside its first: auto (those of common presets, as far as they fit
     /// --asset-megabytes), all (of every preset, as far as they fit), none, or a list of presets and weather files. The browser makes
     /// what is not prepared, which takes it up to a minute
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "auto", help_heading = "Weather")]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto",
+        help_heading = "Weather"
+    )]
     prepare: Vec<String>,
     /// Most of those data, megabytes [default: 64, with --single-file 12]; those of the first weather are always there but with
     /// --single-file
@@ -110,7 +120,9 @@ impl ExportWebArgs {
         let is_html = out.extension().is_some_and(|e| e.eq_ignore_ascii_case("html"));
         match (self.single_file, is_html) {
             (true, false) => bail!("{}: --single-file writes a .html file; name one", out.display()),
-            (false, true) => bail!("{}: a site is a folder; give --single-file for one HTML file", out.display()),
+            (false, true) => {
+                bail!("{}: a site is a folder; give --single-file for one HTML file", out.display())
+            }
             _ => Ok(out),
         }
     }
@@ -128,7 +140,7 @@ pub fn run(args: &ExportWebArgs) -> Result<()> {
     let player = PlayerFiles::find(args.player.as_deref())?;
     let folder = SiteFolder::new(&out, args.single_file)?;
     player.write(folder.path())?;
-    site::write_page(folder.path())?;
+    site::write_page(folder.path(), args.single_file)?;
 
     let (mut loaded, place) = place::write(args, &folder.path().join("place"))?;
     stop_if_asked()?;
@@ -154,15 +166,22 @@ pub fn run(args: &ExportWebArgs) -> Result<()> {
     let digest = loaded.place.asset_digest().unwrap_or_else(|| "0".repeat(64));
     let site = SiteFile {
         version: SITE_VERSION,
-        program: site::PROGRAM.into(),
+        program: wm_viewer::PROGRAM.into(),
         name: stem_of(&args.scene.scene),
         scene: place.file.into(),
         metadata: place.metadata,
-        views: place.views.into_iter().map(|view| SiteView { name: view.name, camera: view.camera }).collect(),
+        views: place
+            .views
+            .into_iter()
+            .map(|view| SiteView { name: view.name, camera: view.camera })
+            .collect(),
         start: site::start(&start, &weather, args.time),
         near: start.near,
         words: place.words,
-        files: files.iter().map(|file| SiteAsset { name: format!("assets/{}", file.name), bytes: file.bytes }).collect(),
+        files: files
+            .iter()
+            .map(|file| SiteAsset { name: format!("assets/{}", file.name), bytes: file.bytes })
+            .collect(),
         digest,
         thumbnails,
         splats: loaded.place.splats(),
@@ -185,7 +204,9 @@ fn check_weather(weather: &Weather) -> Result<()> {
         _ => None,
     });
     match picture.into_iter().next() {
-        Some(path) => bail!("sky.panorama {path}: a site has no panoramas yet; choose another sky, such as --set sky=overcast"),
+        Some(path) => bail!(
+            "sky.panorama {path}: a site has no panoramas yet; choose another sky, such as --set sky=overcast"
+        ),
         None => Ok(()),
     }
 }
@@ -205,7 +226,8 @@ fn report(
     prepared: &PreparedWeathers,
     files: &[assets::PackedAsset],
 ) -> Result<Vec<String>> {
-    let size = |names: &[&str]| names.iter().map(|name| output::size_of(&folder.join(name))).sum::<Result<u64>>();
+    let size =
+        |names: &[&str]| names.iter().map(|name| output::size_of(&folder.join(name))).sum::<Result<u64>>();
     let all = size(&["place"])?;
     let [assets, thumbnails] = [size(&["place/assets"])?, size(&["place/thumbnails"])?];
     let mut lines = vec![
@@ -213,7 +235,9 @@ fn report(
         format!("scene {}", megabytes(all - assets - thumbnails)),
         format!("pictures {}", megabytes(thumbnails + size(&["poster.jpg", "video.mp4"])?)),
     ];
-    lines.extend(files.iter().map(|file| format!("prepared {}, {} for {}", file.name, megabytes(file.bytes), file.of)));
+    lines.extend(
+        files.iter().map(|file| format!("prepared {}, {} for {}", file.name, megabytes(file.bytes), file.of)),
+    );
     let left = prepared.left(&loaded.place);
     if !left.is_empty() {
         lines.push(format!("left to the browser, which takes up to a minute: {}", left.join(", ")));

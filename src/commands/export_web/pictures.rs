@@ -8,8 +8,8 @@ use anyhow::{Context, Result};
 use std::path::Path;
 use weather_magician::levels::shot_cameras;
 use weather_magician::sequence::render_and_write;
-use weather_magician::view::moves;
 use weather_magician::view::ViewOptions;
+use weather_magician::view::moves;
 use weather_magician::{CameraMotion, FrameOptions, Patience, Picture, picture_tags};
 use wm_media::PictureSize;
 use wm_media::color::{Dither, quantize_rgb8};
@@ -30,7 +30,13 @@ const VIDEO: (u32, f64, f64) = (640, 24.0, 3.0);
 const WAY: f64 = 0.04;
 
 /// Writes the picture that is shown while the page loads.
-pub fn poster(loaded: &mut OpenScene, weather: &Weather, start: &Camera, time: f64, path: &Path) -> Result<()> {
+pub fn poster(
+    loaded: &mut OpenScene,
+    weather: &Weather,
+    start: &Camera,
+    time: f64,
+    path: &Path,
+) -> Result<()> {
     let camera = resized(start, POSTER.0);
     let mut picture = Picture::default();
     loaded.place.config.outputs = Outputs::default();
@@ -77,7 +83,13 @@ pub fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Resu
 }
 
 /// Writes a video of a few seconds from the start on, for browsers that cannot run the player. A program without an encoder writes none.
-pub fn video(loaded: &mut OpenScene, weather: &Weather, start: &Camera, time: f64, path: &Path) -> Result<()> {
+pub fn video(
+    loaded: &mut OpenScene,
+    weather: &Weather,
+    start: &Camera,
+    time: f64,
+    path: &Path,
+) -> Result<()> {
     if !cfg!(feature = "h264") {
         eprintln!("this program was built without the video encoder: the site has no video");
         return Ok(());

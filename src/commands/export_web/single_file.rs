@@ -14,7 +14,7 @@ const MOST: u64 = 40_000_000;
 /// Files that are in the page itself.
 const IN_PAGE: [&str; 4] = ["index.html", "style.css", "icon.svg", STARTER];
 /// The script that gives the files to the page.
-const STARTER: &str = "single.js";
+pub const STARTER: &str = "single.js";
 /// What may be loaded: what is inside of the page, and the one script that starts it.
 const POLICY: &str = "default-src 'none'; script-src 'sha256-STARTER' blob: 'wasm-unsafe-eval'; worker-src blob:; \
                       style-src 'unsafe-inline'; img-src blob: data:; media-src blob:; connect-src blob: data:; \

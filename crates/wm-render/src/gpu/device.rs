@@ -235,7 +235,8 @@ impl Gpu {
             "WebGPU".clone_into(&mut listed.name);
         }
         if config.choice == AdapterChoice::Auto && listed.kind == AdapterKind::Software {
-            let (wanted, found) = ("is real".to_owned(), format!("`{}` ({})", listed.name, listed.kind.name()));
+            let (wanted, found) =
+                ("is real".to_owned(), format!("`{}` ({})", listed.name, listed.kind.name()));
             return Err(GpuError::NoAdapter { wanted, found });
         }
         if let Some(unfit) = &listed.unfit {

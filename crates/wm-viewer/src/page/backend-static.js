@@ -80,7 +80,8 @@ export class Connection extends ViewSender {
       event.preventDefault();
       this.end(event.message ? `The renderer has stopped: ${event.message}` : "The renderer could not be loaded.");
     };
-    const device = new URLSearchParams(location.search).get("device") === "cpu" ? "cpu" : "auto";
+    const asked = new URLSearchParams(location.search).get("device") ?? "";
+    const device = ["cpu", "gpu"].includes(asked) ? asked : "auto";
     worker.postMessage({ type: "open", device, base: inside ? null : new URL("./", document.baseURI).href });
   }
 
