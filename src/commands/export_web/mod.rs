@@ -163,7 +163,7 @@ pub fn run(args: &ExportWebArgs) -> Result<()> {
     let files = prepared.finish(&folder.path().join("place/assets"))?;
     stop_if_asked()?;
 
-    let digest = loaded.place.asset_digest().unwrap_or_else(|| "0".repeat(64));
+    let digest = loaded.place.asset_digest().unwrap_or_default().to_string();
     let site = SiteFile {
         version: SITE_VERSION,
         program: wm_viewer::PROGRAM.into(),

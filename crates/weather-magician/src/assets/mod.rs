@@ -7,7 +7,7 @@ mod cache;
 mod packed;
 mod views;
 
-pub use cache::AssetCache;
+pub use cache::{AssetCache, AssetDigest};
 pub(crate) use cache::{AssetFile, scene_digest};
 pub use packed::pack_asset;
 pub(crate) use views::{ViewDetail, WithoutSky, photo_views};
