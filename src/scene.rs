@@ -166,7 +166,11 @@ impl OpenScene {
         }
         Self::with(
             scene,
-            PlaceOptions { facts, assets: args.assets.clone().unwrap_or_default().folder(&args.scene) },
+            PlaceOptions {
+                facts,
+                assets: args.assets.clone().unwrap_or_default().folder(&args.scene),
+                ..PlaceOptions::default()
+            },
             renderer,
         )
     }
@@ -191,7 +195,12 @@ impl OpenScene {
         }
         let assets = args.assets.clone().unwrap_or_default().folder(&args.scene);
         let mut renderer = run.renderer()?;
-        let place = renderer.load_levels(index, &PlaceOptions { facts, assets }, &budget, args.repair)?;
+        let place = renderer.load_levels(
+            index,
+            &PlaceOptions { facts, assets, ..PlaceOptions::default() },
+            &budget,
+            args.repair,
+        )?;
         let mut loaded = Self { renderer, place };
         loaded.warn();
         Ok(loaded)
@@ -199,7 +208,11 @@ impl OpenScene {
 
     /// Loads a valid scene from memory.
     pub fn of(scene: Scene, given: &Metadata, run: &RunArgs) -> Result<Self> {
-        Self::with(scene, PlaceOptions { facts: given.clone(), assets: None }, run.renderer()?)
+        Self::with(
+            scene,
+            PlaceOptions { facts: given.clone(), assets: None, ..PlaceOptions::default() },
+            run.renderer()?,
+        )
     }
 
     fn with(scene: Scene, options: PlaceOptions, mut renderer: Renderer) -> Result<Self> {

@@ -3,8 +3,8 @@
 mod levels;
 
 use crate::assets::{
-    AssetCache, AssetFile, AssetNeeds, AssetSource, AssetStore, Assets, MissingAssets, SurfaceViews,
-    ViewDetail, WithoutSky, lock, photo_views, scene_digest,
+    AssetCache, AssetDigest, AssetFile, AssetNeeds, AssetSource, AssetStore, Assets, MissingAssets,
+    SurfaceViews, ViewDetail, WithoutSky, lock, photo_views, scene_digest,
 };
 use crate::frame::FrameRequest;
 use crate::frame::MovingCamera;
@@ -59,6 +59,9 @@ pub struct PlaceOptions {
     pub facts: Metadata,
     /// The folder for prepared assets, see [`AssetCache::folder_of`]; `None` keeps none.
     pub assets: Option<PathBuf>,
+    /// The digest under which files of assets are looked up and written, in place of that of the scene as this renderer has it: for assets that
+    /// another renderer made, whose arithmetic differs. It holds until facts of the place change.
+    pub asset_digest: Option<AssetDigest>,
 }
 
 /// The passes of a frame that are drawn.
@@ -163,6 +166,8 @@ pub struct PreparedPlace {
     labels: [Arc<[u16]>; 2],
     /// The folder for prepared assets, if they are kept.
     assets: Option<PathBuf>,
+    /// The digest of the assets as it was given.
+    given_digest: Option<AssetDigest>,
     cache: AssetCache,
     store: AssetStore,
     lying: Option<Lying>,
@@ -303,7 +308,8 @@ impl PreparedPlace {
         let set = backend.load(&scene.splats)?;
         let lamps = PlaceLamps::of(&scene, &survey);
         let site = site_of(&survey, &lamps);
-        let digest = options.assets.as_ref().map(|_| scene_digest(&scene, &survey, &backend.arithmetic()));
+        let own = || scene_digest(&scene, &survey, &backend.arithmetic());
+        let digest = options.assets.as_ref().map(|_| options.asset_digest.unwrap_or_else(own));
         let mut place = Self {
             renderer,
             set,
@@ -315,6 +321,7 @@ impl PreparedPlace {
             site,
             config: RenderConfig::default(),
             assets: options.assets.clone(),
+            given_digest: options.asset_digest,
             cache: AssetCache::new(options.assets.clone(), digest.unwrap_or_default()),
             store: AssetStore::default(),
             lying: None,
@@ -356,6 +363,14 @@ impl PreparedPlace {
     #[must_use]
     pub fn facts(&self) -> PlaceFacts {
         PlaceFacts { scene: self.scene.metadata.clone(), given: self.given.clone() }
+    }
+
+    /// The digest under which files of prepared assets are looked up now; `None` if none are kept.
+    ///
+    /// Of a place in levels it is that of the splats about the present camera, of which others are derived for cameras elsewhere.
+    #[must_use]
+    pub fn asset_digest(&self) -> Option<AssetDigest> {
+        self.cache.digest()
     }
 
     /// The label or the instance of each splat; empty if the scene has none.
@@ -427,6 +442,7 @@ impl PreparedPlace {
     fn renew(&mut self, backend: &mut AnyRenderer, survey: Survey) {
         self.clear_cover(backend);
         let has_own_background = self.config.background != self.background();
+        self.given_digest = None;
         let digest = self.assets.as_ref().map(|_| scene_digest(&self.scene, &survey, &backend.arithmetic()));
         self.cache = AssetCache::new(self.assets.clone(), digest.unwrap_or_default());
         self.store = AssetStore::default();

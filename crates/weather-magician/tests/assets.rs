@@ -21,7 +21,7 @@ fn street() -> Scene {
 fn pictures(scene: &Scene, assets: Option<&Path>, metres_per_unit: f64) -> [Picture; 2] {
     let mut renderer = Renderer::cpu().unwrap();
     let facts = weather_magician::Metadata { metres_per_unit: Some(metres_per_unit), ..Default::default() };
-    let options = PlaceOptions { facts, assets: assets.map(Into::into) };
+    let options = PlaceOptions { facts, assets: assets.map(Into::into), ..PlaceOptions::default() };
     let mut place = renderer.load_with(scene.clone(), &options).unwrap();
     let camera = Camera::look_at([0.0, 4.0, 1.7], [0.0, 30.0, 2.0]).size(72, 48);
     ["rain.rate=40", "snow_cover.depth=0.1"].map(|change| {

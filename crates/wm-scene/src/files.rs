@@ -5,7 +5,17 @@
 //! [`abandon_temporaries`] before the process is ended. Nothing is flushed to the disk by force, except by
 //! [`write_durably`]: thousands of frames would wait for it, and a power cut costs only the last ones.
 
+#[cfg(any(target_arch = "wasm32", test, feature = "testing"))]
+pub mod fetched;
+// Never used there: nothing is fetched where files are on a disk.
+#[cfg(not(any(target_arch = "wasm32", test, feature = "testing")))]
+#[allow(dead_code, unreachable_pub)]
+mod fetched;
+mod reading;
+
 use crate::error::{FormatError, Problem};
+pub(crate) use reading::open;
+pub use reading::{is_file, is_folder, is_there, read, read_if_there};
 use std::{
     fs::{self, File, OpenOptions},
     io::{self, BufWriter, ErrorKind, Write},

@@ -1,8 +1,10 @@
 //! A file read in blocks: the one way in which readers of this crate see bytes.
 
-use crate::error::{FormatError, Location, Problem};
+use crate::{
+    error::{FormatError, Location, Problem},
+    files,
+};
 use std::{
-    fs::File,
     io::{self, Read},
     path::{Path, PathBuf},
 };
@@ -43,11 +45,8 @@ impl<'a> Source<'a> {
     /// # Errors
     /// If it cannot be opened.
     pub fn open(path: &Path) -> Result<Self, FormatError> {
-        let file = File::open(path).map_err(|e| FormatError::reading(path, e))?;
-        let about = file.metadata().map_err(|e| FormatError::reading(path, e))?;
-        // Pipes have no length, and files that the kernel makes up say 0.
-        let length = (about.is_file() && about.len() > 0).then_some(about.len());
-        Ok(Self::new(path, Box::new(file), length))
+        let opened = files::open(path).map_err(|e| FormatError::reading(path, e))?;
+        Ok(Self::new(path, opened.reader, opened.length))
     }
 
     /// A stream of which `path` is the name in messages.

@@ -202,7 +202,8 @@ impl LitScene {
         let scene = Scene::clone(loaded.place.scene());
         let mut renderer = run.renderer()?;
         let facts = loaded.place.survey().metadata();
-        let mut place = renderer.load_with(scene, &PlaceOptions { facts, assets: None })?;
+        let mut place =
+            renderer.load_with(scene, &PlaceOptions { facts, assets: None, ..PlaceOptions::default() })?;
         place.config = loaded.place.config;
         renderer.set_lamps(&mut place, lamps(camera, loaded.place.site()), Vec::new())?;
         for case in cases {

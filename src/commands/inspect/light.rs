@@ -17,7 +17,8 @@ const PANEL: (u32, u32) = (600, 400);
 /// Finds the light of the photos, or reads it from the scene's assets, and prints and draws it.
 pub fn show(args: &InspectArgs, scene: Scene, facts: Metadata) -> Result<()> {
     let mut renderer = Renderer::cpu()?;
-    let options = PlaceOptions { facts, assets: AssetFolder::default().folder(&args.scene) };
+    let options =
+        PlaceOptions { facts, assets: AssetFolder::default().folder(&args.scene), ..PlaceOptions::default() };
     let mut place = renderer.load_with(scene, &options)?;
     let light = renderer.capture_light(&mut place, &mut Reporter::default())?;
     println!("Light of the photos\n  {}", light.report(place.site().up));

@@ -14,10 +14,12 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
+use std::fmt::{self, Display, Formatter};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::time::SystemTime;
-use wm_scene::files::write_atomically;
+use wm_scene::files::{self, write_atomically};
 use wm_scene::survey::Survey;
 use wm_scene::{Metadata, Scene};
 use wm_weather::cover::Airflow;
@@ -69,7 +71,46 @@ impl AssetFile<'_> {
 #[derive(Clone, Debug, Default)]
 pub struct AssetCache {
     folder: Option<PathBuf>,
-    scene: [u8; 32],
+    scene: AssetDigest,
+}
+
+/// The digest of all that the prepared assets of a scene depend on, under which their files are looked up: 64 hexadecimal digits as text.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct AssetDigest([u8; 32]);
+
+impl Display for AssetDigest {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+impl FromStr for AssetDigest {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let fault = || format!("`{}` is not a digest: 64 hexadecimal digits are", text.escape_debug());
+        let mut digest = [0; 32];
+        let (pairs, rest) = text.as_bytes().as_chunks::<2>();
+        if pairs.len() != digest.len() || !rest.is_empty() || !text.bytes().all(|b| b.is_ascii_hexdigit()) {
+            return Err(fault());
+        }
+        for (byte, pair) in digest.iter_mut().zip(pairs) {
+            let pair = std::str::from_utf8(pair).map_err(|_| fault())?;
+            *byte = u8::from_str_radix(pair, 16).map_err(|_| fault())?;
+        }
+        Ok(Self(digest))
+    }
+}
+
+impl AssetDigest {
+    /// The digest for the splats about a focus of the place that has this one.
+    pub(crate) fn about(self, path: &[[f64; 3]; 2], splats: usize) -> Self {
+        let mut hash = Sha256::new();
+        hash.update(self.0);
+        path.as_flattened().iter().for_each(|number| hash.update(number.to_le_bytes()));
+        hash.update((splats as u64).to_le_bytes());
+        Self(hash.finalize().into())
+    }
 }
 
 impl AssetCache {
@@ -82,7 +123,7 @@ impl AssetCache {
     /// The usual folder of a scene file: `place.ply.assets` beside `place.ply`, `weather.assets` inside a scene that is a folder.
     #[must_use]
     pub fn folder_of(scene: &Path) -> PathBuf {
-        if scene.is_dir() {
+        if files::is_folder(scene).is_ok_and(|is_folder| is_folder) {
             return scene.join("weather.assets");
         }
         let mut name = scene.file_name().unwrap_or_default().to_owned();
@@ -91,8 +132,13 @@ impl AssetCache {
     }
 
     /// A cache in `folder`, which is made when something is written to it.
-    pub(crate) fn new(folder: Option<PathBuf>, scene: [u8; 32]) -> Self {
+    pub(crate) fn new(folder: Option<PathBuf>, scene: AssetDigest) -> Self {
         Self { folder, scene }
+    }
+
+    /// The digest of the scene; `None` if nothing is kept.
+    pub(crate) fn digest(&self) -> Option<AssetDigest> {
+        self.folder.as_ref().map(|_| self.scene)
     }
 
     /// The digest of everything that an asset is made from, and the path that it has.
@@ -100,7 +146,7 @@ impl AssetCache {
         let folder = self.folder.as_ref()?;
         let (name, numbers) = file.parts();
         let mut hash = Sha256::new();
-        hash.update(self.scene);
+        hash.update(self.scene.0);
         hash.update(name);
         numbers.iter().for_each(|number| hash.update(number.to_le_bytes()));
         let digest: [u8; 32] = hash.finalize().into();
@@ -111,7 +157,7 @@ impl AssetCache {
     /// Reads an asset; `None` if it is not there, is damaged or belongs to another state of the scene.
     pub(crate) fn get<T: DeserializeOwned>(&self, file: &AssetFile<'_>) -> Option<T> {
         let (path, digest) = self.entry(file)?;
-        let bytes = fs::read(path).ok()?;
+        let bytes = files::read(&path).ok()?;
         let (header, contents) = bytes.split_at_checked(HEADER)?;
         let is_whole = header[..8] == *MAGIC
             && header[8..40] == digest
@@ -125,6 +171,10 @@ impl AssetCache {
 
     /// Writes an asset. A folder that cannot be written to is no fault: the asset is made again next time.
     pub(crate) fn put<T: Serialize>(&self, file: &AssetFile<'_>, asset: &T) {
+        // A browser has nothing to write to.
+        if cfg!(target_arch = "wasm32") {
+            return;
+        }
         let Some((path, digest)) = self.entry(file) else { return };
         let Some(folder) = &self.folder else { return };
         let mut bytes = vec![0; HEADER];
@@ -164,7 +214,7 @@ fn make_room(folder: &Path, most: u64) {
 }
 
 /// The digest of all that prepared assets depend on: the scene, what is known of it, and who renders its views.
-pub(crate) fn scene_digest(scene: &Scene, survey: &Survey, arithmetic: &str) -> [u8; 32] {
+pub(crate) fn scene_digest(scene: &Scene, survey: &Survey, arithmetic: &str) -> AssetDigest {
     let mut hash = Sha256::new();
     hash.update(VERSION.to_le_bytes());
     hash.update(env!("CARGO_PKG_VERSION"));
@@ -195,7 +245,7 @@ pub(crate) fn scene_digest(scene: &Scene, survey: &Survey, arithmetic: &str) -> 
     // Lamps have assets of their own.
     let facts = Metadata { lamps: None, windows: None, ..scene.metadata.clone() };
     hash.update(format!("{facts:?} {survey:?}"));
-    hash.finalize().into()
+    AssetDigest(hash.finalize().into())
 }
 
 #[cfg(test)]
@@ -203,7 +253,7 @@ mod tests {
     use super::*;
 
     fn cache(folder: &Path) -> AssetCache {
-        AssetCache::new(Some(folder.join("a.assets")), [7; 32])
+        AssetCache::new(Some(folder.join("a.assets")), AssetDigest([7; 32]))
     }
 
     #[test]
@@ -214,7 +264,7 @@ mod tests {
         let asset = vec![1.5f32, f32::NEG_INFINITY, -0.0];
         cache.put(&file, &asset);
         assert_eq!(cache.get::<Vec<f32>>(&file), Some(asset.clone()));
-        let other = AssetCache::new(cache.folder.clone(), [8; 32]);
+        let other = AssetCache::new(cache.folder.clone(), AssetDigest([8; 32]));
         assert_eq!(other.get::<Vec<f32>>(&file), None);
         assert_eq!(cache.get::<Vec<f32>>(&AssetFile::Shelter([0.0, 1.0, 0.0])), None);
         let (path, _) = cache.entry(&file).unwrap();

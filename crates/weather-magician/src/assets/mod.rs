@@ -6,7 +6,7 @@
 mod cache;
 mod views;
 
-pub use cache::AssetCache;
+pub use cache::{AssetCache, AssetDigest};
 pub(crate) use cache::{AssetFile, scene_digest};
 pub(crate) use views::{ViewDetail, WithoutSky, photo_views};
 

@@ -66,7 +66,11 @@ impl BatchRun {
         }
         let of = &self.plan.scenes[scene];
         let digest = scene_digest_of(&of.file)?;
-        let options = PlaceOptions { facts: of.facts.clone(), assets: (self.assets)(&of.file) };
+        let options = PlaceOptions {
+            facts: of.facts.clone(),
+            assets: (self.assets)(&of.file),
+            ..PlaceOptions::default()
+        };
         let mut place = self.renderer.open(&of.file, &options, &of.budget)?;
         let world = SetWorld::of(&place);
         let warnings = place.take_warnings();

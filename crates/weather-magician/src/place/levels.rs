@@ -432,7 +432,10 @@ impl PreparedPlace {
         }
         backend.unload(std::mem::replace(&mut self.set, set));
         let scene = Scene { splats, views: Vec::new(), metadata: self.scene.metadata.clone() };
-        let digest = self.assets.as_ref().map(|_| scene_digest(&scene, &self.survey, &backend.arithmetic()));
+        let digest = self.assets.as_ref().map(|_| match self.given_digest {
+            Some(given) => given.about(&focus.path, scene.splats.len()),
+            None => scene_digest(&scene, &self.survey, &backend.arithmetic()),
+        });
         self.cache = AssetCache::new(self.assets.clone(), digest.unwrap_or_default());
         self.store = AssetStore::default();
         self.light = PlaceLight::new(PlaceLamps::of(&scene, &self.survey));

@@ -1,5 +1,6 @@
 //! Files beside a scene file, also where the scene file is a symbolic link.
 
+use crate::files;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -18,6 +19,6 @@ pub(crate) fn places(scene_file: &Path) -> Vec<PathBuf> {
 pub(crate) fn beside(scene_file: &Path, name: &Path) -> PathBuf {
     let places = places(scene_file);
     let mut paths = places.iter().map(|place| place.parent().unwrap_or(place).join(name));
-    let found = paths.clone().find(|path| path.exists());
+    let found = paths.clone().find(|path| files::is_there(path));
     found.or_else(|| paths.next()).unwrap_or_else(|| name.to_path_buf())
 }

@@ -9,14 +9,14 @@ use crate::{
     Camera, FormatError, Problem, SceneView,
     camera::{rotation_of, viewmat_at},
     error::json_fault,
-    files::write_atomically,
+    files::{self, write_atomically},
 };
 use glam::{DMat3, DVec3};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use std::{
-    fs::{self, File},
-    io::{BufReader, ErrorKind},
+    fs,
+    io::ErrorKind::{NotADirectory, NotFound, Unsupported},
     path::{Path, PathBuf},
 };
 
@@ -25,19 +25,18 @@ use std::{
 /// # Errors
 /// [`FormatError`] if there is nothing at the path, or it is a folder without splats.
 pub fn scene_file(path: &Path) -> Result<PathBuf, FormatError> {
-    let about = fs::metadata(path).map_err(|e| FormatError::reading(path, e))?;
-    if !about.is_dir() {
+    if !files::is_folder(path).map_err(|e| FormatError::reading(path, e))? {
         return Ok(path.into());
     }
     for name in ["lod-meta.json", "meta.json"] {
-        if path.join(name).is_file() {
+        if files::is_file(&path.join(name)).is_ok_and(|is_file| is_file) {
             return Ok(path.join(name));
         }
     }
     let no_scene = || FormatError::whole(path, Problem::NotASceneFolder);
     let entries = match fs::read_dir(path.join("point_cloud")) {
         Ok(entries) => entries,
-        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+        Err(error) if matches!(error.kind(), NotFound | NotADirectory | Unsupported) => {
             return Err(no_scene());
         }
         Err(error) => return Err(FormatError::reading(path, error)),
@@ -149,12 +148,9 @@ fn training_of(file: &Path) -> Option<&Path> {
 
 /// Reads a `cameras.json`; `None` if it is not there.
 fn cameras_in(path: &Path) -> Result<Option<Vec<SceneView>>, FormatError> {
-    let file = match File::open(path) {
-        Ok(file) => file,
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(FormatError::reading(path, error)),
-    };
-    let entries: Result<Vec<Entry>, _> = serde_json::from_reader(BufReader::new(file));
+    let read = files::read_if_there(path).map_err(|error| FormatError::reading(path, error))?;
+    let Some(text) = read else { return Ok(None) };
+    let entries: Result<Vec<Entry>, _> = serde_json::from_slice(&text);
     let entries = entries.map_err(|error| json_fault(path, &error, "correct or remove the file"))?;
     Ok(Some(entries.into_iter().map(|entry| entry.0).collect()))
 }

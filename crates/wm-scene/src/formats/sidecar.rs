@@ -6,12 +6,11 @@
 use crate::{
     Metadata,
     error::{FormatError, Location, Problem, one_line},
-    files::write_atomically,
+    files::{self, write_atomically},
     formats::{beside::places, folder::scene_file},
 };
 use std::{
-    fs,
-    io::ErrorKind,
+    io::{self, ErrorKind},
     path::{Path, PathBuf},
 };
 
@@ -32,11 +31,10 @@ pub fn sidecar_path(scene_file: &Path) -> PathBuf {
 pub fn read(scene_file: &Path) -> Result<Option<Metadata>, FormatError> {
     for place in places(scene_file) {
         let path = sidecar_path(&place);
-        let text = match fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == ErrorKind::NotFound => continue,
-            Err(error) => return Err(FormatError::reading(&path, error)),
-        };
+        let reading = |error| FormatError::reading(&path, error);
+        let Some(text) = files::read_if_there(&path).map_err(reading)? else { continue };
+        let text = String::from_utf8(text)
+            .map_err(|error| reading(io::Error::new(ErrorKind::InvalidData, error.utf8_error())))?;
         return parse(&text).map(Some).map_err(|(place, message)| {
             FormatError::at(&path, place, Problem::Value(format!("{message}; correct or remove it")))
         });

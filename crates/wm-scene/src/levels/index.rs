@@ -4,6 +4,7 @@ use super::{LevelFile, tree::Extent};
 use crate::{
     FormatError, Group, Metadata, Problem, Scene, Splats,
     error::excerpt,
+    files,
     formats::{
         DetailLevel,
         folder::scene_file,
@@ -15,7 +16,6 @@ use serde::Deserialize;
 use serde_json::Value;
 use std::{
     collections::{BTreeMap, BTreeSet},
-    fs,
     path::{Component, Path, PathBuf},
 };
 
@@ -167,7 +167,7 @@ impl LevelIndex {
     /// [`FormatError`] if it cannot be read, or contradicts itself.
     pub fn open(main: &Path) -> Result<Self, FormatError> {
         let sidecar = sidecar::read(main)?;
-        let text = fs::read(main).map_err(|error| FormatError::reading(main, error))?;
+        let text = files::read(main).map_err(|error| FormatError::reading(main, error))?;
         let index = Self::parse(main, &text).map_err(|problem| FormatError::whole(main, problem))?;
         Ok(Self { metadata: sidecar.unwrap_or_default().or(index.metadata), ..index })
     }

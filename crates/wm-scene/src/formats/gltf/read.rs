@@ -4,6 +4,7 @@ use super::{BIN, FORMAT, JSON, MAGIC, SPLATTING, SPZ, attribute, sh_attribute};
 use crate::{
     Group, Metadata, Scene, Splats,
     error::{Problem, excerpt, one_line},
+    files,
     formats::{
         beside::beside,
         bytes::{Bytes, check_unpacked},
@@ -20,7 +21,6 @@ use serde_json::Value;
 use std::{
     borrow::Cow,
     collections::BTreeMap,
-    fs,
     path::{Component, Path},
 };
 
@@ -213,9 +213,10 @@ fn read_buffer<'a>(buffer: &Buffer, bin: Option<&'a [u8]>, main: &Path) -> Resul
         return Err(fault(format!("the buffer \"{name}\" is not a file below its folder")));
     }
     let path = beside(main, path);
-    let read = fs::metadata(&path).and_then(|about| {
-        if about.is_file() { fs::read(&path) } else { Err(std::io::ErrorKind::InvalidInput.into()) }
-    });
+    let read = match files::is_file(&path) {
+        Ok(false) => Err(std::io::ErrorKind::InvalidInput.into()),
+        _ => files::read(&path),
+    };
     read.map(Cow::Owned).map_err(|error| fault(format!("the buffer \"{name}\" cannot be read: {error}")))
 }
 

@@ -4,6 +4,7 @@ use super::{Problem, rotation::from_bytes};
 use crate::{
     Metadata, Rasterization, Scene, Splats,
     error::{excerpt, one_line},
+    files,
     formats::{
         beside::beside,
         bytes::{check_unpacked, unpacked_limit},
@@ -14,8 +15,7 @@ use crate::{
 use image_webp::WebPDecoder;
 use serde::Deserialize;
 use std::{
-    fs,
-    io::{Cursor, Read},
+    io::Cursor,
     ops::Range,
     path::{Component, Path, PathBuf},
 };
@@ -190,13 +190,10 @@ pub(crate) fn below(main: &Path, name: &str) -> Result<PathBuf, Problem> {
 pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Problem> {
     let name = excerpt(path.file_name().unwrap_or_default().as_encoded_bytes());
     let refused = |error: std::io::Error| fault(format!("\"{name}\" cannot be read: {error}"));
-    let about = fs::metadata(path).map_err(refused)?;
-    if !about.is_file() {
+    if files::is_file(path).is_ok_and(|is_file| !is_file) {
         return Err(fault(format!("\"{name}\" is not a file")));
     }
-    let mut bytes = Vec::new();
-    fs::File::open(path).and_then(|mut file| file.read_to_end(&mut bytes)).map_err(refused)?;
-    Ok(bytes)
+    files::read(path).map_err(refused)
 }
 
 fn read_with(files: Files, meta: &[u8]) -> Result<Scene, Problem> {

@@ -1,0 +1,180 @@
+//! Files in memory that stand for those of a disk, where there is none: what a page in a browser fetched.
+//!
+//! Code that draws must not wait for a network. It reads what is here, does without what is not, and notes the paths that it looked
+//! for: whoever fetches takes that list, inserts the files, and draws again.
+
+use std::collections::BTreeMap;
+use std::path::{Component, Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Paths that are noted at most; later ones are noted once the list was taken.
+pub const MOST_WANTED: usize = 4096;
+
+/// Paths below it are of this store where there is a disk, too: for tests.
+pub const ROOT: &str = "fetched:";
+
+struct Store {
+    files: BTreeMap<PathBuf, Arc<[u8]>>,
+    bytes: u64,
+    wanted: Vec<PathBuf>,
+}
+
+static STORE: Mutex<Store> = Mutex::new(Store { files: BTreeMap::new(), bytes: 0, wanted: Vec::new() });
+
+/// Locks the store, which stays valid if a thread panicked while it held the lock.
+fn store() -> MutexGuard<'static, Store> {
+    STORE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// One path of several that lead to the same file.
+fn plain(path: &Path) -> PathBuf {
+    path.components().filter(|part| *part != Component::CurDir).collect()
+}
+
+impl Store {
+    fn remove(&mut self, path: &Path) {
+        if let Some(old) = self.files.remove(path) {
+            self.bytes -= old.len() as u64;
+        }
+    }
+
+    fn want(&mut self, path: PathBuf) {
+        if self.wanted.len() < MOST_WANTED && !self.wanted.contains(&path) {
+            self.wanted.push(path);
+        }
+    }
+}
+
+/// Returns true if files with this path are read from the store.
+pub(super) fn has(path: &Path) -> bool {
+    cfg!(target_arch = "wasm32") || cfg!(any(test, feature = "testing")) && path.starts_with(ROOT)
+}
+
+/// Adds a file, or replaces it; it is not wanted any more.
+pub fn insert(path: &Path, bytes: impl Into<Arc<[u8]>>) {
+    let (path, bytes, mut store) = (plain(path), bytes.into(), store());
+    store.remove(&path);
+    store.wanted.retain(|wanted| *wanted != path);
+    store.bytes += bytes.len() as u64;
+    store.files.insert(path, bytes);
+}
+
+/// Removes a file, if it is there.
+pub fn remove(path: &Path) {
+    store().remove(&plain(path));
+}
+
+/// Returns true if a file is there.
+#[must_use]
+pub fn is_there(path: &Path) -> bool {
+    store().files.contains_key(&plain(path))
+}
+
+/// Returns true if there is a file below a path.
+pub(super) fn is_folder(path: &Path) -> bool {
+    let (path, store) = (plain(path), store());
+    let mut from = store.files.range(path.clone()..);
+    // The path itself comes first, if it is a file.
+    from.find(|(file, _)| **file != path).is_some_and(|(file, _)| file.starts_with(&path))
+}
+
+/// Bytes of all files.
+#[must_use]
+pub fn bytes() -> u64 {
+    store().bytes
+}
+
+/// The paths of all files below a folder, in order.
+#[must_use]
+pub fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let folder = plain(folder);
+    store().files.keys().filter(|path| path.starts_with(&folder)).cloned().collect()
+}
+
+/// Notes that a file is looked for, unless it is there or noted already.
+pub fn want(path: &Path) {
+    let (path, mut store) = (plain(path), store());
+    if !store.files.contains_key(&path) {
+        store.want(path);
+    }
+}
+
+/// Takes the paths that were looked for and not there since the last call, in the order in which they were looked for.
+#[must_use]
+pub fn take_wanted() -> Vec<PathBuf> {
+    std::mem::take(&mut store().wanted)
+}
+
+/// The content of a file; `None` if it is not there.
+pub(super) fn get(path: &Path) -> Option<Arc<[u8]>> {
+    store().files.get(&plain(path)).cloned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{is_folder, is_there as exists, read, read_if_there};
+    use super::*;
+    use crate::Scene;
+    use crate::formats::{ReadOptions, read_scene, write_scene};
+    use crate::levels::{INDEX_NAME, LevelIndex};
+    use std::io::ErrorKind::NotFound;
+
+    /// The only test that takes what is wanted, since there is one list.
+    #[test]
+    fn scenes_are_read_of_what_was_fetched() {
+        let folder = tempfile::tempdir().unwrap();
+        let splats = {
+            let mut place = crate::synthetic::Builder::new(7);
+            place.ball(glam::DVec3::ZERO, 1.0, 0.2, [0.5; 3]);
+            place.build()
+        };
+        let scene = Scene { splats, ..Scene::default() };
+        write_scene(&folder.path().join("a.sog"), &scene).unwrap();
+        write_scene(&folder.path().join("b/meta.json"), &scene).unwrap();
+        let root = Path::new(ROOT).join("reading");
+        let (bundle, dir) = (root.join("a.sog"), root.join("./b"));
+        let options = ReadOptions::default();
+        let error = read_scene(&bundle, &options).unwrap_err().to_string();
+        assert!(error.ends_with("reading/a.sog: no such file or folder; check the path"), "{error}");
+        assert_eq!(take_wanted(), [bundle.clone()]);
+        let held = bytes();
+        let fetch = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+        insert(&bundle, fetch("a.sog"));
+        let expected = read_scene(&folder.path().join("a.sog"), &options).unwrap();
+        assert_eq!(read_scene(&bundle, &options).unwrap(), expected);
+        assert_eq!(LevelIndex::of_scene(&bundle).unwrap().map(|_| ()), None);
+        // Metadata and cameras that are not beside it are not wanted.
+        assert_eq!(take_wanted(), [] as [PathBuf; 0]);
+
+        for file in std::fs::read_dir(folder.path().join("b")).unwrap() {
+            let name = file.unwrap().file_name().into_string().unwrap();
+            insert(&dir.join(&name), fetch(&format!("b/{name}")));
+        }
+        assert!(is_folder(&dir).unwrap() && !is_folder(&bundle).unwrap());
+        assert_eq!(read_scene(&dir, &options).unwrap(), expected);
+        // What is cut or damaged is named in a line.
+        for (name, at) in [("a.sog", 1000), ("b/means_l.webp", 20), ("b/meta.json", 40)] {
+            let path = root.join(name);
+            let whole = read(&path).unwrap();
+            let mut flipped = whole.clone();
+            flipped[at] ^= 0xff;
+            for bad in [whole[..whole.len() / 2].to_vec(), flipped, Vec::new()] {
+                insert(&path, bad);
+                let error = read_scene(if name == "a.sog" { &bundle } else { &dir }, &options);
+                let error = error.unwrap_err().to_string();
+                assert!(!error.contains('\n') && error.starts_with(ROOT), "{error}");
+            }
+            insert(&path, whole);
+        }
+        assert!(LevelIndex::open(&root.join(INDEX_NAME)).is_err());
+        assert_eq!(take_wanted(), [root.join(INDEX_NAME)]);
+        for path in files_below(&root) {
+            remove(&path);
+        }
+        assert_eq!((bytes(), exists(&dir)), (held, false));
+        assert_eq!(read_if_there(&bundle).unwrap(), None);
+        assert_eq!(read(&bundle).unwrap_err().kind(), NotFound);
+        (0..MOST_WANTED + 9).for_each(|number| want(&root.join(number.to_string())));
+        assert_eq!(take_wanted().len(), MOST_WANTED);
+    }
+}
