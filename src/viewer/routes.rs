@@ -23,7 +23,7 @@ use wm_media::video::FrameRate;
 use wm_scene::SceneView as Photo;
 use wm_viewer::page::PageKind;
 use wm_viewer::state::{Follow, Pose, ViewOutput, weather_of_json, weather_to_json};
-use wm_viewer::{FileNames, View, ViewState};
+use wm_viewer::{FileNames, View, ViewState, link};
 use wm_weather::Weather;
 
 type Shared = State<Arc<ViewerContext>>;
@@ -54,6 +54,8 @@ pub fn routes(context: Arc<ViewerContext>) -> Router {
         .route("/surface", post(surface))
         .route("/facts", post(change_facts))
         .route("/weather", post(read_weather))
+        .route("/link", post(link_of))
+        .route("/unlink", post(open_link))
         .route("/thumbnails/{name}", get(thumbnail))
         .route("/files/{kind}", post(file))
         .route("/videos", post(begin_video))
@@ -263,6 +265,23 @@ async fn read_weather(State(context): Shared, body: Bytes) -> Answer {
     check_loaded(&context)?;
     let text = std::str::from_utf8(&body).map_err(|_| "the file is not UTF-8".to_owned())?;
     Ok(json_answer(&context.catalog().read_weather(text)?))
+}
+
+/// Returns the fragment of a link to the state in the body.
+async fn link_of(State(context): Shared, body: Bytes) -> Answer {
+    check_loaded(&context)?;
+    let state = context.state().patched(parsed(&body)?)?;
+    let view = View::new(state, &context.catalog(), None)?;
+    let text = link::encode(&view.state)?;
+    Ok(([(header::CONTENT_TYPE, "text/plain; charset=utf-8")], text).into_response())
+}
+
+/// Returns the state of the fragment of a link; the size and the quality are those of the last state.
+async fn open_link(State(context): Shared, body: Bytes) -> Answer {
+    check_loaded(&context)?;
+    let fragment = std::str::from_utf8(&body).map_err(|_| "link: it is not UTF-8".to_owned())?;
+    let view = link::open(fragment, &context.catalog(), &context.state())?;
+    Ok(json_answer(&view.state))
 }
 
 async fn thumbnail(State(context): Shared, Path(name): Path<String>) -> Answer {

@@ -7,6 +7,7 @@ mod align;
 mod client;
 mod frames;
 mod lidar;
+mod links;
 mod page;
 mod security;
 mod socket;
