@@ -32,12 +32,10 @@ const MEMORY: u64 = 1 << 30;
 
 /// Options of `export-web`.
 #[derive(Args, Debug)]
-#[command(
-    after_help = "weather-magician export-web garden.ply --weather fog --out site/\n\
+#[command(after_help = "weather-magician export-web garden.ply --weather fog --out site/\n\
                   weather-magician export-web garden.ply --weather moderate-rain --set wind.speed=6 --single-file --out garden.html\n\n\
                   Put the folder on any static host, or look at it here: python3 -m http.server -d site/\n\
-                  docs/guide/web.md says what runs where, and how the player is built."
-)]
+                  docs/guide/web.md says what runs where, and how the player is built.")]
 pub struct ExportWebArgs {
     #[command(flatten)]
     scene: SceneArgs,
@@ -46,14 +44,26 @@ pub struct ExportWebArgs {
     #[command(flatten)]
     weather: WeatherArgs,
     /// Time of the weather at which the page opens, seconds
-    #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true, help_heading = "Weather")]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 0.0,
+        allow_negative_numbers = true,
+        help_heading = "Weather"
+    )]
     time: f64,
     /// Weathers that the page has the prepared data of, beside its first: auto (those of common presets, as far as they fit
     /// --asset-megabytes), all (of every preset, as far as they fit), none, or a list of presets and weather files. The browser makes
     /// what is not prepared, which takes it up to a minute
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "auto", help_heading = "Weather")]
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "auto",
+        help_heading = "Weather"
+    )]
     prepare: Vec<String>,
-    /// Most of those data, megabytes [default: 64, with --single-file 12]; those of the first weather are always there but with
+    /// Most of those data, megabytes [default: 128, with --single-file 12]; those of the first weather are always there but with
     /// --single-file
     #[arg(long, value_name = "N", help_heading = "Weather")]
     asset_megabytes: Option<u32>,
@@ -96,7 +106,7 @@ impl ExportWebArgs {
 
     /// The bytes of prepared data.
     fn asset_budget(&self) -> AssetBudget {
-        let megabytes = self.asset_megabytes.unwrap_or(if self.single_file { 12 } else { 64 });
+        let megabytes = self.asset_megabytes.unwrap_or(if self.single_file { 12 } else { 128 });
         AssetBudget { most: u64::from(megabytes) * 1_000_000, is_strict: self.single_file }
     }
 
@@ -110,7 +120,9 @@ impl ExportWebArgs {
         let is_html = out.extension().is_some_and(|e| e.eq_ignore_ascii_case("html"));
         match (self.single_file, is_html) {
             (true, false) => bail!("{}: --single-file writes a .html file; name one", out.display()),
-            (false, true) => bail!("{}: a site is a folder; give --single-file for one HTML file", out.display()),
+            (false, true) => {
+                bail!("{}: a site is a folder; give --single-file for one HTML file", out.display())
+            }
             _ => Ok(out),
         }
     }
@@ -158,11 +170,18 @@ pub fn run(args: &ExportWebArgs) -> Result<()> {
         name: stem_of(&args.scene.scene),
         scene: place.file.into(),
         metadata: place.metadata,
-        views: place.views.into_iter().map(|view| SiteView { name: view.name, camera: view.camera }).collect(),
+        views: place
+            .views
+            .into_iter()
+            .map(|view| SiteView { name: view.name, camera: view.camera })
+            .collect(),
         start: site::start(&start, &weather, args.time),
         near: start.near,
         words: place.words,
-        files: files.iter().map(|file| SiteAsset { name: format!("assets/{}", file.name), bytes: file.bytes }).collect(),
+        files: files
+            .iter()
+            .map(|file| SiteAsset { name: format!("assets/{}", file.name), bytes: file.bytes })
+            .collect(),
         digest,
         thumbnails,
         splats: loaded.place.splats(),
@@ -185,7 +204,9 @@ fn check_weather(weather: &Weather) -> Result<()> {
         _ => None,
     });
     match picture.into_iter().next() {
-        Some(path) => bail!("sky.panorama {path}: a site has no panoramas yet; choose another sky, such as --set sky=overcast"),
+        Some(path) => bail!(
+            "sky.panorama {path}: a site has no panoramas yet; choose another sky, such as --set sky=overcast"
+        ),
         None => Ok(()),
     }
 }
@@ -205,7 +226,8 @@ fn report(
     prepared: &PreparedWeathers,
     files: &[assets::PackedAsset],
 ) -> Result<Vec<String>> {
-    let size = |names: &[&str]| names.iter().map(|name| output::size_of(&folder.join(name))).sum::<Result<u64>>();
+    let size =
+        |names: &[&str]| names.iter().map(|name| output::size_of(&folder.join(name))).sum::<Result<u64>>();
     let all = size(&["place"])?;
     let [assets, thumbnails] = [size(&["place/assets"])?, size(&["place/thumbnails"])?];
     let mut lines = vec![
@@ -213,7 +235,9 @@ fn report(
         format!("scene {}", megabytes(all - assets - thumbnails)),
         format!("pictures {}", megabytes(thumbnails + size(&["poster.jpg", "video.mp4"])?)),
     ];
-    lines.extend(files.iter().map(|file| format!("prepared {}, {} for {}", file.name, megabytes(file.bytes), file.of)));
+    lines.extend(
+        files.iter().map(|file| format!("prepared {}, {} for {}", file.name, megabytes(file.bytes), file.of)),
+    );
     let left = prepared.left(&loaded.place);
     if !left.is_empty() {
         lines.push(format!("left to the browser, which takes up to a minute: {}", left.join(", ")));

@@ -47,7 +47,8 @@ impl SiteFolder {
         at(fs::create_dir_all(out), out)?;
         let old = made.join("old");
         at(fs::create_dir(&old), &old)?;
-        let mut names: Vec<_> = at(fs::read_dir(made), made)?.flatten().map(|entry| entry.file_name()).collect();
+        let mut names: Vec<_> =
+            at(fs::read_dir(made), made)?.flatten().map(|entry| entry.file_name()).collect();
         names.retain(|name| name != "old");
         // The mark is in the last: a folder with it is whole.
         names.sort_by_key(|name| name == "place");
@@ -139,7 +140,10 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
         fs::remove_file(out.join(MARK)).unwrap();
         let said = site(&out, "third").unwrap_err().to_string();
-        assert!(said.ends_with("site: holds other things than a site; name a new or an empty folder"), "{said}");
+        assert!(
+            said.ends_with("site: holds other things than a site; name a new or an empty folder"),
+            "{said}"
+        );
         let said = site(&out.join("index.html"), "").unwrap_err().to_string();
         assert!(said.ends_with("index.html: is a file; name a folder for the site"), "{said}");
         // Nothing is left of what was not finished.

@@ -8,8 +8,8 @@ use anyhow::{Context, Result};
 use std::path::Path;
 use weather_magician::levels::shot_cameras;
 use weather_magician::sequence::render_and_write;
-use weather_magician::view::moves;
 use weather_magician::view::ViewOptions;
+use weather_magician::view::moves;
 use weather_magician::{CameraMotion, FrameOptions, Patience, Picture, picture_tags};
 use wm_media::PictureSize;
 use wm_media::color::{Dither, quantize_rgb8};
@@ -26,11 +26,19 @@ const POSTER: (u32, u8) = (1280, 85);
 const THUMBNAIL: (u32, u8) = (224, 80);
 /// Width, px, frames a second and length, s, of the video.
 const VIDEO: (u32, f64, f64) = (640, 24.0, 3.0);
+/// Bits a second of the video.
+const BITRATE: u32 = 3_000_000;
 /// Way of the video's camera, scene radii.
 const WAY: f64 = 0.04;
 
 /// Writes the picture that is shown while the page loads.
-pub fn poster(loaded: &mut OpenScene, weather: &Weather, start: &Camera, time: f64, path: &Path) -> Result<()> {
+pub fn poster(
+    loaded: &mut OpenScene,
+    weather: &Weather,
+    start: &Camera,
+    time: f64,
+    path: &Path,
+) -> Result<()> {
     let camera = resized(start, POSTER.0);
     let mut picture = Picture::default();
     loaded.place.config.outputs = Outputs::default();
@@ -77,7 +85,13 @@ pub fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Resu
 }
 
 /// Writes a video of a few seconds from the start on, for browsers that cannot run the player. A program without an encoder writes none.
-pub fn video(loaded: &mut OpenScene, weather: &Weather, start: &Camera, time: f64, path: &Path) -> Result<()> {
+pub fn video(
+    loaded: &mut OpenScene,
+    weather: &Weather,
+    start: &Camera,
+    time: f64,
+    path: &Path,
+) -> Result<()> {
     if !cfg!(feature = "h264") {
         eprintln!("this program was built without the video encoder: the site has no video");
         return Ok(());
@@ -96,6 +110,7 @@ pub fn video(loaded: &mut OpenScene, weather: &Weather, start: &Camera, time: f6
     };
     let rate: FrameRate = rate.to_string().parse().map_err(anyhow::Error::msg)?;
     let mut settings = VideoSettings::new(PictureSize::new(size.0, size.1), rate);
+    settings.bitrate = Some(BITRATE);
     settings.tags = picture_tags("", place.site(), renderer.backend(), weather, time, &camera);
     let mut sink = create_video(path, settings)?;
     let frames: Vec<u32> = (0..rate.frames_within(seconds).max(1)).collect();

@@ -40,7 +40,9 @@ pub fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlac
     if let Some(index) = index.filter(|index| index.count_of_level(0) > MOST_SPLATS) {
         if args.sky.sky != SkyChoice::Keep || args.viewpoint.views.is_some() {
             let option = if args.viewpoint.views.is_some() { "--views" } else { "--sky" };
-            bail!("{option}: cannot be used with a scene that is drawn in levels of detail; choose one with --level");
+            bail!(
+                "{option}: cannot be used with a scene that is drawn in levels of detail; choose one with --level"
+            );
         }
         copy_levels(&index, folder, args.scene.repair)?;
         return open_levels(args, folder, facts.or(index.metadata.clone()), words);
@@ -62,7 +64,12 @@ pub fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlac
     bar.finish_and_clear();
     if scene.splats.len() as u64 > MOST_SPLATS {
         let facts = scene.metadata.clone();
-        levels::write(&folder.join(INDEX_NAME), scene, Vec::new(), (None, args.run.threads.map(usize::from)))?;
+        levels::write(
+            &folder.join(INDEX_NAME),
+            scene,
+            Vec::new(),
+            (None, args.run.threads.map(usize::from)),
+        )?;
         return open_levels(args, folder, facts, words);
     }
     let bar = progress::spinner("writing the scene");
@@ -91,8 +98,9 @@ impl SceneOptions {
     fn of(args: &ExportWebArgs) -> Result<Self> {
         let facts = args.scene.facts.metadata()?;
         let mut words = vec![args.scene.scene.display().to_string()];
-        let mut add =
-            |option: &str, value: Option<String>| words.extend(value.map(|value| format!("--{option}={value}")));
+        let mut add = |option: &str, value: Option<String>| {
+            words.extend(value.map(|value| format!("--{option}={value}")))
+        };
         add("level", args.scene.level.map(|level| level.to_string()));
         add("sky", (args.sky.sky != SkyChoice::Keep).then(|| args.sky.sky.name().into()));
         add("views", args.viewpoint.views.as_ref().map(|folder| folder.display().to_string()));
@@ -131,7 +139,8 @@ fn known(stated: Metadata, survey: &Survey) -> Metadata {
         (facts.up, facts.up_confidence) = (Some(survey.up.value), is_sure(survey.up.confidence));
     }
     if is_known(survey.ground.source) {
-        (facts.ground, facts.ground_confidence) = (Some(survey.ground.value), is_sure(survey.ground.confidence));
+        (facts.ground, facts.ground_confidence) =
+            (Some(survey.ground.value), is_sure(survey.ground.confidence));
     }
     if is_known(survey.metres_per_unit.source) {
         facts.metres_per_unit = Some(survey.metres_per_unit.value);
@@ -150,7 +159,8 @@ fn copy_levels(index: &LevelIndex, folder: &Path, repairs: bool) -> Result<()> {
     let bar = progress::bar(names.len() as u64, "copying the scene");
     for name in names {
         super::stop_if_asked()?;
-        if !Path::new(name).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) {
+        if !Path::new(name).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+        {
             bail!("{}: names the file {name:?}, which is not below it", index.path().display());
         }
         let (from, to) = (source.join(name), folder.join(name));

@@ -8,8 +8,8 @@ mod packed;
 mod views;
 
 pub use cache::AssetCache;
-pub use packed::pack_asset;
 pub(crate) use cache::{AssetFile, scene_digest};
+pub use packed::pack_asset;
 pub(crate) use views::{ViewDetail, WithoutSky, photo_views};
 
 use crate::{Error, Progress, Result};
