@@ -63,7 +63,7 @@ pub struct ExportWebArgs {
         help_heading = "Weather"
     )]
     prepare: Vec<String>,
-    /// Most of those data, megabytes [default: 64, with --single-file 12]; those of the first weather are always there but with
+    /// Most of those data, megabytes [default: 128, with --single-file 12]; those of the first weather are always there but with
     /// --single-file
     #[arg(long, value_name = "N", help_heading = "Weather")]
     asset_megabytes: Option<u32>,
@@ -106,7 +106,7 @@ impl ExportWebArgs {
 
     /// The bytes of prepared data.
     fn asset_budget(&self) -> AssetBudget {
-        let megabytes = self.asset_megabytes.unwrap_or(if self.single_file { 12 } else { 64 });
+        let megabytes = self.asset_megabytes.unwrap_or(if self.single_file { 12 } else { 128 });
         AssetBudget { most: u64::from(megabytes) * 1_000_000, is_strict: self.single_file }
     }
 

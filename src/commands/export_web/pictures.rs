@@ -26,6 +26,8 @@ const POSTER: (u32, u8) = (1280, 85);
 const THUMBNAIL: (u32, u8) = (224, 80);
 /// Width, px, frames a second and length, s, of the video.
 const VIDEO: (u32, f64, f64) = (640, 24.0, 3.0);
+/// Bits a second of the video.
+const BITRATE: u32 = 3_000_000;
 /// Way of the video's camera, scene radii.
 const WAY: f64 = 0.04;
 
@@ -108,6 +110,7 @@ pub fn video(
     };
     let rate: FrameRate = rate.to_string().parse().map_err(anyhow::Error::msg)?;
     let mut settings = VideoSettings::new(PictureSize::new(size.0, size.1), rate);
+    settings.bitrate = Some(BITRATE);
     settings.tags = picture_tags("", place.site(), renderer.backend(), weather, time, &camera);
     let mut sink = create_video(path, settings)?;
     let frames: Vec<u32> = (0..rate.frames_within(seconds).max(1)).collect();

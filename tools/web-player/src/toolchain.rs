@@ -36,10 +36,15 @@ impl Toolchain {
             sources.display()
         );
         let about = ask(usual, &["-vV"])?;
-        let host = about.lines().find_map(|line| line.strip_prefix("host: ")).context("rustc names no host")?;
+        let host =
+            about.lines().find_map(|line| line.strip_prefix("host: ")).context("rustc names no host")?;
         let own = Path::new(&ask(usual, &["--print", "sysroot"])?).join("lib/rustlib").join(host);
         let own = own.join("bin").join(format!("rust-lld{}", std::env::consts::EXE_SUFFIX));
-        let linker = if own.is_file() { own } else { on_path("wasm-ld").context("there is no rust-lld and no wasm-ld: install lld")? };
+        let linker = if own.is_file() {
+            own
+        } else {
+            on_path("wasm-ld").context("there is no rust-lld and no wasm-ld: install lld")?
+        };
         Ok(Self::FromSources { rustc, linker })
     }
 
@@ -57,7 +62,10 @@ impl Toolchain {
 
 /// Asks a compiler, and returns its answer without the line's end.
 fn ask(rustc: &Path, words: &[&str]) -> Result<String> {
-    let said = Command::new(rustc).args(words).output().with_context(|| format!("cannot run {}", rustc.display()))?;
+    let said = Command::new(rustc)
+        .args(words)
+        .output()
+        .with_context(|| format!("cannot run {}", rustc.display()))?;
     ensure!(said.status.success(), "{} {} fails", rustc.display(), words.join(" "));
     Ok(String::from_utf8_lossy(&said.stdout).trim_end().to_owned())
 }
@@ -65,5 +73,7 @@ fn ask(rustc: &Path, words: &[&str]) -> Result<String> {
 /// Returns the path of a program.
 pub fn on_path(name: &str) -> Option<PathBuf> {
     let name = format!("{name}{}", std::env::consts::EXE_SUFFIX);
-    std::env::split_paths(&std::env::var_os("PATH")?).map(|folder| folder.join(&name)).find(|path| path.is_file())
+    std::env::split_paths(&std::env::var_os("PATH")?)
+        .map(|folder| folder.join(&name))
+        .find(|path| path.is_file())
 }
