@@ -343,7 +343,8 @@ function cameraPanel(controls) {
     if (store.state.path.length === 0) return toast("Set keyframes of the camera first: ◆ Camera beside the time");
     store.set({ follow: store.state.follow === "path" ? "camera" : "path" });
   } }, "Look along the path");
-  const photos = scene.views.length === 0 ? [h("p", { className: "quiet" }, "This scene has no photos' cameras. Load them with --views.")] : [
+  const photos = scene.views.length === 0 ? (features.isStatic ? [] : [h("h2", {}, "Photos"), h("p", { className: "quiet" }, "This scene has no photos' cameras. Load them with --views.")]) : [
+    h("h2", {}, "Photos"),
     h("div", { className: "row" },
       h("button", { id: "photo-before", ariaLabel: "Previous photo", onclick: () => photo(-1) }, "‹"),
       h("select", { id: "photo", ariaLabel: "Photo", onchange: () => photo(0) }, ...scene.views.map((view, index) => h("option", { value: String(index) }, view.name.split(/[/\\]/).pop() ?? ""))),
@@ -369,7 +370,6 @@ function cameraPanel(controls) {
     h("p", { className: "quiet" }, "◆ Camera beside the time keeps the camera of this instant. Two and more make a path."),
     keys,
     h("div", { className: "buttons" }, follow, h("button", { id: "path-clear", onclick: () => store.set({ path: [], follow: "camera" }) }, "Clear")),
-    h("h2", {}, "Photos"),
     ...photos,
   );
   let listed = "";
@@ -460,7 +460,7 @@ function keys(controls, timeline) {
 function help() {
   const dialog = $("help");
   dialog.replaceChildren(
-    h("h2", { id: "help-title" }, "Keys and gestures"),
+    h("h2", { id: "help-title", tabIndex: -1, autofocus: true }, "Keys and gestures"),
     h("dl", {}, ...KEYS.flatMap(([key, what]) => [h("dt", {}, ...key.split(", ").flatMap((part, index) => [index ? ", " : "", h("kbd", {}, part)])), h("dd", {}, what)])),
     h("p", { className: "quiet" }, `${store.parameters.program}, ${store.parameters.scene.renderer}`),
     h("form", { method: "dialog" }, h("button", { className: "main" }, "Close")),
@@ -471,13 +471,22 @@ function help() {
 
 /** Light or dark: as the system has it, until it is chosen. */
 function theme() {
-  const kept = localStorage.getItem("theme");
+  // Some browsers keep nothing for files and in private windows.
+  const keep = (/** @type {string} */ next) => {
+    try {
+      localStorage.setItem("theme", next);
+    } catch {}
+  };
+  let kept = null;
+  try {
+    kept = localStorage.getItem("theme");
+  } catch {}
   if (kept) document.documentElement.dataset.theme = kept;
   $("theme").addEventListener("click", () => {
     const isDark = document.documentElement.dataset.theme ? document.documentElement.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
     const next = isDark ? "light" : "dark";
     document.documentElement.dataset.theme = next;
-    localStorage.setItem("theme", next);
+    keep(next);
   });
 }
 
