@@ -21,6 +21,8 @@ const canvas = /** @type {HTMLCanvasElement} */ ($("picture"));
 let parts = null;
 
 const { features } = backend;
+$("align-switch").hidden = !features.align;
+if (!features.lidar) for (const part of [$("tab-lidar"), $("of-lidar")]) part.remove();
 /** What renders, where the page does; none is said where it is the usual. */
 let renderer = "";
 
@@ -119,6 +121,7 @@ async function begin() {
     return veil(/** @type {Error} */ (error).message, true);
   }
   delete document.body.dataset.failed;
+  document.body.classList.remove("waiting");
   const isOther = store.parameters?.scene.name !== parameters.scene.name;
   store.parameters = parameters;
   // After a new start of the program the page goes on with what it showed.
@@ -191,8 +194,6 @@ function build() {
   outputs();
   compare();
   if (features.align) alignment();
-  $("align-switch").hidden = !features.align;
-  if (!features.lidar) for (const part of [$("tab-lidar"), document.querySelector("[data-tab=lidar]")]) part.remove();
   store.listen((changed) => {
     if ([...changed].every((what) => what === "playing" || what === "duration")) return;
     canvas.dataset.settled = "false";
@@ -266,7 +267,7 @@ function rendererFigure() {
   const why = isGpu ? "The graphics card of this device renders the pictures" : "navigator" in globalThis && "gpu" in navigator
     ? "The processor renders the pictures: this browser's WebGPU has no graphics card that will do. Pictures come more slowly and smaller while something moves"
     : "The processor renders the pictures, as this browser has no WebGPU. Pictures come more slowly; they are the same";
-  return h("span", { "data-stat": "device", title: `${why} (${renderer})` }, "on ", h("b", {}, isGpu ? "GPU" : "CPU"), isGpu ? "" : ", no WebGPU");
+  return h("span", { "data-stat": "device", title: `${why} (${renderer})` }, "on ", h("b", {}, isGpu ? "GPU" : "CPU"), isGpu ? "" : ", without WebGPU");
 }
 
 function outputs() {
