@@ -3,7 +3,7 @@
 //
 // A site is a folder on any static host: index.html, the page's files, player.js, player_bg.wasm, poster.jpg, video.mp4 (optional)
 // and place/. Its policy (CSP, a meta element of index.html):
-//   default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; style-src 'self' 'unsafe-inline';
+//   default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; style-src 'self';
 //   img-src 'self' blob: data:; media-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'
 //
 // A site in a single file, which also opens from file://: index.html changed by plain replacement of text:
@@ -69,8 +69,7 @@ export class Connection extends ViewSender {
     const why = lack();
     if (why) return this.end(why);
     try {
-      const url = inside ? inside.url("worker.js") : new URL("./worker.js", import.meta.url);
-      worker = new Worker(/** @type {any} */ (url), { type: "module" });
+      worker = new Worker(address("worker.js"));
     } catch (error) {
       return this.end(`The renderer cannot be started: ${error instanceof Error ? error.message : error}`);
     }

@@ -21,6 +21,8 @@ const canvas = /** @type {HTMLCanvasElement} */ ($("picture"));
 let parts = null;
 
 const { features } = backend;
+$("align-switch").hidden = !features.align;
+if (!features.lidar) for (const part of [$("tab-lidar"), $("of-lidar")]) part.remove();
 /** What renders, where the page does; none is said where it is the usual. */
 let renderer = "";
 
@@ -119,6 +121,7 @@ async function begin() {
     return veil(/** @type {Error} */ (error).message, true);
   }
   delete document.body.dataset.failed;
+  document.body.classList.remove("waiting");
   const isOther = store.parameters?.scene.name !== parameters.scene.name;
   store.parameters = parameters;
   // After a new start of the program the page goes on with what it showed.
@@ -191,8 +194,6 @@ function build() {
   outputs();
   compare();
   if (features.align) alignment();
-  $("align-switch").hidden = !features.align;
-  if (!features.lidar) for (const part of [$("tab-lidar"), document.querySelector("[data-tab=lidar]")]) part.remove();
   store.listen((changed) => {
     if ([...changed].every((what) => what === "playing" || what === "duration")) return;
     canvas.dataset.settled = "false";
@@ -266,7 +267,7 @@ function rendererFigure() {
   const why = isGpu ? "The graphics card of this device renders the pictures" : "navigator" in globalThis && "gpu" in navigator
     ? "The processor renders the pictures: this browser's WebGPU has no graphics card that will do. Pictures come more slowly and smaller while something moves"
     : "The processor renders the pictures, as this browser has no WebGPU. Pictures come more slowly; they are the same";
-  return h("span", { "data-stat": "device", title: `${why} (${renderer})` }, "on ", h("b", {}, isGpu ? "GPU" : "CPU"), isGpu ? "" : ", no WebGPU");
+  return h("span", { "data-stat": "device", title: `${why} (${renderer})` }, "on ", h("b", {}, isGpu ? "GPU" : "CPU"), isGpu ? "" : ", without WebGPU");
 }
 
 function outputs() {
@@ -343,7 +344,8 @@ function cameraPanel(controls) {
     if (store.state.path.length === 0) return toast("Set keyframes of the camera first: ◆ Camera beside the time");
     store.set({ follow: store.state.follow === "path" ? "camera" : "path" });
   } }, "Look along the path");
-  const photos = scene.views.length === 0 ? [h("p", { className: "quiet" }, "This scene has no photos' cameras. Load them with --views.")] : [
+  const photos = scene.views.length === 0 ? (features.isStatic ? [] : [h("h2", {}, "Photos"), h("p", { className: "quiet" }, "This scene has no photos' cameras. Load them with --views.")]) : [
+    h("h2", {}, "Photos"),
     h("div", { className: "row" },
       h("button", { id: "photo-before", ariaLabel: "Previous photo", onclick: () => photo(-1) }, "‹"),
       h("select", { id: "photo", ariaLabel: "Photo", onchange: () => photo(0) }, ...scene.views.map((view, index) => h("option", { value: String(index) }, view.name.split(/[/\\]/).pop() ?? ""))),
@@ -369,7 +371,6 @@ function cameraPanel(controls) {
     h("p", { className: "quiet" }, "◆ Camera beside the time keeps the camera of this instant. Two and more make a path."),
     keys,
     h("div", { className: "buttons" }, follow, h("button", { id: "path-clear", onclick: () => store.set({ path: [], follow: "camera" }) }, "Clear")),
-    h("h2", {}, "Photos"),
     ...photos,
   );
   let listed = "";
@@ -460,7 +461,7 @@ function keys(controls, timeline) {
 function help() {
   const dialog = $("help");
   dialog.replaceChildren(
-    h("h2", { id: "help-title" }, "Keys and gestures"),
+    h("h2", { id: "help-title", tabIndex: -1, autofocus: true }, "Keys and gestures"),
     h("dl", {}, ...KEYS.flatMap(([key, what]) => [h("dt", {}, ...key.split(", ").flatMap((part, index) => [index ? ", " : "", h("kbd", {}, part)])), h("dd", {}, what)])),
     h("p", { className: "quiet" }, `${store.parameters.program}, ${store.parameters.scene.renderer}`),
     h("form", { method: "dialog" }, h("button", { className: "main" }, "Close")),
@@ -471,13 +472,22 @@ function help() {
 
 /** Light or dark: as the system has it, until it is chosen. */
 function theme() {
-  const kept = localStorage.getItem("theme");
+  // Some browsers keep nothing for files and in private windows.
+  const keep = (/** @type {string} */ next) => {
+    try {
+      localStorage.setItem("theme", next);
+    } catch {}
+  };
+  let kept = null;
+  try {
+    kept = localStorage.getItem("theme");
+  } catch {}
   if (kept) document.documentElement.dataset.theme = kept;
   $("theme").addEventListener("click", () => {
     const isDark = document.documentElement.dataset.theme ? document.documentElement.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
     const next = isDark ? "light" : "dark";
     document.documentElement.dataset.theme = next;
-    localStorage.setItem("theme", next);
+    keep(next);
   });
 }
 

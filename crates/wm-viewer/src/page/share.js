@@ -72,9 +72,15 @@ export class Links {
   /** Shows a state; the picture's size and quality stay those of this page. @param {import("./store.js").ViewState} state */
   show(state) {
     const { store } = this;
-    const { size, quality } = store.state;
+    const before = store.state;
     store.play(false);
-    store.set({ ...state, size, quality });
+    try {
+      store.set({ ...state, size: before.size, quality: before.quality });
+    } catch (error) {
+      // What this page cannot show must not stay.
+      store.set(before);
+      throw error;
+    }
     const tracks = Object.values(state.weather).flatMap((effect) => (effect && typeof effect === "object" ? Object.values(effect) : []));
     const times = [state.time, ...state.path.map((key) => key.time), ...tracks.flatMap((track) => keysOf(track).map((key) => key[0]))];
     const end = Math.max(...times.filter(Number.isFinite));

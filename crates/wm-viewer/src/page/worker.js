@@ -1,4 +1,4 @@
-// The renderer of an exported site, in a worker. It is told views and answers questions in the words of the viewer's WebSocket.
+// The renderer of an exported site, in a worker: a classic one without static imports, as Chromium starts no other from file://. It is told views and answers questions in the words of the viewer's WebSocket.
 //
 // In:  {type: "open", device, base}, {type: "view", seq, moving, state}, {type: "pick", x, y}, {type: "thumbnails"},
 //      {type: "ask", id, what, body}, {type: "fetched", id, bytes}
@@ -122,7 +122,9 @@ async function open(message) {
   base = message.base;
   tell({ type: "loading", text: "Loading the renderer" });
   try {
-    const module = await import("./player.js");
+    // In a single-file site only a Blob URL of the worker itself can be imported by it.
+    const address = base === null ? URL.createObjectURL(new Blob([await bytesOf("player.js")], { type: "text/javascript" })) : new URL("player.js", base).href;
+    const module = await import(address);
     const source = base === null ? await bytesOf("player_bg.wasm") : new URL("player_bg.wasm", base);
     await module.default({ module_or_path: source });
     const say = (/** @type {string} */ text) => {
