@@ -1000,12 +1000,17 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
     ) -> Result<Stats> {
         self.check_light(weather)?;
-        if options.patience == Patience::Whole {
+        let mut patience = options.patience;
+        if patience == Patience::Whole {
             self.focus(backend, weather, &options.camera.camera)?;
+            // What is made of splats elsewhere is of no use once those here are fetched.
+            if !self.is_focused(weather, &options.camera.camera) {
+                patience = Patience::Draft;
+            }
         }
         self.look(backend, options.whole.as_ref().unwrap_or(&options.camera.camera), options.patience)?;
         let mut prepared = weather.at(options.time).prepare(&self.site);
-        if options.patience == Patience::Whole {
+        if patience == Patience::Whole {
             let missing = self.lacking(weather, &prepared);
             if !missing.is_empty() {
                 self.prepare(backend, missing, progress)?;
@@ -1020,7 +1025,7 @@ impl PreparedPlace {
         }
         let wants_weather = self.levels.is_some() && AssetNeeds::of(weather, &self.site).any(weather);
         let drawn = self.drawn_sets(backend, wants_weather);
-        let shelter = prepared.fall().and_then(|fall| match options.patience {
+        let shelter = prepared.fall().and_then(|fall| match patience {
             Patience::Whole => self.store.shelter(fall).cloned(),
             Patience::Draft => {
                 self.store.shelter(fall).cloned().or_else(|| self.store.any_shelter().cloned())

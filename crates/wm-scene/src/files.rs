@@ -15,7 +15,7 @@ mod reading;
 
 use crate::error::{FormatError, Problem};
 pub(crate) use reading::open;
-pub use reading::{is_file, is_folder, is_there, read, read_if_there};
+pub use reading::{is_file, is_folder, is_lacking, is_there, read, read_if_there, want};
 use std::{
     fs::{self, File, OpenOptions},
     io::{self, BufWriter, ErrorKind, Write},

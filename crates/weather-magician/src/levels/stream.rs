@@ -2,13 +2,16 @@
 
 use super::budget::held_bytes;
 use crate::{Error, Patience, Result};
+use glam::DVec3;
 use rayon::prelude::*;
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 use std::sync::Arc;
 use wm_render::{AnyRenderer, RenderBackend, SetId};
 use wm_scene::levels::{LevelIndex, LevelRun};
 use wm_scene::survey::SkyRegion;
-use wm_scene::{FormatError, Group, Metadata, Splats};
+use wm_scene::{Camera, FormatError, Group, Metadata, Splats, files};
 
 /// A leaf at a level: the number of the leaf, and the place of the level in [`wm_scene::levels::LevelLeaf::runs`].
 pub(crate) type RunId = (u32, u16);
@@ -34,6 +37,15 @@ pub(crate) struct LevelStream {
     clock: u64,
     /// Files that could not be read.
     missing: BTreeSet<usize>,
+    /// Files that have to be fetched first, as the present cut found.
+    absent: BTreeSet<usize>,
+    /// True once the present frame found that files have to be fetched.
+    waits: bool,
+    /// The eyes of the present frame.
+    eyes: Vec<DVec3>,
+    /// Counts frames, and the last in which each file was wanted.
+    frame: u64,
+    used: BTreeMap<usize, u64>,
     warnings: Vec<String>,
 }
 
@@ -68,6 +80,11 @@ impl LevelStream {
             most: 0,
             clock: 0,
             missing: BTreeSet::new(),
+            absent: BTreeSet::new(),
+            waits: false,
+            eyes: Vec::new(),
+            frame: 0,
+            used: BTreeMap::new(),
             warnings: Vec::new(),
         }
     }
@@ -113,6 +130,94 @@ impl LevelStream {
         self.bytes
     }
 
+    /// Begins a frame that cameras see: what it has to wait for is noted once, that near them first.
+    pub fn begin_frame(&mut self, cameras: &[Camera]) {
+        self.look_from(cameras);
+        self.waits = false;
+        self.frame += 1;
+    }
+
+    /// Sets the cameras about which files are wanted first.
+    pub fn look_from(&mut self, cameras: &[Camera]) {
+        self.eyes = cameras.iter().map(Camera::center).collect();
+    }
+
+    /// Returns true if files have to be fetched before the frame is as it must be.
+    pub fn waits(&self) -> bool {
+        self.waits
+    }
+
+    /// Notes the files that have to be fetched for runs, coarse ones first and then near ones.
+    fn want(&self, runs: &[RunId]) {
+        let mut wanted: BTreeMap<usize, (Reverse<u32>, f64)> = BTreeMap::new();
+        for id in runs.iter().filter(|id| !self.held.contains_key(id)) {
+            let Some(run) = self.run(*id).filter(|run| self.absent.contains(&run.file)) else { continue };
+            let leaf = &self.index.leaves[id.0 as usize];
+            let [low, high] = [leaf.low, leaf.high].map(|corner| DVec3::from_array(corner.map(f64::from)));
+            let far = self.eyes.iter().map(|eye| eye.distance(eye.max(low).min(high)));
+            let far = far.fold(f64::INFINITY, f64::min);
+            let known = wanted.entry(run.file).or_insert((Reverse(run.level), far));
+            *known = (known.0.min(Reverse(run.level)), known.1.min(far));
+        }
+        let mut wanted: Vec<_> = wanted.into_iter().collect();
+        wanted.sort_by(|(_, a), (_, b)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        for path in wanted.iter().flat_map(|(file, _)| self.index.lacking(*file)) {
+            files::want(&path);
+        }
+    }
+
+    /// Finds which files have to be fetched before runs can be read, or what stands for them.
+    fn find_absent(&mut self, runs: &[RunId]) {
+        self.absent.clear();
+        let mut present = BTreeSet::new();
+        for (leaf, place) in runs {
+            let coarser = self.index.leaves[*leaf as usize].runs.iter().enumerate();
+            for (place, run) in coarser.skip(usize::from(*place)) {
+                if self.held.contains_key(&(*leaf, place as u16)) || present.contains(&run.file) {
+                    break;
+                }
+                if self.missing.contains(&run.file) || self.absent.contains(&run.file) {
+                    continue;
+                }
+                if self.index.lacking(run.file).is_empty() {
+                    present.insert(run.file);
+                    break;
+                }
+                self.absent.insert(run.file);
+            }
+        }
+    }
+
+    /// Notes what has to be fetched before runs can be read; returns false if anything has to be.
+    pub fn are_there(&mut self, runs: &[RunId]) -> bool {
+        self.find_absent(runs);
+        // Weather comes before the frame that it is for.
+        self.mark_used(runs, self.frame + 1);
+        self.want(runs);
+        let is_absent = |run: &LevelRun| self.absent.contains(&run.file);
+        let all = !runs.iter().filter_map(|id| self.run(*id)).any(is_absent);
+        self.absent.clear();
+        all
+    }
+
+    fn mark_used(&mut self, runs: &[RunId], frame: u64) {
+        let files: BTreeSet<usize> = runs.iter().filter_map(|id| Some(self.run(*id)?.file)).collect();
+        self.used.extend(files.into_iter().map(|file| (file, frame)));
+    }
+
+    /// The fetched files that the last frame did not want, those longest ago first. Files of coarsest levels stay: they are drawn while
+    /// finer ones are fetched.
+    pub fn spare_files(&self) -> Vec<PathBuf> {
+        let leaves = self.index.leaves.iter();
+        let coarsest: BTreeSet<usize> = leaves.filter_map(|leaf| Some(leaf.runs.last()?.file)).collect();
+        let spare = |file: &usize| {
+            !coarsest.contains(file) && self.used.get(file).is_none_or(|used| *used < self.frame)
+        };
+        let mut files: Vec<usize> = (0..self.index.files.len()).filter(spare).collect();
+        files.sort_by_key(|file| self.used.get(file).copied());
+        files.into_iter().flat_map(|file| self.index.paths(file)).collect()
+    }
+
     fn run(&self, (leaf, place): RunId) -> Option<&LevelRun> {
         self.index.leaves[leaf as usize].runs.get(usize::from(place))
     }
@@ -129,6 +234,13 @@ impl LevelStream {
         patience: Patience,
     ) -> Result<Vec<RunId>> {
         self.clock += 1;
+        self.find_absent(wanted);
+        self.mark_used(wanted, self.frame);
+        // Drafts want less: a camera that moves passes most of it. Nor do later looks, which are at what stands for what is wanted.
+        if !self.waits && patience == Patience::Whole {
+            self.want(wanted);
+        }
+        self.waits |= !self.absent.is_empty();
         let mut drawn: Vec<RunId> = wanted.to_vec();
         if patience == Patience::Draft {
             self.wait_for_some(&mut drawn);
@@ -170,13 +282,17 @@ impl LevelStream {
 
     /// Takes a coarser level for leaves of which a file is missing, and leaves out those that have none.
     fn replace_missing(&self, runs: &mut Vec<RunId>) {
-        if self.missing.is_empty() {
+        if self.missing.is_empty() && self.absent.is_empty() {
             return;
         }
         let readable = |(leaf, place): RunId| {
             let runs = &self.index.leaves[leaf as usize].runs;
-            let found =
-                (usize::from(place)..runs.len()).find(|place| !self.missing.contains(&runs[*place].file));
+            let is_there = |place: &usize| {
+                let file = runs[*place].file;
+                let waits = self.absent.contains(&file) && !self.held.contains_key(&(leaf, *place as u16));
+                !self.missing.contains(&file) && !waits
+            };
+            let found = (usize::from(place)..runs.len()).find(is_there);
             found.map(|place| (leaf, place as u16))
         };
         *runs = runs.iter().filter_map(|id| readable(*id)).collect();

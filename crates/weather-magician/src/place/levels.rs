@@ -20,12 +20,13 @@ use crate::{CameraMotion, Patience, Result};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
+use std::path::PathBuf;
 use std::sync::Arc;
 use wm_render::{AnyRenderer, RenderBackend, SetId, bytes_of_set};
 use wm_scene::levels::{LevelIndex, LevelLeaf};
 use wm_scene::splats::LabelKind;
 use wm_scene::survey::{CapturedSky, SkyRegion, label_sky};
-use wm_scene::{Camera, Rasterization, Scene, Splats};
+use wm_scene::{Camera, FormatError, Problem, Rasterization, Scene, Splats, files};
 use wm_weather::Weather;
 
 /// Cameras of a shot by which is told what is hidden, at most.
@@ -50,6 +51,8 @@ pub(crate) struct PlaceLevels {
     rasterization: Rasterization,
     /// The place that the weather is prepared about; `None` for all of it alike.
     focus: Option<WeatherFocus>,
+    /// True while the splats for another focus have to be fetched.
+    weather_waits: bool,
     /// The sky of the capture as the survey of all of it found it: the light about a focus may tell another, for that focus alone.
     pub(super) captured_sky: CapturedSky,
     /// The leaves of the weather's splats, by number, and where they are in them.
@@ -94,18 +97,26 @@ impl PlaceLevels {
         budget: &LevelBudget,
         repairs: bool,
     ) -> Result<(Self, Scene)> {
+        let index = Arc::new(index);
+        let mut stream = LevelStream::new(Arc::clone(&index), repairs);
+        let base = runs_at(&index, index.level_within(budget.shares(0).weather_splats));
+        let coarsest = runs_at(&index, index.levels - 1);
+        // All that has to be fetched for it is known at once.
+        let always = index.lacking_environment();
+        always.iter().for_each(|path| files::want(path));
+        let is_there = [always.is_empty(), stream.are_there(&coarsest), stream.are_there(&base)];
+        if is_there.contains(&false) {
+            let problem = Problem::Value("files of its levels are not fetched yet".into());
+            return Err(FormatError::whole(index.path(), problem).into());
+        }
         let mut environment = index.read_environment()?.map(|scene| scene.splats);
         if repairs && let Some(splats) = &mut environment {
             *splats = std::mem::take(splats).repaired().0;
         }
-        let index = Arc::new(index);
-        let mut stream = LevelStream::new(Arc::clone(&index), repairs);
-        let base = runs_at(&index, index.level_within(budget.shares(0).weather_splats));
         let WeatherScene { mut splats, parts } = stream.weather_scene(&base, environment.as_ref())?;
         let sky = if environment.is_some() { SkyRegion::None } else { SkyRegion::of(&splats) };
         label_sky(&mut splats);
-        let WeatherScene { splats: outline, parts: leaves } =
-            stream.weather_scene(&runs_at(&index, index.levels - 1), None)?;
+        let WeatherScene { splats: outline, parts: leaves } = stream.weather_scene(&coarsest, None)?;
         let ends = leaves.into_iter().map(|((leaf, _), part)| (leaf as usize, part.end as u64)).collect();
         let coarse = CoarseLeaves { set: backend.load(&outline)?, ends };
         let shares = budget.shares(stream.sh_degree());
@@ -135,6 +146,7 @@ impl PlaceLevels {
             coarse,
             rasterization: metadata.rasterization.unwrap_or_default(),
             focus: None,
+            weather_waits: false,
             captured_sky: CapturedSky::default(),
             parts: HashMap::new(),
             points: Arc::default(),
@@ -152,15 +164,22 @@ impl PlaceLevels {
         self.choices.clear();
     }
 
-    /// The weather's splats about a focus.
-    fn weather_scene(&mut self, focus: &WeatherFocus, metres_per_unit: f64) -> Result<Splats> {
+    /// The weather's splats about a focus; `None` if files have to be fetched first, which are noted.
+    fn weather_scene(&mut self, focus: &WeatherFocus, metres_per_unit: f64) -> Result<Option<Splats>> {
         let budget = CutBudget::of(self.shares.weather_splats);
-        let cut = LevelCut::of(self.stream.index(), &focus.cameras(metres_per_unit), &budget);
+        let cameras = focus.cameras(metres_per_unit);
+        let cut = LevelCut::of(self.stream.index(), &cameras, &budget);
         let always = self.environment.as_ref().map(|(splats, _)| splats);
-        let WeatherScene { splats, parts } = self.stream.weather_scene(&runs_of(&cut), always)?;
+        let runs = runs_of(&cut);
+        self.stream.look_from(&cameras);
+        self.weather_waits = !self.stream.are_there(&runs);
+        if self.weather_waits {
+            return Ok(None);
+        }
+        let WeatherScene { splats, parts } = self.stream.weather_scene(&runs, always)?;
         self.take_parts(parts, &splats);
         self.focus = Some(*focus);
-        Ok(splats)
+        Ok(Some(splats))
     }
 
     /// Makes the renderer hold what a camera sees, and finds what of it is drawn.
@@ -170,6 +189,7 @@ impl PlaceLevels {
         }
         let index = Arc::clone(self.stream.index());
         let cameras = self.shot.as_ref().map_or(std::slice::from_ref(camera), |shot| &shot.cameras).to_vec();
+        self.stream.begin_frame(&cameras);
         if patience == Patience::Draft {
             // It may spend splats on what is hidden.
             let cut = LevelCut::of(&index, &cameras, &CutBudget::of(self.shares.frame_splats));
@@ -199,8 +219,10 @@ impl PlaceLevels {
         let runs = stream.hold(backend, &wanted, patience)?;
         let parts = looks.drawn(camera, &held_leaves(stream, &runs), backend)?;
         self.drawn = runs.into_iter().zip(parts).collect();
-        self.shot_cut = self.shot.is_some().then_some(wanted);
-        self.camera = Some(*camera);
+        // Looks at what was not all there tell another cut.
+        let is_whole = !self.stream.waits();
+        self.shot_cut = (self.shot.is_some() && is_whole).then_some(wanted);
+        self.camera = is_whole.then_some(*camera);
         Ok(())
     }
 
@@ -341,6 +363,20 @@ impl PreparedPlace {
         }))
     }
 
+    /// Returns true if the last picture lacks files that have to be fetched, as in a browser; it was drawn with coarser levels. Those of
+    /// other places lack none.
+    #[must_use]
+    pub fn waits_for_files(&self) -> bool {
+        self.levels.as_ref().is_some_and(|levels| levels.weather_waits || levels.stream.waits())
+    }
+
+    /// The fetched files of a place in levels that the last picture did not need, those longest ago first: they may be dropped, and are
+    /// wanted again by pictures that need them.
+    #[must_use]
+    pub fn spare_files(&self) -> Vec<PathBuf> {
+        self.levels.as_ref().map_or_else(Vec::new, |levels| levels.stream.spare_files())
+    }
+
     /// Makes the renderer hold what a camera sees of the levels.
     pub(super) fn look(
         &mut self,
@@ -377,6 +413,9 @@ impl PreparedPlace {
         weather: &Weather,
         camera: &Camera,
     ) -> Result<()> {
+        if let Some(levels) = &mut self.levels {
+            levels.weather_waits = false;
+        }
         match &self.levels {
             Some(levels) if !self.is_focused(weather, camera) => {
                 self.focus_on(backend, self.focus_for(levels, camera))
@@ -405,12 +444,13 @@ impl PreparedPlace {
         }
     }
 
-    /// Takes the splats along the shot for the weather's; returns false if there is no shot.
+    /// Takes the splats along the shot for the weather's; returns false if there is no shot, or if files have to be fetched first.
     pub(super) fn focus_on_shot(&mut self, backend: &mut AnyRenderer) -> Result<bool> {
         let shot = self.levels.as_ref().and_then(|levels| levels.shot.as_ref());
         let Some(Shot { focus, .. }) = shot else { return Ok(false) };
-        self.focus_on(backend, *focus)?;
-        Ok(true)
+        let focus = *focus;
+        self.focus_on(backend, focus)?;
+        Ok(self.levels.as_ref().is_some_and(|levels| levels.focus == Some(focus)))
     }
 
     /// Takes the splats about a place for the weather's.
@@ -420,7 +460,7 @@ impl PreparedPlace {
         if levels.focus == Some(focus) {
             return Ok(());
         }
-        let splats = levels.weather_scene(&focus, metres)?;
+        let Some(splats) = levels.weather_scene(&focus, metres)? else { return Ok(()) };
         let captured_sky = levels.captured_sky;
         let set = backend.load(&splats)?;
         self.survey.captured_sky = captured_sky;

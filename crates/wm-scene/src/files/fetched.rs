@@ -105,6 +105,18 @@ pub fn take_wanted() -> Vec<PathBuf> {
     std::mem::take(&mut store().wanted)
 }
 
+/// Removes files, the first ones first, until no more than `most` bytes are left, and returns true if that is so then.
+pub fn keep_within(most: u64, spare: &[PathBuf]) -> bool {
+    let mut store = store();
+    for path in spare {
+        if store.bytes <= most {
+            break;
+        }
+        store.remove(&plain(path));
+    }
+    store.bytes <= most
+}
+
 /// The content of a file; `None` if it is not there.
 pub(super) fn get(path: &Path) -> Option<Arc<[u8]>> {
     store().files.get(&plain(path)).cloned()

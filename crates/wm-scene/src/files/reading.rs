@@ -116,3 +116,16 @@ pub fn is_there(path: &Path) -> bool {
         Place::Store(file) => file.is_some() || fetched::is_folder(path),
     }
 }
+
+/// Returns true if a file has to be fetched before it can be read. Nothing is noted.
+#[must_use]
+pub fn is_lacking(path: &Path) -> bool {
+    matches!(place_of(path), Place::Store(None))
+}
+
+/// Notes that a file has to be fetched, if it does.
+pub fn want(path: &Path) {
+    if is_lacking(path) {
+        fetched::want(path);
+    }
+}

@@ -9,7 +9,7 @@ use crate::{
         DetailLevel,
         folder::scene_file,
         sidecar,
-        sog::read::{below, fault, parse},
+        sog::read::{below, fault, parse, picture_names},
     },
 };
 use serde::Deserialize;
@@ -269,6 +269,47 @@ impl LevelIndex {
     /// If there are fewer files.
     pub fn read_file(&self, file: usize) -> Result<LevelFile, FormatError> {
         self.read_named(&self.files[file])
+    }
+
+    /// The files on which file `file` of [`Self::files`] waits, where scenes are made of files that are fetched; none if it can be read.
+    ///
+    /// # Panics
+    /// If there are fewer files.
+    #[must_use]
+    pub fn lacking(&self, file: usize) -> Vec<PathBuf> {
+        self.lacking_of(&self.files[file])
+    }
+
+    /// The files on which [`Self::read_environment`] waits.
+    #[must_use]
+    pub fn lacking_environment(&self) -> Vec<PathBuf> {
+        self.environment.as_ref().map_or_else(Vec::new, |name| self.lacking_of(name))
+    }
+
+    fn lacking_of(&self, name: &str) -> Vec<PathBuf> {
+        // What leads out of the folder is an error once it is read.
+        let Ok(path) = below(&self.main, name) else { return Vec::new() };
+        if files::is_lacking(&path) {
+            return vec![path];
+        }
+        self.paths_of(name).into_iter().filter(|path| files::is_lacking(path)).collect()
+    }
+
+    /// The paths of file `file` of [`Self::files`] as far as they are known: its `meta.json`, and once that was fetched its pictures.
+    ///
+    /// # Panics
+    /// If there are fewer files.
+    #[must_use]
+    pub fn paths(&self, file: usize) -> Vec<PathBuf> {
+        self.paths_of(&self.files[file])
+    }
+
+    fn paths_of(&self, name: &str) -> Vec<PathBuf> {
+        let Ok(path) = below(&self.main, name) else { return Vec::new() };
+        let meta = files::read_if_there(&path).ok().flatten().unwrap_or_default();
+        let pictures = picture_names(&meta);
+        let pictures: Vec<PathBuf> = pictures.iter().filter_map(|name| below(&path, name).ok()).collect();
+        std::iter::once(path).chain(pictures).collect()
     }
 
     /// Reads the splats that are always drawn, as those of the sky: infinitely far for weather; none if there is no such file.

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::PathBuf;
 use tempfile::TempDir;
 use wm_scene::Group;
+use wm_scene::files::fetched;
 use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
 use wm_scene::levels::{LevelWriteOptions, LevelWriter, NewLeaf};
 
@@ -181,4 +182,95 @@ fn weather_acts_on_what_is_drawn() {
     };
     let (off, changed) = (difference(&snow, &expected), difference(&clear, &expected));
     assert!(changed > 0.01 && off < 0.5 * changed, "{off} {changed}");
+}
+
+/// A place whose files are fetched, and its store: the street in a folder of its own.
+struct Fetched {
+    from: PathBuf,
+    root: PathBuf,
+}
+
+impl Fetched {
+    fn main(&self) -> PathBuf {
+        self.root.join("lod-meta.json")
+    }
+
+    fn fetch(&self, path: &std::path::Path) {
+        fetched::insert(path, fs::read(self.from.join(path.strip_prefix(&self.root).unwrap())).unwrap());
+    }
+
+    /// Opens the place once all that it asks for is there.
+    fn open(&self, splats: u64) -> (Renderer, PreparedPlace) {
+        fetched::files_below(&self.root).iter().for_each(|path| fetched::remove(path));
+        self.fetch(&self.main());
+        let budget = LevelBudget { splats: Some(splats), ..LevelBudget::default() };
+        // Files that name others are asked for first.
+        for _ in 0..3 {
+            let mut renderer = Renderer::cpu().unwrap();
+            let index = LevelIndex::open(&self.main()).unwrap();
+            match renderer.load_levels(index, &PlaceOptions::default(), &budget, false) {
+                Ok(place) => return (renderer, place),
+                Err(error) => assert!(error.to_string().ends_with("not fetched yet"), "{error}"),
+            }
+            fetched::take_wanted().iter().for_each(|path| self.fetch(path));
+        }
+        panic!("it asks for more and more");
+    }
+}
+
+/// Whatever order files come in, a frame is drawn at any time, and is the same as from a disk once all is there.
+#[test]
+fn files_that_are_fetched_give_the_frames_of_a_disk() {
+    let (folder, main) = street();
+    let store = Fetched { from: folder.path().into(), root: PathBuf::from(fetched::ROOT).join("street") };
+    let all = LevelIndex::open(&main).unwrap().count_of_level(0);
+    let (here, there) = (camera(0.0, 20.0), camera(1.0, -50.0));
+    for (order, splats, weather) in [(0, 2 * all, "snow-covered"), (1, all / 3, "fog"), (2, all / 3, "fog")] {
+        let (mut renderer, mut place) = load(&main, splats, false);
+        let expected = [here, there].map(|camera| picture(&mut renderer, &mut place, weather, camera));
+        assert!(!place.waits_for_files());
+        let (mut renderer, mut place) = store.open(splats);
+        let mut fetches = 0;
+        for (camera, expected) in [here, there].into_iter().zip(&expected) {
+            let mut waiting: Vec<PathBuf> = Vec::new();
+            loop {
+                let drawn = picture(&mut renderer, &mut place, weather, camera);
+                assert!(drawn.iter().all(|v| v.is_finite()));
+                let wanted = fetched::take_wanted();
+                if wanted.is_empty() && waiting.is_empty() {
+                    assert!(!place.waits_for_files());
+                    assert_eq!(&drawn, expected, "{order}");
+                    break;
+                }
+                assert!(place.waits_for_files());
+                waiting.extend(wanted);
+                waiting.dedup();
+                for _ in 0..5.min(waiting.len()) {
+                    let at = [0, waiting.len() - 1, waiting.len() / 2][order];
+                    store.fetch(&waiting.remove(at));
+                    fetches += 1;
+                }
+            }
+            // What it did not need may go, and the next frame of it needs nothing else.
+            fetched::keep_within(0, &place.spare_files());
+            assert_eq!(&picture(&mut renderer, &mut place, weather, camera), expected);
+            assert_eq!(fetched::take_wanted(), [] as [PathBuf; 0]);
+        }
+        assert!(fetches > 6, "{fetches}");
+        assert!(place.take_warnings().iter().all(|line| !line.contains("coarser")));
+    }
+    // A damaged one is named.
+    let (mut renderer, mut place) = store.open(2 * all);
+    let weather = Weather::clear();
+    renderer.render(&mut place, &weather, &here, 0.0).unwrap();
+    fetched::take_wanted().iter().for_each(|path| store.fetch(path));
+    renderer.render(&mut place, &weather, &here, 0.0).unwrap();
+    for path in fetched::take_wanted() {
+        store.fetch(&path);
+        if path.ends_with("sh0.webp") {
+            fetched::insert(&path, b"RIFF".as_slice());
+        }
+    }
+    let error = renderer.render(&mut place, &weather, &here, 0.0).unwrap_err().to_string();
+    assert!(error.contains("sh0.webp") && !error.contains('\n'), "{error}");
 }

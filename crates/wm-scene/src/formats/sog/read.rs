@@ -172,6 +172,14 @@ pub(crate) fn read_pictures(main: &Path) -> Result<SogPictures, Problem> {
     SogPictures::read(&|name| Ok(Some(read_file(&below(main, name)?)?)), &read_file(main)?)
 }
 
+/// The pictures that the content of a `meta.json` names; none of one that is damaged.
+pub(crate) fn picture_names(meta: &[u8]) -> Vec<String> {
+    let Ok(meta) = parse::<Meta>(meta, "meta.json") else { return Vec::new() };
+    let shading = meta.sh_n.into_iter().flat_map(|palette| palette.files);
+    let Meta { means, scales, quats, sh0, .. } = meta;
+    means.files.into_iter().chain(scales.files).chain(quats.files).chain(sh0.files).chain(shading).collect()
+}
+
 /// Reads a scene out of the folder of the file `main`, a `meta.json` whose content is `meta`.
 pub(super) fn read_folder(main: &Path, meta: &[u8]) -> Result<Scene, Problem> {
     read_with(&|name| Ok(Some(read_file(&below(main, name)?)?)), meta)
