@@ -53,6 +53,7 @@ pub fn routes(context: Arc<ViewerContext>) -> Router {
         "/align.js" => "align.js", "text/javascript";
         "/align.css" => "align.css", "text/css";
         "/main.js" => "main.js", "text/javascript";
+        "/backend.js" => "backend-server.js", "text/javascript";
         "/camera.js" => "camera.js", "text/javascript";
         "/controls.js" => "controls.js", "text/javascript";
         "/connection.js" => "connection.js", "text/javascript";
@@ -60,7 +61,9 @@ pub fn routes(context: Arc<ViewerContext>) -> Router {
         "/files.js" => "files.js", "text/javascript";
         "/lidar.js" => "lidar.js", "text/javascript";
         "/panels.js" => "panels.js", "text/javascript";
+        "/share.js" => "share.js", "text/javascript";
         "/store.js" => "store.js", "text/javascript";
+        "/tabs.js" => "tabs.js", "text/javascript";
         "/timeline.js" => "timeline.js", "text/javascript";
         "/tracks.js" => "tracks.js", "text/javascript";
     };
