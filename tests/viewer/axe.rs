@@ -88,14 +88,18 @@ fn keys_reach_and_move_every_control() {
     emulate(&browser, (1280, 800, false), "light");
     browser.open(&viewer.address);
     browser.picture();
-    let focused = || browser.script("const e = document.activeElement; return e.id || e.dataset.name || e.className");
+    let focused =
+        || browser.script("const e = document.activeElement; return e.id || e.dataset.name || e.className");
     let focus = |selector: &str| browser.script(&format!("document.querySelector('{selector}').focus()"));
     let value = |expression: &str| -> Value { browser.script(&format!("return {expression}")) };
 
     // The tabs are one stop, and the arrows go round.
     focus("[data-tab=weather]");
     browser.press("\u{E014}");
-    assert_eq!((focused(), value("document.getElementById('tab-camera').hidden")), (json!("of-camera"), json!(false)));
+    assert_eq!(
+        (focused(), value("document.getElementById('tab-camera').hidden")),
+        (json!("of-camera"), json!(false))
+    );
     browser.press("\u{E012}");
     browser.press("\u{E012}");
     assert_eq!(focused(), "of-save");
