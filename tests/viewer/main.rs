@@ -4,6 +4,7 @@
 mod common;
 
 mod align;
+mod axe;
 mod client;
 mod frames;
 mod lidar;

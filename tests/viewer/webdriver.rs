@@ -87,6 +87,12 @@ impl Browser {
         self.post("/actions", &json!({ "actions": [mouse] }));
     }
 
+    /// Presses a key and lets it go; keys without a letter have their code of WebDriver.
+    pub fn press(&self, key: &str) {
+        let actions = json!([{ "type": "keyDown", "value": key }, { "type": "keyUp", "value": key }]);
+        self.post("/actions", &json!({ "actions": [{ "type": "key", "id": "keys", "actions": actions }] }));
+    }
+
     /// A command of Chromium's own protocol.
     pub fn chromium(&self, command: &str, params: Value) -> Value {
         self.post("/goog/cdp/execute", &json!({ "cmd": command, "params": params }))
