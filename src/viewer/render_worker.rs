@@ -29,7 +29,7 @@ use wm_viewer::encode::jpeg;
 use wm_viewer::lidar::SweepMemory;
 use wm_viewer::paint::{FrameReport, PaintOptions};
 use wm_viewer::state::ViewOutput;
-use wm_viewer::thumbnail::{self, thumbnail_view};
+use wm_viewer::thumbnail::{self, ThumbnailShot, thumbnail_view};
 use wm_viewer::{View, ViewPainter};
 use wm_weather::Weather;
 
@@ -443,7 +443,7 @@ impl RenderWorker {
     fn render_thumbnail(&mut self, name: String) -> Result<()> {
         let (catalog, start) = (self.context.catalog(), self.context.initial_state());
         let shot = thumbnail_view(&name, &catalog, start).map_err(|error| anyhow!(error))?;
-        let Some((view, size)) = shot else { return Ok(()) };
+        let Some(ThumbnailShot { view, size }) = shot else { return Ok(()) };
         let missing = self.place.missing_assets(&view.weather, view.state.time);
         let is_whole = missing.is_empty();
         if !is_whole && !self.place.has_similar(&missing) {

@@ -10,8 +10,16 @@ const WIDTH: u32 = 224;
 /// JPEG quality.
 pub const QUALITY: u8 = 80;
 
-/// Returns the view of the thumbnail of a preset and its size, px, for a scene that starts with the state `start`; `None` if there is no
-/// such preset.
+/// The picture of a thumbnail.
+#[derive(Clone, Debug)]
+pub struct ThumbnailShot {
+    /// The view, of the scene's size.
+    pub view: Arc<View>,
+    /// Width and height of the thumbnail, px.
+    pub size: (u32, u32),
+}
+
+/// Returns the thumbnail of a preset for a scene that starts with the state `start`; `None` if there is no such preset.
 ///
 /// # Errors
 /// The start makes no view.
@@ -19,7 +27,7 @@ pub fn thumbnail_view(
     name: &str,
     catalog: &Catalog,
     start: ViewState,
-) -> Result<Option<(Arc<View>, (u32, u32))>, String> {
+) -> Result<Option<ThumbnailShot>, String> {
     let Ok(mut weather) = Weather::preset(name) else { return Ok(None) };
     if weather.has(EffectRole::Lies) {
         // All presets share one cover, that of still air.
@@ -31,5 +39,6 @@ pub fn thumbnail_view(
     let [width, height] = start.size;
     let height = (f64::from(WIDTH * height) / f64::from(width)).round().clamp(1.0, 1024.0) as u32;
     let state = ViewState { weather: weather_to_json(&weather), time, divider: None, ..start };
-    Ok(Some((Arc::new(View::new(state, catalog, None)?), (WIDTH, height))))
+    let view = Arc::new(View::new(state, catalog, None)?);
+    Ok(Some(ThumbnailShot { view, size: (WIDTH, height) }))
 }

@@ -259,7 +259,7 @@ impl Attacker {
 
     fn number(&mut self) -> String {
         let digits = "9".repeat([1, 20, 400, 60_000][self.below(4)]);
-        let number = match self.below(9) {
+        match self.below(9) {
             0 => format!("{digits}.{digits}"),
             1 => format!("1e{digits}"),
             2 => format!("-1e-{digits}"),
@@ -268,8 +268,7 @@ impl Attacker {
             _ => self
                 .pick(&["NaN", "inf", "-infinity", "1e308", "-0", "5e-324", "0x10", "1_0", "", "+1"])
                 .into(),
-        };
-        number
+        }
     }
 
     fn fragment(&mut self, attack: usize) -> String {
