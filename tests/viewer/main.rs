@@ -11,6 +11,7 @@ mod lidar;
 mod links;
 mod page;
 mod security;
+mod site;
 mod socket;
 mod training;
 mod webdriver;

@@ -18,6 +18,21 @@ pub struct Browser {
 impl Browser {
     /// Starts one that saves files in a folder; `None`, and says so, without chromedriver, which is a failure with `WM_REQUIRE_BROWSER=1`.
     pub fn start(downloads: &Path) -> Option<Self> {
+        Self::start_with(downloads, &["--disable-gpu"])
+    }
+
+    /// Starts one whose WebGPU is a GPU in software.
+    pub fn with_webgpu(downloads: &Path) -> Option<Self> {
+        let options = [
+            "--enable-unsafe-webgpu",
+            "--enable-features=Vulkan,WebGPU",
+            "--use-webgpu-adapter=swiftshader",
+            "--use-angle=swiftshader",
+        ];
+        Self::start_with(downloads, &options)
+    }
+
+    fn start_with(downloads: &Path, options: &[&str]) -> Option<Self> {
         let started =
             Command::new("chromedriver").arg("--port=0").stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let Ok(mut driver) = started else {
@@ -35,8 +50,10 @@ impl Browser {
         });
         let mut browser =
             Self { driver, address: format!("127.0.0.1:{}", port.expect("a port")), session: String::new() };
+        let usual = ["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1280,720"];
+        let args = [&usual, options].concat();
         let options = json!({
-            "args": ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--window-size=1280,720"],
+            "args": args,
             "prefs": { "download.default_directory": downloads, "profile.default_content_setting_values.automatic_downloads": 1 },
         });
         let wanted = json!({ "goog:chromeOptions": options, "goog:loggingPrefs": { "browser": "ALL" } });
@@ -60,7 +77,12 @@ impl Browser {
 
     /// Opens a page.
     pub fn open(&self, address: &str) {
-        self.post("/url", &json!({ "url": format!("http://{address}/") }));
+        self.open_at(address, "");
+    }
+
+    /// Opens a page with a query and a fragment.
+    pub fn open_at(&self, address: &str, rest: &str) {
+        self.post("/url", &json!({ "url": format!("http://{address}/{rest}") }));
     }
 
     /// The value of a script's `return`.
