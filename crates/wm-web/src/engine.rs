@@ -140,7 +140,9 @@ impl Engine {
         }
         let report =
             FrameReport { seq, size, is_whole: !moving && !lacks, stats: &stats, seconds: [seconds, 0.0] };
-        let head = report.header(view, self.place.site(), Value::Null);
+        let mut head = report.header(view, self.place.site(), Value::Null);
+        // It may have been given up.
+        head["device"] = self.describe().into();
         Ok(Drawn { head, size, rgb, lacks })
     }
 

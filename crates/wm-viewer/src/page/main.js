@@ -98,6 +98,8 @@ async function hear(word) {
       return begin();
     case "status":
       return status(word.text);
+    case "note":
+      return console.warn(word.text);
     case "error":
       return toast(word.text, "bad");
     case "state":
@@ -222,6 +224,8 @@ function show(head, picture) {
   if (canvas.width !== picture.width || canvas.height !== picture.height) {
     [canvas.width, canvas.height] = [picture.width, picture.height];
   }
+  // A GPU may have been given up.
+  renderer = head.device ?? renderer;
   const context = canvas.getContext("2d");
   if (picture instanceof ImageData) context?.putImageData(picture, 0, 0);
   else context?.drawImage(picture, 0, 0);
@@ -267,7 +271,7 @@ function rendererFigure() {
   const why = isGpu ? "The graphics card of this device renders the pictures" : "navigator" in globalThis && "gpu" in navigator
     ? "The processor renders the pictures: this browser's WebGPU has no graphics card that will do. Pictures come more slowly and smaller while something moves"
     : "The processor renders the pictures, as this browser has no WebGPU. Pictures come more slowly; they are the same";
-  return h("span", { "data-stat": "device", title: `${why} (${renderer})` }, "on ", h("b", {}, isGpu ? "GPU" : "CPU"), isGpu ? "" : ", without WebGPU");
+  return h("span", { "data-stat": "device", title: `${why} (${renderer})` }, "on ", h("b", {}, isGpu ? "GPU" : "CPU"), isGpu ? "" : ", slower");
 }
 
 function outputs() {
