@@ -54,7 +54,7 @@ pub struct ExportWebArgs {
     time: f64,
     /// Weathers that the page has the prepared data of, beside its first: auto (those of common presets, as far as they fit
     /// --asset-megabytes), all (of every preset, as far as they fit), none, or a list of presets and weather files. The browser makes
-    /// what is not prepared, which takes it up to a minute
+    /// what is not prepared when it is asked for
     #[arg(
         long,
         value_name = "LIST",
@@ -240,7 +240,7 @@ fn report(
     );
     let left = prepared.left(&loaded.place);
     if !left.is_empty() {
-        lines.push(format!("left to the browser, which takes up to a minute: {}", left.join(", ")));
+        lines.push(format!("left to the browser: {}", left.join(", ")));
     }
     Ok(lines)
 }

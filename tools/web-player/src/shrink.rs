@@ -21,7 +21,7 @@ const FEATURES: [&str; 8] = [
 pub fn shrink(module: &Path) -> Result<()> {
     let Some(program) = on_path("wasm-opt") else {
         eprintln!(
-            "wasm-opt is not on PATH: the module is some 5 % larger than it could be (npm install -g binaryen)"
+            "wasm-opt is not on PATH: the module is larger than it could be (npm install -g binaryen)"
         );
         return Ok(());
     };

@@ -8,7 +8,7 @@ use std::io::Read;
 const MAGIC: &[u8] = &[0x1f, 0x8b];
 /// Most times that an asset may be longer than its packed form.
 const MOST_GROWTH: u64 = 200;
-/// Packs to 0.97 of the size of level 5 in twice the time.
+/// The level of the packing.
 const LEVEL: u8 = 7;
 
 /// Packs the bytes of an asset file. [`AssetCache`](super::AssetCache) reads both forms. The same bytes are packed to the same bytes.
