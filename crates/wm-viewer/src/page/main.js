@@ -271,7 +271,7 @@ function rendererFigure() {
   const why = isGpu ? "The graphics card of this device renders the pictures" : "navigator" in globalThis && "gpu" in navigator
     ? "The processor renders the pictures: this browser's WebGPU has no graphics card that will do. Pictures come more slowly and smaller while something moves"
     : "The processor renders the pictures, as this browser has no WebGPU. Pictures come more slowly; they are the same";
-  return h("span", { "data-stat": "device", title: `${why} (${renderer})` }, "on ", h("b", {}, isGpu ? "GPU" : "CPU"), isGpu ? "" : ", slower");
+  return h("span", { "data-stat": "device", title: `${why} (${renderer})` }, "on ", h("b", {}, isGpu ? "GPU" : "CPU"));
 }
 
 function outputs() {
