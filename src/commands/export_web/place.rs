@@ -99,7 +99,7 @@ impl SceneOptions {
         let facts = args.scene.facts.metadata()?;
         let mut words = vec![args.scene.scene.display().to_string()];
         let mut add = |option: &str, value: Option<String>| {
-            words.extend(value.map(|value| format!("--{option}={value}")))
+            words.extend(value.map(|value| format!("--{option}={value}")));
         };
         add("level", args.scene.level.map(|level| level.to_string()));
         add("sky", (args.sky.sky != SkyChoice::Keep).then(|| args.sky.sky.name().into()));

@@ -17,7 +17,7 @@ fn with_falling(at: u32, rgb: vec3<f32>) -> vec3<f32> {
         apart[4u * at + 2u] = light.z;
         apart[4u * at + 3u] = 1.0 - kept;
     }
-    if !OVER || steps == 0.0 && all(sums == vec3<f32>(0.0)) {
+    if !OVER || (steps == 0.0 && all(sums == vec3<f32>(0.0))) {
         return rgb;
     }
     return srgb_encode(srgb_decode(rgb) * kept + light);
