@@ -250,3 +250,38 @@ fn a_damaged_site_says_what_is_wrong_in_a_line() {
         std::fs::write(path, before).unwrap();
     }
 }
+
+/// Browsers read WGSL more strictly than naga does.
+#[test]
+#[cfg(feature = "gpu")]
+fn every_program_of_the_gpu_compiles_in_a_browser() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(browser) = Browser::with_webgpu(folder.path()) else { return };
+    std::fs::write(folder.path().join("index.html"), "<!doctype html>").unwrap();
+    let address = host(folder.path().to_owned());
+    browser.open_at(&address, "");
+    let texts: Vec<String> = wm_render::gpu::source::Program::all()
+        .iter()
+        .map(wm_render::gpu::source::Program::text)
+        // In browsers subgroups are not used.
+        .filter(|text| !text.contains("subgroupAny("))
+        .collect();
+    assert!(texts.len() > 30);
+    for texts in texts.chunks(16) {
+        let faults = browser.script(&format!(
+            "const texts = {}; \
+             return (async () => {{ \
+               const adapter = await navigator.gpu.requestAdapter(); \
+               const device = await adapter.requestDevice(); \
+               const faults = []; \
+               for (const code of texts) {{ \
+                 const info = await device.createShaderModule({{ code }}).getCompilationInfo(); \
+                 for (const m of info.messages) if (m.type === 'error') \
+                   faults.push(m.message + ': ' + code.split('\\n').slice(m.lineNum - 1, m.lineNum + 1).join(' ')); \
+               }} \
+               return faults; }})()",
+            serde_json::to_string(texts).unwrap()
+        ));
+        assert_eq!(faults, serde_json::json!([]));
+    }
+}
