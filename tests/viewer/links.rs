@@ -10,7 +10,7 @@ fn a_link_opens_the_state_that_it_was_made_of() {
     let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
     let start = viewer.json("GET", "/state", &json!({}));
     let patch = json!({
-        "weather": { "name": "<b>a fog</b>", "fog": { "mor": 81.123456789012345 } }, "time": 2.25, "output": "depth", "divider": 0.5,
+        "weather": { "name": "<b>a fog</b>", "fog": { "mor": 81.12345678901234 } }, "time": 2.25, "output": "depth", "divider": 0.5,
         "camera": { "eye": [0.5, -12.123456789012345, 1.8], "rotation": [0.7123, 0.7, 0.012, -0.003], "fov": 47.3 },
         "size": [90, 60],
     });

@@ -310,10 +310,11 @@ impl Attacker {
             }
             4 => {
                 let (key, bomb) = (self.pick(&keys), self.bomb.clone());
-                match self.below(4) {
-                    0 => self.with(key, &bomb),
-                    1 => self.with_packed(key, &"\n".repeat(MAX_INFLATED)),
-                    2 => self.with_packed("w", &"[[a]]\n".repeat(MAX_INFLATED / 7)),
+                // The last two take some 30 ms each.
+                match self.below(20) {
+                    0..=8 => self.with(key, &bomb),
+                    9..=17 => self.with_packed(key, &"\n".repeat(MAX_INFLATED)),
+                    18 => self.with_packed("w", &"[[a]]\n".repeat(MAX_INFLATED / 7)),
                     _ => {
                         let keys: String = (0..9000).map(|index| format!("k{index}.a={index}\n")).collect();
                         self.with_packed("w", &keys)
