@@ -24,6 +24,10 @@ use wm_viewer::state::{View, ViewOutput, ViewState};
 
 /// Memory for the splats of a scene in levels of detail where the site says none, bytes.
 const MEMORY: u64 = 1 << 30;
+/// Files of levels that are fetched before the view is drawn again, at least.
+const FETCHED_FILES: usize = 8;
+/// Time after which a view is drawn again with what was fetched, s.
+const FETCH_SECONDS: f64 = 2.0;
 
 /// Draws the views of one place.
 pub struct Engine {
@@ -35,8 +39,10 @@ pub struct Engine {
     pace: Pace,
     /// The view of the last frame.
     view: Option<Arc<View>>,
-    /// Files of levels that it lacked.
+    /// Files of levels that it lacked, those first that it needs most.
     wanted: Vec<PathBuf>,
+    /// Most bytes of fetched files that are kept for later views.
+    kept: u64,
 }
 
 /// What was drawn of a view.
@@ -72,8 +78,9 @@ impl Engine {
             ..PlaceOptions::default()
         };
         let path = Path::new(&site.scene);
+        let memory = site.memory.unwrap_or(MEMORY);
         let place = if site.scene == INDEX_NAME {
-            let budget = LevelBudget { memory: site.memory.unwrap_or(MEMORY), splats: None };
+            let budget = LevelBudget { memory, splats: None };
             let index = LevelIndex::open(path).map_err(said)?;
             loop {
                 let options = PlaceOptions { facts: site.metadata.clone(), ..options.clone() };
@@ -94,7 +101,9 @@ impl Engine {
             renderer.load_with(scene, &options).map_err(said)?
         };
         let (painter, pace) = (ViewPainter::default(), Pace::default());
-        Ok(Self { page, files, renderer, place, painter, pace, view: None, wanted: Vec::new() })
+        // The splats that were read of them take more: some 250 bytes each, of which a file has some 25.
+        let (view, wanted, kept) = (None, Vec::new(), memory / 4);
+        Ok(Self { page, files, renderer, place, painter, pace, view, wanted, kept })
     }
 
     /// The renderer, in words.
@@ -133,6 +142,9 @@ impl Engine {
         let (rgb, stats) = painter.draw_async(renderer, place, view, None, options).await.map_err(said)?;
         // Files of levels that were not there are known only now.
         self.wanted = fetched::take_wanted();
+        if !moving {
+            fetched::keep_within(self.kept, &self.place.spare_files());
+        }
         let lacks = lacks || !(moving || self.wanted.is_empty());
         let seconds = started.elapsed().as_secs_f64();
         if moving {
@@ -165,11 +177,22 @@ impl Engine {
     async fn get_ready(&mut self) -> Result<(), String> {
         let wanted = std::mem::take(&mut self.wanted);
         if !wanted.is_empty() {
-            self.page.status("fetching the scene");
-            self.files.keep_all(&wanted).await?;
+            let started = Instant::now();
+            for (number, files) in wanted.chunks(FETCHED_FILES).enumerate() {
+                // The view is drawn with these, and notes the others again.
+                if number > 0 && started.elapsed().as_secs_f64() > FETCH_SECONDS {
+                    return Ok(());
+                }
+                let left = wanted.len() - number * FETCHED_FILES;
+                self.page.status(&format!("fetching the scene, {left} files"));
+                self.files.keep_all(files).await?;
+            }
         }
         let Some(view) = self.view.clone() else { return Ok(()) };
-        if !self.lacks(&view)? {
+        let lacks = self.lacks(&view)?;
+        // Assets are made of the splats about the camera, once those are there.
+        self.wanted = fetched::take_wanted();
+        if !lacks || !self.wanted.is_empty() {
             return Ok(());
         }
         let mut missing = self.place.missing_assets(&view.weather, view.state.time);
@@ -204,18 +227,25 @@ impl Engine {
     /// In one line.
     pub async fn picture(&mut self, view: &Arc<View>) -> Result<Vec<u8>, String> {
         self.view = Some(Arc::clone(view));
-        while self.lacks(view)? {
+        loop {
+            while self.lacks(view)? {
+                self.prepare().await?;
+            }
+            let Self { painter, renderer, place, .. } = self;
+            let half = half_depth(place.survey());
+            let frame = &painter.render_async(renderer, place, view).await.map_err(said)?.frame;
+            let wanted = fetched::take_wanted();
+            if wanted.is_empty() {
+                let size = PictureSize::new(frame.width, frame.height);
+                let bytes = match view.state.output {
+                    ViewOutput::Rgb => quantize_rgb8(&frame.rgb, size, Dither::Ordered),
+                    output => to_bytes(frame, output, half, Dither::Off),
+                };
+                return png::encode_rgb8(&bytes, size).map_err(said);
+            }
+            self.wanted = wanted;
             self.prepare().await?;
         }
-        let Self { painter, renderer, place, .. } = self;
-        let half = half_depth(place.survey());
-        let frame = &painter.render_async(renderer, place, view).await.map_err(said)?.frame;
-        let size = PictureSize::new(frame.width, frame.height);
-        let bytes = match view.state.output {
-            ViewOutput::Rgb => quantize_rgb8(&frame.rgb, size, Dither::Ordered),
-            output => to_bytes(frame, output, half, Dither::Off),
-        };
-        png::encode_rgb8(&bytes, size).map_err(said)
     }
 }
 

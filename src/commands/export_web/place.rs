@@ -8,7 +8,7 @@ use crate::progress;
 use crate::scene::{OpenScene, change_sky, check, read_options};
 use anyhow::{Result, bail};
 use std::fs;
-use std::path::{Component, Path};
+use std::path::Path;
 use weather_magician::PlaceOptions;
 use weather_magician::levels::{LevelBudget, MOST_SPLATS};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
@@ -64,12 +64,12 @@ pub fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlac
     bar.finish_and_clear();
     if scene.splats.len() as u64 > MOST_SPLATS {
         let facts = scene.metadata.clone();
-        levels::write(
-            &folder.join(INDEX_NAME),
-            scene,
-            Vec::new(),
-            (None, args.run.threads.map(usize::from)),
-        )?;
+        let written = folder.join("folders");
+        let index = written.join(INDEX_NAME);
+        make_folder(&written)?;
+        levels::write(&index, scene, Vec::new(), (None, args.run.threads.map(usize::from)))?;
+        copy_levels(&LevelIndex::open(&index)?, folder, false)?;
+        at(fs::remove_dir_all(&written), &written)?;
         return open_levels(args, folder, facts, words);
     }
     let bar = progress::spinner("writing the scene");
@@ -152,39 +152,19 @@ fn known(stated: Metadata, survey: &Survey) -> Metadata {
     facts
 }
 
-/// Copies a scene in levels, with its index last. With `repairs` files that are missing are left out.
+/// Copies a scene in levels, each of its files as one bundle, since a page fetches file by file; the index is last. With `repairs` files that
+/// are missing or damaged are left out.
 fn copy_levels(index: &LevelIndex, folder: &Path, repairs: bool) -> Result<()> {
-    let source = index.path().parent().unwrap_or(Path::new(""));
     let names: Vec<&String> = index.files.iter().chain(&index.environment).collect();
     let bar = progress::bar(names.len() as u64, "copying the scene");
     for name in names {
         super::stop_if_asked()?;
-        if !Path::new(name).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
-        {
-            bail!("{}: names the file {name:?}, which is not below it", index.path().display());
-        }
-        let (from, to) = (source.join(name), folder.join(name));
-        if repairs && !from.exists() {
-            eprintln!("warning: {}: is missing and left out", from.display());
-            continue;
-        }
-        let to_folder = to.parent().unwrap_or(folder);
-        make_folder(to_folder)?;
-        copy(&from, &to)?;
-        // The pictures that it names are beside it.
-        let beside = from.parent().unwrap_or(source);
-        for entry in at(fs::read_dir(beside), beside)?.flatten() {
-            let path = entry.path();
-            if path.extension().is_some_and(|extension| extension == "webp") {
-                copy(&path, &to_folder.join(entry.file_name()))?;
-            }
+        match index.write_bundle(name, folder) {
+            Err(error) if repairs => bar.suspend(|| eprintln!("warning: {error}; it is left out")),
+            outcome => outcome?,
         }
         bar.inc(1);
     }
     bar.finish_and_clear();
-    copy(index.path(), &folder.join(INDEX_NAME))
-}
-
-fn copy(from: &Path, to: &Path) -> Result<()> {
-    at(fs::copy(from, to), from).map(drop)
+    Ok(index.write_bundled(&folder.join(INDEX_NAME))?)
 }

@@ -13,7 +13,7 @@ pub struct LevelFile {
 }
 
 impl LevelFile {
-    /// Reads and decodes a folder by its `meta.json`.
+    /// Reads and decodes a folder by its `meta.json`, or a bundle.
     pub(super) fn read(path: &Path) -> Result<Self, FormatError> {
         let pictures = read_pictures(path).map_err(|problem| FormatError::whole(path, problem))?;
         Ok(Self { path: path.into(), pictures })

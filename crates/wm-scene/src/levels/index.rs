@@ -30,7 +30,7 @@ pub struct LevelIndex {
     main: PathBuf,
     /// Number of levels, 1 to [`MAX_LEVELS`].
     pub levels: u32,
-    /// The names of the files, below the folder of the index: the `meta.json` of one SOG each.
+    /// The names of the files, below the folder of the index: the `meta.json` of one SOG each, or a SOG bundle.
     pub files: Vec<String>,
     /// The file with the splats that are always drawn, such as the sky.
     pub environment: Option<String>,
@@ -295,7 +295,8 @@ impl LevelIndex {
         self.paths_of(name).into_iter().filter(|path| files::is_lacking(path)).collect()
     }
 
-    /// The paths of file `file` of [`Self::files`] as far as they are known: its `meta.json`, and once that was fetched its pictures.
+    /// The paths of file `file` of [`Self::files`] as far as they are known: its bundle, or its `meta.json` and once
+    /// that was fetched its pictures.
     ///
     /// # Panics
     /// If there are fewer files.
@@ -306,8 +307,11 @@ impl LevelIndex {
 
     fn paths_of(&self, name: &str) -> Vec<PathBuf> {
         let Ok(path) = below(&self.main, name) else { return Vec::new() };
+        if !name.ends_with(".json") {
+            return vec![path];
+        }
         let meta = files::read_if_there(&path).ok().flatten().unwrap_or_default();
-        let pictures = picture_names(&meta);
+        let pictures = picture_names(&meta).unwrap_or_default();
         let pictures: Vec<PathBuf> = pictures.iter().filter_map(|name| below(&path, name).ok()).collect();
         std::iter::once(path).chain(pictures).collect()
     }

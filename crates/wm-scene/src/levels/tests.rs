@@ -458,3 +458,41 @@ fn tiles_stand_where_the_scene_does() {
     let far = found.iter().zip(&expected).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
     assert!(far < 1e-3, "{far}");
 }
+
+/// Bundles hold what the folders do; one that is damaged is told in a line.
+#[test]
+fn bundles_stand_for_folders() {
+    let folder = tempdir().unwrap();
+    let [main, bundled] = ["a", "b"].map(|name| folder.path().join(name).join("lod-meta.json"));
+    fs::create_dir(folder.path().join("a")).unwrap();
+    written(&main, leaves()).unwrap();
+    let index = LevelIndex::open(&main).unwrap();
+    let expected = index.read_level(DetailLevel::Finest).unwrap();
+    let to = folder.path().join("b");
+    for name in index.files.iter().chain(&index.environment) {
+        index.write_bundle(name, &to).unwrap();
+    }
+    index.write_bundled(&bundled).unwrap();
+    let other = LevelIndex::open(&bundled).unwrap();
+    assert!(other.files.iter().chain(&other.environment).all(|name| name.ends_with(".sog")));
+    assert_eq!((&other.leaves, &other.metadata), (&index.leaves, &index.metadata));
+    assert_eq!(other.read_level(DetailLevel::Finest).unwrap(), expected);
+    // Bundles of bundles are the same.
+    let again = folder.path().join("c");
+    other.write_bundle(&other.files[0], &again).unwrap();
+    assert_eq!(fs::read(again.join(&other.files[0])).unwrap(), fs::read(to.join(&other.files[0])).unwrap());
+
+    let path = to.join(&other.files[0]);
+    let whole = fs::read(&path).unwrap();
+    for bad in [&whole[..whole.len() / 2], &whole[..9], &[]] {
+        fs::write(&path, bad).unwrap();
+        let message = other.read_level(DetailLevel::Finest).unwrap_err().to_string();
+        assert!(message.starts_with(&path.display().to_string()) && !message.contains('\n'), "{message}");
+    }
+    fs::remove_file(main.with_file_name(&index.files[0]).with_file_name("quats.webp")).unwrap();
+    let message = index.write_bundle(&index.files[0], &again).unwrap_err().to_string();
+    assert!(message.contains("quats.webp"), "{message}");
+    // Writing anew removes them.
+    written(&bundled, leaves()).unwrap();
+    assert!(!path.exists() && main.with_file_name("lod-meta.json").exists());
+}

@@ -331,6 +331,10 @@ fn remove(main: &Path) -> Result<(), FormatError> {
     let Some(old) = old else { return Ok(()) };
     for name in old.files.iter().chain(&old.environment) {
         let Ok(meta) = below(main, name) else { continue };
+        if !name.ends_with(".json") {
+            gone(&meta)?;
+            continue;
+        }
         for file in ["meta", "means_l", "means_u", "scales", "quats", "sh0", "shN_labels", "shN_centroids"] {
             let ending = if file == "meta" { "json" } else { "webp" };
             gone(&meta.with_file_name(file).with_extension(ending))?;

@@ -23,7 +23,7 @@ pub(crate) mod read;
 mod rotation;
 mod webp;
 pub(crate) mod write;
-mod zip;
+pub(crate) mod zip;
 
 use super::{ANY_SCALE, Axes, Kept, Loses, ReadOptions, SceneFormat, Writer, has_ending};
 use crate::{
@@ -62,15 +62,15 @@ pub mod bundle {
         about: "PlayCanvas SOG, versions 1 and 2, in one file",
         axes: Axes::Ply,
         loses: LOSES,
-        sniff: |start| start.bytes.starts_with(b"PK\x03\x04"),
+        sniff: |start| read::is_bundle(start.bytes),
         read: |source, _| {
             let bytes = source.rest()?;
             let archive = zip::Archive::new(&bytes).map_err(|problem| source.whole(problem))?;
-            read::read(&|name| archive.file(name)).map_err(|problem| source.whole(problem))
+            read::read(&archive).map_err(|problem| source.whole(problem))
         },
         write: Writer::Stream(|out, scene, _| {
             let mut archive = zip::Writer::new(out);
-            write::files(scene, &mut |file| archive.add(&file))?;
+            write::files(scene, &mut |file| archive.add(file.name, &file.bytes))?;
             archive.finish()
         }),
     };

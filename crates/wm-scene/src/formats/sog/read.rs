@@ -1,6 +1,6 @@
 //! Reading: `meta.json` and the pictures that it names.
 
-use super::{Problem, rotation::from_bytes};
+use super::{Problem, rotation::from_bytes, zip};
 use crate::{
     Metadata, Rasterization, Scene, Splats,
     error::{excerpt, one_line},
@@ -161,23 +161,40 @@ impl Picture {
     }
 }
 
-/// Reads a scene out of files by their names.
-pub(super) fn read(files: Files) -> Result<Scene, Problem> {
-    let meta = files("meta.json")?.ok_or_else(|| fault("there is no meta.json in it"))?;
-    read_with(files, &meta)
+/// Reads a scene out of a bundle.
+pub(super) fn read(archive: &zip::Archive) -> Result<Scene, Problem> {
+    read_with(&|name| archive.file(name), &meta_of(archive)?)
 }
 
-/// Reads the pictures of the folder of a `meta.json`.
+/// Reads the pictures of the folder of a `meta.json`, or those of a bundle.
 pub(crate) fn read_pictures(main: &Path) -> Result<SogPictures, Problem> {
-    SogPictures::read(&|name| Ok(Some(read_file(&below(main, name)?)?)), &read_file(main)?)
+    let bytes = read_file(main)?;
+    if !is_bundle(&bytes) {
+        return SogPictures::read(&|name| Ok(Some(read_file(&below(main, name)?)?)), &bytes);
+    }
+    let archive = zip::Archive::new(&bytes)?;
+    SogPictures::read(&|name| archive.file(name), &meta_of(&archive)?)
 }
 
-/// The pictures that the content of a `meta.json` names; none of one that is damaged.
-pub(crate) fn picture_names(meta: &[u8]) -> Vec<String> {
-    let Ok(meta) = parse::<Meta>(meta, "meta.json") else { return Vec::new() };
+/// Returns true if a file is a bundle by its first bytes.
+pub(crate) fn is_bundle(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"PK\x03\x04")
+}
+
+fn meta_of(archive: &zip::Archive) -> Result<Vec<u8>, Problem> {
+    archive.file("meta.json")?.ok_or_else(|| fault("there is no meta.json in it"))
+}
+
+/// The pictures that the content of a `meta.json` names.
+///
+/// # Errors
+/// If it is damaged.
+pub(crate) fn picture_names(meta: &[u8]) -> Result<Vec<String>, Problem> {
+    let meta = parse::<Meta>(meta, "meta.json")?;
     let shading = meta.sh_n.into_iter().flat_map(|palette| palette.files);
     let Meta { means, scales, quats, sh0, .. } = meta;
-    means.files.into_iter().chain(scales.files).chain(quats.files).chain(sh0.files).chain(shading).collect()
+    let pictures = means.files.into_iter().chain(scales.files).chain(quats.files).chain(sh0.files);
+    Ok(pictures.chain(shading).collect())
 }
 
 /// Reads a scene out of the folder of the file `main`, a `meta.json` whose content is `meta`.

@@ -4,10 +4,7 @@
 
 use crate::{
     error::Problem,
-    formats::{
-        NamedFile,
-        bytes::{check_unpacked, unpack_exact},
-    },
+    formats::bytes::{check_unpacked, unpack_exact},
 };
 use sirocco::inflate;
 use std::io::Write;
@@ -22,7 +19,7 @@ const MAX_COMMENT: usize = 65_535;
 const MAX_ENTRIES: usize = 4096;
 
 /// An archive in memory.
-pub(super) struct Archive<'a> {
+pub(crate) struct Archive<'a> {
     bytes: &'a [u8],
     entries: Vec<Entry<'a>>,
 }
@@ -125,7 +122,7 @@ fn directory(bytes: &[u8]) -> Option<Vec<Entry<'_>>> {
 }
 
 /// Writes an archive, file after file. Their time is the first that ZIP knows, so that equal scenes give equal bytes.
-pub(super) struct Writer<'a> {
+pub(crate) struct Writer<'a> {
     out: &'a mut dyn Write,
     central: Vec<u8>,
     /// Bytes written.
@@ -143,10 +140,10 @@ impl<'a> Writer<'a> {
     ///
     /// # Errors
     /// If `out` fails or an archive cannot hold so much.
-    pub fn add(&mut self, file: &NamedFile) -> Result<(), Problem> {
+    pub fn add(&mut self, name: &str, bytes: &[u8]) -> Result<(), Problem> {
         /// 1980-01-01 00:00.
         const TIME: [u8; 4] = [0, 0, 0x21, 0];
-        let size = file.bytes.len() as u64;
+        let size = bytes.len() as u64;
         if self.at + size > u64::from(u32::MAX) {
             return Err(Problem::Value("too many splats for one .sog: write a folder, OUT/meta.json".into()));
         }
@@ -154,22 +151,22 @@ impl<'a> Writer<'a> {
         let mut shared = vec![20, 0, 0, 0, 0, 0];
         shared.extend(TIME);
         shared.extend(
-            [crc32fast::hash(&file.bytes), size as u32, size as u32].into_iter().flat_map(u32::to_le_bytes),
+            [crc32fast::hash(bytes), size as u32, size as u32].into_iter().flat_map(u32::to_le_bytes),
         );
-        shared.extend((file.name.len() as u16).to_le_bytes());
+        shared.extend((name.len() as u16).to_le_bytes());
         shared.extend([0, 0]);
         self.out.write_all(&LOCAL.to_le_bytes())?;
         self.out.write_all(&shared)?;
-        self.out.write_all(file.name.as_bytes())?;
-        self.out.write_all(&file.bytes)?;
+        self.out.write_all(name.as_bytes())?;
+        self.out.write_all(bytes)?;
         self.central.extend(CENTRAL.to_le_bytes());
         self.central.extend([20, 0]);
         self.central.extend(shared);
         // No comment, disk 0, no attributes.
         self.central.extend([0; 10]);
         self.central.extend((self.at as u32).to_le_bytes());
-        self.central.extend(file.name.as_bytes());
-        self.at += 30 + file.name.len() as u64 + size;
+        self.central.extend(name.as_bytes());
+        self.at += 30 + name.len() as u64 + size;
         self.count += 1;
         Ok(())
     }
