@@ -91,12 +91,12 @@ fn pictures_do_not_depend_on_what_is_on_disk() {
 #[test]
 fn assets_are_found_by_a_digest_that_is_given() {
     let folder = tempfile::tempdir().unwrap();
-    let snow = Weather::preset("snow-covered").unwrap();
+    let rain = Weather::preset("moderate-rain").unwrap();
     let mut renderer = Renderer::cpu().unwrap();
     let facts = |metres: f64| weather_magician::Metadata { metres_per_unit: Some(metres), ..Default::default() };
     let options = PlaceOptions { assets: Some(folder.path().into()), ..PlaceOptions::default() };
     let mut made = renderer.load_with(street(), &options).unwrap();
-    renderer.prepare(&mut made, &snow, &mut ()).unwrap();
+    renderer.prepare(&mut made, &rain, &mut ()).unwrap();
     let digest = made.asset_digest();
     assert!(digest.is_some_and(|digest| digest.to_string().parse() == Ok(digest)));
     // A place with another digest of its own, as arithmetic of other last digits gives.
@@ -104,9 +104,9 @@ fn assets_are_found_by_a_digest_that_is_given() {
     let mut lacking = |asset_digest| {
         let options = PlaceOptions { asset_digest, ..other.clone() };
         let mut place = renderer.load_with(street(), &options).unwrap();
-        let mut missing = place.missing_assets(&snow, 0.0);
+        let mut missing = place.missing_assets(&rain, 0.0);
         assert!(!missing.is_empty());
-        let names = place.asset_files(&snow, 0.0);
+        let names = place.asset_files(&rain, 0.0);
         assert!(names.iter().all(|name| folder.path().join(name).exists() == asset_digest.is_some()));
         renderer.asset_source(&mut place, &mut missing).unwrap();
         !missing.is_empty()
