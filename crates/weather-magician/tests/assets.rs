@@ -93,7 +93,8 @@ fn assets_are_found_by_a_digest_that_is_given() {
     let folder = tempfile::tempdir().unwrap();
     let rain = Weather::preset("moderate-rain").unwrap();
     let mut renderer = Renderer::cpu().unwrap();
-    let facts = |metres: f64| weather_magician::Metadata { metres_per_unit: Some(metres), ..Default::default() };
+    let facts =
+        |metres: f64| weather_magician::Metadata { metres_per_unit: Some(metres), ..Default::default() };
     let options = PlaceOptions { assets: Some(folder.path().into()), ..PlaceOptions::default() };
     let mut made = renderer.load_with(street(), &options).unwrap();
     renderer.prepare(&mut made, &rain, &mut ()).unwrap();
