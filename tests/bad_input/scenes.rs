@@ -204,7 +204,7 @@ fn what_lies_beside_a_scene() {
 
     place.put("training/point_cloud/iteration_7/point_cloud.ply", Ply::sound().bytes());
     place.put("training/cameras.json", "[{\"id\": 0,\n \"img_name\": 3}]");
-    both_refuse(&place, "training", &["training/cameras.json, line 2, column 15: invalid type: integer `3`"]);
+    both_refuse(&place, "training", &["training/cameras.json, line 2, column 14: invalid type: integer `3`"]);
     place.put("training/cameras.json", "[{\"id\"");
     both_refuse(&place, "training", &["training/cameras.json, line 1, column 6", "correct or remove"]);
     place.put("training/point_cloud/iteration_8/point_cloud.ply", "ply\n");
