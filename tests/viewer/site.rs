@@ -2,7 +2,7 @@
 //!
 //! `WM_WEB_PLAYER` names the folder of the built player (`tools/web-player`); with `WM_REQUIRE_PLAYER=1` its lack is a failure.
 
-use crate::common::{binary, read_png};
+use crate::common::binary;
 use crate::page::click;
 use crate::webdriver::Browser;
 use crate::yard_scene;
@@ -88,7 +88,6 @@ fn answer(mut stream: TcpStream, folder: &Path) -> std::io::Result<()> {
 
 /// The yard as a site, and the place as the program has it.
 struct Site {
-    folder: PathBuf,
     file: SiteFile,
     renderer: Renderer,
     place: PreparedPlace,
@@ -97,7 +96,7 @@ struct Site {
 }
 
 impl Site {
-    fn new(folder: PathBuf) -> Self {
+    fn new(folder: &Path) -> Self {
         let file = std::fs::read_to_string(folder.join("place/place.json")).unwrap();
         let file = SiteFile::parse(&file).unwrap();
         let mut renderer = Renderer::cpu().unwrap();
@@ -105,7 +104,7 @@ impl Site {
         let scene = Scene { metadata: file.metadata.clone(), ..read };
         let place = renderer.load_with(scene, &PlaceOptions::default()).unwrap();
         let catalog = file.catalog(place.survey().clone(), renderer.describe()).unwrap();
-        Self { folder, file, renderer, place, painter: ViewPainter::default(), catalog }
+        Self { file, renderer, place, painter: ViewPainter::default(), catalog }
     }
 
     /// The initial state in a preset.
@@ -125,18 +124,15 @@ impl Site {
 
     /// The likeness of the picture that the page shows for a state to that of the program, dB.
     fn likeness(&mut self, state: &ViewState, shown: &str) -> f64 {
-        let png = self.folder.join("shown.png");
-        std::fs::write(&png, BASE64_STANDARD.decode(shown.split(',').nth(1).unwrap()).unwrap()).unwrap();
-        let shown = read_png(&png);
-        let drawn = self.drawn(state, (shown.width as u32, shown.height as u32));
-        let squares: f64 = (0..shown.height)
-            .flat_map(|y| (0..shown.width).map(move |x| (x, y)))
-            .zip(drawn.as_chunks::<3>().0)
-            .flat_map(|((x, y), drawn)| {
-                let shown = shown.at(x, y);
-                (0..3).map(move |k| (f64::from(shown[k]) - f64::from(drawn[k])).powi(2))
-            })
-            .sum();
+        let png = BASE64_STANDARD.decode(shown.split(',').nth(1).unwrap()).unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+        let mut shown = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut shown).unwrap();
+        assert_eq!(info.color_type, png::ColorType::Rgba);
+        let drawn = self.drawn(state, (info.width, info.height));
+        let pixels = shown.as_chunks::<4>().0.iter().zip(drawn.as_chunks::<3>().0);
+        let square = |(a, b): (&u8, &u8)| (f64::from(*a) - f64::from(*b)).powi(2);
+        let squares: f64 = pixels.flat_map(|(shown, drawn)| shown.iter().zip(drawn).map(square)).sum();
         20.0 * 255f64.log10() - 10.0 * (squares / drawn.len() as f64).log10()
     }
 }
@@ -179,7 +175,7 @@ fn a_site_draws_what_the_program_draws() {
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     let Some(browser) = Browser::with_webgpu(&workshop.path("")) else { return };
     let address = host(folder.clone());
-    let mut site = Site::new(folder);
+    let mut site = Site::new(&folder);
     let weathers =
         [("fog", 0.0), ("moderate-rain", 1.5), ("snow", 2.0), ("snow-covered", 0.0), ("sunny", 0.0)];
 
