@@ -200,15 +200,14 @@ impl Fetched {
     }
 
     /// Opens the place once all that it asks for is there.
-    fn open(&self, splats: u64) -> (Renderer, PreparedPlace) {
+    fn open(&self, budget: &LevelBudget) -> (Renderer, PreparedPlace) {
         fetched::files_below(&self.root).iter().for_each(|path| fetched::remove(path));
         self.fetch(&self.main());
-        let budget = LevelBudget { splats: Some(splats), ..LevelBudget::default() };
         // Files that name others are asked for first.
         for _ in 0..3 {
             let mut renderer = Renderer::cpu().unwrap();
             let index = LevelIndex::open(&self.main()).unwrap();
-            match renderer.load_levels(index, &PlaceOptions::default(), &budget, false) {
+            match renderer.load_levels(index, &PlaceOptions::default(), budget, false) {
                 Ok(place) => return (renderer, place),
                 Err(error) => assert!(error.to_string().ends_with("not fetched yet"), "{error}"),
             }
@@ -226,11 +225,16 @@ fn files_that_are_fetched_give_the_frames_of_a_disk() {
     let all = LevelIndex::open(&main).unwrap().count_of_level(0);
     let (here, there) = (camera(0.0, 20.0), camera(1.0, -50.0));
     let mut fetches = 0;
-    for (order, splats, weather) in [(0, 2 * all, "snow-covered"), (1, all / 3, "fog"), (2, all / 3, "fog")] {
-        let (mut renderer, mut place) = load(&main, splats, false);
+    // The weather's splats are not those of the finest level then.
+    let small = LevelBudget { memory: 230 << 20, splats: Some(all / 3) };
+    let whole = LevelBudget { splats: Some(2 * all), ..LevelBudget::default() };
+    for (order, budget) in [(0, whole), (0, small), (1, small), (2, small)] {
+        let (mut renderer, weather) = (Renderer::cpu().unwrap(), "fog");
+        let index = LevelIndex::open(&main).unwrap();
+        let mut place = renderer.load_levels(index, &PlaceOptions::default(), &budget, false).unwrap();
         let expected = [here, there].map(|camera| picture(&mut renderer, &mut place, weather, camera));
         assert!(!place.waits_for_files());
-        let (mut renderer, mut place) = store.open(splats);
+        let (mut renderer, mut place) = store.open(&budget);
         for (camera, expected) in [here, there].into_iter().zip(&expected) {
             let mut waiting: Vec<PathBuf> = Vec::new();
             loop {
@@ -261,7 +265,7 @@ fn files_that_are_fetched_give_the_frames_of_a_disk() {
     // With room for all of it, all is there once it is open.
     assert!(fetches > 6, "{fetches}");
     // A damaged one is named.
-    let (mut renderer, mut place) = store.open(all / 3);
+    let (mut renderer, mut place) = store.open(&small);
     let weather = Weather::clear();
     renderer.render(&mut place, &weather, &here, 0.0).unwrap();
     for path in fetched::take_wanted() {
