@@ -22,7 +22,7 @@ use wm_viewer::site::SiteFile;
 use wm_viewer::state::{View, ViewState, weather_to_json};
 
 /// Longest wait for a picture: a GPU in software makes its programs first.
-const LONGEST: Duration = Duration::from_secs(180);
+const LONGEST: Duration = Duration::from_secs(400);
 /// Least likeness of pictures of the page and of the program, dB.
 const LEAST: f64 = 60.0;
 
