@@ -315,7 +315,7 @@ mod tests {
         let near = sun.map(|v: f64| v.next_up());
         assert_eq!(cache.get::<u8>(&AssetFile::SunShadows(near)), Some(1));
         assert_eq!(cache.get::<u8>(&AssetFile::SunShadows([0.48, 0.6, 0.640_001])), None);
-        for number in [0.0, 1.0, -1234.567_89, 3e-5] {
+        for number in [0.0, 1.0, -1234.567, 3e-5] {
             let near = f64::from((number as f32).next_down());
             let is_near = |a: f64| (a - number).abs() <= 1.3e-4 * number.abs() + 1e-30;
             assert!(is_near(four_digits(number)) && is_near(four_digits(near)), "{number}");

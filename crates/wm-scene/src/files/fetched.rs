@@ -148,7 +148,7 @@ mod tests {
         let options = ReadOptions::default();
         let error = read_scene(&bundle, &options).unwrap_err().to_string();
         assert!(error.ends_with("reading/a.sog: no such file or folder; check the path"), "{error}");
-        assert_eq!(take_wanted(), [bundle.clone()]);
+        assert_eq!(take_wanted(), std::slice::from_ref(&bundle));
         let held = bytes();
         let fetch = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
         insert(&bundle, fetch("a.sog"));
