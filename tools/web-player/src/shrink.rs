@@ -20,9 +20,7 @@ const FEATURES: [&str; 8] = [
 /// Makes a module smaller with wasm-opt; leaves it as it is if there is none.
 pub fn shrink(module: &Path) -> Result<()> {
     let Some(program) = on_path("wasm-opt") else {
-        eprintln!(
-            "wasm-opt is not on PATH: the module is larger than it could be (npm install -g binaryen)"
-        );
+        eprintln!("wasm-opt is not on PATH: the module is larger than it could be (npm install -g binaryen)");
         return Ok(());
     };
     let smaller = module.with_extension("smaller");
