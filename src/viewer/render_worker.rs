@@ -23,7 +23,7 @@ use weather_magician::{
 };
 use wm_media::color::Dither;
 use wm_media::{PictureSize, video};
-use wm_render::Stats;
+use wm_render::{Stats, at_once};
 use wm_scene::Camera;
 use wm_viewer::encode::jpeg;
 use wm_viewer::lidar::SweepMemory;
@@ -298,7 +298,7 @@ impl RenderWorker {
     fn draw(&mut self, view: &View, options: PaintOptions) -> Result<(Vec<u8>, Stats)> {
         let overlay = self.sweeps.overlay(view);
         let Self { renderer, place, painter, .. } = self;
-        Ok(painter.draw(renderer, place, view, overlay.as_deref(), options)?)
+        Ok(at_once(painter.draw(renderer, place, view, overlay.as_deref(), options))?)
     }
 
     /// Carries out a command, or keeps it until its assets exist.
@@ -332,7 +332,7 @@ impl RenderWorker {
             }
             ViewerCommand::Pick { view, at, client_queue } => {
                 let Self { renderer, place, painter, .. } = self;
-                let point = painter.pick(renderer, place, &view, at)?;
+                let point = at_once(painter.pick(renderer, place, &view, at))?;
                 client_queue.push_message(json!({ "type": "picked", "point": point }).to_string());
             }
             ViewerCommand::Surface { view, at, reply } => {
@@ -379,7 +379,7 @@ impl RenderWorker {
     fn encode_png(&mut self, view: &View) -> Result<Vec<u8>> {
         let style = self.style(view, &view.camera(), view.state.time);
         let Self { renderer, place, painter, .. } = self;
-        let picture = painter.render(renderer, place, view)?;
+        let picture = at_once(painter.render(renderer, place, view))?;
         let folder = tempfile::tempdir().context("cannot create a temporary folder for the picture")?;
         let path = folder.path().join("picture.png");
         match view.state.output.also() {

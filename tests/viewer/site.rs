@@ -119,7 +119,7 @@ impl Site {
         let view = View::new(state, &self.catalog, None).unwrap();
         let options = PaintOptions { size, patience: Patience::Whole, dither: Dither::Ordered };
         let Self { renderer, place, painter, .. } = self;
-        painter.draw(renderer, place, &view, None, options).unwrap().0
+        wm_render::at_once(painter.draw(renderer, place, &view, None, options)).unwrap().0
     }
 
     /// The likeness of the picture that the page shows for a state to that of the program, dB.

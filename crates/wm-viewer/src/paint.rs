@@ -7,7 +7,7 @@ use weather_magician::lidar::PointOverlay;
 use weather_magician::output::{ExtraPicture, PictureLayer, outputs};
 use weather_magician::{FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Renderer, Result};
 use wm_media::color::Dither;
-use wm_render::{Frame, Stats, at_once};
+use wm_render::{Frame, Stats};
 use wm_scene::Camera;
 use wm_scene::survey::Survey;
 use wm_weather::{PreparedWeather, Site};
@@ -44,7 +44,8 @@ pub struct PaintOptions {
     pub dither: Dither,
 }
 
-/// Draws views, and keeps the memory of their frames from one to the next.
+/// Draws views, and keeps the memory of their frames from one to the next. In a browser others work while a GPU draws; elsewhere every future is
+/// done when it is first polled, so [`wm_render::at_once`] gives its value.
 #[derive(Default)]
 pub struct ViewPainter {
     picture: Picture,
@@ -56,22 +57,7 @@ impl ViewPainter {
     ///
     /// # Errors
     /// As [`Renderer::render_into`].
-    pub fn draw(
-        &mut self,
-        renderer: &mut Renderer,
-        place: &mut PreparedPlace,
-        view: &View,
-        overlay: Option<&PointOverlay>,
-        options: PaintOptions,
-    ) -> Result<(Vec<u8>, Stats)> {
-        at_once(self.draw_async(renderer, place, view, overlay, options))
-    }
-
-    /// [`Self::draw`] for a page that must not wait, see [`Renderer::render_async`].
-    ///
-    /// # Errors
-    /// As [`Renderer::render_into`].
-    pub async fn draw_async(
+    pub async fn draw(
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
@@ -115,20 +101,7 @@ impl ViewPainter {
     ///
     /// # Errors
     /// As [`Renderer::render_into`].
-    pub fn render(
-        &mut self,
-        renderer: &mut Renderer,
-        place: &mut PreparedPlace,
-        view: &View,
-    ) -> Result<&Picture> {
-        at_once(self.render_async(renderer, place, view))
-    }
-
-    /// [`Self::render`] for a page that must not wait.
-    ///
-    /// # Errors
-    /// As [`Renderer::render_into`].
-    pub async fn render_async(
+    pub async fn render(
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
@@ -145,21 +118,7 @@ impl ViewPainter {
     ///
     /// # Errors
     /// As [`Renderer::render_clear`].
-    pub fn pick(
-        &mut self,
-        renderer: &mut Renderer,
-        place: &mut PreparedPlace,
-        view: &View,
-        at: [f64; 2],
-    ) -> Result<Option<[f64; 3]>> {
-        at_once(self.pick_async(renderer, place, view, at))
-    }
-
-    /// [`Self::pick`] for a page that must not wait.
-    ///
-    /// # Errors
-    /// As [`Renderer::render_clear`].
-    pub async fn pick_async(
+    pub async fn pick(
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,

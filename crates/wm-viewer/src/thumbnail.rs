@@ -6,7 +6,7 @@ use std::sync::Arc;
 use wm_weather::{EffectRole, Weather};
 
 /// Width, px.
-const WIDTH: u32 = 224;
+pub const WIDTH: u32 = 224;
 /// JPEG quality.
 pub const QUALITY: u8 = 80;
 
@@ -19,23 +19,32 @@ pub struct ThumbnailShot {
     pub size: (u32, u32),
 }
 
-/// Returns the thumbnail of a preset for a scene that starts with the state `start`; `None` if there is no such preset.
+/// Returns the weather of the thumbnail of a preset, and its time in seconds; `None` if there is no such preset.
 ///
 /// # Errors
-/// The start makes no view.
-pub fn thumbnail_view(
-    name: &str,
-    catalog: &Catalog,
-    start: ViewState,
-) -> Result<Option<ThumbnailShot>, String> {
+/// The wind of the preset cannot be turned off.
+pub fn thumbnail_weather(name: &str) -> Result<Option<(Weather, f64)>, String> {
     let Ok(mut weather) = Weather::preset(name) else { return Ok(None) };
     if weather.has(EffectRole::Lies) {
         // All presets share one cover, that of still air.
         weather.set_text("wind=off").map_err(|error| error.to_string())?;
     }
     let breaks = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::breaks);
-    // Where most of it has happened.
+    // Most of it has happened by then.
     let time = 0.8 * breaks.fold(0.0, f64::max);
+    Ok(Some((weather, time)))
+}
+
+/// Returns the thumbnail of a preset for a scene that starts with the state `start`; `None` if there is no such preset.
+///
+/// # Errors
+/// As [`thumbnail_weather`], or the start makes no view.
+pub fn thumbnail_view(
+    name: &str,
+    catalog: &Catalog,
+    start: ViewState,
+) -> Result<Option<ThumbnailShot>, String> {
+    let Some((weather, time)) = thumbnail_weather(name)? else { return Ok(None) };
     let [width, height] = start.size;
     let height = (f64::from(WIDTH * height) / f64::from(width)).round().clamp(1.0, 1024.0) as u32;
     let state = ViewState { weather: weather_to_json(&weather), time, divider: None, ..start };

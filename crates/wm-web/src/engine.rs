@@ -5,6 +5,7 @@ use crate::page::Page;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use weather_magician::assets::MissingAssets;
 use weather_magician::levels::LevelBudget;
 use weather_magician::{Patience, PlaceOptions, PreparedPlace, Renderer};
 use web_time::Instant;
@@ -45,7 +46,7 @@ pub struct Engine {
     kept: u64,
 }
 
-/// What was drawn of a view.
+/// A picture of a view, and its header.
 pub struct Drawn {
     /// The header of the frame.
     pub head: Value,
@@ -131,7 +132,7 @@ impl Engine {
     pub async fn render(&mut self, view: &Arc<View>, seq: u64, moving: bool) -> Result<Drawn, String> {
         let started = Instant::now();
         self.view = Some(Arc::clone(view));
-        let lacks = !moving && self.lacks(view)?;
+        let lacks = !moving && !self.missing(view)?.is_empty();
         let (size, patience, dither) = match (moving, lacks) {
             (true, _) => (self.pace.size(view.state.size), Patience::Draft, Dither::Off),
             (false, true) => (view.size(), Patience::Draft, Dither::Ordered),
@@ -139,7 +140,7 @@ impl Engine {
         };
         let options = PaintOptions { size, patience, dither };
         let Self { painter, renderer, place, .. } = self;
-        let (rgb, stats) = painter.draw_async(renderer, place, view, None, options).await.map_err(said)?;
+        let (rgb, stats) = painter.draw(renderer, place, view, None, options).await.map_err(said)?;
         // Files of levels that were not there are known only now.
         self.wanted = fetched::take_wanted();
         if !moving {
@@ -158,10 +159,10 @@ impl Engine {
         Ok(Drawn { head, size, rgb, lacks })
     }
 
-    /// Returns true if assets of a view are missing.
-    fn lacks(&mut self, view: &View) -> Result<bool, String> {
+    /// Returns the assets of a view that are missing.
+    fn missing(&mut self, view: &View) -> Result<MissingAssets, String> {
         self.renderer.focus(&mut self.place, &view.weather, &view.camera()).map_err(said)?;
-        Ok(!self.place.missing_assets(&view.weather, view.state.time).is_empty())
+        Ok(self.place.missing_assets(&view.weather, view.state.time))
     }
 
     /// Fetches or makes what the last view lacked.
@@ -189,13 +190,12 @@ impl Engine {
             }
         }
         let Some(view) = self.view.clone() else { return Ok(()) };
-        let lacks = self.lacks(&view)?;
+        let mut missing = self.missing(&view)?;
         // Assets are made of the splats about the camera, once those are there.
         self.wanted = fetched::take_wanted();
-        if !lacks || !self.wanted.is_empty() {
+        if missing.is_empty() || !self.wanted.is_empty() {
             return Ok(());
         }
-        let mut missing = self.place.missing_assets(&view.weather, view.state.time);
         self.page.status(missing.description());
         // Of what the site has, what this instant uses.
         let prepared = self.place.asset_files(&view.weather, view.state.time);
@@ -218,7 +218,7 @@ impl Engine {
     /// In one line.
     pub async fn pick(&mut self, view: &View, at: [f64; 2]) -> Result<Option<[f64; 3]>, String> {
         let Self { painter, renderer, place, .. } = self;
-        painter.pick_async(renderer, place, view, at).await.map_err(said)
+        painter.pick(renderer, place, view, at).await.map_err(said)
     }
 
     /// Returns the bytes of the PNG file of a view, without its divider.
@@ -228,12 +228,12 @@ impl Engine {
     pub async fn picture(&mut self, view: &Arc<View>) -> Result<Vec<u8>, String> {
         self.view = Some(Arc::clone(view));
         loop {
-            while self.lacks(view)? {
+            while !self.missing(view)?.is_empty() {
                 self.prepare().await?;
             }
             let Self { painter, renderer, place, .. } = self;
             let half = half_depth(place.survey());
-            let frame = &painter.render_async(renderer, place, view).await.map_err(said)?.frame;
+            let frame = &painter.render(renderer, place, view).await.map_err(said)?.frame;
             let wanted = fetched::take_wanted();
             if wanted.is_empty() {
                 let size = PictureSize::new(frame.width, frame.height);

@@ -3,6 +3,7 @@
 //! A module of WebAssembly with one class, [`Player`]. It fetches the files of a site through a function of the page, draws views as
 //! the program does, and answers what the page asks: catalog, links, files to save.
 #![cfg(target_arch = "wasm32")]
+#![allow(clippy::await_holding_refcell_ref)] // The engine is one call's at a time: `Player::engine` refuses a second one.
 
 mod engine;
 mod files;
@@ -193,8 +194,7 @@ impl Player {
 
     /// The state of a link's fragment, JSON.
     pub fn unlink(&self, fragment: &str) -> Result<String, JsValue> {
-        let state = link::decode(fragment, &self.start).map_err(failure)?;
-        let view = View::new(state, &self.catalog, None).map_err(failure)?;
+        let view = link::open(fragment, &self.catalog, &self.start).map_err(failure)?;
         serde_json::to_string(&view.state).map_err(failure)
     }
 }

@@ -1,4 +1,4 @@
-//! What the player says to its page.
+//! Messages of the player to its page.
 
 use js_sys::{Error, Function};
 use serde_json::json;

@@ -55,7 +55,7 @@ pub struct PackedAsset {
     pub of: String,
 }
 
-/// What was prepared.
+/// Prepared data that a site will have.
 #[derive(Default)]
 pub struct PreparedWeathers {
     /// The files that belong to the site.

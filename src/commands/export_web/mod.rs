@@ -24,8 +24,9 @@ use player::PlayerFiles;
 use std::path::{Path, PathBuf};
 use weather_magician::levels::parse_memory;
 use wm_scene::Camera;
+use wm_viewer::catalog::panoramas_of;
 use wm_viewer::site::{SITE_VERSION, SiteAsset, SiteFile, SiteView};
-use wm_weather::{ParamValue, Weather};
+use wm_weather::Weather;
 
 /// Memory of a page for a scene in levels of detail, bytes: a module of 32 bits has 4 GiB at most, and phones less.
 const MEMORY: u64 = 1 << 30;
@@ -198,12 +199,7 @@ pub fn run(args: &ExportWebArgs) -> Result<()> {
 
 /// Fails if a weather needs a file that a site has no room for.
 fn check_weather(weather: &Weather) -> Result<()> {
-    let keys = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::keys);
-    let picture = keys.filter_map(|key| match &key.value {
-        ParamValue::Image(picture) => Some(picture.path().display().to_string()),
-        _ => None,
-    });
-    match picture.into_iter().next() {
+    match panoramas_of(weather).into_keys().next() {
         Some(path) => bail!(
             "sky.panorama {path}: a site has no panoramas yet; choose another sky, such as --set sky=overcast"
         ),

@@ -9,7 +9,7 @@ use wm_scene::files::{TempFolder, check_writable, write_atomically};
 
 /// The file by which a site of this program is known.
 const MARK: &str = "place/place.json";
-/// What a site has at its top: parts of an older one that the new one lacks go.
+/// Parts of an older site that are removed even if the new one lacks them.
 const PARTS: [&str; 2] = ["place", "video.mp4"];
 
 /// A site that is being made.

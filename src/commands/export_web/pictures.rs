@@ -4,7 +4,7 @@ use super::output::{make_folder, write};
 use super::{resized, stop_if_asked};
 use crate::progress::{self, Reporter};
 use crate::scene::OpenScene;
-use anyhow::{Context, Result};
+use anyhow::{Error, Result};
 use std::path::Path;
 use weather_magician::levels::shot_cameras;
 use weather_magician::sequence::render_and_write;
@@ -13,17 +13,16 @@ use weather_magician::view::moves;
 use weather_magician::{CameraMotion, FrameOptions, Patience, Picture, picture_tags};
 use wm_media::PictureSize;
 use wm_media::color::{Dither, quantize_rgb8};
-use wm_media::jpeg::{SamplingFactor, encode};
 use wm_media::video::{FrameRate, VideoSettings, create_video};
 use wm_render::{Frame, Outputs};
 use wm_scene::Camera;
+use wm_viewer::encode;
+use wm_viewer::thumbnail::{self, thumbnail_weather};
+use wm_weather::Weather;
 use wm_weather::presets::PRESETS;
-use wm_weather::{EffectRole, Track, Weather};
 
 /// Width, px, and JPEG quality of the poster.
 const POSTER: (u32, u8) = (1280, 85);
-/// Width, px, and JPEG quality of thumbnails.
-const THUMBNAIL: (u32, u8) = (224, 80);
 /// Width, px, frames a second and length, s, of the video.
 const VIDEO: (u32, f64, f64) = (640, 24.0, 3.0);
 /// Bits a second of the video.
@@ -53,27 +52,20 @@ pub fn poster(
 /// cannot be rendered in.
 pub fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Result<Vec<String>> {
     make_folder(folder)?;
-    let camera = resized(start, THUMBNAIL.0);
+    let camera = resized(start, thumbnail::WIDTH);
     let bar = progress::bar(PRESETS.len() as u64, "thumbnails");
     let (mut names, mut picture) = (Vec::new(), Picture::default());
     let OpenScene { renderer, place } = loaded;
     for (name, _) in PRESETS {
         stop_if_asked()?;
-        let mut weather = Weather::preset(name).context("presets are right")?;
-        if weather.has(EffectRole::Lies) {
-            // All presets share one cover, that of still air.
-            weather.set_text("wind=off").context("wind is an effect")?;
-        }
-        let breaks = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(Track::breaks);
-        // Where most of it has happened.
-        let time = 0.8 * breaks.fold(0.0, f64::max);
+        let Some((weather, time)) = thumbnail_weather(name).map_err(Error::msg)? else { continue };
         let missing = place.missing_assets(&weather, time);
         let is_similar = !missing.is_empty() && place.has_similar(&missing);
         let patience = if is_similar { Patience::Draft } else { Patience::Whole };
         let options = FrameOptions { patience, ..FrameOptions::new(time, camera) };
         // Such as a flood where the ground is not known.
         if renderer.render_into(place, &weather, &options, &mut picture, &mut ()).is_ok() {
-            write(&folder.join(format!("{name}.jpg")), &jpeg(&picture.frame, THUMBNAIL.1)?)?;
+            write(&folder.join(format!("{name}.jpg")), &jpeg(&picture.frame, thumbnail::QUALITY)?)?;
             names.push((*name).to_owned());
         }
         bar.inc(1);
@@ -108,7 +100,7 @@ pub fn video(
         Ok(path) => CameraMotion::Along { path, size },
         Err(_) => camera.into(),
     };
-    let rate: FrameRate = rate.to_string().parse().map_err(anyhow::Error::msg)?;
+    let rate: FrameRate = rate.to_string().parse().map_err(Error::msg)?;
     let mut settings = VideoSettings::new(PictureSize::new(size.0, size.1), rate);
     settings.bitrate = Some(BITRATE);
     settings.tags = picture_tags("", place.site(), renderer.backend(), weather, time, &camera);
@@ -140,6 +132,5 @@ pub fn video(
 /// Returns the colours of a frame as a JPEG.
 fn jpeg(frame: &Frame, quality: u8) -> Result<Vec<u8>> {
     let bytes = quantize_rgb8(&frame.rgb, PictureSize::new(frame.width, frame.height), Dither::Ordered);
-    let sampling = if quality >= 85 { SamplingFactor::F_1_1 } else { SamplingFactor::F_2_2 };
-    Ok(encode(&bytes, (frame.width, frame.height), quality, sampling)?)
+    Ok(encode::jpeg(&bytes, (frame.width, frame.height), quality)?)
 }

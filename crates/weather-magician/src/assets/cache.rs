@@ -90,7 +90,7 @@ impl FromStr for AssetDigest {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let fault = || format!("`{}` is not a digest: 64 hexadecimal digits are", text.escape_debug());
+        let fault = || format!("`{}` is no digest: it must be 64 hexadecimal digits", text.escape_debug());
         let mut digest = [0; 32];
         let (pairs, rest) = text.as_bytes().as_chunks::<2>();
         if pairs.len() != digest.len() || !rest.is_empty() || !text.bytes().all(|b| b.is_ascii_hexdigit()) {

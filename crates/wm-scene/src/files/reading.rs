@@ -14,7 +14,7 @@ pub(crate) struct Opened {
     pub length: Option<u64>,
 }
 
-/// Where a path is.
+/// The disk or the store of fetched files, one of which has a path.
 enum Place {
     Disk,
     /// In the store of fetched files, with the content of the file if it is there.

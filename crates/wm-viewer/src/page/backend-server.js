@@ -13,10 +13,10 @@
 
 import { ViewSender } from "./connection.js";
 
-/** How long until the next try after the connection broke, ms. */
+/** Time until the next try after the connection broke, ms. */
 const AGAIN = 1000;
 
-/** What can be done here. `isStatic`: the page renders by itself. */
+/** Abilities of this page. `isStatic`: the page renders by itself. */
 export const features = { align: true, lidar: true, video: true, isStatic: false };
 
 export class Connection extends ViewSender {

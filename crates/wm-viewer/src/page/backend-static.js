@@ -47,7 +47,7 @@ function address(name) {
   return inside ? inside.url(name) : new URL(`./${name}`, document.baseURI).href;
 }
 
-/** What is wrong with this browser; nothing if it will do. */
+/** The ability that this browser lacks, in a sentence; empty if it will do. */
 function lack() {
   if (typeof WebAssembly !== "object" || !WebAssembly.validate(SIMD)) return "This browser has no WebAssembly SIMD, which the renderer needs. A current browser has it.";
   return typeof Worker === "function" ? "" : "This browser has no workers, which the renderer needs.";

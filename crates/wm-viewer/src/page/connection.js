@@ -2,7 +2,7 @@
 
 import { Store } from "./store.js";
 
-/** How long nothing must change for the whole picture to be asked for, ms. */
+/** Time without changes after which the whole picture is asked for, ms. */
 const STILL = 160;
 
 /**
@@ -30,7 +30,7 @@ export class ViewSender {
     requestAnimationFrame(tick);
   }
 
-  /** Whether messages are received. */
+  /** True if messages are received. */
   isOpen() {
     return false;
   }
@@ -43,7 +43,7 @@ export class ViewSender {
     this.dirty = true;
   }
 
-  /** Whether something is to be told yet. */
+  /** True if something is to be told yet. */
   isDue() {
     return this.dirty || this.wasMoving;
   }

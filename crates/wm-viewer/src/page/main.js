@@ -23,7 +23,7 @@ let parts = null;
 const { features } = backend;
 $("align-switch").hidden = !features.align;
 if (!features.lidar) for (const part of [$("tab-lidar"), $("of-lidar")]) part.remove();
-/** What renders, where the page does; none is said where it is the usual. */
+/** The renderer in words, of a page that renders by itself; else empty. */
 let renderer = "";
 
 const connection = new backend.Connection(store, {
@@ -44,7 +44,7 @@ function veil(text, isBad = false) {
   $("veil-text").textContent = text;
 }
 
-/** How far the scene is. @param {{text?: string, done?: number, total?: number}} word */
+/** Shows the progress of loading the scene. @param {{text?: string, done?: number, total?: number}} word */
 function loading({ text, done, total }) {
   const mb = (/** @type {number} */ bytes) => (bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0);
   const far = done === undefined ? "" : total ? `: ${mb(done)} of ${mb(total)} MB` : `: ${mb(done)} MB`;
@@ -264,7 +264,7 @@ function stats(head) {
   );
 }
 
-/** What renders here, and why where it is the processor. */
+/** The figure that names the renderer, and says why if it is the processor. */
 function rendererFigure() {
   const [name] = renderer.split(",");
   const isGpu = name.trim().toLowerCase() === "gpu";

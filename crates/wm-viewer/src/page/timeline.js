@@ -20,7 +20,7 @@ export class Timeline {
       h("span", { className: "times" }, this.box, h("span", { className: "quiet" }, "/"), this.end, h("span", { className: "quiet" }, "s")),
       this.key,
     );
-    /** What the marks are of. */
+    /** The keyframes that the marks stand for, as text. */
     this.shown = "";
     this.last = performance.now();
     store.listen((changed) => {

@@ -11,13 +11,13 @@ let player = null;
 let base = null;
 /** @type {any} The site file. */
 let site = null;
-/** Whether a file was missing. */
+/** True if a file was missing. */
 let wasMissing = false;
 /** The state of the last view; fields that a message leaves out keep their value. @type {any} */
 let state = {};
 /** The view that is drawn next. @type {{seq: number, moving: boolean} | null} */
 let next = null;
-/** What comes before the next view: the player does one thing at a time. @type {(() => Promise<void>)[]} */
+/** Jobs to do before the next view: the player does one thing at a time. @type {(() => Promise<void>)[]} */
 const jobs = [];
 let isBusy = false;
 
