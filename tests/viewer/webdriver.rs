@@ -137,7 +137,11 @@ impl Browser {
             if let Some(picture) = self.script(whole).as_str() {
                 return picture.to_owned();
             }
-            assert!(start.elapsed() < PATIENCE, "no whole picture");
+            if start.elapsed() > PATIENCE {
+                let shown = "return JSON.stringify([document.getElementById('picture').dataset, document.body.dataset, \
+                    document.getElementById('veil').textContent, document.getElementById('status').textContent])";
+                panic!("no whole picture: {} {:?}", self.script(shown), self.complaints());
+            }
             std::thread::sleep(std::time::Duration::from_millis(30));
         }
     }
