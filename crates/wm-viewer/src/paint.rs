@@ -45,7 +45,7 @@ pub struct PaintOptions {
 }
 
 /// Draws views, and keeps the memory of their frames from one to the next. In a browser others work while a GPU draws; elsewhere every future is
-/// done when it is first polled, so [`wm_render::at_once`] gives its value.
+/// done when it is first polled, so [`wm_render::at_once()`] gives its value.
 #[derive(Default)]
 pub struct ViewPainter {
     picture: Picture,
