@@ -3,6 +3,7 @@
 use crate::choices::SkyChoice;
 use crate::level_args::LevelArgs;
 use crate::progress::Reporter;
+use crate::say;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use glam::DVec3;
@@ -158,7 +159,7 @@ impl OpenScene {
         let facts = args.facts.metadata()?;
         let renderer = run.renderer()?;
         let views = views.map(|folder| capture::read_views(folder)).transpose()?;
-        let mut scene = read_scene(&args.scene, &read_options(args.level))?;
+        let mut scene = read_saying_remarks(&args.scene, &read_options(args.level))?;
         scene.views = views.unwrap_or(scene.views);
         check(&mut scene, &args.scene, args.repair)?;
         if let Some(line) = change_sky(&mut scene, &args.scene, sky.sky, &facts)? {
@@ -277,6 +278,13 @@ impl FromStr for AssetFolder {
 /// Returns the options for reading a scene at a level of detail.
 pub fn read_options(level: Option<u32>) -> ReadOptions {
     ReadOptions { level: level.map_or(DetailLevel::Finest, DetailLevel::Number), ..ReadOptions::default() }
+}
+
+/// Reads a scene, and prints what its reader remarked.
+pub fn read_saying_remarks(path: &Path, options: &ReadOptions) -> Result<Scene> {
+    let mut scene = read_scene(path, options)?;
+    say::remarks(&std::mem::take(&mut scene.remarks));
+    Ok(scene)
 }
 
 /// Treats the sky of a scene; returns a line for people, `None` where the sky is kept.
