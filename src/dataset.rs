@@ -1,6 +1,6 @@
 //! Options of commands that open a data set: the photos, their size, and the held-out ones.
 
-use crate::say;
+use crate::scene::print_remarks;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -63,7 +63,7 @@ impl DatasetArgs {
     pub fn open(&self, dataset: &Path) -> Result<(Capture, Photos)> {
         let options = self.options();
         let capture = options.capture(dataset)?;
-        say::remarks(&capture.remarks);
+        print_remarks(&capture.remarks);
         let photos = options.photos(dataset, &capture, Check::default())?;
         for skipped in photos.skipped() {
             eprintln!("warning: {skipped}; it is left out");

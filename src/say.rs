@@ -4,7 +4,6 @@
 
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};
-use wm_scene::Remark;
 
 macro_rules! println {
     () => { $crate::say::line(format_args!("")) };
@@ -25,11 +24,6 @@ pub fn line(text: Arguments<'_>) {
         wm_scene::files::abandon_temporaries();
         std::process::exit(1);
     }
-}
-
-/// Prints what a reader remarked, each on a line of the error stream.
-pub fn remarks(remarks: &[Remark]) {
-    remarks.iter().for_each(|remark| aside(format_args!("{remark}")));
 }
 
 /// Prints a line on the error stream. Ignores errors: they cannot be reported.

@@ -3,7 +3,6 @@
 use crate::choices::SkyChoice;
 use crate::level_args::LevelArgs;
 use crate::progress::Reporter;
-use crate::say;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use glam::DVec3;
@@ -20,7 +19,7 @@ use wm_scene::formats::{
     DetailLevel, ReadOptions, WriteOptions, read_scene, sidecar_path, write_scene_with, write_sidecar,
 };
 use wm_scene::survey::{OwnSky, known_distance};
-use wm_scene::{Metadata, Scene, capture};
+use wm_scene::{Metadata, Remark, Scene, capture};
 use wm_weather::Weather;
 
 /// The scene file and its facts.
@@ -280,10 +279,17 @@ pub fn read_options(level: Option<u32>) -> ReadOptions {
     ReadOptions { level: level.map_or(DetailLevel::Finest, DetailLevel::Number), ..ReadOptions::default() }
 }
 
+/// Prints what a reader remarked, each remark on a line of the error stream.
+pub fn print_remarks(remarks: &[Remark]) {
+    for remark in remarks {
+        eprintln!("{remark}");
+    }
+}
+
 /// Reads a scene, and prints what its reader remarked.
 pub fn read_saying_remarks(path: &Path, options: &ReadOptions) -> Result<Scene> {
     let mut scene = read_scene(path, options)?;
-    say::remarks(&std::mem::take(&mut scene.remarks));
+    print_remarks(&std::mem::take(&mut scene.remarks));
     Ok(scene)
 }
 
