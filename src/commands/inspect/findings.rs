@@ -16,14 +16,16 @@ pub fn of_scene(scene: &Scene, health: &Health, survey: &Survey) -> Vec<Remark> 
 
 /// Returns a finding for each kind of fault of splats, with its count and how it is treated.
 fn of_splats(health: &Health) -> Vec<Remark> {
-    let FaultCounts { mean, scale, opacity, quat, zero_quat, sh } = health.faults;
+    let FaultCounts { mean, scale, opacity, quat, zero_quat, sh, blank } = health.faults;
     let broken = "not rendered: `render --repair` leaves them out";
+    let doubt = |count, code, what| (count, Severity::Doubt, code, what, broken);
     [
-        (mean, Severity::Doubt, "positions-not-finite", "positions with NaN or infinity", broken),
-        (scale, Severity::Doubt, "scales-not-finite", "scales with NaN or infinity", broken),
-        (opacity, Severity::Doubt, "opacities-not-finite", "opacities with NaN", broken),
-        (quat, Severity::Doubt, "rotations-not-finite", "rotations with NaN or infinity", broken),
-        (sh, Severity::Doubt, "colours-not-finite", "colours with NaN or infinity", broken),
+        doubt(mean, "positions-unusable", "positions that are NaN, infinite or beyond 10^10 units"),
+        doubt(scale, "scales-unusable", "scales that are NaN, infinite or above e^30 units"),
+        doubt(opacity, "opacities-unusable", "opacities that are NaN"),
+        doubt(quat, "rotations-unusable", "rotations that are NaN, infinite or absurdly long"),
+        doubt(sh, "colours-unusable", "colours that are NaN, infinite or absurdly bright"),
+        doubt(blank, "rows-of-zeros", "rows of zeros"),
         (zero_quat, Severity::Note, "zero-rotations", "rotations that are zero", "taken for no rotation"),
         (
             health.duplicates,

@@ -5,7 +5,7 @@ mod inputs;
 mod levels;
 mod light;
 
-use crate::overwrite::check_spares;
+use crate::overwrite::OverwriteArgs;
 use crate::scene::{FactArgs, count_of, read_options};
 use anyhow::{Result, bail};
 use clap::Args;
@@ -41,6 +41,8 @@ pub struct InspectArgs {
     /// Draw it too, as a PNG: the place as captured and under clouds, what is in the sun, and what is open to the sky
     #[arg(long, value_name = "PATH", requires = "light")]
     light_picture: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Write up, ground, scale and airlight into a TOML file beside the scene, from which all commands read
     /// them
     #[arg(long)]
@@ -51,7 +53,7 @@ pub struct InspectArgs {
 pub fn run(args: &InspectArgs) -> Result<()> {
     let given = args.facts.metadata()?;
     if let Some(path) = &args.light_picture {
-        check_spares(path, &[&args.scene])?;
+        args.overwrite.check_report(path, &[&args.scene])?;
         check_writable(path)?;
     }
     if let Some(input) = inputs::read(&args.scene)? {
