@@ -1,6 +1,7 @@
 //! The kind of a report, by its text.
 
 use crate::carla::{CarlaParameters, preset_names};
+use crate::metar::begins;
 
 /// A kind of weather report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,16 +40,8 @@ pub fn recognise(text: &str) -> ReportKind {
     }
     let text = after_comments(text);
     let first_line = text.lines().next().unwrap_or_default();
-    let mut words = first_line.split_whitespace();
-    let (first, second) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
-    let is_time = |word: &str| {
-        let digits = word.strip_suffix('Z').unwrap_or_default();
-        digits.len() >= 4 && digits.bytes().all(|b| b.is_ascii_digit())
-    };
-    let is_station = first.len() == 4 && first.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit());
-    // A TAF is told apart there.
-    let is_named = ["METAR", "SPECI", "TAF"].iter().any(|name| first.eq_ignore_ascii_case(name));
-    if is_named || (is_station && is_time(second)) {
+    let first = first_line.split_whitespace().next().unwrap_or_default();
+    if begins(first_line) {
         return ReportKind::Metar;
     }
     let lower = first.to_lowercase();

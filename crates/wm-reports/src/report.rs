@@ -20,6 +20,8 @@ const LONGEST: usize = 10_000;
 pub enum ReportNoteKind {
     /// A value that the report does not have.
     Guess,
+    /// A quantity that was not measured, and of which the weather file says nothing.
+    Missing,
     /// A part of the report that a weather file cannot hold.
     Ignored,
     /// A value beyond the range of its parameter.
@@ -39,6 +41,7 @@ impl fmt::Display for ReportNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let kind = match self.kind {
             ReportNoteKind::Guess => "guess",
+            ReportNoteKind::Missing => "not measured",
             ReportNoteKind::Ignored => "ignored",
             ReportNoteKind::Clamped => "clamped",
         };
