@@ -2,6 +2,7 @@
 
 use crate::carla::{CarlaParameters, preset_names};
 use crate::metar::begins;
+use serde_json::Value;
 
 /// A kind of weather report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,10 +34,8 @@ pub enum ReportKind {
 #[must_use]
 pub fn recognise(text: &str) -> ReportKind {
     let text = text.trim_start_matches('\u{feff}').trim();
-    if text.starts_with('{') || text.starts_with('[') {
-        let has_hours = ["\"hourly\"", "\"time\""].iter().any(|key| text.contains(key));
-        let is_carla = !has_hours && CarlaParameters::NAMES.iter().any(|name| text.contains(name));
-        return if is_carla { ReportKind::Carla } else { ReportKind::HourlyJson };
+    if text.starts_with(['{', '[']) {
+        return if is_carla(text) { ReportKind::Carla } else { ReportKind::HourlyJson };
     }
     let text = after_comments(text);
     let first_line = text.lines().next().unwrap_or_default();
@@ -67,13 +66,31 @@ pub fn recognise(text: &str) -> ReportKind {
     if text.split([',', ' ']).any(names) {
         return ReportKind::Carla;
     }
-    let is_table = first_line.contains([',', ';', '\t'])
-        && text.lines().nth(1).is_some()
-        && first_line.split([',', ';', '\t']).any(|cell| {
-            let name = cell.trim().trim_matches('"').to_lowercase();
-            matches!(&name[..], "time" | "date" | "latitude" | "datetime" | "valid_time" | "year")
-        });
-    if is_table { ReportKind::HourlyCsv } else { ReportKind::Words }
+    if is_table(text) { ReportKind::HourlyCsv } else { ReportKind::Words }
+}
+
+/// Returns true for an object of single values one of which has the name of a parameter of CARLA, or nearly.
+fn is_carla(json: &str) -> bool {
+    let Ok(Value::Object(map)) = serde_json::from_str(json) else { return false };
+    let is_flat = !map.values().any(|value| value.is_object() || value.is_array());
+    is_flat && map.keys().any(|key| CarlaParameters::is_named(key))
+}
+
+/// Returns true for lines of cells: the first with a name that tables have, or as many cells in both of the first two, a number
+/// among the second's.
+fn is_table(text: &str) -> bool {
+    let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    let (Some(first), Some(second)) = (lines.next(), lines.next()) else { return false };
+    let cells = |line: &'_ str| -> Vec<String> {
+        line.split([',', ';', '\t']).map(|cell| cell.trim().trim_matches('"').to_lowercase()).collect()
+    };
+    let (first, second) = (cells(first), cells(second));
+    let is_name = |name: &String| {
+        matches!(&name[..], "time" | "date" | "latitude" | "datetime" | "valid_time" | "year")
+    };
+    let has_numbers = || second.iter().any(|cell| cell.parse::<f64>().is_ok());
+    first.len() > 1 && first.iter().any(is_name)
+        || first.len() > 2 && first.len() == second.len() && has_numbers()
 }
 
 /// A text without the lines of comment at its beginning.

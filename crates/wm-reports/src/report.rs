@@ -145,6 +145,10 @@ impl WeatherReport {
         // Editors of some systems put this in front.
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let line = after_comments(text.trim_start());
+        if line.starts_with('<') {
+            let problem = "is XML or HTML, which is no report that is read: give the report itself as text, JSON or CSV";
+            return Err(ReportError::Whole { file: source.into(), problem: problem.into() });
+        }
         let kind = recognise(text);
         let is_table = matches!(kind, ReportKind::HourlyJson | ReportKind::HourlyCsv);
         if !is_table && line.len() > LONGEST {

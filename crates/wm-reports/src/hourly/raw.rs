@@ -9,6 +9,12 @@ use crate::report::{ReportNote, ReportNoteKind};
 
 /// mm of water in a metre of fresh snow, as Open-Meteo counts: 7 cm are 10 mm.
 const WATER: f64 = 1000.0 / 7.0;
+/// The problem of a table with none of the names that are read, and the remedy.
+pub(super) const UNKNOWN: &str = "is no table of a known service";
+pub(super) const KNOWN: &str = "known are Open-Meteo (JSON with an object `hourly` of lists, or CSV) and Meteostat (CSV): write others as \
+                                CSV with a column `time` and columns such as temperature_2m, rain, wind_speed_10m";
+/// Fewest rows that repeat others which are noted.
+const REPEATED: usize = 3;
 /// Most hours of a table: a year of `light.hour`.
 const MOST_HOURS: f64 = 8700.0;
 
@@ -73,17 +79,19 @@ impl RawTable<'_> {
                 let near = meant(name, ["time", "date"].into_iter());
                 (!near.is_empty()).then(|| format!("; {} is none{near}", quoted(name)))
             });
-            return Err((self.whole)(format!("has no column `time`{}", near.unwrap_or_default())));
+            return Err((self.whole)(match near {
+                Some(near) => format!("has no column `time`{near}"),
+                None => format!("{UNKNOWN} (it has no column `time`); {KNOWN}"),
+            }));
         }
         if columns.iter().flatten().all(|column| is_time(column.field)) {
-            let near = unused
-                .iter()
-                .map(|name| meant(name, names()))
-                .find(|near| !near.is_empty())
-                .unwrap_or_default();
-            return Err((self.whole)(format!(
-                "has no column of weather{near}: temperature_2m, rain, snowfall, wind_speed_10m and the like are expected"
-            )));
+            let near = unused.iter().map(|name| meant(name, names())).find(|near| !near.is_empty());
+            return Err((self.whole)(match near {
+                Some(near) => format!(
+                    "has no column of weather{near}: temperature_2m, rain, snowfall, wind_speed_10m and the like are expected"
+                ),
+                None => format!("{UNKNOWN} (it has no column of weather); {KNOWN}"),
+            }));
         }
         if self.rows.is_empty() {
             return Err((self.whole)("has no rows: at least one hour is expected".into()));
@@ -101,6 +109,15 @@ impl RawTable<'_> {
         }
         if missing > 0 {
             note(ReportNoteKind::Guess, format!("amounts of {missing} rows are missing: nothing fell"));
+        }
+        // At the end of a table there are often hours that nobody has measured or forecast yet.
+        let is_empty = |cells: &&Vec<Cell>| {
+            let told = columns.iter().zip(*cells).filter(|(column, _)| column.is_some_and(|one| !is_time(one.field)));
+            told.into_iter().all(|(_, cell)| *cell == Cell::Missing)
+        };
+        let empty = self.rows.iter().rev().take_while(is_empty).count();
+        for (kind, text) in doubts(&rows, empty) {
+            note(kind, text);
         }
         let guesses_phase = has(Field::Precipitation) && !has(Field::Rain) && !has(Field::Snowfall);
         if guesses_phase && rows.iter().any(|row| row.rain > 0.0 || row.snow > 0.0) {
@@ -227,6 +244,56 @@ impl RawTable<'_> {
         };
         Ok(row)
     }
+}
+
+/// What rows do not tell, and rows that only repeat others; so many at the end are `empty`.
+fn doubts(rows: &[WeatherRow], empty: usize) -> Vec<(ReportNoteKind, String)> {
+    type Told = fn(&WeatherRow) -> Option<f64>;
+    const QUANTITIES: [(&str, Told); 7] = [
+        ("temperature", |row| row.temperature),
+        ("humidity", |row| row.humidity),
+        ("wind", |row| row.wind_speed),
+        ("direction of the wind", |row| row.wind_from),
+        ("visibility", |row| row.visibility),
+        ("clouds", |row| row.cloud_cover),
+        ("depth of snow", |row| row.snow_depth),
+    ];
+    let told = &rows[..rows.len() - empty];
+    let (mut notes, mut missing) = (Vec::new(), Vec::new());
+    for (name, value) in QUANTITIES {
+        match told.iter().filter(|row| value(row).is_none()).count() {
+            0 => {}
+            lacking if lacking == told.len() => missing.push(name),
+            lacking => {
+                let text = format!(
+                    "{name}: {lacking} of {} rows have none, and take it from the rows beside",
+                    told.len()
+                );
+                notes.push((ReportNoteKind::Guess, text));
+            }
+        }
+    }
+    if !missing.is_empty() {
+        notes.insert(0, (ReportNoteKind::Missing, missing.join(", ")));
+    }
+    if empty > 0 && !told.is_empty() {
+        let text = format!(
+            "the last {empty} of {} rows have no values: they only repeat the row before",
+            rows.len()
+        );
+        notes.push((ReportNoteKind::Guess, text));
+    }
+    let same = |pair: &&[WeatherRow]| WeatherRow { time: pair[0].time, ..pair[1].clone() } == pair[0];
+    let repeated = told.windows(2).rev().take_while(same).count();
+    let quantities = QUANTITIES.len() - missing.len();
+    if repeated >= REPEATED && quantities > 1 {
+        let text = format!(
+            "the last {repeated} of {} rows with values repeat the row before in all of them: they may be filled in and not measured",
+            told.len()
+        );
+        notes.push((ReportNoteKind::Guess, text));
+    }
+    notes
 }
 
 fn is_time(field: Field) -> bool {

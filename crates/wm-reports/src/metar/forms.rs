@@ -84,11 +84,7 @@ pub(super) fn miles(text: &str, whole: f64) -> Option<MetarVisibility> {
         None => digits(number)?,
     };
     if miles == 0.0 {
-        return Some(MetarVisibility {
-            metres: LEAST_SEEN,
-            bound: VisibilityBound::Less,
-            direction: None,
-        });
+        return Some(MetarVisibility { metres: LEAST_SEEN, bound: VisibilityBound::Less, direction: None });
     }
     Some(MetarVisibility { metres: miles * MILE, bound, direction: None })
 }
@@ -202,10 +198,15 @@ pub(super) fn clouds(text: &str) -> Option<Result<CloudGroup, ()>> {
             Some(_) => (None, rest),
         };
         // Where they stand may be glued on: `FEW013CB/N`, `BKN016CBNE-W`.
-        let rest = ["CB", "TCU"].into_iter().find(|kind| {
-            let side = rest.strip_prefix(kind);
-            side.is_some_and(|side| side.bytes().all(|b| matches!(b, b'N' | b'E' | b'S' | b'W' | b'/' | b'-')))
-        }).unwrap_or(rest);
+        let rest = ["CB", "TCU"]
+            .into_iter()
+            .find(|kind| {
+                let side = rest.strip_prefix(kind);
+                side.is_some_and(|side| {
+                    side.bytes().all(|b| matches!(b, b'N' | b'E' | b'S' | b'W' | b'/' | b'-'))
+                })
+            })
+            .unwrap_or(rest);
         let (_, kind) = kinds.iter().find(|(code, _)| *code == rest)?;
         let has_none = cover == CloudCover::Obscured && text == "VV";
         (!has_none).then(|| CloudGroup { cover, height, kind: *kind, code: text.into() })

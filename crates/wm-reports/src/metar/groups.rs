@@ -183,7 +183,8 @@ fn is_trend(text: &str, next: Option<&Group<'_>>) -> bool {
     let time = ["FM", "AT", "TL"].iter().find_map(|word| text.strip_prefix(word));
     TRENDS.contains(&text)
         || time.is_some_and(|time| {
-            is_hour(time.trim_end_matches('Z')) || (time.is_empty() && next.is_some_and(|next| is_hour(next.text)))
+            is_hour(time.trim_end_matches('Z'))
+                || (time.is_empty() && next.is_some_and(|next| is_hour(next.text)))
         })
 }
 
@@ -222,7 +223,13 @@ struct Reader {
 
 impl Reader {
     /// Notes a group, and so many after it.
-    fn ignore(&mut self, group: Group<'_>, others: &[Group<'_>], taken: usize, reason: &'static str) -> usize {
+    fn ignore(
+        &mut self,
+        group: Group<'_>,
+        others: &[Group<'_>],
+        taken: usize,
+        reason: &'static str,
+    ) -> usize {
         let parts = std::iter::once(&group).chain(others.iter().take(taken)).map(|group| group.text);
         self.metar.ignored.push(IgnoredGroup { text: parts.collect::<Vec<_>>().join(" "), reason });
         taken
@@ -279,7 +286,8 @@ impl Reader {
             "$" | "NSW" | "SNOCLO" | "R/SNOCLO" => self.ignore(group, others, 0, "no part of a weather"),
             // The sky is hidden, and by what and how much is not told.
             "SKY" => {
-                let is_word = |group: &&Group<'_>| matches!(group.text, "OBS" | "OBSC" | "OBSCURED" | "INVISIBLE");
+                let is_word =
+                    |group: &&Group<'_>| matches!(group.text, "OBS" | "OBSC" | "OBSCURED" | "INVISIBLE");
                 let taken = usize::from(next.filter(is_word).is_some());
                 self.ignore(group, others, taken, "no share of clouds")
             }
@@ -317,7 +325,9 @@ impl Reader {
     fn take_value(&mut self, group: Group<'_>, others: &[Group<'_>]) -> Result<usize, ReportError> {
         match self.value(group, others) {
             // Where the pressure or the temperature has been told all is told that must be.
-            Err(_) if self.is_past || self.metar.temperature.is_some() => Ok(self.ignore_words(group, others)),
+            Err(_) if self.is_past || self.metar.temperature.is_some() => {
+                Ok(self.ignore_words(group, others))
+            }
             taken => taken,
         }
     }
@@ -351,7 +361,8 @@ impl Reader {
         } else if text.ends_with("SM") {
             let metres = miles(text, 0.0).ok_or_else(|| damaged(group, 1))?;
             self.see(metres);
-        } else if (is_digits(text, 1) || is_digits(text, 2)) && next.is_some_and(|next| next.ends_with("SM")) {
+        } else if (is_digits(text, 1) || is_digits(text, 2)) && next.is_some_and(|next| next.ends_with("SM"))
+        {
             let whole = text.parse::<f64>().unwrap_or_default();
             let metres = miles(others[0].text, whole).ok_or_else(|| damaged(others[0], 1))?;
             self.see(metres);
@@ -361,7 +372,8 @@ impl Reader {
                 return Ok(self.ignore(group, others, 0, "no visibility: it comes after the temperature"));
             }
             self.see(seen);
-        } else if text.len() > 3 && text.starts_with('R') && matches!(text.as_bytes()[1], b'0'..=b'9' | b'/') {
+        } else if text.len() > 3 && text.starts_with('R') && matches!(text.as_bytes()[1], b'0'..=b'9' | b'/')
+        {
             match runway_range(text) {
                 Some((runway, Some(metres))) => {
                     self.metar.runway_ranges.push(RunwayRange { runway, metres });
@@ -495,4 +507,3 @@ fn time(group: Group<'_>) -> Result<MetarTime, ReportError> {
     }
     Ok(time)
 }
-
