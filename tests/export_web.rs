@@ -38,7 +38,7 @@ impl Desk {
         }
         let metadata = Metadata { ground: Some(0.0), ..Metadata::default() };
         let desk = Self { folder: tempfile::tempdir().unwrap() };
-        write_scene(&desk.at("a.ply"), &Scene { splats, metadata, views: Vec::new() }).unwrap();
+        write_scene(&desk.at("a.ply"), &Scene { splats, metadata, ..Scene::default() }).unwrap();
         fs::create_dir(desk.at("player")).unwrap();
         fs::write(desk.at("player/player.js"), "export class Player {}\n").unwrap();
         fs::write(desk.at("player/player_bg.wasm"), b"\0asm\x01\0\0\0").unwrap();

@@ -13,7 +13,7 @@ mod training;
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::progress::{self, Reporter};
-use crate::scene::{AssetFolder, FactArgs, OpenScene, RunArgs, SceneArgs};
+use crate::scene::{AssetFolder, FactArgs, OpenScene, RunArgs, SceneArgs, read_saying_remarks};
 use anyhow::{Context, Result};
 use clap::Args;
 use glam::DVec3;
@@ -27,7 +27,7 @@ use weather_magician::{PlaceOptions, PreparedPlace, Renderer};
 use wm_render::bench_scene::{shell_camera, shell_splats};
 use wm_render::simd::SimdPath;
 use wm_render::{Device, RenderBackend, RenderConfig, SetId, SetView};
-use wm_scene::formats::{ReadOptions, read_scene};
+use wm_scene::formats::ReadOptions;
 use wm_scene::{Camera, Group, Lamp, Metadata, Scene};
 use wm_weather::Site;
 use wm_weather::cover::Buried;
@@ -154,7 +154,7 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(OpenScene, Camera)> {
         facts: FactArgs::default(),
     };
     let mut loaded = if args.drop_sky {
-        let mut scene = read_scene(path, &ReadOptions::default())?;
+        let mut scene = read_saying_remarks(path, &ReadOptions::default())?;
         wm_scene::survey::label_sky(&mut scene.splats);
         let groups = &scene.splats.groups;
         let rest: Vec<usize> = (0..groups.len()).filter(|i| groups[*i] != Group::Sky).collect();

@@ -8,7 +8,7 @@ use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
-use crate::scene::{RunArgs, change_sky, check, save};
+use crate::scene::{RunArgs, change_sky, check, read_saying_remarks, save};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
@@ -19,9 +19,7 @@ use weather_magician::view::spec;
 use weather_magician::{CropBox, LengthScale, SceneChange};
 use wm_render::Differentiable;
 use wm_scene::files::check_writable;
-use wm_scene::formats::{
-    DetailLevel, GltfSplats, ReadOptions, SpzVersion, WriteOptions, format_for, lost, read_scene,
-};
+use wm_scene::formats::{DetailLevel, GltfSplats, ReadOptions, SpzVersion, WriteOptions, format_for, lost};
 use wm_scene::levels::MAX_LEVELS;
 use wm_scene::{Metadata, Scene};
 
@@ -220,7 +218,7 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
         (None, Some(most)) => DetailLevel::Budget(most),
         (None, None) => DetailLevel::Finest,
     };
-    let mut scene = read_scene(path, &ReadOptions { level, ..ReadOptions::default() })?;
+    let mut scene = read_saying_remarks(path, &ReadOptions { level, ..ReadOptions::default() })?;
     if args.repair {
         check(&mut scene, path, true)?;
     }

@@ -118,6 +118,7 @@ fn report(
             "sky_splats": survey.sky_splats,
         },
         "metadata": scene.metadata,
+        "remarks": scene.remarks,
     })
 }
 
@@ -173,6 +174,9 @@ fn print(
     histogram(&health.opacity, |v| format!("{v:.2}"));
     println!("Largest standard deviation, units");
     histogram(&health.log10_scale, |v| format!("{:.1e}", 10f64.powf(v)));
+    for remark in &scene.remarks {
+        println!("  {remark}");
+    }
     println!("What is wrong");
     let faults = faults(health);
     if faults.is_empty() {

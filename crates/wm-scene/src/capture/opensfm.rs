@@ -141,7 +141,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     }
     let (images, masks) = places::find(&[&folder], options, &views)?;
     let observations = vec![Vec::new(); views.len()];
-    Ok(Some(Capture { source: dataset.into(), images, masks, originals: None, views, points, observations }))
+    Ok(Some(Capture { source: dataset.into(), images, masks, views, points, observations, ..Capture::default() }))
 }
 
 #[cfg(test)]

@@ -131,7 +131,7 @@ pub(super) fn read(file: &[u8]) -> Result<Scene, Problem> {
     let rasterization = antialiased.then_some(Rasterization::Antialiased);
     let splats = unpack(&header, column);
     let metadata = Metadata { rasterization, ..Metadata::default() };
-    let mut scene = Scene { splats, metadata, views: Vec::new() };
+    let mut scene = Scene { splats, metadata, ..Scene::default() };
     if axes != FORMAT.axes {
         axes.turn(&mut scene);
         FORMAT.axes.turn(&mut scene);

@@ -325,7 +325,7 @@ impl LevelIndex {
         let file = self.read_named(name)?;
         let mut splats = file.splats(0, file.len() as u64)?;
         splats.groups.fill(Group::Sky);
-        Ok(Some(Scene { splats, metadata: file.metadata().clone(), views: Vec::new() }))
+        Ok(Some(Scene { splats, metadata: file.metadata().clone(), ..Scene::default() }))
     }
 
     fn read_named(&self, name: &str) -> Result<LevelFile, FormatError> {
@@ -368,6 +368,6 @@ impl LevelIndex {
         if splats.is_empty() {
             return Err(whole(Problem::NoSplats));
         }
-        Ok(Scene { splats, metadata, views: Vec::new() })
+        Ok(Scene { splats, metadata, ..Scene::default() })
     }
 }

@@ -210,7 +210,7 @@ impl LevelWriter {
 
     fn job_of(&self, name: &str, splats: Splats) -> LevelFileJob {
         let metadata = Metadata { rasterization: self.options.rasterization, ..Metadata::default() };
-        let scene = Scene { splats, metadata, views: Vec::new() };
+        let scene = Scene { splats, metadata, ..Scene::default() };
         LevelFileJob { path: self.main.with_file_name(name), scene }
     }
 

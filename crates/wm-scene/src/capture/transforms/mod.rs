@@ -160,7 +160,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     let roots = [folder.as_path()];
     let masks = places::find(&roots, &CaptureOptions { images: None, ..options.clone() }, &[])?.1;
     let observations = vec![Vec::new(); views.len()];
-    Ok(Some(Capture { source: dataset.into(), images: folder, masks, originals: None, views, points, observations }))
+    Ok(Some(Capture { source: dataset.into(), images: folder, masks, views, points, observations, ..Capture::default() }))
 }
 
 fn view_of(

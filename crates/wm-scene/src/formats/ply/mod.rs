@@ -98,5 +98,5 @@ fn read(source: &mut Source, _: &ReadOptions) -> Result<Scene, FormatError> {
         PlyEncoding::BinaryBigEndian => binary::read(source, &header, &layout, Endian::Big),
         PlyEncoding::Ascii => text::read(source, &header, &layout),
     }?;
-    Ok(Scene { splats, metadata: header.metadata, views: Vec::new() })
+    Ok(Scene { splats, metadata: header.metadata, ..Scene::default() })
 }

@@ -224,7 +224,7 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Problem> {
 fn read_with(files: Files, meta: &[u8]) -> Result<Scene, Problem> {
     let pictures = SogPictures::read(files, meta)?;
     let splats = pictures.splats(0..pictures.len())?;
-    Ok(Scene { splats, metadata: pictures.metadata, views: Vec::new() })
+    Ok(Scene { splats, metadata: pictures.metadata, ..Scene::default() })
 }
 
 /// The decoded pictures of a SOG: 28 bytes a splat and its palette. Splats are made of any part of them.

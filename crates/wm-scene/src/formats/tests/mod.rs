@@ -20,7 +20,7 @@ fn scene(metres_per_unit: f64) -> Scene {
         group: crate::Group::Sky,
     });
     let metadata = Metadata { metres_per_unit: Some(metres_per_unit), ..Metadata::default() };
-    Scene { splats, metadata, views: Vec::new() }
+    Scene { splats, metadata, ..Scene::default() }
 }
 
 fn read(path: &Path) -> Result<Scene, FormatError> {

@@ -39,7 +39,7 @@ fn small_scene() -> Scene {
     splats.sh.iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
     let metadata =
         Metadata { up: Some(DVec3::Z), provenance: Some("a \"test\"".into()), ..Metadata::default() };
-    Scene { splats, metadata, views: Vec::new() }
+    Scene { splats, metadata, ..Scene::default() }
 }
 
 proptest! {
