@@ -93,11 +93,16 @@ fn is_table(text: &str) -> bool {
         || first.len() > 2 && first.len() == second.len() && has_numbers()
 }
 
-/// A text without the lines of comment at its beginning.
+/// A text without what may stand before a report: lines of comment, and the line with the date that NOAA puts before a METAR
+/// (`2024/01/15 18:51`).
 pub(crate) fn after_comments(text: &str) -> &str {
     let mut rest = text;
-    while rest.starts_with('#') {
-        rest = rest.split_once('\n').map_or("", |(_, rest)| rest).trim_start();
+    loop {
+        let (line, others) = rest.split_once('\n').unwrap_or((rest, ""));
+        let shape = line.trim().replace(|c: char| c.is_ascii_digit(), "0");
+        if !line.starts_with('#') && shape != "0000/00/00 00:00" {
+            return rest;
+        }
+        rest = others.trim_start();
     }
-    rest
 }

@@ -173,13 +173,11 @@ impl WeatherReport {
     /// # Errors
     /// As [`Self::read`], and [`ReportError::Read`] if there is no such file or it is no text.
     pub fn read_file(path: &Path, options: &ReportOptions) -> Result<Self, ReportError> {
-        let text = std::fs::read_to_string(path).map_err(|error| {
+        let text = wm_scene::files::read_text(path).map_err(|error| {
             let reason = match error.kind() {
                 std::io::ErrorKind::NotFound => "no such file; check the path".into(),
                 std::io::ErrorKind::IsADirectory => "it is a folder; give a file".into(),
-                std::io::ErrorKind::InvalidData => {
-                    "it is no text in UTF-8; give JSON, CSV or a report".into()
-                }
+                std::io::ErrorKind::InvalidData => format!("it is {error}, or give JSON, CSV or a report"),
                 _ => error.to_string(),
             };
             ReportError::Read { path: path.into(), reason }

@@ -108,16 +108,24 @@ impl RawTable<'_> {
             rows.push(row);
         }
         if missing > 0 {
-            note(ReportNoteKind::Guess, format!("amounts of {missing} rows are missing: nothing fell"));
+            note(
+                ReportNoteKind::Missing,
+                format!("amounts of rain and snow in {missing} of {} rows: nothing fell", rows.len()),
+            );
         }
         // At the end of a table there are often hours that nobody has measured or forecast yet.
         let is_empty = |cells: &&Vec<Cell>| {
-            let told = columns.iter().zip(*cells).filter(|(column, _)| column.is_some_and(|one| !is_time(one.field)));
+            let told = columns
+                .iter()
+                .zip(*cells)
+                .filter(|(column, _)| column.is_some_and(|one| !is_time(one.field)));
             told.into_iter().all(|(_, cell)| *cell == Cell::Missing)
         };
         let empty = self.rows.iter().rev().take_while(is_empty).count();
-        for (kind, text) in doubts(&rows, empty) {
-            note(kind, text);
+        let has_amounts =
+            [Field::Rain, Field::Showers, Field::Precipitation, Field::Snowfall].into_iter().any(has);
+        for text in not_measured(&rows, empty, has_amounts) {
+            note(ReportNoteKind::Missing, text);
         }
         let guesses_phase = has(Field::Precipitation) && !has(Field::Rain) && !has(Field::Snowfall);
         if guesses_phase && rows.iter().any(|row| row.rain > 0.0 || row.snow > 0.0) {
@@ -246,8 +254,8 @@ impl RawTable<'_> {
     }
 }
 
-/// What rows do not tell, and rows that only repeat others; so many at the end are `empty`.
-fn doubts(rows: &[WeatherRow], empty: usize) -> Vec<(ReportNoteKind, String)> {
+/// Quantities that no row has, or some do not have, and rows at the end that only repeat others, of which `empty` have nothing.
+fn not_measured(rows: &[WeatherRow], empty: usize, has_amounts: bool) -> Vec<String> {
     type Told = fn(&WeatherRow) -> Option<f64>;
     const QUANTITIES: [(&str, Told); 7] = [
         ("temperature", |row| row.temperature),
@@ -259,39 +267,38 @@ fn doubts(rows: &[WeatherRow], empty: usize) -> Vec<(ReportNoteKind, String)> {
         ("depth of snow", |row| row.snow_depth),
     ];
     let told = &rows[..rows.len() - empty];
+    if told.is_empty() {
+        return vec!["anything: no row has a value".into()];
+    }
     let (mut notes, mut missing) = (Vec::new(), Vec::new());
+    if !has_amounts {
+        missing.push("rain and snow");
+    }
     for (name, value) in QUANTITIES {
         match told.iter().filter(|row| value(row).is_none()).count() {
             0 => {}
             lacking if lacking == told.len() => missing.push(name),
             lacking => {
-                let text = format!(
-                    "{name}: {lacking} of {} rows have none, and take it from the rows beside",
-                    told.len()
-                );
-                notes.push((ReportNoteKind::Guess, text));
+                let of = told.len();
+                notes.push(format!("{name} in {lacking} of {of} rows: taken from the rows beside"));
             }
         }
     }
     if !missing.is_empty() {
-        notes.insert(0, (ReportNoteKind::Missing, missing.join(", ")));
+        notes.insert(0, missing.join(", "));
     }
-    if empty > 0 && !told.is_empty() {
-        let text = format!(
-            "the last {empty} of {} rows have no values: they only repeat the row before",
-            rows.len()
-        );
-        notes.push((ReportNoteKind::Guess, text));
+    if empty > 0 {
+        let of = rows.len();
+        notes
+            .push(format!("the last {empty} of {of} rows, which have no values: they repeat the row before"));
     }
     let same = |pair: &&[WeatherRow]| WeatherRow { time: pair[0].time, ..pair[1].clone() } == pair[0];
     let repeated = told.windows(2).rev().take_while(same).count();
-    let quantities = QUANTITIES.len() - missing.len();
-    if repeated >= REPEATED && quantities > 1 {
-        let text = format!(
-            "the last {repeated} of {} rows with values repeat the row before in all of them: they may be filled in and not measured",
-            told.len()
-        );
-        notes.push((ReportNoteKind::Guess, text));
+    if repeated >= REPEATED && QUANTITIES.len() > missing.len() + 1 {
+        let of = told.len();
+        notes.push(format!(
+            "perhaps the last {repeated} of {of} rows: they repeat the row before in all values"
+        ));
     }
     notes
 }
