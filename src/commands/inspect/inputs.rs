@@ -132,6 +132,7 @@ fn of_weather(path: &Path) -> Result<InspectedInput> {
         // Every report leaves much to be guessed: that is its nature and no doubt about the file.
         ReportNoteKind::Guess => Remark::note("guess", format!("guess: {}", note.text)),
         ReportNoteKind::Ignored => Remark::note("ignored", format!("ignored: {}", note.text)),
+        ReportNoteKind::Missing => Remark::doubt("not-measured", format!("not measured: {}", note.text)),
         ReportNoteKind::Clamped => Remark::doubt("clamped", format!("clamped: {}", note.text)),
     });
     let facts = vec![("name", json!(report.name)), ("weather", json!(summary(report)))];
