@@ -162,7 +162,7 @@ pub const TARGETS: &[Target] = &[
         Ok(())
     }),
     reader("arrays", &[map_npy], |path| npy::read(path).map(drop).map_err(|error| error.to_string())),
-    reader("panoramas", &[map_exr, photo_jpeg], |path| {
+    reader("panoramas", &[map_exr], |path| {
         read_panorama(path).map(drop).map_err(|error| error.to_string())
     }),
     reader(
@@ -178,6 +178,7 @@ pub const TARGETS: &[Target] = &[
         "reports",
         &[
             text_seed!("metar.txt"),
+            text_seed!("old_metar.txt"),
             text_seed!("hourly.json"),
             text_seed!("hourly.csv"),
             text_seed!("carla.txt"),
@@ -188,7 +189,7 @@ pub const TARGETS: &[Target] = &[
     reader("weather", &[text_seed!("weather.toml")], |path| {
         Weather::read(path).map(drop).map_err(|error| error.to_string())
     }),
-    reader("plan", &[text_seed!("plan.toml")], |path| {
+    reader("plan", &[plan], |path| {
         BatchPlan::read(path).map(drop).map_err(|error| error.to_string())
     }),
     reader("rig", &[text_seed!("rig.toml")], |path| Rig::read(path).map(drop).map_err(|e| e.to_string())),
@@ -451,6 +452,14 @@ fn map_tiff(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
         8,
         &ramp(),
     )?;
+    Ok(path)
+}
+
+/// A plan, and the scene that it names.
+fn plan(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+    write_scene(folder, "street.ply", 0, WriteOptions::default())?;
+    let path = folder.join("plan.toml");
+    fs::write(&path, include_str!("seeds/plan.toml"))?;
     Ok(path)
 }
 
