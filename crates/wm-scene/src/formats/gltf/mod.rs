@@ -13,6 +13,7 @@
 //! Read are `.glb` and `.gltf` with buffers inside or in files below its folder; a `.glb` is written, as floats or with SPZ. It keeps the
 //! metadata in `asset.extras.wm` and groups in an attribute `_GROUP`.
 
+mod kind;
 mod read;
 mod write;
 
