@@ -118,7 +118,7 @@ fn report(
             "sky_splats": survey.sky_splats,
         },
         "metadata": scene.metadata,
-        "remarks": scene.remarks,
+        "remarks": scene.remarks.iter().cloned().chain(survey.remarks()).collect::<Vec<_>>(),
     })
 }
 
@@ -185,8 +185,8 @@ fn print(
     for line in faults {
         println!("  {line}");
     }
-    for warning in survey.up_warning().into_iter().chain(survey.warning()) {
-        println!("  {warning}");
+    for remark in survey.remarks() {
+        println!("  {remark}");
     }
 }
 
