@@ -86,12 +86,12 @@ impl Survey {
         })
     }
 
-    /// The doubts about the facts, for `inspect`: a guess of up is a doubt, what the splats cannot tell is a note.
+    /// The doubts about the facts, and a note where there is no ground: objects have none.
     #[must_use]
     pub fn remarks(&self) -> Vec<Remark> {
-        let up = self.up_warning().map(|text| Remark::doubt("up-guess", text));
+        let up = self.up_warning().map(|text| Remark::doubt("up-guessed", text));
         let ground = self.ground_warning().map(|text| Remark::note("no-ground", text));
-        let scale = self.warning().map(|text| Remark::note("scale-unknown", text));
+        let scale = self.warning().map(|text| Remark::doubt("scale-unknown", text));
         [up, ground, scale].into_iter().flatten().collect()
     }
 
