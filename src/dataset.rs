@@ -1,5 +1,6 @@
 //! Options of commands that open a data set: the photos, their size, and the held-out ones.
 
+use crate::scene::print_remarks;
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -55,13 +56,14 @@ impl DatasetArgs {
         }
     }
 
-    /// Opens a data set. Prints a warning for each photo that is left out.
+    /// Opens a data set. Prints the remarks of its reader, and a warning for each photo that is left out.
     ///
     /// # Errors
     /// The capture cannot be read or has no photos, or a photo is damaged and damaged ones are not skipped.
     pub fn open(&self, dataset: &Path) -> Result<(Capture, Photos)> {
         let options = self.options();
         let capture = options.capture(dataset)?;
+        print_remarks(&capture.remarks);
         let photos = options.photos(dataset, &capture, Check::default())?;
         for skipped in photos.skipped() {
             eprintln!("warning: {skipped}; it is left out");

@@ -19,7 +19,7 @@ use wm_scene::formats::{
     DetailLevel, ReadOptions, WriteOptions, read_scene, sidecar_path, write_scene_with, write_sidecar,
 };
 use wm_scene::survey::{OwnSky, known_distance};
-use wm_scene::{Metadata, Scene, capture};
+use wm_scene::{Metadata, Remark, Scene, capture};
 use wm_weather::Weather;
 
 /// The scene file and its facts.
@@ -30,7 +30,7 @@ pub struct SceneArgs {
     /// Level of a scene with several levels of detail; 0 is the finest
     #[arg(long, value_name = "N", help_heading = "Scene")]
     pub level: Option<u32>,
-    /// Remove splats that contain NaN or infinite numbers, and files of a scene in levels of detail that are missing or damaged, and
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and files of a scene in levels of detail that are missing or damaged, and
     /// continue
     #[arg(long, help_heading = "Scene")]
     pub repair: bool,
@@ -158,7 +158,7 @@ impl OpenScene {
         let facts = args.facts.metadata()?;
         let renderer = run.renderer()?;
         let views = views.map(|folder| capture::read_views(folder)).transpose()?;
-        let mut scene = read_scene(&args.scene, &read_options(args.level))?;
+        let mut scene = read_saying_remarks(&args.scene, &read_options(args.level))?;
         scene.views = views.unwrap_or(scene.views);
         check(&mut scene, &args.scene, args.repair)?;
         if let Some(line) = change_sky(&mut scene, &args.scene, sky.sky, &facts)? {
@@ -277,6 +277,20 @@ impl FromStr for AssetFolder {
 /// Returns the options for reading a scene at a level of detail.
 pub fn read_options(level: Option<u32>) -> ReadOptions {
     ReadOptions { level: level.map_or(DetailLevel::Finest, DetailLevel::Number), ..ReadOptions::default() }
+}
+
+/// Prints what a reader remarked, each remark on a line of the error stream.
+pub fn print_remarks(remarks: &[Remark]) {
+    for remark in remarks {
+        eprintln!("{remark}");
+    }
+}
+
+/// Reads a scene, and prints what its reader remarked.
+pub fn read_saying_remarks(path: &Path, options: &ReadOptions) -> Result<Scene> {
+    let mut scene = read_scene(path, options)?;
+    print_remarks(&std::mem::take(&mut scene.remarks));
+    Ok(scene)
 }
 
 /// Treats the sky of a scene; returns a line for people, `None` where the sky is kept.

@@ -40,7 +40,7 @@ impl Desk {
             ..Metadata::default()
         };
         let desk = Self { folder: tempfile::tempdir().unwrap() };
-        write_scene(&desk.at("a.ply"), &Scene { splats, metadata, views: Vec::new() }).unwrap();
+        write_scene(&desk.at("a.ply"), &Scene { splats, metadata, ..Scene::default() }).unwrap();
         desk
     }
 

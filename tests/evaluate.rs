@@ -39,7 +39,7 @@ fn shared() -> &'static Path {
         let sampling = street.sampling(0.2);
         let mut splats = Splats::with_capacity(sampling.len(), 0);
         (0..sampling.len()).filter_map(|index| sampling.splat(index)).for_each(|splat| splats.push(&splat));
-        let scene = Scene { splats, metadata: street.metadata(), views: Vec::new() };
+        let scene = Scene { splats, metadata: street.metadata(), ..Scene::default() };
         write_scene(&folder.path().join("street.ply"), &scene).unwrap();
         folder
     });
@@ -68,7 +68,7 @@ impl Desk {
     /// Returns stdout, stderr and the JSON.
     fn run(&self, options: &[&str]) -> (String, String, Value) {
         let mut command = self.command(options);
-        let output = finish(command.args(["--json", "out.json"]));
+        let output = finish(command.args(["--overwrite", "--json", "out.json"]));
         assert!(output.status.success(), "{}", said(&output));
         let json = serde_json::from_slice(&fs::read(self.at("out.json")).unwrap()).unwrap();
         (printed(&output), said(&output), json)
@@ -245,7 +245,7 @@ fn bad_input_is_told_in_one_line() {
     let mut away = Splats::with_capacity(1, 0);
     let splat = (0..).find_map(|index| sampling.splat(index)).unwrap();
     away.push(&wm_scene::splats::Splat { mean: [0.0, -9000.0, 0.0], ..splat });
-    let scene = Scene { splats: away, metadata: street.metadata(), views: Vec::new() };
+    let scene = Scene { splats: away, metadata: street.metadata(), ..Scene::default() };
     write_scene(&desk.at("away.ply"), &scene).unwrap();
     let mut elsewhere = Command::new(env!("CARGO_BIN_EXE_weather-magician"));
     elsewhere.args(["evaluate", "away.ply", "--json", "x.json", "-d"]).arg(shared().join("set"));

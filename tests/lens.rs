@@ -79,7 +79,7 @@ const WET: [&str; 2] = ["wetness.amount=1", "wetness.puddles=0.5"];
 fn both(camera: &Camera, lens: &LensView, weather_changes: &[&str]) -> [Picture; 2] {
     let mut renderer = Renderer::cpu().unwrap();
     let metadata = yard_metadata(1.0);
-    let scene = Scene { splats: yard().build(), metadata, views: Vec::new() };
+    let scene = Scene { splats: yard().build(), metadata, ..Scene::default() };
     let mut place = renderer.load(scene).unwrap();
     place.config.outputs.geometry = wm_render::Geometry::Depth;
     let mut weather = Weather::clear();

@@ -1,7 +1,7 @@
 //! `align`: sets facts of a scene by hand: up, ground, scale, open water, sun, lamps.
 
 use crate::overwrite::OverwriteArgs;
-use crate::scene::{count_of, parse_distance, save};
+use crate::scene::{count_of, parse_distance, read_saying_remarks, save};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use glam::DVec3;
@@ -11,9 +11,7 @@ use weather_magician::lamps::lamps_along_photos;
 use weather_magician::view::spec;
 use wm_scene::files::check_writable;
 use wm_scene::formats::folder::scene_file;
-use wm_scene::formats::{
-    ReadOptions, WriteOptions, format_for, lost, read_scene, sidecar_path, write_sidecar,
-};
+use wm_scene::formats::{ReadOptions, WriteOptions, format_for, lost, sidecar_path, write_sidecar};
 use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, Survey, align};
 use wm_scene::{Lamp, LitWindow, Metadata, PhotoSun, Scene};
 
@@ -240,7 +238,7 @@ pub fn run(args: &AlignArgs) -> Result<()> {
             args.overwrite.check(out, &[&args.scene], "choose another name")?;
         }
     }
-    let mut scene = read_scene(&args.scene, &ReadOptions::default())?;
+    let mut scene = read_saying_remarks(&args.scene, &ReadOptions::default())?;
     let aligned = is_aligned
         .then(|| align(&mut scene, &by).with_context(|| args.scene.display().to_string()))
         .transpose()?;

@@ -3,14 +3,14 @@
 use crate::interrupt::{self, Interrupted};
 use crate::overwrite::OverwriteArgs;
 use crate::progress;
-use crate::scene::{RunArgs, check, read_options, save};
+use crate::scene::{RunArgs, check, read_options, read_saying_remarks, save};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weather_magician::labels::{LabelKind, LabelVotes, VotedLabels};
 use wm_scene::files::check_writable;
-use wm_scene::formats::{Kept, WriteOptions, format_for, read_scene};
+use wm_scene::formats::{Kept, WriteOptions, format_for};
 use wm_scene::{Camera, Scene, capture};
 use wm_train::maps::{Filter, find_map, read_map};
 use wm_train::photos::PhotoSize;
@@ -45,7 +45,7 @@ pub struct LabelArgs {
     out: PathBuf,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Remove splats that contain NaN or infinite numbers, and continue
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and continue
     #[arg(long)]
     repair: bool,
     #[command(flatten)]
@@ -82,7 +82,7 @@ pub fn run(args: &LabelArgs) -> Result<()> {
         bail!("--masks {}: there is no such folder", args.masks.display());
     }
     let views = args.views.as_ref().map(|folder| capture::read_views(folder)).transpose()?;
-    let mut scene = read_scene(&args.scene, &read_options(None))?;
+    let mut scene = read_saying_remarks(&args.scene, &read_options(None))?;
     scene.views = views.unwrap_or(scene.views);
     check(&mut scene, &args.scene, args.repair)?;
     let masks = masks(&scene, args)?;

@@ -61,7 +61,7 @@ impl Workshop {
     /// Writes a scene as PLY.
     pub fn scene(&self, name: &str, splats: Splats, metadata: &Metadata) -> PathBuf {
         let path = self.path(&format!("{name}.ply"));
-        let scene = Scene { splats, metadata: metadata.clone(), views: Vec::new() };
+        let scene = Scene { splats, metadata: metadata.clone(), ..Scene::default() };
         write_scene(&path, &scene).expect("the scene is written");
         path
     }
@@ -70,7 +70,7 @@ impl Workshop {
     pub fn words(&self, scene: &Path, view: &ViewArgs, out: &str, options: &str) -> Vec<String> {
         let mut words = vec!["render".to_owned(), scene.display().to_string()];
         words.extend(view.0.iter().cloned());
-        words.extend(["--out".to_owned(), self.path(out).display().to_string()]);
+        words.extend(["--overwrite".to_owned(), "--out".to_owned(), self.path(out).display().to_string()]);
         words.extend(options.split_whitespace().map(str::to_owned));
         words
     }
@@ -238,7 +238,8 @@ pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
 /// Pictures of a place of one unit a metre, at an instant of clear weather with changes, each a list of settings.
 pub fn pictures(splats: Splats, camera: &Camera, time: f64, changes: &[&[&str]]) -> Vec<Picture> {
     let mut renderer = Renderer::cpu().unwrap();
-    let mut place = renderer.load(Scene { splats, metadata: yard_metadata(1.0), views: Vec::new() }).unwrap();
+    let mut place =
+        renderer.load(Scene { splats, metadata: yard_metadata(1.0), ..Scene::default() }).unwrap();
     let picture = |changes: &&[&str]| {
         let mut weather = Weather::clear();
         changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();

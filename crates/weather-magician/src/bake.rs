@@ -42,7 +42,7 @@ impl Renderer {
         let lit = relit.as_ref().unwrap_or(&scene.splats);
         let added = lying.as_ref().map_or(0, |lying| lying.splats.len());
         let splats = lying.map_or_else(|| lit.clone(), |lying| lying.bake(lit));
-        let scene = Scene { splats, views: scene.views.clone(), metadata };
+        let scene = Scene { splats, views: scene.views.clone(), metadata, ..Scene::default() };
         Ok(Some(BakedScene { scene, added }))
     }
 }

@@ -29,7 +29,7 @@ use wm_render::{
 };
 use wm_scene::splats::LabelKind;
 use wm_scene::survey::{Aligned, Alignment, CapturedSky, FactSource, Survey, align, label_sky};
-use wm_scene::{Camera, Lamp, LitWindow, LookAt, Metadata, Scene, Splats};
+use wm_scene::{Camera, Lamp, LitWindow, LookAt, Metadata, Scene, Severity, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::light::{CaptureLight, FrameGains, KnownSun, LampLights, LampShadows, LampsOn, SunShadows};
@@ -304,6 +304,8 @@ impl PreparedPlace {
         options: &PlaceOptions,
     ) -> Result<Self> {
         label_sky(&mut scene.splats);
+        let reading = std::mem::take(&mut scene.remarks).into_iter();
+        let reading = reading.filter(|remark| remark.severity == Severity::Doubt).map(|remark| remark.text);
         let survey = Survey::of(&scene, &options.facts);
         let set = backend.load(&scene.splats)?;
         let lamps = PlaceLamps::of(&scene, &survey);
@@ -329,7 +331,7 @@ impl PreparedPlace {
             light: PlaceLight::new(lamps),
             water: PlaceWater::default(),
             is_released: false,
-            warnings: survey.warning().into_iter().collect(),
+            warnings: reading.chain(survey.warning()).collect(),
             doubts: doubts(&survey),
             survey,
         };
@@ -508,9 +510,9 @@ impl PreparedPlace {
             self.light.keep_points(&self.scene.splats);
         }
         let scene = Scene {
-            splats: Splats::default(),
             views: self.scene.views.clone(),
             metadata: self.scene.metadata.clone(),
+            ..Scene::default()
         };
         self.scene = Arc::new(scene);
         self.is_released = true;

@@ -17,7 +17,7 @@ fn court() -> Scene {
     place.sky(DVec3::ZERO, 120.0, 3000);
     let metadata =
         Metadata { up: Some(-UP), ground: Some(0.0), metres_per_unit: Some(1.0), ..Metadata::default() };
-    Scene { splats: place.build(), metadata, views: Vec::new() }
+    Scene { splats: place.build(), metadata, ..Scene::default() }
 }
 
 /// A plane of flat splats under a sky of splats: its points are known.

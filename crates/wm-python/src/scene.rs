@@ -164,7 +164,7 @@ impl PyScene {
         }
         detached(py, |_| {
             splats.check_finite().map_err(|found| Failure::Library(line_of(&found)))?;
-            Ok(Self::made(wm_scene::Scene { splats, metadata, views: Vec::new() }))
+            Ok(Self::made(wm_scene::Scene { splats, metadata, ..Default::default() }))
         })
     }
 
@@ -349,7 +349,7 @@ pub fn _scene_of_bytes(bytes: &[u8], views: Vec<(String, PyRef<'_, PyCamera>)>) 
     splats.check().map_err(|error| Error::new_err(line_of(&error)))?;
     let views =
         views.into_iter().map(|(name, camera)| wm_scene::SceneView { name, camera: camera.camera }).collect();
-    Ok(PyScene::made(wm_scene::Scene { splats, metadata, views }))
+    Ok(PyScene::made(wm_scene::Scene { splats, metadata, views, ..Default::default() }))
 }
 
 #[doc = docs!("Splats")]

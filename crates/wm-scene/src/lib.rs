@@ -64,6 +64,7 @@ pub mod npy;
 pub mod quat;
 pub mod random;
 pub mod reflectance;
+pub mod remark;
 pub mod scene;
 pub mod sh;
 pub mod similarity;
@@ -75,6 +76,7 @@ pub mod survey;
 pub mod synthetic;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
+pub mod values;
 
 pub use camera::{Camera, CameraError, LensModel, LookAt};
 pub use error::{FormatError, Location, Problem};
@@ -83,5 +85,6 @@ pub use health::{Health, NonFiniteSplats};
 pub use lamps::{Lamp, LitWindow};
 pub use metadata::{Metadata, PhotoSun, Rasterization};
 pub use nearest::nearest;
+pub use remark::{Remark, Severity};
 pub use scene::{Scene, SceneView};
 pub use splats::{Splats, SplatsError};

@@ -219,7 +219,7 @@ mod tests {
         };
         let camera = Camera::looking((4, 3), 60.0, DVec3::ONE, DVec3::ZERO, DVec3::NEG_Y).unwrap();
         let views = vec![SceneView { name: "a".into(), camera: Camera { near: 0.25, ..camera } }];
-        let mut scene = Scene { splats, metadata, views };
+        let mut scene = Scene { splats, metadata, views, ..Scene::default() };
         let turn = Similarity {
             scale: 2.0,
             translation: DVec3::new(7.0, 8.0, 9.0),

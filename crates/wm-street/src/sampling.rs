@@ -159,7 +159,7 @@ impl SplatSampling<'_> {
         let mut splats = Splats::with_capacity(parts.iter().map(Vec::len).sum(), 0);
         parts.iter().flatten().for_each(|(splat, _)| splats.push(splat));
         splats.labels = parts.iter().flatten().map(|(_, label)| *label).collect();
-        Some(Scene { splats, metadata: self.place.metadata(), views: Vec::new() })
+        Some(Scene { splats, metadata: self.place.metadata(), ..Scene::default() })
     }
 
     /// The splats of `range` (cut off at [`Self::len`]), SH degree 0.

@@ -12,8 +12,9 @@ mod training;
 
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
+use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
-use crate::scene::{AssetFolder, FactArgs, OpenScene, RunArgs, SceneArgs};
+use crate::scene::{AssetFolder, FactArgs, OpenScene, RunArgs, SceneArgs, read_saying_remarks};
 use anyhow::{Context, Result};
 use clap::Args;
 use glam::DVec3;
@@ -27,7 +28,7 @@ use weather_magician::{PlaceOptions, PreparedPlace, Renderer};
 use wm_render::bench_scene::{shell_camera, shell_splats};
 use wm_render::simd::SimdPath;
 use wm_render::{Device, RenderBackend, RenderConfig, SetId, SetView};
-use wm_scene::formats::{ReadOptions, read_scene};
+use wm_scene::formats::ReadOptions;
 use wm_scene::{Camera, Group, Lamp, Metadata, Scene};
 use wm_weather::Site;
 use wm_weather::cover::Buried;
@@ -77,6 +78,8 @@ pub struct BenchArgs {
     /// Write the table as speed.md, .csv and .json into this folder, with plots as SVG
     #[arg(long, value_name = "FOLDER", requires = "paper")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
@@ -154,7 +157,7 @@ fn real(path: &Path, args: &BenchArgs) -> Result<(OpenScene, Camera)> {
         facts: FactArgs::default(),
     };
     let mut loaded = if args.drop_sky {
-        let mut scene = read_scene(path, &ReadOptions::default())?;
+        let mut scene = read_saying_remarks(path, &ReadOptions::default())?;
         wm_scene::survey::label_sky(&mut scene.splats);
         let groups = &scene.splats.groups;
         let rest: Vec<usize> = (0..groups.len()).filter(|i| groups[*i] != Group::Sky).collect();

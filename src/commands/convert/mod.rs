@@ -8,7 +8,7 @@ use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
-use crate::scene::{RunArgs, change_sky, check, save};
+use crate::scene::{RunArgs, change_sky, check, read_saying_remarks, save};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
@@ -19,9 +19,7 @@ use weather_magician::view::spec;
 use weather_magician::{CropBox, LengthScale, SceneChange};
 use wm_render::Differentiable;
 use wm_scene::files::check_writable;
-use wm_scene::formats::{
-    DetailLevel, GltfSplats, ReadOptions, SpzVersion, WriteOptions, format_for, lost, read_scene,
-};
+use wm_scene::formats::{DetailLevel, GltfSplats, ReadOptions, SpzVersion, WriteOptions, format_for, lost};
 use wm_scene::levels::MAX_LEVELS;
 use wm_scene::{Metadata, Scene};
 
@@ -49,7 +47,7 @@ pub struct ConvertArgs {
     folder: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Remove splats that contain NaN or infinite numbers, and continue
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and continue
     #[arg(long)]
     repair: bool,
     /// Level of a scene with several levels of detail; 0 is the finest [default: the finest, or the finest that fits
@@ -220,10 +218,8 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
         (None, Some(most)) => DetailLevel::Budget(most),
         (None, None) => DetailLevel::Finest,
     };
-    let mut scene = read_scene(path, &ReadOptions { level, ..ReadOptions::default() })?;
-    if args.repair {
-        check(&mut scene, path, true)?;
-    }
+    let mut scene = read_saying_remarks(path, &ReadOptions { level, ..ReadOptions::default() })?;
+    check(&mut scene, path, args.repair)?;
     let facts = Metadata { up: change.up_now, ..Metadata::default() };
     let mut notes: Vec<String> = change_sky(&mut scene, path, change.sky, &facts)?.into_iter().collect();
     notes.extend(apply(&mut scene, change, &args.run).with_context(|| path.display().to_string())?);
@@ -235,7 +231,6 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
         return levels::write(out, scene, notes, (levels, args.run.threads.map(usize::from)));
     }
     let format = format_for(out)?;
-    notes.extend(lost(&format.loses, &scene).into_iter().map(|line| format!("lost: {line}")));
     let options = WriteOptions {
         spz: match args.spz_version {
             Version::Three => SpzVersion::V3,
@@ -246,6 +241,7 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
             InGltf::Spz => GltfSplats::Spz,
         },
     };
+    notes.extend(lost(&format.loses_with(&options), &scene).into_iter().map(|line| format!("lost: {line}")));
     save(out, &scene, &options)?;
     let bytes: u64 = if format.extensions[0] == "meta.json" { folder_size(out) } else { file_size(out) };
     let (count, megabytes) = (scene.splats.len(), bytes as f64 / 1e6);

@@ -5,7 +5,7 @@ use super::{ExportWebArgs, MEMORY, at};
 use crate::choices::SkyChoice;
 use crate::commands::convert::levels;
 use crate::progress;
-use crate::scene::{OpenScene, change_sky, check, read_options};
+use crate::scene::{OpenScene, change_sky, check, read_options, read_saying_remarks};
 use anyhow::{Result, bail};
 use std::fs;
 use std::path::Path;
@@ -49,7 +49,7 @@ pub fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlac
     }
     let bar = progress::spinner("reading the scene");
     let views = args.viewpoint.views.as_ref().map(|folder| capture::read_views(folder)).transpose()?;
-    let mut scene = read_scene(source, &read_options(args.scene.level))?;
+    let mut scene = read_saying_remarks(source, &read_options(args.scene.level))?;
     scene.views = views.unwrap_or(scene.views);
     check(&mut scene, source, args.scene.repair)?;
     if scene.splats.is_empty() {

@@ -3,6 +3,7 @@
 use crate::dataset::DatasetArgs;
 use crate::interrupt::{self, Interrupted};
 use crate::progress;
+use crate::scene::print_remarks;
 use anyhow::{Result, bail};
 use clap::Args;
 use indicatif::ProgressBar;
@@ -163,6 +164,7 @@ fn write(log: &DrivingLog, folder: &Path, skip_bad: bool) -> Result<()> {
 fn priors(folder: &Path, photos: &DatasetArgs, held_out: HeldOut, facts: &Metadata) -> Result<()> {
     let options = photos.options();
     let capture = options.capture(folder)?;
+    print_remarks(&capture.remarks);
     let photos = options.photos(folder, &capture, Check::default())?;
     let (_, places) = held_out.split(&photos);
     let depth = DepthFiles {

@@ -86,7 +86,7 @@ fn place(folder: &Path) -> BatchPlan {
             ground: Some(0.0),
             ..Metadata::default()
         };
-        let scene = Scene { splats: place.build(), metadata, views: Vec::new() };
+        let scene = Scene { splats: place.build(), metadata, ..Scene::default() };
         write_scene(&folder.join(format!("{name}.ply")), &scene).unwrap();
     }
     std::fs::write(folder.join("rig.toml"), RIG).unwrap();

@@ -17,7 +17,7 @@ pub fn seen_worth(
     renderer: &mut CpuRenderer,
     progress: &mut dyn Progress,
 ) -> Result<Vec<f64>> {
-    let scene = Scene { splats: plain(splats), metadata: Metadata::default(), views: Vec::new() };
+    let scene = Scene { splats: plain(splats), ..Scene::default() };
     let survey = Survey::of(&scene, &Metadata::default());
     let mut worth = unseen_worth(splats, survey.radius);
     let set = renderer.load(&scene.splats)?;

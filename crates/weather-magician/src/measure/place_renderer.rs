@@ -123,7 +123,7 @@ impl InstrumentRenderer for PlaceRenderer {
             lamps: Some(lamps),
             ..Metadata::default()
         };
-        let mut place = self.renderer.load(Scene { splats, metadata, views: Vec::new() })?;
+        let mut place = self.renderer.load(Scene { splats, metadata, ..Scene::default() })?;
         place.config.background = Background::Color([0.0; 3]);
         self.targets.push(Target::Lit(Box::new(place)));
         Ok(ShotSubject::Target(self.targets.len() - 1))

@@ -154,7 +154,7 @@ impl PlaceLevels {
             choices: BTreeMap::new(),
         };
         levels.take_parts(parts, &splats);
-        Ok((levels, Scene { splats, metadata, views: Vec::new() }))
+        Ok((levels, Scene { splats, metadata, ..Scene::default() }))
     }
 
     /// Takes the leaves of the weather's splats.
@@ -471,7 +471,7 @@ impl PreparedPlace {
             backend.unload(thin.set);
         }
         backend.unload(std::mem::replace(&mut self.set, set));
-        let scene = Scene { splats, views: Vec::new(), metadata: self.scene.metadata.clone() };
+        let scene = Scene { splats, metadata: self.scene.metadata.clone(), ..Scene::default() };
         let digest = self.assets.as_ref().map(|_| match self.given_digest {
             Some(given) => given.about(&focus.path, scene.splats.len()),
             None => scene_digest(&scene, &self.survey, &backend.arithmetic()),

@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use wm_scene::camera::rotation_of;
-use wm_scene::{FormatError, Location, Problem};
+use wm_scene::{FormatError, Location, Problem, files};
 
 use crate::RigidPose;
 
@@ -77,14 +77,8 @@ pub fn read_bytes(path: &Path, most: u64) -> Result<Vec<u8>, FormatError> {
 /// # Errors
 /// As [`read_bytes`], and if it is no UTF-8.
 pub fn read_text(path: &Path) -> Result<String, FormatError> {
-    let mut bytes = read_bytes(path, MOST_TEXT)?;
-    if bytes.starts_with(b"\xef\xbb\xbf") {
-        bytes.drain(..3);
-    }
-    String::from_utf8(bytes).map_err(|e| {
-        let byte = Location::Byte(e.utf8_error().valid_up_to() as u64);
-        FormatError::at(path, byte, Problem::Value("not text in UTF-8; copy the file again".into()))
-    })
+    let bytes = read_bytes(path, MOST_TEXT)?;
+    files::text_of(bytes).map_err(|error| FormatError::reading(path, error))
 }
 
 /// The records of a file with one line each, whose number is that of the line: `None` where the line is empty, since the record is
@@ -352,7 +346,7 @@ fn open_table(path: &Path) -> Result<BufReader<File>, FormatError> {
     if length > MOST_TABLE {
         return Err(fault(path, format!("{length} bytes are too many: {MOST_TABLE} are read at most")));
     }
-    Ok(BufReader::with_capacity(1 << 18, file))
+    files::past_mark(BufReader::with_capacity(1 << 18, file)).map_err(reading)
 }
 
 fn json_fault(path: &Path, error: &serde_json::Error) -> FormatError {

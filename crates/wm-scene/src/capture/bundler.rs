@@ -95,7 +95,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
         let what = "no photo is registered in it; reconstruct the capture again";
         return Err(FormatError::whole(&path, Problem::Value(what.into())));
     }
-    Ok(Some(Capture { source: dataset.into(), images, masks, originals: None, views, points, observations }))
+    Ok(Some(Capture { source: dataset.into(), images, masks, views, points, observations, ..Capture::default() }))
 }
 
 /// The first word of each line.

@@ -17,7 +17,7 @@ pub mod site;
 mod tests;
 pub mod up;
 
-use crate::{Camera, FormatError, Problem, SceneView};
+use crate::{Camera, FormatError, Problem, Remark, SceneView};
 use glam::DVec3;
 use std::{
     fs,
@@ -74,7 +74,7 @@ pub struct CaptureOptions {
 }
 
 /// Photographs of a place, with their cameras and the points that both were found with.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Capture {
     /// The folder that was read, for messages.
     pub source: PathBuf,
@@ -90,6 +90,8 @@ pub struct Capture {
     pub points: SparsePoints,
     /// `[V]`: which points each photo shows and where; empty lists where that is not known.
     pub observations: Vec<Vec<Observation>>,
+    /// Lines on what the reader guessed, ignored or passed over.
+    pub remarks: Vec<Remark>,
 }
 
 /// A photograph.

@@ -150,7 +150,7 @@ impl<'a> TilePlan<'a> {
                 (self.splats_of(content, &mut files)?, content.middle)
             };
             let scene =
-                Scene { splats: self.moved(splats, middle), metadata: self.facts(), views: Vec::new() };
+                Scene { splats: self.moved(splats, middle), metadata: self.facts(), ..Scene::default() };
             let options = WriteOptions { gltf: GltfSplats::SpzCesium, ..WriteOptions::default() };
             write_scene_with(&self.main.with_file_name(uri(number)), &scene, &options)?;
         }

@@ -16,7 +16,6 @@ use crate::{
     },
     morton,
     quat::to_matrix,
-    splats::Faults,
 };
 use serde::{Serialize, Serializer};
 use std::{
@@ -210,7 +209,7 @@ impl LevelWriter {
 
     fn job_of(&self, name: &str, splats: Splats) -> LevelFileJob {
         let metadata = Metadata { rasterization: self.options.rasterization, ..Metadata::default() };
-        let scene = Scene { splats, metadata, views: Vec::new() };
+        let scene = Scene { splats, metadata, ..Scene::default() };
         LevelFileJob { path: self.main.with_file_name(name), scene }
     }
 
@@ -360,10 +359,8 @@ fn extent_of(leaf: &NewLeaf) -> Result<Extent, Problem> {
     for splats in &leaf.levels {
         splats.check()?;
         // A rotation of zeros is none, as in every format.
-        let is_finite =
-            |index: usize| Faults { zero_quat: false, ..splats.faults(index) } == Faults::default();
-        if let Some(index) = (0..splats.len()).find(|index| !is_finite(*index)) {
-            return Err(value(format!("splat {index} has numbers that are not finite; repair the scene")));
+        if let Some(index) = (0..splats.len()).find(|index| splats.faults(*index).is_fatal()) {
+            return Err(value(format!("splat {index} cannot be drawn; repair the scene")));
         }
     }
     Ok(ellipsoids(&leaf.levels))

@@ -127,7 +127,12 @@ fn fates(scene: &mut Scene, given: &Metadata, before: &[bool]) -> Vec<Fate> {
     let candidates: Vec<bool> = (0..scene.splats.len()).map(is_candidate).collect();
     let rest: Vec<usize> = (0..candidates.len()).filter(|index| !candidates[*index]).collect();
     let views = std::mem::take(&mut scene.views);
-    let rest = Scene { splats: scene.splats.select(&rest), metadata: scene.metadata.clone(), views };
+    let rest = Scene {
+        splats: scene.splats.select(&rest),
+        metadata: scene.metadata.clone(),
+        views,
+        ..Scene::default()
+    };
     let survey = Survey::of(&rest, given);
     let sample = SurveySample::of(&rest.splats, &SkyRegion::None);
     let views = rest.views;

@@ -31,7 +31,7 @@ pub fn any_scene(most: usize) -> impl Strategy<Value = Scene> {
                 splats.sh.extend(&row[11..]);
             }
             splats.groups.extend(groups.into_iter().map(|g| Group::from_number(g).unwrap()));
-            Scene { splats, metadata, views: Vec::new() }
+            Scene { splats, metadata, ..Scene::default() }
         })
     })
 }

@@ -72,13 +72,5 @@ pub fn taken_if(
             CaptureView { name, camera, distortion: Distortion::None, camera_id: 1, file, mask: None }
         })
         .collect();
-    Capture {
-        source: "made up".into(),
-        images: "".into(),
-        masks: None,
-        originals: None,
-        views,
-        points: stored,
-        observations,
-    }
+    Capture { source: "made up".into(), views, points: stored, observations, ..Capture::default() }
 }

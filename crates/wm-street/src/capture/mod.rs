@@ -209,11 +209,10 @@ pub fn write(
     let capture = Capture {
         source: folder.into(),
         images,
-        masks: None,
-        originals: None,
         views: taken.iter().map(view).collect(),
         points,
         observations,
+        ..Capture::default()
     };
     colmap::write(&capture, &folder.join("sparse/0"), settings.storage)?;
     truth::write(place, folder, settings, &model_from_world, &taken)?;

@@ -170,7 +170,7 @@ pub fn write(
     }
     let (points, observations) = points(place, &cameras, options.points as usize);
     let capture =
-        Capture { source: folder.into(), images, masks: None, originals: None, views, points, observations };
+        Capture { source: folder.into(), images, views, points, observations, ..Capture::default() };
     write::write(&capture, &folder.join("sparse/0"), options.storage)?;
     Ok(Some(capture))
 }

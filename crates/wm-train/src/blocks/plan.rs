@@ -14,9 +14,9 @@ use std::fs;
 use std::io;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
+use wm_scene::Scene;
 use wm_scene::files::write_durably;
 use wm_scene::formats::write_scene;
-use wm_scene::{Metadata, Scene};
 
 /// The version of the plan's format.
 const VERSION: u32 = 1;
@@ -331,7 +331,7 @@ pub(super) fn make(
     let splats = whole.sky(&config, haze.as_ref())?;
     let sky = splats.len();
     if sky > 0 {
-        write_scene(&folder.join(SKY), &Scene { splats, metadata: Metadata::default(), views: Vec::new() })?;
+        write_scene(&folder.join(SKY), &Scene { splats, ..Scene::default() })?;
     }
     Ok(BlockPlan {
         version: VERSION,

@@ -14,7 +14,7 @@ use std::path::Path;
 use std::sync::Arc;
 use wm_scene::files::write_durably;
 use wm_scene::formats::write_scene;
-use wm_scene::{Group, Metadata, Scene, Splats};
+use wm_scene::{Group, Scene, Splats};
 
 /// The marker of a block that is trained, in its folder; it is written last.
 const MARKER: &str = "trained.json";
@@ -89,7 +89,7 @@ impl BlockTraining {
             false => {
                 let path = folder.join(SPLATS);
                 let splats = splats.select(&core);
-                write_scene(&path, &Scene { splats, metadata: Metadata::default(), views: Vec::new() })?;
+                write_scene(&path, &Scene { splats, ..Scene::default() })?;
                 sum(&path).map_err(|reason| BlockError::Unread { path, reason })?
             }
         };

@@ -122,5 +122,6 @@ pub(super) fn capture_of(
         images: whole.images.clone(),
         masks: whole.masks.clone(),
         originals: whole.originals.clone(),
+        remarks: Vec::new(),
     }
 }

@@ -285,7 +285,7 @@ pub(super) fn finish(
     if let Some(haze) = haze {
         haze.note(&mut metadata);
     }
-    let mut scene = Scene { splats, metadata, views: data.views() };
+    let mut scene = Scene { splats, metadata, views: data.views(), ..Scene::default() };
     let mut survey = Survey::of(&scene, &facts);
     let ground = ground(&data.set.capture);
     if let (None, Ok(ground)) = (facts.up, &ground)

@@ -133,7 +133,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     let full = std::path::absolute(dataset).unwrap_or_else(|_| dataset.into());
     let roots: Vec<&Path> = std::iter::once(dataset).chain(full.ancestors().skip(1).take(2)).collect();
     let (images, masks) = places::find(&roots, options, &views)?;
-    Ok(Some(Capture { source: dataset.into(), images, masks, originals: None, views, points, observations }))
+    Ok(Some(Capture { source: dataset.into(), images, masks, views, points, observations, ..Capture::default() }))
 }
 
 /// Most parameters of a camera model that is read.

@@ -551,7 +551,7 @@ fn capture_of(model: &Model, lens: [f64; 5]) -> Capture {
     for view in &mut views {
         view.distortion = Distortion::of(lens);
     }
-    let mut capture = Capture { source: "".into(), images: "".into(), masks: None, originals: None, views, points, observations };
+    let mut capture = Capture { views, points, observations, ..Capture::default() };
     capture.sort();
     // What is written is the observations there are, so tracks are as long as those.
     capture.points.track_lengths = vec![1, 1];

@@ -181,7 +181,7 @@ pub(super) fn read(source: &mut Source, header: Header) -> Result<Scene, FormatE
             }
         }
     }
-    Ok(Scene { splats, metadata: header.metadata, views: Vec::new() })
+    Ok(Scene { splats, metadata: header.metadata, ..Scene::default() })
 }
 
 /// Calls `each` with every row of an element.

@@ -7,8 +7,8 @@
 //! of `f_rest`.
 //!
 //! # What else is read
-//! Binary of either byte order and ASCII; properties in any order and of any number type; further
-//! properties and elements, lists too, are stepped over. `group` (any number type) is the
+//! Binary of either byte order and ASCII; properties in any order and of any number type; the dialects of `dialect.rs`. Further
+//! properties and elements, lists too, are stepped over, and a remark names the properties. `group` (any number type) is the
 //! [`Group`](crate::Group) of a splat; numbers that no group has are the scene. `label` and `instance` (any number type, whole numbers
 //! up to 65535, below 0 for none) are the [`LabelKind`](crate::splats::LabelKind)s of a splat. Comment lines
 //! `comment wm.<key> <value>` are [`Metadata`](crate::Metadata), the value in TOML; keys that are not
@@ -21,6 +21,7 @@
 
 mod binary;
 pub(super) mod compressed;
+mod dialect;
 mod header;
 mod layout;
 mod points;
@@ -93,10 +94,12 @@ fn read(source: &mut Source, _: &ReadOptions) -> Result<Scene, FormatError> {
     if header.elements[layout.element].count == 0 {
         return Err(source.whole(Problem::NoSplats));
     }
-    let splats = match header.encoding {
+    let rows = match header.encoding {
         PlyEncoding::BinaryLittleEndian => binary::read(source, &header, &layout, Endian::Little),
         PlyEncoding::BinaryBigEndian => binary::read(source, &header, &layout, Endian::Big),
         PlyEncoding::Ascii => text::read(source, &header, &layout),
     }?;
-    Ok(Scene { splats, metadata: header.metadata, views: Vec::new() })
+    let kept: Vec<usize> = layout.columns.iter().map(|column| column.property).collect();
+    let (splats, remarks) = layout.dialect.finish(rows, &header.elements[layout.element], &kept);
+    Ok(Scene { splats, metadata: header.metadata, remarks, ..Scene::default() })
 }

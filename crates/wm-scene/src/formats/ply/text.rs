@@ -2,10 +2,9 @@
 
 use super::{
     header::{Element, Header, Kind},
-    layout::{Layout, grow, put, values},
+    layout::{Layout, Rows, put, values},
 };
 use crate::{
-    Splats,
     error::{FormatError, Problem, number},
     source::Source,
 };
@@ -14,7 +13,7 @@ use crate::{
 ///
 /// # Errors
 /// With the line, if it has too few or too many values or one that is no number.
-pub(super) fn read(source: &mut Source, header: &Header, layout: &Layout) -> Result<Splats, FormatError> {
+pub(super) fn read(source: &mut Source, header: &Header, layout: &Layout) -> Result<Rows, FormatError> {
     let vertex = &header.elements[layout.element];
     let promised = vertex.count;
     for element in &header.elements[..layout.element] {
@@ -32,7 +31,7 @@ pub(super) fn read(source: &mut Source, header: &Header, layout: &Layout) -> Res
         kept[column.property] = Some(index);
     }
     let mut numbers = vec![0.0; layout.columns.len()];
-    let mut splats = Splats::zeroed(0, layout.sh_degree);
+    let mut read = Rows::zeroed(0, layout);
     let mut done: u64 = 0;
     while done < promised {
         let Some(line) = source.line()? else {
@@ -49,19 +48,20 @@ pub(super) fn read(source: &mut Source, header: &Header, layout: &Layout) -> Res
                 source.at_line(problem)
             });
         }
-        grow(&mut splats, done + 1, promised);
+        read.grow(layout, done + 1, promised);
         let index = done as usize;
         for (column, number) in layout.columns.iter().zip(&numbers) {
             if !column.array.is_numbers() {
-                put(&mut splats, column.array, index, *number).map_err(|problem| source.at_line(problem))?;
+                put(&mut read.splats, column.array, index, *number)
+                    .map_err(|problem| source.at_line(problem))?;
             } else {
-                let (values, stride) = values(&mut splats, column.array);
+                let (values, stride) = values(&mut read, column.array);
                 values[index * stride + column.lane] = *number;
             }
         }
         done += 1;
     }
-    Ok(splats)
+    Ok(read)
 }
 
 /// Reads the values of one row that are `kept` into `numbers`, in the order of the columns.

@@ -1,6 +1,7 @@
 mod faults;
 mod foreign;
 mod round_trip;
+mod values;
 
 use super::*;
 use crate::{Camera, Metadata, Splats, splats::Splat, testing::bits};
@@ -20,7 +21,7 @@ fn scene(metres_per_unit: f64) -> Scene {
         group: crate::Group::Sky,
     });
     let metadata = Metadata { metres_per_unit: Some(metres_per_unit), ..Metadata::default() };
-    Scene { splats, metadata, views: Vec::new() }
+    Scene { splats, metadata, ..Scene::default() }
 }
 
 fn read(path: &Path) -> Result<Scene, FormatError> {

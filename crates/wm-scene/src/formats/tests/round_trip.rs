@@ -52,7 +52,7 @@ pub fn plausible(count: usize, degree: u8) -> Scene {
         rasterization: Some(Rasterization::Antialiased),
         ..Metadata::default()
     };
-    Scene { splats, metadata, views: Vec::new() }
+    Scene { splats, metadata, ..Scene::default() }
 }
 
 /// Largest errors.

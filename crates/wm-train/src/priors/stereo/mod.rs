@@ -302,15 +302,7 @@ mod tests {
     }
 
     fn capture(folder: &Path) -> Capture {
-        let mut capture = Capture {
-            source: folder.into(),
-            images: folder.into(),
-            masks: None,
-            originals: None,
-            views: Vec::new(),
-            points: SparsePoints::default(),
-            observations: Vec::new(),
-        };
+        let mut capture = Capture { source: folder.into(), images: folder.into(), ..Capture::default() };
         for index in 0..60 {
             let (x, y) = (2.0 * uniform(1, index) - 1.0, 3.0 * uniform(2, index));
             capture.points.push([x, y, 0.0], [0; 3], 0.0, 5);
