@@ -54,7 +54,10 @@ impl EgoTrack {
         if time.clamp(start, end).abs_diff(time) > BEYOND {
             return None;
         }
-        if t0 == t1 || time == t0 {
+        if time == t1 {
+            return Some(b);
+        }
+        if t0 == t1 {
             return Some(a);
         }
         // In floating-point numbers, since a time before the first is negative from there.
