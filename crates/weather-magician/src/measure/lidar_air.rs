@@ -9,7 +9,7 @@
 //! the air takes. That range is set to the reach, so that powers are near the least that is detected, and the echoes of a pulse are counted.
 //!
 //! Tolerance 2 %: shares of 4,000 pulses are within 0.8 %, of which the reach has a tenth; some 20,000 echoes are within 0.7 %. A tenth more
-//! backscatter is 3 to 5 % of the reach, and 3 to 15 % of the echoes.
+//! backscatter is 2.5 to 5 % of the reach, and 3 to 14 % of the echoes.
 
 use super::expected;
 use super::lidar::{

@@ -216,7 +216,8 @@ fn scene(
         let asked = of_token.map(|scene| scene.name.clone()).or(asked.map(str::to_owned));
         let is_choice = versions.len() > 1 || scenes.len() > 1;
         let has = |scene: &SceneRecord| asked.as_ref().is_none_or(|asked| scene.name == *asked);
-        let lacks = if is_choice && scenes.iter().any(has) {
+        let is_here = scenes.iter().any(has);
+        let lacks = if is_choice && is_here {
             missing(version, files, &scenes, options)?
         } else {
             vec![None; scenes.len()]
@@ -234,7 +235,9 @@ fn scene(
                 }
                 return Ok((version.clone(), scene, notes));
             }
-            Err(error) => failed = failed.or(Some(error)),
+            // That of a version that has the scene says most.
+            Err(error) if is_here || failed.is_none() => failed = Some(error),
+            Err(_) => {}
         }
     }
     Err(failed.unwrap_or_else(|| fault(files.root(), "there is no scene in it")))
