@@ -5,7 +5,11 @@ use super::{DEFAULT_FOV, ViewError, ViewOptions, foreign};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, FormatError, Location, Problem, files::write_atomically, nearest};
+use wm_scene::{
+    Camera, FormatError, Location, Problem,
+    files::{read_text, write_atomically},
+    nearest,
+};
 
 /// Every key that a file may have.
 const KEYS: [&str; 9] = ["keyframes", "up", "fov", "near", "time", "eye", "target", "rotation", "fov"];
@@ -42,7 +46,7 @@ struct Keyframe {
 /// # Errors
 /// [`ViewError`] with the file's name, and line and column or the keyframe's number.
 pub fn read(file: &std::path::Path, survey: &Survey, options: &ViewOptions) -> Result<CameraPath, ViewError> {
-    let text = std::fs::read_to_string(file).map_err(|error| FormatError::reading(file, error))?;
+    let text = read_text(file).map_err(|error| FormatError::reading(file, error))?;
     parse(&text, survey, options)
         .map_err(|(location, message)| FormatError::at(file, location, Problem::Value(message)).into())
 }

@@ -7,7 +7,7 @@ use std::fs::{self, File};
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use wm_scene::camera::rotation_of;
-use wm_scene::{FormatError, Location, Problem};
+use wm_scene::{FormatError, Location, Problem, files};
 
 use crate::RigidPose;
 
@@ -67,10 +67,7 @@ pub fn read_bytes(path: &Path, most: u64) -> Result<Vec<u8>, FormatError> {
 /// As [`read_bytes`], and if it is no UTF-8.
 pub fn read_text(path: &Path) -> Result<String, FormatError> {
     let bytes = read_bytes(path, MOST_TEXT)?;
-    String::from_utf8(bytes).map_err(|e| {
-        let byte = Location::Byte(e.utf8_error().valid_up_to() as u64);
-        FormatError::at(path, byte, Problem::Value("not text in UTF-8; copy the file again".into()))
-    })
+    files::text_of(bytes).map_err(|error| FormatError::reading(path, error))
 }
 
 /// The numbers of one line, separated by blanks.
@@ -244,7 +241,7 @@ fn open_table(path: &Path) -> Result<BufReader<File>, FormatError> {
     if length > MOST_TABLE {
         return Err(fault(path, format!("{length} bytes are too many: {MOST_TABLE} are read at most")));
     }
-    Ok(BufReader::with_capacity(1 << 18, file))
+    files::past_mark(BufReader::with_capacity(1 << 18, file)).map_err(reading)
 }
 
 fn json_fault(path: &Path, error: &serde_json::Error) -> FormatError {

@@ -133,7 +133,7 @@ fn what_is_wrong_is_said_with_line_and_column() {
             "{\"hourly\": {\"time\": [\"2024-01-15T06:00\"], \"rain\": [1, 2]}}",
             "t.json: hourly.time has 1 values: 2 are",
         ),
-        ("{\"hourly\": 3}", "t.json: hourly must be an object of lists"),
+        ("{\"hourly\": 3}", "t.json: is no table of a known service (it has hourly); known are Open-Meteo"),
         ("{\"error\": true, \"reason\": \"Cannot\"}", "t.json: is an error of the service: `Cannot`"),
         ("{\n\"hourly\": ", "t.json:2: is no JSON"),
     ] {

@@ -9,6 +9,7 @@ use crate::{
     Camera, FormatError, Problem,
     camera::viewmat_of,
     error::{excerpt, json_fault, one_line},
+    files,
 };
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use serde::Deserialize;
@@ -108,10 +109,11 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     } else {
         return Ok(None);
     };
-    let file = File::open(&path).map_err(|e| FormatError::reading(&path, e))?;
+    let file = File::open(&path).and_then(|file| files::past_mark(BufReader::new(file)));
+    let file = file.map_err(|e| FormatError::reading(&path, e))?;
     let advice = "correct the file or export it again";
     let all: Vec<Reconstruction> =
-        serde_json::from_reader(BufReader::new(file)).map_err(|error| json_fault(&path, &error, advice))?;
+        serde_json::from_reader(file).map_err(|error| json_fault(&path, &error, advice))?;
     let fault = |what: String| FormatError::whole(&path, Problem::Value(one_line(&what)));
     // Of equal ones the first.
     let largest = all.into_iter().rev().max_by_key(|one| one.shots.len()).filter(|one| !one.shots.is_empty());

@@ -12,7 +12,7 @@ mod tests;
 
 use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, SparsePoints, Want, header, places};
 use crate::{
-    Camera, FormatError, Problem, camera::{rotation_of, viewmat_at}, error::{json_fault, one_line}, formats::ply::read_points,
+    Camera, FormatError, Problem, camera::{rotation_of, viewmat_at}, error::{json_fault, one_line}, files, formats::ply::read_points,
 };
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
@@ -134,9 +134,10 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     } else {
         return Ok(None);
     };
-    let file = File::open(&path).map_err(|e| FormatError::reading(&path, e))?;
+    let file = File::open(&path).and_then(|file| files::past_mark(BufReader::new(file)));
+    let file = file.map_err(|e| FormatError::reading(&path, e))?;
     let transforms: Transforms =
-        serde_json::from_reader(BufReader::new(file)).map_err(|error| json_fault(&path, &error, "correct the file or export it again"))?;
+        serde_json::from_reader(file).map_err(|error| json_fault(&path, &error, "correct the file or export it again"))?;
     if transforms.frames.is_empty() {
         let problem = "there are no frames in it; export the capture again";
         return Err(FormatError::whole(&path, Problem::Value(problem.into())));

@@ -143,7 +143,8 @@ fn fault(what: impl Into<String>) -> Problem {
 /// Reads a file in memory; buffers in other files are below the folder of its path, `main`. The scene has the axes of glTF.
 pub(super) fn read(file: &[u8], main: &Path) -> Result<Scene, Problem> {
     let (json, bin) = if file.starts_with(MAGIC) { chunks(file)? } else { (file, None) };
-    let gltf: Gltf = serde_json::from_slice(json).map_err(|error| fault(one_line(&error.to_string())))?;
+    let gltf: Gltf = serde_json::from_slice(files::without_mark(json))
+        .map_err(|error| fault(one_line(&error.to_string())))?;
     let known = [SPLATTING, SPZ, "KHR_mesh_quantization"];
     if let Some(unknown) = gltf.extensions_required.iter().find(|name| !known.contains(&name.as_str())) {
         return Err(fault(format!(
