@@ -6,7 +6,7 @@
 //! relative to the origin that the file states, else to zero. Places near zero have no origin.
 
 use crate::similarity::Similarity;
-use crate::{Camera, Group, Remark, Scene, SceneView, Splats, camera::viewmat_of};
+use crate::{Group, Metadata, Remark, Scene, SceneView, Splats};
 use glam::DVec3;
 
 /// Extents of a place from zero beyond which its coordinates are far: steps of f32 are a 65,536th of its extent there.
@@ -26,7 +26,9 @@ const STRAYS: f64 = 0.05;
 /// Share of the splats that are narrower than the steps of their positions, from which it is said.
 const COARSE_SHARE: f64 = 0.1;
 /// The widest step of a file, in steps of f32 at the same place, that is put down to the numbers of the file.
-const WIDEST_STEP: f64 = 8.0;
+const WIDEST_STEP: f64 = 2.0;
+/// The code of the remark on positions in steps that are wider than the splats.
+pub(crate) const COARSE: &str = "coarse-positions";
 
 /// Width of a step of f32 at a coordinate.
 #[must_use]
@@ -96,7 +98,8 @@ pub(crate) fn wide(mean: [f32; 3]) -> DVec3 {
 pub(crate) fn settle(scene: &mut Scene) {
     let read = scene.moved_by;
     let size = usual_size(&scene.splats);
-    let chosen = if read == DVec3::ZERO {
+    // Whoever stated an origin chose it.
+    let chosen = if read == DVec3::ZERO && scene.metadata.origin.is_none() {
         let step = scene.splats.len().div_ceil(SAMPLE).max(1);
         let positions: Vec<DVec3> = scene.splats.means.iter().step_by(step).map(|mean| wide(*mean)).collect();
         choose(&positions, size).unwrap_or(DVec3::ZERO)
@@ -115,16 +118,41 @@ pub(crate) fn settle(scene: &mut Scene) {
         "far-origin",
         format!("the coordinates are far from zero: they are kept relative to the origin {origin}"),
     ));
-    if let Some((step, share)) = coarse(&scene.splats, by) {
-        scene.remarks.push(Remark::doubt(
-            "coarse-positions",
-            format!(
-                "the file has positions in steps of {step} units, wider than {:.0} % of the splats, which are folded together; export \
-                 the scene with an offset near zero, or with x y z in double precision",
-                100.0 * share
-            ),
-        ));
+    let is_known = scene.remarks.iter().any(|remark| remark.code == COARSE);
+    if let Some(step) = file_step(&scene.splats, by).filter(|_| !is_known) {
+        let advice = "export the scene with an offset near zero, or as a PLY with x y z in double precision";
+        scene.remarks.extend(coarse_line(&scene.splats, |_| step, advice).map(|line| Remark::doubt(COARSE, line)));
     }
+}
+
+/// A line on positions in steps that are wider than many of the splats; `None` if they are fine. `step` tells the step at a position,
+/// units, `advice` what to do.
+pub(crate) fn coarse_line(splats: &Splats, step: impl Fn([f32; 3]) -> f64, advice: &str) -> Option<String> {
+    let stride = splats.len().div_ceil(SAMPLE).max(1);
+    let (mut all, mut narrow, mut widest) = (0u32, 0u32, 0.0f64);
+    for index in (0..splats.len()).step_by(stride).filter(|i| splats.groups[*i] != Group::Sky) {
+        let step = step(splats.means[index]);
+        all += 1;
+        if middle_size(splats.log_scales[index]) < step {
+            narrow += 1;
+            widest = widest.max(step);
+        }
+    }
+    let share = f64::from(narrow) / f64::from(all.max(1));
+    (share >= COARSE_SHARE).then(|| {
+        let share = (100.0 * share).round();
+        format!(
+            "positions have steps of up to {} units, wider than {share} % of the splats, which fold together; {advice}",
+            digits(widest)
+        )
+    })
+}
+
+/// A number with three digits.
+fn digits(v: f64) -> String {
+    let decimals = (2.0 - v.abs().max(1e-12).log10().floor()).clamp(0.0, 12.0) as usize;
+    let text = format!("{v:.decimals$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
 /// Makes metadata and views of a scene relative to an origin `by` farther from zero, and states it.
@@ -147,6 +175,22 @@ impl Scene {
         }
     }
 
+    /// The scene with positions as its file has them: without the origin that the reader chose.
+    #[must_use]
+    pub fn as_in_file(mut self) -> Self {
+        self.set_origin(self.metadata.origin_or_zero() - self.moved_by);
+        self.moved_by = DVec3::ZERO;
+        self
+    }
+
+    /// Metadata of this scene as they belong beside its file, which has no word of the origin that the reader chose.
+    #[must_use]
+    pub fn metadata_beside_file(&self, metadata: Metadata) -> Metadata {
+        let origin = self.metadata.origin;
+        let facts = Self { metadata: Metadata { origin, ..metadata }, moved_by: self.moved_by, ..Self::default() };
+        facts.as_in_file().metadata
+    }
+
     /// Takes views whose cameras are in world coordinates.
     pub fn set_world_views(&mut self, views: Vec<SceneView>) {
         self.views = views;
@@ -157,54 +201,23 @@ impl Scene {
     }
 }
 
-impl Camera {
-    /// The camera at another place.
-    #[must_use]
-    pub fn moved(&self, by: DVec3) -> Self {
-        if by == DVec3::ZERO {
-            return *self;
-        }
-        let rotation = self.rotation();
-        let translation = self.viewmat.w_axis.truncate() - rotation * by;
-        Self { viewmat: viewmat_of(rotation, translation), ..*self }
-    }
-}
-
-/// The steps of the positions in a file, of splats that were `by` farther from zero there, and the share of the splats of the place that are
-/// narrower; `None` if they are fine.
+/// The step of the positions in a file, of splats that were `by` farther from zero there, units; `None` if they are not in steps that
+/// numbers of 32 bits explain.
 ///
-/// A step shows itself: all positions along an axis are multiples of it. Only one that the numbers of a file explain counts.
-fn coarse(splats: &Splats, by: DVec3) -> Option<(f64, f64)> {
-    let steps = by.to_array().map(|by| float_step(by));
-    let mut widest = 0.0f64;
-    for axis in 0..3 {
-        let least = steps[axis];
-        let mut step = WIDEST_STEP * least;
-        let stride = splats.len().div_ceil(SAMPLE).max(1);
-        let along = || splats.means.iter().step_by(stride).map(|mean| f64::from(mean[axis]) + by[axis]);
-        let values: Vec<f64> = along().filter(|v| v.is_finite()).collect();
+/// A step shows itself: all positions along an axis are multiples of it.
+fn file_step(splats: &Splats, by: DVec3) -> Option<f64> {
+    let stride = splats.len().div_ceil(SAMPLE).max(1);
+    let step_along = |axis: usize| {
+        let least = float_step(by[axis]);
+        let along = splats.means.iter().step_by(stride).map(|mean| f64::from(mean[axis]) + by[axis]);
+        let values: Vec<f64> = along.filter(|v| v.is_finite()).collect();
         // A few strays near zero have finer steps.
         let most = (STRAYS * values.len() as f64) as usize;
-        while step >= 0.5 * least && values.iter().filter(|v| (*v / step).fract() != 0.0).count() > most {
-            step *= 0.5;
-        }
-        if step >= 0.5 * least && values.len() > 1 {
-            widest = widest.max(step);
-        }
-    }
-    let share = narrower(splats, |_| widest);
-    (share >= COARSE_SHARE).then_some((widest, share))
-}
-
-/// The share of the splats of a place, sky left out, that are narrower than a step of their positions.
-pub(crate) fn narrower(splats: &Splats, step: impl Fn([f32; 3]) -> f64) -> f64 {
-    let stride = splats.len().div_ceil(SAMPLE).max(1);
-    let (mut all, mut narrow) = (0, 0);
-    for index in (0..splats.len()).step_by(stride).filter(|i| splats.groups[*i] != Group::Sky) {
-        all += 1;
-        narrow += usize::from(middle_size(splats.log_scales[index]) < step(splats.means[index]));
-    }
-    f64::from(narrow as u32) / f64::from(all.max(1))
+        let is_step = |step: f64| values.iter().filter(|v| (*v / step).fract() != 0.0).count() <= most;
+        // Finer on this side of a power of two, coarser beyond.
+        [WIDEST_STEP, 1.0, 0.5].map(|steps| steps * least).into_iter().find(|step| is_step(*step))
+    };
+    (0..3).filter(|axis| by[*axis] != 0.0).filter_map(step_along).max_by(f64::total_cmp)
 }
 
 /// A point in the form of the command line: `500000,4000000,0`.

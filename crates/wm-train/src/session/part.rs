@@ -122,6 +122,7 @@ pub(super) fn capture_of(
         images: whole.images.clone(),
         masks: whole.masks.clone(),
         originals: whole.originals.clone(),
+        origin: whole.origin,
         remarks: Vec::new(),
     }
 }
