@@ -30,7 +30,7 @@ pub struct SceneArgs {
     /// Level of a scene with several levels of detail; 0 is the finest
     #[arg(long, value_name = "N", help_heading = "Scene")]
     pub level: Option<u32>,
-    /// Remove splats that contain NaN or infinite numbers, and files of a scene in levels of detail that are missing or damaged, and
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and files of a scene in levels of detail that are missing or damaged, and
     /// continue
     #[arg(long, help_heading = "Scene")]
     pub repair: bool,

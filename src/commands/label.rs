@@ -45,7 +45,7 @@ pub struct LabelArgs {
     out: PathBuf,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Remove splats that contain NaN or infinite numbers, and continue
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and continue
     #[arg(long)]
     repair: bool,
     #[command(flatten)]

@@ -125,7 +125,7 @@ pub enum Problem {
         reason: String,
     },
     /// The number of SH coefficients belongs to no degree.
-    #[error("{0} f_rest properties fit no SH degree: 0, 9, 24 or 45 do; export the file again")]
+    #[error("{0} f_rest properties fit no SH degree: 0, 9, 24, 45 or 72 do; export the file again")]
     ShCount(usize),
     /// Splats hold numbers that are not finite.
     #[error("{0}; export the scene again, or repair it, which leaves them out")]

@@ -77,6 +77,7 @@ pub mod survey;
 pub mod synthetic;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
+pub mod values;
 
 pub use camera::{Camera, CameraError, LensModel, LookAt};
 pub use error::{FormatError, Location, Problem};

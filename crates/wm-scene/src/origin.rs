@@ -155,6 +155,21 @@ fn digits(v: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
+/// Chooses an origin for splats that are read from positions finer than f32, if they are far from zero and `metadata` state none, and makes
+/// them relative to it: `residues` are what f32 left of their positions, none or one a splat. Returns it, or zero;
+/// [`settle`] does the rest.
+pub(crate) fn subtract_fine(splats: &mut Splats, residues: &[[f32; 3]], metadata: &Metadata) -> DVec3 {
+    let fine = |(mean, residue): (&[f32; 3], &[f32; 3])| wide(*mean) + wide(*residue);
+    let step = splats.len().div_ceil(SAMPLE).max(1);
+    let positions: Vec<DVec3> = splats.means.iter().zip(residues).step_by(step).map(fine).collect();
+    let chosen = if metadata.origin.is_none() { choose(&positions, usual_size(splats)) } else { None };
+    let Some(origin) = chosen else { return DVec3::ZERO };
+    for (mean, residue) in splats.means.iter_mut().zip(residues) {
+        *mean = (fine((mean, residue)) - origin).to_array().map(|v| v as f32);
+    }
+    origin
+}
+
 /// Makes metadata and views of a scene relative to an origin `by` farther from zero, and states it.
 fn move_facts(scene: &mut Scene, by: DVec3) {
     let origin = scene.metadata.origin_or_zero() + by;

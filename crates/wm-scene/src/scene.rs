@@ -140,7 +140,11 @@ mod tests {
         assert_eq!(error.path, path);
         let Problem::NonFinite(found) = &error.problem else { panic!("{error}") };
         assert_eq!((found.faulty, found.splats, found.counts.mean), (1, 10, 1));
-        assert!(error.to_string().contains("1 of 10 splats hold NaN or infinite numbers (1 in positions)"));
+        assert!(
+            error
+                .to_string()
+                .contains("1 of 10 splats hold NaN, infinite or absurd numbers (1 in positions)")
+        );
         let (repaired, repairs) = read_scene(&path, &ReadOptions::default()).unwrap().repaired();
         assert_eq!((repaired.splats.len(), repairs.dropped, repairs.turned), (9, 1, 1));
         assert_eq!(repaired.check_finite(), Ok(()));

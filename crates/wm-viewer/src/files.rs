@@ -88,6 +88,8 @@ impl FileNames {
                 add("out", self.picture.clone());
             }
         }
+        // The picture that was saved with the other files lies where they do.
+        words.push("--overwrite".into());
         words.extend(catalog.run_words.iter().cloned());
         shell_line(&words)
     }
@@ -110,6 +112,7 @@ impl FileNames {
         }
         add("time", view.state.time.to_string());
         add("out", self.points.clone());
+        words.push("--overwrite".into());
         words.extend(catalog.run_words.iter().cloned());
         shell_line(&words)
     }

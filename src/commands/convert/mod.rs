@@ -47,7 +47,7 @@ pub struct ConvertArgs {
     folder: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Remove splats that contain NaN or infinite numbers, and continue
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and continue
     #[arg(long)]
     repair: bool,
     /// Level of a scene with several levels of detail; 0 is the finest [default: the finest, or the finest that fits
@@ -239,9 +239,7 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
         (None, None) => DetailLevel::Finest,
     };
     let mut scene = read_saying_remarks(path, &ReadOptions { level, ..ReadOptions::default() })?;
-    if args.repair {
-        check(&mut scene, path, true)?;
-    }
+    check(&mut scene, path, args.repair)?;
     let facts = Metadata { up: change.up_now, ..Metadata::default() };
     let mut notes: Vec<String> = change_sky(&mut scene, path, change.sky, &facts)?.into_iter().collect();
     notes.extend(apply(&mut scene, change, &args.run).with_context(|| path.display().to_string())?);
@@ -256,7 +254,6 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
         return levels::write(out, scene, notes, (levels, args.run.threads.map(usize::from)));
     }
     let format = format_for(out)?;
-    notes.extend(lost(&format.loses, &scene).into_iter().map(|line| format!("lost: {line}")));
     let options = WriteOptions {
         spz: match args.spz_version {
             Version::Three => SpzVersion::V3,
@@ -267,6 +264,7 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
             InGltf::Spz => GltfSplats::Spz,
         },
     };
+    notes.extend(lost(&format.loses_with(&options), &scene).into_iter().map(|line| format!("lost: {line}")));
     save(out, &scene, &options)?;
     let bytes: u64 = if format.extensions[0] == "meta.json" { folder_size(out) } else { file_size(out) };
     let (count, megabytes) = (scene.splats.len(), bytes as f64 / 1e6);

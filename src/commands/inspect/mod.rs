@@ -3,7 +3,7 @@
 mod levels;
 mod light;
 
-use crate::overwrite::check_spares;
+use crate::overwrite::OverwriteArgs;
 use crate::scene::{FactArgs, count_of, read_options};
 use anyhow::Result;
 use clap::Args;
@@ -35,6 +35,8 @@ pub struct InspectArgs {
     /// Draw it too, as a PNG: the place as captured and under clouds, what is in the sun, and what is open to the sky
     #[arg(long, value_name = "PATH", requires = "light")]
     light_picture: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Write up, ground, scale and airlight into a TOML file beside the scene, from which all commands read
     /// them
     #[arg(long)]
@@ -45,7 +47,7 @@ pub struct InspectArgs {
 pub fn run(args: &InspectArgs) -> Result<()> {
     let given = args.facts.metadata()?;
     if let Some(path) = &args.light_picture {
-        check_spares(path, &[&args.scene])?;
+        args.overwrite.check_report(path, &[&args.scene])?;
         check_writable(path)?;
     }
     let (mut scene, format) = read_scene_and_format(&args.scene, &read_options(args.level))?;
@@ -201,14 +203,15 @@ fn print(
 
 /// Returns a line for each kind of fault, with its count and how it is treated.
 fn faults(health: &Health) -> Vec<String> {
-    let FaultCounts { mean, scale, opacity, quat, zero_quat, sh } = health.faults;
+    let FaultCounts { mean, scale, opacity, quat, zero_quat, sh, blank } = health.faults;
     let drop = "not rendered: `render --repair` leaves them out";
     [
-        (mean, "positions with NaN or infinity", drop),
-        (scale, "scales with NaN or infinity", drop),
-        (opacity, "opacities with NaN", drop),
-        (quat, "rotations with NaN or infinity", drop),
-        (sh, "colours with NaN or infinity", drop),
+        (mean, "positions that are NaN, infinite or beyond 10^10 units", drop),
+        (scale, "scales that are NaN, infinite or above e^30 units", drop),
+        (opacity, "opacities that are NaN", drop),
+        (quat, "rotations that are NaN, infinite or absurdly long", drop),
+        (sh, "colours that are NaN, infinite or absurdly bright", drop),
+        (blank, "rows of zeros", drop),
         (zero_quat, "rotations that are zero", "taken for no rotation"),
         (health.duplicates, "splats that are copies of another", "drawn as they are"),
         (health.invisible, "splats too faint to be seen (opacity below 1/255)", "never drawn"),

@@ -72,6 +72,20 @@ pub struct SceneFormat {
     write: Writer,
 }
 
+impl SceneFormat {
+    /// The parts of a scene that it loses if it is written with `options`.
+    #[must_use]
+    pub fn loses_with(&self, options: &WriteOptions) -> Loses {
+        match options.gltf {
+            GltfSplats::Spz if self.name == gltf::FORMAT.name => gltf::PACKED_LOSES,
+            GltfSplats::SpzCesium if self.name == gltf::FORMAT.name => {
+                Loses { groups: Kept::Not, ..gltf::PACKED_LOSES }
+            }
+            _ => self.loses,
+        }
+    }
+}
+
 /// The writer of a format. Writers get the scene in the axes of a PLY, and turn what they write.
 enum Writer {
     /// Into one file.

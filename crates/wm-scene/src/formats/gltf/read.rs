@@ -1,8 +1,9 @@
 //! Reading: JSON, buffers, nodes, accessors.
 
-use super::{BIN, FORMAT, JSON, MAGIC, SPLATTING, SPZ, attribute, sh_attribute};
+use super::{BIN, FORMAT, JSON, MAGIC, SPLATTING, attribute, sh_attribute};
 use crate::{
     Group, Metadata, Remark, Scene, Splats,
+    color::srgb_encode,
     error::{Problem, excerpt, one_line},
     files,
     formats::{
@@ -10,7 +11,9 @@ use crate::{
         bytes::{Bytes, check_unpacked},
         spz,
     },
-    origin, sh,
+    origin,
+    remark::add_new,
+    sh,
     similarity::Similarity,
     splats::logit,
 };
@@ -144,8 +147,7 @@ fn fault(what: impl Into<String>) -> Problem {
 pub(super) fn read(file: &[u8], main: &Path) -> Result<Scene, Problem> {
     let (json, bin) = if file.starts_with(MAGIC) { chunks(file)? } else { (file, None) };
     let gltf: Gltf = serde_json::from_slice(json).map_err(|error| fault(one_line(&error.to_string())))?;
-    let known = [SPLATTING, SPZ, "KHR_mesh_quantization"];
-    if let Some(unknown) = gltf.extensions_required.iter().find(|name| !known.contains(&name.as_str())) {
+    if let Some(unknown) = gltf.extensions_required.iter().find(|name| !is_read(name)) {
         return Err(fault(format!(
             "it requires the extension {}, which is not read",
             excerpt(unknown.as_bytes())
@@ -209,6 +211,27 @@ impl Placed {
         }
         Scene { splats: all, metadata, remarks, moved_by, ..Scene::default() }
     }
+}
+
+/// Returns true if splats are read rightly of a file that requires an extension: it is of splats, or of what splats do not
+/// have, such as materials.
+fn is_read(extension: &str) -> bool {
+    const OF_OTHERS: [&str; 7] = [
+        "KHR_mesh_quantization",
+        "KHR_materials_",
+        "KHR_texture_",
+        "KHR_lights_",
+        "EXT_mesh_features",
+        "EXT_instance_features",
+        "EXT_structural_metadata",
+    ];
+    extension == SPLATTING || is_spz(extension) || OF_OTHERS.iter().any(|start| extension.starts_with(start))
+}
+
+/// Returns true if this is a name of the extension of splats in an SPZ. Drafts had several: `KHR_spz_compression`,
+/// `KHR_spz_gaussian_splats_compression`, `KHR_gaussian_splatting_compression_spz` and that with `_2`.
+fn is_spz(extension: &str) -> bool {
+    extension.split('_').any(|word| word == "spz")
 }
 
 /// JSON and binary chunk of a GLB.
@@ -296,24 +319,16 @@ impl Reader<'_> {
 
     fn mesh(&self, mesh: &Mesh, place: &Similarity, read: &mut Placed) -> Result<(), Problem> {
         for primitive in &mesh.primitives {
-            let Some(extension) = primitive.extensions.get(SPLATTING) else { continue };
-            for (key, known) in [("kernel", "ellipse"), ("colorSpace", "srgb_rec709_display")] {
-                if let Some(other) =
-                    extension.get(key).and_then(Value::as_str).filter(|value| *value != known)
-                {
-                    return Err(fault(format!(
-                        "the {key} {} is not read, {known} is",
-                        excerpt(other.as_bytes())
-                    )));
-                }
-            }
-            let splats = match extension
-                .get("extensions")
-                .and_then(|e| e.get(SPZ))
-                .and_then(|e| e.get("bufferView"))
-            {
-                Some(view) => {
-                    let view = view.as_u64().ok_or_else(|| fault("the SPZ's bufferView is not a number"))?;
+            let extension = primitive.extensions.get(SPLATTING);
+            // An SPZ is in the extension; early drafts had it beside, or instead.
+            let inner = extension.and_then(|e| e.get("extensions")).and_then(Value::as_object);
+            let packed = inner.into_iter().flatten().chain(&primitive.extensions);
+            let packed = packed.into_iter().find(|(name, _)| is_spz(name)).map(|(_, packed)| packed);
+            let Some(extension) = extension.or(packed) else { continue };
+            let mut splats = match packed {
+                Some(packed) => {
+                    let view = packed.get("bufferView").and_then(Value::as_u64);
+                    let view = view.ok_or_else(|| fault("the SPZ's bufferView is not a number"))?;
                     let mut inner = spz::read(self.view(view as usize)?.1)?;
                     // As CesiumJS has them, the axes are those of glTF already.
                     if extension.get("kernel").is_some() {
@@ -321,11 +336,13 @@ impl Reader<'_> {
                         FORMAT.axes.turn(&mut inner);
                     }
                     read.metadata = std::mem::take(&mut read.metadata).or(inner.metadata);
-                    read.remarks.extend(inner.remarks);
+                    add_new(&mut read.remarks, &inner.remarks);
+                    self.groups(primitive, &mut inner.splats)?;
                     inner.splats
                 }
                 None => self.splats(primitive)?,
             };
+            add_new(&mut read.remarks, &interpret(extension, &mut splats));
             // Nodes may share a mesh, and meshes values: as many splats as a bomb wants.
             let together = (read.count + splats.len()) as u64 * SPLAT_SIZE;
             check_unpacked(together, self.size, "a glTF whose nodes share splats")?;
@@ -369,12 +386,16 @@ impl Reader<'_> {
                 splats.sh[i * stride + coefficient * 3..][..3].copy_from_slice(&v);
             })?;
         }
-        if let Some(groups) = get("_GROUP") {
-            self.numbers::<1>(groups, count, |i, [v]| {
-                splats.groups[i] = Group::from_number(v as u8).unwrap_or_default();
-            })?;
-        }
+        self.groups(primitive, &mut splats)?;
         Ok(splats)
+    }
+
+    /// Reads the groups of splats, where a file has them.
+    fn groups(&self, primitive: &Primitive, splats: &mut Splats) -> Result<(), Problem> {
+        let Some(groups) = primitive.attributes.get("_GROUP").copied() else { return Ok(()) };
+        self.numbers::<1>(groups, splats.len() as u64, |i, [v]| {
+            splats.groups[i] = Group::from_number(v as u8).unwrap_or_default();
+        })
     }
 
     fn accessor(&self, index: usize) -> Result<&Accessor, Problem> {
@@ -430,7 +451,8 @@ impl Reader<'_> {
                 )));
             }
         };
-        let divisor = if accessor.normalized { divisor } else { 1.0 };
+        // The lowest of normalised signed integers means -1 too.
+        let (divisor, least) = if accessor.normalized { (divisor, -1.0) } else { (1.0, f32::NEG_INFINITY) };
         let row = size * N as u64;
         let stride = view.byte_stride.unwrap_or(row).max(row);
         let mut bytes = Bytes::new(bytes, "an accessor of the glTF");
@@ -443,9 +465,9 @@ impl Reader<'_> {
                 let at = &row[k * size as usize..];
                 let (byte, short) = (at[0], at.first_chunk().copied().unwrap_or_default());
                 match component {
-                    5120 => f32::from(byte as i8) / divisor,
+                    5120 => (f32::from(byte as i8) / divisor).max(least),
                     5121 => f32::from(byte) / divisor,
-                    5122 => f32::from(i16::from_le_bytes(short)) / divisor,
+                    5122 => (f32::from(i16::from_le_bytes(short)) / divisor).max(least),
                     5123 => f32::from(u16::from_le_bytes(short)) / divisor,
                     _ => at.first_chunk().map_or(0.0, |b| f32::from_le_bytes(*b)),
                 }
@@ -453,6 +475,66 @@ impl Reader<'_> {
             each(i, std::array::from_fn(value));
         }
         Ok(())
+    }
+}
+
+/// Brings the colours of splats to those of a [`Scene`], and says what of the extension is not as it states.
+fn interpret(extension: &Value, splats: &mut Splats) -> Vec<Remark> {
+    let stated = |key: &str| extension.get(key).and_then(Value::as_str);
+    let mut remarks = Vec::new();
+    if stated("colorSpace") == Some("lin_rec709_display") {
+        encode_colors(splats);
+        let text = "glTF: the colours are linear light (lin_rec709_display) and become sRGB splat by splat; where splats \
+                    blend, sRGB is blended";
+        remarks.push(Remark::note("linear-colours", text));
+    }
+    for (key, known) in [
+        ("kernel", &["ellipse"][..]),
+        ("colorSpace", &["srgb_rec709_display", "lin_rec709_display"]),
+        ("projection", &["perspective"]),
+        ("sortingMethod", &["cameraDistance", "zDepth"]),
+    ] {
+        if let Some(other) = stated(key).filter(|value| !known.contains(value)) {
+            let text = format!(
+                "glTF: the {key} {} is not known, {} is taken; export the splats with it",
+                excerpt(other.as_bytes()),
+                known[0]
+            );
+            remarks.push(Remark::doubt("splat-kind", text));
+        }
+    }
+    remarks
+}
+
+/// Replaces SH of linear light by those of the sRGB colours that they show: the nearest ones of their degree over all directions.
+fn encode_colors(splats: &mut Splats) {
+    // Gauss's places for cosines, even steps around: exact for products of two functions of degree 3.
+    const PLACES: [(f64, f64); 4] = [
+        (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
+        (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
+        (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
+        (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
+    ];
+    const AROUND: usize = 8;
+    let directions = PLACES.into_iter().flat_map(|(z, weight)| {
+        (0..AROUND).map(move |step| {
+            let (sine, cosine) = (std::f64::consts::TAU * (step as f64 + 0.5) / AROUND as f64).sin_cos();
+            let across = (1.0 - z * z).sqrt();
+            ([across * cosine, across * sine, z], weight * std::f64::consts::TAU / AROUND as f64)
+        })
+    });
+    let directions: Vec<([f64; 3], [f64; 16], f64)> =
+        directions.map(|(direction, weight)| (direction, sh::basis(direction), weight)).collect();
+    let stride = splats.sh_stride();
+    for sh in splats.sh.chunks_exact_mut(stride) {
+        let mut encoded = [0.0; 48];
+        for (direction, basis, weight) in &directions {
+            let shown = sh::color(sh, *direction).map(srgb_encode);
+            for (k, value) in encoded[..stride].iter_mut().enumerate() {
+                *value += weight * basis[k / 3] * (shown[k % 3] - 0.5);
+            }
+        }
+        sh.iter_mut().zip(encoded).for_each(|(value, encoded)| *value = encoded as f32);
     }
 }
 

@@ -19,6 +19,7 @@ use crate::{
     },
     morton,
     origin::{coarse_line, float_step},
+    values::FLAT_LOG_SCALE,
 };
 use serde_json::json;
 
@@ -133,9 +134,14 @@ pub(crate) fn files_with(
     let ellipsoids = splats.quats.iter().zip(&splats.log_scales);
     let rotations: Vec<Rounded> =
         ellipsoids.map(|(quat, log_scale)| Rounded::best(*quat, *log_scale)).collect();
-    let scales = Codebook::of(splats.log_scales.as_flattened().iter().copied(), f64::exp);
+    let log_scale = |v: f32| v.max(FLAT_LOG_SCALE);
+    let scales = Codebook::of(
+        splats.log_scales.as_flattened().iter().filter(|v| !v.is_nan()).map(|v| log_scale(*v)),
+        f64::exp,
+    );
     picture("scales.webp", &|index| {
-        let [x, y, z] = rotations[index].axes().map(|axis| scales.index(splats.log_scales[index][axis]));
+        let [x, y, z] =
+            rotations[index].axes().map(|axis| scales.index(log_scale(splats.log_scales[index][axis])));
         [x, y, z, 255]
     })?;
     picture("quats.webp", &|index| rotations[index].pixel)?;

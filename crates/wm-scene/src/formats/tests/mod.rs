@@ -1,6 +1,7 @@
 mod faults;
 mod foreign;
 mod round_trip;
+mod values;
 
 use super::*;
 use crate::{Camera, Metadata, Splats, splats::Splat, testing::bits};

@@ -183,8 +183,11 @@ fn what_is_no_splat_is_named() {
         let mut properties = NEEDED.to_vec();
         properties.remove(index);
         let name = needed.strip_prefix("float ").unwrap();
-        let expected = format!("a.ply: the vertex element has no property {name}{hint}");
-        assert_eq!(say(&header(&properties)), expected);
+        // Without its last scale a splat is flat.
+        if name != "scale_2" {
+            let expected = format!("a.ply: the vertex element has no property {name}{hint}");
+            assert_eq!(say(&header(&properties)), expected);
+        }
 
         let list = format!("list uchar float {name}");
         properties.push(&list);
@@ -202,11 +205,11 @@ fn what_is_no_splat_is_named() {
         say(&header(&["uint packed_position", "uint packed_rotation"])),
         "a.ply: compressed PLY: only binary_little_endian is read; export the file again"
     );
-    for count in [1, 3, 10, 27, 44, 46, 72] {
+    for count in [1, 3, 10, 27, 44, 46, 71] {
         let rest: Vec<String> = (0..count).map(|i| format!("float f_rest_{i}")).collect();
         let all: Vec<&str> = NEEDED.into_iter().chain(rest.iter().map(String::as_str)).collect();
         let expected = format!(
-            "a.ply: {count} f_rest properties fit no SH degree: 0, 9, 24 or 45 do; export the file again"
+            "a.ply: {count} f_rest properties fit no SH degree: 0, 9, 24, 45 or 72 do; export the file again"
         );
         assert_eq!(say(&header(&all)), expected);
     }
