@@ -227,13 +227,11 @@ fn read_capture(path: &Path) -> Result<(), String> {
     let capture = capture::read(path, &CaptureOptions::default()).map_err(|error| error.to_string())?;
     let cameras: Vec<Camera> = capture.views.iter().map(|view| view.camera).collect();
     black_box(CaptureUp::of(&cameras, None));
-    for (index, view) in capture.views.iter().enumerate() {
+    for view in &capture.views {
         black_box(view.undistorted());
         if let Some(point) = capture.points.positions.first() {
             black_box(view.project(DVec3::from_array(*point)));
         }
-        black_box(capture.mask(index));
-        black_box(capture.photo(index));
     }
     Ok(())
 }

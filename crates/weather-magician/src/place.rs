@@ -394,6 +394,8 @@ impl PreparedPlace {
     pub(crate) fn align(&mut self, backend: &mut AnyRenderer, by: &Alignment) -> Result<Aligned> {
         self.check_splats()?;
         let mut metadata = self.given.clone().or(self.scene.metadata.clone());
+        // A height that was given is that in the world.
+        metadata.ground = self.given.ground.map(|_| self.survey.ground.value).or(metadata.ground);
         if self.given.ground.is_none() && self.survey.ground.source != FactSource::File {
             // It is along another up than the given one.
             (metadata.ground, metadata.ground_confidence) = (None, None);
@@ -1324,6 +1326,7 @@ fn middle_depth(depths: &[f32]) -> Option<f64> {
 /// Returns the facts of a surveyed place that weather uses.
 fn site_of(survey: &Survey, lamps: &PlaceLamps) -> Site {
     let site = Site {
+        origin: survey.origin.to_array(),
         metres_per_unit: survey.metres_per_unit.value,
         up: survey.up.value.to_array(),
         ground: survey.ground.value,

@@ -62,6 +62,7 @@ pub mod metadata;
 pub mod morton;
 mod nearest;
 pub mod npy;
+pub mod origin;
 pub mod quat;
 pub mod random;
 pub mod reflectance;

@@ -11,7 +11,7 @@ const SUSPICIOUS: usize = 10;
 
 /// Leaves out points that are nowhere and photos that are there twice, and remarks on them and on colours that all
 /// points share.
-pub(super) fn settle(capture: &mut Capture) {
+pub(super) fn clean(capture: &mut Capture) {
     let absurd = leave_out_absurd(&mut capture.points, &mut capture.observations);
     if absurd > 0 {
         capture.remarks.push(Remark::doubt(

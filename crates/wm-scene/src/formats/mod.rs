@@ -26,6 +26,7 @@ use crate::{
     Scene,
     error::{FormatError, Problem, excerpt},
     files::{TempFile, write_atomically},
+    origin,
     source::Source,
 };
 pub use axes::Axes;
@@ -219,6 +220,7 @@ pub fn read_scene_and_format(
     let (mut scene, format) = read_source(&mut Source::open(&file)?, options)?;
     scene.metadata = sidecar.unwrap_or_default().or(scene.metadata);
     scene.views.extend(views);
+    origin::settle(&mut scene);
     Ok((scene, format))
 }
 
@@ -228,9 +230,13 @@ pub fn read_scene_and_format(
 /// # Errors
 /// [`FormatError`] if the content cannot be used.
 pub fn read_scene_from(name: &Path, reader: impl Read, length: Option<u64>) -> Result<Scene, FormatError> {
-    Ok(read_source(&mut Source::new(name, Box::new(reader), length), &ReadOptions::default())?.0)
+    let (mut scene, _) =
+        read_source(&mut Source::new(name, Box::new(reader), length), &ReadOptions::default())?;
+    origin::settle(&mut scene);
+    Ok(scene)
 }
 
+/// Reads what a file has, in the axes of a PLY; [`origin::settle`] comes after.
 fn read_source(
     source: &mut Source,
     options: &ReadOptions,

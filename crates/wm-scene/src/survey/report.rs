@@ -3,6 +3,8 @@
 use super::up::USUAL;
 use super::{Confidence, FactSource, Sourced, Survey, UpEstimate, UpScore};
 use crate::Remark;
+use crate::origin::text_of;
+use glam::DVec3;
 use std::fmt;
 
 impl Survey {
@@ -27,12 +29,12 @@ impl Survey {
                 FactSource::Assumed => {
                     format!(
                         "ground: none found; the lowest is {} units along up",
-                        Short(self.ground.value, 3)
+                        Short(self.world_ground(), 3)
                     )
                 }
                 _ => format!(
                     "ground: {} units along up ({})",
-                    Short(self.ground.value, 3),
+                    Short(self.world_ground(), 3),
                     origin(&self.ground, &None)
                 ),
             },
@@ -41,6 +43,9 @@ impl Survey {
             format!("airlight: {r}, {g}, {b} linear ({light})"),
             sky,
         ];
+        if self.origin != DVec3::ZERO {
+            lines.insert(0, format!("origin: {} (positions are kept relative to it)", text_of(self.origin)));
+        }
         lines.extend(self.sun.as_ref().map(|sun| format!("sun: {}", sun.line())));
         lines.extend(self.sun_elevation.map(|elevation| {
             format!(
@@ -50,7 +55,8 @@ impl Survey {
         }));
         lines.extend(self.sun_fault.map(|fault| format!("sun: not known: {fault}")));
         if let Some(reasons) = self.up_estimate.as_ref().and_then(UpEstimate::reasons) {
-            lines.insert(1, reasons);
+            let up = lines.iter().position(|line| line.starts_with("up: ")).unwrap_or(0);
+            lines.insert(up + 1, reasons);
         }
         lines
     }

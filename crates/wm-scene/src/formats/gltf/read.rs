@@ -10,6 +10,7 @@ use crate::{
         bytes::{Bytes, check_unpacked},
         spz,
     },
+    origin,
     remark::add_new,
     sh,
     similarity::Similarity,
@@ -157,22 +158,58 @@ pub(super) fn read(file: &[u8], main: &Path) -> Result<Scene, Problem> {
     let buffers = buffers.collect::<Result<Vec<_>, _>>()?;
     let size = buffers.iter().map(|buffer| buffer.len() as u64).sum();
     let reader = Reader { gltf: &gltf, buffers, size };
-    let mut scene = Scene { metadata: gltf.asset.extras.wm.clone(), ..Scene::default() };
+    let mut read = Placed { metadata: gltf.asset.extras.wm.clone(), ..Placed::default() };
     if let Some(root) = gltf.scenes.get(gltf.scene) {
         // A node may stand at one place of the tree only, so that none is met twice.
         let mut met = vec![false; gltf.nodes.len()];
         for node in &root.nodes {
-            reader.node(*node, &Similarity::IDENTITY, &mut met, &mut scene)?;
+            reader.node(*node, &Similarity::IDENTITY, &mut met, &mut read)?;
         }
     } else {
         for mesh in &gltf.meshes {
-            reader.mesh(mesh, &Similarity::IDENTITY, &mut scene)?;
+            reader.mesh(mesh, &Similarity::IDENTITY, &mut read)?;
         }
     }
-    if scene.splats.is_empty() {
+    if read.count == 0 {
         return Err(fault(format!("no primitive with {SPLATTING} is in its scene")));
     }
-    Ok(scene)
+    Ok(read.scene())
+}
+
+/// The splats of primitives, as they are in them, with their places in the scene.
+#[derive(Default)]
+struct Placed {
+    metadata: Metadata,
+    remarks: Vec<Remark>,
+    parts: Vec<(Splats, Similarity)>,
+    /// Number of splats.
+    count: usize,
+}
+
+impl Placed {
+    /// The scene, relative to the origin that the file states, else to one that suits its places: a node may stand far from zero, with
+    /// splats near to it.
+    fn scene(self) -> Scene {
+        let Self { metadata, remarks, parts, count } = self;
+        let step = count.div_ceil(1 << 12).max(1);
+        let positions = parts.iter().flat_map(|(splats, place)| {
+            splats.means.iter().step_by(step).map(|mean| place.point(origin::wide(*mean)))
+        });
+        let size =
+            parts.iter().map(|(splats, place)| place.scale * origin::usual_size(splats)).fold(0.0, f64::max);
+        let is_moved = parts.iter().any(|(_, place)| place.translation != DVec3::ZERO);
+        let moved_by = match metadata.origin {
+            None if is_moved => origin::choose(&positions.collect::<Vec<_>>(), size).unwrap_or(DVec3::ZERO),
+            _ => DVec3::ZERO,
+        };
+        let from = metadata.origin.unwrap_or(moved_by);
+        let mut all = Splats::default();
+        for (mut splats, place) in parts {
+            Similarity { translation: place.translation - from, ..place }.apply_to(&mut splats);
+            all = Splats::joined(all, splats);
+        }
+        Scene { splats: all, metadata, remarks, moved_by, ..Scene::default() }
+    }
 }
 
 /// Returns true if splats are read rightly of a file that requires an extension: it is of splats, or of what splats do not
@@ -256,7 +293,7 @@ impl Reader<'_> {
         index: usize,
         above: &Similarity,
         met: &mut [bool],
-        scene: &mut Scene,
+        read: &mut Placed,
     ) -> Result<(), Problem> {
         // Each node is met once, so that what is below is a tree; deeper ones than the stack holds are refused.
         let mut waiting = vec![(index, *above)];
@@ -272,14 +309,14 @@ impl Reader<'_> {
             if let Some(mesh) = node.mesh {
                 let mesh =
                     self.gltf.meshes.get(mesh).ok_or_else(|| fault(format!("there is no mesh {mesh}")))?;
-                self.mesh(mesh, &here, scene)?;
+                self.mesh(mesh, &here, read)?;
             }
             waiting.extend(node.children.iter().rev().map(|child| (*child, here)));
         }
         Ok(())
     }
 
-    fn mesh(&self, mesh: &Mesh, place: &Similarity, scene: &mut Scene) -> Result<(), Problem> {
+    fn mesh(&self, mesh: &Mesh, place: &Similarity, read: &mut Placed) -> Result<(), Problem> {
         for primitive in &mesh.primitives {
             let extension = primitive.extensions.get(SPLATTING);
             // An SPZ is in the extension; early drafts had it beside, or instead.
@@ -298,21 +335,21 @@ impl Reader<'_> {
                         FORMAT.axes.turn(&mut inner);
                     } else {
                         let text = "glTF: the numbers in its SPZ are taken for those of glTF's axes, as CesiumJS does";
-                        add_new(&mut scene.remarks, &[Remark::note("spz-axes", text)]);
+                        add_new(&mut read.remarks, &[Remark::note("spz-axes", text)]);
                     }
-                    scene.metadata = std::mem::take(&mut scene.metadata).or(inner.metadata);
-                    add_new(&mut scene.remarks, &inner.remarks);
+                    read.metadata = std::mem::take(&mut read.metadata).or(inner.metadata);
+                    add_new(&mut read.remarks, &inner.remarks);
                     self.groups(primitive, &mut inner.splats)?;
                     inner.splats
                 }
                 None => self.splats(primitive, extension)?,
             };
-            add_new(&mut scene.remarks, &interpret(extension, &mut splats));
-            place.apply_to(&mut splats);
+            add_new(&mut read.remarks, &interpret(extension, &mut splats));
             // Nodes may share a mesh, and meshes values: as many splats as a bomb wants.
-            let together = (scene.splats.len() + splats.len()) as u64 * SPLAT_SIZE;
+            let together = (read.count + splats.len()) as u64 * SPLAT_SIZE;
             check_unpacked(together, self.size, "a glTF whose nodes share splats")?;
-            scene.splats = Splats::joined(std::mem::take(&mut scene.splats), splats);
+            read.count += splats.len();
+            read.parts.push((splats, *place));
         }
         Ok(())
     }

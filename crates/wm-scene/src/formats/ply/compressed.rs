@@ -47,6 +47,7 @@ pub const FORMAT: SceneFormat = SceneFormat {
                    1/510, SH 1/64",
         order: Kept::Not,
         log_scales: [-MAX_LOG_SCALE, MAX_LOG_SCALE],
+        coarse: crate::formats::loss::coarse_floats,
     },
     sniff: |start| super::is_ply(start.bytes) && is_named(start.bytes),
     read: |source, options| super::read(source, options),
