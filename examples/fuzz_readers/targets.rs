@@ -170,7 +170,7 @@ pub const TARGETS: &[Target] = &[
         |path| {
             let survey = Survey::of(&Scene::default(), &Metadata::default());
             let camera_path = CameraPath::read(path, &survey, &ViewOptions::default());
-            camera_path.map(|path| drop(path.text())).map_err(|error| error.to_string())
+            camera_path.map(|path| drop(path.text(DVec3::ZERO))).map_err(|error| error.to_string())
         },
     ),
     reader(
