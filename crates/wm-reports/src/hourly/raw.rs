@@ -79,19 +79,13 @@ impl RawTable<'_> {
                 let near = meant(name, ["time", "date"].into_iter());
                 (!near.is_empty()).then(|| format!("; {} is none{near}", quoted(name)))
             });
-            return Err((self.whole)(match near {
-                Some(near) => format!("has no column `time`{near}"),
-                None => format!("{UNKNOWN} (it has no column `time`); {KNOWN}"),
-            }));
+            let near = near.unwrap_or_default();
+            return Err((self.whole)(format!("{UNKNOWN} (it has no column `time`{near}); {KNOWN}")));
         }
         if columns.iter().flatten().all(|column| is_time(column.field)) {
-            let near = unused.iter().map(|name| meant(name, names())).find(|near| !near.is_empty());
-            return Err((self.whole)(match near {
-                Some(near) => format!(
-                    "has no column of weather{near}: temperature_2m, rain, snowfall, wind_speed_10m and the like are expected"
-                ),
-                None => format!("{UNKNOWN} (it has no column of weather); {KNOWN}"),
-            }));
+            let mut near = unused.iter().map(|name| meant(name, names()));
+            let near = near.find(|near| !near.is_empty()).unwrap_or_default();
+            return Err((self.whole)(format!("{UNKNOWN} (it has no column of weather{near}); {KNOWN}")));
         }
         if self.rows.is_empty() {
             return Err((self.whole)("has no rows: at least one hour is expected".into()));

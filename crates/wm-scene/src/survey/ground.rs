@@ -21,8 +21,9 @@ const LEVEL: f64 = 0.906;
 /// Depth below the ground, scene radii, from which on a point is below it, and the share of those from which on it is none.
 const DEEP: f64 = 0.1;
 const HOLLOW: f64 = 0.15;
-/// Half the thickness of rough ground, scene radii, and the share of all surface with which it is one.
+/// Half the thickness of rough ground, scene radii, and the share of all surface with which it is one: of a plane, and of none.
 const RELIEF: f64 = 0.02;
+const LEAST: f64 = 0.01;
 const WIDE: f64 = 0.1;
 /// Share of the best surface, and of the best cells, that the ground has.
 const FAIR: f64 = 0.4;
@@ -91,7 +92,8 @@ pub fn is_there(sample: &SurveySample, up: DVec3, height: f64) -> bool {
     let level = |point: &SurveyPoint| {
         point.normal.dot(up).abs() >= LEVEL && (point.at.dot(up) - height).abs() < RELIEF * sample.radius
     };
-    share(&below, &|_| 1.0) < HOLLOW && (plane.is_some() || share(&level, &|point| point.area) > WIDE)
+    let least = if plane.is_some() { LEAST } else { WIDE };
+    share(&below, &|_| 1.0) < HOLLOW && share(&level, &|point| point.area) > least
 }
 
 /// Height above which the ground cannot be: that of the lower cameras; `None` without any.
