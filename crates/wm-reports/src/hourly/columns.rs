@@ -60,6 +60,29 @@ const COLUMNS: &[(&[&str], Field, &str, [f64; 2])] = &[
     (&["coco"], Field::MeteostatCode, "", [0.0, 27.0]),
 ];
 
+/// A service whose tables are not read: some of its columns are called as those of others and have other units.
+struct OtherService {
+    name: &'static str,
+    /// Columns that only its tables have together, lower case.
+    columns: &'static [&'static str],
+}
+
+const OTHER_SERVICES: &[OtherService] = &[
+    OtherService { name: "Visual Crossing", columns: &["precipprob", "sealevelpressure"] },
+    OtherService { name: "the Iowa Environmental Mesonet", columns: &["valid", "tmpf", "drct"] },
+    OtherService { name: "OpenWeather", columns: &["dt_iso", "feels_like"] },
+    OtherService { name: "NOAA's Integrated Surface Database", columns: &["wnd", "cig", "vis"] },
+    OtherService { name: "NOAA's Local Climatological Data", columns: &["hourlydrybulbtemperature"] },
+    OtherService { name: "Deutscher Wetterdienst", columns: &["stations_id", "mess_datum"] },
+];
+
+/// Returns the name of the service whose tables have these columns, if it is one whose tables are not read.
+pub(super) fn other_service<'a>(names: impl Iterator<Item = &'a str> + Clone) -> Option<&'static str> {
+    let has = |wanted: &str| names.clone().any(|name| name.trim().eq_ignore_ascii_case(wanted));
+    let found = OTHER_SERVICES.iter().find(|service| service.columns.iter().all(|column| has(column)));
+    found.map(|service| service.name)
+}
+
 /// A column that is understood.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Column {

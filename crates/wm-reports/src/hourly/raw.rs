@@ -1,6 +1,6 @@
 //! Cells of a table on their way to rows.
 
-use super::columns::{Column, Field, METEOSTAT, names};
+use super::columns::{Column, Field, METEOSTAT, names, other_service};
 use super::{WeatherRow, WeatherTable, time};
 use crate::error::{ReportError, meant, quoted};
 use crate::optics::humidity;
@@ -15,6 +15,8 @@ pub(super) const KNOWN: &str = "known are Open-Meteo (JSON with an object `hourl
                                 CSV with a column `time` and columns such as temperature_2m, rain, wind_speed_10m";
 /// Fewest rows that repeat others which are noted.
 const REPEATED: usize = 3;
+/// Visibilities without a unit that are all below this are hardly metres.
+const MIN_VISIBILITY: f64 = 100.0;
 /// Most hours of a table: a year of `light.hour`.
 const MOST_HOURS: f64 = 8700.0;
 
@@ -54,6 +56,11 @@ pub(super) struct RawTable<'a> {
 
 impl RawTable<'_> {
     pub(super) fn read(&self) -> Result<WeatherTable, ReportError> {
+        if let Some(service) = other_service(self.columns.iter().map(|(name, _)| name.as_str())) {
+            return Err((self.whole)(format!(
+                "{UNKNOWN}: it has the columns of {service}, which are not read; {KNOWN}, with units, such as visibility (km)"
+            )));
+        }
         let has_snow_depth = self.columns.iter().any(|(name, _)| name == "snwd" || name == "cldc");
         let (mut columns, mut unused) = (Vec::new(), Vec::new());
         for (name, unit) in &self.columns {
@@ -90,6 +97,7 @@ impl RawTable<'_> {
         if self.rows.is_empty() {
             return Err((self.whole)("has no rows: at least one hour is expected".into()));
         }
+        self.check_visibility(&columns)?;
         let mut notes = Vec::new();
         let mut note = |kind, text: String| notes.push(ReportNote { kind, text });
         for name in unused {
@@ -128,6 +136,25 @@ impl RawTable<'_> {
         }
         let step = self.step(&rows)?;
         Ok(WeatherTable { place: self.place, utc_offset: self.utc_offset, step, rows, notes })
+    }
+
+    /// Refuses kilometres that would be taken for metres: visibilities without a unit that are all small.
+    fn check_visibility(&self, columns: &[Option<Column>]) -> Result<(), ReportError> {
+        let is_visibility =
+            |column: &Option<Column>| column.is_some_and(|one| one.field == Field::Visibility);
+        let Some(at) = columns.iter().position(is_visibility) else { return Ok(()) };
+        let (name, unit) = &self.columns[at];
+        let numbers = self.rows.iter().filter_map(|cells| match cells.get(at) {
+            Some(Cell::Number(number)) => Some(*number),
+            _ => None,
+        });
+        let largest = numbers.fold(f64::NEG_INFINITY, f64::max);
+        if !unit.is_empty() || !(0.0..MIN_VISIBILITY).contains(&largest) {
+            return Ok(());
+        }
+        Err((self.whole)(format!(
+            "column {name} has no unit and no value above {largest}: name it {name} (km), {name} (m) or {name} (mi)"
+        )))
     }
 
     /// Hours between rows.

@@ -192,7 +192,7 @@ fn what_is_not_in_a_table_is_told() {
 #[test]
 fn tables_of_unknown_services_are_told_as_such() {
     let said = |text: &str| {
-        let error = crate::WeatherReport::read(text, "t", &ReportOptions::default()).unwrap_err().to_string();
+        let error = WeatherReport::read(text, "t", &ReportOptions::default()).unwrap_err().to_string();
         assert!(error.lines().count() == 1 && error.contains("known are Open-Meteo"), "{text}: {error}");
         error
     };
@@ -221,7 +221,7 @@ fn tables_of_unknown_services_are_told_as_such() {
     let daily = r#"{"latitude": 1, "longitude": 2, "daily_units": {}, "daily": {"time": []}}"#;
     let error = WeatherTable::parse_json(daily, "t").unwrap_err().to_string();
     assert_eq!(error, "t: has no `hourly`: ask Open-Meteo for hourly values");
-    let page = crate::WeatherReport::read("<!doctype html>", "t", &ReportOptions::default()).unwrap_err();
+    let page = WeatherReport::read("<!doctype html>", "t", &ReportOptions::default()).unwrap_err();
     assert!(page.to_string().starts_with("t: is XML or HTML"));
 }
 
@@ -234,6 +234,40 @@ fn files_of_whole_stations_have_no_names() {
         (table.rows.len(), table.rows[0].temperature, table.rows[1].wind_speed),
         (2, Some(-1.5), Some(10.0))
     );
-    let read = crate::WeatherReport::read(text, "10637.csv", &ReportOptions::default()).unwrap();
+    let read = WeatherReport::read(text, "10637.csv", &ReportOptions::default()).unwrap();
     assert_eq!(read.decoded, crate::DecodedReport::Table(table));
+}
+
+#[test]
+fn tables_of_services_that_are_not_read_are_named() {
+    for (names, row, service) in [
+        (
+            "name,datetime,temp,precip,precipprob,windspeed,sealevelpressure,visibility",
+            "Cairo,2025-03-14T00:00:00,18.5,0,0,2.5,1015,24.1",
+            "Visual Crossing",
+        ),
+        (
+            "station,valid,tmpf,drct,sknt,vsby",
+            "VTUU,2023-06-01 00:00,82.4,180,10,6.00",
+            "the Iowa Environmental Mesonet",
+        ),
+        ("STATIONS_ID,MESS_DATUM,RF_TU", "44,2024010100,97", "Deutscher Wetterdienst"),
+    ] {
+        let error = WeatherTable::parse_csv(&format!("{names}\n{row}\n"), "a.csv").unwrap_err().to_string();
+        let says = format!("it has the columns of {service}, which are not read");
+        assert!(error.contains(&says) && !error.contains('\n'), "{error}");
+    }
+}
+
+/// 24.1 without a unit is no dense fog.
+#[test]
+fn small_visibilities_need_a_unit() {
+    let read = |name: &str, visibility: &str| {
+        WeatherTable::parse_csv(&format!("time,{name}\n2025-03-14T00:00,{visibility}\n"), "a.csv")
+    };
+    let error = read("visibility", "24.1").unwrap_err().to_string();
+    assert!(error.contains("column visibility has no unit and no value above 24.1"), "{error}");
+    assert_eq!(read("visibility (km)", "24.1").unwrap().rows[0].visibility, Some(24_100.0));
+    assert_eq!(read("visibility (m)", "24.1").unwrap().rows[0].visibility, Some(24.1));
+    assert_eq!(read("visibility", "241").unwrap().rows[0].visibility, Some(241.0));
 }
