@@ -72,7 +72,7 @@ macro_rules! capture_seed {
 }
 
 const fn scene(name: &'static str, seeds: &'static [SeedWriter]) -> Target {
-    Target { name, share: SCENE_SHARE, seeds, read: read_as_inspect_does }
+    Target { name, share: SCENE_SHARE, seeds, read: read_and_check }
 }
 
 const fn reader(
@@ -120,8 +120,9 @@ pub const TARGETS: &[Target] = &[
     ),
     scene("splat", &[|folder| write_scene(folder, "a.splat", 0, WriteOptions::default())]),
     scene("ksplat", &[|folder| write_scene(folder, "a.ksplat", 1, WriteOptions::default())]),
-    reader("training", &[training], read_as_inspect_does),
+    reader("training", &[training], read_and_check),
     reader("metadata", &[metadata], read_as_inspect_does),
+    reader("survey", &[ascii_ply, text_seed!("surfels.ply"), levels], read_as_inspect_does),
     reader(
         "colmap",
         &[|folder| colmap_model(folder, false), |folder| colmap_model(folder, true)],
@@ -162,22 +163,21 @@ pub const TARGETS: &[Target] = &[
         Ok(())
     }),
     reader("arrays", &[map_npy], |path| npy::read(path).map(drop).map_err(|error| error.to_string())),
-    reader("panoramas", &[map_exr, photo_jpeg], |path| {
-        read_panorama(path).map(drop).map_err(|error| error.to_string())
-    }),
+    reader("panoramas", &[map_exr], |path| read_panorama(path).map(drop).map_err(|error| error.to_string())),
     reader(
         "camera-paths",
         &[text_seed!("path.json"), text_seed!("nerfstudio_path.json"), text_seed!("settings.json")],
         |path| {
             let survey = Survey::of(&Scene::default(), &Metadata::default());
             let camera_path = CameraPath::read(path, &survey, &ViewOptions::default());
-            camera_path.map(|path| drop(path.text())).map_err(|error| error.to_string())
+            camera_path.map(|path| drop(path.text(DVec3::ZERO))).map_err(|error| error.to_string())
         },
     ),
     reader(
         "reports",
         &[
             text_seed!("metar.txt"),
+            text_seed!("old_metar.txt"),
             text_seed!("hourly.json"),
             text_seed!("hourly.csv"),
             text_seed!("carla.txt"),
@@ -188,9 +188,7 @@ pub const TARGETS: &[Target] = &[
     reader("weather", &[text_seed!("weather.toml")], |path| {
         Weather::read(path).map(drop).map_err(|error| error.to_string())
     }),
-    reader("plan", &[text_seed!("plan.toml")], |path| {
-        BatchPlan::read(path).map(drop).map_err(|error| error.to_string())
-    }),
+    reader("plan", &[plan], |path| BatchPlan::read(path).map(drop).map_err(|error| error.to_string())),
     reader("rig", &[text_seed!("rig.toml")], |path| Rig::read(path).map(drop).map_err(|e| e.to_string())),
     reader("lens", &[text_seed!("lens.toml")], |path| {
         LensModel::read(path).map(drop).map_err(|error| error.to_string())
@@ -208,11 +206,17 @@ pub const TARGETS: &[Target] = &[
     }),
 ];
 
-/// Reads a scene and surveys it.
-fn read_as_inspect_does(path: &Path) -> Result<(), String> {
+/// Reads a scene and looks for faults.
+fn read_and_check(path: &Path) -> Result<(), String> {
     let scene = read_scene(path, &ReadOptions::default()).map_err(|error| error.to_string())?;
     black_box(Health::of(&scene.splats));
-    let is_valid = scene.check_finite().map_err(|error| error.to_string());
+    scene.check_finite().map_err(|error| error.to_string())
+}
+
+/// Reads a scene, looks for faults, and surveys what is left without them: some milliseconds.
+fn read_as_inspect_does(path: &Path) -> Result<(), String> {
+    let is_valid = read_and_check(path);
+    let scene = read_scene(path, &ReadOptions::default()).map_err(|error| error.to_string())?;
     let (mut scene, _) = scene.repaired();
     label_sky(&mut scene.splats);
     black_box(Survey::of(&scene, &Metadata::default()).lines());
@@ -223,13 +227,11 @@ fn read_capture(path: &Path) -> Result<(), String> {
     let capture = capture::read(path, &CaptureOptions::default()).map_err(|error| error.to_string())?;
     let cameras: Vec<Camera> = capture.views.iter().map(|view| view.camera).collect();
     black_box(CaptureUp::of(&cameras, None));
-    for (index, view) in capture.views.iter().enumerate() {
+    for view in &capture.views {
         black_box(view.undistorted());
         if let Some(point) = capture.points.positions.first() {
             black_box(view.project(DVec3::from_array(*point)));
         }
-        black_box(capture.mask(index));
-        black_box(capture.photo(index));
     }
     Ok(())
 }
@@ -451,6 +453,14 @@ fn map_tiff(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
         8,
         &ramp(),
     )?;
+    Ok(path)
+}
+
+/// A plan, and the scene that it names.
+fn plan(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+    write_scene(folder, "street.ply", 0, WriteOptions::default())?;
+    let path = folder.join("plan.toml");
+    fs::write(&path, include_str!("seeds/plan.toml"))?;
     Ok(path)
 }
 

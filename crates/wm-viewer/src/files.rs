@@ -105,7 +105,7 @@ impl FileNames {
             add("sub-rays", lidar.sub_rays.to_string());
             add("returns", lidar.returns.clone());
             match lidar.at {
-                Some(place) => add("at", place.text()),
+                Some(place) => add("at", place.text(catalog.survey.origin)),
                 None if view.state.follow == Follow::Path => add("path", self.camera.clone()),
                 None => add("at", self.camera.clone()),
             }

@@ -88,12 +88,32 @@ struct ChangeArgs {
     /// Multiply all lengths by this factor; `metres` makes a unit a metre if the scene's scale is known
     #[arg(long, value_name = "FACTOR", value_parser = parse_scale, help_heading = "Change")]
     scale: Option<LengthScale>,
+    /// Keep positions relative to this point of the world, or to none [default: the origin of the input scene; one is chosen if its
+    /// coordinates are far from zero]
+    #[arg(long, value_name = "X,Y,Z|none", allow_hyphen_values = true, help_heading = "Change")]
+    origin: Option<GivenOrigin>,
     /// Remove SH above this degree, 0 to 3
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Change")]
     sh_degree: Option<u8>,
     /// Reduce to this many splats; keeps those that contribute most to views around the scene
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Change")]
     max_splats: Option<u64>,
+}
+
+/// An origin as users give it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct GivenOrigin(DVec3);
+
+impl FromStr for GivenOrigin {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let origin = if text == "none" { DVec3::ZERO } else { spec::parse_point(text)? };
+        match (Metadata { origin: Some(origin), ..Metadata::default() }).fault() {
+            None => Ok(Self(origin)),
+            Some(fault) => Err(fault),
+        }
+    }
 }
 
 /// Number of levels of detail.
@@ -223,6 +243,9 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
     let facts = Metadata { up: change.up_now, ..Metadata::default() };
     let mut notes: Vec<String> = change_sky(&mut scene, path, change.sky, &facts)?.into_iter().collect();
     notes.extend(apply(&mut scene, change, &args.run).with_context(|| path.display().to_string())?);
+    if let Some(origin) = change.origin {
+        scene.set_origin(origin.0);
+    }
     if is_levels(out) {
         let levels = match args.lod {
             LevelCount::Auto => None,
@@ -266,7 +289,7 @@ fn folder_size(main: &Path) -> u64 {
 
 /// Changes a scene; returns notes to print.
 fn apply(scene: &mut Scene, change: &ChangeArgs, run: &RunArgs) -> Result<Vec<String>> {
-    let ChangeArgs { crop, up, up_now, scale, sh_degree, max_splats, sky: _ } = *change;
+    let ChangeArgs { crop, up, up_now, scale, sh_degree, max_splats, sky: _, origin: _ } = *change;
     let change = SceneChange { crop, up, up_now, scale, sh_degree, max_splats };
     let renderer = || Ok(Box::new(run.differentiable_backend()?) as Box<dyn Differentiable>);
     Ok(change.apply(scene, renderer, &mut Reporter::default())?)

@@ -8,8 +8,7 @@ use wm_scene::{Remark, Scene, Severity};
 pub fn of_scene(scene: &Scene, health: &Health, survey: &Survey) -> Vec<Remark> {
     let mut findings = scene.remarks.clone();
     findings.extend(of_splats(health));
-    findings.extend(survey.up_warning().map(|text| Remark::doubt("up-guessed", text)));
-    findings.extend(survey.warning().map(|text| Remark::doubt("scale-unknown", text)));
+    findings.extend(survey.remarks());
     findings.extend(survey.likely_facts().map(|text| Remark::note("likely-facts", text)));
     findings
 }

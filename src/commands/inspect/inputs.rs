@@ -76,7 +76,7 @@ fn of_capture(path: &Path) -> Result<InspectedInput> {
     let capture = DatasetReadOptions::default().capture(path)?;
     let views = capture.views.len();
     let photos = (0..views).filter(|view| capture.photo(*view).is_some()).count();
-    let masks = (0..views).filter(|view| capture.mask(*view).is_some()).count();
+    let masks = capture.views.iter().filter(|view| view.mask.is_some()).count();
     let tracked = capture.observations.iter().filter(|seen| !seen.is_empty()).count();
     let mut findings = capture.remarks.clone();
     if photos < views {

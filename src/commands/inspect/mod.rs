@@ -73,7 +73,15 @@ pub fn run(args: &InspectArgs) -> Result<()> {
     let (mut scene, format) = read_scene_and_format(&args.scene, &read_options(args.level))?;
     let labelled = scene.splats.groups.contains(&Group::Sky);
     label_sky(&mut scene.splats);
-    let health = Health::of(&scene.splats);
+    let mut health = Health::of(&scene.splats);
+    // People are told coordinates of the world.
+    let origin = scene.metadata.origin_or_zero().to_array();
+    for bounds in [&mut health.bounds, &mut health.robust_bounds].into_iter().flatten() {
+        for (axis, origin) in origin.into_iter().enumerate() {
+            bounds.min[axis] += origin;
+            bounds.max[axis] += origin;
+        }
+    }
     let survey = Survey::of(&scene, &given);
     let levels = levels::of(&args.scene)?;
     let findings = findings::of_scene(&scene, &health, &survey);
@@ -94,7 +102,7 @@ pub fn run(args: &InspectArgs) -> Result<()> {
     }
     if args.save_metadata {
         let file = wm_scene::formats::folder::scene_file(&args.scene)?;
-        let metadata = survey.metadata().or(scene.metadata);
+        let metadata = scene.metadata_beside_file(survey.metadata().or(scene.metadata.clone()));
         write_sidecar(&file, &metadata)?;
         eprintln!("{}: written", wm_scene::formats::sidecar_path(&file).display());
     }
@@ -132,7 +140,7 @@ fn report(
         "survey": {
             "up": sourced(&survey.up),
             "up_source": survey.up_source,
-            "ground": sourced(&survey.ground),
+            "ground": sourced(&Sourced { value: survey.world_ground(), ..survey.ground }),
             "metres_per_unit": sourced(&survey.metres_per_unit),
             "scale_source": survey.scale_source,
             "north": survey.north,
@@ -146,7 +154,8 @@ fn report(
             })),
             "no_sun": survey.sun_fault.map(|fault| fault.to_string()),
             "airlight": sourced(&survey.airlight),
-            "center": survey.center,
+            "origin": survey.origin,
+            "center": survey.center + survey.origin,
             "radius": survey.radius,
             "extent": survey.extent,
             "sky_splats": survey.sky_splats,

@@ -95,7 +95,7 @@ fn captures_are_read_by_the_readers_of_captures() {
             let slack = if *name == "KITTI raw" { 0.6 } else { 0.03 };
             assert!(off < slack, "{name}: a point {off} m from every landmark");
         }
-        let has_mask = (0..read.views.len()).filter(|view| read.mask(*view).is_some()).count();
+        let has_mask = read.views.iter().filter(|view| view.mask.is_some()).count();
         assert_eq!(has_mask, summary.masks);
         assert_eq!(summary.masks > 0, has_boxes, "{name}");
         let facts = std::fs::read_to_string(out.join("facts.toml")).unwrap();
@@ -161,7 +161,7 @@ fn masks_cover_the_other_vehicle() {
         else {
             continue;
         };
-        let mask = read.mask(view).unwrap();
+        let mask = read.views[view].mask.clone().unwrap();
         let bytes = std::fs::read(mask).unwrap();
         let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
         let mut grey = vec![0; reader.output_buffer_size().unwrap()];

@@ -38,6 +38,7 @@ pub const FORMAT: SceneFormat = SceneFormat {
                    degrees, colours and opacities 1/510 of 0-1",
         order: Kept::Not,
         log_scales: [-16.635_532, 11.09],
+        coarse: super::loss::coarse_floats,
     },
     sniff: |start| has_ending(start.path, "ksplat"),
     read: |source, _| {

@@ -23,7 +23,7 @@ use super::{
     bytes::{Bytes, Gunzip, check_unpacked, rows, unpack_exact},
     pack::{byte_of_logit, from_smallest_three, logit_of_byte, smallest_three, unit, unorm},
 };
-use crate::{Metadata, Rasterization, Remark, Scene, Splats, error::Problem, sh};
+use crate::{Metadata, Rasterization, Remark, Scene, Splats, error::Problem, origin, sh};
 use half::f16;
 use ruzstd::{
     decoding::StreamingDecoder,
@@ -50,6 +50,7 @@ pub const FORMAT: SceneFormat = SceneFormat {
                    SH 1/128 (degree 1) and 1/64",
         order: Kept::Inside,
         log_scales: [-10.0, 5.937_5],
+        coarse: |splats| coarse_steps(splats, fractional_bits(splats)),
     },
     sniff: |start| start.bytes.starts_with(&MAGIC) || start.bytes.starts_with(&[0x1f, 0x8b]),
     read: |source, _| {
@@ -140,12 +141,15 @@ pub(super) fn read(file: &[u8]) -> Result<Scene, Problem> {
     let rasterization = antialiased.then_some(Rasterization::Antialiased);
     let splats = unpack(&header, column);
     let metadata = Metadata { rasterization, ..Metadata::default() };
-    let remarks = if header.sh_degree > sh::MAX_DEGREE {
+    let mut remarks = Vec::new();
+    if header.sh_degree > sh::MAX_DEGREE {
         let text = "SH of degree 4 is cut to degree 3: colours by direction are less sharp";
-        vec![Remark::doubt("sh-degree", text)]
-    } else {
-        Vec::new()
-    };
+        remarks.push(Remark::doubt("sh-degree", text));
+    }
+    if header.version > 1 {
+        let coarse = coarse_steps(&splats, header.fractional_bits);
+        remarks.extend(coarse.map(|line| Remark::doubt(origin::COARSE, line)));
+    }
     let mut scene = Scene { splats, metadata, remarks, ..Scene::default() };
     if axes != FORMAT.axes {
         axes.turn(&mut scene);
@@ -290,6 +294,14 @@ fn pack_quat(quat: [f32; 4]) -> u32 {
         let magnitude = unorm(v.abs() * std::f32::consts::SQRT_2, 511);
         word << 10 | u32::from(*v < 0.0) << 9 | magnitude
     })
+}
+
+/// A line on the steps of positions with so many fractional bits, if many splats are narrower.
+fn coarse_steps(splats: &Splats, fractional_bits: u8) -> Option<String> {
+    const ADVICE: &str = "SPZ has one step for all splats, so a few that are far away coarsen it: drop the sky or crop the scene, or use SOG or \
+                          PLY";
+    let step = 0.5f64.powi(i32::from(fractional_bits));
+    origin::coarse_line(splats, |_| step, ADVICE)
 }
 
 /// Fractional bits with which 24 hold every mean, finer than the usual for small scenes: half of all steps to the farthest at most.

@@ -42,6 +42,18 @@ fn parse_camera(line: &[u8], cameras: &mut Cameras) -> Result<(), Problem> {
     add_camera(cameras, id, &model, size, &values[..length])
 }
 
+/// The number of images, by their lines.
+pub(super) fn count_images(source: &mut Source) -> Result<u64, FormatError> {
+    let mut count = 0;
+    while let Some(line) = source.line()? {
+        if !is_ignored(line) {
+            source.skip_line()?;
+            count += 1;
+        }
+    }
+    Ok(count)
+}
+
 /// An image: number, qw qx qy qz, tx ty tz, camera, name, where the name may have spaces; then a line
 /// of 2D points, which may be empty.
 pub(super) fn read_images(

@@ -11,8 +11,10 @@
 //! for the axes LUF. CesiumJS 1.140 does not turn them, and neither do files that are made for it: they state no kernel.
 //!
 //! Read are `.glb` and `.gltf` with buffers inside or in files below its folder; a `.glb` is written, as floats or with SPZ. It keeps the
-//! metadata in `asset.extras.wm` and groups in an attribute `_GROUP`.
+//! metadata in `asset.extras.wm` and groups in an attribute `_GROUP`. The local origin of a scene is the translation of its node too, for
+//! other programs; where the metadata state it, it is taken off again.
 
+mod kind;
 mod read;
 mod write;
 

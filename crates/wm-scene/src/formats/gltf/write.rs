@@ -219,6 +219,7 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -
         used.push(SPZ);
     }
     let mut metadata = scene.metadata.clone();
+    metadata.origin = metadata.origin.map(|origin| FORMAT.axes.direction(origin));
     metadata.up = metadata.up.map(|up| FORMAT.axes.direction(up));
     metadata.north = metadata.north.map(|north| FORMAT.axes.direction(north));
     metadata.sun = metadata.sun.map(|sun| sun.map(|towards| FORMAT.axes.direction(towards)));
@@ -229,12 +230,16 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -
     if metadata != Default::default() {
         asset["extras"] = json!({ "wm": metadata });
     }
+    let mut node = json!({ "mesh": 0 });
+    if let Some(origin) = metadata.origin {
+        node["translation"] = json!(origin.to_array().map(|v| v + 0.0));
+    }
     let mut document = json!({
         "asset": asset,
         "extensionsUsed": used,
         "scene": 0,
         "scenes": [{ "nodes": [0] }],
-        "nodes": [{ "mesh": 0 }],
+        "nodes": [node],
         "meshes": [{ "primitives": [{
             "attributes": names,
             "mode": 0,

@@ -1,6 +1,7 @@
 //! The map from the properties of a file to the arrays of [`Splats`].
 
 use super::{
+    PlyEncoding,
     dialect::{Colors, Dialect},
     header::{Element, Header, Kind, Scalar},
 };
@@ -50,6 +51,8 @@ pub(super) struct Layout {
     /// Bytes of a binary row from which lists are left out.
     pub row_size: usize,
     pub dialect: Dialect,
+    /// True if positions are finer than f32: in double precision, or text.
+    pub is_fine: bool,
 }
 
 /// The rows of a file in arrays.
@@ -58,13 +61,20 @@ pub(super) struct Rows {
     pub splats: Splats,
     /// The 3D filter of each splat; empty if the file has none.
     pub filters: Vec<f32>,
+    /// What f32 leaves of each position in a file of double precision or text; empty in others.
+    pub residues: Vec<[f32; 3]>,
 }
 
 impl Rows {
     /// `count` rows of zeros.
     pub fn zeroed(count: usize, layout: &Layout) -> Self {
         let filters = if layout.dialect.is_filtered { count } else { 0 };
-        Self { splats: Splats::zeroed(count, layout.dialect.sh_degree), filters: vec![0.0; filters] }
+        let residues = if layout.is_fine { count } else { 0 };
+        Self {
+            splats: Splats::zeroed(count, layout.dialect.sh_degree),
+            filters: vec![0.0; filters],
+            residues: vec![[0.0; 3]; residues],
+        }
     }
 
     /// Makes room for `count` rows, doubling, but for no more than `promised`.
@@ -76,6 +86,9 @@ impl Rows {
         self.splats.resize(size);
         if layout.dialect.is_filtered {
             self.filters.resize(size, 0.0);
+        }
+        if layout.is_fine {
+            self.residues.resize(size, [0.0; 3]);
         }
     }
 }
@@ -129,7 +142,8 @@ impl Layout {
         for kind in LabelKind::ALL {
             columns.extend(find(vertex, kind.name(), Array::Names(kind), 0)?);
         }
-        Ok(Self { element, columns, row_size: offset_of(vertex, vertex.properties.len()), dialect })
+        let is_fine = header.encoding == PlyEncoding::Ascii || columns.iter().any(Column::is_fine);
+        Ok(Self { element, columns, row_size: offset_of(vertex, vertex.properties.len()), dialect, is_fine })
     }
 
     /// Writes the binary rows `rows`, lists left out, into `out` from row `first` on.
@@ -155,6 +169,10 @@ impl Layout {
                     let (values, stride) = values(out, column.array);
                     let values = &mut values[first * stride..(first + count) * stride];
                     column.gather(endian, rows, self.row_size, values, stride);
+                    if column.is_fine() {
+                        let residues = out.residues[first..first + count].as_flattened_mut();
+                        column.gather_residues(endian, rows, self.row_size, residues);
+                    }
                 }
             }
         }
@@ -209,7 +227,7 @@ const PART: usize = 16 << 10;
 /// # Panics
 /// For groups and labels, which are no numbers.
 pub(super) fn values(rows: &mut Rows, array: Array) -> (&mut [f32], usize) {
-    let Rows { splats, filters } = rows;
+    let Rows { splats, filters, .. } = rows;
     let stride = splats.sh_stride();
     match array {
         Array::Means => (splats.means.as_flattened_mut(), 3),
@@ -228,7 +246,26 @@ fn group_of(number: f32) -> Group {
     if f32::from(small) == number { Group::from_number(small).unwrap_or_default() } else { Group::default() }
 }
 
+/// What is left of a number when it is rounded to f32.
+pub(super) fn residue(number: f64) -> f32 {
+    let left = number - f64::from(number as f32);
+    if left.is_finite() { left as f32 } else { 0.0 }
+}
+
 impl Column {
+    /// Returns true if it has positions in double precision.
+    fn is_fine(&self) -> bool {
+        self.array == Array::Means && self.scalar == Scalar::F64
+    }
+
+    /// Writes what f32 leaves of this property, which is in double precision, of every row.
+    fn gather_residues(&self, endian: Endian, rows: &[u8], row_size: usize, out: &mut [f32]) {
+        match endian {
+            Endian::Little => self.each(rows, row_size, out, 3, |b| residue(f64::from_le_bytes(b))),
+            Endian::Big => self.each(rows, row_size, out, 3, |b| residue(f64::from_be_bytes(b))),
+        }
+    }
+
     /// Writes this property of every row to `out[row * stride + lane]`.
     fn gather(&self, endian: Endian, rows: &[u8], row_size: usize, out: &mut [f32], stride: usize) {
         macro_rules! gather {

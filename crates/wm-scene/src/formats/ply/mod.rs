@@ -15,7 +15,7 @@
 //! known are left alone, so that files of later versions can be read; of equal keys the last counts.
 //!
 //! # Memory
-//! One block beside the arrays. The number of splats in the header is checked against the length of
+//! One block beside the arrays, and 12 bytes a splat where positions are finer than f32 (double precision, text). The number of splats in the header is checked against the length of
 //! the file before anything is allocated; where there is no length (pipes, ASCII) arrays grow with
 //! what was read.
 
@@ -34,6 +34,7 @@ use super::{Axes, Loses, ReadOptions, SceneFormat, Writer};
 use crate::{
     Scene,
     error::{FormatError, Problem},
+    origin,
     source::Source,
 };
 use header::Header;
@@ -94,12 +95,14 @@ fn read(source: &mut Source, _: &ReadOptions) -> Result<Scene, FormatError> {
     if header.elements[layout.element].count == 0 {
         return Err(source.whole(Problem::NoSplats));
     }
-    let rows = match header.encoding {
+    let mut rows = match header.encoding {
         PlyEncoding::BinaryLittleEndian => binary::read(source, &header, &layout, Endian::Little),
         PlyEncoding::BinaryBigEndian => binary::read(source, &header, &layout, Endian::Big),
         PlyEncoding::Ascii => text::read(source, &header, &layout),
     }?;
+    // Before sizes are made of distances.
+    let moved_by = origin::subtract_fine(&mut rows.splats, &rows.residues, &header.metadata);
     let kept: Vec<usize> = layout.columns.iter().map(|column| column.property).collect();
     let (splats, remarks) = layout.dialect.finish(rows, &header.elements[layout.element], &kept);
-    Ok(Scene { splats, metadata: header.metadata, remarks, ..Scene::default() })
+    Ok(Scene { splats, metadata: header.metadata, remarks, moved_by, ..Scene::default() })
 }
