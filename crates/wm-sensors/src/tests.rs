@@ -197,10 +197,7 @@ fn devices_see_dense_fog_and_no_mist() {
         println!(
             "{name}: {dense:.3} of pulses see dense fog, {mist:.4} mist, {drops:.4} drops in heavy rain"
         );
-        assert!(
-            dense > 0.8 && mist < 2e-3 && (1e-4..0.1).contains(&drops),
-            "{name}: {dense} {mist} {drops}"
-        );
+        assert!(dense > 0.8 && mist < 2e-3 && (1e-4..0.1).contains(&drops), "{name}: {dense} {mist} {drops}");
     }
 }
 
