@@ -374,10 +374,13 @@ fn files_of_nuscenes_are_found_where_they_were_moved() {
     let note = format!("{} files are not at their paths; they were found by their names", 3 * FRAMES);
     assert!(log.warnings.contains(&note), "{:?}", log.warnings);
     check_places("nuScenes", &mini, &log);
-    // A name that two files have is neither's.
+    // A name that two files have is nobody's.
     let twin = log.pictures[0].file.file_name().unwrap().to_owned();
-    fs::copy(&log.pictures[0].file, mini.path.join(twin)).unwrap();
-    let log = open(&mini);
+    fs::create_dir_all(mini.path.join("copies/CAM_BACK")).unwrap();
+    fs::copy(&log.pictures[0].file, mini.path.join("copies/CAM_BACK").join(twin)).unwrap();
+    let error = failure(&mini.path, &LogOptions::default());
+    assert!(error.contains("could both be") && error.contains("(--skip-bad goes on without it)"), "{error}");
+    let log = DrivingLog::open(&mini.path, &SKIP()).unwrap().unwrap();
     assert_eq!(log.pictures.len(), 2 * FRAMES - 1);
-    assert!(says(&log.warnings, "1 pictures and sweeps of the scene have no file"), "{:?}", log.warnings);
+    assert!(says(&log.warnings, "1 damaged names of files are left out"), "{:?}", log.warnings);
 }

@@ -4,7 +4,7 @@
 //! Pictures and sweeps between key frames are taken, too. Poses are of the record's own time; sweeps are, as the devkit has them, in the
 //! axes of that time. Times are microseconds.
 
-use super::files::{FileFinder, fault, folders_in, name_of, pose_of_quaternion, read_table, shown};
+use super::files::{fault, folders_in, name_of, pose_of_quaternion, read_table, shown};
 use super::records::{Candidate, Records, choose};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::{
@@ -18,6 +18,7 @@ use serde::{Deserialize, Deserializer};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 use wm_scene::FormatError;
+use wm_scene::file_index::{FileIndex, FileKind, Found, Place};
 use wm_scene::capture::Distortion;
 
 /// The entry of [`super::LOG_FORMATS`].
@@ -27,6 +28,8 @@ pub(super) const FORMAT: LogFormat = LogFormat {
     read,
 };
 
+/// Pictures and sweeps.
+const FILES: FileKind = FileKind { extensions: &["jpg", "jpeg", "png", "bin", "pcd"], endings: &[], skipped: &[] };
 /// Share of the pictures of key frames from which on a scene's files are there.
 const WHOLE: f64 = 0.9;
 /// Most records of one scene in a table.
@@ -169,8 +172,8 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     if versions.is_empty() {
         return Ok(None);
     }
-    let mut files = FileFinder::new(&root);
-    let (version, scene, notes) = scene(&versions, &mut files, options)?;
+    let files = FileIndex::new(&root, FILES);
+    let (version, scene, notes) = scene(&versions, &files, options)?;
     let mut records = Records::new(options.skip_bad);
     let mut log = empty_log(path, scene.name.clone());
     log.warnings = notes;
@@ -188,8 +191,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         log.location = Some(displaced(*place, log.origin.x, log.origin.y));
         log.is_north_known = true;
     }
-    assemble(&mut log, &version, &sensors, data, &poses, &mut files, &mut records)?;
-    log.warnings.extend(files.note());
+    assemble(&mut log, &version, &sensors, data, &poses, &files, &mut records)?;
     log.tracks = tracks(&version, &samples, log.origin, &mut records)?;
     log.warnings.extend(records.warnings());
     Ok(Some(log))
@@ -202,7 +204,7 @@ fn nanoseconds(microseconds: i64) -> i64 {
 /// The scene that is asked for, or the first whose files are there, with its version and what was passed over.
 fn scene(
     versions: &[PathBuf],
-    files: &mut FileFinder,
+    files: &FileIndex,
     options: &LogOptions,
 ) -> Result<(PathBuf, SceneRecord, Vec<String>), FormatError> {
     let mut notes = Vec::new();
@@ -240,7 +242,7 @@ fn scene(
             Err(_) => {}
         }
     }
-    Err(failed.unwrap_or_else(|| fault(files.root(), "there is no scene in it")))
+    Err(failed.unwrap_or_else(|| fault(files.folder(), "there is no scene in it")))
 }
 
 /// The scenes of a version, by name.
@@ -258,7 +260,7 @@ fn scenes(version: &Path) -> Result<Vec<SceneRecord>, FormatError> {
 /// all, that with the most lacks nothing. Scenes after the first that lacks nothing are not looked at, unless one is asked for.
 fn missing(
     version: &Path,
-    files: &mut FileFinder,
+    files: &FileIndex,
     scenes: &[SceneRecord],
     options: &LogOptions,
 ) -> Result<Vec<Option<String>>, FormatError> {
@@ -286,7 +288,7 @@ fn missing(
     let mut counts = Vec::with_capacity(names.len());
     let share = |(there, all): (usize, usize)| there as f64 / all.max(1) as f64;
     for names in &names {
-        let there = names.iter().filter(|name| files.has(name)).count();
+        let there = names.iter().filter(|name| matches!(files.find(name), Ok(Some(_)))).count();
         counts.push((there, names.len()));
         if options.scene.is_none() && share((there, names.len())) >= WHOLE {
             break;
@@ -418,11 +420,11 @@ fn assemble(
     sensors: &BTreeMap<String, Calibrated>,
     data: Vec<DataRecord>,
     poses: &BTreeMap<String, RigidPose>,
-    files: &mut FileFinder,
+    files: &FileIndex,
     records: &mut Records,
 ) -> Result<(), FormatError> {
     let mut cameras = BTreeMap::<String, usize>::new();
-    let (all, mut missing) = (data.len(), None);
+    let (all, mut missing, mut elsewhere) = (data.len(), None, 0);
     for record in data {
         let sensor = &sensors[&record.calibrated_sensor_token];
         let Some(world_from_rig) = poses.get(&record.ego_pose_token) else {
@@ -434,11 +436,14 @@ fn assemble(
             let name = super::files::excerpt(&record.filename);
             return Err(fault(&version.join("sample_data.json"), format!("the file name \"{name}\" leaves the data set")));
         }
-        let Some(file) = files.find(&record.filename) else {
+        let found = files.find(&record.filename).map_err(|e| fault(files.folder(), e.to_string()));
+        let Some(found) = records.sound("names of files", found)? else { continue };
+        let Some(Found { path: file, place }) = found else {
             records.lost("pictures and sweeps of the scene have no file", 1);
-            missing.get_or_insert_with(|| files.root().join(&record.filename));
+            missing.get_or_insert_with(|| files.folder().join(&record.filename));
             continue;
         };
+        elsewhere += usize::from(place != Place::Exact);
         let world_from_sensor = moved(*world_from_rig, log.origin).then(&sensor.rig_from_sensor);
         let timestamp = nanoseconds(record.timestamp);
         if sensor.is_camera {
@@ -464,6 +469,9 @@ fn assemble(
                 motion: SweepMotion::Still(world_from_sensor),
             });
         }
+    }
+    if elsewhere > 0 {
+        log.warnings.push(format!("{elsewhere} files are not at their paths; they were found by their names"));
     }
     match missing {
         Some(first) if log.pictures.is_empty() => {
