@@ -92,17 +92,27 @@ pub(crate) fn wide(mean: [f32; 3]) -> DVec3 {
     DVec3::from_array(mean.map(f64::from))
 }
 
+/// Chooses the origin of splats; `None` if they are not far from zero.
+fn of_splats(splats: &Splats) -> Option<DVec3> {
+    let step = splats.len().div_ceil(SAMPLE).max(1);
+    let positions: Vec<DVec3> = splats.means.iter().step_by(step).map(|mean| wide(*mean)).collect();
+    choose(&positions, usual_size(splats))
+}
+
+/// Returns true if splats would be read relative to an origin.
+#[cfg(test)]
+pub(crate) fn is_far(splats: &Splats) -> bool {
+    of_splats(splats).is_some()
+}
+
 /// Chooses an origin for a scene that was read, if it is far from zero, and makes splats, metadata and views relative to it; remarks
 /// on it, and on positions that the file has in steps wider than the splats. A reader may have chosen one for the splats already:
 /// [`Scene::moved_by`].
 pub(crate) fn settle(scene: &mut Scene) {
     let read = scene.moved_by;
-    let size = usual_size(&scene.splats);
     // Whoever stated an origin chose it.
     let chosen = if read == DVec3::ZERO && scene.metadata.origin.is_none() {
-        let step = scene.splats.len().div_ceil(SAMPLE).max(1);
-        let positions: Vec<DVec3> = scene.splats.means.iter().step_by(step).map(|mean| wide(*mean)).collect();
-        choose(&positions, size).unwrap_or(DVec3::ZERO)
+        of_splats(&scene.splats).unwrap_or(DVec3::ZERO)
     } else {
         DVec3::ZERO
     };
@@ -240,3 +250,6 @@ fn file_step(splats: &Splats, by: DVec3) -> Option<f64> {
 pub fn text_of(point: DVec3) -> String {
     point.to_array().map(|v| v.to_string()).join(",")
 }
+
+#[cfg(test)]
+mod tests;
