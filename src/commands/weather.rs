@@ -75,11 +75,13 @@ pub fn run(args: &WeatherCommandArgs) -> Result<()> {
     Ok(())
 }
 
-/// The weather of a report in a line, and how much of it was guessed.
+/// The weather of a report in a line, how much of it was guessed, and what was not measured.
 pub fn summary(report: &WeatherReport) -> String {
     let count = |kind| report.notes().iter().filter(|note| note.kind == kind).count();
     let (guesses, ignored) = (count(ReportNoteKind::Guess), count(ReportNoteKind::Ignored));
     let about = &report.weather().about;
     let about = if about.is_empty() { &report.name } else { about };
-    format!("{about} ({guesses} guesses, {ignored} parts ignored)")
+    let missing = report.notes().iter().filter(|note| note.kind == ReportNoteKind::Missing);
+    let missing: String = missing.map(|note| format!("; {note}")).collect();
+    format!("{about} ({guesses} guesses, {ignored} parts ignored{missing})")
 }

@@ -20,7 +20,7 @@ use tokio::sync::oneshot;
 use weather_magician::view::ViewOptions;
 use weather_magician::view::spec::{CameraSpec, parse_size};
 use wm_media::video::FrameRate;
-use wm_scene::SceneView as Photo;
+use wm_scene::{SceneView as Photo, files::text_of};
 use wm_viewer::page::PageKind;
 use wm_viewer::state::{Follow, Pose, ViewOutput, weather_of_json, weather_to_json};
 use wm_viewer::{FileNames, View, ViewState, link};
@@ -263,8 +263,8 @@ async fn change_facts(State(context): Shared, body: Bytes) -> Answer {
 /// Converts the text of a weather file to the weather of a state.
 async fn read_weather(State(context): Shared, body: Bytes) -> Answer {
     check_loaded(&context)?;
-    let text = std::str::from_utf8(&body).map_err(|_| "the file is not UTF-8".to_owned())?;
-    Ok(json_answer(&context.catalog().read_weather(text)?))
+    let text = text_of(body.into()).map_err(|error| format!("the file is {error}"))?;
+    Ok(json_answer(&context.catalog().read_weather(&text)?))
 }
 
 /// Returns the fragment of a link to the state in the body.

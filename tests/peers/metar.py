@@ -18,12 +18,20 @@ from metar import Metar  # noqa: E402
 
 # What differs on purpose: fields, whether a report is one of those, and the reason.
 MEANT = [
-    ("auto", lambda text: " AUTO " not in text, "there a report is automatic unless it says that it is a correction"),
-    ("temperature dew_point", lambda text: re.search(r" RMK .* T[01]\d{3}", text), "there tenths of a degree are read from the remarks"),
+    ("auto correction", lambda text: " AUTO " not in text or " COR AUTO " in text, "there a report is automatic or a correction, and automatic unless it is one"),
+    ("correction", lambda text: re.search(r" CC[A-Z] ", text), "there the Canadian corrections CCA, CCB are none"),
+    ("temperature dew_point", lambda text: re.search(r" RMK .*T[01]\d{3}", text), "there tenths of a degree are read from the remarks"),
     ("clouds", lambda text: " SKC " in text, "there SKC is told as CLR"),
-    ("weather visibility visibility_bound", lambda text: " //// " in text, "there a visibility that was not measured is 10 km, and strokes are weather"),
-    ("clouds", lambda text: re.search(r"\d{3}(SC|AC|CI|CU)\b", text), "here genera of clouds other than CB and TCU are not kept"),
+    ("weather visibility visibility_bound", lambda text: re.search(r" /{3,4}(NDV)? ", text), "there a visibility that was not measured is 10 km, and strokes are weather"),
+    ("weather", lambda text: re.search(r" (//|/{6}|/{9}|NSW) ", text), "there strokes and NSW are weather"),
+    ("clouds", lambda text: re.search(r"\d{3}(SC|AC|CI|CU|///)|/{6}", text), "here genera of clouds other than CB and TCU are not kept, and strokes are none"),
+    ("clouds", lambda text: re.search(r"(CB|TCU)(/|-|N|E|S|W)", text), "there clouds whose place is glued on are not read"),
+    ("weather clouds", lambda text: re.search(r"SM (FEW|SCT|BKN|OVC)| VC [A-Z]{2} |\+TSRA \+DSSS", text), "there other orders and blanks within groups are not read"),
     ("visibility_bound", lambda text: " CAVOK " in text, "there CAVOK is 10 km, here 10 km or more"),
+    ("minimum_visibility", lambda text: re.search(r" 0000[NESW]+ | \d{4}/ ", text), "here 0000 is less than 50 m, and a side may be unknown"),
+    ("runway_ranges", lambda text: re.search(r" R\d\d[LCR]?/(////|[DUN] )", text), "here a range that was not measured is one"),
+    ("pressure temperature dew_point minimum_visibility", lambda text: re.search(r"[QA]\d{1,3} \d{1,3} |\d/ \d\d | FM\d{4} |/\d\d \d{4} ?", text), "groups that are typed apart or follow the report"),
+    ("time", lambda text: " COR " in text[:10], "there COR after the station hides the time"),
 ]
 
 

@@ -180,6 +180,8 @@ pub struct PreparedPlace {
     warnings: Vec<String>,
     /// Doubts about facts that are told when a weather first stands on them.
     doubts: Vec<String>,
+    /// The doubt about the ground, told when something first lies.
+    ground_doubt: Option<String>,
 }
 
 /// The snow or dust that the renderer holds.
@@ -333,6 +335,7 @@ impl PreparedPlace {
             is_released: false,
             warnings: reading.chain(survey.warning()).collect(),
             doubts: doubts(&survey),
+            ground_doubt: survey.ground_warning(),
             survey,
         };
         place.config = RenderConfig {
@@ -455,6 +458,7 @@ impl PreparedPlace {
         self.light = PlaceLight::new(lamps);
         self.water = PlaceWater::default();
         self.doubts = doubts(&survey);
+        self.ground_doubt = survey.ground_warning();
         self.survey = survey;
         if let Some(levels) = &mut self.levels {
             levels.captured_sky = self.survey.captured_sky;
@@ -853,6 +857,9 @@ impl PreparedPlace {
             return Ok(());
         }
         self.warnings.append(&mut self.doubts);
+        if missing.cover.is_some() || missing.lying.is_some() || missing.paper_cover.is_some() {
+            self.warnings.extend(self.ground_doubt.take());
+        }
         let source = self.asset_source(backend, &mut missing)?;
         let assets = missing.make(source, progress)?;
         self.insert(backend, assets)

@@ -188,7 +188,7 @@ impl Rig {
             return Err(fault("too long for a rig; give a TOML file".into()));
         }
         let text =
-            std::fs::read_to_string(path).map_err(|error| fault(format!("cannot be read: {error}")))?;
+            wm_scene::files::read_text(path).map_err(|error| fault(format!("cannot be read: {error}")))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         Self::of_text(&text, &path.display().to_string(), folder)
     }

@@ -61,7 +61,11 @@ impl PyCamera {
 
     fn __repr__(&self) -> String {
         let wm_scene::Camera { width, height, .. } = self.camera;
-        format!("Camera({}, {width}x{height}, fov {:.1})", spec::text_of(&self.camera, DVec3::ZERO), self.camera.fov_y())
+        format!(
+            "Camera({}, {width}x{height}, fov {:.1})",
+            spec::text_of(&self.camera, DVec3::ZERO),
+            self.camera.fov_y()
+        )
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {

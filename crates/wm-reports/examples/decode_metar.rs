@@ -51,6 +51,8 @@ fn fields(text: &str, metar: &Metar) -> Value {
         "dew_point": metar.dew_point,
         "pressure": metar.pressure,
         "recent": metar.recent.iter().map(wm_reports::metar::WeatherGroup::code).collect::<Vec<_>>(),
+        "missing": metar.missing(),
+        "ignored": metar.ignored.iter().map(|group| &group.text).collect::<Vec<_>>(),
         "remarks": metar.remarks,
     })
 }

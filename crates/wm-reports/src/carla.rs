@@ -200,6 +200,13 @@ impl CarlaParameters {
         ReportError::Value { file: FILE.into(), key: key.into(), problem: problem.into() }
     }
 
+    /// Returns true if a name is that of a parameter, or so near to one that it may be meant.
+    pub(crate) fn is_named(name: &str) -> bool {
+        let name = name.replace('_', "").to_ascii_lowercase();
+        let known: Vec<String> = Self::NAMES.iter().map(|known| known.replace('_', "")).collect();
+        known.contains(&name) || !meant(&name, known.iter().map(String::as_str)).is_empty()
+    }
+
     /// Sets a parameter by its name in Python or in Unreal (`FogDensity`).
     fn set(&mut self, name: &str, value: f64) -> Result<(), ReportError> {
         let plain = |name: &str| name.replace('_', "").to_ascii_lowercase();

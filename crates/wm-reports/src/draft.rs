@@ -66,6 +66,13 @@ impl Draft {
         self.note(ReportNoteKind::Ignored, text);
     }
 
+    /// Notes quantities of which the weather file says nothing.
+    pub(crate) fn missing(&mut self, names: &[&str]) {
+        if !names.is_empty() {
+            self.note(ReportNoteKind::Missing, names.join(", "));
+        }
+    }
+
     /// A parameter, `effect.parameter`, as a number in the parameter's unit. A number beyond the parameter's range is
     /// clamped, with a note.
     pub(crate) fn number(&mut self, key: &str, value: f64, basis: Basis) {

@@ -64,6 +64,11 @@ pub(crate) fn meant<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Str
     nearest(name, known, 1).first().map_or_else(String::new, |near| format!(", did you mean `{near}`?"))
 }
 
+/// A text of a user without control characters, at most 100 characters of it.
+pub(crate) fn plain(text: &str) -> String {
+    text.chars().take(100).map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
 /// A text of a user as it is quoted in messages: at most 40 characters, none of them a control character.
 pub(crate) fn quoted(text: &str) -> String {
     let mut short: String = text.chars().take(40).map(|c| if c.is_control() { ' ' } else { c }).collect();

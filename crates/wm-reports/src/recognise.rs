@@ -1,6 +1,8 @@
 //! The kind of a report, by its text.
 
 use crate::carla::{CarlaParameters, preset_names};
+use crate::metar::begins;
+use serde_json::Value;
 
 /// A kind of weather report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,23 +34,13 @@ pub enum ReportKind {
 #[must_use]
 pub fn recognise(text: &str) -> ReportKind {
     let text = text.trim_start_matches('\u{feff}').trim();
-    if text.starts_with('{') || text.starts_with('[') {
-        let has_hours = ["\"hourly\"", "\"time\""].iter().any(|key| text.contains(key));
-        let is_carla = !has_hours && CarlaParameters::NAMES.iter().any(|name| text.contains(name));
-        return if is_carla { ReportKind::Carla } else { ReportKind::HourlyJson };
+    if text.starts_with(['{', '[']) {
+        return if is_carla(text) { ReportKind::Carla } else { ReportKind::HourlyJson };
     }
     let text = after_comments(text);
     let first_line = text.lines().next().unwrap_or_default();
-    let mut words = first_line.split_whitespace();
-    let (first, second) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
-    let is_time = |word: &str| {
-        let digits = word.strip_suffix('Z').unwrap_or_default();
-        digits.len() >= 4 && digits.bytes().all(|b| b.is_ascii_digit())
-    };
-    let is_station = first.len() == 4 && first.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit());
-    // A TAF is told apart there.
-    let is_named = ["METAR", "SPECI", "TAF"].iter().any(|name| first.eq_ignore_ascii_case(name));
-    if is_named || (is_station && is_time(second)) {
+    let first = first_line.split_whitespace().next().unwrap_or_default();
+    if begins(first_line) {
         return ReportKind::Metar;
     }
     let lower = first.to_lowercase();
@@ -74,20 +66,43 @@ pub fn recognise(text: &str) -> ReportKind {
     if text.split([',', ' ']).any(names) {
         return ReportKind::Carla;
     }
-    let is_table = first_line.contains([',', ';', '\t'])
-        && text.lines().nth(1).is_some()
-        && first_line.split([',', ';', '\t']).any(|cell| {
-            let name = cell.trim().trim_matches('"').to_lowercase();
-            matches!(&name[..], "time" | "date" | "latitude" | "datetime" | "valid_time" | "year")
-        });
-    if is_table { ReportKind::HourlyCsv } else { ReportKind::Words }
+    if is_table(text) { ReportKind::HourlyCsv } else { ReportKind::Words }
 }
 
-/// A text without the lines of comment at its beginning.
+/// Returns true for an object of single values one of which has the name of a parameter of CARLA, or nearly.
+fn is_carla(json: &str) -> bool {
+    let Ok(Value::Object(map)) = serde_json::from_str(json) else { return false };
+    let is_flat = !map.values().any(|value| value.is_object() || value.is_array());
+    is_flat && map.keys().any(|key| CarlaParameters::is_named(key))
+}
+
+/// Returns true for lines of cells: the first with a name that tables have, or as many cells in both of the first two, a number
+/// among the second's.
+fn is_table(text: &str) -> bool {
+    let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    let (Some(first), Some(second)) = (lines.next(), lines.next()) else { return false };
+    let cells = |line: &'_ str| -> Vec<String> {
+        line.split([',', ';', '\t']).map(|cell| cell.trim().trim_matches('"').to_lowercase()).collect()
+    };
+    let (first, second) = (cells(first), cells(second));
+    let is_name = |name: &String| {
+        matches!(&name[..], "time" | "date" | "latitude" | "datetime" | "valid_time" | "year")
+    };
+    let has_numbers = || second.iter().any(|cell| cell.parse::<f64>().is_ok());
+    first.len() > 1 && first.iter().any(is_name)
+        || first.len() > 2 && first.len() == second.len() && has_numbers()
+}
+
+/// A text without what may stand before a report: lines of comment, and the line with the date that NOAA puts before a METAR
+/// (`2024/01/15 18:51`).
 pub(crate) fn after_comments(text: &str) -> &str {
     let mut rest = text;
-    while rest.starts_with('#') {
-        rest = rest.split_once('\n').map_or("", |(_, rest)| rest).trim_start();
+    loop {
+        let (line, others) = rest.split_once('\n').unwrap_or((rest, ""));
+        let shape = line.trim().replace(|c: char| c.is_ascii_digit(), "0");
+        if !line.starts_with('#') && shape != "0000/00/00 00:00" {
+            return rest;
+        }
+        rest = others.trim_start();
     }
-    rest
 }

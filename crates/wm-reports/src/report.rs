@@ -20,6 +20,8 @@ const LONGEST: usize = 10_000;
 pub enum ReportNoteKind {
     /// A value that the report does not have.
     Guess,
+    /// A quantity that was not measured, and of which the weather file says nothing.
+    Missing,
     /// A part of the report that a weather file cannot hold.
     Ignored,
     /// A value beyond the range of its parameter.
@@ -39,6 +41,7 @@ impl fmt::Display for ReportNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let kind = match self.kind {
             ReportNoteKind::Guess => "guess",
+            ReportNoteKind::Missing => "not measured",
             ReportNoteKind::Ignored => "ignored",
             ReportNoteKind::Clamped => "clamped",
         };
@@ -142,6 +145,10 @@ impl WeatherReport {
         // Editors of some systems put this in front.
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let line = after_comments(text.trim_start());
+        if line.starts_with('<') {
+            let problem = "is XML or HTML, which is no report that is read: give the report itself as text, JSON or CSV";
+            return Err(ReportError::Whole { file: source.into(), problem: problem.into() });
+        }
         let kind = recognise(text);
         let is_table = matches!(kind, ReportKind::HourlyJson | ReportKind::HourlyCsv);
         if !is_table && line.len() > LONGEST {
@@ -166,13 +173,11 @@ impl WeatherReport {
     /// # Errors
     /// As [`Self::read`], and [`ReportError::Read`] if there is no such file or it is no text.
     pub fn read_file(path: &Path, options: &ReportOptions) -> Result<Self, ReportError> {
-        let text = std::fs::read_to_string(path).map_err(|error| {
+        let text = wm_scene::files::read_text(path).map_err(|error| {
             let reason = match error.kind() {
                 std::io::ErrorKind::NotFound => "no such file; check the path".into(),
                 std::io::ErrorKind::IsADirectory => "it is a folder; give a file".into(),
-                std::io::ErrorKind::InvalidData => {
-                    "it is no text in UTF-8; give JSON, CSV or a report".into()
-                }
+                std::io::ErrorKind::InvalidData => format!("it is {error}, or give JSON, CSV or a report"),
                 _ => error.to_string(),
             };
             ReportError::Read { path: path.into(), reason }

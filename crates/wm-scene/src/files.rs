@@ -14,8 +14,10 @@ mod fetched;
 mod reading;
 
 use crate::error::{FormatError, Problem};
-pub(crate) use reading::open;
-pub use reading::{is_file, is_folder, is_lacking, is_there, read, read_if_there, want};
+pub(crate) use reading::{IS_WIDE, MARK, is_wide, open, without_mark};
+pub use reading::{
+    is_file, is_folder, is_lacking, is_there, past_mark, read, read_if_there, read_text, text_of, want,
+};
 use std::{
     fs::{self, File, OpenOptions},
     io::{self, BufWriter, ErrorKind, Write},

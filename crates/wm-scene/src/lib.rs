@@ -50,6 +50,7 @@ pub mod capture;
 pub mod card;
 pub mod color;
 pub mod error;
+pub mod file_index;
 pub mod files;
 pub mod formats;
 pub mod group;

@@ -34,7 +34,11 @@ pub(crate) const COARSE: &str = "coarse-positions";
 #[must_use]
 pub fn float_step(coordinate: f64) -> f64 {
     let coordinate = coordinate.abs() as f32;
-    if coordinate.is_finite() { f64::from(coordinate.next_up()) - f64::from(coordinate) } else { f64::INFINITY }
+    if coordinate.is_finite() {
+        f64::from(coordinate.next_up()) - f64::from(coordinate)
+    } else {
+        f64::INFINITY
+    }
 }
 
 /// Chooses the origin of positions, of which some thousand are looked at, by their middle, strays left out; `None` if they are not
@@ -67,7 +71,8 @@ pub fn choose(positions: &[DVec3], size: f64) -> Option<DVec3> {
         return None;
     }
     let grain = 10f64.powi(extent.max(1.0).log10().ceil() as i32);
-    let of_axis = |v: f64| if v.abs() > FAR_OF_SMALL * extent { (v / grain).round() * grain + 0.0 } else { 0.0 };
+    let of_axis =
+        |v: f64| if v.abs() > FAR_OF_SMALL * extent { (v / grain).round() * grain + 0.0 } else { 0.0 };
     let origin = DVec3::from_array(middle.to_array().map(of_axis));
     (origin != DVec3::ZERO).then_some(origin)
 }
@@ -76,7 +81,8 @@ pub fn choose(positions: &[DVec3], size: f64) -> Option<DVec3> {
 pub(crate) fn usual_size(splats: &Splats) -> f64 {
     let step = splats.len().div_ceil(SAMPLE).max(1);
     let scales = splats.log_scales.iter().step_by(step);
-    let mut sizes: Vec<f64> = scales.map(|scale| middle_size(*scale)).filter(|size| size.is_finite()).collect();
+    let mut sizes: Vec<f64> =
+        scales.map(|scale| middle_size(*scale)).filter(|size| size.is_finite()).collect();
     sizes.sort_unstable_by(f64::total_cmp);
     sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)
 }
@@ -131,7 +137,9 @@ pub(crate) fn settle(scene: &mut Scene) {
     let is_known = scene.remarks.iter().any(|remark| remark.code == COARSE);
     if let Some(step) = file_step(&scene.splats, by).filter(|_| !is_known) {
         let advice = "export the scene with an offset near zero, or as a PLY with x y z in double precision";
-        scene.remarks.extend(coarse_line(&scene.splats, |_| step, advice).map(|line| Remark::doubt(COARSE, line)));
+        scene
+            .remarks
+            .extend(coarse_line(&scene.splats, |_| step, advice).map(|line| Remark::doubt(COARSE, line)));
     }
 }
 
@@ -212,7 +220,8 @@ impl Scene {
     #[must_use]
     pub fn metadata_beside_file(&self, metadata: Metadata) -> Metadata {
         let origin = self.metadata.origin;
-        let facts = Self { metadata: Metadata { origin, ..metadata }, moved_by: self.moved_by, ..Self::default() };
+        let facts =
+            Self { metadata: Metadata { origin, ..metadata }, moved_by: self.moved_by, ..Self::default() };
         facts.as_in_file().metadata
     }
 

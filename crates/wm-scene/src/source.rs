@@ -2,7 +2,7 @@
 
 use crate::{
     error::{FormatError, Location, Problem},
-    files,
+    files::{self, IS_WIDE, MARK, is_wide},
 };
 use std::{
     io::{self, Read},
@@ -102,6 +102,19 @@ impl<'a> Source<'a> {
         Ok(true)
     }
 
+    /// Steps over the byte order mark that a text may begin with, at the beginning of the stream.
+    ///
+    /// # Errors
+    /// If reading fails, or the text is in UTF-16.
+    pub fn past_mark(&mut self) -> Result<(), FormatError> {
+        if self.offset == 0 && self.fill(MARK.len())? && self.bytes().starts_with(MARK) {
+            self.consume(MARK.len());
+        } else if self.offset == 0 && is_wide(self.bytes()) {
+            return Err(self.whole(Problem::Value(IS_WIDE.into())));
+        }
+        Ok(())
+    }
+
     /// Steps over `count` bytes of [`Self::bytes`].
     pub fn consume(&mut self, count: usize) {
         assert!(count <= self.end - self.start, "{count} bytes consumed, fewer are there");
@@ -158,6 +171,7 @@ impl<'a> Source<'a> {
     /// # Errors
     /// If reading fails or the line is longer than [`MAX_LINE`].
     pub fn line(&mut self) -> Result<Option<&[u8]>, FormatError> {
+        self.past_mark()?;
         let mut searched = 0;
         let length = loop {
             let bytes = self.bytes();
@@ -195,6 +209,7 @@ impl<'a> Source<'a> {
     /// # Errors
     /// If reading fails.
     pub fn skip_line(&mut self) -> Result<Option<u64>, FormatError> {
+        self.past_mark()?;
         if !self.fill(1)? {
             return Ok(None);
         }
@@ -223,6 +238,7 @@ impl<'a> Source<'a> {
     /// # Errors
     /// If reading fails or the word is longer than 256 bytes.
     pub fn word(&mut self) -> Result<Option<&[u8]>, FormatError> {
+        self.past_mark()?;
         const MAX_WORD: usize = 256;
         loop {
             if !self.fill(1)? {

@@ -51,7 +51,7 @@ impl SensorKind {
         }
         let unread = |error| SensorError::Read { path: path.into(), error };
         let is_long = std::fs::metadata(path).map_err(unread)?.len() > self.most_bytes;
-        let text = if is_long { String::new() } else { std::fs::read_to_string(path).map_err(unread)? };
+        let text = if is_long { String::new() } else { wm_scene::files::read_text(path).map_err(unread)? };
         let found = SensorText {
             text: text.into(),
             name: path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),

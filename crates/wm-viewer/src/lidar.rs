@@ -99,7 +99,8 @@ impl CheckedLidar {
         })?;
         let colors = state.colors.parse().map_err(|error: String| format!("lidar.colors: {error}"))?;
         let camera = |place: &SensorPlace| {
-            let [eye, target] = [place.eye, place.target].map(|point| DVec3::from_array(point) + survey.origin);
+            let [eye, target] =
+                [place.eye, place.target].map(|point| DVec3::from_array(point) + survey.origin);
             let camera = CameraSpec::LookAt { eye, target }.camera(&[], survey, &ViewOptions::default());
             camera.map_err(|error| format!("lidar.at: {error}"))
         };

@@ -99,11 +99,11 @@ impl Weather {
     /// # Errors
     /// [`WeatherError`] if it cannot be read or is wrong.
     pub fn read(path: &Path) -> Result<Self, WeatherError> {
-        let text = std::fs::read_to_string(path).map_err(|error| {
+        let text = wm_scene::files::read_text(path).map_err(|error| {
             let reason = match error.kind() {
                 std::io::ErrorKind::NotFound => "no such file; check the path".into(),
                 std::io::ErrorKind::IsADirectory => "it is a folder; give a TOML file".into(),
-                std::io::ErrorKind::InvalidData => "it is no text in UTF-8; give a TOML file".into(),
+                std::io::ErrorKind::InvalidData => format!("it is {error}, or give a TOML file"),
                 _ => error.to_string(),
             };
             WeatherError::Read { path: path.into(), reason }

@@ -1,25 +1,28 @@
-//! `inspect`: the content of a scene, and its faults.
+//! `inspect`: the content of a scene, a capture, a driving log or a weather, and every doubt about it.
 
+mod findings;
+mod inputs;
 mod levels;
 mod light;
 
 use crate::overwrite::OverwriteArgs;
 use crate::scene::{FactArgs, count_of, read_options};
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use wm_scene::files::check_writable;
 use wm_scene::formats::{SceneFormat, read_scene_and_format, write_sidecar};
-use wm_scene::health::{Bounds, FaultCounts, Health, Histogram};
+use wm_scene::health::{Bounds, Health, Histogram};
 use wm_scene::survey::{Sourced, Survey, label_sky};
-use wm_scene::{Group, Metadata};
+use wm_scene::{Group, Metadata, Remark, Severity};
 
 /// Options of `inspect`.
 #[derive(Args, Debug)]
 pub struct InspectArgs {
-    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG
+    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG; or a capture, a driving log, a
+    /// weather file or a weather report
     scene: PathBuf,
     /// Level of a scene with several levels of detail; 0 is the finest
     #[arg(long, value_name = "N")]
@@ -29,6 +32,9 @@ pub struct InspectArgs {
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
+    /// Fail if there is any doubt: the exit code is 1. Notes are no doubts
+    #[arg(long)]
+    strict: bool,
     /// Split the light of the photos into sun and sky, as weather with `light` does, and report it; takes seconds
     #[arg(long)]
     light: bool,
@@ -50,6 +56,20 @@ pub fn run(args: &InspectArgs) -> Result<()> {
         args.overwrite.check_report(path, &[&args.scene])?;
         check_writable(path)?;
     }
+    if let Some(input) = inputs::read(&args.scene)? {
+        if args.light || args.save_metadata {
+            bail!("{}: --light and --save-metadata need a scene", args.scene.display());
+        }
+        if args.json {
+            let mut report = input.report(&args.scene);
+            report["findings"] = json!(input.findings);
+            println!("{}", serde_json::to_string_pretty(&report)?);
+        } else {
+            input.print(&args.scene);
+            findings::print(&input.findings);
+        }
+        return judge(args, &input.findings);
+    }
     let (mut scene, format) = read_scene_and_format(&args.scene, &read_options(args.level))?;
     let labelled = scene.splats.groups.contains(&Group::Sky);
     label_sky(&mut scene.splats);
@@ -64,14 +84,17 @@ pub fn run(args: &InspectArgs) -> Result<()> {
     }
     let survey = Survey::of(&scene, &given);
     let levels = levels::of(&args.scene)?;
+    let findings = findings::of_scene(&scene, &health, &survey);
     if args.json {
         let mut report = report(args, format, &scene, &health, &survey);
+        report["findings"] = json!(findings);
         if let Some(levels) = &levels {
             report["levels"] = levels::report(levels);
         }
         println!("{}", serde_json::to_string_pretty(&report)?);
     } else {
         print(args, format, &scene, &health, &survey, labelled);
+        findings::print(&findings);
         levels.iter().for_each(levels::print);
     }
     if args.light {
@@ -82,6 +105,15 @@ pub fn run(args: &InspectArgs) -> Result<()> {
         let metadata = scene.metadata_beside_file(survey.metadata().or(scene.metadata.clone()));
         write_sidecar(&file, &metadata)?;
         eprintln!("{}: written", wm_scene::formats::sidecar_path(&file).display());
+    }
+    judge(args, &findings)
+}
+
+/// Fails if there is a doubt and `--strict` is given.
+fn judge(args: &InspectArgs, findings: &[Remark]) -> Result<()> {
+    let doubts = findings.iter().filter(|finding| finding.severity == Severity::Doubt).count();
+    if args.strict && doubts > 0 {
+        bail!("{}: {}; --strict allows none", args.scene.display(), count_of(doubts, "doubt"));
     }
     Ok(())
 }
@@ -129,7 +161,6 @@ fn report(
             "sky_splats": survey.sky_splats,
         },
         "metadata": scene.metadata,
-        "remarks": scene.remarks,
     })
 }
 
@@ -185,42 +216,6 @@ fn print(
     histogram(&health.opacity, |v| format!("{v:.2}"));
     println!("Largest standard deviation, units");
     histogram(&health.log10_scale, |v| format!("{:.1e}", 10f64.powf(v)));
-    for remark in &scene.remarks {
-        println!("  {remark}");
-    }
-    println!("What is wrong");
-    let faults = faults(health);
-    if faults.is_empty() {
-        println!("  nothing");
-    }
-    for line in faults {
-        println!("  {line}");
-    }
-    for warning in survey.up_warning().into_iter().chain(survey.warning()) {
-        println!("  {warning}");
-    }
-}
-
-/// Returns a line for each kind of fault, with its count and how it is treated.
-fn faults(health: &Health) -> Vec<String> {
-    let FaultCounts { mean, scale, opacity, quat, zero_quat, sh, blank } = health.faults;
-    let drop = "not rendered: `render --repair` leaves them out";
-    [
-        (mean, "positions that are NaN, infinite or beyond 10^10 units", drop),
-        (scale, "scales that are NaN, infinite or above e^30 units", drop),
-        (opacity, "opacities that are NaN", drop),
-        (quat, "rotations that are NaN, infinite or absurdly long", drop),
-        (sh, "colours that are NaN, infinite or absurdly bright", drop),
-        (blank, "rows of zeros", drop),
-        (zero_quat, "rotations that are zero", "taken for no rotation"),
-        (health.duplicates, "splats that are copies of another", "drawn as they are"),
-        (health.invisible, "splats too faint to be seen (opacity below 1/255)", "never drawn"),
-        (health.oversized, "splats larger than the scene", "drawn as they are"),
-    ]
-    .into_iter()
-    .filter(|(count, _, _)| *count > 0)
-    .map(|(count, what, then)| format!("{count} {what}: {then}"))
-    .collect()
 }
 
 /// Prints bins that hold something as bars.

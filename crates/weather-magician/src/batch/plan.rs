@@ -225,7 +225,7 @@ impl BatchPlan {
             return Err(fault("too long for a plan; give a TOML file".into()));
         }
         let text =
-            std::fs::read_to_string(path).map_err(|error| fault(format!("cannot be read: {error}")))?;
+            wm_scene::files::read_text(path).map_err(|error| fault(format!("cannot be read: {error}")))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Self::parse(&text, &path.display().to_string(), (folder, &stem))

@@ -5,7 +5,11 @@ use super::{DEFAULT_FOV, ViewError, ViewOptions, foreign};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use wm_scene::survey::Survey;
-use wm_scene::{Camera, FormatError, Location, Problem, files::write_atomically, nearest};
+use wm_scene::{
+    Camera, FormatError, Location, Problem,
+    files::{read_text, write_atomically},
+    nearest,
+};
 
 /// Every key that a file may have.
 const KEYS: [&str; 9] = ["keyframes", "up", "fov", "near", "time", "eye", "target", "rotation", "fov"];
@@ -42,7 +46,7 @@ struct Keyframe {
 /// # Errors
 /// [`ViewError`] with the file's name, and line and column or the keyframe's number.
 pub fn read(file: &std::path::Path, survey: &Survey, options: &ViewOptions) -> Result<CameraPath, ViewError> {
-    let text = std::fs::read_to_string(file).map_err(|error| FormatError::reading(file, error))?;
+    let text = read_text(file).map_err(|error| FormatError::reading(file, error))?;
     parse(&text, survey, options)
         .map_err(|(location, message)| FormatError::at(file, location, Problem::Value(message)).into())
 }
@@ -134,9 +138,8 @@ pub fn parse(text: &str, survey: &Survey, options: &ViewOptions) -> Result<Camer
 /// Keyframes of another program, relative to the origin of the scene. Such programs know no origin: they have looked at the numbers of the
 /// scene file, or at those of the capture, whichever are nearer to the scene.
 fn near_scene(mut keys: Vec<PathKey>, survey: &Survey) -> Vec<PathKey> {
-    let is_world = |key: &&PathKey| {
-        (key.eye - survey.origin).distance(survey.center) < key.eye.distance(survey.center)
-    };
+    let is_world =
+        |key: &&PathKey| (key.eye - survey.origin).distance(survey.center) < key.eye.distance(survey.center);
     if 2 * keys.iter().filter(is_world).count() > keys.len() {
         keys.iter_mut().for_each(|key| key.eye -= survey.origin);
     }
@@ -197,7 +200,7 @@ mod tests {
         let path = CameraPath::new(vec![key(0.0), key(1.5), key(2.0)], 0.125).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("path.json");
-        write(&file, &path, 30.0, (64, 48)).unwrap();
+        write(&file, &path, DVec3::ZERO, 30.0, (64, 48)).unwrap();
         let again = read(&file, &survey(), &ViewOptions::default()).unwrap();
         for (a, b) in again.keys().iter().zip(path.keys()) {
             assert!((a.eye - b.eye).length() < 1e-12 && (a.time, a.fov) == (b.time, b.fov));
@@ -208,7 +211,7 @@ mod tests {
         let options = ViewOptions { up: Some(DVec3::NEG_Y), ..ViewOptions::default() };
         for name in ["my camera_path.json", "settings.json"] {
             let theirs = folder.path().join(name);
-            write(&theirs, &path, 30.0, (64, 48)).unwrap();
+            write(&theirs, &path, DVec3::ZERO, 30.0, (64, 48)).unwrap();
             assert_eq!(read(&theirs, &survey(), &options).unwrap().keys().len(), 61);
         }
         let missing = read(&folder.path().join("no.json"), &survey(), &ViewOptions::default()).unwrap_err();

@@ -1,13 +1,17 @@
 //! Tables as CSV: Open-Meteo's two blocks, Meteostat's and any other with names in its first line.
 
-use super::WeatherTable;
 use super::raw::{Cell, RawTable};
+use super::{WeatherTable, time};
 use crate::error::{ReportError, quoted};
 use crate::report::{ReportOptions, WeatherReport};
 use std::path::Path;
 
 /// Most columns of a table.
 const MOST_COLUMNS: usize = 500;
+
+/// The columns of Meteostat's files of whole stations, which have no line of names.
+const METEOSTAT: [&str; 13] =
+    ["date", "hour", "temp", "dwpt", "rhum", "prcp", "snow", "wdir", "wspd", "wpgt", "pres", "tsun", "coco"];
 
 /// A line with its number, from 1.
 type Line<'a> = (usize, &'a str);
@@ -72,11 +76,16 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
         lines.drain(..end);
         drop_empty(&mut lines);
     }
-    let Some(((_, header), body)) = lines.split_first() else {
+    let Some(((_, header), mut body)) = lines.split_first() else {
         return Err(whole("has no table: a line of names and a line an hour are expected".into()));
     };
-    let columns: Vec<(String, String)> =
+    let mut columns: Vec<(String, String)> =
         cells(header, separator).iter().map(|cell| name_and_unit(cell)).collect();
+    // Meteostat's files of whole stations have no names.
+    if time::parse(&columns[0].0).is_some() && (12..=13).contains(&columns.len()) {
+        columns = METEOSTAT.iter().take(columns.len()).map(|name| ((*name).into(), String::new())).collect();
+        body = &lines;
+    }
     if columns.len() > MOST_COLUMNS {
         return Err(whole(format!("has {} columns: at most {MOST_COLUMNS} are read", columns.len())));
     }

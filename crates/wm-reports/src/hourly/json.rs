@@ -2,7 +2,7 @@
 
 use super::WeatherTable;
 use super::csv::stem;
-use super::raw::{Cell, RawTable};
+use super::raw::{Cell, KNOWN, RawTable, UNKNOWN};
 use crate::error::ReportError;
 use crate::report::{ReportOptions, WeatherReport};
 use serde_json::{Map, Value};
@@ -22,19 +22,31 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
     let json = match &json {
         Value::Array(list) => match &list[..] {
             [only] => only,
-            _ => return Err(whole(format!("has {} places: one is expected", list.len()))),
+            [first, ..] if first.get("hourly").is_some() => {
+                return Err(whole(format!("has {} places: one is expected", list.len())));
+            }
+            _ => return Err(whole(unknown(&json))),
         },
         _ => &json,
     };
-    let map = json.as_object().ok_or_else(|| whole("must be an object of JSON with `hourly`".into()))?;
+    let map = json.as_object().ok_or_else(|| whole(unknown(json)))?;
     if let Some(reason) = map.get("reason").and_then(Value::as_str) {
         return Err(whole(format!("is an error of the service: {}", crate::error::quoted(reason))));
     }
+    let is_table = |map: &Map<String, Value>| {
+        map.values().any(Value::is_array)
+            && !map.values().any(|list| list.as_array().is_some_and(|list| list.iter().any(Value::is_object)))
+    };
     let (prefix, hourly) = match map.get("hourly") {
-        Some(hourly) => {
-            ("hourly.", hourly.as_object().ok_or_else(|| whole("hourly must be an object of lists".into()))?)
+        Some(Value::Object(hourly)) if is_table(hourly) => ("hourly.", hourly),
+        None if is_table(map) => ("", map),
+        None if ["current", "daily", "minutely_15"]
+            .iter()
+            .any(|name| map.contains_key(&format!("{name}_units"))) =>
+        {
+            return Err(whole("has no `hourly`: ask Open-Meteo for hourly values".into()));
         }
-        None => ("", map),
+        _ => return Err(whole(unknown(json))),
     };
     let number = |name: &str, most: f64| -> Result<Option<f64>, ReportError> {
         let Some(value) = map.get(name).filter(|value| !value.is_null()) else { return Ok(None) };
@@ -72,6 +84,26 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
         whole: &whole,
     }
     .read()
+}
+
+/// The problem of JSON that is no table as it is read, with what it has in its place.
+fn unknown(json: &Value) -> String {
+    let first = |list: &'_ Value| list.as_array()?.first()?.as_object().cloned();
+    let (name, map, is_list) = match json {
+        Value::Object(map) => match map.iter().find_map(|(name, list)| Some((name, first(list)?))) {
+            Some((name, record)) => (format!(" {}", crate::error::quoted(name)), record, true),
+            None => (String::new(), map.clone(), false),
+        },
+        list => (String::new(), first(list).unwrap_or_default(), true),
+    };
+    let keys: Vec<&str> = map.keys().take(6).map(String::as_str).collect();
+    let keys = crate::error::plain(&keys.join(", "));
+    let found = match is_list {
+        _ if keys.is_empty() => String::new(),
+        true => format!(" (it has a list{name} of objects of {keys})"),
+        false => format!(" (it has {keys})"),
+    };
+    format!("{UNKNOWN}{found}; {KNOWN}")
 }
 
 /// Names and units of the columns, and their lists.

@@ -9,6 +9,12 @@ use crate::report::{ReportNote, ReportNoteKind};
 
 /// mm of water in a metre of fresh snow, as Open-Meteo counts: 7 cm are 10 mm.
 const WATER: f64 = 1000.0 / 7.0;
+/// The problem of a table with none of the names that are read, and the remedy.
+pub(super) const UNKNOWN: &str = "is no table of a known service";
+pub(super) const KNOWN: &str = "known are Open-Meteo (JSON with an object `hourly` of lists, or CSV) and Meteostat (CSV): write others as \
+                                CSV with a column `time` and columns such as temperature_2m, rain, wind_speed_10m";
+/// Fewest rows that repeat others which are noted.
+const REPEATED: usize = 3;
 /// Most hours of a table: a year of `light.hour`.
 const MOST_HOURS: f64 = 8700.0;
 
@@ -73,17 +79,19 @@ impl RawTable<'_> {
                 let near = meant(name, ["time", "date"].into_iter());
                 (!near.is_empty()).then(|| format!("; {} is none{near}", quoted(name)))
             });
-            return Err((self.whole)(format!("has no column `time`{}", near.unwrap_or_default())));
+            return Err((self.whole)(match near {
+                Some(near) => format!("has no column `time`{near}"),
+                None => format!("{UNKNOWN} (it has no column `time`); {KNOWN}"),
+            }));
         }
         if columns.iter().flatten().all(|column| is_time(column.field)) {
-            let near = unused
-                .iter()
-                .map(|name| meant(name, names()))
-                .find(|near| !near.is_empty())
-                .unwrap_or_default();
-            return Err((self.whole)(format!(
-                "has no column of weather{near}: temperature_2m, rain, snowfall, wind_speed_10m and the like are expected"
-            )));
+            let near = unused.iter().map(|name| meant(name, names())).find(|near| !near.is_empty());
+            return Err((self.whole)(match near {
+                Some(near) => format!(
+                    "has no column of weather{near}: temperature_2m, rain, snowfall, wind_speed_10m and the like are expected"
+                ),
+                None => format!("{UNKNOWN} (it has no column of weather); {KNOWN}"),
+            }));
         }
         if self.rows.is_empty() {
             return Err((self.whole)("has no rows: at least one hour is expected".into()));
@@ -100,7 +108,24 @@ impl RawTable<'_> {
             rows.push(row);
         }
         if missing > 0 {
-            note(ReportNoteKind::Guess, format!("amounts of {missing} rows are missing: nothing fell"));
+            note(
+                ReportNoteKind::Missing,
+                format!("amounts of rain and snow in {missing} of {} rows: nothing fell", rows.len()),
+            );
+        }
+        // At the end of a table there are often hours that nobody has measured or forecast yet.
+        let is_empty = |cells: &&Vec<Cell>| {
+            let told = columns
+                .iter()
+                .zip(*cells)
+                .filter(|(column, _)| column.is_some_and(|one| !is_time(one.field)));
+            told.into_iter().all(|(_, cell)| *cell == Cell::Missing)
+        };
+        let empty = self.rows.iter().rev().take_while(is_empty).count();
+        let has_amounts =
+            [Field::Rain, Field::Showers, Field::Precipitation, Field::Snowfall].into_iter().any(has);
+        for text in not_measured(&rows, empty, has_amounts) {
+            note(ReportNoteKind::Missing, text);
         }
         let guesses_phase = has(Field::Precipitation) && !has(Field::Rain) && !has(Field::Snowfall);
         if guesses_phase && rows.iter().any(|row| row.rain > 0.0 || row.snow > 0.0) {
@@ -227,6 +252,55 @@ impl RawTable<'_> {
         };
         Ok(row)
     }
+}
+
+/// Quantities that no row has, or some do not have, and rows at the end that only repeat others, of which `empty` have nothing.
+fn not_measured(rows: &[WeatherRow], empty: usize, has_amounts: bool) -> Vec<String> {
+    type Told = fn(&WeatherRow) -> Option<f64>;
+    const QUANTITIES: [(&str, Told); 7] = [
+        ("temperature", |row| row.temperature),
+        ("humidity", |row| row.humidity),
+        ("wind", |row| row.wind_speed),
+        ("direction of the wind", |row| row.wind_from),
+        ("visibility", |row| row.visibility),
+        ("clouds", |row| row.cloud_cover),
+        ("depth of snow", |row| row.snow_depth),
+    ];
+    let told = &rows[..rows.len() - empty];
+    if told.is_empty() {
+        return vec!["anything: no row has a value".into()];
+    }
+    let (mut notes, mut missing) = (Vec::new(), Vec::new());
+    if !has_amounts {
+        missing.push("rain and snow");
+    }
+    for (name, value) in QUANTITIES {
+        match told.iter().filter(|row| value(row).is_none()).count() {
+            0 => {}
+            lacking if lacking == told.len() => missing.push(name),
+            lacking => {
+                let of = told.len();
+                notes.push(format!("{name} in {lacking} of {of} rows: taken from the rows beside"));
+            }
+        }
+    }
+    if !missing.is_empty() {
+        notes.insert(0, missing.join(", "));
+    }
+    if empty > 0 {
+        let of = rows.len();
+        notes
+            .push(format!("the last {empty} of {of} rows, which have no values: they repeat the row before"));
+    }
+    let same = |pair: &&[WeatherRow]| WeatherRow { time: pair[0].time, ..pair[1].clone() } == pair[0];
+    let repeated = told.windows(2).rev().take_while(same).count();
+    if repeated >= REPEATED && QUANTITIES.len() > missing.len() + 1 {
+        let of = told.len();
+        notes.push(format!(
+            "perhaps the last {repeated} of {of} rows: they repeat the row before in all values"
+        ));
+    }
+    notes
 }
 
 fn is_time(field: Field) -> bool {

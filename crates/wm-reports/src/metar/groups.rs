@@ -1,17 +1,18 @@
-//! The groups of a METAR, one function each.
+//! The groups of a METAR in their order.
+//!
+//! Nobody types a METAR by the book everywhere. So damage is an error only where it could be the wind, the visibility, the
+//! weather, the clouds or the temperature: in a group that begins as one of these, or that is of no known form and stands
+//! before the temperature. Anything else is noted and left out.
 
+use super::forms::{
+    clouds, degrees, is_digits, is_strokes, metres, miles, pressure, runway, runway_range, weather, wind,
+};
 use super::{
-    CloudCover, CloudGroup, IgnoredGroup, Metar, MetarKind, MetarTime, MetarVisibility, MetarWind,
-    RunwayRange, VisibilityBound, WeatherDescriptor, WeatherGroup, WeatherIntensity, WeatherPhenomenon,
+    IgnoredGroup, Metar, MetarKind, MetarTime, MetarVisibility, RunwayRange, VisibilityBound,
+    WeatherPhenomenon,
 };
 use crate::error::{ReportError, meant, quoted};
 use wm_scene::nearest;
-
-/// Metres in a statute mile and a foot, m/s in a knot, hPa in an inch of mercury.
-const MILE: f64 = 1609.344;
-const FOOT: f64 = 0.3048;
-const KNOT: f64 = 0.514_444;
-const INCH: f64 = 33.863_886;
 
 /// The forms of groups, with examples that say what each looks like.
 const FORMS: &[(&str, &[&str])] = &[
@@ -19,42 +20,42 @@ const FORMS: &[(&str, &[&str])] = &[
     ("a visibility, as in 0800, 9999, 1200NE or 3/4SM", &["0800", "1200NE", "3/4SM", "10SM"]),
     ("clouds, as in BKN012, FEW030CB or VV002", &["BKN012", "FEW030CB", "VV002"]),
     ("temperature and dew point, as in 03/M01", &["03/M01", "M03/M05", "13/11"]),
-    ("a pressure, as in Q1013 or A2992", &["Q1013", "A2992"]),
-    ("a runway visual range, as in R04L/0600", &["R04L/0600", "R27/P2000", "R04R/1200FT"]),
     ("a time, as in 291851Z", &["291851Z"]),
 ];
 /// Words that end the report itself: what follows is a forecast.
-const TRENDS: [&str; 7] = ["TEMPO", "BECMG", "NOSIG", "INTER", "PROB30", "PROB40", "FCST"];
-/// Colour states of military aerodromes.
-const COLORS: [&str; 9] = ["BLU", "BLU+", "WHT", "GRN", "YLO", "YLO1", "YLO2", "AMB", "RED"];
-const SIDES: [&str; 8] = ["N", "NE", "E", "SE", "S", "SW", "W", "NW"];
+const TRENDS: [&str; 9] = ["TEMPO", "BECMG", "NOSIG", "INTER", "PROB30", "PROB40", "FCST", "TREND", "TAF"];
+/// Colour states of military aerodromes; several may be in one group.
+const COLORS: [&str; 9] = ["BLU+", "BLU", "WHT", "GRN", "YLO1", "YLO2", "YLO", "AMB", "RED"];
 
 /// A group and its place in the text, characters from 1.
 #[derive(Clone, Copy)]
 struct Group<'a> {
     text: &'a str,
     at: usize,
+    /// It is the first of its line.
+    is_first: bool,
 }
 
 fn groups(text: &str) -> Vec<Group<'_>> {
     let mut found = Vec::new();
     let mut start = None;
-    let mut position = 0;
+    let (mut position, mut is_first) = (0, true);
     for (index, c) in text.char_indices() {
         position += 1;
         // The end of a report, in bulletins.
         let is_gap = c.is_whitespace() || c == '=';
         match (is_gap, start) {
             (true, Some((from, at))) => {
-                found.push(Group { text: &text[from..index], at });
-                start = None;
+                found.push(Group { text: &text[from..index], at, is_first });
+                (start, is_first) = (None, false);
             }
             (false, None) => start = Some((index, position)),
             _ => {}
         }
+        is_first |= c == '\n';
     }
     if let Some((from, at)) = start {
-        found.push(Group { text: &text[from..], at });
+        found.push(Group { text: &text[from..], at, is_first });
     }
     found
 }
@@ -71,6 +72,20 @@ fn damaged(group: Group<'_>, form: usize) -> ReportError {
     fault(group, format!("is damaged: {} is expected", FORMS[form].0))
 }
 
+/// Returns true if a line begins a report: by its name, or by a station and a time.
+pub(crate) fn begins(line: &str) -> bool {
+    let mut words = line.split_whitespace();
+    let (first, second) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
+    let is_time = |word: &str| {
+        let digits = word.strip_suffix('Z').unwrap_or_default();
+        digits.len() >= 4 && digits.bytes().all(|b| b.is_ascii_digit())
+    };
+    let is_station = first.len() == 4 && first.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit());
+    // A TAF is told apart there.
+    let is_named = ["METAR", "SPECI", "TAF"].iter().any(|name| first.eq_ignore_ascii_case(name));
+    is_named || (is_station && is_time(second))
+}
+
 pub(super) fn parse(text: &str) -> Result<Metar, ReportError> {
     let all = groups(text);
     let mut rest = &all[..];
@@ -85,6 +100,7 @@ pub(super) fn parse(text: &str) -> Result<Metar, ReportError> {
         visibility: None,
         minimum_visibility: None,
         runway_ranges: Vec::new(),
+        has_weather: true,
         weather: Vec::new(),
         clouds: Vec::new(),
         temperature: None,
@@ -94,16 +110,25 @@ pub(super) fn parse(text: &str) -> Result<Metar, ReportError> {
         ignored: Vec::new(),
         remarks: String::new(),
     };
-    let mut take = |wanted: &[&str]| -> Option<&str> {
-        let (first, others) = rest.split_first()?;
-        let found = wanted.contains(&first.text).then_some(first.text)?;
-        rest = others;
-        Some(found)
-    };
-    if take(&["METAR", "SPECI"]) == Some("SPECI") {
-        metar.kind = MetarKind::Speci;
+    for pair in all.windows(2).skip(1).filter(|pair| pair[0].is_first) {
+        if pair[0].text != "TAF" && begins(&format!("{} {}", pair[0].text, pair[1].text)) {
+            return Err(fault(pair[0], "begins a second report: one is expected"));
+        }
     }
-    metar.is_correction = take(&["COR"]).is_some();
+    if let Some((first, others)) = rest.split_first()
+        && matches!(first.text, "METAR" | "SPECI")
+    {
+        rest = others;
+        if first.text == "SPECI" {
+            metar.kind = MetarKind::Speci;
+        }
+    }
+    while let Some((first, others)) = rest.split_first()
+        && is_mark(first.text)
+    {
+        metar.mark(first.text);
+        rest = others;
+    }
     let whole = |problem: &str| ReportError::Whole { file: "METAR".into(), problem: problem.into() };
     let Some((station, others)) = rest.split_first() else {
         return Err(whole("ends before the station: a report begins as in METAR KJFK 291851Z"));
@@ -123,52 +148,129 @@ pub(super) fn parse(text: &str) -> Result<Metar, ReportError> {
     }
     metar.station = station.text.into();
     rest = others;
+    while let Some((first, others)) = rest.split_first()
+        && is_mark(first.text)
+    {
+        metar.mark(first.text);
+        rest = others;
+    }
     if let Some((group, others)) = rest.split_first()
         && group.text.ends_with('Z')
     {
         metar.time = Some(time(*group)?);
         rest = others;
     }
-    let mut seen = 0;
-    while let Some((group, others)) = rest.split_first() {
-        let taken = metar.take(*group, others, text)?;
-        seen += 1;
-        rest = others.get(taken..).unwrap_or_default();
-    }
-    if seen == 0 {
+    if rest.is_empty() {
         return Err(whole("has no groups after the station and the time"));
     }
-    Ok(metar)
+    let mut reader = Reader { metar, is_past: false };
+    while let Some((group, others)) = rest.split_first() {
+        let taken = reader.take(*group, others, text)?;
+        rest = others.get(taken..).unwrap_or_default();
+    }
+    Ok(reader.metar)
+}
+
+/// Returns true for words on how a report was made.
+fn is_mark(text: &str) -> bool {
+    let is_version = text.len() == 3 && text.starts_with("CC") && text.as_bytes()[2].is_ascii_uppercase();
+    matches!(text, "AUTO" | "COR" | "RTD") || is_version
+}
+
+/// Returns true for the beginning of a forecast: `TEMPO`, `FM1830`, `AT1200`.
+fn is_trend(text: &str, next: Option<&Group<'_>>) -> bool {
+    let is_hour = |text: &str| is_digits(text, 4) || is_digits(text, 6);
+    let time = ["FM", "AT", "TL"].iter().find_map(|word| text.strip_prefix(word));
+    TRENDS.contains(&text)
+        || time.is_some_and(|time| {
+            is_hour(time.trim_end_matches('Z'))
+                || (time.is_empty() && next.is_some_and(|next| is_hour(next.text)))
+        })
+}
+
+/// Returns true for colour states, also several in one: `BLU`, `BLACKAMB`, `BLU+BLU+`.
+fn is_color(text: &str) -> bool {
+    let mut rest = text.trim_start_matches("BLACK");
+    let is_black = rest.is_empty();
+    while let Some(color) = COLORS.iter().find(|color| rest.starts_with(**color)) {
+        rest = rest[color.len()..].trim_start_matches('/');
+    }
+    rest.is_empty() && !is_black && !text.is_empty() || text == "BLACK"
+}
+
+/// Returns true for the state of a runway without its `R`: `31CLRD80`, `3609//70`, `24290050`.
+fn is_runway_state(text: &str) -> bool {
+    let bytes = text.as_bytes();
+    let is_state = |b: &u8| b.is_ascii_digit() || *b == b'/';
+    bytes.len() == 8
+        && bytes[..2].iter().all(u8::is_ascii_digit)
+        && (text[2..].starts_with("CLRD") || bytes[2..].iter().all(is_state))
 }
 
 impl Metar {
+    fn mark(&mut self, text: &str) {
+        self.is_automatic |= text == "AUTO";
+        self.is_correction |= !matches!(text, "AUTO" | "RTD");
+    }
+}
+
+/// A report while it is read.
+struct Reader {
+    metar: Metar,
+    /// The pressure was read, which ends the report itself.
+    is_past: bool,
+}
+
+impl Reader {
+    /// Notes a group, and so many after it.
+    fn ignore(
+        &mut self,
+        group: Group<'_>,
+        others: &[Group<'_>],
+        taken: usize,
+        reason: &'static str,
+    ) -> usize {
+        let parts = std::iter::once(&group).chain(others.iter().take(taken)).map(|group| group.text);
+        self.metar.ignored.push(IgnoredGroup { text: parts.collect::<Vec<_>>().join(" "), reason });
+        taken
+    }
+
+    /// Notes all groups up to the remarks or to a forecast.
+    fn ignore_words(&mut self, group: Group<'_>, others: &[Group<'_>]) -> usize {
+        let ends = |at: usize| is_remark(others[at].text) || is_trend(others[at].text, others.get(at + 1));
+        let taken = (0..others.len()).find(|at| ends(*at)).unwrap_or(others.len());
+        self.ignore(group, others, taken, "words after the report")
+    }
+
     /// Reads a group; returns the number of groups after it that belong to it.
     fn take(&mut self, group: Group<'_>, others: &[Group<'_>], all: &str) -> Result<usize, ReportError> {
         let text = group.text;
-        let ignore = |metar: &mut Self, taken: usize, reason: &'static str| {
-            let parts = std::iter::once(text).chain(others.iter().take(taken).map(|group| group.text));
-            metar.ignored.push(IgnoredGroup { text: parts.collect::<Vec<_>>().join(" "), reason });
-            Ok(taken)
-        };
-        match text {
-            "AUTO" => self.is_automatic = true,
-            "METAR" | "SPECI" => return Err(fault(group, "begins a second report: one is expected")),
+        let next = others.first();
+        Ok(match text {
+            _ if is_mark(text) => {
+                self.metar.mark(text);
+                0
+            }
+            "METAR" | "SPECI" if next.is_some() => {
+                return Err(fault(group, "begins a second report: one is expected"));
+            }
+            "METAR" | "SPECI" => self.ignore(group, others, 0, "no report follows"),
             "NIL" => return Err(fault(group, "says that the report is missing: there is no weather in it")),
-            "COR" | "CCA" | "CCB" | "CCC" | "RTD" => self.is_correction |= text != "RTD",
             "CAVOK" => {
-                self.is_cavok = true;
-                self.visibility = Some(MetarVisibility {
+                self.metar.is_cavok = true;
+                self.see(MetarVisibility {
                     metres: 10_000.0,
                     bound: VisibilityBound::OrMore,
                     direction: None,
                 });
+                0
             }
-            "RMK" => {
+            _ if is_remark(text) => {
                 // As it stands, from the next group to the end.
-                let start = others.first().map_or(all.len(), |next| byte_of(all, next.at));
-                self.remarks =
+                let start = next.map_or(all.len(), |next| byte_of(all, next.at));
+                self.metar.remarks =
                     all.get(start..).unwrap_or_default().trim_end_matches(['=', '\n', '\r', ' ']).into();
-                return Ok(others.len());
+                others.len()
             }
             "WS" => {
                 let is_part = |text: &str| {
@@ -176,41 +278,74 @@ impl Metar {
                         || text.starts_with("RWY")
                         || runway(text).is_some()
                 };
-                let taken = others.iter().take_while(|group| is_part(group.text)).count();
-                if taken == 0 {
-                    return Err(fault(group, "is damaged: wind shear is WS R24 or WS ALL RWY"));
+                match others.iter().take_while(|group| is_part(group.text)).count() {
+                    0 => self.ignore_words(group, others),
+                    taken => self.ignore(group, others, taken, "a weather has no wind shear"),
                 }
-                return ignore(self, taken, "a weather has no wind shear");
             }
-            "$" | "NSW" | "SNOCLO" | "R/SNOCLO" => return ignore(self, 0, "no part of a weather"),
+            "$" | "NSW" | "SNOCLO" | "R/SNOCLO" => self.ignore(group, others, 0, "no part of a weather"),
+            // The sky is hidden, and by what and how much is not told.
+            "SKY" => {
+                let is_word =
+                    |group: &&Group<'_>| matches!(group.text, "OBS" | "OBSC" | "OBSCURED" | "INVISIBLE");
+                let taken = usize::from(next.filter(is_word).is_some());
+                self.ignore(group, others, taken, "no share of clouds")
+            }
+            "OBS" | "OBSC" | "OBSCURED" => self.ignore(group, others, 0, "no share of clouds"),
             // Not measured: visibility, weather, temperature.
-            "//SM" | "////SM" | "M" => {}
-            _ if text.len() != 6 && text.bytes().all(|b| b == b'/') => {}
+            "M" => 0,
+            _ if is_strokes(text) && text.len() != 6 => {
+                self.metar.has_weather &= text.len() != 2;
+                0
+            }
+            _ if ["SM", "NDV", "KM", "RE"].iter().any(|unit| is_strokes(&text.replacen(unit, "", 1))) => 0,
             // Outside of the remarks, where they belong, in bulletins of some services.
             _ if text.starts_with("SLP") && text.len() == 6 => {
-                return ignore(self, 0, "a pressure of the remarks");
+                self.ignore(group, others, 0, "a pressure of the remarks")
             }
-            _ if text.starts_with("RF") && text.contains('.') => {
-                return ignore(self, 0, "rain so far, in Australia");
+            _ if text.starts_with("RF") && text.contains(['.', '/']) => {
+                self.ignore(group, others, 0, "rain so far, in Australia")
             }
-            _ if TRENDS.contains(&text) => {
-                let taken = others.iter().take_while(|group| group.text != "RMK").count();
-                return ignore(self, taken, "a forecast, not what is there");
+            _ if ["QNH", "QFE", "QFF", "QNE"].iter().any(|name| text.starts_with(name)) => {
+                self.is_past = true;
+                self.ignore(group, others, 0, "a pressure")
             }
-            _ if COLORS.contains(&text.trim_start_matches("BLACK")) => {
-                return ignore(self, 0, "the colour state of an aerodrome");
+            _ if is_trend(text, next) => {
+                let taken = others.iter().take_while(|group| !is_remark(group.text)).count();
+                self.ignore(group, others, taken, "a forecast, not what is there")
+            }
+            _ if is_color(text) => {
+                self.is_past = true;
+                self.ignore(group, others, 0, "the colour state of an aerodrome")
             }
             _ => return self.take_value(group, others),
-        }
-        Ok(0)
+        })
     }
 
     fn take_value(&mut self, group: Group<'_>, others: &[Group<'_>]) -> Result<usize, ReportError> {
+        match self.value(group, others) {
+            // Where the pressure or the temperature has been told all is told that must be.
+            Err(_) if self.is_past || self.metar.temperature.is_some() => {
+                Ok(self.ignore_words(group, others))
+            }
+            taken => taken,
+        }
+    }
+
+    fn value(&mut self, group: Group<'_>, others: &[Group<'_>]) -> Result<usize, ReportError> {
         let text = group.text;
-        let is_digits =
-            |text: &str, count: usize| text.len() == count && text.bytes().all(|b| b.is_ascii_digit());
-        if ["KT", "MPS", "KMH"].iter().any(|unit| text.ends_with(unit)) {
-            self.wind = Some(wind(text).ok_or_else(|| damaged(group, 0))?);
+        let next = others.first().map(|next| next.text);
+        let is_wind = ["KT", "KTS", "MPS", "KMH"].iter().any(|unit| text.ends_with(unit));
+        if is_wind {
+            let read = wind(text).ok_or_else(|| damaged(group, 0))?;
+            if self.metar.wind.is_some() {
+                return Ok(if self.is_past {
+                    self.ignore_words(group, others)
+                } else {
+                    self.ignore(group, others, 0, "a second wind")
+                });
+            }
+            self.metar.wind = Some(read);
         } else if text.len() == 7
             && text.as_bytes()[3] == b'V'
             && text.bytes().filter(u8::is_ascii_digit).count() == 6
@@ -219,41 +354,65 @@ impl Metar {
             if !between.iter().all(|degrees| (0.0..=360.0).contains(degrees)) {
                 return Err(fault(group, "is damaged: a varying wind is 180V240, in degrees up to 360"));
             }
-            let Some(wind) = &mut self.wind else {
+            let Some(wind) = &mut self.metar.wind else {
                 return Err(fault(group, "says how the wind varies, and no wind comes before it"));
             };
             wind.between = Some(between);
         } else if text.ends_with("SM") {
             let metres = miles(text, 0.0).ok_or_else(|| damaged(group, 1))?;
             self.see(metres);
-        } else if (is_digits(text, 1) || is_digits(text, 2))
-            && others.first().is_some_and(|next| next.text.ends_with("SM"))
+        } else if (is_digits(text, 1) || is_digits(text, 2)) && next.is_some_and(|next| next.ends_with("SM"))
         {
             let whole = text.parse::<f64>().unwrap_or_default();
             let metres = miles(others[0].text, whole).ok_or_else(|| damaged(others[0], 1))?;
             self.see(metres);
             return Ok(1);
         } else if let Some(seen) = metres(text) {
-            self.see(seen);
-        } else if text.len() > 3 && text.starts_with('R') && text.as_bytes()[1].is_ascii_digit() {
-            let (runway, range) = runway_range(text).ok_or_else(|| damaged(group, 5))?;
-            match range {
-                Some(metres) => self.runway_ranges.push(RunwayRange { runway, metres }),
-                None => {
-                    self.ignored.push(IgnoredGroup { text: text.into(), reason: "the state of a runway" });
-                }
+            if self.metar.temperature.is_some() {
+                return Ok(self.ignore(group, others, 0, "no visibility: it comes after the temperature"));
             }
-        } else if is_digits(text, 8) {
-            self.ignored.push(IgnoredGroup { text: text.into(), reason: "the state of a runway" });
+            self.see(seen);
+        } else if text.len() > 3 && text.starts_with('R') && matches!(text.as_bytes()[1], b'0'..=b'9' | b'/')
+        {
+            match runway_range(text) {
+                Some((runway, Some(metres))) => {
+                    self.metar.runway_ranges.push(RunwayRange { runway, metres });
+                }
+                Some((_, None)) => return Ok(self.ignore(group, others, 0, "the state of a runway")),
+                None => return Ok(self.ignore(group, others, 0, "damaged, of a runway")),
+            }
+        } else if is_runway_state(text) {
+            return Ok(self.ignore(group, others, 0, "the state of a runway"));
         } else if let Some(cloud) = clouds(text) {
-            self.clouds.push(cloud.map_err(|()| damaged(group, 2))?);
+            let cloud = cloud.map_err(|()| damaged(group, 2))?;
+            if self.is_past && (self.metar.is_cavok || !self.metar.clouds.is_empty()) {
+                return Ok(self.ignore_words(group, others));
+            }
+            self.metar.clouds.push(cloud);
+        } else if text.starts_with("CB") || text.starts_with("TCU") {
+            // Where the clouds stand that were told, in words.
+            return Ok(match self.metar.temperature {
+                Some(_) => self.ignore_words(group, others),
+                None => self.ignore(group, others, 0, "no share of clouds"),
+            });
         } else if text.starts_with(['Q', 'A'])
             && text[1..].starts_with(|c: char| c.is_ascii_digit() || c == '/')
         {
-            self.pressure = pressure(text).ok_or_else(|| damaged(group, 4))?.or(self.pressure);
-        } else if text.starts_with('W') && text.contains("/S") || text.starts_with('W') && text.contains("/H")
-        {
-            self.ignored.push(IgnoredGroup { text: text.into(), reason: "the state of the sea" });
+            self.is_past = true;
+            // Typed apart: `Q10 13`.
+            let joined = next.map(|next| format!("{text}{next}")).filter(|_| pressure(text).is_none());
+            match (pressure(text), joined.as_deref().and_then(pressure)) {
+                (Some(read), _) => self.metar.pressure = read.or(self.metar.pressure),
+                (None, Some(read)) => {
+                    self.metar.pressure = read;
+                    return Ok(1);
+                }
+                (None, None) => {
+                    return Ok(self.ignore(group, others, 0, "a damaged pressure, which no weather has"));
+                }
+            }
+        } else if text.starts_with('W') && (text.contains("/S") || text.contains("/H")) {
+            return Ok(self.ignore(group, others, 0, "the state of the sea"));
         } else if text.contains('/') {
             let degrees = degrees(text).ok_or_else(|| damaged(group, 3))?;
             if !degrees.iter().flatten().all(|t| (-90.0..=60.0).contains(t)) {
@@ -262,25 +421,43 @@ impl Metar {
                     "is no temperature of the air: -90 to 60 degrees Celsius are expected",
                 ));
             }
-            [self.temperature, self.dew_point] = degrees;
+            if self.metar.temperature.is_some() {
+                return Ok(self.ignore(group, others, 0, "a further temperature"));
+            }
+            [self.metar.temperature, self.metar.dew_point] = degrees;
         } else if let Some(recent) = text.strip_prefix("RE").filter(|rest| rest.len() >= 2) {
-            self.recent.push(weather(recent).ok_or_else(|| unknown(group))?);
+            self.metar.recent.push(weather(recent).ok_or_else(|| unknown(group))?);
+        } else if text == "VC" {
+            // Typed apart: `VC SH`.
+            let near = next.and_then(|next| weather(&format!("VC{next}"))).ok_or_else(|| unknown(group))?;
+            self.metar.weather.push(near);
+            return Ok(1);
         } else {
-            self.weather.push(weather(text).ok_or_else(|| unknown(group))?);
+            let weather = weather(text).ok_or_else(|| unknown(group))?;
+            if self.is_past {
+                return Ok(self.ignore_words(group, others));
+            }
+            self.metar.weather.push(weather);
         }
         Ok(0)
     }
 
     fn see(&mut self, seen: MetarVisibility) {
-        if self.visibility.is_none() {
-            self.visibility = Some(seen);
-        } else if self.minimum_visibility.is_none() {
-            self.minimum_visibility = Some(seen);
+        let metar = &mut self.metar;
+        if metar.visibility.is_none() {
+            metar.visibility = Some(seen);
+        } else if metar.minimum_visibility.is_none() && !self.is_past {
+            metar.minimum_visibility = Some(seen);
         } else {
             let text = format!("{} m {}", seen.metres, seen.direction.unwrap_or_default());
-            self.ignored.push(IgnoredGroup { text, reason: "a third visibility" });
+            metar.ignored.push(IgnoredGroup { text: text.trim().into(), reason: "a further visibility" });
         }
     }
+}
+
+/// Returns true for the word that begins the remarks.
+fn is_remark(text: &str) -> bool {
+    matches!(text, "RMK" | "RMKS" | "REMARK" | "REMARKS")
 }
 
 /// The byte at which a character, from 1, begins.
@@ -318,7 +495,7 @@ fn unknown(group: Group<'_>) -> ReportError {
 fn time(group: Group<'_>) -> Result<MetarTime, ReportError> {
     let text = &group.text[..group.text.len() - 1];
     if text.len() != 6 || !text.bytes().all(|b| b.is_ascii_digit()) {
-        return Err(damaged(group, 6));
+        return Err(damaged(group, 4));
     }
     let part = |from: usize| text[from..from + 2].parse().unwrap_or(99);
     let time = MetarTime { day: part(0), hour: part(2), minute: part(4) };
@@ -329,220 +506,4 @@ fn time(group: Group<'_>) -> Result<MetarTime, ReportError> {
         ));
     }
     Ok(time)
-}
-
-fn wind(text: &str) -> Option<MetarWind> {
-    let units = [("KT", KNOT), ("MPS", 1.0), ("KMH", 1.0 / 3.6)];
-    let (text, unit) = units.iter().find_map(|(name, unit)| Some((text.strip_suffix(name)?, *unit)))?;
-    let (direction, speeds) = text.split_at_checked(3)?;
-    let is_variable = direction == "VRB";
-    let from = match direction {
-        "VRB" | "///" => None,
-        digits if digits.bytes().all(|b| b.is_ascii_digit()) => {
-            Some(digits.parse::<f64>().ok().filter(|degrees| *degrees <= 360.0)?)
-        }
-        _ => return None,
-    };
-    let speed = |text: &str| -> Option<Option<f64>> {
-        if matches!(text, "//" | "///") {
-            return Some(None);
-        }
-        // P: or more.
-        let digits = text.strip_prefix('P').unwrap_or(text);
-        let good = (2..=3).contains(&digits.len()) && digits.bytes().all(|b| b.is_ascii_digit());
-        good.then(|| digits.parse::<f64>().ok().map(|speed| speed * unit))
-    };
-    let (mean, gust) = match speeds.split_once('G') {
-        Some((mean, gust)) => (speed(mean)?, speed(gust)?),
-        None => (speed(speeds)?, None),
-    };
-    Some(MetarWind { from, speed: mean, gust, is_variable, between: None })
-}
-
-/// A visibility in statute miles, with a whole number that came before.
-fn miles(text: &str, whole: f64) -> Option<MetarVisibility> {
-    let text = text.strip_suffix("SM")?;
-    let (bound, number) = match text.as_bytes().first()? {
-        b'M' => (VisibilityBound::Less, &text[1..]),
-        b'P' => (VisibilityBound::OrMore, &text[1..]),
-        _ => (VisibilityBound::Exact, text),
-    };
-    let digits = |text: &str| -> Option<f64> {
-        let good = (1..=3).contains(&text.len()) && text.bytes().all(|b| b.is_ascii_digit());
-        good.then(|| text.parse().ok())?
-    };
-    let miles = match number.split_once('/') {
-        Some((upper, lower)) => whole + digits(upper)? / digits(lower).filter(|lower| *lower > 0.0)?,
-        None if whole > 0.0 => return None,
-        None => digits(number)?,
-    };
-    Some(MetarVisibility { metres: miles * MILE, bound, direction: None })
-}
-
-/// A visibility in metres: `0800`, `9999`, `1200NE`, `2000NDV`, `5KM`.
-fn metres(text: &str) -> Option<MetarVisibility> {
-    if let Some(km) = text.strip_suffix("KM").filter(|km| (1..=2).contains(&km.len())) {
-        let metres = 1000.0 * f64::from(km.parse::<u8>().ok()?);
-        return Some(MetarVisibility { metres, bound: VisibilityBound::Exact, direction: None });
-    }
-    let (digits, side) = text.split_at_checked(4)?;
-    if !digits.bytes().all(|b| b.is_ascii_digit())
-        || !(side.is_empty() || side == "NDV" || SIDES.contains(&side))
-    {
-        return None;
-    }
-    let direction = (!side.is_empty() && side != "NDV").then(|| side.to_owned());
-    let (metres, bound) = match digits {
-        "9999" => (10_000.0, VisibilityBound::OrMore),
-        "0000" => (50.0, VisibilityBound::Less),
-        _ => (digits.parse().ok()?, VisibilityBound::Exact),
-    };
-    Some(MetarVisibility { metres, bound, direction })
-}
-
-/// The name of a runway in a group that begins with `R`.
-fn runway(text: &str) -> Option<&str> {
-    let name = text.strip_prefix('R')?;
-    let digits = name.bytes().take_while(u8::is_ascii_digit).count();
-    (digits == 2 && matches!(&name[2..], "" | "L" | "C" | "R" | "LL" | "RR")).then_some(name)
-}
-
-/// A runway and its visual range, m; no range for a state of the runway.
-#[allow(clippy::type_complexity)] // A range that was not measured is another thing than none.
-fn runway_range(text: &str) -> Option<(String, Option<Option<[f64; 2]>>)> {
-    let (name, range) = text.split_once('/')?;
-    let runway = runway(name)?.to_owned();
-    let is_state = range.starts_with("CLRD") || range.starts_with("SNOCLO") || {
-        range.len() == 6 && range.bytes().all(|b| b.is_ascii_digit() || b == b'/')
-    };
-    if is_state {
-        return Some((runway, None));
-    }
-    // The trend: up, down, none.
-    let range = range.trim_end_matches(['U', 'D', 'N']).trim_end_matches('/');
-    if range.is_empty() {
-        return Some((runway, Some(None)));
-    }
-    let (range, unit) = range.strip_suffix("FT").map_or((range, 1.0), |range| (range, FOOT));
-    let distance = |text: &str| -> Option<f64> {
-        let digits = text.trim_start_matches(['P', 'M']);
-        let good = digits.len() == 4 && digits.bytes().all(|b| b.is_ascii_digit());
-        good.then(|| digits.parse::<f64>().ok().map(|v| v * unit))?
-    };
-    let metres = match range.split_once('V') {
-        Some((least, most)) => [distance(least)?, distance(most)?],
-        None => [distance(range)?; 2],
-    };
-    Some((runway, Some(Some(metres))))
-}
-
-/// Clouds; an error if it begins as clouds do.
-fn clouds(text: &str) -> Option<Result<CloudGroup, ()>> {
-    let cover = |text: &str| match text {
-        "FEW" => Some(CloudCover::Few),
-        "SCT" => Some(CloudCover::Scattered),
-        "BKN" => Some(CloudCover::Broken),
-        "OVC" => Some(CloudCover::Overcast),
-        "///" => Some(CloudCover::Unknown),
-        _ => None,
-    };
-    if matches!(text, "SKC" | "CLR" | "NSC" | "NCD") {
-        return Some(Ok(CloudGroup {
-            cover: CloudCover::Clear,
-            height: None,
-            kind: None,
-            code: text.into(),
-        }));
-    }
-    let (cover, rest) = match text.strip_prefix("VV") {
-        Some(rest) => (CloudCover::Obscured, rest),
-        None => {
-            let (head, rest) = text.split_at_checked(3)?;
-            let found = cover(head)?;
-            // Five slashes are a temperature.
-            (
-                found,
-                if found == CloudCover::Unknown && (rest.len() < 3 || rest.starts_with('M')) {
-                    return None;
-                } else {
-                    rest
-                },
-            )
-        }
-    };
-    let kinds = [("///", None), ("CB", Some("CB")), ("TCU", Some("TCU")), ("ACC", Some("ACC")), ("", None)];
-    // The genera of clouds, where a service tells them.
-    let genera = ["CI", "CC", "CS", "AC", "AS", "NS", "SC", "ST", "CU"].map(|genus| (genus, None));
-    let kinds: Vec<(&str, Option<&'static str>)> = kinds.into_iter().chain(genera).collect();
-    let read = || {
-        let (height, rest) = match rest.split_at_checked(3) {
-            None => (None, rest),
-            Some(("///", rest)) => (None, rest),
-            Some((digits, rest)) if digits.bytes().all(|b| b.is_ascii_digit()) => {
-                (digits.parse::<f64>().ok().map(|hundreds| 100.0 * FOOT * hundreds), rest)
-            }
-            // A kind without a height.
-            Some(_) => (None, rest),
-        };
-        let (_, kind) = kinds.iter().find(|(code, _)| *code == rest)?;
-        let has_none = cover == CloudCover::Obscured && text == "VV";
-        (!has_none).then(|| CloudGroup { cover, height, kind: *kind, code: text.into() })
-    };
-    Some(read().ok_or(()))
-}
-
-/// A pressure, hPa; none if it was not measured.
-fn pressure(text: &str) -> Option<Option<f64>> {
-    let digits = &text[1..];
-    if digits == "////" {
-        return Some(None);
-    }
-    if digits.len() != 4 || !digits.bytes().all(|b| b.is_ascii_digit()) {
-        return None;
-    }
-    let number = digits.parse::<f64>().ok()?;
-    Some(Some(if text.starts_with('A') { number / 100.0 * INCH } else { number }))
-}
-
-/// Temperature and dew point, degrees Celsius; none for what was not measured.
-fn degrees(text: &str) -> Option<[Option<f64>; 2]> {
-    let one = |text: &str| -> Option<Option<f64>> {
-        if matches!(text, "//" | "XX" | "") {
-            return Some(None);
-        }
-        let (sign, digits) = text.strip_prefix('M').map_or((1.0, text), |digits| (-1.0, digits));
-        let good = digits.len() == 2 && digits.bytes().all(|b| b.is_ascii_digit());
-        good.then(|| digits.parse::<f64>().ok().map(|value| sign * value))
-    };
-    // The stroke between the two, where the first may be two strokes.
-    let (first, second) =
-        if let Some(second) = text.strip_prefix("///") { ("//", second) } else { text.split_once('/')? };
-    Some([one(first)?, one(second)?])
-}
-
-fn weather(text: &str) -> Option<WeatherGroup> {
-    let (intensity, rest) = match text.as_bytes().first()? {
-        b'-' => (WeatherIntensity::Light, &text[1..]),
-        b'+' => (WeatherIntensity::Heavy, &text[1..]),
-        _ => (WeatherIntensity::Moderate, text),
-    };
-    let (is_nearby, mut rest) = rest.strip_prefix("VC").map_or((false, rest), |rest| (true, rest));
-    let mut group = WeatherGroup { intensity, is_nearby, descriptors: Vec::new(), phenomena: Vec::new() };
-    while !rest.is_empty() {
-        let (code, others) = rest.split_at_checked(2)?;
-        rest = others;
-        if let Some(phenomenon) = WeatherPhenomenon::ALL.iter().find(|one| one.code() == code) {
-            group.phenomena.push(*phenomenon);
-        } else {
-            let descriptor = WeatherDescriptor::ALL.iter().find(|one| one.code() == code)?;
-            // Descriptors come first.
-            if !group.phenomena.is_empty() {
-                return None;
-            }
-            group.descriptors.push(*descriptor);
-        }
-    }
-    // A thunderstorm needs nothing that falls, and neither do showers nearby.
-    let alone = group.is(WeatherDescriptor::Thunderstorm) || group.is(WeatherDescriptor::Showers);
-    (!group.phenomena.is_empty() || alone).then_some(group)
 }

@@ -1,16 +1,20 @@
 //! METAR and SPECI: reports of airports, WMO FM 15 and FM 16, with the forms of the United States.
 //!
-//! [`Metar::parse`] decodes one report group by group. A group that begins as a known one and is damaged is an error that says
-//! what was expected, and so is a group of no known form. Trends, runway states and the like are kept as they are
-//! ([`Metar::ignored`]); remarks too ([`Metar::remarks`]).
+//! [`Metar::parse`] decodes one report group by group. Damage to the wind, the visibility, the weather, the clouds or the
+//! temperature is an error that says what was expected. What no weather has, such as trends, runway states and words after the
+//! report, is kept as it is, damaged or not ([`Metar::ignored`]); remarks too ([`Metar::remarks`]). What was not measured is
+//! told by [`Metar::missing`].
 //!
 //! `weather.rs` has the weather of each group.
 
+mod forms;
 mod groups;
 mod weather;
 
 use crate::error::ReportError;
 use crate::report::{ReportOptions, WeatherReport};
+
+pub(crate) use groups::begins;
 
 /// The kind of an airport's report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -300,6 +304,8 @@ pub struct Metar {
     pub minimum_visibility: Option<MetarVisibility>,
     /// Runway visual ranges.
     pub runway_ranges: Vec<RunwayRange>,
+    /// False if strokes say that nobody knows whether there is present weather.
+    pub has_weather: bool,
     /// Present weather.
     pub weather: Vec<WeatherGroup>,
     /// Clouds.
@@ -336,6 +342,27 @@ impl Metar {
     /// [`ReportError::Text`] with the group, its place and what was expected.
     pub fn parse(text: &str) -> Result<Self, ReportError> {
         groups::parse(text)
+    }
+
+    /// The quantities of a weather that the report does not have: left out, or strokes in their place.
+    #[must_use]
+    pub fn missing(&self) -> Vec<&'static str> {
+        let has_speed = self.wind.is_some_and(|wind| wind.speed.is_some());
+        let needs_direction =
+            self.wind.is_some_and(|wind| wind.speed.is_some_and(|speed| speed > 0.0) && !wind.is_variable);
+        let has_direction = self.wind.is_some_and(|wind| wind.from.is_some());
+        let has_clouds = self.is_cavok || self.clouds.iter().any(|cloud| cloud.cover.share().is_some());
+        let parts = [
+            ("wind", has_speed),
+            ("direction of the wind", has_direction || !needs_direction),
+            ("visibility", self.visibility.is_some()),
+            ("weather", self.has_weather || !self.weather.is_empty()),
+            ("clouds", has_clouds),
+            ("temperature", self.temperature.is_some()),
+            ("dew point", self.dew_point.is_some()),
+            ("pressure", self.pressure.is_some()),
+        ];
+        parts.into_iter().filter(|(_, has)| !has).map(|(name, _)| name).collect()
     }
 }
 

@@ -66,6 +66,7 @@ pub(super) fn weather(
     let head = vec![text.split_whitespace().collect::<Vec<_>>().join(" ")];
     let mut draft = Draft::new(&name, &now.summary(), head);
     now.write(&mut draft);
+    draft.missing(&metar.missing());
     for text in ignored {
         draft.ignored(text);
     }
@@ -89,10 +90,7 @@ struct Mapping {
 impl Mapping {
     fn wind(&mut self, metar: &Metar) {
         let Some(wind) = &metar.wind else { return };
-        let Some(speed) = wind.speed else {
-            self.ignored.push("wind: it was not measured".into());
-            return;
-        };
+        let Some(speed) = wind.speed else { return };
         self.now.wind.speed = Some(Known::told(speed, "mean of the report, m/s"));
         self.now.wind.from = match (wind.from, wind.between) {
             (Some(from), Some([a, b])) => Some(Known::told(

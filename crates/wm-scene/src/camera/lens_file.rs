@@ -3,6 +3,7 @@
 use super::{Camera, LensModel};
 use crate::capture::Distortion;
 use crate::error::{FormatError, Location, Problem, one_line};
+use crate::files;
 use crate::formats::sidecar::line_column;
 use glam::DMat4;
 use serde::Deserialize;
@@ -52,7 +53,7 @@ impl LensModel {
                 Problem::Value("too long for a lens; give a TOML file".into()),
             ));
         }
-        let text = std::fs::read_to_string(path).map_err(|error| FormatError::reading(path, error))?;
+        let text = files::read_text(path).map_err(|error| FormatError::reading(path, error))?;
         parse(&text).map_err(|(place, message)| {
             FormatError::at(path, place, Problem::Value(format!("{message}; correct the lens")))
         })

@@ -15,13 +15,16 @@ pub const FORMAT: CaptureFormat =
 
 /// The paths of the file within a data set, in the order in which they are tried.
 const FILES: [&str; 3] = ["bundle.out", "bundle/bundle.out", "bundle.rd.out"];
-/// The list of photos, beside it or in the data set.
-const LISTS: [&str; 3] = ["list.txt", "bundle.list.txt", "bundle.out.list.txt"];
+/// The list of photos, beside it or in the data set; else any other file whose name ends in `.lst`.
+const LISTS: [&str; 5] = ["list.txt", "bundle.list.txt", "bundle.out.list.txt", "imagelist.lst", "imagelist.txt"];
 
 fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
     let (path, folder) = if dataset.is_dir() {
-        let Some(name) = FILES.iter().find(|name| dataset.join(name).is_file()) else { return Ok(None) };
-        (dataset.join(name), dataset.to_path_buf())
+        let known = FILES.iter().map(|name| dataset.join(name)).find(|file| file.is_file());
+        // Any other name, if it says of itself what it is.
+        let named = || with_extension(dataset, "out").filter(|file| is_bundle(file));
+        let Some(file) = known.or_else(named) else { return Ok(None) };
+        (file, dataset.to_path_buf())
     } else if dataset.extension().is_some_and(|extension| extension == "out") {
         (dataset.to_path_buf(), dataset.parent().unwrap_or(Path::new("")).to_path_buf())
     } else {
@@ -29,8 +32,8 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     };
     let beside = path.parent().unwrap_or(&folder);
     let lists = [beside, &folder].into_iter().flat_map(|place| LISTS.iter().map(move |name| place.join(name)));
-    let Some(list) = lists.into_iter().find(|list| list.is_file()) else {
-        let what = "the list of its photos, list.txt, is not beside it; export it too";
+    let Some(list) = lists.into_iter().find(|list| list.is_file()).or_else(|| with_extension(beside, "lst")) else {
+        let what = "the list of its photos, list.txt or imagelist.lst, is not beside it; export it too";
         return Err(FormatError::whole(&path, Problem::Value(what.into())));
     };
     let names = read_list(&list)?;
@@ -48,11 +51,12 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
         camera: Camera::posed((1, 1), 50.0, DVec3::ZERO, DMat3::IDENTITY),
         distortion: Distortion::None,
         camera_id: 1,
-        file: PathBuf::from(name.replace('\\', "/")),
+        file: PathBuf::from(name),
         mask: None,
+        original: None,
     };
-    let all: Vec<CaptureView> = names.iter().map(unsized_view).collect();
-    let (images, masks) = places::find(&[&folder, beside], options, &all)?;
+    let mut all: Vec<CaptureView> = names.iter().map(unsized_view).collect();
+    let (images, remarks) = places::find(&[&folder, beside], options, &places::IMAGES, &mut all)?;
     let mut views = Vec::new();
     // Which view each camera of the file is.
     let mut places_of = Vec::with_capacity(count);
@@ -62,7 +66,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
             places_of.push(None);
             continue;
         };
-        let photo = places::with_any_extension(&images.join(&view.file)).ok_or_else(|| {
+        let photo = places::photo(&images, &view).ok_or_else(|| {
             FormatError::whole(&images.join(&view.file), Problem::Photo("the photo is missing, whose size is needed".into()))
         })?;
         let size = header::read_header(&photo)?;
@@ -95,10 +99,26 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
         let what = "no photo is registered in it; reconstruct the capture again";
         return Err(FormatError::whole(&path, Problem::Value(what.into())));
     }
-    Ok(Some(Capture { source: dataset.into(), images, masks, views, points, observations, ..Capture::default() }))
+    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
 }
 
-/// The first word of each line.
+/// The only file in a folder with an extension.
+fn with_extension(folder: &Path, extension: &str) -> Option<PathBuf> {
+    let entries = std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path());
+    let mut found = entries.filter(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension)));
+    found.next().filter(|_| found.next().is_none())
+}
+
+/// Returns true if a file begins as Bundler's.
+fn is_bundle(path: &Path) -> bool {
+    let mut source = match Source::open(path) {
+        Ok(source) => source,
+        Err(_) => return false,
+    };
+    matches!(source.line(), Ok(Some(line)) if line.to_ascii_lowercase().starts_with(b"# bundle file"))
+}
+
+/// The name in each line.
 fn read_list(path: &Path) -> Result<Vec<String>, FormatError> {
     let mut source = Source::open(path)?;
     let mut names = Vec::new();
@@ -106,7 +126,12 @@ fn read_list(path: &Path) -> Result<Vec<String>, FormatError> {
         // Bundler's own lists go on with a number and the focal length of the header.
         let line = String::from_utf8_lossy(line);
         let name = line.trim();
-        let name = name.split_once(" 0 ").map_or(name, |(name, _)| name);
+        // Names may have spaces, and even such numbers.
+        let numbers = name.rsplit_once(' ').and_then(|(before, focal)| {
+            let name = before.trim_end().strip_suffix(" 0")?;
+            focal.parse::<f64>().ok().map(|_| name.trim_end())
+        });
+        let name = numbers.unwrap_or(name).trim_matches('"');
         if !name.is_empty() {
             names.push(name.to_owned());
         }
@@ -227,6 +252,24 @@ mod tests {
     }
 
     #[test]
+    fn lists_of_other_computers_name_photos_with_spaces() {
+        let folder = folder_with(WHOLE);
+        fs::remove_file(folder.path().join("list.txt")).unwrap();
+        fs::create_dir(folder.path().join("photos")).unwrap();
+        fs::rename(folder.path().join("a.png"), folder.path().join("photos/a 0 1.png")).unwrap();
+        fs::rename(folder.path().join("bundle.out"), folder.path().join("scan.out")).unwrap();
+        for (list, text) in [
+            ("imagelist.lst", "D:\\my scan\\a 0 1.JPG\r\nD:\\my scan\\b.png\r\n"),
+            ("scan.lst", "./a 0 1.png 0 532.1\n./b.png\n"),
+        ] {
+            fs::write(folder.path().join(list), text).unwrap();
+            let capture = capture::read(folder.path(), &CaptureOptions::default()).unwrap();
+            assert_eq!(capture.photo(0), Some(folder.path().join("photos/a 0 1.png")), "{list}");
+            fs::remove_file(folder.path().join(list)).unwrap();
+        }
+    }
+
+    #[test]
     fn what_is_cut_or_missing_is_named() {
         for length in 0..WHOLE.len() - 4 {
             let folder = folder_with(&WHOLE[..length]);
@@ -240,6 +283,6 @@ mod tests {
         fs::remove_file(folder.path().join("a.png")).unwrap();
         assert!(say(&folder).contains("the photo is missing, whose size is needed"));
         fs::remove_file(folder.path().join("list.txt")).unwrap();
-        assert!(say(&folder).contains("the list of its photos, list.txt, is not beside it"));
+        assert!(say(&folder).contains("the list of its photos, list.txt or imagelist.lst, is not beside it"));
     }
 }

@@ -6,6 +6,7 @@
 //! photos are opened only where a format does not state their size. To add
 //! a format: a module with a `FORMAT`, and its name in the list.
 
+mod checks;
 mod distortion;
 mod exif;
 pub mod gps;
@@ -80,10 +81,6 @@ pub struct Capture {
     pub source: PathBuf,
     /// The folder that the photos lie in.
     pub images: PathBuf,
-    /// The folder that their masks lie in, if there is one.
-    pub masks: Option<PathBuf>,
-    /// The folder of the photos as the camera wrote them, if they are kept besides.
-    pub originals: Option<PathBuf>,
     /// `[V]`, sorted by name.
     pub views: Vec<CaptureView>,
     /// The points of the reconstruction; may be empty.
@@ -111,8 +108,10 @@ pub struct CaptureView {
     pub camera_id: u32,
     /// The path of the photo below [`Capture::images`]; see [`Capture::photo`].
     pub file: PathBuf,
-    /// Its mask, where the capture names one.
+    /// The path of the mask of the photo, black where nothing is learnt, if it has one.
     pub mask: Option<PathBuf>,
+    /// The path of the photo as the camera wrote it, if that is kept besides.
+    pub original: Option<PathBuf>,
 }
 
 /// The points of a reconstruction, structure of arrays, all of equal length N.
@@ -180,38 +179,10 @@ impl CaptureView {
 }
 
 impl Capture {
-    /// The file of a view's photo; `None` if there is none.
-    ///
-    /// Where the name of the model has no file, one with another extension is taken: reduced copies
-    /// of a data set are often of another format.
+    /// The path of a view's photo; `None` if there is no such file.
     #[must_use]
     pub fn photo(&self, view: usize) -> Option<PathBuf> {
-        places::with_any_extension(&self.images.join(&self.views[view].file))
-    }
-
-    /// The file of a view's photo as the camera wrote it; `None` if it is not kept.
-    #[must_use]
-    pub fn original(&self, view: usize) -> Option<PathBuf> {
-        let folder = self.originals.as_ref()?;
-        let file = &self.views[view].file;
-        let flat = file.file_name().and_then(|name| places::with_any_extension(&folder.join(name)));
-        places::with_any_extension(&folder.join(file)).or(flat)
-    }
-
-    /// The mask of a view: the one that the capture names, else `NAME.png`, or NAME with another
-    /// extension, in the folder of the masks. `None` if there is none.
-    #[must_use]
-    pub fn mask(&self, view: usize) -> Option<PathBuf> {
-        let view = &self.views[view];
-        if let Some(mask) = &view.mask {
-            return Some(mask.clone());
-        }
-        // Joined to a folder, a whole path would be the photo itself.
-        let place = self.masks.as_ref().filter(|_| !view.file.is_absolute())?.join(&view.file);
-        let mut appended = place.clone().into_os_string();
-        appended.push(".png");
-        let appended = PathBuf::from(appended);
-        if appended.is_file() { Some(appended) } else { places::with_any_extension(&place) }
+        places::photo(&self.images, &self.views[view])
     }
 
     /// Checks that a reconstruction can be made of it: three photos and a point.
@@ -275,7 +246,7 @@ impl Capture {
     }
 
     /// Chooses an origin if the place is far from zero.
-    fn settle(&mut self) {
+    fn choose_origin(&mut self) {
         let points = self.points.positions.iter().map(|position| DVec3::from_array(*position));
         let mut positions: Vec<DVec3> = points.collect();
         if positions.is_empty() {
@@ -337,10 +308,10 @@ fn read_as(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Captu
     for format in FORMATS {
         if let Some(mut capture) = (format.read)(dataset, options, want)? {
             capture.sort();
-            capture.originals.clone_from(&options.originals);
+            checks::clean(&mut capture);
             // Views are wanted as they are, to be put into scenes that have origins of their own.
             if want == Want::Everything {
-                capture.settle();
+                capture.choose_origin();
             }
             return Ok(capture);
         }

@@ -6,9 +6,10 @@
 
 use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, SparsePoints, Want, places};
 use crate::{
-    Camera, FormatError, Problem,
+    Camera, FormatError, Problem, Remark,
     camera::viewmat_of,
     error::{excerpt, json_fault, one_line},
+    files,
 };
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use serde::Deserialize;
@@ -108,14 +109,25 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     } else {
         return Ok(None);
     };
-    let file = File::open(&path).map_err(|e| FormatError::reading(&path, e))?;
+    let file = File::open(&path).and_then(|file| files::past_mark(BufReader::new(file)));
+    let file = file.map_err(|e| FormatError::reading(&path, e))?;
     let advice = "correct the file or export it again";
     let all: Vec<Reconstruction> =
-        serde_json::from_reader(BufReader::new(file)).map_err(|error| json_fault(&path, &error, advice))?;
+        serde_json::from_reader(file).map_err(|error| json_fault(&path, &error, advice))?;
     let fault = |what: String| FormatError::whole(&path, Problem::Value(one_line(&what)));
+    let (parts, shots) = (all.len(), all.iter().map(|one| one.shots.len()).sum::<usize>());
     // Of equal ones the first.
     let largest = all.into_iter().rev().max_by_key(|one| one.shots.len()).filter(|one| !one.shots.is_empty());
     let one = largest.ok_or_else(|| fault("there are no shots in it; reconstruct the capture again".into()))?;
+    let mut remarks = Vec::new();
+    if shots > one.shots.len() {
+        let text = format!(
+            "{} has {parts} reconstructions that do not know of each other; the largest is read, {} of {shots} photos",
+            path.display(),
+            one.shots.len()
+        );
+        remarks.push(Remark::note("other-models", text));
+    }
     let mut numbered = BTreeMap::new();
     for (number, (name, lens)) in one.cameras.iter().enumerate() {
         let camera = lens.camera().map_err(|what| fault(format!("the camera {name:?}: {what}")))?;
@@ -131,7 +143,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
         let camera = Camera { viewmat: viewmat_of(rotation, shot.translation), ..camera };
         camera.check().map_err(|e| fault(e.to_string()))?;
         let (name, file) = (name.clone(), PathBuf::from(name));
-        views.push(CaptureView { name, camera, distortion, camera_id, file, mask: None });
+        views.push(CaptureView { name, camera, distortion, camera_id, file, mask: None, original: None });
     }
     let mut points = SparsePoints::default();
     if want == Want::Everything {
@@ -139,9 +151,10 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
             points.push(point.coordinates, point.color.map(|v| v.clamp(0.0, 255.0) as u8), f32::NAN, 0);
         }
     }
-    let (images, masks) = places::find(&[&folder], options, &views)?;
+    let (images, found) = places::find(&[&folder], options, &places::IMAGES, &mut views)?;
+    remarks.extend(found);
     let observations = vec![Vec::new(); views.len()];
-    Ok(Some(Capture { source: dataset.into(), images, masks, views, points, observations, ..Capture::default() }))
+    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
 }
 
 #[cfg(test)]

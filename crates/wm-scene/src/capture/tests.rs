@@ -48,12 +48,110 @@ fn the_folder_that_was_asked_for_is_taken_or_missed() {
     };
     let reduced = asked("images_4").unwrap();
     assert_eq!(reduced.photo(0), Some(folder.path().join("images_4/a.jpg")));
-    assert_eq!(reduced.mask(0), Some(folder.path().join("masks_4/a.jpg.png")));
+    assert_eq!(reduced.views[0].mask, Some(folder.path().join("masks_4/a.jpg.png")));
     let whole = read(folder.path(), &CaptureOptions::default()).unwrap();
     assert_eq!(whole.photo(0), Some(folder.path().join("images/a.jpg")));
-    assert_eq!(whole.mask(0), Some(folder.path().join("masks/a.png")));
+    assert_eq!(whole.views[0].mask, Some(folder.path().join("masks/a.png")));
     let error = asked("images_3").unwrap_err().to_string();
     assert!(error.ends_with("images_3: no such file or folder; check the path"), "{error}");
+}
+
+/// The codes of the remarks of a data set, or its error without the folder.
+fn remarks(folder: &Path, options: &CaptureOptions) -> Result<Vec<&'static str>, String> {
+    match read(folder, options) {
+        Ok(capture) => Ok(capture.remarks.iter().map(|remark| remark.code).collect()),
+        Err(error) => Err(error.to_string().replace(&folder.display().to_string(), "DIR")),
+    }
+}
+
+#[test]
+fn files_that_are_used_are_counted() {
+    let folder = tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let masks = |name: &str| CaptureOptions { masks: Some(name.into()), ..CaptureOptions::default() };
+    dataset(folder.path(), &["left/a.jpg", "right/a.jpg", "b.jpg"]);
+    ["left/a.jpg", "right/a.jpg", "b.jpg"].iter().for_each(|name| touch(&at("images").join(name)));
+    let usual = CaptureOptions::default();
+    assert_eq!(remarks(folder.path(), &usual).unwrap(), [] as [&str; 0]);
+    touch(&at("masks/other.png"));
+    assert_eq!(remarks(folder.path(), &usual).unwrap(), ["masks-unused"]);
+    assert_eq!(
+        remarks(folder.path(), &masks("masks")).unwrap_err(),
+        "DIR/masks: no mask of any of the 3 photos is in it, such as of \"b.jpg\"; name another folder"
+    );
+    touch(&at("masks/right/a.png"));
+    touch(&at("masks/B.JPG.PNG"));
+    assert_eq!(remarks(folder.path(), &usual).unwrap(), ["masks"]);
+    let capture = read(folder.path(), &masks("masks")).unwrap();
+    assert!(capture.remarks[0].text.starts_with("masks of 2 of 3 photos are used"), "{:?}", capture.remarks);
+    assert_eq!(capture.views[2].mask, Some(at("masks/right/a.png")));
+    // Further photos that have no camera, and masks beside them.
+    fs::remove_dir_all(at("masks")).unwrap();
+    touch(&at("images/b_mask.png"));
+    touch(&at("images/c.jpg"));
+    assert_eq!(remarks(folder.path(), &usual).unwrap(), ["photos-unused", "masks"]);
+    let originals = CaptureOptions { originals: Some(at("camera")), ..CaptureOptions::default() };
+    touch(&at("camera/x.jpg"));
+    assert!(
+        remarks(folder.path(), &originals)
+            .unwrap_err()
+            .starts_with("DIR/camera: no original of any of the 3")
+    );
+    touch(&at("camera/b.jpg"));
+    assert!(remarks(folder.path(), &originals).unwrap().contains(&"originals"));
+}
+
+#[test]
+fn photos_of_other_computers_are_found_by_their_names() {
+    let folder = tempdir().unwrap();
+    dataset(folder.path(), &["D:\\scan\\left\\a 1.jpg", "D:\\scan\\right\\a 1.jpg"]);
+    touch(&folder.path().join("images/left/A 1.JPG"));
+    touch(&folder.path().join("images/right/a 1.png"));
+    let capture = read(folder.path(), &CaptureOptions::default()).unwrap();
+    let names: Vec<&str> = capture.views.iter().map(|view| view.name.as_str()).collect();
+    assert_eq!(names, ["left/a 1.jpg", "right/a 1.jpg"]);
+    assert_eq!(capture.photo(0), Some(folder.path().join("images/left/A 1.JPG")));
+    assert_eq!(capture.photo(1), Some(folder.path().join("images/right/a 1.png")));
+    assert_eq!(capture.remarks[0].code, "photos-by-name");
+    // Both could be the only one there is.
+    fs::remove_dir_all(folder.path().join("images")).unwrap();
+    touch(&folder.path().join("images/a 1.jpg"));
+    let error = read(folder.path(), &CaptureOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("could be \"D:") && !error.contains('\n'), "{error}");
+}
+
+#[test]
+fn the_largest_of_several_models_is_read() {
+    let folder = tempdir().unwrap();
+    let model = |name: &str, photos: &[&str]| {
+        let parts = tempdir().unwrap();
+        dataset(parts.path(), photos);
+        fs::create_dir_all(folder.path().join("sparse")).unwrap();
+        fs::rename(parts.path().join("sparse/0"), folder.path().join("sparse").join(name)).unwrap();
+    };
+    model("0", &["a.jpg"]);
+    model("1", &["b.jpg", "c.jpg", "d.jpg"]);
+    model("10", &["e.jpg", "f.jpg", "g.jpg"]);
+    let capture = read(folder.path(), &CaptureOptions::default()).unwrap();
+    assert_eq!(capture.views[0].name, "b.jpg");
+    let text = &capture.remarks[0].text;
+    let expected = "sparse/1 is read, which has most photos (3); sparse/0 (1 photos), sparse/10 (3 photos) are passed over";
+    assert!(text.contains(expected), "{text}");
+    let options = CaptureOptions { model: Some("sparse/0".into()), ..CaptureOptions::default() };
+    assert_eq!(remarks(folder.path(), &options).unwrap(), [] as [&str; 0]);
+}
+
+#[test]
+fn points_and_photos_that_cannot_be_are_told() {
+    let folder = tempdir().unwrap();
+    dataset(folder.path(), &["a.jpg", "b.jpg", "a.jpg"]);
+    let mut points = String::from("1 1e20 0 0 1 2 3 0.5\n");
+    (2..14).for_each(|id| points += &format!("{id} 1 2 3 255 255 255 0.5\n"));
+    fs::write(folder.path().join("sparse/0/points3D.txt"), points).unwrap();
+    let capture = read(folder.path(), &CaptureOptions::default()).unwrap();
+    assert_eq!((capture.points.len(), capture.views.len(), capture.observations.len()), (12, 2, 2));
+    let codes: Vec<&str> = capture.remarks.iter().map(|remark| remark.code).collect();
+    assert_eq!(codes, ["absurd-points", "photos-twice", "equal-colours"]);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::fetched;
 use std::{
     fs::{self, File},
-    io::{self, ErrorKind, Read},
+    io::{self, BufRead, ErrorKind, Read},
     path::Path,
     sync::Arc,
 };
@@ -43,6 +43,72 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     match place_of(path) {
         Place::Disk => fs::read(path),
         Place::Store(file) => file.map_or_else(|| lacking(path), |bytes| Ok(bytes.to_vec())),
+    }
+}
+
+/// The byte order mark of UTF-8, with which some programs begin a text.
+pub(crate) const MARK: &[u8] = b"\xef\xbb\xbf";
+pub(crate) const IS_WIDE: &str = "text in UTF-16; save it as UTF-8";
+
+/// Returns true if bytes begin with the byte order mark of UTF-16.
+pub(crate) fn is_wide(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff")
+}
+
+/// Bytes of text without the byte order mark that they may begin with.
+pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(MARK).unwrap_or(bytes)
+}
+
+/// A reader of text in UTF-8 that is past the byte order mark, if there is one.
+///
+/// # Errors
+/// Those of the reader; [`ErrorKind::InvalidData`] of text in UTF-16.
+pub fn past_mark<R: BufRead>(mut reader: R) -> io::Result<R> {
+    let bytes = reader.fill_buf()?;
+    if is_wide(bytes) {
+        return Err(io::Error::new(ErrorKind::InvalidData, IS_WIDE));
+    }
+    let length = if bytes.starts_with(MARK) { MARK.len() } else { 0 };
+    reader.consume(length);
+    Ok(reader)
+}
+
+/// Reads a whole file as text, see [`text_of`].
+///
+/// # Errors
+/// As [`read`] and [`text_of`].
+pub fn read_text(path: &Path) -> io::Result<String> {
+    text_of(read(path)?)
+}
+
+/// The text of bytes from outside: UTF-8, with or without a byte order mark, or UTF-16 with one, as programs for Windows write
+/// both. The mark is no part of the text.
+///
+/// # Errors
+/// [`ErrorKind::InvalidData`] if they are neither.
+pub fn text_of(bytes: Vec<u8>) -> io::Result<String> {
+    let wrong = |text: String| io::Error::new(ErrorKind::InvalidData, text);
+    let wide = |unit: fn([u8; 2]) -> u16| {
+        let (units, rest) = bytes[2..].as_chunks::<2>();
+        let text = String::from_utf16(&units.iter().map(|pair| unit(*pair)).collect::<Vec<_>>());
+        text.ok()
+            .filter(|_| rest.is_empty())
+            .ok_or_else(|| wrong("damaged text in UTF-16; save it as UTF-8".into()))
+    };
+    match bytes[..] {
+        [0xff, 0xfe, ..] => wide(u16::from_le_bytes),
+        [0xfe, 0xff, ..] => wide(u16::from_be_bytes),
+        _ => {
+            let mut text = String::from_utf8(bytes).map_err(|error| {
+                let at = error.utf8_error().valid_up_to();
+                wrong(format!("no text in UTF-8 (byte {at}); save it as UTF-8"))
+            })?;
+            if text.starts_with('\u{feff}') {
+                text.drain(..'\u{feff}'.len_utf8());
+            }
+            Ok(text)
+        }
     }
 }
 
@@ -127,5 +193,34 @@ pub fn is_lacking(path: &Path) -> bool {
 pub fn want(path: &Path) {
     if is_lacking(path) {
         fetched::want(path);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_of_byte_order_are_no_part_of_a_text() {
+        let wide = |mark: [u8; 2], unit: fn(u16) -> [u8; 2]| {
+            mark.into_iter().chain("a \u{b0}\u{1f327}".encode_utf16().flat_map(unit)).collect::<Vec<u8>>()
+        };
+        let text = "a \u{b0}\u{1f327}";
+        for bytes in [
+            text.as_bytes().to_vec(),
+            format!("\u{feff}{text}").into_bytes(),
+            wide([0xff, 0xfe], u16::to_le_bytes),
+            wide([0xfe, 0xff], u16::to_be_bytes),
+        ] {
+            assert_eq!(text_of(bytes).unwrap(), text);
+        }
+        for (bytes, says) in [
+            (&b"ab\xff"[..], "no text in UTF-8 (byte 2); save it as UTF-8"),
+            (b"\xff\xfea", "damaged text in UTF-16; save it as UTF-8"),
+            (b"\xfe\xff\xd8\x00", "damaged text in UTF-16; save it as UTF-8"),
+        ] {
+            let error = text_of(bytes.to_vec()).unwrap_err();
+            assert_eq!((error.kind(), error.to_string().as_str()), (ErrorKind::InvalidData, says));
+        }
     }
 }

@@ -26,7 +26,8 @@ pub struct Loses {
 /// The positions of a format that has them as f32.
 #[must_use]
 pub fn coarse_floats(splats: &Splats) -> Option<String> {
-    let step = |mean: [f32; 3]| mean.map(|v| origin::float_step(f64::from(v))).into_iter().fold(0.0, f64::max);
+    let step =
+        |mean: [f32; 3]| mean.map(|v| origin::float_step(f64::from(v))).into_iter().fold(0.0, f64::max);
     origin::coarse_line(splats, step, "keep a local origin (--origin)")
 }
 

@@ -257,7 +257,8 @@ fn sniff(source: &mut Source) -> Result<&'static SceneFormat, FormatError> {
         return Err(source.whole(Problem::Empty));
     }
     let start = Start { bytes, path: source.path() };
-    let format = FORMATS.iter().find(|format| (format.sniff)(&start));
+    // Formats without a mark are known by the name alone, which pointers and pages that were saved for a file have too.
+    let format = FORMATS.iter().find(|format| (format.sniff)(&start)).filter(|_| !is_stand_in(bytes));
     format.ok_or_else(|| source.whole(unknown_format(source.path(), bytes)))
 }
 
@@ -367,6 +368,16 @@ pub(crate) fn has_ending(path: &Path, ending: &str) -> bool {
         }
 }
 
+/// The beginning of what Git LFS leaves in place of a file.
+const LFS_POINTER: &[u8] = b"version https://git-lfs";
+
+/// Returns true if these first bytes are those of a text that stands in for a file: a Git LFS pointer or a web page.
+fn is_stand_in(start: &[u8]) -> bool {
+    let text = start.trim_ascii_start();
+    let begins = |tag: &[u8]| text.get(..tag.len()).is_some_and(|found| found.eq_ignore_ascii_case(tag));
+    start.starts_with(LFS_POINTER) || begins(b"<!doctype") || begins(b"<html")
+}
+
 /// The problem of content that no format recognises.
 fn unknown_format(path: &Path, start: &[u8]) -> Problem {
     let claim = match by_extension(path) {
@@ -376,7 +387,7 @@ fn unknown_format(path: &Path, start: &[u8]) -> Problem {
             format!("of none of the formats that are read ({})", names.join(", "))
         }
     };
-    let advice = if start.starts_with(b"version https://git-lfs") {
+    let advice = if start.starts_with(LFS_POINTER) {
         "this is a Git LFS pointer, get the file itself with `git lfs pull`"
     } else if start.trim_ascii_start().starts_with(b"<") {
         "this looks like a web page, download the file itself"

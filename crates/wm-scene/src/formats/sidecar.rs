@@ -9,10 +9,7 @@ use crate::{
     files::{self, write_atomically},
     formats::{beside::places, folder::scene_file},
 };
-use std::{
-    io::{self, ErrorKind},
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 /// The path of the metadata beside a scene file.
 #[must_use]
@@ -33,8 +30,7 @@ pub fn read(scene_file: &Path) -> Result<Option<Metadata>, FormatError> {
         let path = sidecar_path(&place);
         let reading = |error| FormatError::reading(&path, error);
         let Some(text) = files::read_if_there(&path).map_err(reading)? else { continue };
-        let text = String::from_utf8(text)
-            .map_err(|error| reading(io::Error::new(ErrorKind::InvalidData, error.utf8_error())))?;
+        let text = files::text_of(text).map_err(reading)?;
         return parse(&text).map(Some).map_err(|(place, message)| {
             FormatError::at(&path, place, Problem::Value(format!("{message}; correct or remove it")))
         });

@@ -164,6 +164,8 @@ impl<T> Sourced<T> {
     }
 }
 
+/// Points below which nothing is told of a place.
+const HANDFUL: usize = 100;
 /// Directions closer than this are one up: 1 degree, as a cosine.
 const SAME_UP: f64 = 0.999_85;
 
@@ -207,7 +209,8 @@ impl Survey {
         let given_ground = given.ground.map(|height| height - up.value.dot(origin));
         let ground = Sourced::first(given_ground, (file.ground, file.ground_confidence), || {
             let ceiling = ground::ceiling(&scene.views, up.value);
-            match ground::level(&sample, up.value, ceiling) {
+            let level = ground::level(&sample, up.value, ceiling);
+            match level.filter(|height| ground::is_there(&sample, up.value, *height)) {
                 // No height is surer than the direction along which it is measured.
                 Some(value) => Sourced {
                     value,

@@ -69,7 +69,15 @@ pub fn taken_if(
             let name = format!("{index:03}.jpg");
             let camera = Camera { viewmat, ..*camera };
             let file = name.clone().into();
-            CaptureView { name, camera, distortion: Distortion::None, camera_id: 1, file, mask: None }
+            CaptureView {
+                name,
+                camera,
+                distortion: Distortion::None,
+                camera_id: 1,
+                file,
+                mask: None,
+                original: None,
+            }
         })
         .collect();
     Capture { source: "made up".into(), views, points: stored, observations, ..Capture::default() }

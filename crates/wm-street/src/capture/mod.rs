@@ -205,6 +205,7 @@ pub fn write(
         camera_id: 1,
         file: photo.name.clone().into(),
         mask: None,
+        original: None,
     };
     let capture = Capture {
         source: folder.into(),

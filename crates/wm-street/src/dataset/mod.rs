@@ -163,6 +163,7 @@ pub fn write(
             camera_id: 1,
             file,
             mask: None,
+            original: None,
         });
         if !progress(index + 1) {
             return Ok(None);

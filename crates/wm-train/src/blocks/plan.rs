@@ -234,7 +234,8 @@ impl BlockPlan {
     /// Returns true if a point belongs to the core of a block.
     #[must_use]
     pub fn is_core(&self, block: &TrainBlock, point: DVec3) -> bool {
-        block.core.holds(self.ground.place(point)) && self.region.is_none_or(|region| region.holds(point + self.origin))
+        block.core.holds(self.ground.place(point))
+            && self.region.is_none_or(|region| region.holds(point + self.origin))
     }
 }
 

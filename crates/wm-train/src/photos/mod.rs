@@ -421,7 +421,7 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
         return Err(PhotoError { path: capture.images.join(&view.file), fault: PhotoFault::Missing });
     };
     let mut header = read_header(&file).map_err(|e| PhotoError::reading(&e))?;
-    if let Some(original) = capture.original(index).and_then(|file| read_header(&file).ok()) {
+    if let Some(original) = view.original.as_ref().and_then(|file| read_header(file).ok()) {
         header.gps = header.gps.or(original.gps);
         header.taken = header.taken.or(original.taken);
     }
@@ -446,7 +446,7 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
         return Err(PhotoError { path: file, fault: PhotoFault::Lens });
     };
     let mask = match options.masks {
-        Masks::Use => capture.mask(index),
+        Masks::Use => view.mask.clone(),
         Masks::Ignore => None,
     };
     let lens = Lens { photo, distortion: view.distortion, ideal };

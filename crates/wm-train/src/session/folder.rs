@@ -223,7 +223,7 @@ impl TrainConfig {
     /// # Errors
     /// [`ConfigFileError`] says what is wrong with the file.
     pub fn read(path: &Path) -> Result<Self, ConfigFileError> {
-        let text = fs::read_to_string(path)
+        let text = wm_scene::files::read_text(path)
             .map_err(|reason| ConfigFileError::Read { path: path.to_owned(), reason })?;
         let config: Self = serde_json::from_str(&text)
             .map_err(|reason| ConfigFileError::Json { path: path.to_owned(), reason })?;

@@ -120,8 +120,6 @@ pub(super) fn capture_of(
         points,
         source: whole.source.clone(),
         images: whole.images.clone(),
-        masks: whole.masks.clone(),
-        originals: whole.originals.clone(),
         origin: whole.origin,
         remarks: Vec::new(),
     }

@@ -38,6 +38,11 @@ pub(super) fn read_cameras(source: &mut Source) -> Result<Cameras, FormatError> 
     Ok(cameras)
 }
 
+/// The number of images that the file states.
+pub(super) fn count_images(source: &mut Source) -> Result<u64, FormatError> {
+    read_count(source, "images")
+}
+
 /// An image: u32 number, f64 qw qx qy qz tx ty tz, u32 camera, name up to a 0 byte, u64 count of 2D
 /// points, the points.
 pub(super) fn read_images(

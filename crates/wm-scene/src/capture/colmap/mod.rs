@@ -15,7 +15,7 @@ pub mod write;
 use super::{
     Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, Observation, SparsePoints, Want, places,
 };
-use crate::{Camera, FormatError, Problem, camera::viewmat_of, source::Source};
+use crate::{Camera, FormatError, Problem, Remark, camera::viewmat_of, source::Source};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use std::{
     collections::{BTreeMap, HashMap},
@@ -27,7 +27,8 @@ pub const FORMAT: CaptureFormat =
     CaptureFormat { name: "COLMAP", about: "COLMAP model, binary or text", read };
 
 /// The folders below the given one that may hold a model, in the order in which they are tried.
-const FOLDERS: [&str; 7] = ["", "sparse/0", "sparse", "0", "colmap/sparse/0", "colmap/sparse", "sparse_txt"];
+/// `*` stands for all folders, of which the one with most photos is taken.
+const FOLDERS: [&str; 7] = ["", "sparse/*", "sparse", "0", "colmap/sparse/*", "colmap/sparse", "sparse_txt"];
 
 /// COLMAP's camera models in the order of their numbers.
 const MODELS: [&str; 18] = [
@@ -77,6 +78,8 @@ struct Kind {
     images: &'static str,
     points: &'static str,
     read_cameras: fn(&mut Source) -> Result<Cameras, FormatError>,
+    /// The number of photos, without reading them.
+    count_images: fn(&mut Source) -> Result<u64, FormatError>,
     read_images: fn(&mut Source, &Cameras, &Places) -> Result<Images, FormatError>,
     read_points: fn(&mut Source) -> Result<NumberedPoints, FormatError>,
 }
@@ -87,6 +90,7 @@ const KINDS: [Kind; 2] = [
         images: "images.bin",
         points: "points3D.bin",
         read_cameras: binary::read_cameras,
+        count_images: binary::count_images,
         read_images: binary::read_images,
         read_points: binary::read_points,
     },
@@ -95,26 +99,15 @@ const KINDS: [Kind; 2] = [
         images: "images.txt",
         points: "points3D.txt",
         read_cameras: text::read_cameras,
+        count_images: text::count_images,
         read_images: text::read_images,
         read_points: text::read_points,
     },
 ];
 
 fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
-    let folders: Vec<PathBuf> = match &options.model {
-        Some(folder) => vec![dataset.join(folder)],
-        None => FOLDERS.iter().map(|folder| dataset.join(folder)).collect(),
-    };
-    let places = folders.iter().flat_map(|place| KINDS.iter().map(move |kind| (place, kind)));
-    let there: Vec<(usize, _)> = places
-        .map(|(place, kind)| {
-            let files = [kind.cameras, kind.images].into_iter().filter(|file| place.join(file).is_file());
-            (files.count(), (place, kind))
-        })
-        .collect();
-    // Half a model is taken only where there is no whole one: opening it names the missing file.
-    let best = there.iter().find(|(files, _)| *files == 2).or_else(|| there.iter().find(|(files, _)| *files == 1));
-    let Some((_, (place, kind))) = best else { return Ok(None) };
+    let Some(Model { place, kind, remarks }) = choose_model(dataset, options)? else { return Ok(None) };
+    let mut remarks = Vec::from_iter(remarks);
     let cameras = (kind.read_cameras)(&mut Source::open(&place.join(kind.cameras))?)?;
     let file = place.join(kind.points);
     let (points, indices) = if want == Want::Everything && file.is_file() {
@@ -124,7 +117,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
         (SparsePoints::default(), None)
     };
     let mut images = Source::open(&place.join(kind.images))?;
-    let (views, observations) = (kind.read_images)(&mut images, &cameras, &indices)?;
+    let (mut views, observations) = (kind.read_images)(&mut images, &cameras, &indices)?;
     if views.is_empty() {
         let problem = "no image is registered in the model; reconstruct the capture again";
         return Err(images.whole(Problem::Value(problem.into())));
@@ -132,8 +125,91 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     // The folder of the model itself may have been given: its data set is one or two above.
     let full = std::path::absolute(dataset).unwrap_or_else(|_| dataset.into());
     let roots: Vec<&Path> = std::iter::once(dataset).chain(full.ancestors().skip(1).take(2)).collect();
-    let (images, masks) = places::find(&roots, options, &views)?;
-    Ok(Some(Capture { source: dataset.into(), images, masks, views, points, observations, ..Capture::default() }))
+    let (images, found) = places::find(&roots, options, &places::IMAGES, &mut views)?;
+    remarks.extend(found);
+    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
+}
+
+/// Reads the points of a model alone.
+///
+/// # Errors
+/// [`FormatError`] if there is no model, or it is broken.
+pub(super) fn read_points(dataset: &Path, options: &CaptureOptions) -> Result<SparsePoints, FormatError> {
+    let Some(Model { place, kind, .. }) = choose_model(dataset, options)? else {
+        return Err(FormatError::whole(dataset, Problem::NoCapture));
+    };
+    Ok((kind.read_points)(&mut Source::open(&place.join(kind.points))?)?.0)
+}
+
+/// A model that was chosen.
+struct Model {
+    place: PathBuf,
+    kind: &'static Kind,
+    /// A remark on the models that were passed over.
+    remarks: Option<Remark>,
+}
+
+/// Chooses the model of a data set: of the first folder that has one, or of several models beside each other the one
+/// with most photos. `None` if there is none.
+fn choose_model(dataset: &Path, options: &CaptureOptions) -> Result<Option<Model>, FormatError> {
+    let groups: Vec<Vec<PathBuf>> = match &options.model {
+        Some(folder) => vec![vec![dataset.join(folder)]],
+        None => FOLDERS
+            .iter()
+            .map(|folder| match folder.strip_suffix("/*") {
+                Some(parent) => folders_in(&dataset.join(parent)),
+                None => vec![dataset.join(folder)],
+            })
+            .collect(),
+    };
+    // Half a model is taken only where there is no whole one: opening it names the missing file.
+    for wanted in [2, 1] {
+        for group in &groups {
+            let mut there: Vec<(&PathBuf, &'static Kind)> = Vec::new();
+            for place in group {
+                let count = |kind: &&Kind| {
+                    [kind.cameras, kind.images].iter().filter(|file| place.join(file).is_file()).count()
+                };
+                there.extend(KINDS.iter().find(|kind| count(kind) == wanted).map(|kind| (place, kind)));
+            }
+            if let [(place, kind)] = there[..] {
+                return Ok(Some(Model { place: place.clone(), kind, remarks: None }));
+            }
+            let mut counted = Vec::new();
+            for (place, kind) in there {
+                let images = place.join(kind.images);
+                let count = if wanted == 2 { (kind.count_images)(&mut Source::open(&images)?)? } else { 0 };
+                counted.push((count, place, kind));
+            }
+            // Of equal ones the first.
+            let Some(&(most, place, kind)) = counted.iter().rev().max_by_key(|(count, ..)| *count) else { continue };
+            let name = |place: &Path| place.strip_prefix(dataset).unwrap_or(place).display().to_string();
+            let others: Vec<String> = (counted.iter().filter(|(_, other, _)| *other != place))
+                .map(|(count, other, _)| format!("{} ({count} photos)", name(other)))
+                .collect();
+            let text = format!(
+                "of the models in {} {} is read, which has most photos ({most}); {} passed over, --model chooses another",
+                dataset.display(),
+                name(place),
+                match &others[..] {
+                    [other] => format!("{other} is"),
+                    [first, .., last] if others.len() > 3 => format!("{first} to {last} are"),
+                    _ => format!("{} are", others.join(", ")),
+                }
+            );
+            return Ok(Some(Model { place: place.clone(), kind, remarks: Some(Remark::note("other-models", text)) }));
+        }
+    }
+    Ok(None)
+}
+
+/// The folders in a folder, numbers by their value and before other names; none if it does not exist.
+fn folders_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut folders: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
+    let number = |path: &PathBuf| path.file_name()?.to_str()?.parse::<u64>().ok();
+    folders.sort_by_cached_key(|path| (number(path).unwrap_or(u64::MAX), path.clone()));
+    folders
 }
 
 /// Most parameters of a camera model that is read.
@@ -221,7 +297,7 @@ fn view(cameras: &Cameras, name: &str, camera_id: u32, pose: [f64; 7]) -> Result
     // Models that were made on Windows may have its separator in subfolders.
     let name = name.replace('\\', "/");
     let file = PathBuf::from(&name);
-    Ok(CaptureView { name, camera, distortion: *distortion, camera_id, file, mask: None })
+    Ok(CaptureView { name, camera, distortion: *distortion, camera_id, file, mask: None, original: None })
 }
 
 /// Adds a 3D point of number `id`.

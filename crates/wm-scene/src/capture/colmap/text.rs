@@ -42,6 +42,18 @@ fn parse_camera(line: &[u8], cameras: &mut Cameras) -> Result<(), Problem> {
     add_camera(cameras, id, &model, size, &values[..length])
 }
 
+/// The number of images, by their lines.
+pub(super) fn count_images(source: &mut Source) -> Result<u64, FormatError> {
+    let mut count = 0;
+    while let Some(line) = source.line()? {
+        if !is_ignored(line) {
+            source.skip_line()?;
+            count += 1;
+        }
+    }
+    Ok(count)
+}
+
 /// An image: number, qw qx qy qz, tx ty tz, camera, name, where the name may have spaces; then a line
 /// of 2D points, which may be empty.
 pub(super) fn read_images(
@@ -101,6 +113,7 @@ fn no_observations() -> Problem {
 /// A point: number, x y z, r g b, error, then image and 2D point any number of times.
 pub(super) fn read_points(source: &mut Source) -> Result<NumberedPoints, FormatError> {
     let (mut points, mut places) = (SparsePoints::default(), HashMap::new());
+    source.past_mark()?;
     while source.fill(1)? {
         if source.bytes().first() == Some(&b'#') {
             source.skip_line()?;

@@ -12,14 +12,14 @@ mod tests;
 
 use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, SparsePoints, Want, header, places};
 use crate::{
-    Camera, FormatError, Problem, camera::{rotation_of, viewmat_at}, error::{json_fault, one_line}, formats::ply::read_points,
+    Camera, FormatError, Problem, Remark, camera::{rotation_of, viewmat_at}, error::{json_fault, one_line}, file_index::{self, FileIndex, FileKind}, files, formats::ply::read_points,
 };
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use std::{
     fs::File,
     io::BufReader,
-    path::{Component, Path, PathBuf},
+    path::{Path, PathBuf},
 };
 
 /// The entry of [`FORMATS`](super::FORMATS).
@@ -64,6 +64,7 @@ struct Transforms {
 struct Frame {
     file_path: String,
     mask_path: Option<String>,
+    depth_file_path: Option<serde::de::IgnoredAny>,
     /// world_from_camera, row by row: 4 rows, or 3.
     transform_matrix: Vec<[f64; 4]>,
     camera_model: Option<String>,
@@ -134,44 +135,60 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     } else {
         return Ok(None);
     };
-    let file = File::open(&path).map_err(|e| FormatError::reading(&path, e))?;
+    let file = File::open(&path).and_then(|file| files::past_mark(BufReader::new(file)));
+    let file = file.map_err(|e| FormatError::reading(&path, e))?;
     let transforms: Transforms =
-        serde_json::from_reader(BufReader::new(file)).map_err(|error| json_fault(&path, &error, "correct the file or export it again"))?;
+        serde_json::from_reader(file).map_err(|error| json_fault(&path, &error, "correct the file or export it again"))?;
     if transforms.frames.is_empty() {
         let problem = "there are no frames in it; export the capture again";
         return Err(FormatError::whole(&path, Problem::Value(problem.into())));
     }
+    // Photos are looked for before their cameras are known, which may lack their size.
+    let mut views: Vec<CaptureView> = transforms.frames.iter().map(Frame::named).collect();
+    let usual: Vec<&str> = [""].into_iter().chain(places::IMAGES).collect();
+    let (images, mut remarks) = places::find(&[&folder], options, &usual, &mut views)?;
     let mut cameras: Vec<(Camera, Distortion)> = Vec::new();
-    let mut views = Vec::with_capacity(transforms.frames.len());
-    for frame in &transforms.frames {
+    for (frame, view) in transforms.frames.iter().zip(&mut views) {
         let fault = |what: String| {
             let what = one_line(&format!("the frame {:?}: {what}", frame.file_path));
             FormatError::whole(&path, Problem::Value(what))
         };
         let model = frame.camera_model.as_deref().or(transforms.camera_model.as_deref());
         check_model(model).map_err(&fault)?;
-        let view = view_of(frame, &transforms.shared, &folder, options, &mut cameras, &fault)?;
-        views.push(view);
+        set_camera(view, frame, &transforms.shared, &images, &mut cameras, &fault)?;
     }
     let points = match want {
         Want::Views => SparsePoints::default(),
-        Want::Everything => points_of(&transforms, &folder, &path)?,
+        Want::Everything => points_of(&transforms, &folder, &path, &mut remarks)?,
     };
-    let roots = [folder.as_path()];
-    let masks = places::find(&roots, &CaptureOptions { images: None, ..options.clone() }, &[])?.1;
+    remarks.extend(unused(&transforms, &path));
     let observations = vec![Vec::new(); views.len()];
-    Ok(Some(Capture { source: dataset.into(), images: folder, masks, views, points, observations, ..Capture::default() }))
+    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
 }
 
-fn view_of(
+impl Frame {
+    /// The view without its camera.
+    fn named(&self) -> CaptureView {
+        CaptureView {
+            name: self.file_path.trim_start_matches("./").replace('\\', "/"),
+            camera: Camera::posed((1, 1), 50.0, DVec3::ZERO, DMat3::IDENTITY),
+            distortion: Distortion::None,
+            camera_id: 1,
+            file: PathBuf::from(&self.file_path),
+            mask: self.mask_path.as_ref().map(PathBuf::from),
+            original: None,
+        }
+    }
+}
+
+fn set_camera(
+    view: &mut CaptureView,
     frame: &Frame,
     shared: &Intrinsics,
-    folder: &Path,
-    options: &CaptureOptions,
+    images: &Path,
     cameras: &mut Vec<(Camera, Distortion)>,
     fault: &impl Fn(String) -> FormatError,
-) -> Result<CaptureView, FormatError> {
-    let file = moved(&frame.file_path, options.images.as_deref());
+) -> Result<(), FormatError> {
     let own = frame.own.or(*shared);
     if own.is_fisheye == Some(true) {
         return Err(fault(format!("its lens is a fisheye, which is not read; {UNDISTORT}")));
@@ -183,7 +200,7 @@ fn view_of(
     let size = match (own.w, own.h) {
         (Some(w), Some(h)) => (side(w), side(h)),
         _ => {
-            let photo = places::with_any_extension(&folder.join(&file)).ok_or_else(|| {
+            let photo = places::photo(images, view).ok_or_else(|| {
                 fault("the photo is missing, and the file does not say its size (w and h)".into())
             })?;
             let header = header::read_header(&photo)?;
@@ -197,16 +214,33 @@ fn view_of(
         cameras.push((camera, distortion));
         cameras.len() - 1
     });
-    let camera = Camera { viewmat, ..camera };
-    camera.check().map_err(|e| fault(e.to_string()))?;
-    Ok(CaptureView {
-        name: frame.file_path.trim_start_matches("./").replace('\\', "/"),
-        camera,
-        distortion,
-        camera_id: camera_id as u32 + 1,
-        file,
-        mask: frame.mask_path.as_deref().map(|mask| folder.join(plain(mask))),
-    })
+    view.camera = Camera { viewmat, ..camera };
+    view.camera.check().map_err(|e| fault(e.to_string()))?;
+    view.distortion = distortion;
+    view.camera_id = camera_id as u32 + 1;
+    Ok(())
+}
+
+/// Remarks on what else is there and is not read.
+fn unused(transforms: &Transforms, path: &Path) -> Vec<Remark> {
+    let mut remarks = Vec::new();
+    let count = transforms.frames.iter().filter(|frame| frame.depth_file_path.is_some()).count();
+    if count > 0 {
+        let text = format!("{} names depth maps of {count} photos, which are not read with it; `priors --depth FOLDER` reads them", path.display());
+        remarks.push(Remark::note("depth-unused", text));
+    }
+    if path.file_name().is_some_and(|name| name == FILES[1]) {
+        let others = ["transforms_test.json", "transforms_val.json"];
+        let others: Vec<&str> = others.into_iter().filter(|name| path.with_file_name(name).is_file()).collect();
+        if !others.is_empty() {
+            let text = format!("{} is read; {} passed over", path.display(), match others[..] {
+                [one] => format!("{one} is"),
+                _ => format!("{} are", others.join(" and ")),
+            });
+            remarks.push(Remark::note("other-models", text));
+        }
+    }
+    remarks
 }
 
 fn check_model(model: Option<&str>) -> Result<(), String> {
@@ -231,33 +265,36 @@ fn viewmat(rows: &[[f64; 4]]) -> Result<glam::DMat4, String> {
     Ok(viewmat_at(world_from_camera.transpose(), column(3)))
 }
 
-/// The path of a file without `.` and with this system's separators.
-fn plain(path: &str) -> PathBuf {
-    let path = PathBuf::from(path.replace('\\', "/"));
-    path.components().filter(|part| *part != Component::CurDir).collect()
-}
+/// Names of the files of points that programs write without naming them, in the axes of the frames.
+const POINTS: [&str; 4] = ["sparse_pc.ply", "points3d.ply", "points3D.ply", "points.ply"];
 
-/// The path of a photo, its first folder replaced by that of the options.
-fn moved(path: &str, images: Option<&Path>) -> PathBuf {
-    let path = plain(path);
-    let Some(images) = images else { return path };
-    let mut parts = path.components();
-    let rest = match parts.next() {
-        Some(_) if !parts.as_path().as_os_str().is_empty() => parts.as_path(),
-        _ => &path,
-    };
-    images.join(rest)
-}
-
-fn points_of(transforms: &Transforms, folder: &Path, path: &Path) -> Result<SparsePoints, FormatError> {
-    if let Some(name) = &transforms.ply_file_path {
-        return read_points(&folder.join(plain(name)));
-    }
+fn points_of(
+    transforms: &Transforms,
+    folder: &Path,
+    path: &Path,
+    remarks: &mut Vec<Remark>,
+) -> Result<SparsePoints, FormatError> {
+    let named = transforms.ply_file_path.as_deref().map(|name| {
+        let index = FileIndex::new(folder, FileKind { extensions: &["ply"], endings: &[], skipped: &[] });
+        let found = index.find(name).map_err(|e| FormatError::whole(path, Problem::Value(e.to_string())))?;
+        Ok(found.map_or_else(|| folder.join(file_index::plain(name)), |found| found.path))
+    });
     let model = folder.join("colmap");
-    if !model.join("sparse").is_dir() {
+    let has_model = model.join("sparse").is_dir();
+    let usual = || POINTS.iter().map(|name| folder.join(name)).find(|file| !has_model && file.is_file());
+    if let Some(file) = named.transpose()?.or_else(usual) {
+        let (points, found) = read_points(&file)?;
+        remarks.extend(found);
+        return Ok(points);
+    }
+    if !has_model {
         return Ok(SparsePoints::default());
     }
-    let mut points = super::read(&model, &CaptureOptions::default())?.points;
+    // The frames are in the axes of this model, even where another one has more photos.
+    let first = Path::new("sparse/0");
+    let options =
+        CaptureOptions { model: model.join(first).is_dir().then(|| first.into()), ..CaptureOptions::default() };
+    let mut points = super::colmap::read_points(&model, &options)?;
     if let Some(rows) = &transforms.applied_transform {
         let &([a, b, c] | [a, b, c, _]) = rows.as_slice() else {
             let what = "applied_transform needs 3 or 4 rows";

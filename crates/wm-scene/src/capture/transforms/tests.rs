@@ -53,15 +53,21 @@ fn frames_may_have_their_own_cameras() {
         {{"file_path": "c.png", "transform_matrix": {POSE}, "camera_angle_x": 1.5707963267948966}},
         {{"file_path": "d.png", "transform_matrix": {POSE}, "mask_path": "masks/x.png"}}]}}"#
     );
-    let capture = read_json(&json).unwrap();
+    let folder = folder_with(&json);
+    fs::create_dir(folder.path().join("masks")).unwrap();
+    fs::write(folder.path().join("masks/x.png"), PNG).unwrap();
+    let capture = capture::read(folder.path(), &CaptureOptions::default()).unwrap();
     let focal: Vec<f64> = capture.views.iter().map(|view| view.camera.fx).collect();
     assert!((focal[2] - 320.0).abs() < 1e-9, "{focal:?}");
     assert_eq!((focal[0], focal[1]), (500.0, 300.0));
     assert_eq!(capture.views[1].camera.cx, 160.0);
     let cameras: Vec<u32> = capture.views.iter().map(|view| view.camera_id).collect();
     assert_eq!(cameras, [1, 2, 3, 1]);
-    assert!(capture.mask(3).unwrap().ends_with("masks/x.png"));
-    assert_eq!(capture.mask(0), None);
+    assert!(capture.views[3].mask.as_ref().unwrap().ends_with("masks/x.png"));
+    assert_eq!(capture.views[0].mask, None);
+    fs::remove_file(folder.path().join("masks/x.png")).unwrap();
+    let capture = capture::read(folder.path(), &CaptureOptions::default()).unwrap();
+    assert_eq!((capture.views[3].mask.clone(), capture.remarks[0].code), (None, "masks-missing"));
 }
 
 #[test]
@@ -119,6 +125,28 @@ fn reduced_photos_and_points_are_found() {
 }
 
 #[test]
+fn masks_in_subfolders_are_found_without_their_path() {
+    let frame = |side: &str| format!(r#"{{"file_path": "images/{side}/0.jpg", "transform_matrix": {POSE}}}"#);
+    let folder = folder_with(&format!(
+        r#"{{"fl_x": 500, "w": 640, "h": 480, "frames": [{}, {}]}}"#,
+        frame("back"),
+        frame("front")
+    ));
+    for file in ["images/back/0.jpg", "images/front/0.jpg", "masks/back/0.png", "masks/front/0.png"] {
+        let path = folder.path().join(file);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, PNG).unwrap();
+    }
+    for masks in [None, Some("masks".into())] {
+        let options = CaptureOptions { masks, ..CaptureOptions::default() };
+        let capture = capture::read(folder.path(), &options).unwrap();
+        let masks: Vec<_> = capture.views.iter().map(|view| view.mask.clone().unwrap()).collect();
+        assert_eq!(masks, ["back", "front"].map(|side| folder.path().join(format!("masks/{side}/0.png"))));
+        assert!(capture.remarks[0].text.starts_with("masks of 2 of 2 photos are used"), "{:?}", capture.remarks);
+    }
+}
+
+#[test]
 fn a_photo_elsewhere_is_not_its_own_mask() {
     let photos = tempdir().unwrap();
     let photo = photos.path().join("a.png");
@@ -129,7 +157,7 @@ fn a_photo_elsewhere_is_not_its_own_mask() {
     ));
     fs::create_dir(folder.path().join("masks")).unwrap();
     let capture = capture::read(folder.path(), &CaptureOptions::default()).unwrap();
-    assert_eq!((capture.photo(0), capture.mask(0)), (Some(photo), None));
+    assert_eq!((capture.photo(0), capture.views[0].mask.clone()), (Some(photo), None));
 }
 
 #[test]

@@ -14,6 +14,7 @@
 //! metadata in `asset.extras.wm` and groups in an attribute `_GROUP`. The local origin of a scene is the translation of its node too, for
 //! other programs; where the metadata state it, it is taken off again.
 
+mod kind;
 mod read;
 mod write;
 

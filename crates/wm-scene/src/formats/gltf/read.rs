@@ -1,9 +1,8 @@
 //! Reading: JSON, buffers, nodes, accessors.
 
-use super::{BIN, FORMAT, JSON, MAGIC, SPLATTING, attribute, sh_attribute};
+use super::{BIN, FORMAT, JSON, MAGIC, SPLATTING, attribute, kind::interpret, sh_attribute};
 use crate::{
     Group, Metadata, Remark, Scene, Splats,
-    color::srgb_encode,
     error::{Problem, excerpt, one_line},
     files,
     formats::{
@@ -146,12 +145,11 @@ fn fault(what: impl Into<String>) -> Problem {
 /// Reads a file in memory; buffers in other files are below the folder of its path, `main`. The scene has the axes of glTF.
 pub(super) fn read(file: &[u8], main: &Path) -> Result<Scene, Problem> {
     let (json, bin) = if file.starts_with(MAGIC) { chunks(file)? } else { (file, None) };
-    let gltf: Gltf = serde_json::from_slice(json).map_err(|error| fault(one_line(&error.to_string())))?;
+    let gltf: Gltf = serde_json::from_slice(files::without_mark(json))
+        .map_err(|error| fault(one_line(&error.to_string())))?;
     if let Some(unknown) = gltf.extensions_required.iter().find(|name| !is_read(name)) {
-        return Err(fault(format!(
-            "it requires the extension {}, which is not read",
-            excerpt(unknown.as_bytes())
-        )));
+        let name: String = one_line(unknown).chars().take(80).collect();
+        return Err(fault(format!("it requires the extension {name}, which is not read")));
     }
     if let Some(fault_of) = gltf.asset.extras.wm.fault() {
         return Err(fault(format!("asset.extras.wm: {fault_of}")));
@@ -197,7 +195,8 @@ impl Placed {
         let positions = parts.iter().flat_map(|(splats, place)| {
             splats.means.iter().step_by(step).map(|mean| place.point(origin::wide(*mean)))
         });
-        let size = parts.iter().map(|(splats, place)| place.scale * origin::usual_size(splats)).fold(0.0, f64::max);
+        let size =
+            parts.iter().map(|(splats, place)| place.scale * origin::usual_size(splats)).fold(0.0, f64::max);
         let is_moved = parts.iter().any(|(_, place)| place.translation != DVec3::ZERO);
         let moved_by = match metadata.origin {
             None if is_moved => origin::choose(&positions.collect::<Vec<_>>(), size).unwrap_or(DVec3::ZERO),
@@ -330,17 +329,20 @@ impl Reader<'_> {
                     let view = packed.get("bufferView").and_then(Value::as_u64);
                     let view = view.ok_or_else(|| fault("the SPZ's bufferView is not a number"))?;
                     let mut inner = spz::read(self.view(view as usize)?.1)?;
-                    // As CesiumJS has them, the axes are those of glTF already.
-                    if extension.get("kernel").is_some() {
+                    // As CesiumJS has them, the axes are those of glTF already; such files lack what the extension demands.
+                    if ["kernel", "colorSpace"].iter().all(|key| extension.get(key).is_some()) {
                         spz::FORMAT.axes.turn(&mut inner);
                         FORMAT.axes.turn(&mut inner);
+                    } else {
+                        let text = "glTF: the numbers in its SPZ are taken for those of glTF's axes, as CesiumJS does";
+                        add_new(&mut read.remarks, &[Remark::note("spz-axes", text)]);
                     }
                     read.metadata = std::mem::take(&mut read.metadata).or(inner.metadata);
                     add_new(&mut read.remarks, &inner.remarks);
                     self.groups(primitive, &mut inner.splats)?;
                     inner.splats
                 }
-                None => self.splats(primitive)?,
+                None => self.splats(primitive, extension)?,
             };
             add_new(&mut read.remarks, &interpret(extension, &mut splats));
             // Nodes may share a mesh, and meshes values: as many splats as a bomb wants.
@@ -352,38 +354,61 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn splats(&self, primitive: &Primitive) -> Result<Splats, Problem> {
+    fn splats(&self, primitive: &Primitive, extension: &Value) -> Result<Splats, Problem> {
         let get = |name: &str| primitive.attributes.get(name).copied();
-        let needed =
-            |name: &str| get(name).ok_or_else(|| fault(format!("the splats have no attribute {name}")));
-        let degree = (1..=sh::MAX_DEGREE)
-            .rfind(|d| get(&sh_attribute(sh::coefficients(*d) - 1)).is_some())
-            .unwrap_or(0);
-        let position = needed("POSITION")?;
+        // Drafts had `_SCALE` and the like, or the accessors in the extension, and the colour in COLOR_0 alone.
+        let index = |value: Option<&Value>| Some(value?.as_u64()? as usize);
+        let find = |name: &str| {
+            let draft = get(&format!("_{name}")).or_else(|| index(extension.get(name.to_lowercase())));
+            get(&attribute(name)).or(draft)
+        };
+        let coefficient =
+            |k: usize| get(&sh_attribute(k)).or_else(|| index(extension.get("sh").and_then(|sh| sh.get(k))));
+        let known = |accessor: Option<usize>, name: &str| {
+            accessor.ok_or_else(|| fault(format!("the splats have no attribute {name}")))
+        };
+        let needed = |name: &str| known(find(name), &attribute(name));
+        let degree =
+            (1..=sh::MAX_DEGREE).rfind(|d| coefficient(sh::coefficients(*d) - 1).is_some()).unwrap_or(0);
+        let position = known(get("POSITION"), "POSITION")?;
         // The other attributes have as many values, or `fill` says so.
         let count = self.accessor(position)?.count;
         self.numbers::<3>(position, count, |_, _| ())?;
         let mut splats = Splats::zeroed(count as usize, degree);
         self.numbers::<3>(position, count, |i, v| splats.means[i] = v)?;
-        self.numbers::<4>(needed(&attribute("ROTATION"))?, count, |i, [x, y, z, w]| {
+        self.numbers::<4>(needed("ROTATION")?, count, |i, [x, y, z, w]| {
             splats.quats[i] = [w, x, y, z];
         })?;
         let mut least = f32::INFINITY;
-        self.numbers::<3>(needed(&attribute("SCALE"))?, count, |i, v| {
+        self.numbers::<3>(needed("SCALE")?, count, |i, v| {
             least = v.iter().fold(least, |least, v| least.min(*v));
             splats.log_scales[i] = v;
         })?;
         if least >= 0.0 {
             splats.log_scales.as_flattened_mut().iter_mut().for_each(|v| *v = v.ln());
         }
-        self.numbers::<1>(needed(&attribute("OPACITY"))?, count, |i, [v]| {
-            splats.logit_opacities[i] = logit(f64::from(v)) as f32;
-        })?;
         let stride = splats.sh_stride();
-        for coefficient in 0..sh::coefficients(degree) {
-            let name = sh_attribute(coefficient);
-            self.numbers::<3>(needed(&name)?, count, |i, v| {
-                splats.sh[i * stride + coefficient * 3..][..3].copy_from_slice(&v);
+        let color = get("COLOR_0").filter(|_| coefficient(0).is_none());
+        if let Some(color) = color {
+            let has_alpha = self.accessor(color)?.kind == "VEC4";
+            let mut take = |i: usize, [r, g, b, a]: [f32; 4]| {
+                splats.sh[i * stride..][..3]
+                    .copy_from_slice(&[r, g, b].map(|v| sh::dc_of(f64::from(v)) as f32));
+                splats.logit_opacities[i] = logit(f64::from(a)) as f32;
+            };
+            match has_alpha {
+                true => self.numbers::<4>(color, count, take)?,
+                false => self.numbers::<3>(color, count, |i, [r, g, b]| take(i, [r, g, b, 1.0]))?,
+            }
+        }
+        if color.is_none() || find("OPACITY").is_some() {
+            self.numbers::<1>(needed("OPACITY")?, count, |i, [v]| {
+                splats.logit_opacities[i] = logit(f64::from(v)) as f32;
+            })?;
+        }
+        for k in usize::from(color.is_some())..sh::coefficients(degree) {
+            self.numbers::<3>(known(coefficient(k), &sh_attribute(k))?, count, |i, v| {
+                splats.sh[i * stride + k * 3..][..3].copy_from_slice(&v);
             })?;
         }
         self.groups(primitive, &mut splats)?;
@@ -475,66 +500,6 @@ impl Reader<'_> {
             each(i, std::array::from_fn(value));
         }
         Ok(())
-    }
-}
-
-/// Brings the colours of splats to those of a [`Scene`], and says what of the extension is not as it states.
-fn interpret(extension: &Value, splats: &mut Splats) -> Vec<Remark> {
-    let stated = |key: &str| extension.get(key).and_then(Value::as_str);
-    let mut remarks = Vec::new();
-    if stated("colorSpace") == Some("lin_rec709_display") {
-        encode_colors(splats);
-        let text = "glTF: the colours are linear light (lin_rec709_display) and become sRGB splat by splat; where splats \
-                    blend, sRGB is blended";
-        remarks.push(Remark::note("linear-colours", text));
-    }
-    for (key, known) in [
-        ("kernel", &["ellipse"][..]),
-        ("colorSpace", &["srgb_rec709_display", "lin_rec709_display"]),
-        ("projection", &["perspective"]),
-        ("sortingMethod", &["cameraDistance", "zDepth"]),
-    ] {
-        if let Some(other) = stated(key).filter(|value| !known.contains(value)) {
-            let text = format!(
-                "glTF: the {key} {} is not known, {} is taken; export the splats with it",
-                excerpt(other.as_bytes()),
-                known[0]
-            );
-            remarks.push(Remark::doubt("splat-kind", text));
-        }
-    }
-    remarks
-}
-
-/// Replaces SH of linear light by those of the sRGB colours that they show: the nearest ones of their degree over all directions.
-fn encode_colors(splats: &mut Splats) {
-    // Gauss's places for cosines, even steps around: exact for products of two functions of degree 3.
-    const PLACES: [(f64, f64); 4] = [
-        (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-        (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
-        (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
-        (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-    ];
-    const AROUND: usize = 8;
-    let directions = PLACES.into_iter().flat_map(|(z, weight)| {
-        (0..AROUND).map(move |step| {
-            let (sine, cosine) = (std::f64::consts::TAU * (step as f64 + 0.5) / AROUND as f64).sin_cos();
-            let across = (1.0 - z * z).sqrt();
-            ([across * cosine, across * sine, z], weight * std::f64::consts::TAU / AROUND as f64)
-        })
-    });
-    let directions: Vec<([f64; 3], [f64; 16], f64)> =
-        directions.map(|(direction, weight)| (direction, sh::basis(direction), weight)).collect();
-    let stride = splats.sh_stride();
-    for sh in splats.sh.chunks_exact_mut(stride) {
-        let mut encoded = [0.0; 48];
-        for (direction, basis, weight) in &directions {
-            let shown = sh::color(sh, *direction).map(srgb_encode);
-            for (k, value) in encoded[..stride].iter_mut().enumerate() {
-                *value += weight * basis[k / 3] * (shown[k % 3] - 0.5);
-            }
-        }
-        sh.iter_mut().zip(encoded).for_each(|(value, encoded)| *value = encoded as f32);
     }
 }
 

@@ -164,6 +164,9 @@ pub(super) fn read(source: &mut Source, header: Header) -> Result<Scene, FormatE
                 if element.count != promised || splats.len() as u64 != promised {
                     return Err(fault(source, "the element sh must have a row a splat, behind them"));
                 }
+                if element.properties.len() != rest {
+                    return Err(fault(source, "there are two elements sh"));
+                }
                 let stride = splats.sh_stride();
                 rows_of(source, element.count, size, promised, |index, row| {
                     let sh = &mut splats.sh[index * stride + 3..][..rest];

@@ -104,12 +104,13 @@ impl Dialect {
             )));
         }
         let is_points = OF_SPLATS.iter().all(|start| starts(start).is_none());
-        let scales = match () {
-            () if is_points => 0,
-            // Of the others `Layout` says which one is missing.
-            () if has("scale_2") || !has("scale_0") => 3,
-            () if has("scale_1") => 2,
-            () => 1,
+        let scales = if is_points {
+            0
+        } else if has("scale_0") && !has("scale_2") {
+            if has("scale_1") { 2 } else { 1 }
+        } else {
+            // If one is missing, `Layout` says which.
+            3
         };
         let rgb = RGB.into_iter().find(|names| names.iter().all(|name| has(name)));
         let colors = match rgb {
@@ -298,12 +299,15 @@ fn about_properties(vertex: &Element, kept: &[usize]) -> Vec<Remark> {
             let name = other.name.to_ascii_lowercase();
             list.iter().any(|start| name.starts_with(start))
         };
-        match () {
-            () if starts(&OF_TIME) || other.name == "t" => of_time.push(&*other.name),
-            // Whole numbers are names and counts.
-            () if starts(&UNSEEN) || is_integer(other) => unseen.push(&*other.name),
-            () => unknown.push(&*other.name),
-        }
+        // Whole numbers are names and counts.
+        let list = if starts(&OF_TIME) || other.name == "t" {
+            &mut of_time
+        } else if starts(&UNSEEN) || is_integer(other) {
+            &mut unseen
+        } else {
+            &mut unknown
+        };
+        list.push(&*other.name);
     }
     let mut remarks = Vec::new();
     if !unseen.is_empty() {
@@ -318,8 +322,9 @@ fn about_properties(vertex: &Element, kept: &[usize]) -> Vec<Remark> {
     }
     if !unknown.is_empty() {
         let text = format!(
-            "{} not understood and not used; if splats look otherwise by it, export them as plain 3DGS",
-            named(&unknown)
+            "{} {} not understood and not used; if splats look otherwise by it, export them as plain 3DGS",
+            named(&unknown),
+            if unknown.len() == 1 { "is" } else { "are" }
         );
         remarks.push(Remark::doubt("unknown-property", text));
     }

@@ -2,24 +2,27 @@
 
 use super::{
     PlyEncoding,
-    header::{Element, Header, Kind, Scalar},
+    header::{Element, Header, Kind, Property, Scalar},
 };
-use crate::{FormatError, Problem, capture::SparsePoints, error::number, source::Source};
+use crate::{FormatError, Problem, Remark, capture::SparsePoints, error::number, source::Source};
 use std::path::Path;
 
 /// Colour of points that have none.
 const GREY: [u8; 3] = [128; 3];
 
-/// Reads the points of a PLY, binary of either byte order or ASCII. Other properties are stepped
-/// over. Colours of a float type are 0 to 1. Points that are not finite are left out.
+/// Reads the points of a PLY, binary of either byte order or ASCII, and remarks on them. Other properties
+/// are stepped over. Points that are not finite are left out.
+///
+/// The range of colours is told by their type and the highest of them: up to 255 or 65535 for whole
+/// numbers, and also 1 for floats.
 ///
 /// # Errors
 /// [`FormatError`] if the file is missing, cut off, or not a PLY with points.
-pub fn read_points(path: &Path) -> Result<SparsePoints, FormatError> {
+pub fn read_points(path: &Path) -> Result<(SparsePoints, Vec<Remark>), FormatError> {
     read_points_from(&mut Source::open(path)?)
 }
 
-fn read_points_from(source: &mut Source) -> Result<SparsePoints, FormatError> {
+fn read_points_from(source: &mut Source) -> Result<(SparsePoints, Vec<Remark>), FormatError> {
     if !source.fill(3)? || source.bytes().get(..3) != Some(b"ply") {
         let problem = "no PLY: it does not begin with \"ply\"; give the file of the points";
         return Err(source.whole(Problem::Value(problem.into())));
@@ -32,6 +35,8 @@ fn read_points_from(source: &mut Source) -> Result<SparsePoints, FormatError> {
     };
     let columns = columns(vertex).map_err(|problem| source.whole(problem))?;
     let mut points = SparsePoints::default();
+    let mut colors: Vec<[f32; 3]> = Vec::new();
+    let mut absurd = 0u64;
     let mut row = [0.0; 6];
     for done in 0..vertex.count {
         let is_there = match header.encoding {
@@ -45,29 +50,59 @@ fn read_points_from(source: &mut Source) -> Result<SparsePoints, FormatError> {
         }
         let [x, y, z, color @ ..] = row;
         if [x, y, z].iter().all(|v| v.is_finite()) {
-            let color = match columns.color {
-                Color::None => GREY,
-                Color::Bytes => color.map(|v| v as u8),
-                Color::Shares => color.map(|v| (v * 255.0).round() as u8),
-            };
-            points.push([x, y, z], color, f32::NAN, 0);
+            points.push([x, y, z], GREY, f32::NAN, 0);
+            if columns.color != ColorType::None {
+                colors.push(color.map(|v| v as f32));
+            }
+        } else {
+            absurd += 1;
         }
     }
-    Ok(points)
+    let mut remarks = Vec::new();
+    if absurd > 0 {
+        let text = format!("{absurd} points of {} are not finite and are left out", source.path().display());
+        remarks.push(Remark::doubt("absurd-points", text));
+    }
+    if columns.color == ColorType::None && !points.is_empty() {
+        let text = format!("the points of {} have no colours: splats begin grey", source.path().display());
+        remarks.push(Remark::note("no-colours", text));
+    }
+    let full = full_scale(columns.color, &colors);
+    for (out, color) in points.colors.iter_mut().zip(&colors) {
+        // NaN is no colour.
+        *out = color.map(|v| if v.is_nan() { GREY[0] } else { (v * (255.0 / full)).round() as u8 });
+    }
+    Ok((points, remarks))
 }
 
-/// The encoding of colours.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Color {
+/// The type of the properties of colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum ColorType {
     None,
+    /// 8 bits.
     Bytes,
-    Shares,
+    /// Whole numbers of more bits.
+    Counts,
+    /// Floats.
+    Floats,
+}
+
+/// Returns the number that stands for full brightness.
+fn full_scale(kind: ColorType, colors: &[[f32; 3]]) -> f32 {
+    let highest = colors.iter().flatten().copied().filter(|v| v.is_finite()).fold(0.0f32, f32::max);
+    match (kind, highest) {
+        // Shares of bright surfaces may be somewhat above 1.
+        (ColorType::Floats, ..=2.0) => 1.0,
+        (ColorType::None | ColorType::Bytes, _) | (_, ..=255.0) => 255.0,
+        // Beyond 16 bits the brightest point is white.
+        _ => highest.max(65535.0),
+    }
 }
 
 struct Columns {
     /// For each property, its place among x y z red green blue.
     lanes: Vec<Option<usize>>,
-    color: Color,
+    color: ColorType,
 }
 
 fn columns(vertex: &Element) -> Result<Columns, Problem> {
@@ -88,13 +123,15 @@ fn columns(vertex: &Element) -> Result<Columns, Problem> {
             "the vertex element has no property {name}; export the points again"
         )));
     }
-    let is_float = vertex.properties.iter().zip(&lanes).any(|(property, lane)| {
-        *lane == Some(3) && matches!(property.kind, Kind::Scalar(Scalar::F32 | Scalar::F64))
-    });
-    let color = match (3..6).all(has) {
-        false => Color::None,
-        true if is_float => Color::Shares,
-        true => Color::Bytes,
+    let kind_of = |property: &Property| match property.kind {
+        Kind::Scalar(Scalar::F32 | Scalar::F64) => ColorType::Floats,
+        Kind::Scalar(Scalar::U8 | Scalar::I8) => ColorType::Bytes,
+        _ => ColorType::Counts,
+    };
+    let red = vertex.properties.iter().zip(&lanes).find(|(_, lane)| **lane == Some(3));
+    let color = match red {
+        Some((property, _)) if has(4) && has(5) => kind_of(property),
+        _ => ColorType::None,
     };
     Ok(Columns { lanes, color })
 }
@@ -181,7 +218,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn read(bytes: &[u8]) -> Result<SparsePoints, FormatError> {
-        read_points_from(&mut Source::new(Path::new("p.ply"), Box::new(bytes), Some(bytes.len() as u64)))
+        let mut source = Source::new(Path::new("p.ply"), Box::new(bytes), Some(bytes.len() as u64));
+        Ok(read_points_from(&mut source)?.0)
     }
 
     fn header(encoding: &str) -> Vec<u8> {
@@ -248,6 +286,37 @@ mod tests {
         let faces = "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int i\nend_header\n";
         let error = read(faces.as_bytes()).unwrap_err().to_string();
         assert!(error.starts_with("p.ply: the first element is not vertex"), "{error}");
+    }
+
+    #[test]
+    fn colours_of_every_type_are_the_same() {
+        let colors = [[0, 51, 255], [102, 204, 153]];
+        for (kind, full) in [
+            ("uchar", 255.0),
+            ("uint8", 255.0),
+            ("ushort", 65535.0),
+            ("uint16", 65535.0),
+            ("ushort", 255.0),
+            ("short", 255.0),
+            ("int", 255.0),
+            ("uint", 65535.0),
+            ("int", 1e9),
+            ("float", 1.0),
+            ("float", 255.0),
+            ("double", 1.0),
+            ("float64", 255.0),
+            ("float", 65535.0),
+        ] {
+            let mut text = format!(
+                "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
+                 property {kind} red\nproperty {kind} green\nproperty {kind} blue\nend_header\n"
+            );
+            for color in colors {
+                let [r, g, b] = color.map(|v: u8| f64::from(v) / 255.0 * full);
+                text += &format!("1 2 3 {r} {g} {b}\n");
+            }
+            assert_eq!(read(text.as_bytes()).unwrap().colors, colors, "{kind} to {full}");
+        }
     }
 
     proptest! {

@@ -90,7 +90,8 @@ pub(crate) fn fault(what: impl Into<String>) -> Problem {
 }
 
 pub(crate) fn parse<'a, T: Deserialize<'a>>(text: &'a [u8], name: &str) -> Result<T, Problem> {
-    serde_json::from_slice(text).map_err(|error| fault(format!("{name}: {}", one_line(&error.to_string()))))
+    serde_json::from_slice(files::without_mark(text))
+        .map_err(|error| fault(format!("{name}: {}", one_line(&error.to_string()))))
 }
 
 /// The values that the bytes of a channel stand for.

@@ -218,6 +218,47 @@ fn an_spz_is_found_under_all_names_of_its_extension() {
 }
 
 #[test]
+fn drafts_of_the_extension_name_their_attributes_otherwise() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("a.glb");
+    write_scene(&path, &plausible(9, 0)).unwrap();
+    let whole = read(&path).unwrap();
+    let (json, buffer) = glb_parts(&fs::read(&path).unwrap());
+    let primitive =
+        |change: &dyn Fn(&mut serde_json::Map<String, serde_json::Value>) -> serde_json::Value| {
+            let mut other = json.clone();
+            let primitive = &mut other["meshes"][0]["primitives"][0];
+            let extension = change(primitive["attributes"].as_object_mut().unwrap());
+            primitive["extensions"] = serde_json::json!({ SPLATTING: extension });
+            read_gltf(&folder, other, &buffer).unwrap().splats
+        };
+    let name = |part: &str| format!("{SPLATTING}:{part}");
+    let inside = primitive(&|attributes| {
+        let mut take = |part: &str| attributes.remove(&name(part)).unwrap();
+        serde_json::json!({
+            "rotation": take("ROTATION"), "scale": take("SCALE"), "opacity": take("OPACITY"), "sh": [take("SH_DEGREE_0_COEF_0")],
+        })
+    });
+    assert_eq!(inside, whole.splats);
+    // The colour and the opacity of bytes, in COLOR_0.
+    let colored = primitive(&|attributes| {
+        for part in ["ROTATION", "SCALE"] {
+            let accessor = attributes.remove(&name(part)).unwrap();
+            attributes.insert(format!("_{part}"), accessor);
+        }
+        attributes.remove(&name("OPACITY")).unwrap();
+        attributes.remove(&name("SH_DEGREE_0_COEF_0")).unwrap();
+        serde_json::json!({})
+    });
+    assert_eq!((&colored.means, &colored.log_scales), (&whole.splats.means, &whole.splats.log_scales));
+    for index in 0..9 {
+        let (a, b) = (colored.base_color(index), whole.splats.base_color(index).map(|v| v.clamp(0.0, 1.0)));
+        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.003), "{a:?} {b:?}");
+        assert!((colored.opacity(index) - whole.splats.opacity(index)).abs() < 0.003);
+    }
+}
+
+#[test]
 fn spz_that_are_not_packed_and_of_degree_4_are_read() {
     let mut file = b"NGSP".to_vec();
     file.extend(2u32.to_le_bytes());

@@ -329,7 +329,15 @@ mod tests {
             let observations = (0..60).filter_map(seen).collect();
             capture.observations.push(observations);
             let (distortion, file) = (Distortion::None, name.clone().into());
-            capture.views.push(CaptureView { name, camera, distortion, camera_id: 1, file, mask: None });
+            capture.views.push(CaptureView {
+                name,
+                camera,
+                distortion,
+                camera_id: 1,
+                file,
+                mask: None,
+                original: None,
+            });
         }
         capture
     }

@@ -157,11 +157,38 @@ fn other_properties_are_told_by_what_they_may_change() {
     assert!(
         scene.remarks[0]
             .text
-            .starts_with("the properties beta_0, beta_1, beta_2, beta_3 and 5 more not understood")
+            .starts_with("the properties beta_0, beta_1, beta_2, beta_3 and 5 more are not understood")
     );
     let anchors = read_bytes(&file(&format!("{usual} f_offset_0 f_anchor_feat_0"), &[&format!("{row} 0 0")]));
     let error = anchors.unwrap_err().to_string();
     assert!(error.contains("it has anchors (the property f_offset_0)"), "{error}");
+}
+
+#[test]
+fn comments_of_trainings_state_facts() {
+    let names = format!("{START} f_dc_0 f_dc_1 f_dc_2 scale_0 scale_1 scale_2");
+    let plain = String::from_utf8(file(&names, &["1 2 3 1.5 1 0 0 0 0 0 0 -1 -1 -1"])).unwrap();
+    let metadata = |comment: &str| {
+        let text = plain.replace("element vertex", &format!("{comment}\nelement vertex"));
+        read_bytes(text.as_bytes()).unwrap().metadata
+    };
+    for (comment, up) in [
+        ("comment Vertical axis: 0 -2 0", Some(DVec3::NEG_Y)),
+        ("comment Vertical Axis: z", Some(DVec3::Z)),
+        ("comment vertical axis: -y", Some(DVec3::NEG_Y)),
+        ("comment Vertical axis: up", None),
+        ("comment Vertical axis: 0 0 0", None),
+        ("comment Vertical axis: nan 0 1", None),
+        ("comment Vertical axis: z\ncomment wm.up [0, 1, 0]", Some(DVec3::Y)),
+        ("comment wm.up [0, 1, 0]\ncomment Vertical axis: z", Some(DVec3::Y)),
+    ] {
+        assert_eq!(metadata(comment).up, up, "{comment}");
+    }
+    assert_eq!(
+        metadata("comment SplatRenderMode: mip").rasterization,
+        Some(crate::Rasterization::Antialiased)
+    );
+    assert_eq!(metadata("comment SplatRenderMode: default").rasterization, None);
 }
 
 #[test]

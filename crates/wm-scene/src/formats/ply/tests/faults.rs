@@ -306,3 +306,21 @@ fn a_negative_list_has_its_byte() {
         format!("a.ply, byte {at}: a list of the element face has a negative length; export the file again")
     );
 }
+
+/// A compressed PLY whose second element of SH has other properties than its first.
+#[test]
+fn two_elements_of_sh_in_a_compressed_ply_are_refused() {
+    let floats: String = (0..12).map(|i| format!("property float bound_{i}\n")).collect();
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\nelement chunk 1\n{floats}element vertex 1\nproperty uint packed_position\n\
+         property uint packed_rotation\nproperty uint packed_scale\nproperty uint packed_color\nelement sh 1\nelement sh 1\n\
+         property uchar f_rest_0\nend_header\n"
+    );
+    for (index, name) in ["min_x", "min_y", "min_z", "max_x", "max_y", "max_z"].into_iter().enumerate() {
+        bytes = bytes.replace(&format!("bound_{index}\n"), &format!("{name}\n"));
+        let scale = name.replace('_', "_scale_");
+        bytes = bytes.replace(&format!("bound_{}\n", index + 6), &format!("{scale}\n"));
+    }
+    let bytes = [bytes.as_bytes(), &[0; 48 + 16 + 1]].concat();
+    assert!(say(&bytes).ends_with("there are two elements sh; export the file again"), "{}", say(&bytes));
+}

@@ -1,0 +1,82 @@
+//! Checks of what every format reads: points and names that no capture has.
+
+use super::{Capture, Observation, SparsePoints};
+use crate::Remark;
+use std::collections::HashSet;
+
+/// Farthest coordinate of a point or camera, scene units: a hundred times the Earth's radius in millimetres.
+pub(super) const FARTHEST: f64 = 1e12;
+/// Points from which on one colour of all says that colours were not read as they were meant.
+const SUSPICIOUS: usize = 10;
+
+/// Leaves out points that are nowhere and photos that are there twice, and remarks on them and on colours that all
+/// points share.
+pub(super) fn clean(capture: &mut Capture) {
+    let absurd = leave_out_absurd(&mut capture.points, &mut capture.observations);
+    if absurd > 0 {
+        capture.remarks.push(Remark::doubt(
+            "absurd-points",
+            format!("{absurd} points are not finite or farther away than {FARTHEST:e} and are left out; look at the model"),
+        ));
+    }
+    let mut known = HashSet::new();
+    let is_first: Vec<bool> = capture.views.iter().map(|view| known.insert(view.name.clone())).collect();
+    let twice = is_first.iter().filter(|is_first| !**is_first).count();
+    if let Some(at) = is_first.iter().position(|is_first| !is_first) {
+        let text = format!(
+            "{twice} photos are there twice, such as {:?}; the first of each is used",
+            capture.views[at].name
+        );
+        capture.remarks.push(Remark::doubt("photos-twice", text));
+        let mut at = is_first.iter();
+        capture.views.retain(|_| *at.next().unwrap_or(&true));
+        let mut at = is_first.iter();
+        capture.observations.retain(|_| *at.next().unwrap_or(&true));
+    }
+    capture.remarks.extend(colors(&capture.points));
+}
+
+/// Returns the number of points that were left out.
+fn leave_out_absurd(points: &mut SparsePoints, observations: &mut [Vec<Observation>]) -> usize {
+    let is_sane = |position: &[f64; 3]| position.iter().all(|v| v.abs() < FARTHEST);
+    let absurd = points.positions.iter().filter(|position| !is_sane(position)).count();
+    if absurd > 0 {
+        let mut places = vec![u32::MAX; points.len()];
+        let mut kept = SparsePoints::default();
+        for at in (0..points.len()).filter(|at| is_sane(&points.positions[*at])) {
+            places[at] = kept.len() as u32;
+            kept.push(points.positions[at], points.colors[at], points.errors[at], points.track_lengths[at]);
+        }
+        *points = kept;
+        for seen in observations.iter_mut() {
+            seen.iter_mut().for_each(|seen| seen.point = places[seen.point as usize]);
+            seen.retain(|seen| seen.point != u32::MAX);
+        }
+    }
+    for seen in observations {
+        seen.retain(|seen| seen.xy.iter().all(|v| v.is_finite()));
+    }
+    absurd
+}
+
+/// A doubt if all points have one colour.
+fn colors(points: &SparsePoints) -> Option<Remark> {
+    let [r, g, b] = *points.colors.first().filter(|_| points.len() >= SUSPICIOUS)?;
+    let all = |is: fn(u8) -> bool| points.colors.iter().flatten().all(|v| is(*v));
+    let what = if all(|v| v <= 1) {
+        "black".into()
+    } else if all(|v| v >= 254) {
+        "white".into()
+    } else if points.colors.iter().all(|color| *color == [r, g, b]) {
+        format!("of the colour {r} {g} {b}")
+    } else {
+        return None;
+    };
+    Some(Remark::doubt(
+        "equal-colours",
+        format!(
+            "all {} points are {what}; export them with their colours, which the splats begin with",
+            points.len()
+        ),
+    ))
+}
