@@ -154,7 +154,9 @@ fn far_places_keep_an_origin() {
         let eye_of: serde_json::Value = serde_json::from_str(&path).unwrap();
         let written: [f64; 3] = serde_json::from_value(eye_of["keyframes"][0]["eye"].clone()).unwrap();
         assert!((DVec3::from(written) - eye - by).length() < 1e-6, "{path}");
-        desk.run(&format!("render {scene} --camera {name}.json --size 48x32 --device cpu --assets off -o again-{name}.png"));
+        desk.run(&format!(
+            "render {scene} --camera {name}.json --size 48x32 --device cpu --assets off -o again-{name}.png"
+        ));
         let [picture, again] = ["", "again-"].map(|start| pixels(&desk.at(&format!("{start}{name}.png"))));
         assert!(again == picture, "{name}: the path that was saved shows another view");
         picture
@@ -173,7 +175,10 @@ fn far_places_keep_an_origin() {
     assert!(turned.distance(0.5 * DVec3::new(500_000.0, 100.0, 4_000_000.0)) < 1e-6, "{turned}");
     // With no origin, or one far away, f32 folds its splats together, and that is said.
     let baked = desk.run("convert far.ply baked.ply --origin none");
-    assert!(baked.contains("lost: positions have steps of up to 0.25 units, wider than 100 % of the splats"), "{baked}");
+    assert!(
+        baked.contains("lost: positions have steps of up to 0.25 units, wider than 100 % of the splats"),
+        "{baked}"
+    );
     let read = desk.read("baked.ply");
     assert_eq!(read.metadata.origin, Some(DVec3::new(500_000.0, -4_000_000.0, 100.0)));
     assert_eq!(read.remarks.len(), 2);

@@ -252,7 +252,8 @@ fn far_captures_have_an_origin() {
     // Written, it is in the world again.
     let folder = tempdir().unwrap();
     far.set_origin(DVec3::new(6e6, 0.0, 0.0));
-    colmap::write::write(&far, &folder.path().join("sparse/0"), colmap::write::ColmapStorage::Binary).unwrap();
+    colmap::write::write(&far, &folder.path().join("sparse/0"), colmap::write::ColmapStorage::Binary)
+        .unwrap();
     let views = read_views(folder.path()).unwrap();
     assert!(views[1].camera.center().distance(far_views[1].camera.center()) < 1e-6);
 }

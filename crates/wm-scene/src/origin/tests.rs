@@ -1,5 +1,7 @@
 use super::*;
-use crate::formats::{FORMATS, ReadOptions, Views, folder, lost, read_scene, read_scene_from, write_scene, write_sidecar};
+use crate::formats::{
+    FORMATS, ReadOptions, Views, folder, lost, read_scene, read_scene_from, write_scene, write_sidecar,
+};
 use crate::random::uniform;
 use crate::{Camera, Lamp, Severity};
 use glam::{DMat3, DQuat};
@@ -31,7 +33,8 @@ fn cloud_at(count: usize, size: f64, origin: DVec3) -> Scene {
 
 /// The greatest distance of a splat from where it is in `exact`, in the world.
 fn farthest(scene: &Scene, exact: &Scene) -> f64 {
-    let world = |scene: &Scene, index: usize| wide(scene.splats.means[index]) + scene.metadata.origin_or_zero();
+    let world =
+        |scene: &Scene, index: usize| wide(scene.splats.means[index]) + scene.metadata.origin_or_zero();
     let off = (0..scene.splats.len()).map(|index| world(scene, index).distance(world(exact, index)));
     off.fold(0.0, f64::max)
 }
@@ -42,12 +45,15 @@ fn codes(scene: &Scene) -> Vec<(&'static str, Severity)> {
 
 /// A PLY as other programs write it, with x y z of a type.
 fn ply(scene: &Scene, encoding: &str, kind: &str, offset: DVec3) -> Vec<u8> {
-    let names = ["f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"];
+    let names = [
+        "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2",
+        "rot_3",
+    ];
     let floats: String = names.iter().map(|name| format!("property float {name}\n")).collect();
     let places: String = ["x", "y", "z"].iter().map(|name| format!("property {kind} {name}\n")).collect();
     let count = scene.splats.len();
-    let mut out =
-        format!("ply\nformat {encoding} 1.0\nelement vertex {count}\n{places}{floats}end_header\n").into_bytes();
+    let mut out = format!("ply\nformat {encoding} 1.0\nelement vertex {count}\n{places}{floats}end_header\n")
+        .into_bytes();
     for index in 0..count {
         let place = (wide(scene.splats.means[index]) + offset).to_array();
         let scale = scene.splats.log_scales[index][0];
@@ -133,25 +139,33 @@ fn double_precision_and_text_are_read_to_a_micrometre() {
     }
     // Near zero they are what f32 makes of them.
     let near = read_bytes("a.ply", &ply(&exact, "binary_little_endian", "double", DVec3::ZERO));
-    assert_eq!((&near.splats.means, near.metadata.origin, near.moved_by), (&exact.splats.means, None, DVec3::ZERO));
+    assert_eq!(
+        (&near.splats.means, near.metadata.origin, near.moved_by),
+        (&exact.splats.means, None, DVec3::ZERO)
+    );
 }
 
 #[test]
 fn positions_that_were_rounded_before_are_doubted_where_splats_are_small() {
-    for (size, kind, is_doubted) in [(0.005, "float", true), (1.0, "float", false), (0.005, "double", false)] {
+    for (size, kind, is_doubted) in [(0.005, "float", true), (1.0, "float", false), (0.005, "double", false)]
+    {
         let exact = cloud_at(300, size, UTM);
         let scene = read_bytes("a.ply", &ply(&exact, "binary_little_endian", kind, UTM));
         assert_eq!(scene.remarks.iter().any(|r| r.code == COARSE), is_doubted, "{size} {kind}");
         assert!(farthest(&scene, &exact) < if kind == "float" { 0.15 } else { 1e-5 });
         if is_doubted {
             let text = &scene.remarks[1].text;
-            assert!(text.starts_with("positions have steps of up to 0.25 units, wider than 100 % of"), "{text}");
+            assert!(
+                text.starts_with("positions have steps of up to 0.25 units, wider than 100 % of"),
+                "{text}"
+            );
         }
     }
     // f32 that were saved as f64 are no finer.
     let mut exact = cloud_at(300, 0.005, UTM);
     let rounded = |mean: &[f32; 3]| (wide(*mean) + UTM).to_array().map(|v| f64::from(v as f32));
-    let means = exact.splats.means.iter().map(|m| (DVec3::from_array(rounded(m)) - UTM).to_array().map(|v| v as f32));
+    let means =
+        exact.splats.means.iter().map(|m| (DVec3::from_array(rounded(m)) - UTM).to_array().map(|v| v as f32));
     exact.splats.means = means.collect();
     let scene = read_bytes("a.ply", &ply(&exact, "binary_little_endian", "double", UTM));
     assert_eq!(codes(&scene), [("far-origin", Severity::Note), (COARSE, Severity::Doubt)]);
@@ -186,7 +200,8 @@ fn the_nodes_of_a_gltf_may_stand_far_away() {
     assert_eq!(scene.metadata.origin, Some(DVec3::new(5e5, 4e6, 0.0)));
     assert!(farthest(&scene, &exact) < 1e-5 && codes(&scene).len() == 1);
     // A node that is moved a little is no far place.
-    let near = glb_with(&foreign, |json| json["nodes"][0]["translation"] = serde_json::json!([1.0, 2.0, 3.0]));
+    let near =
+        glb_with(&foreign, |json| json["nodes"][0]["translation"] = serde_json::json!([1.0, 2.0, 3.0]));
     assert_eq!(read_bytes("a.glb", &near).metadata.origin, None);
 }
 
@@ -199,7 +214,10 @@ fn one_far_splat_coarsens_an_spz_and_that_is_said() {
     assert!(!loses(&scene).iter().any(|line| line.starts_with("positions")));
     scene.splats.means[7] = [2e5, 0.0, 0.0];
     let line = loses(&scene).into_iter().find(|line| line.starts_with("positions")).unwrap();
-    assert!(line.starts_with("positions have steps of up to 0.0312 units, wider than 100 % of the splats"), "{line}");
+    assert!(
+        line.starts_with("positions have steps of up to 0.0312 units, wider than 100 % of the splats"),
+        "{line}"
+    );
     write_scene(&path, &scene).unwrap();
     let read = read_scene(&path, &ReadOptions::default()).unwrap();
     assert_eq!((codes(&read), read.metadata.origin), (vec![(COARSE, Severity::Doubt)], None));
@@ -209,7 +227,10 @@ fn one_far_splat_coarsens_an_spz_and_that_is_said() {
     assert_eq!(far.metadata.origin, None);
     for name in ["a.spz", "a.ply", "a.sog", "a.splat"] {
         let format = crate::formats::format_for(Path::new(name)).unwrap();
-        assert!(lost(&format.loses, &far).iter().any(|line| line.starts_with("positions have steps")), "{name}");
+        assert!(
+            lost(&format.loses, &far).iter().any(|line| line.starts_with("positions have steps")),
+            "{name}"
+        );
     }
     write_scene(&path, &far).unwrap();
     let read = read_scene(&path, &ReadOptions::default()).unwrap();

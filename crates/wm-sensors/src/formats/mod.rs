@@ -148,7 +148,11 @@ fn record(point: &LidarPoint, out: &mut Vec<u8>) {
 /// A line of comment on where in the world the origin of the points is; empty if it is there too.
 fn origin_line(sweep: &LidarSweep, comment: &str) -> String {
     let [x, y, z] = sweep.origin.to_array();
-    if [x, y, z] == [0.0; 3] { String::new() } else { format!("{comment}origin in the world: {x} {y} {z} m\n") }
+    if [x, y, z] == [0.0; 3] {
+        String::new()
+    } else {
+        format!("{comment}origin in the world: {x} {y} {z} m\n")
+    }
 }
 
 fn ply_header(sweep: &LidarSweep) -> String {
