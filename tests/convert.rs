@@ -124,6 +124,77 @@ fn scenes_are_turned_scaled_cropped_and_reduced() {
     assert_eq!(desk.read("all.ply"), before);
 }
 
+/// The bytes of a picture, without its tags.
+fn pixels(path: &Path) -> Vec<u8> {
+    let file = std::io::BufReader::new(fs::File::open(path).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut bytes).unwrap();
+    bytes
+}
+
+/// People give and are told coordinates of the world, wherever the origin is.
+#[test]
+fn far_places_keep_an_origin() {
+    let desk = Desk::new();
+    let origin = DVec3::new(500_000.0, -4_000_000.0, 100.0);
+    let mut scene = desk.read("a.ply");
+    scene.metadata.origin = Some(origin);
+    write_scene(&desk.at("far.ply"), &scene).unwrap();
+    let camera = |at: DVec3, target: DVec3| {
+        let text = |point: DVec3| point.to_array().map(|v| v.to_string()).join(",");
+        format!("--camera={}:{}", text(at), text(target))
+    };
+    let (eye, target) = (DVec3::new(0.25, -1.0, -3.0), DVec3::new(0.0, 0.0, 1.0));
+    let draw = |scene: &str, name: &str, by: DVec3| {
+        let camera = camera(eye + by, target + by);
+        let words = format!("render {scene} {camera} --size 48x32 --device cpu --assets off -o {name}.png");
+        desk.run(&format!("{words} --save-path {name}.json"));
+        let path = fs::read_to_string(desk.at(&format!("{name}.json"))).unwrap();
+        let eye_of: serde_json::Value = serde_json::from_str(&path).unwrap();
+        let written: [f64; 3] = serde_json::from_value(eye_of["keyframes"][0]["eye"].clone()).unwrap();
+        assert!((DVec3::from(written) - eye - by).length() < 1e-6, "{path}");
+        desk.run(&format!(
+            "render {scene} --camera {name}.json --size 48x32 --device cpu --assets off -o again-{name}.png"
+        ));
+        let [picture, again] = ["", "again-"].map(|start| pixels(&desk.at(&format!("{start}{name}.png"))));
+        assert!(again == picture, "{name}: the path that was saved shows another view");
+        picture
+    };
+    assert!(draw("a.ply", "near", DVec3::ZERO) == draw("far.ply", "far", origin));
+    let about = desk.run("inspect far.ply");
+    assert!(about.contains("origin: 500000,-4000000,100"), "{about}");
+    assert!(about.contains("x 499998.50 .. 500001.40, y -4000001.35 .. -4000000.00"), "{about}");
+    // The ground is at y = -4000000 and up is -y.
+    assert!(about.contains("ground: 4000000 units along up"), "{about}");
+    let half = desk.run("convert far.ply half.ply --crop 499999.55,-4000009,91:500000.45,-3999991,109");
+    assert!(half.starts_with("half.ply: 180 splats"), "{half}");
+    // Scaled and turned it is where the world is scaled and turned to.
+    desk.run("convert far.ply up.ply --up 0,0,1 --scale 0.5");
+    let turned = desk.read("up.ply").metadata.origin.unwrap();
+    assert!(turned.distance(0.5 * DVec3::new(500_000.0, 100.0, 4_000_000.0)) < 1e-6, "{turned}");
+    // With no origin, or one far away, f32 folds its splats together, and that is said.
+    let baked = desk.run("convert far.ply baked.ply --origin none");
+    assert!(
+        baked.contains("lost: positions have steps of up to 0.25 units, wider than 100 % of the splats"),
+        "{baked}"
+    );
+    let read = desk.read("baked.ply");
+    assert_eq!(read.metadata.origin, Some(DVec3::new(500_000.0, -4_000_000.0, 100.0)));
+    assert_eq!(read.remarks.len(), 2);
+    desk.run("convert far.ply other.ply --origin 500001,-4000002,100");
+    let other = desk.read("other.ply");
+    assert_eq!(other.metadata.origin, Some(DVec3::new(500_001.0, -4_000_002.0, 100.0)));
+    assert!((other.splats.means[0][1] - scene.splats.means[0][1] - 2.0).abs() < 1e-5);
+    desk.refused("convert far.ply x.ply --origin 1,2", &["\"1,2\" has 2 numbers, a point has three"]);
+    // Facts beside a file that is left as it is are in its coordinates.
+    desk.run("align baked.ply --overwrite --ground 3999990 --lamp 500000,-4000003,101");
+    let facts = fs::read_to_string(desk.at("baked.ply.wm.toml")).unwrap();
+    assert!(facts.contains("ground = 3999990.0") && !facts.contains("origin"), "{facts}");
+    let lamp = desk.read("baked.ply").metadata.lamps.unwrap()[0].at;
+    assert!((DVec3::from(lamp) - DVec3::new(0.0, -3.0, 1.0)).length() < 1e-6, "{lamp:?}");
+}
+
 #[test]
 fn what_is_read_otherwise_and_what_is_lost_is_said() {
     let desk = Desk::new();

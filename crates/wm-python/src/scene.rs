@@ -212,6 +212,12 @@ impl PyScene {
         PySplats { scene: Arc::clone(&self.scene) }
     }
 
+    #[doc = docs!("Scene.origin")]
+    #[getter]
+    fn origin(&self) -> (f64, f64, f64) {
+        self.scene.metadata.origin_or_zero().into()
+    }
+
     #[doc = docs!("Scene.metres_per_unit")]
     #[getter]
     fn metres_per_unit(&self) -> Option<f64> {

@@ -9,14 +9,16 @@ use crate::similarity::Similarity;
 use crate::{Group, Metadata, Remark, Scene, SceneView, Splats};
 use glam::DVec3;
 
-/// Extents of a place from zero beyond which its coordinates are far: steps of f32 are a 65,536th of its extent there.
+/// Extents of a capture from zero beyond which its coordinates are far: steps of f32 are a 65,536th of its extent there.
 const FAR: f64 = 128.0;
+/// Extents of a scene from zero beyond which its coordinates are far, whatever the size of its splats.
+const FAR_OF_SPLATS: f64 = 1024.0;
 /// Extents from zero beyond which coordinates are far if steps of f32 there are wide against splats: nearer, an origin gains nothing.
 const FAR_OF_SMALL: f64 = 8.0;
 /// Widths of steps of f32 in a splat, below which it is small.
 const STEPS_OF_SPLAT: f64 = 16.0;
 /// Coordinates below this are never far, units.
-const NEAREST: f64 = 100.0;
+const NEAREST: f64 = 1000.0;
 /// Coordinates beyond this are no places but faults, units.
 const FARTHEST: f64 = 1e9;
 /// Positions that an origin is chosen by, at most.
@@ -50,7 +52,8 @@ pub fn float_step(coordinate: f64) -> f64 {
 pub fn choose(positions: &[DVec3], size: f64) -> Option<DVec3> {
     let step = positions.len().div_ceil(SAMPLE).max(1);
     let finite: Vec<DVec3> = positions.iter().step_by(step).copied().filter(|p| p.is_finite()).collect();
-    if finite.is_empty() {
+    // One position has no extent that it could be far against.
+    if finite.len() < 2 {
         return None;
     }
     let (mut middle, mut extent) = (DVec3::ZERO, 0.0f64);
@@ -66,7 +69,12 @@ pub fn choose(positions: &[DVec3], size: f64) -> Option<DVec3> {
     let extent = extent.max(size);
     let far = middle.abs().max_element();
     let is_small = size > 0.0 && STEPS_OF_SPLAT * far * f64::from(f32::EPSILON) > size;
-    let least = extent * if is_small { FAR_OF_SMALL } else { FAR };
+    let least = extent
+        * match size > 0.0 {
+            true if is_small => FAR_OF_SMALL,
+            true => FAR_OF_SPLATS,
+            false => FAR,
+        };
     if !(NEAREST..=FARTHEST).contains(&far) || far <= least {
         return None;
     }
@@ -98,17 +106,27 @@ pub(crate) fn wide(mean: [f32; 3]) -> DVec3 {
     DVec3::from_array(mean.map(f64::from))
 }
 
+/// Chooses the origin of splats; `None` if they are not far from zero.
+fn of_splats(splats: &Splats) -> Option<DVec3> {
+    let step = splats.len().div_ceil(SAMPLE).max(1);
+    let positions: Vec<DVec3> = splats.means.iter().step_by(step).map(|mean| wide(*mean)).collect();
+    choose(&positions, usual_size(splats))
+}
+
+/// Returns true if splats would be read relative to an origin.
+#[cfg(test)]
+pub(crate) fn is_far(splats: &Splats) -> bool {
+    of_splats(splats).is_some()
+}
+
 /// Chooses an origin for a scene that was read, if it is far from zero, and makes splats, metadata and views relative to it; remarks
 /// on it, and on positions that the file has in steps wider than the splats. A reader may have chosen one for the splats already:
 /// [`Scene::moved_by`].
 pub(crate) fn settle(scene: &mut Scene) {
     let read = scene.moved_by;
-    let size = usual_size(&scene.splats);
     // Whoever stated an origin chose it.
     let chosen = if read == DVec3::ZERO && scene.metadata.origin.is_none() {
-        let step = scene.splats.len().div_ceil(SAMPLE).max(1);
-        let positions: Vec<DVec3> = scene.splats.means.iter().step_by(step).map(|mean| wide(*mean)).collect();
-        choose(&positions, size).unwrap_or(DVec3::ZERO)
+        of_splats(&scene.splats).unwrap_or(DVec3::ZERO)
     } else {
         DVec3::ZERO
     };
@@ -141,7 +159,8 @@ pub(crate) fn coarse_line(splats: &Splats, step: impl Fn([f32; 3]) -> f64, advic
     for index in (0..splats.len()).step_by(stride).filter(|i| splats.groups[*i] != Group::Sky) {
         let step = step(splats.means[index]);
         all += 1;
-        if middle_size(splats.log_scales[index]) < step {
+        let largest = splats.log_scales[index].into_iter().fold(f32::NEG_INFINITY, f32::max);
+        if f64::from(largest).exp() < step {
             narrow += 1;
             widest = widest.max(step);
         }
@@ -249,3 +268,6 @@ fn file_step(splats: &Splats, by: DVec3) -> Option<f64> {
 pub fn text_of(point: DVec3) -> String {
     point.to_array().map(|v| v.to_string()).join(",")
 }
+
+#[cfg(test)]
+mod tests;

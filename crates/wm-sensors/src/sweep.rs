@@ -165,6 +165,8 @@ pub struct LidarSweep {
     pub metres_per_unit: f64,
     /// The axes of the points.
     pub frame: PointFrame,
+    /// The place of the points' origin in the world, m: of points in the axes of a scene with a local origin; else zero.
+    pub origin: DVec3,
     /// Number of pulses.
     pub pulses: usize,
     /// Rows and columns, if it has rows.
@@ -266,6 +268,10 @@ pub fn sweep(
         pose: start,
         metres_per_unit: scene.site.metres_per_unit,
         frame: options.frame,
+        origin: match options.frame {
+            PointFrame::World => DVec3::from_array(scene.site.origin) * scene.site.metres_per_unit,
+            PointFrame::Raw | PointFrame::Compensated => DVec3::ZERO,
+        },
         pulses: beams.len(),
         grid: model.pattern.grid(),
         points,

@@ -247,6 +247,7 @@ mod tests {
             },
             metres_per_unit: 1.0,
             frame: PointFrame::Compensated,
+            origin: DVec3::ZERO,
             pulses: 3,
             grid: None,
             points: Vec::new(),

@@ -175,6 +175,7 @@ mod tests {
             pose: SensorPose { origin: DVec3::new(0.0, 0.0, -1.0), world_from_sensor: DMat3::IDENTITY },
             metres_per_unit: 2.0,
             frame: PointFrame::Compensated,
+            origin: DVec3::ZERO,
             pulses: points.len(),
             grid: None,
             points: points.iter().map(point).collect(),

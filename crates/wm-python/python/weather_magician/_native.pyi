@@ -97,6 +97,13 @@ class Scene:
     def splats(self) -> Splats:
         """The splats."""
     @property
+    def origin(self) -> tuple[float, float, float]:
+        """The point of the world that is zero in the scene, scene units; (0, 0, 0) unless its coordinates are far from zero.
+
+        Splats, views, cameras and the height of the ground are relative to it: add it for coordinates of the world. Texts and files of cameras,
+        and ``crop``, are in coordinates of the world.
+        """
+    @property
     def metres_per_unit(self) -> float | None:
         """The scale that the file states, metres a scene unit."""
     @property

@@ -1,4 +1,5 @@
 use super::*;
+use glam::DQuat;
 use std::fs;
 use tempfile::tempdir;
 
@@ -202,4 +203,57 @@ fn neighbours_share_the_most_points() {
     assert_eq!(capture.neighbours(0, 5), [(2, 2), (1, 1)]);
     assert_eq!(capture.neighbours(0, 1), [(2, 2)]);
     assert_eq!(capture.neighbours(1, 5), [(0, 1)]);
+}
+
+/// The model of a place moved far away: as precise as near zero, relative to an origin.
+#[test]
+fn far_captures_have_an_origin() {
+    let shift = DVec3::new(6_378_137.0, -1_234.5, 4e5);
+    let read_at = |shift: DVec3| {
+        let folder = tempdir().unwrap();
+        let model = folder.path().join("sparse/0");
+        fs::create_dir_all(&model).unwrap();
+        fs::write(model.join("cameras.txt"), "1 PINHOLE 10 10 5 5 5 5\n").unwrap();
+        // Rotations about x, as camera_from_world.
+        let image = |index: usize| {
+            let quat = DQuat::from_rotation_x(0.3 * index as f64);
+            let center = DVec3::new(index as f64, 2.0, 0.5) + shift;
+            let [x, y, z] = (-(quat * center)).to_array();
+            format!("{} {} {} {} {} {x} {y} {z} 1 {index}.jpg\n\n", index + 1, quat.w, quat.x, quat.y, quat.z)
+        };
+        fs::write(model.join("images.txt"), (0..4).map(image).collect::<String>()).unwrap();
+        let point = |index: usize| {
+            let [x, y, z] = (DVec3::new(0.01 * index as f64, (index % 7) as f64, 3.0) + shift).to_array();
+            format!("{} {x} {y} {z} 1 2 3 0.5\n", index + 1)
+        };
+        fs::write(model.join("points3D.txt"), (0..200).map(point).collect::<String>()).unwrap();
+        touch(&folder.path().join("images/0.jpg"));
+        let views = read_views(folder.path()).unwrap();
+        (read(folder.path(), &CaptureOptions::default()).unwrap(), views)
+    };
+    let (near, near_views) = read_at(DVec3::ZERO);
+    let (mut far, far_views) = read_at(shift);
+    assert_eq!((near.origin, near.remarks.len()), (DVec3::ZERO, 0));
+    assert_eq!(far.origin, DVec3::new(6_378_140.0, -1_230.0, 4e5));
+    assert!(far.remarks.iter().any(|remark| remark.code == "far-origin"));
+    let off = shift - far.origin;
+    for (a, b) in near.views.iter().zip(&far.views) {
+        assert!(a.camera.center().distance(b.camera.center() - off) < 1e-6);
+    }
+    for (a, b) in near.points.positions.iter().zip(&far.points.positions) {
+        assert!(DVec3::from(*a).distance(DVec3::from(*b) - off) < 1e-6);
+    }
+    // Views alone are where the file has them.
+    for (a, b) in near_views.iter().zip(&far_views) {
+        assert!((a.camera.center() + shift).distance(b.camera.center()) < 1e-6);
+    }
+    far.set_origin(DVec3::ZERO);
+    assert!(far.views[1].camera.center().distance(far_views[1].camera.center()) < 1e-6);
+    // Written, it is in the world again.
+    let folder = tempdir().unwrap();
+    far.set_origin(DVec3::new(6e6, 0.0, 0.0));
+    colmap::write::write(&far, &folder.path().join("sparse/0"), colmap::write::ColmapStorage::Binary)
+        .unwrap();
+    let views = read_views(folder.path()).unwrap();
+    assert!(views[1].camera.center().distance(far_views[1].camera.center()) < 1e-6);
 }

@@ -298,8 +298,7 @@ fn pack_quat(quat: [f32; 4]) -> u32 {
 
 /// A line on the steps of positions with so many fractional bits, if many splats are narrower.
 fn coarse_steps(splats: &Splats, fractional_bits: u8) -> Option<String> {
-    const ADVICE: &str = "SPZ has one step for all splats, so a few that are far away coarsen it: drop the sky or crop the scene, or use SOG or \
-                          PLY";
+    const ADVICE: &str = "SPZ has one step for all splats, wider the farther one is: move the scene near zero, crop what is far, or use PLY";
     let step = 0.5f64.powi(i32::from(fractional_bits));
     origin::coarse_line(splats, |_| step, ADVICE)
 }

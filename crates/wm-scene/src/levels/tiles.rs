@@ -6,6 +6,9 @@
 //! tile has about as many splats as a leaf. Above the coarsest level tiles are empty. The splats that are always drawn are in the root,
 //! to which the rest is added.
 //!
+//! Tiles stand on the globe where the scene's place is known, else about the middle of the scene; a local origin of the scene is noted in
+//! `asset.extras.origin`, in the scene's units and axes.
+//!
 //! Lengths are metres where the scene's scale is known, else scene units. A tile's own axes are x east, y north, z up, with the middle of
 //! its box as origin.
 
@@ -229,8 +232,12 @@ impl<'a> TilePlan<'a> {
             root
         };
         let extensions = ["KHR_gaussian_splatting", "KHR_gaussian_splatting_compression_spz_2"];
+        let mut extras = json!({ "generator": concat!("weather-magician ", env!("CARGO_PKG_VERSION")) });
+        if let Some(origin) = self.index.metadata.origin {
+            extras["origin"] = json!(origin);
+        }
         let tileset = json!({
-            "asset": { "version": "1.1", "extras": { "generator": concat!("weather-magician ", env!("CARGO_PKG_VERSION")) } },
+            "asset": { "version": "1.1", "extras": extras },
             "extensionsUsed": ["3DTILES_content_gltf"],
             "extensions": { "3DTILES_content_gltf": { "extensionsUsed": extensions, "extensionsRequired": extensions } },
             "geometricError": diagonal(whole, self.metres).max(2.0 * self.root.error),

@@ -2,7 +2,7 @@
 
 use crate::reflectance::LabelReflectance;
 use crate::survey::Confidence;
-use crate::{Group, Lamp, LitWindow, Metadata, PhotoSun, Rasterization, Scene, Splats, sh};
+use crate::{Group, Lamp, LitWindow, Metadata, PhotoSun, Rasterization, Scene, Splats, origin, sh};
 use glam::DVec3;
 use proptest::prelude::*;
 
@@ -31,7 +31,12 @@ pub fn any_scene(most: usize) -> impl Strategy<Value = Scene> {
                 splats.sh.extend(&row[11..]);
             }
             splats.groups.extend(groups.into_iter().map(|g| Group::from_number(g).unwrap()));
-            Scene { splats, metadata, ..Scene::default() }
+            let mut scene = Scene { splats, metadata, ..Scene::default() };
+            // One that is far from zero is read relative to an origin, if it states none.
+            if origin::is_far(&scene.splats) {
+                scene.metadata.origin = Some(DVec3::new(4e6, -0.125, 7.0));
+            }
+            scene
         })
     })
 }
@@ -40,6 +45,7 @@ fn any_metadata() -> impl Strategy<Value = Metadata> {
     let numbers = prop::option::of((1e-9..1e9f64, -1e9..1e9f64));
     (numbers, prop::option::of("[^\\p{C}]{0,30}"), any::<bool>()).prop_map(|(numbers, provenance, some)| {
         Metadata {
+            origin: some.then_some(DVec3::new(5e5, -0.1, 4e6)),
             metres_per_unit: numbers.map(|n| n.0),
             scale_source: numbers.is_some().then(|| provenance.clone()).flatten(),
             scale_confidence: numbers.map(|_| Confidence::Likely),

@@ -31,7 +31,9 @@ pub(super) fn save(sweep: &LidarSweep, path: &Path) -> Result<(), SensorError> {
     if (0..3).any(|k| high[k] - low[k] > 4e6) {
         return Err(fault("points are too far apart for LAS: more than 4000 km".into()));
     }
-    let header = header(count, &offset, &low, &high);
+    // Coordinates of the world, whose origin goes into the offset, to the millimetre.
+    let world = |place: &[f64; 3]| [0, 1, 2].map(|k| place[k] + sweep.origin[k]);
+    let header = header(count, &world(&offset), &world(&low), &world(&high));
     write_atomically(path, |out| {
         out.write_all(&header)?;
         write_parts(&sweep.points, out, |point, out| record(point, &offset, sweep.time[0], out))

@@ -5,7 +5,7 @@
 //! | `.ply` | binary PLY, little-endian | x y z intensity range time (float), column (uint), ring (ushort), return, class (uchar) |
 //! | `.pcd` | PCD 0.7, binary | the same |
 //! | `.npy` | NumPy, float32 `[N, 10]` | x y z intensity range time ring column return class |
-//! | `.las` | LAS 1.2, point format 3 | mm; intensity in 16 bits, time, grey, class, ring as point source |
+//! | `.las` | LAS 1.2, point format 3 | mm, in the world also where the scene has a local origin; intensity in 16 bits, time, grey, class, ring as point source |
 //! | `.bin` | KITTI, float32 `[N, 4]` | x y z intensity (0-1) |
 //!
 //! All are written whole or not at all.
@@ -145,6 +145,16 @@ fn record(point: &LidarPoint, out: &mut Vec<u8>) {
     out.extend([point.rank as u8, point.class as u8]);
 }
 
+/// A line of comment on where in the world the origin of the points is; empty if it is there too.
+fn origin_line(sweep: &LidarSweep, comment: &str) -> String {
+    let [x, y, z] = sweep.origin.to_array();
+    if [x, y, z] == [0.0; 3] {
+        String::new()
+    } else {
+        format!("{comment}origin in the world: {x} {y} {z} m\n")
+    }
+}
+
 fn ply_header(sweep: &LidarSweep) -> String {
     let floats: String = ["x", "y", "z", "intensity", "range", "time"]
         .iter()
@@ -152,22 +162,24 @@ fn ply_header(sweep: &LidarSweep) -> String {
         .collect();
     format!(
         "ply\nformat binary_little_endian 1.0\ncomment {}, {} s, metres; class 0 surface, 1 drop, 2 flake, 3 air, 4 ghost\n\
-         element vertex {}\n{floats}property uint column\nproperty ushort ring\nproperty uchar return\nproperty uchar class\n\
+         {}element vertex {}\n{floats}property uint column\nproperty ushort ring\nproperty uchar return\nproperty uchar class\n\
          end_header\n",
         sweep.name.replace('\n', " "),
         sweep.time[0],
+        origin_line(sweep, "comment "),
         sweep.points.len()
     )
 }
 
 fn pcd_header(sweep: &LidarSweep) -> String {
     let count = sweep.points.len();
+    let origin = origin_line(sweep, "# ");
     let [w, x, y, z] = {
         let q = glam::DQuat::from_mat3(&sweep.pose.world_from_sensor);
         [q.w, q.x, q.y, q.z]
     };
     format!(
-        "# .PCD v0.7 - Point Cloud Data file format\n# {}; sensor in the scene, wxyz: {w} {x} {y} {z}\nVERSION 0.7\n\
+        "# .PCD v0.7 - Point Cloud Data file format\n# {}; sensor in the scene, wxyz: {w} {x} {y} {z}\n{origin}VERSION 0.7\n\
          FIELDS x y z intensity range time column ring return class\nSIZE 4 4 4 4 4 4 4 2 1 1\nTYPE F F F F F F U U U U\n\
          COUNT 1 1 1 1 1 1 1 1 1 1\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA binary\n",
         sweep.name.replace('\n', " ")

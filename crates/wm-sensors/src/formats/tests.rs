@@ -23,6 +23,7 @@ fn three() -> LidarSweep {
         pose: SensorPose::upright(DVec3::ZERO, DVec3::X, DVec3::Z),
         metres_per_unit: 1.0,
         frame: PointFrame::Raw,
+        origin: DVec3::ZERO,
         pulses: 3,
         grid: None,
         points: (0..3).map(point).collect(),

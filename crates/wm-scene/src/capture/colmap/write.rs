@@ -2,7 +2,7 @@
 
 use super::super::{Capture, Distortion};
 use crate::{FormatError, Problem, files::write_atomically};
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use std::{fs, io::Write, path::Path};
 
 /// The encoding of the files of a model.
@@ -21,7 +21,7 @@ type Track = Vec<(u32, u32)>;
 /// Writes `cameras`, `images` and `points3D` to a folder, which is made if it is not there.
 ///
 /// Images are numbered from 1 in the order of the views, points from 1 in theirs; an image has the
-/// 2D points of its observations and no others. Coordinates of 2D points are rounded to f32, which
+/// 2D points of its observations and no others. Coordinates are those of the world. Coordinates of 2D points are rounded to f32, which
 /// is how they are kept.
 ///
 /// # Errors
@@ -30,6 +30,11 @@ type Track = Vec<(u32, u32)>;
 /// # Panics
 /// If the lists of the capture are of unequal length or an observation is of no point.
 pub fn write(capture: &Capture, folder: &Path, storage: ColmapStorage) -> Result<(), FormatError> {
+    if capture.origin != DVec3::ZERO {
+        let mut world = capture.clone();
+        world.set_origin(DVec3::ZERO);
+        return write(&world, folder, storage);
+    }
     let (views, points) = (capture.views.len(), capture.points.len());
     assert_eq!(capture.observations.len(), views, "a list of observations a view");
     fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))?;
