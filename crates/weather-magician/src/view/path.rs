@@ -52,6 +52,8 @@ pub struct CameraPath {
     /// Velocity of the eye at each key, units/s.
     velocities: Vec<DVec3>,
     near: f64,
+    /// The size of pictures that its file states, px.
+    size: Option<(u32, u32)>,
 }
 
 impl CameraPath {
@@ -87,9 +89,20 @@ impl CameraPath {
                 ));
             }
         }
-        let path = Self { velocities: velocities(&keys), keys, near };
+        let path = Self { velocities: velocities(&keys), keys, near, size: None };
         // Finite keys may still be too far apart, in distance or too near in time.
         if path.velocities.iter().all(|v| v.is_finite()) { Ok(path) } else { fault("it is too fast".into()) }
+    }
+
+    /// The path for pictures of a size, px.
+    pub(super) fn with_size(self, size: Option<(u32, u32)>) -> Self {
+        Self { size, ..self }
+    }
+
+    /// Returns the size of pictures that the file of the path states, px.
+    #[must_use]
+    pub fn size(&self) -> Option<(u32, u32)> {
+        self.size
     }
 
     /// Reads a path from a JSON file; what is given by hand wins over what the file says.

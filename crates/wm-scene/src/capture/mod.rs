@@ -9,6 +9,7 @@
 mod checks;
 mod distortion;
 mod exif;
+mod foreign;
 pub mod gps;
 pub mod ground;
 pub mod header;
@@ -40,7 +41,7 @@ macro_rules! captures {
     };
 }
 
-captures! { colmap, opensfm, bundler, transforms }
+captures! { colmap, opensfm, bundler, transforms, polycam }
 
 /// A capture format.
 pub struct CaptureFormat {
@@ -236,6 +237,12 @@ impl Capture {
     }
 }
 
+/// The folder of a data set, also where one of its files was given.
+#[must_use]
+pub fn folder_of(dataset: &Path) -> &Path {
+    if dataset.is_file() { dataset.parent().unwrap_or(Path::new("")) } else { dataset }
+}
+
 /// Reads a capture: the folder of a data set, of its model, or a `transforms.json`.
 ///
 /// # Errors
@@ -273,9 +280,9 @@ fn read_as(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Captu
     for format in FORMATS {
         if let Some(mut capture) = (format.read)(dataset, options, want)? {
             capture.sort();
-            checks::settle(&mut capture);
+            checks::settle(&mut capture)?;
             return Ok(capture);
         }
     }
-    Err(FormatError::whole(dataset, Problem::NoCapture))
+    Err(foreign::refusal(dataset))
 }
