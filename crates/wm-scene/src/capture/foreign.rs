@@ -153,7 +153,9 @@ fn model_below(dataset: &Path) -> Option<PathBuf> {
             for name in names_in(&dataset.join(&place)) {
                 let folder = place.join(name);
                 let whole = dataset.join(&folder);
-                if whole.is_dir() && looked < MOST {
+                // A run folder has the model that the program made itself.
+                let is_run = folder.extension().is_some_and(|extension| extension == "run");
+                if whole.is_dir() && !is_run && looked < MOST {
                     let has = |kind: &str| {
                         ["cameras", "images"]
                             .iter()
