@@ -27,7 +27,7 @@ pub struct DatasetArgs {
     /// Longest side of photos, px; larger ones are reduced [default: 1600, or 500 with `reconstruct --preset draft`]
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=32768), help_heading = "Photos")]
     pub longest: Option<u32>,
-    /// Skip photos that are missing or damaged
+    /// Skip photos that are missing or damaged, and of driving logs sweeps, labels, masks, poses and times
     #[arg(long, help_heading = "Photos")]
     pub skip_bad: bool,
     /// Memory for decoded photos, MiB

@@ -1,4 +1,4 @@
-//! Protection of files that exist: scenes and trainings are replaced only with `--overwrite`, inputs never by pictures.
+//! Protection of files that exist: they are replaced only with `--overwrite`, and inputs never by pictures and reports.
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -20,23 +20,24 @@ impl OverwriteArgs {
     /// # Errors
     /// `out` exists, or is one of the inputs.
     pub fn check(self, out: &Path, inputs: &[&Path], other: &str) -> Result<()> {
-        if self.overwrite || !out.exists() {
+        // Devices and pipes hold nothing that would be lost.
+        if self.overwrite || !(out.is_file() || out.is_dir()) {
             return Ok(());
         }
         let what = if is_input(out, inputs) { "is the input itself" } else { "exists already" };
         bail!("{}: {what}; {other}, or replace it with --overwrite", out.display());
     }
-}
 
-/// Checks, before the work, that a picture or a report replaces no input; other files are replaced.
-///
-/// # Errors
-/// `out` is one of the inputs.
-pub fn check_spares(out: &Path, inputs: &[&Path]) -> Result<()> {
-    if is_input(out, inputs) {
-        bail!("{}: is an input of this command and would be lost; choose another name", out.display());
+    /// Checks, before the work, that a picture or a report replaces no input, and nothing else without `--overwrite`.
+    ///
+    /// # Errors
+    /// `out` is one of the inputs, or exists.
+    pub fn check_report(self, out: &Path, inputs: &[&Path]) -> Result<()> {
+        if is_input(out, inputs) {
+            bail!("{}: is an input of this command and would be lost; choose another name", out.display());
+        }
+        self.check(out, &[], "choose another name")
     }
-    Ok(())
 }
 
 /// Returns true if `out` is the same file as one of the inputs, also by another name, a symbolic link or a hard link.
@@ -74,13 +75,18 @@ mod tests {
             let said = OverwriteArgs::default().check(&name, &input, "choose another name").unwrap_err();
             let ends = ": is the input itself; choose another name, or replace it with --overwrite";
             assert_eq!(said.to_string(), format!("{}{ends}", name.display()));
-            assert!(check_spares(&name, &input).is_err());
-            OverwriteArgs { overwrite: true }.check(&name, &input, "").unwrap();
+            let overwrite = OverwriteArgs { overwrite: true };
+            assert!(overwrite.check_report(&name, &input).is_err());
+            overwrite.check(&name, &input, "").unwrap();
         }
         let said = OverwriteArgs::default().check(&at("b.ply"), &input, "choose another name").unwrap_err();
         assert!(said.to_string().contains("b.ply: exists already; choose another name, or "), "{said}");
-        check_spares(&at("b.ply"), &input).unwrap();
         OverwriteArgs::default().check(&at("c.ply"), &input, "").unwrap();
-        assert!(check_spares(&at("sog/meta.json"), &[&at("sog")]).is_err());
+        let overwrite = OverwriteArgs { overwrite: true };
+        overwrite.check_report(&at("b.ply"), &input).unwrap();
+        assert!(OverwriteArgs::default().check_report(&at("b.ply"), &input).is_err());
+        assert!(overwrite.check_report(&at("sog/meta.json"), &[&at("sog")]).is_err());
+        #[cfg(unix)]
+        OverwriteArgs::default().check_report(Path::new("/dev/null"), &input).unwrap();
     }
 }

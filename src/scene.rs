@@ -30,7 +30,7 @@ pub struct SceneArgs {
     /// Level of a scene with several levels of detail; 0 is the finest
     #[arg(long, value_name = "N", help_heading = "Scene")]
     pub level: Option<u32>,
-    /// Remove splats that contain NaN or infinite numbers, and files of a scene in levels of detail that are missing or damaged, and
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and files of a scene in levels of detail that are missing or damaged, and
     /// continue
     #[arg(long, help_heading = "Scene")]
     pub repair: bool,
@@ -159,7 +159,7 @@ impl OpenScene {
         let renderer = run.renderer()?;
         let views = views.map(|folder| capture::read_views(folder)).transpose()?;
         let mut scene = read_saying_remarks(&args.scene, &read_options(args.level))?;
-        scene.views = views.unwrap_or(scene.views);
+        views.into_iter().for_each(|views| scene.set_world_views(views));
         check(&mut scene, &args.scene, args.repair)?;
         if let Some(line) = change_sky(&mut scene, &args.scene, sky.sky, &facts)? {
             eprintln!("{line}");
@@ -334,7 +334,7 @@ pub fn save(out: &Path, scene: &Scene, options: &WriteOptions) -> Result<()> {
     let file = target.unwrap_or_else(|| out.to_path_buf());
     write_scene_with(&file, scene, options)?;
     if sidecar_path(&file).exists() {
-        // It wins over the scene file, and is of the scene that was replaced.
+        // It wins over the scene file, and is of the scene that was replaced; in both positions are relative to the origin now.
         write_sidecar(&file, &scene.metadata)?;
     }
     if !scene.views.is_empty() {

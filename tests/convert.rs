@@ -125,6 +125,34 @@ fn scenes_are_turned_scaled_cropped_and_reduced() {
 }
 
 #[test]
+fn what_is_read_otherwise_and_what_is_lost_is_said() {
+    let desk = Desk::new();
+    let lines = desk.run("convert a.ply packed.glb --gltf spz");
+    assert!(lines.contains("lost: rounded: positions 2^-22"), "{lines}");
+    let floats = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 rot_0 rot_1 rot_2 rot_3 beta";
+    let properties: String = floats.split(' ').map(|name| format!("property float {name}\n")).collect();
+    let file = |rows: &str| {
+        let count = rows.lines().count();
+        format!("ply\nformat ascii 1.0\nelement vertex {count}\n{properties}end_header\n{rows}")
+    };
+    let row = "0 0 1 0.5 0.5 0.5 2 -2 -3 1 0 0 0 1\n";
+    fs::write(desk.at("flat.ply"), file(&row.repeat(3))).unwrap();
+    let output = finish(&mut desk.command("convert flat.ply flat.sog"));
+    let said = said(&output);
+    assert!(output.status.success() && said.contains("note: 2D splats (two scales each)"), "{said}");
+    assert!(said.contains("warning: the property beta "), "{said}");
+    assert!(desk.read("flat.sog").splats.scales(0).contains(&f64::from(-30f32).exp()));
+    // What cannot be drawn is refused, or left out.
+    let far = row.replacen("0 0 1", "1e20 0 1", 1);
+    fs::write(desk.at("far.ply"), file(&format!("{row}{far}"))).unwrap();
+    let says = "far.ply: 1 of 2 splats hold NaN, infinite or absurd numbers (1 in positions); --repair leaves them out";
+    let output = finish(&mut desk.command("convert far.ply far.spz"));
+    assert!(!output.status.success() && process::said(&output).contains(says), "{}", process::said(&output));
+    desk.run("convert far.ply far.spz --repair");
+    assert_eq!(desk.read("far.spz").splats.len(), 1);
+}
+
+#[test]
 fn many_at_once_go_into_a_folder() {
     let desk = Desk::new();
     fs::copy(desk.at("a.ply"), desk.at("b.ply")).unwrap();

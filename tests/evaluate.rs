@@ -68,7 +68,7 @@ impl Desk {
     /// Returns stdout, stderr and the JSON.
     fn run(&self, options: &[&str]) -> (String, String, Value) {
         let mut command = self.command(options);
-        let output = finish(command.args(["--json", "out.json"]));
+        let output = finish(command.args(["--overwrite", "--json", "out.json"]));
         assert!(output.status.success(), "{}", said(&output));
         let json = serde_json::from_slice(&fs::read(self.at("out.json")).unwrap()).unwrap();
         (printed(&output), said(&output), json)

@@ -144,11 +144,11 @@ fn little_is_prepared_where_little_is_asked_for() {
     // Other things stay in the folder, and what the new site lacks goes.
     fs::write(desk.at("site/CNAME"), "example.org").unwrap();
     fs::write(desk.at("site/place/old.wmasset"), "").unwrap();
-    desk.run("--weather haze --prepare none --no-thumbnails --no-video --out site");
+    desk.run("--weather haze --prepare none --no-thumbnails --no-video --overwrite --out site");
     assert_eq!(site_file(&desk.at("site"))["start"]["weather"]["name"], "haze");
     assert!(desk.at("site/CNAME").exists() && !desk.at("site/place/old.wmasset").exists());
     // A budget of nothing leaves what the first weather needs.
-    desk.run("--weather overcast --asset-megabytes 0 --no-thumbnails --no-video --out site");
+    desk.run("--weather overcast --asset-megabytes 0 --no-thumbnails --no-video --overwrite --out site");
     let files = site_file(&desk.at("site"))["files"].clone();
     assert_eq!(files.as_array().unwrap().len(), 1, "{files}");
     assert!(files[0]["name"].as_str().unwrap().starts_with("assets/light-"), "{files}");
@@ -163,7 +163,7 @@ fn what_cannot_be_written_is_told_in_a_line() {
     fs::write(desk.at("broken/player.js"), "").unwrap();
     fs::write(desk.at("broken/player_bg.wasm"), "no module").unwrap();
     desk.refused("--out full", &["full: holds other things than a site; name a new or an empty folder"]);
-    desk.refused("--out a.ply", &["a.ply: is an input of this command"]);
+    desk.refused("--out a.ply", &["a.ply: is a file; name a folder"]);
     desk.refused("--out player/player.js", &["player.js: is a file; name a folder"]);
     desk.refused("--out no/such/site", &["no/such/site: ", "does not exist; create it first"]);
     desk.refused("--out site.html", &["site.html: a site is a folder; give --single-file"]);

@@ -149,7 +149,7 @@ fn a_data_set_has_every_photo_and_says_what_it_is() {
     ] {
         assert!(std::fs::read(workshop.path(name)).unwrap() == all[Path::new(in_set)], "{name}");
     }
-    let options = words("--camera three --time 2");
+    let options = words("--camera three --time 2 --overwrite");
     run(&[words("render"), vec![scene.display().to_string(), "-o".into(), alone], options].concat());
     assert!(read_png(&workshop.path("alone.png")) == read_png(&folder.join("clean/three.png")));
     assert!(all[Path::new("particles/three.png")] != all[Path::new("particles/one.png")]);

@@ -65,7 +65,7 @@ impl Desk {
 
     /// Returns stdout, stderr and the JSON.
     fn run(&self, options: &str) -> (String, String, Value) {
-        let output = finish(&mut self.command(&format!("{options} --json out.json")));
+        let output = finish(&mut self.command(&format!("{options} --overwrite --json out.json")));
         assert!(output.status.success(), "{options}: {}", said(&output));
         let json = serde_json::from_slice(&fs::read(self.at("out.json")).unwrap()).unwrap();
         (printed(&output), said(&output), json)

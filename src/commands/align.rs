@@ -162,7 +162,7 @@ impl AlignArgs {
     /// Sets the sun, lamps and windows of a scene.
     fn light(&self, scene: &mut Scene) -> Result<()> {
         let survey = Survey::of(scene, &Metadata::default());
-        let up = survey.up.value;
+        let (up, origin) = (survey.up.value, survey.origin);
         if let Some(sun) = self.sun {
             if let PhotoSun::Towards(towards) = sun
                 && towards.dot(up) <= 0.0
@@ -184,7 +184,7 @@ impl AlignArgs {
                         lumens,
                         aim: Some((-up).to_array()),
                         beam: BEAM,
-                        ..Lamp::new(at.to_array())
+                        ..Lamp::new((at - origin).to_array())
                     }),
                 }
             }
@@ -198,13 +198,36 @@ impl AlignArgs {
                 count => views.sum::<DVec3>() / count as f64,
             };
             let window = |corners: &[DVec3; 2]| {
-                LitWindow::between(*corners, up, eye)
+                LitWindow::between(corners.map(|corner| corner - origin), up, eye)
                     .context("--window: its corners must not be level, nor above each other")
             };
             scene.metadata.windows = Some(self.window.iter().flatten().map(window).collect::<Result<_>>()?);
         }
         Ok(())
     }
+}
+
+/// Returns an alignment relative to the origin of a scene; users give points and heights of the world.
+fn local(by: Alignment, scene: &Scene) -> Alignment {
+    let origin = scene.metadata.origin_or_zero();
+    let ground = by.ground.map(|ground| match ground {
+        GivenGround::Points(points) => GivenGround::Points(points.map(|point| point - origin)),
+        GivenGround::Height(height) if origin != DVec3::ZERO => {
+            let up = by.up.unwrap_or_else(|| Survey::of(scene, &Metadata::default()).up.value).normalize();
+            GivenGround::Height(height - if by.flip { -up } else { up }.dot(origin))
+        }
+        height => height,
+    });
+    Alignment { ground, ..by }
+}
+
+/// Returns outlines relative to the origin of a scene.
+fn local_outlines(mut outlines: Vec<Vec<[f64; 3]>>, scene: &Scene) -> Vec<Vec<[f64; 3]>> {
+    let origin = scene.metadata.origin_or_zero();
+    for corner in outlines.iter_mut().flatten() {
+        *corner = (DVec3::from_array(*corner) - origin).to_array();
+    }
+    outlines
 }
 
 /// Runs the command.
@@ -239,6 +262,8 @@ pub fn run(args: &AlignArgs) -> Result<()> {
         }
     }
     let mut scene = read_saying_remarks(&args.scene, &ReadOptions::default())?;
+    let by = local(by, &scene);
+    let water = water.map(|outlines| local_outlines(outlines, &scene));
     let aligned = is_aligned
         .then(|| align(&mut scene, &by).with_context(|| args.scene.display().to_string()))
         .transpose()?;
@@ -252,7 +277,7 @@ pub fn run(args: &AlignArgs) -> Result<()> {
     let written = match &args.out {
         None => {
             let file = scene_file(&args.scene)?;
-            write_sidecar(&file, &scene.metadata)?;
+            write_sidecar(&file, &scene.metadata_beside_file(scene.metadata.clone()))?;
             sidecar_path(&file)
         }
         Some(out) => {

@@ -45,7 +45,7 @@ pub struct LabelArgs {
     out: PathBuf,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Remove splats that contain NaN or infinite numbers, and continue
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and continue
     #[arg(long)]
     repair: bool,
     #[command(flatten)]
@@ -83,7 +83,7 @@ pub fn run(args: &LabelArgs) -> Result<()> {
     }
     let views = args.views.as_ref().map(|folder| capture::read_views(folder)).transpose()?;
     let mut scene = read_saying_remarks(&args.scene, &read_options(None))?;
-    scene.views = views.unwrap_or(scene.views);
+    views.into_iter().for_each(|views| scene.set_world_views(views));
     check(&mut scene, &args.scene, args.repair)?;
     let masks = masks(&scene, args)?;
     let mut renderer = args.run.differentiable()?;

@@ -3,7 +3,7 @@
 use super::render::camera::{MotionArgs, ViewpointArgs};
 use crate::level_args::LevelArgs;
 use crate::names::stem_of;
-use crate::overwrite::check_spares;
+use crate::overwrite::OverwriteArgs;
 use crate::progress::Reporter;
 use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
@@ -42,6 +42,8 @@ pub struct ScanArgs {
     place: SensorPlaceArgs,
     #[command(flatten)]
     output: PointArgs,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     #[command(flatten)]
     run: RunArgs,
 }
@@ -298,6 +300,14 @@ impl Scanner {
         }
     }
 
+    /// The names of its pictures.
+    fn views(&self) -> Vec<&'static str> {
+        match self {
+            Self::Lidar(_, views) => views.iter().map(|view| view.name()).collect(),
+            Self::Radar(_, views) => views.iter().map(|view| view.name()).collect(),
+        }
+    }
+
     fn check_format(&self, out: &Path) -> Result<()> {
         match self {
             Self::Lidar(..) => drop(PointFormat::of(out)?),
@@ -358,9 +368,16 @@ pub fn run(args: &ScanArgs) -> Result<()> {
         inputs.push(file.clone());
     }
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
-    let first = name_of(&out, (0, args.output.sweeps), "", None);
-    check_writable(&first)?;
-    check_spares(&first, &inputs)?;
+    let sweeps = args.output.sweeps;
+    check_writable(&name_of(&out, (0, sweeps), "", None))?;
+    let views = scanner.views();
+    for number in (0..sweeps).map(|index| (index, sweeps)) {
+        args.overwrite.check_report(&name_of(&out, number, "", None), &inputs)?;
+        for view in &views {
+            let file = name_of(&out, number, &format!("-{view}"), Some("png"));
+            args.overwrite.check_report(&file, &inputs)?;
+        }
+    }
     let viewpoint = ViewpointArgs {
         camera: args.place.at.clone(),
         views: args.place.views.clone(),

@@ -5,7 +5,7 @@
 //! get the mean colour of their elevation, plus the difference of seen neighbours from theirs, interpolated from coarser
 //! and coarser means ("pull-push", Gortler et al. 1996). Photos of different exposure are not matched.
 
-use crate::overwrite::{OverwriteArgs, check_spares};
+use crate::overwrite::OverwriteArgs;
 use anyhow::{Result, bail};
 use clap::Args;
 use glam::DVec3;
@@ -65,7 +65,7 @@ pub fn run(args: &SkyArgs) -> Result<()> {
     let options = CaptureOptions { images: args.images.clone(), ..CaptureOptions::default() };
     let capture = capture::read(&args.dataset, &options)?;
     let files: Vec<PathBuf> = (0..capture.views.len()).filter_map(|view| capture.photo(view)).collect();
-    check_spares(&args.out, &files.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+    args.overwrite.check_report(&args.out, &files.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     let photo_options = PhotoOptions { size: PhotoSize::Longest(LONGEST), ..PhotoOptions::default() };
     let photos = Photos::open(&capture, &photo_options)?;
     let places: Vec<usize> = (0..photos.len()).collect();

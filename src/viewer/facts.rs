@@ -173,7 +173,7 @@ impl FactEditor {
         let metadata = Metadata { airlight, ..facts.scene.clone() };
         let failed = |error: wm_scene::FormatError| FactError::Failed(error.to_string());
         let file = scene_file(&self.scene).map_err(failed)?;
-        write_sidecar(&file, &metadata).map_err(failed)?;
+        write_sidecar(&file, &place.scene().metadata_beside_file(metadata)).map_err(failed)?;
         (self.saved, self.saved_words, self.is_unsaved) = (facts, Vec::new(), false);
         let name = sidecar_path(&file);
         let name = name.file_name().unwrap_or_default().to_string_lossy();

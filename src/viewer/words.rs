@@ -26,7 +26,7 @@ pub fn given_words(facts: &FactArgs) -> Vec<String> {
 pub fn survey_words(survey: &Survey) -> Vec<String> {
     let scale = survey.metres_per_unit;
     let is_known = scale.source != FactSource::Assumed;
-    fact_words(Some(survey.up.value), Some(survey.ground.value), is_known.then_some(scale.value))
+    fact_words(Some(survey.up.value), Some(survey.world_ground()), is_known.then_some(scale.value))
 }
 
 fn fact_words(up: Option<DVec3>, ground: Option<f64>, metres_per_unit: Option<f64>) -> Vec<String> {

@@ -118,5 +118,10 @@ impl Place {
 /// The options of `render`: `more`, and what is usual where it says nothing.
 fn render<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let usual = USUAL.into_iter().filter(|(name, _)| !more.contains(name));
-    ["render", scene].into_iter().chain(more.iter().copied()).chain(usual.flat_map(|(a, b)| [a, b])).collect()
+    // The tests that render often to one file replace it.
+    ["render", scene, "--overwrite"]
+        .into_iter()
+        .chain(more.iter().copied())
+        .chain(usual.flat_map(|(a, b)| [a, b]))
+        .collect()
 }

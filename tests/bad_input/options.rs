@@ -251,7 +251,7 @@ fn camera_files() {
     assert_eq!(fs::read_dir(place.path().join("frames")).unwrap().count(), 4);
 }
 
-/// A picture replaces another, but nothing that is read.
+/// A picture replaces another where that is asked for, but nothing that is read.
 #[test]
 fn pictures_spare_what_is_read() {
     let place = Place::new();
@@ -267,6 +267,20 @@ fn pictures_spare_what_is_read() {
         (&["--save-path", "good.ply"], "good.ply"),
     ] {
         place.render_refused("good.ply", more, &[&format!("{file}: {lost}")]);
+    }
+    // Unasked nothing is replaced, whatever a command writes.
+    for (words, file) in [
+        (&["render", "good.ply", "--out", "b.png"][..], "b.png"),
+        (&["render", "good.ply", "--out", "c.png", "--save-path", "p.json"], "p.json"),
+        (&["render", "good.ply", "--out", "c.png", "--also", "depth"], "c.depth.png"),
+        (&["scan", "good.ply", "--out", "c.ply", "--picture", "above"], "c-above.png"),
+        (&["inspect", "good.ply", "--light", "--light-picture", "b.png"], "b.png"),
+    ] {
+        if !place.path().join(file).exists() {
+            fs::write(place.path().join(file), "mine").unwrap();
+        }
+        let says = format!("{file}: exists already; choose another name, or replace it with --overwrite");
+        place.refused(words.to_vec(), &[&says]);
     }
     place.put("x.depth.png", fs::read(place.path().join("a.png")).unwrap());
     let more = ["--set", "sky.panorama=x.depth.png", "--also", "depth", "--out", "x.png"];

@@ -112,7 +112,7 @@ fn properties_that_are_not_there() {
         ply.properties.extend((0..rest).map(|i| format!("float f_rest_{i}")));
         ply.rows.iter_mut().for_each(|row| row.resize(14 + rest, 0.0));
         place.put("a.ply", ply.bytes());
-        let says = format!("{rest} f_rest properties fit no SH degree: 0, 9, 24 or 45 do");
+        let says = format!("{rest} f_rest properties fit no SH degree: 0, 9, 24, 45 or 72 do");
         both_refuse(&place, "a.ply", &[&says]);
     }
     place.put("a.ply", Ply { count: "0".into(), rows: Vec::new(), ..Ply::sound() }.bytes());
@@ -157,7 +157,8 @@ fn numbers_that_are_none() {
             "rot" => ("rotations", "quat"),
             _ => ("positions", "mean"),
         };
-        let says = format!("a.ply: 1 of 60 splats hold NaN or infinite numbers (1 in {field}); --repair");
+        let says =
+            format!("a.ply: 1 of 60 splats hold NaN, infinite or absurd numbers (1 in {field}); --repair");
         place.render_refused("a.ply", &[], &[&says]);
         assert_eq!(picture("a.ply", &["--repair"]), expected, "{name} {value}");
         let report = place.run(["inspect", "--json", "a.ply"]);
@@ -168,7 +169,10 @@ fn numbers_that_are_none() {
     assert_eq!(picture("a.ply", &["--repair", "--threads", "3"]), expected);
     let said = place.run(["inspect", "a.ply"]);
     let said = String::from_utf8_lossy(&said.stdout).into_owned();
-    assert!(said.contains("1 colours with NaN or infinity: not rendered: `render --repair`"), "{said}");
+    assert!(
+        said.contains("1 colours that are NaN, infinite or absurdly bright: not rendered: `render --repair`"),
+        "{said}"
+    );
 
     // These are numbers after activation: fully opaque, fully clear, and flat.
     for (name, value) in [("opacity", inf), ("opacity", -inf), ("scale_0", -inf)] {
@@ -182,7 +186,8 @@ fn numbers_that_are_none() {
     let mut ply = Ply::sound();
     ply.rows.iter_mut().for_each(|row| row[0] = nan);
     place.put("a.ply", ply.bytes());
-    let says = "a.ply: 60 of 60 splats hold NaN or infinite numbers (60 in positions); nothing is left";
+    let says =
+        "a.ply: 60 of 60 splats hold NaN, infinite or absurd numbers (60 in positions); nothing is left";
     place.render_refused("a.ply", &["--repair"], &[says]);
     let report = place.run(["inspect", "--json", "a.ply"]);
     let report: serde_json::Value = serde_json::from_slice(&report.stdout).unwrap();

@@ -70,7 +70,7 @@ impl Workshop {
     pub fn words(&self, scene: &Path, view: &ViewArgs, out: &str, options: &str) -> Vec<String> {
         let mut words = vec!["render".to_owned(), scene.display().to_string()];
         words.extend(view.0.iter().cloned());
-        words.extend(["--out".to_owned(), self.path(out).display().to_string()]);
+        words.extend(["--overwrite".to_owned(), "--out".to_owned(), self.path(out).display().to_string()]);
         words.extend(options.split_whitespace().map(str::to_owned));
         words
     }

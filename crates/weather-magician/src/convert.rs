@@ -44,7 +44,7 @@ pub enum LengthScale {
 /// Changes of a scene, applied in the order of the fields.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SceneChange {
-    /// Keeps what is in a box, in the axes of the scene as it is.
+    /// Keeps what is in a box, in the axes of the scene as it is, in the world.
     pub crop: Option<CropBox>,
     /// Turns the scene so that its up becomes this direction.
     pub up: Option<DVec3>,
@@ -71,11 +71,13 @@ impl SceneChange {
         progress: &mut dyn Progress,
     ) -> Result<Vec<String>> {
         let mut notes = Vec::new();
-        if let Some(kept) = self.crop {
+        if let Some(crop) = self.crop {
+            let origin = scene.metadata.origin_or_zero();
+            let kept = CropBox { low: crop.low - origin, high: crop.high - origin };
             let indices: Vec<usize> =
                 (0..scene.splats.len()).filter(|i| kept.holds(scene.splats.means[*i])).collect();
             if indices.is_empty() {
-                let (low, high) = (kept.low, kept.high);
+                let (low, high) = (crop.low, crop.high);
                 return Err(Error::Unsupported(format!(
                     "--crop: no splat is in the box from {low} to {high}"
                 )));

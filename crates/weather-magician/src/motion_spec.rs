@@ -73,7 +73,7 @@ impl MotionSpec {
             return Ok(spec.camera(&place.scene().views, place.survey(), options)?);
         }
         let found = choose::choose(&mut renderer.view_search(place, *options))?;
-        chosen(format!("{} ({})", text_of(&found.camera), found.how));
+        chosen(format!("{} ({})", text_of(&found.camera, place.survey().origin), found.how));
         Ok(found.camera)
     }
 }

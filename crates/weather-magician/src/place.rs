@@ -180,6 +180,8 @@ pub struct PreparedPlace {
     warnings: Vec<String>,
     /// Doubts about facts that are told when a weather first stands on them.
     doubts: Vec<String>,
+    /// The doubt about the ground, told when something first lies.
+    ground_doubt: Option<String>,
 }
 
 /// The snow or dust that the renderer holds.
@@ -333,6 +335,7 @@ impl PreparedPlace {
             is_released: false,
             warnings: reading.chain(survey.warning()).collect(),
             doubts: doubts(&survey),
+            ground_doubt: survey.ground_warning(),
             survey,
         };
         place.config = RenderConfig {
@@ -391,6 +394,8 @@ impl PreparedPlace {
     pub(crate) fn align(&mut self, backend: &mut AnyRenderer, by: &Alignment) -> Result<Aligned> {
         self.check_splats()?;
         let mut metadata = self.given.clone().or(self.scene.metadata.clone());
+        // A height that was given is that in the world.
+        metadata.ground = self.given.ground.map(|_| self.survey.ground.value).or(metadata.ground);
         if self.given.ground.is_none() && self.survey.ground.source != FactSource::File {
             // It is along another up than the given one.
             (metadata.ground, metadata.ground_confidence) = (None, None);
@@ -453,6 +458,7 @@ impl PreparedPlace {
         self.light = PlaceLight::new(lamps);
         self.water = PlaceWater::default();
         self.doubts = doubts(&survey);
+        self.ground_doubt = survey.ground_warning();
         self.survey = survey;
         if let Some(levels) = &mut self.levels {
             levels.captured_sky = self.survey.captured_sky;
@@ -851,6 +857,9 @@ impl PreparedPlace {
             return Ok(());
         }
         self.warnings.append(&mut self.doubts);
+        if missing.cover.is_some() || missing.lying.is_some() || missing.paper_cover.is_some() {
+            self.warnings.extend(self.ground_doubt.take());
+        }
         let source = self.asset_source(backend, &mut missing)?;
         let assets = missing.make(source, progress)?;
         self.insert(backend, assets)
@@ -1317,6 +1326,7 @@ fn middle_depth(depths: &[f32]) -> Option<f64> {
 /// Returns the facts of a surveyed place that weather uses.
 fn site_of(survey: &Survey, lamps: &PlaceLamps) -> Site {
     let site = Site {
+        origin: survey.origin.to_array(),
         metres_per_unit: survey.metres_per_unit.value,
         up: survey.up.value.to_array(),
         ground: survey.ground.value,

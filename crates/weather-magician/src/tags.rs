@@ -20,7 +20,7 @@ pub fn picture_tags(
         ("scene".into(), scene.into()),
         ("weather".into(), weather_text(weather, time)),
         ("time".into(), format!("{time} s")),
-        ("camera".into(), spec::text_of(camera)),
+        ("camera".into(), spec::text_of(camera, site.origin.into())),
         // Without the number of threads: no byte of a picture depends on it, and none of its words may.
         ("renderer".into(), renderer.arithmetic()),
         ("metres_per_unit".into(), site.metres_per_unit.to_string()),

@@ -2,6 +2,7 @@
 
 use crate::arrays::{intrinsics, k_of, matrices, matrix, vector};
 use crate::error::{Error, line_of};
+use glam::DVec3;
 use numpy::PyArrayDyn;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -60,7 +61,11 @@ impl PyCamera {
 
     fn __repr__(&self) -> String {
         let wm_scene::Camera { width, height, .. } = self.camera;
-        format!("Camera({}, {width}x{height}, fov {:.1})", spec::text_of(&self.camera), self.camera.fov_y())
+        format!(
+            "Camera({}, {width}x{height}, fov {:.1})",
+            spec::text_of(&self.camera, DVec3::ZERO),
+            self.camera.fov_y()
+        )
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {

@@ -474,7 +474,9 @@ impl PyRenderer {
                 }
                 (path, start) => {
                     let camera = match (&given, start) {
-                        (_, Some(camera)) => Some(spec::text_of(&camera).parse()?),
+                        (_, Some(camera)) => {
+                            Some(spec::text_of(&camera, open.place.survey().origin).parse()?)
+                        }
                         (CameraInput::Spec(spec), None) => Some(spec.parse()?),
                         _ => None,
                     };

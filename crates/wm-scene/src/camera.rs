@@ -178,6 +178,17 @@ impl Camera {
         })
     }
 
+    /// The camera with its centre moved, world axes.
+    #[must_use]
+    pub fn moved(&self, by: DVec3) -> Self {
+        if by == DVec3::ZERO {
+            return *self;
+        }
+        let rotation = self.rotation();
+        let translation = self.viewmat.w_axis.truncate() - rotation * by;
+        Self { viewmat: viewmat_of(rotation, translation), ..*self }
+    }
+
     /// The rotation of `viewmat`.
     #[must_use]
     pub fn rotation(&self) -> DMat3 {

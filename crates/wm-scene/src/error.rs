@@ -12,7 +12,7 @@ use thiserror::Error;
 ///
 /// Prints as one line: path, location, what is wrong, what to do.
 #[derive(Debug, Error)]
-#[error("{}{location}: {problem}", path.display())]
+#[error("{}{location}: {problem}", escaped(&path.display().to_string()))]
 pub struct FormatError {
     /// The file or folder.
     pub path: PathBuf,
@@ -125,7 +125,7 @@ pub enum Problem {
         reason: String,
     },
     /// The number of SH coefficients belongs to no degree.
-    #[error("{0} f_rest properties fit no SH degree: 0, 9, 24 or 45 do; export the file again")]
+    #[error("{0} f_rest properties fit no SH degree: 0, 9, 24, 45 or 72 do; export the file again")]
     ShCount(usize),
     /// Splats hold numbers that are not finite.
     #[error("{0}; export the scene again, or repair it, which leaves them out")]
@@ -234,8 +234,13 @@ pub(crate) fn number<T: FromStr>(word: &[u8], what: &str) -> Result<T, Problem> 
 pub(crate) fn one_line(message: &str) -> String {
     let parts: Vec<&str> =
         message.split(['\n', '\r']).map(str::trim).filter(|part| !part.is_empty()).collect();
+    escaped(&parts.join(", "))
+}
+
+/// The text with its control characters escaped: a name from a file may hold line breaks and codes that a terminal acts on.
+fn escaped(text: &str) -> String {
     let escape = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
-    parts.join(", ").chars().map(escape).collect()
+    text.chars().map(escape).collect()
 }
 
 #[cfg(test)]
@@ -260,6 +265,8 @@ mod tests {
 
     #[test]
     fn foreign_text_stays_on_one_line() {
+        let error = FormatError::whole(Path::new("a\n\u{1b}[2Jb.png"), Problem::Empty);
+        assert_eq!(error.to_string(), "a\\n\\u{1b}[2Jb.png: the file is empty; copy or export it again");
         assert_eq!(excerpt(b"a\nb\xff"), "a\\nb\\xff");
         assert_eq!(excerpt(&[b'x'; 40]), format!("{}...", "x".repeat(32)));
         assert_eq!(one_line("first\n  sec\u{7}ond\n"), "first, sec\\u{7}ond");

@@ -2,7 +2,8 @@
 
 use crate::{
     Group, Splats,
-    splats::{Faults, sigmoid},
+    splats::sigmoid,
+    values::{FARTHEST, Faults},
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -34,7 +35,7 @@ pub struct Health {
     pub oversized: usize,
     /// Splats in each group.
     pub groups: BTreeMap<Group, usize>,
-    /// The box around the finite means, sky left out; none if there are none.
+    /// The box around the means that are places, sky left out; none if there are none.
     pub bounds: Option<Bounds>,
     /// The box from the 1 % to the 99 % quantile of each coordinate of the same means.
     pub robust_bounds: Option<Bounds>,
@@ -47,18 +48,21 @@ pub struct Health {
 /// Number of splats with each of [`Faults`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FaultCounts {
-    /// The mean is NaN or infinite.
+    /// The mean is NaN, infinite or absurdly far.
     pub mean: usize,
-    /// A scale is NaN or infinite.
+    /// A scale is NaN, infinite or absurdly large.
     pub scale: usize,
     /// The opacity is NaN.
     pub opacity: usize,
-    /// The quaternion is NaN or infinite.
+    /// The quaternion is NaN, infinite or absurdly long.
     pub quat: usize,
     /// The quaternion is zero.
     pub zero_quat: usize,
-    /// A colour coefficient is NaN or infinite.
+    /// A colour coefficient is NaN, infinite or absurdly large.
     pub sh: usize,
+    /// All values are zero.
+    #[serde(default)]
+    pub blank: usize,
 }
 
 /// A box along the world axes, scene units.
@@ -157,19 +161,21 @@ impl Health {
 
 impl FaultCounts {
     fn add(&mut self, faults: Faults) {
-        let Faults { mean, scale, opacity, quat, zero_quat, sh } = faults;
+        let Faults { mean, scale, opacity, quat, zero_quat, sh, blank } = faults;
         self.mean += usize::from(mean);
         self.scale += usize::from(scale);
         self.opacity += usize::from(opacity);
         self.quat += usize::from(quat);
         self.zero_quat += usize::from(zero_quat);
         self.sh += usize::from(sh);
+        self.blank += usize::from(blank);
     }
 }
 
-/// Splats that hold NaN or infinite numbers, which cannot be drawn: how many, and in which arrays.
+/// Splats that hold NaN, infinite or absurd numbers, or nothing but zeros, and cannot be drawn: how many, and in which
+/// arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("{faulty} of {splats} splats hold NaN or infinite numbers ({})", self.arrays())]
+#[error("{faulty} of {splats} splats hold NaN, infinite or absurd numbers ({})", self.arrays())]
 pub struct NonFiniteSplats {
     /// Number of all splats.
     pub splats: usize,
@@ -181,11 +187,12 @@ pub struct NonFiniteSplats {
 
 impl NonFiniteSplats {
     fn arrays(&self) -> String {
-        let FaultCounts { mean, scale, opacity, quat, sh, .. } = self.counts;
+        let FaultCounts { mean, scale, opacity, quat, sh, blank, .. } = self.counts;
         let counts = [mean, scale, opacity, quat, sh];
         let named = counts.into_iter().zip(["positions", "scales", "opacities", "rotations", "colours"]);
         let named = named.filter(|(count, _)| *count > 0).map(|(count, name)| format!("{count} in {name}"));
-        named.collect::<Vec<_>>().join(", ")
+        let blank = (blank > 0).then(|| format!("{blank} are rows of zeros"));
+        named.chain(blank).collect::<Vec<_>>().join(", ")
     }
 }
 
@@ -199,16 +206,16 @@ pub struct Repairs {
 }
 
 impl Splats {
-    /// Checks that no splat holds a NaN or infinite number. Zero quaternions pass.
+    /// Checks that every splat can be drawn: that it has none of the [`Faults`] but a zero quaternion.
     ///
     /// # Errors
     /// [`NonFiniteSplats`] counts the splats that do.
     pub fn check_finite(&self) -> Result<(), NonFiniteSplats> {
         let mut found = NonFiniteSplats { splats: self.len(), faulty: 0, counts: FaultCounts::default() };
         for index in 0..self.len() {
-            let faults = Faults { zero_quat: false, ..self.faults(index) };
-            found.faulty += usize::from(faults != Faults::default());
-            found.counts.add(faults);
+            let faults = self.faults(index);
+            found.faulty += usize::from(faults.is_fatal());
+            found.counts.add(Faults { zero_quat: false, ..faults });
         }
         if found.faulty == 0 { Ok(()) } else { Err(found) }
     }
@@ -221,7 +228,7 @@ impl Splats {
         let mut kept = Vec::with_capacity(self.len());
         for index in 0..self.len() {
             let faults = self.faults(index);
-            if (Faults { zero_quat: false, ..faults }) != Faults::default() {
+            if faults.is_fatal() {
                 repairs.dropped += 1;
                 continue;
             }
@@ -236,14 +243,14 @@ impl Splats {
     }
 }
 
-/// The box between two quantiles of each coordinate: `cut` of the finite means are below, as many
+/// The box between two quantiles of each coordinate: `cut` of the means that are places are below, as many
 /// above; the sky does not count.
 fn bounds(splats: &Splats, cut: f64) -> Option<Bounds> {
     let mut bounds = Bounds { min: [0.0; 3], max: [0.0; 3] };
     for axis in 0..3 {
         let means = splats.means.iter().zip(&splats.groups);
         let mut values: Vec<f32> = means
-            .filter(|(mean, group)| **group != Group::Sky && mean.iter().all(|v| v.is_finite()))
+            .filter(|(mean, group)| **group != Group::Sky && mean.iter().all(|v| v.abs() <= FARTHEST))
             .map(|(mean, _)| mean[axis])
             .collect();
         let last = values.len().checked_sub(1)?;
@@ -332,12 +339,12 @@ mod tests {
         splats.sh[5 * 12 + 7] = f32::NAN;
         splats.quats[5] = [0.0; 4];
         let health = Health::of(&splats);
-        let expected = FaultCounts { mean: 1, scale: 1, opacity: 1, quat: 1, zero_quat: 2, sh: 1 };
+        let expected = FaultCounts { mean: 1, scale: 1, opacity: 1, quat: 1, zero_quat: 2, sh: 1, blank: 0 };
         assert_eq!((health.faulty, health.faults), (6, expected));
         assert_eq!(health.bounds.unwrap().min, [1.0; 3]);
         let found = splats.check_finite().unwrap_err();
         assert_eq!((found.faulty, found.counts), (5, FaultCounts { zero_quat: 0, ..expected }));
-        let says = "5 of 200 splats hold NaN or infinite numbers (1 in positions, 1 in scales, 1 in opacities, \
+        let says = "5 of 200 splats hold NaN, infinite or absurd numbers (1 in positions, 1 in scales, 1 in opacities, \
                     1 in rotations, 1 in colours)";
         assert_eq!(found.to_string(), says);
         let (repaired, repairs) = splats.clone().repaired();

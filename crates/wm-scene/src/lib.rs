@@ -62,6 +62,7 @@ pub mod metadata;
 pub mod morton;
 mod nearest;
 pub mod npy;
+pub mod origin;
 pub mod quat;
 pub mod random;
 pub mod reflectance;
@@ -77,6 +78,7 @@ pub mod survey;
 pub mod synthetic;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
+pub mod values;
 
 pub use camera::{Camera, CameraError, LensModel, LookAt};
 pub use error::{FormatError, Location, Problem};

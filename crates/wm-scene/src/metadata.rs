@@ -19,6 +19,10 @@ pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Metadata {
+    /// The point of the world that is zero here, scene units, world axes: positions are relative to it. Nothing if they are those of the
+    /// world; see [`crate::origin`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin: Option<DVec3>,
     /// Metres per scene unit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metres_per_unit: Option<f64>,
@@ -170,7 +174,8 @@ pub enum Rasterization {
 
 impl Metadata {
     /// The keys, in the order in which they are written.
-    pub const KEYS: [&str; 26] = [
+    pub const KEYS: [&str; 27] = [
+        "origin",
         "metres_per_unit",
         "scale_source",
         "scale_confidence",
@@ -198,6 +203,9 @@ impl Metadata {
         "rasterization",
         "provenance",
     ];
+
+    /// Largest coordinate of an origin, scene units.
+    pub const FARTHEST_ORIGIN: f64 = 1e12;
 
     /// Most points of an outline.
     pub const MOST_CORNERS: usize = 1000;
@@ -252,6 +260,7 @@ impl Metadata {
             north_source: note(self.north_source, other.north_source, north),
             captured_span: note(self.captured_span, other.captured_span, captured),
             ground_confidence: note(self.ground_confidence, other.ground_confidence, ground),
+            origin: self.origin.or(other.origin),
             metres_per_unit: self.metres_per_unit.or(other.metres_per_unit),
             up: self.up.or(other.up),
             north: self.north.or(other.north),
@@ -272,6 +281,12 @@ impl Metadata {
             rasterization: self.rasterization.or(other.rasterization),
             provenance: self.provenance.or(other.provenance),
         }
+    }
+
+    /// The point of the world that is zero here, scene units.
+    #[must_use]
+    pub fn origin_or_zero(&self) -> DVec3 {
+        self.origin.unwrap_or(DVec3::ZERO)
     }
 
     /// Makes `north` level again after `up` was changed, if both are known: its part along `up` goes. A north that stands at
@@ -301,6 +316,12 @@ impl Metadata {
     /// The first fault of a value, in one line; `None` if all can be used.
     #[must_use]
     pub fn fault(&self) -> Option<String> {
+        if let Some(origin) = self.origin
+            && !(origin.is_finite() && origin.abs().max_element() <= Self::FARTHEST_ORIGIN)
+        {
+            let most = Self::FARTHEST_ORIGIN;
+            return Some(format!("origin is {origin}: each coordinate must be finite and at most {most:e}"));
+        }
         if let Some(value) = self.metres_per_unit
             && !(value.is_finite() && value > 0.0)
         {
@@ -423,6 +444,7 @@ mod tests {
 
     fn full() -> Metadata {
         Metadata {
+            origin: Some(DVec3::new(500_000.0, 4_000_000.0, -0.125)),
             metres_per_unit: Some(16.4),
             scale_source: Some("a tape".into()),
             scale_confidence: Some(Confidence::Likely),
@@ -557,6 +579,8 @@ mod tests {
     fn faults_are_found() {
         assert_eq!(Metadata::default().fault(), None);
         for bad in [
+            Metadata { origin: Some(DVec3::new(0.0, 1e13, 0.0)), ..Metadata::default() },
+            Metadata { origin: Some(DVec3::NAN), ..Metadata::default() },
             Metadata { metres_per_unit: Some(0.0), ..Metadata::default() },
             Metadata { up: Some(DVec3::ZERO), ..Metadata::default() },
             Metadata { north: Some(DVec3::ONE), ..Metadata::default() },

@@ -41,6 +41,15 @@ impl Remark {
     }
 }
 
+/// Adds the remarks that are not in `all` yet: a scene of many files says a thing once.
+pub(crate) fn add_new(all: &mut Vec<Remark>, more: &[Remark]) {
+    for remark in more {
+        if !all.contains(remark) {
+            all.push(remark.clone());
+        }
+    }
+}
+
 /// Prints the text as a line of a program's error stream: `note: ...` or `warning: ...`.
 impl fmt::Display for Remark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

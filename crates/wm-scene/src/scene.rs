@@ -33,6 +33,8 @@ pub struct Scene {
     pub metadata: Metadata,
     /// The photographed views, if the file or folder has them, in their order.
     pub views: Vec<SceneView>,
+    /// The origin that the reader chose, beside that which the file states, scene units; zero if it chose none. Never written.
+    pub moved_by: DVec3,
     /// Lines on what the reader guessed, ignored or passed over; empty for a scene that was made in memory. Never written.
     pub remarks: Vec<Remark>,
 }
@@ -138,7 +140,11 @@ mod tests {
         assert_eq!(error.path, path);
         let Problem::NonFinite(found) = &error.problem else { panic!("{error}") };
         assert_eq!((found.faulty, found.splats, found.counts.mean), (1, 10, 1));
-        assert!(error.to_string().contains("1 of 10 splats hold NaN or infinite numbers (1 in positions)"));
+        assert!(
+            error
+                .to_string()
+                .contains("1 of 10 splats hold NaN, infinite or absurd numbers (1 in positions)")
+        );
         let (repaired, repairs) = read_scene(&path, &ReadOptions::default()).unwrap().repaired();
         assert_eq!((repaired.splats.len(), repairs.dropped, repairs.turned), (9, 1, 1));
         assert_eq!(repaired.check_finite(), Ok(()));

@@ -49,8 +49,19 @@ impl Similarity {
         Camera { viewmat, near: camera.near * self.scale, ..*camera }
     }
 
-    /// Transforms a scene: splats, metadata and views.
+    /// Transforms a scene: splats, metadata and views. The translation of one with an origin moves the origin, which keeps it exact.
     pub fn apply(&self, scene: &mut Scene) {
+        match scene.metadata.origin {
+            None => self.apply_local(scene),
+            Some(origin) => {
+                scene.metadata.origin = Some(self.point(origin));
+                Self { translation: DVec3::ZERO, ..*self }.apply_local(scene);
+            }
+        }
+    }
+
+    /// Transforms a scene relative to its origin, which stays.
+    pub(crate) fn apply_local(&self, scene: &mut Scene) {
         self.apply_to(&mut scene.splats);
         let metadata = &mut scene.metadata;
         metadata.metres_per_unit = metadata.metres_per_unit.map(|metres| metres / self.scale);

@@ -341,50 +341,6 @@ impl Splats {
         }
         out
     }
-
-    /// Returns true if every number of splat `index` is finite and its quaternion is not zero.
-    ///
-    /// An opacity logit of plus or minus infinity is fine: it means 1 or 0.
-    #[must_use]
-    pub fn is_sound(&self, index: usize) -> bool {
-        self.faults(index) == Faults::default()
-    }
-
-    /// The faults of splat `index`.
-    #[must_use]
-    pub fn faults(&self, index: usize) -> Faults {
-        let mut faults = Faults {
-            mean: self.means[index].iter().any(|v| !v.is_finite()),
-            scale: self.log_scales[index].iter().any(|v| v.is_nan() || *v > MAX_LOG_SCALE),
-            opacity: self.logit_opacities[index].is_nan(),
-            quat: self.quats[index].iter().any(|v| !v.is_finite()),
-            zero_quat: false,
-            sh: self.sh_of(index).iter().any(|v| !v.is_finite()),
-        };
-        let squared: f64 = self.quats[index].iter().map(|v| f64::from(*v).powi(2)).sum();
-        faults.zero_quat = !faults.quat && squared < 1e-30;
-        faults
-    }
-}
-
-/// Largest stored scale that is taken for a number: its square still fits f32 with room for a camera.
-pub const MAX_LOG_SCALE: f32 = 30.0;
-
-/// The faults of one splat, array by array.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Faults {
-    /// The mean is NaN or infinite.
-    pub mean: bool,
-    /// A scale is NaN or infinite (after `exp`).
-    pub scale: bool,
-    /// The opacity is NaN.
-    pub opacity: bool,
-    /// The quaternion is NaN or infinite.
-    pub quat: bool,
-    /// The quaternion is zero.
-    pub zero_quat: bool,
-    /// A colour coefficient is NaN or infinite.
-    pub sh: bool,
 }
 
 /// The logistic function: logit to opacity.
@@ -474,19 +430,6 @@ mod tests {
         splats.quats.clear();
         let error = splats.check().unwrap_err();
         assert_eq!(error, SplatsError::Length { array: "quats", found: 0, expected: 1, splats: 1 });
-    }
-
-    #[test]
-    fn faults_are_told_apart() {
-        let mut splats = Splats::with_capacity(1, 0);
-        splats.push(&one());
-        assert!(splats.is_sound(0));
-        splats.quats[0] = [0.0; 4];
-        assert!(splats.faults(0).zero_quat && !splats.faults(0).quat);
-        splats.log_scales[0][1] = f32::INFINITY;
-        assert!(splats.faults(0).scale);
-        splats.logit_opacities[0] = f32::INFINITY;
-        assert!(!splats.faults(0).opacity);
     }
 
     #[test]

@@ -30,7 +30,7 @@ pub struct LidarModel {
     pub reference_range: f64,
     /// Least standard deviation of ranges, m.
     pub range_noise: f64,
-    /// Ranges at which the receiver begins to see the beam and sees all of it, m.
+    /// Ranges at which the receiver begins to see the beam and sees all of it, m; see [`LidarModel::overlap_at`].
     pub overlap: [f64; 2],
     /// The beams.
     pub pattern: BeamPattern,
@@ -63,8 +63,10 @@ fn usual_noise() -> f64 {
     0.01
 }
 
-/// Ranges over which receivers begin to see their own beam, m.
-const OVERLAP: [f64; 2] = [0.9, 1.0];
+/// Width of a receiver's lens, mm, whose field is as wide as the beam. Guessed: data sheets say neither.
+const LENS: f64 = 35.0;
+/// Farthest range at which a receiver is believed to see all of its beam where nothing is said, m.
+const FARTHEST_OVERLAP: f64 = 20.0;
 
 /// Lidars.
 const KIND: SensorKind = SensorKind { name: "lidar", presets: PRESETS, most_bytes: MOST_BYTES };
@@ -121,9 +123,7 @@ impl LidarModel {
         if let Some(problem) = pattern.fault() {
             return Err(wrong(problem));
         }
-        // What sees nearer than a metre has its overlap there.
-        let nearest = file.range[0];
-        let usual = if nearest < OVERLAP[0] { [nearest, nearest + 0.1] } else { OVERLAP };
+        let usual = [0.0, (LENS / file.divergence).min(FARTHEST_OVERLAP)];
         let model = Self {
             name: file.name.unwrap_or_else(|| text.name.clone()),
             wavelength: file.wavelength,
@@ -179,11 +179,19 @@ impl LidarModel {
         TARGET / (self.reference_range * self.reference_range)
     }
 
-    /// Share of the beam that the receiver sees at a range, m.
+    /// Share of the beam that the receiver sees at a range, m: it grows with the square of the range between the two of
+    /// [`LidarModel::overlap`].
+    ///
+    /// A receiver's lens looks far ahead. What is near is out of focus: its spot on the detector is as wide as the lens is over the
+    /// range, and of a spot that is wider than the detector the detector has the share by area. So what fills the beam sends the same
+    /// power from all ranges below that of full overlap: the "near-distance effect" of laser scanners.
     #[must_use]
     pub fn overlap_at(&self, range: f64) -> f64 {
         let [begin, end] = self.overlap;
-        if range >= end { 1.0 } else { ((range - begin) / (end - begin).max(1e-9)).clamp(0.0, 1.0) }
+        if range >= end {
+            return 1.0;
+        }
+        ((range - begin) / (end - begin).max(1e-9)).clamp(0.0, 1.0).powi(2)
     }
 
     /// Returns true if water absorbs its light within millimetres.
@@ -203,8 +211,18 @@ mod tests {
     #[test]
     fn a_file_makes_a_lidar() {
         let model = LidarModel::parse(TEXT, "mine").unwrap();
-        assert_eq!((model.name.as_str(), model.pulse, model.overlap), ("mine", 5.0, [0.5, 0.6]));
+        assert_eq!((model.name.as_str(), model.pulse, model.overlap), ("mine", 5.0, [0.0, 35.0 / 3.0]));
         assert!((model.bin() - 0.7495).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_near_target_sends_as_much_from_all_ranges() {
+        let model = LidarModel::parse(&TEXT.replace("[rows]", "overlap = [0, 8]\n[rows]"), "mine").unwrap();
+        let power = |range: f64| model.overlap_at(range) / (range * range);
+        for range in [0.5, 2.0, 7.9] {
+            assert!((power(range) * 64.0 - 1.0).abs() < 1e-12, "{range}");
+        }
+        assert_eq!((model.overlap_at(8.0), model.overlap_at(100.0), model.overlap_at(0.0)), (1.0, 1.0, 0.0));
     }
 
     #[test]

@@ -134,7 +134,7 @@ pub struct LidarPoint {
     pub position: [f32; 3],
     /// Distance from the sensor, m.
     pub range: f32,
-    /// Power without the loss by distance, 0-255: `255 min(1, P r^2)`.
+    /// Power without the loss by distance and overlap, 0-255: `255 min(1, P r^2 / xi)`.
     pub intensity: f32,
     /// Time after the start of the sweep, s.
     pub time: f32,
@@ -253,7 +253,7 @@ pub fn sweep(
                 echo::detect(&merged, model, (&random, number), &mut detected);
                 echo::choose(options.returns, &mut detected);
                 let place = (pulse, &start, scene.site.metres_per_unit);
-                made.extend(detected.iter().map(|one| point(one, place, options.frame)));
+                made.extend(detected.iter().map(|one| point(one, model, place, options.frame)));
             }
             made
         };
@@ -275,6 +275,7 @@ pub fn sweep(
 /// The point of a detected echo.
 fn point(
     detected: &DetectedEcho,
+    model: &LidarModel,
     (pulse, start, metres): (&Pulse, &SensorPose, f64),
     frame: PointFrame,
 ) -> LidarPoint {
@@ -286,10 +287,12 @@ fn point(
         PointFrame::Compensated => start.to_sensor(world - start.origin * metres),
     };
     let echo = detected.echo;
+    // Devices calibrate what they report, by the range and by how much of the beam they see there.
+    let reflected = echo.power * echo.range * echo.range / model.overlap_at(echo.range).max(1e-9);
     LidarPoint {
         position: position.as_vec3().to_array(),
         range: range as f32,
-        intensity: (255.0 * (echo.power * echo.range * echo.range).min(1.0)) as f32,
+        intensity: (255.0 * reflected.min(1.0)) as f32,
         time: pulse.beam.time as f32,
         angles: [pulse.beam.azimuth as f32, pulse.beam.elevation as f32],
         ring: pulse.beam.ring,

@@ -181,6 +181,25 @@ fn air_is_seen_as_far_as_its_backscatter_says() {
     }
 }
 
+/// Sweeps of fog chambers are full of near points in fog of some ten metres; in rain and mist such points are few, and none are of air.
+#[test]
+fn devices_see_dense_fog_and_no_mist() {
+    let options = SweepOptions { returns: ReturnMode::Strongest, ..ALL };
+    for name in ["vlp-16", "os1-64", "pandar64"] {
+        let lidar = LidarModel::preset(name).unwrap();
+        let shares = |set: &[(&str, f64)]| {
+            let made = swept(&lidar, &Splats::zeroed(0, 0), set, &options);
+            [EchoClass::Air, EchoClass::Drop].map(|class| made.count(class) as f64 / made.pulses as f64)
+        };
+        let ([dense, _], [mist, drops]) =
+            (shares(&[("fog.mor", 30.0)]), shares(&[("fog.mor", 5000.0), ("rain.rate", 25.0)]));
+        println!(
+            "{name}: {dense:.3} of pulses see dense fog, {mist:.4} mist, {drops:.4} drops in heavy rain"
+        );
+        assert!(dense > 0.8 && mist < 1e-3 && (1e-4..0.1).contains(&drops), "{name}: {dense} {mist} {drops}");
+    }
+}
+
 /// Expected detections of drops a pulse: each volume of a beam holds a Poisson number of each size.
 fn expected_drops(lidar: &LidarModel, rate: f64) -> f64 {
     let classes = RAIN.classes();
@@ -192,7 +211,7 @@ fn expected_drops(lidar: &LidarModel, rate: f64) -> f64 {
     for (class, number) in classes.iter().zip(RAIN.densities(&classes, rate)) {
         for i in 50..1500 {
             let range = step * (f64::from(i) + 0.5);
-            let overlap = ((range - 0.9) / 0.1).clamp(0.0, 1.0);
+            let overlap = ((range - 0.9) / 0.1).clamp(0.0, 1.0).powi(2);
             let beam = theta * range;
             for part in 0..4 {
                 let diameter = 1e-3 * class.diameter((f64::from(part) + 0.5) / 4.0);

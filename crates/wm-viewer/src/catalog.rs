@@ -106,7 +106,7 @@ impl Catalog {
             Follow::Path => state.path.iter().map(|k| key(k.time, k.eye, k.rotation, k.fov)).collect(),
         };
         let said = |error: weather_magician::view::ViewError| error.to_string();
-        let text = CameraPath::new(keys, self.near).map_err(said)?.text();
+        let text = CameraPath::new(keys, self.near).map_err(said)?.text(self.survey.origin);
         let path = CameraPath::parse(&text, &self.survey, &ViewOptions::default()).map_err(said)?;
         Ok((text, path))
     }

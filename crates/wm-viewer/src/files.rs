@@ -88,6 +88,8 @@ impl FileNames {
                 add("out", self.picture.clone());
             }
         }
+        // The picture that was saved with the other files lies where they do.
+        words.push("--overwrite".into());
         words.extend(catalog.run_words.iter().cloned());
         shell_line(&words)
     }
@@ -103,13 +105,14 @@ impl FileNames {
             add("sub-rays", lidar.sub_rays.to_string());
             add("returns", lidar.returns.clone());
             match lidar.at {
-                Some(place) => add("at", place.text()),
+                Some(place) => add("at", place.text(catalog.survey.origin)),
                 None if view.state.follow == Follow::Path => add("path", self.camera.clone()),
                 None => add("at", self.camera.clone()),
             }
         }
         add("time", view.state.time.to_string());
         add("out", self.points.clone());
+        words.push("--overwrite".into());
         words.extend(catalog.run_words.iter().cloned());
         shell_line(&words)
     }

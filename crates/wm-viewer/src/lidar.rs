@@ -63,9 +63,10 @@ fn usual_colors() -> String {
 }
 
 impl SensorPlace {
-    /// Returns the place as `scan --at` reads it, bit by bit.
-    pub fn text(&self) -> String {
-        [self.eye, self.target].map(|point| point.map(|v| v.to_string()).join(",")).join(":")
+    /// Returns the place in a scene of this origin as `scan --at` reads it; bit by bit, if the origin is zero.
+    pub fn text(&self, origin: DVec3) -> String {
+        let world = |point| (DVec3::from_array(point) + origin).to_array();
+        [self.eye, self.target].map(|point| world(point).map(|v| v.to_string()).join(",")).join(":")
     }
 }
 
@@ -98,7 +99,8 @@ impl CheckedLidar {
         })?;
         let colors = state.colors.parse().map_err(|error: String| format!("lidar.colors: {error}"))?;
         let camera = |place: &SensorPlace| {
-            let [eye, target] = [place.eye, place.target].map(DVec3::from_array);
+            let [eye, target] =
+                [place.eye, place.target].map(|point| DVec3::from_array(point) + survey.origin);
             let camera = CameraSpec::LookAt { eye, target }.camera(&[], survey, &ViewOptions::default());
             camera.map_err(|error| format!("lidar.at: {error}"))
         };

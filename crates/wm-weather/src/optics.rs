@@ -122,6 +122,8 @@ pub enum SiteLight {
 /// What weather must know of the site.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Site {
+    /// The point of the world that is zero in the scene, scene units.
+    pub origin: [f64; 3],
     /// Metres a scene unit.
     pub metres_per_unit: f64,
     /// Up, world axes, length 1.
@@ -147,6 +149,7 @@ pub struct Site {
 impl Site {
     /// Open ground at height 0 with z up and a unit of one metre, under a pale sky; nothing else is known of it.
     pub const PLAIN: Self = Self {
+        origin: [0.0; 3],
         metres_per_unit: 1.0,
         up: [0.0, 0.0, 1.0],
         ground: 0.0,

@@ -12,6 +12,7 @@ mod training;
 
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
+use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
 use crate::scene::{AssetFolder, FactArgs, OpenScene, RunArgs, SceneArgs, read_saying_remarks};
 use anyhow::{Context, Result};
@@ -77,6 +78,8 @@ pub struct BenchArgs {
     /// Write the table as speed.md, .csv and .json into this folder, with plots as SVG
     #[arg(long, value_name = "FOLDER", requires = "paper")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Print everything as JSON
     #[arg(long)]
     json: bool,

@@ -87,6 +87,9 @@ fn is_in_table(name: &str) -> bool {
 
 /// Measures all scenes on all devices, prints the table and writes it with its plots.
 pub fn run(args: &BenchArgs) -> Result<()> {
+    if let Some(folder) = &args.report {
+        args.overwrite.check_report(&folder.join(TABLE), &[])?;
+    }
     let mut table = SpeedTable::new(args.size);
     let devices =
         if args.devices.is_empty() { std::slice::from_ref(&args.run.device) } else { &args.devices };
@@ -257,11 +260,14 @@ pub fn plots(table: &SpeedTable) -> Vec<(&'static str, Plot)> {
     plots
 }
 
+/// The file that a folder with a table is known by.
+const TABLE: &str = "speed.md";
+
 fn write(table: &SpeedTable, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot create the folder {}", folder.display()))?;
     let json = serde_json::to_string_pretty(table)? + "\n";
-    let mut files = vec![("speed.md", table.markdown()), ("speed.csv", csv(table)), ("speed.json", json)];
+    let mut files = vec![(TABLE, table.markdown()), ("speed.csv", csv(table)), ("speed.json", json)];
     files.extend(plots(table).into_iter().map(|(name, plot)| (name, plot.svg())));
     for (name, text) in files {
         write_atomically(&folder.join(name), |out| Ok(out.write_all(text.as_bytes())?))?;

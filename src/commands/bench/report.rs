@@ -144,7 +144,7 @@ impl SceneReport {
             scene: scene.to_owned(),
             splats: loaded.place.scene().splats.len(),
             sh_degree: loaded.place.scene().splats.sh_degree,
-            camera: spec::text_of(camera),
+            camera: spec::text_of(camera, loaded.place.survey().origin),
             width: camera.width,
             height: camera.height,
             renderer: loaded.renderer.describe(),

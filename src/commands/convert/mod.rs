@@ -47,7 +47,7 @@ pub struct ConvertArgs {
     folder: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Remove splats that contain NaN or infinite numbers, and continue
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and continue
     #[arg(long)]
     repair: bool,
     /// Level of a scene with several levels of detail; 0 is the finest [default: the finest, or the finest that fits
@@ -88,12 +88,32 @@ struct ChangeArgs {
     /// Multiply all lengths by this factor; `metres` makes a unit a metre if the scene's scale is known
     #[arg(long, value_name = "FACTOR", value_parser = parse_scale, help_heading = "Change")]
     scale: Option<LengthScale>,
+    /// Keep positions relative to this point of the world, or to none [default: the origin of the input scene; one is chosen if its
+    /// coordinates are far from zero]
+    #[arg(long, value_name = "X,Y,Z|none", allow_hyphen_values = true, help_heading = "Change")]
+    origin: Option<GivenOrigin>,
     /// Remove SH above this degree, 0 to 3
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Change")]
     sh_degree: Option<u8>,
     /// Reduce to this many splats; keeps those that contribute most to views around the scene
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Change")]
     max_splats: Option<u64>,
+}
+
+/// An origin as users give it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct GivenOrigin(DVec3);
+
+impl FromStr for GivenOrigin {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let origin = if text == "none" { DVec3::ZERO } else { spec::parse_point(text)? };
+        match (Metadata { origin: Some(origin), ..Metadata::default() }).fault() {
+            None => Ok(Self(origin)),
+            Some(fault) => Err(fault),
+        }
+    }
 }
 
 /// Number of levels of detail.
@@ -219,12 +239,13 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
         (None, None) => DetailLevel::Finest,
     };
     let mut scene = read_saying_remarks(path, &ReadOptions { level, ..ReadOptions::default() })?;
-    if args.repair {
-        check(&mut scene, path, true)?;
-    }
+    check(&mut scene, path, args.repair)?;
     let facts = Metadata { up: change.up_now, ..Metadata::default() };
     let mut notes: Vec<String> = change_sky(&mut scene, path, change.sky, &facts)?.into_iter().collect();
     notes.extend(apply(&mut scene, change, &args.run).with_context(|| path.display().to_string())?);
+    if let Some(origin) = change.origin {
+        scene.set_origin(origin.0);
+    }
     if is_levels(out) {
         let levels = match args.lod {
             LevelCount::Auto => None,
@@ -233,7 +254,6 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
         return levels::write(out, scene, notes, (levels, args.run.threads.map(usize::from)));
     }
     let format = format_for(out)?;
-    notes.extend(lost(&format.loses, &scene).into_iter().map(|line| format!("lost: {line}")));
     let options = WriteOptions {
         spz: match args.spz_version {
             Version::Three => SpzVersion::V3,
@@ -244,6 +264,7 @@ fn convert(path: &Path, out: &Path, args: &ConvertArgs) -> Result<String> {
             InGltf::Spz => GltfSplats::Spz,
         },
     };
+    notes.extend(lost(&format.loses_with(&options), &scene).into_iter().map(|line| format!("lost: {line}")));
     save(out, &scene, &options)?;
     let bytes: u64 = if format.extensions[0] == "meta.json" { folder_size(out) } else { file_size(out) };
     let (count, megabytes) = (scene.splats.len(), bytes as f64 / 1e6);
@@ -268,7 +289,7 @@ fn folder_size(main: &Path) -> u64 {
 
 /// Changes a scene; returns notes to print.
 fn apply(scene: &mut Scene, change: &ChangeArgs, run: &RunArgs) -> Result<Vec<String>> {
-    let ChangeArgs { crop, up, up_now, scale, sh_degree, max_splats, sky: _ } = *change;
+    let ChangeArgs { crop, up, up_now, scale, sh_degree, max_splats, sky: _, origin: _ } = *change;
     let change = SceneChange { crop, up, up_now, scale, sh_degree, max_splats };
     let renderer = || Ok(Box::new(run.differentiable_backend()?) as Box<dyn Differentiable>);
     Ok(change.apply(scene, renderer, &mut Reporter::default())?)

@@ -31,6 +31,7 @@ pub(super) fn write(path: &Path, out: &Path, args: &ConvertArgs) -> Result<Strin
         ("--crop", change.crop.is_some()),
         ("--up", change.up.is_some()),
         ("--scale", change.scale.is_some()),
+        ("--origin", change.origin.is_some()),
         ("--max-splats", change.max_splats.is_some()),
         ("--level", args.level.is_some()),
     ];

@@ -10,7 +10,7 @@ mod views;
 
 use crate::dataset::{Dataset, DatasetArgs, HeldOutArgs};
 use crate::names::stem_of;
-use crate::overwrite::check_spares;
+use crate::overwrite::OverwriteArgs;
 use crate::progress;
 use crate::scene::{OpenScene, RunArgs, SceneArgs};
 use anyhow::{Result, bail};
@@ -48,6 +48,8 @@ pub struct EvaluateArgs {
     /// Maximum number of photos in the report, evenly spaced
     #[arg(long, value_name = "N", default_value_t = 8, requires = "report", help_heading = "Output")]
     report_photos: u32,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     #[command(flatten)]
     run: RunArgs,
 }
@@ -125,6 +127,7 @@ pub fn run(args: &EvaluateArgs) -> Result<()> {
     if args.realism.asked() {
         let work = realism::RealismOptions {
             json: args.json.as_deref(),
+            overwrite: args.overwrite,
             skip_bad: args.photos.set.skip_bad,
             threads: args.run.threads,
         };
@@ -139,7 +142,7 @@ pub fn run(args: &EvaluateArgs) -> Result<()> {
     let inputs: Vec<PathBuf> = photos.chain([args.scene().scene.clone()]).collect();
     let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     for out in [&args.json, &args.report].into_iter().flatten() {
-        check_spares(out, &inputs)?;
+        args.overwrite.check_report(out, &inputs)?;
     }
     let loaded = OpenScene::new(args.scene(), &args.run, None)?;
     let truth = args.truth.open(&data, loaded.place.survey())?;

@@ -13,7 +13,7 @@ mod site;
 use crate::commands::render::camera::ViewpointArgs;
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
-use crate::overwrite::check_spares;
+use crate::overwrite::OverwriteArgs;
 use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result, bail};
@@ -73,6 +73,8 @@ pub struct ExportWebArgs {
     /// Output folder, or the HTML file with --single-file [default: named after scene and weather, in this folder]
     #[arg(short, long, value_name = "PATH", help_heading = "Output")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Write one HTML file with everything in it, 40 MB at most; it also opens from a disk
     #[arg(long, help_heading = "Output")]
     single_file: bool,
@@ -137,7 +139,9 @@ pub fn run(args: &ExportWebArgs) -> Result<()> {
     let others = assets::weathers(&args.prepare)?;
     let out = args.out(&weather)?;
     let inputs = [&*args.scene.scene];
-    check_spares(&out, &inputs)?;
+    // Of a folder the file by which an older site is known: what else lies in it stays.
+    let replaced = if args.single_file { out.clone() } else { out.join(output::MARK) };
+    args.overwrite.check_report(&replaced, &inputs)?;
     let player = PlayerFiles::find(args.player.as_deref())?;
     let folder = SiteFolder::new(&out, args.single_file)?;
     player.write(folder.path())?;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use wm_scene::files::{TempFolder, check_writable, write_atomically};
 
 /// The file by which a site of this program is known.
-const MARK: &str = "place/place.json";
+pub const MARK: &str = "place/place.json";
 /// Parts of an older site that are removed even if the new one lacks them.
 const PARTS: [&str; 2] = ["place", "video.mp4"];
 

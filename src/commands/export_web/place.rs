@@ -50,7 +50,7 @@ pub fn write(args: &ExportWebArgs, folder: &Path) -> Result<(OpenScene, SitePlac
     let bar = progress::spinner("reading the scene");
     let views = args.viewpoint.views.as_ref().map(|folder| capture::read_views(folder)).transpose()?;
     let mut scene = read_saying_remarks(source, &read_options(args.scene.level))?;
-    scene.views = views.unwrap_or(scene.views);
+    views.into_iter().for_each(|views| scene.set_world_views(views));
     check(&mut scene, source, args.scene.repair)?;
     if scene.splats.is_empty() {
         bail!("{}: there are no splats in it", source.display());

@@ -1,25 +1,28 @@
-//! `inspect`: the content of a scene, and its faults.
+//! `inspect`: the content of a scene, a capture, a driving log or a weather, and every doubt about it.
 
+mod findings;
+mod inputs;
 mod levels;
 mod light;
 
-use crate::overwrite::check_spares;
+use crate::overwrite::OverwriteArgs;
 use crate::scene::{FactArgs, count_of, read_options};
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use wm_scene::files::check_writable;
 use wm_scene::formats::{SceneFormat, read_scene_and_format, write_sidecar};
-use wm_scene::health::{Bounds, FaultCounts, Health, Histogram};
+use wm_scene::health::{Bounds, Health, Histogram};
 use wm_scene::survey::{Sourced, Survey, label_sky};
-use wm_scene::{Group, Metadata};
+use wm_scene::{Group, Metadata, Remark, Severity};
 
 /// Options of `inspect`.
 #[derive(Args, Debug)]
 pub struct InspectArgs {
-    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG
+    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG; or a capture, a driving log, a
+    /// weather file or a weather report
     scene: PathBuf,
     /// Level of a scene with several levels of detail; 0 is the finest
     #[arg(long, value_name = "N")]
@@ -29,12 +32,17 @@ pub struct InspectArgs {
     /// Print everything as JSON
     #[arg(long)]
     json: bool,
+    /// Fail if there is any doubt: the exit code is 1. Notes are no doubts
+    #[arg(long)]
+    strict: bool,
     /// Split the light of the photos into sun and sky, as weather with `light` does, and report it; takes seconds
     #[arg(long)]
     light: bool,
     /// Draw it too, as a PNG: the place as captured and under clouds, what is in the sun, and what is open to the sky
     #[arg(long, value_name = "PATH", requires = "light")]
     light_picture: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Write up, ground, scale and airlight into a TOML file beside the scene, from which all commands read
     /// them
     #[arg(long)]
@@ -45,23 +53,48 @@ pub struct InspectArgs {
 pub fn run(args: &InspectArgs) -> Result<()> {
     let given = args.facts.metadata()?;
     if let Some(path) = &args.light_picture {
-        check_spares(path, &[&args.scene])?;
+        args.overwrite.check_report(path, &[&args.scene])?;
         check_writable(path)?;
+    }
+    if let Some(input) = inputs::read(&args.scene)? {
+        if args.light || args.save_metadata {
+            bail!("{}: --light and --save-metadata need a scene", args.scene.display());
+        }
+        if args.json {
+            let mut report = input.report(&args.scene);
+            report["findings"] = json!(input.findings);
+            println!("{}", serde_json::to_string_pretty(&report)?);
+        } else {
+            input.print(&args.scene);
+            findings::print(&input.findings);
+        }
+        return judge(args, &input.findings);
     }
     let (mut scene, format) = read_scene_and_format(&args.scene, &read_options(args.level))?;
     let labelled = scene.splats.groups.contains(&Group::Sky);
     label_sky(&mut scene.splats);
-    let health = Health::of(&scene.splats);
+    let mut health = Health::of(&scene.splats);
+    // People are told coordinates of the world.
+    let origin = scene.metadata.origin_or_zero().to_array();
+    for bounds in [&mut health.bounds, &mut health.robust_bounds].into_iter().flatten() {
+        for (axis, origin) in origin.into_iter().enumerate() {
+            bounds.min[axis] += origin;
+            bounds.max[axis] += origin;
+        }
+    }
     let survey = Survey::of(&scene, &given);
     let levels = levels::of(&args.scene)?;
+    let findings = findings::of_scene(&scene, &health, &survey);
     if args.json {
         let mut report = report(args, format, &scene, &health, &survey);
+        report["findings"] = json!(findings);
         if let Some(levels) = &levels {
             report["levels"] = levels::report(levels);
         }
         println!("{}", serde_json::to_string_pretty(&report)?);
     } else {
         print(args, format, &scene, &health, &survey, labelled);
+        findings::print(&findings);
         levels.iter().for_each(levels::print);
     }
     if args.light {
@@ -69,9 +102,18 @@ pub fn run(args: &InspectArgs) -> Result<()> {
     }
     if args.save_metadata {
         let file = wm_scene::formats::folder::scene_file(&args.scene)?;
-        let metadata = survey.metadata().or(scene.metadata);
+        let metadata = scene.metadata_beside_file(survey.metadata().or(scene.metadata.clone()));
         write_sidecar(&file, &metadata)?;
         eprintln!("{}: written", wm_scene::formats::sidecar_path(&file).display());
+    }
+    judge(args, &findings)
+}
+
+/// Fails if there is a doubt and `--strict` is given.
+fn judge(args: &InspectArgs, findings: &[Remark]) -> Result<()> {
+    let doubts = findings.iter().filter(|finding| finding.severity == Severity::Doubt).count();
+    if args.strict && doubts > 0 {
+        bail!("{}: {}; --strict allows none", args.scene.display(), count_of(doubts, "doubt"));
     }
     Ok(())
 }
@@ -98,7 +140,7 @@ fn report(
         "survey": {
             "up": sourced(&survey.up),
             "up_source": survey.up_source,
-            "ground": sourced(&survey.ground),
+            "ground": sourced(&Sourced { value: survey.world_ground(), ..survey.ground }),
             "metres_per_unit": sourced(&survey.metres_per_unit),
             "scale_source": survey.scale_source,
             "north": survey.north,
@@ -112,13 +154,13 @@ fn report(
             })),
             "no_sun": survey.sun_fault.map(|fault| fault.to_string()),
             "airlight": sourced(&survey.airlight),
-            "center": survey.center,
+            "origin": survey.origin,
+            "center": survey.center + survey.origin,
             "radius": survey.radius,
             "extent": survey.extent,
             "sky_splats": survey.sky_splats,
         },
         "metadata": scene.metadata,
-        "remarks": scene.remarks,
     })
 }
 
@@ -174,41 +216,6 @@ fn print(
     histogram(&health.opacity, |v| format!("{v:.2}"));
     println!("Largest standard deviation, units");
     histogram(&health.log10_scale, |v| format!("{:.1e}", 10f64.powf(v)));
-    for remark in &scene.remarks {
-        println!("  {remark}");
-    }
-    println!("What is wrong");
-    let faults = faults(health);
-    if faults.is_empty() {
-        println!("  nothing");
-    }
-    for line in faults {
-        println!("  {line}");
-    }
-    for warning in survey.up_warning().into_iter().chain(survey.warning()) {
-        println!("  {warning}");
-    }
-}
-
-/// Returns a line for each kind of fault, with its count and how it is treated.
-fn faults(health: &Health) -> Vec<String> {
-    let FaultCounts { mean, scale, opacity, quat, zero_quat, sh } = health.faults;
-    let drop = "not rendered: `render --repair` leaves them out";
-    [
-        (mean, "positions with NaN or infinity", drop),
-        (scale, "scales with NaN or infinity", drop),
-        (opacity, "opacities with NaN", drop),
-        (quat, "rotations with NaN or infinity", drop),
-        (sh, "colours with NaN or infinity", drop),
-        (zero_quat, "rotations that are zero", "taken for no rotation"),
-        (health.duplicates, "splats that are copies of another", "drawn as they are"),
-        (health.invisible, "splats too faint to be seen (opacity below 1/255)", "never drawn"),
-        (health.oversized, "splats larger than the scene", "drawn as they are"),
-    ]
-    .into_iter()
-    .filter(|(count, _, _)| *count > 0)
-    .map(|(count, what, then)| format!("{count} {what}: {then}"))
-    .collect()
 }
 
 /// Prints bins that hold something as bars.

@@ -7,6 +7,7 @@ use crate::commands::bench::paper::SpeedTable;
 use crate::commands::demo::street;
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
+use crate::overwrite::OverwriteArgs;
 use crate::progress;
 use crate::scene::{FactArgs, OpenScene, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
@@ -33,7 +34,7 @@ pub struct MeasureArgs {
     scene: Option<PathBuf>,
     #[command(flatten)]
     facts: FactArgs,
-    /// Remove splats that contain NaN or infinite numbers, and continue
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and continue
     #[arg(long, help_heading = "Scene")]
     repair: bool,
     #[command(flatten)]
@@ -63,6 +64,8 @@ pub struct MeasureArgs {
     /// plots as SVG
     #[arg(long, value_name = "FOLDER", help_heading = "Output")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Print the numbers as JSON
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -128,6 +131,7 @@ pub fn run(args: &MeasureArgs) -> Result<()> {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("cannot create the folder {}", folder.display()))?;
         check_writable(&folder.join(PAGE))?;
+        args.overwrite.check_report(&folder.join(PAGE), &[])?;
     }
     let started = Instant::now();
     let mut loaded = open(args)?;

@@ -35,7 +35,7 @@ const BATCH: usize = 64;
 /// The part of a driving log that is read.
 #[derive(Args, Clone, Debug)]
 pub struct LogArgs {
-    /// Scene of a nuScenes folder, or drive of a day of KITTI raw [default: the first]
+    /// The log among several in the folder: a scene, a drive or a sequence [default: the first whose files are there]
     #[arg(long, value_name = "NAME", help_heading = "Driving log")]
     log_scene: Option<String>,
     /// Cameras of the log, by its names for them, separated by commas [default: all that take colour pictures]
@@ -58,12 +58,13 @@ pub struct LogDataset {
 }
 
 impl LogArgs {
-    fn options(&self) -> LogOptions {
+    fn options(&self, skip_bad: bool) -> LogOptions {
         LogOptions {
             scene: self.log_scene.clone(),
             cameras: self.log_cameras.clone(),
             stride: self.log_every.unwrap_or(0) as usize,
             seconds: self.log_seconds,
+            skip_bad,
             ..LogOptions::default()
         }
     }
@@ -79,12 +80,12 @@ impl LogArgs {
         all.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
     }
 
-    /// Opens the log in a folder; `None` if it holds none. Prints warnings on the error stream.
+    /// Opens the log in a folder; `None` if it holds none. Prints warnings on the error stream. Damaged records are left out if `skip_bad`.
     ///
     /// # Errors
     /// The log is damaged, or options of logs were given and there is none.
-    pub fn open(&self, dataset: &Path) -> Result<Option<DrivingLog>> {
-        let Some(log) = DrivingLog::open(dataset, &self.options())? else {
+    pub fn open(&self, dataset: &Path, skip_bad: bool) -> Result<Option<DrivingLog>> {
+        let Some(log) = DrivingLog::open(dataset, &self.options(skip_bad))? else {
             if let Some(option) = self.given() {
                 bail!("{}: no driving log, which {option} is for; leave it out", dataset.display());
             }
@@ -116,7 +117,7 @@ pub fn prepare(
     let folder = run_folder.join(CAPTURE);
     let facts = log.facts();
     if !(keeps && folder.join(COMPLETE).is_file()) {
-        write(log, &folder)?;
+        write(log, &folder, photos.skip_bad)?;
     }
     let is_made = keeps && folder.join(FOLDER).join(INDEX).is_file();
     if with_priors && !is_made && folder.join("depth").is_dir() {
@@ -125,7 +126,7 @@ pub fn prepare(
     Ok(LogDataset { folder, facts })
 }
 
-fn write(log: &DrivingLog, folder: &Path) -> Result<()> {
+fn write(log: &DrivingLog, folder: &Path, skip_bad: bool) -> Result<()> {
     let mut bar: Option<(&'static str, ProgressBar)> = None;
     let mut show = |step: LogCaptureStep| {
         let (what, done, total) = match step {
@@ -139,7 +140,8 @@ fn write(log: &DrivingLog, folder: &Path) -> Result<()> {
         bar.iter().for_each(|(_, bar)| bar.set_position(done as u64));
         if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let written = log.write_capture(folder, &LogCaptureOptions::default(), &mut show);
+    let written =
+        log.write_capture(folder, &LogCaptureOptions { skip_bad, ..LogCaptureOptions::default() }, &mut show);
     bar.iter().for_each(|(_, bar)| bar.finish_and_clear());
     let Some(written) = written? else {
         return Err(Interrupted("the log is not read yet".into()).into());

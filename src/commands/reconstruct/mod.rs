@@ -340,7 +340,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         args.overwrite.check(&out, &[&args.dataset], other)?;
     }
     let run_folder = args.run_folder.clone().unwrap_or_else(|| with_behind(&beside, ".run"));
-    let (dataset, facts) = match args.log.open(&args.dataset)? {
+    let (dataset, facts) = match args.log.open(&args.dataset, args.photos.set.skip_bad)? {
         None => (args.dataset.clone(), facts),
         Some(log) => {
             args.check_run_folder(&run_folder)?;

@@ -192,12 +192,14 @@ impl CameraPlan {
         let duration = motion.duration();
         let fps = 1.0 / output.fps.seconds(1);
         if let Some(file) = &args.save_path {
+            let origin = loaded.place.survey().origin;
             match &motion {
-                CameraMotion::Along { path, size } => path.write(file, fps, *size)?,
+                CameraMotion::Along { path, size } => path.write(file, origin, fps, *size)?,
                 _ => {
                     let camera = motion.camera(0.0);
                     let size = (camera.width, camera.height);
-                    CameraPath::new(vec![PathKey::of(&camera, 0.0)], camera.near)?.write(file, fps, size)?;
+                    let path = CameraPath::new(vec![PathKey::of(&camera, 0.0)], camera.near)?;
+                    path.write(file, origin, fps, size)?;
                 }
             }
         }

@@ -13,7 +13,7 @@ mod stages;
 use crate::choices::{DitherChoice, EncoderChoice};
 use crate::level_args::LevelArgs;
 use crate::names::stem_of;
-use crate::overwrite::check_spares;
+use crate::overwrite::OverwriteArgs;
 use crate::progress::Reporter;
 use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
 use crate::weather::WeatherArgs;
@@ -74,6 +74,8 @@ struct OutputArgs {
     /// [default: named after scene and weather, in this folder]
     #[arg(short, long, value_name = "PATH", help_heading = "Output")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Further pictures: depth (metres), median-depth, normal, alpha, particles (rain and snow in the air, with their
     /// coverage), transmittance (of the air: one more render), clean (without air and particles: one more), airlight (light
     /// that the air adds: three more), water (its share of a pixel), reflection (of a pixel's light), water-depth (metres), flow
@@ -302,7 +304,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     }
 }
 
-/// Checks that no output is one of the files that are read.
+/// Checks that no output is one of the files that are read, or replaces another without `--overwrite`.
 fn check_inputs(args: &RenderArgs, target: &OutputTarget, weather_files: &[PathBuf]) -> Result<()> {
     let camera_file = match &args.camera.viewpoint.camera {
         Some(CameraSpec::File(file)) => Some(file),
@@ -314,16 +316,20 @@ fn check_inputs(args: &RenderArgs, target: &OutputTarget, weather_files: &[PathB
     };
     let inputs = [Some(&args.scene.scene), camera_file, path_file].into_iter().flatten().chain(weather_files);
     let inputs: Vec<&Path> = inputs.map(PathBuf::as_path).collect();
+    let mut outputs: Vec<PathBuf> = args.camera.save_path.iter().cloned().collect();
     if let OutputTarget::Picture(path) | OutputTarget::Video(path) = target {
-        check_spares(path, &inputs)?;
+        outputs.push(path.clone());
     }
     if let OutputTarget::Picture(path) = target {
         let format = PictureFormat::of(path).unwrap_or(PictureFormat::Png);
-        for also in &args.output.also {
-            check_spares(&PictureStyle::path_of(*also, format, path), &inputs)?;
+        let place = if args.output.layers { LayerPlacement::Layers } else { LayerPlacement::Beside };
+        let also = args.output.also.iter().filter(|also| !place.is_layer(**also, format));
+        outputs.extend(also.map(|also| PictureStyle::path_of(*also, format, path)));
+        if args.output.stages {
+            outputs.extend(stages::paths(path));
         }
     }
-    args.camera.save_path.iter().try_for_each(|file| check_spares(file, &inputs))
+    outputs.iter().try_for_each(|file| args.output.overwrite.check_report(file, &inputs))
 }
 
 /// The scene, the weather and the camera of the frames to render.

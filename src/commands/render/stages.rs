@@ -3,13 +3,21 @@
 use super::{OutputTarget, RenderJob};
 use crate::progress::Reporter;
 use anyhow::{Result, bail};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use weather_magician::output::{PictureStyle, beside};
 use weather_magician::{FrameOptions, Picture};
 use wm_media::{PictureSize, png};
 use wm_render::Stats;
 use wm_weather::paper::PaperStages;
 use wm_weather::{EffectRole, Fidelity, Weather};
+
+/// The names of the steps.
+const NAMES: [&str; 4] = ["noise", "overlay", "filtered", "final"];
+
+/// Returns the files of the steps beside the picture `path`.
+pub fn paths(path: &Path) -> [PathBuf; 4] {
+    NAMES.map(|name| beside(path, name, "png"))
+}
 
 /// Returns an error for weathers and outputs without such steps.
 pub fn check(weather: &Weather, target: &OutputTarget) -> Result<()> {
@@ -42,13 +50,8 @@ pub fn picture(
     let mut lines = style.write(picture, path)?;
     let frame = &picture.frame;
     let size = PictureSize::new(frame.width, frame.height);
-    for (name, rgb) in [
-        ("noise", &stages.noise),
-        ("overlay", &stages.overlay),
-        ("filtered", &stages.filtered),
-        ("final", &frame.rgb),
-    ] {
-        let path = beside(path, name, "png");
+    let steps = [&stages.noise, &stages.overlay, &stages.filtered, &frame.rgb];
+    for (path, rgb) in paths(path).into_iter().zip(steps) {
         png::write_rgb(&path, rgb, size, style.dither, &style.tags)?;
         lines.push(path.display().to_string());
     }

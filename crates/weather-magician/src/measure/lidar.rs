@@ -22,6 +22,8 @@ pub const BIN: f64 = 0.5 * 299_792_458.0 * 5e-9;
 pub const NOISE: f64 = 0.02;
 /// Standard deviation of the receiver's noise, of the least power that is detected.
 pub const RECEIVER: f64 = 0.2;
+/// Least range, m.
+pub const NEAREST: f64 = 0.5;
 /// Ranges between which the receiver begins to see the beam, m.
 pub const OVERLAP: [f64; 2] = [0.9, 1.0];
 /// Extinction at 905 nm over that of green light (Mie theory).
@@ -39,11 +41,17 @@ pub const AIR_ALONE: [&str; 9] = [
     "lens=off",
 ];
 
-/// A lidar of so many columns and rows within angles, degrees.
+/// A lidar of so many columns and rows within angles, degrees, and with [`OVERLAP`].
 pub fn model(columns: u32, azimuths: [f64; 2], rows: u32, elevations: [f64; 2]) -> Result<LidarModel> {
-    let [least, most] = OVERLAP;
-    let text = format!(
-        "wavelength = 905\ndivergence = {}\npulse = 5\nrange = [0.5, 250]\nreference_range = {REFERENCE}\n\
+    let text = text(OVERLAP, columns, azimuths, rows, elevations);
+    LidarModel::parse(&text, "instrument").map_err(Error::from)
+}
+
+/// The file of a lidar whose receiver sees its beam between two ranges, m, of so many columns and rows within angles, degrees.
+pub fn text(overlap: [f64; 2], columns: u32, azimuths: [f64; 2], rows: u32, elevations: [f64; 2]) -> String {
+    let [least, most] = overlap;
+    format!(
+        "wavelength = 905\ndivergence = {}\npulse = 5\nrange = [{NEAREST}, 250]\nreference_range = {REFERENCE}\n\
          range_noise = {NOISE}\noverlap = [{least}, {most}]\n[rows]\nrate = 10\nbetween = [{}, {}]\ncount = {rows}\n\
          columns = {columns}\nazimuths = [{}, {}]\n",
         1e3 * DIVERGENCE,
@@ -51,8 +59,7 @@ pub fn model(columns: u32, azimuths: [f64; 2], rows: u32, elevations: [f64; 2]) 
         elevations[1],
         azimuths[0],
         azimuths[1],
-    );
-    LidarModel::parse(&text, "instrument").map_err(Error::from)
+    )
 }
 
 /// Sweeps a target from [`EYE`] over its middle, ahead along the second axis, with one ray a pulse and all returns.
@@ -78,7 +85,7 @@ pub fn extinction(weather: &Weather, time: f64) -> f64 {
 
 /// The share of a beam that the receiver sees at a range, m.
 pub fn overlap(range: f64) -> f64 {
-    ((range - OVERLAP[0]) / (OVERLAP[1] - OVERLAP[0])).clamp(0.0, 1.0)
+    ((range - OVERLAP[0]) / (OVERLAP[1] - OVERLAP[0])).clamp(0.0, 1.0).powi(2)
 }
 
 /// Signal, of the least power that is detected, of what sends back `echo / range^2` from a range, m.

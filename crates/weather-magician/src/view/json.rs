@@ -56,10 +56,17 @@ pub fn read(file: &std::path::Path, survey: &Survey, options: &ViewOptions) -> R
 ///
 /// # Errors
 /// [`ViewError`] if the file cannot be written.
-pub fn write(file: &std::path::Path, path: &CameraPath, fps: f64, size: (u32, u32)) -> Result<(), ViewError> {
+pub fn write(
+    file: &std::path::Path,
+    path: &CameraPath,
+    origin: DVec3,
+    fps: f64,
+    size: (u32, u32),
+) -> Result<(), ViewError> {
     let name = file.file_name().unwrap_or_default().as_encoded_bytes();
     let other = OTHERS.iter().find(|(ending, _)| name.ends_with(ending.as_bytes()));
-    let text = other.map_or_else(|| text_of(path), |(_, text)| text(path, fps, size));
+    // Other programs look at the numbers of the scene file.
+    let text = other.map_or_else(|| path.text(origin), |(_, text)| text(path, fps, size));
     Ok(write_atomically(file, |out| Ok(out.write_all(text.as_bytes())?))?)
 }
 
@@ -88,6 +95,7 @@ pub fn parse(text: &str, survey: &Survey, options: &ViewOptions) -> Result<Camer
     }
     if let Some(keys) = foreign::keys(text, options.up(survey), options.fov) {
         let path = keys.and_then(|(keys, size)| {
+            let keys = near_scene(keys, survey);
             let path = CameraPath::new(keys, options.near(survey)).map_err(|error| error.to_string())?;
             Ok(path.with_size(size))
         });
@@ -102,10 +110,10 @@ pub fn parse(text: &str, survey: &Survey, options: &ViewOptions) -> Result<Camer
     let mut keys = Vec::with_capacity(file.keyframes.len());
     for (index, keyframe) in file.keyframes.iter().enumerate() {
         let fault = |message: &str| whole(format!("keyframe {}: {message}", index + 1));
-        let eye = DVec3::from_array(keyframe.eye);
+        let eye = DVec3::from_array(keyframe.eye) - survey.origin;
         let rotation = match (keyframe.target, keyframe.rotation) {
             (Some(target), None) => {
-                let target = DVec3::from_array(target);
+                let target = DVec3::from_array(target) - survey.origin;
                 let camera = Camera::looking((1, 1), DEFAULT_FOV, eye, target, up);
                 let camera = camera.map_err(|error| fault(&error.to_string()))?;
                 DQuat::from_mat3(&camera.rotation())
@@ -127,6 +135,17 @@ pub fn parse(text: &str, survey: &Survey, options: &ViewOptions) -> Result<Camer
         ViewError::Path(message) => whole(message),
         other => whole(other.to_string()),
     })
+}
+
+/// Keyframes of another program, relative to the origin of the scene. Such programs know no origin: they have looked at the numbers of the
+/// scene file, or at those of the capture, whichever are nearer to the scene.
+fn near_scene(mut keys: Vec<PathKey>, survey: &Survey) -> Vec<PathKey> {
+    let is_world =
+        |key: &&PathKey| (key.eye - survey.origin).distance(survey.center) < key.eye.distance(survey.center);
+    if 2 * keys.iter().filter(is_world).count() > keys.len() {
+        keys.iter_mut().for_each(|key| key.eye -= survey.origin);
+    }
+    keys
 }
 
 /// The message of the JSON reader without the location, and with the key that was meant.
@@ -183,7 +202,7 @@ mod tests {
         let path = CameraPath::new(vec![key(0.0), key(1.5), key(2.0)], 0.125).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("path.json");
-        write(&file, &path, 30.0, (64, 48)).unwrap();
+        write(&file, &path, DVec3::ZERO, 30.0, (64, 48)).unwrap();
         let again = read(&file, &survey(), &ViewOptions::default()).unwrap();
         for (a, b) in again.keys().iter().zip(path.keys()) {
             assert!((a.eye - b.eye).length() < 1e-12 && (a.time, a.fov) == (b.time, b.fov));
@@ -194,7 +213,7 @@ mod tests {
         let options = ViewOptions { up: Some(DVec3::NEG_Y), ..ViewOptions::default() };
         for name in ["my camera_path.json", "settings.json"] {
             let theirs = folder.path().join(name);
-            write(&theirs, &path, 30.0, (64, 48)).unwrap();
+            write(&theirs, &path, DVec3::ZERO, 30.0, (64, 48)).unwrap();
             assert_eq!(read(&theirs, &survey(), &options).unwrap().keys().len(), 61);
         }
         let missing = read(&folder.path().join("no.json"), &survey(), &ViewOptions::default()).unwrap_err();

@@ -105,7 +105,7 @@ impl CameraPath {
         self.size
     }
 
-    /// Reads a path from a JSON file; what is given by hand wins over what the file says.
+    /// Reads a path from a JSON file in coordinates of the world; what is given by hand wins over what the file says.
     ///
     /// # Errors
     /// [`ViewError`] if the file cannot be read or makes no path.
@@ -124,17 +124,30 @@ impl CameraPath {
 
     /// The text of the file that [`Self::write`] writes.
     #[must_use]
-    pub fn text(&self) -> String {
-        json::text_of(self)
+    pub fn text(&self, origin: DVec3) -> String {
+        json::text_of(&self.moved(origin))
     }
 
-    /// Writes the path to a JSON file, whole or not at all; with the name `camera_path.json` as nerfstudio does, with
+    /// The path with every eye moved.
+    #[must_use]
+    pub fn moved(&self, by: DVec3) -> Self {
+        let keys = self.keys.iter().map(|key| PathKey { eye: key.eye + by, ..*key }).collect();
+        Self { keys, velocities: self.velocities.clone(), ..*self }
+    }
+
+    /// Writes the path, of a scene of this origin, to a JSON file in coordinates of the world, whole or not at all; with the name `camera_path.json` as nerfstudio does, with
     /// `settings.json` as SuperSplat, for pictures of `size` at `fps` frames a second.
     ///
     /// # Errors
     /// [`ViewError`] if the file cannot be written.
-    pub fn write(&self, file: &std::path::Path, fps: f64, size: (u32, u32)) -> Result<(), ViewError> {
-        json::write(file, self, fps, size)
+    pub fn write(
+        &self,
+        file: &std::path::Path,
+        origin: DVec3,
+        fps: f64,
+        size: (u32, u32),
+    ) -> Result<(), ViewError> {
+        json::write(file, self, origin, fps, size)
     }
 
     /// The keyframes, in the order of their times; at least one.

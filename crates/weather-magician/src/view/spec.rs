@@ -1,7 +1,7 @@
 //! `--camera` and the options beside it.
 //!
 //! A camera is named in one of three ways:
-//! - `X,Y,Z:X,Y,Z`: the eye and the point it looks at, scene units: `4,-60,3 : 4, -31, 2.5`;
+//! - `X,Y,Z:X,Y,Z`: the eye and the point it looks at, scene units, in the world: `4,-60,3 : 4, -31, 2.5`;
 //! - the name of a view of the scene: a photo's file name, with or without folder and extension, or
 //!   its number, from 1;
 //! - a JSON file of keyframes ([`super::path`]), for its first.
@@ -18,7 +18,7 @@ use wm_scene::{Camera, SceneView, nearest};
 /// A camera, as `--camera` takes it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraSpec {
-    /// From a point to a point, scene units.
+    /// From a point to a point, scene units, in the world: the origin of the scene is subtracted.
     LookAt {
         /// The camera centre.
         eye: DVec3,
@@ -71,7 +71,8 @@ impl CameraSpec {
         let camera = match self {
             Self::LookAt { eye, target } => {
                 let fov = options.fov.unwrap_or(DEFAULT_FOV);
-                let camera = Camera::looking(options.size(), fov, *eye, *target, options.up(survey))?;
+                let [eye, target] = [*eye, *target].map(|point| point - survey.origin);
+                let camera = Camera::looking(options.size(), fov, eye, target, options.up(survey))?;
                 Camera { near: options.near(survey), ..camera }
             }
             Self::File(path) => {
@@ -152,10 +153,10 @@ fn stem(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(stem, _)| if stem.is_empty() { name } else { stem })
 }
 
-/// A camera's place as `--camera` takes it, to ask for it again: eye and a point 10 units ahead.
-pub fn text_of(camera: &Camera) -> String {
+/// A camera's place in a scene of this origin as `--camera` takes it, to ask for it again: eye and a point 10 units ahead, in the world.
+pub fn text_of(camera: &Camera, origin: DVec3) -> String {
     let text = |p: DVec3| p.to_array().map(|v| format!("{}", (v * 1e4).round() / 1e4 + 0.0)).join(",");
-    let eye = camera.center();
+    let eye = camera.center() + origin;
     format!("{}:{}", text(eye), text(eye + camera.forward() * 10.0))
 }
 
@@ -296,8 +297,8 @@ mod tests {
     #[test]
     fn a_camera_can_be_asked_for_again() {
         let camera = views(&["a", "b"])[1].camera;
-        assert_eq!(text_of(&camera), "1,0,1.6:1,10,1.6");
-        let again = text_of(&camera).parse::<CameraSpec>().unwrap();
+        assert_eq!(text_of(&camera, DVec3::ZERO), "1,0,1.6:1,10,1.6");
+        let again = text_of(&camera, DVec3::ZERO).parse::<CameraSpec>().unwrap();
         let again = again.camera(&[], &survey(), &ViewOptions::default()).unwrap();
         assert!((again.center() - camera.center()).length() < 1e-3);
         assert!((again.forward() - camera.forward()).length() < 1e-4);

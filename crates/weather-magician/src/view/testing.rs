@@ -14,6 +14,7 @@ pub fn survey() -> Survey {
         Sourced { value, source: FactSource::Given, confidence: Confidence::Sure }
     }
     Survey {
+        origin: DVec3::ZERO,
         up: known(DVec3::Z),
         up_source: None,
         up_estimate: None,

@@ -6,10 +6,11 @@
 //! one. Frames are a tenth of a second apart.
 
 use super::files::{all_numbers, fault, files_in, name_of, pose_of_rows, read_json};
+use super::records::{Records, choose_folder};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::{
     DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack, empty_log,
-    is_asked, moved, size_of,
+    is_asked, moved, size_of_first,
 };
 use crate::RigidPose;
 use glam::{DMat3, DQuat, DVec3};
@@ -23,11 +24,11 @@ use wm_scene::capture::Distortion;
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "drivestudio",
-    about: "a scene that drivestudio's preprocessing wrote: Waymo, nuScenes, KITTI, PandaSet, nuPlan, Argoverse",
-    has_scenes: false,
+    about: "a scene that drivestudio's preprocessing wrote: Waymo, nuScenes, KITTI, PandaSet, nuPlan, Argoverse; or a folder of scenes",
     read,
 };
 
+const PHOTOS: &[&str] = &["jpg", "jpeg", "png"];
 /// Time between two frames, ns.
 const FRAME: i64 = 100_000_000;
 /// Largest frame number.
@@ -36,57 +37,66 @@ const MOST_FRAMES: u64 = 1_000_000;
 const MOST_BOXES: usize = 2_000_000;
 
 fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
-    let has = |name: &str| path.join(name).is_dir();
-    if !(has("images") && has("extrinsics") && has("intrinsics")) {
-        return Ok(None);
-    }
+    let is_scene = |folder: &Path| ["images", "extrinsics", "intrinsics"].iter().all(|name| folder.join(name).is_dir());
+    let lacks = |scene: &Path| {
+        let is_empty = files_in(&scene.join("images"), PHOTOS).is_ok_and(|files| files.is_empty());
+        is_empty.then(|| "no pictures".to_owned())
+    };
+    let Some((path, note)) = choose_folder(path, "scenes", options, is_scene, lacks)? else { return Ok(None) };
+    let path = path.as_path();
+    let mut records = Records::new(options.skip_bad);
     let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
     let mut log = empty_log(path, name_of(&whole));
-    let rigs = poses(&path.join("ego_pose"))?;
-    let lidars = poses(&path.join("lidar_pose"))?;
-    let extrinsics = Extrinsics::read(&path.join("extrinsics"), &rigs)?;
+    log.warnings.extend(note);
+    let rigs = poses(&path.join("ego_pose"), &mut records)?;
+    let lidars = poses(&path.join("lidar_pose"), &mut records)?;
+    let extrinsics = Extrinsics::read(&path.join("extrinsics"), &rigs, &mut records)?;
     let first = rigs.values().next().or(lidars.values().next()).copied().or_else(|| extrinsics.first());
     log.origin = first.map_or(DVec3::ZERO, |pose| pose.translation);
 
-    let mut by_camera = BTreeMap::<String, Vec<(u64, PathBuf)>>::new();
-    for (stem, file) in files_in(&path.join("images"), &["jpg", "jpeg", "png"])? {
-        if let Some((frame, camera)) = frame_and_camera(&stem) {
-            by_camera.entry(camera.to_owned()).or_default().push((frame, file));
+    let mut by_camera = BTreeMap::<String, Vec<(String, PathBuf)>>::new();
+    for (stem, file) in files_in(&path.join("images"), PHOTOS)? {
+        if let Some((_, camera)) = frame_and_camera(&stem) {
+            by_camera.entry(camera.to_owned()).or_default().push((stem, file));
         }
     }
     let names: Vec<&str> = by_camera.keys().map(String::as_str).collect();
     super::check_cameras(path, options, &names)?;
     let fine = path.join("fine_dynamic_masks/all");
     let movers = if fine.is_dir() { fine } else { path.join("dynamic_masks/all") };
-    let mut lost = 0;
     for (name, files) in &by_camera {
         if !is_asked(options, name) {
             continue;
         }
-        let camera = camera(&path.join("intrinsics").join(format!("{name}.txt")), name, size_of(&files[0].1)?)?;
-        for (frame, file) in files {
-            let Some(world_from_camera) = extrinsics.at(&rigs, name, *frame) else {
-                lost += 1;
+        let Some(size) = size_of_first(files, &mut records)? else { continue };
+        let camera = camera(&path.join("intrinsics").join(format!("{name}.txt")), name, size)?;
+        for (stem, file) in files {
+            let Some((frame, _)) = frame_and_camera(stem) else { continue };
+            let Some(world_from_camera) = extrinsics.at(&rigs, name, frame) else {
+                records.lost("pictures have no pose", 1);
                 continue;
             };
             let mask = |folder: PathBuf| Some(folder.join(format!("{frame:03}_{name}.png"))).filter(|file| file.is_file());
             log.pictures.push(LogPicture {
                 camera: log.cameras.len(),
                 file: file.clone(),
-                timestamp: time_of(*frame),
+                timestamp: time_of(frame),
                 world_from_camera: moved(world_from_camera, log.origin),
                 masks: LogPictureMasks { movers: mask(movers.clone()), sky: mask(path.join("sky_masks")) },
             });
         }
         log.cameras.push(camera);
     }
-    if lost > 0 {
-        log.warnings.push(format!("{lost} pictures have no pose; they are left out"));
-    }
     let is_waymo = extrinsics.is_forward;
     let is_own = !lidars.is_empty();
-    sweeps(&mut log, path, if is_own { &lidars } else { &rigs }, is_waymo, extrinsics.is_by_frame && !is_own)?;
-    log.tracks = tracks(&path.join("instances/instances_info.json"), log.origin)?;
+    let candidates: &[u64] = match (is_waymo, extrinsics.is_by_frame && !is_own) {
+        (true, _) => &[14],
+        (_, true) => &[5],
+        _ => &[4, 6],
+    };
+    sweeps(&mut log, path, if is_own { &lidars } else { &rigs }, candidates, &mut records)?;
+    log.tracks = tracks(&path.join("instances/instances_info.json"), log.origin, &mut records)?;
+    log.warnings.extend(records.warnings());
     Ok(Some(log))
 }
 
@@ -106,16 +116,17 @@ fn pose(path: &Path) -> Result<RigidPose, FormatError> {
 }
 
 /// The poses of a folder by frame; none if there is none.
-fn poses(folder: &Path) -> Result<BTreeMap<u64, RigidPose>, FormatError> {
-    let mut poses = BTreeMap::new();
+fn poses(folder: &Path, records: &mut Records) -> Result<BTreeMap<u64, RigidPose>, FormatError> {
+    let mut poses = Vec::new();
     if folder.is_dir() {
         for (stem, file) in files_in(folder, &["txt"])? {
             if let Some(frame) = stem.parse().ok().filter(|frame| *frame <= MOST_FRAMES) {
-                poses.insert(frame, pose(&file)?);
+                poses.extend(records.sound("poses", pose(&file))?.map(|pose| (frame, pose)));
             }
         }
     }
-    Ok(poses)
+    let place = |(frame, pose): &(u64, RigidPose)| (time_of(*frame), pose.translation);
+    Ok(records.without_jumps(folder, poses, place)?.into_iter().collect())
 }
 
 /// The poses of the cameras.
@@ -130,11 +141,14 @@ struct Extrinsics {
 }
 
 impl Extrinsics {
-    fn read(folder: &Path, rigs: &BTreeMap<u64, RigidPose>) -> Result<Self, FormatError> {
+    fn read(folder: &Path, rigs: &BTreeMap<u64, RigidPose>, records: &mut Records) -> Result<Self, FormatError> {
         let (mut fixed, mut by_frame) = (BTreeMap::new(), BTreeMap::new());
         for (stem, file) in files_in(folder, &["txt"])? {
             match frame_and_camera(&stem) {
-                Some((frame, camera)) => drop(by_frame.insert((camera.to_owned(), frame), pose(&file)?)),
+                Some((frame, camera)) => {
+                    let pose = records.sound("poses", pose(&file))?;
+                    by_frame.extend(pose.map(|pose| ((camera.to_owned(), frame), pose)));
+                }
                 None => drop(fixed.insert(stem, pose(&file)?)),
             }
         }
@@ -181,28 +195,24 @@ fn camera(path: &Path, name: &str, size: (u32, u32)) -> Result<LogCamera, Format
     Ok(LogCamera { name: name.into(), size, focal: [*fx, *fy], center: [cx + 0.5, cy + 0.5], distortion })
 }
 
-/// The sweeps. Files do not say how many floats a point has: 14 for Waymo, 5 for PandaSet, 6 for nuPlan, else 4.
+/// The sweeps. Files do not say how many floats a point has: 14 for Waymo, 5 for PandaSet, 6 for nuPlan, else 4. The first number that
+/// fits most files is taken; the others are damaged.
 fn sweeps(
     log: &mut DrivingLog,
     path: &Path,
     poses: &BTreeMap<u64, RigidPose>,
-    is_waymo: bool,
-    is_panda: bool,
+    candidates: &[u64],
+    records: &mut Records,
 ) -> Result<(), FormatError> {
     let folder = path.join("lidar");
     if !folder.is_dir() {
         return Ok(());
     }
     let files = files_in(&folder, &["bin"])?;
-    let fits = |columns: u64| {
-        files.iter().all(|(_, file)| fs::metadata(file).is_ok_and(|about| about.len().is_multiple_of(4 * columns)))
-    };
-    let candidates: &[u64] = match (is_waymo, is_panda) {
-        (true, _) => &[14],
-        (_, true) => &[5],
-        _ => &[4, 6],
-    };
-    let Some(columns) = candidates.iter().copied().find(|columns| fits(*columns)) else {
+    let lengths: Vec<u64> = files.iter().map(|(_, file)| fs::metadata(file).map_or(0, |about| about.len())).collect();
+    let fitting = |columns: u64| lengths.iter().filter(|length| length.is_multiple_of(4 * columns)).count();
+    let columns = candidates.iter().copied().reduce(|best, next| if fitting(next) > fitting(best) { next } else { best });
+    let Some(columns) = columns.filter(|columns| 2 * fitting(*columns) >= files.len()) else {
         return Err(fault(&folder, format!("its files hold no whole number of points of {candidates:?} floats; make them again")));
     };
     let (position, intensity, white) = match columns {
@@ -210,16 +220,19 @@ fn sweeps(
         4 | 5 => (0, Some(3), 1.0),
         _ => (0, Some(3), 255.0),
     };
-    let records = SweepRecords::Floats { columns: columns as usize, position, intensity, white };
+    let layout = SweepRecords::Floats { columns: columns as usize, position, intensity, white };
     for (stem, file) in files {
-        let Some((frame, pose)) = stem.parse().ok().and_then(|frame: u64| Some((frame, *poses.get(&frame)?))) else { continue };
+        let Some((frame, pose)) = stem.parse().ok().and_then(|frame: u64| Some((frame, *poses.get(&frame)?))) else {
+            records.lost("sweeps have no pose", 1);
+            continue;
+        };
         let world_from_own = moved(pose, log.origin);
         log.sweeps.push(LogSweep {
             file,
             labels: None,
             timestamp: time_of(frame),
             center: world_from_own.translation,
-            records,
+            records: layout,
             motion: SweepMotion::Still(world_from_own),
         });
     }
@@ -241,7 +254,7 @@ struct Annotations {
 }
 
 /// The boxes; none if there is no file.
-fn tracks(path: &Path, origin: DVec3) -> Result<Vec<LogTrack>, FormatError> {
+fn tracks(path: &Path, origin: DVec3, records: &mut Records) -> Result<Vec<LogTrack>, FormatError> {
     if !path.is_file() {
         return Ok(Vec::new());
     }
@@ -251,12 +264,13 @@ fn tracks(path: &Path, origin: DVec3) -> Result<Vec<LogTrack>, FormatError> {
         let of = instance.frame_annotations;
         let mut boxes = Vec::with_capacity(of.frame_idx.len());
         for ((frame, matrix), size) in of.frame_idx.iter().zip(&of.obj_to_world).zip(&of.box_size) {
-            let id = super::files::excerpt(&id);
-            let pose = pose_of_rows(matrix.as_flattened());
-            let world_from_box = pose.map_err(|what| fault(path, format!("instance {id}, frame {frame}: {what}")))?;
-            if !size.iter().all(|side| (0.0..1000.0).contains(side)) {
-                return Err(fault(path, format!("instance {id}, frame {frame}: a box of {size:?} m")));
-            }
+            let wrong = |what: String| fault(path, format!("instance {}, frame {frame}: {what}", super::files::excerpt(&id)));
+            let pose = if size.iter().all(|side| (0.0..1000.0).contains(side)) {
+                pose_of_rows(matrix.as_flattened()).map_err(wrong)
+            } else {
+                Err(wrong(format!("a box of {size:?} m")))
+            };
+            let Some(world_from_box) = records.sound("boxes", pose)? else { continue };
             let (timestamp, size) = (time_of(*frame), DVec3::from(*size));
             boxes.push(LogBox { timestamp, world_from_box: moved(world_from_box, origin), size });
         }

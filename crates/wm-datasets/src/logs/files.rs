@@ -1,7 +1,8 @@
-//! SensorReading the files of logs: whole, within limits, with errors of one line.
+//! Reading the files of logs: whole, within limits, with errors of one line.
 
 use glam::{DMat3, DQuat, DVec3};
 use serde::de::{DeserializeOwned, DeserializeSeed, Error as _, SeqAccess, Visitor};
+use std::collections::HashMap;
 use std::fmt;
 use std::fs::{self, File};
 use std::io::{BufReader, Read};
@@ -44,6 +45,16 @@ pub fn excerpt(text: &str) -> String {
     format!("{}{more}", cut.escape_debug())
 }
 
+/// Names for a message: at most a dozen.
+pub fn shown(names: impl Iterator<Item = String>) -> String {
+    const MOST: usize = 12;
+    let mut names: Vec<String> = names.take(MOST + 1).collect();
+    if names.len() > MOST {
+        names[MOST] = "...".into();
+    }
+    names.join(", ")
+}
+
 /// Reads a file of at most `most` bytes.
 ///
 /// # Errors
@@ -61,13 +72,30 @@ pub fn read_bytes(path: &Path, most: u64) -> Result<Vec<u8>, FormatError> {
     Ok(bytes)
 }
 
-/// Reads a text file.
+/// Reads a text file, without a byte order mark.
 ///
 /// # Errors
 /// As [`read_bytes`], and if it is no UTF-8.
 pub fn read_text(path: &Path) -> Result<String, FormatError> {
     let bytes = read_bytes(path, MOST_TEXT)?;
     files::text_of(bytes).map_err(|error| FormatError::reading(path, error))
+}
+
+/// The records of a file with one line each, whose number is that of the line: `None` where the line is empty, since the record is
+/// missing there. Empty lines at the end are none.
+///
+/// # Errors
+/// As [`read_text`]; each record has its own.
+pub fn line_records<T>(
+    path: &Path,
+    mut read: impl FnMut(usize, &str) -> Result<T, FormatError>,
+) -> Result<Vec<Option<Result<T, FormatError>>>, FormatError> {
+    let text = read_text(path)?;
+    let lines = text.trim_end().lines().enumerate();
+    let record = |(index, line): (usize, &str)| {
+        Some(line.trim()).filter(|line| !line.is_empty()).map(|line| read(index + 1, line))
+    };
+    Ok(lines.map(record).collect())
 }
 
 /// The numbers of one line, separated by blanks.
@@ -178,6 +206,83 @@ pub fn folders_in(folder: &Path) -> Vec<PathBuf> {
     let mut folders: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
     folders.sort();
     folders
+}
+
+/// Finds the files that tables name below a folder: at their path; else, where data sets were moved, by their name in any of the folders
+/// three levels deep, first as it is written and then ignoring case. A name that several files have is not found.
+pub struct FileFinder {
+    root: PathBuf,
+    /// Paths by their name in lower case; made when a file is not at its path.
+    by_name: Option<HashMap<String, Vec<PathBuf>>>,
+    /// Files that were found by name.
+    moved: usize,
+}
+
+impl FileFinder {
+    pub fn new(root: &Path) -> Self {
+        Self { root: root.into(), by_name: None, moved: 0 }
+    }
+
+    /// The folder that paths are relative to.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Returns true if there is a file for a path.
+    pub fn has(&mut self, path: &str) -> bool {
+        self.look(path).is_some()
+    }
+
+    /// The file of a path, which is counted if it is not there.
+    pub fn find(&mut self, path: &str) -> Option<PathBuf> {
+        let (file, is_moved) = self.look(path)?;
+        self.moved += usize::from(is_moved);
+        Some(file)
+    }
+
+    /// The number of files that were not at their paths, in words.
+    pub fn note(&self) -> Option<String> {
+        (self.moved > 0)
+            .then(|| format!("{} files are not at their paths; they were found by their names", self.moved))
+    }
+
+    fn look(&mut self, path: &str) -> Option<(PathBuf, bool)> {
+        let path = path.replace('\\', "/");
+        let whole = self.root.join(&path);
+        if whole.is_file() {
+            return Some((whole, false));
+        }
+        let by_name = self.by_name.get_or_insert_with(|| named_files(&self.root));
+        let name = path.rsplit('/').next()?;
+        let found = by_name.get(&name.to_lowercase())?;
+        let same: Vec<&PathBuf> = found.iter().filter(|file| name_of(file) == name).collect();
+        match (same.as_slice(), found.as_slice()) {
+            ([file], _) => Some(((*file).clone(), true)),
+            ([], [file]) => Some((file.clone(), true)),
+            _ => None,
+        }
+    }
+}
+
+/// The files below a folder by their names in lower case, three levels deep.
+fn named_files(root: &Path) -> HashMap<String, Vec<PathBuf>> {
+    let mut files = HashMap::<String, Vec<PathBuf>>::new();
+    let mut folders = vec![root.to_owned()];
+    let mut count = 0;
+    for _ in 0..3 {
+        let mut deeper = Vec::new();
+        for entry in folders.iter().flat_map(fs::read_dir).flatten().flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                deeper.push(path);
+            } else if count < MOST_FILES {
+                count += 1;
+                files.entry(name_of(&path).to_lowercase()).or_default().push(path);
+            }
+        }
+        folders = deeper;
+    }
+    files
 }
 
 /// The name of a file or folder.

@@ -4,21 +4,22 @@
 //! in the first frame, 3 rows of 4. The rig is the lidar: x ahead, y left, z up; the world is the rig of the first frame, so that up is the
 //! vehicle's there. SemanticKITTI's `labels` say which points move. Sweeps are in the axes of their frame: their own motion has been taken out already.
 
-use super::files::{fault, fault_in_line, files_in, name_of, numbers, pose_of_rows, read_text};
+use super::files::{fault_in_line, files_in, folders_in, line_records, numbers, pose_of_rows};
 use super::kitti::KittiCalibration;
+use super::records::{Candidate, Chosen, Records, choose, whole_name};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::{
-    DrivingLog, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, check_cameras, empty_log, is_asked, size_of,
+    DrivingLog, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, check_cameras, empty_log, is_asked,
+    size_of_first,
 };
 use crate::RigidPose;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use wm_scene::FormatError;
 
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "KITTI odometry",
-    about: "a sequence of KITTI odometry or SemanticKITTI, sequences/SS, with its poses in poses/SS.txt",
-    has_scenes: false,
+    about: "a sequence of KITTI odometry or SemanticKITTI, sequences/SS, with its poses in poses/SS.txt; or a folder of sequences",
     read,
 };
 
@@ -27,35 +28,34 @@ const CAMERAS: [&str; 4] = ["image_0", "image_1", "image_2", "image_3"];
 const FRAME: i64 = 100_000_000;
 
 fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
-    if !path.join("calib.txt").is_file() || !CAMERAS.iter().any(|camera| path.join(camera).is_dir()) {
-        return Ok(None);
-    }
-    let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
-    let name = name_of(&whole);
+    let Some((path, note)) = find(path, options)? else { return Ok(None) };
+    let path = path.as_path();
+    let mut records = Records::new(options.skip_bad);
+    let (name, poses) = named(path)?;
     let calibration = KittiCalibration::read(&path.join("calib.txt"))?;
     let camera_from_rig = calibration.pose("Tr", None)?;
     let rig_from_camera = camera_from_rig.inverse();
 
-    let mut log = empty_log(path, name.clone());
-    // Beside the sequences, or with the sequence, as SemanticKITTI has them.
-    let beside = whole.ancestors().nth(2).map(|root| root.join("poses").join(format!("{name}.txt")));
-    let own = path.join("poses.txt");
-    let poses = beside.filter(|file| file.is_file()).unwrap_or_else(|| own.clone());
-    if !poses.is_file() {
-        let what = format!("there are no poses: poses/{name}.txt beside the folder of the sequences, or {}, is needed", own.display());
-        return Err(fault(path, what));
+    let mut log = empty_log(path, name);
+    log.warnings.extend(note);
+    let lines = line_records(&poses, |line, text| {
+        let pose = pose_of_rows(&numbers(&poses, line, text)?).map_err(|what| fault_in_line(&poses, line, what))?;
+        Ok(rig_from_camera.then(&pose).then(&camera_from_rig))
+    })?;
+    let empty = lines.iter().filter(|line| line.is_none()).count();
+    records.lost("lines of the poses are empty, whose frames are missing", empty);
+    let mut found = Vec::with_capacity(lines.len());
+    for (index, line) in lines.into_iter().enumerate() {
+        found.extend(line.map(|pose| records.sound("poses", pose)).transpose()?.flatten().map(|pose| (index, pose)));
     }
-    let mut frames = Vec::new();
-    for (index, line) in read_text(&poses)?.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        let pose = pose_of_rows(&numbers(&poses, index + 1, line)?);
-        let first_from_camera = pose.map_err(|what| fault_in_line(&poses, index + 1, what))?;
-        frames.push(rig_from_camera.then(&first_from_camera).then(&camera_from_rig));
+    let times = times(&path.join("times.txt"), found.last().map_or(0, |(index, _)| index + 1), &mut log, &mut records)?;
+    let timed = |(index, pose): (usize, RigidPose)| Some((index, (*times.get(index)?)?, pose));
+    let timed = found.into_iter().filter_map(timed).collect();
+    let mut frames = vec![None; times.len()];
+    for (index, time, pose) in records.without_jumps(&poses, timed, |(_, time, pose)| (*time, pose.translation))? {
+        frames[index] = Some((time, pose));
     }
-    let times = times(&path.join("times.txt"), frames.len(), &mut log)?;
-    let at = |stem: &str| {
-        let index = stem.parse::<usize>().ok()?;
-        Some((*times.get(index)?, *frames.get(index)?))
-    };
+    let at = |stem: &str| *frames.get(stem.parse::<usize>().ok()?)?;
     check_cameras(path, options, &CAMERAS)?;
     let has_colour = CAMERAS[2..].iter().any(|name| path.join(name).is_dir());
     for (number, name) in CAMERAS.into_iter().enumerate() {
@@ -66,37 +66,80 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
             continue;
         }
         let files = files_in(&folder, &["png", "jpg"])?;
-        let Some((_, first)) = files.first() else { continue };
-        let (camera, first_from_camera) = calibration.camera(&format!("P{number}"), name, size_of(first)?)?;
+        let Some(size) = size_of_first(&files, &mut records)? else { continue };
+        let (camera, first_from_camera) = calibration.camera(&format!("P{number}"), name, size)?;
         let rig_from_camera = rig_from_camera.then(&first_from_camera);
-        let mut lost = 0;
         for (stem, file) in files {
             let Some((timestamp, world_from_rig)) = at(&stem) else {
-                lost += 1;
+                records.lost(format!("pictures of {name} have no pose or time"), 1);
                 continue;
             };
             let world_from_camera = world_from_rig.then(&rig_from_camera);
             let camera = log.cameras.len();
             log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks: LogPictureMasks::default() });
         }
-        if lost > 0 {
-            log.warnings.push(format!("{lost} pictures of {name} have no pose or time; they are left out"));
-        }
         log.cameras.push(camera);
     }
     let sweeps = path.join("velodyne");
     if sweeps.is_dir() {
+        let folder = path.join("labels");
+        let mut unlabelled = 0;
         for (stem, file) in files_in(&sweeps, &["bin"])? {
-            let Some((timestamp, world_from_rig)) = at(&stem) else { continue };
-            let labels = path.join("labels").join(format!("{stem}.label"));
-            let labels = Some(labels).filter(|labels| labels.is_file());
+            let Some((timestamp, world_from_rig)) = at(&stem) else {
+                records.lost("sweeps have no pose or time", 1);
+                continue;
+            };
+            let labels = Some(folder.join(format!("{stem}.label"))).filter(|labels| labels.is_file());
+            unlabelled += usize::from(labels.is_none());
             log.sweeps.push(LogSweep { labels, ..sweep(file, timestamp, world_from_rig) });
         }
+        if folder.is_dir() && unlabelled > 0 {
+            log.warnings.push(format!("{unlabelled} sweeps have no labels: what moves stays in their points"));
+        }
     }
+    log.warnings.extend(records.warnings());
     Ok(Some(log))
 }
 
-fn sweep(file: std::path::PathBuf, timestamp: i64, world_from_lidar: RigidPose) -> LogSweep {
+/// The sequence in a folder: itself, or one of those in it or in its `sequences`. `None` if there is none.
+fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, FormatError> {
+    let has_camera = |folder: &Path| CAMERAS.iter().any(|camera| folder.join(camera).is_dir());
+    let is_sequence = |folder: &Path| folder.join("calib.txt").is_file() && has_camera(folder);
+    let sequences: Vec<PathBuf> = if is_sequence(path) {
+        vec![path.to_owned()]
+    } else {
+        let below = [path.to_owned(), path.join("sequences")].into_iter().flat_map(|folder| folders_in(&folder));
+        // Sequences whose pictures or calibration are not there are passed over, where others are.
+        below.filter(|folder| folder.join("calib.txt").is_file() || has_camera(folder)).collect()
+    };
+    if !sequences.iter().any(|sequence| is_sequence(sequence)) {
+        return Ok(None);
+    }
+    let mut candidates = Vec::with_capacity(sequences.len());
+    for sequence in sequences {
+        let (name, poses) = named(&sequence)?;
+        let has_photos = |camera: &&str| files_in(&sequence.join(camera), &["png", "jpg"]).is_ok_and(|files| !files.is_empty());
+        let lacks = match (CAMERAS.iter().any(has_photos), sequence.join("calib.txt").is_file(), poses.is_file()) {
+            (false, ..) => Some("no pictures".into()),
+            (_, false, _) => Some("no calib.txt".into()),
+            (_, _, false) => Some(format!("no poses: poses/{name}.txt beside the sequences, or poses.txt in it, is needed")),
+            _ => None,
+        };
+        candidates.push(Candidate { name, value: sequence, lacks });
+    }
+    choose(path, "sequences", candidates, options.scene.as_deref()).map(Some)
+}
+
+/// The name of a sequence, and the file of its poses: beside the sequences, or with the sequence, as SemanticKITTI has them.
+fn named(sequence: &Path) -> Result<(String, PathBuf), FormatError> {
+    let whole = std::path::absolute(sequence).map_err(|e| FormatError::reading(sequence, e))?;
+    let name = whole_name(sequence);
+    let beside = whole.ancestors().nth(2).map(|root| root.join("poses").join(format!("{name}.txt")));
+    let poses = beside.filter(|file| file.is_file()).unwrap_or_else(|| sequence.join("poses.txt"));
+    Ok((name, poses))
+}
+
+fn sweep(file: PathBuf, timestamp: i64, world_from_lidar: RigidPose) -> LogSweep {
     LogSweep {
         file,
         timestamp,
@@ -107,19 +150,21 @@ fn sweep(file: std::path::PathBuf, timestamp: i64, world_from_lidar: RigidPose) 
     }
 }
 
-/// The times of the frames, ns.
-fn times(path: &Path, frames: usize, log: &mut DrivingLog) -> Result<Vec<i64>, FormatError> {
+/// The times of the frames, ns; `None` where a line is empty.
+fn times(
+    path: &Path,
+    frames: usize,
+    log: &mut DrivingLog,
+    records: &mut Records,
+) -> Result<Vec<Option<i64>>, FormatError> {
     if !path.is_file() {
         log.warnings.push("there is no times.txt: ten frames a second are assumed".into());
-        return Ok((0..frames as i64).map(|index| index * FRAME).collect());
+        return Ok((0..frames as i64).map(|index| Some(index * FRAME)).collect());
     }
-    let mut times = Vec::new();
-    for (index, line) in read_text(path)?.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        let values = numbers(path, index + 1, line)?;
-        match values[..] {
-            [seconds] if seconds.abs() < 4e9 => times.push((seconds * 1e9).round() as i64),
-            _ => return Err(fault_in_line(path, index + 1, "a line must be one time, seconds")),
-        }
-    }
-    Ok(times)
+    let lines = line_records(path, |line, text| match numbers(path, line, text)?[..] {
+        [seconds] if seconds.abs() < 4e9 => Ok((seconds * 1e9).round() as i64),
+        _ => Err(fault_in_line(path, line, "a line must be one time, seconds")),
+    })?;
+    let time = |line: Option<Result<i64, FormatError>>| Ok(line.map(|time| records.sound("times", time)).transpose()?.flatten());
+    lines.into_iter().map(time).collect()
 }

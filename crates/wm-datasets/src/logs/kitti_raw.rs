@@ -5,14 +5,15 @@
 //! turns counterclockwise and looks ahead when the cameras are triggered; its points are moved to where they were at their own time. Times have no time zone, so
 //! that the time of day is not taken from them.
 
-use super::files::{fault, fault_in_line, files_in, folders_in, name_of, numbers, read_text};
+use super::files::{fault, fault_in_line, files_in, folders_in, line_records, name_of, numbers, read_text};
 use super::kitti::KittiCalibration;
 use super::kitti_tracklets::read_tracklets;
+use super::records::{Candidate, Chosen, Records, choose, whole_name};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::track::EgoTrack;
 use super::{
     DrivingLog, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, check_cameras, empty_log, is_asked, moved,
-    size_of,
+    size_of_first,
 };
 use crate::RigidPose;
 use glam::{DQuat, DVec3};
@@ -23,8 +24,7 @@ use wm_scene::FormatError;
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "KITTI raw",
-    about: "a drive of the KITTI raw data, DATE/DATE_drive_NNNN_sync, with the calibration in DATE; or DATE itself",
-    has_scenes: true,
+    about: "a drive of the KITTI raw data, DATE/DATE_drive_NNNN_sync, with the calibration in DATE; or DATE, or a folder of such",
     read,
 };
 
@@ -34,15 +34,12 @@ const RADIUS: f64 = 6_378_137.0;
 /// Time between two frames where no times are stated, ns.
 const FRAME: i64 = 100_000_000;
 
+/// Times by the number of the record, ns; `None` where it is missing.
+type Times = Vec<Option<i64>>;
+
 fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
-    let is_drive = |folder: &Path| folder.join("oxts").is_dir() && CAMERAS.iter().any(|c| folder.join(c).is_dir());
-    let (drive, mut warnings) = if is_drive(path) {
-        (path.to_owned(), Vec::new())
-    } else if path.join("calib_cam_to_cam.txt").is_file() {
-        choose(path, options, is_drive)?
-    } else {
-        return Ok(None);
-    };
+    let Some((drive, note)) = find(path, options)? else { return Ok(None) };
+    let mut records = Records::new(options.skip_bad);
     // A relative path may be the drive's folder itself.
     let whole = std::path::absolute(&drive).map_err(|e| FormatError::reading(&drive, e))?;
     let day = whole.parent().unwrap_or(&whole).to_owned();
@@ -55,7 +52,8 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let rig_from_rectified = rectified.then(&cam0_from_lidar).then(&lidar_from_rig).inverse();
 
     let mut log = empty_log(&drive, name_of(&whole));
-    let (track, times) = poses(&drive, &mut log)?;
+    log.warnings.extend(note);
+    let (track, times) = poses(&drive, &mut log, &mut records)?;
     let track = Arc::new(track);
     check_cameras(&drive, options, &CAMERAS)?;
     for name in CAMERAS {
@@ -66,35 +64,59 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
             continue;
         }
         let files = files_in(&folder, &["png", "jpg"])?;
-        let Some((_, first)) = files.first() else { continue };
+        let Some(size) = size_of_first(&files, &mut records)? else { continue };
         let key = format!("P_rect_{}", &name[6..]);
-        let (camera, rectified_from_camera) = cams.camera(&key, name, size_of(first)?)?;
+        let (camera, rectified_from_camera) = cams.camera(&key, name, size)?;
         let rig_from_camera = rig_from_rectified.then(&rectified_from_camera);
-        let own = times_of(&drive.join(name).join("timestamps.txt"))?;
-        let mut lost = 0;
+        let own = times_of(&drive, &format!("{name}/timestamps.txt"), &mut records)?;
         for (stem, file) in files {
-            let index = stem.parse::<usize>().ok();
-            let time = index.and_then(|index| own.get(index).or_else(|| times.get(index)).copied());
+            let time = time_at(&stem, &own, &times);
             let Some((timestamp, world_from_rig)) = time.and_then(|time| Some((time, track.at(time)?))) else {
-                lost += 1;
+                records.lost(format!("pictures of {name} have no time or no pose in oxts"), 1);
                 continue;
             };
             let world_from_camera = world_from_rig.then(&rig_from_camera);
             let camera = log.cameras.len();
             log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks: LogPictureMasks::default() });
         }
-        if lost > 0 {
-            warnings.push(format!("{lost} pictures of {name} have no pose in oxts; they are left out"));
-        }
         log.cameras.push(camera);
     }
-    log.sweeps = sweeps(&drive, &times, &track, rig_from_lidar)?;
-    log.tracks = read_tracklets(&drive.join("tracklet_labels.xml"), |frame| {
-        let time = *times.get(frame)?;
+    log.sweeps = sweeps(&drive, &times, &track, rig_from_lidar, &mut records)?;
+    let tracks = read_tracklets(&drive.join("tracklet_labels.xml"), |frame| {
+        let time = (*times.get(frame)?)?;
         Some((time, track.at(time)?.then(&rig_from_lidar)))
-    })?;
-    log.warnings = warnings;
+    });
+    log.tracks = records.sound("files of boxes", tracks)?.unwrap_or_default();
+    log.warnings.extend(records.warnings());
     Ok(Some(log))
+}
+
+/// The drive in a folder: itself, one of a day's, or one of the days in it. `None` if there is none.
+fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, FormatError> {
+    let is_drive = |folder: &Path| folder.join("oxts").is_dir() && CAMERAS.iter().any(|c| folder.join(c).is_dir());
+    let is_day = |folder: &Path| folder.join("calib_cam_to_cam.txt").is_file();
+    let drives = if is_drive(path) {
+        vec![path.to_owned()]
+    } else {
+        let days = if is_day(path) { vec![path.to_owned()] } else { folders_in(path) };
+        let days = days.into_iter().filter(|day| is_day(day));
+        days.flat_map(|day| folders_in(&day)).filter(|folder| is_drive(folder)).collect()
+    };
+    if drives.is_empty() && !is_day(path) {
+        return Ok(None);
+    }
+    let candidate = |drive: PathBuf| {
+        let has = |folder: PathBuf, extensions: &[&str]| files_in(&folder, extensions).is_ok_and(|files| !files.is_empty());
+        let has_photos = CAMERAS.iter().any(|camera| has(drive.join(camera).join("data"), &["png", "jpg"]));
+        let lacks = match (has(drive.join("oxts/data"), &["txt"]), has_photos) {
+            (false, _) => Some("no poses in oxts/data".into()),
+            (_, false) => Some("no pictures".into()),
+            _ => None,
+        };
+        Candidate { name: whole_name(&drive), value: drive, lacks }
+    };
+    let candidates = drives.into_iter().map(candidate).collect();
+    choose(path, "drives", candidates, options.scene.as_deref()).map(Some)
 }
 
 /// A rotation of nine numbers.
@@ -104,98 +126,106 @@ fn rotation(cams: &KittiCalibration, key: &str) -> Result<RigidPose, FormatError
     super::files::pose_of_rows(&numbers).map_err(|what| fault(cams.path(), format!("{key}: {what}")))
 }
 
-/// The drive of a day that is asked for, or the first.
-fn choose(
-    day: &Path,
-    options: &LogOptions,
-    is_drive: impl Fn(&Path) -> bool,
-) -> Result<(PathBuf, Vec<String>), FormatError> {
-    let drives: Vec<PathBuf> = folders_in(day).into_iter().filter(|folder| is_drive(folder)).collect();
-    let names: Vec<String> = drives.iter().map(|drive| name_of(drive)).collect();
-    let known = names.join(", ");
-    match (&options.scene, drives.first()) {
-        (_, None) => Err(fault(day, "there is no drive in it, a folder with oxts and image_02")),
-        (None, Some(first)) => {
-            let note = (drives.len() > 1).then(|| format!("the first of the drives is read: {known}"));
-            Ok((first.clone(), note.into_iter().collect()))
+/// The time of a record by its number: its own where its sensor has times, else that of the frame.
+fn time_at(stem: &str, own: &Times, frames: &Times) -> Option<i64> {
+    let index = stem.parse::<usize>().ok()?;
+    own.get(index).or_else(|| frames.get(index)).copied().flatten()
+}
+
+/// What a file of oxts says of the vehicle.
+struct Oxts {
+    latitude: f64,
+    longitude: f64,
+    altitude: f64,
+    rotation: DQuat,
+}
+
+impl Oxts {
+    fn read(path: &Path, text: &str) -> Result<Self, FormatError> {
+        let values = numbers(path, 1, text.lines().next().unwrap_or_default())?;
+        let [latitude, longitude, altitude, roll, pitch, yaw, ..] = values[..] else {
+            return Err(fault_in_line(path, 1, format!("{} numbers, at least 6 are needed", values.len())));
+        };
+        if latitude.abs() > 89.0 || longitude.abs() > 360.0 || altitude.abs() > 1e5 || yaw.abs() > 1e3 {
+            return Err(fault_in_line(path, 1, format!("{latitude}, {longitude}, {altitude} is no place on the Earth")));
         }
-        (Some(asked), _) => {
-            let is_meant = |name: &str| name == asked || name.contains(&format!("_drive_{asked}_"));
-            let found = names.iter().position(|name| is_meant(name));
-            let found = found.ok_or_else(|| fault(day, format!("there is no drive {asked:?}; there are {known}")))?;
-            Ok((drives[found].clone(), Vec::new()))
-        }
+        let rotation = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
+        Ok(Self { latitude, longitude, altitude, rotation: rotation.normalize() })
+    }
+
+    /// East, north and up by the Mercator projection of a scale, m.
+    fn position(&self, scale: f64) -> DVec3 {
+        let north = (0.25 * std::f64::consts::PI + 0.5 * self.latitude.to_radians()).tan().ln();
+        DVec3::new(scale * RADIUS * self.longitude.to_radians(), scale * RADIUS * north, self.altitude)
+    }
+
+    fn scale(&self) -> f64 {
+        self.latitude.to_radians().cos()
     }
 }
 
-/// The poses of the vehicle, and the times of the frames by number, ns.
-fn poses(drive: &Path, log: &mut DrivingLog) -> Result<(EgoTrack, Vec<i64>), FormatError> {
-    let folder = drive.join("oxts");
-    let stated = times_of(&folder.join("timestamps.txt"))?;
-    let files = files_in(&folder.join("data"), &["txt"])?;
-    if stated.is_empty() {
-        log.warnings.push("oxts has no timestamps.txt: ten frames a second are assumed".into());
-    }
-    let mut times = stated;
-    let mut poses = Vec::with_capacity(files.len());
-    let mut start: Option<(f64, DVec3)> = None;
-    for (stem, file) in &files {
-        let Ok(index) = stem.parse::<usize>() else { continue };
-        let text = read_text(file)?;
-        let values = numbers(file, 1, text.lines().next().unwrap_or_default())?;
-        let [latitude, longitude, altitude, roll, pitch, yaw, ..] = values[..] else {
-            return Err(fault_in_line(file, 1, format!("{} numbers, at least 6 are needed", values.len())));
-        };
-        if latitude.abs() > 89.0 || longitude.abs() > 360.0 || altitude.abs() > 1e5 || yaw.abs() > 1e3 {
-            return Err(fault_in_line(file, 1, format!("{latitude}, {longitude}, {altitude} is no place on the Earth")));
-        }
-        let scale = start.map_or(latitude.to_radians().cos(), |(scale, _)| scale);
-        let position = DVec3::new(
-            scale * RADIUS * longitude.to_radians(),
-            scale * RADIUS * (0.25 * std::f64::consts::PI + 0.5 * latitude.to_radians()).tan().ln(),
-            altitude,
-        );
-        let (_, origin) = *start.get_or_insert((scale, position));
-        log.location = log.location.or(Some([latitude, longitude]));
-        let rotation = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
-        let time = times.get(index).copied().or_else(|| i64::try_from(index).ok()?.checked_mul(FRAME));
-        if let Some(time) = time {
-            poses.push((time, moved(RigidPose { rotation: rotation.normalize(), translation: position }, origin)));
-        }
-        log.origin = origin;
-    }
-    if poses.is_empty() {
-        return Err(fault(&folder.join("data"), "there are no poses in it; unpack the drive again"));
-    }
-    log.is_north_known = true;
+/// The poses of the vehicle, and the times of the frames by number.
+fn poses(drive: &Path, log: &mut DrivingLog, records: &mut Records) -> Result<(EgoTrack, Times), FormatError> {
+    let folder = drive.join("oxts/data");
+    let mut times = times_of(drive, "oxts/timestamps.txt", records)?;
+    let files = files_in(&folder, &["txt"])?;
     if times.is_empty() {
+        log.warnings.push("oxts has no timestamps.txt: ten frames a second are assumed".into());
         let last = files.iter().filter_map(|(stem, _)| stem.parse::<usize>().ok()).max().unwrap_or(0);
         // As many as there are files, whatever their names say.
-        times = (0..=last.min(10 * files.len())).map(|index| index as i64 * FRAME).collect();
+        times = (0..=last.min(10 * files.len())).map(|index| Some(index as i64 * FRAME)).collect();
     }
-    Ok((EgoTrack::new(poses), times))
+    let mut found = Vec::with_capacity(files.len());
+    for (stem, file) in &files {
+        let text = read_text(file)?;
+        if text.trim().is_empty() {
+            records.lost("files of oxts/data are empty", 1);
+            continue;
+        }
+        let Some(oxts) = records.sound("poses", Oxts::read(file, &text))? else { continue };
+        match time_at(stem, &Vec::new(), &times) {
+            Some(time) => found.push((time, oxts)),
+            None => records.lost("poses of oxts have no time", 1),
+        }
+    }
+    let place = |(time, oxts): &(i64, Oxts)| (*time, oxts.position(oxts.scale()));
+    let found = records.without_jumps(&folder, found, place)?;
+    let Some((_, first)) = found.first() else {
+        return Err(fault(&folder, "there are no poses in it; unpack the drive again"));
+    };
+    let scale = first.scale();
+    log.origin = first.position(scale);
+    log.location = Some([first.latitude, first.longitude]);
+    log.is_north_known = true;
+    let pose = |(time, oxts): &(i64, Oxts)| {
+        (*time, moved(RigidPose { rotation: oxts.rotation, translation: oxts.position(scale) }, log.origin))
+    };
+    Ok((EgoTrack::new(found.iter().map(pose).collect()), times))
 }
 
 fn sweeps(
     drive: &Path,
-    times: &[i64],
+    times: &Times,
     track: &Arc<EgoTrack>,
     rig_from_lidar: RigidPose,
+    records: &mut Records,
 ) -> Result<Vec<LogSweep>, FormatError> {
-    let folder = drive.join("velodyne_points");
-    let data = folder.join("data");
+    let data = drive.join("velodyne_points/data");
     if !data.is_dir() {
         return Ok(Vec::new());
     }
-    let read = |name: &str| times_of(&folder.join(name));
-    let (own, starts, ends) = (read("timestamps.txt")?, read("timestamps_start.txt")?, read("timestamps_end.txt")?);
+    let mut read = |name: &str| times_of(drive, &format!("velodyne_points/{name}.txt"), records);
+    let (own, starts, ends) = (read("timestamps")?, read("timestamps_start")?, read("timestamps_end")?);
     let mut sweeps = Vec::new();
     for (stem, file) in files_in(&data, &["bin"])? {
-        let Ok(index) = stem.parse::<usize>() else { continue };
-        let Some(timestamp) = own.get(index).or_else(|| times.get(index)).copied() else { continue };
-        let Some(world_from_rig) = track.at(timestamp) else { continue };
+        let time = time_at(&stem, &own, times);
+        let Some((timestamp, world_from_rig)) = time.and_then(|time| Some((time, track.at(time)?))) else {
+            records.lost("sweeps have no time or no pose in oxts", 1);
+            continue;
+        };
         let world_from_lidar = world_from_rig.then(&rig_from_lidar);
-        let span = starts.get(index).copied().zip(ends.get(index).copied());
+        let none = Vec::new();
+        let span = time_at(&stem, &starts, &none).zip(time_at(&stem, &ends, &none));
         // A turn takes a tenth of a second; other times are faults of the file.
         let span = span.filter(|(start, end)| start < end && start.abs_diff(*end) < 500_000_000);
         let motion = match span {
@@ -208,20 +238,28 @@ fn sweeps(
     Ok(sweeps)
 }
 
-/// Nanoseconds since 1970 of a file of lines `2011-09-26 13:02:25.594360375`; none if there is no file.
-fn times_of(path: &Path) -> Result<Vec<i64>, FormatError> {
+/// Nanoseconds since 1970 of a file of lines `2011-09-26 13:02:25.594360375`, by the number of the record; none if there is no file.
+fn times_of(drive: &Path, name: &str, records: &mut Records) -> Result<Times, FormatError> {
+    let path = drive.join(name);
     if !path.is_file() {
         return Ok(Vec::new());
     }
-    let text = read_text(path)?;
-    let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    let time = |(index, line): (usize, &str)| {
-        nanoseconds(line.trim()).ok_or_else(|| {
-            let line = super::files::excerpt(line);
-            fault_in_line(path, index + 1, format!("\"{line}\" is no time such as 2011-09-26 13:02:25.594360375"))
+    let lines = line_records(&path, |line, text| {
+        nanoseconds(text).ok_or_else(|| {
+            let text = super::files::excerpt(text);
+            fault_in_line(&path, line, format!("\"{text}\" is no time such as 2011-09-26 13:02:25.594360375"))
         })
-    };
-    lines.map(time).collect()
+    })?;
+    if name.ends_with("/timestamps.txt") {
+        let empty = lines.iter().filter(|line| line.is_none()).count();
+        records.lost(format!("lines of {name} are empty, whose records are missing"), empty);
+    }
+    let mut times = Vec::with_capacity(lines.len());
+    for line in lines {
+        let time = line.map(|time| records.sound("times", time)).transpose()?.flatten();
+        times.push(time);
+    }
+    Ok(times)
 }
 
 /// Nanoseconds since 1970 of a date and a time of day, both UTC.

@@ -6,8 +6,11 @@
 
 mod capture;
 mod files;
+#[cfg(test)]
+mod gap_tests;
 #[cfg(any(test, feature = "testing"))]
 pub mod mini;
+mod records;
 mod sweep;
 #[cfg(test)]
 mod tests;
@@ -15,6 +18,7 @@ mod track;
 
 use crate::{RigidPose, SetError};
 use glam::{DVec3, dvec3};
+use records::Records;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use wm_scene::capture::Distortion;
@@ -34,6 +38,10 @@ macro_rules! logs {
     };
 }
 
+/// Focal lengths and principal points that lenses have, px.
+const FOCAL: [f64; 2] = [1.0, 1e7];
+const CENTER: [f64; 2] = [-1e6, 1e6];
+
 logs! { kitti_raw, kitti_odometry, nuscenes, argoverse, drivestudio }
 
 mod kitti;
@@ -45,8 +53,6 @@ pub struct LogFormat {
     pub name: &'static str,
     /// A description in one line.
     pub about: &'static str,
-    /// True if a folder holds several logs, of which [`LogOptions::scene`] names one.
-    pub has_scenes: bool,
     /// The log in a folder; `None` if it is not of this format.
     read: fn(&Path, &LogOptions) -> Result<Option<DrivingLog>, FormatError>,
 }
@@ -54,7 +60,7 @@ pub struct LogFormat {
 /// The part of a log that is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogOptions {
-    /// The scene of nuScenes, or the drive of a day of KITTI; the first if nothing is said.
+    /// The log among several in a folder: a scene, a drive or a sequence. The first whose files are there, if nothing is said.
     pub scene: Option<String>,
     /// The cameras, by the names that the log gives them; empty for those that take colour pictures of the scene.
     pub cameras: Vec<String>,
@@ -64,11 +70,20 @@ pub struct LogOptions {
     pub seconds: Option<u32>,
     /// Most pictures, over all cameras, where `stride` is 0.
     pub most_pictures: usize,
+    /// True to go on without records that are damaged; they are refused otherwise. What is missing is always left out.
+    pub skip_bad: bool,
 }
 
 impl Default for LogOptions {
     fn default() -> Self {
-        Self { scene: None, cameras: Vec::new(), stride: 0, seconds: None, most_pictures: 600 }
+        Self {
+            scene: None,
+            cameras: Vec::new(),
+            stride: 0,
+            seconds: None,
+            most_pictures: 600,
+            skip_bad: false,
+        }
     }
 }
 
@@ -168,11 +183,6 @@ impl DrivingLog {
         }
         for format in LOG_FORMATS {
             if let Some(log) = (format.read)(path, options)? {
-                if let (Some(scene), false) = (&options.scene, format.has_scenes) {
-                    let what =
-                        format!("a {} log has no scenes to choose from; leave {scene:?} out", format.name);
-                    return Err(files::fault(path, what).into());
-                }
                 return Ok(Some(log.finished(format.name, options)?));
             }
         }
@@ -210,6 +220,21 @@ impl DrivingLog {
         }
         for camera in &self.cameras {
             let fault = |what: String| files::fault(&self.source, format!("camera {}: {what}", camera.name));
+            // Written so that NaN is refused.
+            let is_within =
+                |[low, high]: [f64; 2], values: [f64; 2]| values.iter().all(|v| (low..=high).contains(v));
+            if !is_within(FOCAL, camera.focal) {
+                let [fx, fy] = camera.focal;
+                return Err(fault(format!(
+                    "focal lengths of {fx:e} and {fy:e} px; its calibration is damaged"
+                )));
+            }
+            if !is_within(CENTER, camera.center) {
+                let [cx, cy] = camera.center;
+                return Err(fault(format!(
+                    "a principal point at {cx:e}, {cy:e} px; its calibration is damaged"
+                )));
+            }
             camera.camera(&RigidPose::IDENTITY).check().map_err(|e| fault(e.to_string()))?;
             if camera.distortion.coefficients().iter().any(|v| !v.is_finite()) {
                 return Err(fault("its distortion is not finite".into()));
@@ -291,10 +316,18 @@ fn check_cameras(source: &Path, options: &LogOptions, names: &[&str]) -> Result<
     }
 }
 
-/// The size of a photo, px, from its header.
-fn size_of(photo: &Path) -> Result<(u32, u32), FormatError> {
-    let header = read_header(photo)?;
-    Ok((header.width, header.height))
+/// The size of the first photo whose header can be read, px; `None` if there is none.
+fn size_of_first(
+    photos: &[(String, PathBuf)],
+    records: &mut Records,
+) -> Result<Option<(u32, u32)>, FormatError> {
+    for (_, photo) in photos {
+        let header = read_header(photo).map_err(FormatError::from);
+        if let Some(header) = records.sound("pictures", header)? {
+            return Ok(Some((header.width, header.height)));
+        }
+    }
+    Ok(None)
 }
 
 /// Moves a pose so that the world's origin is at `origin`.

@@ -4,7 +4,8 @@
 //! Pictures and sweeps between key frames are taken, too. Poses are of the record's own time; sweeps are, as the devkit has them, in the
 //! axes of that time. Times are microseconds.
 
-use super::files::{fault, folders_in, name_of, pose_of_quaternion, read_table};
+use super::files::{FileFinder, fault, folders_in, name_of, pose_of_quaternion, read_table, shown};
+use super::records::{Candidate, Records, choose};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::{
     DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack, displaced,
@@ -12,7 +13,8 @@ use super::{
 };
 use crate::RigidPose;
 use glam::DVec3;
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 use wm_scene::FormatError;
@@ -22,10 +24,11 @@ use wm_scene::capture::Distortion;
 pub(super) const FORMAT: LogFormat = LogFormat {
     name: "nuScenes",
     about: "the root of nuScenes or of a set in its layout, with samples, sweeps and v1.0-VERSION; one scene of it",
-    has_scenes: true,
     read,
 };
 
+/// Share of the pictures of key frames from which on a scene's files are there.
+const WHOLE: f64 = 0.9;
 /// Most records of one scene in a table.
 const MOST: usize = 500_000;
 /// Latitude and longitude of the origins of the maps, degrees.
@@ -53,6 +56,7 @@ struct MapLogRecord {
 struct SampleRecord {
     token: String,
     scene_token: String,
+    #[serde(deserialize_with = "microseconds")]
     timestamp: i64,
 }
 
@@ -61,10 +65,41 @@ struct DataRecord {
     sample_token: String,
     ego_pose_token: String,
     calibrated_sensor_token: String,
+    #[serde(deserialize_with = "microseconds")]
     timestamp: i64,
     height: Option<f64>,
     width: Option<f64>,
     filename: String,
+}
+
+/// The part of a record that says whether a scene's files are there.
+#[derive(Deserialize)]
+struct FileRecord {
+    sample_token: String,
+    calibrated_sensor_token: String,
+    #[serde(default = "always")]
+    is_key_frame: bool,
+    filename: String,
+}
+
+fn always() -> bool {
+    true
+}
+
+/// Microseconds, which Lyft's sets have as floating-point numbers.
+fn microseconds<'de, D: Deserializer<'de>>(deserializer: D) -> Result<i64, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Time {
+        Whole(i64),
+        Part(f64),
+    }
+    let told = |what| D::Error::custom(format!("{what} is no time in microseconds"));
+    match Time::deserialize(deserializer).map_err(|_| told("a timestamp".to_owned()))? {
+        Time::Whole(time) => Ok(time),
+        Time::Part(time) if time.abs() < 9e18 => Ok(time.round() as i64),
+        Time::Part(time) => Err(told(time.to_string())),
+    }
 }
 
 #[derive(Deserialize)]
@@ -125,35 +160,38 @@ struct Calibrated {
 fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
     let is_version = |folder: &PathBuf| folder.join("scene.json").is_file() && folder.join("sample_data.json").is_file();
     let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
-    let (version, root, mut warnings) = if is_version(&whole) {
+    let (versions, root) = if is_version(&whole) {
         let root = whole.parent().unwrap_or(&whole).to_owned();
-        (whole, root, Vec::new())
+        (vec![whole], root)
     } else {
-        let versions: Vec<PathBuf> = folders_in(path).into_iter().filter(is_version).collect();
-        let Some(first) = versions.first() else { return Ok(None) };
-        let names: Vec<String> = versions.iter().map(|version| name_of(version)).collect();
-        let note = (versions.len() > 1).then(|| format!("of the versions {}, {} is read", names.join(", "), names[0]));
-        (first.clone(), path.to_owned(), note.into_iter().collect())
+        (folders_in(path).into_iter().filter(is_version).collect(), path.to_owned())
     };
-    let (scene, note) = scene(&version, options)?;
-    warnings.extend(note);
+    if versions.is_empty() {
+        return Ok(None);
+    }
+    let mut files = FileFinder::new(&root);
+    let (version, scene, notes) = scene(&versions, &mut files, options)?;
+    let mut records = Records::new(options.skip_bad);
     let mut log = empty_log(path, scene.name.clone());
-    log.warnings = warnings;
+    log.warnings = notes;
     let map = map_of(&version, &scene)?;
     let samples = samples(&version, &scene)?;
     log.captured = samples.values().nth(samples.len() / 2).map(|time| *time as f64 * 1e-6);
 
     let sensors = calibrated(&version)?;
     let data = data(&version, &samples, &sensors, options)?;
-    let poses = ego_poses(&version, &data)?;
-    let first = data.iter().min_by_key(|record| record.timestamp).and_then(|record| poses.get(&record.ego_pose_token));
+    let poses = ego_poses(&version, &data, &mut records)?;
+    let first = data.iter().filter(|record| poses.contains_key(&record.ego_pose_token)).min_by_key(|record| record.timestamp);
+    let first = first.and_then(|record| poses.get(&record.ego_pose_token));
     log.origin = first.map_or(DVec3::ZERO, |pose| pose.translation);
     if let Some((_, place)) = MAPS.iter().find(|(name, _)| Some(*name) == map.as_deref()) {
         log.location = Some(displaced(*place, log.origin.x, log.origin.y));
         log.is_north_known = true;
     }
-    assemble(&mut log, &root, &version, &sensors, data, &poses)?;
-    log.tracks = tracks(&version, &samples, log.origin)?;
+    assemble(&mut log, &version, &sensors, data, &poses, &mut files, &mut records)?;
+    log.warnings.extend(files.note());
+    log.tracks = tracks(&version, &samples, log.origin, &mut records)?;
+    log.warnings.extend(records.warnings());
     Ok(Some(log))
 }
 
@@ -161,30 +199,106 @@ fn nanoseconds(microseconds: i64) -> i64 {
     microseconds.saturating_mul(1000)
 }
 
-/// The scene that is asked for, or the first.
-fn scene(version: &Path, options: &LogOptions) -> Result<(SceneRecord, Option<String>), FormatError> {
-    let path = version.join("scene.json");
+/// The scene that is asked for, or the first whose files are there, with its version and what was passed over.
+fn scene(
+    versions: &[PathBuf],
+    files: &mut FileFinder,
+    options: &LogOptions,
+) -> Result<(PathBuf, SceneRecord, Vec<String>), FormatError> {
+    let mut notes = Vec::new();
+    let mut failed = None;
+    let known = shown(versions.iter().map(|version| name_of(version)));
+    for version in versions {
+        let scenes = scenes(version)?;
+        let asked = options.scene.as_deref();
+        // By name or token.
+        let of_token = asked.and_then(|asked| scenes.iter().find(|scene| scene.token == asked));
+        let asked = of_token.map(|scene| scene.name.clone()).or(asked.map(str::to_owned));
+        let is_choice = versions.len() > 1 || scenes.len() > 1;
+        let has = |scene: &SceneRecord| asked.as_ref().is_none_or(|asked| scene.name == *asked);
+        let is_here = scenes.iter().any(has);
+        let lacks = if is_choice && is_here {
+            missing(version, files, &scenes, options)?
+        } else {
+            vec![None; scenes.len()]
+        };
+        let candidate = |(scene, lacks): (SceneRecord, Option<String>)| {
+            Candidate { name: scene.name.clone(), value: scene, lacks }
+        };
+        let candidates = scenes.into_iter().zip(lacks).map(candidate).collect();
+        match choose(&version.join("scene.json"), "scenes", candidates, asked.as_deref()) {
+            Ok((scene, note)) => {
+                notes.extend(note);
+                if versions.len() > 1 {
+                    let own = name_of(version);
+                    notes.push(format!("of the versions {known}, {own} is read; give the folder of another to read that"));
+                }
+                return Ok((version.clone(), scene, notes));
+            }
+            // That of a version that has the scene says most.
+            Err(error) if is_here || failed.is_none() => failed = Some(error),
+            Err(_) => {}
+        }
+    }
+    Err(failed.unwrap_or_else(|| fault(files.root(), "there is no scene in it")))
+}
+
+/// The scenes of a version, by name.
+fn scenes(version: &Path) -> Result<Vec<SceneRecord>, FormatError> {
     let mut scenes = Vec::new();
-    read_table::<SceneRecord>(&path, |record| {
+    read_table::<SceneRecord>(&version.join("scene.json"), |record| {
         scenes.push(record);
         if scenes.len() > MOST { Err("there are too many scenes".into()) } else { Ok(()) }
     })?;
     scenes.sort_by(|a, b| a.name.cmp(&b.name));
-    let count = scenes.len();
-    let shown: Vec<&str> = scenes.iter().take(12).map(|scene| scene.name.as_str()).collect();
-    let shown = format!("{}{}", shown.join(", "), if count > 12 { ", ..." } else { "" });
-    match &options.scene {
-        None => {
-            let note = (count > 1).then(|| format!("the first of {count} scenes is read: {shown}"));
-            let first = scenes.into_iter().next().ok_or_else(|| fault(&path, "there is no scene in it"))?;
-            Ok((first, note))
+    Ok(scenes)
+}
+
+/// For each scene what it lacks, in words: fewer than nine in ten of the pictures of its key frames are there. Where that is so of
+/// all, that with the most lacks nothing. Scenes after the first that lacks nothing are not looked at, unless one is asked for.
+fn missing(
+    version: &Path,
+    files: &mut FileFinder,
+    scenes: &[SceneRecord],
+    options: &LogOptions,
+) -> Result<Vec<Option<String>>, FormatError> {
+    let index: BTreeMap<&str, usize> = scenes.iter().enumerate().map(|(index, scene)| (scene.token.as_str(), index)).collect();
+    let mut samples = BTreeMap::new();
+    read_table::<SampleRecord>(&version.join("sample.json"), |record| {
+        if let Some(scene) = index.get(record.scene_token.as_str()) {
+            samples.insert(record.token, *scene);
         }
-        Some(asked) => {
-            let found = scenes.iter().position(|scene| scene.name == *asked || scene.token == *asked);
-            let found = found.ok_or_else(|| fault(&path, format!("there is no scene {asked:?}; there are {shown}")))?;
-            Ok((scenes.swap_remove(found), None))
+        Ok(())
+    })?;
+    let sensors = calibrated(version)?;
+    check_channels(version, &sensors, options)?;
+    let mut names = vec![Vec::new(); scenes.len()];
+    read_table::<FileRecord>(&version.join("sample_data.json"), |record| {
+        let is_asked = |sensor: &Calibrated| sensor.is_camera && is_asked(options, &sensor.channel);
+        if record.is_key_frame
+            && let Some(scene) = samples.get(&record.sample_token)
+            && sensors.get(&record.calibrated_sensor_token).is_some_and(is_asked)
+        {
+            names[*scene].push(record.filename);
+        }
+        Ok(())
+    })?;
+    let mut counts = Vec::with_capacity(names.len());
+    let share = |(there, all): (usize, usize)| there as f64 / all.max(1) as f64;
+    for names in &names {
+        let there = names.iter().filter(|name| files.has(name)).count();
+        counts.push((there, names.len()));
+        if options.scene.is_none() && share((there, names.len())) >= WHOLE {
+            break;
         }
     }
+    let most = counts.iter().copied().map(share).fold(0.0, f64::max);
+    let enough = most.min(WHOLE).max(f64::MIN_POSITIVE);
+    let lacks = |index: usize| {
+        let (there, all) = *counts.get(index)?;
+        (share((there, all)) < enough).then(|| format!("{there} of {all} pictures of key frames are there"))
+    };
+    Ok((0..scenes.len()).map(lacks).collect())
 }
 
 /// The name of the scene's map, if it is told.
@@ -259,53 +373,72 @@ fn data(
         }
         if data.len() > MOST { Err("the scene has too many pictures and sweeps".into()) } else { Ok(()) }
     })?;
-    let names: BTreeSet<&str> =
-        sensors.values().filter(|sensor| sensor.is_camera).map(|sensor| sensor.channel.as_str()).collect();
-    super::check_cameras(&path, options, &names.into_iter().collect::<Vec<_>>())?;
+    check_channels(version, sensors, options)?;
     Ok(data)
 }
 
-fn ego_poses(version: &Path, data: &[DataRecord]) -> Result<BTreeMap<String, RigidPose>, FormatError> {
-    let wanted: BTreeSet<&str> = data.iter().map(|record| record.ego_pose_token.as_str()).collect();
-    let mut poses = BTreeMap::new();
-    read_table::<PoseRecord>(&version.join("ego_pose.json"), |record| {
-        if wanted.contains(record.token.as_str()) {
+/// Refuses cameras that are not in the data set.
+fn check_channels(
+    version: &Path,
+    sensors: &BTreeMap<String, Calibrated>,
+    options: &LogOptions,
+) -> Result<(), FormatError> {
+    let names: BTreeSet<&str> =
+        sensors.values().filter(|sensor| sensor.is_camera).map(|sensor| sensor.channel.as_str()).collect();
+    super::check_cameras(&version.join("sample_data.json"), options, &names.into_iter().collect::<Vec<_>>())
+}
+
+/// The poses of the records, by token.
+fn ego_poses(
+    version: &Path,
+    data: &[DataRecord],
+    records: &mut Records,
+) -> Result<BTreeMap<String, RigidPose>, FormatError> {
+    let times: BTreeMap<&str, i64> =
+        data.iter().map(|record| (record.ego_pose_token.as_str(), nanoseconds(record.timestamp))).collect();
+    let path = version.join("ego_pose.json");
+    let mut poses = Vec::new();
+    read_table::<PoseRecord>(&path, |record| {
+        if let Some(time) = times.get(record.token.as_str()) {
             let pose = pose_of_quaternion(record.rotation, record.translation.into());
-            poses.insert(record.token.clone(), pose.map_err(|what| format!("pose {}: {what}", record.token))?);
+            let pose = pose.map_err(|what| fault(&path, format!("pose {}: {what}", record.token)));
+            let pose = records.sound("poses", pose).map_err(|error| error.problem.to_string())?;
+            poses.extend(pose.map(|pose| (*time, record.token, pose)));
         }
         Ok(())
     })?;
-    Ok(poses)
+    let poses = records.without_jumps(&path, poses, |(time, _, pose)| (*time, pose.translation))?;
+    Ok(poses.into_iter().map(|(_, token, pose)| (token, pose)).collect())
 }
 
 /// Makes pictures and sweeps of the records.
 fn assemble(
     log: &mut DrivingLog,
-    root: &Path,
     version: &Path,
     sensors: &BTreeMap<String, Calibrated>,
     data: Vec<DataRecord>,
     poses: &BTreeMap<String, RigidPose>,
+    files: &mut FileFinder,
+    records: &mut Records,
 ) -> Result<(), FormatError> {
-    let (mut missing, mut without) = (0, 0);
     let mut cameras = BTreeMap::<String, usize>::new();
+    let (all, mut missing) = (data.len(), None);
     for record in data {
         let sensor = &sensors[&record.calibrated_sensor_token];
         let Some(world_from_rig) = poses.get(&record.ego_pose_token) else {
-            without += 1;
+            records.lost("pictures and sweeps have no ego_pose", 1);
             continue;
         };
         // Names are of others: none may lead out of the data set.
-        let file = Path::new(&record.filename);
-        if file.components().any(|part| !matches!(part, Component::Normal(_) | Component::CurDir)) {
+        if Path::new(&record.filename).components().any(|part| !matches!(part, Component::Normal(_) | Component::CurDir)) {
             let name = super::files::excerpt(&record.filename);
             return Err(fault(&version.join("sample_data.json"), format!("the file name \"{name}\" leaves the data set")));
         }
-        let file = root.join(file);
-        if !file.is_file() {
-            missing += 1;
+        let Some(file) = files.find(&record.filename) else {
+            records.lost("pictures and sweeps of the scene have no file", 1);
+            missing.get_or_insert_with(|| files.root().join(&record.filename));
             continue;
-        }
+        };
         let world_from_sensor = moved(*world_from_rig, log.origin).then(&sensor.rig_from_sensor);
         let timestamp = nanoseconds(record.timestamp);
         if sensor.is_camera {
@@ -332,13 +465,13 @@ fn assemble(
             });
         }
     }
-    if missing > 0 {
-        log.warnings.push(format!("{missing} pictures and sweeps of the scene have no file; they are left out"));
+    match missing {
+        Some(first) if log.pictures.is_empty() => {
+            let what = format!("no such file; of scene {} none of the pictures is there, of {all} pictures and sweeps", log.name);
+            Err(fault(&first, format!("{what}; unpack that part of the data set, or name another with --log-scene")))
+        }
+        _ => Ok(()),
     }
-    if without > 0 {
-        log.warnings.push(format!("{without} pictures and sweeps have no ego_pose; they are left out"));
-    }
-    Ok(())
 }
 
 fn camera(sensor: &Calibrated, record: &DataRecord) -> Result<LogCamera, String> {
@@ -362,7 +495,12 @@ fn camera(sensor: &Calibrated, record: &DataRecord) -> Result<LogCamera, String>
 }
 
 /// The things that have boxes in the scene.
-fn tracks(version: &Path, samples: &BTreeMap<String, i64>, origin: DVec3) -> Result<Vec<LogTrack>, FormatError> {
+fn tracks(
+    version: &Path,
+    samples: &BTreeMap<String, i64>,
+    origin: DVec3,
+    records: &mut Records,
+) -> Result<Vec<LogTrack>, FormatError> {
     let names = |file: &str| -> Result<BTreeMap<String, String>, FormatError> {
         let mut names = BTreeMap::new();
         let path = version.join(file);
@@ -391,10 +529,13 @@ fn tracks(version: &Path, samples: &BTreeMap<String, i64>, origin: DVec3) -> Res
     read_table::<AnnotationRecord>(&path, |record| {
         let Some(time) = samples.get(&record.sample_token) else { return Ok(()) };
         let [width, length, height] = record.size;
-        if !record.size.iter().all(|side| (0.0..1000.0).contains(side)) {
-            return Err(format!("a box of {width} x {length} x {height} m"));
-        }
-        let world_from_box = pose_of_quaternion(record.rotation, record.translation.into())?;
+        let pose = if record.size.iter().all(|side| (0.0..1000.0).contains(side)) {
+            pose_of_quaternion(record.rotation, record.translation.into())
+        } else {
+            Err(format!("a box of {width} x {length} x {height} m"))
+        };
+        let pose = records.sound("boxes", pose.map_err(|what| fault(&path, what)));
+        let Some(world_from_box) = pose.map_err(|error| error.problem.to_string())? else { return Ok(()) };
         let own = LogBox {
             timestamp: nanoseconds(*time),
             world_from_box: moved(world_from_box, origin),

@@ -80,13 +80,24 @@ pub(super) enum SweepMotion {
     },
 }
 
+/// The points of a sweep, and the number of those that cannot be used: not finite, or farther than a kilometre from the lidar.
+pub(super) struct SweepPoints {
+    pub(super) points: Vec<LogPoint>,
+    pub(super) unusable: usize,
+}
+
 impl LogSweep {
     /// Reads the points. Those that are not finite, at the lidar itself or farther than a kilometre from it are left out.
     ///
     /// # Errors
     /// The file is missing or damaged.
     pub fn points(&self) -> Result<Vec<LogPoint>, FormatError> {
+        self.read().map(|sweep| sweep.points)
+    }
+
+    pub(super) fn read(&self) -> Result<SweepPoints, FormatError> {
         let raw = self.raw()?;
+        let mut unusable = 0;
         let labels = self.labels.as_ref().map(|file| read_labels(file, raw.len())).transpose()?;
         let mut points = Vec::with_capacity(raw.len());
         for (index, ([x, y, z], intensity)) in raw.into_iter().enumerate() {
@@ -101,15 +112,17 @@ impl LogSweep {
                 }
             };
             let range = position.distance(self.center);
-            // Written so that NaN is left out.
-            let is_usable = own.length_squared() > 1e-4 && range < FARTHEST;
-            if is_usable {
+            // Written so that NaN is not near.
+            let is_near = range < FARTHEST;
+            unusable += usize::from(!is_near);
+            // What did not come back is at the lidar itself in some logs.
+            if is_near && own.length_squared() > 1e-4 {
                 let intensity = if intensity.is_finite() { intensity.max(0.0) } else { 0.0 };
                 let moves = labels.as_ref().is_some_and(|labels| MOVING.contains(&labels[index]));
                 points.push(LogPoint { position, range, intensity, timestamp, moves });
             }
         }
-        Ok(points)
+        Ok(SweepPoints { points, unusable })
     }
 
     /// Positions in the file's axes, and intensities.

@@ -3,7 +3,7 @@
 use crate::RigidPose;
 use glam::DVec3;
 
-/// Longest time beyond the first and last pose of a vehicle at which it is believed still, ns.
+/// Longest time beyond the first and last pose of a vehicle for which it is believed to go on evenly, ns.
 const BEYOND: u64 = 150_000_000;
 /// Longest time between two boxes of a track between which it is interpolated, ns.
 const GAP: u64 = 1_050_000_000;
@@ -36,11 +36,33 @@ impl EgoTrack {
         &self.poses
     }
 
-    /// The pose at a time, ns: between two poses straight ahead and turning evenly. `None` more than 150 ms before the first or
-    /// after the last.
+    /// The pose at a time, ns: between two poses straight ahead and turning evenly, and so up to 150 ms before the first and after
+    /// the last. `None` beyond that.
     #[must_use]
     pub fn at(&self, time: i64) -> Option<RigidPose> {
-        interpolate(&self.poses, time, |(time, pose)| (*time, *pose), (BEYOND, u64::MAX))
+        let after = self.poses.partition_point(|(own, _)| *own <= time);
+        let [first, second] = match self.poses.len() {
+            0 => return None,
+            1 => [0, 0],
+            count => {
+                let second = after.clamp(1, count - 1);
+                [second - 1, second]
+            }
+        };
+        let [(t0, a), (t1, b)] = [self.poses[first], self.poses[second]];
+        let [start, end] = [self.poses[0].0, self.poses[self.poses.len() - 1].0];
+        if time.clamp(start, end).abs_diff(time) > BEYOND {
+            return None;
+        }
+        if time == t1 {
+            return Some(b);
+        }
+        if t0 == t1 {
+            return Some(a);
+        }
+        // In floating-point numbers, since a time before the first is negative from there.
+        let share = (i128::from(time) - i128::from(t0)) as f64 / t0.abs_diff(t1) as f64;
+        Some(between(a, b, share))
     }
 }
 
@@ -83,7 +105,7 @@ impl LogTrack {
     pub fn at(&self, time: i64) -> Option<LogBox> {
         let size = self.boxes.iter().min_by_key(|own| own.timestamp.abs_diff(time))?.size;
         let pose = |own: &LogBox| (own.timestamp, own.world_from_box);
-        let world_from_box = interpolate(&self.boxes, time, pose, (BOX_BEYOND, GAP))?;
+        let world_from_box = interpolate(&self.boxes, time, pose)?;
         Some(LogBox { timestamp: time, world_from_box, size })
     }
 }
@@ -143,30 +165,29 @@ fn has_moved(boxes: &[LogBox]) -> bool {
     })
 }
 
-/// The pose at a time, of entries in the order of time; `None` more than the first limit (ns) beyond the ends, or between two that
-/// are farther apart than the second.
-fn interpolate<T>(
-    entries: &[T],
-    time: i64,
-    of: impl Fn(&T) -> (i64, RigidPose),
-    (beyond, gap): (u64, u64),
-) -> Option<RigidPose> {
+/// The pose at a time, of entries in the order of time; `None` more than [`BOX_BEYOND`] beyond the ends, or between two that are
+/// farther apart than [`GAP`].
+fn interpolate<T>(entries: &[T], time: i64, of: impl Fn(&T) -> (i64, RigidPose)) -> Option<RigidPose> {
     let after = entries.partition_point(|entry| of(entry).0 <= time);
     let held = |entry: &T| {
         let (at, pose) = of(entry);
-        (at.abs_diff(time) <= beyond).then_some(pose)
+        (at.abs_diff(time) <= BOX_BEYOND).then_some(pose)
     };
     let Some(second) = entries.get(after) else { return entries.last().and_then(held) };
     let Some(first) = after.checked_sub(1).map(|before| &entries[before]) else { return held(second) };
     let ((t0, a), (t1, b)) = (of(first), of(second));
-    if t0.abs_diff(t1) > gap {
+    if t0.abs_diff(t1) > GAP {
         return held(first).or_else(|| held(second));
     }
-    let share = time.abs_diff(t0) as f64 / t1.abs_diff(t0) as f64;
-    Some(RigidPose {
+    Some(between(a, b, time.abs_diff(t0) as f64 / t1.abs_diff(t0) as f64))
+}
+
+/// A pose that is a share of the way from one to another; beyond them where it is below 0 or above 1.
+fn between(a: RigidPose, b: RigidPose, share: f64) -> RigidPose {
+    RigidPose {
         rotation: a.rotation.slerp(b.rotation, share).normalize(),
         translation: a.translation.lerp(b.translation, share),
-    })
+    }
 }
 
 #[cfg(test)]
@@ -185,8 +206,15 @@ mod tests {
         assert!(middle.translation.distance(DVec3::new(2.5, 0.0, 0.0)) < 1e-12);
         assert!(middle.rotation.angle_between(DQuat::from_rotation_z(0.15)) < 1e-7);
         assert_eq!(track.at(1_000_000_000), Some(pose(2.0, 0.1)));
-        assert_eq!(track.at(2_100_000_000), Some(pose(4.0, 0.3)));
-        assert_eq!(track.at(2_200_000_000), None);
+        assert_eq!(track.at(2_000_000_000), Some(pose(4.0, 0.3)));
+        // A vehicle goes on as it went.
+        for (time, x, angle) in [(900_000_000, 1.8, 0.08), (2_100_000_000, 4.2, 0.32)] {
+            let beyond = track.at(time).unwrap();
+            assert!(beyond.translation.distance(DVec3::new(x, 0.0, 0.0)) < 1e-12);
+            assert!(beyond.rotation.angle_between(DQuat::from_rotation_z(angle)) < 1e-7);
+        }
+        assert_eq!((track.at(2_200_000_000), track.at(800_000_000)), (None, None));
+        assert_eq!(EgoTrack::new(vec![(5, pose(4.0, 0.3))]).at(100_000_000), Some(pose(4.0, 0.3)));
         assert_eq!(track.at(i64::MIN), None);
         assert_eq!(EgoTrack::default().at(0), None);
     }

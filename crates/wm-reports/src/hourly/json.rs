@@ -88,24 +88,20 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
 
 /// The problem of JSON that is no table as it is read, with what it has in its place.
 fn unknown(json: &Value) -> String {
-    let list = match json {
-        Value::Array(list) => Some(("", list)),
-        Value::Object(map) => map.iter().find_map(|(name, value)| Some((&name[..], value.as_array()?))),
-        _ => None,
+    let first = |list: &'_ Value| list.as_array()?.first()?.as_object().cloned();
+    let (name, map, is_list) = match json {
+        Value::Object(map) => match map.iter().find_map(|(name, list)| Some((name, first(list)?))) {
+            Some((name, record)) => (format!(" {}", crate::error::quoted(name)), record, true),
+            None => (String::new(), map.clone(), false),
+        },
+        list => (String::new(), first(list).unwrap_or_default(), true),
     };
-    let keys = |map: &Map<String, Value>| {
-        let keys: Vec<&str> = map.keys().take(6).map(String::as_str).collect();
-        crate::error::plain(&keys.join(", "))
-    };
-    let found = match (list, json) {
-        (Some((name, list)), _) if list.first().is_some_and(Value::is_object) => {
-            let name =
-                if name.is_empty() { String::new() } else { format!(" {}", crate::error::quoted(name)) };
-            let keys = list[0].as_object().map(keys).unwrap_or_default();
-            format!(" (it has a list{name} of objects of {keys})")
-        }
-        (_, Value::Object(map)) if !map.is_empty() => format!(" (it has {})", keys(map)),
-        _ => String::new(),
+    let keys: Vec<&str> = map.keys().take(6).map(String::as_str).collect();
+    let keys = crate::error::plain(&keys.join(", "));
+    let found = match is_list {
+        _ if keys.is_empty() => String::new(),
+        true => format!(" (it has a list{name} of objects of {keys})"),
+        false => format!(" (it has {keys})"),
     };
     format!("{UNKNOWN}{found}; {KNOWN}")
 }

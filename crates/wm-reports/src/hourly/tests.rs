@@ -141,3 +141,96 @@ fn what_is_wrong_is_said_with_line_and_column() {
         assert!(got.starts_with(error), "{text}: {got}");
     }
 }
+
+/// Notes of what was not measured.
+fn missing(text: &str) -> Vec<String> {
+    let table = WeatherTable::parse_csv(text, "t.csv").unwrap();
+    let notes = table.notes.iter().filter(|note| note.kind == crate::ReportNoteKind::Missing);
+    notes.map(|note| note.text.clone()).collect()
+}
+
+#[test]
+fn what_is_not_in_a_table_is_told() {
+    let rows = |values: &[&str]| -> String {
+        let rows = values.iter().enumerate().map(|(hour, row)| format!("2024-01-15T{hour:02}:00,{row}\n"));
+        format!("time,temperature_2m,wind_speed_10m,visibility,rain\n{}", rows.collect::<String>())
+    };
+    let always = "humidity, direction of the wind, clouds, depth of snow";
+    // Hours that were not forecast yet.
+    assert_eq!(
+        missing(&rows(&["1,10,5000,0", "2,11,4000,0.2", ",,,", ",,,"])),
+        [
+            "amounts of rain and snow in 2 of 4 rows: nothing fell",
+            always,
+            "the last 2 of 4 rows, which have no values: they repeat the row before",
+        ]
+    );
+    // Dry hours have a value.
+    assert_eq!(
+        missing(&rows(&["1,10,5000,0", "2,,,0", ",,,0"])),
+        [
+            always,
+            "temperature in 1 of 3 rows: taken from the rows beside",
+            "wind in 2 of 3 rows: taken from the rows beside",
+            "visibility in 2 of 3 rows: taken from the rows beside",
+        ]
+    );
+    assert_eq!(
+        missing(&rows(&["1,10,5000,0", "2,11,4000,0.2", "2,11,4000,0.2", "2,11,4000,0.2", "2,11,4000,0.2"])),
+        [always, "perhaps the last 3 of 5 rows: they repeat the row before in all values"]
+    );
+    assert_eq!(missing(&rows(&["1,10,5000,0", "2,10,5000,0", "2,10,5000,0"])), [always]);
+    assert_eq!(missing("time,temperature_2m\n2024-01-15T06:00,\n"), ["anything: no row has a value"]);
+    let text = WeatherTable::parse_csv(&rows(&["1,10,5000,0", ",,,"]), "t.csv").unwrap();
+    let report = text.weather("t", &ReportOptions::default()).unwrap();
+    assert!(report.to_toml().contains("# not measured: the last 1 of 2 rows"), "{}", report.to_toml());
+}
+
+#[test]
+fn tables_of_unknown_services_are_told_as_such() {
+    let said = |text: &str| {
+        let error = crate::WeatherReport::read(text, "t", &ReportOptions::default()).unwrap_err().to_string();
+        assert!(error.lines().count() == 1 && error.contains("known are Open-Meteo"), "{text}: {error}");
+        error
+    };
+    for (text, found) in [
+        (
+            r#"{"weather": [{"timestamp": "2023-05-23T00:00Z", "precipitation": 0.4, "condition": "rain"}], "sources": []}"#,
+            "(it has a list `weather` of objects of ",
+        ),
+        (
+            r#"{"hourly": [{"dt": 1612352237, "temp": 2, "clouds": 100, "wind_deg": 83}]}"#,
+            "a list `hourly` of objects of ",
+        ),
+        (r#"{"hourly": {"summary": "x", "data": [{"time": 1, "cloudCover": 0.2}]}}"#, "(it has hourly)"),
+        (r#"[{"dt": 1, "cloudiness": 3}, {"dt": 2}]"#, "(it has a list of objects of "),
+        (r#"{"cloudiness": {"all": 3}, "wetness": [1, 2]}"#, "has no column `time`"),
+        ("[]", "is no table of a known service"),
+        ("STATIONS_ID;MESS_DATUM;QN_9;TT_TU;RF_TU;eor\n44;2025011900;3;-1.9;100.0;eor\n", "no column `time`"),
+        ("station,valid,tmpf,sknt\nJFK,2024-01-15 06:51,32.0,10\n", "it has no column `time`"),
+        (
+            "STATION,DATE,WND,TMP\n1,2024-01-15T06:51:00,\"290,1,N,0103,1\",\"+0100,1\"\n",
+            "no column of weather",
+        ),
+    ] {
+        assert!(said(text).contains(found), "{text}: {}", said(text));
+    }
+    let daily = r#"{"latitude": 1, "longitude": 2, "daily_units": {}, "daily": {"time": []}}"#;
+    let error = WeatherTable::parse_json(daily, "t").unwrap_err().to_string();
+    assert_eq!(error, "t: has no `hourly`: ask Open-Meteo for hourly values");
+    let page = crate::WeatherReport::read("<!doctype html>", "t", &ReportOptions::default()).unwrap_err();
+    assert!(page.to_string().starts_with("t: is XML or HTML"));
+}
+
+#[test]
+fn files_of_whole_stations_have_no_names() {
+    let text =
+        "2024-01-15,6,-1.5,-2.5,93,1.2,40,270,18.0,30.1,1013.2,,15\n2024-01-15,7,3.0,2,93,2.0,,,36.0,,,,8\n";
+    let table = WeatherTable::parse_csv(text, "10637.csv").unwrap();
+    assert_eq!(
+        (table.rows.len(), table.rows[0].temperature, table.rows[1].wind_speed),
+        (2, Some(-1.5), Some(10.0))
+    );
+    let read = crate::WeatherReport::read(text, "10637.csv", &ReportOptions::default()).unwrap();
+    assert_eq!(read.decoded, crate::DecodedReport::Table(table));
+}

@@ -1,5 +1,5 @@
 use super::*;
-use crate::report::ReportNoteKind;
+use crate::report::{DecodedReport, ReportNoteKind};
 use wm_weather::{ParamValue, Weather};
 
 fn value(weather: &Weather, key: &str) -> Option<f64> {
@@ -112,11 +112,12 @@ fn what_is_wrong_is_said_with_its_place() {
             "METAR KJFK 291851Z 00000KT 03/M1",
             "METAR, character 28: `03/M1` is damaged: temperature and dew point",
         ),
-        ("METAR KJFK 291851Z 00000KT Q10I3", "METAR, character 28: `Q10I3` is damaged: a pressure"),
+        ("METAR KJFK 291851Z 00000KT 99O9 FEW020 12/08 Q1013", "METAR, character 28: `99O9` is of no known"),
         (
-            "METAR KJFK 291851Z 00000KT R04/12",
-            "METAR, character 28: `R04/12` is damaged: a runway visual range",
+            "METAR KJFK 291851Z 00000KT 9999 +RRA 12/08 Q1013",
+            "METAR, character 33: `+RRA` is of no known form",
         ),
+        ("KJFK 291851Z CAVOK\nKBUF 291854Z CAVOK", "METAR, character 20: `KBUF` begins a second report"),
         (
             "METAR KJFK 291851Z 00000KT CAVOC",
             "METAR, character 28: `CAVOC` is of no known form, did you mean `CAVOK`?",
@@ -140,4 +141,121 @@ fn reports_of_all_kinds_are_weathers() {
         let again = Weather::parse(read.to_toml(), "again").unwrap();
         assert_eq!(&again, read.weather());
     }
+}
+
+/// Groups that no weather has, as they are typed, and the report without them.
+#[test]
+fn what_cannot_change_the_weather_is_noted() {
+    let head = "METAR KJFK 291851Z 18010KT 9999 FEW020 12/08 Q1013";
+    let plain = weather(head);
+    for (groups, noted) in [
+        ("FM1830 20010KT 4000 SHRA BKN010 FM1915 18012KT", "FM1830 20010KT 4000 SHRA BKN010 FM1915 18012KT"),
+        ("FM221830 20010KT 4000", "FM221830 20010KT 4000"),
+        ("TEMPO FM 1300 32030G40KT 1500 SA", "TEMPO FM 1300 32030G40KT 1500 SA"),
+        ("BECMG AT0800 3000 TL0900", "BECMG AT0800 3000 TL0900"),
+        ("BLU 25008KT 4000 SCT005", "BLU"),
+        ("BLU+BLU+", "BLU+BLU+"),
+        ("R88/70D NOSIG", "R88/70D"),
+        ("R162///94", "R162///94"),
+        ("88CLRD95", "88CLRD95"),
+        ("3609//70 NOSIG", "3609//70"),
+        ("WS IN APCH RWY 36", "WS IN APCH RWY 36"),
+        ("TCU ALL HZ", "TCU ALL HZ"),
+        ("CB/NE/E/SE", "CB/NE/E/SE"),
+        ("RWY WET TEMPO 8000 -TSRA", "RWY WET"),
+        ("QFE907.1", "QFE907.1"),
+        ("PRESENT WEATHER SENSOR US", "PRESENT WEATHER SENSOR US"),
+        ("W///S7", "W///S7"),
+        ("RF00.0/000.0", "RF00.0/000.0"),
+        ("METAR", "METAR"),
+        ("NOSI G", "NOSI G"),
+    ] {
+        let report = weather(&format!("{head} {groups}"));
+        assert_eq!(report.weather(), plain.weather(), "{groups}");
+        let DecodedReport::Metar(metar) = &report.decoded else { unreachable!() };
+        assert_eq!(metar.ignored[0].text, noted, "{groups}");
+        assert!(report.to_toml().contains(&format!("# ignored: {noted}: ")), "{}", report.to_toml());
+    }
+    for (text, noted) in [
+        ("METAR VIPK 130830Z 26004KT 1100 BR SKY OBS 10/07 Q1020 NOSIG", "SKY OBS"),
+        ("METAR KJFK 291851Z 18010KT 9999 FEW040 FEW050 CB 36/18 Q1009", "CB"),
+        ("METAR KJFK 291851Z 18010KT 9999 FEW020 12/08 Q10X3", "Q10X3"),
+        ("METAR KJFK 291851Z 18010KT 9999 FEW020 12/08 3020", "3020"),
+    ] {
+        assert_eq!(Metar::parse(text).unwrap().ignored[0].text, noted, "{text}");
+    }
+}
+
+/// All ways of writing that something was not measured.
+#[test]
+fn what_was_not_measured_is_told() {
+    let all = ["wind", "visibility", "weather", "clouds", "temperature", "dew point", "pressure"];
+    for text in [
+        "METAR LFPG 121430Z AUTO /////KT //// // ////// ///// Q////",
+        "METAR LFPG 121430Z AUTO //////MPS ////NDV // ///////// ////// A////",
+        "METAR LFPG 121430Z AUTO ////KT //SM // //////CB M/M Q//",
+        "METAR LFPG 121430Z AUTO /////G//KT // /// XX/XX RE// Q/////",
+        "METAR LFPG 121430Z AUTO ///// // /// MM/MM RMK AO2",
+    ] {
+        assert_eq!(Metar::parse(text).unwrap().missing(), all, "{text}");
+    }
+    for (text, missing) in [
+        (
+            "METAR LGIO 262120Z AUTO VRB02KT //// // ////// 11/08 Q1014 RE//",
+            &["visibility", "weather", "clouds"][..],
+        ),
+        (
+            "METAR ENFB 262120Z AUTO ///10KT 9999 BKN030/// 12/// Q1004",
+            &["direction of the wind", "dew point"],
+        ),
+        (
+            "METAR EFJY 040720Z AUTO 19007KT -SHRA ///015 ///08 Q1014",
+            &["visibility", "clouds", "temperature"],
+        ),
+        ("METAR KJFK 291851Z 18010KT CAVOK 12/08 Q1013", &[]),
+    ] {
+        assert_eq!(Metar::parse(text).unwrap().missing(), missing, "{text}");
+    }
+    let empty = weather("METAR LFPG 121430Z AUTO /////KT //// // ////// ///// Q////");
+    let note = "# not measured: wind, visibility, weather, clouds, temperature, dew point, pressure\n";
+    assert!(empty.to_toml().contains(note), "{}", empty.to_toml());
+}
+
+#[test]
+fn forms_that_are_typed_otherwise_are_read() {
+    let seen = |text: &str| Metar::parse(&format!("METAR KJFK 291851Z 18010KT {text}")).unwrap().visibility;
+    let metres = |text: &str| seen(text).unwrap().metres.round();
+    for (text, want) in [
+        ("M0400 FG", 400.0),
+        ("P5000", 5000.0),
+        ("4000M HZ", 4000.0),
+        ("9999NDV", 10_000.0),
+        ("11/2SM BR", 2414.0),
+        ("21/4SM BR", 3621.0),
+        ("11/16SM FG", 1106.0),
+        ("0SM FG", 50.0),
+        ("M1/4SM FG", 402.0),
+    ] {
+        assert!((metres(text) - want).abs() < 1.0, "{text}: {}", metres(text));
+    }
+    assert!(
+        seen("M0400").unwrap().bound == VisibilityBound::Less
+            && seen("P5000").unwrap().bound == VisibilityBound::OrMore
+    );
+    let metar =
+        Metar::parse("MRLB COR 262100Z 00000KTS 9999 VC SH FEW013CB/N BKN016CBNE-W 22/19 Q10 15 RERA")
+            .unwrap();
+    assert!(metar.is_correction && metar.time.is_some() && metar.missing().is_empty());
+    assert_eq!(
+        (metar.weather[0].code(), metar.clouds[0].height.map(f64::round)),
+        ("VCSH".into(), Some(396.0))
+    );
+    assert_eq!((metar.pressure, metar.recent[0].code()), (Some(1015.0), "RA".into()));
+    // As NOAA has them in its files.
+    let report = WeatherReport::read(
+        "2024/01/29 18:51\nKJFK 291851Z 04014KT 1/2SM SN OVC008 M02/M03 A2979\n",
+        "KJFK.TXT",
+        &ReportOptions::default(),
+    );
+    assert_eq!(report.unwrap().name, "METAR-KJFK-29T1851Z");
 }

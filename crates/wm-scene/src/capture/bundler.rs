@@ -99,7 +99,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
         let what = "no photo is registered in it; reconstruct the capture again";
         return Err(FormatError::whole(&path, Problem::Value(what.into())));
     }
-    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks }))
+    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
 }
 
 /// The only file in a folder with an extension.

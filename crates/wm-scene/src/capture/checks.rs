@@ -17,7 +17,7 @@ const FOCAL: std::ops::RangeInclusive<f64> = 1e-2..=1e4;
 ///
 /// # Errors
 /// [`FormatError`] if a camera is one that cannot be.
-pub(super) fn settle(capture: &mut Capture) -> Result<(), FormatError> {
+pub(super) fn clean(capture: &mut Capture) -> Result<(), FormatError> {
     if let Some((view, what)) = capture.views.iter().find_map(|view| Some((view, absurd(view)?))) {
         let what = format!("the camera of {:?} {what}; reconstruct or export the capture again", view.name);
         return Err(FormatError::whole(&capture.source, Problem::Value(what)));

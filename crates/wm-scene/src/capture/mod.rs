@@ -19,7 +19,7 @@ pub mod site;
 mod tests;
 pub mod up;
 
-use crate::{Camera, FormatError, Problem, Remark, SceneView};
+use crate::{Camera, FormatError, Problem, Remark, SceneView, origin};
 use glam::DVec3;
 use std::{
     fs,
@@ -88,6 +88,9 @@ pub struct Capture {
     pub points: SparsePoints,
     /// `[V]`: which points each photo shows and where; empty lists where that is not known.
     pub observations: Vec<Vec<Observation>>,
+    /// The point of the world that is zero here, scene units: cameras and points are relative to it. Zero unless they are far from it;
+    /// see [`crate::origin`].
+    pub origin: DVec3,
     /// Lines on what the reader guessed, ignored or passed over.
     pub remarks: Vec<Remark>,
 }
@@ -228,6 +231,37 @@ impl Capture {
         counts
     }
 
+    /// Makes cameras and points relative to another origin, zero for that of the world.
+    pub fn set_origin(&mut self, origin: DVec3) {
+        let by = origin - self.origin;
+        if by == DVec3::ZERO {
+            return;
+        }
+        self.origin = origin;
+        for view in &mut self.views {
+            view.camera = view.camera.moved(-by);
+        }
+        for position in &mut self.points.positions {
+            *position = (DVec3::from_array(*position) - by).to_array();
+        }
+    }
+
+    /// Chooses an origin if the place is far from zero.
+    fn choose_origin(&mut self) {
+        let points = self.points.positions.iter().map(|position| DVec3::from_array(*position));
+        let mut positions: Vec<DVec3> = points.collect();
+        if positions.is_empty() {
+            positions = self.views.iter().map(|view| view.camera.center()).collect();
+        }
+        let Some(origin) = origin::choose(&positions, 0.0) else { return };
+        self.set_origin(origin);
+        let origin = origin::text_of(origin);
+        self.remarks.push(Remark::note(
+            "far-origin",
+            format!("the coordinates are far from zero: they are kept relative to the origin {origin}"),
+        ));
+    }
+
     fn sort(&mut self) {
         let mut order: Vec<usize> = (0..self.views.len()).collect();
         order.sort_by(|a, b| self.views[*a].name.cmp(&self.views[*b].name));
@@ -251,7 +285,8 @@ pub fn read(dataset: &Path, options: &CaptureOptions) -> Result<Capture, FormatE
     read_as(dataset, options, Want::Everything)
 }
 
-/// Reads only the cameras of a capture, sorted by name, as photos without distortion have them.
+/// Reads only the cameras of a capture, sorted by name, as photos without distortion have them, in world coordinates:
+/// [`crate::Scene::set_world_views`] takes them.
 ///
 /// # Errors
 /// [`FormatError`] as for [`read`], and if the distortion of a camera cannot be undone.
@@ -280,7 +315,11 @@ fn read_as(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Captu
     for format in FORMATS {
         if let Some(mut capture) = (format.read)(dataset, options, want)? {
             capture.sort();
-            checks::settle(&mut capture)?;
+            checks::clean(&mut capture)?;
+            // Views are wanted as they are, to be put into scenes that have origins of their own.
+            if want == Want::Everything {
+                capture.choose_origin();
+            }
             return Ok(capture);
         }
     }

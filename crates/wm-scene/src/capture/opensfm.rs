@@ -154,7 +154,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     let (images, found) = places::find(&[&folder], options, &places::IMAGES, &mut views)?;
     remarks.extend(found);
     let observations = vec![Vec::new(); views.len()];
-    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks }))
+    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
 }
 
 #[cfg(test)]

@@ -69,6 +69,8 @@ impl Axes {
         }
         self.turn_splats(&mut scene.splats);
         let signs = DVec3::from_array(self.signs().map(f64::from));
+        scene.moved_by = self.direction(scene.moved_by);
+        scene.metadata.origin = scene.metadata.origin.map(|origin| self.direction(origin));
         scene.metadata.up = scene.metadata.up.map(|up| self.direction(up));
         scene.metadata.north = scene.metadata.north.map(|north| self.direction(north));
         scene.metadata.sun = scene.metadata.sun.map(|sun| sun.map(|towards| self.direction(towards)));

@@ -38,6 +38,7 @@ pub const FORMAT: SceneFormat = SceneFormat {
                    degrees, colours and opacities 1/510 of 0-1",
         order: Kept::Not,
         log_scales: [-16.635_532, 11.09],
+        coarse: super::loss::coarse_floats,
     },
     sniff: |start| has_ending(start.path, "ksplat"),
     read: |source, _| {
@@ -302,8 +303,9 @@ fn write_section(
                 bytes.extend((steps.clamp(0.0, 2.0 * STEPS as f32 + 1.0) as u16).to_le_bytes());
             }
             let mut half = |v: f32| bytes.extend(f16::from_f32(v).to_le_bytes());
-            // One that is too small for a half would come back as nothing.
-            splats.log_scales[index].iter().for_each(|v| half(v.exp().max(LEAST)));
+            // Of no thickness is only what is flat: one that is too small for a half becomes the least.
+            let scale = |v: f32| if v == f32::NEG_INFINITY { 0.0 } else { v.exp().max(LEAST) };
+            splats.log_scales[index].iter().for_each(|v| half(scale(*v)));
             unit(splats.quats[index]).into_iter().for_each(&mut half);
             let sh = splats.sh_of(index);
             bytes.extend(sh[..3].iter().map(|v| byte_of_dc(*v)));

@@ -1,9 +1,9 @@
 //! The losses of formats, told before a conversion and by `inspect`.
 
-use crate::{Group, Metadata, Scene, sh};
+use crate::{Group, Metadata, Scene, Splats, origin, sh};
 
 /// The parts of a scene that a format keeps or loses.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub struct Loses {
     /// Highest SH degree that is kept.
     pub sh_degree: u8,
@@ -19,6 +19,16 @@ pub struct Loses {
     pub order: Kept,
     /// Logarithms of scales that fit: smaller and larger ones become these.
     pub log_scales: [f32; 2],
+    /// Returns a line on positions of a scene that are in steps wider than its splats in a file of the format.
+    pub coarse: fn(&Splats) -> Option<String>,
+}
+
+/// The positions of a format that has them as f32.
+#[must_use]
+pub fn coarse_floats(splats: &Splats) -> Option<String> {
+    let step =
+        |mean: [f32; 3]| mean.map(|v| origin::float_step(f64::from(v))).into_iter().fold(0.0, f64::max);
+    origin::coarse_line(splats, step, "keep a local origin (--origin)")
 }
 
 /// The range of a format that holds scales of any size.
@@ -45,6 +55,7 @@ impl Loses {
         rounding: "",
         order: Kept::Inside,
         log_scales: ANY_SCALE,
+        coarse: coarse_floats,
     };
 
     /// The losses of every file of the format, a line each.
@@ -98,6 +109,7 @@ pub fn lost(loses: &Loses, scene: &Scene) -> Vec<String> {
             "the size of {count} splats with an axis outside of {least:.1e} to {most:.0} units: another scale may fit better (--scale)"
         ));
     }
+    lines.extend((loses.coarse)(splats));
     if loses.order == Kept::Not {
         lines.push("the order of the splats".into());
     }

@@ -26,6 +26,7 @@ use crate::{
     Scene,
     error::{FormatError, Problem, excerpt},
     files::{TempFile, write_atomically},
+    origin,
     source::Source,
 };
 pub use axes::Axes;
@@ -69,6 +70,20 @@ pub struct SceneFormat {
     sniff: fn(&Start) -> bool,
     read: fn(&mut Source, &ReadOptions) -> Result<Scene, FormatError>,
     write: Writer,
+}
+
+impl SceneFormat {
+    /// The parts of a scene that it loses if it is written with `options`.
+    #[must_use]
+    pub fn loses_with(&self, options: &WriteOptions) -> Loses {
+        match options.gltf {
+            GltfSplats::Spz if self.name == gltf::FORMAT.name => gltf::PACKED_LOSES,
+            GltfSplats::SpzCesium if self.name == gltf::FORMAT.name => {
+                Loses { groups: Kept::Not, ..gltf::PACKED_LOSES }
+            }
+            _ => self.loses,
+        }
+    }
 }
 
 /// The writer of a format. Writers get the scene in the axes of a PLY, and turn what they write.
@@ -205,6 +220,7 @@ pub fn read_scene_and_format(
     let (mut scene, format) = read_source(&mut Source::open(&file)?, options)?;
     scene.metadata = sidecar.unwrap_or_default().or(scene.metadata);
     scene.views.extend(views);
+    origin::settle(&mut scene);
     Ok((scene, format))
 }
 
@@ -214,9 +230,13 @@ pub fn read_scene_and_format(
 /// # Errors
 /// [`FormatError`] if the content cannot be used.
 pub fn read_scene_from(name: &Path, reader: impl Read, length: Option<u64>) -> Result<Scene, FormatError> {
-    Ok(read_source(&mut Source::new(name, Box::new(reader), length), &ReadOptions::default())?.0)
+    let (mut scene, _) =
+        read_source(&mut Source::new(name, Box::new(reader), length), &ReadOptions::default())?;
+    origin::settle(&mut scene);
+    Ok(scene)
 }
 
+/// Reads what a file has, in the axes of a PLY; [`origin::settle`] comes after.
 fn read_source(
     source: &mut Source,
     options: &ReadOptions,
@@ -237,7 +257,8 @@ fn sniff(source: &mut Source) -> Result<&'static SceneFormat, FormatError> {
         return Err(source.whole(Problem::Empty));
     }
     let start = Start { bytes, path: source.path() };
-    let format = FORMATS.iter().find(|format| (format.sniff)(&start));
+    // Formats without a mark are known by the name alone, which pointers and pages that were saved for a file have too.
+    let format = FORMATS.iter().find(|format| (format.sniff)(&start)).filter(|_| !is_stand_in(bytes));
     format.ok_or_else(|| source.whole(unknown_format(source.path(), bytes)))
 }
 
@@ -347,6 +368,16 @@ pub(crate) fn has_ending(path: &Path, ending: &str) -> bool {
         }
 }
 
+/// The beginning of what Git LFS leaves in place of a file.
+const LFS_POINTER: &[u8] = b"version https://git-lfs";
+
+/// Returns true if these first bytes are those of a text that stands in for a file: a Git LFS pointer or a web page.
+fn is_stand_in(start: &[u8]) -> bool {
+    let text = start.trim_ascii_start();
+    let begins = |tag: &[u8]| text.get(..tag.len()).is_some_and(|found| found.eq_ignore_ascii_case(tag));
+    start.starts_with(LFS_POINTER) || begins(b"<!doctype") || begins(b"<html")
+}
+
 /// The problem of content that no format recognises.
 fn unknown_format(path: &Path, start: &[u8]) -> Problem {
     let claim = match by_extension(path) {
@@ -356,7 +387,7 @@ fn unknown_format(path: &Path, start: &[u8]) -> Problem {
             format!("of none of the formats that are read ({})", names.join(", "))
         }
     };
-    let advice = if start.starts_with(b"version https://git-lfs") {
+    let advice = if start.starts_with(LFS_POINTER) {
         "this is a Git LFS pointer, get the file itself with `git lfs pull`"
     } else if start.trim_ascii_start().starts_with(b"<") {
         "this looks like a web page, download the file itself"

@@ -92,7 +92,7 @@ mod tests {
     fn errors_have_line_and_column() {
         assert_eq!(
             say("ground = 1.0\nmeters_per_unit = 2.0\n"),
-            ", line 2, column 1: unknown field `meters_per_unit`, expected one of `metres_per_unit`, \
+            ", line 2, column 1: unknown field `meters_per_unit`, expected one of `origin`, `metres_per_unit`, \
              `scale_source`, `scale_confidence`, `up`, `up_source`, `up_confidence`, `north`, \
              `north_source`, `location`, `captured`, `captured_span`, `sun`, `ground`, `ground_confidence`, \
              `camera_height`, `airlight`, `haze_extinction`, `haze_extinction_error`, `haze_shown_extinction`, \

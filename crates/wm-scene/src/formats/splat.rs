@@ -32,6 +32,7 @@ pub const FORMAT: SceneFormat = SceneFormat {
         rounding: "rotations 1 degree, colours and opacities 1/510 of 0-1",
         order: Kept::Inside,
         log_scales: ANY_SCALE,
+        coarse: super::loss::coarse_floats,
     },
     sniff: |start| has_ending(start.path, "splat"),
     read: |source, _| read(source),

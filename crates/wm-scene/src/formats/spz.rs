@@ -1,7 +1,7 @@
 //! SPZ of Niantic: about 20 bytes a splat before it is packed, columns behind a header.
 //!
 //! # Layout
-//! Versions 1 to 3 are one gzip stream: a header of 16 bytes, then the columns. Version 4 has a header of 32 bytes, perhaps records of
+//! Versions 1 to 3 are one gzip stream (some programs leave it unpacked): a header of 16 bytes, then the columns. Version 4 has a header of 32 bytes, perhaps records of
 //! extensions, a table of two 64-bit lengths a stream (packed, unpacked) and a Zstandard stream a column.
 //!
 //! | column | a splat | means |
@@ -23,14 +23,17 @@ use super::{
     bytes::{Bytes, Gunzip, check_unpacked, rows, unpack_exact},
     pack::{byte_of_logit, from_smallest_three, logit_of_byte, smallest_three, unit, unorm},
 };
-use crate::{Metadata, Rasterization, Scene, Splats, error::Problem, sh};
+use crate::{Metadata, Rasterization, Remark, Scene, Splats, error::Problem, origin, sh};
 use half::f16;
 use ruzstd::{
     decoding::StreamingDecoder,
     encoding::{CompressionLevel, FrameCompressor, Matcher, Sequence, compress_to_vec},
 };
 use sirocco::deflate;
-use std::io::{self, Read, Write};
+use std::{
+    borrow::Cow,
+    io::{self, Read, Write},
+};
 
 /// The entry of [`FORMATS`](super::FORMATS).
 pub const FORMAT: SceneFormat = SceneFormat {
@@ -47,6 +50,7 @@ pub const FORMAT: SceneFormat = SceneFormat {
                    SH 1/128 (degree 1) and 1/64",
         order: Kept::Inside,
         log_scales: [-10.0, 5.937_5],
+        coarse: |splats| coarse_steps(splats, fractional_bits(splats)),
     },
     sniff: |start| start.bytes.starts_with(&MAGIC) || start.bytes.starts_with(&[0x1f, 0x8b]),
     read: |source, _| {
@@ -118,9 +122,15 @@ fn sizes(version: u32, sh_degree: u8) -> [u64; COLUMNS] {
 pub(super) fn read(file: &[u8]) -> Result<Scene, Problem> {
     let (header, axes, body) = if file.starts_with(&[0x1f, 0x8b]) {
         let (header, body) = read_gzip(file)?;
-        (header, FORMAT.axes, body)
+        (header, FORMAT.axes, Cow::Owned(body))
     } else {
-        read_zstd(file)?
+        let mut bytes = Bytes::new(file, "the SPZ's header");
+        let header = Header::parse(&mut bytes)?;
+        if header.version < 4 {
+            (header, FORMAT.axes, Cow::Borrowed(bytes.rest()))
+        } else {
+            read_zstd(header, file, bytes)?
+        }
     };
     let mut columns = Bytes::new(&body, "the SPZ");
     let mut column = [&body[..0]; 6];
@@ -131,7 +141,16 @@ pub(super) fn read(file: &[u8]) -> Result<Scene, Problem> {
     let rasterization = antialiased.then_some(Rasterization::Antialiased);
     let splats = unpack(&header, column);
     let metadata = Metadata { rasterization, ..Metadata::default() };
-    let mut scene = Scene { splats, metadata, ..Scene::default() };
+    let mut remarks = Vec::new();
+    if header.sh_degree > sh::MAX_DEGREE {
+        let text = "SH of degree 4 is cut to degree 3: colours by direction are less sharp";
+        remarks.push(Remark::doubt("sh-degree", text));
+    }
+    if header.version > 1 {
+        let coarse = coarse_steps(&splats, header.fractional_bits);
+        remarks.extend(coarse.map(|line| Remark::doubt(origin::COARSE, line)));
+    }
+    let mut scene = Scene { splats, metadata, remarks, ..Scene::default() };
     if axes != FORMAT.axes {
         axes.turn(&mut scene);
         FORMAT.axes.turn(&mut scene);
@@ -151,14 +170,14 @@ fn read_gzip(file: &[u8]) -> Result<(Header, Vec<u8>), Problem> {
     Ok((header, body))
 }
 
-fn read_zstd(file: &[u8]) -> Result<(Header, Axes, Vec<u8>), Problem> {
-    let mut bytes = Bytes::new(file, "the SPZ's header");
-    let header = Header::parse(&mut bytes)?;
+/// Reads a file of version 4, of which `bytes` are behind the fields that all headers have.
+fn read_zstd<'a>(
+    header: Header,
+    file: &[u8],
+    mut bytes: Bytes,
+) -> Result<(Header, Axes, Cow<'a, [u8]>), Problem> {
     // The reserved byte of older headers is the number of streams.
     let streams = file[15];
-    if header.version < 4 {
-        return Err(Problem::Header(format!("SPZ version {} that is not packed by gzip", header.version)));
-    }
     let table = u64::from(bytes.u32()?);
     let mut bytes = Bytes::new(file, "the SPZ's table of streams");
     let records = bytes.take(table)?.get(HEADER_SIZE as usize..).unwrap_or_default();
@@ -187,7 +206,7 @@ fn read_zstd(file: &[u8]) -> Result<(Header, Axes, Vec<u8>), Problem> {
             unpack_exact(&mut decoder, column, "the SPZ's stream")?;
         }
     }
-    Ok((header, axes, body))
+    Ok((header, axes, Cow::Owned(body)))
 }
 
 /// The axes that a record of Adobe's extension names, else the usual ones.
@@ -275,6 +294,14 @@ fn pack_quat(quat: [f32; 4]) -> u32 {
         let magnitude = unorm(v.abs() * std::f32::consts::SQRT_2, 511);
         word << 10 | u32::from(*v < 0.0) << 9 | magnitude
     })
+}
+
+/// A line on the steps of positions with so many fractional bits, if many splats are narrower.
+fn coarse_steps(splats: &Splats, fractional_bits: u8) -> Option<String> {
+    const ADVICE: &str = "SPZ has one step for all splats, so a few that are far away coarsen it: drop the sky or crop the scene, or use SOG or \
+                          PLY";
+    let step = 0.5f64.powi(i32::from(fractional_bits));
+    origin::coarse_line(splats, |_| step, ADVICE)
 }
 
 /// Fractional bits with which 24 hold every mean, finer than the usual for small scenes: half of all steps to the farthest at most.

@@ -1,7 +1,7 @@
 //! One file of a scene in levels: the splats of many leaves at one level.
 
 use crate::{
-    FormatError, Metadata, Splats,
+    FormatError, Metadata, Remark, Splats,
     formats::sog::read::{SogPictures, read_pictures},
 };
 use std::path::{Path, PathBuf};
@@ -35,6 +35,12 @@ impl LevelFile {
     #[must_use]
     pub fn metadata(&self) -> &Metadata {
         &self.pictures.metadata
+    }
+
+    /// Lines on what is odd in its `meta.json`.
+    #[must_use]
+    pub fn remarks(&self) -> &[Remark] {
+        &self.pictures.remarks
     }
 
     /// The splats from `offset`, `count` of them.

@@ -11,6 +11,7 @@ use crate::{
         sidecar,
         sog::read::{below, fault, parse, picture_names},
     },
+    remark::add_new,
 };
 use serde::Deserialize;
 use serde_json::Value;
@@ -354,20 +355,23 @@ impl LevelIndex {
         runs.sort_by_key(|run| (run.file, run.offset));
         let mut splats = Splats::default();
         let mut metadata = self.metadata.clone();
+        let mut remarks = Vec::new();
         for runs in runs.chunk_by(|a, b| a.file == b.file) {
             let file = self.read_file(runs[0].file)?;
             for run in runs {
                 splats = Splats::joined(splats, file.splats(run.offset, run.count)?);
             }
             metadata = metadata.or(file.metadata().clone());
+            add_new(&mut remarks, file.remarks());
         }
         if let Some(environment) = self.read_environment()? {
             splats = Splats::joined(splats, environment.splats);
             metadata = metadata.or(environment.metadata);
+            add_new(&mut remarks, &environment.remarks);
         }
         if splats.is_empty() {
             return Err(whole(Problem::NoSplats));
         }
-        Ok(Scene { splats, metadata, ..Scene::default() })
+        Ok(Scene { splats, metadata, remarks, ..Scene::default() })
     }
 }

@@ -165,10 +165,7 @@ fn what_cannot_be_written_is_told() {
     for (message, expected) in [
         (refused(&|leaf| leaf.errors[1] = f32::NAN), "the error NaN; it must be 0 or more"),
         (refused(&|leaf| leaf.errors.truncate(2)), "2 errors for 3 levels"),
-        (
-            refused(&|leaf| leaf.levels[1].means[3][0] = f32::NAN),
-            "splat 3 has numbers that are not finite; repair the scene",
-        ),
+        (refused(&|leaf| leaf.levels[1].means[3][0] = f32::NAN), "splat 3 cannot be drawn; repair the scene"),
         (refused(&|leaf| leaf.levels.resize(65, Splats::default())), "65 levels; 64 are the most"),
     ] {
         assert_eq!(message, format!("not written: leaf 0: {expected}"));

@@ -16,7 +16,6 @@ use crate::{
     },
     morton,
     quat::to_matrix,
-    splats::Faults,
 };
 use serde::{Serialize, Serializer};
 use std::{
@@ -360,10 +359,8 @@ fn extent_of(leaf: &NewLeaf) -> Result<Extent, Problem> {
     for splats in &leaf.levels {
         splats.check()?;
         // A rotation of zeros is none, as in every format.
-        let is_finite =
-            |index: usize| Faults { zero_quat: false, ..splats.faults(index) } == Faults::default();
-        if let Some(index) = (0..splats.len()).find(|index| !is_finite(*index)) {
-            return Err(value(format!("splat {index} has numbers that are not finite; repair the scene")));
+        if let Some(index) = (0..splats.len()).find(|index| splats.faults(*index).is_fatal()) {
+            return Err(value(format!("splat {index} cannot be drawn; repair the scene")));
         }
     }
     Ok(ellipsoids(&leaf.levels))

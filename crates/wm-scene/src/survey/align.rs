@@ -351,9 +351,9 @@ impl Aligned {
         if before.ground != after.ground {
             lines.push(format!(
                 "ground: {} units along up ({}) -> {} ({})",
-                Short(before.ground.value, 3),
+                Short(before.world_ground(), 3),
                 origin(&before.ground, &None),
-                Short(after.ground.value, 3),
+                Short(after.world_ground(), 3),
                 origin(&after.ground, &None)
             ));
         }

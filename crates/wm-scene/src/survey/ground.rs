@@ -18,6 +18,12 @@ const HALF: usize = 2;
 const CELLS: f64 = 12.0;
 /// The largest angle between a normal and up: 25 degrees. Slopes and rough ground are wanted.
 const LEVEL: f64 = 0.906;
+/// Depth below the ground, scene radii, from which on a point is below it, and the share of those from which on it is none.
+const DEEP: f64 = 0.1;
+const HOLLOW: f64 = 0.15;
+/// Half the thickness of rough ground, scene radii, and the share of all surface with which it is one.
+const RELIEF: f64 = 0.02;
+const WIDE: f64 = 0.1;
 /// Share of the best surface, and of the best cells, that the ground has.
 const FAIR: f64 = 0.4;
 
@@ -66,6 +72,26 @@ pub fn level(sample: &SurveySample, up: DVec3, ceiling: Option<f64>) -> Option<f
         .max_by(|a, b| surface[*a].total_cmp(&surface[*b]).then(b.cmp(a)))?;
     let height = low + (best as f64 + 0.5) * step;
     Some(median_height(sample, up, height, (HALF as f64 + 0.5) * step))
+}
+
+/// Returns true if there is a ground at `height` along `up`: a plane of some width or much level surface, with next to nothing
+/// below it. The level parts of a trunk, a bust or a few splats are none.
+pub fn is_there(sample: &SurveySample, up: DVec3, height: f64) -> bool {
+    if sample.points.len() < super::HANDFUL {
+        return false;
+    }
+    let origin = sample.center + up * (height - sample.center.dot(up));
+    let plane = plane(sample, up, height);
+    let normal = plane.unwrap_or(up);
+    let share = |is: &dyn Fn(&SurveyPoint) -> bool, of: &dyn Fn(&SurveyPoint) -> f64| {
+        let all: f64 = sample.points.iter().map(of).sum();
+        sample.points.iter().filter(|point| is(point)).map(of).sum::<f64>() / all.max(f64::MIN_POSITIVE)
+    };
+    let below = |point: &SurveyPoint| (point.at - origin).dot(normal) < -DEEP * sample.radius;
+    let level = |point: &SurveyPoint| {
+        point.normal.dot(up).abs() >= LEVEL && (point.at.dot(up) - height).abs() < RELIEF * sample.radius
+    };
+    share(&below, &|_| 1.0) < HOLLOW && (plane.is_some() || share(&level, &|point| point.area) > WIDE)
 }
 
 /// Height above which the ground cannot be: that of the lower cameras; `None` without any.

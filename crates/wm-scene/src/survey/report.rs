@@ -1,6 +1,10 @@
 //! A survey in words, one line a value.
 
+use super::up::USUAL;
 use super::{Confidence, FactSource, Sourced, Survey, UpEstimate, UpScore};
+use crate::Remark;
+use crate::origin::text_of;
+use glam::DVec3;
 use std::fmt;
 
 impl Survey {
@@ -21,16 +25,27 @@ impl Survey {
         };
         let mut lines = vec![
             format!("up: {x}, {y}, {z} ({})", origin(&self.up, &self.up_source)),
-            format!(
-                "ground: {} units along up ({})",
-                Short(self.ground.value, 3),
-                origin(&self.ground, &None)
-            ),
+            match self.ground.source {
+                FactSource::Assumed => {
+                    format!(
+                        "ground: none found; the lowest is {} units along up",
+                        Short(self.world_ground(), 3)
+                    )
+                }
+                _ => format!(
+                    "ground: {} units along up ({})",
+                    Short(self.world_ground(), 3),
+                    origin(&self.ground, &None)
+                ),
+            },
             format!("scale: 1 unit is {} m ({})", Short(scale.value, 4), origin(&scale, &self.scale_source)),
             format!("size: {} m", self.size()),
             format!("airlight: {r}, {g}, {b} linear ({light})"),
             sky,
         ];
+        if self.origin != DVec3::ZERO {
+            lines.insert(0, format!("origin: {} (positions are kept relative to it)", text_of(self.origin)));
+        }
         lines.extend(self.sun.as_ref().map(|sun| format!("sun: {}", sun.line())));
         lines.extend(self.sun_elevation.map(|elevation| {
             format!(
@@ -40,7 +55,8 @@ impl Survey {
         }));
         lines.extend(self.sun_fault.map(|fault| format!("sun: not known: {fault}")));
         if let Some(reasons) = self.up_estimate.as_ref().and_then(UpEstimate::reasons) {
-            lines.insert(1, reasons);
+            let up = lines.iter().position(|line| line.starts_with("up: ")).unwrap_or(0);
+            lines.insert(up + 1, reasons);
         }
         lines
     }
@@ -50,7 +66,12 @@ impl Survey {
     pub fn up_warning(&self) -> Option<String> {
         (self.up.confidence == Confidence::Guess).then(|| {
             let [x, y, z] = self.up.value.to_array().map(|v| Short(v, 3));
-            let rival = self.up_estimate.as_ref().and_then(|estimate| estimate.rival).map(|(rival, _)| {
+            // As most programs write it, unless that is the guess.
+            let rival = self.up_estimate.as_ref().and_then(|estimate| match estimate.rival {
+                _ if self.up.value.dot(USUAL) < 0.9 => Some(USUAL),
+                rival => rival.map(|(rival, _)| rival),
+            });
+            let rival = rival.map(|rival| {
                 let [x, y, z] = rival.to_array().map(|v| Short(v, 3));
                 format!(", it may be {x},{y},{z}")
             });
@@ -60,6 +81,24 @@ impl Survey {
                 rival.unwrap_or_default()
             )
         })
+    }
+
+    /// A warning if no ground was found: on what then lies what falls.
+    #[must_use]
+    pub fn ground_warning(&self) -> Option<String> {
+        (self.ground.source == FactSource::Assumed).then(|| {
+            "no ground was found: snow and dust lie on what faces up and nowhere else; give --ground if the scene has one"
+                .into()
+        })
+    }
+
+    /// The doubts about the facts, and a note where there is no ground: objects have none.
+    #[must_use]
+    pub fn remarks(&self) -> Vec<Remark> {
+        let up = self.up_warning().map(|text| Remark::doubt("up-guessed", text));
+        let ground = self.ground_warning().map(|text| Remark::note("no-ground", text));
+        let scale = self.warning().map(|text| Remark::doubt("scale-unknown", text));
+        [up, ground, scale].into_iter().flatten().collect()
     }
 
     /// A line that names the facts that weather stands on and that are likely, not sure: such a fact may be some degrees, or a

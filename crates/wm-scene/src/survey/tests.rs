@@ -43,6 +43,7 @@ fn the_garden_has_a_sky_shell() {
     let labelled = survey(splats.clone());
     assert_eq!((found.sky_splats, labelled.sky_splats, label_sky(&mut splats)), (8688, 8688, 0));
     assert_eq!((found.up.value, found.up.source), (DVec3::Z, FactSource::Estimated));
+    assert_eq!(found.ground.source, FactSource::Estimated);
     // The paving falls from -0.3 to -1.4 over the courtyard; in the middle it is at -0.85.
     assert!((found.ground.value + 0.85).abs() < 0.2, "{}", found.ground.value);
     assert!(found.center.distance(DVec3::new(4.0, -31.0, 0.0)) < 5.0 && found.radius < 60.0);
@@ -55,6 +56,7 @@ fn the_camp_from_a_drone_has_none() {
     let Some(mut scene) = read("taebak") else { return };
     let found = Survey::of(&scene, &Metadata::default());
     assert_eq!((found.up.value, found.up.source), (DVec3::NEG_Y, FactSource::Estimated));
+    assert_eq!(found.ground.source, FactSource::Estimated);
     assert!((found.ground.value - 0.08).abs() < 0.05, "{}", found.ground.value);
     assert_eq!((found.sky_splats, label_sky(&mut scene.splats)), (0, 0));
     assert!(found.extent[0] > 45.0 && found.extent[2] < 4.0);
@@ -98,6 +100,7 @@ fn made_up_places_can_lie_any_way() {
             assert!(off(&found, truth) < 1.0, "{name} {index}: {} off", off(&found, truth));
             let ground = (found.ground.value - shift.dot(truth)) / scale;
             assert!(ground.abs() < height, "{name} {index}: ground at {ground}");
+            assert_eq!(found.ground.source, FactSource::Estimated, "{name} {index}");
         }
     }
 }
@@ -393,6 +396,85 @@ fn an_object_without_ground_has_no_more_than_a_guess_of_up() {
         }
         let found = survey(splats);
         assert_eq!(found.up.confidence, Confidence::Guess, "{stretch}: {:?}", found.up);
+    }
+}
+
+/// Flat splats on a surface that a function of two numbers of -1 to 1 gives, with its normal.
+fn sheet(side: u64, at: impl Fn(f64, f64) -> (DVec3, DVec3)) -> Splats {
+    let mut splats = Splats::with_capacity(0, 0);
+    let number = |i: u64| 2.0 * (i as f64 + 0.5) / side as f64 - 1.0;
+    for (u, v) in (0..side * side).map(|i| (number(i % side), number(i / side))) {
+        let (mean, normal) = at(u, v);
+        let turn = DQuat::from_rotation_arc(DVec3::Z, normal.normalize());
+        splats.push(&crate::splats::Splat {
+            mean: mean.to_array().map(|v| v as f32),
+            quat: [turn.w, turn.x, turn.y, turn.z].map(|v| v as f32),
+            log_scale: [-5.0, -5.0, -7.0],
+            logit_opacity: 3.0,
+            rgb: [0.5; 3],
+            group: Group::Scene,
+        });
+    }
+    splats
+}
+
+/// What one photo shows from the front, y down: a head and shoulders, alone and before a wall.
+#[test]
+fn a_portrait_does_not_lie_on_its_back() {
+    let bust = || {
+        sheet(100, |u, v| {
+            let round = (1.0 - u * u).max(0.0).sqrt();
+            let half = if v < 0.0 { 0.12 } else { 0.25 };
+            (DVec3::new(half * u, 0.35 * v, -0.15 * round), DVec3::new(u, 0.3 * v, -round - 0.2))
+        })
+    };
+    let found = survey(bust());
+    assert_eq!((found.up.value, found.up.source), (DVec3::NEG_Y, FactSource::Assumed));
+    assert_eq!((found.up.confidence, found.ground.source), (Confidence::Guess, FactSource::Assumed));
+    let mut before_wall = bust();
+    before_wall.append(&sheet(120, |u, v| {
+        (
+            DVec3::new(0.6 * u, 0.6 * v, 0.3 + 0.01 * (9.0 * u).sin() * (7.0 * v).sin()),
+            DVec3::new(0.1 * u, 0.1 * v, -1.0),
+        )
+    }));
+    let found = survey(before_wall);
+    assert_eq!(found.up.confidence, Confidence::Guess);
+    assert!(found.up_warning().unwrap().contains("0,-1,0"), "{:?}", found.up_warning());
+}
+
+/// A trunk that was photographed from near, as a photographer holds a camera.
+#[test]
+fn there_is_no_ground_where_nothing_is_level() {
+    let trunk = sheet(110, |u, v| {
+        let (sin, cos) = (2.0 * u).sin_cos();
+        let bark = DVec3::new(0.0, 0.0, 0.8 * ((37.0 * u).sin() * (23.0 * v).cos()));
+        let radius = 0.25 + 0.01 * (40.0 * v).sin();
+        (DVec3::new(radius * sin, -radius * cos, v), DVec3::new(sin, -cos, 0.0) + bark)
+    });
+    let eyes: Vec<_> = (0..12)
+        .map(|i| (f64::from(i) - 5.5) * 0.1)
+        .map(|angle| (DVec3::new(0.9 * angle.sin(), -0.9 * angle.cos(), 0.05), DVec3::ZERO))
+        .collect();
+    let found = Survey::of(&Scene { views: views(&eyes), ..bare(trunk) }, &Metadata::default());
+    assert!(off(&found, DVec3::Z) < 3.0 && found.up.source == FactSource::Cameras, "{:?}", found.up);
+    assert_eq!(found.ground.source, FactSource::Assumed);
+    assert!(
+        found.metadata().ground.is_none()
+            && found.lines().iter().any(|line| line.starts_with("ground: none"))
+    );
+    let codes: Vec<_> = found.remarks().into_iter().map(|remark| remark.code).collect();
+    assert!(codes.contains(&"no-ground"), "{codes:?}");
+}
+
+#[test]
+fn a_handful_of_splats_tells_nothing() {
+    for count in [1, 3, 40] {
+        let level = sheet(10, |u, v| (DVec3::new(u, v, 0.0), DVec3::Z));
+        let found = survey(level.select(&(0..count).collect::<Vec<_>>()));
+        assert_eq!((found.up.value, found.up.source), (DVec3::NEG_Y, FactSource::Assumed), "{count}");
+        let sure = [found.up.confidence, found.ground.confidence];
+        assert_eq!((sure, found.ground.source), ([Confidence::Guess; 2], FactSource::Assumed), "{count}");
     }
 }
 

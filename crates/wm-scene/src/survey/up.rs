@@ -19,7 +19,7 @@ use super::habits::{self, Habit, HabitKind};
 use super::linear::{direction, eigen, horizontals, outer, quantile};
 use super::sample::{SurveyPoint, SurveySample, strided};
 use super::sky::SkyRegion;
-use super::{Confidence, FactSource, ground};
+use super::{Confidence, FactSource, HANDFUL, ground};
 use crate::{Camera, SceneView, Splats};
 use glam::{DMat3, DVec3};
 
@@ -52,12 +52,12 @@ const LIKELY: f64 = 1.5;
 const GROUNDLESS: f64 = -3.3;
 /// Length of the mean direction of the sky from which it tells up.
 const SKY: f64 = 0.2;
-/// Up of an object without ground: most programs write y down, as cameras of structure from motion have it.
-const USUAL: DVec3 = DVec3::NEG_Y;
+/// Up of an object without ground, and of a handful of splats: most programs write y down, as cameras of structure from motion have it.
+pub(super) const USUAL: DVec3 = DVec3::NEG_Y;
 /// Lead of another direction, nats, with which an object does not stand so.
 const AGAINST: f64 = 4.0;
-/// Cosine from which a candidate is that axis.
-const SAME: f64 = 0.996;
+/// Nearness to an axis of programs, as a cosine, below which up is along another: 45 degrees.
+const ODD: f64 = 0.707;
 /// Largest angle between the ups of the two halves of a scene with which up is sure, degrees.
 const HALVES: f64 = 5.0;
 
@@ -85,11 +85,16 @@ pub fn estimate(
 ) -> Option<UpEstimate> {
     let cameras: Vec<_> = views.iter().map(|view| view.camera).collect();
     let habits = habits::habits(&cameras);
-    if sample.points.is_empty() || sample.radius <= 0.0 {
-        let habit = habits.iter().max_by(|a, b| a.log_odds.total_cmp(&b.log_odds))?;
+    if sample.points.len() < HANDFUL || sample.radius <= 0.0 {
+        let habit = habits.iter().max_by(|a, b| a.log_odds.total_cmp(&b.log_odds));
+        let (up, source) = match habit {
+            Some(habit) => (snapped(habit.up), FactSource::Cameras),
+            None if sample.points.is_empty() => return None,
+            None => (USUAL, FactSource::Assumed),
+        };
         return Some(UpEstimate {
-            up: snapped(habit.up),
-            source: FactSource::Cameras,
+            up,
+            source,
             confidence: if habits.len() == 1 { Confidence::Likely } else { Confidence::Guess },
             evidence: UpScore::default(),
             rival: None,
@@ -107,13 +112,21 @@ pub fn estimate(
     let (best, first) = *scored.first()?;
     let rival = scored.iter().find(|(_, other)| other.dot(first) < RIVAL);
     let lead = rival.map_or(f64::INFINITY, |(score, _)| best.sum() - score.sum());
-    let is_object = best.ground < GROUNDLESS && clues.heaven.length() < SKY && habits.is_empty();
-    if is_object && lead < LIKELY && first.dot(USUAL) < RIVAL {
-        let usual = scored.iter().find(|(_, axis)| axis.dot(USUAL) > SAME).map(|(score, _)| *score);
-        if let Some(evidence) = usual.filter(|score| best.sum() - score.sum() < AGAINST) {
-            let (source, confidence) = (FactSource::Assumed, Confidence::Guess);
-            return Some(UpEstimate { up: USUAL, source, confidence, evidence, rival: Some((first, best)) });
-        }
+    // Only the splats tell up.
+    let is_alone = clues.heaven.length() < SKY && habits.is_empty();
+    let stands =
+        ground::level(sample, first, None).is_some_and(|level| ground::is_there(sample, first, level));
+    let is_object = is_alone && (best.ground < GROUNDLESS || !stands);
+    let usual = evidence(sample, &rated, USUAL, clues);
+    let tells_little = lead < LIKELY && best.sum() - usual.sum() < AGAINST;
+    if is_object && (!stands || tells_little) && first.dot(USUAL) < RIVAL {
+        return Some(UpEstimate {
+            up: USUAL,
+            source: FactSource::Assumed,
+            confidence: Confidence::Guess,
+            evidence: usual,
+            rival: Some((first, best)),
+        });
     }
     let up = snapped(levelled(refined(sample, &rated, first, 0.97), &cameras, &habits));
     let agree = habits.iter().any(|habit| habit.up.dot(up) > AGREE);
@@ -122,6 +135,8 @@ pub fn estimate(
     // nor cameras, the rest is noise.
     let confidence = match lead {
         _ if is_object => Confidence::Guess,
+        // What a photo shows from the front lies on its back then, as on a ground.
+        _ if is_alone && prior_axis(up) < ODD => Confidence::Guess,
         _ if lead < LIKELY || !(agree || habits.is_empty()) => Confidence::Guess,
         _ if lead < SURE || apart > HALVES || habits.len() > 1 => Confidence::Likely,
         _ => Confidence::Sure,
@@ -399,6 +414,11 @@ fn surface(rated: &[SurveyPoint], up: DVec3, low: f64, step: f64) -> f64 {
         below += if layer > 0 { mass[layer - 1] } else { 0.0 };
     }
     best / count
+}
+
+/// Nearness of `up` to the nearest of the axes that programs have up, as a cosine.
+fn prior_axis(up: DVec3) -> f64 {
+    [DVec3::Z, DVec3::Y, DVec3::NEG_Y].into_iter().map(|axis| up.dot(axis)).fold(f64::MIN, f64::max)
 }
 
 /// The prior probability of `up`, before the scene is looked at.

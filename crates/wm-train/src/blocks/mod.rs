@@ -187,7 +187,7 @@ fn remove_if_there(path: &Path) -> Result<(), BlockError> {
 
 /// Reads splats that a part of this module wrote, all of one group.
 fn read_splats(path: &Path, group: Group, count: usize) -> Result<Splats, BlockError> {
-    let mut splats = read_scene(path, &ReadOptions::default())?.splats;
+    let mut splats = read_scene(path, &ReadOptions::default())?.as_in_file().splats;
     if splats.len() != count {
         return Err(BlockError::Splats { path: path.to_owned(), found: splats.len(), expected: count });
     }

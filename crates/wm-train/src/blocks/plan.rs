@@ -33,7 +33,7 @@ pub enum BlockCount {
     Number(NonZero<u32>),
 }
 
-/// A box in the axes of the capture.
+/// A box in the axes of the capture, in the world.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BlockRegion {
@@ -74,7 +74,10 @@ pub struct BlockPlan {
     hold_out: (u32, u32),
     /// Axes of the cells.
     pub ground: GroundAxes,
-    /// The box that is trained, world axes.
+    /// The point of the world that is zero in the capture as it is read, scene units.
+    #[serde(default)]
+    pub origin: DVec3,
+    /// The box that is trained, in the world.
     pub region: Option<BlockRegion>,
     /// The folder of the priors, relative to the run folder if it lies there.
     pub priors: Option<PathBuf>,
@@ -231,7 +234,8 @@ impl BlockPlan {
     /// Returns true if a point belongs to the core of a block.
     #[must_use]
     pub fn is_core(&self, block: &TrainBlock, point: DVec3) -> bool {
-        block.core.holds(self.ground.place(point)) && self.region.is_none_or(|region| region.holds(point))
+        block.core.holds(self.ground.place(point))
+            && self.region.is_none_or(|region| region.holds(point + self.origin))
     }
 }
 
@@ -269,8 +273,9 @@ pub(super) fn make(
     }
     let points: Vec<DVec3> =
         whole.capture().points.positions.iter().map(|point| DVec3::from_array(*point)).collect();
+    let origin = whole.capture().origin;
     let is_inside: Vec<bool> =
-        points.iter().map(|point| blocks.region.is_none_or(|region| region.holds(*point))).collect();
+        points.iter().map(|point| blocks.region.is_none_or(|region| region.holds(*point + origin))).collect();
     if !points.is_empty() && !is_inside.contains(&true) {
         return Err(BlockError::EmptyRegion);
     }
@@ -296,7 +301,7 @@ pub(super) fn make(
     // Cells are cut where there is something to train.
     let own: Vec<DVec2> = match blocks.region {
         Some(region) => {
-            let inside = middles.iter().zip(&places).filter(|(middle, _)| region.holds(**middle));
+            let inside = middles.iter().zip(&places).filter(|(middle, _)| region.holds(**middle + origin));
             inside.map(|(_, place)| *place).collect()
         }
         None => places.clone(),
@@ -339,6 +344,7 @@ pub(super) fn make(
         photo_size: format!("{:?}", options.dataset.size),
         hold_out: (options.held_out.every, options.held_out.from),
         ground,
+        origin,
         region: blocks.region,
         priors: whole.priors().map(|priors| match priors.strip_prefix(folder) {
             Ok(inside) => inside.to_owned(),

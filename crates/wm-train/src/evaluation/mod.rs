@@ -221,12 +221,14 @@ pub fn evaluate(
         let name = data.name(*place);
         let (rgb, mask) = floats(&photo);
         let maps = truth.read(name, &photo.camera, mask.as_deref())?;
-        views.render(&photo.camera)?;
+        // The scene and the capture may have origins of their own.
+        let camera = photo.camera.moved(data.capture.origin - scene.metadata.origin_or_zero());
+        views.render(&camera)?;
         let (frame, solid) = (&views.frame, &views.solid);
         is_seen |= frame.alpha.iter().any(|alpha| *alpha > 0.0);
         let (scores, image) = views.renderer.pool().install(|| {
             if let (Some(floaters), Some(depth)) = (&mut floaters, &maps.depth) {
-                floaters.add(&photo.camera, depth);
+                floaters.add(&camera, depth);
             }
             // Images are what a screen shows: 0 to 1.
             let mut image: Vec<f32> = frame.rgb.iter().map(|v| v.clamp(0.0, 1.0)).collect();

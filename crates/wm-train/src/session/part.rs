@@ -120,6 +120,7 @@ pub(super) fn capture_of(
         points,
         source: whole.source.clone(),
         images: whole.images.clone(),
+        origin: whole.origin,
         remarks: Vec::new(),
     }
 }

@@ -14,6 +14,7 @@ use crate::haze::{FarGround, PhotoHaze, settle};
 use crate::photos::Photo;
 use crate::priors::{Prior, Priors, SkyClass};
 use crate::start::{self, SkyPhotos, StartConfig};
+use glam::DVec3;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
@@ -272,7 +273,9 @@ pub(super) fn finish(
             ground.add(&mut splats, start::extent(&cameras), haze);
         }
     }
+    let origin = data.set.capture.origin;
     let mut metadata = Metadata {
+        origin: (origin != DVec3::ZERO).then_some(origin),
         rasterization: Some(config.rasterization),
         provenance: Some(format!(
             "weather-magician {}, {} photos, {} steps",

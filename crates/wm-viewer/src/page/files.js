@@ -63,7 +63,9 @@ export class FilesPanel {
       h("div", { className: "buttons" },
         h("button", { id: "save-all", className: "main", title: "Save the picture, and the weather and camera files that the command below needs", onclick: () => this.save(["picture", "weather", "camera"]) }, "Save all"),
         button("save-picture", "PNG", "picture"), button("save-weather", "Weather", "weather"), button("save-camera", "Camera", "camera")),
-      h("p", { className: "quiet" }, "The command gives the same picture, byte for byte, from the saved files."),
+      h("p", { className: "quiet" }, backend.features.isStatic
+        ? "The command renders the same view of the scene that this page was made from, with the saved files. The page's copy of the scene and a browser's arithmetic are rounded otherwise, so the pictures differ a little."
+        : "The command renders the same picture from the saved files, on the processor byte for byte."),
       this.command,
       h("div", { className: "buttons" }, h("button", { id: "copy-command", onclick: () => this.copy() }, "Copy command"), h("button", { onclick: () => this.file.click() }, "Load weather…"), this.file),
       ...(backend.features.video ? [

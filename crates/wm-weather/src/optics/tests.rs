@@ -22,6 +22,7 @@ fn the_gpus_form_is_valid() {
 }
 
 const SITE: Site = Site {
+    origin: [0.0; 3],
     metres_per_unit: 2.5,
     up: [0.0, -0.6, 0.8],
     ground: -1.0,

@@ -88,7 +88,8 @@ impl GroundMap {
         let (grid, _) = GroundGrid::of(scan, &occluders, None, threads);
         let (mut floor, mut top) = grid.floor();
         let places = grid.places().heightless();
-        let [columns, _] = places.size();
+        // A scene of which nothing is near the path has no cell.
+        let columns = places.size()[0].max(1);
         let cell = places.cell() as f32;
         let mut open = vec![f32::NAN; floor.len()];
         for (at, (height, open)) in floor.iter_mut().zip(&mut open).enumerate() {

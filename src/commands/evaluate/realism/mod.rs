@@ -17,6 +17,7 @@ use with_networks as network;
 #[cfg(not(feature = "nets"))]
 use without_networks as network;
 
+use crate::overwrite::OverwriteArgs;
 use crate::progress;
 use crate::weights::WeightsArgs;
 use anyhow::{Context, Result, bail};
@@ -93,6 +94,8 @@ pub struct RealismArgs {
 pub struct RealismOptions<'a> {
     /// The file for all numbers.
     pub json: Option<&'a Path>,
+    /// The permission to replace files.
+    pub overwrite: OverwriteArgs,
     /// True if pictures that cannot be read are left out.
     pub skip_bad: bool,
     /// Number of threads; `None` for one per core.
@@ -129,6 +132,7 @@ impl RealismArgs {
 pub fn run(args: &RealismArgs, work: &RealismOptions<'_>) -> Result<()> {
     for out in [work.json, args.csv.as_deref(), args.markdown.as_deref()].into_iter().flatten() {
         check_writable(out)?;
+        work.overwrite.check_report(out, &[])?;
     }
     let threads = rayon::ThreadPoolBuilder::new().num_threads(work.threads.map_or(0, usize::from)).build();
     let threads = threads.context("cannot start threads")?;

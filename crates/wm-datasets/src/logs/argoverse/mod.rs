@@ -5,7 +5,8 @@
 //! Pictures have been undistorted by its makers: k1, k2 and k3 of the intrinsics are those of the lens before, and are not used. Boxes are
 //! in the vehicle's axes at their time.
 
-use super::files::{MOST_BINARY, fault, files_in, name_of, pose_of_quaternion, read_bytes};
+use super::files::{MOST_BINARY, fault, files_in, folders_in, name_of, pose_of_quaternion, read_bytes};
+use super::records::{Chosen, Records, choose_folder};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::track::EgoTrack;
 use super::{
@@ -16,13 +17,13 @@ use crate::RigidPose;
 use crate::feather::FeatherTable;
 use glam::DVec3;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use wm_scene::capture::Distortion;
 use wm_scene::{FormatError, Location, Problem};
 
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat =
-    LogFormat { name: "Argoverse 2", about: "a log of the Argoverse 2 sensor data, with city_SE3_egovehicle.feather", has_scenes: false, read };
+    LogFormat { name: "Argoverse 2", about: "a log of the Argoverse 2 sensor data, with city_SE3_egovehicle.feather; or a folder of logs", read };
 
 /// Latitude and longitude of the origins of the cities' axes, degrees.
 const CITIES: [(&str, [f64; 2]); 6] = [
@@ -35,29 +36,49 @@ const CITIES: [(&str, [f64; 2]); 6] = [
 ];
 /// Nanoseconds since 1970 before which no log was recorded: their times are those of the GPS or of a test.
 const EARLIEST: i64 = 1_000_000_000_000_000_000;
+const POSES: &str = "city_SE3_egovehicle.feather";
+const INTRINSICS: &str = "calibration/intrinsics.feather";
 const POSE: [&str; 7] = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
 
 fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
-    let poses = path.join("city_SE3_egovehicle.feather");
-    if !poses.is_file() {
-        return Ok(None);
-    }
+    let Some((path, note)) = find(path, options)? else { return Ok(None) };
+    let path = path.as_path();
+    let mut records = Records::new(options.skip_bad);
     let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
     let mut log = empty_log(path, name_of(&whole));
-    let track = ego_track(&poses, &mut log)?;
-    cameras(path, options, &track, &mut log)?;
+    log.warnings.extend(note);
+    let track = ego_track(&path.join(POSES), &mut log, &mut records)?;
+    cameras(path, options, &track, &mut log, &mut records)?;
     let sweeps = path.join("sensors/lidar");
     if sweeps.is_dir() {
         for (stem, file) in files_in(&sweeps, &["feather"])? {
-            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?))) else { continue };
-            let (records, motion) = (SweepRecords::Feather, SweepMotion::Still(pose));
-            log.sweeps.push(LogSweep { file, labels: None, timestamp, center: pose.translation, records, motion });
+            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?))) else {
+                records.lost("sweeps have no pose", 1);
+                continue;
+            };
+            let (layout, motion) = (SweepRecords::Feather, SweepMotion::Still(pose));
+            log.sweeps.push(LogSweep { file, labels: None, timestamp, center: pose.translation, records: layout, motion });
         }
     }
-    log.tracks = tracks(&path.join("annotations.feather"), &track)?;
+    log.tracks = tracks(&path.join("annotations.feather"), &track, &mut records)?;
     log.location = place(path, log.origin);
     log.is_north_known = log.location.is_some();
+    log.warnings.extend(records.warnings());
     Ok(Some(log))
+}
+
+fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, FormatError> {
+    let lacks = |log: &Path| {
+        let has_photos = |folder: PathBuf| files_in(&folder, &["jpg", "png"]).is_ok_and(|files| !files.is_empty());
+        if !log.join(INTRINSICS).is_file() {
+            Some(format!("no {INTRINSICS}"))
+        } else if !folders_in(&log.join("sensors/cameras")).into_iter().any(has_photos) {
+            Some("no pictures".into())
+        } else {
+            None
+        }
+    };
+    choose_folder(path, "logs", options, |folder| folder.join(POSES).is_file(), lacks)
 }
 
 /// Reads columns of a file.
@@ -72,40 +93,56 @@ fn table_of(path: &Path, bytes: &[u8], names: &[&str]) -> Result<FeatherTable, F
     })
 }
 
-/// The poses of the rows.
-fn poses_of(path: &Path, table: &mut FeatherTable) -> Result<Vec<RigidPose>, FormatError> {
+/// The poses of the rows; `None` for those that are damaged and left out.
+fn poses_of(
+    path: &Path,
+    table: &mut FeatherTable,
+    records: &mut Records,
+) -> Result<Vec<Option<RigidPose>>, FormatError> {
     let mut columns = Vec::with_capacity(POSE.len());
     for name in POSE {
         columns.push(table.floats(name).map_err(|what| fault(path, what))?);
     }
     let rows = columns.iter().map(Vec::len).min().unwrap_or(0);
-    let pose = |row: usize| {
+    let mut pose = |row: usize| {
         let at = |column: usize| columns[column][row];
-        pose_of_quaternion([at(0), at(1), at(2), at(3)], DVec3::new(at(4), at(5), at(6)))
-            .map_err(|what| fault(path, format!("row {}: {what}", row + 1)))
+        let pose = pose_of_quaternion([at(0), at(1), at(2), at(3)], DVec3::new(at(4), at(5), at(6)));
+        records.sound("poses", pose.map_err(|what| fault(path, format!("row {}: {what}", row + 1))))
     };
-    (0..rows).map(pose).collect()
+    (0..rows).map(&mut pose).collect()
 }
 
-fn ego_track(path: &Path, log: &mut DrivingLog) -> Result<EgoTrack, FormatError> {
+fn ego_track(path: &Path, log: &mut DrivingLog, records: &mut Records) -> Result<EgoTrack, FormatError> {
     let mut table = table(path, &[&["timestamp_ns"], &POSE[..]].concat())?;
     let times = table.ints("timestamp_ns").map_err(|what| fault(path, what))?;
-    let poses = poses_of(path, &mut table)?;
-    let first = times.iter().zip(&poses).min_by_key(|(time, _)| **time);
-    let Some((_, first)) = first else { return Err(fault(path, "there are no poses in it")) };
-    log.origin = first.translation;
+    let poses = poses_of(path, &mut table, records)?;
     log.captured = times.get(times.len() / 2).filter(|time| **time > EARLIEST).map(|time| *time as f64 * 1e-9);
-    let poses = times.into_iter().zip(poses).map(|(time, pose)| (time, moved(pose, log.origin)));
-    Ok(EgoTrack::new(poses.collect()))
+    let poses = times.into_iter().zip(poses).filter_map(|(time, pose)| Some((time, pose?))).collect();
+    let mut poses = records.without_jumps(path, poses, |(time, pose): &(i64, RigidPose)| (*time, pose.translation))?;
+    let Some((_, first)) = poses.first() else { return Err(fault(path, "there are no poses in it")) };
+    log.origin = first.translation;
+    for (_, pose) in &mut poses {
+        *pose = moved(*pose, log.origin);
+    }
+    Ok(EgoTrack::new(poses))
 }
 
-fn cameras(path: &Path, options: &LogOptions, track: &EgoTrack, log: &mut DrivingLog) -> Result<(), FormatError> {
+fn cameras(
+    path: &Path,
+    options: &LogOptions,
+    track: &EgoTrack,
+    log: &mut DrivingLog,
+    records: &mut Records,
+) -> Result<(), FormatError> {
     let file = path.join("calibration/egovehicle_SE3_sensor.feather");
     let mut table_ = table(&file, &[&["sensor_name"], &POSE[..]].concat())?;
     let names = table_.texts("sensor_name").map_err(|what| fault(&file, what))?;
-    let poses: BTreeMap<String, RigidPose> = names.into_iter().zip(poses_of(&file, &mut table_)?).collect();
+    // The calibration is refused where it is damaged.
+    let poses = poses_of(&file, &mut table_, &mut Records::new(false))?;
+    let poses: BTreeMap<String, RigidPose> =
+        names.into_iter().zip(poses).filter_map(|(name, pose)| Some((name, pose?))).collect();
 
-    let file = path.join("calibration/intrinsics.feather");
+    let file = path.join(INTRINSICS);
     let columns = ["fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px"];
     let mut table_ = table(&file, &[&["sensor_name"], &columns[..]].concat())?;
     let names = table_.texts("sensor_name").map_err(|what| fault(&file, what))?;
@@ -129,18 +166,14 @@ fn cameras(path: &Path, options: &LogOptions, track: &EgoTrack, log: &mut Drivin
         };
         let at = |column: usize| values[column].get(row).copied().unwrap_or(f64::NAN);
         let side = |value: f64| if (1.0..=32_768.0).contains(&value) { value as u32 } else { 0 };
-        let mut lost = 0;
         for (stem, file) in files_in(&own, &["jpg", "png"])? {
             let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?))) else {
-                lost += 1;
+                records.lost(format!("pictures of {name} have no pose"), 1);
                 continue;
             };
             let world_from_camera = pose.then(rig_from_camera);
             let (camera, masks) = (log.cameras.len(), LogPictureMasks::default());
             log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks });
-        }
-        if lost > 0 {
-            log.warnings.push(format!("{lost} pictures of {name} have no pose; they are left out"));
         }
         log.cameras.push(LogCamera {
             name: name.clone(),
@@ -163,7 +196,7 @@ pub(super) fn read_points(path: &Path, bytes: &[u8]) -> Result<Vec<([f32; 3], f3
 }
 
 /// The boxes; none if there is no file.
-fn tracks(path: &Path, ego: &EgoTrack) -> Result<Vec<LogTrack>, FormatError> {
+fn tracks(path: &Path, ego: &EgoTrack, records: &mut Records) -> Result<Vec<LogTrack>, FormatError> {
     if !path.is_file() {
         return Ok(Vec::new());
     }
@@ -176,15 +209,17 @@ fn tracks(path: &Path, ego: &EgoTrack) -> Result<Vec<LogTrack>, FormatError> {
     for name in ["length_m", "width_m", "height_m"] {
         sides.push(table.floats(name).map_err(told)?);
     }
-    let poses = poses_of(path, &mut table)?;
+    let poses = poses_of(path, &mut table, records)?;
     let mut found = BTreeMap::<String, (String, Vec<LogBox>)>::new();
     let rows = times.iter().zip(ids).zip(kinds).zip(poses).enumerate();
     for (row, (((time, id), category), rig_from_box)) in rows {
-        let Some(world_from_rig) = ego.at(*time) else { continue };
+        let Some((world_from_rig, rig_from_box)) = ego.at(*time).zip(rig_from_box) else { continue };
         let side = |axis: usize| sides[axis].get(row).copied().unwrap_or(f64::NAN);
         let size = DVec3::new(side(0), side(1), side(2));
         if !size.to_array().iter().all(|side| (0.0..1000.0).contains(side)) {
-            return Err(fault(path, format!("row {}: a box of {size} m", row + 1)));
+            let wrong = fault(path, format!("row {}: a box of {size} m", row + 1));
+            records.sound("boxes", Err::<(), _>(wrong))?;
+            continue;
         }
         let own = LogBox { timestamp: *time, world_from_box: world_from_rig.then(&rig_from_box), size };
         found.entry(id).or_insert_with(|| (category, Vec::new())).1.push(own);

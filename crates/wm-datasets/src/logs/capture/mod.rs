@@ -16,7 +16,8 @@ mod photo;
 mod points;
 mod write;
 
-use super::{DrivingLog, LogPicture};
+use super::records::Records;
+use super::{DrivingLog, LogPicture, LogSweep};
 use crate::SetError;
 use depth::LidarView;
 use glam::DVec3;
@@ -42,6 +43,8 @@ pub struct LogCaptureOptions {
     pub most_points: usize,
     /// Most pixels of a depth map.
     pub depth_pixels: u32,
+    /// True to go on without sweeps, labels and masks that are damaged; they are refused otherwise.
+    pub skip_bad: bool,
 }
 
 impl Default for LogCaptureOptions {
@@ -53,6 +56,7 @@ impl Default for LogCaptureOptions {
             farthest: 100.0,
             most_points: 3_000_000,
             depth_pixels: 300_000,
+            skip_bad: false,
         }
     }
 }
@@ -163,8 +167,16 @@ impl DrivingLog {
         let mut warnings = self.warnings.clone();
         let mut cloud = VoxelCloud::new(options.voxel);
         let (mut intensities, mut count) = (0.0, 0u64);
+        let mut records = Records::new(options.skip_bad);
+        let mut sweeps = Vec::with_capacity(self.sweeps.len());
         for (done, sweep) in self.sweeps.iter().enumerate() {
-            let clean = CleanSweep::read(self, sweep, options)?;
+            let clean = records.sound("sweeps", CleanSweep::read(self, sweep, options))?;
+            // A download that failed leaves files without a byte.
+            let is_empty = clean.as_ref().is_some_and(|clean| clean.is_empty);
+            records.lost("sweeps have no points", usize::from(is_empty));
+            sweeps.extend((clean.is_some() && !is_empty).then_some(sweep));
+            let clean = clean.unwrap_or_default();
+            records.lost("points of sweeps are not finite or over a kilometre away", clean.unusable);
             cloud.add(&clean, options.farthest);
             intensities += clean.points.iter().map(|point| f64::from(point.intensity)).sum::<f64>();
             count += clean.points.len() as u64;
@@ -185,6 +197,8 @@ impl DrivingLog {
             options,
             frames: Vec::new(),
             warnings: Vec::new(),
+            records,
+            sweeps,
             sweep: None,
             lenses: Vec::new(),
             depth_maps: 0,
@@ -213,6 +227,7 @@ impl DrivingLog {
             warnings.push(format!("{} of {} photos cannot be read: {first}", bad.len(), self.pictures.len()));
         }
         warnings.append(&mut frames.warnings);
+        warnings.extend(frames.records.warnings());
         let all = points.len();
         // Without photos nothing is seen, and all is kept, grey.
         let unseen_points = if bad.len() == self.pictures.len() { 0 } else { points.drop_unseen() };
@@ -231,7 +246,7 @@ impl DrivingLog {
             masks: frames.masks,
             depth_maps: frames.depth_maps,
             sky_masks: frames.sky_masks,
-            sweeps: self.sweeps.len(),
+            sweeps: frames.sweeps.len(),
             points: points.len(),
             unseen_points,
             movers: self.tracks.iter().filter(|track| track.is_mover).count(),
@@ -271,14 +286,6 @@ impl DrivingLog {
             ..Metadata::default()
         }
     }
-
-    /// The sweep that is nearest in time, at most 0.2 s away.
-    fn sweep_near(&self, time: i64) -> Option<usize> {
-        let after = self.sweeps.partition_point(|sweep| sweep.timestamp < time);
-        let near = [after.checked_sub(1), Some(after)].into_iter().flatten();
-        let away = |index: &usize| self.sweeps.get(*index).map(|sweep| sweep.timestamp.abs_diff(time));
-        near.filter(|index| away(index).is_some_and(|away| away <= NEAR)).min_by_key(|index| away(index))
-    }
 }
 
 /// Makes a folder.
@@ -293,6 +300,9 @@ struct Frames<'a> {
     options: &'a LogCaptureOptions,
     frames: Vec<(usize, write::Frame)>,
     warnings: Vec<String>,
+    records: Records,
+    /// The sweeps that can be read.
+    sweeps: Vec<&'a LogSweep>,
     /// The last sweep that was read.
     sweep: Option<(usize, CleanSweep)>,
     /// For each camera what its masks need; made when it is first needed.
@@ -320,7 +330,8 @@ impl Frames<'_> {
         let boxes = self.log.movers_at(picture.timestamp);
         let mut mask = lens.mask(&photo, &boxes, self.options.more);
         if let Some(file) = &picture.masks.movers {
-            masks::add_file(&mut mask, file, camera.size)?;
+            let added = masks::add_file(&mut mask, file, camera.size);
+            self.records.sound("masks", added)?;
         }
         let mut mask_path = None;
         if let Some(mask) = &mask {
@@ -341,7 +352,7 @@ impl Frames<'_> {
             }
             Some(ideal) => {
                 let size = depth::map_size(&ideal, self.options.depth_pixels);
-                let view = match self.log.sweep_near(picture.timestamp) {
+                let view = match self.sweep_near(picture.timestamp) {
                     Some(near) => LidarView::new(&ideal.resized(size.0, size.1), &self.clean(near)?.points),
                     None => LidarView::new(&ideal.resized(size.0, size.1), &[]),
                 };
@@ -353,11 +364,13 @@ impl Frames<'_> {
                 }
                 if let Some(file) = &picture.masks.sky {
                     let sky =
-                        masks::pinhole_sky(file, &photo, camera.distortion, &ideal.resized(size.0, size.1))?;
-                    let path = map_path(&self.folder.join(SKY), &name, "png");
-                    make(path.parent().unwrap_or(self.folder))?;
-                    write::grey(&path, &sky, size)?;
-                    self.sky_masks += 1;
+                        masks::pinhole_sky(file, &photo, camera.distortion, &ideal.resized(size.0, size.1));
+                    if let Some(sky) = self.records.sound("masks", sky)? {
+                        let path = map_path(&self.folder.join(SKY), &name, "png");
+                        make(path.parent().unwrap_or(self.folder))?;
+                        write::grey(&path, &sky, size)?;
+                        self.sky_masks += 1;
+                    }
                 }
                 if let Some(rgb) = rgb {
                     points.paint(&photo, camera.distortion, &view, rgb, mask.as_deref(), COLOURS);
@@ -371,9 +384,17 @@ impl Frames<'_> {
     fn clean(&mut self, index: usize) -> Result<&CleanSweep, FormatError> {
         let sweep = match self.sweep.take() {
             Some((own, sweep)) if own == index => sweep,
-            _ => CleanSweep::read(self.log, &self.log.sweeps[index], self.options)?,
+            _ => CleanSweep::read(self.log, self.sweeps[index], self.options)?,
         };
         Ok(&self.sweep.insert((index, sweep)).1)
+    }
+
+    /// The sweep that is nearest in time, at most 0.2 s away.
+    fn sweep_near(&self, time: i64) -> Option<usize> {
+        let after = self.sweeps.partition_point(|sweep| sweep.timestamp < time);
+        let near = [after.checked_sub(1), Some(after)].into_iter().flatten();
+        let away = |index: &usize| self.sweeps.get(*index).map(|sweep| sweep.timestamp.abs_diff(time));
+        near.filter(|index| away(index).is_some_and(|away| away <= NEAR)).min_by_key(|index| away(index))
     }
 }
 

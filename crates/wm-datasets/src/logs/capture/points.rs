@@ -3,6 +3,7 @@
 use super::LogCaptureOptions;
 use super::depth::LidarView;
 use super::photo::Rgb;
+use crate::logs::sweep::SweepPoints;
 use crate::logs::{DrivingLog, LogPoint, LogSweep};
 use glam::DVec3;
 use std::collections::{BTreeMap, HashMap};
@@ -17,8 +18,13 @@ const CELL: f64 = 20.0;
 const GREY: [u8; 3] = [128; 3];
 
 /// A sweep without the vehicle itself and without movers.
+#[derive(Default)]
 pub(super) struct CleanSweep {
     pub points: Vec<LogPoint>,
+    /// Points that are not finite, or too far away.
+    pub unusable: usize,
+    /// True if the file has no points at all.
+    pub is_empty: bool,
 }
 
 impl CleanSweep {
@@ -27,7 +33,8 @@ impl CleanSweep {
         sweep: &LogSweep,
         options: &LogCaptureOptions,
     ) -> Result<Self, FormatError> {
-        let mut points = sweep.points()?;
+        let SweepPoints { mut points, unusable } = sweep.read()?;
+        let is_empty = points.is_empty() && unusable == 0;
         let boxes = log.movers_at(sweep.timestamp);
         // Within a sweep boxes move less than by what they are enlarged.
         let reach: Vec<(DVec3, f64)> = boxes
@@ -42,7 +49,7 @@ impl CleanSweep {
             };
             !point.moves && point.range >= options.nearest && !boxes.iter().zip(&reach).any(is_in)
         });
-        Ok(Self { points })
+        Ok(Self { points, unusable, is_empty })
     }
 }
 
@@ -212,7 +219,7 @@ mod tests {
         };
         let points = vec![at(0.01), at(0.03), at(0.08), at(-0.01), LogPoint { range: 200.0, ..at(7.0) }];
         let mut cloud = VoxelCloud::new(0.07);
-        cloud.add(&CleanSweep { points }, 100.0);
+        cloud.add(&CleanSweep { points, ..CleanSweep::default() }, 100.0);
         let points = cloud.points(10);
         let x: Vec<f64> = points.positions.iter().map(|p| (p.x * 1e6).round() / 1e6).collect();
         assert_eq!(x, [0.02, 0.08, -0.01]);
@@ -231,7 +238,7 @@ mod tests {
             })
             .collect();
         let mut cloud = VoxelCloud::new(0.07);
-        cloud.add(&CleanSweep { points }, 100.0);
+        cloud.add(&CleanSweep { points, ..CleanSweep::default() }, 100.0);
         let points = cloud.points(100);
         assert_eq!(points.len(), 100);
         let steps = points.positions.windows(2).map(|pair| pair[1].x - pair[0].x);

@@ -127,7 +127,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     let roots: Vec<&Path> = std::iter::once(dataset).chain(full.ancestors().skip(1).take(2)).collect();
     let (images, found) = places::find(&roots, options, &places::IMAGES, &mut views)?;
     remarks.extend(found);
-    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks }))
+    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
 }
 
 /// Reads the points of a model alone.

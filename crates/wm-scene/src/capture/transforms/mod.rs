@@ -163,7 +163,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     };
     remarks.extend(unused(&transforms, &path));
     let observations = vec![Vec::new(); views.len()];
-    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks }))
+    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
 }
 
 impl Frame {

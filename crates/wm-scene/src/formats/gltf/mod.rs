@@ -5,12 +5,16 @@
 //! (standard deviations), `OPACITY` (0-1) and `SH_DEGREE_l_COEF_n`. Drafts of the extension had logarithms in `SCALE`: they are told by a negative one.
 //! Nodes may turn, move and scale what they hold, alike in all directions.
 //!
-//! With `KHR_gaussian_splatting_compression_spz_2` (a draft) the primitive has an SPZ instead, whose axes are turned as SPZ's library does
+//! Colours are sRGB or linear light, as the extension states; those of linear light become sRGB.
+//!
+//! With `KHR_gaussian_splatting_compression_spz_2` (a draft, which had other names before) the primitive has an SPZ instead, whose axes are turned as SPZ's library does
 //! for the axes LUF. CesiumJS 1.140 does not turn them, and neither do files that are made for it: they state no kernel.
 //!
 //! Read are `.glb` and `.gltf` with buffers inside or in files below its folder; a `.glb` is written, as floats or with SPZ. It keeps the
-//! metadata in `asset.extras.wm` and groups in an attribute `_GROUP`.
+//! metadata in `asset.extras.wm` and groups in an attribute `_GROUP`. The local origin of a scene is the translation of its node too, for
+//! other programs; where the metadata state it, it is taken off again.
 
+mod kind;
 mod read;
 mod write;
 
@@ -35,6 +39,10 @@ pub const FORMAT: SceneFormat = SceneFormat {
     },
     write: Writer::Stream(write::write),
 };
+
+/// The losses of a file whose splats are in an SPZ.
+pub(super) const PACKED_LOSES: Loses =
+    Loses { groups: super::Kept::Inside, metadata: super::Kept::Inside, ..super::spz::FORMAT.loses };
 
 const MAGIC: &[u8] = b"glTF";
 /// Types of chunks.

@@ -1,8 +1,8 @@
 //! Reading: JSON, buffers, nodes, accessors.
 
-use super::{BIN, FORMAT, JSON, MAGIC, SPLATTING, SPZ, attribute, sh_attribute};
+use super::{BIN, FORMAT, JSON, MAGIC, SPLATTING, attribute, kind::interpret, sh_attribute};
 use crate::{
-    Group, Metadata, Scene, Splats,
+    Group, Metadata, Remark, Scene, Splats,
     error::{Problem, excerpt, one_line},
     files,
     formats::{
@@ -10,6 +10,8 @@ use crate::{
         bytes::{Bytes, check_unpacked},
         spz,
     },
+    origin,
+    remark::add_new,
     sh,
     similarity::Similarity,
     splats::logit,
@@ -145,12 +147,9 @@ pub(super) fn read(file: &[u8], main: &Path) -> Result<Scene, Problem> {
     let (json, bin) = if file.starts_with(MAGIC) { chunks(file)? } else { (file, None) };
     let gltf: Gltf = serde_json::from_slice(files::without_mark(json))
         .map_err(|error| fault(one_line(&error.to_string())))?;
-    let known = [SPLATTING, SPZ, "KHR_mesh_quantization"];
-    if let Some(unknown) = gltf.extensions_required.iter().find(|name| !known.contains(&name.as_str())) {
-        return Err(fault(format!(
-            "it requires the extension {}, which is not read",
-            excerpt(unknown.as_bytes())
-        )));
+    if let Some(unknown) = gltf.extensions_required.iter().find(|name| !is_read(name)) {
+        let name: String = one_line(unknown).chars().take(80).collect();
+        return Err(fault(format!("it requires the extension {name}, which is not read")));
     }
     if let Some(fault_of) = gltf.asset.extras.wm.fault() {
         return Err(fault(format!("asset.extras.wm: {fault_of}")));
@@ -159,22 +158,79 @@ pub(super) fn read(file: &[u8], main: &Path) -> Result<Scene, Problem> {
     let buffers = buffers.collect::<Result<Vec<_>, _>>()?;
     let size = buffers.iter().map(|buffer| buffer.len() as u64).sum();
     let reader = Reader { gltf: &gltf, buffers, size };
-    let mut scene = Scene { metadata: gltf.asset.extras.wm.clone(), ..Scene::default() };
+    let mut read = Placed { metadata: gltf.asset.extras.wm.clone(), ..Placed::default() };
     if let Some(root) = gltf.scenes.get(gltf.scene) {
         // A node may stand at one place of the tree only, so that none is met twice.
         let mut met = vec![false; gltf.nodes.len()];
         for node in &root.nodes {
-            reader.node(*node, &Similarity::IDENTITY, &mut met, &mut scene)?;
+            reader.node(*node, &Similarity::IDENTITY, &mut met, &mut read)?;
         }
     } else {
         for mesh in &gltf.meshes {
-            reader.mesh(mesh, &Similarity::IDENTITY, &mut scene)?;
+            reader.mesh(mesh, &Similarity::IDENTITY, &mut read)?;
         }
     }
-    if scene.splats.is_empty() {
+    if read.count == 0 {
         return Err(fault(format!("no primitive with {SPLATTING} is in its scene")));
     }
-    Ok(scene)
+    Ok(read.scene())
+}
+
+/// The splats of primitives, as they are in them, with their places in the scene.
+#[derive(Default)]
+struct Placed {
+    metadata: Metadata,
+    remarks: Vec<Remark>,
+    parts: Vec<(Splats, Similarity)>,
+    /// Number of splats.
+    count: usize,
+}
+
+impl Placed {
+    /// The scene, relative to the origin that the file states, else to one that suits its places: a node may stand far from zero, with
+    /// splats near to it.
+    fn scene(self) -> Scene {
+        let Self { metadata, remarks, parts, count } = self;
+        let step = count.div_ceil(1 << 12).max(1);
+        let positions = parts.iter().flat_map(|(splats, place)| {
+            splats.means.iter().step_by(step).map(|mean| place.point(origin::wide(*mean)))
+        });
+        let size =
+            parts.iter().map(|(splats, place)| place.scale * origin::usual_size(splats)).fold(0.0, f64::max);
+        let is_moved = parts.iter().any(|(_, place)| place.translation != DVec3::ZERO);
+        let moved_by = match metadata.origin {
+            None if is_moved => origin::choose(&positions.collect::<Vec<_>>(), size).unwrap_or(DVec3::ZERO),
+            _ => DVec3::ZERO,
+        };
+        let from = metadata.origin.unwrap_or(moved_by);
+        let mut all = Splats::default();
+        for (mut splats, place) in parts {
+            Similarity { translation: place.translation - from, ..place }.apply_to(&mut splats);
+            all = Splats::joined(all, splats);
+        }
+        Scene { splats: all, metadata, remarks, moved_by, ..Scene::default() }
+    }
+}
+
+/// Returns true if splats are read rightly of a file that requires an extension: it is of splats, or of what splats do not
+/// have, such as materials.
+fn is_read(extension: &str) -> bool {
+    const OF_OTHERS: [&str; 7] = [
+        "KHR_mesh_quantization",
+        "KHR_materials_",
+        "KHR_texture_",
+        "KHR_lights_",
+        "EXT_mesh_features",
+        "EXT_instance_features",
+        "EXT_structural_metadata",
+    ];
+    extension == SPLATTING || is_spz(extension) || OF_OTHERS.iter().any(|start| extension.starts_with(start))
+}
+
+/// Returns true if this is a name of the extension of splats in an SPZ. Drafts had several: `KHR_spz_compression`,
+/// `KHR_spz_gaussian_splats_compression`, `KHR_gaussian_splatting_compression_spz` and that with `_2`.
+fn is_spz(extension: &str) -> bool {
+    extension.split('_').any(|word| word == "spz")
 }
 
 /// JSON and binary chunk of a GLB.
@@ -237,7 +293,7 @@ impl Reader<'_> {
         index: usize,
         above: &Similarity,
         met: &mut [bool],
-        scene: &mut Scene,
+        read: &mut Placed,
     ) -> Result<(), Problem> {
         // Each node is met once, so that what is below is a tree; deeper ones than the stack holds are refused.
         let mut waiting = vec![(index, *above)];
@@ -253,93 +309,118 @@ impl Reader<'_> {
             if let Some(mesh) = node.mesh {
                 let mesh =
                     self.gltf.meshes.get(mesh).ok_or_else(|| fault(format!("there is no mesh {mesh}")))?;
-                self.mesh(mesh, &here, scene)?;
+                self.mesh(mesh, &here, read)?;
             }
             waiting.extend(node.children.iter().rev().map(|child| (*child, here)));
         }
         Ok(())
     }
 
-    fn mesh(&self, mesh: &Mesh, place: &Similarity, scene: &mut Scene) -> Result<(), Problem> {
+    fn mesh(&self, mesh: &Mesh, place: &Similarity, read: &mut Placed) -> Result<(), Problem> {
         for primitive in &mesh.primitives {
-            let Some(extension) = primitive.extensions.get(SPLATTING) else { continue };
-            for (key, known) in [("kernel", "ellipse"), ("colorSpace", "srgb_rec709_display")] {
-                if let Some(other) =
-                    extension.get(key).and_then(Value::as_str).filter(|value| *value != known)
-                {
-                    return Err(fault(format!(
-                        "the {key} {} is not read, {known} is",
-                        excerpt(other.as_bytes())
-                    )));
-                }
-            }
-            let mut splats = match extension
-                .get("extensions")
-                .and_then(|e| e.get(SPZ))
-                .and_then(|e| e.get("bufferView"))
-            {
-                Some(view) => {
-                    let view = view.as_u64().ok_or_else(|| fault("the SPZ's bufferView is not a number"))?;
+            let extension = primitive.extensions.get(SPLATTING);
+            // An SPZ is in the extension; early drafts had it beside, or instead.
+            let inner = extension.and_then(|e| e.get("extensions")).and_then(Value::as_object);
+            let packed = inner.into_iter().flatten().chain(&primitive.extensions);
+            let packed = packed.into_iter().find(|(name, _)| is_spz(name)).map(|(_, packed)| packed);
+            let Some(extension) = extension.or(packed) else { continue };
+            let mut splats = match packed {
+                Some(packed) => {
+                    let view = packed.get("bufferView").and_then(Value::as_u64);
+                    let view = view.ok_or_else(|| fault("the SPZ's bufferView is not a number"))?;
                     let mut inner = spz::read(self.view(view as usize)?.1)?;
-                    // As CesiumJS has them, the axes are those of glTF already.
-                    if extension.get("kernel").is_some() {
+                    // As CesiumJS has them, the axes are those of glTF already; such files lack what the extension demands.
+                    if ["kernel", "colorSpace"].iter().all(|key| extension.get(key).is_some()) {
                         spz::FORMAT.axes.turn(&mut inner);
                         FORMAT.axes.turn(&mut inner);
+                    } else {
+                        let text = "glTF: the numbers in its SPZ are taken for those of glTF's axes, as CesiumJS does";
+                        add_new(&mut read.remarks, &[Remark::note("spz-axes", text)]);
                     }
-                    scene.metadata = std::mem::take(&mut scene.metadata).or(inner.metadata);
+                    read.metadata = std::mem::take(&mut read.metadata).or(inner.metadata);
+                    add_new(&mut read.remarks, &inner.remarks);
+                    self.groups(primitive, &mut inner.splats)?;
                     inner.splats
                 }
-                None => self.splats(primitive)?,
+                None => self.splats(primitive, extension)?,
             };
-            place.apply_to(&mut splats);
+            add_new(&mut read.remarks, &interpret(extension, &mut splats));
             // Nodes may share a mesh, and meshes values: as many splats as a bomb wants.
-            let together = (scene.splats.len() + splats.len()) as u64 * SPLAT_SIZE;
+            let together = (read.count + splats.len()) as u64 * SPLAT_SIZE;
             check_unpacked(together, self.size, "a glTF whose nodes share splats")?;
-            scene.splats = Splats::joined(std::mem::take(&mut scene.splats), splats);
+            read.count += splats.len();
+            read.parts.push((splats, *place));
         }
         Ok(())
     }
 
-    fn splats(&self, primitive: &Primitive) -> Result<Splats, Problem> {
+    fn splats(&self, primitive: &Primitive, extension: &Value) -> Result<Splats, Problem> {
         let get = |name: &str| primitive.attributes.get(name).copied();
-        let needed =
-            |name: &str| get(name).ok_or_else(|| fault(format!("the splats have no attribute {name}")));
-        let degree = (1..=sh::MAX_DEGREE)
-            .rfind(|d| get(&sh_attribute(sh::coefficients(*d) - 1)).is_some())
-            .unwrap_or(0);
-        let position = needed("POSITION")?;
+        // Drafts had `_SCALE` and the like, or the accessors in the extension, and the colour in COLOR_0 alone.
+        let index = |value: Option<&Value>| Some(value?.as_u64()? as usize);
+        let find = |name: &str| {
+            let draft = get(&format!("_{name}")).or_else(|| index(extension.get(name.to_lowercase())));
+            get(&attribute(name)).or(draft)
+        };
+        let coefficient =
+            |k: usize| get(&sh_attribute(k)).or_else(|| index(extension.get("sh").and_then(|sh| sh.get(k))));
+        let known = |accessor: Option<usize>, name: &str| {
+            accessor.ok_or_else(|| fault(format!("the splats have no attribute {name}")))
+        };
+        let needed = |name: &str| known(find(name), &attribute(name));
+        let degree =
+            (1..=sh::MAX_DEGREE).rfind(|d| coefficient(sh::coefficients(*d) - 1).is_some()).unwrap_or(0);
+        let position = known(get("POSITION"), "POSITION")?;
         // The other attributes have as many values, or `fill` says so.
         let count = self.accessor(position)?.count;
         self.numbers::<3>(position, count, |_, _| ())?;
         let mut splats = Splats::zeroed(count as usize, degree);
         self.numbers::<3>(position, count, |i, v| splats.means[i] = v)?;
-        self.numbers::<4>(needed(&attribute("ROTATION"))?, count, |i, [x, y, z, w]| {
+        self.numbers::<4>(needed("ROTATION")?, count, |i, [x, y, z, w]| {
             splats.quats[i] = [w, x, y, z];
         })?;
         let mut least = f32::INFINITY;
-        self.numbers::<3>(needed(&attribute("SCALE"))?, count, |i, v| {
+        self.numbers::<3>(needed("SCALE")?, count, |i, v| {
             least = v.iter().fold(least, |least, v| least.min(*v));
             splats.log_scales[i] = v;
         })?;
         if least >= 0.0 {
             splats.log_scales.as_flattened_mut().iter_mut().for_each(|v| *v = v.ln());
         }
-        self.numbers::<1>(needed(&attribute("OPACITY"))?, count, |i, [v]| {
-            splats.logit_opacities[i] = logit(f64::from(v)) as f32;
-        })?;
         let stride = splats.sh_stride();
-        for coefficient in 0..sh::coefficients(degree) {
-            let name = sh_attribute(coefficient);
-            self.numbers::<3>(needed(&name)?, count, |i, v| {
-                splats.sh[i * stride + coefficient * 3..][..3].copy_from_slice(&v);
+        let color = get("COLOR_0").filter(|_| coefficient(0).is_none());
+        if let Some(color) = color {
+            let has_alpha = self.accessor(color)?.kind == "VEC4";
+            let mut take = |i: usize, [r, g, b, a]: [f32; 4]| {
+                splats.sh[i * stride..][..3]
+                    .copy_from_slice(&[r, g, b].map(|v| sh::dc_of(f64::from(v)) as f32));
+                splats.logit_opacities[i] = logit(f64::from(a)) as f32;
+            };
+            match has_alpha {
+                true => self.numbers::<4>(color, count, take)?,
+                false => self.numbers::<3>(color, count, |i, [r, g, b]| take(i, [r, g, b, 1.0]))?,
+            }
+        }
+        if color.is_none() || find("OPACITY").is_some() {
+            self.numbers::<1>(needed("OPACITY")?, count, |i, [v]| {
+                splats.logit_opacities[i] = logit(f64::from(v)) as f32;
             })?;
         }
-        if let Some(groups) = get("_GROUP") {
-            self.numbers::<1>(groups, count, |i, [v]| {
-                splats.groups[i] = Group::from_number(v as u8).unwrap_or_default();
+        for k in usize::from(color.is_some())..sh::coefficients(degree) {
+            self.numbers::<3>(known(coefficient(k), &sh_attribute(k))?, count, |i, v| {
+                splats.sh[i * stride + k * 3..][..3].copy_from_slice(&v);
             })?;
         }
+        self.groups(primitive, &mut splats)?;
         Ok(splats)
+    }
+
+    /// Reads the groups of splats, where a file has them.
+    fn groups(&self, primitive: &Primitive, splats: &mut Splats) -> Result<(), Problem> {
+        let Some(groups) = primitive.attributes.get("_GROUP").copied() else { return Ok(()) };
+        self.numbers::<1>(groups, splats.len() as u64, |i, [v]| {
+            splats.groups[i] = Group::from_number(v as u8).unwrap_or_default();
+        })
     }
 
     fn accessor(&self, index: usize) -> Result<&Accessor, Problem> {
@@ -395,7 +476,8 @@ impl Reader<'_> {
                 )));
             }
         };
-        let divisor = if accessor.normalized { divisor } else { 1.0 };
+        // The lowest of normalised signed integers means -1 too.
+        let (divisor, least) = if accessor.normalized { (divisor, -1.0) } else { (1.0, f32::NEG_INFINITY) };
         let row = size * N as u64;
         let stride = view.byte_stride.unwrap_or(row).max(row);
         let mut bytes = Bytes::new(bytes, "an accessor of the glTF");
@@ -408,9 +490,9 @@ impl Reader<'_> {
                 let at = &row[k * size as usize..];
                 let (byte, short) = (at[0], at.first_chunk().copied().unwrap_or_default());
                 match component {
-                    5120 => f32::from(byte as i8) / divisor,
+                    5120 => (f32::from(byte as i8) / divisor).max(least),
                     5121 => f32::from(byte) / divisor,
-                    5122 => f32::from(i16::from_le_bytes(short)) / divisor,
+                    5122 => (f32::from(i16::from_le_bytes(short)) / divisor).max(least),
                     5123 => f32::from(u16::from_le_bytes(short)) / divisor,
                     _ => at.first_chunk().map_or(0.0, |b| f32::from_le_bytes(*b)),
                 }

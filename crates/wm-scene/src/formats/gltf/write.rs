@@ -108,12 +108,11 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
             Ok(out.write_all(&bytes)?)
         }
         GltfSplats::Spz | GltfSplats::SpzCesium => {
-            all.retain(|a| !matches!(a.what, What::Group));
             let mut packed = Vec::new();
             let inner = WriteOptions { spz: SpzVersion::V3, ..*options };
             if options.gltf == GltfSplats::SpzCesium {
                 // It has the opacity and the first coefficients of SH in COLOR_0.
-                all.retain(|a| !matches!(a.what, What::Opacity | What::Sh(0)));
+                all.retain(|a| !matches!(a.what, What::Opacity | What::Sh(0) | What::Group));
                 let mut turned = scene.clone();
                 FORMAT.axes.turn(&mut turned);
                 spz::FORMAT.axes.turn(&mut turned);
@@ -123,8 +122,18 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
             }
             let length = packed.len() as u64;
             packed.resize(packed.len().next_multiple_of(4), 0);
-            head(out, &document(scene, &all, &[length], options.gltf), packed.len() as u64)?;
-            Ok(out.write_all(&packed)?)
+            // The groups, which an SPZ has no room for, come behind it.
+            let mut groups = Vec::new();
+            if let Some(attribute) = all.iter().find(|a| matches!(a.what, What::Group)) {
+                let signs = FORMAT.axes.sh_signs();
+                (0..splats.len()).for_each(|index| attribute.write(splats, index, &signs, &mut groups));
+            }
+            let sizes = [length, groups.len() as u64];
+            let sizes = &sizes[..if groups.is_empty() { 1 } else { 2 }];
+            let binary = (packed.len() + groups.len()) as u64;
+            head(out, &document(scene, &all, sizes, options.gltf), binary)?;
+            out.write_all(&packed)?;
+            Ok(out.write_all(&groups)?)
         }
     }
 }
@@ -150,7 +159,8 @@ fn head(out: &mut dyn Write, document: &Value, length: u64) -> Result<(), Proble
     Ok(out.write_all(&BIN.to_le_bytes())?)
 }
 
-/// The JSON. A buffer view of each of `sizes`; accessors have one each, or none where an SPZ has all values.
+/// The JSON. A buffer view of each of `sizes`, from places that four divides; accessors have one each, or none where an SPZ has
+/// their values.
 fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -> Value {
     let is_packed = form != GltfSplats::Floats;
     let splats = &scene.splats;
@@ -162,7 +172,7 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -
             if !is_packed {
                 view["target"] = json!(34_962);
             }
-            at += size;
+            at += size.next_multiple_of(4);
             view
         })
         .collect();
@@ -178,8 +188,10 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -
     for (index, attribute) in all.iter().enumerate() {
         let (kind, component, _) = attribute.kind();
         let mut accessor = json!({ "componentType": component, "count": splats.len(), "type": kind });
-        if !is_packed {
-            accessor["bufferView"] = json!(index);
+        match attribute.what {
+            What::Group if is_packed => accessor["bufferView"] = json!(1),
+            _ if !is_packed => accessor["bufferView"] = json!(index),
+            _ => {}
         }
         match attribute.what {
             What::Position => {
@@ -207,6 +219,7 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -
         used.push(SPZ);
     }
     let mut metadata = scene.metadata.clone();
+    metadata.origin = metadata.origin.map(|origin| FORMAT.axes.direction(origin));
     metadata.up = metadata.up.map(|up| FORMAT.axes.direction(up));
     metadata.north = metadata.north.map(|north| FORMAT.axes.direction(north));
     metadata.sun = metadata.sun.map(|sun| sun.map(|towards| FORMAT.axes.direction(towards)));
@@ -217,12 +230,16 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -
     if metadata != Default::default() {
         asset["extras"] = json!({ "wm": metadata });
     }
+    let mut node = json!({ "mesh": 0 });
+    if let Some(origin) = metadata.origin {
+        node["translation"] = json!(origin.to_array().map(|v| v + 0.0));
+    }
     let mut document = json!({
         "asset": asset,
         "extensionsUsed": used,
         "scene": 0,
         "scenes": [{ "nodes": [0] }],
-        "nodes": [{ "mesh": 0 }],
+        "nodes": [node],
         "meshes": [{ "primitives": [{
             "attributes": names,
             "mode": 0,

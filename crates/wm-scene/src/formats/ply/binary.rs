@@ -2,10 +2,9 @@
 
 use super::{
     header::{Element, Header, Kind, Scalar},
-    layout::{Endian, Layout, grow},
+    layout::{Endian, Layout, Rows},
 };
 use crate::{
-    Splats,
     error::{FormatError, Problem, excerpt},
     source::Source,
 };
@@ -25,7 +24,7 @@ pub(super) fn read(
     header: &Header,
     layout: &Layout,
     endian: Endian,
-) -> Result<Splats, FormatError> {
+) -> Result<Rows, FormatError> {
     let (before, vertex) = (&header.elements[..layout.element], &header.elements[layout.element]);
     let needed: u128 = before.iter().chain([vertex]).map(fewest_bytes).sum();
     let promised = vertex.count;
@@ -43,7 +42,7 @@ pub(super) fn read(
 
     // The count is believed only where the length of the file has confirmed it.
     let known = if source.remaining().is_some() { promised } else { promised.min(FIRST) };
-    let mut splats = Splats::zeroed(known as usize, layout.sh_degree);
+    let mut read = Rows::zeroed(known as usize, layout);
     let mut repacked = Vec::new();
     let mut done = 0;
     while done < promised {
@@ -66,19 +65,19 @@ pub(super) fn read(
             }
             (promised - done).min((source.bytes().len() / row_size) as u64)
         };
-        grow(&mut splats, done + rows, promised);
+        read.grow(layout, done + rows, promised);
         let size = rows as usize * row_size;
         if vertex.has_lists() {
-            let put = layout.scatter(endian, &repacked, done as usize, &mut splats);
+            let put = layout.scatter(endian, &repacked, done as usize, &mut read);
             put.map_err(|problem| source.whole(problem))?;
         } else {
-            let put = layout.scatter(endian, &source.bytes()[..size], done as usize, &mut splats);
+            let put = layout.scatter(endian, &source.bytes()[..size], done as usize, &mut read);
             put.map_err(|problem| source.whole(problem))?;
             source.consume(size);
         }
         done += rows;
     }
-    Ok(splats)
+    Ok(read)
 }
 
 /// Fewest bytes that the rows of an element take.

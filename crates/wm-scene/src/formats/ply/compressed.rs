@@ -47,6 +47,7 @@ pub const FORMAT: SceneFormat = SceneFormat {
                    1/510, SH 1/64",
         order: Kept::Not,
         log_scales: [-MAX_LOG_SCALE, MAX_LOG_SCALE],
+        coarse: crate::formats::loss::coarse_floats,
     },
     sniff: |start| super::is_ply(start.bytes) && is_named(start.bytes),
     read: |source, options| super::read(source, options),
@@ -162,6 +163,9 @@ pub(super) fn read(source: &mut Source, header: Header) -> Result<Scene, FormatE
             "sh" if all(Scalar::U8) => {
                 if element.count != promised || splats.len() as u64 != promised {
                     return Err(fault(source, "the element sh must have a row a splat, behind them"));
+                }
+                if element.properties.len() != rest {
+                    return Err(fault(source, "there are two elements sh"));
                 }
                 let stride = splats.sh_stride();
                 rows_of(source, element.count, size, promised, |index, row| {

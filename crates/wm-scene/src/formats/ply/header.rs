@@ -2,10 +2,11 @@
 
 use super::PlyEncoding;
 use crate::{
-    Metadata,
+    Metadata, Rasterization,
     error::{FormatError, Problem, excerpt, one_line},
     source::Source,
 };
+use glam::DVec3;
 
 /// Longest header, bytes: what it declares is kept in memory.
 const MAX_HEADER: u64 = 1 << 20;
@@ -152,6 +153,10 @@ fn parse_line(
         }
         return Ok(Step::Next);
     }
+    if let Some(comment) = line.strip_prefix(b"comment ") {
+        // The facts that this program wrote win.
+        *metadata = std::mem::take(metadata).or(stated(comment));
+    }
     let words: Vec<&[u8]> =
         line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).take(6).collect();
     match words[..] {
@@ -197,6 +202,40 @@ fn parse_property(line: &[u8], words: &[&[u8]]) -> Result<Property, Problem> {
         [kind, name] => Ok(Property { name: text_of(name), kind: Kind::Scalar(Scalar::from_keyword(kind)?) }),
         _ => Err(unknown(line)),
     }
+}
+
+/// The facts in a comment of another training: `Vertical axis: 0 -1 0` or `Vertical Axis: z` (Brush, nerfstudio), and
+/// `SplatRenderMode: mip` (Brush), its name for what is antialiased.
+fn stated(comment: &[u8]) -> Metadata {
+    let nothing = Metadata::default();
+    let text = String::from_utf8_lossy(comment).to_ascii_lowercase();
+    let Some((key, value)) = text.split_once(':') else { return nothing };
+    match (key.trim(), value.trim()) {
+        ("splatrendermode", "mip") => Metadata { rasterization: Some(Rasterization::Antialiased), ..nothing },
+        ("vertical axis", value) => {
+            let Some(up) = axis_of(value) else { return nothing };
+            Metadata { up: Some(up), up_source: Some("a comment in the file".into()), ..nothing }
+        }
+        _ => nothing,
+    }
+}
+
+/// A unit vector of three numbers, or of x, y or z with a sign.
+fn axis_of(text: &str) -> Option<DVec3> {
+    let (sign, letter) = text.strip_prefix('-').map_or((1.0, text), |rest| (-1.0, rest));
+    match letter.trim_start_matches('+') {
+        "x" => return Some(sign * DVec3::X),
+        "y" => return Some(sign * DVec3::Y),
+        "z" => return Some(sign * DVec3::Z),
+        _ => {}
+    }
+    let numbers: Vec<f64> = text
+        .split([' ', ','])
+        .filter(|word| !word.is_empty())
+        .map(str::parse)
+        .collect::<Result<_, _>>()
+        .ok()?;
+    DVec3::from_array(numbers.try_into().ok()?).try_normalize()
 }
 
 /// The metadata of `<key> <value>`; `None` for a key that only a newer program knows.

@@ -1,6 +1,10 @@
 //! The map from the properties of a file to the arrays of [`Splats`].
 
-use super::header::{Element, Header, Kind, Scalar};
+use super::{
+    PlyEncoding,
+    dialect::{Colors, Dialect},
+    header::{Element, Header, Kind, Scalar},
+};
 use crate::splats::LabelKind;
 use crate::{Group, Splats, error::Problem, sh};
 
@@ -19,6 +23,8 @@ pub(super) enum Array {
     LogScales,
     Opacities,
     Sh,
+    /// The 3D filter of Mip-Splatting.
+    Filters,
     Groups,
     Names(LabelKind),
 }
@@ -44,7 +50,47 @@ pub(super) struct Layout {
     pub columns: Vec<Column>,
     /// Bytes of a binary row from which lists are left out.
     pub row_size: usize,
-    pub sh_degree: u8,
+    pub dialect: Dialect,
+    /// True if positions are finer than f32: in double precision, or text.
+    pub is_fine: bool,
+}
+
+/// The rows of a file in arrays.
+#[derive(Debug)]
+pub(super) struct Rows {
+    pub splats: Splats,
+    /// The 3D filter of each splat; empty if the file has none.
+    pub filters: Vec<f32>,
+    /// What f32 leaves of each position in a file of double precision or text; empty in others.
+    pub residues: Vec<[f32; 3]>,
+}
+
+impl Rows {
+    /// `count` rows of zeros.
+    pub fn zeroed(count: usize, layout: &Layout) -> Self {
+        let filters = if layout.dialect.is_filtered { count } else { 0 };
+        let residues = if layout.is_fine { count } else { 0 };
+        Self {
+            splats: Splats::zeroed(count, layout.dialect.sh_degree),
+            filters: vec![0.0; filters],
+            residues: vec![[0.0; 3]; residues],
+        }
+    }
+
+    /// Makes room for `count` rows, doubling, but for no more than `promised`.
+    pub fn grow(&mut self, layout: &Layout, count: u64, promised: u64) {
+        if count <= self.splats.len() as u64 {
+            return;
+        }
+        let size = promised.min(count.max(2 * self.splats.len() as u64)) as usize;
+        self.splats.resize(size);
+        if layout.dialect.is_filtered {
+            self.filters.resize(size, 0.0);
+        }
+        if layout.is_fine {
+            self.residues.resize(size, [0.0; 3]);
+        }
+    }
 }
 
 impl Layout {
@@ -59,26 +105,33 @@ impl Layout {
             .position(|e| e.name == "vertex")
             .ok_or_else(|| property("there is no vertex element"))?;
         let vertex = &header.elements[element];
-        let rest = vertex.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
-        let sh_degree = rest
-            .is_multiple_of(3)
-            .then(|| sh::degree_of(rest / 3 + 1))
-            .flatten()
-            .ok_or(Problem::ShCount(rest))?;
-
+        let dialect = Dialect::of(header, vertex)?;
         let mut wanted: Vec<(String, Array, usize)> = Vec::new();
         let mut want = |names: &[&str], array| {
             wanted.extend(names.iter().enumerate().map(|(lane, name)| ((*name).to_owned(), array, lane)));
         };
         want(&["x", "y", "z"], Array::Means);
-        want(&["f_dc_0", "f_dc_1", "f_dc_2"], Array::Sh);
-        want(&["opacity"], Array::Opacities);
-        want(&["scale_0", "scale_1", "scale_2"], Array::LogScales);
-        want(&["rot_0", "rot_1", "rot_2", "rot_3"], Array::Quats);
+        match dialect.colors {
+            Colors::Sh => want(&["f_dc_0", "f_dc_1", "f_dc_2"], Array::Sh),
+            Colors::Rgb { names, .. } => want(&names, Array::Sh),
+            Colors::None => {}
+        }
+        if dialect.scales > 0 {
+            want(&["opacity"], Array::Opacities);
+        }
+        want(&["scale_0", "scale_1", "scale_2"][..dialect.scales], Array::LogScales);
+        if dialect.is_turned {
+            want(&["rot_0", "rot_1", "rot_2", "rot_3"], Array::Quats);
+        }
+        if dialect.is_filtered {
+            want(&["filter_3D"], Array::Filters);
+        }
         // The file has all of red, then green, then blue; memory has the channels innermost.
-        wanted.extend((0..rest).map(|i| {
-            let (channel, coefficient) = (i / (rest / 3), i % (rest / 3) + 1);
-            (format!("f_rest_{i}"), Array::Sh, coefficient * 3 + channel)
+        let read = sh::coefficients(dialect.sh_degree) - 1;
+        wanted.extend((0..3 * read).map(|i| {
+            let (channel, coefficient) = (i / read, i % read);
+            let name = format!("f_rest_{}", channel * dialect.rest + coefficient);
+            (name, Array::Sh, (coefficient + 1) * 3 + channel)
         }));
         let mut columns = Vec::with_capacity(wanted.len() + 1);
         for (name, array, lane) in wanted {
@@ -89,20 +142,15 @@ impl Layout {
         for kind in LabelKind::ALL {
             columns.extend(find(vertex, kind.name(), Array::Names(kind), 0)?);
         }
-        Ok(Self { element, columns, row_size: offset_of(vertex, vertex.properties.len()), sh_degree })
+        let is_fine = header.encoding == PlyEncoding::Ascii || columns.iter().any(Column::is_fine);
+        Ok(Self { element, columns, row_size: offset_of(vertex, vertex.properties.len()), dialect, is_fine })
     }
 
-    /// Writes the binary rows `rows`, lists left out, into `splats` from splat `first` on.
+    /// Writes the binary rows `rows`, lists left out, into `out` from row `first` on.
     ///
     /// # Errors
     /// [`Problem`] names a label that is none.
-    pub fn scatter(
-        &self,
-        endian: Endian,
-        rows: &[u8],
-        first: usize,
-        splats: &mut Splats,
-    ) -> Result<(), Problem> {
+    pub fn scatter(&self, endian: Endian, rows: &[u8], first: usize, out: &mut Rows) -> Result<(), Problem> {
         // Every column runs over the rows once: as many at a time as stay in the first cache.
         let step = (PART / self.row_size).max(1);
         let mut numbers = Vec::new();
@@ -115,12 +163,16 @@ impl Layout {
                     numbers.resize(count, 0.0);
                     column.gather(endian, rows, self.row_size, &mut numbers, 1);
                     for (at, number) in numbers.iter().enumerate() {
-                        put(splats, column.array, first + at, *number)?;
+                        put(&mut out.splats, column.array, first + at, *number)?;
                     }
                 } else {
-                    let (values, stride) = values(splats, column.array);
-                    let out = &mut values[first * stride..(first + count) * stride];
-                    column.gather(endian, rows, self.row_size, out, stride);
+                    let (values, stride) = values(out, column.array);
+                    let values = &mut values[first * stride..(first + count) * stride];
+                    column.gather(endian, rows, self.row_size, values, stride);
+                    if column.is_fine() {
+                        let residues = out.residues[first..first + count].as_flattened_mut();
+                        column.gather_residues(endian, rows, self.row_size, residues);
+                    }
                 }
             }
         }
@@ -174,7 +226,8 @@ const PART: usize = 16 << 10;
 ///
 /// # Panics
 /// For groups and labels, which are no numbers.
-pub(super) fn values(splats: &mut Splats, array: Array) -> (&mut [f32], usize) {
+pub(super) fn values(rows: &mut Rows, array: Array) -> (&mut [f32], usize) {
+    let Rows { splats, filters, .. } = rows;
     let stride = splats.sh_stride();
     match array {
         Array::Means => (splats.means.as_flattened_mut(), 3),
@@ -182,17 +235,9 @@ pub(super) fn values(splats: &mut Splats, array: Array) -> (&mut [f32], usize) {
         Array::LogScales => (splats.log_scales.as_flattened_mut(), 3),
         Array::Opacities => (&mut splats.logit_opacities, 1),
         Array::Sh => (&mut splats.sh, stride),
+        Array::Filters => (filters, 1),
         Array::Groups | Array::Names(_) => panic!("groups and labels are no numbers"),
     }
-}
-
-/// Makes room for `count` splats, doubling, but for no more than `promised`.
-pub(super) fn grow(splats: &mut Splats, count: u64, promised: u64) {
-    if count <= splats.len() as u64 {
-        return;
-    }
-    let size = promised.min(count.max(2 * splats.len() as u64)) as usize;
-    splats.resize(size);
 }
 
 /// The group of a number in a file; a number that no group has is the scene.
@@ -201,7 +246,26 @@ fn group_of(number: f32) -> Group {
     if f32::from(small) == number { Group::from_number(small).unwrap_or_default() } else { Group::default() }
 }
 
+/// What is left of a number when it is rounded to f32.
+pub(super) fn residue(number: f64) -> f32 {
+    let left = number - f64::from(number as f32);
+    if left.is_finite() { left as f32 } else { 0.0 }
+}
+
 impl Column {
+    /// Returns true if it has positions in double precision.
+    fn is_fine(&self) -> bool {
+        self.array == Array::Means && self.scalar == Scalar::F64
+    }
+
+    /// Writes what f32 leaves of this property, which is in double precision, of every row.
+    fn gather_residues(&self, endian: Endian, rows: &[u8], row_size: usize, out: &mut [f32]) {
+        match endian {
+            Endian::Little => self.each(rows, row_size, out, 3, |b| residue(f64::from_le_bytes(b))),
+            Endian::Big => self.each(rows, row_size, out, 3, |b| residue(f64::from_be_bytes(b))),
+        }
+    }
+
     /// Writes this property of every row to `out[row * stride + lane]`.
     fn gather(&self, endian: Endian, rows: &[u8], row_size: usize, out: &mut [f32], stride: usize) {
         macro_rules! gather {
@@ -269,10 +333,10 @@ fn offset_of(element: &Element, index: usize) -> usize {
     scalars.sum()
 }
 
-fn missing(name: &str) -> Problem {
+pub(super) fn missing(name: &str) -> Problem {
     property(&format!("the vertex element has no property {name}"))
 }
 
-fn property(reason: &str) -> Problem {
+pub(super) fn property(reason: &str) -> Problem {
     Problem::Property { reason: reason.into() }
 }

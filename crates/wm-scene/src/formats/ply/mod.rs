@@ -7,20 +7,21 @@
 //! of `f_rest`.
 //!
 //! # What else is read
-//! Binary of either byte order and ASCII; properties in any order and of any number type; further
-//! properties and elements, lists too, are stepped over. `group` (any number type) is the
+//! Binary of either byte order and ASCII; properties in any order and of any number type; the dialects of `dialect.rs`. Further
+//! properties and elements, lists too, are stepped over, and a remark names the properties. `group` (any number type) is the
 //! [`Group`](crate::Group) of a splat; numbers that no group has are the scene. `label` and `instance` (any number type, whole numbers
 //! up to 65535, below 0 for none) are the [`LabelKind`](crate::splats::LabelKind)s of a splat. Comment lines
 //! `comment wm.<key> <value>` are [`Metadata`](crate::Metadata), the value in TOML; keys that are not
 //! known are left alone, so that files of later versions can be read; of equal keys the last counts.
 //!
 //! # Memory
-//! One block beside the arrays. The number of splats in the header is checked against the length of
+//! One block beside the arrays, and 12 bytes a splat where positions are finer than f32 (double precision, text). The number of splats in the header is checked against the length of
 //! the file before anything is allocated; where there is no length (pipes, ASCII) arrays grow with
 //! what was read.
 
 mod binary;
 pub(super) mod compressed;
+mod dialect;
 mod header;
 mod layout;
 mod points;
@@ -33,6 +34,7 @@ use super::{Axes, Loses, ReadOptions, SceneFormat, Writer};
 use crate::{
     Scene,
     error::{FormatError, Problem},
+    origin,
     source::Source,
 };
 use header::Header;
@@ -93,10 +95,14 @@ fn read(source: &mut Source, _: &ReadOptions) -> Result<Scene, FormatError> {
     if header.elements[layout.element].count == 0 {
         return Err(source.whole(Problem::NoSplats));
     }
-    let splats = match header.encoding {
+    let mut rows = match header.encoding {
         PlyEncoding::BinaryLittleEndian => binary::read(source, &header, &layout, Endian::Little),
         PlyEncoding::BinaryBigEndian => binary::read(source, &header, &layout, Endian::Big),
         PlyEncoding::Ascii => text::read(source, &header, &layout),
     }?;
-    Ok(Scene { splats, metadata: header.metadata, ..Scene::default() })
+    // Before sizes are made of distances.
+    let moved_by = origin::subtract_fine(&mut rows.splats, &rows.residues, &header.metadata);
+    let kept: Vec<usize> = layout.columns.iter().map(|column| column.property).collect();
+    let (splats, remarks) = layout.dialect.finish(rows, &header.elements[layout.element], &kept);
+    Ok(Scene { splats, metadata: header.metadata, remarks, moved_by, ..Scene::default() })
 }

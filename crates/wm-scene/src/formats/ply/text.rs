@@ -2,10 +2,9 @@
 
 use super::{
     header::{Element, Header, Kind},
-    layout::{Layout, grow, put, values},
+    layout::{Array, Layout, Rows, put, residue, values},
 };
 use crate::{
-    Splats,
     error::{FormatError, Problem, number},
     source::Source,
 };
@@ -14,7 +13,7 @@ use crate::{
 ///
 /// # Errors
 /// With the line, if it has too few or too many values or one that is no number.
-pub(super) fn read(source: &mut Source, header: &Header, layout: &Layout) -> Result<Splats, FormatError> {
+pub(super) fn read(source: &mut Source, header: &Header, layout: &Layout) -> Result<Rows, FormatError> {
     let vertex = &header.elements[layout.element];
     let promised = vertex.count;
     for element in &header.elements[..layout.element] {
@@ -32,7 +31,8 @@ pub(super) fn read(source: &mut Source, header: &Header, layout: &Layout) -> Res
         kept[column.property] = Some(index);
     }
     let mut numbers = vec![0.0; layout.columns.len()];
-    let mut splats = Splats::zeroed(0, layout.sh_degree);
+    let is_position: Vec<bool> = layout.columns.iter().map(|column| column.array == Array::Means).collect();
+    let mut read = Rows::zeroed(0, layout);
     let mut done: u64 = 0;
     while done < promised {
         let Some(line) = source.line()? else {
@@ -41,7 +41,7 @@ pub(super) fn read(source: &mut Source, header: &Header, layout: &Layout) -> Res
         if line.trim_ascii().is_empty() {
             continue;
         }
-        let parsed = parse(line, vertex, &kept, &mut numbers);
+        let parsed = parse(line, vertex, &kept, &is_position, &mut numbers);
         if let Err(problem) = parsed {
             return Err(if source.is_cut() {
                 source.whole(Problem::TruncatedText { promised, found: done })
@@ -49,28 +49,42 @@ pub(super) fn read(source: &mut Source, header: &Header, layout: &Layout) -> Res
                 source.at_line(problem)
             });
         }
-        grow(&mut splats, done + 1, promised);
+        read.grow(layout, done + 1, promised);
         let index = done as usize;
         for (column, number) in layout.columns.iter().zip(&numbers) {
             if !column.array.is_numbers() {
-                put(&mut splats, column.array, index, *number).map_err(|problem| source.at_line(problem))?;
+                put(&mut read.splats, column.array, index, *number as f32)
+                    .map_err(|problem| source.at_line(problem))?;
             } else {
-                let (values, stride) = values(&mut splats, column.array);
-                values[index * stride + column.lane] = *number;
+                let (values, stride) = values(&mut read, column.array);
+                values[index * stride + column.lane] = *number as f32;
+                if column.array == Array::Means {
+                    read.residues[index][column.lane] = residue(*number);
+                }
             }
         }
         done += 1;
     }
-    Ok(splats)
+    Ok(read)
 }
 
-/// Reads the values of one row that are `kept` into `numbers`, in the order of the columns.
-fn parse(line: &[u8], vertex: &Element, kept: &[Option<usize>], numbers: &mut [f32]) -> Result<(), Problem> {
+/// Reads the values of one row that are `kept` into `numbers`, in the order of the columns; those that are positions as finely as they are
+/// written, others as f32.
+fn parse(
+    line: &[u8],
+    vertex: &Element,
+    kept: &[Option<usize>],
+    is_position: &[bool],
+    numbers: &mut [f64],
+) -> Result<(), Problem> {
     let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     for (property, kept) in vertex.properties.iter().zip(kept) {
         let word = words.next().ok_or_else(too_few)?;
         if let Some(column) = kept {
-            numbers[*column] = number(word, &property.name)?;
+            numbers[*column] = match is_position[*column] {
+                true => number(word, &property.name)?,
+                false => f64::from(number::<f32>(word, &property.name)?),
+            };
         } else if matches!(property.kind, Kind::List { .. }) {
             let length: usize = number(word, &property.name)?;
             if length > 0 {

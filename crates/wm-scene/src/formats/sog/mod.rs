@@ -49,6 +49,7 @@ const LOSES: Loses = Loses {
                degree, opacities 1/510, SH to a palette of 65536",
     order: Kept::Not,
     log_scales: ANY_SCALE,
+    coarse: write::coarse_steps,
 };
 
 /// The bundle, one ZIP.

@@ -2,7 +2,7 @@
 
 use super::{Problem, rotation::from_bytes, zip};
 use crate::{
-    Metadata, Rasterization, Scene, Splats,
+    Metadata, Rasterization, Remark, Scene, Splats,
     error::{excerpt, one_line},
     files,
     formats::{
@@ -55,7 +55,7 @@ struct Ranged {
 #[derive(Deserialize)]
 struct Coded {
     #[serde(default)]
-    codebook: Vec<f32>,
+    codebook: Vec<Option<f32>>,
     #[serde(default)]
     mins: Vec<f32>,
     #[serde(default)]
@@ -70,8 +70,14 @@ struct Plain {
 
 #[derive(Deserialize)]
 struct Palette {
+    /// Entries of the palette.
     #[serde(default)]
-    codebook: Vec<f32>,
+    count: Option<f64>,
+    /// Highest degree of the SH in it.
+    #[serde(default)]
+    bands: Option<f64>,
+    #[serde(default)]
+    codebook: Vec<Option<f32>>,
     #[serde(default)]
     mins: f32,
     #[serde(default)]
@@ -100,12 +106,13 @@ impl Coded {
 }
 
 impl Table {
-    fn of(codebook: &[f32], range: Option<(f32, f32)>) -> Result<Self, Problem> {
+    fn of(codebook: &[Option<f32>], range: Option<(f32, f32)>) -> Result<Self, Problem> {
         match range {
             _ if !codebook.is_empty() => {
+                let values = continued(codebook)?;
                 // Of fewer values the last stands for all that is missing.
-                let last = codebook.len() - 1;
-                Ok(Self(std::array::from_fn(|i| codebook[i.min(last)])))
+                let last = values.len() - 1;
+                Ok(Self(std::array::from_fn(|i| values[i.min(last)])))
             }
             Some((low, high)) => Ok(Self(std::array::from_fn(|i| low + (high - low) * i as f32 / 255.0))),
             None => Err(fault("meta.json has neither a codebook nor a range")),
@@ -114,6 +121,51 @@ impl Table {
 
     fn get(&self, byte: u8) -> f32 {
         self.0[usize::from(byte)]
+    }
+}
+
+/// A codebook whose `null`s, which JSON has for NaN and infinity, continue the other values: on a line between those beside
+/// them, at an end by the mean step of all.
+///
+/// # Errors
+/// If it has nothing else.
+fn continued(codebook: &[Option<f32>]) -> Result<Vec<f32>, Problem> {
+    let known: Vec<(usize, f32)> =
+        codebook.iter().enumerate().filter_map(|(i, v)| Some((i, (*v)?))).collect();
+    let ([first, ..], [.., last]) = (&known[..], &known[..]) else {
+        return Err(fault("a codebook of meta.json has no number"));
+    };
+    let step = if last.0 > first.0 { (last.1 - first.1) / (last.0 - first.0) as f32 } else { 0.0 };
+    let value = |index: usize| {
+        let after = known.partition_point(|(place, _)| *place <= index);
+        let (before, next) = (known[..after].last(), known.get(after));
+        match (before, next) {
+            (Some((a, low)), Some((b, high))) => low + (high - low) * (index - a) as f32 / (b - a) as f32,
+            (Some((a, low)), None) => low + step * (index - a) as f32,
+            (None, Some((b, high))) => high - step * (b - index) as f32,
+            (None, None) => first.1,
+        }
+    };
+    Ok((0..codebook.len()).map(value).collect())
+}
+
+/// Says what is odd in a codebook.
+fn about_codebook(name: &str, codebook: &[Option<f32>], remarks: &mut Vec<Remark>) {
+    let nulls = codebook.iter().filter(|value| value.is_none()).count();
+    if nulls > 0 {
+        let text = format!(
+            "SOG: null in {nulls} of {} values of the codebook of {name}: they continue the others",
+            codebook.len()
+        );
+        remarks.push(Remark::note("null-in-codebook", text));
+    }
+    if !codebook.is_empty() && codebook.len() != 256 {
+        let text = format!(
+            "SOG: the codebook of {name} has {} values, 256 are needed: the last stands for those that are missing; export \
+             the scene again",
+            codebook.len()
+        );
+        remarks.push(Remark::doubt("short-codebook", text));
     }
 }
 
@@ -225,7 +277,8 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Problem> {
 fn read_with(files: Files, meta: &[u8]) -> Result<Scene, Problem> {
     let pictures = SogPictures::read(files, meta)?;
     let splats = pictures.splats(0..pictures.len())?;
-    Ok(Scene { splats, metadata: pictures.metadata, ..Scene::default() })
+    let SogPictures { metadata, remarks, .. } = pictures;
+    Ok(Scene { splats, metadata, remarks, ..Scene::default() })
 }
 
 /// The decoded pictures of a SOG: 28 bytes a splat and its palette. Splats are made of any part of them.
@@ -244,6 +297,8 @@ pub(crate) struct SogPictures {
     sh: Option<Shading>,
     /// The facts that it states about the scene.
     pub metadata: Metadata,
+    /// Lines on what is odd in its `meta.json`.
+    pub remarks: Vec<Remark>,
 }
 
 impl SogPictures {
@@ -261,13 +316,22 @@ impl SogPictures {
         let [low, high] = [0, 1].map(|i| Picture::read(files, &meta.means.files[i], count));
         let places = [low?.rgba, high?.rgba];
         let antialiased = meta.antialias.then_some(Rasterization::Antialiased);
+        let sh = meta.sh_n.as_ref().map(|palette| Shading::read(files, palette, count)).transpose()?;
+        let mut remarks = Vec::new();
+        about_codebook("scales", &meta.scales.codebook, &mut remarks);
+        about_codebook("sh0", &meta.sh0.codebook, &mut remarks);
+        if let (Some(sh), Some(palette)) = (&sh, &meta.sh_n) {
+            about_codebook("shN", &palette.codebook, &mut remarks);
+            sh.compare(palette, count as usize, &mut remarks);
+        }
         Ok(Self {
             count: count as usize,
             places,
+            remarks,
             scales: Picture::read(files, &meta.scales.files[0], count)?.rgba,
             quats: Picture::read(files, &meta.quats.files[0], count)?.rgba,
             colors: Picture::read(files, &meta.sh0.files[0], count)?.rgba,
-            sh: meta.sh_n.as_ref().map(|palette| Shading::read(files, palette, count)).transpose()?,
+            sh,
             scale_tables: [meta.scales.table(0)?, meta.scales.table(1)?, meta.scales.table(2)?],
             color_tables: [meta.sh0.table(0)?, meta.sh0.table(1)?, meta.sh0.table(2)?],
             opacities: if meta.sh0.codebook.is_empty() { Some(meta.sh0.table(3)?) } else { None },
@@ -367,6 +431,33 @@ impl Shading {
         })?;
         let table = Table::of(&meta.codebook, Some((meta.mins, meta.maxs)))?;
         Ok(Self { degree, coefficients, palette, labels, table })
+    }
+
+    /// Says where `meta.json` and the pictures, which count, differ.
+    fn compare(&self, meta: &Palette, splats: usize, remarks: &mut Vec<Remark>) {
+        let mut doubt = |text: String| {
+            remarks.push(Remark::doubt("palette", format!("SOG: {text}; export the scene again")))
+        };
+        if let Some(bands) = meta.bands.filter(|bands| *bands != f64::from(self.degree)) {
+            doubt(format!(
+                "shN.bands is {bands}, but its palette has SH of degree {}, which is read",
+                self.degree
+            ));
+        }
+        let room = self.palette.rgba.len() / self.palette.width * ENTRIES;
+        let Some(entries) = meta.count else { return };
+        if !(0.0..=room as f64).contains(&entries) {
+            return doubt(format!("shN.count is {entries}, but its palette has room for {room} entries"));
+        }
+        let beyond = self.labels[..splats]
+            .iter()
+            .filter(|[low, high, ..]| f64::from(u16::from_le_bytes([*low, *high])) >= entries);
+        match beyond.count() {
+            0 => {}
+            count => {
+                doubt(format!("{count} splats have an entry of the palette beyond shN.count, {entries}"))
+            }
+        }
     }
 
     /// The coefficients of a splat above degree 0.

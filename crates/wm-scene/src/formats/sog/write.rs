@@ -12,12 +12,14 @@ use super::{
     webp::{self, MAX_SIDE},
 };
 use crate::{
-    Rasterization, Scene,
+    Rasterization, Scene, Splats,
     formats::{
         FileSink, NamedFile,
         pack::{byte_of_logit, ranged},
     },
     morton,
+    origin::{coarse_line, float_step},
+    values::FLAT_LOG_SCALE,
 };
 use serde_json::json;
 
@@ -48,9 +50,27 @@ impl Steps {
         if v.is_finite() { v.signum() * v.abs().ln_1p() } else { 0.0 }
     }
 
+    /// Width of a step at a position, along the axis where it is widest.
+    fn width(&self, mean: [f32; 3]) -> f64 {
+        let along = |k: usize| {
+            let (least, most) = (f64::from(self.mins[k]), f64::from(self.maxs[k]));
+            // The ends of the range are f32.
+            let step = ((most - least) / 65_535.0).max(float_step(least.abs().max(most.abs())));
+            step * (1.0 + f64::from(mean[k].abs()))
+        };
+        (0..3).map(along).fold(0.0, f64::max)
+    }
+
     pub fn of(&self, mean: [f32; 3]) -> [u16; 3] {
         std::array::from_fn(|k| ranged(Self::curved(mean[k]), self.mins[k], self.maxs[k], 65_535) as u16)
     }
+}
+
+/// A line on steps of positions that are wider than many of the splats.
+pub(super) fn coarse_steps(splats: &Splats) -> Option<String> {
+    const ADVICE: &str = "far from the middle SOG is coarse: crop the scene, or use PLY";
+    let steps = Steps::for_means(&splats.means);
+    coarse_line(splats, |mean| steps.width(mean), ADVICE)
 }
 
 /// Indices of splats, of which these are the steps, in the order in which they are written.
@@ -114,9 +134,14 @@ pub(crate) fn files_with(
     let ellipsoids = splats.quats.iter().zip(&splats.log_scales);
     let rotations: Vec<Rounded> =
         ellipsoids.map(|(quat, log_scale)| Rounded::best(*quat, *log_scale)).collect();
-    let scales = Codebook::of(splats.log_scales.as_flattened().iter().copied(), f64::exp);
+    let log_scale = |v: f32| v.max(FLAT_LOG_SCALE);
+    let scales = Codebook::of(
+        splats.log_scales.as_flattened().iter().filter(|v| !v.is_nan()).map(|v| log_scale(*v)),
+        f64::exp,
+    );
     picture("scales.webp", &|index| {
-        let [x, y, z] = rotations[index].axes().map(|axis| scales.index(splats.log_scales[index][axis]));
+        let [x, y, z] =
+            rotations[index].axes().map(|axis| scales.index(log_scale(splats.log_scales[index][axis])));
         [x, y, z, 255]
     })?;
     picture("quats.webp", &|index| rotations[index].pixel)?;

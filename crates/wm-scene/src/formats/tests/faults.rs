@@ -59,7 +59,7 @@ fn every_length_of_every_format_is_refused_or_whole() {
 
 #[test]
 fn flipped_bytes_do_no_harm() {
-    // A million are flipped by `cargo run --release -p wm-scene --example fuzz_formats`.
+    // `examples/fuzz_readers` damages a million files of each format.
     for (name, bytes, _) in FORMATS.iter().filter_map(small) {
         let mut noise = Noise::new(1);
         for _ in 0..1500 {

@@ -1,6 +1,7 @@
 mod faults;
 mod foreign;
 mod round_trip;
+mod values;
 
 use super::*;
 use crate::{Camera, Metadata, Splats, splats::Splat, testing::bits};
@@ -72,6 +73,12 @@ fn what_is_no_scene_is_told() {
         ),
     ] {
         assert_eq!(say(&folder, read(&path)), expected);
+    }
+    for name in ["e.splat", "e.ksplat", "e.spz", "e.gltf", "meta.json"] {
+        let pointer = file(name, b"version https://git-lfs.github.com/spec/v1\n");
+        assert!(say(&folder, read(&pointer)).ends_with("get the file itself with `git lfs pull`"), "{name}");
+        let page = file(name, b"<!DOCTYPE html><title>Not found");
+        assert!(say(&folder, read(&page)).ends_with("a web page, download the file itself"), "{name}");
     }
 }
 

@@ -1,5 +1,6 @@
 //! Round trips, the layout of written files, and real scenes.
 
+mod dialects;
 mod faults;
 mod foreign;
 
@@ -159,10 +160,11 @@ fn real_scenes_come_back() {
 }
 
 #[test]
-fn real_points_are_no_splats() {
+fn real_points_are_balls() {
     let Some(path) = data("points/garden_points.ply") else { return };
-    let message = crate::formats::read_scene(&path, &Default::default()).unwrap_err().to_string();
-    assert!(message.contains("the vertex element has no property f_dc_0; a 3DGS file has"), "{message}");
+    let scene = crate::formats::read_scene(&path, &Default::default()).unwrap();
+    assert!(scene.remarks[0].text.contains("points and no splats"), "{:?}", scene.remarks);
+    assert_eq!(scene.check_finite(), Ok(()));
 }
 
 /// A scene with labels comes back in every encoding, and without instances it has none.
