@@ -18,7 +18,7 @@ pub struct DatasetArgs {
     /// Folder of masks in the data set; black pixels are ignored [default: masks, if it exists]
     #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
     pub masks: Option<PathBuf>,
-    /// Folder of the COLMAP model in the data set [default: sparse/0, or another usual place]
+    /// Folder of the COLMAP model in the data set [default: the largest in sparse, or another usual place]
     #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
     pub model: Option<PathBuf>,
     /// Folder of the original photos, whose EXIF gives position and time if the photos of the data set have none

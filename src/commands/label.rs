@@ -12,7 +12,7 @@ use weather_magician::labels::{LabelKind, LabelVotes, VotedLabels};
 use wm_scene::files::check_writable;
 use wm_scene::formats::{Kept, WriteOptions, format_for};
 use wm_scene::{Camera, Scene, capture};
-use wm_train::maps::{Filter, find_map, read_map};
+use wm_train::maps::{Filter, MapFolder, read_map};
 use wm_train::photos::PhotoSize;
 
 /// Longest side of the pictures in which splats vote, px.
@@ -131,9 +131,10 @@ fn masks(scene: &Scene, args: &LabelArgs) -> Result<Vec<(Camera, PathBuf)>> {
             args.scene.display()
         );
     }
+    let folder = MapFolder::new(&args.masks);
     let mut masks = Vec::new();
     for view in &scene.views {
-        if let Some(path) = find_map(&args.masks, &view.name)? {
+        if let Some(path) = folder.find(&view.name)? {
             masks.push((view.camera, path));
         }
     }

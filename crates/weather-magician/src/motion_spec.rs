@@ -54,7 +54,8 @@ impl MotionSpec {
                 }
             }
         };
-        Ok(CameraMotion::Along { path, size: options.size() })
+        let size = options.size.or(path.size()).unwrap_or_else(|| options.size());
+        Ok(CameraMotion::Along { path, size })
     }
 
     /// Finds its beginning.

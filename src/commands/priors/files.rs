@@ -9,7 +9,7 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-use wm_train::maps::{DepthForm, DepthUnit, MapFault, NormalAxes, find_map};
+use wm_train::maps::{DepthForm, DepthUnit, MapFault, MapFolder, NormalAxes};
 use wm_train::priors::files::{self, DepthFiles, FileMaps, MapsOf};
 use wm_train::priors::fit::{Freedom, fit};
 use wm_train::priors::points::{placed, seen_points};
@@ -145,15 +145,15 @@ pub fn open(args: &PriorsArgs, data: &Dataset) -> Result<PriorMaps> {
         (ScaleArg::Metric, metres) => Freedom::Known(metres.unwrap_or(1.0)),
     };
     let depth = given.depth.as_ref().map(|folder| DepthFiles {
-        folder: folder.clone(),
+        folder: MapFolder::new(folder),
         form,
         unit: given.depth_unit,
         freedom,
     });
     let mut maps = FileMaps {
         depth,
-        normal: given.normal.clone().zip(given.normal_axes),
-        sky: given.sky.clone(),
+        normal: given.normal.as_ref().map(MapFolder::new).zip(given.normal_axes),
+        sky: given.sky.as_ref().map(MapFolder::new),
         of: match given.maps_of {
             MapsOfArg::Photo => MapsOf::Photo,
             MapsOfArg::Pinhole => MapsOf::Pinhole,
@@ -260,10 +260,11 @@ fn count(kind: &str, folder: &Path, data: &Dataset) -> Result<()> {
     if !folder.is_dir() {
         bail!("--{kind} {}: there is no such folder; name the folder of the maps", folder.display());
     }
+    let maps = MapFolder::new(folder);
     let (mut missing, mut first) = (0, None);
     for place in &data.places {
         let name = data.name(*place);
-        if find_map(folder, name)?.is_none() {
+        if maps.find(name)?.is_none() {
             missing += 1;
             first = first.or(Some(name));
         }

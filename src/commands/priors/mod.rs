@@ -14,6 +14,7 @@ use clap::{Args, ValueEnum};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use wm_scene::FormatError;
+use wm_scene::capture::folder_of;
 use wm_train::dataset::orientation;
 use wm_train::priors::folder::{INDEX, Index, PriorsError};
 use wm_train::priors::{FOLDER, PriorsWriter, photos};
@@ -91,7 +92,7 @@ impl PriorsArgs {
     }
 
     fn out(&self) -> PathBuf {
-        self.out.clone().unwrap_or_else(|| self.dataset.join(FOLDER))
+        self.out.clone().unwrap_or_else(|| folder_of(&self.dataset).join(FOLDER))
     }
 
     /// Returns the writer; its errors advise another folder if the folder is the default.

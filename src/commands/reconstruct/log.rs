@@ -16,7 +16,7 @@ use wm_scene::Metadata;
 use wm_scene::capture::CaptureUp;
 use wm_scene::capture::up::UpEvidence;
 use wm_train::HeldOut;
-use wm_train::maps::{DepthForm, DepthUnit};
+use wm_train::maps::{DepthForm, DepthUnit, MapFolder};
 use wm_train::photos::Check;
 use wm_train::priors::files::{DepthFiles, FileMaps, MapsOf};
 use wm_train::priors::fit::Freedom;
@@ -168,7 +168,7 @@ fn priors(folder: &Path, photos: &DatasetArgs, held_out: HeldOut, facts: &Metada
     let photos = options.photos(folder, &capture, Check::default())?;
     let (_, places) = held_out.split(&photos);
     let depth = DepthFiles {
-        folder: folder.join("depth"),
+        folder: MapFolder::new(folder.join("depth")),
         form: DepthForm::Z,
         unit: Some(DepthUnit::Metres(1.0)),
         freedom: Freedom::Known(1.0),
@@ -177,7 +177,7 @@ fn priors(folder: &Path, photos: &DatasetArgs, held_out: HeldOut, facts: &Metada
     let maps = FileMaps {
         depth: Some(depth),
         normal: None,
-        sky: sky.is_dir().then_some(sky),
+        sky: sky.is_dir().then(|| MapFolder::new(sky)),
         of: MapsOf::Pinhole,
         pixels: PIXELS,
     };

@@ -2,7 +2,8 @@
 //! SuperSplat's viewer, and the `transforms.json` of Blender's exporters for radiance fields.
 //!
 //! nerfstudio has a camera for every frame: world_from_camera row by row with OpenGL axes (y up, looking along -z), the vertical field of
-//! view in degrees, and `fps`. Its world is that of the splats that it exports.
+//! view in degrees, and `fps`; the size of pictures is `render_width` and `render_height`. There are `seconds` times `fps` cameras, so the
+//! last one is shown for as long as every other. Its world is that of the splats that it exports.
 //!
 //! SuperSplat's `animTracks` have keyframes: `times` in frames of `frameRate`, and flat lists of `position`, `target` and perhaps `fov`
 //! (degrees). Its world has a PLY turned by half a turn about z ([`Axes::YUpZForward`]).
@@ -16,16 +17,21 @@ use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use wm_scene::Camera;
+use wm_scene::camera::MAX_SIDE;
 use wm_scene::formats::Axes;
 
 /// nerfstudio's file; other keys are left alone.
 #[derive(Deserialize)]
 struct Nerfstudio {
     camera_path: Vec<Posed>,
-    #[serde(default = "usual_rate")]
-    fps: f64,
+    fps: Option<f64>,
+    seconds: Option<f64>,
+    #[serde(default)]
+    is_cycle: bool,
     #[serde(default = "perspective")]
     camera_type: String,
+    render_width: Option<f64>,
+    render_height: Option<f64>,
 }
 
 /// Blender's file; other keys are left alone.
@@ -111,12 +117,16 @@ fn perspective() -> String {
     "perspective".into()
 }
 
+/// The keyframes of a file, and the size of its pictures where it states one, px.
+pub type SizedKeys = (Vec<PathKey>, Option<(u32, u32)>);
+
 /// Keyframes of a file of another program, or what is wrong with it; `None` if it is of none that is known. `up` is up in the scene's
 /// axes, `fov` what was given by hand.
-pub fn keys(text: &str, up: DVec3, fov: Option<f64>) -> Option<Result<Vec<PathKey>, String>> {
+pub fn keys(text: &str, up: DVec3, fov: Option<f64>) -> Option<Result<SizedKeys, String>> {
     let value: Value = serde_json::from_str(text).ok()?;
     let read = if value.get("camera_path").is_some() {
-        serde_json::from_value(value).map_err(|e| e.to_string()).and_then(|file| nerfstudio(&file, fov))
+        let file: Result<Nerfstudio, String> = serde_json::from_value(value).map_err(|e| e.to_string());
+        return Some(file.and_then(|file| Ok((nerfstudio(&file, fov)?, file.size()?))));
     } else if value.get("animTracks").is_some() {
         serde_json::from_value(value).map_err(|e| e.to_string()).and_then(|file| supersplat(&file, up, fov))
     } else if value.get("frames").is_some() {
@@ -124,7 +134,40 @@ pub fn keys(text: &str, up: DVec3, fov: Option<f64>) -> Option<Result<Vec<PathKe
     } else {
         return None;
     };
-    Some(read)
+    Some(read.map(|keys| (keys, None)))
+}
+
+impl Nerfstudio {
+    fn size(&self) -> Result<Option<(u32, u32)>, String> {
+        let Some((width, height)) = self.render_width.zip(self.render_height) else { return Ok(None) };
+        let side = |side: f64| {
+            (side.fract() == 0.0 && (1.0..=f64::from(MAX_SIDE)).contains(&side)).then_some(side as u32)
+        };
+        match side(width).zip(side(height)) {
+            Some(size) => Ok(Some(size)),
+            None => Err(format!(
+                "render_width and render_height are {width} and {height}, which is no size of a picture"
+            )),
+        }
+    }
+}
+
+/// Appends to the pictures of a video, one key each, the key at which the last one ends: the first key of a loop, else as far on as the
+/// last step went.
+fn with_end(mut keys: Vec<PathKey>, rate: f64, is_cycle: bool) -> Vec<PathKey> {
+    let time = keys.len() as f64 / rate;
+    if let [first, .., before, last] | [first @ before, last] = keys[..] {
+        let end = if is_cycle {
+            PathKey { time, ..first }
+        } else {
+            let turn = last.rotation * before.rotation.inverse();
+            let rotation = (turn * last.rotation).normalize();
+            let fov = (2.0 * last.fov - before.fov).clamp(0.5 * last.fov, 0.5 * (last.fov + 180.0));
+            PathKey { time, eye: 2.0 * last.eye - before.eye, rotation, fov }
+        };
+        keys.push(end);
+    }
+    keys
 }
 
 fn nerfstudio(file: &Nerfstudio, fov: Option<f64>) -> Result<Vec<PathKey>, String> {
@@ -134,13 +177,15 @@ fn nerfstudio(file: &Nerfstudio, fov: Option<f64>) -> Result<Vec<PathKey>, Strin
             file.camera_type
         ));
     }
-    let rate = rate(file.fps)?;
+    let by_length = || file.seconds.map(|seconds| file.camera_path.len() as f64 / seconds);
+    let rate = rate(file.fps.or_else(by_length).unwrap_or_else(usual_rate))?;
     let key = |(index, posed): (usize, &Posed)| {
         let (eye, rotation) = pose(&posed.camera_to_world)
             .map_err(|what| format!("camera {}: camera_to_world {what}", index + 1))?;
         Ok(PathKey { time: index as f64 / rate, eye, rotation, fov: fov.unwrap_or(posed.fov) })
     };
-    file.camera_path.iter().enumerate().map(key).collect()
+    let keys = file.camera_path.iter().enumerate().map(key).collect::<Result<_, String>>()?;
+    Ok(with_end(keys, rate, file.is_cycle))
 }
 
 /// Eye and camera_from_world of a world_from_camera, row by row, with OpenGL axes.
@@ -166,7 +211,8 @@ fn blender(file: &Blender, fov: Option<f64>) -> Result<Vec<PathKey>, String> {
         let said = || frame.lens.fov().or(file.lens.fov()).unwrap_or(DEFAULT_FOV);
         Ok(PathKey { time: index as f64 / BLENDER_RATE, eye, rotation, fov: fov.unwrap_or_else(said) })
     };
-    file.frames.iter().enumerate().map(key).collect()
+    let keys = file.frames.iter().enumerate().map(key).collect::<Result<_, String>>()?;
+    Ok(with_end(keys, BLENDER_RATE, false))
 }
 
 impl Angles {
@@ -211,7 +257,7 @@ fn rate(frames: f64) -> Result<f64, String> {
 
 /// A path as nerfstudio's `camera_path.json`: a camera for each frame.
 pub fn nerfstudio_text(path: &CameraPath, fps: f64, (width, height): (u32, u32)) -> String {
-    let count = (path.duration() * fps).round() as usize + 1;
+    let count = ((path.duration() * fps).round() as usize).max(1);
     let aspect = f64::from(width) / f64::from(height);
     let cameras: Vec<Value> = (0..count)
         .map(|frame| {
@@ -276,7 +322,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Result<Vec<PathKey>, String> {
-        keys(text, DVec3::NEG_Y, None).expect("a known program")
+        keys(text, DVec3::NEG_Y, None).expect("a known program").map(|(keys, _)| keys)
     }
 
     #[test]
@@ -291,8 +337,9 @@ mod tests {
         let path = CameraPath::new(vec![key(0.0), key(1.0), key(3.0)], 0.1).unwrap();
         for text in [nerfstudio_text(&path, 10.0, (640, 480)), supersplat_text(&path, 10.0, (640, 480))] {
             let again = read(&text).unwrap();
+            // Of nerfstudio 30 pictures of a tenth of a second, and the end of the last.
             assert_eq!(again.len(), 31);
-            for (i, key) in again.iter().enumerate() {
+            for (i, key) in again[..30].iter().enumerate() {
                 let there = path.key_at(i as f64 / 10.0);
                 assert!((key.time - i as f64 / 10.0).abs() < 1e-12 && (key.fov - there.fov).abs() < 1e-9);
                 let turn = key.rotation.angle_between(there.rotation);
@@ -306,8 +353,9 @@ mod tests {
         let text = r#"{"camera_angle_x": 1.5707963267948966, "w": 1600, "h": 800, "frames": [
             {"file_path": "a", "transform_matrix": [[1,0,0,4], [0,1,0,5], [0,0,1,6], [0,0,0,1]]},
             {"file_path": "b", "transform_matrix": [[1,0,0,4], [0,1,0,5], [0,0,1,7], [0,0,0,1]], "fl_y": 400, "h": 800}]}"#;
-        let [first, second] = read(text).unwrap()[..] else { panic!("two keys") };
+        let [first, second, end] = read(text).unwrap()[..] else { panic!("two keys and the end") };
         assert_eq!((first.eye, second.time), (DVec3::new(4.0, 5.0, 6.0), 1.0 / 24.0));
+        assert_eq!((end.eye, end.time), (DVec3::new(4.0, 5.0, 8.0), 2.0 / 24.0));
         // tan 45 degrees over twice as wide a picture; half the height over the focal length.
         assert!(
             (first.fov - 2.0 * 0.5f64.atan().to_degrees()).abs() < 1e-9 && (second.fov - 90.0).abs() < 1e-9
@@ -325,6 +373,28 @@ mod tests {
             (camera.forward() - DVec3::NEG_Z).length() < 1e-9 && (camera.up() - DVec3::Y).length() < 1e-9
         );
         assert_eq!((key.eye, key.fov), (DVec3::new(4.0, 5.0, 6.0), 60.0));
+    }
+
+    #[test]
+    fn paths_of_nerfstudio_keep_their_pictures_and_their_size() {
+        let pose = r#"{"camera_to_world": [1,0,0,4, 0,1,0,5, 0,0,1,6, 0,0,0,1], "fov": 60}"#;
+        for (rate, is_cycle, size) in [
+            (r#""fps": 24, "seconds": 0.125"#, false, Some((1920, 1080))),
+            (r#""seconds": 0.125"#, true, None),
+        ] {
+            let sides = if size.is_some() { r#","render_width": 1920, "render_height": 1080.0"# } else { "" };
+            let text = format!(
+                r#"{{"camera_path": [{pose}, {pose}, {pose}], {rate}, "is_cycle": {is_cycle} {sides}}}"#
+            );
+            let (read, found) = keys(&text, DVec3::Z, None).unwrap().unwrap();
+            let path = CameraPath::new(read, 0.1).unwrap();
+            assert_eq!((path.keys().len(), path.duration(), found), (4, 0.125, size));
+            let again: Value = serde_json::from_str(&nerfstudio_text(&path, 24.0, (64, 48))).unwrap();
+            assert_eq!(again["camera_path"].as_array().unwrap().len(), 3);
+            assert_eq!((&again["seconds"], &again["render_width"]), (&json!(0.125), &json!(64)));
+        }
+        let text = format!(r#"{{"camera_path": [{pose}], "render_width": 0, "render_height": 3}}"#);
+        assert!(keys(&text, DVec3::Z, None).unwrap().unwrap_err().contains("which is no size of a picture"));
     }
 
     #[test]

@@ -94,9 +94,11 @@ pub fn parse(text: &str, survey: &Survey, options: &ViewOptions) -> Result<Camer
         return Err((Location::Whole, Problem::Empty.to_string()));
     }
     if let Some(keys) = foreign::keys(text, options.up(survey), options.fov) {
-        let path = keys
-            .map(|keys| near_scene(keys, survey))
-            .and_then(|keys| CameraPath::new(keys, options.near(survey)).map_err(|error| error.to_string()));
+        let path = keys.and_then(|(keys, size)| {
+            let keys = near_scene(keys, survey);
+            let path = CameraPath::new(keys, options.near(survey)).map_err(|error| error.to_string())?;
+            Ok(path.with_size(size))
+        });
         return path.map_err(|message| (Location::Whole, message));
     }
     let file: File = serde_json::from_str(text).map_err(|error| {

@@ -52,6 +52,8 @@ pub struct CameraPath {
     /// Velocity of the eye at each key, units/s.
     velocities: Vec<DVec3>,
     near: f64,
+    /// The size of pictures that its file states, px.
+    size: Option<(u32, u32)>,
 }
 
 impl CameraPath {
@@ -87,9 +89,20 @@ impl CameraPath {
                 ));
             }
         }
-        let path = Self { velocities: velocities(&keys), keys, near };
+        let path = Self { velocities: velocities(&keys), keys, near, size: None };
         // Finite keys may still be too far apart, in distance or too near in time.
         if path.velocities.iter().all(|v| v.is_finite()) { Ok(path) } else { fault("it is too fast".into()) }
+    }
+
+    /// The path for pictures of a size, px.
+    pub(super) fn with_size(self, size: Option<(u32, u32)>) -> Self {
+        Self { size, ..self }
+    }
+
+    /// Returns the size of pictures that the file of the path states, px.
+    #[must_use]
+    pub fn size(&self) -> Option<(u32, u32)> {
+        self.size
     }
 
     /// Reads a path from a JSON file in coordinates of the world; what is given by hand wins over what the file says.
@@ -119,7 +132,7 @@ impl CameraPath {
     #[must_use]
     pub fn moved(&self, by: DVec3) -> Self {
         let keys = self.keys.iter().map(|key| PathKey { eye: key.eye + by, ..*key }).collect();
-        Self { keys, velocities: self.velocities.clone(), near: self.near }
+        Self { keys, velocities: self.velocities.clone(), ..*self }
     }
 
     /// Writes the path, of a scene of this origin, to a JSON file in coordinates of the world, whole or not at all; with the name `camera_path.json` as nerfstudio does, with

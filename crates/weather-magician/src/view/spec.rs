@@ -77,7 +77,8 @@ impl CameraSpec {
             }
             Self::File(path) => {
                 let path = CameraPath::read(path, survey, options)?;
-                path.at(path.start(), options.size())
+                let size = options.size.or(path.size()).unwrap_or_else(|| options.size());
+                path.at(path.start(), size)
             }
             Self::SceneView(name) => of_view(find(views, name)?, survey, options)?,
         };

@@ -1,7 +1,7 @@
 //! Checks of what every format reads: points and names that no capture has.
 
-use super::{Capture, Observation, SparsePoints};
-use crate::Remark;
+use super::{Capture, CaptureView, Observation, SparsePoints};
+use crate::{FormatError, Problem, Remark};
 use std::collections::HashSet;
 
 /// Farthest coordinate of a point or camera, scene units: a hundred times the Earth's radius in millimetres.
@@ -9,9 +9,19 @@ pub(super) const FARTHEST: f64 = 1e12;
 /// Points from which on one colour of all says that colours were not read as they were meant.
 const SUSPICIOUS: usize = 10;
 
+/// The shares of the longer side of a photo between which focal lengths lie.
+const FOCAL: std::ops::RangeInclusive<f64> = 1e-2..=1e4;
+
 /// Leaves out points that are nowhere and photos that are there twice, and remarks on them and on colours that all
 /// points share.
-pub(super) fn clean(capture: &mut Capture) {
+///
+/// # Errors
+/// [`FormatError`] if a camera is one that cannot be.
+pub(super) fn clean(capture: &mut Capture) -> Result<(), FormatError> {
+    if let Some((view, what)) = capture.views.iter().find_map(|view| Some((view, absurd(view)?))) {
+        let what = format!("the camera of {:?} {what}; reconstruct or export the capture again", view.name);
+        return Err(FormatError::whole(&capture.source, Problem::Value(what)));
+    }
     let absurd = leave_out_absurd(&mut capture.points, &mut capture.observations);
     if absurd > 0 {
         capture.remarks.push(Remark::doubt(
@@ -34,6 +44,22 @@ pub(super) fn clean(capture: &mut Capture) {
         capture.observations.retain(|_| *at.next().unwrap_or(&true));
     }
     capture.remarks.extend(colors(&capture.points));
+    Ok(())
+}
+
+/// Says what about a camera cannot be.
+fn absurd(view: &CaptureView) -> Option<String> {
+    let camera = &view.camera;
+    let side = f64::from(camera.width.max(camera.height));
+    if let Some(focal) = [camera.fx, camera.fy].into_iter().find(|focal| !FOCAL.contains(&(focal / side))) {
+        return Some(format!("has a focal length of {focal:e} px for {} px of width", camera.width));
+    }
+    if [camera.cx, camera.cy].iter().any(|v| v.abs() > 100.0 * side) {
+        return Some(format!("has its principal point at ({:e}, {:e}) px", camera.cx, camera.cy));
+    }
+    let center = camera.center();
+    (center.abs().max_element() >= FARTHEST)
+        .then(|| format!("is at ({:e}, {:e}, {:e})", center.x, center.y, center.z))
 }
 
 /// Returns the number of points that were left out.

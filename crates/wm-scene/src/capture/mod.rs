@@ -9,6 +9,7 @@
 mod checks;
 mod distortion;
 mod exif;
+mod foreign;
 pub mod gps;
 pub mod ground;
 pub mod header;
@@ -40,7 +41,7 @@ macro_rules! captures {
     };
 }
 
-captures! { colmap, opensfm, bundler, transforms }
+captures! { colmap, opensfm, bundler, transforms, polycam }
 
 /// A capture format.
 pub struct CaptureFormat {
@@ -270,6 +271,12 @@ impl Capture {
     }
 }
 
+/// The folder of a data set, also where one of its files was given.
+#[must_use]
+pub fn folder_of(dataset: &Path) -> &Path {
+    if dataset.is_file() { dataset.parent().unwrap_or(Path::new("")) } else { dataset }
+}
+
 /// Reads a capture: the folder of a data set, of its model, or a `transforms.json`.
 ///
 /// # Errors
@@ -308,7 +315,7 @@ fn read_as(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Captu
     for format in FORMATS {
         if let Some(mut capture) = (format.read)(dataset, options, want)? {
             capture.sort();
-            checks::clean(&mut capture);
+            checks::clean(&mut capture)?;
             // Views are wanted as they are, to be put into scenes that have origins of their own.
             if want == Want::Everything {
                 capture.choose_origin();
@@ -316,5 +323,5 @@ fn read_as(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Captu
             return Ok(capture);
         }
     }
-    Err(FormatError::whole(dataset, Problem::NoCapture))
+    Err(foreign::refusal(dataset))
 }

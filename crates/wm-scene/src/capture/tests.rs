@@ -77,7 +77,7 @@ fn files_that_are_used_are_counted() {
     assert_eq!(remarks(folder.path(), &usual).unwrap(), ["masks-unused"]);
     assert_eq!(
         remarks(folder.path(), &masks("masks")).unwrap_err(),
-        "DIR/masks: no mask of any of the 3 photos is in it, such as of \"b.jpg\"; name another folder"
+        "DIR/masks: no mask of any of the 3 photos is in it, such as of \"left/a.jpg\"; name another folder"
     );
     touch(&at("masks/right/a.png"));
     touch(&at("masks/B.JPG.PNG"));

@@ -2,7 +2,7 @@
 
 use crate::dataset::Dataset;
 use crate::maps::{
-    DepthForm, DepthKind, DepthMapScale, DepthUnit, Filter, Map, MapError, MapFault, NormalAxes, find_map,
+    DepthForm, DepthKind, DepthMapScale, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes,
     read_map,
 };
 use serde::Serialize;
@@ -10,6 +10,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 use wm_scene::Camera;
+use wm_scene::capture::folder_of;
 use wm_scene::survey::{FactSource, Survey};
 
 /// The folders of ground-truth maps and the meaning of their numbers.
@@ -147,6 +148,7 @@ pub struct TruthMaps {
     unit: Option<DepthUnit>,
     form: DepthForm,
     axes: NormalAxes,
+    folders: [Option<MapFolder>; 3],
 }
 
 impl TruthMaps {
@@ -174,12 +176,16 @@ impl TruthMaps {
         };
         let mut warnings = Vec::new();
         let mut find = |kind, folder: &Option<PathBuf>, holds: String| {
-            find(kind, folder.as_deref(), holds, data, &mut warnings)
+            Ok::<_, TruthError>(find(kind, folder.as_deref(), holds, data, &mut warnings)?.unzip())
         };
+        let (depth, depth_folder) = find("depth", &options.depth, form)?;
+        let (normal, normal_folder) = find("normal", &options.normal, axes.into())?;
+        let (sky, sky_folder) = find("sky", &options.sky, "above a half in the sky".into())?;
         let truth = Self {
-            depth: find("depth", &options.depth, form)?,
-            normal: find("normal", &options.normal, axes.into())?,
-            sky: find("sky", &options.sky, "above a half in the sky".into())?,
+            depth,
+            normal,
+            sky,
+            folders: [depth_folder, normal_folder, sky_folder],
             metres_per_unit: survey.metres_per_unit.value,
             scale_source: survey.metres_per_unit.source,
             unit: options.depth_unit,
@@ -206,25 +212,26 @@ impl TruthMaps {
     /// # Errors
     /// [`TruthError`] if a map cannot be read, has another shape than the photo, or has no unit.
     pub fn read(&self, photo: &str, camera: &Camera, mask: Option<&[f32]>) -> Result<TrueMaps, TruthError> {
-        let fitted = |folder: &Option<TruthFolder>| -> Result<Option<(PathBuf, Map)>, MapError> {
+        let fitted = |folder: &Option<MapFolder>| -> Result<Option<(PathBuf, Map)>, MapError> {
             let Some(folder) = folder else { return Ok(None) };
-            let Some(path) = find_map(&folder.folder, photo)? else { return Ok(None) };
+            let Some(path) = folder.find(photo)? else { return Ok(None) };
             let map = read_map(&path)?;
             // The mean of two depths is the depth of nothing, so the nearest is taken.
             let map = map.fitted(camera.width, camera.height, Filter::Nearest);
             let map = map.map_err(|fault| MapError { path: path.clone(), fault })?;
             Ok(Some((path, map)))
         };
+        let [depth, normal, sky] = &self.folders;
         let mut maps = TrueMaps::default();
-        if let Some((_, map)) = fitted(&self.sky)? {
+        if let Some((_, map)) = fitted(sky)? {
             maps.sky = Some(map.to_mask());
         }
-        if let Some((path, map)) = fitted(&self.depth)? {
+        if let Some((path, map)) = fitted(depth)? {
             let scale = DepthMapScale::UnitsPerStep(self.units_per_step(&path, &map)?);
             let depth = DepthKind { form: self.form, scale }.to_view_z(&map, camera);
             maps.depth = Some(depth.map_err(|fault| MapError { path, fault })?);
         }
-        if let Some((path, map)) = fitted(&self.normal)? {
+        if let Some((path, map)) = fitted(normal)? {
             let normal = self.axes.to_world(&map, camera);
             maps.normal = Some(normal.map_err(|fault: MapFault| MapError { path, fault })?);
         }
@@ -289,8 +296,8 @@ fn find(
     holds: String,
     data: &Dataset,
     warnings: &mut Vec<TruthWarning>,
-) -> Result<Option<TruthFolder>, TruthError> {
-    let usual = data.capture.source.join("truth").join(kind);
+) -> Result<Option<(TruthFolder, MapFolder)>, TruthError> {
+    let usual = folder_of(&data.capture.source).join("truth").join(kind);
     let folder = match given {
         Some(folder) if !folder.is_dir() => {
             return Err(TruthError::NoFolder { kind, folder: folder.to_owned() });
@@ -299,10 +306,11 @@ fn find(
         None if usual.is_dir() => usual,
         None => return Ok(None),
     };
+    let maps = MapFolder::new(folder.clone());
     let mut missing = BTreeSet::new();
     for place in &data.places {
         let name = data.name(*place);
-        if find_map(&folder, name)?.is_none() {
+        if maps.find(name)?.is_none() {
             missing.insert(name.to_owned());
         }
     }
@@ -316,7 +324,8 @@ fn find(
         let (folder, missing) = (folder.clone(), missing.len());
         warnings.push(TruthWarning::Missing { folder, first, missing, found, photos });
     }
-    Ok(Some(TruthFolder { folder, holds, photos: found, missing: missing.into_iter().collect() }))
+    let truth = TruthFolder { folder, holds, photos: found, missing: missing.into_iter().collect() };
+    Ok(Some((truth, maps)))
 }
 
 #[cfg(test)]

@@ -55,8 +55,8 @@ pub enum MapFault {
         photo_height: u32,
     },
     /// Two files for one photo.
-    #[error("lies beside {0}, a map of the same photo; remove one of them")]
-    Two(String),
+    #[error("{0}")]
+    Ambiguous(String),
     /// Depth in steps of unknown length.
     #[error("holds whole numbers and does not say what one of them is; give the unit of depth, such as mm")]
     NoUnit,

@@ -1,36 +1,55 @@
 //! Finds the map of a photo in a folder.
 
 use super::{MapError, MapFault};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use wm_scene::file_index::{FileIndex, FileKind};
 
 /// Extensions of maps, in lower case.
 pub const EXTENSIONS: [&str; 5] = ["npy", "exr", "tiff", "tif", "png"];
 
-/// The map of a photo in `folder`: the photo's name with the extension of a map, folders in it kept, so that
-/// `a/b.jpg` has `a/b.npy`. `None` if there is none.
-///
-/// # Errors
-/// [`MapFault::Two`] if two files have such a name.
-pub fn find_map(folder: &Path, photo: &str) -> Result<Option<PathBuf>, MapError> {
-    // Names come from files of others, which may name places outside of the folder.
-    let parts = Path::new(photo).components().filter(|part| matches!(part, Component::Normal(_)));
-    let place = folder.join(parts.collect::<PathBuf>());
-    if place.file_name().is_none() || place == folder {
-        return Ok(None);
+/// Names of maps: those of their photos, perhaps with an ending.
+const MAP: FileKind = FileKind {
+    extensions: &EXTENSIONS,
+    endings: &["_depth", "_normal", "_normals", "_sky", "_mask", "_label", "_semantic"],
+    skipped: &[],
+};
+
+/// A folder of maps that are named after photos.
+#[derive(Clone, Debug)]
+pub struct MapFolder(Arc<FileIndex>);
+
+impl MapFolder {
+    /// A folder, which is listed when the first map is looked for.
+    #[must_use]
+    pub fn new(folder: impl Into<PathBuf>) -> Self {
+        Self(Arc::new(FileIndex::new(folder, MAP)))
     }
-    let mut found: Option<PathBuf> = None;
-    for extension in EXTENSIONS {
-        let path = place.with_extension(extension);
-        if !path.is_file() {
-            continue;
-        }
-        if let Some(first) = &found {
-            let other = first.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            return Err(MapError { path, fault: MapFault::Two(other) });
-        }
-        found = Some(path);
+
+    /// The folder.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.0.folder()
     }
-    Ok(found)
+
+    /// The map of a photo: `a/b.npy` of `a/b.jpg`, or what else [`FileIndex::find`] takes for it. `None` if there is
+    /// none.
+    ///
+    /// # Errors
+    /// [`MapFault::Ambiguous`] if two files could be the map.
+    pub fn find(&self, photo: &str) -> Result<Option<PathBuf>, MapError> {
+        let fault = |error: wm_scene::file_index::Ambiguity| MapError {
+            path: self.path().into(),
+            fault: MapFault::Ambiguous(error.to_string()),
+        };
+        Ok(self.0.find(photo).map_err(fault)?.map(|found| found.path))
+    }
+}
+
+impl PartialEq for MapFolder {
+    fn eq(&self, other: &Self) -> bool {
+        self.path() == other.path()
+    }
 }
 
 #[cfg(test)]
@@ -43,20 +62,26 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         fs::create_dir(at("a")).unwrap();
-        for name in ["a/b.npy", "c.1.png", "d.exr", "d.tif", "e.txt"] {
+        for name in ["a/b.npy", "c.1.png", "d.exr", "d.tif", "e.txt", "f_depth.EXR"] {
             fs::write(at(name), "").unwrap();
         }
-        let find = |photo: &str| find_map(folder.path(), photo);
-        assert_eq!(find("a/b.jpg"), Ok(Some(at("a/b.npy"))));
-        assert_eq!(find("c.1.JPG"), Ok(Some(at("c.1.png"))));
-        assert_eq!(find("../a/b.jpg"), Ok(Some(at("a/b.npy"))));
-        for nothing in ["b.jpg", "e.jpg", "c.jpg", "..", "", "/"] {
-            assert_eq!(find(nothing), Ok(None), "{nothing}");
+        let maps = MapFolder::new(folder.path());
+        for (photo, map) in [
+            ("a/b.jpg", Some("a/b.npy")),
+            ("images/a/b.jpg", Some("a/b.npy")),
+            ("b.jpg", Some("a/b.npy")),
+            ("c.1.JPG", Some("c.1.png")),
+            ("../a/b.jpg", Some("a/b.npy")),
+            ("f.png", Some("f_depth.EXR")),
+            ("e.jpg", None),
+            ("c.jpg", None),
+            ("..", None),
+            ("", None),
+            ("/", None),
+        ] {
+            assert_eq!(maps.find(photo), Ok(map.map(at)), "{photo}");
         }
-        let error = find("d.png").unwrap_err().to_string();
-        assert!(
-            error.ends_with("d.tif: lies beside d.exr, a map of the same photo; remove one of them"),
-            "{error}"
-        );
+        let error = maps.find("d.png").unwrap_err().to_string();
+        assert!(error.contains("could both be \"d.png\"; rename or remove one of them"), "{error}");
     }
 }

@@ -442,7 +442,10 @@ fn look(capture: &Capture, index: usize, options: &PhotoOptions) -> Result<(Entr
     };
     let size = options.size.of(upright);
     let photo = view.camera.resized(size.0, size.1);
-    let Some(ideal) = view.distortion.undistorted(&photo) else {
+    // Of some lenses hardly a pixel is left.
+    let least = LEAST_SIDE.min(photo.width).min(photo.height);
+    let ideal = view.distortion.undistorted(&photo).filter(|ideal| ideal.width.min(ideal.height) >= least);
+    let Some(ideal) = ideal else {
         return Err(PhotoError { path: file, fault: PhotoFault::Lens });
     };
     let mask = match options.masks {

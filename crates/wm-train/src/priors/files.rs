@@ -4,7 +4,7 @@ use super::SkyClass;
 use super::fit::Freedom;
 use super::given::{Given, GivenDepth, SkyBy};
 use crate::maps::{
-    DepthForm, DepthKind, DepthMapScale, DepthUnit, Filter, Map, MapError, MapFault, NormalAxes, find_map,
+    DepthForm, DepthKind, DepthMapScale, DepthUnit, Filter, Map, MapError, MapFault, MapFolder, NormalAxes,
     read_map,
 };
 use crate::photos::Photos;
@@ -31,7 +31,7 @@ pub enum MapsOf {
 #[derive(Clone, Debug, PartialEq)]
 pub struct DepthFiles {
     /// The folder; maps are named after the photos.
-    pub folder: PathBuf,
+    pub folder: MapFolder,
     /// The quantity that they hold.
     pub form: DepthForm,
     /// The unit, where the files do not say it; it only matters where the scale is known.
@@ -46,9 +46,9 @@ pub struct FileMaps {
     /// Depth.
     pub depth: Option<DepthFiles>,
     /// Normals and their axes.
-    pub normal: Option<(PathBuf, NormalAxes)>,
+    pub normal: Option<(MapFolder, NormalAxes)>,
     /// Masks, white in the sky.
-    pub sky: Option<PathBuf>,
+    pub sky: Option<MapFolder>,
     /// Over which picture they are.
     pub of: MapsOf,
     /// Most pixels that are kept of a map.
@@ -64,8 +64,8 @@ impl FileMaps {
     /// # Panics
     /// If there is no such photo.
     pub fn look(&self, photos: &Photos, place: usize, name: &str) -> Result<Option<Given>, MapError> {
-        let read = |folder: Option<&PathBuf>| -> Result<Option<(PathBuf, Map)>, MapError> {
-            let path = folder.map(|folder| find_map(folder, name)).transpose()?.flatten();
+        let read = |folder: Option<&MapFolder>| -> Result<Option<(PathBuf, Map)>, MapError> {
+            let path = folder.map(|folder| folder.find(name)).transpose()?.flatten();
             path.map(|path| read_map(&path).map(|map| (path, map))).transpose()
         };
         let depth = read(self.depth.as_ref().map(|depth| &depth.folder))?;

@@ -15,18 +15,74 @@ pub fn has_tracks(capture: &Capture) -> bool {
 
 /// Returns, for each of `places` (indices in `photos`), the points that the photo shows, as indices into the capture's.
 ///
-/// If the capture does not say which, these are all points in its image, including those behind walls.
+/// If the capture does not say which, these are the points in its image that no other points stand before.
 #[must_use]
 pub fn seen_points(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<Vec<u32>> {
     let has_tracks = has_tracks(capture);
+    let spacing = if has_tracks { 0.0 } else { spacing(&capture.points.positions) };
     let of = |place: &usize| -> Vec<u32> {
         if has_tracks {
             return capture.observations[photos.view(*place)].iter().map(|seen| seen.point).collect();
         }
-        let camera = photos.camera(*place, 0);
-        (0..capture.points.len() as u32).filter(|index| inside(capture, &camera, *index).is_some()).collect()
+        unhidden(capture, &photos.camera(*place, 0), spacing)
     };
     places.par_iter().map(of).collect()
+}
+
+/// Columns of the picture in which points hide others.
+const COLUMNS: f64 = 96.0;
+/// Radius within which a point hides others, in distances between neighbouring points.
+const HIDES: f64 = 0.35;
+/// A point is hidden if it is farther than what is before it by this share, and by twice the distance between neighbours.
+const BEHIND: f64 = 0.1;
+
+/// The points in the picture that no others stand before, where each stands for a small piece of a surface.
+fn unhidden(capture: &Capture, camera: &Camera, spacing: f64) -> Vec<u32> {
+    let scale = COLUMNS / f64::from(camera.width.max(1));
+    let columns = COLUMNS as usize;
+    let rows = ((f64::from(camera.height) * scale).ceil() as usize).max(1);
+    let placed: Vec<(u32, [f64; 3])> = (0..capture.points.len() as u32)
+        .filter_map(|index| {
+            let (x, y, z) = inside(capture, camera, index)?;
+            Some((index, [x * scale, y * scale, z]))
+        })
+        .collect();
+    let mut nearest = vec![f64::INFINITY; columns * rows];
+    for (_, [x, y, z]) in &placed {
+        let radius = HIDES * spacing * camera.fx * scale / z;
+        let range = |at: f64, most: usize| {
+            let end = ((at + radius).floor() as usize).min(most - 1);
+            (at - radius).max(0.0).floor() as usize..=end
+        };
+        for row in range(*y, rows) {
+            for column in range(*x, columns) {
+                let at = &mut nearest[row * columns + column];
+                *at = at.min(*z);
+            }
+        }
+    }
+    let is_seen = |(index, [x, y, z]): &(u32, [f64; 3])| {
+        let cell = (*y as usize).min(rows - 1) * columns + (*x as usize).min(columns - 1);
+        (*z <= nearest[cell] * (1.0 + BEHIND) + 2.0 * spacing).then_some(*index)
+    };
+    placed.iter().filter_map(is_seen).collect()
+}
+
+/// The median distance of points from their nearest neighbours, of a sample of them; 0 of fewer than two.
+fn spacing(positions: &[[f64; 3]]) -> f64 {
+    /// Points whose neighbours are looked for, and among which.
+    const SAMPLE: usize = 200;
+    const AMONG: usize = 100_000;
+    let among: Vec<DVec3> =
+        positions.iter().step_by(positions.len() / AMONG + 1).map(|p| DVec3::from_array(*p)).collect();
+    let nearest = |at: usize| {
+        let others = among.iter().enumerate().filter(|(other, _)| *other != at);
+        others.map(|(_, other)| other.distance_squared(among[at])).fold(f64::INFINITY, f64::min).sqrt()
+    };
+    let places: Vec<usize> = (0..among.len()).step_by(among.len() / SAMPLE + 1).collect();
+    let mut distances: Vec<f64> = places.into_par_iter().map(nearest).filter(|d| d.is_finite()).collect();
+    distances.sort_by(f64::total_cmp);
+    distances.get(distances.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Returns the image point of a point, px, and its view z; `None` outside of the image.

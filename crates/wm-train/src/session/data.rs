@@ -20,7 +20,7 @@ use std::sync::{Arc, OnceLock};
 use wm_scene::capture::gps::GpsFit;
 use wm_scene::capture::{Capture, CaptureUp, SparsePoints};
 use wm_scene::files::write_atomically;
-use wm_scene::{Camera, FormatError, Problem, SceneView};
+use wm_scene::{Camera, FormatError, Problem, SceneView, Severity};
 
 /// The picture of the poor photos in the run folder.
 const POOR: &str = "poor-photos.png";
@@ -53,6 +53,12 @@ impl TrainData {
     ) -> Result<Self, SessionError> {
         let (wanted, part) = (&options.dataset, options.part.as_deref());
         let mut capture = open_capture(dataset, wanted, folder, observer)?;
+        for remark in &capture.remarks {
+            match remark.severity {
+                Severity::Note => observer.on_notice(&TrainNotice::Capture(remark.clone())),
+                Severity::Doubt => observer.on_warning(&TrainWarning::Capture(remark.clone())),
+            }
+        }
         if let Some(part) = part {
             capture = part.capture(&capture)?;
         }

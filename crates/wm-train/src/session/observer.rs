@@ -13,8 +13,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use thiserror::Error as Display;
 use wm_render::Frame;
-use wm_scene::Camera;
 use wm_scene::capture::ground::CaptureGroundError;
+use wm_scene::{Camera, Remark};
 
 /// An error of an observer, which ends the session.
 pub type ObserverError = Box<dyn Error + Send + Sync>;
@@ -88,6 +88,9 @@ pub enum TrainWarning {
         "{}: the model has no points; splats begin anywhere in view, which takes longer and gives less", .0.display()
     )]
     NoPoints(PathBuf),
+    /// The capture may have been read otherwise than it was meant.
+    #[error("{}", .0.text)]
+    Capture(Remark),
     /// The cameras of some photos were not found.
     #[error("{}", unregistered(.0))]
     Unregistered(Vec<UnregisteredPhoto>),
@@ -189,6 +192,8 @@ pub enum TrainNotice {
         /// Frames that were chosen.
         frames: usize,
     },
+    /// Something about how the capture was read.
+    Capture(Remark),
     /// COLMAP found the cameras of some of the photos.
     Registered {
         /// Photos whose camera was found.
@@ -263,6 +268,7 @@ impl fmt::Display for TrainNotice {
             Self::Registered { registered, photos } => {
                 write!(f, "colmap: the cameras of {registered} of {photos} photos were found")
             }
+            Self::Capture(remark) => write!(f, "capture: {}", remark.text),
             Self::PriorsMade(summary) => write!(f, "geometry: {summary}"),
             Self::ExposuresDiffer { spread } => {
                 write!(f, "exposure: one for each photo, their brightness differs by {:.0} %", 100.0 * spread)

@@ -9,6 +9,7 @@ use crate::photos::BadPhotos;
 use crate::priors::stereo::{self, StereoOptions};
 use crate::priors::{self, FOLDER, Priors};
 use std::path::Path;
+use wm_scene::capture::folder_of;
 
 /// The largest number of photos whose priors are estimated unasked: two minutes on two cores.
 const MOST_UNASKED: usize = 300;
@@ -31,7 +32,7 @@ pub(super) fn open(
             return Ok(Some(priors));
         }
         PriorSource::Auto => {
-            if let Some(priors) = Priors::open(&dataset.join(FOLDER))? {
+            if let Some(priors) = Priors::open(&folder_of(dataset).join(FOLDER))? {
                 check(&priors, data, observer)?;
                 return Ok(Some(priors));
             }

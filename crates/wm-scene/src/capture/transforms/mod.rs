@@ -254,7 +254,7 @@ fn check_model(model: Option<&str>) -> Result<(), String> {
 }
 
 /// camera_from_world with OpenCV axes of world_from_camera with OpenGL axes.
-fn viewmat(rows: &[[f64; 4]]) -> Result<glam::DMat4, String> {
+pub(super) fn viewmat(rows: &[[f64; 4]]) -> Result<glam::DMat4, String> {
     let &([a, b, c] | [a, b, c, _]) = rows else {
         return Err(format!("its transform_matrix has {} rows: 4 are needed", rows.len()));
     };

@@ -13,7 +13,7 @@ mod matching;
 mod sweep;
 
 use super::normals::normals;
-use super::points::seen_points;
+use super::points::{has_tracks, seen_points};
 use crate::photo_warp::PhotoWarp;
 use crate::photos::{PhotoError, Photos};
 use glam::DVec3;
@@ -116,7 +116,11 @@ pub fn estimate(
         places.par_iter().map(|place| picture(place, level + 1)).collect::<Result<_, _>>()?;
 
     let seen = seen_points(capture, photos, places);
-    let sources = choose_sources(capture, &cameras, &seen, options.sources);
+    let sources = if has_tracks(capture) {
+        choose_sources(capture, &cameras, &seen, options.sources)
+    } else {
+        sources_by_pose(capture, &cameras, &seen, options.sources)
+    };
     let done = AtomicUsize::new(0);
     let sweep = |index: usize| -> Option<Option<PlaneMap>> {
         let found =
@@ -183,21 +187,81 @@ fn choose_sources(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], most
         let mut scores = vec![0.0f64; cameras.len()];
         for point in &seen[photo] {
             let at = DVec3::from_array(capture.points.positions[*point as usize]);
-            let ray = (at - centers[photo]).normalize_or_zero();
             for other in photos_of[*point as usize].iter().map(|other| *other as usize) {
-                let angle = ray.angle_between((at - centers[other]).normalize_or_zero()).to_degrees();
-                let score = (angle / NARROW).min(1.0) * (1.0 - angle / WIDE).clamp(0.0, 1.0);
-                if other != photo && score.is_finite() {
-                    scores[other] += score * score;
+                if other != photo {
+                    scores[other] += angle_score(at, centers[photo], centers[other]);
                 }
             }
         }
-        let mut order: Vec<usize> = (0..cameras.len()).filter(|other| scores[*other] > 0.0).collect();
-        order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]).then(a.cmp(b)));
-        order.truncate(most.min(MOST_SOURCES));
-        order
+        best(&scores, most)
     };
     (0..cameras.len()).into_par_iter().map(of).collect()
+}
+
+/// How well two photos from `a` and `b` tell the distance of a point, 0-1.
+fn angle_score(point: DVec3, a: DVec3, b: DVec3) -> f64 {
+    let angle = (point - a).normalize_or_zero().angle_between((point - b).normalize_or_zero()).to_degrees();
+    let score = (angle / NARROW).min(1.0) * (1.0 - angle / WIDE).clamp(0.0, 1.0);
+    if score.is_finite() { score * score } else { 0.0 }
+}
+
+/// The photos with the highest scores above 0.
+fn best(scores: &[f64], most: usize) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..scores.len()).filter(|other| scores[*other] > 0.0).collect();
+    order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]).then(a.cmp(b)));
+    order.truncate(most.min(MOST_SOURCES));
+    order
+}
+
+/// Points of a photo by which its neighbours are chosen, at most.
+const PROBES: usize = 200;
+/// Ratios of a point's distances from two photos beyond which they show it too differently to compare.
+const SCALES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+/// Distances at which places are tried where no points are known, in distances between neighbouring cameras.
+const TRIED: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
+
+/// For each photo the others whose cameras see the same places under angles that tell distances, and from like
+/// distances. The places are the points that the photo may show, or places along its rays where there are too few.
+fn sources_by_pose(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], most: usize) -> Vec<Vec<usize>> {
+    let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
+    let of = |photo: usize| {
+        let camera = &cameras[photo];
+        let probes: Vec<DVec3> = if seen[photo].len() >= FEWEST_POINTS {
+            let step = seen[photo].len() / PROBES + 1;
+            let at = |point: &u32| DVec3::from_array(capture.points.positions[*point as usize]);
+            seen[photo].iter().step_by(step).map(at).collect()
+        } else {
+            let unit = baseline(&centers, photo);
+            let shares = [1.0, 3.0, 5.0].map(|v| v / 6.0);
+            let rays = shares.iter().flat_map(|y| shares.iter().map(move |x| (*x, *y)));
+            let rays =
+                rays.map(|(x, y)| camera.ray(x * f64::from(camera.width), y * f64::from(camera.height)));
+            rays.flat_map(|ray| TRIED.map(|far| centers[photo] + ray.normalize_or_zero() * far * unit))
+                .collect()
+        };
+        let mut scores = vec![0.0f64; cameras.len()];
+        for (other, score) in scores.iter_mut().enumerate().filter(|(other, _)| *other != photo) {
+            let there = &cameras[other];
+            let shows = |at: &&DVec3| {
+                there.project(**at).is_some_and(|(x, y, z)| {
+                    let (width, height) = (f64::from(there.width), f64::from(there.height));
+                    let own = camera.viewmat.transform_point3(**at).z;
+                    (0.0..width).contains(&x) && (0.0..height).contains(&y) && SCALES.contains(&(z / own))
+                })
+            };
+            *score =
+                probes.iter().filter(shows).map(|at| angle_score(*at, centers[photo], centers[other])).sum();
+        }
+        best(&scores, most)
+    };
+    (0..cameras.len()).into_par_iter().map(of).collect()
+}
+
+/// The distance from a camera to the nearest one elsewhere; 1 if there is none.
+fn baseline(centers: &[DVec3], photo: usize) -> f64 {
+    let distances = centers.iter().map(|center| center.distance(centers[photo])).filter(|d| *d > 0.0);
+    let nearest = distances.fold(f64::INFINITY, f64::min);
+    if nearest.is_finite() { nearest } else { 1.0 }
 }
 
 /// View z of points, ascending.
@@ -246,10 +310,15 @@ fn reference_of<'a>(
 ) -> Option<Reference<'a>> {
     let camera = &cameras[index];
     let distances = distances(capture, camera, &seen[index]);
-    if distances.len() < FEWEST_POINTS {
+    let near = if distances.len() >= FEWEST_POINTS {
+        distances[distances.len() / 50]
+    } else if has_tracks(capture) {
         return None;
-    }
-    let near = distances[distances.len() / 50];
+    } else {
+        // Nothing but the distance between cameras says how near things are.
+        let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
+        TRIED[0] * baseline(&centers, index)
+    };
     Some(Reference {
         picture: &pictures[index],
         intrinsics: [camera.fx, camera.fy, camera.cx, camera.cy].map(|v| v as f32),
@@ -386,6 +455,19 @@ mod tests {
         assert!(known > 0.4 && error < 0.02 && angle < 8.0 && sky < surface / 100);
         // NaN is not itself.
         assert_eq!(format!("{maps:?}"), format!("{:?}", with(3)));
+        // Without tracks and without points cameras alone say which photos to compare.
+        let share = |maps: &[Option<StereoMap>]| {
+            let known = maps.iter().flatten().flat_map(|map| &map.disparity).filter(|v| !v.is_nan()).count();
+            known as f64 / surface as f64
+        };
+        let mut bare = capture.clone();
+        bare.observations = vec![Vec::new(); 5];
+        let untracked = estimate(&bare, &photos, &places, &options, &|_| true).unwrap().unwrap();
+        bare.points = SparsePoints::default();
+        let pointless = estimate(&bare, &photos, &places, &options, &|_| true).unwrap().unwrap();
+        let shares = [&maps, &untracked, &pointless].map(|maps| share(maps));
+        println!("known with tracks, points, and neither {shares:.2?}");
+        assert!(shares[1] > 0.8 * shares[0] && shares[2] > 0.5 * shares[0]);
         let stopped = estimate(&capture, &photos, &places, &options, &|done| done < 3);
         assert!(stopped.unwrap().is_none());
     }
