@@ -365,10 +365,12 @@ fn what_cannot_be_is_refused_and_nothing_is_written() {
         desk.refused(words, &[says]);
     }
     let mut scene = desk.read("a.ply");
-    scene.splats.means[3][0] = f32::NAN;
     scene.metadata.metres_per_unit = None;
     write_scene(Path::new(&desk.at("a.ply")), &scene).unwrap();
     desk.refused("convert a.ply b.ply --scale metres", &["its scale is not known"]);
+    scene.splats.means[3][0] = f32::NAN;
+    write_scene(Path::new(&desk.at("a.ply")), &scene).unwrap();
+    desk.refused("convert a.ply b.ply", &["1 of 600 splats hold NaN", "--repair leaves them out"]);
     let line = desk.run("convert a.ply b.ply --repair");
     assert!(line.starts_with("b.ply: 599 splats"), "{line}");
 }

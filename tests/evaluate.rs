@@ -236,8 +236,11 @@ fn bad_input_is_told_in_one_line() {
         &["--depth", "photo", "--depth-unit", "mm"],
         &["3 different channels, but one number a pixel"],
     );
+    // Two maps of a photo, neither of which has its whole name.
+    fs::remove_file(desk.at("photo/00000.png")).unwrap();
     fs::copy(desk.at("square/00000.npy"), desk.at("photo/00000.npy")).unwrap();
-    desk.refused(&["--depth", "photo"], &["00000.png: lies beside 00000.npy, a map of the same photo"]);
+    fs::copy(desk.at("square/00000.npy"), desk.at("photo/00000.exr")).unwrap();
+    desk.refused(&["--depth", "photo"], &["00000.exr", "00000.npy"]);
 
     // A scene that lies elsewhere, and data sets that are none.
     let street = Street::builtin();

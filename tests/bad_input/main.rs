@@ -53,8 +53,9 @@ impl Ply {
     fn bytes(&self) -> Vec<u8> {
         let lines: String = self.properties.iter().map(|p| format!("property {p}\n")).collect();
         let count = &self.count;
-        let header =
-            format!("ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{lines}end_header\n");
+        let header = format!(
+            "ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{lines}comment wm.up [0.0, 0.0, 1.0]\nend_header\n"
+        );
         let values = self.rows.iter().flatten().flat_map(|v| v.to_le_bytes());
         header.into_bytes().into_iter().chain(values).collect()
     }

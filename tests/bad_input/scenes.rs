@@ -234,7 +234,7 @@ fn views_that_are_none() {
         ("missing", "missing: no such file or folder; check the path"),
         (
             "good.ply",
-            "good.ply: no COLMAP model, transforms.json, reconstruction.json (OpenSfM) or bundle.out here",
+            "good.ply: a file of no capture that is known; give the folder of a COLMAP model, a transforms.json,",
         ),
         (
             "empty",
@@ -260,8 +260,8 @@ fn views_that_are_none() {
 fn real_files_that_are_no_scene() {
     let place = Place::new();
     if let Some(points) = data("points/garden_points.ply") {
-        let points = points.to_str().unwrap();
-        both_refuse(&place, points, &["the vertex element has no property f_dc_0"]);
+        let said = said(&place.rendered(points.to_str().unwrap(), &[]));
+        assert!(said.contains("points and no splats: each is drawn as a ball"), "{said}");
     }
     if let Some(scene) = data("scenes/taebak.ply") {
         let bytes = fs::read(scene).unwrap();

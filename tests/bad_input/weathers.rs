@@ -11,7 +11,7 @@ fn names_and_files() {
         ("quux", "there is no weather `quux`; the presets are clear, mist, fog"),
         ("missing.toml", "missing.toml: cannot read the weather file: no such file; check the path"),
         ("folder", "folder: cannot read the weather file: "),
-        ("good.ply", "good.ply: cannot read the weather file: it is no text in UTF-8; give a TOML file"),
+        ("good.ply", "good.ply: cannot read the weather file: it is no text in UTF-8 (byte "),
     ] {
         place.render_refused("good.ply", &["--weather", name], &[says]);
     }

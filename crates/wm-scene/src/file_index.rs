@@ -67,7 +67,7 @@ impl FileKind {
 
 /// The place of a file that was found, the nearest last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Place {
+pub enum FilePlace {
     /// In another folder.
     Elsewhere,
     /// In a folder below.
@@ -81,7 +81,7 @@ pub enum Place {
 /// How well a file fits a name; better ones are greater.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Fit {
-    place: Place,
+    place: FilePlace,
     /// Folders of the path that are the same.
     folders: usize,
     is_same_case: bool,
@@ -95,7 +95,7 @@ pub struct Found {
     /// The path: that of the folder, and the file's in it.
     pub path: PathBuf,
     /// The place in relation to the name.
-    pub place: Place,
+    pub place: FilePlace,
 }
 
 /// Two files fit a name equally well, or two names a file.
@@ -228,7 +228,7 @@ impl FileIndex {
         }
         let exact = self.folder.join(&wanted);
         if self.has_extension(&wanted) && exact.is_file() {
-            let fit = Fit { place: Place::Exact, folders: usize::MAX, is_same_case: true, form: 4 };
+            let fit = Fit { place: FilePlace::Exact, folders: usize::MAX, is_same_case: true, form: 4 };
             return Ok(Some((exact, fit)));
         }
         let found = self.listed(name, &wanted)?;
@@ -327,10 +327,10 @@ fn fit(folders: &str, file: &str, own_stem: &str, found: &str, ending: Ending) -
     let pairs = || folders.rsplit('/').zip(found_folders.rsplit('/')).filter(|(a, _)| !a.is_empty());
     let common = pairs().take_while(|(a, b)| is_same(a, b)).count();
     let place = match (common == wanted, common == there) {
-        (true, true) => Place::Exact,
-        (false, true) => Place::WithoutLeading,
-        (true, false) => Place::Below,
-        (false, false) => Place::Elsewhere,
+        (true, true) => FilePlace::Exact,
+        (false, true) => FilePlace::WithoutLeading,
+        (true, false) => FilePlace::Below,
+        (false, false) => FilePlace::Elsewhere,
     };
     let is_same_case = name == found_name && pairs().take(common).all(|(a, b)| a == b);
     Fit { place, folders: common, is_same_case, form }

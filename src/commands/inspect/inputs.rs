@@ -7,8 +7,9 @@ use serde_json::{Map, Value, json};
 use std::path::Path;
 use wm_datasets::{DrivingLog, LogOptions};
 use wm_reports::{ReportNoteKind, find_weather};
-use wm_scene::Remark;
+use wm_scene::capture::Capture;
 use wm_scene::formats::folder::scene_file;
+use wm_scene::{Problem, Remark};
 use wm_train::DatasetReadOptions;
 
 /// An input and what was found about it.
@@ -60,20 +61,23 @@ pub fn read(path: &Path) -> Result<Option<InspectedInput>> {
         if let Some(log) = DrivingLog::open(path, &LogOptions::default())? {
             return Ok(Some(of_log(&log)));
         }
-        return of_capture(path).map(Some);
+        return match DatasetReadOptions::default().capture(path) {
+            // The error of a scene names what a folder may hold.
+            Err(error) if matches!(error.problem, Problem::NoCapture) => Ok(None),
+            capture => Ok(Some(of_capture(&capture?))),
+        };
     }
     let is_capture = ["transforms.json", "reconstruction.json"].contains(&name.as_str())
         || (ending == "out" && name.starts_with("bundle"));
     if is_capture {
-        return of_capture(path).map(Some);
+        return Ok(Some(of_capture(&DatasetReadOptions::default().capture(path)?)));
     }
     let is_scene = ending == "json" && (name.ends_with("meta.json") || name == "tileset.json");
     let is_weather = ["toml", "csv", "txt", "metar", "json"].contains(&ending.as_str()) && !is_scene;
     if is_weather { of_weather(path).map(Some) } else { Ok(None) }
 }
 
-fn of_capture(path: &Path) -> Result<InspectedInput> {
-    let capture = DatasetReadOptions::default().capture(path)?;
+fn of_capture(capture: &Capture) -> InspectedInput {
     let views = capture.views.len();
     let photos = (0..views).filter(|view| capture.photo(*view).is_some()).count();
     let masks = capture.views.iter().filter(|view| view.mask.is_some()).count();
@@ -106,7 +110,7 @@ fn of_capture(path: &Path) -> Result<InspectedInput> {
         ("points", json!(capture.points.len())),
         ("photos_with_tracks", json!(tracked)),
     ];
-    Ok(InspectedInput { kind: "capture: photos with cameras".into(), facts, findings })
+    InspectedInput { kind: "capture: photos with cameras".into(), facts, findings }
 }
 
 fn of_log(log: &DrivingLog) -> InspectedInput {

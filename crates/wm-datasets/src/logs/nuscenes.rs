@@ -18,7 +18,7 @@ use serde::{Deserialize, Deserializer};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 use wm_scene::FormatError;
-use wm_scene::file_index::{FileIndex, FileKind, Found, Place};
+use wm_scene::file_index::{FileIndex, FileKind, FilePlace, Found};
 use wm_scene::capture::Distortion;
 
 /// The entry of [`super::LOG_FORMATS`].
@@ -443,7 +443,7 @@ fn assemble(
             missing.get_or_insert_with(|| files.folder().join(&record.filename));
             continue;
         };
-        elsewhere += usize::from(place != Place::Exact);
+        elsewhere += usize::from(place != FilePlace::Exact);
         let world_from_sensor = moved(*world_from_rig, log.origin).then(&sensor.rig_from_sensor);
         let timestamp = nanoseconds(record.timestamp);
         if sensor.is_camera {

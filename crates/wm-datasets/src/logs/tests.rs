@@ -78,7 +78,8 @@ fn captures_are_read_by_the_readers_of_captures() {
         read.check_trainable().unwrap();
         assert_eq!(read.views.len(), log.pictures.len());
         for picture in &log.pictures {
-            let view = read.views.iter().position(|view| Path::new(&view.name) == picture.file).unwrap();
+            let view =
+                read.views.iter().position(|view| read.images.join(&view.file) == picture.file).unwrap();
             let camera = log.cameras[picture.camera].camera(&picture.world_from_camera);
             let own = read.views[view].camera;
             assert!(own.viewmat.abs_diff_eq(camera.viewmat, 1e-9), "{name}");
@@ -153,7 +154,7 @@ fn masks_cover_the_other_vehicle() {
     let read = capture::read(&out, &CaptureOptions::default()).unwrap();
     let mut checked = 0;
     for picture in &log.pictures {
-        let view = read.views.iter().position(|view| Path::new(&view.name) == picture.file).unwrap();
+        let view = read.views.iter().position(|view| read.images.join(&view.file) == picture.file).unwrap();
         let middle = (mini.mover)(picture.timestamp) - log.origin;
         let Some((x, y)) = read.views[view]
             .project(middle)

@@ -209,7 +209,10 @@ fn tables_of_unknown_services_are_told_as_such() {
         (r#"[{"dt": 1, "cloudiness": 3}, {"dt": 2}]"#, "(it has a list of objects of "),
         (r#"{"cloudiness": {"all": 3}, "wetness": [1, 2]}"#, "it has no column `time`"),
         ("[]", "is no table of a known service"),
-        ("STATIONS_ID;MESS_DATUM;QN_9;TT_TU;RF_TU;eor\n44;2025011900;3;-1.9;100.0;eor\n", "no column `time`"),
+        (
+            "STATIONS_ID;MESS_DATUM;QN_9;TT_TU;RF_TU;eor\n44;2025011900;3;-1.9;100.0;eor\n",
+            "the columns of Deutscher Wetterdienst",
+        ),
         ("station,valid,tmpf,sknt\nJFK,2024-01-15 06:51,32.0,10\n", "it has no column `time`"),
         (
             "STATION,DATE,WND,TMP\n1,2024-01-15T06:51:00,\"290,1,N,0103,1\",\"+0100,1\"\n",

@@ -1,7 +1,7 @@
 //! The folders in which data sets keep their photos, masks and originals, and the files in them.
 
 use super::{CaptureOptions, CaptureView};
-use crate::file_index::{Ambiguity, FileIndex, FileKind, Place, plain};
+use crate::file_index::{Ambiguity, FileIndex, FileKind, FilePlace, plain};
 use crate::{FormatError, Problem, Remark};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -48,7 +48,7 @@ pub(super) fn find(
         let path = match found {
             _ if whole.is_absolute() && whole.is_file() => whole.to_path_buf(),
             Some(found) => {
-                if found.place == Place::Elsewhere || whole.is_absolute() || drive(name) {
+                if found.place == FilePlace::Elsewhere || whole.is_absolute() || drive(name) {
                     elsewhere.push(*name);
                 }
                 found.path
@@ -126,7 +126,7 @@ fn usual_images(roots: &[&Path], usual: &[&str], names: &[&str]) -> FileIndex {
             let is_there = |name: &&&str| match up {
                 0 => matches!(index.find(name), Ok(Some(_))),
                 _ if index.folder() == *root => index.folder().join(plain(name)).is_file(),
-                _ => matches!(index.find(name), Ok(Some(found)) if found.place >= Place::WithoutLeading),
+                _ => matches!(index.find(name), Ok(Some(found)) if found.place >= FilePlace::WithoutLeading),
             };
             let count = sample.iter().filter(is_there).count();
             if count == sample.len() {

@@ -133,7 +133,11 @@ impl Dialect {
             is_filtered: has("filter_3D") && !is_points,
             rest: rest / 3,
             sh_degree: degree.min(sh::MAX_DEGREE),
-            faces: header.elements.iter().filter(|e| e.name == "face").map(|e| e.count).sum(),
+            faces: header
+                .elements
+                .iter()
+                .filter(|e| e.name == "face")
+                .fold(0, |sum, e| e.count.saturating_add(sum)),
         })
     }
 
