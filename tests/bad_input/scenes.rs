@@ -260,7 +260,7 @@ fn views_that_are_none() {
 fn real_files_that_are_no_scene() {
     let place = Place::new();
     if let Some(points) = data("points/garden_points.ply") {
-        let said = said(&place.rendered(points.to_str().unwrap(), &[]));
+        let said = said(&place.rendered(points.to_str().unwrap(), &["--up", "0,0,1"]));
         assert!(said.contains("points and no splats: each is drawn as a ball"), "{said}");
     }
     if let Some(scene) = data("scenes/taebak.ply") {

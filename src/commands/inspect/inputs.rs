@@ -6,8 +6,9 @@ use anyhow::Result;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 use wm_datasets::{DrivingLog, LogOptions};
-use wm_reports::{ReportNoteKind, find_weather};
+use wm_reports::{ReportKind, ReportNoteKind, find_weather, recognise};
 use wm_scene::capture::Capture;
+use wm_scene::files::read_text;
 use wm_scene::formats::folder::scene_file;
 use wm_scene::{Problem, Remark};
 use wm_train::DatasetReadOptions;
@@ -74,7 +75,19 @@ pub fn read(path: &Path) -> Result<Option<InspectedInput>> {
     }
     let is_scene = ending == "json" && (name.ends_with("meta.json") || name == "tileset.json");
     let is_weather = ["toml", "csv", "txt", "metar", "json"].contains(&ending.as_str()) && !is_scene;
-    if is_weather { of_weather(path).map(Some) } else { Ok(None) }
+    if !is_weather {
+        return Ok(None);
+    }
+    match of_weather(path) {
+        // A text that is no report in any form: the error of a scene names what is read.
+        Err(_) if is_plain_text(path) => Ok(None),
+        input => input.map(Some),
+    }
+}
+
+/// Returns true if a text file has none of the forms of reports: it may be words for weather, or any text.
+fn is_plain_text(path: &Path) -> bool {
+    read_text(path).is_ok_and(|text| recognise(&text) == ReportKind::Words)
 }
 
 fn of_capture(capture: &Capture) -> InspectedInput {
