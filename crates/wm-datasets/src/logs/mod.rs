@@ -322,7 +322,7 @@ fn size_of_first(
     records: &mut Records,
 ) -> Result<Option<(u32, u32)>, FormatError> {
     for (_, photo) in photos {
-        let header = read_header(photo).map_err(FormatError::from);
+        let header = read_header(photo);
         if let Some(header) = records.sound("pictures", header)? {
             return Ok(Some((header.width, header.height)));
         }

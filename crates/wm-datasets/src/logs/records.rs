@@ -73,7 +73,7 @@ impl Records {
         let mut sound = Vec::with_capacity(poses.len());
         for ((pose, (time, position)), kept) in poses.into_iter().zip(places).zip(kept) {
             let jump = || {
-                let [x, y, z] = position.to_array().map(|v| v.round());
+                let [x, y, z] = position.to_array().map(f64::round);
                 let seconds = time as f64 * 1e-9;
                 fault(path, format!("the vehicle jumps to {x}, {y}, {z} m and back at {seconds:.3} s"))
             };

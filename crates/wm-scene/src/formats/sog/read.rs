@@ -436,7 +436,7 @@ impl Shading {
     /// Says where `meta.json` and the pictures, which count, differ.
     fn compare(&self, meta: &Palette, splats: usize, remarks: &mut Vec<Remark>) {
         let mut doubt = |text: String| {
-            remarks.push(Remark::doubt("palette", format!("SOG: {text}; export the scene again")))
+            remarks.push(Remark::doubt("palette", format!("SOG: {text}; export the scene again")));
         };
         if let Some(bands) = meta.bands.filter(|bands| *bands != f64::from(self.degree)) {
             doubt(format!(
@@ -455,7 +455,7 @@ impl Shading {
         match beyond.count() {
             0 => {}
             count => {
-                doubt(format!("{count} splats have an entry of the palette beyond shN.count, {entries}"))
+                doubt(format!("{count} splats have an entry of the palette beyond shN.count, {entries}"));
             }
         }
     }
