@@ -295,7 +295,7 @@ fn missing(
         }
     }
     let most = counts.iter().copied().map(share).fold(0.0, f64::max);
-    let enough = most.min(WHOLE).max(f64::MIN_POSITIVE);
+    let enough = most.clamp(f64::MIN_POSITIVE, WHOLE);
     let lacks = |index: usize| {
         let (there, all) = *counts.get(index)?;
         (share((there, all)) < enough).then(|| format!("{there} of {all} pictures of key frames are there"))

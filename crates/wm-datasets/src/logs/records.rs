@@ -113,9 +113,9 @@ fn reachable(places: &[(i64, DVec3)]) -> Vec<bool> {
     let mut kept = vec![false; places.len()];
     kept[longest.clone()].fill(true);
     let mut last = longest.end.saturating_sub(1);
-    for index in longest.end..places.len() {
-        kept[index] = is_step(last, index);
-        last = if kept[index] { index } else { last };
+    for (index, is_kept) in kept.iter_mut().enumerate().skip(longest.end) {
+        *is_kept = is_step(last, index);
+        last = if *is_kept { index } else { last };
     }
     let mut first = longest.start;
     for index in (0..longest.start).rev() {
