@@ -179,7 +179,9 @@ fn damage_text(bytes: &mut Vec<u8>, end: usize, draw: &mut Draws) {
             bytes.splice(line_end..line_end, line);
         }
         _ => {
-            drop(bytes.splice(line_start..line_start, draw.pick(&["\n", " ", "\r", "#", "\u{feff}"]).bytes()));
+            drop(
+                bytes.splice(line_start..line_start, draw.pick(&["\n", " ", "\r", "#", "\u{feff}"]).bytes()),
+            );
         }
     }
 }
