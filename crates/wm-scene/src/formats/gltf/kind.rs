@@ -3,7 +3,7 @@
 use crate::{Remark, Splats, color::srgb_encode, error::excerpt, sh};
 use serde_json::Value;
 
-/// Brings the colours of splats to those of a [`Scene`], and says what of the extension is not as it states.
+/// Brings the colours of splats to those of a [`crate::Scene`], and says what of the extension is not as it states.
 pub(super) fn interpret(extension: &Value, splats: &mut Splats) -> Vec<Remark> {
     let stated = |key: &str| extension.get(key).and_then(Value::as_str);
     let mut remarks = Vec::new();
