@@ -145,6 +145,12 @@ impl WeatherReport {
         // Editors of some systems put this in front.
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let line = after_comments(text.trim_start());
+        if line.is_empty() {
+            return Err(ReportError::Whole {
+                file: source.into(),
+                problem: "is empty: a report is expected".into(),
+            });
+        }
         if line.starts_with('<') {
             let problem = "is XML or HTML, which is no report that is read: give the report itself as text, JSON or CSV";
             return Err(ReportError::Whole { file: source.into(), problem: problem.into() });

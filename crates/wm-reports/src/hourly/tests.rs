@@ -226,6 +226,8 @@ fn tables_of_unknown_services_are_told_as_such() {
     assert_eq!(error, "t: has no `hourly`: ask Open-Meteo for hourly values");
     let page = WeatherReport::read("<!doctype html>", "t", &ReportOptions::default()).unwrap_err();
     assert!(page.to_string().starts_with("t: is XML or HTML"));
+    let empty = WeatherReport::read("\n# nothing\n", "t", &ReportOptions::default()).unwrap_err();
+    assert_eq!(empty.to_string(), "t: is empty: a report is expected");
 }
 
 #[test]
