@@ -172,7 +172,10 @@ const FINDS: [(Fault, &[[&str; 2]]); 34] = [
     (Fault::Level, &[["mirror", "images"]]),
     (Fault::Clearness, &[["secchi", "depth"]]),
     // A board of 10 % is looked for where it is set up.
-    (Fault::Ranges, &[["lidar-board", "range of a board"], ["lidar-air", "reach"]]),
+    (
+        Fault::Ranges,
+        &[["lidar-board", "range of a board"], ["lidar-air", "reach"], ["lidar-air", "before full overlap"]],
+    ),
     (Fault::Echoes, &[["lidar-board", "intensity"]]),
     (Fault::WetEchoes, &[["lidar-road", "6 m away"], ["lidar-road", "12 m away"]]),
     (Fault::Points, &[["lidar-drops", "drops"], ["lidar-road", "range of"]]),
