@@ -18,7 +18,8 @@ pub struct DatasetArgs {
     /// Folder of masks in the data set; black pixels are ignored [default: masks, if it exists]
     #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
     pub masks: Option<PathBuf>,
-    /// Folder of the COLMAP model in the data set [default: the largest in sparse, or another usual place]
+    /// Folder of the COLMAP model in the data set [default: the largest in sparse, or another usual
+    /// place]
     #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
     pub model: Option<PathBuf>,
     /// Folder of the original photos, whose EXIF gives position and time if the photos of the data set have none
@@ -27,7 +28,8 @@ pub struct DatasetArgs {
     /// Longest side of photos, px; larger ones are reduced [default: 1600, or 500 with `reconstruct --preset draft`]
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=32768), help_heading = "Photos")]
     pub longest: Option<u32>,
-    /// Skip photos that are missing or damaged, and of driving logs sweeps, labels, masks, poses and times
+    /// Skip photos that are missing or damaged, and of driving logs sweeps, labels, masks, poses
+    /// and times
     #[arg(long, help_heading = "Photos")]
     pub skip_bad: bool,
     /// Memory for decoded photos, MiB
@@ -56,7 +58,8 @@ impl DatasetArgs {
         }
     }
 
-    /// Opens a data set. Prints the remarks of its reader, and a warning for each photo that is left out.
+    /// Opens a data set. Prints the remarks of its reader, and a warning for each photo that is
+    /// left out.
     ///
     /// # Errors
     /// The capture cannot be read or has no photos, or a photo is damaged and damaged ones are not skipped.

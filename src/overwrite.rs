@@ -1,4 +1,5 @@
-//! Protection of files that exist: they are replaced only with `--overwrite`, and inputs never by pictures and reports.
+//! Protection of files that exist: they are replaced only with `--overwrite`, and inputs never by
+//! pictures and reports.
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -28,7 +29,8 @@ impl OverwriteArgs {
         bail!("{}: {what}; {other}, or replace it with --overwrite", out.display());
     }
 
-    /// Checks, before the work, that a picture or a report replaces no input, and nothing else without `--overwrite`.
+    /// Checks, before the work, that a picture or a report replaces no input, and nothing else
+    /// without `--overwrite`.
     ///
     /// # Errors
     /// `out` is one of the inputs, or exists.

@@ -30,8 +30,8 @@ pub struct SceneArgs {
     /// Level of a scene with several levels of detail; 0 is the finest
     #[arg(long, value_name = "N", help_heading = "Scene")]
     pub level: Option<u32>,
-    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and files of a scene in levels of detail that are missing or damaged, and
-    /// continue
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and
+    /// files of a scene in levels of detail that are missing or damaged, and continue
     #[arg(long, help_heading = "Scene")]
     pub repair: bool,
     /// Folder that caches what takes long to compute for a scene (surfaces, shelter, snow covers), or off for no cache;
@@ -334,7 +334,8 @@ pub fn save(out: &Path, scene: &Scene, options: &WriteOptions) -> Result<()> {
     let file = target.unwrap_or_else(|| out.to_path_buf());
     write_scene_with(&file, scene, options)?;
     if sidecar_path(&file).exists() {
-        // It wins over the scene file, and is of the scene that was replaced; in both positions are relative to the origin now.
+        // It wins over the scene file, and is of the scene that was replaced; in both positions are
+        // relative to the origin now.
         write_sidecar(&file, &scene.metadata)?;
     }
     if !scene.views.is_empty() {

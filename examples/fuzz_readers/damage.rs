@@ -108,9 +108,10 @@ const PATTERNS: &[u64] = &[
     0x000f_ffff_ffff_ffff,
 ];
 
-/// Returns a copy of `bytes` with something wrong. `donor` is another file of the seed, parts of which may be put in.
+/// Returns a copy of `bytes` with something wrong. `donor` is another file of the seed, parts of
+/// which may be put in.
 ///
-/// Of a gzip every other run damages what is packed in it.
+/// Every other run damages the content of a gzip file instead of the file.
 pub fn damage(bytes: &[u8], donor: &[u8], draw: &mut Draws) -> Vec<u8> {
     if bytes.starts_with(&[0x1f, 0x8b]) && draw.below(2) == 0 {
         let mut inside = Vec::new();

@@ -1,12 +1,15 @@
-//! Damages small files of every kind that the program reads, and reads them: each gives a result or one line of error.
+//! Damages small files of every kind that the program reads, and reads them: each gives a result or
+//! one line of error.
 //!
 //! `cargo run --release --example fuzz_readers -- [--runs N | --seconds S] [--only NAME] [--corpus FOLDER]`
 //!
-//! Each target has seeds: small valid inputs, written by the code of `targets.rs` or kept in `seeds/`. A run takes one file of one seed,
-//! damages it (`damage.rs`) and reads the seed. Run K of a target is the same every time. A run fails if the reader panics, overflows (build
-//! with overflow checks), prints an error of several lines, takes more than 2 s of processor time, or takes the
-//! process above 512 MiB. Targets run in processes of their own, so that an abort or an endless loop ends one target alone. A damaged seed that
-//! fails is kept in `target/fuzz-failures/`.
+//! Each target has seeds: small valid inputs, written by the code of `targets.rs` or kept in
+//! `seeds/`. A run takes one file of one seed, damages it (`damage.rs`) and reads the seed. Run K
+//! of a target is the same every time. A run fails if the reader panics, overflows (build with
+//! overflow checks), prints an error of several lines, takes more than 2 s of processor time, or
+//! takes the process above 512 MiB. Targets run in processes of their own, so that an abort or an
+//! endless loop ends one target alone. A damaged seed that fails is kept in
+//! `target/fuzz-failures/`.
 
 mod damage;
 mod targets;
@@ -52,7 +55,8 @@ struct Args {
     /// The first run, to repeat one: `--start K --runs 1 --only NAME`
     #[arg(long, default_value_t = 0)]
     start: u64,
-    /// More seeds: FOLDER/TARGET/SEED is a file or a folder; if it is a folder, its first file in order of names is read
+    /// More seeds: FOLDER/TARGET/SEED is a file or a folder; if it is a folder, its first file in
+    /// order of names is read
     #[arg(long)]
     corpus: Option<PathBuf>,
     /// Targets at the same time
@@ -118,7 +122,6 @@ fn run_all(chosen: &[&Target], args: &Args) -> usize {
 pub struct Seed {
     /// The path that the reader is given.
     pub main: PathBuf,
-    /// Its files and their contents.
     files: Vec<SeedFile>,
 }
 

@@ -207,7 +207,8 @@ impl AlignArgs {
     }
 }
 
-/// Returns an alignment relative to the origin of a scene; users give points and heights of the world.
+/// Returns an alignment relative to the origin of a scene; users give points and heights of the
+/// world.
 fn local(by: Alignment, scene: &Scene) -> Alignment {
     let origin = scene.metadata.origin_or_zero();
     let ground = by.ground.map(|ground| match ground {

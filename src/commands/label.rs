@@ -45,7 +45,8 @@ pub struct LabelArgs {
     out: PathBuf,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and continue
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and
+    /// continue
     #[arg(long)]
     repair: bool,
     #[command(flatten)]

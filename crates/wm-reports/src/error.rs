@@ -54,9 +54,29 @@ pub enum ReportError {
         /// The problem and what to do.
         problem: String,
     },
+    /// A file holds a report of one line, which is wrong.
+    #[error("{file}: {error}")]
+    InFile {
+        /// The file.
+        file: String,
+        /// The problem, with its place in the report.
+        error: Box<Self>,
+    },
     /// A preset or a weather file that was asked for, or the weather that came out of a report.
     #[error(transparent)]
     Weather(#[from] WeatherError),
+}
+
+impl ReportError {
+    /// The error with the name of the file that the report was read from, unless it has it.
+    pub(crate) fn in_file(self, name: &str) -> Self {
+        let is_named = match &self {
+            Self::Text { .. } => false,
+            Self::Value { file, .. } | Self::Line { file, .. } | Self::Whole { file, .. } => file == name,
+            Self::Read { .. } | Self::InFile { .. } | Self::Weather(_) => true,
+        };
+        if is_named { self } else { Self::InFile { file: name.into(), error: Box::new(self) } }
+    }
 }
 
 /// `, did you mean ...`, if something is near enough.

@@ -69,15 +69,16 @@ pub fn recognise(text: &str) -> ReportKind {
     if is_table(text) { ReportKind::HourlyCsv } else { ReportKind::Words }
 }
 
-/// Returns true for an object of single values one of which has the name of a parameter of CARLA, or nearly.
+/// Returns true for an object of single values one of which has the name of a parameter of CARLA,
+/// or nearly.
 fn is_carla(json: &str) -> bool {
     let Ok(Value::Object(map)) = serde_json::from_str(json) else { return false };
     let is_flat = !map.values().any(|value| value.is_object() || value.is_array());
     is_flat && map.keys().any(|key| CarlaParameters::is_named(key))
 }
 
-/// Returns true for lines of cells: the first with a name that tables have, or as many cells in both of the first two, a number
-/// among the second's.
+/// Returns true for lines of cells: the first with a name that tables have, or as many cells in
+/// both of the first two, a number among the second's.
 fn is_table(text: &str) -> bool {
     let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     let (Some(first), Some(second)) = (lines.next(), lines.next()) else { return false };
@@ -93,8 +94,8 @@ fn is_table(text: &str) -> bool {
         || first.len() > 2 && first.len() == second.len() && has_numbers()
 }
 
-/// A text without what may stand before a report: lines of comment, and the line with the date that NOAA puts before a METAR
-/// (`2024/01/15 18:51`).
+/// A text without what may stand before a report: lines of comment, and the line with the date that
+/// NOAA puts before a METAR (`2024/01/15 18:51`).
 pub(crate) fn after_comments(text: &str) -> &str {
     let mut rest = text;
     loop {

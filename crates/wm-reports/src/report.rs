@@ -188,7 +188,8 @@ impl WeatherReport {
             };
             ReportError::Read { path: path.into(), reason }
         })?;
-        Self::read(&text, &path.display().to_string(), options)
+        let name = path.display().to_string();
+        Self::read(&text, &name, options).map_err(|error| error.in_file(&name))
     }
 
     /// The text of the weather file: each value with the part of the report that it came from.

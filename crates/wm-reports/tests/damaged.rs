@@ -78,23 +78,6 @@ proptest! {
     }
 }
 
-/// `cargo test -p wm-reports --test damaged -- --ignored`: some minutes.
-#[test]
-#[ignore = "takes minutes"]
-fn many_damaged_reports() {
-    let mut runner = proptest::test_runner::TestRunner::new(config(200_000));
-    let reports = reports();
-    let accepted = std::cell::Cell::new(0);
-    runner
-        .run(&(any::<prop::sample::Index>(), damages()), |(which, damages)| {
-            let good = read(&damage(&reports[which.index(reports.len())], &damages));
-            accepted.set(accepted.get() + u32::from(good));
-            Ok(())
-        })
-        .unwrap();
-    println!("{} of 200000 were weathers", accepted.get());
-}
-
 #[test]
 fn the_fixtures_are_weathers() {
     for report in reports() {

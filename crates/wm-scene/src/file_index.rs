@@ -1,16 +1,16 @@
 //! Files found by the names that other programs wrote down for them.
 //!
-//! Photos, masks and maps are named in captures as the program that wrote them saw them: with its own
-//! folders, separators, extensions and case. [`FileIndex`] lists a folder once and finds the file that
-//! such a name means. Of several candidates the one in the nearest place is taken:
+//! Photos, masks and maps are named in captures as the program that wrote them saw them: with its
+//! own folders, separators, extensions and case. [`FileIndex`] lists a folder once and finds the
+//! file that such a name means. Of several candidates the one in the nearest place is taken:
 //!
 //! 1. at the path itself;
 //! 2. at the path without its leading folders (`images/back/1.jpg` is `back/1.png` in a folder of masks);
 //! 3. at the path in some folder below;
 //! 4. anywhere, with the same file name.
 //!
-//! Of the files of one folder a name in the same case comes before one in another case, then the name
-//! itself before `NAME.jpg.png`, `NAME.png` and `NAME_mask.png`. If two files are equally good, none is
+//! In one folder, a name in the same case comes before one in another case, then the name itself
+//! before `NAME.jpg.png`, `NAME.png` and `NAME_mask.png`. If two files are equally good, none is
 //! taken.
 
 use std::collections::{HashMap, HashSet};
@@ -78,14 +78,15 @@ pub enum FilePlace {
     Exact,
 }
 
-/// How well a file fits a name; better ones are greater.
+/// The grade with which a file fits a name; greater is better.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Fit {
     place: FilePlace,
     /// Folders of the path that are the same.
     folders: usize,
     is_same_case: bool,
-    /// 4 for the name itself, 3 with an extension appended, 2 with another extension; 1 and 0 with an ending.
+    /// 4 for the name itself, 3 with an extension appended, 2 with another extension; 1 and 0 with
+    /// an ending.
     form: u8,
 }
 
@@ -160,7 +161,8 @@ enum Ending {
 }
 
 impl FileIndex {
-    /// An index of a folder, which need not exist. It is listed when a name is not found at its path.
+    /// An index of a folder, which need not exist. It is listed when a name is not found at its
+    /// path.
     #[must_use]
     pub fn new(folder: impl Into<PathBuf>, kind: FileKind) -> Self {
         Self { folder: folder.into(), kind, listing: OnceLock::new() }
@@ -172,8 +174,8 @@ impl FileIndex {
         &self.folder
     }
 
-    /// The paths of all files in the folder, sorted, with `/` between their parts. Hidden files and folders are left
-    /// out.
+    /// The paths of all files in the folder, sorted, with `/` between their parts. Hidden files and
+    /// folders are left out.
     #[must_use]
     pub fn files(&self) -> &[String] {
         &self.listing().files
@@ -187,8 +189,8 @@ impl FileIndex {
         Ok(self.search(name)?.map(|(path, fit)| Found { path, place: fit.place }))
     }
 
-    /// Finds the files that names mean. A file has one name: if several names mean it, the one that fits best, and the
-    /// others have none.
+    /// Finds the files that names mean. A file has one name: if several names mean it, the one that
+    /// fits best, and the others have none.
     ///
     /// # Errors
     /// [`Ambiguity`] if two files fit a name equally well, or two names a file.
@@ -306,7 +308,7 @@ impl FileIndex {
     }
 }
 
-/// How well the file `found` fits the name `file` with the folders `folders`.
+/// Grades the file `found` for the name `file` with the folders `folders`.
 fn fit(folders: &str, file: &str, own_stem: &str, found: &str, ending: Ending) -> Fit {
     let (found_folders, found_file) = split(found);
     let found_stem = stem(found_file);
@@ -379,8 +381,8 @@ fn stem(name: &str) -> &str {
     extension(name).map_or(name, |extension| &name[..name.len() - extension.len() - 1])
 }
 
-/// The files in a folder and below, with `/` between their parts, in any order. Folders with names that start as
-/// `skipped` says (lower case) are left out, and so are hidden files and folders.
+/// The files in a folder and below, with `/` between their parts, in any order. Folders with names
+/// that start as `skipped` says (lower case) are left out, and so are hidden files and folders.
 fn files_below(folder: &Path, skipped: &[&str]) -> Vec<String> {
     let mut files = Vec::new();
     let mut open = vec![(folder.to_path_buf(), String::new(), 0)];

@@ -14,9 +14,12 @@ mod fetched;
 mod reading;
 
 use crate::error::{FormatError, Problem};
-pub(crate) use reading::{IS_WIDE, MARK, is_wide, open, without_mark};
+pub(crate) use reading::{
+    BYTE_ORDER_MARK, LFS_REFUSED, LONGEST_MARK, is_lfs_pointer, open, refused_text, without_byte_order_mark,
+};
 pub use reading::{
-    is_file, is_folder, is_lacking, is_there, past_mark, read, read_if_there, read_text, text_of, want,
+    is_file, is_folder, is_lacking, is_there, read, read_if_there, read_text, skip_byte_order_mark, text_of,
+    want,
 };
 use std::{
     fs::{self, File, OpenOptions},

@@ -172,8 +172,8 @@ impl FaultCounts {
     }
 }
 
-/// Splats that hold NaN, infinite or absurd numbers, or nothing but zeros, and cannot be drawn: how many, and in which
-/// arrays.
+/// Splats that hold NaN, infinite or absurd numbers, or nothing but zeros, and cannot be drawn: how
+/// many, and in which arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("{faulty} of {splats} splats hold NaN, infinite or absurd numbers ({})", self.arrays())]
 pub struct NonFiniteSplats {
@@ -206,7 +206,8 @@ pub struct Repairs {
 }
 
 impl Splats {
-    /// Checks that every splat can be drawn: that it has none of the [`Faults`] but a zero quaternion.
+    /// Checks that every splat can be drawn: that it has none of the [`Faults`] but a zero
+    /// quaternion.
     ///
     /// # Errors
     /// [`NonFiniteSplats`] counts the splats that do.
@@ -243,8 +244,8 @@ impl Splats {
     }
 }
 
-/// The box between two quantiles of each coordinate: `cut` of the means that are places are below, as many
-/// above; the sky does not count.
+/// The box between two quantiles of each coordinate: `cut` of the means that are places are below,
+/// as many above; the sky does not count.
 fn bounds(splats: &Splats, cut: f64) -> Option<Bounds> {
     let mut bounds = Bounds { min: [0.0; 3], max: [0.0; 3] };
     for axis in 0..3 {

@@ -19,8 +19,8 @@ pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Metadata {
-    /// The point of the world that is zero here, scene units, world axes: positions are relative to it. Nothing if they are those of the
-    /// world; see [`crate::origin`].
+    /// The point of the world that is zero here, scene units, world axes: positions are relative to
+    /// it. Nothing if they are those of the world; see [`crate::origin`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub origin: Option<DVec3>,
     /// Metres per scene unit.

@@ -1,19 +1,24 @@
 //! Local origins of places whose coordinates are far from zero.
 //!
-//! Splats are kept as f32: four million units from zero, where maps put whole countries, its steps are a quarter of a unit wide. So
-//! what is read from far coordinates is kept relative to an origin: `world = origin + local`, along the axes of the file. The origin is
-//! [`Metadata::origin`](crate::Metadata::origin); splats, views and all other positions in memory are local. Positions in a file are
-//! relative to the origin that the file states, else to zero. Places near zero have no origin.
+//! Splats are kept as f32: four million units from zero, where maps put whole countries, its steps
+//! are a quarter of a unit wide. So what is read from far coordinates is kept relative to an
+//! origin: `world = origin + local`, along the axes of the file. The origin is
+//! [`Metadata::origin`](crate::Metadata::origin); splats, views and all other positions in memory
+//! are local. Positions in a file are relative to the origin that the file states, else to zero.
+//! Places near zero have no origin.
 
 use crate::similarity::Similarity;
 use crate::{Group, Metadata, Remark, Scene, SceneView, Splats};
 use glam::DVec3;
 
-/// Extents of a capture from zero beyond which its coordinates are far: steps of f32 are a 65,536th of its extent there.
+/// Extents of a capture from zero beyond which its coordinates are far: steps of f32 are a 65,536th
+/// of its extent there.
 const FAR: f64 = 128.0;
-/// Extents of a scene from zero beyond which its coordinates are far, whatever the size of its splats.
+/// Extents of a scene from zero beyond which its coordinates are far, whatever the size of its
+/// splats.
 const FAR_OF_SPLATS: f64 = 1024.0;
-/// Extents from zero beyond which coordinates are far if steps of f32 there are wide against splats: nearer, an origin gains nothing.
+/// Extents from zero beyond which coordinates are far if steps of f32 there are wide against
+/// splats: nearer, an origin gains nothing.
 const FAR_OF_SMALL: f64 = 8.0;
 /// Widths of steps of f32 in a splat, below which it is small.
 const STEPS_OF_SPLAT: f64 = 16.0;
@@ -27,7 +32,8 @@ const SAMPLE: usize = 1 << 12;
 const STRAYS: f64 = 0.05;
 /// Share of the splats that are narrower than the steps of their positions, from which it is said.
 const COARSE_SHARE: f64 = 0.1;
-/// The widest step of a file, in steps of f32 at the same place, that is put down to the numbers of the file.
+/// The widest step of a file, in steps of f32 at the same place, that is put down to the numbers of
+/// the file.
 const WIDEST_STEP: f64 = 2.0;
 /// The code of the remark on positions in steps that are wider than the splats.
 pub(crate) const COARSE: &str = "coarse-positions";
@@ -43,11 +49,12 @@ pub fn float_step(coordinate: f64) -> f64 {
     }
 }
 
-/// Chooses the origin of positions, of which some thousand are looked at, by their middle, strays left out; `None` if they are not
-/// far from zero. `size` is the standard deviation of a usual splat, units; 0 if it is not known.
+/// Chooses the origin of positions, of which some thousand are looked at, by their middle, strays
+/// left out; `None` if they are not far from zero. `size` is the standard deviation of a usual
+/// splat, units; 0 if it is not known.
 ///
-/// The origin is rounded to a power of ten above the extent of the positions, a unit at least, so that captures and scenes of one place mostly
-/// have the same.
+/// The origin is rounded to a power of ten above the extent of the positions, a unit at least, so
+/// that captures and scenes of one place mostly have the same.
 #[must_use]
 pub fn choose(positions: &[DVec3], size: f64) -> Option<DVec3> {
     let step = positions.len().div_ceil(SAMPLE).max(1);
@@ -85,7 +92,8 @@ pub fn choose(positions: &[DVec3], size: f64) -> Option<DVec3> {
     (origin != DVec3::ZERO).then_some(origin)
 }
 
-/// The standard deviation of a usual splat: the median of that along the middle axis, units; 0 if no splat has a finite one.
+/// The standard deviation of a usual splat: the median of that along the middle axis, units; 0 if
+/// no splat has a finite one.
 pub(crate) fn usual_size(splats: &Splats) -> f64 {
     let step = splats.len().div_ceil(SAMPLE).max(1);
     let scales = splats.log_scales.iter().step_by(step);
@@ -119,9 +127,9 @@ pub(crate) fn is_far(splats: &Splats) -> bool {
     of_splats(splats).is_some()
 }
 
-/// Chooses an origin for a scene that was read, if it is far from zero, and makes splats, metadata and views relative to it; remarks
-/// on it, and on positions that the file has in steps wider than the splats. A reader may have chosen one for the splats already:
-/// [`Scene::moved_by`].
+/// Chooses an origin for a scene that was read, if it is far from zero, and makes splats, metadata
+/// and views relative to it; remarks on it, and on positions that the file has in steps wider than
+/// the splats. A reader may have chosen one for the splats already: [`Scene::moved_by`].
 pub(crate) fn settle(scene: &mut Scene) {
     let read = scene.moved_by;
     // Whoever stated an origin chose it.
@@ -151,8 +159,8 @@ pub(crate) fn settle(scene: &mut Scene) {
     }
 }
 
-/// A line on positions in steps that are wider than many of the splats; `None` if they are fine. `step` tells the step at a position,
-/// units, `advice` what to do.
+/// A line on positions in steps that are wider than many of the splats; `None` if they are fine.
+/// `step` tells the step at a position, units, `advice` what to do.
 pub(crate) fn coarse_line(splats: &Splats, step: impl Fn([f32; 3]) -> f64, advice: &str) -> Option<String> {
     let stride = splats.len().div_ceil(SAMPLE).max(1);
     let (mut all, mut narrow, mut widest) = (0u32, 0u32, 0.0f64);
@@ -182,9 +190,9 @@ fn digits(v: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
-/// Chooses an origin for splats that are read from positions finer than f32, if they are far from zero and `metadata` state none, and makes
-/// them relative to it: `residues` are what f32 left of their positions, none or one a splat. Returns it, or zero;
-/// [`settle`] does the rest.
+/// Chooses an origin for splats that are read from positions finer than f32, if they are far from
+/// zero and `metadata` state none, and makes them relative to it: `residues` are what f32 left of
+/// their positions, none or one a splat. Returns it, or zero; [`settle`] does the rest.
 pub(crate) fn subtract_fine(splats: &mut Splats, residues: &[[f32; 3]], metadata: &Metadata) -> DVec3 {
     let fine = |(mean, residue): (&[f32; 3], &[f32; 3])| wide(*mean) + wide(*residue);
     let step = splats.len().div_ceil(SAMPLE).max(1);
@@ -207,8 +215,8 @@ fn move_facts(scene: &mut Scene, by: DVec3) {
 }
 
 impl Scene {
-    /// Makes everything in the scene relative to another origin, zero for none: the place stays where it is in the world. Positions
-    /// are rounded to f32 anew.
+    /// Makes everything in the scene relative to another origin, zero for none: the place stays
+    /// where it is in the world. Positions are rounded to f32 anew.
     pub fn set_origin(&mut self, origin: DVec3) {
         let by = origin - self.metadata.origin_or_zero();
         if by != DVec3::ZERO {
@@ -225,7 +233,8 @@ impl Scene {
         self
     }
 
-    /// Metadata of this scene as they belong beside its file, which has no word of the origin that the reader chose.
+    /// Metadata of this scene as they belong beside its file, which has no word of the origin that
+    /// the reader chose.
     #[must_use]
     pub fn metadata_beside_file(&self, metadata: Metadata) -> Metadata {
         let origin = self.metadata.origin;
@@ -244,8 +253,8 @@ impl Scene {
     }
 }
 
-/// The step of the positions in a file, of splats that were `by` farther from zero there, units; `None` if they are not in steps that
-/// numbers of 32 bits explain.
+/// The step of the positions in a file, of splats that were `by` farther from zero there, units;
+/// `None` if they are not in steps that numbers of 32 bits explain.
 ///
 /// A step shows itself: all positions along an axis are multiples of it.
 fn file_step(splats: &Splats, by: DVec3) -> Option<f64> {

@@ -5,8 +5,8 @@ use std::fmt;
 
 /// A line for people on how a file was read, although it could be read.
 ///
-/// Readers attach remarks to what they return, such as [`crate::Scene::remarks`]. Programs print each
-/// once; `inspect --strict` fails if any is a doubt.
+/// Readers attach remarks to what they return, such as [`crate::Scene::remarks`]. Programs print
+/// each once; `inspect --strict` fails if any is a doubt.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Remark {
     /// The weight of the remark.

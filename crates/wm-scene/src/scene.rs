@@ -33,9 +33,11 @@ pub struct Scene {
     pub metadata: Metadata,
     /// The photographed views, if the file or folder has them, in their order.
     pub views: Vec<SceneView>,
-    /// The origin that the reader chose, beside that which the file states, scene units; zero if it chose none. Never written.
+    /// The origin that the reader chose, beside that which the file states, scene units; zero if it
+    /// chose none. Never written.
     pub moved_by: DVec3,
-    /// Lines on what the reader guessed, ignored or passed over; empty for a scene that was made in memory. Never written.
+    /// Lines on what the reader guessed, ignored or passed over; empty for a scene that was made in
+    /// memory. Never written.
     pub remarks: Vec<Remark>,
 }
 

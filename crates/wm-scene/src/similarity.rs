@@ -49,7 +49,8 @@ impl Similarity {
         Camera { viewmat, near: camera.near * self.scale, ..*camera }
     }
 
-    /// Transforms a scene: splats, metadata and views. The translation of one with an origin moves the origin, which keeps it exact.
+    /// Transforms a scene: splats, metadata and views. The translation of one with an origin moves
+    /// the origin, which keeps it exact.
     pub fn apply(&self, scene: &mut Scene) {
         match scene.metadata.origin {
             None => self.apply_local(scene),

@@ -2,7 +2,7 @@
 
 use crate::{
     error::{FormatError, Location, Problem},
-    files::{self, IS_WIDE, MARK, is_wide},
+    files::{self, BYTE_ORDER_MARK, LFS_REFUSED, LONGEST_MARK, is_lfs_pointer, refused_text},
 };
 use std::{
     io::{self, Read},
@@ -43,10 +43,15 @@ impl<'a> Source<'a> {
     /// Opens a file.
     ///
     /// # Errors
-    /// If it cannot be opened.
+    /// If it cannot be opened, or is a Git LFS pointer.
     pub fn open(path: &Path) -> Result<Self, FormatError> {
         let opened = files::open(path).map_err(|e| FormatError::reading(path, e))?;
-        Ok(Self::new(path, opened.reader, opened.length))
+        let mut source = Self::new(path, opened.reader, opened.length);
+        source.fill(LONGEST_MARK)?;
+        if is_lfs_pointer(source.bytes()) {
+            return Err(source.whole(Problem::Value(LFS_REFUSED.into())));
+        }
+        Ok(source)
     }
 
     /// A stream of which `path` is the name in messages.
@@ -105,12 +110,17 @@ impl<'a> Source<'a> {
     /// Steps over the byte order mark that a text may begin with, at the beginning of the stream.
     ///
     /// # Errors
-    /// If reading fails, or the text is in UTF-16.
-    pub fn past_mark(&mut self) -> Result<(), FormatError> {
-        if self.offset == 0 && self.fill(MARK.len())? && self.bytes().starts_with(MARK) {
-            self.consume(MARK.len());
-        } else if self.offset == 0 && is_wide(self.bytes()) {
-            return Err(self.whole(Problem::Value(IS_WIDE.into())));
+    /// If reading fails, or the text is in UTF-16 or a Git LFS pointer.
+    pub fn skip_byte_order_mark(&mut self) -> Result<(), FormatError> {
+        if self.offset > 0 {
+            return Ok(());
+        }
+        self.fill(LONGEST_MARK)?;
+        if let Some(refused) = refused_text(self.bytes()) {
+            return Err(self.whole(Problem::Value(refused.into())));
+        }
+        if self.bytes().starts_with(BYTE_ORDER_MARK) {
+            self.consume(BYTE_ORDER_MARK.len());
         }
         Ok(())
     }
@@ -171,7 +181,7 @@ impl<'a> Source<'a> {
     /// # Errors
     /// If reading fails or the line is longer than [`MAX_LINE`].
     pub fn line(&mut self) -> Result<Option<&[u8]>, FormatError> {
-        self.past_mark()?;
+        self.skip_byte_order_mark()?;
         let mut searched = 0;
         let length = loop {
             let bytes = self.bytes();
@@ -209,7 +219,7 @@ impl<'a> Source<'a> {
     /// # Errors
     /// If reading fails.
     pub fn skip_line(&mut self) -> Result<Option<u64>, FormatError> {
-        self.past_mark()?;
+        self.skip_byte_order_mark()?;
         if !self.fill(1)? {
             return Ok(None);
         }
@@ -238,7 +248,7 @@ impl<'a> Source<'a> {
     /// # Errors
     /// If reading fails or the word is longer than 256 bytes.
     pub fn word(&mut self) -> Result<Option<&[u8]>, FormatError> {
-        self.past_mark()?;
+        self.skip_byte_order_mark()?;
         const MAX_WORD: usize = 256;
         loop {
             if !self.fill(1)? {

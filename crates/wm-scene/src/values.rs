@@ -12,26 +12,30 @@
 //! | a coefficient of colour that is NaN or beyond [`LARGEST_SH`] | a fault | |
 //! | a row of zeros: position, rotation, scales, opacity and colour | a fault: a row that was never filled | |
 //!
-//! A reader gives a splat with a fault as the file has it. [`Splats::check_finite`] refuses such splats, [`Splats::repaired`]
-//! leaves them out, and renderers pass them over. Readers of JSON take a `null` in a table of values for one that continues the
-//! others.
+//! A reader gives a splat with a fault as the file has it. [`Splats::check_finite`] refuses such
+//! splats, [`Splats::repaired`] leaves them out, and renderers pass them over. Readers of JSON take
+//! a `null` in a table of values for one that continues the others.
 
 use crate::Splats;
 
-/// Largest coordinate of a splat, scene units, either sign: squares of distances, and of these and scales together, stay
-/// within single precision. Far beyond is no place, but a damaged file.
+/// Largest coordinate of a splat, scene units, either sign: squares of distances, and of these and
+/// scales together, stay within single precision. Far beyond is no place, but a damaged file.
 pub const FARTHEST: f32 = 1e10;
 
-/// Largest stored scale that is taken for a number: its square still fits f32 with room for a camera.
+/// Largest stored scale that is taken for a number: its square still fits f32 with room for a
+/// camera.
 pub const MAX_LOG_SCALE: f32 = 30.0;
 
-/// The stored scale that stands for a flat axis in tables and ranges, which hold no infinity: 10^-13 units.
+/// The stored scale that stands for a flat axis in tables and ranges, which hold no infinity:
+/// 10^-13 units.
 pub const FLAT_LOG_SCALE: f32 = -30.0;
 
-/// Largest part of a quaternion, either sign: the square of its length stays within single precision.
+/// Largest part of a quaternion, either sign: the square of its length stays within single
+/// precision.
 pub const LONGEST_QUAT: f32 = 1e15;
 
-/// Largest coefficient of spherical harmonics, either sign: a light a million times as bright as white.
+/// Largest coefficient of spherical harmonics, either sign: a light a million times as bright as
+/// white.
 pub const LARGEST_SH: f32 = 1e6;
 
 /// The faults of one splat, array by array.

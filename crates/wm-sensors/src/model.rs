@@ -30,7 +30,8 @@ pub struct LidarModel {
     pub reference_range: f64,
     /// Least standard deviation of ranges, m.
     pub range_noise: f64,
-    /// Ranges at which the receiver begins to see the beam and sees all of it, m; see [`LidarModel::overlap_at`].
+    /// Ranges at which the receiver begins to see the beam and sees all of it, m; see
+    /// [`LidarModel::overlap_at`].
     pub overlap: [f64; 2],
     /// The beams.
     pub pattern: BeamPattern,
@@ -63,7 +64,8 @@ fn usual_noise() -> f64 {
     0.01
 }
 
-/// Width of a receiver's lens, mm, whose field is as wide as the beam. Guessed: data sheets say neither.
+/// Width of a receiver's lens, mm, whose field is as wide as the beam. Guessed: data sheets say
+/// neither.
 const LENS: f64 = 35.0;
 /// Farthest range at which a receiver is believed to see all of its beam where nothing is said, m.
 const FARTHEST_OVERLAP: f64 = 20.0;
@@ -179,12 +181,13 @@ impl LidarModel {
         TARGET / (self.reference_range * self.reference_range)
     }
 
-    /// Share of the beam that the receiver sees at a range, m: it grows with the square of the range between the two of
-    /// [`LidarModel::overlap`].
+    /// Share of the beam that the receiver sees at a range, m: it grows with the square of the
+    /// range between the two of [`LidarModel::overlap`].
     ///
-    /// A receiver's lens looks far ahead. What is near is out of focus: its spot on the detector is as wide as the lens is over the
-    /// range, and of a spot that is wider than the detector the detector has the share by area. So what fills the beam sends the same
-    /// power from all ranges below that of full overlap: the "near-distance effect" of laser scanners.
+    /// A receiver's lens looks far ahead. What is near is out of focus: its spot on the detector is
+    /// as wide as the lens is over the range, and of a spot that is wider than the detector the
+    /// detector has the share by area. So what fills the beam sends the same power from all ranges
+    /// below that of full overlap: the "near-distance effect" of laser scanners.
     #[must_use]
     pub fn overlap_at(&self, range: f64) -> f64 {
         let [begin, end] = self.overlap;

@@ -165,7 +165,8 @@ pub struct LidarSweep {
     pub metres_per_unit: f64,
     /// The axes of the points.
     pub frame: PointFrame,
-    /// The place of the points' origin in the world, m: of points in the axes of a scene with a local origin; else zero.
+    /// The place of the points' origin in the world, m: of points in the axes of a scene with a
+    /// local origin; else zero.
     pub origin: DVec3,
     /// Number of pulses.
     pub pulses: usize,

@@ -181,7 +181,8 @@ fn air_is_seen_as_far_as_its_backscatter_says() {
     }
 }
 
-/// Sweeps of fog chambers are full of near points in fog of some ten metres; in rain and mist such points are few, and none are of air.
+/// Sweeps of fog chambers are full of near points in fog of some ten metres; in rain and mist such
+/// points are few, and none are of air.
 #[test]
 fn devices_see_dense_fog_and_no_mist() {
     let options = SweepOptions { returns: ReturnMode::Strongest, ..ALL };

@@ -63,7 +63,8 @@ fn usual_colors() -> String {
 }
 
 impl SensorPlace {
-    /// Returns the place in a scene of this origin as `scan --at` reads it; bit by bit, if the origin is zero.
+    /// Returns the place in a scene of this origin as `scan --at` reads it; bit by bit, if the
+    /// origin is zero.
     pub fn text(&self, origin: DVec3) -> String {
         let world = |point| (DVec3::from_array(point) + origin).to_array();
         [self.eye, self.target].map(|point| world(point).map(|v| v.to_string()).join(",")).join(":")

@@ -47,7 +47,8 @@ pub struct ConvertArgs {
     folder: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and continue
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and
+    /// continue
     #[arg(long)]
     repair: bool,
     /// Level of a scene with several levels of detail; 0 is the finest [default: the finest, or the finest that fits
@@ -88,8 +89,8 @@ struct ChangeArgs {
     /// Multiply all lengths by this factor; `metres` makes a unit a metre if the scene's scale is known
     #[arg(long, value_name = "FACTOR", value_parser = parse_scale, help_heading = "Change")]
     scale: Option<LengthScale>,
-    /// Keep positions relative to this point of the world, or to none [default: the origin of the input scene; one is chosen if its
-    /// coordinates are far from zero]
+    /// Keep positions relative to this point of the world, or to none [default: the origin of the
+    /// input scene; one is chosen if its coordinates are far from zero]
     #[arg(long, value_name = "X,Y,Z|none", allow_hyphen_values = true, help_heading = "Change")]
     origin: Option<GivenOrigin>,
     /// Remove SH above this degree, 0 to 3

@@ -4,7 +4,8 @@ use wm_scene::health::{FaultCounts, Health};
 use wm_scene::survey::Survey;
 use wm_scene::{Remark, Scene, Severity};
 
-/// Returns the findings about a scene: those of its reader, of its splats, and of the facts about the place.
+/// Returns the findings about a scene: those of its reader, of its splats, and of the facts about
+/// the place.
 pub fn of_scene(scene: &Scene, health: &Health, survey: &Survey) -> Vec<Remark> {
     let mut findings = scene.remarks.clone();
     findings.extend(of_splats(health));

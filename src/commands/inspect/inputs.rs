@@ -15,7 +15,7 @@ use wm_train::DatasetReadOptions;
 
 /// An input and what was found about it.
 pub struct InspectedInput {
-    /// What the input is, in a few words.
+    /// The kind of input, in a few words.
     pub kind: String,
     /// Counts and names, each with a key for programs.
     pub facts: Vec<(&'static str, Value)>,
@@ -47,8 +47,8 @@ impl InspectedInput {
 
 /// Reads an input that is no scene; `None` if it is to be read as a scene.
 ///
-/// A folder without a scene is a driving log or a capture. A TOML, CSV or text file is a weather or a report, and so is a
-/// JSON file unless it is the file of a capture.
+/// A folder without a scene is a driving log or a capture. A TOML, CSV or text file is a weather or
+/// a report, and so is a JSON file unless it is the file of a capture.
 ///
 /// # Errors
 /// The input is damaged.
@@ -85,7 +85,8 @@ pub fn read(path: &Path) -> Result<Option<InspectedInput>> {
     }
 }
 
-/// Returns true if a text file has none of the forms of reports: it may be words for weather, or any text.
+/// Returns true if a text file has none of the forms of reports: it may be words for weather, or
+/// any text.
 fn is_plain_text(path: &Path) -> bool {
     read_text(path).is_ok_and(|text| recognise(&text) == ReportKind::Words)
 }

@@ -1,4 +1,5 @@
-//! `inspect`: the content of a scene, a capture, a driving log or a weather, and every doubt about it.
+//! `inspect`: the content of a scene, a capture, a driving log or a weather, and every doubt about
+//! it.
 
 mod findings;
 mod inputs;
@@ -21,8 +22,8 @@ use wm_scene::{Group, Metadata, Remark, Severity};
 /// Options of `inspect`.
 #[derive(Args, Debug)]
 pub struct InspectArgs {
-    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG; or a capture, a driving log, a
-    /// weather file or a weather report
+    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a
+    /// SOG; or a capture, a driving log, a weather file or a weather report
     scene: PathBuf,
     /// Level of a scene with several levels of detail; 0 is the finest
     #[arg(long, value_name = "N")]

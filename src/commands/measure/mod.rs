@@ -34,7 +34,8 @@ pub struct MeasureArgs {
     scene: Option<PathBuf>,
     #[command(flatten)]
     facts: FactArgs,
-    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and continue
+    /// Remove splats that cannot be drawn (NaN, infinite or absurd numbers, rows of zeros), and
+    /// continue
     #[arg(long, help_heading = "Scene")]
     repair: bool,
     #[command(flatten)]

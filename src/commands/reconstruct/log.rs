@@ -35,7 +35,8 @@ const BATCH: usize = 64;
 /// The part of a driving log that is read.
 #[derive(Args, Clone, Debug)]
 pub struct LogArgs {
-    /// The log among several in the folder: a scene, a drive or a sequence [default: the first whose files are there]
+    /// The log among several in the folder: a scene, a drive or a sequence [default: the first
+    /// whose files are there]
     #[arg(long, value_name = "NAME", help_heading = "Driving log")]
     log_scene: Option<String>,
     /// Cameras of the log, by its names for them, separated by commas [default: all that take colour pictures]
@@ -80,7 +81,8 @@ impl LogArgs {
         all.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
     }
 
-    /// Opens the log in a folder; `None` if it holds none. Prints warnings on the error stream. Damaged records are left out if `skip_bad`.
+    /// Opens the log in a folder; `None` if it holds none. Prints warnings on the error stream.
+    /// Damaged records are left out if `skip_bad`.
     ///
     /// # Errors
     /// The log is damaged, or options of logs were given and there is none.

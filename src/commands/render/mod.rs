@@ -304,7 +304,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     }
 }
 
-/// Checks that no output is one of the files that are read, or replaces another without `--overwrite`.
+/// Checks that no output is one of the files that are read, or replaces another without
+/// `--overwrite`.
 fn check_inputs(args: &RenderArgs, target: &OutputTarget, weather_files: &[PathBuf]) -> Result<()> {
     let camera_file = match &args.camera.viewpoint.camera {
         Some(CameraSpec::File(file)) => Some(file),

@@ -32,7 +32,8 @@ fn weather_changes_what_a_lidar_sees_of_a_street() {
     assert!(fog.count(EchoClass::Surface) < clear.points.len());
     // Rain that has wetted the ground: far ground is lost, drops are seen.
     let rain = scan(&["rain.rate=25", "wetness.amount=1"]);
-    // 0.14 % of the pulses, by the table of docs/guide/lidar.md: near by the receiver is out of focus.
+    // 0.14 % of the pulses, by the table of docs/guide/lidar.md: near by the receiver is out of
+    // focus.
     let drops = rain.count(EchoClass::Drop);
     assert!((20..80).contains(&drops), "{drops}");
     let ground = |sweep: &LidarSweep| {

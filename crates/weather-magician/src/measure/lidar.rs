@@ -47,7 +47,8 @@ pub fn model(columns: u32, azimuths: [f64; 2], rows: u32, elevations: [f64; 2]) 
     LidarModel::parse(&text, "instrument").map_err(Error::from)
 }
 
-/// The file of a lidar whose receiver sees its beam between two ranges, m, of so many columns and rows within angles, degrees.
+/// The file of a lidar whose receiver sees its beam between two ranges, m, of so many columns and
+/// rows within angles, degrees.
 pub fn text(overlap: [f64; 2], columns: u32, azimuths: [f64; 2], rows: u32, elevations: [f64; 2]) -> String {
     let [least, most] = overlap;
     format!(

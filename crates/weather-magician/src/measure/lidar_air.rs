@@ -5,11 +5,13 @@
 //! least that is detected, the share of pulses with an echo in a bin is that of speckle and the receiver's noise together, which is computed here;
 //! the bin at which the share falls below it is looked for.
 //!
-//! A receiver whose lens looks far ahead gets as much from all of the air that is nearer than the range of its full overlap, but for what
-//! the air takes. That range is set to the reach, so that powers are near the least that is detected, and the echoes of a pulse are counted.
+//! A receiver whose lens looks far ahead gets as much from all of the air that is nearer than the
+//! range of its full overlap, but for what the air takes. That range is set to the reach, so that
+//! powers are near the least that is detected, and the echoes of a pulse are counted.
 //!
-//! Tolerance 2 %: shares of 4,000 pulses are within 0.8 %, of which the reach has a tenth; some 20,000 echoes are within 0.7 %. A tenth more
-//! backscatter is 2.5 to 5 % of the reach, and 3 to 14 % of the echoes.
+//! Tolerance 2 %: shares of 4,000 pulses are within 0.8 %, of which the reach has a tenth; some
+//! 20,000 echoes are within 0.7 %. A tenth more backscatter is 2.5 to 5 % of the reach, and 3 to
+//! 14 % of the echoes.
 
 use super::expected;
 use super::lidar::{
@@ -45,7 +47,8 @@ const BINS: usize = 60;
 const SIDE: u32 = 64;
 const ANGLE: f64 = 2.0;
 
-/// The share of pulses with an echo of a mean power, of the least that is detected: speckle of mean 1 and noise are above it together.
+/// The share of pulses with an echo of a mean power, of the least that is detected: speckle of mean
+/// 1 and noise are above it together.
 fn share_at(power: f64) -> f64 {
     let step = 0.01;
     let gamma = |g: f64| 256.0 / 6.0 * g.powi(3) * (-4.0 * g).exp();
@@ -53,8 +56,8 @@ fn share_at(power: f64) -> f64 {
     (0..600).map(|i| step * gamma(at(i)) * normal((power * at(i) - 1.0) / RECEIVER)).sum()
 }
 
-/// Echoes of a pulse from air whose mean power is the least that is detected at the range of full overlap, m, and beyond which nothing
-/// is counted.
+/// Echoes of a pulse from air whose mean power is the least that is detected at the range of full
+/// overlap, m, and beyond which nothing is counted.
 fn echoes_within(overlap: f64, extinction: f64) -> f64 {
     let steps = 100;
     let step = (overlap - NEAREST) / f64::from(steps);

@@ -1,9 +1,10 @@
 //! Camera paths of other programs: nerfstudio's `camera_path.json`, which its Blender add-on writes and reads too, the settings of
 //! SuperSplat's viewer, and the `transforms.json` of Blender's exporters for radiance fields.
 //!
-//! nerfstudio has a camera for every frame: world_from_camera row by row with OpenGL axes (y up, looking along -z), the vertical field of
-//! view in degrees, and `fps`; the size of pictures is `render_width` and `render_height`. There are `seconds` times `fps` cameras, so the
-//! last one is shown for as long as every other. Its world is that of the splats that it exports.
+//! nerfstudio has a camera for every frame: world_from_camera row by row with OpenGL axes (y up,
+//! looking along -z), the vertical field of view in degrees, and `fps`; the size of pictures is
+//! `render_width` and `render_height`. There are `seconds` times `fps` cameras, so the last one is
+//! shown for as long as every other. Its world is that of the splats that it exports.
 //!
 //! SuperSplat's `animTracks` have keyframes: `times` in frames of `frameRate`, and flat lists of `position`, `target` and perhaps `fov`
 //! (degrees). Its world has a PLY turned by half a turn about z ([`Axes::YUpZForward`]).
@@ -152,8 +153,8 @@ impl Nerfstudio {
     }
 }
 
-/// Appends to the pictures of a video, one key each, the key at which the last one ends: the first key of a loop, else as far on as the
-/// last step went.
+/// Appends to the pictures of a video, one key each, the key at which the last one ends: the first
+/// key of a loop, else as far on as the last step went.
 fn with_end(mut keys: Vec<PathKey>, rate: f64, is_cycle: bool) -> Vec<PathKey> {
     let time = keys.len() as f64 / rate;
     if let [first, .., before, last] | [first @ before, last] = keys[..] {

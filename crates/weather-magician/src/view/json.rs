@@ -137,8 +137,9 @@ pub fn parse(text: &str, survey: &Survey, options: &ViewOptions) -> Result<Camer
     })
 }
 
-/// Keyframes of another program, relative to the origin of the scene. Such programs know no origin: they have looked at the numbers of the
-/// scene file, or at those of the capture, whichever are nearer to the scene.
+/// Keyframes of another program, relative to the origin of the scene. Such programs know no origin:
+/// they have looked at the numbers of the scene file, or at those of the capture, whichever are
+/// nearer to the scene.
 fn near_scene(mut keys: Vec<PathKey>, survey: &Survey) -> Vec<PathKey> {
     let is_world =
         |key: &&PathKey| (key.eye - survey.origin).distance(survey.center) < key.eye.distance(survey.center);

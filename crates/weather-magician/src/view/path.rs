@@ -105,7 +105,8 @@ impl CameraPath {
         self.size
     }
 
-    /// Reads a path from a JSON file in coordinates of the world; what is given by hand wins over what the file says.
+    /// Reads a path from a JSON file in coordinates of the world; what is given by hand wins over
+    /// what the file says.
     ///
     /// # Errors
     /// [`ViewError`] if the file cannot be read or makes no path.
@@ -135,7 +136,8 @@ impl CameraPath {
         Self { keys, velocities: self.velocities.clone(), ..*self }
     }
 
-    /// Writes the path, of a scene of this origin, to a JSON file in coordinates of the world, whole or not at all; with the name `camera_path.json` as nerfstudio does, with
+    /// Writes the path, of a scene of this origin, to a JSON file in coordinates of the world,
+    /// whole or not at all; with the name `camera_path.json` as nerfstudio does, with
     /// `settings.json` as SuperSplat, for pictures of `size` at `fps` frames a second.
     ///
     /// # Errors

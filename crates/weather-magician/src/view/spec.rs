@@ -153,7 +153,8 @@ fn stem(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(stem, _)| if stem.is_empty() { name } else { stem })
 }
 
-/// A camera's place in a scene of this origin as `--camera` takes it, to ask for it again: eye and a point 10 units ahead, in the world.
+/// A camera's place in a scene of this origin as `--camera` takes it, to ask for it again: eye and
+/// a point 10 units ahead, in the world.
 pub fn text_of(camera: &Camera, origin: DVec3) -> String {
     let text = |p: DVec3| p.to_array().map(|v| format!("{}", (v * 1e4).round() / 1e4 + 0.0)).join(",");
     let eye = camera.center() + origin;

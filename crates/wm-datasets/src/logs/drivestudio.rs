@@ -195,8 +195,8 @@ fn camera(path: &Path, name: &str, size: (u32, u32)) -> Result<LogCamera, Format
     Ok(LogCamera { name: name.into(), size, focal: [*fx, *fy], center: [cx + 0.5, cy + 0.5], distortion })
 }
 
-/// The sweeps. Files do not say how many floats a point has: 14 for Waymo, 5 for PandaSet, 6 for nuPlan, else 4. The first number that
-/// fits most files is taken; the others are damaged.
+/// The sweeps. Files do not say how many floats a point has: 14 for Waymo, 5 for PandaSet, 6 for
+/// nuPlan, else 4. The first number that fits most files is taken; the others are damaged.
 fn sweeps(
     log: &mut DrivingLog,
     path: &Path,

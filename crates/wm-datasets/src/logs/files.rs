@@ -80,8 +80,8 @@ pub fn read_text(path: &Path) -> Result<String, FormatError> {
     files::text_of(bytes).map_err(|error| FormatError::reading(path, error))
 }
 
-/// The records of a file with one line each, whose number is that of the line: `None` where the line is empty, since the record is
-/// missing there. Empty lines at the end are none.
+/// The records of a file with one line each, whose number is that of the line: `None` where the
+/// line is empty, since the record is missing there. Empty lines at the end are none.
 ///
 /// # Errors
 /// As [`read_text`]; each record has its own.
@@ -268,7 +268,7 @@ fn open_table(path: &Path) -> Result<BufReader<File>, FormatError> {
     if length > MOST_TABLE {
         return Err(fault(path, format!("{length} bytes are too many: {MOST_TABLE} are read at most")));
     }
-    files::past_mark(BufReader::with_capacity(1 << 18, file)).map_err(reading)
+    files::skip_byte_order_mark(BufReader::with_capacity(1 << 18, file)).map_err(reading)
 }
 
 fn json_fault(path: &Path, error: &serde_json::Error) -> FormatError {

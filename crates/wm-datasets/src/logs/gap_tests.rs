@@ -1,4 +1,5 @@
-//! Logs with gaps and damage: what is missing is left out and said, and what is damaged is refused or skipped.
+//! Logs with gaps and damage: what is missing is left out and said, and what is damaged is refused
+//! or skipped.
 
 use super::mini::{FRAMES, MiniLog};
 use super::tests::{check_places, made, open};
@@ -356,7 +357,8 @@ fn a_scene_of_nuscenes_whose_files_are_not_there_is_passed_over() {
     assert!(error.contains("none of its scenes is whole: scene-0001 (0 of 1 "), "{error}");
 }
 
-/// Sets of Lyft: times are floating-point numbers, and pictures are in a folder of another name than their records say.
+/// Sets of Lyft: times are floating-point numbers, and pictures are in a folder of another name
+/// than their records say.
 #[test]
 fn files_of_nuscenes_are_found_where_they_were_moved() {
     let (_folder, mini) = made(2);

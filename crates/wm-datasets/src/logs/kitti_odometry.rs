@@ -101,7 +101,8 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     Ok(Some(log))
 }
 
-/// The sequence in a folder: itself, or one of those in it or in its `sequences`. `None` if there is none.
+/// The sequence in a folder: itself, or one of those in it or in its `sequences`. `None` if there
+/// is none.
 fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, FormatError> {
     let has_camera = |folder: &Path| CAMERAS.iter().any(|camera| folder.join(camera).is_dir());
     let is_sequence = |folder: &Path| folder.join("calib.txt").is_file() && has_camera(folder);
@@ -130,7 +131,8 @@ fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, Fo
     choose(path, "sequences", candidates, options.scene.as_deref()).map(Some)
 }
 
-/// The name of a sequence, and the file of its poses: beside the sequences, or with the sequence, as SemanticKITTI has them.
+/// The name of a sequence, and the file of its poses: beside the sequences, or with the sequence,
+/// as SemanticKITTI has them.
 fn named(sequence: &Path) -> Result<(String, PathBuf), FormatError> {
     let whole = std::path::absolute(sequence).map_err(|e| FormatError::reading(sequence, e))?;
     let name = whole_name(sequence);

@@ -91,7 +91,8 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     Ok(Some(log))
 }
 
-/// The drive in a folder: itself, one of a day's, or one of the days in it. `None` if there is none.
+/// The drive in a folder: itself, one of a day's, or one of the days in it. `None` if there is
+/// none.
 fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, FormatError> {
     let is_drive = |folder: &Path| folder.join("oxts").is_dir() && CAMERAS.iter().any(|c| folder.join(c).is_dir());
     let is_day = |folder: &Path| folder.join("calib_cam_to_cam.txt").is_file();
@@ -132,7 +133,7 @@ fn time_at(stem: &str, own: &Times, frames: &Times) -> Option<i64> {
     own.get(index).or_else(|| frames.get(index)).copied().flatten()
 }
 
-/// What a file of oxts says of the vehicle.
+/// Place and attitude of the vehicle in a file of `oxts`.
 struct Oxts {
     latitude: f64,
     longitude: f64,
@@ -238,7 +239,8 @@ fn sweeps(
     Ok(sweeps)
 }
 
-/// Nanoseconds since 1970 of a file of lines `2011-09-26 13:02:25.594360375`, by the number of the record; none if there is no file.
+/// Nanoseconds since 1970 of a file of lines `2011-09-26 13:02:25.594360375`, by the number of the
+/// record; none if there is no file.
 fn times_of(drive: &Path, name: &str, records: &mut Records) -> Result<Times, FormatError> {
     let path = drive.join(name);
     if !path.is_file() {

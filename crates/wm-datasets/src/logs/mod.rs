@@ -60,7 +60,8 @@ pub struct LogFormat {
 /// The part of a log that is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogOptions {
-    /// The log among several in a folder: a scene, a drive or a sequence. The first whose files are there, if nothing is said.
+    /// The log among several in a folder: a scene, a drive or a sequence. The first whose files are
+    /// there, if nothing is said.
     pub scene: Option<String>,
     /// The cameras, by the names that the log gives them; empty for those that take colour pictures of the scene.
     pub cameras: Vec<String>,
@@ -70,7 +71,8 @@ pub struct LogOptions {
     pub seconds: Option<u32>,
     /// Most pictures, over all cameras, where `stride` is 0.
     pub most_pictures: usize,
-    /// True to go on without records that are damaged; they are refused otherwise. What is missing is always left out.
+    /// True to go on without records that are damaged; they are refused otherwise. What is missing
+    /// is always left out.
     pub skip_bad: bool,
 }
 

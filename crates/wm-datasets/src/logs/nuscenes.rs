@@ -201,7 +201,8 @@ fn nanoseconds(microseconds: i64) -> i64 {
     microseconds.saturating_mul(1000)
 }
 
-/// The scene that is asked for, or the first whose files are there, with its version and what was passed over.
+/// The scene that is asked for, or the first whose files are there, with its version and what was
+/// passed over.
 fn scene(
     versions: &[PathBuf],
     files: &FileIndex,
@@ -256,8 +257,9 @@ fn scenes(version: &Path) -> Result<Vec<SceneRecord>, FormatError> {
     Ok(scenes)
 }
 
-/// For each scene what it lacks, in words: fewer than nine in ten of the pictures of its key frames are there. Where that is so of
-/// all, that with the most lacks nothing. Scenes after the first that lacks nothing are not looked at, unless one is asked for.
+/// For each scene what it lacks, in words: fewer than nine in ten of the pictures of its key frames
+/// are there. Where that is so of all, that with the most lacks nothing. Scenes after the first
+/// that lacks nothing are not looked at, unless one is asked for.
 fn missing(
     version: &Path,
     files: &FileIndex,

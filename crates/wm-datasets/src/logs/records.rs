@@ -1,7 +1,7 @@
 //! Records of a log that cannot be used: refused, or left out and counted by what they are.
 //!
-//! What is missing is always left out, since recordings have gaps. What is damaged is refused, unless [`super::LogOptions::skip_bad`] says to
-//! go on without it. Both are said.
+//! Missing records are always left out, since recordings have gaps. Damaged records are refused, or
+//! left out with [`super::LogOptions::skip_bad`]. Both are remarked on.
 
 use super::LogOptions;
 use super::files::{fault, folders_in, name_of, shown};
@@ -34,7 +34,8 @@ impl Records {
         }
     }
 
-    /// The value of a record; `None` if it is damaged and damaged ones are left out. `kind` is a plural, such as "sweeps".
+    /// The value of a record; `None` if it is damaged and damaged ones are left out. `kind` is a
+    /// plural, such as "sweeps".
     ///
     /// # Errors
     /// The record is damaged, and such are refused.
@@ -57,7 +58,8 @@ impl Records {
         }
     }
 
-    /// Drops poses to which the vehicle cannot have come from the others. `place` gives the time, ns, and the position, m, of an entry.
+    /// Drops poses to which the vehicle cannot have come from the others. `place` gives the time,
+    /// ns, and the position, m, of an entry.
     ///
     /// # Errors
     /// There is one, and such are refused.
@@ -95,7 +97,8 @@ impl Records {
     }
 }
 
-/// Whether each of the places of a vehicle, in the order of time, can be reached from the longest run without a jump.
+/// For each place of a vehicle, in the order of time: true if it can be reached from the longest
+/// run without a jump.
 fn reachable(places: &[(i64, DVec3)]) -> Vec<bool> {
     let is_step = |a: usize, b: usize| {
         let ((from, start), (to, end)) = (places[a], places[b]);
@@ -129,14 +132,15 @@ fn reachable(places: &[(i64, DVec3)]) -> Vec<bool> {
 pub(super) struct Candidate<T> {
     pub(super) name: String,
     pub(super) value: T,
-    /// What is missing for it to be read, in words.
+    /// The files that are missing for it to be read, in words.
     pub(super) lacks: Option<String>,
 }
 
 /// A log in a folder, and what was passed over, in words.
 pub(super) type Chosen<T> = (T, Option<String>);
 
-/// The log in a folder that is one, or in one of the folders in it. `lacks` says what a log lacks to be read. `None` if there is none.
+/// The log in a folder that is one, or in one of the folders in it. `lacks` says what a log lacks
+/// to be read. `None` if there is none.
 ///
 /// # Errors
 /// As [`choose`].
@@ -166,14 +170,16 @@ pub(super) fn whole_name(folder: &Path) -> String {
     name_of(&std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned()))
 }
 
-/// True if a log of this name is meant: by all of it, by its number, or by that of a drive of KITTI.
+/// True if a log of this name is meant: by all of it, by its number, or by that of a drive of
+/// KITTI.
 fn is_meant(name: &str, asked: &str) -> bool {
     let number = |text: &str| text.parse::<u64>().ok();
     let is_number = number(asked).is_some() && number(asked) == number(name);
     name == asked || is_number || name.contains(&format!("_drive_{asked}_"))
 }
 
-/// Chooses the log that is asked for, or the first whole one. `plural` is what they are, such as "drives".
+/// Chooses the log that is asked for, or the first whole one. `plural` is what they are, such as
+/// "drives".
 ///
 /// # Errors
 /// There is none, none of that name, or none is whole.

@@ -3,7 +3,8 @@
 use crate::RigidPose;
 use glam::DVec3;
 
-/// Longest time beyond the first and last pose of a vehicle for which it is believed to go on evenly, ns.
+/// Longest time beyond the first and last pose of a vehicle for which it is believed to go on
+/// evenly, ns.
 const BEYOND: u64 = 150_000_000;
 /// Longest time between two boxes of a track between which it is interpolated, ns.
 const GAP: u64 = 1_050_000_000;
@@ -36,8 +37,8 @@ impl EgoTrack {
         &self.poses
     }
 
-    /// The pose at a time, ns: between two poses straight ahead and turning evenly, and so up to 150 ms before the first and after
-    /// the last. `None` beyond that.
+    /// The pose at a time, ns: between two poses straight ahead and turning evenly, and so up to
+    /// 150 ms before the first and after the last. `None` beyond that.
     #[must_use]
     pub fn at(&self, time: i64) -> Option<RigidPose> {
         let after = self.poses.partition_point(|(own, _)| *own <= time);
@@ -165,8 +166,8 @@ fn has_moved(boxes: &[LogBox]) -> bool {
     })
 }
 
-/// The pose at a time, of entries in the order of time; `None` more than [`BOX_BEYOND`] beyond the ends, or between two that are
-/// farther apart than [`GAP`].
+/// The pose at a time, of entries in the order of time; `None` more than [`BOX_BEYOND`] beyond the
+/// ends, or between two that are farther apart than [`GAP`].
 fn interpolate<T>(entries: &[T], time: i64, of: impl Fn(&T) -> (i64, RigidPose)) -> Option<RigidPose> {
     let after = entries.partition_point(|entry| of(entry).0 <= time);
     let held = |entry: &T| {
@@ -182,7 +183,8 @@ fn interpolate<T>(entries: &[T], time: i64, of: impl Fn(&T) -> (i64, RigidPose))
     Some(between(a, b, time.abs_diff(t0) as f64 / t1.abs_diff(t0) as f64))
 }
 
-/// A pose that is a share of the way from one to another; beyond them where it is below 0 or above 1.
+/// A pose that is a share of the way from one to another; beyond them where it is below 0 or above
+/// 1.
 fn between(a: RigidPose, b: RigidPose, share: f64) -> RigidPose {
     RigidPose {
         rotation: a.rotation.slerp(b.rotation, share).normalize(),

@@ -60,7 +60,8 @@ const COLUMNS: &[(&[&str], Field, &str, [f64; 2])] = &[
     (&["coco"], Field::MeteostatCode, "", [0.0, 27.0]),
 ];
 
-/// A service whose tables are not read: some of its columns are called as those of others and have other units.
+/// A service whose tables are not read: some of its columns are called as those of others and have
+/// other units.
 struct OtherService {
     name: &'static str,
     /// Columns that only its tables have together, lower case.
@@ -76,7 +77,8 @@ const OTHER_SERVICES: &[OtherService] = &[
     OtherService { name: "Deutscher Wetterdienst", columns: &["stations_id", "mess_datum"] },
 ];
 
-/// Returns the name of the service whose tables have these columns, if it is one whose tables are not read.
+/// Returns the name of the service whose tables have these columns, if it is one whose tables are
+/// not read.
 pub(super) fn other_service<'a>(names: impl Iterator<Item = &'a str> + Clone) -> Option<&'static str> {
     let has = |wanted: &str| names.clone().any(|name| name.trim().eq_ignore_ascii_case(wanted));
     let found = OTHER_SERVICES.iter().find(|service| service.columns.iter().all(|column| has(column)));

@@ -138,7 +138,8 @@ impl RawTable<'_> {
         Ok(WeatherTable { place: self.place, utc_offset: self.utc_offset, step, rows, notes })
     }
 
-    /// Refuses kilometres that would be taken for metres: visibilities without a unit that are all small.
+    /// Refuses kilometres that would be taken for metres: visibilities without a unit that are all
+    /// small.
     fn check_visibility(&self, columns: &[Option<Column>]) -> Result<(), ReportError> {
         let is_visibility =
             |column: &Option<Column>| column.is_some_and(|one| one.field == Field::Visibility);
@@ -275,7 +276,8 @@ impl RawTable<'_> {
     }
 }
 
-/// Quantities that no row has, or some do not have, and rows at the end that only repeat others, of which `empty` have nothing.
+/// Quantities that no row has, or some do not have, and rows at the end that only repeat others, of
+/// which `empty` have nothing.
 fn not_measured(rows: &[WeatherRow], empty: usize, has_amounts: bool) -> Vec<String> {
     type Told = fn(&WeatherRow) -> Option<f64>;
     const QUANTITIES: [(&str, Told); 7] = [

@@ -1,8 +1,9 @@
 //! The groups of a METAR in their order.
 //!
-//! Nobody types a METAR by the book everywhere. So damage is an error only where it could be the wind, the visibility, the
-//! weather, the clouds or the temperature: in a group that begins as one of these, or that is of no known form and stands
-//! before the temperature. Anything else is noted and left out.
+//! Nobody types a METAR by the book everywhere. So damage is an error only where it could be the
+//! wind, the visibility, the weather, the clouds or the temperature: in a group that begins as one
+//! of these, or that is of no known form and stands before the temperature. Anything else is noted
+//! and left out.
 
 use super::forms::{
     clouds, degrees, is_digits, is_strokes, metres, miles, pressure, runway, runway_range, weather, wind,

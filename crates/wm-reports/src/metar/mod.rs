@@ -1,9 +1,10 @@
 //! METAR and SPECI: reports of airports, WMO FM 15 and FM 16, with the forms of the United States.
 //!
-//! [`Metar::parse`] decodes one report group by group. Damage to the wind, the visibility, the weather, the clouds or the
-//! temperature is an error that says what was expected. What no weather has, such as trends, runway states and words after the
-//! report, is kept as it is, damaged or not ([`Metar::ignored`]); remarks too ([`Metar::remarks`]). What was not measured is
-//! told by [`Metar::missing`].
+//! [`Metar::parse`] decodes one report group by group. Damage to the wind, the visibility, the
+//! weather, the clouds or the temperature is an error that says what was expected. What no weather
+//! has, such as trends, runway states and words after the report, is kept as it is, damaged or not
+//! ([`Metar::ignored`]); remarks too ([`Metar::remarks`]). What was not measured is told by
+//! [`Metar::missing`].
 //!
 //! `weather.rs` has the weather of each group.
 
@@ -344,7 +345,8 @@ impl Metar {
         groups::parse(text)
     }
 
-    /// The quantities of a weather that the report does not have: left out, or strokes in their place.
+    /// The quantities of a weather that the report does not have: left out, or strokes in their
+    /// place.
     #[must_use]
     pub fn missing(&self) -> Vec<&'static str> {
         let has_speed = self.wind.is_some_and(|wind| wind.speed.is_some());

@@ -4,7 +4,8 @@ use super::{Capture, CaptureView, Observation, SparsePoints};
 use crate::{FormatError, Problem, Remark};
 use std::collections::HashSet;
 
-/// Farthest coordinate of a point or camera, scene units: a hundred times the Earth's radius in millimetres.
+/// Farthest coordinate of a point or camera, scene units: a hundred times the Earth's radius in
+/// millimetres.
 pub(super) const FARTHEST: f64 = 1e12;
 /// Points from which on one colour of all says that colours were not read as they were meant.
 const SUSPICIOUS: usize = 10;
@@ -12,8 +13,8 @@ const SUSPICIOUS: usize = 10;
 /// The shares of the longer side of a photo between which focal lengths lie.
 const FOCAL: std::ops::RangeInclusive<f64> = 1e-2..=1e4;
 
-/// Leaves out points that are nowhere and photos that are there twice, and remarks on them and on colours that all
-/// points share.
+/// Leaves out points that are nowhere and photos that are there twice, and remarks on them and on
+/// colours that all points share.
 ///
 /// # Errors
 /// [`FormatError`] if a camera is one that cannot be.

@@ -1,4 +1,5 @@
-//! Captures of other programs that are not read, by the names of their files, and how to convert them.
+//! Captures of other programs that are not read, by the names of their files, and how to convert
+//! them.
 
 use crate::{FormatError, Problem};
 use std::fs::{self, File};
@@ -22,10 +23,20 @@ const fn named(name: &'static str, files: &'static [&'static str], advice: &'sta
 
 const WRITE: &str = "convert it to a COLMAP model or a transforms.json with the poses of its cameras";
 
-const FOREIGN: [Foreign; 25] = [
+const FOREIGN: [Foreign; 27] = [
     named(
         "an export of Record3D",
         &["rgbd", "metadata.json"],
+        "convert it with `ns-process-data record3d` of nerfstudio",
+    ),
+    named(
+        "an export of Record3D",
+        &["exr_rgbd"],
+        "give its folder to `ns-process-data record3d` of nerfstudio",
+    ),
+    named(
+        "an export of Record3D",
+        &["rgb", "depth", "metadata.json"],
         "convert it with `ns-process-data record3d` of nerfstudio",
     ),
     named(
@@ -81,7 +92,8 @@ const FOREIGN: [Foreign; 25] = [
     named("an archive", &["*.zip"], "unpack it and give its folder"),
 ];
 
-/// The error of a folder or file that is no capture that can be read: it says what it is and what to do.
+/// The error of a folder or file that is no capture that can be read: it says what it is and what
+/// to do.
 pub(super) fn refusal(dataset: &Path) -> FormatError {
     let fault = |what: String| FormatError::whole(dataset, Problem::Value(what));
     let (folder, names) = if dataset.is_dir() {

@@ -4,7 +4,11 @@
 //! the file are read, whatever its size.
 
 use super::{Gps, exif::Tags};
-use crate::{FormatError, Problem, error::excerpt};
+use crate::{
+    FormatError, Problem,
+    error::excerpt,
+    files::{LFS_REFUSED, LONGEST_MARK, is_lfs_pointer},
+};
 use std::{
     fs::File,
     io::{BufReader, Read, Seek, SeekFrom},
@@ -121,7 +125,7 @@ pub fn read_header(path: &Path) -> Result<PhotoHeader, FormatError> {
 /// # Errors
 /// [`Problem`] as [`read_header`] has it.
 pub fn parse(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
-    let mut start = [0; 12];
+    let mut start = [0; LONGEST_MARK];
     let length = read_up_to(input, &mut start)?;
     let start = &start[..length];
     let kind = match start {
@@ -148,11 +152,12 @@ pub fn parse(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
 
 fn unknown(start: &[u8]) -> String {
     let known = match start {
+        _ if is_lfs_pointer(start) => return LFS_REFUSED.into(),
         [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => "it is a WebP picture",
         [_, _, _, _, b'f', b't', b'y', b'p', ..] => "it is a HEIC, AVIF or video file",
         [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => "it is a TIFF or raw picture",
         [b'G', b'I', b'F', ..] => "it is a GIF",
-        _ => return format!("no JPEG or PNG: it begins with \"{}\"", excerpt(start)),
+        _ => return format!("no JPEG or PNG: it begins with \"{}\"", excerpt(&start[..start.len().min(12)])),
     };
     format!("{known}; photos must be JPEG or PNG, convert it")
 }
@@ -341,6 +346,7 @@ mod tests {
     fn photos_that_are_none_are_named() {
         let say = |bytes: &[u8]| parse(&mut Cursor::new(bytes)).unwrap_err().to_string();
         assert_eq!(say(b""), "the file is empty; copy or export it again");
+        assert_eq!(say(b"version https://git-lfs.github.com/spec/v1\noid sha256:d1bb"), LFS_REFUSED);
         assert_eq!(say(b"hello"), "no JPEG or PNG: it begins with \"hello\"");
         assert_eq!(say(b"RIFF\0\0\0\0WEBP"), "it is a WebP picture; photos must be JPEG or PNG, convert it");
         assert_eq!(say(&[0xff, 0xd8, 0xff, 0xda]), "a JPEG without a frame header; it is damaged");

@@ -88,8 +88,8 @@ pub struct Capture {
     pub points: SparsePoints,
     /// `[V]`: which points each photo shows and where; empty lists where that is not known.
     pub observations: Vec<Vec<Observation>>,
-    /// The point of the world that is zero here, scene units: cameras and points are relative to it. Zero unless they are far from it;
-    /// see [`crate::origin`].
+    /// The point of the world that is zero here, scene units: cameras and points are relative to
+    /// it. Zero unless they are far from it; see [`crate::origin`].
     pub origin: DVec3,
     /// Lines on what the reader guessed, ignored or passed over.
     pub remarks: Vec<Remark>,
@@ -285,8 +285,8 @@ pub fn read(dataset: &Path, options: &CaptureOptions) -> Result<Capture, FormatE
     read_as(dataset, options, Want::Everything)
 }
 
-/// Reads only the cameras of a capture, sorted by name, as photos without distortion have them, in world coordinates:
-/// [`crate::Scene::set_world_views`] takes them.
+/// Reads only the cameras of a capture, sorted by name, as photos without distortion have them, in
+/// world coordinates: [`crate::Scene::set_world_views`] takes them.
 ///
 /// # Errors
 /// [`FormatError`] as for [`read`], and if the distortion of a camera cannot be undone.

@@ -109,7 +109,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     } else {
         return Ok(None);
     };
-    let file = File::open(&path).and_then(|file| files::past_mark(BufReader::new(file)));
+    let file = File::open(&path).and_then(|file| files::skip_byte_order_mark(BufReader::new(file)));
     let file = file.map_err(|e| FormatError::reading(&path, e))?;
     let advice = "correct the file or export it again";
     let all: Vec<Reconstruction> =

@@ -19,13 +19,13 @@ pub(super) fn photo(folder: &Path, view: &CaptureView) -> Option<PathBuf> {
     path.is_file().then_some(path)
 }
 
-/// Finds the photos, masks and originals of `views`, and writes their paths into them. The first of `roots` is the
-/// data set, `usual` the names of folders in which its photos may be. Returns the folder of the photos, and remarks
-/// on how many files were found.
+/// Finds the photos, masks and originals of `views`, and writes their paths into them. The first of
+/// `roots` is the data set, `usual` the names of folders in which its photos may be. Returns the
+/// folder of the photos, and remarks on how many files were found.
 ///
 /// # Errors
-/// [`FormatError`] if a folder in the options does not exist or has no file of any view, or a file could be of two
-/// views.
+/// [`FormatError`] if a folder in the options does not exist or has no file of any view, or a file
+/// could be of two views.
 pub(super) fn find(
     roots: &[&Path],
     options: &CaptureOptions,
@@ -111,8 +111,8 @@ fn none_in(folder: &Path, kind: &str, names: &[&str]) -> FormatError {
     FormatError::whole(folder, Problem::Value(what))
 }
 
-/// The folder of photos that has most of the names; if none has any, the first that is there, so that the message
-/// about a missing photo names a sensible place.
+/// The folder of photos that has most of the names; if none has any, the first that is there, so
+/// that the message about a missing photo names a sensible place.
 fn usual_images(roots: &[&Path], usual: &[&str], names: &[&str]) -> FileIndex {
     let sample: Vec<&str> = names.iter().step_by(names.len() / SAMPLE + 1).copied().collect();
     let mut best: Option<(usize, FileIndex)> = None;

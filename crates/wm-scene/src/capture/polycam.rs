@@ -1,8 +1,9 @@
 //! The raw data of Polycam: `keyframes` with a photo and a JSON of its camera for each picture.
 //!
-//! A camera has a focal length and a principal point (px), and world_from_camera `t_00` to `t_23`, row by row, with
-//! OpenGL axes; the world's y is up. `corrected_cameras` and `corrected_images`, which Polycam writes where it has
-//! optimised the poses, come before those of the device. Depth, confidence and meshes are not read. There are no points.
+//! A camera has a focal length and a principal point (px), and world_from_camera `t_00` to `t_23`,
+//! row by row, with OpenGL axes; the world's y is up. `corrected_cameras` and `corrected_images`,
+//! which Polycam writes where it has optimised the poses, come before those of the device. Depth,
+//! confidence and meshes are not read. There are no points.
 
 use super::transforms::viewmat;
 use super::{Capture, CaptureFormat, CaptureOptions, CaptureView, Distortion, Want, places};

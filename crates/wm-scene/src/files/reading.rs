@@ -47,29 +47,45 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 }
 
 /// The byte order mark of UTF-8, with which some programs begin a text.
-pub(crate) const MARK: &[u8] = b"\xef\xbb\xbf";
-pub(crate) const IS_WIDE: &str = "text in UTF-16; save it as UTF-8";
+pub(crate) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+/// The message for text in UTF-16 where only UTF-8 is read.
+pub(crate) const UTF_16_REFUSED: &str = "text in UTF-16; save it as UTF-8";
+/// The message for a file that was never downloaded.
+pub(crate) const LFS_REFUSED: &str = "a Git LFS pointer; get the file itself with `git lfs pull`";
 
-/// Returns true if bytes begin with the byte order mark of UTF-16.
-pub(crate) fn is_wide(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff")
+/// Bytes from the beginning of a file that tell how its text is encoded and whether it is a Git LFS
+/// pointer.
+pub(crate) const LONGEST_MARK: usize = 32;
+
+/// Returns true if a file begins as the text that Git LFS leaves in place of a file.
+pub(crate) fn is_lfs_pointer(start: &[u8]) -> bool {
+    start.starts_with(b"version https://git-lfs")
+}
+
+/// The message for a file whose first bytes show that it cannot be read as UTF-8 text.
+pub(crate) fn refused_text(start: &[u8]) -> Option<&'static str> {
+    match start {
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => Some(UTF_16_REFUSED),
+        _ if is_lfs_pointer(start) => Some(LFS_REFUSED),
+        _ => None,
+    }
 }
 
 /// Bytes of text without the byte order mark that they may begin with.
-pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
-    bytes.strip_prefix(MARK).unwrap_or(bytes)
+pub(crate) fn without_byte_order_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes)
 }
 
-/// A reader of text in UTF-8 that is past the byte order mark, if there is one.
+/// Steps over the byte order mark with which a text in UTF-8 may begin.
 ///
 /// # Errors
-/// Those of the reader; [`ErrorKind::InvalidData`] of text in UTF-16.
-pub fn past_mark<R: BufRead>(mut reader: R) -> io::Result<R> {
+/// Errors of the reader; [`ErrorKind::InvalidData`] if the text is in UTF-16 or a Git LFS pointer.
+pub fn skip_byte_order_mark<R: BufRead>(mut reader: R) -> io::Result<R> {
     let bytes = reader.fill_buf()?;
-    if is_wide(bytes) {
-        return Err(io::Error::new(ErrorKind::InvalidData, IS_WIDE));
+    if let Some(refused) = refused_text(bytes) {
+        return Err(io::Error::new(ErrorKind::InvalidData, refused));
     }
-    let length = if bytes.starts_with(MARK) { MARK.len() } else { 0 };
+    let length = if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
     reader.consume(length);
     Ok(reader)
 }
@@ -82,11 +98,11 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     text_of(read(path)?)
 }
 
-/// The text of bytes from outside: UTF-8, with or without a byte order mark, or UTF-16 with one, as programs for Windows write
-/// both. The mark is no part of the text.
+/// The text of bytes from outside: UTF-8, with or without a byte order mark, or UTF-16 with one, as
+/// programs for Windows write both. The mark is no part of the text.
 ///
 /// # Errors
-/// [`ErrorKind::InvalidData`] if they are neither.
+/// [`ErrorKind::InvalidData`] if they are neither, or a Git LFS pointer.
 pub fn text_of(bytes: Vec<u8>) -> io::Result<String> {
     let wrong = |text: String| io::Error::new(ErrorKind::InvalidData, text);
     let wide = |unit: fn([u8; 2]) -> u16| {
@@ -97,6 +113,7 @@ pub fn text_of(bytes: Vec<u8>) -> io::Result<String> {
             .ok_or_else(|| wrong("damaged text in UTF-16; save it as UTF-8".into()))
     };
     match bytes[..] {
+        _ if is_lfs_pointer(&bytes) => Err(wrong(LFS_REFUSED.into())),
         [0xff, 0xfe, ..] => wide(u16::from_le_bytes),
         [0xfe, 0xff, ..] => wide(u16::from_be_bytes),
         _ => {
@@ -215,7 +232,8 @@ mod tests {
             assert_eq!(text_of(bytes).unwrap(), text);
         }
         for (bytes, says) in [
-            (&b"ab\xff"[..], "no text in UTF-8 (byte 2); save it as UTF-8"),
+            (&b"version https://git-lfs.github.com/spec/v1\n"[..], LFS_REFUSED),
+            (b"ab\xff", "no text in UTF-8 (byte 2); save it as UTF-8"),
             (b"\xff\xfea", "damaged text in UTF-16; save it as UTF-8"),
             (b"\xfe\xff\xd8\x00", "damaged text in UTF-16; save it as UTF-8"),
         ] {

@@ -150,7 +150,7 @@ fn training_of(file: &Path) -> Option<&Path> {
 fn cameras_in(path: &Path) -> Result<Option<Vec<SceneView>>, FormatError> {
     let read = files::read_if_there(path).map_err(|error| FormatError::reading(path, error))?;
     let Some(text) = read else { return Ok(None) };
-    let entries: Result<Vec<Entry>, _> = serde_json::from_slice(files::without_mark(&text));
+    let entries: Result<Vec<Entry>, _> = serde_json::from_slice(files::without_byte_order_mark(&text));
     let entries = entries.map_err(|error| json_fault(path, &error, "correct or remove the file"))?;
     Ok(Some(entries.into_iter().map(|entry| entry.0).collect()))
 }

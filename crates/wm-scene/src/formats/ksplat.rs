@@ -303,7 +303,8 @@ fn write_section(
                 bytes.extend((steps.clamp(0.0, 2.0 * STEPS as f32 + 1.0) as u16).to_le_bytes());
             }
             let mut half = |v: f32| bytes.extend(f16::from_f32(v).to_le_bytes());
-            // Of no thickness is only what is flat: one that is too small for a half becomes the least.
+            // Of no thickness is only what is flat: one that is too small for a half becomes the
+            // least.
             let scale = |v: f32| if v == f32::NEG_INFINITY { 0.0 } else { v.exp().max(LEAST) };
             splats.log_scales[index].iter().for_each(|v| half(scale(*v)));
             unit(splats.quats[index]).into_iter().for_each(&mut half);

@@ -19,7 +19,8 @@ pub struct Loses {
     pub order: Kept,
     /// Logarithms of scales that fit: smaller and larger ones become these.
     pub log_scales: [f32; 2],
-    /// Returns a line on positions of a scene that are in steps wider than its splats in a file of the format.
+    /// Returns a line on positions of a scene that are in steps wider than its splats in a file of
+    /// the format.
     pub coarse: fn(&Splats) -> Option<String>,
 }
 

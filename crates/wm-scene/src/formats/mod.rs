@@ -25,7 +25,7 @@ pub mod sidecar;
 use crate::{
     Scene,
     error::{FormatError, Problem, excerpt},
-    files::{TempFile, write_atomically},
+    files::{self, TempFile, write_atomically},
     origin,
     source::Source,
 };
@@ -257,7 +257,8 @@ fn sniff(source: &mut Source) -> Result<&'static SceneFormat, FormatError> {
         return Err(source.whole(Problem::Empty));
     }
     let start = Start { bytes, path: source.path() };
-    // Formats without a mark are known by the name alone, which pointers and pages that were saved for a file have too.
+    // Formats without a mark are known by the name alone, which pointers and pages that were saved
+    // for a file have too.
     let format = FORMATS.iter().find(|format| (format.sniff)(&start)).filter(|_| !is_stand_in(bytes));
     format.ok_or_else(|| source.whole(unknown_format(source.path(), bytes)))
 }
@@ -368,14 +369,12 @@ pub(crate) fn has_ending(path: &Path, ending: &str) -> bool {
         }
 }
 
-/// The beginning of what Git LFS leaves in place of a file.
-const LFS_POINTER: &[u8] = b"version https://git-lfs";
-
-/// Returns true if these first bytes are those of a text that stands in for a file: a Git LFS pointer or a web page.
+/// Returns true if these first bytes are those of a text that stands in for a file: a Git LFS
+/// pointer or a web page.
 fn is_stand_in(start: &[u8]) -> bool {
     let text = start.trim_ascii_start();
     let begins = |tag: &[u8]| text.get(..tag.len()).is_some_and(|found| found.eq_ignore_ascii_case(tag));
-    start.starts_with(LFS_POINTER) || begins(b"<!doctype") || begins(b"<html")
+    files::is_lfs_pointer(start) || begins(b"<!doctype") || begins(b"<html")
 }
 
 /// The problem of content that no format recognises.
@@ -387,8 +386,8 @@ fn unknown_format(path: &Path, start: &[u8]) -> Problem {
             format!("of none of the formats that are read ({})", names.join(", "))
         }
     };
-    let advice = if start.starts_with(LFS_POINTER) {
-        "this is a Git LFS pointer, get the file itself with `git lfs pull`"
+    let advice = if files::is_lfs_pointer(start) {
+        files::LFS_REFUSED
     } else if start.trim_ascii_start().starts_with(b"<") {
         "this looks like a web page, download the file itself"
     } else {

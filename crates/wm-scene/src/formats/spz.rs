@@ -1,8 +1,9 @@
 //! SPZ of Niantic: about 20 bytes a splat before it is packed, columns behind a header.
 //!
 //! # Layout
-//! Versions 1 to 3 are one gzip stream (some programs leave it unpacked): a header of 16 bytes, then the columns. Version 4 has a header of 32 bytes, perhaps records of
-//! extensions, a table of two 64-bit lengths a stream (packed, unpacked) and a Zstandard stream a column.
+//! Versions 1 to 3 are one gzip stream (some programs leave it unpacked): a header of 16 bytes,
+//! then the columns. Version 4 has a header of 32 bytes, perhaps records of extensions, a table of
+//! two 64-bit lengths a stream (packed, unpacked) and a Zstandard stream a column.
 //!
 //! | column | a splat | means |
 //! |---|---|---|

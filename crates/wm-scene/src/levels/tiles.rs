@@ -6,8 +6,8 @@
 //! tile has about as many splats as a leaf. Above the coarsest level tiles are empty. The splats that are always drawn are in the root,
 //! to which the rest is added.
 //!
-//! Tiles stand on the globe where the scene's place is known, else about the middle of the scene; a local origin of the scene is noted in
-//! `asset.extras.origin`, in the scene's units and axes.
+//! Tiles stand on the globe where the scene's place is known, else about the middle of the scene; a
+//! local origin of the scene is noted in `asset.extras.origin`, in the scene's units and axes.
 //!
 //! Lengths are metres where the scene's scale is known, else scene units. A tile's own axes are x east, y north, z up, with the middle of
 //! its box as origin.

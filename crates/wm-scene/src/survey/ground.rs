@@ -18,10 +18,12 @@ const HALF: usize = 2;
 const CELLS: f64 = 12.0;
 /// The largest angle between a normal and up: 25 degrees. Slopes and rough ground are wanted.
 const LEVEL: f64 = 0.906;
-/// Depth below the ground, scene radii, from which on a point is below it, and the share of those from which on it is none.
+/// Depth below the ground, scene radii, from which on a point is below it, and the share of those
+/// from which on it is none.
 const DEEP: f64 = 0.1;
 const HOLLOW: f64 = 0.15;
-/// Half the thickness of rough ground, scene radii, and the share of all surface with which it is one: of a plane, and of none.
+/// Half the thickness of rough ground, scene radii, and the share of all surface with which it is
+/// one: of a plane, and of none.
 const RELIEF: f64 = 0.02;
 const LEAST: f64 = 0.01;
 const WIDE: f64 = 0.1;
@@ -75,8 +77,9 @@ pub fn level(sample: &SurveySample, up: DVec3, ceiling: Option<f64>) -> Option<f
     Some(median_height(sample, up, height, (HALF as f64 + 0.5) * step))
 }
 
-/// Returns true if there is a ground at `height` along `up`: a plane of some width or much level surface, with next to nothing
-/// below it. The level parts of a trunk, a bust or a few splats are none.
+/// Returns true if there is a ground at `height` along `up`: a plane of some width or much level
+/// surface, with next to nothing below it. The level parts of a trunk, a bust or a few splats are
+/// none.
 pub fn is_there(sample: &SurveySample, up: DVec3, height: f64) -> bool {
     if sample.points.len() < super::HANDFUL {
         return false;

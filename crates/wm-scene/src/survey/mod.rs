@@ -37,7 +37,8 @@ pub use up::{UpEstimate, UpScore};
 /// The facts about a place, each with its source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Survey {
-    /// The point of the world that is zero in the scene, scene units; all positions below are relative to it.
+    /// The point of the world that is zero in the scene, scene units; all positions below are
+    /// relative to it.
     pub origin: DVec3,
     /// The direction against gravity, world axes, length 1.
     pub up: Sourced<DVec3>,
@@ -170,7 +171,8 @@ const HANDFUL: usize = 100;
 const SAME_UP: f64 = 0.999_85;
 
 impl Survey {
-    /// Surveys a scene; the values in `given` take precedence. A height of the ground in them is that in the world, as users give it.
+    /// Surveys a scene; the values in `given` take precedence. A height of the ground in them is
+    /// that in the world, as users give it.
     ///
     /// Values that [`Metadata::fault`] refuses are ignored. About 80 ms for 850,000 splats
     /// on one core.

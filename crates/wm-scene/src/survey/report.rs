@@ -133,9 +133,9 @@ impl Survey {
     /// Length, width and height in metres, such as "126 x 93 x 40".
     fn size(&self) -> String {
         let metres = self.extent.map(|v| v * self.metres_per_unit.value);
-        // Two digits of the smallest say enough.
-        let least = metres.into_iter().fold(f64::INFINITY, f64::min);
-        let decimals = (1.0 - least.clamp(1e-6, 99.0).log10().floor()).max(0.0) as usize;
+        // Two digits of the smallest say enough; a scene may be flat.
+        let least = metres.into_iter().filter(|v| *v > 0.0).fold(99.0, f64::min);
+        let decimals = (1.0 - least.max(1e-6).log10().floor()).max(0.0) as usize;
         let [length, width, height] = metres.map(|v| format!("{v:.decimals$}"));
         format!("{length} x {width} x {height}")
     }

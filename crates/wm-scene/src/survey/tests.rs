@@ -418,7 +418,7 @@ fn sheet(side: u64, at: impl Fn(f64, f64) -> (DVec3, DVec3)) -> Splats {
     splats
 }
 
-/// What one photo shows from the front, y down: most of it faces the camera, which is no ground.
+/// A head and shoulders seen by one photo, y down: most of it faces the camera, which is no ground.
 #[test]
 fn a_portrait_does_not_lie_on_its_back() {
     let ball = |u: f64, v: f64| {

@@ -52,7 +52,8 @@ const LIKELY: f64 = 1.5;
 const GROUNDLESS: f64 = -3.3;
 /// Length of the mean direction of the sky from which it tells up.
 const SKY: f64 = 0.2;
-/// Up of an object without ground, and of a handful of splats: most programs write y down, as cameras of structure from motion have it.
+/// Up of an object without ground, and of a handful of splats: most programs write y down, as
+/// cameras of structure from motion have it.
 pub(super) const USUAL: DVec3 = DVec3::NEG_Y;
 /// Lead of another direction, nats, with which an object does not stand so.
 const AGAINST: f64 = 4.0;

@@ -32,8 +32,8 @@ impl MapFolder {
         self.0.folder()
     }
 
-    /// The map of a photo: `a/b.npy` of `a/b.jpg`, or what else [`FileIndex::find`] takes for it. `None` if there is
-    /// none.
+    /// The map of a photo: `a/b.npy` of `a/b.jpg`, or what else [`FileIndex::find`] takes for it.
+    /// `None` if there is none.
     ///
     /// # Errors
     /// [`MapFault::Ambiguous`] if two files could be the map.

@@ -157,10 +157,12 @@ pub fn write_folder(
 
 /// The largest difference between the colours of a point and of a photo that shows it, 0-255.
 ///
-/// On photos of a known street with 600 points, 83 % of the points of the tracks agree by it, and 28 % of points anywhere.
+/// On photos of a known street with 600 points, 83 % of the points of the tracks agree by it, and
+/// 28 % of points anywhere.
 const SAME_COLOR: u8 = 16;
 
-/// Returns true if a pixel at or beside the place `at` of a point, `(x, y)` px and view z, has about its colour.
+/// Returns true if a pixel at or beside the place `at` of a point, `(x, y)` px and view z, has
+/// about its colour.
 fn shows(photo: &Photo, at: (f64, f64, f64), color: [u8; 3]) -> bool {
     let (column, row) = (at.0 as u32, at.1 as u32);
     let beside = |at: u32, side: u32| at.saturating_sub(1)..=(at + 1).min(side - 1);

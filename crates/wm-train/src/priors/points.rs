@@ -15,7 +15,8 @@ pub fn has_tracks(capture: &Capture) -> bool {
 
 /// Returns, for each of `places` (indices in `photos`), the points that the photo shows, as indices into the capture's.
 ///
-/// If the capture does not say which, these are the points in its image that no other points stand before.
+/// If the capture does not say which, these are the points in its image that no other points stand
+/// before.
 #[must_use]
 pub fn seen_points(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<Vec<u32>> {
     let has_tracks = has_tracks(capture);
@@ -33,10 +34,12 @@ pub fn seen_points(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<
 const COLUMNS: f64 = 96.0;
 /// Radius within which a point hides others, in distances between neighbouring points.
 const HIDES: f64 = 0.35;
-/// A point is hidden if it is farther than what is before it by this share, and by twice the distance between neighbours.
+/// A point is hidden if it is farther than what is before it by this share, and by twice the
+/// distance between neighbours.
 const BEHIND: f64 = 0.1;
 
-/// The points in the picture that no others stand before, where each stands for a small piece of a surface.
+/// The points in the picture that no others stand before, where each stands for a small piece of a
+/// surface.
 fn unhidden(capture: &Capture, camera: &Camera, spacing: f64) -> Vec<u32> {
     let scale = COLUMNS / f64::from(camera.width.max(1));
     let columns = COLUMNS as usize;
@@ -68,7 +71,8 @@ fn unhidden(capture: &Capture, camera: &Camera, spacing: f64) -> Vec<u32> {
     placed.iter().filter_map(is_seen).collect()
 }
 
-/// The median distance of points from their nearest neighbours, of a sample of them; 0 of fewer than two.
+/// The median distance of points from their nearest neighbours, of a sample of them; 0 of fewer
+/// than two.
 fn spacing(positions: &[[f64; 3]]) -> f64 {
     /// Points whose neighbours are looked for, and among which.
     const SAMPLE: usize = 200;

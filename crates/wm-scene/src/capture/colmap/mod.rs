@@ -149,8 +149,8 @@ struct Model {
     remarks: Option<Remark>,
 }
 
-/// Chooses the model of a data set: of the first folder that has one, or of several models beside each other the one
-/// with most photos. `None` if there is none.
+/// Chooses the model of a data set: of the first folder that has one, or of several models beside
+/// each other the one with most photos. `None` if there is none.
 fn choose_model(dataset: &Path, options: &CaptureOptions) -> Result<Option<Model>, FormatError> {
     let groups: Vec<Vec<PathBuf>> = match &options.model {
         Some(folder) => vec![vec![dataset.join(folder)]],
@@ -203,7 +203,8 @@ fn choose_model(dataset: &Path, options: &CaptureOptions) -> Result<Option<Model
     Ok(None)
 }
 
-/// The folders in a folder, numbers by their value and before other names; none if it does not exist.
+/// The folders in a folder, numbers by their value and before other names; none if it does not
+/// exist.
 fn folders_in(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut folders: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();

@@ -113,7 +113,7 @@ fn no_observations() -> Problem {
 /// A point: number, x y z, r g b, error, then image and 2D point any number of times.
 pub(super) fn read_points(source: &mut Source) -> Result<NumberedPoints, FormatError> {
     let (mut points, mut places) = (SparsePoints::default(), HashMap::new());
-    source.past_mark()?;
+    source.skip_byte_order_mark()?;
     while source.fill(1)? {
         if source.bytes().first() == Some(&b'#') {
             source.skip_line()?;

@@ -21,8 +21,8 @@ type Track = Vec<(u32, u32)>;
 /// Writes `cameras`, `images` and `points3D` to a folder, which is made if it is not there.
 ///
 /// Images are numbered from 1 in the order of the views, points from 1 in theirs; an image has the
-/// 2D points of its observations and no others. Coordinates are those of the world. Coordinates of 2D points are rounded to f32, which
-/// is how they are kept.
+/// 2D points of its observations and no others. Coordinates are those of the world. Coordinates of
+/// 2D points are rounded to f32, which is how they are kept.
 ///
 /// # Errors
 /// [`FormatError`] if a file cannot be written.

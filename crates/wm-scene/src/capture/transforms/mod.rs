@@ -135,7 +135,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     } else {
         return Ok(None);
     };
-    let file = File::open(&path).and_then(|file| files::past_mark(BufReader::new(file)));
+    let file = File::open(&path).and_then(|file| files::skip_byte_order_mark(BufReader::new(file)));
     let file = file.map_err(|e| FormatError::reading(&path, e))?;
     let transforms: Transforms =
         serde_json::from_reader(file).map_err(|error| json_fault(&path, &error, "correct the file or export it again"))?;

@@ -3,7 +3,8 @@
 use crate::{Remark, Splats, color::srgb_encode, error::excerpt, sh};
 use serde_json::Value;
 
-/// Brings the colours of splats to those of a [`crate::Scene`], and says what of the extension is not as it states.
+/// Brings the colours of splats to those of a [`crate::Scene`], and says what of the extension is
+/// not as it states.
 pub(super) fn interpret(extension: &Value, splats: &mut Splats) -> Vec<Remark> {
     let stated = |key: &str| extension.get(key).and_then(Value::as_str);
     let mut remarks = Vec::new();
@@ -31,9 +32,11 @@ pub(super) fn interpret(extension: &Value, splats: &mut Splats) -> Vec<Remark> {
     remarks
 }
 
-/// Replaces SH of linear light by those of the sRGB colours that they show: the nearest ones of their degree over all directions.
+/// Replaces SH of linear light by those of the sRGB colours that they show: the nearest ones of
+/// their degree over all directions.
 fn encode_colors(splats: &mut Splats) {
-    // Gauss's places for cosines, even steps around: exact for products of two functions of degree 3.
+    // Gauss's places for cosines, even steps around: exact for products of two functions of degree
+    // 3.
     const PLACES: [(f64, f64); 4] = [
         (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
         (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),

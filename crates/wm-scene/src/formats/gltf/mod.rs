@@ -7,12 +7,15 @@
 //!
 //! Colours are sRGB or linear light, as the extension states; those of linear light become sRGB.
 //!
-//! With `KHR_gaussian_splatting_compression_spz_2` (a draft, which had other names before) the primitive has an SPZ instead, whose axes are turned as SPZ's library does
-//! for the axes LUF. CesiumJS 1.140 does not turn them, and neither do files that are made for it: they state no kernel.
+//! With `KHR_gaussian_splatting_compression_spz_2` (a draft, which had other names before) the
+//! primitive has an SPZ instead, whose axes are turned as SPZ's library does for the axes LUF.
+//! CesiumJS 1.140 does not turn them, and neither do files that are made for it: they state no
+//! kernel.
 //!
-//! Read are `.glb` and `.gltf` with buffers inside or in files below its folder; a `.glb` is written, as floats or with SPZ. It keeps the
-//! metadata in `asset.extras.wm` and groups in an attribute `_GROUP`. The local origin of a scene is the translation of its node too, for
-//! other programs; where the metadata state it, it is taken off again.
+//! Read are `.glb` and `.gltf` with buffers inside or in files below its folder; a `.glb` is
+//! written, as floats or with SPZ. It keeps the metadata in `asset.extras.wm` and groups in an
+//! attribute `_GROUP`. The local origin of a scene is the translation of its node too, for other
+//! programs; where the metadata state it, it is taken off again.
 
 mod kind;
 mod read;

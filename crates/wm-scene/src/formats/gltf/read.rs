@@ -145,7 +145,7 @@ fn fault(what: impl Into<String>) -> Problem {
 /// Reads a file in memory; buffers in other files are below the folder of its path, `main`. The scene has the axes of glTF.
 pub(super) fn read(file: &[u8], main: &Path) -> Result<Scene, Problem> {
     let (json, bin) = if file.starts_with(MAGIC) { chunks(file)? } else { (file, None) };
-    let gltf: Gltf = serde_json::from_slice(files::without_mark(json))
+    let gltf: Gltf = serde_json::from_slice(files::without_byte_order_mark(json))
         .map_err(|error| fault(one_line(&error.to_string())))?;
     if let Some(unknown) = gltf.extensions_required.iter().find(|name| !is_read(name)) {
         let name: String = one_line(unknown).chars().take(80).collect();
@@ -187,8 +187,8 @@ struct Placed {
 }
 
 impl Placed {
-    /// The scene, relative to the origin that the file states, else to one that suits its places: a node may stand far from zero, with
-    /// splats near to it.
+    /// The scene, relative to the origin that the file states, else to one that suits its places: a
+    /// node may stand far from zero, with splats near to it.
     fn scene(self) -> Scene {
         let Self { metadata, remarks, parts, count } = self;
         let step = count.div_ceil(1 << 12).max(1);
@@ -212,8 +212,8 @@ impl Placed {
     }
 }
 
-/// Returns true if splats are read rightly of a file that requires an extension: it is of splats, or of what splats do not
-/// have, such as materials.
+/// Returns true if splats are read rightly of a file that requires an extension: it is of splats,
+/// or of what splats do not have, such as materials.
 fn is_read(extension: &str) -> bool {
     const OF_OTHERS: [&str; 7] = [
         "KHR_mesh_quantization",
@@ -227,8 +227,9 @@ fn is_read(extension: &str) -> bool {
     extension == SPLATTING || is_spz(extension) || OF_OTHERS.iter().any(|start| extension.starts_with(start))
 }
 
-/// Returns true if this is a name of the extension of splats in an SPZ. Drafts had several: `KHR_spz_compression`,
-/// `KHR_spz_gaussian_splats_compression`, `KHR_gaussian_splatting_compression_spz` and that with `_2`.
+/// Returns true if this is a name of the extension of splats in an SPZ. Drafts had several:
+/// `KHR_spz_compression`, `KHR_spz_gaussian_splats_compression`,
+/// `KHR_gaussian_splatting_compression_spz` and that with `_2`.
 fn is_spz(extension: &str) -> bool {
     extension.split('_').any(|word| word == "spz")
 }
@@ -329,7 +330,8 @@ impl Reader<'_> {
                     let view = packed.get("bufferView").and_then(Value::as_u64);
                     let view = view.ok_or_else(|| fault("the SPZ's bufferView is not a number"))?;
                     let mut inner = spz::read(self.view(view as usize)?.1)?;
-                    // As CesiumJS has them, the axes are those of glTF already; such files lack what the extension demands.
+                    // As CesiumJS has them, the axes are those of glTF already; such files lack
+                    // what the extension demands.
                     if ["kernel", "colorSpace"].iter().all(|key| extension.get(key).is_some()) {
                         spz::FORMAT.axes.turn(&mut inner);
                         FORMAT.axes.turn(&mut inner);
@@ -356,7 +358,8 @@ impl Reader<'_> {
 
     fn splats(&self, primitive: &Primitive, extension: &Value) -> Result<Splats, Problem> {
         let get = |name: &str| primitive.attributes.get(name).copied();
-        // Drafts had `_SCALE` and the like, or the accessors in the extension, and the colour in COLOR_0 alone.
+        // Drafts had `_SCALE` and the like, or the accessors in the extension, and the colour in
+        // COLOR_0 alone.
         let index = |value: Option<&Value>| Some(value?.as_u64()? as usize);
         let find = |name: &str| {
             let draft = get(&format!("_{name}")).or_else(|| index(extension.get(name.to_lowercase())));

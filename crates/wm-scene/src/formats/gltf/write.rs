@@ -159,8 +159,8 @@ fn head(out: &mut dyn Write, document: &Value, length: u64) -> Result<(), Proble
     Ok(out.write_all(&BIN.to_le_bytes())?)
 }
 
-/// The JSON. A buffer view of each of `sizes`, from places that four divides; accessors have one each, or none where an SPZ has
-/// their values.
+/// The JSON. A buffer view of each of `sizes`, from places that four divides; accessors have one
+/// each, or none where an SPZ has their values.
 fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -> Value {
     let is_packed = form != GltfSplats::Floats;
     let splats = &scene.splats;

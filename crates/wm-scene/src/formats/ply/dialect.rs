@@ -1,4 +1,5 @@
-//! Dialects of the splat PLY: recognised by the properties of their vertices, and made into what the reference would have stored.
+//! Dialects of the splat PLY: recognised by the properties of their vertices, and made into what
+//! the reference would have stored.
 //!
 //! | properties | dialect | read as |
 //! |---|---|---|
@@ -50,10 +51,12 @@ pub(super) enum Colors {
 const RGB: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
 
-/// Beginnings of the names of properties that a splat is drawn from; a file without any of them has points.
+/// Beginnings of the names of properties that a splat is drawn from; a file without any of them has
+/// points.
 const OF_SPLATS: [&str; 5] = ["f_dc_", "f_rest_", "scale_", "rot_", "opacity"];
 
-/// Beginnings of the names of properties that trainings add and no picture shows: normals, features, classes, measures.
+/// Beginnings of the names of properties that trainings add and no picture shows: normals,
+/// features, classes, measures.
 const UNSEEN: [&str; 28] = [
     "nx",
     "ny",
@@ -141,7 +144,8 @@ impl Dialect {
         })
     }
 
-    /// Makes the splats that the rows stand for, and says what was changed and what was passed over.
+    /// Makes the splats that the rows stand for, and says what was changed and what was passed
+    /// over.
     pub fn finish(&self, mut rows: Rows, vertex: &Element, kept: &[usize]) -> (Splats, Vec<Remark>) {
         let mut remarks = Vec::new();
         let splats = &mut rows.splats;
@@ -233,7 +237,8 @@ fn bring_to_sh(splats: &mut Splats, kind: Scalar) {
     }
 }
 
-/// Adds the filter to the first `axes` axes of a splat: its variance to each, and to the opacity what the volume gained.
+/// Adds the filter to the first `axes` axes of a splat: its variance to each, and to the opacity
+/// what the volume gained.
 fn apply_filter(splats: &mut Splats, index: usize, filter: f64, axes: usize) {
     let variance = filter * filter;
     let mut ratio = 1.0;
@@ -286,7 +291,8 @@ fn draw_as_balls(splats: &mut Splats) {
     splats.logit_opacities.fill(SOLID);
 }
 
-/// Says which properties are passed over: those that no picture shows, those of time, and those that are not understood.
+/// Says which properties are passed over: those that no picture shows, those of time, and those
+/// that are not understood.
 fn about_properties(vertex: &Element, kept: &[usize]) -> Vec<Remark> {
     let others = vertex.properties.iter().enumerate().filter(|(index, p)| {
         // Normals are in every file of the reference, and colours beside SH repeat them.

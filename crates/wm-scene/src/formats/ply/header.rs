@@ -204,8 +204,8 @@ fn parse_property(line: &[u8], words: &[&[u8]]) -> Result<Property, Problem> {
     }
 }
 
-/// The facts in a comment of another training: `Vertical axis: 0 -1 0` or `Vertical Axis: z` (Brush, nerfstudio), and
-/// `SplatRenderMode: mip` (Brush), its name for what is antialiased.
+/// The facts in a comment of another training: `Vertical axis: 0 -1 0` or `Vertical Axis: z`
+/// (Brush, nerfstudio), and `SplatRenderMode: mip` (Brush), its name for what is antialiased.
 fn stated(comment: &[u8]) -> Metadata {
     let nothing = Metadata::default();
     let text = String::from_utf8_lossy(comment).to_ascii_lowercase();

@@ -61,7 +61,8 @@ pub(super) struct Rows {
     pub splats: Splats,
     /// The 3D filter of each splat; empty if the file has none.
     pub filters: Vec<f32>,
-    /// What f32 leaves of each position in a file of double precision or text; empty in others.
+    /// The rounding error of each position in f32, if the file has double precision or text; else
+    /// empty.
     pub residues: Vec<[f32; 3]>,
 }
 
@@ -246,7 +247,7 @@ fn group_of(number: f32) -> Group {
     if f32::from(small) == number { Group::from_number(small).unwrap_or_default() } else { Group::default() }
 }
 
-/// What is left of a number when it is rounded to f32.
+/// The rounding error of a number in f32; 0 where it is not finite.
 pub(super) fn residue(number: f64) -> f32 {
     let left = number - f64::from(number as f32);
     if left.is_finite() { left as f32 } else { 0.0 }

@@ -7,17 +7,20 @@
 //! of `f_rest`.
 //!
 //! # What else is read
-//! Binary of either byte order and ASCII; properties in any order and of any number type; the dialects of `dialect.rs`. Further
-//! properties and elements, lists too, are stepped over, and a remark names the properties. `group` (any number type) is the
-//! [`Group`](crate::Group) of a splat; numbers that no group has are the scene. `label` and `instance` (any number type, whole numbers
-//! up to 65535, below 0 for none) are the [`LabelKind`](crate::splats::LabelKind)s of a splat. Comment lines
-//! `comment wm.<key> <value>` are [`Metadata`](crate::Metadata), the value in TOML; keys that are not
-//! known are left alone, so that files of later versions can be read; of equal keys the last counts.
+//! Binary of either byte order and ASCII; properties in any order and of any number type; the
+//! dialects of `dialect.rs`. Further properties and elements, lists too, are stepped over, and a
+//! remark names the properties. `group` (any number type) is the [`Group`](crate::Group) of a
+//! splat; numbers that no group has are the scene. `label` and `instance` (any number type, whole
+//! numbers up to 65535, below 0 for none) are the [`LabelKind`](crate::splats::LabelKind)s of a
+//! splat. Comment lines `comment wm.<key> <value>` are [`Metadata`](crate::Metadata), the value in
+//! TOML; keys that are not known are left alone, so that files of later versions can be read; of
+//! equal keys the last counts.
 //!
 //! # Memory
-//! One block beside the arrays, and 12 bytes a splat where positions are finer than f32 (double precision, text). The number of splats in the header is checked against the length of
-//! the file before anything is allocated; where there is no length (pipes, ASCII) arrays grow with
-//! what was read.
+//! One block beside the arrays, and 12 bytes a splat where positions are finer than f32 (double
+//! precision, text). The number of splats in the header is checked against the length of the file
+//! before anything is allocated; where there is no length (pipes, ASCII) arrays grow with what was
+//! read.
 
 mod binary;
 pub(super) mod compressed;

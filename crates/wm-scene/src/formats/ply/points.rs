@@ -10,8 +10,8 @@ use std::path::Path;
 /// Colour of points that have none.
 const GREY: [u8; 3] = [128; 3];
 
-/// Reads the points of a PLY, binary of either byte order or ASCII, and remarks on them. Other properties
-/// are stepped over. Points that are not finite are left out.
+/// Reads the points of a PLY, binary of either byte order or ASCII, and remarks on them. Other
+/// properties are stepped over. Points that are not finite are left out.
 ///
 /// The range of colours is told by their type and the highest of them: up to 255 or 65535 for whole
 /// numbers, and also 1 for floats.

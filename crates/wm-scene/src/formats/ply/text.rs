@@ -68,8 +68,8 @@ pub(super) fn read(source: &mut Source, header: &Header, layout: &Layout) -> Res
     Ok(read)
 }
 
-/// Reads the values of one row that are `kept` into `numbers`, in the order of the columns; those that are positions as finely as they are
-/// written, others as f32.
+/// Reads the values of one row that are `kept` into `numbers`, in the order of the columns; those
+/// that are positions as finely as they are written, others as f32.
 fn parse(
     line: &[u8],
     vertex: &Element,

@@ -42,7 +42,8 @@ impl Codebook {
         // Where values are d times as dense, the best table is cbrt(d) times as dense.
         let density: Vec<f64> = weights.chunks(COARSE).map(|bins| bins.iter().sum::<f64>().cbrt()).collect();
         let step = density.iter().sum::<f64>() / 256.0;
-        // The least value has an entry: scales that no other is near weigh next to nothing, but a flat splat must not become thick.
+        // The least value has an entry: scales that no other is near weigh next to nothing, but a
+        // flat splat must not become thick.
         let mut centers = vec![value(0)];
         let mut before = 0.0;
         for (chunk, density) in density.iter().enumerate() {

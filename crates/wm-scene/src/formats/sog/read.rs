@@ -90,7 +90,7 @@ pub(crate) fn fault(what: impl Into<String>) -> Problem {
 }
 
 pub(crate) fn parse<'a, T: Deserialize<'a>>(text: &'a [u8], name: &str) -> Result<T, Problem> {
-    serde_json::from_slice(files::without_mark(text))
+    serde_json::from_slice(files::without_byte_order_mark(text))
         .map_err(|error| fault(format!("{name}: {}", one_line(&error.to_string()))))
 }
 
@@ -124,8 +124,8 @@ impl Table {
     }
 }
 
-/// A codebook whose `null`s, which JSON has for NaN and infinity, continue the other values: on a line between those beside
-/// them, at an end by the mean step of all.
+/// A codebook whose `null`s, which JSON has for NaN and infinity, continue the other values: on a
+/// line between those beside them, at an end by the mean step of all.
 ///
 /// # Errors
 /// If it has nothing else.

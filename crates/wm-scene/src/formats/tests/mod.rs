@@ -68,8 +68,7 @@ fn what_is_no_scene_is_told() {
         ),
         (
             file("d.ply", b"version https://git-lfs.github.com/spec/v1\n"),
-            "DIR/d.ply: not a PLY file, although its name says so: it begins with \"version https://\"; this is a \
-             Git LFS pointer, get the file itself with `git lfs pull`",
+            "DIR/d.ply: a Git LFS pointer; get the file itself with `git lfs pull`",
         ),
     ] {
         assert_eq!(say(&folder, read(&path)), expected);

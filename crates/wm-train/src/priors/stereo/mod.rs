@@ -198,7 +198,8 @@ fn choose_sources(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], most
     (0..cameras.len()).into_par_iter().map(of).collect()
 }
 
-/// How well two photos from `a` and `b` tell the distance of a point, 0-1.
+/// Grade of the photos from `a` and `b` for the distance of a point, 0-1: best at middle angles
+/// between their rays.
 fn angle_score(point: DVec3, a: DVec3, b: DVec3) -> f64 {
     let angle = (point - a).normalize_or_zero().angle_between((point - b).normalize_or_zero()).to_degrees();
     let score = (angle / NARROW).min(1.0) * (1.0 - angle / WIDE).clamp(0.0, 1.0);
@@ -215,13 +216,16 @@ fn best(scores: &[f64], most: usize) -> Vec<usize> {
 
 /// Points of a photo by which its neighbours are chosen, at most.
 const PROBES: usize = 200;
-/// Ratios of a point's distances from two photos beyond which they show it too differently to compare.
+/// Ratios of a point's distances from two photos beyond which they show it too differently to
+/// compare.
 const SCALES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
-/// Distances at which places are tried where no points are known, in distances between neighbouring cameras.
+/// Distances at which places are tried where no points are known, in distances between neighbouring
+/// cameras.
 const TRIED: [f64; 4] = [3.0, 6.0, 12.0, 24.0];
 
-/// For each photo the others whose cameras see the same places under angles that tell distances, and from like
-/// distances. The places are the points that the photo may show, or places along its rays where there are too few.
+/// For each photo the others whose cameras see the same places under angles that tell distances,
+/// and from like distances. The places are the points that the photo may show, or places along its
+/// rays where there are too few.
 fn sources_by_pose(capture: &Capture, cameras: &[Camera], seen: &[Vec<u32>], most: usize) -> Vec<Vec<usize>> {
     let centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
     let of = |photo: usize| {

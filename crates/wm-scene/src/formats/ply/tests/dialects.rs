@@ -6,7 +6,8 @@ use crate::Severity;
 /// The properties of a splat without those that dialects have in another form.
 const START: &str = "x y z opacity rot_0 rot_1 rot_2 rot_3";
 
-/// A text file of float properties, or of those whose type is written before a colon, and rows of numbers.
+/// A text file of float properties, or of those whose type is written before a colon, and rows of
+/// numbers.
 fn file(names: &str, rows: &[&str]) -> Vec<u8> {
     let property = |name: &str| {
         let (kind, name) = name.split_once(':').unwrap_or(("float", name));
