@@ -28,7 +28,8 @@ use wm_train::densify::{adaptive::AdaptiveConfig, mcmc::McmcConfig};
 use wm_train::{Preset, TrainConfig, config::Densify};
 
 /// Messages that may precede an error: warnings about the data set, and the step from which a run continues.
-const REMARKS: [&str; 4] = ["warning: ", "set.run: continuing ", "scene.ply.run: continuing ", "video: "];
+const REMARKS: [&str; 5] =
+    ["warning: ", "capture: ", "set.run: continuing ", "scene.ply.run: continuing ", "video: "];
 
 /// Default options of the tests: 40 steps of few splats.
 const USUAL: [(&str, &str); 5] = [

@@ -6,7 +6,8 @@ use serde_json::Value;
 #[test]
 fn a_scene_that_knows_its_place() {
     let place = Place::new();
-    let output = place.trained(&["--eval-every", "3"]);
+    // As many splats as make a ground.
+    let output = place.trained(&["--eval-every", "3", "--max-splats", "2000"]);
     let printed = printed(&output);
     for (name, count) in
         [("held-out 00000.png: ", 1), ("held-out 00003.png: ", 1), ("held-out mean of 2: ", 1)]

@@ -140,9 +140,16 @@ fn each<R>(
 fn made_up(args: &BenchArgs) -> Result<(OpenScene, Camera)> {
     /// Number of splats over each pixel, similar to trained scenes.
     const COVER: f64 = 60.0;
+    /// Height above which 98 % of the splats lie, scene units.
+    const GROUND: f64 = -13.6;
     let splats = shell_splats(args.splats as usize, COVER, args.sh_degree, 1);
-    // Its facts are given, so that none is guessed.
-    let facts = Metadata { metres_per_unit: Some(1.0), up: Some(DVec3::Z), ..Metadata::default() };
+    // All facts are given, so that none is guessed; the ground lies below nearly all splats.
+    let facts = Metadata {
+        metres_per_unit: Some(1.0),
+        up: Some(DVec3::Z),
+        ground: Some(GROUND),
+        ..Metadata::default()
+    };
     let scene = Scene { splats, ..Scene::default() };
     let camera = shell_camera(args.size.0, args.size.1);
     Ok((OpenScene::of(scene, &facts, &args.run)?, camera))

@@ -153,7 +153,7 @@ fn begins_with(path: &Path, text: &str) -> bool {
 }
 
 /// The first folder at most three levels below that has a COLMAP model, relative to `dataset`.
-fn model_below(dataset: &Path) -> Option<PathBuf> {
+pub(super) fn model_below(dataset: &Path) -> Option<PathBuf> {
     /// Folders that are looked into.
     const MOST: usize = 1000;
     let mut level = vec![PathBuf::new()];

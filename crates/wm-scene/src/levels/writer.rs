@@ -61,7 +61,8 @@ pub struct NewLeaf {
 /// # use wm_scene::{Metadata, Splats, levels::{LevelIndex, LevelWriteOptions, LevelWriter, NewLeaf}};
 /// # let folder = tempfile::tempdir()?;
 /// # let main = folder.path().join("city/lod-meta.json");
-/// # let leaf = NewLeaf { levels: vec![Splats::zeroed(20, 0), Splats::zeroed(10, 0)], errors: vec![0.0, 0.1] };
+/// # let splats = |count| Splats { quats: vec![[1.0, 0.0, 0.0, 0.0]; count], ..Splats::zeroed(count, 0) };
+/// # let leaf = NewLeaf { levels: vec![splats(20), splats(10)], errors: vec![0.0, 0.1] };
 /// let mut writer = LevelWriter::create(&main, LevelWriteOptions::default())?;
 /// for job in writer.add(leaf)? {
 ///     job.write()?;

@@ -13,7 +13,7 @@ mod text;
 pub mod write;
 
 use super::{
-    Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, Observation, SparsePoints, Want, places,
+    Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, Observation, SparsePoints, Want, foreign::model_below, places,
 };
 use crate::{Camera, FormatError, Problem, Remark, camera::viewmat_of, source::Source};
 use glam::{DMat3, DMat4, DQuat, DVec3};
@@ -200,7 +200,12 @@ fn choose_model(dataset: &Path, options: &CaptureOptions) -> Result<Option<Model
             return Ok(Some(Model { place: place.clone(), kind, remarks: Some(Remark::note("other-models", text)) }));
         }
     }
-    Ok(None)
+    let Some(folder) = options.model.as_ref().filter(|_| dataset.is_dir()) else { return Ok(None) };
+    let mut what = "no COLMAP model is there, which has cameras and images, .bin or .txt".to_string();
+    if let Some(other) = model_below(dataset) {
+        what += &format!("; there is one in {}", dataset.join(other).display());
+    }
+    Err(FormatError::whole(&dataset.join(folder), Problem::Value(what)))
 }
 
 /// The folders in a folder, numbers by their value and before other names; none if it does not
