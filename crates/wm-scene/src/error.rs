@@ -239,7 +239,8 @@ pub(crate) fn one_line(message: &str) -> String {
 
 /// The text with its control characters escaped: a name from a file may hold line breaks and codes
 /// that a terminal acts on.
-fn escaped(text: &str) -> String {
+#[must_use]
+pub fn escaped(text: &str) -> String {
     let escape = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
     text.chars().map(escape).collect()
 }

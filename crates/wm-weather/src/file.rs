@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
-use wm_scene::nearest;
+use wm_scene::{error::escaped, nearest};
 
 mod write;
 
@@ -83,7 +83,7 @@ impl Weather {
             let before = &text[..span.start.min(text.len())];
             let line = before.matches('\n').count() + 1;
             let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
-            WeatherError::File { file: file.into(), line, column, problem }
+            WeatherError::File { file: file.into(), line, column, problem: escaped(&problem) }
         };
         let table = DeTable::parse(text)
             .map_err(|error| at(error.span().unwrap_or(0..0), one_line(error.message())))?;
@@ -144,7 +144,8 @@ impl Weather {
             ParamInput::Text(text) => self.try_set(key.trim(), text.trim()),
             ParamInput::Value(value) => self.try_set_value(key.trim(), value),
         };
-        changed.map_err(|problem| WeatherError::Parameter { key: key.into(), problem })?;
+        changed
+            .map_err(|problem| WeatherError::Parameter { key: escaped(key), problem: escaped(&problem) })?;
         Ok(self)
     }
 
@@ -159,7 +160,7 @@ impl Weather {
             Some((key, value)) => self.try_set(key.trim(), value.trim()),
             None => Err("must be effect.parameter=value, as in fog.mor=120".into()),
         };
-        changed.map_err(|problem| WeatherError::Override { text: text.into(), problem })
+        changed.map_err(|problem| WeatherError::Override { text: escaped(text), problem: escaped(&problem) })
     }
 
     fn try_set_value(&mut self, key: &str, value: &ParamValue) -> Result<(), String> {

@@ -3,6 +3,7 @@
 use crate::file::{WeatherError, meant};
 use crate::weather::Weather;
 use std::path::Path;
+use wm_scene::error::escaped;
 
 macro_rules! presets {
     ($($name:literal),+ $(,)?) => {
@@ -58,7 +59,9 @@ fn unknown(name: &str, otherwise: &str) -> WeatherError {
     let names: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
     let near = meant(name, names.iter().copied());
     let all = names.join(", ");
-    WeatherError::Unknown(format!("there is no weather `{name}`{near}; the presets are {all}{otherwise}"))
+    WeatherError::Unknown(escaped(&format!(
+        "there is no weather `{name}`{near}; the presets are {all}{otherwise}"
+    )))
 }
 
 #[cfg(test)]

@@ -66,6 +66,10 @@ fn faults_have_line_and_column() {
             "[fog]\nmor = { keys = [[0, 5, \"smoth\"], [1, 6]] }\n",
             "w.toml:2:24: fog.mor has the easing `smoth`, did you mean `smooth`?; the easings are linear, hold,",
         ),
+        (
+            "[fog]\nmor = { keys = [[0, 5, \"\"\"a\n\u{9b}b\"\"\"], [1, 6]] }\n",
+            "w.toml:2:24: fog.mor has the easing `a\\n\\u{9b}b`; the easings are linear, hold,",
+        ),
         ("[fog]\nmor = { keys = [[0, 5, 2]] }\n", "w.toml:2:24: fog.mor has an easing that is no text"),
         (
             "[sky]\nmodel = { keys = [[0, \"clear\", \"smooth\"], [1, \"overcast\"]] }\n",
