@@ -152,7 +152,11 @@ fn make(run: &mut BatchRun, store: &BatchStore, shard: Shard) -> Result<()> {
     let own = run.clips.shard(shard.index, shard.count);
     let mut missing = Vec::new();
     for number in own.clone() {
-        if store.marker(number, &run.plan.digest)?.is_none() {
+        let marker = store.marker(number, &run.plan.digest)?;
+        if let Some(file) = marker.as_ref().and_then(|marker| store.lost_file(marker)) {
+            eprintln!("note: block {number} is made again: {file} is gone or has another length");
+            missing.push(number);
+        } else if marker.is_none() {
             missing.push(number);
         }
     }

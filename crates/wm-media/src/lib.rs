@@ -29,10 +29,9 @@ pub mod video;
 
 pub use error::MediaError;
 
-use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
-use wm_scene::files::write_whole;
+use wm_scene::files::{TempFile, write_whole};
 
 /// Width and height of a picture, pixels, both above 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,7 +70,7 @@ impl PictureSize {
 /// [`write_whole`] with the errors of this module.
 fn write_file(
     path: &Path,
-    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), MediaError>,
+    write: impl FnOnce(&mut BufWriter<&TempFile>) -> Result<(), MediaError>,
 ) -> Result<(), MediaError> {
     write_whole(path, |fault| MediaError::write(path, fault), write)
 }

@@ -2,33 +2,43 @@
 //!
 //! The temporary file lies in the same folder, since a rename is only atomic within one file system.
 //! It is called `<name>.<process>-<count>.part` and is removed when writing fails, and by
-//! [`abandon_temporaries`] before the process is ended. Nothing is flushed to the disk by force, except by
-//! [`write_durably`]: thousands of frames would wait for it, and a power cut costs only the last ones.
+//! [`abandon_temporaries`] before the process is ended. Those of processes that were killed are
+//! removed when the next process writes into the folder: a live one holds a lock on its own.
+//!
+//! A file that replaces another is flushed to the disk before it is renamed, so that a power cut
+//! leaves the old one or the new one, and has the permissions of the old one. New files are only
+//! flushed by [`write_durably`]: thousands of frames would wait for it, and a power cut costs only
+//! the last ones.
 
 #[cfg(any(target_arch = "wasm32", test, feature = "testing"))]
 pub mod fetched;
 // Never used there: nothing is fetched where files are on a disk.
+mod faults;
 #[cfg(not(any(target_arch = "wasm32", test, feature = "testing")))]
 #[allow(dead_code, unreachable_pub)]
 mod fetched;
 mod reading;
 
 use crate::error::{FormatError, Problem};
+use faults::Operation;
 pub(crate) use reading::{
     BYTE_ORDER_MARK, LFS_REFUSED, LONGEST_MARK, is_lfs_pointer, open, refused_text, without_byte_order_mark,
 };
 pub use reading::{
-    is_file, is_folder, is_lacking, is_there, read, read_if_there, read_text, skip_byte_order_mark, text_of,
-    want,
+    LARGE_TEXT, SMALL_TEXT, is_file, is_folder, is_lacking, is_there, read, read_if_there, read_text,
+    skip_byte_order_mark, text_of, want,
 };
 use std::{
-    fs::{self, File, OpenOptions},
+    collections::BTreeSet,
+    ffi::{OsStr, OsString},
+    fs::{self, File, OpenOptions, TryLockError},
     io::{self, BufWriter, ErrorKind, Write},
     path::{Path, PathBuf},
     sync::{
         Mutex, MutexGuard, PoisonError,
         atomic::{AtomicU64, Ordering},
     },
+    time::Duration,
 };
 use thiserror::Error;
 
@@ -53,6 +63,11 @@ pub enum WriteFault {
     /// No right to write there.
     #[error("cannot be written: {0}; change the rights of its folder or write elsewhere")]
     Denied(io::Error),
+    /// Beyond the largest file that the process or the file system allows.
+    #[error(
+        "cannot be written: larger than a file may be here; raise the limit (ulimit -f) or write elsewhere"
+    )]
+    TooLarge,
     /// No room.
     #[error("cannot be written: the disk is full; free some space or write elsewhere")]
     DiskFull,
@@ -63,11 +78,14 @@ pub enum WriteFault {
 
 impl From<io::Error> for WriteFault {
     fn from(error: io::Error) -> Self {
-        use ErrorKind::{IsADirectory, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull};
+        use ErrorKind::{
+            FileTooLarge, IsADirectory, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull,
+        };
         match error.kind() {
             StorageFull | QuotaExceeded => Self::DiskFull,
             PermissionDenied | ReadOnlyFilesystem => Self::Denied(error),
             IsADirectory => Self::IsFolder,
+            FileTooLarge => Self::TooLarge,
             _ => Self::Other(error),
         }
     }
@@ -99,7 +117,7 @@ pub fn write_durably(
 ) -> Result<(), FormatError> {
     let fault = |problem| FormatError::whole(path, problem);
     let temporary = written(path, |f| fault(f.into()), |out| write(out).map_err(fault))?;
-    temporary.file().sync_all().map_err(|error| fault(WriteFault::from(error).into()))?;
+    temporary.flush_to_disk().map_err(|f| fault(f.into()))?;
     let folder = folder_of(&temporary.resolved).to_owned();
     temporary.persist().map_err(|f| fault(f.into()))?;
     // The new name is in the folder, which some systems do not open as a file.
@@ -115,7 +133,7 @@ pub fn write_durably(
 pub fn write_whole<E>(
     path: &Path,
     fault: impl Fn(WriteFault) -> E,
-    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
+    write: impl FnOnce(&mut BufWriter<&TempFile>) -> Result<(), E>,
 ) -> Result<(), E> {
     written(path, &fault, write)?.persist().map_err(&fault)
 }
@@ -124,10 +142,10 @@ pub fn write_whole<E>(
 fn written<E>(
     path: &Path,
     fault: impl Fn(WriteFault) -> E,
-    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
+    write: impl FnOnce(&mut BufWriter<&TempFile>) -> Result<(), E>,
 ) -> Result<TempFile, E> {
     let temporary = TempFile::beside(path).map_err(&fault)?;
-    let mut out = BufWriter::with_capacity(BUFFER, temporary.file());
+    let mut out = BufWriter::with_capacity(BUFFER, &temporary);
     write(&mut out)?;
     out.flush().map_err(|error| fault(error.into()))?;
     drop(out);
@@ -183,17 +201,14 @@ impl TempFile {
     pub fn beside(target: &Path) -> Result<Self, WriteFault> {
         let resolved = resolve(target)?;
         let name = resolved.file_name().ok_or(WriteFault::IsFolder)?;
-        // A counter makes names unique in this process, its number among processes; what is left are
-        // leftovers of a killed process of the same number, which are stepped over.
-        static COUNT: AtomicU64 = AtomicU64::new(0);
+        sweep(folder_of(&resolved));
+        faults::check(Operation::Create)?;
         loop {
-            let mut temporary = name.to_os_string();
-            let count = COUNT.fetch_add(1, Ordering::Relaxed);
-            temporary.push(format!(".{}-{count}.part", std::process::id()));
-            let path = resolved.with_file_name(temporary);
+            let path = resolved.with_file_name(temporary_name(name, "part"));
             let mut pending = pending();
             match OpenOptions::new().read(true).write(true).create_new(true).open(&path) {
                 Ok(file) => {
+                    hold(&file);
                     pending.push(path.clone());
                     return Ok(Self { path: Some(path), file: Some(file), target: target.into(), resolved });
                 }
@@ -211,6 +226,15 @@ impl TempFile {
     #[must_use]
     pub fn file(&self) -> &File {
         self.file.as_ref().expect("open until it is closed, renamed or dropped")
+    }
+
+    /// Waits until what was written is on the disk.
+    ///
+    /// # Errors
+    /// The system's refusals.
+    pub fn flush_to_disk(&self) -> Result<(), WriteFault> {
+        faults::check(Operation::Flush)?;
+        Ok(self.file().sync_all()?)
     }
 
     /// Its present path, for another program to write to.
@@ -238,6 +262,11 @@ impl TempFile {
     /// # Errors
     /// The system's refusals; the temporary file is removed then.
     pub fn rename(&mut self) -> Result<(), WriteFault> {
+        if let (Ok(old), Some(file)) = (fs::metadata(&self.resolved), &self.file) {
+            self.flush_to_disk()?;
+            file.set_permissions(old.permissions())?;
+        }
+        faults::check(Operation::Rename)?;
         self.file = None;
         let mut pending = pending();
         // Windows says "denied" where Unix says "is a directory".
@@ -249,10 +278,33 @@ impl TempFile {
     }
 }
 
+impl Write for TempFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        (&*self).write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        (&*self).flush()
+    }
+}
+
+impl Write for &TempFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        faults::check(Operation::Write)?;
+        self.file().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file().flush()
+    }
+}
+
 /// A new empty folder beside `target`, for what is made of many files; removed with all of them when dropped.
 #[derive(Debug)]
 pub struct TempFolder {
     path: PathBuf,
+    /// Held open while the folder is in use.
+    lock: Option<File>,
 }
 
 impl TempFolder {
@@ -263,17 +315,17 @@ impl TempFolder {
     pub fn beside(target: &Path) -> Result<Self, WriteFault> {
         // Also of `site/..` and of the like.
         let name = target.file_name().ok_or(WriteFault::IsFolder)?;
-        static COUNT: AtomicU64 = AtomicU64::new(0);
+        sweep(folder_of(target));
+        faults::check(Operation::Create)?;
         loop {
-            let mut temporary = name.to_os_string();
-            let count = COUNT.fetch_add(1, Ordering::Relaxed);
-            temporary.push(format!(".{}-{count}.parts", std::process::id()));
-            let path = target.with_file_name(temporary);
+            let path = target.with_file_name(temporary_name(name, "parts"));
             let mut pending = pending();
             match fs::create_dir(&path) {
                 Ok(()) => {
                     pending.push(path.clone());
-                    return Ok(Self { path });
+                    let lock = File::open(&path).ok();
+                    lock.as_ref().iter().for_each(|folder| hold(folder));
+                    return Ok(Self { path, lock });
                 }
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 Err(error) => {
@@ -294,6 +346,8 @@ impl TempFolder {
 
 impl Drop for TempFolder {
     fn drop(&mut self) {
+        // Closed first: Windows does not remove open folders.
+        self.lock = None;
         let mut pending = pending();
         // Nothing more can be done if this fails; the first error is the one to report.
         let _ = fs::remove_dir_all(&self.path);
@@ -325,6 +379,84 @@ fn resolve(target: &Path) -> Result<PathBuf, WriteFault> {
         Ok(_) if target.is_symlink() => Ok(fs::canonicalize(target)?),
         // A path that cannot be looked at fails again, with its reason, when the file is created.
         _ => Ok(target.into()),
+    }
+}
+
+/// Longest part of a final name that a temporary name begins with, bytes: systems allow 255 in all.
+const LONGEST_STEM: usize = 200;
+
+/// A name for a temporary file or folder that will be called `name`. A counter makes it unique in
+/// this process, and its number among processes.
+fn temporary_name(name: &OsStr, ending: &str) -> OsString {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let count = COUNT.fetch_add(1, Ordering::Relaxed);
+    let tail = format!(".{}-{count}.{ending}", std::process::id());
+    let mut temporary = match name.as_encoded_bytes() {
+        long if long.len() > LONGEST_STEM => {
+            String::from_utf8_lossy(&long[..LONGEST_STEM]).trim_end_matches('\u{fffd}').to_owned().into()
+        }
+        _ => name.to_os_string(),
+    };
+    temporary.push(tail);
+    temporary
+}
+
+/// Returns true if a name is one that [`temporary_name`] makes.
+fn is_temporary_name(name: &OsStr) -> bool {
+    let Some(name) = name.to_str() else { return false };
+    let Some((rest, "part" | "parts")) = name.rsplit_once('.') else { return false };
+    let numbers = rest.rsplit_once('.').and_then(|(_, numbers)| numbers.split_once('-'));
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    numbers.is_some_and(|(process, count)| is_number(process) && is_number(count))
+}
+
+/// Locks a folder against other processes until the lock is dropped. `None` where folders cannot be
+/// locked: on Windows and on some network file systems.
+///
+/// # Errors
+/// [`ErrorKind::WouldBlock`] if it is locked already; other errors if it cannot be opened.
+pub fn lock_folder(folder: &Path) -> io::Result<Option<File>> {
+    if !cfg!(unix) {
+        return Ok(None);
+    }
+    let opened = File::open(folder)?;
+    match opened.try_lock() {
+        Ok(()) => Ok(Some(opened)),
+        Err(TryLockError::WouldBlock) => Err(ErrorKind::WouldBlock.into()),
+        Err(TryLockError::Error(_)) => Ok(None),
+    }
+}
+
+/// Locks a temporary file or folder, so that [`sweep`] leaves it. Some file systems have no locks:
+/// leftovers stay there.
+fn hold(file: &File) {
+    // Elsewhere a lock keeps other programs from writing to the file.
+    if cfg!(unix) {
+        let _ = file.try_lock();
+    }
+}
+
+/// Removes temporary files and folders from `folder` whose process was killed, once for each folder.
+///
+/// A live process holds a lock on its own. Young ones are left, since they may not be locked yet.
+fn sweep(folder: &Path) {
+    const YOUNG: Duration = Duration::from_secs(60);
+    static SWEPT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    if !SWEPT.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.into()) {
+        return;
+    }
+    // Files that cannot be looked at or removed stay: they harm nothing.
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let is_ours = entry.file_type().is_ok_and(|kind| kind.is_file() || kind.is_dir());
+        if !cfg!(unix) || !is_ours || !is_temporary_name(&entry.file_name()) {
+            continue;
+        }
+        let age = entry.metadata().and_then(|about| about.modified()).ok().and_then(|at| at.elapsed().ok());
+        let is_dead = || File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok());
+        if age.is_some_and(|age| age > YOUNG) && is_dead() {
+            let path = entry.path();
+            let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+        }
     }
 }
 
@@ -373,6 +505,70 @@ mod tests {
         assert_eq!(error.unwrap_err().to_string(), expected);
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
         assert_eq!(names(folder.path()), ["a.ply"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn leftovers_of_killed_processes_are_removed_and_others_are_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let long_ago = std::time::SystemTime::now() - Duration::from_secs(3600);
+        let made = |name: &str| {
+            let file = File::create(at(name)).unwrap();
+            file.set_modified(long_ago).unwrap();
+            file
+        };
+        let (dead, held, other) = (made("a.ply.123-4.part"), made("b.ply.99-0.part"), made("c.1-x.part"));
+        held.try_lock().unwrap();
+        drop((dead, other));
+        File::create(at("young.1-1.part")).unwrap();
+        fs::create_dir(at("site.123-5.parts")).unwrap();
+        fs::write(at("site.123-5.parts/a"), "a").unwrap();
+        File::open(at("site.123-5.parts")).unwrap().set_modified(long_ago).unwrap();
+        write_atomically(&at("a.ply"), |out| Ok(out.write_all(b"a")?)).unwrap();
+        let mut left = names(folder.path());
+        left.sort();
+        assert_eq!(left, ["a.ply", "b.ply.99-0.part", "c.1-x.part", "young.1-1.part"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_is_locked_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let lock = lock_folder(folder.path()).unwrap();
+        assert_eq!(lock_folder(folder.path()).unwrap_err().kind(), ErrorKind::WouldBlock);
+        drop(lock);
+        assert!(lock_folder(folder.path()).unwrap().is_some());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_replaced_file_keeps_its_permissions() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("secret.ply");
+        fs::write(&path, "old").unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
+        write_atomically(&path, |out| Ok(out.write_all(b"new")?)).unwrap();
+        let mode = fs::metadata(&path).unwrap().permissions().mode();
+        assert_eq!((fs::read_to_string(&path).unwrap().as_str(), mode & 0o777), ("new", 0o600));
+    }
+
+    #[test]
+    fn names_as_long_as_systems_allow() {
+        let folder = tempfile::tempdir().unwrap();
+        for length in [200, 247, 255] {
+            let name = format!("{}.ply", "\u{e9}".repeat((length - 4) / 2) + &"x".repeat((length - 4) % 2));
+            assert_eq!(name.len(), length);
+            let path = folder.path().join(name);
+            write_atomically(&path, |out| Ok(out.write_all(b"a")?)).unwrap();
+            assert_eq!(fs::read(&path).unwrap(), b"a");
+        }
+        assert!(is_temporary_name(&temporary_name(OsStr::new("a.ply"), "part")));
+        assert!(is_temporary_name(&temporary_name(OsStr::new(&"\u{e9}".repeat(120)), "parts")));
+        for name in ["a.part", "a.1.part", "a.1-.part", "a.1-2.partial", "a.1-2", "part", "1-2.part.x"] {
+            assert!(!is_temporary_name(OsStr::new(name)), "{name}");
+        }
     }
 
     #[test]

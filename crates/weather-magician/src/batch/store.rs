@@ -7,12 +7,12 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::ffi::OsStr;
 use std::fs;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use wm_datasets::{
     ClipInfo, ClipRecord, Condition, FileSink, PlaceInfo, ReadingInfo, RigidPose, SetError, WeatherInfo,
 };
-use wm_scene::files::write_durably;
+use wm_scene::files::{lock_folder, write_durably};
 use wm_scene::levels::INDEX_NAME;
 
 /// The folder of markers.
@@ -240,24 +240,33 @@ impl BatchStore {
         self.folder.join(DONE).join(format!("{block:06}.json"))
     }
 
-    /// The marker of a block; `None` if it is not done, or was made by another plan.
+    /// The marker of a block; `None` if it is not done, or its marker is damaged, as a power cut may
+    /// leave it: the block is made again then.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if the marker cannot be read.
+    /// [`Error::Unsupported`] if the marker cannot be read, or is of another plan.
     pub fn marker(&self, block: u64, plan: &str) -> Result<Option<BlockMarker>> {
         let path = self.marker_path(block);
         let text = match fs::metadata(&path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Ok(about) if about.len() > MOST => return Err(fault(&path, "too long for a marker; remove it")),
-            _ => fs::read_to_string(&path).map_err(|error| fault(&path, error))?,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Ok(about) if about.len() > MOST => return Ok(None),
+            _ => fs::read(&path).map_err(|error| fault(&path, error))?,
         };
-        let marker: BlockMarker = serde_json::from_str(&text)
-            .map_err(|error| fault(&path, format!("{error}; remove it, so that the block is made again")))?;
+        let Ok(marker) = serde_json::from_slice::<BlockMarker>(&text) else { return Ok(None) };
         if marker.plan != plan || marker.block != block {
             let says = "is of another plan; give another folder with --out, or remove this one";
             return Err(fault(&path, says));
         }
         Ok(Some(marker))
+    }
+
+    /// The first file of a block that is not there as its marker says, by name and length.
+    #[must_use]
+    pub fn lost_file<'a>(&self, marker: &'a BlockMarker) -> Option<&'a str> {
+        let is_there = |file: &&MarkedFile| {
+            fs::metadata(self.folder.join(&file.path)).is_ok_and(|about| about.len() == file.bytes)
+        };
+        marker.files.iter().find(|file| !is_there(file)).map(|file| file.path.as_str())
     }
 
     /// Removes what killed runs left, once all blocks are done.
@@ -269,14 +278,27 @@ impl BatchStore {
     /// Begins a block: what a run left of it before is removed.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if its folder cannot be made.
+    /// [`Error::Unsupported`] if its folder cannot be made, or another process makes the block.
     pub fn begin(&self, block: u64) -> Result<BlockFiles> {
         let staged = self.folder.join(WORK).join(format!("{block:06}"));
+        let lock = || {
+            lock_folder(&staged).map_err(|error| match error.kind() {
+                ErrorKind::WouldBlock => fault(
+                    &self.folder,
+                    format!(
+                        "another process makes block {block}; wait until it is done, or make another shard"
+                    ),
+                ),
+                _ => fault(&staged, error),
+            })
+        };
         if staged.exists() {
+            let _old = lock()?;
             fs::remove_dir_all(&staged).map_err(|error| fault(&staged, error))?;
         }
         fs::create_dir_all(&staged).map_err(|error| fault(&staged, error))?;
-        Ok(BlockFiles { staged, folder: self.folder.clone(), files: Vec::new() })
+        let lock = lock()?;
+        Ok(BlockFiles { staged, folder: self.folder.clone(), files: Vec::new(), _lock: lock })
     }
 
     /// Puts the files of a block in place and marks it as done.
@@ -299,6 +321,8 @@ impl BatchStore {
         files.sort_by(|a, b| a.path.cmp(&b.path));
         for file in &files {
             let (from, to) = (block.staged.join(&file.path), self.folder.join(&file.path));
+            // On the disk before the marker says so.
+            fs::File::open(&from).and_then(|file| file.sync_all()).map_err(|error| fault(&to, error))?;
             if let Some(folder) = to.parent() {
                 fs::create_dir_all(folder).map_err(|error| fault(folder, error))?;
             }
@@ -317,6 +341,8 @@ pub struct BlockFiles {
     staged: PathBuf,
     folder: PathBuf,
     files: Vec<MarkedFile>,
+    /// Keeps other processes out of the folder.
+    _lock: Option<fs::File>,
 }
 
 impl BlockFiles {

@@ -33,27 +33,13 @@ pub struct Mp4Writer {
     size: PictureSize,
     rate: FrameRate,
     /// Samples one after the other, beside the final file.
-    samples: BufWriter<Handle>,
+    samples: BufWriter<TempFile>,
     /// Bytes of each sample.
     sizes: Vec<u32>,
     /// Numbers of the keyframes, from 1.
     keyframes: Vec<NonZeroU32>,
     /// Bytes of all samples.
     length: u64,
-}
-
-/// A [`TempFile`] that can be written through a buffer.
-#[derive(Debug)]
-struct Handle(TempFile);
-
-impl Write for Handle {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.file().write(bytes)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.0.file().flush()
-    }
 }
 
 /// NAL units that say how to decode the others, without start codes.
@@ -71,13 +57,13 @@ impl Mp4Writer {
     /// # Errors
     /// No temporary file can be made beside `target`.
     pub fn create(target: &Path, size: PictureSize, rate: FrameRate) -> Result<Self, MediaError> {
-        let samples = BufWriter::with_capacity(1 << 18, Handle(temporary(target)?));
+        let samples = BufWriter::with_capacity(1 << 18, temporary(target)?);
         Ok(Self { size, rate, samples, sizes: Vec::new(), keyframes: Vec::new(), length: 0 })
     }
 
     /// The name of the final file.
     pub fn target(&self) -> &Path {
-        self.samples.get_ref().0.target()
+        self.samples.get_ref().target()
     }
 
     /// Samples so far.
@@ -119,11 +105,11 @@ impl Mp4Writer {
         let total = head.len() as u64 + self.length;
 
         let output = temporary(&target)?;
-        output.file().write_all(&head).map_err(failed)?;
+        (&output).write_all(&head).map_err(failed)?;
         let samples = self.samples.into_inner().map_err(|error| failed(error.into_error()))?;
-        samples.0.file().seek(SeekFrom::Start(0)).map_err(failed)?;
+        samples.file().seek(SeekFrom::Start(0)).map_err(failed)?;
         // File to file: the system copies without passing the bytes through this process.
-        let copied = io::copy(&mut samples.0.file(), &mut output.file()).map_err(failed)?;
+        let copied = io::copy(&mut samples.file(), &mut output.file()).map_err(failed)?;
         assert_eq!(copied, total - head.len() as u64, "samples were lost");
         output.persist().map_err(|fault| MediaError::write(&target, fault))?;
         Ok(total)

@@ -90,12 +90,36 @@ pub fn skip_byte_order_mark<R: BufRead>(mut reader: R) -> io::Result<R> {
     Ok(reader)
 }
 
-/// Reads a whole file as text, see [`text_of`].
+/// Most bytes of a text that a person writes: a weather, a plan, a rig, a lens.
+pub const SMALL_TEXT: u64 = 4 << 20;
+/// Most bytes of a text that programs write: hourly tables, camera paths, facts with outlines.
+pub const LARGE_TEXT: u64 = 256 << 20;
+
+/// Reads a whole file of at most `most` bytes as text, see [`text_of`].
 ///
 /// # Errors
-/// As [`read`] and [`text_of`].
-pub fn read_text(path: &Path) -> io::Result<String> {
-    text_of(read(path)?)
+/// As [`read`] and [`text_of`]; [`ErrorKind::InvalidInput`] if it is longer, or no regular file: a
+/// pipe may never end, and a device is no text.
+pub fn read_text(path: &Path, most: u64) -> io::Result<String> {
+    let refused = |what: String| Err(io::Error::new(ErrorKind::InvalidInput, what));
+    let Place::Disk = place_of(path) else { return text_of(read(path)?) };
+    let about = fs::metadata(path)?;
+    if about.is_dir() {
+        return Err(ErrorKind::IsADirectory.into());
+    }
+    if !about.is_file() {
+        return refused("no regular file; write the text into a file".into());
+    }
+    let mut bytes = Vec::new();
+    // Files may grow while they are read, and the kernel's say that they are empty.
+    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        return refused(format!(
+            "longer than {} MiB, which is no text of this kind; check the name",
+            most >> 20
+        ));
+    }
+    text_of(bytes)
 }
 
 /// The text of bytes from outside: UTF-8, with or without a byte order mark, or UTF-16 with one, as

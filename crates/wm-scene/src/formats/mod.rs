@@ -315,7 +315,7 @@ pub(crate) fn write_files(
     let mut complete = Vec::new();
     let mut sink = |file: NamedFile| {
         let temporary = TempFile::beside(&path.with_file_name(file.name))?;
-        temporary.file().write_all(&file.bytes)?;
+        (&temporary).write_all(&file.bytes)?;
         complete.push(temporary);
         Ok(())
     };

@@ -89,6 +89,9 @@ pub enum SessionError {
     /// The run folder holds a training that is not finished, and the session would overwrite it.
     #[error("{}: holds a training that is not done", .0.display())]
     Unfinished(PathBuf),
+    /// Another training runs in the run folder.
+    #[error("{}: another training runs in this folder; wait until it is done, or give another output", .0.display())]
+    InUse(PathBuf),
     /// The run folder holds a finished training, and the session would overwrite it.
     #[error("{}: holds a finished training", .0.display())]
     Finished(PathBuf),

@@ -10,7 +10,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use thiserror::Error;
-use wm_scene::files::write_atomically;
+use wm_scene::files::{lock_folder, write_atomically};
 
 /// The name of the checkpoint in a run folder.
 pub const CHECKPOINT: &str = "checkpoint.wmtrain";
@@ -37,7 +37,12 @@ pub enum Resume {
 /// The place where a session keeps its files.
 pub(super) enum RunFolder {
     /// In a folder of the user's.
-    Kept { path: PathBuf, start: Start },
+    Kept {
+        path: PathBuf,
+        start: Start,
+        /// Keeps other trainings out.
+        lock: Option<File>,
+    },
     /// In a temporary folder for priors and registered photos; nothing else is written.
     Temporary(TempDir),
 }
@@ -81,14 +86,21 @@ impl RunFolder {
             }
             (Resume::Never, false) | (Resume::Overwrite, _) => Start::Anew,
         };
-        Ok(Self::Kept { path: path.to_owned(), start })
+        Ok(Self::Kept { path: path.to_owned(), start, lock: None })
     }
 
-    /// Makes the folder, if it does not exist, and removes what is left of checkpoints that were not completed.
-    pub fn make(&self) -> Result<(), SessionError> {
-        let path = self.path();
-        fs::create_dir_all(path).map_err(|reason| SessionError::Folder { path: path.to_owned(), reason })?;
-        for entry in fs::read_dir(path).into_iter().flatten().flatten() {
+    /// Makes the folder, if it does not exist, locks it, and removes what is left of checkpoints that were not completed.
+    pub fn make(&mut self) -> Result<(), SessionError> {
+        let path = self.path().to_owned();
+        let fault = |reason| SessionError::Folder { path: path.clone(), reason };
+        fs::create_dir_all(&path).map_err(fault)?;
+        if let Self::Kept { lock, .. } = self {
+            *lock = lock_folder(&path).map_err(|reason| match reason.kind() {
+                io::ErrorKind::WouldBlock => SessionError::InUse(path.clone()),
+                _ => fault(reason),
+            })?;
+        }
+        for entry in fs::read_dir(&path).into_iter().flatten().flatten() {
             // What a training that was killed had begun to write; it may be large.
             let name = entry.file_name();
             let name = name.to_string_lossy();
@@ -223,7 +235,7 @@ impl TrainConfig {
     /// # Errors
     /// [`ConfigFileError`] says what is wrong with the file.
     pub fn read(path: &Path) -> Result<Self, ConfigFileError> {
-        let text = wm_scene::files::read_text(path)
+        let text = wm_scene::files::read_text(path, wm_scene::files::SMALL_TEXT)
             .map_err(|reason| ConfigFileError::Read { path: path.to_owned(), reason })?;
         let config: Self = serde_json::from_str(&text)
             .map_err(|reason| ConfigFileError::Json { path: path.to_owned(), reason })?;

@@ -273,7 +273,7 @@ impl Session {
         if metric.is_some() && options.held_out.every == 0 {
             return Err(SessionError::NothingHeldOut);
         }
-        let folder = RunFolder::open(options.run_folder.as_deref(), options.resume)?;
+        let mut folder = RunFolder::open(options.run_folder.as_deref(), options.resume)?;
         if folder.starts_again() {
             let folder = folder.path().to_owned();
             observer.on_notice(&TrainNotice::StartsAgain { folder });

@@ -34,7 +34,7 @@ impl WholeSession {
         observer: &mut dyn TrainObserver,
     ) -> Result<Self, SessionError> {
         let mut options = options.clone();
-        let folder = RunFolder::open(Some(run_folder), Resume::Overwrite)?;
+        let mut folder = RunFolder::open(Some(run_folder), Resume::Overwrite)?;
         folder.make()?;
         let data = TrainData::open(dataset, &options, &folder, observer)?;
         data.write_poor(&folder)?;

@@ -1,0 +1,41 @@
+//! Failures of the file system that tests ask for, as the environment variable `WM_FAIL_FILES` says:
+//! `write:3` fails the third write of the process, `rename:1` its first rename.
+
+use std::io;
+
+/// An operation of [`super::TempFile`] that can fail.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Operation {
+    Create,
+    Write,
+    Flush,
+    Rename,
+}
+
+/// Fails if tests ask for it.
+#[cfg(not(any(test, feature = "testing")))]
+#[allow(clippy::unnecessary_wraps)]
+pub(super) fn check(_: Operation) -> io::Result<()> {
+    Ok(())
+}
+
+#[cfg(any(test, feature = "testing"))]
+pub(super) fn check(operation: Operation) -> io::Result<()> {
+    use std::sync::{
+        LazyLock,
+        atomic::{AtomicU64, Ordering},
+    };
+    static WANTED: LazyLock<Option<(String, u64)>> = LazyLock::new(|| {
+        let text = std::env::var("WM_FAIL_FILES").ok()?;
+        let (operation, number) = text.split_once(':')?;
+        Some((operation.into(), number.parse().ok()?))
+    });
+    static DONE: AtomicU64 = AtomicU64::new(0);
+    let Some((wanted, number)) = &*WANTED else { return Ok(()) };
+    if format!("{operation:?}").eq_ignore_ascii_case(wanted)
+        && DONE.fetch_add(1, Ordering::Relaxed) + 1 == *number
+    {
+        return Err(io::Error::from(io::ErrorKind::StorageFull));
+    }
+    Ok(())
+}
