@@ -1,20 +1,25 @@
-//! Ctrl-C: work that checks [`asked`] stops between two steps, everything else at once; no partial file is left in either case.
+//! Signals that end the program: work that checks [`asked`] stops between two steps, everything else
+//! at once; no partial file is left in either case.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use thiserror::Error;
 use wm_scene::files::abandon_temporaries;
 
-/// The time of the first Ctrl-C of this run.
-static PRESSED: Mutex<Option<Instant>> = Mutex::new(None);
-/// True once the current work checks for Ctrl-C between its steps.
+/// The time of the first signal of this run.
+static FIRST: Mutex<Option<Instant>> = Mutex::new(None);
+/// The number of the last signal.
+static SIGNAL: AtomicI32 = AtomicI32::new(INTERRUPT);
+/// True once the current work checks for signals between its steps.
 static HEEDED: AtomicBool = AtomicBool::new(false);
 
-/// A Ctrl-C so soon after the first is the same one: shells and `timeout` send it to the process and to its group.
-const SAME_PRESS: Duration = Duration::from_millis(500);
+/// The number of the signal that Ctrl-C sends.
+const INTERRUPT: i32 = 2;
+/// A signal so soon after the first is the same one: shells and `timeout` send it to the process and to its group.
+const SAME: Duration = Duration::from_millis(500);
 
-/// The work was stopped by Ctrl-C.
+/// The work was stopped by a signal.
 #[derive(Debug, Error)]
 #[error("stopped: {0}")]
 pub struct Interrupted(pub String);
@@ -24,29 +29,71 @@ pub fn is_stop(error: &anyhow::Error) -> bool {
     error.is::<Interrupted>() || matches!(error.downcast_ref(), Some(weather_magician::Error::Stopped))
 }
 
-fn pressed() -> MutexGuard<'static, Option<Instant>> {
-    PRESSED.lock().unwrap_or_else(PoisonError::into_inner)
+/// The exit status of a program that a signal stopped: 130 for Ctrl-C, 143 for SIGTERM, 129 for SIGHUP.
+pub fn status() -> u8 {
+    128 + SIGNAL.load(Ordering::Relaxed) as u8
 }
 
-/// Installs the handler, in place of any other. The first Ctrl-C waits for work that calls [`asked`]; if there is none,
-/// and the second time, it ends the program at once.
+fn first() -> MutexGuard<'static, Option<Instant>> {
+    FIRST.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Installs the handlers. The first signal waits for work that calls [`asked`]; if there is none, and
+/// the second time, it ends the program at once.
 pub fn listen() {
     // A process may run the program more than once: it is not stopped because the last one was.
-    *pressed() = None;
+    *first() = None;
     HEEDED.store(false, Ordering::Relaxed);
-    // From the second run on there is a handler, which is an error. Without a handler Ctrl-C ends the program, which may
-    // leave a partial file.
-    let _ = ctrlc::set_handler(|| {
-        let is_again = pressed().get_or_insert_with(Instant::now).elapsed() > SAME_PRESS;
-        if is_again || !HEEDED.load(Ordering::Relaxed) {
-            abandon_temporaries();
-            std::process::exit(130);
-        }
-    });
+    static INSTALLED: AtomicBool = AtomicBool::new(false);
+    if !INSTALLED.swap(true, Ordering::Relaxed) {
+        install();
+    }
 }
 
-/// Returns true if Ctrl-C was pressed. After the first call the handler waits for the caller to stop.
+fn handle(signal: i32) {
+    SIGNAL.store(signal, Ordering::Relaxed);
+    let is_again = first().get_or_insert_with(Instant::now).elapsed() > SAME;
+    if is_again || !HEEDED.load(Ordering::Relaxed) {
+        abandon_temporaries();
+        std::process::exit(status().into());
+    }
+}
+
+/// Without handlers a signal ends the program, which may leave a partial file until the next one
+/// writes into the folder: so errors are ignored.
+#[cfg(unix)]
+fn install() {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
+    // A file beyond `ulimit -f` is an error of the write, not the end of the program.
+    let _ = signal_hook::flag::register(SIGXFSZ, std::sync::Arc::default());
+    let mut signals = vec![SIGINT, SIGTERM];
+    // `nohup` has the program ignore it.
+    if !is_ignored(SIGHUP) {
+        signals.push(SIGHUP);
+    }
+    if let Ok(mut signals) = signal_hook::iterator::Signals::new(signals) {
+        let _ = std::thread::Builder::new()
+            .name("signals".into())
+            .spawn(move || signals.forever().for_each(handle));
+    }
+}
+
+/// Returns true if this process was started with a signal ignored, as Linux tells.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let about = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = about.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|bits| u64::from_str_radix(bits.trim(), 16).ok());
+    ignored.is_some_and(|bits| bits >> (signal - 1) & 1 == 1)
+}
+
+#[cfg(not(unix))]
+fn install() {
+    let _ = ctrlc::set_handler(|| handle(INTERRUPT));
+}
+
+/// Returns true if a signal came. After the first call the handler waits for the caller to stop.
 pub fn asked() -> bool {
     HEEDED.store(true, Ordering::Relaxed);
-    pressed().is_some()
+    first().is_some()
 }

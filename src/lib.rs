@@ -32,7 +32,7 @@ use std::ffi::OsString;
 use std::io::Write;
 
 /// Runs the program; `args` are its name and its options. Returns its exit status: 0 for success, 1 for an error,
-/// 2 for wrong options, 130 if it was stopped by Ctrl-C.
+/// 2 for wrong options, 130 if it was stopped by Ctrl-C, 143 by SIGTERM, 129 by SIGHUP.
 ///
 /// Results, progress and errors are printed. Ctrl-C ends the process unless the current work stops by itself; the
 /// process's own handler of it, if there was one, is gone from then on.
@@ -42,7 +42,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
             Ok(()) => 0,
             Err(error) if interrupt::is_stop(&error) => {
                 eprintln!("{error}");
-                130
+                interrupt::status()
             }
             Err(error) => {
                 eprintln!("error: {}", one_line(&format!("{error:#}")));

@@ -36,10 +36,10 @@ fn numbers_and_words() {
         (["--size", "-3x4"], "size \"-3x4\": give WxH in pixels"),
         (["--size", "big"], "size \"big\": give WxH in pixels"),
         (["--size", "1e3x1e3"], "give WxH in pixels"),
-        (["--fov", "0"], "--fov 0: must be above 0 and below 180 degrees"),
-        (["--fov", "180"], "--fov 180: must be above 0 and below 180 degrees"),
-        (["--fov", "nan"], "--fov NaN: must be above 0 and below 180 degrees"),
-        (["--fov", "-5"], "--fov -5: must be above 0 and below 180 degrees"),
+        (["--fov", "0"], "--fov 0: must be 0.1 to 170 degrees"),
+        (["--fov", "180"], "--fov 180: must be 0.1 to 170 degrees"),
+        (["--fov", "nan"], "--fov NaN: must be 0.1 to 170 degrees"),
+        (["--fov", "-5"], "--fov -5: must be 0.1 to 170 degrees"),
         (["--fov", "wide"], "invalid value 'wide' for '--fov"),
         (["--lens", "fisheye:0"], "`0` is not an angle above 0 and up to 360 degrees"),
         (["--lens", "telephoto"], "`telephoto` is not a lens: use fisheye"),
@@ -233,7 +233,7 @@ fn camera_files() {
         ),
         (
             format!("{{\"fov\": 200, \"keyframes\": [{key}]}}"),
-            "p.json: keyframe 1: fov is 200: it must be above 0 and below 180 degrees",
+            "p.json: keyframe 1: fov is 200: it must be 0.1 to 170 degrees",
         ),
         (
             format!("{{\"keyframes\": [{}]}}", key.replace("eye", "eyes")),

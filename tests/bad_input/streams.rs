@@ -108,9 +108,9 @@ mod pipes {
         place.refused(["inspect", "/dev/stdin"], &["/dev/stdin: the file is empty"]);
     }
 
-    fn interrupt(child: &Child) {
+    fn send(child: &Child, signal: &str) {
         let id = child.id().to_string();
-        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        assert!(Command::new("kill").args([signal, &id]).status().unwrap().success());
     }
 
     #[test]
@@ -122,7 +122,7 @@ mod pipes {
         let child = begin(&mut place.command(render("pipe", &[])));
         // Opens when the program does; it then waits for bytes that do not come.
         let held = fs::File::options().write(true).open(&path).unwrap();
-        interrupt(&child);
+        send(&child, "-INT");
         let output = wait(child, "a pipe that stays open, after Ctrl-C");
         drop(held);
         assert_eq!(output.status.code(), Some(130));
@@ -136,7 +136,9 @@ mod pipes {
         use std::time::{Duration, Instant};
         let place = Place::new();
         let before = listing(place.path());
-        for presses in [1, 2] {
+        for (signals, status) in
+            [(&["-INT"][..], 130), (&["-INT", "-INT"], 130), (&["-TERM"], 143), (&["-HUP"], 129)]
+        {
             let more = ["--out", "a.mp4", "--seconds", "30000"];
             let child = begin(&mut place.command(render("good.ply", &more)));
             let started = Instant::now();
@@ -149,12 +151,76 @@ mod pipes {
                 assert!(started.elapsed() < PATIENCE, "no video begins");
                 thread::sleep(Duration::from_millis(5));
             }
-            for _ in 0..presses {
-                interrupt(&child);
+            signals.iter().for_each(|signal| send(&child, signal));
+            let output = wait(child, "a video, after a signal");
+            assert_eq!(output.status.code(), Some(status), "{}", said(&output));
+            assert_eq!(listing(place.path()), before, "{signals:?}");
+        }
+    }
+
+    #[test]
+    fn files_beyond_the_limit_of_a_process_are_named() {
+        let place = Place::new();
+        let before = listing(place.path());
+        let program = env!("CARGO_BIN_EXE_weather-magician");
+        // 1 block of 512 or 1024 bytes.
+        let script = format!("ulimit -f 1; exec '{program}' convert good.ply big.ply");
+        let output = finish(Command::new("sh").args(["-c", &script]).current_dir(place.path()));
+        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+        assert!(said(&output).contains("big.ply: cannot be written: larger than a file may be here"));
+        assert_eq!(listing(place.path()), before);
+    }
+
+    /// Each write, flush and rename of a command fails once: the error is one line, and what was there
+    /// is as it was.
+    #[test]
+    fn a_file_system_that_fails_leaves_whole_files() {
+        let place = Place::new();
+        let sound = Ply::sound().bytes();
+        fs::write(place.path().join("old.ply"), &sound).unwrap();
+        let commands: [&[&str]; 3] = [
+            &["convert", "good.ply", "old.ply", "--overwrite"],
+            &["convert", "good.ply", "new/meta.json"],
+            &[
+                "render",
+                "good.ply",
+                "--weather",
+                "clear",
+                "--camera",
+                "0,-3,1:0,0,0",
+                "--size",
+                "16x16",
+                "--out",
+                "a.png",
+            ],
+        ];
+        for command in commands {
+            let mut failed = 0;
+            for operation in ["create", "write", "flush", "rename"] {
+                for number in 1..100 {
+                    let before = listing(place.path());
+                    let mut program = place.command(command);
+                    let output = finish(program.env("WM_FAIL_FILES", format!("{operation}:{number}")));
+                    if output.status.success() {
+                        break;
+                    }
+                    failed += 1;
+                    let what = format!("{command:?} {operation}:{number}: {}", said(&output));
+                    assert_eq!(output.status.code(), Some(1), "{what}");
+                    assert!(said(&output).contains("the disk is full"), "{what}");
+                    let whole = listing(place.path()).into_iter().filter(|(path, _)| !path.ends_with("new"));
+                    for (path, content) in whole {
+                        assert!(!path.to_string_lossy().contains(".part"), "{what}");
+                        let is_old = before.get(&path).is_none_or(|old| *old == content);
+                        assert!(is_old, "{} has changed: {what}", path.display());
+                    }
+                }
+                let outputs = ["new", "a.png"].map(|name| place.path().join(name));
+                let _ = fs::remove_dir_all(&outputs[0]);
+                let _ = fs::remove_file(&outputs[1]);
+                fs::write(place.path().join("old.ply"), &sound).unwrap();
             }
-            let output = wait(child, "a video, after Ctrl-C");
-            assert_eq!(output.status.code(), Some(130), "{}", said(&output));
-            assert_eq!(listing(place.path()), before, "{presses}");
+            assert!(failed >= 3, "{command:?}: {failed} failures");
         }
     }
 }

@@ -4,7 +4,6 @@ pub mod levels;
 mod tiles;
 
 use crate::choices::SkyChoice;
-use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::progress::{self, Reporter};
@@ -182,10 +181,8 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
         args.overwrite.check(out, &inputs, "choose another name")?;
     }
     let bar = (jobs.len() > 1).then(|| progress::bar(jobs.len() as u64, "scenes"));
-    for (done, (scene, out)) in jobs.iter().enumerate() {
-        if interrupt::asked() {
-            bail!(Interrupted(format!("{done} of {} scenes are written", jobs.len())));
-        }
+    // Ctrl-C ends it at once: scenes that are written stay, and no part is left of the one that is not.
+    for (scene, out) in &jobs {
         let line =
             if tiles::is_tileset(out) { tiles::write(scene, out, args)? } else { convert(scene, out, args)? };
         match &bar {
