@@ -669,9 +669,8 @@ impl PreparedPlace {
         // Asked for alone, they are kept for falls of directions that are not known yet.
         if missing.occluders && (missing.wet_shelter.is_some() || missing.shelter.is_some()) {
             for fall in [&mut missing.wet_shelter, &mut missing.shelter] {
-                if let Some(shelter) =
-                    fall.and_then(|fall| self.cache.get::<Shelter>(&AssetFile::Shelter(fall)))
-                {
+                let found = fall.and_then(|fall| self.cache.get::<Shelter>(&AssetFile::Shelter(fall)));
+                if let Some(shelter) = found.filter(Shelter::is_consistent) {
                     self.store.add_shelter(fall.take().expect("was read"), Arc::new(shelter));
                 }
             }
@@ -679,20 +678,21 @@ impl PreparedPlace {
         }
         if missing.wet
             && let Some(wet) = self.cache.get::<WetSurfaces>(&AssetFile::Wet)
-            && wet.len() == self.scene.splats.len()
+            && wet.is_consistent(self.scene.splats.len())
         {
             self.store.wet = Some(Arc::new(wet));
             missing.wet = false;
         }
         if let Some(airflow) = missing.cover
             && let Some(cover) = self.cache.get::<Cover>(&AssetFile::Cover(airflow))
+            && cover.is_consistent(self.scene.splats.len())
         {
             self.store.add_cover(airflow, Arc::new(Mutex::new(cover.with_threads(threads))));
             missing.cover = None;
         }
         if missing.light
             && let Some(light) = self.cache.get::<CaptureLight>(&AssetFile::Light)
-            && light.len() == self.scene.splats.len()
+            && light.is_consistent(self.scene.splats.len())
         {
             self.set_light(Arc::new(light));
             missing.light = false;
@@ -706,7 +706,7 @@ impl PreparedPlace {
         }
         if let Some(lamps) = &missing.lamps
             && let Some(shadows) = self.cache.get::<LampShadows>(&AssetFile::Lamps(lamps))
-            && shadows.len() == self.scene.splats.len()
+            && shadows.is_consistent(self.scene.splats.len())
             && are_same_lamps(shadows.lamps(), lamps)
         {
             self.store.lamps = Some(Arc::new(shadows));
@@ -730,6 +730,7 @@ impl PreparedPlace {
             || missing.lamps.is_some();
         let surfaces =
             needs_surfaces.then(|| self.cache.get::<FusedSurfaces<'static>>(&AssetFile::Surfaces)).flatten();
+        let surfaces = surfaces.filter(|found| found.is_consistent(self.scene.splats.len()));
         let mut views = SurfaceViews::default();
         if !self.scene.splats.is_empty() {
             let mut seen = |detail| photo_views(backend, self.set, &self.scene, &self.survey, detail);
@@ -1010,6 +1011,7 @@ impl PreparedPlace {
         (picture, stages): (&mut Picture, Option<&mut PaperStages>),
         progress: &mut dyn Progress,
     ) -> Result<Stats> {
+        options.camera.check()?;
         self.check_light(weather)?;
         let mut patience = options.patience;
         if patience == Patience::Whole {

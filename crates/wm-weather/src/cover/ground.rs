@@ -109,6 +109,39 @@ pub struct GroundGrid {
 }
 
 impl GroundGrid {
+    /// Returns true if its parts fit each other and a scene of `splats` splats.
+    pub(super) fn is_consistent(&self, splats: usize) -> bool {
+        let nodes = self.height.len();
+        let Some(cells) = self.size[0].checked_mul(self.size[1]) else { return false };
+        let is_node = |other: &u32| *other == NONE || (*other as usize) < nodes;
+        let lengths = [
+            self.cells.len(),
+            self.slope.len(),
+            self.share.len(),
+            self.open.len(),
+            self.shade.len(),
+            self.facing.len(),
+        ];
+        let flags = [
+            self.is_seen.len(),
+            self.is_inner.len(),
+            self.is_plain.len(),
+            self.beside.len(),
+            self.next.len(),
+        ];
+        let numbers = [&self.height, &self.share, &self.open, &self.shade];
+        self.places.is_consistent(splats)
+            && self.start.len() == cells + 1
+            && self.start.is_sorted()
+            && self.start.last().is_some_and(|last| *last as usize == nodes)
+            && lengths.into_iter().chain(flags).all(|length| length == nodes)
+            && self.cells.iter().all(|cell| (*cell as usize) < cells)
+            && [&self.beside, &self.next].iter().all(|ways| ways.as_flattened().iter().all(is_node))
+            && numbers.into_iter().flatten().chain(self.slope.as_flattened()).all(|number| number.is_finite())
+            && self.cell > 0.0
+            && [self.cell, self.edge, self.shed as f32].into_iter().all(f32::is_finite)
+    }
+
     /// The surfaces of a scene, without what reaches them. What lies on an `inner` ground is that one's.
     /// Returns what floats over it too.
     pub(crate) fn of(

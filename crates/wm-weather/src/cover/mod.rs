@@ -235,6 +235,30 @@ impl Buried {
 }
 
 impl Cover {
+    /// Returns true if its parts fit each other and a scene of `splats` splats. An asset may come from a stranger: the contents of
+    /// its file are then whatever they like.
+    #[must_use]
+    pub fn is_consistent(&self, splats: usize) -> bool {
+        let fits = |settled: &Settled, ground: &GroundGrid| {
+            settled.depth.len() == ground.len() && settled.depth.iter().all(|depth| depth.is_finite())
+        };
+        let is_spot = |spot: &Spot| {
+            let ring = self.rings.get(usize::from(spot.ring));
+            ring.is_some_and(|ring| spot.nodes.iter().all(|node| (*node as usize) < ring.len()))
+        };
+        self.metres_per_unit.is_finite()
+            && self.metres_per_unit > 0.0
+            && !self.rings.is_empty()
+            && self.rings.iter().all(|ground| ground.is_consistent(splats))
+            && self.spots.len() == splats
+            && self.spots.iter().flatten().all(is_spot)
+            && self.walls.iter().all(Wall::is_finite)
+            && self.ladder.iter().all(|rung| {
+                rung.settled.len() == self.rings.len()
+                    && rung.settled.iter().zip(&self.rings).all(|(settled, ground)| fits(settled, ground))
+            })
+    }
+
     /// Of a scene whose air carries what falls, on the surfaces of its scan. Cells are narrowest about a `path`, a line from
     /// one end to the other (world, scene units), or about its middle where it is long.
     #[must_use]

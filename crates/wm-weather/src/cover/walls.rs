@@ -48,6 +48,14 @@ pub struct Wall {
     share: f32,
 }
 
+impl Wall {
+    /// Returns true if all of its numbers are finite.
+    pub(super) fn is_finite(&self) -> bool {
+        let Self { mean, normal, wide, thick, share } = self;
+        mean.iter().chain(normal).chain([wide, thick, share]).all(|number| number.is_finite())
+    }
+}
+
 /// Those of a scene.
 #[must_use]
 pub fn find(

@@ -74,6 +74,19 @@ pub enum StandIn {
 }
 
 impl<'a> FusedSurfaces<'a> {
+    /// Returns true if its parts fit each other and a scene of `splats` splats. An asset may come from a stranger: the contents of
+    /// its file are then whatever they like.
+    #[must_use]
+    pub fn is_consistent(&self, splats: usize) -> bool {
+        let is_drawn = |splats: &Splats| splats.check().is_ok() && splats.check_finite().is_ok();
+        is_drawn(&self.splats)
+            && is_drawn(&self.backing)
+            && self.oriented <= self.splats.len()
+            && (self.stand_ins.is_empty() || self.stand_ins.len() == splats)
+            && (self.places.is_empty() || self.places.len() == splats)
+            && self.places.as_flattened().iter().all(|place| place.is_finite())
+    }
+
     /// The splats themselves, for a scene without photos.
     #[must_use]
     pub fn from_splats(splats: &'a Splats) -> Self {

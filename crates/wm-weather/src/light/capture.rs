@@ -171,6 +171,17 @@ impl MeanSurface {
 }
 
 impl CaptureLight {
+    /// Returns true if its parts fit each other and a scene of `splats` splats. An asset may come from a stranger: the contents of
+    /// its file are then whatever they like.
+    #[must_use]
+    pub fn is_consistent(&self, splats: usize) -> bool {
+        let MeanSurface { even, rising, sun } = self.mean;
+        self.splats.len() == splats
+            && [even, rising, sun].into_iter().all(f64::is_finite)
+            && self.light.sun.into_iter().all(f64::is_finite)
+            && (1.0..f64::INFINITY).contains(&self.exposure)
+    }
+
     /// Splits the light of a scene. `found` are its surfaces, `occluders` what stands in the way of light, `known` what
     /// is known of the sun, `cameras` those of the photos. Equal for any number of threads.
     #[must_use]

@@ -68,6 +68,24 @@ pub struct LampShadows {
 }
 
 impl LampShadows {
+    /// Returns true if its parts fit each other and a scene of `splats` splats. An asset may come from a stranger: the contents of
+    /// its file are then whatever they like.
+    #[must_use]
+    pub fn is_consistent(&self, splats: usize) -> bool {
+        let is_cube = |cube: &DepthCube| {
+            let texels = 6 * u64::from(cube.side).pow(2);
+            (1..=1 << 14).contains(&cube.side)
+                && cube.inverse.len() as u64 == texels
+                && cube.behind.is_finite()
+        };
+        self.lit.len() == splats
+            && self.lit.as_flattened().iter().all(|light| light.is_finite())
+            && self.lights.iter().all(|(_, cube)| is_cube(cube))
+            && self.enclosed.iter().all(|lamp| (*lamp as usize) < self.lamps.lights.len())
+            && self.metres_per_unit.is_finite()
+            && self.lift.is_finite()
+    }
+
     /// Lights a scene: `points` are the places of its splats, `surfaces` the fused surfaces, whose splats cast the shadows.
     /// Equal for any number of threads.
     ///

@@ -168,7 +168,8 @@ impl Footprints {
             let half = footprint.skew.hypot(footprint.column) * footprint.reach.sqrt() + 1.0;
             let column =
                 |to: i32| footprint.cell[0].saturating_add(to).clamp(0, grid.columns as i32) as usize;
-            let (left, right) = (column(-(half.ceil() as i32)), column(half.ceil() as i32 + 1));
+            let (left, right) =
+                (column(-(half.ceil() as i32)), column((half.ceil() as i32).saturating_add(1)));
             let [top, bottom] = [rows[0] as usize * width, (rows[1] as usize + 1) * width];
             // Empty boxes have their last row above their first.
             if sums[bottom + right] + sums[top + left] > sums[bottom + left] + sums[top + right] {
@@ -275,7 +276,7 @@ impl Band {
         for index in list {
             let (it, [top, bottom]) = (&footprints.all[*index as usize], footprints.rows[*index as usize]);
             for row in (top as usize).max(self.first)..(bottom as usize + 1).min(end) {
-                let w_row = ((row as i32 - it.cell[1]) as f32 + 0.5 - it.place[1]) / it.row;
+                let w_row = ((row as i32).saturating_sub(it.cell[1]) as f32 + 0.5 - it.place[1]) / it.row;
                 let left = it.reach - w_row * w_row;
                 if left < 0.0 {
                     continue;
@@ -293,7 +294,8 @@ impl Band {
                     let open = f32x8::from_slice(simd, &self.clear[at..at + LANES]);
                     let is_open = open.simd_ge(f32x8::splat(simd, self.stopped));
                     if is_open.any_true() {
-                        let aside = COUNT_UP.map(|k| (column - it.cell[0] + k) as f32);
+                        let aside =
+                            COUNT_UP.map(|k| column.saturating_sub(it.cell[0]).saturating_add(k) as f32);
                         let is_within = f32x8::from_slice(simd, &COUNT_UP_F32)
                             .simd_le(f32x8::splat(simd, (to - column) as f32));
                         let w = (f32x8::from_slice(simd, &aside) - middle) / f32x8::splat(simd, it.column);

@@ -142,7 +142,29 @@ struct Query {
     cells_per_metre: f32,
 }
 
+impl Grid {
+    /// Returns true if its parts fit each other.
+    fn is_consistent(&self) -> bool {
+        let numbers = self.axes.as_flattened().iter().chain(&self.origin).chain(&self.low);
+        self.columns.checked_mul(self.rows).is_some_and(|cells| (1..=1 << 28).contains(&cells))
+            && numbers.copied().all(f64::is_finite)
+            && self.cell.is_finite()
+            && self.cell > 0.0
+            && self.stopped.is_finite()
+    }
+}
+
 impl Shelter {
+    /// Returns true if its parts fit each other. An asset may come from a stranger: the contents of
+    /// its file are then whatever they like.
+    #[must_use]
+    pub fn is_consistent(&self) -> bool {
+        self.grid.is_consistent()
+            && self.stops.len() == self.grid.columns * self.grid.rows
+            && [self.metres_per_unit, self.turn].into_iter().all(f64::is_finite)
+            && self.query.size == [self.grid.columns, self.grid.rows].map(|cells| cells as f32)
+    }
+
     /// The map of `splats` for what falls along `fall` (world axes, of any length; straight down where it is zero
     /// or not finite). `threads` at once, `None` for one a core; the map is the same for any number.
     ///

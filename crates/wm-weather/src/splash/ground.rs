@@ -15,6 +15,8 @@ const DEEP: f64 = 1.0;
 const IN_TEXTURE: f64 = 0.3;
 /// Steps of the share of the rain.
 const SHARES: usize = 33;
+/// Most tiles of a ground.
+const MOST_TILES: usize = 1 << 24;
 /// The heights of a tile without ground.
 const NOWHERE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
@@ -33,10 +35,16 @@ impl SplashTiles {
     pub fn of(surfaces: &WetSurfaces, site: &Site) -> Self {
         let ground = surfaces.ground();
         let ([columns, rows], cell, origin) = (ground.size(), ground.cell(), origin_of(ground, site));
-        let tile = |k: usize, cells: usize| ((origin[k] + cells as f64 * cell) / SIZE).floor() as i64;
+        let tile = |k: usize, cells: usize| {
+            ((origin[k] + cells as f64 * cell) / SIZE).floor().clamp(-1e15, 1e15) as i64
+        };
         let first = [tile(0, 0), tile(1, 0)];
         let [width, height] =
             [tile(0, columns) - first[0] + 1, tile(1, rows) - first[1] + 1].map(|v| v as usize);
+        // Ground of a scale that cannot be: its splashes are too small to be seen.
+        if width.saturating_mul(height) > MOST_TILES {
+            return Self { first, columns: 0, heights: Vec::new() };
+        }
         let mut heights = vec![NOWHERE; width * height];
         let heights_of = ground.rough.iter().enumerate().map(|(at, rough)| ground.surface(at, *rough));
         for (at, rough) in heights_of.enumerate().filter(|(_, height)| height.is_finite()) {

@@ -128,7 +128,7 @@ impl Particles for SplashParticles<'_> {
     fn parts(&self, view: &ParticleView) -> Vec<[i32; 4]> {
         let center = self.center(view);
         let planes = ViewFrustum::planes(view, &self.axes).map(DVec3::from_array);
-        let [x, y] = [center.x, center.y].map(|v| (v / SIZE).floor() as i64);
+        let [x, y] = [center.x, center.y].map(|v| (v / SIZE).floor().clamp(-1e15, 1e15) as i64);
         let reach = (FARTHEST / SIZE).ceil() as i64;
         let is_seen = |tile: [i64; 2]| {
             let Some([low, high]) = self.floor.heights(tile) else { return false };

@@ -138,6 +138,24 @@ impl Ord for OrderedHeight {
 }
 
 impl Basins {
+    /// Returns true if its parts fit each other and a ground of `cells` cells.
+    pub(super) fn is_consistent(&self, cells: usize) -> bool {
+        let is_basin = |index: &u32| *index == NONE || (*index as usize) < self.all.len();
+        // Lower ones come first, so that water cannot run in a circle.
+        let is_sound = |(index, basin): (usize, &Basin)| {
+            (basin.next == NONE || (basin.next as usize) < index)
+                && !basin.heights.is_empty()
+                && basin.heights.len() == basin.sums.len()
+                && basin.heights.is_sorted()
+                && basin.heights.iter().all(|height| height.is_finite())
+                && basin.sums.iter().all(|sum| sum.is_finite())
+                && basin.spill.is_finite()
+                && basin.cell.is_finite()
+        };
+        [&self.of, &self.drain].iter().all(|list| list.len() == cells && list.iter().all(is_basin))
+            && self.all.iter().enumerate().all(is_sound)
+    }
+
     /// Finds the basins of a ground of `[rows, columns]` heights, m; not a number where there is none, of which `beyond` says what happens to water.
     /// `relief` is what is added to it for the edges of water, m, and `cell` the width of a cell, m. `counts` says of a basin, by its
     /// cells and its depth, whether water stands in it.

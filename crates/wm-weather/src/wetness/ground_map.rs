@@ -67,6 +67,21 @@ pub struct GroundMap {
 }
 
 impl GroundMap {
+    /// Returns true if its parts fit each other and a scene of `splats` splats.
+    pub(super) fn is_consistent(&self, splats: usize) -> bool {
+        let Some(cells) = self.size()[0].checked_mul(self.size()[1]) else { return false };
+        let lengths = [self.ground.len(), self.rough.len(), self.open.len(), self.seen.len()];
+        let eaves = self
+            .eaves
+            .iter()
+            .flat_map(|eave| [eave.place[0], eave.place[1], eave.drop, eave.ground, eave.area]);
+        self.places.is_consistent(splats)
+            && self.tilt.into_iter().all(f64::is_finite)
+            && lengths.into_iter().all(|length| length == cells)
+            && self.seen.iter().copied().chain(eaves).all(f32::is_finite)
+            && self.basins.is_consistent(cells)
+    }
+
     /// Finds the ground of a scene about a `path` (world, scene units), without its open water. Where up is estimated, `is_up_known` is
     /// false, and ground that slopes a little as a whole is taken for level.
     #[must_use]

@@ -87,6 +87,19 @@ struct Pond {
 }
 
 impl WetSurfaces {
+    /// Returns true if its parts fit each other and a scene of `splats` splats. An asset may come from a stranger: the contents of
+    /// its file are then whatever they like.
+    #[must_use]
+    pub fn is_consistent(&self, splats: usize) -> bool {
+        let is_pond =
+            |pond: &Pond| (pond.basin as usize) < self.ground.basins.all.len() && pond.height.is_finite();
+        let is_splat = |splat: &WetSplat| splat.pond == NONE || (splat.pond as usize) < self.ponds.len();
+        self.splats.len() == splats
+            && self.splats.iter().all(is_splat)
+            && self.ponds.iter().all(is_pond)
+            && self.ground.is_consistent(splats)
+    }
+
     /// Finds the surfaces of a scene, by its fused surfaces and its captured light, and the ground about a path (world, scene
     /// units) without its open water.
     #[must_use]
