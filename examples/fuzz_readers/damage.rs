@@ -22,7 +22,8 @@ impl Draws {
         ((uniform(self.run, self.drawn) * count as f64) as usize).min(count.saturating_sub(1))
     }
 
-    fn pick<T: Copy>(&mut self, list: &[T]) -> T {
+    /// Returns one of a list.
+    pub fn pick<T: Copy>(&mut self, list: &[T]) -> T {
         list[self.below(list.len())]
     }
 }

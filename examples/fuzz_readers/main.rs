@@ -7,12 +7,14 @@
 //! `seeds/`. A run takes one file of one seed, damages it (`damage.rs`) and reads the seed. Run K
 //! of a target is the same every time. A run fails if the reader panics, overflows (build with
 //! overflow checks), prints an error of several lines, takes more than 2 s of processor time, or
-//! takes the process above 512 MiB. Targets run in processes of their own, so that an abort or an
+//! takes the process above 512 MiB. Targets whose names begin with `use-` work with what was read:
+//! they draw and scan at 64x48 px, and may take 5 s and 1 GiB. Targets run in processes of their own, so that an abort or an
 //! endless loop ends one target alone. A damaged seed that fails is kept in
 //! `target/fuzz-failures/`.
 
 mod damage;
 mod targets;
+mod uses;
 
 use clap::Parser;
 use std::{
@@ -29,12 +31,8 @@ use std::{
 };
 use targets::{TARGETS, Target};
 
-/// Most processor time of one run, seconds.
-const MAX_RUN_SECONDS: f64 = 2.0;
 /// A run that has not ended after this time is an endless loop.
 const HANG: Duration = Duration::from_secs(30);
-/// Most resident memory of a target's process, KiB.
-const MAX_RESIDENT_KIB: u64 = 512 << 10;
 /// Runs between two looks at the memory.
 const MEMORY_INTERVAL: u64 = 64;
 /// Failures that a target reports before it stops.
@@ -180,7 +178,7 @@ fn run_target(target: &'static Target, args: &Args) -> bool {
             }
             Ok(result) => {
                 read += u64::from(result.is_ok());
-                (seconds > MAX_RUN_SECONDS).then(|| format!("slow: {seconds:.1} s"))
+                (seconds > target.budget.seconds).then(|| format!("slow: {seconds:.1} s"))
             }
         };
         if let Some(fault) = fault {
@@ -189,8 +187,11 @@ fn run_target(target: &'static Target, args: &Args) -> bool {
         }
         let original = seed.files.iter().find(|file| file.path == damaged.path).unwrap();
         fs::write(&original.path, &original.bytes).unwrap();
-        if run.is_multiple_of(MEMORY_INTERVAL) && peak_resident_kib() > MAX_RESIDENT_KIB.max(baseline) {
-            println!("{}: runs {} to {run}: above 512 MiB", target.name, run.saturating_sub(MEMORY_INTERVAL));
+        if run.is_multiple_of(MEMORY_INTERVAL)
+            && peak_resident_kib() > (target.budget.mebibytes << 10).max(baseline)
+        {
+            let (first, most) = (run.saturating_sub(MEMORY_INTERVAL), target.budget.mebibytes);
+            println!("{}: runs {first} to {run}: above {most} MiB", target.name);
             failures += 1;
         }
         if failures >= MAX_FAILURES {

@@ -1,5 +1,6 @@
 //! The readers that are fuzzed, one entry of [`TARGETS`] each, and the writers of their seeds.
 
+use crate::uses;
 use base64::Engine;
 use glam::DVec3;
 use std::{
@@ -37,8 +38,25 @@ pub struct Target {
     /// Writers of seeds: each writes files into a folder and returns the path that is read.
     pub seeds: &'static [SeedWriter],
     /// Reads a path as the program does.
-    pub read: fn(&Path) -> Result<(), String>,
+    pub read: fn(&Path) -> Outcome,
+    /// Most that a run may take.
+    pub budget: Budget,
 }
+
+/// The end of a run: that the input was read, or one line of error.
+pub type Outcome = Result<(), String>;
+
+/// Most that a run may take.
+pub struct Budget {
+    /// Processor time of a run, seconds.
+    pub seconds: f64,
+    /// Resident memory of the target's process, MiB.
+    pub mebibytes: u64,
+}
+
+const READING: Budget = Budget { seconds: 2.0, mebibytes: 512 };
+/// Overflow checks, which come with debug assertions here, make what is prepared for a weather slower.
+const USING: Budget = Budget { seconds: if cfg!(debug_assertions) { 15.0 } else { 5.0 }, mebibytes: 1024 };
 
 /// Writes a seed into an empty folder, and returns the path that is read.
 pub type SeedWriter = fn(&Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>>;
@@ -72,7 +90,7 @@ macro_rules! capture_seed {
 }
 
 const fn scene(name: &'static str, seeds: &'static [SeedWriter]) -> Target {
-    Target { name, share: SCENE_SHARE, seeds, read: read_and_check }
+    Target { name, share: SCENE_SHARE, seeds, read: read_and_check, budget: READING }
 }
 
 const fn reader(
@@ -80,7 +98,11 @@ const fn reader(
     seeds: &'static [SeedWriter],
     read: fn(&Path) -> Result<(), String>,
 ) -> Target {
-    Target { name, share: 1, seeds, read }
+    Target { name, share: 1, seeds, read, budget: READING }
+}
+
+const fn user(name: &'static str, seeds: &'static [SeedWriter], read: fn(&Path) -> Outcome) -> Target {
+    Target { name, share: 1, seeds, read, budget: USING }
 }
 
 /// Every target.
@@ -204,6 +226,21 @@ pub const TARGETS: &[Target] = &[
     reader("train-config", &[train_config], |path| {
         wm_train::TrainConfig::read(path).map(drop).map_err(|error| error.to_string())
     }),
+    user(
+        "use-scene",
+        &[ascii_ply, metadata, |folder| write_scene(folder, "a.splat", 0, WriteOptions::default())],
+        uses::render_scene,
+    ),
+    user("use-weather", &[text_seed!("weather.toml")], uses::render_weather),
+    user(
+        "use-camera-path",
+        &[text_seed!("path.json"), text_seed!("nerfstudio_path.json"), text_seed!("settings.json")],
+        uses::render_path,
+    ),
+    user("use-lens", &[text_seed!("lens.toml")], uses::render_lens),
+    user("use-lidar", &[text_seed!("lidar.toml")], uses::scan),
+    user("use-assets", &[uses::assets_seed], uses::render_assets),
+    user("use-edges", &[uses::edges_seed], uses::render_edges),
 ];
 
 /// Reads a scene and looks for faults.

@@ -31,6 +31,27 @@ pub struct MovingCamera {
     pub velocity: [f64; 3],
 }
 
+/// Fastest camera, m/s: streaks of what falls, and the volume that they are drawn from, grow with the speed.
+const FASTEST: f64 = 1000.0;
+
+impl MovingCamera {
+    /// Checks that a frame can be drawn with the camera.
+    ///
+    /// # Errors
+    /// [`crate::Error`] if the camera cannot be, or is faster than 1000 m/s.
+    pub fn check(&self) -> crate::Result<()> {
+        self.camera.check()?;
+        let speed = glam::DVec3::from_array(self.velocity).length();
+        if speed <= FASTEST {
+            return Ok(());
+        }
+        Err(crate::Error::Unsupported(format!(
+            "the camera moves at {speed:.4e} m/s: at most {FASTEST} m/s can be drawn; check the times of the path and \
+             the metres per unit"
+        )))
+    }
+}
+
 impl From<Camera> for MovingCamera {
     /// A camera at rest.
     fn from(camera: Camera) -> Self {

@@ -36,6 +36,7 @@ use glam::{DMat3, DMat4, DVec3};
 use serde::Deserialize;
 use std::path::Path;
 use wm_scene::Camera;
+use wm_scene::camera::FOV;
 use wm_sensors::radar::{RadarFormat, RadarModel};
 use wm_sensors::{LidarModel, PointFormat, ReturnMode, SubRays};
 
@@ -187,8 +188,8 @@ impl Rig {
         if length > MAX_BYTES {
             return Err(fault("too long for a rig; give a TOML file".into()));
         }
-        let text =
-            wm_scene::files::read_text(path).map_err(|error| fault(format!("cannot be read: {error}")))?;
+        let text = wm_scene::files::read_text(path, wm_scene::files::SMALL_TEXT)
+            .map_err(|error| fault(format!("cannot be read: {error}")))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         Self::of_text(&text, &path.display().to_string(), folder)
     }
@@ -329,8 +330,8 @@ impl SensorEntry {
             Some(lens) => *lens.intrinsics(),
             None => {
                 let fov = self.fov.unwrap_or(Camera::DEFAULT_FOV_Y);
-                if !(fov > 0.0 && fov < 180.0) {
-                    return Err(format!("fov is {fov}: it must be above 0 and below 180 degrees"));
+                if !FOV.contains(&fov) {
+                    return Err(format!("fov is {fov}: it must be 0.1 to 170 degrees"));
                 }
                 let size = size.unwrap_or(Camera::DEFAULT_SIZE);
                 let camera = Camera::looking(size, fov, DVec3::ZERO, DVec3::X, DVec3::Z);

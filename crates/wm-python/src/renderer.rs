@@ -28,6 +28,7 @@ use weather_magician::{
 };
 use wm_render::RenderConfig;
 use wm_scene::SceneView;
+use wm_scene::camera::FOV;
 
 /// The device of a name: auto, cpu, gpu or gpu:NAME.
 pub fn device_of(name: &str) -> Outcome<Device> {
@@ -190,8 +191,8 @@ impl CameraInput {
 }
 
 fn view_options(size: Option<(u32, u32)>, fov: Option<f64>) -> PyResult<ViewOptions> {
-    if let Some(fov) = fov.filter(|fov| !(*fov > 0.0 && *fov < 180.0)) {
-        return Err(PyValueError::new_err(format!("fov {fov}: must be above 0 and below 180 degrees")));
+    if let Some(fov) = fov.filter(|fov| !FOV.contains(fov)) {
+        return Err(PyValueError::new_err(format!("fov {fov}: must be 0.1 to 170 degrees")));
     }
     Ok(ViewOptions { size, fov, ..ViewOptions::default() })
 }

@@ -10,8 +10,10 @@ pub use look_at::LookAt;
 pub(crate) use rigid::viewmat_at;
 pub use rigid::{PoseFault, RIGID_TOLERANCE, check_rigid, rotation_of};
 
+use crate::values::FARTHEST;
 use glam::{DMat3, DMat4, DVec3};
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 use thiserror::Error;
 
 /// Largest picture side, px: keeps every tile count and pixel index inside 32 bits.
@@ -88,6 +90,14 @@ pub enum CameraError {
     },
 }
 
+/// Vertical fields of view of pinhole cameras, degrees. Beyond them a frame of rain or of a wide
+/// lens costs time and memory without bound.
+pub const FOV: RangeInclusive<f64> = 0.1..=170.0;
+/// Farthest point of a picture from its principal point, focal lengths: 88 degrees off the axis.
+const WIDEST: f64 = 28.7;
+/// Longest focal length, px: a pixel is a hundredth of an arc second wide.
+const LONGEST_FOCAL: f64 = 2e7;
+
 impl Camera {
     /// Default near plane, scene units: that of the reference 3DGS viewers.
     pub const DEFAULT_NEAR: f64 = 0.2;
@@ -105,8 +115,8 @@ impl Camera {
         target: DVec3,
         up: DVec3,
     ) -> Result<Self, CameraError> {
-        if !(fov_y > 0.0 && fov_y < 180.0) {
-            let expected = "the vertical field of view must be above 0 and below 180 degrees";
+        if !FOV.contains(&fov_y) {
+            let expected = "the vertical field of view must be 0.1 to 170 degrees";
             return Err(CameraError::Value { field: "fov", value: fov_y, expected });
         }
         let degenerate = CameraError::Degenerate { eye, target, up };
@@ -165,9 +175,16 @@ impl Camera {
                 return Err(CameraError::Value { field, value, expected: "must be finite and above 0" });
             }
         }
-        for (field, value) in [("cx", self.cx), ("cy", self.cy)] {
+        let sides = [("cx", self.cx, self.fx, width), ("cy", self.cy, self.fy, height)];
+        for (field, value, focal, side) in sides {
             if !value.is_finite() {
                 return Err(CameraError::Value { field, value, expected: "must be finite" });
+            }
+            let reach = value.abs().max((f64::from(side) - value).abs());
+            if focal > LONGEST_FOCAL || reach > WIDEST * focal {
+                let field = if field == "cx" { "fx" } else { "fy" };
+                let expected = "the picture must lie within 88 degrees of the axis, and pixels be wider than 0.01 arc seconds";
+                return Err(CameraError::Value { field, value: focal, expected });
             }
         }
         check_rigid(&self.viewmat).map_err(|fault| match fault {
@@ -175,7 +192,13 @@ impl Camera {
                 CameraError::Value { field: "viewmat", value, expected: "must be finite" }
             }
             fault => fault.into(),
-        })
+        })?;
+        let farthest = self.center().abs().max_element();
+        if farthest > FARTHEST.into() {
+            let expected = "coordinates must be within 10^10 of zero";
+            return Err(CameraError::Value { field: "position", value: farthest, expected });
+        }
+        Ok(())
     }
 
     /// The camera with its centre moved, world axes.

@@ -323,9 +323,9 @@ impl Metadata {
             return Some(format!("origin is {origin}: each coordinate must be finite and at most {most:e}"));
         }
         if let Some(value) = self.metres_per_unit
-            && !(value.is_finite() && value > 0.0)
+            && !(1e-9..=1e9).contains(&value)
         {
-            return Some(format!("metres_per_unit is {value}: it must be finite and above 0"));
+            return Some(format!("metres_per_unit is {value}: it must be 1e-9 to 1e9"));
         }
         if let Some(up) = self.up
             && !(up.is_finite() && (up.length() - 1.0).abs() < 1e-3)
@@ -496,7 +496,7 @@ mod tests {
     #[test]
     fn entries_with_faults_are_told() {
         let say = |key, value| Metadata::from_entry(key, value).unwrap().unwrap_err();
-        assert_eq!(say("metres_per_unit", "-1"), "metres_per_unit is -1: it must be finite and above 0");
+        assert_eq!(say("metres_per_unit", "-1"), "metres_per_unit is -1: it must be 1e-9 to 1e9");
         let place = say("location", "[91.0, 0.0]");
         assert!(place.starts_with("location is 91, 0: it must be a latitude of -90 to 90"), "{place}");
         for (key, value) in

@@ -231,7 +231,7 @@ mod tests {
     #[test]
     fn faults_are_one_clear_line() {
         for (from, to, says) in [
-            ("rate = 10", "rate = 0", "mine: rate is 0: it must be above 0"),
+            ("rate = 10", "rate = 0", "mine: rate is 0: it must be 0.01 to"),
             ("rate = 10", "rate = inf", "mine: rate is inf"),
             ("rate = 10", "rat = 10", "mine, line 6: unknown field `rat`"),
             ("elevations = [0, 1]", "elevations = []", "mine: there are no beams"),

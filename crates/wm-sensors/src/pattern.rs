@@ -121,8 +121,8 @@ impl BeamPattern {
     /// The fault of a pattern that makes no beams, with its key.
     pub(crate) fn fault(&self) -> Option<String> {
         let rate = self.rate();
-        if !(rate.is_finite() && rate > 0.0 && rate <= 1e6) {
-            return Some(format!("rate is {rate}: it must be above 0 and at most 1000000 sweeps a second"));
+        if !(0.01..=1e6).contains(&rate) {
+            return Some(format!("rate is {rate}: it must be 0.01 to 1000000 sweeps a second"));
         }
         match self {
             Self::Rows(rows) => rows.fault(),

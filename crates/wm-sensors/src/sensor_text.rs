@@ -50,14 +50,13 @@ impl SensorKind {
             return preset;
         }
         let unread = |error| SensorError::Read { path: path.into(), error };
-        let is_long = std::fs::metadata(path).map_err(unread)?.len() > self.most_bytes;
-        let text = if is_long { String::new() } else { wm_scene::files::read_text(path).map_err(unread)? };
+        let text = wm_scene::files::read_text(path, wm_scene::files::SMALL_TEXT).map_err(unread)?;
         let found = SensorText {
             text: text.into(),
             name: path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),
             place: path.display().to_string(),
         };
-        if is_long {
+        if found.text.len() as u64 > self.most_bytes {
             return Err(found.fault(format!("it is too long for a {}: give a TOML file", self.name)));
         }
         Ok(found)

@@ -161,7 +161,7 @@ fn parse(bytes: &[u8]) -> Result<(CheckpointHead, TrainState), Fault> {
         return Err(Fault::Version);
     }
     let (body, sum) = bytes.split_last_chunk::<8>().ok_or_else(cut)?;
-    let mut rest = &body[MAGIC.len()..];
+    let mut rest = body.get(MAGIC.len()..).ok_or_else(cut)?;
     let mut length = [0; 8];
     rest.read_exact(&mut length).map_err(|_| cut())?;
     let length = u64::from_le_bytes(length);

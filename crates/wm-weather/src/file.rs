@@ -99,7 +99,7 @@ impl Weather {
     /// # Errors
     /// [`WeatherError`] if it cannot be read or is wrong.
     pub fn read(path: &Path) -> Result<Self, WeatherError> {
-        let text = wm_scene::files::read_text(path).map_err(|error| {
+        let text = wm_scene::files::read_text(path, wm_scene::files::SMALL_TEXT).map_err(|error| {
             let reason = match error.kind() {
                 std::io::ErrorKind::NotFound => "no such file; check the path".into(),
                 std::io::ErrorKind::IsADirectory => "it is a folder; give a TOML file".into(),

@@ -8,7 +8,7 @@ use std::path::Path;
 use wm_datasets::{DrivingLog, LogOptions};
 use wm_reports::{ReportKind, ReportNoteKind, find_weather, recognise};
 use wm_scene::capture::Capture;
-use wm_scene::files::read_text;
+use wm_scene::files::{LARGE_TEXT, read_text};
 use wm_scene::formats::folder::scene_file;
 use wm_scene::{Problem, Remark};
 use wm_train::DatasetReadOptions;
@@ -88,7 +88,7 @@ pub fn read(path: &Path) -> Result<Option<InspectedInput>> {
 /// Returns true if a text file has none of the forms of reports: it may be words for weather, or
 /// any text.
 fn is_plain_text(path: &Path) -> bool {
-    read_text(path).is_ok_and(|text| recognise(&text) == ReportKind::Words)
+    read_text(path, LARGE_TEXT).is_ok_and(|text| recognise(&text) == ReportKind::Words)
 }
 
 fn of_capture(capture: &Capture) -> InspectedInput {

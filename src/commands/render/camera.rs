@@ -12,6 +12,7 @@ use weather_magician::view::path::{CameraPath, PathKey};
 use weather_magician::view::spec::{self, CameraSpec};
 use weather_magician::{CameraMotion, LensSpec, MotionSpec, MovingCamera};
 use wm_media::video::FrameRate;
+use wm_scene::camera::FOV;
 use wm_scene::files::check_writable;
 use wm_scene::{Camera, FormatError};
 
@@ -69,9 +70,9 @@ impl ViewpointArgs {
     /// Checks the options that do not depend on the scene.
     pub fn check(&self) -> Result<()> {
         if let Some(fov) = self.fov
-            && !(fov > 0.0 && fov < 180.0)
+            && !FOV.contains(&fov)
         {
-            bail!("--fov {fov}: must be above 0 and below 180 degrees");
+            bail!("--fov {fov}: must be 0.1 to 170 degrees");
         }
         if let Some(near) = self.near
             && !(near.is_finite() && near > 0.0)

@@ -17,6 +17,7 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use wm_datasets::{LAYOUTS, Layout};
 use wm_scene::Metadata;
+use wm_scene::camera::FOV;
 use wm_weather::{Fidelity, Weather};
 
 /// Longest plan that is read, bytes.
@@ -224,8 +225,8 @@ impl BatchPlan {
         if about.len() > MAX_BYTES {
             return Err(fault("too long for a plan; give a TOML file".into()));
         }
-        let text =
-            wm_scene::files::read_text(path).map_err(|error| fault(format!("cannot be read: {error}")))?;
+        let text = wm_scene::files::read_text(path, wm_scene::files::SMALL_TEXT)
+            .map_err(|error| fault(format!("cannot be read: {error}")))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Self::parse(&text, &path.display().to_string(), (folder, &stem))
@@ -510,12 +511,8 @@ impl PlanFile {
                 format!("{width}x{height}: a side has 16 to {} px", sides.end()),
             ));
         }
-        if !(fov > 0.0 && fov < 180.0) {
-            return Err(PlanFault::new(
-                at,
-                "rig fov",
-                format!("{fov}: it must be above 0 and below 180 degrees"),
-            ));
+        if !FOV.contains(&fov) {
+            return Err(PlanFault::new(at, "rig fov", format!("{fov}: it must be 0.1 to 170 degrees")));
         }
         Ok((PlanRig::Camera { size: (width, height), fov }, None))
     }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use wm_scene::survey::Survey;
 use wm_scene::{
     Camera, FormatError, Location, Problem,
-    files::{read_text, write_atomically},
+    files::{LARGE_TEXT, read_text, write_atomically},
     nearest,
 };
 
@@ -46,7 +46,7 @@ struct Keyframe {
 /// # Errors
 /// [`ViewError`] with the file's name, and line and column or the keyframe's number.
 pub fn read(file: &std::path::Path, survey: &Survey, options: &ViewOptions) -> Result<CameraPath, ViewError> {
-    let text = read_text(file).map_err(|error| FormatError::reading(file, error))?;
+    let text = read_text(file, LARGE_TEXT).map_err(|error| FormatError::reading(file, error))?;
     parse(&text, survey, options)
         .map_err(|(location, message)| FormatError::at(file, location, Problem::Value(message)).into())
 }

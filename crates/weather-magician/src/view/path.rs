@@ -21,7 +21,7 @@
 
 use super::{ViewError, ViewOptions, json};
 use glam::{DMat3, DQuat, DVec3};
-use wm_scene::{Camera, survey::Survey};
+use wm_scene::{Camera, camera::FOV, survey::Survey, values::FARTHEST};
 
 /// A camera at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,10 +76,11 @@ impl CameraPath {
             if !(time.is_finite() && eye.is_finite() && rotation.is_finite() && rotation.is_normalized()) {
                 return fault(format!("keyframe {number} has a number that is not finite"));
             }
-            if !(fov > 0.0 && fov < 180.0) {
-                return fault(format!(
-                    "keyframe {number}: fov is {fov}: it must be above 0 and below 180 degrees"
-                ));
+            if eye.abs().max_element() > FARTHEST.into() {
+                return fault(format!("keyframe {number}: coordinates must be within 10^10 of zero"));
+            }
+            if !FOV.contains(&fov) {
+                return fault(format!("keyframe {number}: fov is {fov}: it must be 0.1 to 170 degrees"));
             }
             if let Some(before) = index.checked_sub(1).map(|before| keys[before].time)
                 && time <= before
@@ -350,7 +351,7 @@ mod tests {
         assert_eq!(say(vec![key(f64::NAN)]), "camera path: keyframe 1 has a number that is not finite");
         assert_eq!(
             say(vec![PathKey { fov: 180.0, ..key(0.0) }]),
-            "camera path: keyframe 1: fov is 180: it must be above 0 and below 180 degrees"
+            "camera path: keyframe 1: fov is 180: it must be 0.1 to 170 degrees"
         );
         let far = PathKey { eye: DVec3::X * 1e300, ..key(1e-300) };
         assert_eq!(say(vec![key(0.0), far]), "camera path: it is too fast");

@@ -53,7 +53,8 @@ impl LensModel {
                 Problem::Value("too long for a lens; give a TOML file".into()),
             ));
         }
-        let text = files::read_text(path).map_err(|error| FormatError::reading(path, error))?;
+        let text =
+            files::read_text(path, files::SMALL_TEXT).map_err(|error| FormatError::reading(path, error))?;
         parse(&text).map_err(|(place, message)| {
             FormatError::at(path, place, Problem::Value(format!("{message}; correct the lens")))
         })

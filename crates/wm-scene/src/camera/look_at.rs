@@ -28,7 +28,7 @@ pub struct LookAt {
 }
 
 impl LookAt {
-    /// Sets the vertical field of view, degrees, above 0 and below 180; [`Camera::DEFAULT_FOV_Y`] otherwise.
+    /// Sets the vertical field of view, degrees, 0.1 to 170; [`Camera::DEFAULT_FOV_Y`] otherwise.
     #[must_use]
     pub fn fov_y(self, degrees: f64) -> Self {
         Self { fov_y: degrees, ..self }

@@ -15,9 +15,6 @@ use std::path::{Path, PathBuf};
 /// The entry of [`FORMATS`](super::FORMATS).
 pub const FORMAT: CaptureFormat = CaptureFormat { name: "Polycam", about: "keyframes of Polycam's raw data", read };
 
-/// Longest file of a camera, bytes.
-const MOST: u64 = 1 << 16;
-
 #[derive(Deserialize)]
 struct Shot {
     fx: f64,
@@ -61,10 +58,7 @@ fn read(dataset: &Path, options: &CaptureOptions, _want: Want) -> Result<Option<
     let mut views = Vec::with_capacity(files.len());
     for (index, path) in files.iter().enumerate() {
         let fault = |what: String| FormatError::whole(path, Problem::Value(one_line(&what)));
-        if std::fs::metadata(path).is_ok_and(|about| about.len() > MOST) {
-            return Err(fault("too long for a camera of Polycam; export the capture again".into()));
-        }
-        let text = files::read_text(path).map_err(|error| FormatError::reading(path, error))?;
+        let text = files::read_text(path, files::SMALL_TEXT).map_err(|error| FormatError::reading(path, error))?;
         let shot: Shot = serde_json::from_str(&text)
             .map_err(|error| json_fault(path, &error, "export the raw data again"))?;
         let Pose { t_00, t_01, t_02, t_03, t_10, t_11, t_12, t_13, t_20, t_21, t_22, t_23 } = shot.pose;

@@ -39,7 +39,7 @@ pub fn level(sample: &SurveySample, up: DVec3, ceiling: Option<f64>) -> Option<f
     let low = quantile(&mut heights, 0.002);
     let high = quantile(&mut heights, 0.998);
     let step = sample.radius / LAYERS;
-    let count = ((high - low) / step) as usize + 2 * HALF + 1;
+    let count = ((high - low) / step).min(1e9) as usize + 2 * HALF + 1;
     // A negative, zero or infinite radius has no layers.
     if !(step > 0.0 && count < 1 << 16) {
         return None;
@@ -53,7 +53,8 @@ pub fn level(sample: &SurveySample, up: DVec3, ceiling: Option<f64>) -> Option<f
         let weight = point.area * (-2.0 * away).exp();
         if point.normal.dot(up).abs() >= LEVEL {
             surface[layer] += weight;
-            let cell = |axis: DVec3| (offset.dot(axis) / sample.radius * CELLS).floor() as i32;
+            let cell =
+                |axis: DVec3| (offset.dot(axis) / sample.radius * CELLS).floor().clamp(-1e9, 1e9) as i32;
             cells.push((layer, cell(x), cell(y)));
         }
     }

@@ -230,11 +230,8 @@ impl RadarFile {
                 format!("{key} is {value}: it must be from {low} to {high} {unit}").trim_end().into(),
             );
         }
-        if !(self.rate > 0.0 && self.rate <= 1000.0) {
-            return Some(format!(
-                "rate is {}: it must be above 0 and at most 1000 sweeps a second",
-                self.rate
-            ));
+        if !(0.01..=1000.0).contains(&self.rate) {
+            return Some(format!("rate is {}: it must be 0.01 to 1000 sweeps a second", self.rate));
         }
         if self.range[0] >= self.range[1] || self.azimuth[0] >= self.azimuth[1] {
             return Some("range and azimuth must have their lower number first".into());

@@ -1,0 +1,234 @@
+//! Work with what the readers accepted: frames, sweeps, assets and links, at 64x48 px.
+
+use crate::damage::Draws;
+use crate::targets::Outcome;
+use glam::DVec3;
+use std::cell::Cell;
+use std::error::Error;
+use std::fs;
+use std::hash::{DefaultHasher, Hasher};
+use std::path::{Path, PathBuf};
+use weather_magician::lidar::ScanOptions;
+use weather_magician::view::{ViewOptions, path::CameraPath};
+use weather_magician::{
+    Camera, CameraMotion, EFFECTS, FrameOptions, LensSpec, Metadata, MovingCamera, Picture, PlaceOptions,
+    PreparedPlace, Renderer, Scene, Weather,
+};
+use wm_scene::formats::{ReadOptions, read_scene};
+use wm_scene::synthetic::Builder;
+use wm_sensors::LidarModel;
+
+const SIZE: (u32, u32) = (64, 48);
+/// Runs on one place: what it keeps for old weathers must not count against new ones.
+const RUNS_ON_A_PLACE: u32 = 64;
+/// Weathers that a damaged scene is drawn in.
+const WEATHERS: [&str; 6] = ["heavy-rain", "snow", "fog", "night-rain", "flood", "after-rain"];
+
+/// A renderer with a small place: paving, a wall, a roof and a sky.
+struct Stage {
+    renderer: Renderer,
+    place: PreparedPlace,
+    runs: u32,
+}
+
+impl Stage {
+    fn new() -> Result<Self, String> {
+        let mut renderer = Renderer::cpu().map_err(text)?;
+        let place = renderer.load(court()).map_err(text)?;
+        Ok(Self { renderer, place, runs: 0 })
+    }
+
+    fn render(&mut self, weather: &Weather, time: f64, camera: MovingCamera) -> Outcome {
+        let mut picture = Picture::default();
+        let options = FrameOptions::new(time, camera);
+        self.renderer
+            .render_into(&mut self.place, weather, &options, &mut picture, &mut ())
+            .map(drop)
+            .map_err(text)
+    }
+}
+
+/// Works on the place of this thread; a panic drops it.
+fn on_stage(work: impl FnOnce(&mut Stage) -> Outcome) -> Outcome {
+    thread_local! {
+        static STAGE: Cell<Option<Stage>> = const { Cell::new(None) };
+    }
+    let old = STAGE.take().filter(|stage| stage.runs < RUNS_ON_A_PLACE);
+    let mut stage = old.map_or_else(Stage::new, Ok)?;
+    stage.runs += 1;
+    let outcome = work(&mut stage);
+    STAGE.set(Some(stage));
+    outcome
+}
+
+fn text(error: impl std::fmt::Display) -> String {
+    error.to_string()
+}
+
+fn court() -> Scene {
+    let mut place = Builder::new(5);
+    place.surface(DVec3::new(-4.0, -4.0, 0.0), DVec3::X * 8.0, DVec3::Y * 8.0, 0.4, |_, _| [0.5; 3]);
+    place.block(DVec3::new(0.0, 2.0, 0.0), DVec3::new(3.0, 0.5, 2.0), 0.4, [0.7, 0.6, 0.5]);
+    place.sky(DVec3::ZERO, 60.0, 100);
+    let metadata =
+        Metadata { up: Some(DVec3::Z), ground: Some(0.0), metres_per_unit: Some(1.0), ..Metadata::default() };
+    Scene { splats: place.build(), metadata, ..Scene::default() }
+}
+
+fn usual_camera() -> Result<Camera, String> {
+    Camera::looking(SIZE, 50.0, DVec3::new(0.0, -3.0, 1.6), DVec3::new(0.0, 1.0, 1.0), DVec3::Z).map_err(text)
+}
+
+/// Random choices that depend on the bytes of a file, which differ from run to run.
+fn draws_of(path: &Path) -> Result<Draws, String> {
+    let mut hasher = DefaultHasher::new();
+    hasher.write(&fs::read(path).map_err(text)?);
+    Ok(Draws::new(hasher.finish()))
+}
+
+/// Draws a damaged scene in one of [`WEATHERS`], as `render --repair` does, from a camera that suits it.
+pub fn render_scene(path: &Path) -> Outcome {
+    let mut draws = draws_of(path)?;
+    let scene = read_scene(path, &ReadOptions::default()).map_err(text)?;
+    let (scene, _) = scene.repaired();
+    let mut renderer = Renderer::cpu().map_err(text)?;
+    let mut place = renderer.load_with(scene, &PlaceOptions::default()).map_err(text)?;
+    let survey = place.survey();
+    let eye = survey.center - survey.up.value * 0.1 * survey.radius;
+    let target = survey.center + survey.up.value.any_orthonormal_vector() * survey.radius.max(1e-3);
+    let camera = Camera::looking(SIZE, 60.0, eye, target, survey.up.value).map_err(text)?;
+    let weather = Weather::preset(draws.pick(&WEATHERS)).map_err(text)?;
+    let picture = renderer.render(&mut place, &weather, &camera, 2.0).map(drop).map_err(text);
+    renderer.unload(place).map_err(text)?;
+    picture
+}
+
+/// The weathers whose assets are damaged: with everything that is prepared.
+const ASSET_WEATHERS: [&str; 3] = ["snow-covered", "night-rain", "golden-hour"];
+
+/// Writes the prepared assets of the place into a folder.
+pub fn assets_seed(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+    for weather in ASSET_WEATHERS {
+        render_with_assets(folder, weather)?;
+    }
+    Ok(folder.to_path_buf())
+}
+
+fn render_with_assets(folder: &Path, weather: &str) -> Outcome {
+    let mut renderer = Renderer::cpu().map_err(text)?;
+    let options = PlaceOptions { assets: Some(folder.to_path_buf()), ..PlaceOptions::default() };
+    let mut place = renderer.load_with(court(), &options).map_err(text)?;
+    let weather = Weather::preset(weather).map_err(text)?;
+    renderer.render(&mut place, &weather, &usual_camera()?, 60.0).map(drop).map_err(text)
+}
+
+/// Draws the place with damaged assets whose checksums are right, as a stranger can write them.
+pub fn render_assets(folder: &Path) -> Outcome {
+    const HEADER: usize = 44;
+    let mut weather = 0;
+    for entry in fs::read_dir(folder).map_err(text)? {
+        let file = entry.map_err(text)?.path();
+        let mut bytes = fs::read(&file).map_err(text)?;
+        if bytes.len() > HEADER {
+            let checksum = crc32fast::hash(&bytes[HEADER..]);
+            bytes[HEADER - 4..HEADER].copy_from_slice(&checksum.to_le_bytes());
+            fs::write(&file, bytes).map_err(text)?;
+            weather ^= checksum as usize;
+        }
+    }
+    render_with_assets(folder, ASSET_WEATHERS[weather % ASSET_WEATHERS.len()])
+}
+
+/// Draws the place in a damaged weather.
+pub fn render_weather(path: &Path) -> Outcome {
+    let weather = Weather::read(path).map_err(text)?;
+    let time = draws_of(path)?.pick(&[0.0, 0.04, 12.5, 300.0, 1e5]);
+    let camera = usual_camera()?;
+    on_stage(|stage| stage.render(&weather, time, camera.into()))
+}
+
+/// Draws the place in rain along a damaged path.
+pub fn render_path(path: &Path) -> Outcome {
+    let weather = Weather::preset("heavy-rain").map_err(text)?;
+    let time = draws_of(path)?.pick(&[0.0, 1.0, 2.5, 1e4]);
+    on_stage(|stage| {
+        let survey = stage.place.survey();
+        let size = Some(SIZE);
+        let path =
+            CameraPath::read(path, survey, &ViewOptions { size, ..ViewOptions::default() }).map_err(text)?;
+        let moving = CameraMotion::Along { path, size: SIZE }.at(time, stage.place.site().metres_per_unit);
+        stage.render(&weather, time, moving)
+    })
+}
+
+/// Draws the place in fog through a damaged lens.
+pub fn render_lens(path: &Path) -> Outcome {
+    let weather = Weather::preset("heavy-rain").map_err(text)?;
+    let camera = usual_camera()?;
+    let lens = LensSpec::File(path.into()).view(Some(SIZE)).map_err(text)?;
+    on_stage(|stage| {
+        let options = FrameOptions::new(0.0, camera);
+        let mut picture = Picture::default();
+        stage
+            .renderer
+            .render_through(&mut stage.place, &weather, (&lens, &options), &mut picture, &mut ())
+            .map(drop)
+            .map_err(text)
+    })
+}
+
+/// Scans the place in rain with a damaged lidar.
+pub fn scan(path: &Path) -> Outcome {
+    let lidar = LidarModel::parse(&fs::read_to_string(path).map_err(text)?, "lidar").map_err(text)?;
+    if lidar.pattern.beams(0).len() > 100_000 {
+        return Err("too many pulses for a test".into());
+    }
+    let weather = Weather::preset("heavy-rain").map_err(text)?;
+    let motion = CameraMotion::Still { camera: Box::new(usual_camera()?), speed: 3.0 };
+    on_stage(|stage| {
+        let Stage { renderer, place, .. } = stage;
+        let mut taken = |_| Ok(());
+        let options = ScanOptions { sweeps: 1, ..ScanOptions::default() };
+        renderer
+            .scan(place, &weather, &lidar, &motion, &options, (&mut taken, &mut ()))
+            .map(drop)
+            .map_err(text)
+    })
+}
+
+/// Draws the place with numbers from the edges of their ranges: three parameters of effects, the
+/// camera, its speed and the time. `WM_SHOW_RUN=1` with `--child` prints them.
+pub fn render_edges(path: &Path) -> Outcome {
+    let mut draws = draws_of(path)?;
+    let mut weather = Weather::default();
+    for _ in 0..3 {
+        let effect = draws.pick(&EFFECTS.iter().collect::<Vec<_>>());
+        let Some(param) = effect.params.get(draws.below(effect.params.len())) else { continue };
+        let (least, greatest) = param.range;
+        let middle = 0.5 * (least + greatest.min(1e6));
+        let values = [least, greatest.min(1e300), middle, least.next_up(), greatest.next_down(), 0.0, 1.0];
+        // Words, colours and images refuse a number, which is an answer too.
+        let set = weather.set_text(&format!("{}.{}={}", effect.name, param.name, draws.pick(&values)));
+        if set.is_err() {
+            weather.set_text(&format!("{}=on", effect.name)).map_err(text)?;
+        }
+    }
+    let far = draws.pick(&[1e-3, 1.0, 3.0, 1e3, 1e6, 1e10]);
+    let fov = draws.pick(&[0.1, 1.0, 50.0, 120.0, 170.0]);
+    let (eye, target) = (DVec3::new(0.0, -3.0, 1.6) * far, DVec3::new(0.0, 1.0, 1.0));
+    let camera = Camera::looking(SIZE, fov, eye, target, DVec3::Z).map_err(text)?;
+    let speed = draws.pick(&[0.0, 3.0, 50.0, 1000.0, 1e6]);
+    let moving = MovingCamera { camera, velocity: (camera.forward() * speed).to_array() };
+    let time = draws.pick(&[0.0, -5.0, 0.02, 7.3, 3600.0, 1e9, 1e300]);
+    if std::env::var_os("WM_SHOW_RUN").is_some() {
+        eprintln!("{weather:?}, {far} units away, fov {fov}, {speed} m/s, at {time} s");
+    }
+    on_stage(|stage| stage.render(&weather, time, moving))
+}
+
+/// Writes a file whose only use is that its damage differs from run to run.
+pub fn edges_seed(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+    let path = folder.join("edges.txt");
+    fs::write(&path, "0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20")?;
+    Ok(path)
+}
