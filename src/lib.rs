@@ -13,10 +13,12 @@ mod commands;
 mod dataset;
 mod interrupt;
 mod level_args;
+mod memory;
 mod names;
 mod overwrite;
 mod progress;
 // The page is of the program as it is built by default.
+mod memory;
 #[cfg(all(test, feature = "gpu", feature = "h264", feature = "viewer", not(feature = "nets")))]
 mod reference_page;
 mod report;

@@ -66,9 +66,9 @@ fn numbers_and_words() {
         (["--path", "dolly"], ".mp4 or a folder, or --time S for the picture at that time"),
         (["--distance", "-1"], "--distance -1: must be finite and above 0"),
         (["--distance", "5"], "--distance needs --path dolly"),
-        (["--metres-per-unit", "0"], "--metres-per-unit is 0: it must be finite and above 0"),
-        (["--metres-per-unit", "-1"], "--metres-per-unit is -1: it must be finite and above 0"),
-        (["--metres-per-unit", "nan"], "--metres-per-unit is NaN: it must be finite and above 0"),
+        (["--metres-per-unit", "0"], "--metres-per-unit is 0: it must be 1e-9 to 1e9"),
+        (["--metres-per-unit", "-1"], "--metres-per-unit is -1: it must be 1e-9 to 1e9"),
+        (["--metres-per-unit", "nan"], "--metres-per-unit is NaN: it must be 1e-9 to 1e9"),
         (["--known-distance", "5"], "`5` is no known distance: write two points and metres"),
         (["--known-distance", "0,0,0:1,0=2"], "is no known distance: write two points and metres"),
         (["--known-distance", "0,0,0:0,0,0=2"], "give no scale: they must be finite and apart"),
@@ -126,14 +126,14 @@ fn what_is_odd_but_works() {
     let place = Place::new();
     for more in [
         &["--size", "1x1"][..],
-        &["--fov", "1e-9"],
-        &["--fov", "179.999"],
+        &["--fov", "0.1"],
+        &["--fov", "170"],
         &["--camera", "500,500,500:1000,1000,1000"],
         &["--camera", "1e30,0,0:1e30,5,0"],
         &["--near", "1e-30"],
         &["--time", "-1e300"],
-        &["--metres-per-unit", "1e-300", "--weather", "fog"],
-        &["--metres-per-unit", "1e300", "--weather", "ground-fog"],
+        &["--metres-per-unit", "1e-9", "--weather", "fog"],
+        &["--metres-per-unit", "1e9", "--weather", "ground-fog"],
         &["--weather", "fog", "--set", "fog.mor=inf"],
     ] {
         place.rendered("good.ply", more);
@@ -236,6 +236,10 @@ fn camera_files() {
             "p.json: keyframe 1: fov is 200: it must be 0.1 to 170 degrees",
         ),
         (
+            format!("{{\"keyframes\": [{}]}}", key.replace("-6", "-1e11")),
+            "p.json: keyframe 1: coordinates must be within 10^10 of zero",
+        ),
+        (
             format!("{{\"keyframes\": [{}]}}", key.replace("eye", "eyes")),
             "p.json, line 1, column 33: unknown key \"eyes\"; did you mean \"eye\"?",
         ),
@@ -244,6 +248,11 @@ fn camera_files() {
         place.render_refused("good.ply", &["--camera", "p.json"], &[says]);
         place.render_refused("good.ply", &["--path", "p.json", "--out", "frames"], &[says]);
     }
+    // 60 m in a millisecond: rain would be streaks of kilometres.
+    let far = key.replace("\"time\": 0, \"eye\": [0, -6", "\"time\": 1e-3, \"eye\": [0, -66");
+    place.put("p.json", format!("{{\"keyframes\": [{key}, {far}]}}"));
+    let along = ["--path", "p.json", "--time", "0", "--weather", "heavy-rain"];
+    place.render_refused("good.ply", &along, &["the camera moves at", "up to 1000 m/s"]);
     // One keyframe is a camera that stands still.
     place.put("p.json", format!("{{\"keyframes\": [{key}]}}"));
     place.rendered("good.ply", &["--camera", "p.json"]);

@@ -35,18 +35,17 @@ pub struct MovingCamera {
 const FASTEST: f64 = 1000.0;
 
 impl MovingCamera {
-    /// Checks that a frame can be drawn with the camera.
+    /// Checks that what falls can be drawn before the camera.
     ///
     /// # Errors
-    /// [`crate::Error`] if the camera cannot be, or is faster than 1000 m/s.
-    pub fn check(&self) -> crate::Result<()> {
-        self.camera.check()?;
+    /// [`crate::Error::Unsupported`] if it is faster than 1000 m/s.
+    pub fn check_speed(&self) -> crate::Result<()> {
         let speed = glam::DVec3::from_array(self.velocity).length();
         if speed <= FASTEST {
             return Ok(());
         }
         Err(crate::Error::Unsupported(format!(
-            "the camera moves at {speed:.4e} m/s: at most {FASTEST} m/s can be drawn; check the times of the path and \
+            "the camera moves at {speed:.4e} m/s: rain and snow can be drawn up to {FASTEST} m/s; check the times of the path and \
              the metres per unit"
         )))
     }

@@ -1011,7 +1011,7 @@ impl PreparedPlace {
         (picture, stages): (&mut Picture, Option<&mut PaperStages>),
         progress: &mut dyn Progress,
     ) -> Result<Stats> {
-        options.camera.check()?;
+        options.camera.camera.check()?;
         self.check_light(weather)?;
         let mut patience = options.patience;
         if patience == Patience::Whole {
@@ -1030,6 +1030,9 @@ impl PreparedPlace {
                 // The light of the photos says more of the site.
                 prepared = weather.at(options.time).prepare(&self.site);
             }
+        }
+        if !prepared.falling().is_empty() {
+            options.camera.check_speed()?;
         }
         self.check_water(weather, &prepared, &options.camera.camera)?;
         self.clear_foreign_cover(backend, &prepared);

@@ -93,8 +93,8 @@ pub enum CameraError {
 /// Vertical fields of view of pinhole cameras, degrees. Beyond them a frame of rain or of a wide
 /// lens costs time and memory without bound.
 pub const FOV: RangeInclusive<f64> = 0.1..=170.0;
-/// Farthest point of a picture from its principal point, focal lengths: 88 degrees off the axis.
-const WIDEST: f64 = 28.7;
+/// Farthest point of a picture from its principal point, focal lengths: 89.7 degrees off the axis.
+const WIDEST: f64 = 200.0;
 /// Longest focal length, px: a pixel is a hundredth of an arc second wide.
 const LONGEST_FOCAL: f64 = 2e7;
 
@@ -183,7 +183,7 @@ impl Camera {
             let reach = value.abs().max((f64::from(side) - value).abs());
             if focal > LONGEST_FOCAL || reach > WIDEST * focal {
                 let field = if field == "cx" { "fx" } else { "fy" };
-                let expected = "the picture must lie within 88 degrees of the axis, and pixels be wider than 0.01 arc seconds";
+                let expected = "the picture must lie within 89.7 degrees of the axis, and pixels be wider than 0.01 arc seconds";
                 return Err(CameraError::Value { field, value: focal, expected });
             }
         }

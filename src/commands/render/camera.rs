@@ -74,6 +74,9 @@ impl ViewpointArgs {
         {
             bail!("--fov {fov}: must be 0.1 to 170 degrees");
         }
+        if let Some((width, height)) = self.size {
+            crate::memory::check_picture(width, height)?;
+        }
         if let Some(near) = self.near
             && !(near.is_finite() && near > 0.0)
         {

@@ -1,0 +1,38 @@
+//! Memory that a picture takes, told before it is taken.
+
+use anyhow::{Result, bail};
+
+/// Memory of a picture and of what draws it, bytes a pixel: measured with 32768x8192 px.
+const PER_PIXEL: u64 = 20;
+/// Pictures below this are drawn without a word, bytes.
+const UNSAID: u64 = 1 << 30;
+
+/// Says the memory of a large picture, and refuses one of more than four fifths of what is free.
+///
+/// # Errors
+/// The picture is too large.
+pub fn check_picture(width: u32, height: u32) -> Result<()> {
+    let needed = PER_PIXEL * u64::from(width) * u64::from(height);
+    if needed < UNSAID {
+        return Ok(());
+    }
+    let gigabytes = |bytes: u64| bytes as f64 * 1e-9;
+    if let Some(free) = available()
+        && needed > free / 5 * 4
+    {
+        bail!(
+            "--size {width}x{height}: takes about {:.1} GB of memory, and {:.1} GB are free: give a smaller size",
+            gigabytes(needed),
+            gigabytes(free)
+        );
+    }
+    eprintln!("note: a picture of {width}x{height} px takes about {:.1} GB of memory", gigabytes(needed));
+    Ok(())
+}
+
+/// Memory that the system can give, bytes; `None` where it does not say.
+fn available() -> Option<u64> {
+    let about = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = about.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    Some(line.trim().trim_end_matches(" kB").parse::<u64>().ok()? << 10)
+}
