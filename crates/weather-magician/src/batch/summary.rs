@@ -113,7 +113,8 @@ impl SetSummary {
     /// The file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         let mut page = String::from(
-            "<!doctype html><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">",
+            "<!doctype html><meta charset=\"utf-8\"><meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; \
+             style-src 'unsafe-inline'; img-src data: file: http: https:\"><meta name=\"viewport\" content=\"width=device-width\">",
         );
         let _ = write!(
             page,
