@@ -18,7 +18,6 @@ mod names;
 mod overwrite;
 mod progress;
 // The page is of the program as it is built by default.
-mod memory;
 #[cfg(all(test, feature = "gpu", feature = "h264", feature = "viewer", not(feature = "nets")))]
 mod reference_page;
 mod report;
