@@ -1,5 +1,5 @@
-//! Signals that end the program: work that checks [`asked`] stops between two steps, everything else
-//! at once; no partial file is left in either case.
+//! Signals that end the program: work that checks [`asked`] stops between two steps, everything
+//! else at once; no partial file is left in either case.
 
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -16,7 +16,8 @@ static HEEDED: AtomicBool = AtomicBool::new(false);
 
 /// The number of the signal that Ctrl-C sends.
 const INTERRUPT: i32 = 2;
-/// A signal so soon after the first is the same one: shells and `timeout` send it to the process and to its group.
+/// A signal so soon after the first is the same one: shells and `timeout` send it to the process
+/// and to its group.
 const SAME: Duration = Duration::from_millis(500);
 
 /// The work was stopped by a signal.
@@ -29,7 +30,8 @@ pub fn is_stop(error: &anyhow::Error) -> bool {
     error.is::<Interrupted>() || matches!(error.downcast_ref(), Some(weather_magician::Error::Stopped))
 }
 
-/// The exit status of a program that a signal stopped: 130 for Ctrl-C, 143 for SIGTERM, 129 for SIGHUP.
+/// The exit status of a program that a signal stopped: 130 for Ctrl-C, 143 for SIGTERM, 129 for
+/// SIGHUP.
 pub fn status() -> u8 {
     128 + SIGNAL.load(Ordering::Relaxed) as u8
 }
@@ -38,8 +40,8 @@ fn first() -> MutexGuard<'static, Option<Instant>> {
     FIRST.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Installs the handlers. The first signal waits for work that calls [`asked`]; if there is none, and
-/// the second time, it ends the program at once.
+/// Installs the handlers. The first signal waits for work that calls [`asked`]; if there is none,
+/// and the second time, it ends the program at once.
 pub fn listen() {
     // A process may run the program more than once: it is not stopped because the last one was.
     *first() = None;

@@ -1,5 +1,5 @@
-//! Printing to a pipe that may be closed, as in `inspect SCENE | head -1`, of texts that may come from
-//! files of others: control characters that a terminal would act on are escaped.
+//! Printing to a pipe that may be closed, as in `inspect SCENE | head -1`, of texts that may come
+//! from files of others: control characters that a terminal would act on are escaped.
 //!
 //! The macros replace those of std, which panic then, in every module of the program.
 

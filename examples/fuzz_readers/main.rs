@@ -8,9 +8,9 @@
 //! of a target is the same every time. A run fails if the reader panics, overflows (build with
 //! overflow checks), prints an error of several lines, takes more than 2 s of processor time, or
 //! takes the process above 512 MiB. Targets whose names begin with `use-` work with what was read:
-//! they draw and scan at 64x48 px, and may take 5 s and 1 GiB. Targets run in processes of their own, so that an abort or an
-//! endless loop ends one target alone. A damaged seed that fails is kept in
-//! `target/fuzz-failures/`.
+//! they draw and scan at 64x48 px, and may take 5 s and 1 GiB. Targets run in processes of their
+//! own, so that an abort or an endless loop ends one target alone. A damaged seed that fails is
+//! kept in `target/fuzz-failures/`.
 
 mod damage;
 mod targets;

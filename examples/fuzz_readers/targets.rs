@@ -55,7 +55,8 @@ pub struct Budget {
 }
 
 const READING: Budget = Budget { seconds: 2.0, mebibytes: 512 };
-/// Overflow checks, which come with debug assertions here, make what is prepared for a weather slower.
+/// Overflow checks, which come with debug assertions here, make what is prepared for a weather
+/// slower.
 const USING: Budget = Budget { seconds: if cfg!(debug_assertions) { 15.0 } else { 5.0 }, mebibytes: 1024 };
 
 /// Writes a seed into an empty folder, and returns the path that is read.

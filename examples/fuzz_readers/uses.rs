@@ -86,7 +86,8 @@ fn draws_of(path: &Path) -> Result<Draws, String> {
     Ok(Draws::new(hasher.finish()))
 }
 
-/// Draws a damaged scene in one of [`WEATHERS`], as `render --repair` does, from a camera that suits it.
+/// Draws a damaged scene in one of [`WEATHERS`], as `render --repair` does, from a camera that
+/// suits it.
 pub fn render_scene(path: &Path) -> Outcome {
     let mut draws = draws_of(path)?;
     let scene = read_scene(path, &ReadOptions::default()).map_err(text)?;

@@ -171,8 +171,8 @@ mod pipes {
         assert_eq!(listing(place.path()), before);
     }
 
-    /// Each write, flush and rename of a command fails once: the error is one line, and what was there
-    /// is as it was.
+    /// Each write, flush and rename of a command fails once: the error is one line, and what was
+    /// there is as it was.
     #[test]
     fn a_file_system_that_fails_leaves_whole_files() {
         let place = Place::new();

@@ -31,7 +31,8 @@ pub struct MovingCamera {
     pub velocity: [f64; 3],
 }
 
-/// Fastest camera, m/s: streaks of what falls, and the volume that they are drawn from, grow with the speed.
+/// Fastest camera, m/s: streaks of what falls, and the volume that they are drawn from, grow with
+/// the speed.
 const FASTEST: f64 = 1000.0;
 
 impl MovingCamera {

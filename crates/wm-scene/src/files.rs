@@ -436,7 +436,8 @@ fn hold(file: &File) {
     }
 }
 
-/// Removes temporary files and folders from `folder` whose process was killed, once for each folder.
+/// Removes temporary files and folders from `folder` whose process was killed, once for each
+/// folder.
 ///
 /// A live process holds a lock on its own. Young ones are left, since they may not be locked yet.
 fn sweep(folder: &Path) {

@@ -181,7 +181,8 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
         args.overwrite.check(out, &inputs, "choose another name")?;
     }
     let bar = (jobs.len() > 1).then(|| progress::bar(jobs.len() as u64, "scenes"));
-    // Ctrl-C ends it at once: scenes that are written stay, and no part is left of the one that is not.
+    // Ctrl-C ends it at once: scenes that are written stay, and no part is left of the one that is
+    // not.
     for (scene, out) in &jobs {
         let line =
             if tiles::is_tileset(out) { tiles::write(scene, out, args)? } else { convert(scene, out, args)? };

@@ -240,8 +240,8 @@ impl BatchStore {
         self.folder.join(DONE).join(format!("{block:06}.json"))
     }
 
-    /// The marker of a block; `None` if it is not done, or its marker is damaged, as a power cut may
-    /// leave it: the block is made again then.
+    /// The marker of a block; `None` if it is not done, or its marker is damaged, as a power cut
+    /// may leave it: the block is made again then.
     ///
     /// # Errors
     /// [`Error::Unsupported`] if the marker cannot be read, or is of another plan.

@@ -1,5 +1,5 @@
-//! Failures of the file system that tests ask for, as the environment variable `WM_FAIL_FILES` says:
-//! `write:3` fails the third write of the process, `rename:1` its first rename.
+//! Failures of the file system that tests ask for, as the environment variable `WM_FAIL_FILES`
+//! says: `write:3` fails the third write of the process, `rename:1` its first rename.
 
 use std::io;
 

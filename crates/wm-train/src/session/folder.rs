@@ -89,7 +89,8 @@ impl RunFolder {
         Ok(Self::Kept { path: path.to_owned(), start, lock: None })
     }
 
-    /// Makes the folder, if it does not exist, locks it, and removes what is left of checkpoints that were not completed.
+    /// Makes the folder, if it does not exist, locks it, and removes what is left of checkpoints
+    /// that were not completed.
     pub fn make(&mut self) -> Result<(), SessionError> {
         let path = self.path().to_owned();
         let fault = |reason| SessionError::Folder { path: path.clone(), reason };

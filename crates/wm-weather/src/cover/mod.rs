@@ -235,8 +235,8 @@ impl Buried {
 }
 
 impl Cover {
-    /// Returns true if its parts fit each other and a scene of `splats` splats. An asset may come from a stranger: the contents of
-    /// its file are then whatever they like.
+    /// Returns true if its parts fit each other and a scene of `splats` splats, as an asset that a
+    /// stranger made may not.
     #[must_use]
     pub fn is_consistent(&self, splats: usize) -> bool {
         let fits = |settled: &Settled, ground: &GroundGrid| {

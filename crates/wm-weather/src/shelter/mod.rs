@@ -155,8 +155,7 @@ impl Grid {
 }
 
 impl Shelter {
-    /// Returns true if its parts fit each other. An asset may come from a stranger: the contents of
-    /// its file are then whatever they like.
+    /// Returns true if its parts fit each other, as an asset that a stranger made may not.
     #[must_use]
     pub fn is_consistent(&self) -> bool {
         self.grid.is_consistent()
