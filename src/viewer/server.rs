@@ -3,7 +3,7 @@
 use super::guard::Guard;
 use super::listener::{Connection, Connections, TimedStream};
 use anyhow::{Context, Result, bail};
-use axum::body::Bytes;
+use axum::body::{Body, to_bytes};
 use axum::extract::{DefaultBodyLimit, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
@@ -20,14 +20,14 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::JoinSet;
-use tokio::time::sleep;
+use tokio::time::{sleep, timeout};
 use wm_viewer::page::{PageKind, files_of};
 
 /// Longest body of a request, and longest message of a WebSocket, bytes.
 pub const MAX_BODY_BYTES: usize = 1 << 18;
 /// Longest text that is taken for a token, bytes.
 const MAX_TOKEN_BYTES: usize = 256;
-/// Longest time for the head of a request to arrive, and between two requests of a connection.
+/// Longest time for the head of a request, or for a login, to arrive, and between two requests of a connection.
 const HEAD_TIMEOUT: Duration = Duration::from_secs(10);
 /// Most bytes of a connection that wait in memory to be sent, and of a request's head.
 const MAX_BUFFER: usize = 1 << 16;
@@ -181,10 +181,7 @@ fn guarded(page: PageKind, router: Router, guard: Guard) -> Router {
         .fallback(get(|| async { refusal(StatusCode::NOT_FOUND, "there is no such page") }))
         .layer(DefaultBodyLimit::max(MAX_BODY_BYTES))
         .layer(from_fn_with_state(Arc::clone(&guard), check_token));
-    let login = Router::new()
-        .route("/login", get(is_logged_in).post(log_in))
-        .layer(DefaultBodyLimit::max(MAX_TOKEN_BYTES))
-        .with_state(Arc::clone(&guard));
+    let login = Router::new().route("/login", get(is_logged_in).post(log_in)).with_state(Arc::clone(&guard));
     let check_origin = from_fn(move |request: Request, next: Next| {
         let verdict = guard.check_origin(request.method(), request.uri(), request.headers());
         async move {
@@ -231,7 +228,12 @@ async fn is_logged_in(State(guard): SharedGuard, headers: HeaderMap) -> Response
 }
 
 /// Gives the cookie to a page that sends the token.
-async fn log_in(State(guard): SharedGuard, headers: HeaderMap, body: Bytes) -> Response {
+async fn log_in(State(guard): SharedGuard, headers: HeaderMap, body: Body) -> Response {
+    let body = match timeout(HEAD_TIMEOUT, to_bytes(body, MAX_TOKEN_BYTES)).await {
+        Ok(Ok(body)) => body,
+        Ok(Err(_)) => return refusal(StatusCode::PAYLOAD_TOO_LARGE, "This is too long for a token"),
+        Err(_) => return refusal(StatusCode::REQUEST_TIMEOUT, "The token did not arrive in time"),
+    };
     if std::str::from_utf8(&body).is_ok_and(|shown| guard.is_token(shown)) {
         (StatusCode::NO_CONTENT, [(header::SET_COOKIE, guard.cookie(&headers))]).into_response()
     } else {
