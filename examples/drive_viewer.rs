@@ -1,6 +1,6 @@
 //! Measures a running viewer: pictures a second that pages get while their camera goes round, and how long a whole picture takes.
 //!
-//! `cargo run --release --example drive_viewer -- 127.0.0.1:8787 [PAGES] [SECONDS] [PID of the viewer, for its CPU time and memory]`
+//! `cargo run --release --example drive_viewer -- 'http://127.0.0.1:8787/#token=...' [PAGES] [SECONDS] [PID of the viewer, for its CPU time and memory]`
 
 #[path = "../tests/viewer/socket.rs"]
 mod socket;
@@ -25,16 +25,19 @@ fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let number =
         |at: usize, default: u64| words.get(at).map_or(default, |word| word.parse().expect("a number"));
-    let address = words.first().expect("the address of a viewer, such as 127.0.0.1:8787").clone();
+    let printed = words.first().expect("the address that a viewer printed");
+    let (address, token) = printed.trim_start_matches("http://").split_once("/#token=").expect("its token");
+    let (address, bearer) = (address.to_owned(), format!("Bearer {token}"));
+    let headers = [("Authorization", bearer.as_str())];
     let (pages, seconds, pid) = (number(1, 1), number(2, 10), number(3, 0));
-    let (status, _, parameters) = ask(&address, "GET", "/parameters", &[], b"");
+    let (status, _, parameters) = ask(&address, "GET", "/parameters", &headers, b"");
     assert_eq!(status, 200, "no viewer with a scene at {address}");
     let parameters: Value = serde_json::from_slice(&parameters).expect("JSON");
     let (cpu, started) = (cpu_seconds(pid), Instant::now());
     let got: Vec<Got> = std::thread::scope(|scope| {
         let all: Vec<_> = (0..pages).map(|page| (page, &address, &parameters)).collect();
         let all = all.into_iter().map(|(page, address, parameters)| {
-            scope.spawn(move || drive(address, parameters, page, seconds))
+            scope.spawn(move || drive(address, &headers, parameters, page, seconds))
         });
         all.collect::<Vec<_>>().into_iter().map(|page| page.join().expect("a page")).collect()
     });
@@ -59,8 +62,8 @@ fn main() {
 }
 
 /// A page whose camera turns to and fro at 60 wishes a second.
-fn drive(address: &str, parameters: &Value, page: u64, seconds: u64) -> Got {
-    let mut socket = Socket::open(address, &[]).expect("a page may be opened");
+fn drive(address: &str, headers: &[(&str, &str)], parameters: &Value, page: u64, seconds: u64) -> Got {
+    let mut socket = Socket::open(address, headers).expect("a page may be opened");
     let mut send = Socket { stream: socket.stream.try_clone().expect("a second handle") };
     let start = parameters["state"]["camera"].clone();
     let turned = move |seq: u64| {

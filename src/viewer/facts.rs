@@ -1,19 +1,22 @@
 //! The facts of the scene that the page's tool changes: up, the ground, the scale, lamps, and the sun of the photos.
 //!
-//! Changes act on the pictures at once. They are written beside the scene only when the page asks for it, as `align --overwrite`
-//! writes them.
+//! Changes act on the pictures at once. They become those of the scene only when the page asks for it, as `align --overwrite`
+//! writes them. Until then they are kept in a journal beside the scene, so that they outlast the program, however it ends.
 
 use super::words::survey_words;
 use crate::choices::SkyChoice;
 use crate::scene::count_of;
 use glam::DVec3;
 use serde::Deserialize;
-use std::path::PathBuf;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 use weather_magician::{Error, Metadata, PlaceFacts, PreparedPlace, Renderer};
 use wm_scene::formats::folder::scene_file;
-use wm_scene::formats::{sidecar_path, write_sidecar};
+use wm_scene::formats::{sidecar, sidecar_path, write_sidecar};
 use wm_scene::survey::{Aligned, Alignment, GivenGround, GivenScale, UpSide};
-use wm_scene::{Lamp, LitWindow, PhotoSun};
+use wm_scene::{FormatError, Lamp, LitWindow, PhotoSun, Scene};
+use wm_viewer::state::check_point;
 
 /// A change that a client asks for. Points are in scene units.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -60,7 +63,36 @@ pub enum FactChange {
     Save {},
 }
 
+/// Least and greatest scale that a client may set, metres a unit.
+const SCALES: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
+
 impl FactChange {
+    /// Checks the values that can be checked without the scene.
+    fn check(self) -> Result<(), FactError> {
+        let points = match &self {
+            Self::Ground { points } => &points[..],
+            Self::Scale { points, .. } | Self::Window { points, .. } | Self::Sun { points } => &points[..],
+            Self::Lamp { point } => std::slice::from_ref(point),
+            Self::Flip {} | Self::Dark {} | Self::Clouds {} | Self::Undo {} | Self::Save {} => &[],
+        };
+        let eye = if let Self::Window { eye, .. } = &self { Some(eye) } else { None };
+        let mut points = points.iter().chain(eye);
+        points
+            .try_for_each(|point| check_point("facts: point", point.to_array()))
+            .map_err(FactError::Refused)?;
+        if let Self::Scale { points: [a, b], metres } = self {
+            let scale = metres / a.distance(b);
+            // What is no scale at all is told by the alignment.
+            if scale > 0.0 && scale.is_finite() && !SCALES.contains(&scale) {
+                let (least, most) = (SCALES.start(), SCALES.end());
+                return Err(FactError::Refused(format!(
+                    "{scale:e} metres a unit: a scale is {least:e} to {most:e}; check the points and the metres"
+                )));
+            }
+        }
+        Ok(())
+    }
+
     /// Returns the alignment that makes the change; `None` for saving and undoing.
     fn alignment(self) -> Option<Alignment> {
         let none = Alignment::default();
@@ -103,12 +135,14 @@ pub struct FactEditor {
     saved: PlaceFacts,
     saved_words: Vec<String>,
     is_unsaved: bool,
+    /// True once it was told that the journal cannot be written.
+    is_warned: bool,
 }
 
 impl FactEditor {
     /// Returns the editor of a place as it was opened from the path `scene`, with the command-line words of its facts.
     pub fn new(scene: PathBuf, sky: SkyChoice, place: &PreparedPlace, words: Vec<String>) -> Self {
-        Self { scene, sky, saved: place.facts(), saved_words: words, is_unsaved: false }
+        Self { scene, sky, saved: place.facts(), saved_words: words, is_unsaved: false, is_warned: false }
     }
 
     /// True if the facts in use differ from those that are saved.
@@ -121,11 +155,94 @@ impl FactEditor {
         if self.is_unsaved { survey_words(place.survey()) } else { self.saved_words.clone() }
     }
 
-    /// Makes a change, and says in a sentence what it did.
+    /// Takes the facts that were changed and not saved when the last viewer of the scene ended, if there are any, and says so.
+    pub fn restore(&mut self, renderer: &mut Renderer, place: &mut PreparedPlace) {
+        let Ok(file) = scene_file(&self.scene) else { return };
+        let journal = journal_of(&file);
+        let path = sidecar_path(&journal);
+        let Some(written) = modified(&path) else { return };
+        let shown = path.display();
+        let is_old = [&file, &sidecar_path(&file)].into_iter().any(|path| modified(path) > Some(written));
+        if is_old {
+            eprintln!(
+                "note: {shown}: these facts were not saved, and are older than the scene: they are not used"
+            );
+            return;
+        }
+        let metadata = match sidecar::read(&journal) {
+            Ok(metadata) => metadata.unwrap_or_default(),
+            Err(error) => return eprintln!("warning: {error}; it is not used"),
+        };
+        let before = place.facts();
+        let mut scene = Scene { metadata, ..Scene::default() };
+        scene.set_origin(scene.metadata.origin_or_zero() + place.scene().moved_by);
+        let mut facts = PlaceFacts { scene: scene.metadata, given: Metadata::default() };
+        if self.sky != SkyChoice::Keep {
+            facts.scene.airlight = before.scene.airlight;
+        }
+        // The program may have ended because of these facts.
+        let renewed = catch_unwind(AssertUnwindSafe(|| renderer.set_facts(place, facts)));
+        if matches!(renewed, Ok(Ok(()))) {
+            self.is_unsaved = true;
+            eprintln!(
+                "note: the facts that were not saved last time are in use again ({shown}): Align on the page saves or undoes them"
+            );
+        } else {
+            eprintln!("warning: {shown}: these facts, which were not saved, cannot be used");
+            let _ = renderer.set_facts(place, before);
+        }
+    }
+
+    /// Makes a change, keeps it in the journal, and says in a sentence what it did.
     ///
     /// # Errors
     /// [`FactError`]; the facts are as they were then.
     pub fn apply(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &mut PreparedPlace,
+        change: FactChange,
+    ) -> Result<String, FactError> {
+        change.check()?;
+        let text = self.change(renderer, place, change)?;
+        self.keep(place);
+        Ok(text)
+    }
+
+    /// Writes the journal, or removes it if all is saved.
+    fn keep(&mut self, place: &PreparedPlace) {
+        let outcome = scene_file(&self.scene).and_then(|file| {
+            let journal = journal_of(&file);
+            if self.is_unsaved {
+                return write_sidecar(&journal, &self.metadata(place));
+            }
+            let path = sidecar_path(&journal);
+            match std::fs::remove_file(&path) {
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                    Err(FormatError::reading(&path, error))
+                }
+                _ => Ok(()),
+            }
+        });
+        if let Err(error) = outcome
+            && !std::mem::replace(&mut self.is_warned, true)
+        {
+            eprintln!("warning: {error}; changed facts that are not saved are lost when the viewer ends");
+        }
+    }
+
+    /// Returns the facts in use as they belong beside the scene.
+    fn metadata(&self, place: &PreparedPlace) -> Metadata {
+        let PlaceFacts { scene, mut given } = place.facts();
+        // The height that was given is that in the world.
+        given.ground = given.ground.map(|_| place.survey().ground.value);
+        let facts = given.or(scene);
+        // The light of a sky that the file does not have would be wrong in it.
+        let airlight = facts.airlight.filter(|_| self.sky == SkyChoice::Keep);
+        place.scene().metadata_beside_file(Metadata { airlight, ..facts })
+    }
+
+    fn change(
         &mut self,
         renderer: &mut Renderer,
         place: &mut PreparedPlace,
@@ -167,18 +284,25 @@ impl FactEditor {
         if !self.is_unsaved {
             return Ok("There is nothing to save.".into());
         }
-        let facts = place.facts();
-        // The light of a sky that the file does not have would be wrong in it.
-        let airlight = facts.scene.airlight.filter(|_| self.sky == SkyChoice::Keep);
-        let metadata = Metadata { airlight, ..facts.scene.clone() };
-        let failed = |error: wm_scene::FormatError| FactError::Failed(error.to_string());
+        let failed = |error: FormatError| FactError::Failed(error.to_string());
         let file = scene_file(&self.scene).map_err(failed)?;
-        write_sidecar(&file, &place.scene().metadata_beside_file(metadata)).map_err(failed)?;
-        (self.saved, self.saved_words, self.is_unsaved) = (facts, Vec::new(), false);
+        write_sidecar(&file, &self.metadata(place)).map_err(failed)?;
+        (self.saved, self.saved_words, self.is_unsaved) = (place.facts(), Vec::new(), false);
         let name = sidecar_path(&file);
         let name = name.file_name().unwrap_or_default().to_string_lossy();
         Ok(format!("Saved as {name}, beside the scene."))
     }
+}
+
+/// Returns the path beside which the journal of a scene lies, as metadata lie beside a scene.
+fn journal_of(file: &Path) -> PathBuf {
+    let mut name = file.as_os_str().to_owned();
+    name.push(".unsaved");
+    name.into()
+}
+
+fn modified(path: &Path) -> Option<SystemTime> {
+    std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok()
 }
 
 /// Height above the ground of a lamp that is put on the ground, m, and the height up to which a point counts as that.

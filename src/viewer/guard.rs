@@ -1,71 +1,80 @@
 //! Access to the server.
 //!
-//! On the loopback address every program of this computer has access, but a foreign web page in the same browser must not. Its
-//! requests are recognised by their `Origin` and `Sec-Fetch-Site`. It may also map its own host name to this computer (DNS
-//! rebinding), so that the browser takes it for the server's own page; then its name is in `Host`.
+//! Every request but those for the files of the page, which are the same in every program, needs the token: other users of this
+//! computer reach its loopback address too. A page gets the token in the fragment of its address, which no server sees, and logs in
+//! with it; from then on a cookie has it. Scripts send `Authorization: Bearer`.
 //!
-//! On any other address a token is required: in the URL once, then in a cookie, or as `Authorization: Bearer`.
+//! A foreign page in the same browser must not act with that cookie. Its requests are recognised by their `Origin` and
+//! `Sec-Fetch-Site`. It may also map its own host name to this computer (DNS rebinding), so that the browser takes it for the
+//! server's own page; then its name is in `Host`.
 
 use axum::http::{HeaderMap, Method, StatusCode, Uri, header};
 use std::net::IpAddr;
 
-/// The cookie that holds the token.
+/// The start of the name of the cookie that holds the token. The port follows: a browser gives all cookies of a computer to each
+/// of its ports.
 const COOKIE: &str = "weather-magician-token";
 
 /// Checks requests.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Guard {
-    /// The token that requests must have; `None` on the loopback address.
-    pub token: Option<String>,
+    /// The token.
+    pub token: String,
+    /// True if requests must name this computer by a name of its loopback address.
+    pub is_local: bool,
 }
 
-/// Result of the check of a request.
-#[derive(Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// The request is answered.
-    Pass,
-    /// The browser is given this cookie and sent to the page, so that the token does not stay in the URL.
-    Welcome(String),
-    /// The request is refused with a status and a reason.
-    Refuse(StatusCode, &'static str),
-}
+/// A request that is refused: the status and the reason.
+pub type Refused = (StatusCode, &'static str);
 
 impl Guard {
-    /// Checks a request.
-    #[must_use]
-    pub fn check(&self, method: &Method, uri: &Uri, headers: &HeaderMap) -> Verdict {
-        let text = |name| headers.get(name).and_then(|value: &header::HeaderValue| value.to_str().ok());
-        let Some(host) = text(header::HOST) else {
-            return Verdict::Refuse(StatusCode::BAD_REQUEST, "a request must have a Host header");
+    /// Checks that a request is not that of a foreign page.
+    ///
+    /// # Errors
+    /// [`Refused`].
+    pub fn check_origin(&self, method: &Method, uri: &Uri, headers: &HeaderMap) -> Result<(), Refused> {
+        let Some(host) = text(headers, header::HOST) else {
+            return Err((StatusCode::BAD_REQUEST, "a request must have a Host header"));
         };
-        if self.token.is_none() && !is_loopback(name_of(host)) {
-            return Verdict::Refuse(
-                StatusCode::FORBIDDEN,
-                "this viewer only answers to localhost and 127.0.0.1",
-            );
+        if self.is_local && !is_loopback(split_host(host).0) {
+            return Err((StatusCode::FORBIDDEN, "this viewer only answers to localhost and 127.0.0.1"));
         }
-        if headers.contains_key(header::ORIGIN) && text(header::ORIGIN).and_then(authority) != Some(host) {
-            return Verdict::Refuse(StatusCode::FORBIDDEN, "pages of other origins are not answered");
+        if headers.contains_key(header::ORIGIN)
+            && text(headers, header::ORIGIN).and_then(authority) != Some(host)
+        {
+            return Err((StatusCode::FORBIDDEN, "pages of other origins are not answered"));
         }
         // A link to the page is harmless; resources that a foreign page loads are not.
         let is_page = method == Method::GET && uri.path() == "/";
         let site = headers.get("sec-fetch-site").and_then(|value| value.to_str().ok());
         if matches!(site, Some("cross-site" | "same-site")) && !is_page {
-            return Verdict::Refuse(StatusCode::FORBIDDEN, "pages of other sites are not answered");
+            return Err((StatusCode::FORBIDDEN, "pages of other sites are not answered"));
         }
-        let Some(token) = &self.token else { return Verdict::Pass };
-        let is_it = |shown: &str| is_same(shown.as_bytes(), token.as_bytes());
-        let in_query = uri.query().into_iter().flat_map(|query| query.split('&'));
-        if is_page && in_query.filter_map(|pair| pair.strip_prefix("token=")).any(is_it) {
-            return Verdict::Welcome(format!("{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/"));
-        }
-        let bearer = text(header::AUTHORIZATION).and_then(|text| text.strip_prefix("Bearer "));
-        let cookies = text(header::COOKIE).into_iter().flat_map(|text| text.split(';'));
-        let mut cookies = cookies.filter_map(|pair| pair.trim().strip_prefix(COOKIE)?.strip_prefix('='));
-        if bearer.is_some_and(is_it) || cookies.any(is_it) {
-            return Verdict::Pass;
-        }
-        Verdict::Refuse(StatusCode::UNAUTHORIZED, "open the address that the program printed, with its token")
+        Ok(())
+    }
+
+    /// Returns true if a request has the token.
+    #[must_use]
+    pub fn is_admitted(&self, headers: &HeaderMap) -> bool {
+        let bearer = text(headers, header::AUTHORIZATION).and_then(|text| text.strip_prefix("Bearer "));
+        let name = cookie_name(headers);
+        let cookies = headers.get_all(header::COOKIE).iter().filter_map(|value| value.to_str().ok());
+        let mut cookies =
+            cookies.flat_map(|text| text.split(';')).filter_map(|pair| pair.trim().split_once('='));
+        bearer.is_some_and(|shown| self.is_token(shown))
+            || cookies.any(|(known, shown)| known == name && self.is_token(shown))
+    }
+
+    /// Returns true if a text is the token.
+    #[must_use]
+    pub fn is_token(&self, shown: &str) -> bool {
+        is_same(shown.as_bytes(), self.token.as_bytes())
+    }
+
+    /// Returns the cookie for the browser of a request with the token.
+    #[must_use]
+    pub fn cookie(&self, headers: &HeaderMap) -> String {
+        format!("{}={}; HttpOnly; SameSite=Strict; Path=/", cookie_name(headers), self.token)
     }
 }
 
@@ -84,17 +93,28 @@ fn is_same(a: &[u8], b: &[u8]) -> bool {
     a.len() == b.len() && a.iter().zip(b).fold(0, |sum, (a, b)| sum | (a ^ b)) == 0
 }
 
+fn text(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
+    headers.get(name).and_then(|value| value.to_str().ok())
+}
+
+/// Returns the name of the cookie by the port that the browser knows, which a forwarded connection may change.
+fn cookie_name(headers: &HeaderMap) -> String {
+    let port = text(headers, header::HOST).map_or("", |host| split_host(host).1);
+    format!("{COOKIE}-{port}")
+}
+
 /// Returns name and port of an origin.
 fn authority(origin: &str) -> Option<&str> {
     origin.strip_prefix("http://").or_else(|| origin.strip_prefix("https://"))
 }
 
-/// Returns the name of `name:port`.
-fn name_of(host: &str) -> &str {
-    match host.strip_prefix('[') {
-        Some(rest) => rest.split_once(']').map_or(rest, |(name, _)| name),
-        None => host.split_once(':').map_or(host, |(name, _)| name),
-    }
+/// Splits `name:port`; the port may be empty.
+fn split_host(host: &str) -> (&str, &str) {
+    let (name, rest) = match host.strip_prefix('[') {
+        Some(rest) => rest.split_once(']').unwrap_or((rest, "")),
+        None => host.find(':').map_or((host, ""), |at| host.split_at(at)),
+    };
+    (name, rest.strip_prefix(':').unwrap_or_default())
 }
 
 fn is_loopback(name: &str) -> bool {
@@ -105,21 +125,31 @@ fn is_loopback(name: &str) -> bool {
 mod tests {
     use super::*;
 
-    fn verdict(guard: &Guard, method: &str, uri: &str, headers: &[(&'static str, &str)]) -> Verdict {
+    const TOKEN: &str = "a-secret-of-some-length";
+
+    fn guard(is_local: bool) -> Guard {
+        Guard { token: TOKEN.into(), is_local }
+    }
+
+    fn map(headers: &[(&'static str, &str)]) -> HeaderMap {
         let mut map = HeaderMap::new();
         for (name, value) in headers {
             map.append(*name, value.parse().unwrap());
         }
-        guard.check(&method.parse().unwrap(), &uri.parse().unwrap(), &map)
+        map
+    }
+
+    fn check(guard: &Guard, method: &str, uri: &str, headers: &[(&'static str, &str)]) -> bool {
+        guard.check_origin(&method.parse().unwrap(), &uri.parse().unwrap(), &map(headers)).is_ok()
     }
 
     fn passes(guard: &Guard, headers: &[(&'static str, &str)]) -> bool {
-        verdict(guard, "GET", "/state", headers) == Verdict::Pass
+        check(guard, "GET", "/state", headers)
     }
 
     #[test]
     fn this_computer_is_answered_by_any_of_its_names() {
-        let guard = Guard::default();
+        let guard = guard(true);
         for host in ["localhost", "localhost:8787", "127.0.0.1:1", "127.8.0.1", "[::1]:8787", "LOCALHOST:2"] {
             assert!(passes(&guard, &[("host", host)]), "{host}");
             assert!(passes(&guard, &[("host", host), ("origin", &format!("http://{host}"))]), "{host}");
@@ -128,7 +158,7 @@ mod tests {
 
     #[test]
     fn foreign_names_and_origins_are_refused() {
-        let guard = Guard::default();
+        let local = guard(true);
         for host in [
             "evil.example",
             "evil.example:8787",
@@ -138,47 +168,56 @@ mod tests {
             "[::2]",
             "127.0.0.1.nip.io",
         ] {
-            assert!(!passes(&guard, &[("host", host)]), "{host}");
+            assert!(!passes(&local, &[("host", host)]), "{host}");
         }
-        assert!(!passes(&guard, &[]));
+        assert!(!passes(&local, &[]));
+        assert!(passes(&guard(false), &[("host", "gpu.example:8787")]));
         let host = ("host", "localhost:8787");
-        for origin in [
-            "http://evil.example",
-            "null",
-            "http://localhost:9999",
-            "file://",
-            "http://localhost:8787.evil.example",
-        ] {
-            assert!(!passes(&guard, &[host, ("origin", origin)]), "{origin}");
+        for guard in [local, guard(false)] {
+            for origin in [
+                "http://evil.example",
+                "null",
+                "http://localhost:9999",
+                "file://",
+                "http://localhost:8787.evil.example",
+            ] {
+                assert!(!passes(&guard, &[host, ("origin", origin)]), "{origin}");
+            }
+            assert!(!passes(&guard, &[host, ("sec-fetch-site", "cross-site")]));
+            assert!(!passes(&guard, &[host, ("sec-fetch-site", "same-site")]));
+            // A link to the page.
+            assert!(check(&guard, "GET", "/", &[host, ("sec-fetch-site", "cross-site")]));
+            assert!(!check(&guard, "POST", "/", &[host, ("sec-fetch-site", "cross-site")]));
         }
-        assert!(!passes(&guard, &[host, ("sec-fetch-site", "cross-site")]));
-        assert!(!passes(&guard, &[host, ("sec-fetch-site", "same-site")]));
-        // A link to the page.
-        assert_eq!(verdict(&guard, "GET", "/", &[host, ("sec-fetch-site", "cross-site")]), Verdict::Pass);
-        assert_ne!(verdict(&guard, "POST", "/", &[host, ("sec-fetch-site", "cross-site")]), Verdict::Pass);
     }
 
     #[test]
-    fn other_addresses_require_the_token() {
-        let guard = Guard { token: Some("a-secret-of-some-length".into()) };
-        let host = ("host", "gpu.example:8787");
-        let refused = |headers: &[_]| {
-            matches!(verdict(&guard, "GET", "/state", headers), Verdict::Refuse(StatusCode::UNAUTHORIZED, _))
-        };
-        assert!(refused(&[host]));
-        assert!(refused(&[host, ("cookie", "weather-magician-token=")]));
-        assert!(refused(&[host, ("cookie", "weather-magician-token=a-secret-of-some-lengtH")]));
-        assert!(refused(&[host, ("authorization", "Bearer a-secret")]));
-        assert!(passes(&guard, &[host, ("cookie", "a=b; weather-magician-token=a-secret-of-some-length")]));
-        assert!(passes(&guard, &[host, ("authorization", "Bearer a-secret-of-some-length")]));
-        let Verdict::Welcome(cookie) = verdict(&guard, "GET", "/?token=a-secret-of-some-length", &[host])
-        else {
-            panic!("no welcome")
-        };
-        assert!(cookie.contains("HttpOnly") && cookie.contains("SameSite=Strict"));
-        // The browser's cookie does not help a foreign page.
-        let cookie = ("cookie", "weather-magician-token=a-secret-of-some-length");
-        assert!(!passes(&guard, &[host, cookie, ("origin", "http://evil.example")]));
+    fn the_token_admits_by_header_and_by_cookie_of_the_same_port() {
+        let guard = guard(true);
+        let host = ("host", "localhost:8787");
+        let is_admitted = |headers: &[_]| guard.is_admitted(&map(headers));
+        let cookie = guard.cookie(&map(&[host]));
+        assert!(cookie.contains("; HttpOnly; SameSite=Strict;"), "{cookie}");
+        let pair = cookie.split(';').next().unwrap();
+        assert_eq!(pair, "weather-magician-token-8787=a-secret-of-some-length");
+        let with_another = format!("a=b; {pair}");
+        assert!(is_admitted(&[host, ("cookie", &with_another)]));
+        assert!(is_admitted(&[host, ("cookie", "a=b"), ("cookie", pair)]));
+        assert!(is_admitted(&[host, ("authorization", "Bearer a-secret-of-some-length")]));
+        for bad in [
+            vec![host],
+            vec![host, ("cookie", "weather-magician-token-8787=")],
+            vec![host, ("cookie", "weather-magician-token-8787=a-secret-of-some-lengtH")],
+            vec![("host", "localhost:8788"), ("cookie", pair)],
+            vec![host, ("authorization", "Bearer a-secret")],
+            vec![host, ("authorization", "Bearer ")],
+            vec![host, ("authorization", "a-secret-of-some-length")],
+        ] {
+            assert!(!is_admitted(&bad), "{bad:?}");
+        }
+        assert_eq!(split_host("[::1]:80"), ("::1", "80"));
+        assert_eq!(split_host("[::1]"), ("::1", ""));
+        assert_eq!(split_host("localhost"), ("localhost", ""));
     }
 
     #[test]

@@ -1,86 +1,149 @@
-//! A TCP listener with a limited number of connections, each with an idle timeout.
+//! Connections: how many there may be, and for how long.
+//!
+//! A connection is a stranger until one of its requests had the token. There is room for a few strangers of each address, and when
+//! it is taken the oldest of them has to leave: whoever opens connections and says nothing keeps nobody out.
 
+use std::collections::{BTreeMap, VecDeque};
 use std::future::Future;
 use std::io;
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv6Addr};
 use std::pin::Pin;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::net::TcpStream;
+use tokio::sync::Notify;
 use tokio::time::{Instant, Sleep, sleep};
 
-/// Maximum number of connections. A browser opens six and a WebSocket.
-pub const MAX_CONNECTIONS: usize = 128;
+/// Most connections that showed the token. A browser opens six and a WebSocket.
+pub const MAX_MEMBERS: usize = 128;
+/// Most strangers, of all addresses and of one.
+const MAX_STRANGERS: usize = 64;
+const MAX_OF_ADDRESS: usize = 16;
 /// Idle time after which a connection is closed.
 const IDLE_TIMEOUT: Duration = Duration::from_secs(120);
-/// Pause after a failure to accept, such as when file handles run out.
-const RETRY_AFTER: Duration = Duration::from_millis(100);
 
-/// Response when all connections are in use.
-const BUSY: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\ncontent-type: text/plain\r\ncontent-length: 58\r\n\
-    connection: close\r\nretry-after: 1\r\n\r\ntoo many connections at once; close some and try it again\n";
+/// All connections.
+#[derive(Default)]
+pub struct Connections(Mutex<Counts>);
 
-/// Accepts connections up to a maximum number.
-pub struct LimitedListener {
-    listener: TcpListener,
-    free: Arc<Semaphore>,
+#[derive(Default)]
+struct Counts {
+    last_id: u64,
+    /// The oldest comes first.
+    strangers: VecDeque<Stranger>,
+    members: usize,
 }
 
-impl LimitedListener {
-    /// Wraps a listener.
-    pub fn new(listener: TcpListener) -> Self {
-        Self { listener, free: Arc::new(Semaphore::new(MAX_CONNECTIONS)) }
-    }
+struct Stranger {
+    id: u64,
+    address: IpAddr,
+    has_to_leave: Arc<Notify>,
 }
 
-impl axum::serve::Listener for LimitedListener {
-    type Io = TimedStream;
-    type Addr = SocketAddr;
-
-    async fn accept(&mut self) -> (Self::Io, Self::Addr) {
-        loop {
-            let Ok((stream, address)) = self.listener.accept().await else {
-                sleep(RETRY_AFTER).await;
-                continue;
-            };
-            // Frames are sent in one piece; small responses must not wait for more data.
-            let _ = stream.set_nodelay(true);
-            match Arc::clone(&self.free).try_acquire_owned() {
-                Ok(permit) => {
-                    return (
-                        TimedStream { stream, alarm: Box::pin(sleep(IDLE_TIMEOUT)), _permit: permit },
-                        address,
-                    );
-                }
-                Err(_) => refuse(&stream),
+impl Connections {
+    /// Adds a connection from an address, as a stranger.
+    pub fn add(self: &Arc<Self>, address: IpAddr) -> Arc<Connection> {
+        let address = network_of(address);
+        let has_to_leave = Arc::<Notify>::default();
+        let mut counts = self.lock();
+        counts.last_id += 1;
+        let id = counts.last_id;
+        if let Some(crowded) = counts.crowded(address) {
+            let oldest = counts.strangers.iter().position(|stranger| stranger.address == crowded);
+            if let Some(stranger) = oldest.and_then(|at| counts.strangers.remove(at)) {
+                stranger.has_to_leave.notify_one();
             }
         }
+        counts.strangers.push_back(Stranger { id, address, has_to_leave: Arc::clone(&has_to_leave) });
+        drop(counts);
+        Arc::new(Connection { all: Arc::clone(self), id, has_to_leave, is_member: AtomicBool::new(false) })
     }
 
-    fn local_addr(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
+    fn lock(&self) -> MutexGuard<'_, Counts> {
+        // No critical section leaves the counts half changed when it panics.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Sends the reason, if that is possible without waiting.
-fn refuse(stream: &TcpStream) {
-    let _ = stream.try_write(BUSY);
-    // Unread data would make the system discard the response (RST).
-    let mut asked = [0; 4096];
-    let _ = stream.try_read(&mut asked);
+impl Counts {
+    /// Returns the address of which a stranger has to leave before one of `address` may come, if any.
+    fn crowded(&self, address: IpAddr) -> Option<IpAddr> {
+        let mut of_address = BTreeMap::<IpAddr, usize>::new();
+        for stranger in &self.strangers {
+            *of_address.entry(stranger.address).or_default() += 1;
+        }
+        if self.strangers.len() >= MAX_STRANGERS {
+            return of_address.into_iter().max_by_key(|(_, count)| *count).map(|(address, _)| address);
+        }
+        of_address.get(&address).is_some_and(|count| *count >= MAX_OF_ADDRESS).then_some(address)
+    }
 }
 
-/// A connection with an idle timeout.
+/// Returns the part of an address that one customer of a network has: all of IPv4, 64 bits of IPv6.
+fn network_of(address: IpAddr) -> IpAddr {
+    match address.to_canonical() {
+        IpAddr::V6(address) => Ipv6Addr::from_bits(address.to_bits() >> 64 << 64).into(),
+        address => address,
+    }
+}
+
+/// A connection; it is counted until the value is dropped.
+pub struct Connection {
+    all: Arc<Connections>,
+    id: u64,
+    has_to_leave: Arc<Notify>,
+    is_member: AtomicBool,
+}
+
+impl Connection {
+    /// Waits until another connection needs the place of this one.
+    pub async fn has_to_leave(&self) {
+        self.has_to_leave.notified().await;
+    }
+
+    /// Takes a connection that showed the token for a member; returns false if there are too many of them.
+    pub fn admit(&self) -> bool {
+        let mut counts = self.all.lock();
+        if self.is_member.load(Ordering::Relaxed) {
+            return true;
+        }
+        if counts.members >= MAX_MEMBERS {
+            return false;
+        }
+        counts.strangers.retain(|stranger| stranger.id != self.id);
+        counts.members += 1;
+        self.is_member.store(true, Ordering::Relaxed);
+        true
+    }
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        let mut counts = self.all.lock();
+        if self.is_member.load(Ordering::Relaxed) {
+            counts.members -= 1;
+        } else {
+            counts.strangers.retain(|stranger| stranger.id != self.id);
+        }
+    }
+}
+
+/// The stream of a connection, with an idle timeout.
 pub struct TimedStream {
     stream: TcpStream,
     alarm: Pin<Box<Sleep>>,
-    _permit: OwnedSemaphorePermit,
+    _connection: Arc<Connection>,
 }
 
 impl TimedStream {
+    /// Wraps the stream of a connection.
+    pub fn new(stream: TcpStream, connection: Arc<Connection>) -> Self {
+        Self { stream, alarm: Box::pin(sleep(IDLE_TIMEOUT)), _connection: connection }
+    }
+
     fn restart_timeout(&mut self) {
         self.alarm.as_mut().reset(Instant::now() + IDLE_TIMEOUT);
     }
@@ -132,12 +195,58 @@ impl AsyncWrite for TimedStream {
 
 #[cfg(test)]
 mod tests {
-    use super::BUSY;
+    use super::*;
+    use std::net::Ipv4Addr;
+
+    fn address(number: u8) -> IpAddr {
+        Ipv4Addr::new(192, 0, 2, number).into()
+    }
+
+    fn is_leaving(connection: &Connection) -> bool {
+        let mut context = Context::from_waker(std::task::Waker::noop());
+        std::pin::pin!(connection.has_to_leave()).poll(&mut context).is_ready()
+    }
 
     #[test]
-    fn the_refusal_has_its_content_length() {
-        let text = std::str::from_utf8(BUSY).unwrap();
-        let (head, body) = text.split_once("\r\n\r\n").unwrap();
-        assert!(head.contains(&format!("content-length: {}\r\n", body.len())), "{}", body.len());
+    fn the_oldest_stranger_of_an_address_makes_room() {
+        let all = Arc::<Connections>::default();
+        let other = all.add(address(2));
+        let member = all.add(address(1));
+        assert!(member.admit() && member.admit());
+        let strangers: Vec<_> = (0..MAX_OF_ADDRESS + 3).map(|_| all.add(address(1))).collect();
+        let leaving: Vec<bool> = strangers.iter().map(|stranger| is_leaving(stranger)).collect();
+        assert!(leaving[..3].iter().all(|leaves| *leaves) && !leaving[3..].iter().any(|leaves| *leaves));
+        assert!(!is_leaving(&other) && !is_leaving(&member));
+        drop((strangers, other));
+        assert!(all.lock().strangers.is_empty() && all.lock().members == 1);
+        drop(member);
+        assert_eq!(all.lock().members, 0);
+    }
+
+    #[test]
+    fn of_many_addresses_the_one_with_most_strangers_makes_room() {
+        let all = Arc::<Connections>::default();
+        let crowd: Vec<_> = (0..MAX_OF_ADDRESS).map(|_| all.add(address(1))).collect();
+        let others: Vec<_> = (2..200).map(|number| all.add(address(number))).collect();
+        assert_eq!(all.lock().strangers.len(), MAX_STRANGERS);
+        assert!(is_leaving(&crowd[0]) && !is_leaving(others.last().unwrap()));
+    }
+
+    #[test]
+    fn members_are_limited() {
+        let all = Arc::<Connections>::default();
+        let members: Vec<_> = (0..MAX_MEMBERS).map(|_| all.add(address(1))).collect();
+        assert!(members.iter().all(|connection| connection.admit()));
+        assert!(!all.add(address(1)).admit());
+        drop(members);
+        assert!(all.add(address(1)).admit());
+    }
+
+    #[test]
+    fn a_customer_has_many_addresses_of_ipv6() {
+        let network = |text: &str| network_of(text.parse().unwrap());
+        assert_eq!(network("2001:db8:1:2:3::4"), network("2001:db8:1:2:ffff::"));
+        assert_ne!(network("2001:db8:1:2::"), network("2001:db8:1:3::"));
+        assert_eq!(network("::ffff:192.0.2.1"), address(1));
     }
 }

@@ -7,6 +7,7 @@
 //!
 //! Complete pictures are rendered as `render` does it, so that the command that the page shows gives the same bytes.
 
+mod download;
 mod facts;
 mod guard;
 mod listener;
@@ -18,6 +19,7 @@ mod session;
 pub mod training;
 mod videos;
 mod words;
+mod workshop;
 
 use crate::commands::render::camera::ViewpointArgs;
 use crate::interrupt;
@@ -37,8 +39,10 @@ use videos::VideoList;
 use weather_magician::{PreparedPlace, Renderer};
 use wm_scene::survey::Survey;
 use wm_viewer::catalog::panoramas_of;
+use wm_viewer::page::PageKind;
 use wm_viewer::{Catalog, ViewState};
 use wm_weather::{Panorama, Weather};
+use workshop::Workshop;
 
 /// Time for which the page of a scene that cannot be read is served, so that it can show the error.
 const FAREWELL: Duration = Duration::from_secs(10);
@@ -74,6 +78,7 @@ struct Loaded {
 pub struct ViewerContext {
     queue: RequestQueue,
     videos: VideoList,
+    workshop: Workshop,
     /// Set once the scene is loaded, and when its facts change.
     loaded: RwLock<Option<Loaded>>,
     /// The error if the scene cannot be loaded.
@@ -164,10 +169,19 @@ impl ViewerContext {
 /// No port is free, or the scene cannot be read; the page shows this error too.
 pub fn run(options: ViewerOptions<'_>, server: &server::ServerArgs) -> Result<()> {
     let context = Arc::new(ViewerContext::default());
-    let address = server::serve(server, routes::routes(Arc::clone(&context)))?;
+    let address = server::serve(server, PageKind::Server, routes::routes(Arc::clone(&context)))?;
     println!("{address}");
     eprintln!("open this address in a browser; press Ctrl-C to quit");
-    let (renderer, place, facts) = match open(options, &context) {
+    // What killed viewers left is removed. What is refused is told when a folder is needed.
+    let _ = context.workshop.open();
+    let outcome = show(options, &context);
+    context.workshop.clear();
+    outcome
+}
+
+/// Reads the scene, and renders it until Ctrl-C.
+fn show(options: ViewerOptions<'_>, context: &Arc<ViewerContext>) -> Result<()> {
+    let (renderer, place, facts) = match open(options, context) {
         Ok(stage) => {
             context.queue.broadcast(&context.greeting());
             stage
@@ -182,9 +196,7 @@ pub fn run(options: ViewerOptions<'_>, server: &server::ServerArgs) -> Result<()
             return Err(error);
         }
     };
-    let outcome = RenderWorker::new(Arc::clone(&context), renderer, place, facts).run();
-    context.videos.clear();
-    outcome
+    RenderWorker::new(Arc::clone(context), renderer, place, facts).run()
 }
 
 /// Reads the scene and loads it.
@@ -199,20 +211,21 @@ fn open(
         options.sky,
         options.levels,
     )?;
+    let given_words = words::given_words(&options.scene.facts);
+    let mut facts = FactEditor::new(options.scene.scene.clone(), options.sky.sky, &loaded.place, given_words);
+    facts.restore(&mut loaded.renderer, &mut loaded.place);
     let camera = options.viewpoint.start(&mut loaded)?;
     let OpenScene { renderer, place } = loaded;
     let mut panoramas = options.panoramas;
     panoramas.extend(panoramas_of(&options.weather));
-    let fact_words = words::given_words(&options.scene.facts);
     let catalog = Catalog {
         stem: stem_of(&options.scene.scene),
-        words: [
-            words::scene_words(options.scene, options.sky, options.viewpoint.views.as_ref()),
-            options.levels.words(),
-        ]
-        .concat(),
-        fact_words: fact_words.clone(),
-        is_unsaved: false,
+        words: words::scene_words(options.scene, options.sky, options.viewpoint.views.as_ref())
+            .into_iter()
+            .chain(options.levels.words().into_iter().map(Into::into))
+            .collect(),
+        fact_words: facts.words(&place),
+        is_unsaved: facts.is_unsaved(),
         run_words: words::run_words(options.run),
         survey: place.survey().clone(),
         near: camera.near,
@@ -225,6 +238,5 @@ fn open(
     };
     let start = catalog.initial_state(&camera);
     context.set_loaded(Loaded { catalog: Arc::new(catalog), start });
-    let facts = FactEditor::new(options.scene.scene.clone(), options.sky.sky, &place, fact_words);
     Ok((renderer, place, facts))
 }

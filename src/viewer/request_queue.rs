@@ -3,10 +3,11 @@
 //! Only the latest request of each client is kept, and a client that has not displayed its last few frames gets no new one.
 //! Clients take turns; those whose view is moving come first.
 
+use super::download::Download;
 use super::facts::{FactChange, FactError};
 use axum::body::Bytes;
 use glam::DVec3;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -45,6 +46,11 @@ impl ClientQueue {
         self.changed.notify_one();
     }
 
+    /// Appends the message that something failed.
+    pub fn push_error(&self, why: &str) {
+        self.push_message(json!({ "type": "error", "text": why }).to_string());
+    }
+
     /// Sets the frame to send, in place of one that was not sent yet.
     pub fn set_picture(&self, bytes: Bytes) {
         locked(&self.content).1 = Some(bytes);
@@ -77,14 +83,14 @@ pub enum ViewerCommand {
         /// The file format.
         format: ResponseFormat,
         /// Receives the file.
-        reply: oneshot::Sender<Result<Bytes, String>>,
+        reply: oneshot::Sender<Result<Download, String>>,
     },
     /// Makes the points of the view's lidar as a file.
     Points {
         /// The view, which has a lidar.
         view: Arc<View>,
         /// Receives the PLY file that `scan` writes.
-        reply: oneshot::Sender<Result<Bytes, String>>,
+        reply: oneshot::Sender<Result<Download, String>>,
     },
     /// Finds the point of the scene that is seen at a point of the picture.
     Pick {
@@ -120,6 +126,30 @@ pub enum ViewerCommand {
     },
     /// Renders the thumbnail of the preset with this name.
     Thumbnail(String),
+}
+
+impl ViewerCommand {
+    /// Returns true if nobody waits for the answer any more.
+    pub fn is_abandoned(&self) -> bool {
+        match self {
+            Self::Picture { reply, .. } | Self::Points { reply, .. } => reply.is_closed(),
+            Self::Surface { reply, .. } => reply.is_closed(),
+            Self::Pick { .. } | Self::Facts { .. } | Self::Video { .. } | Self::Thumbnail(_) => false,
+        }
+    }
+
+    /// Answers with the reason why the command is not carried out, in one line.
+    pub fn refuse(self, why: String) {
+        // The client may have disconnected.
+        match self {
+            Self::Picture { reply, .. } | Self::Points { reply, .. } => _ = reply.send(Err(why)),
+            Self::Surface { reply, .. } => _ = reply.send(Err(why)),
+            Self::Facts { reply, .. } => _ = reply.send(Err(FactError::Failed(why))),
+            Self::Pick { client_queue, .. } => client_queue.push_error(&why),
+            Self::Video { job, .. } => job.end(Err(why)),
+            Self::Thumbnail(_) => {}
+        }
+    }
 }
 
 /// File format of a rendered picture.
@@ -351,6 +381,16 @@ impl RequestQueue {
         }
     }
 
+    /// Tells a client why it gets no frame for its request, or none but the draft that it has. A request that came since is kept if
+    /// `seq` is given.
+    pub fn fail_request(&self, id: u64, seq: Option<u64>, why: &str) {
+        let mut state = locked(&self.state);
+        let Some(client) = state.clients.iter_mut().find(|client| client.id == id) else { return };
+        client.client_queue.push_error(why);
+        client.waits = false;
+        client.request.take_if(|request| seq.is_none_or(|seq| request.seq == seq));
+    }
+
     /// Waits for the next task; `None` if there is none within `timeout`, or after [`Self::wake_worker`].
     pub fn next_task(&self, timeout: Duration) -> Option<WorkerTask> {
         let mut state = locked(&self.state);
@@ -531,6 +571,23 @@ mod tests {
         request(&queue, ids[0], 2, false);
         assert_eq!(next(&queue), Some((0, 0)));
         assert_eq!(next(&queue), Some((ids[0], 2)));
+    }
+
+    #[test]
+    fn a_request_that_fails_is_not_served_again() {
+        let (queue, ids) = queue(1);
+        request(&queue, ids[0], 1, false);
+        assert_eq!(next(&queue), Some((ids[0], 1)));
+        queue.fail_request(ids[0], Some(1), "why");
+        assert_eq!(next(&queue), None);
+        // A later one is, however many failed.
+        for seq in 2..10 {
+            request(&queue, ids[0], seq, false);
+            queue.fail_request(ids[0], Some(seq - 1), "why");
+            assert_eq!(next(&queue), Some((ids[0], seq)));
+        }
+        queue.fail_request(ids[0], None, "why");
+        assert_eq!(next(&queue), None);
     }
 
     #[test]

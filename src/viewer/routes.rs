@@ -1,13 +1,14 @@
 //! The HTTP interface, described in docs/guide/viewer.md.
 
 use super::ViewerContext;
+use super::download::Download;
 use super::facts::FactError;
 use super::request_queue::{MAX_CLIENTS, ResponseFormat, ViewerCommand};
-use super::server::{MAX_BODY_BYTES, page_routes, refusal};
+use super::server::{MAX_BODY_BYTES, refusal};
 use super::session;
 use super::videos::MAX_FRAMES;
 use axum::Router;
-use axum::body::{Body, Bytes};
+use axum::body::Bytes;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{Path, RawQuery, State};
 use axum::http::{StatusCode, header};
@@ -21,7 +22,6 @@ use weather_magician::view::ViewOptions;
 use weather_magician::view::spec::{CameraSpec, parse_size};
 use wm_media::video::FrameRate;
 use wm_scene::{SceneView as Photo, files::text_of};
-use wm_viewer::page::PageKind;
 use wm_viewer::state::{Follow, Pose, ViewOutput, weather_of_json, weather_to_json};
 use wm_viewer::{FileNames, View, ViewState, link};
 use wm_weather::Weather;
@@ -44,9 +44,9 @@ impl IntoResponse for RequestError {
     }
 }
 
-/// All routes.
+/// Returns all routes, which need the token.
 pub fn routes(context: Arc<ViewerContext>) -> Router {
-    page_routes(PageKind::Server)
+    Router::new()
         .route("/ws", get(socket))
         .route("/parameters", get(parameters))
         .route("/state", get(state).put(put_state))
@@ -206,12 +206,12 @@ async fn picture(context: &ViewerContext, view: View, format: ResponseFormat) ->
         .push_command(ViewerCommand::Picture { view: Arc::new(view), format, reply })
         .map_err(|_| busy())?;
     let gone = |_| RequestError(StatusCode::SERVICE_UNAVAILABLE, "the program is ending".into());
-    let bytes = answer
+    let picture = answer
         .await
         .map_err(gone)?
         .map_err(|error| RequestError(StatusCode::INTERNAL_SERVER_ERROR, error))?;
     let kind = if format == ResponseFormat::Png { "image/png" } else { "image/jpeg" };
-    Ok(([(header::CONTENT_TYPE, kind)], bytes).into_response())
+    Ok(picture.response(kind))
 }
 
 #[derive(Deserialize)]
@@ -305,7 +305,7 @@ async fn file(State(context): Shared, Path(kind): Path<String>, body: Bytes) -> 
         "points" => {
             let view = Arc::new(view);
             let points = reply_of(&context, |reply| ViewerCommand::Points { view, reply }).await??;
-            (([(header::CONTENT_TYPE, "application/octet-stream")], points).into_response(), names.points)
+            (points.response("application/octet-stream"), names.points)
         }
         kind => {
             let saved = names.text(kind, &catalog, &view)?.ok_or_else(|| {
@@ -357,7 +357,9 @@ async fn begin_video(State(context): Shared, body: Bytes) -> Answer {
     let catalog = context.catalog();
     let names = FileNames::of(&catalog, &view);
     let busy = |error| RequestError(StatusCode::CONFLICT, error);
-    let video = context.videos.add(names.video.clone(), rate, frames).map_err(busy)?;
+    let folder = context.workshop.subfolder();
+    let folder = folder.map_err(|why| RequestError(StatusCode::INTERNAL_SERVER_ERROR, why))?;
+    let video = context.videos.add(names.video.clone(), rate, frames, folder).map_err(busy)?;
     let command = ViewerCommand::Video { view: Arc::clone(&view), job: Arc::clone(&video) };
     if context.queue.push_command(command).is_err() {
         video.end(Err("too many requests at once".into()));
@@ -386,9 +388,9 @@ async fn video_file(State(context): Shared, Path(id): Path<u32>) -> Answer {
     if !video.is_done() {
         return Err(RequestError(StatusCode::CONFLICT, "the video is not finished".into()));
     }
-    let file = std::fs::read(video.path())
+    let file = Download::open(&video.path(), Arc::clone(&video))
         .map_err(|error| RequestError(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()))?;
-    let mut response = ([(header::CONTENT_TYPE, "video/mp4")], Body::from(file)).into_response();
+    let mut response = file.response("video/mp4");
     set_file_name(&mut response, &video.name)?;
     Ok(response)
 }

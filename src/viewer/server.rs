@@ -1,26 +1,46 @@
 //! The HTTP server, on one thread.
 
-use super::guard::{Guard, Verdict};
-use super::listener::LimitedListener;
-use anyhow::{Context, Result, anyhow};
-use axum::Router;
-use axum::extract::{DefaultBodyLimit, Request};
-use axum::http::{HeaderValue, StatusCode, header};
-use axum::middleware::{Next, from_fn};
+use super::guard::Guard;
+use super::listener::{Connection, Connections, TimedStream};
+use anyhow::{Context, Result, bail};
+use axum::body::{Body, to_bytes};
+use axum::extract::{DefaultBodyLimit, Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use axum::{Extension, Router};
 use clap::Args;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use std::io::Read;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::task::JoinSet;
+use tokio::time::{sleep, timeout};
 use wm_viewer::page::{PageKind, files_of};
 
 /// Longest body of a request, and longest message of a WebSocket, bytes.
 pub const MAX_BODY_BYTES: usize = 1 << 18;
+/// Longest text that is taken for a token, bytes.
+const MAX_TOKEN_BYTES: usize = 256;
+/// Longest time for the head of a request, or for a login, to arrive, and between two requests of a connection.
+const HEAD_TIMEOUT: Duration = Duration::from_secs(10);
+/// Most bytes of a connection that wait in memory to be sent, and of a request's head.
+const MAX_BUFFER: usize = 1 << 16;
+/// Pause after a failure to accept, such as when file handles run out.
+const RETRY_AFTER: Duration = Duration::from_millis(100);
 /// The port that is tried first.
 const PORT: u16 = 8787;
 /// Number of ports that are tried after it.
 const PORTS: u16 = 20;
 /// Shortest token that a user may choose.
 const SHORTEST: usize = 16;
+/// The environment variable that holds a token.
+const TOKEN_VARIABLE: &str = "WEATHER_MAGICIAN_TOKEN";
 
 /// Address, port and token of the page.
 #[derive(Args, Clone, Debug)]
@@ -28,12 +48,16 @@ pub struct ServerArgs {
     /// Port of the page; 0 for any free port [default: 8787, or the next free one]
     #[arg(long, value_name = "PORT", help_heading = "Server")]
     pub port: Option<u16>,
-    /// Address to listen on. On any address but this computer's own (127.0.0.1) the page needs the token that is printed;
-    /// connections are not encrypted, so prefer to forward the port with ssh
+    /// Address to listen on. Connections are not encrypted, so prefer to forward the port with ssh to listening on another
+    /// address than this computer's own (127.0.0.1)
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST), help_heading = "Server")]
     pub host: IpAddr,
-    /// Token, at least 16 letters or digits [default: a new one if one is needed]
-    #[arg(long, value_name = "TOKEN", help_heading = "Server")]
+    /// File whose first line is the token that the page needs, at least 16 letters or digits; the environment variable
+    /// WEATHER_MAGICIAN_TOKEN gives it too [default: a new one, which is printed]
+    #[arg(long, value_name = "FILE", help_heading = "Server")]
+    pub token_file: Option<PathBuf>,
+    /// Was an option that other users of the computer could read.
+    #[arg(long, value_name = "TOKEN", hide = true)]
     pub token: Option<String>,
 }
 
@@ -41,18 +65,35 @@ impl ServerArgs {
     /// Returns the access rules.
     ///
     /// # Errors
-    /// The token is too short or too long, or has other characters.
+    /// The token is too short or too long, or has other characters; its file cannot be read.
     pub fn guard(&self) -> Result<Guard> {
-        if let Some(token) = &self.token {
+        self.guard_with(std::env::var_os(TOKEN_VARIABLE).map(|token| token.to_string_lossy().into_owned()))
+    }
+
+    /// Returns the access rules with the token of the environment.
+    fn guard_with(&self, variable: Option<String>) -> Result<Guard> {
+        if self.token.is_some() {
+            bail!(
+                "--token: every user of this computer could read it in the list of processes; set {TOKEN_VARIABLE} or give --token-file"
+            );
+        }
+        let chosen = match &self.token_file {
+            Some(path) => Some((format!("--token-file {}", path.display()), read_token(path)?)),
+            None => variable.map(|token| (TOKEN_VARIABLE.to_owned(), token)),
+        };
+        if let Some((origin, token)) = &chosen {
             let is_plain = token.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_.~".contains(&byte));
-            if token.len() < SHORTEST || token.len() > 256 || !is_plain {
-                return Err(anyhow!("--token: must be {SHORTEST} to 256 letters, digits and -_.~"));
+            if token.len() < SHORTEST || token.len() > MAX_TOKEN_BYTES || !is_plain {
+                bail!("{origin}: a token is {SHORTEST} to {MAX_TOKEN_BYTES} letters, digits and -_.~");
             }
         }
-        let is_needed = self.token.is_none() && !self.host.is_loopback();
-        let new =
-            if is_needed { Some(super::guard::new_token().context("cannot create a token")?) } else { None };
-        Ok(Guard { token: self.token.clone().or(new) })
+        // Who chooses the token may have put a server in front that is called otherwise.
+        let is_local = chosen.is_none() && self.host.is_loopback();
+        let token = match chosen {
+            Some((_, token)) => token,
+            None => super::guard::new_token().context("cannot create a token")?,
+        };
+        Ok(Guard { token, is_local })
     }
 
     fn listen(&self) -> Result<TcpListener> {
@@ -70,43 +111,83 @@ impl ServerArgs {
     }
 }
 
-/// Serves `router` on a thread of its own until the program ends; returns the address of the page.
+/// Returns the first line of a file that holds a token.
+fn read_token(path: &std::path::Path) -> Result<String> {
+    let mut text = Vec::new();
+    let read = std::fs::File::open(path).and_then(|file| {
+        // A pipe is read as far as a token may go.
+        file.take(MAX_TOKEN_BYTES as u64 + 2).read_to_end(&mut text)
+    });
+    read.with_context(|| format!("--token-file {}: cannot be read", path.display()))?;
+    let text = String::from_utf8_lossy(&text);
+    Ok(text.lines().next().unwrap_or_default().trim().to_owned())
+}
+
+/// Serves a page on a thread of its own until the program ends; `router` answers what needs the token. Returns the address of
+/// the page with the token.
 ///
 /// # Errors
-/// No port is free.
-pub fn serve(args: &ServerArgs, router: Router) -> Result<String> {
+/// No port is free, or the token cannot be used.
+pub fn serve(args: &ServerArgs, page: PageKind, router: Router) -> Result<String> {
     let guard = args.guard()?;
     let listener = args.listen()?;
     listener.set_nonblocking(true)?;
     let address = listener.local_addr()?;
-    let query = guard.token.as_ref().map_or_else(String::new, |token| format!("?token={token}"));
-    let router = guarded(router, guard);
+    let page_address = format!("http://{address}/#token={}", guard.token);
+    let router = guarded(page, router, guard);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     std::thread::Builder::new().name("server".into()).spawn(move || {
         runtime.block_on(async {
             match tokio::net::TcpListener::from_std(listener) {
-                // Serving never ends by itself.
-                Ok(listener) => _ = axum::serve(LimitedListener::new(listener), router).await,
+                Ok(listener) => accept(listener, router).await,
                 Err(error) => eprintln!("error: cannot serve the page: {error}"),
             }
         });
     })?;
-    Ok(format!("http://{address}/{query}"))
+    Ok(page_address)
 }
 
-/// Adds the guard and the common headers to the routes.
-fn guarded(router: Router, guard: Guard) -> Router {
-    let router = router.fallback(get(|| async { refusal(StatusCode::NOT_FOUND, "there is no such page") }));
-    router.layer(DefaultBodyLimit::max(MAX_BODY_BYTES)).layer(from_fn(move |request: Request, next: Next| {
-        let verdict = guard.check(request.method(), request.uri(), request.headers());
+/// Accepts connections for ever.
+async fn accept(listener: tokio::net::TcpListener, router: Router) {
+    let connections = Arc::<Connections>::default();
+    let mut http = http1::Builder::new();
+    http.timer(TokioTimer::new()).header_read_timeout(HEAD_TIMEOUT).max_buf_size(MAX_BUFFER);
+    loop {
+        let Ok((stream, address)) = listener.accept().await else {
+            sleep(RETRY_AFTER).await;
+            continue;
+        };
+        // Frames are sent in one piece; small responses must not wait for more data.
+        let _ = stream.set_nodelay(true);
+        let connection = connections.add(address.ip());
+        let service = TowerToHyperService::new(router.clone().layer(Extension(Arc::clone(&connection))));
+        let stream = TokioIo::new(TimedStream::new(stream, Arc::clone(&connection)));
+        let served = http.serve_connection(stream, service).with_upgrades();
+        tokio::spawn(async move {
+            tokio::select! {
+                // What is wrong with a connection is for its client to see.
+                _ = served => {}
+                () = connection.has_to_leave() => {}
+            }
+        });
+    }
+}
+
+/// Returns the routes of a page: its files and the login for everybody, those of `router` for requests with the token; none for
+/// foreign pages. All responses have the common headers.
+fn guarded(page: PageKind, router: Router, guard: Guard) -> Router {
+    let guard = Arc::new(guard);
+    let inside = router
+        .fallback(get(|| async { refusal(StatusCode::NOT_FOUND, "there is no such page") }))
+        .layer(DefaultBodyLimit::max(MAX_BODY_BYTES))
+        .layer(from_fn_with_state(Arc::clone(&guard), check_token));
+    let login = Router::new().route("/login", get(is_logged_in).post(log_in)).with_state(Arc::clone(&guard));
+    let check_origin = from_fn(move |request: Request, next: Next| {
+        let verdict = guard.check_origin(request.method(), request.uri(), request.headers());
         async move {
             let mut response = match verdict {
-                Verdict::Pass => next.run(request).await,
-                Verdict::Welcome(cookie) => {
-                    let headers = [(header::SET_COOKIE, cookie), (header::LOCATION, "/".to_owned())];
-                    (StatusCode::SEE_OTHER, headers).into_response()
-                }
-                Verdict::Refuse(status, why) => refusal(status, why),
+                Ok(()) => next.run(request).await,
+                Err((status, why)) => refusal(status, why),
             };
             let headers = response.headers_mut();
             for (name, value) in HEADERS {
@@ -114,7 +195,50 @@ fn guarded(router: Router, guard: Guard) -> Router {
             }
             response
         }
-    }))
+    });
+    page_files(page).merge(login).merge(inside).layer(check_origin)
+}
+
+type SharedGuard = State<Arc<Guard>>;
+
+/// Answers a request with the token. A panic ends this request alone.
+async fn check_token(State(guard): SharedGuard, request: Request, next: Next) -> Response {
+    if !guard.is_admitted(request.headers()) {
+        let why = "the token is missing: open the address that the program printed, or send `Authorization: Bearer TOKEN`";
+        return refusal(StatusCode::UNAUTHORIZED, why);
+    }
+    let connection = request.extensions().get::<Arc<Connection>>();
+    if connection.is_some_and(|connection| !connection.admit()) {
+        let why = "too many connections at once; close some and try it again";
+        return refusal(StatusCode::SERVICE_UNAVAILABLE, why);
+    }
+    // The task ends with this future, when the client is gone.
+    let mut task = JoinSet::new();
+    task.spawn(next.run(request));
+    match task.join_next().await {
+        Some(Ok(response)) => response,
+        _ => refusal(StatusCode::INTERNAL_SERVER_ERROR, "the program failed at this request"),
+    }
+}
+
+/// Tells a page if it has to log in.
+async fn is_logged_in(State(guard): SharedGuard, headers: HeaderMap) -> Response {
+    let answer = if guard.is_admitted(&headers) { "true" } else { "false" };
+    ([(header::CONTENT_TYPE, "application/json")], answer).into_response()
+}
+
+/// Gives the cookie to a page that sends the token.
+async fn log_in(State(guard): SharedGuard, headers: HeaderMap, body: Body) -> Response {
+    let body = match timeout(HEAD_TIMEOUT, to_bytes(body, MAX_TOKEN_BYTES)).await {
+        Ok(Ok(body)) => body,
+        Ok(Err(_)) => return refusal(StatusCode::PAYLOAD_TOO_LARGE, "This is too long for a token"),
+        Err(_) => return refusal(StatusCode::REQUEST_TIMEOUT, "The token did not arrive in time"),
+    };
+    if std::str::from_utf8(&body).is_ok_and(|shown| guard.is_token(shown)) {
+        (StatusCode::NO_CONTENT, [(header::SET_COOKIE, guard.cookie(&headers))]).into_response()
+    } else {
+        refusal(StatusCode::FORBIDDEN, "This is not the token that the program printed")
+    }
 }
 
 /// Headers of every response: nothing is loaded from other origins, nothing is cached, no other page can frame this one or learn
@@ -137,7 +261,7 @@ pub fn refusal(status: StatusCode, why: impl AsRef<str>) -> Response {
 }
 
 /// Returns the routes of a page's files, which are built into the program.
-pub fn page_routes<S: Clone + Send + Sync + 'static>(page: PageKind) -> Router<S> {
+fn page_files(page: PageKind) -> Router {
     files_of(page).fold(Router::new(), |router, file| {
         let path = if file.path == "index.html" { "/".into() } else { format!("/{}", file.path) };
         router.route(&path, get(async || ([(header::CONTENT_TYPE, file.kind)], file.text).into_response()))
@@ -148,18 +272,36 @@ pub fn page_routes<S: Clone + Send + Sync + 'static>(page: PageKind) -> Router<S
 mod tests {
     use super::*;
 
-    fn args(host: &str, token: Option<&str>) -> ServerArgs {
-        ServerArgs { port: Some(0), host: host.parse().unwrap(), token: token.map(str::to_owned) }
+    fn args(host: &str) -> ServerArgs {
+        ServerArgs { port: Some(0), host: host.parse().unwrap(), token_file: None, token: None }
     }
 
     #[test]
-    fn other_addresses_need_a_token() {
-        assert_eq!(args("127.0.0.1", None).guard().unwrap().token, None);
-        assert_eq!(args("::1", None).guard().unwrap().token, None);
-        assert_eq!(args("0.0.0.0", None).guard().unwrap().token.unwrap().len(), 32);
-        assert_eq!(args("127.0.0.1", Some("0123456789abcdef")).guard().unwrap().token.unwrap().len(), 16);
-        for bad in ["", "short", "0123456789abcde\"", "0123456789abcdef;"] {
-            assert!(args("0.0.0.0", Some(bad)).guard().is_err(), "{bad}");
+    fn every_address_needs_a_token() {
+        for (host, is_local) in [("127.0.0.1", true), ("::1", true), ("0.0.0.0", false)] {
+            let guard = args(host).guard_with(None).unwrap();
+            assert_eq!((guard.token.len(), guard.is_local), (32, is_local), "{host}");
         }
+    }
+
+    #[test]
+    fn a_token_is_chosen_where_no_list_of_processes_shows_it() {
+        let chosen = "0123456789abcdef";
+        let guard = args("127.0.0.1").guard_with(Some(chosen.into())).unwrap();
+        assert_eq!((guard.token.as_str(), guard.is_local), (chosen, false));
+        for bad in ["", "short", "0123456789abcde\"", "0123456789abcdef;", &"a".repeat(300)] {
+            let error = args("0.0.0.0").guard_with(Some(bad.into())).unwrap_err().to_string();
+            assert!(error.starts_with("WEATHER_MAGICIAN_TOKEN: a token is 16 to 256 "), "{bad}: {error}");
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("token");
+        let with_file = ServerArgs { token_file: Some(path.clone()), ..args("::1") };
+        assert!(with_file.guard_with(None).unwrap_err().to_string().ends_with("token: cannot be read"));
+        std::fs::write(&path, "fedcba9876543210\r\n").unwrap();
+        assert_eq!(with_file.guard_with(Some(chosen.into())).unwrap().token, "fedcba9876543210");
+        std::fs::write(&path, "a".repeat(100_000)).unwrap();
+        assert!(with_file.guard_with(None).unwrap_err().to_string().contains("16 to 256"));
+        let shown = ServerArgs { token: Some(chosen.into()), ..args("::1") };
+        assert!(shown.guard_with(None).unwrap_err().to_string().contains("list of processes"));
     }
 }

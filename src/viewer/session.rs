@@ -39,6 +39,7 @@ enum ClientMessage {
 pub async fn run(mut socket: WebSocket, context: Arc<ViewerContext>) {
     let client_queue = Arc::new(ClientQueue::default());
     let Some(id) = context.queue.add_client(Arc::clone(&client_queue)) else { return };
+    let _place = ClientPlace { context: Arc::clone(&context), id };
     client_queue.push_message(context.greeting());
     let mut view: Option<Arc<View>> = None;
     let mut pings = interval(PING);
@@ -47,7 +48,7 @@ pub async fn run(mut socket: WebSocket, context: Arc<ViewerContext>) {
             message = socket.recv() => match message {
                 Some(Ok(Message::Text(text))) => {
                     if let Err(error) = handle_message(text.as_str(), &context, id, &client_queue, &mut view) {
-                        client_queue.push_message(json!({ "type": "error", "text": error }).to_string());
+                        client_queue.push_error(&error);
                     }
                 }
                 // Clients send text only.
@@ -75,7 +76,18 @@ pub async fn run(mut socket: WebSocket, context: Arc<ViewerContext>) {
             }
         }
     }
-    context.queue.remove_client(id);
+}
+
+/// The place of a client in the queue, which is free again when the session ends, also by a panic.
+struct ClientPlace {
+    context: Arc<ViewerContext>,
+    id: u64,
+}
+
+impl Drop for ClientPlace {
+    fn drop(&mut self) {
+        self.context.queue.remove_client(self.id);
+    }
 }
 
 fn handle_message(

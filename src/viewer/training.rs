@@ -1,7 +1,8 @@
 //! The page of a training: its curves, and a rendered picture every few seconds while the page is open.
 
-use super::server::{self, ServerArgs, page_routes, refusal};
+use super::server::{self, ServerArgs, refusal};
 use anyhow::Result;
+use axum::Router;
 use axum::body::Bytes;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
@@ -83,12 +84,12 @@ impl TrainingBoard {
             ..TrainingStatus::default()
         };
         let board = Self(Arc::new(Mutex::new(BoardState { status, ..BoardState::default() })));
-        let router = page_routes(PageKind::Training)
+        let router = Router::new()
             .route("/training", get(status_json))
             .route("/training/picture", get(picture))
             .route("/training/camera", put(set_camera))
             .with_state(board.clone());
-        println!("the training is shown at {}", server::serve(args, router)?);
+        println!("the training is shown at {}", server::serve(args, PageKind::Training, router)?);
         Ok(board)
     }
 

@@ -90,17 +90,21 @@ pub struct VideoList {
 }
 
 impl VideoList {
-    /// Adds a video; only one may be running.
+    /// Adds a video whose file will be in `folder`; only one may be running.
     ///
     /// # Errors
-    /// A video is running, or no temporary folder can be created.
-    pub fn add(&self, name: String, rate: FrameRate, frames: u32) -> Result<Arc<ViewerVideo>, String> {
+    /// A video is running.
+    pub fn add(
+        &self,
+        name: String,
+        rate: FrameRate,
+        frames: u32,
+        folder: TempDir,
+    ) -> Result<Arc<ViewerVideo>, String> {
         let mut all = self.all.lock().unwrap_or_else(PoisonError::into_inner);
         if all.1.values().any(|video| video.is_running()) {
             return Err("a video is being rendered; wait for it or stop it".into());
         }
-        let folder = tempfile::Builder::new().prefix("weather-magician-view-").tempdir();
-        let folder = folder.map_err(|error| format!("cannot create a folder for the video: {error}"))?;
         all.0 += 1;
         let id = all.0;
         let video = Arc::new(ViewerVideo {
@@ -118,11 +122,6 @@ impl VideoList {
             all.1.pop_first();
         }
         Ok(video)
-    }
-
-    /// Removes all videos and their files.
-    pub fn clear(&self) {
-        self.all.lock().unwrap_or_else(PoisonError::into_inner).1.clear();
     }
 
     /// Returns the video with a number.

@@ -3,16 +3,27 @@
 use crate::choices::SkyChoice;
 use crate::scene::{FactArgs, OwnSkyArgs, RunArgs, SceneArgs};
 use glam::DVec3;
+use std::ffi::{OsStr, OsString};
+use std::path::PathBuf;
 use wm_scene::survey::{FactSource, Survey};
 
 /// Returns the command-line words that name a scene, with its photos' cameras, which influence snow covers.
-pub fn scene_words(args: &SceneArgs, sky: OwnSkyArgs, views: Option<&std::path::PathBuf>) -> Vec<String> {
-    let mut words = vec![args.scene.display().to_string()];
-    let mut add =
-        |option: &str, value: Option<String>| words.extend(value.map(|value| format!("--{option}={value}")));
-    add("level", args.level.map(|level| level.to_string()));
-    add("sky", (sky.sky != SkyChoice::Keep).then(|| sky.sky.name().into()));
-    add("views", views.map(|folder| folder.display().to_string()));
+pub fn scene_words(args: &SceneArgs, sky: OwnSkyArgs, views: Option<&PathBuf>) -> Vec<OsString> {
+    let mut words = vec![args.scene.clone().into_os_string()];
+    let mut add = |option: &str, value: &OsStr| {
+        let mut word = OsString::from(format!("--{option}="));
+        word.push(value);
+        words.push(word);
+    };
+    if let Some(level) = args.level {
+        add("level", level.to_string().as_ref());
+    }
+    if sky.sky != SkyChoice::Keep {
+        add("sky", sky.sky.name().as_ref());
+    }
+    if let Some(folder) = views {
+        add("views", folder.as_os_str());
+    }
     words.extend(args.repair.then(|| "--repair".into()));
     words
 }

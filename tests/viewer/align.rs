@@ -44,7 +44,7 @@ fn three_clicks_on_the_ground_set_up_upright() {
     let (workshop, scene) = tilted_yard();
     let Some(browser) = Browser::start(&workshop.path("")) else { return };
     let viewer = Viewer::of(&scene, &["--port=0", CAMERA]).loaded();
-    browser.open(&viewer.address);
+    browser.view(&viewer);
     browser.picture();
     let is_fetched = "performance.getEntriesByType('resource').some(e => e.name.includes('/align.'))";
     assert_eq!(browser.script(&format!("return {is_fetched}")), false, "fetched before it is opened");
@@ -229,7 +229,7 @@ fn the_sun_stands_where_the_dial_says() {
     let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
     let Some(browser) = Browser::start(&workshop.path("")) else { return };
     let viewer = Viewer::of(&scene, &["--port=0", CAMERA]).loaded();
-    browser.open(&viewer.address);
+    browser.view(&viewer);
     browser.picture();
     let press = |key: &str| {
         browser.script(&format!(

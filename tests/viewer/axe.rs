@@ -45,11 +45,14 @@ fn everyone_can_use_the_page() {
     let (workshop, scene) = yard_scene();
     let Some(browser) = Browser::start(&workshop.path("")) else { return };
     let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    browser.open_at(&viewer.address, "");
+    browser.until("document.getElementById('login')?.open");
+    assert_eq!(findings(&browser, &axe), Vec::<String>::new(), "the login");
     let (desk, phone) = ((1280, 800, false), (390, 844, true));
     for (window, scheme) in [(desk, "light"), (desk, "dark"), (phone, "light"), (phone, "dark")] {
         let name = format!("axe-{}-{scheme}", window.0);
         emulate(&browser, window, scheme);
-        browser.open(&viewer.address);
+        browser.view(&viewer);
         browser.picture();
         let check = |what: &str| {
             screenshots(&browser, &format!("{name}-{what}"));
@@ -86,7 +89,7 @@ fn keys_reach_and_move_every_control() {
     let Some(browser) = Browser::start(&workshop.path("")) else { return };
     let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
     emulate(&browser, (1280, 800, false), "light");
-    browser.open(&viewer.address);
+    browser.view(&viewer);
     browser.picture();
     let focused =
         || browser.script("const e = document.activeElement; return e.id || e.dataset.name || e.className");

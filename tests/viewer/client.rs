@@ -1,7 +1,7 @@
 //! The viewer as a process.
 
 use crate::common::{binary, run};
-use crate::socket::{PATIENCE, ask};
+use crate::socket::{PATIENCE, Socket, ask};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -13,14 +13,27 @@ pub struct Viewer {
     child: Child,
     /// `127.0.0.1:PORT`.
     pub address: String,
+    /// The token that it printed.
+    pub token: String,
 }
 
 impl Viewer {
     /// Shows a scene of the yard.
     pub fn of(scene: &Path, options: &[&str]) -> Self {
+        Self::run(Self::command(scene, options))
+    }
+
+    /// Shows a scene of the yard with a token that does not change from one start to the next.
+    pub fn with_token(scene: &Path, options: &[&str], token: &str) -> Self {
+        let mut command = Self::command(scene, options);
+        command.env("WEATHER_MAGICIAN_TOKEN", token);
+        Self::run(command)
+    }
+
+    fn command(scene: &Path, options: &[&str]) -> Command {
         let mut command = binary();
         command.arg("view").arg(scene).args(["--device=cpu", "--size=96x64"]).args(options);
-        Self::run(command)
+        command
     }
 
     /// Runs a command that prints an address.
@@ -30,8 +43,8 @@ impl Viewer {
         let line = lines.map_while(Result::ok).find(|line| line.contains("http://"));
         let line = line.expect("it prints an address");
         let address = line.split("http://").nth(1).unwrap();
-        let address = address.split('/').next().unwrap().to_owned();
-        Self { child, address }
+        let (address, token) = address.split_once("/#token=").expect("the address has the token");
+        Self { child, address: address.into(), token: token.trim().into() }
     }
 
     /// Waits until the scene is read.
@@ -51,10 +64,23 @@ impl Viewer {
         self.child.wait().unwrap()
     }
 
-    /// Status and body of a request.
+    /// Status and body of a request with the token.
     pub fn ask(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> (u16, Vec<u8>) {
-        let (status, _, body) = ask(&self.address, method, path, headers, body);
+        let bearer = self.bearer();
+        let headers = [headers, &[("Authorization", bearer.as_str())]].concat();
+        let (status, _, body) = ask(&self.address, method, path, &headers, body);
         (status, body)
+    }
+
+    /// The header `Authorization` with the token.
+    pub fn bearer(&self) -> String {
+        format!("Bearer {}", self.token)
+    }
+
+    /// Opens a WebSocket with the token; the status that it was refused with otherwise.
+    pub fn socket(&self, headers: &[(&str, &str)]) -> Result<Socket, u16> {
+        let bearer = self.bearer();
+        Socket::open(&self.address, &[headers, &[("Authorization", bearer.as_str())]].concat())
     }
 
     /// The same without a body.

@@ -98,7 +98,7 @@ fn pictures_are_functions_of_their_state() {
 fn a_state_that_is_put_reaches_every_page() {
     let (_workshop, scene) = yard_scene();
     let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
-    let mut page = Socket::open(&viewer.address, &[]).unwrap();
+    let mut page = viewer.socket(&[]).unwrap();
     page.view(1, false, &json!({}));
     let (head, clear) = page.whole();
     assert_eq!((head["width"].as_u64(), head["height"].as_u64()), (Some(96), Some(64)));
@@ -127,7 +127,7 @@ fn a_state_that_is_put_reaches_every_page() {
 fn only_the_latest_request_counts_and_moving_views_are_smaller() {
     let (_workshop, scene) = yard_scene();
     let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
-    let mut page = Socket::open(&viewer.address, &[]).unwrap();
+    let mut page = viewer.socket(&[]).unwrap();
     for seq in 1..=50 {
         page.view(seq, true, &json!({ "time": seq, "size": [480, 320] }));
     }
@@ -164,7 +164,7 @@ fn only_the_latest_request_counts_and_moving_views_are_smaller() {
 fn snow_is_prepared_while_pictures_go_on() {
     let (_workshop, scene) = yard_scene();
     let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
-    let mut page = Socket::open(&viewer.address, &[]).unwrap();
+    let mut page = viewer.socket(&[]).unwrap();
     page.view(1, false, &json!({ "weather": { "name": "white", "snow_cover": { "depth": 0.3 } } }));
     let (mut words, mut drafts) = (Vec::new(), 0);
     loop {
@@ -249,7 +249,7 @@ fn a_scene_that_cannot_be_read_is_told_to_page_and_terminal() {
     let mut command = crate::common::binary();
     command.arg("view").arg(&broken).arg("--port=0").stderr(std::process::Stdio::null());
     let mut viewer = Viewer::run(command);
-    let mut page = Socket::open(&viewer.address, &[]).unwrap();
+    let mut page = viewer.socket(&[]).unwrap();
     let text = loop {
         match page.next() {
             Came::Word(word) if word["type"] == "failed" => break word["text"].as_str().unwrap().to_owned(),

@@ -95,7 +95,7 @@ fn pictures_have_points_and_saved_ones_have_none() {
 fn a_picture_does_not_wait_for_its_points() {
     let (_workshop, scene) = yard_scene();
     let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
-    let mut page = Socket::open(&viewer.address, &[]).unwrap();
+    let mut page = viewer.socket(&[]).unwrap();
     let mut next = |seq: u64, is_moving: bool, state: Value| {
         page.view(seq, is_moving, &state);
         let mut heads = Vec::new();
@@ -142,7 +142,7 @@ fn the_panel_places_a_lidar_and_saves_its_points() {
     std::fs::create_dir(&downloads).unwrap();
     let Some(browser) = Browser::start(&downloads) else { return };
     let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
-    browser.open(&viewer.address);
+    browser.view(&viewer);
     let plain = browser.picture();
     let text = |id: &str| {
         let text = browser.script(&format!("return document.getElementById('{id}').textContent"));

@@ -36,9 +36,11 @@ fn the_page_works() {
     let downloads = workshop.path("downloads");
     std::fs::create_dir(&downloads).unwrap();
     let Some(browser) = Browser::start(&downloads) else { return };
-    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
-    browser.open(&viewer.address);
+    let token = "the-token-of-this-test";
+    let viewer = Viewer::with_token(&scene, &["--port=0"], token).loaded();
+    browser.view(&viewer);
     let clear = browser.picture();
+    assert_eq!(browser.script("return location.href"), format!("http://{}/", viewer.address));
     assert_eq!(browser.script("return document.getElementById('scene-name').textContent"), "yard");
 
     // Weather: a switch, a slider, a preset; sliders come from the tables.
@@ -102,20 +104,59 @@ fn the_page_works() {
     let port = format!("--port={}", address.rsplit(':').next().unwrap());
     drop(viewer);
     browser.until("document.getElementById('offline')");
-    let viewer = Viewer::of(&scene, &[&port]).loaded();
+    let viewer = Viewer::with_token(&scene, &[&port], token).loaded();
     browser.until("document.body.dataset.live === 'yes' && !document.getElementById('offline')");
     assert!(browser.picture() == shown, "after a new start the page shows something else");
 
     // A scene that cannot be read is told on the page.
     drop(viewer);
     std::fs::write(&scene, "ply\nformat ascii 1.0\nnonsense").unwrap();
-    let mut viewer = Viewer::of(&scene, &[&port]);
+    let mut viewer = Viewer::with_token(&scene, &[&port], token);
     browser.until("!document.getElementById('veil').hidden && document.getElementById('veil-text').textContent.includes('yard.ply')");
     assert_eq!(viewer.ended().code(), Some(1));
     // Nothing but the program that was not there, which a thumbnail may have been asked of as it ended.
     let was_gone = |line: &String| line.contains("WebSocket") || line.contains("ERR_CONNECTION_REFUSED");
     let others: Vec<String> = browser.complaints().into_iter().filter(|line| !was_gone(line)).collect();
     assert_eq!(others, Vec::<String>::new());
+}
+
+#[test]
+fn a_page_without_the_token_asks_for_it() {
+    let (workshop, scene) = yard_scene();
+    let Some(browser) = Browser::start(&workshop.path("")) else { return };
+    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    browser.open_at(&viewer.address, "");
+    browser.until("document.getElementById('login')?.open");
+    assert_eq!(browser.complaints(), Vec::<String>::new());
+    screenshots(&browser, "login");
+    let enter = |text: &str| {
+        browser.script(&format!("document.getElementById('token').value = '{text}'"));
+        click(&browser, "#login button");
+    };
+    enter("something-else-entirely");
+    browser.until("document.getElementById('login-said').textContent.startsWith('This is not the token')");
+    browser.press("\u{E00C}");
+    browser.press("\u{E00C}");
+    browser.until("document.getElementById('login').open");
+    // The whole address will do.
+    enter(&format!("http://{}/#token={}", viewer.address, viewer.token));
+    browser.picture();
+    assert_eq!(browser.script("return document.getElementById('login')"), serde_json::Value::Null);
+    assert_eq!(browser.script("return document.cookie"), "", "a script can read the token");
+    // The cookie is there for the next page.
+    browser.open_at(&viewer.address, "?again");
+    browser.picture();
+    // A program that was started anew has another token. Its address, opened in the same tab, is enough.
+    let port = format!("--port={}", viewer.address.rsplit(':').next().unwrap());
+    drop(viewer);
+    browser.until("document.getElementById('offline')");
+    let viewer = Viewer::of(&scene, &[&port]).loaded();
+    browser.until("document.getElementById('login')?.open");
+    browser.open_at(&viewer.address, &format!("?again#token={}", viewer.token));
+    browser.until(
+        "!document.getElementById('login') && !document.getElementById('offline') && location.hash === ''",
+    );
+    browser.picture();
 }
 
 fn saved_files_render_to_the_same_bytes(browser: &Browser, downloads: &Path) {
@@ -164,7 +205,7 @@ fn it_fits_a_phone_and_both_lights() {
         let metrics = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": mobile });
         browser.chromium("Emulation.setDeviceMetricsOverride", metrics);
         prefer("light");
-        browser.open(&viewer.address);
+        browser.view(&viewer);
         browser.picture();
         // Nothing stands out of the window, and the picture has most of it. What screen readers alone read is a pixel wide.
         let inside = "[...document.querySelectorAll('#bar > *, #outputs, #timeline > *, .tabs button')].every(e => e.hidden || e.clientWidth <= 1 || e.scrollWidth <= e.clientWidth + 2 && \

@@ -2,7 +2,6 @@
 
 use crate::client::{Viewer, until};
 use crate::common::{Workshop, binary, run};
-use crate::socket::Socket;
 use serde_json::{Value, json};
 
 #[test]
@@ -38,6 +37,6 @@ fn a_training_is_shown_while_it_runs() {
     assert_eq!(told()["camera"], "orbit");
     // The same door as that of the viewer.
     assert_eq!(viewer.ask("GET", "/training", &[("Host", "evil.example")], b"").0, 403);
-    assert_eq!(Socket::open(&viewer.address, &[]).err(), Some(404));
+    assert_eq!(viewer.socket(&[]).err(), Some(404));
     assert!(String::from_utf8(viewer.get("/").1).unwrap().contains("training.js"));
 }

@@ -1,6 +1,6 @@
 //! A browser without a window, driven by WebDriver (W3C): chromedriver and Chromium, if they are installed.
 
-use crate::client::until;
+use crate::client::{Viewer, until};
 use crate::socket::{PATIENCE, ask};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
@@ -75,9 +75,11 @@ impl Browser {
         self.command("POST", path, body.to_string().as_bytes())
     }
 
-    /// Opens a page.
-    pub fn open(&self, address: &str) {
-        self.open_at(address, "");
+    /// Opens the page of a viewer at the address that it printed.
+    pub fn view(&self, viewer: &Viewer) {
+        // From one fragment to another no page is loaded.
+        self.post("/url", &json!({ "url": "about:blank" }));
+        self.open_at(&viewer.address, &format!("#token={}", viewer.token));
     }
 
     /// Opens a page with a query and a fragment.

@@ -5,6 +5,7 @@ use crate::state::{Follow, Pose, ViewOutput, ViewState, weather_of_json, weather
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::sync::Arc;
 use weather_magician::view::ViewOptions;
 use weather_magician::view::path::{CameraPath, PathKey};
@@ -22,8 +23,8 @@ const MAX_VIEWS: usize = 400;
 pub struct Catalog {
     /// The scene's name, used in file names.
     pub stem: String,
-    /// Command-line words of the scene.
-    pub words: Vec<String>,
+    /// Command-line words of the scene; names of files need not be UTF-8.
+    pub words: Vec<OsString>,
     /// Command-line words of its facts.
     pub fact_words: Vec<String>,
     /// True if the facts were changed and not saved.

@@ -2,6 +2,7 @@
 
 use crate::catalog::Catalog;
 use crate::state::{Follow, View, ViewOutput};
+use std::ffi::{OsStr, OsString};
 use wm_media::video::FrameRate;
 
 /// A text to save.
@@ -65,12 +66,11 @@ impl FileNames {
 
     /// Returns the command that renders the same; `video` is the frame rate and the length in seconds.
     pub fn command(&self, catalog: &Catalog, view: &View, video: Option<(FrameRate, f64)>) -> String {
-        let mut words = vec!["weather-magician".to_owned(), "render".into()];
-        words.extend(catalog.words.iter().chain(&catalog.fact_words).cloned());
+        let mut words = command_words("render", catalog);
         let state = &view.state;
         let [width, height] = state.size;
         let camera = if state.follow == Follow::Path { "path" } else { "camera" };
-        let mut add = |option: &str, value: String| words.push(format!("--{option}={value}"));
+        let mut add = |option: &str, value: String| words.push(format!("--{option}={value}").into());
         add("weather", self.weather.clone());
         add(camera, self.camera.clone());
         add("size", format!("{width}x{height}"));
@@ -90,15 +90,14 @@ impl FileNames {
         }
         // The picture that was saved with the other files lies where they do.
         words.push("--overwrite".into());
-        words.extend(catalog.run_words.iter().cloned());
+        words.extend(catalog.run_words.iter().map(OsString::from));
         shell_line(&words)
     }
 
     /// Returns the command that makes the same points.
     pub fn scan(&self, catalog: &Catalog, view: &View) -> String {
-        let mut words = vec!["weather-magician".to_owned(), "scan".into()];
-        words.extend(catalog.words.iter().chain(&catalog.fact_words).cloned());
-        let mut add = |option: &str, value: String| words.push(format!("--{option}={value}"));
+        let mut words = command_words("scan", catalog);
+        let mut add = |option: &str, value: String| words.push(format!("--{option}={value}").into());
         add("weather", self.weather.clone());
         if let Some(lidar) = &view.state.lidar {
             add("lidar", lidar.model.clone());
@@ -113,23 +112,43 @@ impl FileNames {
         add("time", view.state.time.to_string());
         add("out", self.points.clone());
         words.push("--overwrite".into());
-        words.extend(catalog.run_words.iter().cloned());
+        words.extend(catalog.run_words.iter().map(OsString::from));
         shell_line(&words)
     }
 }
 
-/// Joins words to a line for a POSIX shell.
-fn shell_line(words: &[String]) -> String {
+/// Returns the first words of a command for the scene.
+fn command_words(command: &str, catalog: &Catalog) -> Vec<OsString> {
+    let mut words = vec!["weather-magician".into(), command.into()];
+    words.extend(catalog.words.iter().cloned());
+    words.extend(catalog.fact_words.iter().map(OsString::from));
+    words
+}
+
+/// Joins words to a line for a shell.
+fn shell_line(words: &[OsString]) -> String {
     words.iter().map(|word| shell_word(word)).collect::<Vec<_>>().join(" ") + "\n"
 }
 
-/// Quotes a word for a POSIX shell.
-fn shell_word(word: &str) -> String {
+/// Quotes a word for a shell: any POSIX shell, and for names that are not UTF-8 or have control characters, which no
+/// page can show, one that knows `$'...'` (POSIX 2024; bash, zsh, ksh).
+fn shell_word(word: &OsStr) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "-_./:=,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(is_plain) {
-        word.into()
-    } else {
-        format!("'{}'", word.replace('\'', r"'\''"))
+    match word.to_str() {
+        Some(text) if !text.is_empty() && text.chars().all(is_plain) => text.into(),
+        Some(text) if !text.contains(char::is_control) => format!("'{}'", text.replace('\'', r"'\''")),
+        _ => {
+            let mut quoted = "$'".to_owned();
+            // Three octal digits end by themselves, whatever follows; hexadecimal ones go on in some shells.
+            for byte in word.as_encoded_bytes() {
+                if byte.is_ascii_alphanumeric() || b"-_./:=,+@% ".contains(byte) {
+                    quoted.push(char::from(*byte));
+                } else {
+                    quoted += &format!("\\{byte:03o}");
+                }
+            }
+            quoted + "'"
+        }
     }
 }
 
@@ -139,9 +158,24 @@ mod tests {
 
     #[test]
     fn words_are_quoted_for_a_shell() {
-        assert_eq!(shell_word("--camera=a-b.camera.json"), "--camera=a-b.camera.json");
-        assert_eq!(shell_word("my place.ply"), "'my place.ply'");
-        assert_eq!(shell_word("it's; $(rm)"), r"'it'\''s; $(rm)'");
-        assert_eq!(shell_word(""), "''");
+        let word = |text: &str| shell_word(text.as_ref());
+        assert_eq!(word("--camera=a-b.camera.json"), "--camera=a-b.camera.json");
+        assert_eq!(word("my place.ply"), "'my place.ply'");
+        assert_eq!(word("it's; $(rm)"), r"'it'\''s; $(rm)'");
+        assert_eq!(word(""), "''");
+        assert_eq!(word("a\nb\u{1b}c'.ply"), r"$'a\012b\033c\047.ply'");
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn names_that_are_not_utf_8_are_the_same_in_a_shell() {
+        use std::os::unix::ffi::OsStrExt;
+        let name = OsStr::from_bytes(b"Stra\xdfe 7\\'\"$x\xff1\n.ply");
+        let line = format!("printf %s {}", shell_word(name));
+        let output = std::process::Command::new("bash").args(["-c", &line]).output();
+        // Not every system has bash.
+        if let Ok(output) = output {
+            assert_eq!(OsStr::from_bytes(&output.stdout), name, "{line}");
+        }
     }
 }

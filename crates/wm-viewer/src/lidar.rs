@@ -1,6 +1,6 @@
 //! The lidar whose points are drawn over the picture: its part of a state, and the sweeps that were made last.
 
-use crate::state::View;
+use crate::state::{View, check_point};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -100,6 +100,8 @@ impl CheckedLidar {
         })?;
         let colors = state.colors.parse().map_err(|error: String| format!("lidar.colors: {error}"))?;
         let camera = |place: &SensorPlace| {
+            check_point("lidar.at: eye", place.eye)?;
+            check_point("lidar.at: target", place.target)?;
             let [eye, target] =
                 [place.eye, place.target].map(|point| DVec3::from_array(point) + survey.origin);
             let camera = CameraSpec::LookAt { eye, target }.camera(&[], survey, &ViewOptions::default());

@@ -28,6 +28,8 @@ pub struct PageFile {
 const SERVER: &[PageKind] = &[PageKind::Server];
 /// The static page alone.
 const STATIC: &[PageKind] = &[PageKind::Static];
+/// The pages that the program serves.
+const SERVED: &[PageKind] = &[PageKind::Server, PageKind::Training];
 /// Both pages of a scene.
 const SCENE: &[PageKind] = &[PageKind::Server, PageKind::Static];
 /// The page of a training alone.
@@ -63,6 +65,7 @@ pub const FILES: &[PageFile] = &[
     file!("worker.js", JS, STATIC),
     file!("align.js", JS, SCENE),
     file!("align.css", CSS, SCENE),
+    file!("login.js", JS, SERVED),
     file!("main.js", JS, SCENE),
     file!("camera.js", JS, SCENE),
     file!("controls.js", JS, SCENE),

@@ -144,7 +144,7 @@ impl SiteFile {
     pub fn catalog(&self, survey: Survey, renderer: String) -> Result<Catalog, String> {
         let catalog = Catalog {
             stem: self.name.clone(),
-            words: self.words.clone(),
+            words: self.words.iter().map(Into::into).collect(),
             fact_words: Vec::new(),
             is_unsaved: false,
             run_words: Vec::new(),

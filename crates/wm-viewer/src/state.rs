@@ -9,6 +9,7 @@ use std::sync::Arc;
 use weather_magician::CameraMotion;
 use weather_magician::view::path::CameraPath;
 use wm_scene::Camera;
+use wm_scene::values::FARTHEST;
 use wm_weather::Weather;
 
 /// Longest side of a picture, px.
@@ -17,6 +18,19 @@ const MAX_SIDE: u32 = 4096;
 const MAX_PIXELS: u64 = 3840 * 2160;
 /// Largest absolute time, seconds.
 const MAX_TIME: f64 = 1e6;
+
+/// Checks a point that a client sends: each coordinate is within [`FARTHEST`], as those of splats are.
+///
+/// # Errors
+/// The point in one line, which begins with its name, `what`.
+pub fn check_point(what: &str, point: [f64; 3]) -> Result<(), String> {
+    // NaN is within no limit.
+    if point.iter().all(|v| v.abs() <= f64::from(FARTHEST)) {
+        return Ok(());
+    }
+    let [x, y, z] = point;
+    Err(format!("{what} {x:e},{y:e},{z:e}: each coordinate must be within {FARTHEST:e} scene units"))
+}
 
 /// Position, orientation and field of view of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -176,6 +190,8 @@ impl View {
         if state.divider.is_some_and(|share| !(0.0..=1.0).contains(&share)) {
             return Err("divider: must be a share of the width, 0 to 1, or null".into());
         }
+        check_point("camera: eye", state.camera.eye)?;
+        state.path.iter().try_for_each(|key| check_point("path: eye", key.eye))?;
         let weather = match before.filter(|before| before.state.weather == state.weather) {
             Some(before) => Arc::clone(&before.weather),
             None => Arc::new(catalog.weather(&state.weather)?),
@@ -296,6 +312,23 @@ mod tests {
             CameraPath::parse(&view.camera_file, &survey, &weather_magician::view::ViewOptions::default())
                 .unwrap();
         assert_eq!(read.at(read.start() + 0.9, (60, 40)), view.motion().camera(0.9));
+    }
+
+    #[test]
+    fn points_beyond_any_place_are_refused() {
+        let pose = |eye| Pose { eye, ..state().camera };
+        let key = |eye| PoseKey { time: 0.0, eye, rotation: [1.0, 0.0, 0.0, 0.0], fov: 50.0 };
+        for bad in [1e11, -1e20, 1e300, f64::INFINITY, f64::NAN] {
+            let eye = [0.0, bad, 0.0];
+            for state in [
+                ViewState { camera: pose(eye), ..state() },
+                ViewState { path: vec![key([0.0; 3]), key(eye)], ..state() },
+            ] {
+                let error = View::new(state, &catalog(), None).unwrap_err();
+                assert!(error.contains("within 1e10 scene units") && error.len() < 200, "{error}");
+            }
+        }
+        assert!(View::new(ViewState { camera: pose([1e10; 3]), ..state() }, &catalog(), None).is_ok());
     }
 
     #[test]

@@ -12,6 +12,9 @@
 //   beginVideo(asked), video(id), stopVideo(id), videoFile(id) with features.video
 
 import { ViewSender } from "./connection.js";
+import { enter } from "./login.js";
+
+await enter();
 
 /** Time until the next try after the connection broke, ms. */
 const AGAIN = 1000;
@@ -43,7 +46,8 @@ export class Connection extends ViewSender {
     socket.onclose = () => {
       if (this.socket === socket) this.on.open(false);
       this.socket = null;
-      setTimeout(() => this.connect(), AGAIN);
+      // A program that was started anew may want another token.
+      setTimeout(() => enter().then(() => this.connect()), AGAIN);
     };
     socket.onmessage = (event) => {
       if (typeof event.data === "string") this.on.word(JSON.parse(event.data));

@@ -41,7 +41,6 @@ export class Links {
   async share() {
     try {
       const fragment = await backend.linkOf(this.store.state);
-      // Without the query: it may hold the word that lets into the program.
       const link = `${location.href.split(/[?#]/)[0]}#${fragment}`;
       history.replaceState(null, "", link);
       toast((await copy(link)) ? "Link copied" : "The link is in the address bar", "note", "link");

@@ -1,6 +1,7 @@
 // A training while it runs: asks once a second, draws curves.
 
 import { $, count, h, short } from "./dom.js";
+import { enter } from "./login.js";
 
 /** @typedef {{dataset: string, photo: string, step: number, steps: number, splats: number, seconds: number, loss: number[][],
  *   held_out: number[][], shown: number[][], camera: string, picture: number | null, end: string | null}} Told */
@@ -90,7 +91,8 @@ let isOver = false;
 
 async function ask() {
   try {
-    const response = await fetch("./training");
+    let response = await fetch("./training");
+    if (response.status === 401) response = await enter().then(() => fetch("./training"));
     if (!response.ok) throw new Error(await response.text());
     const told = await response.json();
     show(told);
@@ -104,4 +106,4 @@ async function ask() {
 for (const name of ["photo", "orbit"]) {
   $(`camera-${name}`).addEventListener("click", () => fetch("./training/camera", { method: "PUT", body: JSON.stringify(name) }));
 }
-ask();
+enter().then(ask);
