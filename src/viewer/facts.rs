@@ -63,9 +63,6 @@ pub enum FactChange {
     Save {},
 }
 
-/// Least and greatest scale that a client may set, metres a unit.
-const SCALES: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
-
 impl FactChange {
     /// Checks the values that can be checked without the scene.
     fn check(self) -> Result<(), FactError> {
@@ -83,8 +80,8 @@ impl FactChange {
         if let Self::Scale { points: [a, b], metres } = self {
             let scale = metres / a.distance(b);
             // What is no scale at all is told by the alignment.
-            if scale > 0.0 && scale.is_finite() && !SCALES.contains(&scale) {
-                let (least, most) = (SCALES.start(), SCALES.end());
+            if scale > 0.0 && scale.is_finite() && !Metadata::SCALES.contains(&scale) {
+                let (least, most) = (Metadata::SCALES.start(), Metadata::SCALES.end());
                 return Err(FactError::Refused(format!(
                     "{scale:e} metres a unit: a scale is {least:e} to {most:e}; check the points and the metres"
                 )));

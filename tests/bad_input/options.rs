@@ -66,9 +66,9 @@ fn numbers_and_words() {
         (["--path", "dolly"], ".mp4 or a folder, or --time S for the picture at that time"),
         (["--distance", "-1"], "--distance -1: must be finite and above 0"),
         (["--distance", "5"], "--distance needs --path dolly"),
-        (["--metres-per-unit", "0"], "--metres-per-unit is 0: it must be 1e-9 to 1e9"),
-        (["--metres-per-unit", "-1"], "--metres-per-unit is -1: it must be 1e-9 to 1e9"),
-        (["--metres-per-unit", "nan"], "--metres-per-unit is NaN: it must be 1e-9 to 1e9"),
+        (["--metres-per-unit", "0"], "--metres-per-unit is 0: it must be 1e-6 to 1e6"),
+        (["--metres-per-unit", "-1"], "--metres-per-unit is -1: it must be 1e-6 to 1e6"),
+        (["--metres-per-unit", "nan"], "--metres-per-unit is NaN: it must be 1e-6 to 1e6"),
         (["--known-distance", "5"], "`5` is no known distance: write two points and metres"),
         (["--known-distance", "0,0,0:1,0=2"], "is no known distance: write two points and metres"),
         (["--known-distance", "0,0,0:0,0,0=2"], "give no scale: they must be finite and apart"),
@@ -132,8 +132,8 @@ fn what_is_odd_but_works() {
         &["--camera", "1e30,0,0:1e30,5,0"],
         &["--near", "1e-30"],
         &["--time", "-1e300"],
-        &["--metres-per-unit", "1e-9", "--weather", "fog"],
-        &["--metres-per-unit", "1e9", "--weather", "ground-fog"],
+        &["--metres-per-unit", "1e-6", "--weather", "fog"],
+        &["--metres-per-unit", "1e6", "--weather", "ground-fog"],
         &["--weather", "fog", "--set", "fog.mor=inf"],
     ] {
         place.rendered("good.ply", more);

@@ -1,7 +1,7 @@
 //! Pictures: the right ones, the same each time, and those of `render`.
 
 use crate::client::{Viewer, rendered, until};
-use crate::socket::{Came, Socket};
+use crate::socket::Came;
 use crate::yard_scene;
 use serde_json::{Value, json};
 

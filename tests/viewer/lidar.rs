@@ -2,7 +2,7 @@
 
 use crate::client::{Viewer, rendered, until};
 use crate::page::{click, screenshots, slide};
-use crate::socket::{Came, Socket};
+use crate::socket::Came;
 use crate::webdriver::Browser;
 use crate::yard_scene;
 use serde_json::{Value, json};

@@ -1,6 +1,6 @@
 //! Requests that the viewer must refuse: each gets one line of error, and the viewer keeps running.
 
-use crate::client::{Viewer, until};
+use crate::client::Viewer;
 use crate::socket::{Came, Socket, ask, connect, parts};
 use crate::yard_scene;
 use serde_json::json;

@@ -2,6 +2,7 @@
 //!
 //! They are facts of the scene, kept with its [`crate::Metadata`]: nothing in the photos of a day tells them.
 
+use crate::values::FARTHEST;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -97,8 +98,8 @@ impl Lamp {
             (!range.contains(&value))
                 .then(|| format!("its {name} is {value} {unit}: it must be from {low} to {high}"))
         };
-        if !is_finite(&self.at) {
-            return Some("its place must be finite".into());
+        if !is_near(&self.at) {
+            return Some("its place must be finite and within 10^10 units of zero".into());
         }
         if self.aim.is_some_and(|aim| !is_finite(&aim) || aim == [0.0; 3]) {
             return Some("its aim must be finite and not 0".into());
@@ -175,8 +176,8 @@ impl LitWindow {
 
     /// The first fault, in one line.
     fn fault(&self) -> Option<String> {
-        if ![self.corner, self.across, self.upwards].iter().all(is_finite) {
-            return Some("its corner and edges must be finite".into());
+        if ![self.corner, self.across, self.upwards].iter().all(is_near) {
+            return Some("its corner and edges must be finite and within 10^10 units of zero".into());
         }
         let (middle, area) = self.middle_and_area();
         if !middle.is_finite() || !area.is_finite() || area.length() <= 0.0 {
@@ -208,6 +209,11 @@ pub(crate) fn fault(lamps: &[Lamp], windows: &[LitWindow]) -> Option<String> {
     let window =
         || windows.iter().enumerate().find_map(|(i, window)| Some(first("windows", i, window.fault()?)));
     lamp.or_else(window)
+}
+
+/// Returns true for a point that a scene can have.
+fn is_near(point: &[f64; 3]) -> bool {
+    point.iter().all(|v| v.abs() <= f64::from(FARTHEST))
 }
 
 fn is_finite(v: &[f64; 3]) -> bool {

@@ -3,6 +3,7 @@
 use crate::lamps::{self, Lamp, LitWindow};
 use crate::reflectance::{self, LabelReflectance};
 use crate::survey::Confidence;
+use crate::values::FARTHEST;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
@@ -207,6 +208,9 @@ impl Metadata {
     /// Largest coordinate of an origin, scene units.
     pub const FARTHEST_ORIGIN: f64 = 1e12;
 
+    /// Scales that a scene can have, metres a unit.
+    pub const SCALES: RangeInclusive<f64> = 1e-6..=1e6;
+
     /// Most points of an outline.
     pub const MOST_CORNERS: usize = 1000;
 
@@ -323,9 +327,9 @@ impl Metadata {
             return Some(format!("origin is {origin}: each coordinate must be finite and at most {most:e}"));
         }
         if let Some(value) = self.metres_per_unit
-            && !(1e-9..=1e9).contains(&value)
+            && !Self::SCALES.contains(&value)
         {
-            return Some(format!("metres_per_unit is {value}: it must be 1e-9 to 1e9"));
+            return Some(format!("metres_per_unit is {value}: it must be 1e-6 to 1e6"));
         }
         if let Some(up) = self.up
             && !(up.is_finite() && (up.length() - 1.0).abs() < 1e-3)
@@ -362,9 +366,9 @@ impl Metadata {
             return Some(format!("sun is {sun}: it must have length 1"));
         }
         if let Some(ground) = self.ground
-            && !ground.is_finite()
+            && !(ground.abs() <= FARTHEST.into())
         {
-            return Some(format!("ground is {ground}: it must be finite"));
+            return Some(format!("ground is {ground}: it must be finite and within 10^10 units of zero"));
         }
         if let Some(height) = self.camera_height
             && !(height.is_finite() && height > 0.0)
@@ -395,8 +399,8 @@ impl Metadata {
             return Some(format!("haze_extinction_error is {error}: it must be finite and not below 0"));
         }
         for outline in self.water.iter().flatten() {
-            let is_finite = outline.iter().flatten().all(|v| v.is_finite());
-            if !is_finite || !(3..=Self::MOST_CORNERS).contains(&outline.len()) {
+            let is_near = outline.iter().flatten().all(|v| v.abs() <= f64::from(FARTHEST));
+            if !is_near || !(3..=Self::MOST_CORNERS).contains(&outline.len()) {
                 let most = Self::MOST_CORNERS;
                 return Some(format!("water: an outline must have 3 to {most} points of finite numbers"));
             }
@@ -496,7 +500,7 @@ mod tests {
     #[test]
     fn entries_with_faults_are_told() {
         let say = |key, value| Metadata::from_entry(key, value).unwrap().unwrap_err();
-        assert_eq!(say("metres_per_unit", "-1"), "metres_per_unit is -1: it must be 1e-9 to 1e9");
+        assert_eq!(say("metres_per_unit", "-1"), "metres_per_unit is -1: it must be 1e-6 to 1e6");
         let place = say("location", "[91.0, 0.0]");
         assert!(place.starts_with("location is 91, 0: it must be a latitude of -90 to 90"), "{place}");
         for (key, value) in

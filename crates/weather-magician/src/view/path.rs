@@ -353,8 +353,13 @@ mod tests {
             say(vec![PathKey { fov: 180.0, ..key(0.0) }]),
             "camera path: keyframe 1: fov is 180: it must be 0.1 to 170 degrees"
         );
-        let far = PathKey { eye: DVec3::X * 1e300, ..key(1e-300) };
-        assert_eq!(say(vec![key(0.0), far]), "camera path: it is too fast");
+        let far = PathKey { eye: DVec3::X * 1e300, ..key(1.0) };
+        assert_eq!(
+            say(vec![key(0.0), far]),
+            "camera path: keyframe 2: coordinates must be within 10^10 of zero"
+        );
+        let fast = PathKey { eye: DVec3::X * 1e9, ..key(1e-301) };
+        assert_eq!(say(vec![key(0.0), fast]), "camera path: it is too fast");
         assert!(CameraPath::new(vec![key(0.0)], 0.0).is_err());
     }
 }

@@ -116,7 +116,10 @@ mod tests {
         assert_eq!(read(&scene).unwrap(), Some(metadata));
         assert!(folder.path().join("a.ply.wm.toml").is_file());
         let error = write_sidecar(&scene, &Metadata { ground: Some(f64::NAN), ..Metadata::default() });
-        let expected = format!("{}.wm.toml: not written: ground is NaN: it must be finite", scene.display());
+        let expected = format!(
+            "{}.wm.toml: not written: ground is NaN: it must be finite and within 10^10 units of zero",
+            scene.display()
+        );
         assert_eq!(error.unwrap_err().to_string(), expected);
     }
 }

@@ -129,7 +129,7 @@ fn what_cannot_be_read_back_is_not_written() {
     let fail = |scene: &Scene| write(&mut Vec::new(), scene, PlyEncoding::Ascii).unwrap_err().to_string();
     let mut scene = small_scene();
     scene.metadata.ground = Some(f64::NAN);
-    assert_eq!(fail(&scene), "not written: ground is NaN: it must be finite");
+    assert_eq!(fail(&scene), "not written: ground is NaN: it must be finite and within 10^10 units of zero");
     assert_eq!(fail(&Scene::default()), "there are no splats in it; nothing can be shown");
     let mut scene = small_scene();
     scene.splats.quats.pop();
