@@ -1,4 +1,5 @@
-//! Bodies of responses that are read while they are sent: a client that does not read them costs no memory.
+//! Bodies of responses that are read while they are sent: a client that does not read them costs no
+//! memory.
 
 use axum::body::{Body, Bytes};
 use axum::http::header;
@@ -28,17 +29,18 @@ impl Download {
     /// Returns the content of a file; `owner`, which removes the file, is kept until it is sent.
     ///
     /// # Errors
-    /// Those of the system.
+    /// Errors of the system.
     pub fn open(path: &Path, owner: impl Any + Send) -> io::Result<Self> {
         let file = File::open(path)?;
         let left = file.metadata()?.len();
         Ok(Self { reader: Box::new(file), left, _owner: Some(Box::new(owner)) })
     }
 
-    /// Returns a content that was made in memory; a large one is put into a file without a name in `folder`.
+    /// Returns a content that was made in memory; a large one is put into a file without a name in
+    /// `folder`.
     ///
     /// # Errors
-    /// Those of the system.
+    /// Errors of the system.
     pub fn of_bytes(bytes: Vec<u8>, folder: &Path) -> io::Result<Self> {
         let left = bytes.len() as u64;
         let reader: Box<dyn Read + Send> = if bytes.len() <= SMALL {

@@ -1,7 +1,8 @@
 //! The facts of the scene that the page's tool changes: up, the ground, the scale, lamps, and the sun of the photos.
 //!
-//! Changes act on the pictures at once. They become those of the scene only when the page asks for it, as `align --overwrite`
-//! writes them. Until then they are kept in a journal beside the scene, so that they outlast the program, however it ends.
+//! Changes act on the pictures at once. They become those of the scene only when the page asks for
+//! it, as `align --overwrite` writes them. Until then they are kept in a journal beside the scene,
+//! so that they outlast the program, however it ends.
 
 use super::words::survey_words;
 use crate::choices::SkyChoice;
@@ -152,7 +153,8 @@ impl FactEditor {
         if self.is_unsaved { survey_words(place.survey()) } else { self.saved_words.clone() }
     }
 
-    /// Takes the facts that were changed and not saved when the last viewer of the scene ended, if there are any, and says so.
+    /// Takes the facts that were changed and not saved when the last viewer of the scene ended, if
+    /// there are any, and says so.
     pub fn restore(&mut self, renderer: &mut Renderer, place: &mut PreparedPlace) {
         let Ok(file) = scene_file(&self.scene) else { return };
         let journal = journal_of(&file);

@@ -1,18 +1,19 @@
 //! Access to the server.
 //!
-//! Every request but those for the files of the page, which are the same in every program, needs the token: other users of this
-//! computer reach its loopback address too. A page gets the token in the fragment of its address, which no server sees, and logs in
-//! with it; from then on a cookie has it. Scripts send `Authorization: Bearer`.
+//! Every request but those for the files of the page, which are the same in every program, needs
+//! the token: other users of this computer reach its loopback address too. A page gets the token in
+//! the fragment of its address, which no server sees, and logs in with it; from then on a cookie
+//! has it. Scripts send `Authorization: Bearer`.
 //!
-//! A foreign page in the same browser must not act with that cookie. Its requests are recognised by their `Origin` and
-//! `Sec-Fetch-Site`. It may also map its own host name to this computer (DNS rebinding), so that the browser takes it for the
-//! server's own page; then its name is in `Host`.
+//! A foreign page in the same browser must not act with that cookie. Its requests are recognised by
+//! their `Origin` and `Sec-Fetch-Site`. It may also map its own host name to this computer (DNS
+//! rebinding), so that the browser takes it for the server's own page; then its name is in `Host`.
 
 use axum::http::{HeaderMap, Method, StatusCode, Uri, header};
 use std::net::IpAddr;
 
-/// The start of the name of the cookie that holds the token. The port follows: a browser gives all cookies of a computer to each
-/// of its ports.
+/// The start of the name of the cookie that holds the token. The port follows: a browser gives all
+/// cookies of a computer to each of its ports.
 const COOKIE: &str = "weather-magician-token";
 
 /// Checks requests.
@@ -97,7 +98,8 @@ fn text(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
     headers.get(name).and_then(|value| value.to_str().ok())
 }
 
-/// Returns the name of the cookie by the port that the browser knows, which a forwarded connection may change.
+/// Returns the name of the cookie by the port that the browser knows, which a forwarded connection
+/// may change.
 fn cookie_name(headers: &HeaderMap) -> String {
     let port = text(headers, header::HOST).map_or("", |host| split_host(host).1);
     format!("{COOKIE}-{port}")

@@ -1,7 +1,8 @@
 //! Connections: how many there may be, and for how long.
 //!
-//! A connection is a stranger until one of its requests had the token. There is room for a few strangers of each address, and when
-//! it is taken the oldest of them has to leave: whoever opens connections and says nothing keeps nobody out.
+//! A connection is a stranger until one of its requests had the token. There is room for a few
+//! strangers of each address, and when it is taken the oldest of them has to leave: whoever opens
+//! connections and says nothing keeps nobody out.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::future::Future;
@@ -69,7 +70,8 @@ impl Connections {
 }
 
 impl Counts {
-    /// Returns the address of which a stranger has to leave before one of `address` may come, if any.
+    /// Returns the address of which a stranger has to leave before one of `address` may come, if
+    /// any.
     fn crowded(&self, address: IpAddr) -> Option<IpAddr> {
         let mut of_address = BTreeMap::<IpAddr, usize>::new();
         for stranger in &self.strangers {
@@ -104,7 +106,8 @@ impl Connection {
         self.has_to_leave.notified().await;
     }
 
-    /// Takes a connection that showed the token for a member; returns false if there are too many of them.
+    /// Takes a connection that showed the token for a member; returns false if there are too many
+    /// of them.
     pub fn admit(&self) -> bool {
         let mut counts = self.all.lock();
         if self.is_member.load(Ordering::Relaxed) {

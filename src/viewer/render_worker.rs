@@ -1,5 +1,5 @@
-//! The render worker: the only owner of the scene, which carries out one task after the other. A task that fails, also by a panic,
-//! is answered with the reason, and the next one follows.
+//! The render worker: the only owner of the scene, which carries out one task after the other. A
+//! task that fails, also by a panic, is answered with the reason, and the next one follows.
 //!
 //! Assets that take seconds to make (snow covers, shelter maps) are made on a second thread; until then frames are rendered
 //! without them.
@@ -71,7 +71,7 @@ pub struct RenderWorker {
     broken: Option<anyhow::Error>,
 }
 
-/// Who is told if assets cannot be made.
+/// The owner that is told if assets cannot be made.
 #[derive(Clone, Copy, Debug)]
 enum AssetOwner {
     /// A client, by its id.
@@ -187,10 +187,11 @@ impl RenderWorker {
         Ok(())
     }
 
-    /// Does the work of one task. A panic in it is an error of this task; what it may have left half made is made anew.
+    /// Does the work of one task. A panic in it is an error of this task; what it may have left
+    /// half made is made anew.
     ///
     /// # Errors
-    /// Those of the work, and its panic in words.
+    /// The error of the work, or its panic in words.
     fn attempt<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
         let outcome = catch_unwind(AssertUnwindSafe(|| work(self))).unwrap_or_else(|panic| {
             self.recover();
@@ -203,7 +204,8 @@ impl RenderWorker {
         })
     }
 
-    /// Makes anew all that a panic may have left half made: what was derived from the scene by its facts, and the memory of frames.
+    /// Makes anew all that a panic may have left half made: what was derived from the scene by its
+    /// facts, and the memory of frames.
     fn recover(&mut self) {
         self.stop_pending();
         self.painter = ViewPainter::default();
@@ -558,7 +560,8 @@ impl RenderWorker {
         Ok(message)
     }
 
-    /// Renders the thumbnail of a preset; returns the command to try again if it has to wait for assets.
+    /// Renders the thumbnail of a preset; returns the command to try again if it has to wait for
+    /// assets.
     fn render_thumbnail(&mut self, name: String) -> Result<Option<ViewerCommand>> {
         let (catalog, start) = (self.context.catalog(), self.context.initial_state());
         let shot = thumbnail_view(&name, &catalog, start).map_err(|error| anyhow!(error))?;

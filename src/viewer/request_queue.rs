@@ -381,8 +381,8 @@ impl RequestQueue {
         }
     }
 
-    /// Tells a client why it gets no frame for its request, or none but the draft that it has. A request that came since is kept if
-    /// `seq` is given.
+    /// Tells a client why it gets no frame for its request, or none but the draft that it has. A
+    /// request that came since is kept if `seq` is given.
     pub fn fail_request(&self, id: u64, seq: Option<u64>, why: &str) {
         let mut state = locked(&self.state);
         let Some(client) = state.clients.iter_mut().find(|client| client.id == id) else { return };

@@ -27,7 +27,8 @@ use wm_viewer::page::{PageKind, files_of};
 pub const MAX_BODY_BYTES: usize = 1 << 18;
 /// Longest text that is taken for a token, bytes.
 const MAX_TOKEN_BYTES: usize = 256;
-/// Longest time for the head of a request, or for a login, to arrive, and between two requests of a connection.
+/// Longest time for the head of a request, or for a login, to arrive, and between two requests of a
+/// connection.
 const HEAD_TIMEOUT: Duration = Duration::from_secs(10);
 /// Most bytes of a connection that wait in memory to be sent, and of a request's head.
 const MAX_BUFFER: usize = 1 << 16;
@@ -48,15 +49,16 @@ pub struct ServerArgs {
     /// Port of the page; 0 for any free port [default: 8787, or the next free one]
     #[arg(long, value_name = "PORT", help_heading = "Server")]
     pub port: Option<u16>,
-    /// Address to listen on. Connections are not encrypted, so prefer to forward the port with ssh to listening on another
-    /// address than this computer's own (127.0.0.1)
+    /// Address to listen on. Connections are not encrypted, so prefer to forward the port with ssh
+    /// to listening on another address than this computer's own (127.0.0.1)
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST), help_heading = "Server")]
     pub host: IpAddr,
-    /// File whose first line is the token that the page needs, at least 16 letters or digits; the environment variable
-    /// WEATHER_MAGICIAN_TOKEN gives it too [default: a new one, which is printed]
+    /// File whose first line is the token that the page needs, at least 16 letters or digits; the
+    /// environment variable WEATHER_MAGICIAN_TOKEN gives it too [default: a new one, which is
+    /// printed]
     #[arg(long, value_name = "FILE", help_heading = "Server")]
     pub token_file: Option<PathBuf>,
-    /// Was an option that other users of the computer could read.
+    /// An option of old versions, which other users of the computer could read; refused.
     #[arg(long, value_name = "TOKEN", hide = true)]
     pub token: Option<String>,
 }
@@ -123,8 +125,8 @@ fn read_token(path: &std::path::Path) -> Result<String> {
     Ok(text.lines().next().unwrap_or_default().trim().to_owned())
 }
 
-/// Serves a page on a thread of its own until the program ends; `router` answers what needs the token. Returns the address of
-/// the page with the token.
+/// Serves a page on a thread of its own until the program ends; `router` answers what needs the
+/// token. Returns the address of the page with the token.
 ///
 /// # Errors
 /// No port is free, or the token cannot be used.
@@ -173,8 +175,8 @@ async fn accept(listener: tokio::net::TcpListener, router: Router) {
     }
 }
 
-/// Returns the routes of a page: its files and the login for everybody, those of `router` for requests with the token; none for
-/// foreign pages. All responses have the common headers.
+/// Returns the routes of a page: its files and the login for everybody, those of `router` for
+/// requests with the token; none for foreign pages. All responses have the common headers.
 fn guarded(page: PageKind, router: Router, guard: Guard) -> Router {
     let guard = Arc::new(guard);
     let inside = router

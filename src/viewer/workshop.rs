@@ -1,4 +1,5 @@
-//! The viewer's folder of temporary files: readable by its user alone, and removed at the next start of a viewer if this one is killed.
+//! The viewer's folder of temporary files: readable by its user alone, and removed at the next
+//! start of a viewer if this one is killed.
 
 use std::fs::{self, File};
 use std::io;
@@ -8,8 +9,8 @@ use tempfile::{Builder, TempDir};
 
 /// The start of the folder's name.
 const PREFIX: &str = "weather-magician-view-";
-/// A file in the folder that is locked while its viewer lives. A number of a process would not do: containers that share a folder
-/// have the same numbers.
+/// A file in the folder that is locked while its viewer lives. A number of a process would not do:
+/// containers that share a folder have the same numbers.
 const LOCK: &str = "lock";
 
 /// The folder, which is created when it is first needed.
@@ -61,7 +62,8 @@ impl Workshop {
 impl OpenWorkshop {
     fn create(parent: &Path) -> io::Result<Self> {
         let folder = folder_in(parent, PREFIX)?;
-        // It has its name once it is locked, so that nobody takes this folder for one that was left.
+        // It has its name once it is locked, so that nobody takes this folder for one that was
+        // left.
         let path = folder.path().join(LOCK);
         let unlocked = path.with_extension("new");
         let lock = File::create(&unlocked)?;
@@ -80,7 +82,8 @@ fn folder_in(parent: &Path, prefix: &str) -> io::Result<TempDir> {
     builder.tempdir_in(parent)
 }
 
-/// Removes the folders in `parent` whose viewers are gone and which belong to the user that `own` belongs to.
+/// Removes the folders in `parent` whose viewers are gone and which belong to the user that `own`
+/// belongs to.
 fn sweep(parent: &Path, own: &Path) {
     let Ok(entries) = fs::read_dir(parent) else { return };
     for entry in entries.filter_map(Result::ok) {
@@ -93,7 +96,8 @@ fn sweep(parent: &Path, own: &Path) {
     }
 }
 
-/// Returns true if a folder, which is no link, belongs to the owner of another: that of others may be made to mislead.
+/// Returns true if a folder, which is no link, belongs to the owner of another: that of others may
+/// be made to mislead.
 fn has_same_owner(path: &Path, own: &Path) -> bool {
     let (Ok(one), Ok(other)) = (fs::symlink_metadata(path), fs::symlink_metadata(own)) else { return false };
     #[cfg(unix)]

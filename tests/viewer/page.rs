@@ -146,7 +146,8 @@ fn a_page_without_the_token_asks_for_it() {
     // The cookie is there for the next page.
     browser.open_at(&viewer.address, "?again");
     browser.picture();
-    // A program that was started anew has another token. Its address, opened in the same tab, is enough.
+    // A program that was started anew has another token. Its address, opened in the same tab, is
+    // enough.
     let port = format!("--port={}", viewer.address.rsplit(':').next().unwrap());
     drop(viewer);
     browser.until("document.getElementById('offline')");

@@ -130,8 +130,8 @@ fn shell_line(words: &[OsString]) -> String {
     words.iter().map(|word| shell_word(word)).collect::<Vec<_>>().join(" ") + "\n"
 }
 
-/// Quotes a word for a shell: any POSIX shell, and for names that are not UTF-8 or have control characters, which no
-/// page can show, one that knows `$'...'` (POSIX 2024; bash, zsh, ksh).
+/// Quotes a word for a shell: any POSIX shell, and for names that are not UTF-8 or have control
+/// characters, which no page can show, one that knows `$'...'` (POSIX 2024; bash, zsh, ksh).
 fn shell_word(word: &OsStr) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "-_./:=,+@%".contains(c);
     match word.to_str() {
@@ -139,7 +139,8 @@ fn shell_word(word: &OsStr) -> String {
         Some(text) if !text.contains(char::is_control) => format!("'{}'", text.replace('\'', r"'\''")),
         _ => {
             let mut quoted = "$'".to_owned();
-            // Three octal digits end by themselves, whatever follows; hexadecimal ones go on in some shells.
+            // Three octal digits end by themselves, whatever follows; hexadecimal ones go on in
+            // some shells.
             for byte in word.as_encoded_bytes() {
                 if byte.is_ascii_alphanumeric() || b"-_./:=,+@% ".contains(byte) {
                     quoted.push(char::from(*byte));

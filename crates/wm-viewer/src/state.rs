@@ -19,7 +19,8 @@ const MAX_PIXELS: u64 = 3840 * 2160;
 /// Largest absolute time, seconds.
 const MAX_TIME: f64 = 1e6;
 
-/// Checks a point that a client sends: each coordinate is within [`FARTHEST`], as those of splats are.
+/// Checks a point that a client sends: each coordinate is within [`FARTHEST`], as those of splats
+/// are.
 ///
 /// # Errors
 /// The point in one line, which begins with its name, `what`.
