@@ -58,7 +58,7 @@ pub enum CameraError {
         height: u32,
     },
     /// A focal length is not positive, or a number is not finite.
-    #[error("camera {field} is {value}: {expected}")]
+    #[error("camera {field} is {}: {expected}", brief(*value))]
     Value {
         /// Name of the number.
         field: &'static str,
@@ -88,6 +88,11 @@ pub enum CameraError {
         /// Up vector.
         up: DVec3,
     },
+}
+
+/// A number without hundreds of digits.
+fn brief(value: f64) -> String {
+    if value == 0.0 || (1e-4..1e15).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
 }
 
 /// Vertical fields of view of pinhole cameras, degrees. Beyond them a frame of rain or of a wide
@@ -183,7 +188,7 @@ impl Camera {
             let reach = value.abs().max((f64::from(side) - value).abs());
             if focal > LONGEST_FOCAL || reach > WIDEST * focal {
                 let field = if field == "cx" { "fx" } else { "fy" };
-                let expected = "the picture must lie within 89.7 degrees of the axis, and pixels be wider than 0.01 arc seconds";
+                let expected = "a focal length must keep the picture within 89.7 degrees of the axis and pixels wider than 0.01 arc seconds";
                 return Err(CameraError::Value { field, value: focal, expected });
             }
         }

@@ -46,7 +46,7 @@ fn any_metadata() -> impl Strategy<Value = Metadata> {
     (numbers, prop::option::of("[^\\p{C}]{0,30}"), any::<bool>()).prop_map(|(numbers, provenance, some)| {
         Metadata {
             origin: some.then_some(DVec3::new(5e5, -0.1, 4e6)),
-            metres_per_unit: numbers.map(|n| n.0),
+            metres_per_unit: numbers.map(|n| n.0.clamp(1e-6, 1e6)),
             scale_source: numbers.is_some().then(|| provenance.clone()).flatten(),
             scale_confidence: numbers.map(|_| Confidence::Likely),
             ground: numbers.map(|n| n.1),

@@ -251,7 +251,7 @@ mod tests {
     fn faults_are_one_clear_line() {
         let (_, text) = RADAR_PRESETS[1];
         for (from, to, says) in [
-            ("rate = 14", "rate = 0", "mine: rate is 0: it must be above 0"),
+            ("rate = 14", "rate = 0", "mine: rate is 0: it must be 0.01 to 1000"),
             ("rate = 14", "rate = nan", "mine: rate is NaN"),
             ("rate = 14", "", "missing field `rate`"),
             ("rate = 14", "rat = 14", "unknown field `rat`"),
