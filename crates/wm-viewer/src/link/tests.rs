@@ -52,7 +52,7 @@ fn weathers() -> impl Strategy<Value = Value> {
 fn poses() -> impl Strategy<Value = Pose> {
     let eye = [number(-1e5..1e5), number(-1e5..1e5), number(-1e5..1e5)];
     let rotation = [0.1..1.0, -1.0..1.0, -1.0..1.0, -1.0..1.0_f64];
-    (eye, rotation, 1.0..179.0_f64).prop_map(|(eye, rotation, fov)| Pose { eye, rotation, fov })
+    (eye, rotation, 1.0..170.0_f64).prop_map(|(eye, rotation, fov)| Pose { eye, rotation, fov })
 }
 
 fn paths() -> impl Strategy<Value = Vec<PoseKey>> {
