@@ -259,7 +259,7 @@ impl RenderWorker {
                 self.waiting.remove(index).refuse(why.into());
             }
             AssetOwner::Video => {
-                self.video.take().iter().for_each(|active| active.video.end(Err(why.into())))
+                self.video.take().iter().for_each(|active| active.video.end(Err(why.into())));
             }
             AssetOwner::Waiting(_) | AssetOwner::Nobody => {}
         }
@@ -442,7 +442,7 @@ impl RenderWorker {
                 });
                 match point {
                     Ok(point) => {
-                        client_queue.push_message(json!({ "type": "picked", "point": point }).to_string())
+                        client_queue.push_message(json!({ "type": "picked", "point": point }).to_string());
                     }
                     Err(error) => client_queue.push_error(&format!("{error:#}")),
                 }

@@ -366,7 +366,7 @@ impl Metadata {
             return Some(format!("sun is {sun}: it must have length 1"));
         }
         if let Some(ground) = self.ground
-            && !(ground.abs() <= FARTHEST.into())
+            && (!ground.is_finite() || ground.abs() > FARTHEST.into())
         {
             return Some(format!("ground is {ground}: it must be finite and within 10^10 units of zero"));
         }
