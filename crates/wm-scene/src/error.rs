@@ -2,6 +2,7 @@
 
 use crate::{SplatsError, files::WriteFault, health::NonFiniteSplats};
 use std::{
+    borrow::Cow,
     fmt, io,
     path::{Path, PathBuf},
     str::FromStr,
@@ -245,9 +246,33 @@ pub fn escaped(text: &str) -> String {
     text.chars().map(escape).collect()
 }
 
+/// A text of several lines for a terminal: [`escaped`] but for line breaks and tabs.
+#[must_use]
+pub fn printable(text: &str) -> Cow<'_, str> {
+    const KEPT: [char; 2] = ['\n', '\t'];
+    if text.chars().all(|c| !c.is_control() || KEPT.contains(&c)) {
+        return text.into();
+    }
+    text.split_inclusive(KEPT)
+        .map(|part| {
+            let plain = part.trim_end_matches(KEPT);
+            escaped(plain) + &part[plain.len()..]
+        })
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_terminal_is_told_nothing() {
+        assert!(matches!(printable("Z\u{fc}rich\t1\n2"), Cow::Borrowed("Z\u{fc}rich\t1\n2")));
+        assert_eq!(
+            printable("a\u{1b}]0;title\u{7}\n\n\tb\u{9b}2J\u{7f}\r\n"),
+            "a\\u{1b}]0;title\\u{7}\n\n\tb\\u{9b}2J\\u{7f}\\r\n"
+        );
+    }
 
     #[test]
     fn places_print_in_one_line() {

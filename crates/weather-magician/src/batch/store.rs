@@ -322,7 +322,8 @@ impl BatchStore {
         for file in &files {
             let (from, to) = (block.staged.join(&file.path), self.folder.join(&file.path));
             // On the disk before the marker says so.
-            fs::File::open(&from).and_then(|file| file.sync_all()).map_err(|error| fault(&to, error))?;
+            let opened = fs::OpenOptions::new().write(true).open(&from);
+            opened.and_then(|file| file.sync_all()).map_err(|error| fault(&to, error))?;
             if let Some(folder) = to.parent() {
                 fs::create_dir_all(folder).map_err(|error| fault(folder, error))?;
             }

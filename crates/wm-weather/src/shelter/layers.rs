@@ -54,13 +54,15 @@ impl HeightLayers {
     /// Returns true if its parts fit each other and a scene of `splats` splats.
     pub(crate) fn is_consistent(&self, splats: usize) -> bool {
         let cells = self.grid.columns.saturating_mul(self.grid.rows);
-        let is_splat =
-            |(height, splat): (&f32, &u32)| *height == f32::NEG_INFINITY || (*splat as usize) < splats;
+        let knows_its_splats = |heights: &[f32], found: &[u32]| {
+            let mut cells = heights.iter().zip(found);
+            cells.all(|(height, splat)| *height == f32::NEG_INFINITY || (*splat as usize) < splats)
+        };
         self.grid.is_consistent()
             && self.metres_per_unit.is_finite()
             && self.heights.len() == self.splats.len()
             && self.heights.iter().zip(&self.splats).all(|(heights, found)| {
-                heights.len() == cells && found.len() == cells && heights.iter().zip(found).all(is_splat)
+                heights.len() == cells && found.len() == cells && knows_its_splats(heights, found)
             })
     }
 

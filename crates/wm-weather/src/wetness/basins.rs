@@ -142,7 +142,8 @@ impl Basins {
     pub(super) fn is_consistent(&self, cells: usize) -> bool {
         let is_basin = |index: &u32| *index == NONE || (*index as usize) < self.all.len();
         // Lower ones come first, so that water cannot run in a circle.
-        let is_sound = |(index, basin): (usize, &Basin)| {
+        let is_sound = |index: usize| {
+            let basin = &self.all[index];
             (basin.next == NONE || (basin.next as usize) < index)
                 && !basin.heights.is_empty()
                 && basin.heights.len() == basin.sums.len()
@@ -153,7 +154,7 @@ impl Basins {
                 && basin.cell.is_finite()
         };
         [&self.of, &self.drain].iter().all(|list| list.len() == cells && list.iter().all(is_basin))
-            && self.all.iter().enumerate().all(is_sound)
+            && (0..self.all.len()).all(is_sound)
     }
 
     /// Finds the basins of a ground of `[rows, columns]` heights, m; not a number where there is none, of which `beyond` says what happens to water.
