@@ -1023,6 +1023,10 @@ impl PreparedPlace {
         }
         self.look(backend, options.whole.as_ref().unwrap_or(&options.camera.camera), options.patience)?;
         let mut prepared = weather.at(options.time).prepare(&self.site);
+        // Before assets are made and kept.
+        if !prepared.falling().is_empty() {
+            options.camera.check_speed()?;
+        }
         if patience == Patience::Whole {
             let missing = self.lacking(weather, &prepared);
             if !missing.is_empty() {
@@ -1030,9 +1034,6 @@ impl PreparedPlace {
                 // The light of the photos says more of the site.
                 prepared = weather.at(options.time).prepare(&self.site);
             }
-        }
-        if !prepared.falling().is_empty() {
-            options.camera.check_speed()?;
         }
         self.check_water(weather, &prepared, &options.camera.camera)?;
         self.clear_foreign_cover(backend, &prepared);
