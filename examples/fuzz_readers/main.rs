@@ -13,6 +13,7 @@
 //! kept in `target/fuzz-failures/`.
 
 mod damage;
+mod edges;
 mod targets;
 mod uses;
 

@@ -240,6 +240,22 @@ pub const TARGETS: &[Target] = &[
     ),
     user("use-lens", &[text_seed!("lens.toml")], uses::render_lens),
     user("use-lidar", &[text_seed!("lidar.toml")], uses::scan),
+    user(
+        "use-links",
+        &[
+            |folder| uses::link_seed(folder, 0),
+            |folder| uses::link_seed(folder, 1),
+            |folder| uses::link_seed(folder, 2),
+        ],
+        uses::open_link,
+    ),
+    user(
+        "use-states",
+        &[text_seed!("state.json"), text_seed!("state_path.json"), text_seed!("state_lidar.json")],
+        uses::open_state,
+    ),
+    user("use-evaluate", &[uses::evaluation_seed], uses::evaluate_scene),
+    user("use-training", &[uses::training_seed], uses::resume_training),
     user("use-assets", &[uses::assets_seed], uses::render_assets),
     user("use-edges", &[uses::edges_seed], uses::render_edges),
 ];

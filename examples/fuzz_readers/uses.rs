@@ -1,22 +1,36 @@
-//! Work with what the readers accepted: frames, sweeps, assets and links, at 64x48 px.
+//! Work with what the readers accepted, at 64x48 px: frames, sweeps, assets, links, states of pages,
+//! evaluations, and trainings that go on.
 
 use crate::damage::Draws;
+use crate::edges::weather_at_edges;
 use crate::targets::Outcome;
 use glam::DVec3;
 use std::cell::Cell;
 use std::error::Error;
 use std::fs;
 use std::hash::{DefaultHasher, Hasher};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use weather_magician::lidar::ScanOptions;
 use weather_magician::view::{ViewOptions, path::CameraPath};
 use weather_magician::{
-    Camera, CameraMotion, EFFECTS, FrameOptions, LensSpec, Metadata, MovingCamera, Picture, PlaceOptions,
-    PreparedPlace, Renderer, Scene, Weather,
+    Camera, CameraMotion, FrameOptions, LensSpec, Metadata, MovingCamera, Patience, Picture,
+    PlaceOptions, PreparedPlace, Renderer, Scene, Weather,
 };
-use wm_scene::formats::{ReadOptions, read_scene};
+use wm_media::color::Dither;
+use wm_scene::capture::colmap::write::ColmapStorage;
+use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::synthetic::Builder;
 use wm_sensors::LidarModel;
+use wm_street::Street;
+use wm_street::dataset::{self, CameraRoute, DatasetOptions, GroundTruth};
+use wm_train::evaluation::{EvaluationOptions, ExposureFit, TruthMaps, TruthOptions, evaluate};
+use wm_train::photos::Check;
+use wm_train::session::{Resume, Session, SessionError, StepProgress, TrainObserver};
+use wm_train::{Dataset, DatasetReadOptions};
+use wm_viewer::catalog::Catalog;
+use wm_viewer::paint::PaintOptions;
+use wm_viewer::{View, ViewPainter, ViewState, link};
 
 const SIZE: (u32, u32) = (64, 48);
 /// Runs on one place: what it keeps for old weathers must not count against new ones.
@@ -201,19 +215,7 @@ pub fn scan(path: &Path) -> Outcome {
 /// camera, its speed and the time. `WM_SHOW_RUN=1` with `--child` prints them.
 pub fn render_edges(path: &Path) -> Outcome {
     let mut draws = draws_of(path)?;
-    let mut weather = Weather::default();
-    for _ in 0..3 {
-        let effect = draws.pick(&EFFECTS.iter().collect::<Vec<_>>());
-        let Some(param) = effect.params.get(draws.below(effect.params.len())) else { continue };
-        let (least, greatest) = param.range;
-        let middle = 0.5 * (least + greatest.min(1e6));
-        let values = [least, greatest.min(1e300), middle, least.next_up(), greatest.next_down(), 0.0, 1.0];
-        // Words, colours and images refuse a number, which is an answer too.
-        let set = weather.set_text(&format!("{}.{}={}", effect.name, param.name, draws.pick(&values)));
-        if set.is_err() {
-            weather.set_text(&format!("{}=on", effect.name)).map_err(text)?;
-        }
-    }
+    let weather = weather_at_edges(&mut draws)?;
     let far = draws.pick(&[1e-3, 1.0, 3.0, 1e3, 1e6, 1e10]);
     let fov = draws.pick(&[0.1, 1.0, 50.0, 120.0, 170.0]);
     let (eye, target) = (DVec3::new(0.0, -3.0, 1.6) * far, DVec3::new(0.0, 1.0, 1.0));
@@ -225,6 +227,169 @@ pub fn render_edges(path: &Path) -> Outcome {
         eprintln!("{weather:?}, {far} units away, fov {fov}, {speed} m/s, at {time} s");
     }
     on_stage(|stage| stage.render(&weather, time, moving))
+}
+
+/// The catalog of a viewer that shows the place.
+fn catalog(place: &PreparedPlace) -> Catalog {
+    Catalog { survey: place.survey().clone(), ..wm_viewer::testing::catalog() }
+}
+
+/// States of pages: a still camera in rain, a path by night, a lidar in snow.
+pub const STATES: [&str; 3] = [
+    include_str!("seeds/state.json"),
+    include_str!("seeds/state_path.json"),
+    include_str!("seeds/state_lidar.json"),
+];
+
+fn state(patch: &str, place: &PreparedPlace) -> Result<ViewState, String> {
+    let patch = serde_json::from_str(patch).map_err(text)?;
+    catalog(place).initial_state(&usual_camera()?).patched(patch)
+}
+
+/// Writes a link to one of [`STATES`].
+pub fn link_seed(folder: &Path, number: usize) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+    let stage = Stage::new()?;
+    let path = folder.join("link.txt");
+    fs::write(&path, link::encode(&state(STATES[number], &stage.place)?)?)?;
+    Ok(path)
+}
+
+/// Opens a damaged link, as the viewer and an exported page do, and draws its view.
+pub fn open_link(path: &Path) -> Outcome {
+    let fragment = fs::read_to_string(path).map_err(text)?;
+    on_stage(|stage| {
+        let catalog = catalog(&stage.place);
+        let base = catalog.initial_state(&usual_camera()?);
+        show(stage, &link::open(&fragment, &catalog, &base)?)
+    })
+}
+
+/// Draws a damaged state of a page, and the view of a link to it, which is the same state.
+pub fn open_state(path: &Path) -> Outcome {
+    let patch = fs::read_to_string(path).map_err(text)?;
+    on_stage(|stage| {
+        let catalog = catalog(&stage.place);
+        let view = View::new(state(&patch, &stage.place)?, &catalog, None)?;
+        if let Ok(fragment) = link::encode(&view.state) {
+            let opened = link::open(&fragment, &catalog, &view.state)?;
+            assert!(opened.state == view.state, "the link opens another state");
+        }
+        show(stage, &view)
+    })
+}
+
+/// Draws a view as a page shows it, and makes the sweep of its lidar.
+fn show(stage: &mut Stage, view: &View) -> Outcome {
+    let Stage { renderer, place, .. } = stage;
+    if let (Some(lidar), Some(motion)) = (&view.lidar, view.sensor_motion()) {
+        let options = lidar.options(view.state.time);
+        renderer.scan_once(place, &view.weather, &lidar.model, &motion, &options).map_err(text)?;
+    }
+    let options = PaintOptions { size: SIZE, patience: Patience::Whole, dither: Dither::Ordered };
+    let drawn = ViewPainter::default().draw(renderer, place, view, None, options);
+    wm_render::at_once(drawn).map(drop).map_err(text)
+}
+
+/// Photos of the street with true depth and a scene of it, as `evaluate` compares them.
+pub fn evaluation_seed(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+    photos(&folder.join("set"), GroundTruth::Write)?;
+    write_scene(&folder.join("scene.ply"), &court())?;
+    Ok(folder.to_path_buf())
+}
+
+fn photos(folder: &Path, truth: GroundTruth) -> Outcome {
+    let options = DatasetOptions {
+        route: CameraRoute::Orbit,
+        count: 4,
+        size: SIZE,
+        samples: 1,
+        points: 250,
+        storage: ColmapStorage::Binary,
+        truth,
+    };
+    dataset::write(&Street::builtin(), folder, &options, &mut |_| true).map(drop).map_err(text)
+}
+
+/// Compares a scene with photos and maps, one of which is damaged.
+pub fn evaluate_scene(folder: &Path) -> Outcome {
+    let scene = read_scene(&folder.join("scene.ply"), &ReadOptions::default()).map_err(text)?;
+    let (scene, _) = scene.repaired();
+    let mut renderer = Renderer::cpu().map_err(text)?;
+    let place = renderer.load_with(scene, &PlaceOptions::default()).map_err(text)?;
+    let (set, read) = (folder.join("set"), DatasetReadOptions::default());
+    let capture = read.capture(&set).map_err(text)?;
+    let photos = read.photos(&set, &capture, Check::default()).map_err(text)?;
+    let data = Dataset { places: (0..photos.len()).collect(), capture, photos };
+    let maps = TruthOptions {
+        depth: Some(set.join("depth")),
+        normal: Some(set.join("normal")),
+        sky: Some(set.join("sky")),
+        ..TruthOptions::default()
+    };
+    let (truth, _) = TruthMaps::open(&maps, &data, place.survey()).map_err(text)?;
+    let options = EvaluationOptions { exposure_fit: ExposureFit::Affine, ..EvaluationOptions::default() };
+    let set = place.set();
+    evaluate(renderer.backend_mut(), set, place.scene(), &data, &truth, &options, &mut ())
+        .map(drop)
+        .map_err(text)
+}
+
+/// Steps of the training that is gone on with.
+const STEPS: u32 = 24;
+
+/// Photos and the folder of a training that was stopped half-way.
+pub fn training_seed(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
+    photos(&folder.join("set"), GroundTruth::Omit)?;
+    let mut halves = HalfTheSteps(0);
+    match train(folder, &folder.join("run"), Resume::Never).run(&mut halves) {
+        Err(SessionError::Stopped { .. }) => Ok(folder.to_path_buf()),
+        other => Err(format!("the training did not stop: {:?}", other.map(drop)).into()),
+    }
+}
+
+fn train(folder: &Path, run: &Path, resume: Resume) -> Session {
+    let mut session = Session::new(folder.join("set")).steps(STEPS).max_splats(300).hold_out(3).run_folder(run);
+    if resume == Resume::Always {
+        session = session.resume();
+    }
+    session.metres_per_unit(1.0)
+}
+
+struct HalfTheSteps(u32);
+
+impl TrainObserver for HalfTheSteps {
+    fn proceed(&mut self) -> ControlFlow<()> {
+        if self.0 < STEPS / 2 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    }
+
+    fn on_step(&mut self, progress: &StepProgress) {
+        self.0 = progress.step;
+    }
+}
+
+/// Goes on with a training, of which the photos or the folder are damaged, to its end. Checkpoints
+/// have right checksums, as a stranger can write them.
+pub fn resume_training(folder: &Path) -> Outcome {
+    // The folder of the training changes, and is needed again.
+    let work = crate::fast_temporary_folder().map_err(text)?;
+    for entry in fs::read_dir(folder.join("run")).map_err(text)? {
+        let file = entry.map_err(text)?.path();
+        let name = file.file_name().unwrap_or_default();
+        let mut bytes = fs::read(&file).map_err(text)?;
+        if let (Some("wmtrain"), Some(end)) =
+            (file.extension().and_then(|ending| ending.to_str()), bytes.len().checked_sub(8))
+        {
+            let sum = fnv1a(&bytes[..end]);
+            bytes[end..].copy_from_slice(&sum.to_le_bytes());
+        }
+        fs::write(work.path().join(name), bytes).map_err(text)?;
+    }
+    train(folder, work.path(), Resume::Always).run(&mut ()).map(drop).map_err(text)
+}
+
+/// The checksum of checkpoints.
+fn fnv1a(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3))
 }
 
 /// Writes a file whose only use is that its damage differs from run to run.

@@ -1027,6 +1027,9 @@ impl PreparedPlace {
         if !prepared.falling().is_empty() {
             options.camera.check_speed()?;
         }
+        if let Some(glass) = prepared.glass() {
+            glass.check(&options.camera.camera).map_err(Error::Unsupported)?;
+        }
         if patience == Patience::Whole {
             let missing = self.lacking(weather, &prepared);
             if !missing.is_empty() {

@@ -419,6 +419,12 @@ pub trait Particles: Sync {
     /// Pieces of work for a view, in any form that [`Self::gather`] understands.
     fn parts(&self, view: &ParticleView) -> Vec<[i32; 4]>;
 
+    /// Estimates the cells of space that all pieces search, so that a frame which would take
+    /// minutes is refused before.
+    fn cells(&self, _view: &ParticleView) -> f64 {
+        0.0
+    }
+
     /// Hands over the particles of one piece that may be in view, each one once over all pieces.
     fn gather(
         &self,

@@ -40,6 +40,7 @@
 pub mod at_once;
 pub mod attributes;
 pub mod bench_scene;
+mod budget;
 pub mod cpu;
 pub mod device;
 pub mod differentiable;
@@ -65,6 +66,7 @@ pub mod testing;
 pub mod training;
 
 pub use at_once::at_once;
+pub use budget::Listed;
 pub use cpu::{CpuDifferentiable, CpuRenderer};
 pub use device::{AnyDifferentiable, AnyRenderer, Device};
 pub use differentiable::{

@@ -441,6 +441,20 @@ pub enum RenderError {
     /// The processor lacks the SIMD path.
     #[error("this processor has no {0}: use --simd auto")]
     NoSimd(&'static str),
+    /// The lists of a frame would take too much memory.
+    #[error("a picture's lists would take more than {mebibytes} MiB: {}", listed.advice())]
+    TooMuch {
+        /// The things that are listed.
+        listed: crate::Listed,
+        /// The most that the lists of such a picture may take, MiB.
+        mebibytes: u64,
+    },
+    /// What falls would have to be looked for in too much space.
+    #[error("{cells:.0} cells of space would have to be searched: {}", crate::Listed::Falling.advice())]
+    TooManyCells {
+        /// Their number.
+        cells: f64,
+    },
     /// Memory for the picture could not be had.
     #[error("no memory for a picture of {width}x{height} px")]
     Memory {

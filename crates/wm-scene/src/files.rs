@@ -410,6 +410,26 @@ fn is_temporary_name(name: &OsStr) -> bool {
     numbers.is_some_and(|(process, count)| is_number(process) && is_number(count))
 }
 
+/// Renames a file or a folder, as [`fs::rename`]; tests can have it fail.
+///
+/// # Errors
+/// The system's refusals.
+pub fn rename(from: &Path, to: &Path) -> io::Result<()> {
+    faults::check(Operation::Rename)?;
+    fs::rename(from, to)
+}
+
+/// Writes a file into a folder that has not its final name yet, as [`fs::write`]; tests can have it
+/// fail.
+///
+/// # Errors
+/// The system's refusals.
+pub fn write_staged(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    faults::check(Operation::Create)?;
+    faults::check(Operation::Write)?;
+    fs::write(path, bytes)
+}
+
 /// Locks a folder against other processes until the lock is dropped. `None` where folders cannot be
 /// locked: on Windows and on some network file systems.
 ///

@@ -5,10 +5,13 @@ use anyhow::{Result, bail};
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use wm_scene::files::{TempFolder, check_writable, write_atomically};
+use wm_scene::files::{TempFolder, check_writable, rename, write_atomically, write_staged};
 
 /// The file by which a site of this program is known.
 pub const MARK: &str = "place/place.json";
+/// A file that is in the folder of a site while its files are moved there, and stays if the program
+/// is killed then: the folder may be written to again.
+const UNFINISHED: &str = ".unfinished-site";
 /// Parts of an older site that are removed even if the new one lacks them.
 const PARTS: [&str; 2] = ["place", "video.mp4"];
 
@@ -45,6 +48,8 @@ impl SiteFolder {
         let (made, out) = (self.made.path(), &self.out);
         let bytes = size_of(made)?;
         at(fs::create_dir_all(out), out)?;
+        let unfinished = out.join(UNFINISHED);
+        at(write_staged(&unfinished, b""), &unfinished)?;
         let old = made.join("old");
         at(fs::create_dir(&old), &old)?;
         let mut names: Vec<_> =
@@ -53,14 +58,15 @@ impl SiteFolder {
         // The mark is in the last: a folder with it is whole.
         names.sort_by_key(|name| name == "place");
         for name in PARTS.iter().map(Into::into).chain(names.iter().cloned()) {
-            match fs::rename(out.join(&name), old.join(&name)) {
+            match rename(&out.join(&name), &old.join(&name)) {
                 Err(error) if error.kind() != ErrorKind::NotFound => at(Err(error), &out.join(&name))?,
                 _ => {}
             }
         }
         for name in &names {
-            at(fs::rename(made.join(name), out.join(name)), &out.join(name))?;
+            at(rename(&made.join(name), &out.join(name)), &out.join(name))?;
         }
+        at(fs::remove_file(&unfinished), &unfinished)?;
         Ok(bytes)
     }
 }
@@ -75,7 +81,8 @@ fn check_folder(out: &Path) -> Result<()> {
         }
         Err(error) => return at(Err(error), out),
     };
-    if entries.is_some() && !out.join(MARK).is_file() {
+    let is_ours = || [MARK, UNFINISHED].iter().any(|name| out.join(name).is_file());
+    if entries.is_some() && !is_ours() {
         bail!("{}: holds other things than a site; name a new or an empty folder", out.display());
     }
     Ok(())

@@ -293,6 +293,11 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         background: background(args.output.background, &loaded),
         rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
     };
+    if weather.effects().any(|(effect, _)| effect.precipitation.is_some()) {
+        // Before anything is made: a path may be too fast at any of its frames.
+        let metres = loaded.place.site().metres_per_unit;
+        wanted.iter().try_for_each(|index| plan.moving(plan.time(*index), metres).check_speed())?;
+    }
     let parts = parts(&args.output.also);
     let mut job = RenderJob::new(loaded, config, weather, (plan, model), parts)?;
     layers::check_labels(&args.output.also, &job.place, &args.scene.scene)?;

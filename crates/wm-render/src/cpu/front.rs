@@ -2,6 +2,7 @@
 
 use super::model::{CLUSTER, CpuModel, GROUPS, SplatGroup};
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
+use crate::budget::FrameBudget;
 use crate::dispatch;
 use crate::frame::splat_name;
 use crate::hooks::{GROUP, Medium, ShadeGroup, SkySplats};
@@ -109,12 +110,20 @@ pub(crate) struct Front<'a> {
     /// Normal of the surface that splits the blend, if the pass has one ([`DrawPass::surface`]).
     split: Option<[f32; 3]>,
     median: MedianDepth,
+    /// The memory of the pairs of all units.
+    budget: &'a FrameBudget,
 }
 
 impl<'a> Front<'a> {
     /// The sweep of one frame.
-    pub fn new(path: SimdPath, camera: &'a ProjectCamera, pass: &DrawPass<'a>, grid: TileGrid) -> Self {
+    pub fn new(
+        path: SimdPath,
+        camera: &'a ProjectCamera,
+        pass: &DrawPass<'a>,
+        (grid, budget): (TileGrid, &'a FrameBudget),
+    ) -> Self {
         Self {
+            budget,
             path,
             camera,
             cull: ClusterCull::new(camera),
@@ -172,7 +181,11 @@ impl<'a> Front<'a> {
             let visible = dispatch!(self.path, s => scratch.write_records(s, groups, cluster, self.split.is_some(), &mut records[used..]));
             let own = &records[used..used + visible];
             let first = first_record + used as u32;
+            let before = part.pairs.len();
             dispatch!(self.path, s => self.intersect_cluster(s, own, &scratch.boxes, first, part));
+            if !self.budget.take(Pairs::BYTES * (part.pairs.len() - before)) {
+                break;
+            }
             if self.median == MedianDepth::Splat {
                 // The keys have the depth now, and blending reads it for nothing but the median.
                 for record in &mut records[used..used + visible] {

@@ -12,6 +12,7 @@ pub mod model;
 
 pub use differentiable::CpuDifferentiable;
 
+use crate::budget::{FrameBudget, Listed};
 use crate::frame::Frame;
 use crate::hooks::{Hooks, ParticleView};
 use crate::plan::{DrawPass, FramePass, FramePlan, Pictures, SplatSource};
@@ -144,9 +145,12 @@ impl CpuRenderer {
         let camera = ProjectCamera::new(&pass.camera).part_of(pass.whole.as_ref());
         let units = Unit::split(&sets, (8 * self.threads()).max(32), &mut self.records);
         self.parts.resize_with(units.len(), Part::default);
-        let front = Front::new(self.path, &camera, pass, grid);
+        let budget = FrameBudget::of((pass.camera.width, pass.camera.height));
+        let front = Front::new(self.path, &camera, pass, (grid, &budget));
         let firsts: Vec<usize> = units.iter().map(Unit::first_record).collect();
         units.into_par_iter().zip(&mut self.parts).for_each(|(unit, part)| front.run(unit, part));
+
+        budget.check(Listed::Splats)?;
 
         let mut stats = Stats::default();
         for part in &self.parts {
@@ -161,7 +165,7 @@ impl CpuRenderer {
         let keys = &self.keys[..];
         stats.intersect += self.parts.par_iter_mut().map(|part| part.scatter(keys)).sum::<f64>();
 
-        stats.fall = self.falling.fill(self.path, pass.particles(), &ParticleView::new(&pass.camera));
+        stats.fall = self.falling.fill(self.path, pass.particles(), &ParticleView::new(&pass.camera))?;
         stats.particles = self.falling.len() as u64;
 
         let background = BackgroundView::of(pass, self.path);

@@ -163,7 +163,7 @@ impl<'a> GpuPass<'a> {
         if self.pass.particles().is_empty() {
             return Ok(0.0);
         }
-        let seconds = falling.fill(path, self.pass.particles(), &ParticleView::new(camera));
+        let seconds = falling.fill(path, self.pass.particles(), &ParticleView::new(camera))?;
         self.drops = Some((memory.drops(gpu, &falling.words())?, falling.len() as u32));
         Ok(seconds)
     }

@@ -1,5 +1,6 @@
 //! Failures of the file system that tests ask for, as the environment variable `WM_FAIL_FILES`
-//! says: `write:3` fails the third write of the process, `rename:1` its first rename.
+//! says: `write:3` fails the third write of the process, `rename:1` its first rename, and
+//! `kill-rename:2` ends the process before its second rename, as a power cut does.
 
 use std::io;
 
@@ -25,17 +26,30 @@ pub(super) fn check(operation: Operation) -> io::Result<()> {
         LazyLock,
         atomic::{AtomicU64, Ordering},
     };
-    static WANTED: LazyLock<Option<(String, u64)>> = LazyLock::new(|| {
+    struct Wanted {
+        operation: String,
+        number: u64,
+        is_kill: bool,
+    }
+    static WANTED: LazyLock<Option<Wanted>> = LazyLock::new(|| {
         let text = std::env::var("WM_FAIL_FILES").ok()?;
         let (operation, number) = text.split_once(':')?;
-        Some((operation.into(), number.parse().ok()?))
+        let killed = operation.strip_prefix("kill-");
+        Some(Wanted {
+            operation: killed.unwrap_or(operation).into(),
+            number: number.parse().ok()?,
+            is_kill: killed.is_some(),
+        })
     });
     static DONE: AtomicU64 = AtomicU64::new(0);
-    let Some((wanted, number)) = &*WANTED else { return Ok(()) };
-    if format!("{operation:?}").eq_ignore_ascii_case(wanted)
-        && DONE.fetch_add(1, Ordering::Relaxed) + 1 == *number
+    let Some(wanted) = &*WANTED else { return Ok(()) };
+    if !format!("{operation:?}").eq_ignore_ascii_case(&wanted.operation)
+        || DONE.fetch_add(1, Ordering::Relaxed) + 1 != wanted.number
     {
-        return Err(io::Error::from(io::ErrorKind::StorageFull));
+        return Ok(());
     }
-    Ok(())
+    if wanted.is_kill {
+        std::process::abort();
+    }
+    Err(io::Error::from(io::ErrorKind::StorageFull))
 }

@@ -223,6 +223,13 @@ fn cells(from: f64, to: f64, cell: f64) -> [i64; 2] {
     [from, to].map(|v| (v / cell).floor() as i64)
 }
 
+/// Landed drops in the time that is looked back, a m^2.
+pub(super) fn looked_for(glass: &Glass) -> f64 {
+    let landed = glass.rain.landed(glass.time);
+    let span = if glass.rain.area() > 0.0 { COVERED / glass.rain.area() } else { f64::INFINITY };
+    landed.small.min(span) + landed.running.min(MOST_RUNS)
+}
+
 /// The drops on a part of the glass, m, at its instant, in an order that does not depend on the part.
 #[must_use]
 pub fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {

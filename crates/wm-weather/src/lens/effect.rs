@@ -26,12 +26,10 @@ impl PictureEffect for LensEffect<'_> {
         let Self { glass, camera } = *self;
         let wide = WideView::new(path, inputs[0]);
         let view = GlassView::new(glass, camera);
-        let focal = (camera.fx * camera.fy).sqrt();
-        let blur = (glass.aperture / glass.distance * focal) as f32;
-        let bounds = [view.bounds[0].map(|v| v - glass.aperture), view.bounds[1].map(|v| v + glass.aperture)];
-        let drops = drops(glass, bounds);
+        let scale = LayerScale::before(glass, camera);
+        let drops = glass.part_with_drops(camera).map_or_else(Vec::new, |bounds| drops(glass, bounds));
         let layer = (!drops.is_empty())
-            .then(|| DropLayer::new(glass, (&view, camera), &drops, &wide, (LayerScale::new(blur), path)));
+            .then(|| DropLayer::new(glass, (&view, camera), &drops, &wide, (scale, path)));
         let haze = Haze::new(glass, (&view, camera), picture, &wide);
         if layer.is_none() && haze.is_none() {
             return;

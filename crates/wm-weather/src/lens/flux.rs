@@ -201,6 +201,13 @@ impl GlassRain {
         f64::from(table[k]) + part * f64::from(table[k + 1] - table[k])
     }
 
+    /// Greatest radius of a drop that lands, m.
+    #[must_use]
+    pub fn widest(&self) -> f64 {
+        let radii = self.segments.iter().flat_map(|segment| segment.radii.iter().flatten());
+        f64::from(radii.copied().fold(0.0, f32::max))
+    }
+
     /// Share of the running drops of an instant that grew on the glass instead of landing as large: those with the least share.
     #[cfg(test)]
     pub(super) fn grown(&self, time: f64) -> f64 {

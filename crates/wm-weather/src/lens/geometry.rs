@@ -44,6 +44,29 @@ impl GlassView {
         view
     }
 
+    /// Returns the view with the bounds of that part of the glass where a drop of this radius, m, is at
+    /// least so wide in the picture, px. `None` if there is no such part.
+    #[must_use]
+    pub fn part_with(&self, radius: f64, pixels: f64, camera: &Camera) -> Option<Self> {
+        // Beyond this depth drops are smaller.
+        let deepest = radius * self.focal[0] / pixels;
+        let mut part = *self;
+        let height = (deepest - self.distance) / self.sin;
+        if self.sin > 0.0 {
+            part.bounds[1][1] = part.bounds[1][1].min(height);
+        } else if self.sin < 0.0 {
+            part.bounds[0][1] = part.bounds[0][1].max(height);
+        } else if deepest < self.distance {
+            return None;
+        }
+        for (bound, x) in part.bounds.iter_mut().zip([0.0, f64::from(camera.width)]) {
+            let edge = deepest * (x - self.principal[0]) / self.focal[0];
+            bound[0] = if x == 0.0 { bound[0].max(edge.min(0.0)) } else { bound[0].min(edge.max(0.0)) };
+        }
+        let [low, high] = part.bounds;
+        (low[0] < high[0] && low[1] < high[1]).then_some(part)
+    }
+
     /// The point of the glass at a picture point, px.
     #[must_use]
     pub fn point(&self, x: f64, y: f64) -> [f64; 2] {

@@ -22,7 +22,7 @@ const RIM: f32 = (1.0 - 1.0 / (REACH * REACH)) * (1.0 - 1.0 / (REACH * REACH));
 /// Rows that one thread draws at a time.
 const BAND: usize = 8;
 /// Least radius that is drawn, px of the layer.
-const LEAST: f64 = 0.4;
+pub(super) const LEAST: f64 = 0.4;
 /// Radius, m, from which a drop sags, and how much.
 const HEAVY: f32 = 2.5e-3;
 const SAG: f32 = 0.22;
@@ -47,6 +47,12 @@ pub(super) struct LayerScale {
 }
 
 impl LayerScale {
+    /// For a glass before a camera.
+    pub fn before(glass: &Glass, camera: &Camera) -> Self {
+        let focal = (camera.fx * camera.fy).sqrt();
+        Self::new((glass.aperture / glass.distance * focal) as f32)
+    }
+
     /// For a blur of this diameter, px of the picture.
     pub fn new(blur: f32) -> Self {
         let pixels = match blur {

@@ -24,6 +24,7 @@ pub use effect::LensEffect;
 pub use flux::{GlassRain, Rainfall};
 pub use geometry::GlassView;
 pub use wide::{WideView, wide_camera};
+use wm_scene::Camera;
 
 /// The glass before the camera at an instant.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,7 +57,36 @@ pub struct Glass {
     pub rain: GlassRain,
 }
 
+/// Most drops on the glass before a camera that are looked for.
+const MOST_DROPS: f64 = 3e7;
+
 impl Glass {
+    /// Checks that the drops before a camera are not too many.
+    ///
+    /// # Errors
+    /// Their number and what helps, in one line.
+    pub fn check(&self, camera: &Camera) -> Result<(), String> {
+        let Some([low, high]) = self.part_with_drops(camera) else { return Ok(()) };
+        let count = (high[0] - low[0]) * (high[1] - low[1]) * drops::looked_for(self);
+        if count <= MOST_DROPS {
+            return Ok(());
+        }
+        Err(format!(
+            "lens: {count:.1e} drops are before this camera, {MOST_DROPS:e} can be drawn: take larger ones (lens.size), a glass \
+             that is nearer (lens.distance), or a narrower view"
+        ))
+    }
+
+    /// Bounds of the part of the glass where drops can be seen, m from the point on the view's axis; `None` if there is none.
+    fn part_with_drops(&self, camera: &Camera) -> Option<[[f64; 2]; 2]> {
+        if self.rain.is_dry(self.time) {
+            return None;
+        }
+        let least = layer::LEAST * layer::LayerScale::before(self, camera).pixels as f64;
+        let [low, high] = GlassView::new(self, camera).part_with(self.rain.widest(), least, camera)?.bounds;
+        Some([low.map(|v| v - self.aperture), high.map(|v| v + self.aperture)])
+    }
+
     /// Returns true if it changes no picture.
     #[must_use]
     pub fn is_clear(&self) -> bool {

@@ -104,8 +104,8 @@ impl<'a> FallingParticles<'a> {
         self
     }
 
-    /// A tier of a class.
-    fn cells(&self, class: usize, tier: usize) -> Cells {
+    /// The cells of a tier of a class.
+    fn cells_of(&self, class: usize, tier: usize) -> Cells {
         let own = (class as u64) << 40 ^ (tier as u64) << 52;
         let mut draws = RandomSequence::new(self.precipitation.look.seed ^ self.precipitation.kind.key ^ own);
         Cells::new(
@@ -162,26 +162,24 @@ impl<'a> FallingParticles<'a> {
 impl Particles for FallingParticles<'_> {
     fn parts(&self, view: &ParticleView) -> Vec<[i32; 4]> {
         let mut parts = Vec::new();
-        for class in 0..self.precipitation.classes.len() {
-            if self.precipitation.numbers[class] <= 0.0 {
-                continue;
+        self.each_tier(view, |class, tier, cone, edge| {
+            // From the first slice, so that numbers stay small far from the origin.
+            let slices = cone.slices(edge);
+            let count = slices.end - slices.start;
+            let mut first = 0;
+            while first < count {
+                let last = (first + SLICES).min(count);
+                parts.push([class as i32, tier as i32, first as i32, last as i32]);
+                first += SLICES;
             }
-            let density = self.density(class, view);
-            for tier in 0.. {
-                let cells = self.cells(class, tier);
-                let Some(range) = density.reach(cells.thresholds[0]) else { break };
-                // From the first slice, so that numbers stay small far from the origin.
-                let slices = self.cone(class, view, range).slices(cells.edge);
-                let count = slices.end - slices.start;
-                let mut first = 0;
-                while first < count {
-                    let last = (first + SLICES).min(count);
-                    parts.push([class as i32, tier as i32, first as i32, last as i32]);
-                    first += SLICES;
-                }
-            }
-        }
+        });
         parts
+    }
+
+    fn cells(&self, view: &ParticleView) -> f64 {
+        let mut cells = 0.0;
+        self.each_tier(view, |_, _, cone, edge| cells += cone.cells(edge));
+        cells
     }
 
     fn gather(
@@ -196,6 +194,22 @@ impl Particles for FallingParticles<'_> {
 }
 
 impl FallingParticles<'_> {
+    /// Calls `visit` with each class and tier of which particles may be visible, with their region and
+    /// the edge of its cells, m.
+    fn each_tier(&self, view: &ParticleView, mut visit: impl FnMut(usize, usize, &ViewFrustum, f64)) {
+        for class in 0..self.precipitation.classes.len() {
+            if self.precipitation.numbers[class] <= 0.0 {
+                continue;
+            }
+            let density = self.density(class, view);
+            for tier in 0.. {
+                let cells = self.cells_of(class, tier);
+                let Some(range) = density.reach(cells.thresholds[0]) else { break };
+                visit(class, tier, &self.cone(class, view, range), cells.edge);
+            }
+        }
+    }
+
     #[inline(always)]
     fn gather_in<S: Lanes>(
         &self,
@@ -205,7 +219,7 @@ impl FallingParticles<'_> {
         take: &mut dyn FnMut(&ParticleGroup),
     ) {
         let (class, tier) = (class as usize, tier as usize);
-        let (cells, density) = (self.cells(class, tier), self.density(class, view));
+        let (cells, density) = (self.cells_of(class, tier), self.density(class, view));
         let Some(range) = density.reach(cells.thresholds[0]) else { return };
         let cone = self.cone(class, view, range);
         let mut brush = Brush::new(self, view, (class, density, &cone), take);

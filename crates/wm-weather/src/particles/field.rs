@@ -173,6 +173,27 @@ impl ViewFrustum {
         (low, high)
     }
 
+    /// Estimates the cubes that [`Self::each_cell`] visits in all slices, by some of them.
+    #[must_use]
+    pub fn cells(&self, edge: f64) -> f64 {
+        const SAMPLES: i64 = 16;
+        let slices = self.slices(edge);
+        let count = slices.end - slices.start;
+        let step = count.div_ceil(SAMPLES).max(1);
+        let cubes = |low: f64, high: f64| ((high - low) / edge + 1.0).max(0.0);
+        let of_slice = |slice: i64| {
+            let x = slice as f64 * edge - self.center[0];
+            let first = Some([x, x + edge]);
+            let (low, high) = self.bounds(1, [first, None]);
+            if low > high {
+                return 0.0;
+            }
+            let (bottom, top) = self.bounds(2, [first, Some([low, high])]);
+            if bottom > top { 0.0 } else { cubes(low, high) * cubes(bottom, top) }
+        };
+        slices.step_by(step as usize).map(of_slice).sum::<f64>() * step as f64
+    }
+
     /// Calls `visit` with each cube of a slice that may be within: its indices, and its first corner from the camera, m.
     pub fn each_cell(&self, edge: f64, slice: i64, mut visit: impl FnMut([i64; 3], [f64; 3])) {
         let from = |k: usize, index: i64| index as f64 * edge - self.center[k];
@@ -273,6 +294,8 @@ mod tests {
                     assert!(visited.contains(&cell), "{p:?}");
                 }
             }
+            let estimate = cone.cells(edge) / visited.len() as f64;
+            assert!((0.8..4.0).contains(&estimate), "{estimate} times as many cubes as there are");
             // And not many more: the cubes at the sides of a cone this narrow are about as many as those inside.
             let volume = 14f64.powi(3) * f64::from(seen) / f64::from(all);
             let cubes = visited.len() as f64 * edge.powi(3);

@@ -94,6 +94,9 @@ pub struct Pairs {
 }
 
 impl Pairs {
+    /// Bytes of a pair, with those of its key in the list of the tile.
+    pub const BYTES: usize = size_of::<u32>() + 2 * size_of::<u64>();
+
     /// Forgets all pairs.
     pub fn clear(&mut self, grid: TileGrid) {
         self.len = 0;

@@ -1,6 +1,8 @@
 //! Particles on the CPU: gathered and laid out over threads, added up patch by patch.
 
 use super::{DILATION, LEAST, PEAK, SHORTEST, STEPS, WIDEST};
+use crate::RenderError;
+use crate::budget::{FrameBudget, Listed, check_cells};
 use crate::dispatch;
 use crate::frame::MIN_ALPHA;
 use crate::hooks::{GROUP, PATCH, PATCH_PIXELS, ParticleGroup, ParticleView, Particles};
@@ -259,6 +261,12 @@ impl Part {
         }
     }
 
+    /// Bytes that it takes, with those of the frame's lists that are made of it.
+    #[inline]
+    fn bytes(&self) -> usize {
+        2 * size_of::<u32>() * self.patches.len() + 2 * size_of::<ProjectedDrop>() * self.drops.len()
+    }
+
     /// The drops, each with its patches.
     fn drops(&self) -> impl Iterator<Item = (&ProjectedDrop, &[u32])> {
         let mut rest = &self.patches[..];
@@ -303,11 +311,22 @@ impl Falling {
     }
 
     /// Gathers what `sources` let fall and finds the patches; returns the time of all threads, s.
-    pub fn fill(&mut self, path: SimdPath, sources: &[&dyn Particles], view: &ParticleView) -> f64 {
+    ///
+    /// # Errors
+    /// [`RenderError::TooManyCells`] or [`RenderError::TooMuch`].
+    pub fn fill(
+        &mut self,
+        path: SimdPath,
+        sources: &[&dyn Particles],
+        view: &ParticleView,
+    ) -> Result<f64, RenderError> {
         self.count = 0;
         if sources.is_empty() {
-            return 0.0;
+            return Ok(0.0);
         }
+        let size = (view.size[0] as u32, view.size[1] as u32);
+        check_cells(sources.iter().map(|particles| particles.cells(view)).sum(), size)?;
+        let budget = FrameBudget::of(size);
         self.grid = ((view.size[0] as usize).div_ceil(PATCH), (view.size[1] as usize).div_ceil(PATCH));
         let patches = self.grid.0 * self.grid.1;
         let work: Vec<(usize, [i32; 4])> = sources
@@ -323,11 +342,17 @@ impl Falling {
         work.par_iter().zip(&mut *parts).for_each(|((source, piece), part)| {
             let begun = Instant::now();
             part.clear();
+            let mut is_full = false;
             sources[*source].gather(path, view, *piece, &mut |group| {
-                dispatch!(path, s => part.add(s, group, view, grid));
+                if !is_full {
+                    let before = part.bytes();
+                    dispatch!(path, s => part.add(s, group, view, grid));
+                    is_full = !budget.take(part.bytes() - before);
+                }
             });
             part.seconds = begun.elapsed().as_secs_f64();
         });
+        budget.check(Listed::Falling)?;
         let laying = Instant::now();
         // Two counting sorts by one thread (atomics of several cost many times as much): of the lists, and of the drops
         // by the first patch of each, so that those of one patch lie together.
@@ -360,7 +385,7 @@ impl Falling {
             }
             *home += 1;
         }
-        parts.iter().map(|part| part.seconds).sum::<f64>() + laying.elapsed().as_secs_f64()
+        Ok(parts.iter().map(|part| part.seconds).sum::<f64>() + laying.elapsed().as_secs_f64())
     }
 
     /// Draws what falls in patch `(column, row)` over its pixels: display-referred colour, row by row. `behind`: coverage

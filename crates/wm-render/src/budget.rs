@@ -1,0 +1,71 @@
+//! Limits on the memory of a frame, so that no camera, weather or scene takes all that there is.
+
+use crate::RenderError;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Bytes that the lists of any frame may take, and bytes more for each of its pixels: five times
+/// as many as those of heavy rain.
+const BASE: u64 = 1 << 30;
+const PER_PIXEL: u64 = 256;
+/// Cells of space that are searched for what falls, for any frame and for each pixel.
+const BASE_CELLS: f64 = 3e7;
+const CELLS_PER_PIXEL: f64 = 8.0;
+
+/// Counts the bytes of the lists that threads make for a frame.
+#[derive(Debug)]
+pub(crate) struct FrameBudget {
+    most: u64,
+    taken: AtomicU64,
+}
+
+impl FrameBudget {
+    /// The budget of a picture of a width and a height, px.
+    pub fn of((width, height): (u32, u32)) -> Self {
+        let most = BASE + PER_PIXEL * u64::from(width) * u64::from(height);
+        Self { most, taken: AtomicU64::new(0) }
+    }
+
+    /// Counts more bytes; returns false if all together are too many. Whether they are does not
+    /// depend on the order of threads.
+    pub fn take(&self, bytes: usize) -> bool {
+        let bytes = bytes as u64;
+        self.taken.fetch_add(bytes, Ordering::Relaxed) + bytes <= self.most
+    }
+
+    /// Fails if more was counted than there may be.
+    pub fn check(&self, listed: Listed) -> Result<(), RenderError> {
+        if self.taken.load(Ordering::Relaxed) <= self.most {
+            return Ok(());
+        }
+        Err(RenderError::TooMuch { listed, mebibytes: self.most >> 20 })
+    }
+}
+
+/// The kinds of things that are listed for a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Listed {
+    /// Splats, for each tile that they cover.
+    Splats,
+    /// Drops, flakes and stones, for each patch that they cover.
+    Falling,
+}
+
+impl Listed {
+    /// The cause and the cure, for people.
+    pub(crate) fn advice(self) -> &'static str {
+        match self {
+            Self::Splats => {
+                "splats cover the picture too many times over; `inspect` finds splats that are too large"
+            }
+            Self::Falling => {
+                "too much falls before this camera: lower the rate, the exposure or the camera's speed, or take a wider view"
+            }
+        }
+    }
+}
+
+/// Fails if so many cells of space would have to be searched for what falls in a picture.
+pub(crate) fn check_cells(cells: f64, (width, height): (u32, u32)) -> Result<(), RenderError> {
+    let most = BASE_CELLS + CELLS_PER_PIXEL * f64::from(width) * f64::from(height);
+    if cells <= most { Ok(()) } else { Err(RenderError::TooManyCells { cells }) }
+}
