@@ -71,8 +71,7 @@ fn main() {
             for run in first..(first + ROUND).min(count) {
                 let request = request(run, &state);
                 let start = Instant::now();
-                let (status, _, said) =
-                    ask(&address, request.method, &request.path, &headers, &request.body);
+                let (status, _, said) = ask(&address, request.method, &request.path, &headers, &request.body);
                 let seconds = start.elapsed().as_secs_f64();
                 if seconds > slowest.0 {
                     slowest = (seconds, run);
@@ -81,10 +80,8 @@ fn main() {
                 let text = String::from_utf8_lossy(&said);
                 let is_line = text.trim_end().lines().count() <= 1 && said.len() < 2000;
                 if status == 0 || (status >= 400 && !is_line) || text.contains("panicked") {
-                    failures.push(format!(
-                        "request {run}, {} {}: {status} {text}",
-                        request.method, request.path
-                    ));
+                    failures
+                        .push(format!("request {run}, {} {}: {status} {text}", request.method, request.path));
                 } else if status == 500 {
                     *internal.entry(text.chars().filter(|c| !c.is_ascii_digit()).collect()).or_default() += 1;
                 }
@@ -225,7 +222,8 @@ fn whole_request(draws: &mut Draws, state: &Value) -> Request {
             }
         }
         9 | 10 => {
-            let kind = draws.pick(&["picture", "weather", "camera", "command", "points", "scan", "..", "%00"]);
+            let kind =
+                draws.pick(&["picture", "weather", "camera", "command", "points", "scan", "..", "%00"]);
             post(&format!("/files/{kind}"), patch(draws, state))
         }
         11 => post(
@@ -247,9 +245,11 @@ fn whole_request(draws: &mut Draws, state: &Value) -> Request {
 fn point(draws: &mut Draws) -> [f64; 3] {
     // Two of three are usual, so that one edge is met at a time.
     let is_usual = draws.below(3) > 0;
-    std::array::from_fn(|_| {
-        if is_usual { draws.pick(&[-2.0, 0.0, 0.5, 1.0, 3.0]) } else { draws.pick(&NUMBERS) }
-    })
+    std::array::from_fn(
+        |_| {
+            if is_usual { draws.pick(&[-2.0, 0.0, 0.5, 1.0, 3.0]) } else { draws.pick(&NUMBERS) }
+        },
+    )
 }
 
 /// Some fields of a state, small enough to be drawn often.
@@ -257,7 +257,8 @@ fn patch(draws: &mut Draws, state: &Value) -> Value {
     let mut patch = json!({ "size": [64, 48] });
     let eye = point(draws);
     if draws.below(2) == 0 {
-        patch["camera"] = json!({ "eye": eye, "rotation": state["camera"]["rotation"], "fov": draws.pick(&NUMBERS) });
+        patch["camera"] =
+            json!({ "eye": eye, "rotation": state["camera"]["rotation"], "fov": draws.pick(&NUMBERS) });
     }
     if draws.below(3) == 0 {
         if let Ok(weather) = edges::weather_at_edges(draws) {

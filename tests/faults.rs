@@ -152,9 +152,8 @@ impl Job {
         }
         let output = finish(&mut self.command(self.again));
         assert!(output.status.success(), "{what}, and again: {}", said(&output));
-        let final_files = |all: &Files| -> Vec<PathBuf> {
-            all.keys().filter(|path| !is_work(path)).cloned().collect()
-        };
+        let final_files =
+            |all: &Files| -> Vec<PathBuf> { all.keys().filter(|path| !is_work(path)).cloned().collect() };
         let again = files(&folder);
         assert_eq!(final_files(&again), final_files(&self.made), "{what}, and again");
         for path in final_files(&again).iter().filter(|path| !self.unsteady.contains(*path)) {

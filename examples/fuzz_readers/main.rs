@@ -8,7 +8,8 @@
 //! of a target is the same every time. A run fails if the reader panics, overflows (build with
 //! overflow checks), prints an error of several lines, takes more than 2 s of processor time, or
 //! takes the process above 512 MiB. Targets whose names begin with `use-` work with what was read:
-//! they draw and scan at 64x48 px, and may take 5 s and 1 GiB. Targets run in processes of their
+//! they draw and scan at 64x48 px, and may take 5 s and 1 GiB, and 20 s to make
+//! assets for a weather. Targets run in processes of their
 //! own, so that an abort or an endless loop ends one target alone. A damaged seed that fails is
 //! kept in `target/fuzz-failures/`.
 
@@ -34,6 +35,8 @@ use targets::{TARGETS, Target};
 
 /// A run that has not ended after this time is an endless loop.
 const HANG: Duration = Duration::from_secs(30);
+/// Most that making assets may take, as a multiple of a target's budget.
+const PREPARING: f64 = 4.0;
 /// Runs between two looks at the memory.
 const MEMORY_INTERVAL: u64 = 64;
 /// Failures that a target reports before it stops.
@@ -169,7 +172,8 @@ fn run_target(target: &'static Target, args: &Args) -> bool {
         current.number.store(run + 1, Ordering::Release);
         let before = processor_seconds();
         let outcome = catch_unwind(AssertUnwindSafe(|| (target.read)(&seed.main)));
-        let seconds = processor_seconds() - before;
+        let preparing = uses::take_preparing_seconds();
+        let seconds = processor_seconds() - before - preparing;
         current.number.store(0, Ordering::Release);
         slowest = slowest.max(seconds);
         let fault = match outcome {
@@ -179,7 +183,9 @@ fn run_target(target: &'static Target, args: &Args) -> bool {
             }
             Ok(result) => {
                 read += u64::from(result.is_ok());
-                (seconds > target.budget.seconds).then(|| format!("slow: {seconds:.1} s"))
+                let is_slow =
+                    seconds > target.budget.seconds || preparing > PREPARING * target.budget.seconds;
+                is_slow.then(|| format!("slow: {seconds:.1} s, and {preparing:.1} s for assets"))
             }
         };
         if let Some(fault) = fault {

@@ -11,11 +11,13 @@ use std::fs;
 use std::hash::{DefaultHasher, Hasher};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use tempfile::TempDir;
 use weather_magician::lidar::ScanOptions;
 use weather_magician::view::{ViewOptions, path::CameraPath};
 use weather_magician::{
-    Camera, CameraMotion, FrameOptions, LensSpec, Metadata, MovingCamera, Patience, Picture,
-    PlaceOptions, PreparedPlace, Renderer, Scene, Weather,
+    Camera, CameraMotion, FrameOptions, LensSpec, Metadata, MovingCamera, Patience, Picture, PlaceOptions,
+    PreparedPlace, Renderer, Scene, Weather,
 };
 use wm_media::color::Dither;
 use wm_scene::capture::colmap::write::ColmapStorage;
@@ -33,26 +35,56 @@ use wm_viewer::paint::PaintOptions;
 use wm_viewer::{View, ViewPainter, ViewState, link};
 
 const SIZE: (u32, u32) = (64, 48);
-/// Runs on one place: what it keeps for old weathers must not count against new ones.
-const RUNS_ON_A_PLACE: u32 = 64;
+/// Runs on one place, and with one folder of assets: what is kept for old weathers must not count against new ones.
+const RUNS_ON_A_PLACE: u32 = 256;
+const RUNS_ON_A_FOLDER: u32 = 2048;
 /// Weathers that a damaged scene is drawn in.
 const WEATHERS: [&str; 6] = ["heavy-rain", "snow", "fog", "night-rain", "flood", "after-rain"];
+
+thread_local! {
+    static STAGE: Cell<Option<Stage>> = const { Cell::new(None) };
+    static PREPARING: Cell<f64> = const { Cell::new(0.0) };
+}
+
+/// Returns the processor time, s, that this thread's runs have spent on making assets since the last call. They are made
+/// once for a scene and a weather, and have a budget of their own.
+pub fn take_preparing_seconds() -> f64 {
+    PREPARING.take()
+}
 
 /// A renderer with a small place: paving, a wall, a roof and a sky.
 struct Stage {
     renderer: Renderer,
     place: PreparedPlace,
+    assets: Rc<TempDir>,
     runs: u32,
 }
 
 impl Stage {
-    fn new() -> Result<Self, String> {
+    /// Loads the place, with the assets that another one has left.
+    fn new(old: Option<Self>) -> Result<Self, String> {
+        let runs = old.as_ref().map_or(0, |old| old.runs);
+        let kept = old.filter(|old| old.runs < RUNS_ON_A_FOLDER).map(|old| old.assets);
+        let (assets, runs) = match kept {
+            Some(assets) => (assets, runs),
+            None => (Rc::new(crate::fast_temporary_folder().map_err(text)?), 0),
+        };
         let mut renderer = Renderer::cpu().map_err(text)?;
-        let place = renderer.load(court()).map_err(text)?;
-        Ok(Self { renderer, place, runs: 0 })
+        let options = PlaceOptions { assets: Some(assets.path().into()), ..PlaceOptions::default() };
+        let place = renderer.load_with(court(), &options).map_err(text)?;
+        Ok(Self { renderer, place, assets, runs })
+    }
+
+    /// Makes what a weather needs of the place, and counts the time.
+    fn prepare(&mut self, weather: &Weather) -> Outcome {
+        let before = crate::processor_seconds();
+        let prepared = self.renderer.prepare(&mut self.place, weather, &mut ()).map_err(text);
+        PREPARING.set(PREPARING.get() + crate::processor_seconds() - before);
+        prepared
     }
 
     fn render(&mut self, weather: &Weather, time: f64, camera: MovingCamera) -> Outcome {
+        self.prepare(weather)?;
         let mut picture = Picture::default();
         let options = FrameOptions::new(time, camera);
         self.renderer
@@ -64,11 +96,10 @@ impl Stage {
 
 /// Works on the place of this thread; a panic drops it.
 fn on_stage(work: impl FnOnce(&mut Stage) -> Outcome) -> Outcome {
-    thread_local! {
-        static STAGE: Cell<Option<Stage>> = const { Cell::new(None) };
-    }
-    let old = STAGE.take().filter(|stage| stage.runs < RUNS_ON_A_PLACE);
-    let mut stage = old.map_or_else(Stage::new, Ok)?;
+    let mut stage = match STAGE.take() {
+        Some(stage) if !stage.runs.is_multiple_of(RUNS_ON_A_PLACE) => stage,
+        old => Stage::new(old)?,
+    };
     stage.runs += 1;
     let outcome = work(&mut stage);
     STAGE.set(Some(stage));
@@ -182,6 +213,7 @@ pub fn render_lens(path: &Path) -> Outcome {
     let camera = usual_camera()?;
     let lens = LensSpec::File(path.into()).view(Some(SIZE)).map_err(text)?;
     on_stage(|stage| {
+        stage.prepare(&weather)?;
         let options = FrameOptions::new(0.0, camera);
         let mut picture = Picture::default();
         stage
@@ -201,6 +233,7 @@ pub fn scan(path: &Path) -> Outcome {
     let weather = Weather::preset("heavy-rain").map_err(text)?;
     let motion = CameraMotion::Still { camera: Box::new(usual_camera()?), speed: 3.0 };
     on_stage(|stage| {
+        stage.prepare(&weather)?;
         let Stage { renderer, place, .. } = stage;
         let mut taken = |_| Ok(());
         let options = ScanOptions { sweeps: 1, ..ScanOptions::default() };
@@ -224,7 +257,7 @@ pub fn render_edges(path: &Path) -> Outcome {
     let moving = MovingCamera { camera, velocity: (camera.forward() * speed).to_array() };
     let time = draws.pick(&[0.0, -5.0, 0.02, 7.3, 3600.0, 1e9, 1e300]);
     if std::env::var_os("WM_SHOW_RUN").is_some() {
-        eprintln!("{weather:?}, {far} units away, fov {fov}, {speed} m/s, at {time} s");
+        eprintln!("{}{far} units away, fov {fov}, {speed} m/s, at {time} s", weather.to_toml());
     }
     on_stage(|stage| stage.render(&weather, time, moving))
 }
@@ -248,7 +281,7 @@ fn state(patch: &str, place: &PreparedPlace) -> Result<ViewState, String> {
 
 /// Writes a link to one of [`STATES`].
 pub fn link_seed(folder: &Path, number: usize) -> Result<PathBuf, Box<dyn Error + Send + Sync>> {
-    let stage = Stage::new()?;
+    let stage = Stage::new(None)?;
     let path = folder.join("link.txt");
     fs::write(&path, link::encode(&state(STATES[number], &stage.place)?)?)?;
     Ok(path)
@@ -280,14 +313,15 @@ pub fn open_state(path: &Path) -> Outcome {
 
 /// Draws a view as a page shows it, and makes the sweep of its lidar.
 fn show(stage: &mut Stage, view: &View) -> Outcome {
+    stage.prepare(&view.weather)?;
     let Stage { renderer, place, .. } = stage;
     if let (Some(lidar), Some(motion)) = (&view.lidar, view.sensor_motion()) {
         let options = lidar.options(view.state.time);
         renderer.scan_once(place, &view.weather, &lidar.model, &motion, &options).map_err(text)?;
     }
     let options = PaintOptions { size: SIZE, patience: Patience::Whole, dither: Dither::Ordered };
-    let drawn = ViewPainter::default().draw(renderer, place, view, None, options);
-    wm_render::at_once(drawn).map(drop).map_err(text)
+    let mut painter = ViewPainter::default();
+    wm_render::at_once(painter.draw(renderer, place, view, None, options)).map(drop).map_err(text)
 }
 
 /// Photos of the street with true depth and a scene of it, as `evaluate` compares them.
@@ -300,7 +334,7 @@ pub fn evaluation_seed(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + 
 fn photos(folder: &Path, truth: GroundTruth) -> Outcome {
     let options = DatasetOptions {
         route: CameraRoute::Orbit,
-        count: 4,
+        count: 6,
         size: SIZE,
         samples: 1,
         points: 250,
@@ -321,9 +355,9 @@ pub fn evaluate_scene(folder: &Path) -> Outcome {
     let photos = read.photos(&set, &capture, Check::default()).map_err(text)?;
     let data = Dataset { places: (0..photos.len()).collect(), capture, photos };
     let maps = TruthOptions {
-        depth: Some(set.join("depth")),
-        normal: Some(set.join("normal")),
-        sky: Some(set.join("sky")),
+        depth: Some(set.join("truth/depth")),
+        normal: Some(set.join("truth/normal")),
+        sky: Some(set.join("truth/sky")),
         ..TruthOptions::default()
     };
     let (truth, _) = TruthMaps::open(&maps, &data, place.survey()).map_err(text)?;
@@ -348,7 +382,8 @@ pub fn training_seed(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + Sy
 }
 
 fn train(folder: &Path, run: &Path, resume: Resume) -> Session {
-    let mut session = Session::new(folder.join("set")).steps(STEPS).max_splats(300).hold_out(3).run_folder(run);
+    let mut session =
+        Session::new(folder.join("set")).steps(STEPS).max_splats(300).hold_out(6).run_folder(run);
     if resume == Resume::Always {
         session = session.resume();
     }
@@ -374,6 +409,9 @@ pub fn resume_training(folder: &Path) -> Outcome {
     let work = crate::fast_temporary_folder().map_err(text)?;
     for entry in fs::read_dir(folder.join("run")).map_err(text)? {
         let file = entry.map_err(text)?.path();
+        if file.is_dir() {
+            continue;
+        }
         let name = file.file_name().unwrap_or_default();
         let mut bytes = fs::read(&file).map_err(text)?;
         if let (Some("wmtrain"), Some(end)) =
@@ -389,7 +427,9 @@ pub fn resume_training(folder: &Path) -> Outcome {
 
 /// The checksum of checkpoints.
 fn fnv1a(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3))
+    bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3))
 }
 
 /// Writes a file whose only use is that its damage differs from run to run.

@@ -25,11 +25,15 @@ pub mod weather;
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 
+/// The exit codes of all commands.
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed, with one line of error; 2 wrong options; 130 stopped by Ctrl-C, 143 by SIGTERM, 129 by \
+     SIGHUP: work that can go on is kept, partial files are removed.";
+
 /// Real weather on real places: scenes of 3D Gaussian splatting in fog, haze, smog, rain and snow.
 #[derive(Parser, Debug)]
 // The name in usage texts is not that of whatever started the process, which may be a script.
 #[command(name = "weather-magician", bin_name = "weather-magician")]
-#[command(version, about, arg_required_else_help = true, max_term_width = 110)]
+#[command(version, about, arg_required_else_help = true, max_term_width = 110, after_help = EXIT_CODES)]
 pub struct Cli {
     #[command(subcommand)]
     command: CliCommand,

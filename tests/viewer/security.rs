@@ -133,6 +133,24 @@ fn one_bad_request_is_told_to_its_client_and_hurts_nobody_else() {
     assert!(page.whole().1 == before, "the other page has another picture");
 }
 
+/// `examples/fuzz_viewer` says what must hold.
+#[test]
+fn requests_from_the_edges_hurt_no_other_page() {
+    let (_workshop, scene) = yard_scene();
+    let viewer = Viewer::of(&scene, &["--port=0"]).loaded();
+    let program = std::path::Path::new(env!("CARGO_BIN_EXE_weather-magician"))
+        .with_file_name("examples/fuzz_viewer")
+        .with_extension(std::env::consts::EXE_EXTENSION);
+    assert!(program.exists(), "{} is not built: run `cargo test --workspace`", program.display());
+    let address = format!("http://{}/#token={}", viewer.address, viewer.token);
+    let output = std::process::Command::new(program)
+        .args([&address, "500", &viewer.id().to_string()])
+        .output()
+        .expect("the example starts");
+    let said = [output.stdout, output.stderr].concat();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&said));
+}
+
 #[test]
 #[cfg(unix)]
 fn facts_that_were_not_saved_outlast_the_program() {

@@ -28,8 +28,8 @@ impl PictureEffect for LensEffect<'_> {
         let view = GlassView::new(glass, camera);
         let scale = LayerScale::before(glass, camera);
         let drops = glass.part_with_drops(camera).map_or_else(Vec::new, |bounds| drops(glass, bounds));
-        let layer = (!drops.is_empty())
-            .then(|| DropLayer::new(glass, (&view, camera), &drops, &wide, (scale, path)));
+        let layer =
+            (!drops.is_empty()).then(|| DropLayer::new(glass, (&view, camera), &drops, &wide, (scale, path)));
         let haze = Haze::new(glass, (&view, camera), picture, &wide);
         if layer.is_none() && haze.is_none() {
             return;

@@ -179,7 +179,7 @@ impl ViewFrustum {
         const SAMPLES: i64 = 16;
         let slices = self.slices(edge);
         let count = slices.end - slices.start;
-        let step = count.div_ceil(SAMPLES).max(1);
+        let step = (count / SAMPLES).max(1);
         let cubes = |low: f64, high: f64| ((high - low) / edge + 1.0).max(0.0);
         let of_slice = |slice: i64| {
             let x = slice as f64 * edge - self.center[0];

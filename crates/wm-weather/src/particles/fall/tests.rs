@@ -52,7 +52,7 @@ fn points<S: Lanes>(simd: S, cells: &Cells, cell: [i64; 3], most: f32) -> Vec<([
 fn drops(fall: &FallingParticles<'_>, class: usize, low: [f64; 3], high: [f64; 3]) -> Vec<f64> {
     let this = fall.precipitation;
     let share = this.numbers[class] / this.reference[class];
-    let tiers = (0..).map(|tier| fall.cells(class, tier));
+    let tiers = (0..).map(|tier| fall.cells_of(class, tier));
     let tiers = tiers.take_while(|cells| cells.thresholds[0] < share);
     tiers.flat_map(|cells| drops_of(fall, (class, share), &cells, low, high)).collect()
 }
