@@ -33,8 +33,9 @@ use std::{
 };
 use targets::{TARGETS, Target};
 
-/// A run that has not ended after this time is an endless loop.
-const HANG: Duration = Duration::from_secs(30);
+/// A run that has not ended after so much processor time, or time, is an endless loop.
+const HANG: Duration = Duration::from_secs(60);
+const LONG_HANG: Duration = Duration::from_secs(1200);
 /// Most that making assets may take, as a multiple of a target's budget.
 const PREPARING: f64 = 4.0;
 /// Runs between two looks at the memory.
@@ -137,8 +138,9 @@ struct SeedFile {
 struct CurrentRun {
     /// One more than the number of the run; 0 between runs.
     number: AtomicU64,
-    /// Milliseconds from the start of the process to that of the run.
+    /// Milliseconds from the start of the process to that of the run, and of processor time until then.
     began: AtomicU64,
+    spent: AtomicU64,
 }
 
 /// Runs a target in this process; returns true if nothing failed.
@@ -169,8 +171,9 @@ fn run_target(target: &'static Target, args: &Args) -> bool {
         let damaged = seed.damaged(run);
         fs::write(&damaged.path, &damaged.bytes).unwrap();
         current.began.store(start.elapsed().as_millis() as u64, Ordering::Relaxed);
-        current.number.store(run + 1, Ordering::Release);
         let before = processor_seconds();
+        current.spent.store((before * 1e3) as u64, Ordering::Relaxed);
+        current.number.store(run + 1, Ordering::Release);
         let outcome = catch_unwind(AssertUnwindSafe(|| (target.read)(&seed.main)));
         let preparing = uses::take_preparing_seconds();
         let seconds = processor_seconds() - before - preparing;
@@ -298,8 +301,10 @@ fn watch_for_endless_loops(name: &'static str, current: Arc<CurrentRun>, start: 
             thread::sleep(Duration::from_millis(500));
             let number = current.number.load(Ordering::Acquire);
             let began = Duration::from_millis(current.began.load(Ordering::Relaxed));
-            if number > 0 && start.elapsed().saturating_sub(began) > HANG {
-                eprintln!("{name}: run {} has not ended after {} s", number - 1, HANG.as_secs());
+            let took = start.elapsed().saturating_sub(began);
+            let spent = processor_seconds() * 1e3 - current.spent.load(Ordering::Relaxed) as f64;
+            if number > 0 && (spent > HANG.as_secs_f64() * 1e3 || took > LONG_HANG) {
+                eprintln!("{name}: run {} has not ended after {:.0} s", number - 1, took.as_secs_f64());
                 std::process::exit(2);
             }
         }

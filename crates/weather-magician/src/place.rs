@@ -721,6 +721,10 @@ impl PreparedPlace {
         backend: &mut AnyRenderer,
         missing: &mut MissingAssets,
     ) -> Result<AssetSource> {
+        // Assets of a direction that is no number would never be found again.
+        if *missing != missing.clone() {
+            return Err(Error::Unsupported("a number of this weather is none: change its parameters".into()));
+        }
         self.read_cached(missing, backend.threads());
         let needs_casters = self.store.casters.is_none() && (missing.casters || missing.sun.is_some());
         let needs_surfaces = missing.cover.is_some()

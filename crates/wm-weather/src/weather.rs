@@ -15,7 +15,7 @@ use crate::paper::fall::PaperFallContext;
 use crate::paper::{PaperCover, PaperFall, PaperFog, composite};
 use crate::param::ParamValue;
 use crate::particles::fall::WindSample;
-use crate::particles::{FallingParticles, NearParticle, ParticleShape, Precipitation, near};
+use crate::particles::{FallingParticles, LEAST_RATE, NearParticle, ParticleShape, Precipitation, near};
 use crate::shelter::Shelter;
 use crate::splash::{Splash, SplashGround, SplashParticles};
 use crate::track::Track;
@@ -278,8 +278,7 @@ impl WeatherSample {
                         mean: wind.mean(self.time),
                     };
                 }
-                // At a rate of 0 there is nothing to look for.
-                Action::Precipitation(kind) if kind.rate <= 0.0 => {}
+                Action::Precipitation(kind) if kind.rate < LEAST_RATE => {}
                 Action::Precipitation(kind) => {
                     layers.push(kind.layer());
                     falling.push(*kind);

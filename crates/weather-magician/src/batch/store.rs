@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use wm_datasets::{
     ClipInfo, ClipRecord, Condition, FileSink, PlaceInfo, ReadingInfo, RigidPose, SetError, WeatherInfo,
 };
-use wm_scene::files::{lock_folder, rename, write_durably, write_staged};
+use wm_scene::files::{WriteFault, lock_folder, rename, write_durably, write_staged};
 use wm_scene::levels::INDEX_NAME;
 
 /// The folder of markers.
@@ -323,11 +323,11 @@ impl BatchStore {
             let (from, to) = (block.staged.join(&file.path), self.folder.join(&file.path));
             // On the disk before the marker says so.
             let opened = fs::OpenOptions::new().write(true).open(&from);
-            opened.and_then(|file| file.sync_all()).map_err(|error| fault(&to, error))?;
+            opened.and_then(|file| file.sync_all()).map_err(|error| fault(&to, WriteFault::from(error)))?;
             if let Some(folder) = to.parent() {
                 fs::create_dir_all(folder).map_err(|error| fault(folder, error))?;
             }
-            rename(&from, &to).map_err(|error| fault(&to, error))?;
+            rename(&from, &to).map_err(|error| fault(&to, WriteFault::from(error)))?;
         }
         fs::remove_dir_all(&block.staged).map_err(|error| fault(&block.staged, error))?;
         // Gone with the last block of all that are being made.
@@ -376,7 +376,8 @@ impl BlockFiles {
     /// [`Error::Unsupported`] if it cannot be written.
     pub fn bytes_of(&mut self, path: &str, bytes: &[u8]) -> Result<()> {
         let staged = self.path(path)?;
-        write_staged(&staged, bytes).map_err(|error| fault(&self.folder.join(path), error))?;
+        write_staged(&staged, bytes)
+            .map_err(|error| fault(&self.folder.join(path), WriteFault::from(error)))?;
         self.files.push(MarkedFile {
             path: path.into(),
             bytes: bytes.len() as u64,
@@ -414,7 +415,7 @@ impl FileSink for LayoutFiles<'_> {
             fs::create_dir_all(folder).map_err(|error| to(folder, error.to_string()))?;
         }
         let own = self.files.folder.join(&path);
-        write_staged(&staged, bytes).map_err(|error| to(&own, error.to_string()))?;
+        write_staged(&staged, bytes).map_err(|error| to(&own, WriteFault::from(error).to_string()))?;
         self.files.files.push(MarkedFile {
             path,
             bytes: bytes.len() as u64,

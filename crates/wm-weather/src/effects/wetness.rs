@@ -8,7 +8,7 @@ use crate::effects::{Action, Effect, EffectContext, EffectRole, Need};
 use crate::optics::Site;
 use crate::param::ParamValue;
 use crate::track::Track;
-use crate::particles::{ParticleAppearance, Precipitation, RAIN};
+use crate::particles::{LEAST_RATE, ParticleAppearance, Precipitation, RAIN};
 use crate::weather::fall_of;
 use crate::wetness::drying::penman;
 use crate::wetness::timeline::RainHistory;
@@ -92,7 +92,7 @@ impl WetnessParams {
         let (sin, cos) = heading.sin_cos();
         // One direction for all times, so that no edge of what is dry jumps.
         let most = rate.map_or(0.0, Track::most).max(before);
-        let most = if most > 0.0 { most } else { USUAL };
+        let most = if most >= LEAST_RATE { most } else { USUAL };
         let drops = Precipitation::new(&RAIN, most, site.airlight, ParticleAppearance::default());
         let fall = fall_of([speed * cos, speed * sin], drops.mean_speed(), site.up);
         let driving = driving_rain(speed, most);

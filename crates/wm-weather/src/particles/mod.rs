@@ -36,4 +36,4 @@ pub use fall::FallingParticles;
 pub use near::NearParticle;
 pub use precipitation::{ParticleAppearance, Precipitation};
 pub use residual::Residual;
-pub use spectrum::{ClassSpacing, ParticleShape, PrecipitationKind, RAIN, SNOW, SizeClass};
+pub use spectrum::{ClassSpacing, LEAST_RATE, ParticleShape, PrecipitationKind, RAIN, SNOW, SizeClass};

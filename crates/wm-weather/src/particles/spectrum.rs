@@ -10,6 +10,9 @@ use fearless_simd::SimdFloat;
 use std::f64::consts::PI;
 use wm_render::simd::Lanes;
 
+/// Least rate that counts, mm/h of water: a hundredth of a millimetre a year. Below it nothing falls.
+pub const LEAST_RATE: f64 = 1e-6;
+
 /// The laws of one kind of precipitation: its sizes, its fall speeds and the shape of its particles.
 ///
 /// An effect that falls names its kind ([`crate::Effect::precipitation`]); the renderer and the instruments read these
@@ -224,7 +227,7 @@ impl PrecipitationKind {
     /// Drops a m^3 of each of `classes` at `rate` mm/h of water: exactly that falls.
     #[must_use]
     pub fn densities(&self, classes: &[SizeClass], rate: f64) -> Vec<f64> {
-        if rate <= 0.0 {
+        if rate < LEAST_RATE {
             return vec![0.0; classes.len()];
         }
         let [most, slope] = (self.spectrum)(rate);
@@ -265,6 +268,18 @@ pub fn flux(classes: &[SizeClass], numbers: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_least_rate_has_numbers_and_less_has_none() {
+        for kind in crate::EFFECTS.iter().filter_map(|effect| effect.precipitation) {
+            let classes = kind.classes();
+            let least = kind.densities(&classes, LEAST_RATE);
+            assert!((flux(&classes, &least) / LEAST_RATE - 1.0).abs() < 1e-6, "{}", kind.name);
+            for rate in [0.0, 5e-324, 1e-300, LEAST_RATE.next_down()] {
+                assert!(kind.densities(&classes, rate).iter().all(|n| *n == 0.0), "{} {rate}", kind.name);
+            }
+        }
+    }
 
     #[test]
     fn rain_falls_as_it_was_measured() {
