@@ -146,7 +146,7 @@ impl LidarModel {
             ("wavelength", self.wavelength, [500.0, 2000.0], "nm"),
             ("divergence", self.divergence, [0.01, 200.0], "mrad"),
             ("pulse", self.pulse, [0.1, 1000.0], "ns"),
-            ("reference_range", self.reference_range, [0.1, 1e5], "m"),
+            ("reference_range", self.reference_range, [0.1, 5e3], "m"),
             ("range_noise", self.range_noise, [0.0, 10.0], "m"),
             ("range[0]", self.range[0], [0.0, 1e4], "m"),
             ("range[1]", self.range[1], [0.1, 1e5], "m"),
