@@ -260,10 +260,10 @@ fn patch(draws: &mut Draws, state: &Value) -> Value {
         patch["camera"] =
             json!({ "eye": eye, "rotation": state["camera"]["rotation"], "fov": draws.pick(&NUMBERS) });
     }
-    if draws.below(3) == 0 {
-        if let Ok(weather) = edges::weather_at_edges(draws) {
-            patch["weather"] = weather_to_json(&weather);
-        }
+    if draws.below(3) == 0
+        && let Ok(weather) = edges::weather_at_edges(draws)
+    {
+        patch["weather"] = weather_to_json(&weather);
     }
     if draws.below(3) == 0 {
         patch["time"] = json!(draws.pick(&NUMBERS));
