@@ -64,6 +64,7 @@ fn main() {
     let (mut failures, mut times) = (Vec::new(), PageTimes::default());
     let mut internal = BTreeMap::<String, u64>::new();
     let mut peak = 0.0f64;
+    let begun = Instant::now();
     for first in (0..count).step_by(ROUND as usize) {
         let is_over = AtomicBool::new(false);
         std::thread::scope(|scope| {
@@ -102,6 +103,9 @@ fn main() {
             failures.push(format!("after request {}: the page has another picture", first + ROUND));
         }
         peak = peak.max(peak_megabytes(pid));
+        if first % (40 * ROUND) == 0 {
+            eprintln!("{first} requests, {:.0} s, {peak:.0} MB", begun.elapsed().as_secs_f64());
+        }
         if failures.len() > 20 {
             break;
         }
