@@ -294,8 +294,8 @@ impl Band {
                     let open = f32x8::from_slice(simd, &self.clear[at..at + LANES]);
                     let is_open = open.simd_ge(f32x8::splat(simd, self.stopped));
                     if is_open.any_true() {
-                        let aside =
-                            COUNT_UP.map(|k| column.saturating_sub(it.cell[0]).saturating_add(k) as f32);
+                        let first = column.saturating_sub(it.cell[0]).min(i32::MAX - LANES as i32);
+                        let aside = COUNT_UP.map(|k| (first + k) as f32);
                         let is_within = f32x8::from_slice(simd, &COUNT_UP_F32)
                             .simd_le(f32x8::splat(simd, (to - column) as f32));
                         let w = (f32x8::from_slice(simd, &aside) - middle) / f32x8::splat(simd, it.column);
