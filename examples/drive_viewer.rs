@@ -2,9 +2,12 @@
 //!
 //! `cargo run --release --example drive_viewer -- 'http://127.0.0.1:8787/#token=...' [PAGES] [SECONDS] [PID of the viewer, for its CPU time and memory]`
 
+#[path = "../tests/viewer/running.rs"]
+mod running;
 #[path = "../tests/viewer/socket.rs"]
 mod socket;
 
+use running::{address_and_token, mebibytes};
 use serde_json::{Value, json};
 use socket::{Came, Socket, ask};
 use std::time::{Duration, Instant};
@@ -26,10 +29,11 @@ fn main() {
     let number =
         |at: usize, default: u64| words.get(at).map_or(default, |word| word.parse().expect("a number"));
     let printed = words.first().expect("the address that a viewer printed");
-    let (address, token) = printed.trim_start_matches("http://").split_once("/#token=").expect("its token");
-    let (address, bearer) = (address.to_owned(), format!("Bearer {token}"));
+    let (address, token) = address_and_token(printed).expect("an address with a token");
+    let bearer = format!("Bearer {token}");
     let headers = [("Authorization", bearer.as_str())];
-    let (pages, seconds, pid) = (number(1, 1), number(2, 10), number(3, 0));
+    let (pages, seconds) = (number(1, 1), number(2, 10));
+    let pid = words.get(3).map_or(0, |word| word.parse().expect("a number"));
     let (status, _, parameters) = ask(&address, "GET", "/parameters", &headers, b"");
     assert_eq!(status, 200, "no viewer with a scene at {address}");
     let parameters: Value = serde_json::from_slice(&parameters).expect("JSON");
@@ -57,7 +61,10 @@ fn main() {
     }
     if pid > 0 {
         let cores = (cpu_seconds(pid) - cpu) / wall;
-        println!("the viewer took {cores:.2} cores in the mean, and has {:.0} MB", resident_megabytes(pid));
+        println!(
+            "the viewer took {cores:.2} cores in the mean, and has {:.0} MiB",
+            mebibytes(pid, "VmRSS").unwrap_or(f64::NAN)
+        );
     }
 }
 
@@ -116,15 +123,9 @@ fn drive(address: &str, headers: &[(&str, &str)], parameters: &Value, page: u64,
 }
 
 /// CPU time of a process; 0 where the system does not tell.
-fn cpu_seconds(pid: u64) -> f64 {
+fn cpu_seconds(pid: u32) -> f64 {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
     let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
     // Of users and of the system, in hundredths of a second.
     [11, 12].iter().filter_map(|at| fields.get(*at)?.parse::<f64>().ok()).sum::<f64>() / 100.0
-}
-
-fn resident_megabytes(pid: u64) -> f64 {
-    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap_or_default();
-    line.trim().trim_end_matches(" kB").parse::<f64>().unwrap_or(0.0) / 1024.0
 }

@@ -12,10 +12,13 @@
 mod damage;
 #[path = "fuzz_readers/edges.rs"]
 mod edges;
+#[path = "../tests/viewer/running.rs"]
+mod running;
 #[path = "../tests/viewer/socket.rs"]
 mod socket;
 
 use damage::Draws;
+use running::{address_and_token, mebibytes};
 use serde_json::{Value, json};
 use socket::{Came, Socket, ask};
 use std::collections::BTreeMap;
@@ -48,22 +51,25 @@ struct PageTimes {
 
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let number =
-        |at: usize, default: u64| words.get(at).map_or(default, |word| word.parse().expect("a number"));
     let printed = words.first().expect("the address that a viewer printed");
-    let (address, token) = printed.trim_start_matches("http://").split_once("/#token=").expect("its token");
-    let (address, bearer) = (address.to_owned(), format!("Bearer {token}"));
+    let (address, token) = address_and_token(printed).expect("an address with a token");
+    let bearer = format!("Bearer {token}");
     let headers = [("Authorization", bearer.as_str())];
-    let (count, pid) = (number(1, 1000), number(2, 0));
+    let count: u64 = words.get(1).map_or(1000, |word| word.parse().expect("a number"));
+    let pid = words.get(2).map_or(0, |word| word.parse().expect("a number"));
     let (status, _, state) = ask(&address, "GET", "/state", &headers, b"");
     assert_eq!(status, 200, "no viewer with a scene at {address}");
     let state: Value = serde_json::from_slice(&state).expect("JSON");
 
+    // A viewer that was killed has left facts that were not saved.
+    let undo = json!({ "action": "undo" }).to_string();
+    assert_eq!(ask(&address, "POST", "/facts", &headers, undo.as_bytes()).0, 200, "facts can be undone");
     let expected = still_picture(&address, &headers, &state);
     let (mut statuses, mut slowest) = (BTreeMap::<u16, u64>::new(), (0.0, 0));
     let (mut failures, mut times) = (Vec::new(), PageTimes::default());
     let mut internal = BTreeMap::<String, u64>::new();
-    let mut peak = 0.0f64;
+    let mut begun_videos = Vec::<u64>::new();
+    let memory = |name: &str| mebibytes(pid, name).unwrap_or(f64::NAN);
     let begun = Instant::now();
     for first in (0..count).step_by(ROUND as usize) {
         let is_over = AtomicBool::new(false);
@@ -78,6 +84,10 @@ fn main() {
                     slowest = (seconds, run);
                 }
                 *statuses.entry(status).or_default() += 1;
+                if status == 200 && request.path == "/videos" {
+                    let video: Value = serde_json::from_slice(&said).expect("JSON");
+                    begun_videos.extend(video["id"].as_u64());
+                }
                 let text = String::from_utf8_lossy(&said);
                 let is_line = text.trim_end().lines().count() <= 1 && said.len() < 2000;
                 if status == 0 || (status >= 400 && !is_line) || text.contains("panicked") {
@@ -92,19 +102,20 @@ fn main() {
             times.seconds.extend(got.seconds);
             times.failed += got.failed;
         });
-        for id in 0..u64::from(u16::MAX).min(4 + first / 10) {
+        for id in begun_videos.drain(..) {
             if ask(&address, "DELETE", &format!("/videos/{id}"), &headers, b"").0 == 0 {
                 failures.push("a video cannot be stopped".into());
             }
         }
-        let undo = json!({ "action": "undo" }).to_string();
         let (status, ..) = ask(&address, "POST", "/facts", &headers, undo.as_bytes());
-        if status != 200 || still_picture(&address, &headers, &state) != expected {
+        if status != 200 {
+            failures.push(format!("after request {}: facts cannot be undone: {status}", first + ROUND));
+        } else if still_picture(&address, &headers, &state) != expected {
             failures.push(format!("after request {}: the page has another picture", first + ROUND));
         }
-        peak = peak.max(peak_megabytes(pid));
         if first % (40 * ROUND) == 0 {
-            eprintln!("{first} requests, {:.0} s, {peak:.0} MB", begun.elapsed().as_secs_f64());
+            let seconds = begun.elapsed().as_secs_f64();
+            eprintln!("{first} requests, {seconds:.0} s, {:.0} MiB", memory("VmRSS"));
         }
         if failures.len() > 20 {
             break;
@@ -118,12 +129,14 @@ fn main() {
         slowest.0, slowest.1
     );
     println!(
-        "the page: {} pictures, {} refused, {:.0} ms in the median, {:.0} ms at 99 %, {:.1} s at most; peak memory {peak:.0} MB",
+        "the page: {} pictures, {} refused, {:.0} ms in the median, {:.0} ms at 99 %, {:.1} s at most; memory {:.0} MiB, {:.0} MiB at most",
         times.seconds.len(),
         times.failed,
         quantile(0.5) * 1e3,
         quantile(0.99) * 1e3,
-        times.seconds.last().unwrap_or(&f64::NAN)
+        times.seconds.last().unwrap_or(&f64::NAN),
+        memory("VmRSS"),
+        memory("VmHWM")
     );
     internal.iter().for_each(|(text, count)| println!("500, {count} times: {text}"));
     failures.iter().for_each(|failure| println!("FAILED: {failure}"));
@@ -305,11 +318,4 @@ fn facts(draws: &mut Draws) -> Value {
         7 => json!({ "action": "sun", "points": [a, b] }),
         _ => json!({ "action": draws.pick(&["clouds", "undo", "none"]) }),
     }
-}
-
-/// Peak of the memory of a process, MB; 0 where the system does not say it.
-fn peak_megabytes(pid: u64) -> f64 {
-    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap_or_default();
-    line.trim().trim_end_matches(" kB").parse::<f64>().unwrap_or(0.0) / 1024.0
 }

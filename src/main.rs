@@ -1,6 +1,10 @@
 //! The program. All of it is in the library target `weather_magician_cli`, so that others can run it in their own process.
 
+use mimalloc::MiMalloc;
 use std::process::ExitCode;
+
+#[global_allocator]
+static ALLOCATOR: MiMalloc = MiMalloc;
 
 fn main() -> ExitCode {
     ExitCode::from(weather_magician_cli::run(std::env::args_os()))

@@ -33,8 +33,9 @@ use std::{
 };
 use targets::{TARGETS, Target};
 
-/// A run that has not ended after so much processor time, or time, is an endless loop.
+/// A run that has not ended after so much processor time is an endless loop.
 const HANG: Duration = Duration::from_secs(60);
+/// The same in time that passes, on a machine that does other work.
 const LONG_HANG: Duration = Duration::from_secs(1200);
 /// Most that making assets may take, as a multiple of a target's budget.
 const PREPARING: f64 = 4.0;
@@ -138,8 +139,9 @@ struct SeedFile {
 struct CurrentRun {
     /// One more than the number of the run; 0 between runs.
     number: AtomicU64,
-    /// Milliseconds from the start of the process to that of the run, and of processor time until then.
+    /// Milliseconds from the start of the process to that of the run.
     began: AtomicU64,
+    /// Milliseconds of processor time until the run began.
     spent: AtomicU64,
 }
 

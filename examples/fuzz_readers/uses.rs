@@ -20,12 +20,11 @@ use weather_magician::{
     PreparedPlace, Renderer, Scene, Weather,
 };
 use wm_media::color::Dither;
-use wm_scene::capture::colmap::write::ColmapStorage;
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::synthetic::Builder;
 use wm_sensors::LidarModel;
 use wm_street::Street;
-use wm_street::dataset::{self, CameraRoute, DatasetOptions, GroundTruth};
+use wm_street::dataset::{self, DatasetOptions, GroundTruth};
 use wm_train::evaluation::{EvaluationOptions, ExposureFit, TruthMaps, TruthOptions, evaluate};
 use wm_train::photos::Check;
 use wm_train::session::{Resume, Session, SessionError, StepProgress, TrainObserver};
@@ -332,15 +331,7 @@ pub fn evaluation_seed(folder: &Path) -> Result<PathBuf, Box<dyn Error + Send + 
 }
 
 fn photos(folder: &Path, truth: GroundTruth) -> Outcome {
-    let options = DatasetOptions {
-        route: CameraRoute::Orbit,
-        count: 6,
-        size: SIZE,
-        samples: 1,
-        points: 250,
-        storage: ColmapStorage::Binary,
-        truth,
-    };
+    let options = DatasetOptions { size: SIZE, truth, ..DatasetOptions::TINY };
     dataset::write(&Street::builtin(), folder, &options, &mut |_| true).map(drop).map_err(text)
 }
 

@@ -219,9 +219,10 @@ impl RenderWorker {
         };
     }
 
-    /// Stops making assets; whoever waits for them asks again.
+    /// Stops making assets. Others are made once the thread has ended, so that there is never more
+    /// than one with its memory; whoever waits for them asks again.
     fn stop_pending(&mut self) {
-        if let Some(pending) = self.pending.take() {
+        if let Some(pending) = &self.pending {
             pending.is_stopped.store(true, Ordering::Relaxed);
             self.context.queue.broadcast(&json!({ "type": "status", "text": "" }).to_string());
         }
@@ -230,8 +231,8 @@ impl RenderWorker {
 
     /// Inserts the assets that the second thread has finished.
     fn collect_assets(&mut self) {
-        let Some(PendingAssets { receive, owner, .. }) = &self.pending else { return };
-        let owner = *owner;
+        let Some(PendingAssets { receive, owner, is_stopped }) = &self.pending else { return };
+        let (owner, is_stopped) = (*owner, is_stopped.load(Ordering::Relaxed));
         let made = match receive.try_recv() {
             Err(TryRecvError::Empty) => return,
             Err(TryRecvError::Disconnected) => {
@@ -240,6 +241,9 @@ impl RenderWorker {
             Ok(made) => made.map_err(anyhow::Error::from),
         };
         self.pending = None;
+        if is_stopped {
+            return self.context.queue.resume_waiting(None);
+        }
         let insert =
             |worker: &mut Self, assets| Ok(worker.renderer.insert_assets(&mut worker.place, assets)?);
         let inserted = made.and_then(|assets| self.attempt(|worker| insert(worker, assets)));
@@ -537,6 +541,10 @@ impl RenderWorker {
 
     /// Changes the facts of the scene: everything after it is rendered with the new ones. Returns what clients are told.
     fn change_facts(&mut self, change: FactChange) -> Result<Value, FactError> {
+        if self.video.as_ref().is_some_and(|active| active.video.is_stopped()) {
+            // Ends it.
+            self.render_video_frame();
+        }
         if self.video.is_some() {
             let why = "a video is being rendered: wait until it is done, or stop it";
             return Err(FactError::Busy(why.into()));
@@ -588,7 +596,9 @@ impl RenderWorker {
         let mut settings = video::VideoSettings::new(PictureSize::new(width, height), video.rate);
         settings.tags = self.style(view, &motion.camera(0.0), 0.0).tags;
         let writer = VideoWriter::new(video::create_video(&video.path(), settings)?, video);
-        let (view, video) = (Arc::clone(view), Arc::clone(video));
+        let mut view = (**view).clone();
+        view.weather = Arc::new(self.place.weather_of_shot(&view.weather, &motion.camera(0.0)));
+        let (view, video) = (Arc::new(view), Arc::clone(video));
         self.video = Some(ActiveVideo { view, motion, video, writer, next: 0, last: Instant::now() });
         Ok(())
     }

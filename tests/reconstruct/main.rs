@@ -41,15 +41,7 @@ const USUAL: [(&str, &str); 5] = [
 ];
 
 /// Photos from around the street, as small as the loss can see.
-const PHOTOS: DatasetOptions = DatasetOptions {
-    route: CameraRoute::Orbit,
-    count: 6,
-    size: (72, 48),
-    samples: 1,
-    points: 250,
-    storage: ColmapStorage::Binary,
-    truth: GroundTruth::Omit,
-};
+const PHOTOS: DatasetOptions = DatasetOptions::TINY;
 
 /// A folder with a sound data set `set` in it, where the program runs.
 struct Place {

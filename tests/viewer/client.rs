@@ -1,6 +1,7 @@
 //! The viewer as a process.
 
 use crate::common::{binary, run};
+use crate::running::{address_and_token, mebibytes};
 use crate::socket::{PATIENCE, Socket, ask};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
@@ -42,9 +43,8 @@ impl Viewer {
         let lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let line = lines.map_while(Result::ok).find(|line| line.contains("http://"));
         let line = line.expect("it prints an address");
-        let address = line.split("http://").nth(1).unwrap();
-        let (address, token) = address.split_once("/#token=").expect("the address has the token");
-        Self { child, address: address.into(), token: token.trim().into() }
+        let (address, token) = address_and_token(&line).expect("the address has the token");
+        Self { child, address, token }
     }
 
     /// Waits until the scene is read.
@@ -115,11 +115,9 @@ impl Viewer {
         rendered(&command, folder)
     }
 
-    /// Memory that it has, MB.
+    /// Memory that it has, MiB.
     pub fn memory(&self) -> f64 {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", self.id())).unwrap();
-        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
-        line.trim().trim_end_matches(" kB").parse::<f64>().unwrap() / 1024.0
+        mebibytes(self.id(), "VmRSS").expect("the system tells it")
     }
 }
 

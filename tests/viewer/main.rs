@@ -10,6 +10,7 @@ mod frames;
 mod lidar;
 mod links;
 mod page;
+mod running;
 mod security;
 mod site;
 mod socket;

@@ -20,7 +20,7 @@ pub(crate) struct FrameBudget {
 
 impl FrameBudget {
     /// The budget of a picture of a width and a height, px.
-    pub fn of((width, height): (u32, u32)) -> Self {
+    pub fn new(width: u32, height: u32) -> Self {
         let most = BASE + PER_PIXEL * u64::from(width) * u64::from(height);
         Self { most, taken: AtomicU64::new(0) }
     }
@@ -65,7 +65,7 @@ impl Listed {
 }
 
 /// Fails if so many cells of space would have to be searched for what falls in a picture.
-pub(crate) fn check_cells(cells: f64, (width, height): (u32, u32)) -> Result<(), RenderError> {
+pub(crate) fn check_cells(cells: f64, width: u32, height: u32) -> Result<(), RenderError> {
     let most = BASE_CELLS + CELLS_PER_PIXEL * f64::from(width) * f64::from(height);
     if cells <= most { Ok(()) } else { Err(RenderError::TooManyCells { cells }) }
 }

@@ -449,7 +449,7 @@ pub enum RenderError {
         /// The most that the lists of such a picture may take, MiB.
         mebibytes: u64,
     },
-    /// What falls would have to be looked for in too much space.
+    /// Too many cells of space would be searched for rain, snow or hail.
     #[error("{cells:.0} cells of space would have to be searched: {}", crate::Listed::Falling.advice())]
     TooManyCells {
         /// Their number.

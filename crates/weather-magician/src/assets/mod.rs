@@ -211,6 +211,12 @@ impl MissingAssets {
         *self == Self::default()
     }
 
+    /// Returns true if a number by which an asset would be found is NaN: it would be made again and again.
+    pub(crate) fn has_nan(&self) -> bool {
+        // NaN is the one number that does not equal itself.
+        *self != self.clone()
+    }
+
     /// Returns true if something is missing that takes no more than a second for most scenes.
     #[must_use]
     pub fn is_quick(&self) -> bool {
@@ -252,7 +258,7 @@ impl MissingAssets {
     /// Makes what is missing.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if the splats of the place were released.
+    /// [`Error::Unsupported`] if the splats of the place were released, [`Error::Stopped`] if `progress` asked to stop.
     pub fn make(&self, source: AssetSource, progress: &mut dyn Progress) -> Result<Assets> {
         let AssetSource {
             scene,
@@ -303,6 +309,7 @@ impl MissingAssets {
                 found
             })
         });
+        go_on(progress)?;
         let in_the_way = surfaces.as_ref().filter(|_| needs_light).map(|found| {
             let options = ShelterOptions { focus: Some((path, LIGHT_REACH)), ..ShelterOptions::default() };
             (found, Occluders::of(&found.casters(), &site, &options).standing(threads))
@@ -316,6 +323,7 @@ impl MissingAssets {
             cache.put(&AssetFile::Light, &light);
             Arc::new(light)
         });
+        go_on(progress)?;
         let casters = casters.or_else(|| {
             in_the_way.map(|(found, occluders)| {
                 let points = found.places(&scene.splats).to_vec();
@@ -330,6 +338,7 @@ impl MissingAssets {
             cache.put(&AssetFile::SunShadows(sun), &shadows);
             Arc::new(shadows)
         });
+        go_on(progress)?;
         let lamps = match (&self.lamps, capture, surfaces.as_ref()) {
             (Some(lamps), Some(capture), Some(found)) => {
                 progress.begin("casting the shadows of the lamps", None);
@@ -341,6 +350,7 @@ impl MissingAssets {
             }
             _ => None,
         };
+        go_on(progress)?;
         let occluders = made_occluders.as_ref().or(occluders.as_ref());
         let sheltered = |fall: Option<[f64; 3]>| {
             fall.zip(occluders).map(|(fall, occluders)| {
@@ -350,6 +360,7 @@ impl MissingAssets {
             })
         };
         let shelters = [sheltered(self.wet_shelter), sheltered(self.shelter)];
+        go_on(progress)?;
         let ground = surfaces.as_ref().filter(|_| self.wet || self.cover.is_some());
         let ground =
             ground.map(|found| (found, OpenWater::of(&found.splats, scene.metadata.water.as_deref(), &site)));
@@ -361,12 +372,14 @@ impl MissingAssets {
             cache.put(&AssetFile::Wet, &wet);
             Arc::new(wet)
         });
+        go_on(progress)?;
         let made_cover = self.cover.zip(ground.as_ref()).map(|(airflow, (found, water))| {
             progress.begin("finding what can be covered", None);
             let cover = Cover::of(&scene.splats, found, &site, &airflow, path, threads).off_water(water);
             progress.end();
             (airflow, Arc::new(Mutex::new(cover)))
         });
+        go_on(progress)?;
         let cover = made_cover.as_ref().map(|(_, cover)| cover).or(cover.as_ref());
         let lying = self.lying.clone().zip(cover).map(|((airflow, requests), cover)| {
             let lying = lock(cover).lay_all(&requests);
@@ -391,6 +404,12 @@ impl MissingAssets {
             scene_number,
         })
     }
+}
+
+/// # Errors
+/// [`Error::Stopped`] if the work should stop.
+fn go_on(progress: &mut dyn Progress) -> Result<()> {
+    if progress.is_stopped() { Err(Error::Stopped) } else { Ok(()) }
 }
 
 /// The views that surfaces are found in; empty for what is not made.

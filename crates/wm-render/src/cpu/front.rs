@@ -120,7 +120,8 @@ impl<'a> Front<'a> {
         path: SimdPath,
         camera: &'a ProjectCamera,
         pass: &DrawPass<'a>,
-        (grid, budget): (TileGrid, &'a FrameBudget),
+        grid: TileGrid,
+        budget: &'a FrameBudget,
     ) -> Self {
         Self {
             budget,

@@ -145,8 +145,8 @@ impl CpuRenderer {
         let camera = ProjectCamera::new(&pass.camera).part_of(pass.whole.as_ref());
         let units = Unit::split(&sets, (8 * self.threads()).max(32), &mut self.records);
         self.parts.resize_with(units.len(), Part::default);
-        let budget = FrameBudget::of((pass.camera.width, pass.camera.height));
-        let front = Front::new(self.path, &camera, pass, (grid, &budget));
+        let budget = FrameBudget::new(pass.camera.width, pass.camera.height);
+        let front = Front::new(self.path, &camera, pass, grid, &budget);
         let firsts: Vec<usize> = units.iter().map(Unit::first_record).collect();
         units.into_par_iter().zip(&mut self.parts).for_each(|(unit, part)| front.run(unit, part));
 

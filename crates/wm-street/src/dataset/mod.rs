@@ -67,6 +67,19 @@ pub struct DatasetOptions {
     pub truth: GroundTruth,
 }
 
+impl DatasetOptions {
+    /// Six photos of 72x48 px, for tests.
+    pub const TINY: Self = Self {
+        route: CameraRoute::Orbit,
+        count: 6,
+        size: (72, 48),
+        samples: 1,
+        points: 250,
+        storage: ColmapStorage::Binary,
+        truth: GroundTruth::Omit,
+    };
+}
+
 impl Default for DatasetOptions {
     fn default() -> Self {
         Self {

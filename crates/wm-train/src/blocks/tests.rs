@@ -8,19 +8,11 @@ use std::fs;
 use std::num::NonZero;
 use std::ops::ControlFlow;
 use wm_render::Device;
-use wm_scene::capture::colmap::write::ColmapStorage;
 use wm_street::Street;
-use wm_street::dataset::{self, CameraRoute, DatasetOptions, GroundTruth};
+use wm_street::dataset::{self, CameraRoute, DatasetOptions};
 
-const PHOTOS: DatasetOptions = DatasetOptions {
-    route: CameraRoute::Walk,
-    count: 12,
-    size: (72, 48),
-    samples: 1,
-    points: 400,
-    storage: ColmapStorage::Binary,
-    truth: GroundTruth::Omit,
-};
+const PHOTOS: DatasetOptions =
+    DatasetOptions { route: CameraRoute::Walk, count: 12, points: 400, ..DatasetOptions::TINY };
 
 fn options() -> SessionOptions {
     let mut options = SessionOptions {

@@ -4,21 +4,12 @@ use super::*;
 use crate::poor_photos::PhotoDefect;
 use std::ops::ControlFlow;
 use wm_scene::Metadata;
-use wm_scene::capture::colmap::write::ColmapStorage;
 use wm_scene::survey::Survey;
 use wm_street::capture::{self, CaptureFlaws, CaptureKind, CaptureSettings, ExifFault};
-use wm_street::dataset::{self, CameraRoute, DatasetOptions, GroundTruth};
+use wm_street::dataset::{self, DatasetOptions, GroundTruth};
 use wm_street::{Park, Street};
 
-const PHOTOS: DatasetOptions = DatasetOptions {
-    route: CameraRoute::Orbit,
-    count: 6,
-    size: (72, 48),
-    samples: 1,
-    points: 250,
-    storage: ColmapStorage::Binary,
-    truth: GroundTruth::Omit,
-};
+const PHOTOS: DatasetOptions = DatasetOptions::TINY;
 
 /// Counts what it is told, and stops after some steps.
 #[derive(Default)]

@@ -1,6 +1,6 @@
 //! The drops on the glass at an instant.
 
-use super::Glass;
+use super::{Glass, GlassRain};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use wm_scene::random::{RandomSequence, bits};
@@ -223,11 +223,15 @@ fn cells(from: f64, to: f64, cell: f64) -> [i64; 2] {
     [from, to].map(|v| (v / cell).floor() as i64)
 }
 
-/// Landed drops in the time that is looked back, a m^2.
+/// Number of the latest small drops, a m^2, that are looked back for: older ones have become part of others.
+fn small_span(rain: &GlassRain) -> f64 {
+    if rain.area() > 0.0 { COVERED / rain.area() } else { f64::INFINITY }
+}
+
+/// Number of drops, a m^2, that are looked back for at the glass's instant.
 pub(super) fn looked_for(glass: &Glass) -> f64 {
     let landed = glass.rain.landed(glass.time);
-    let span = if glass.rain.area() > 0.0 { COVERED / glass.rain.area() } else { f64::INFINITY };
-    landed.small.min(span) + landed.running.min(MOST_RUNS)
+    landed.small.min(small_span(&glass.rain)) + landed.running.min(MOST_RUNS)
 }
 
 /// The drops on a part of the glass, m, at its instant, in an order that does not depend on the part.
@@ -238,7 +242,7 @@ pub fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
         return Vec::new();
     }
     let landed = rain.landed(now);
-    let span = if rain.area() > 0.0 { COVERED / rain.area() } else { f64::INFINITY };
+    let span = small_span(rain);
     let margin = 3.0 * glass.runs_from;
     let bounds = [bounds[0].map(|v| v - margin), bounds[1].map(|v| v + margin)];
     let on_glass = |at: [f64; 2]| (0..2).all(|k| (bounds[0][k]..bounds[1][k]).contains(&at[k]));

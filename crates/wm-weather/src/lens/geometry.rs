@@ -44,8 +44,8 @@ impl GlassView {
         view
     }
 
-    /// Returns the view with the bounds of that part of the glass where a drop of this radius, m, is at
-    /// least so wide in the picture, px. `None` if there is no such part.
+    /// Returns this view, bounded to the part of the glass where a drop of `radius` metres is at least
+    /// `pixels` wide in the picture; `None` if there is no such part.
     #[must_use]
     pub fn part_with(&self, radius: f64, pixels: f64, camera: &Camera) -> Option<Self> {
         // Beyond this depth drops are smaller.
@@ -59,10 +59,9 @@ impl GlassView {
         } else if deepest < self.distance {
             return None;
         }
-        for (bound, x) in part.bounds.iter_mut().zip([0.0, f64::from(camera.width)]) {
-            let edge = deepest * (x - self.principal[0]) / self.focal[0];
-            bound[0] = if x == 0.0 { bound[0].max(edge.min(0.0)) } else { bound[0].min(edge.max(0.0)) };
-        }
+        let edge = |x: f64| deepest * (x - self.principal[0]) / self.focal[0];
+        part.bounds[0][0] = part.bounds[0][0].max(edge(0.0).min(0.0));
+        part.bounds[1][0] = part.bounds[1][0].min(edge(f64::from(camera.width)).max(0.0));
         let [low, high] = part.bounds;
         (low[0] < high[0] && low[1] < high[1]).then_some(part)
     }

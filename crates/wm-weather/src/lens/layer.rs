@@ -47,7 +47,7 @@ pub(super) struct LayerScale {
 }
 
 impl LayerScale {
-    /// For a glass before a camera.
+    /// The scale for a glass before a camera.
     pub fn before(glass: &Glass, camera: &Camera) -> Self {
         let focal = (camera.fx * camera.fy).sqrt();
         Self::new((glass.aperture / glass.distance * focal) as f32)

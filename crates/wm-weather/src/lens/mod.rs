@@ -57,14 +57,14 @@ pub struct Glass {
     pub rain: GlassRain,
 }
 
-/// Most drops on the glass before a camera that are looked for.
+/// Most drops on the glass before a camera.
 const MOST_DROPS: f64 = 3e7;
 
 impl Glass {
-    /// Checks that the drops before a camera are not too many.
+    /// Checks that a camera has no more than [`MOST_DROPS`] drops before it.
     ///
     /// # Errors
-    /// Their number and what helps, in one line.
+    /// One line with their number and what helps.
     pub fn check(&self, camera: &Camera) -> Result<(), String> {
         let Some([low, high]) = self.part_with_drops(camera) else { return Ok(()) };
         let count = (high[0] - low[0]) * (high[1] - low[1]) * drops::looked_for(self);
@@ -72,12 +72,13 @@ impl Glass {
             return Ok(());
         }
         Err(format!(
-            "lens: {count:.1e} drops are before this camera, {MOST_DROPS:e} can be drawn: take larger ones (lens.size), a glass \
-             that is nearer (lens.distance), or a narrower view"
+            "lens: {count:.1e} drops on the glass before this camera, more than {MOST_DROPS:e}: set larger drops (lens.size), \
+             a nearer glass (lens.distance) or a narrower view"
         ))
     }
 
-    /// Bounds of the part of the glass where drops can be seen, m from the point on the view's axis; `None` if there is none.
+    /// The part of the glass where drops are large enough to be seen: its least and greatest corner, m from the point on the view's
+    /// axis. `None` if there is no such part.
     fn part_with_drops(&self, camera: &Camera) -> Option<[[f64; 2]; 2]> {
         if self.rain.is_dry(self.time) {
             return None;

@@ -324,9 +324,9 @@ impl Falling {
         if sources.is_empty() {
             return Ok(0.0);
         }
-        let size = (view.size[0] as u32, view.size[1] as u32);
-        check_cells(sources.iter().map(|particles| particles.cells(view)).sum(), size)?;
-        let budget = FrameBudget::of(size);
+        let [width, height] = [view.size[0] as u32, view.size[1] as u32];
+        check_cells(sources.iter().map(|particles| particles.cells(view)).sum(), width, height)?;
+        let budget = FrameBudget::new(width, height);
         self.grid = ((view.size[0] as usize).div_ceil(PATCH), (view.size[1] as usize).div_ceil(PATCH));
         let patches = self.grid.0 * self.grid.1;
         let work: Vec<(usize, [i32; 4])> = sources
