@@ -1,9 +1,11 @@
 //! Floods the built-in street and holds the mirror against rays, threads against each other, and bad input against its message.
 
-use weather_magician::{FrameOptions, Picture, PreparedPlace, Renderer, Weather};
+use glam::DVec3;
+use weather_magician::{FrameOptions, Metadata, Picture, PreparedPlace, Renderer, Weather};
 use wm_render::{CpuConfig, Device};
 use wm_scene::color::{srgb_decode, srgb_encode};
-use wm_scene::{Camera, Scene};
+use wm_scene::splats::Splat;
+use wm_scene::{Camera, Group, Scene, Splats};
 use wm_street::{Place, Street, display_of};
 use wm_weather::water::fresnel;
 
@@ -42,7 +44,7 @@ fn still_water_mirrors_what_rays_meet() {
     let ground = place.site().ground;
     let water = ground + LEVEL;
     let level = format!("flood.level={LEVEL}");
-    let weather = weather(&[&level, "flood.secchi=0.02", "flood.tint=0,0,0"]);
+    let weather = weather(&[&level, "flood.ground=0", "flood.secchi=0.02", "flood.tint=0,0,0"]);
     for time in [0.02, 0.4] {
         let camera = Street::dolly(time).camera((240, 160)).unwrap();
         // The splats are not the street: what they show directly differs from what rays meet, too.
@@ -70,7 +72,7 @@ fn still_water_mirrors_what_rays_meet() {
                     continue;
                 }
                 let point = camera.center() + distance * ray;
-                let up = glam::DVec3::new(ray.x, ray.y, -ray.z);
+                let up = DVec3::new(ray.x, ray.y, -ray.z);
                 let Some(hit) = street.cast(point, up) else { continue };
                 let share = f64::from(fresnel(-ray.z as f32));
                 let seen = picture.frame.rgb_at(x, y);
@@ -105,6 +107,56 @@ fn frames_are_functions_of_time() {
     assert_eq!(alone, drawn(2, &[0.0, 1.0, 2.0]));
     assert_eq!(alone, drawn(7, &[2.0]));
     assert_ne!(alone, drawn(2, &[2.1]));
+}
+
+/// Ground that falls by 5 % along x, and a wall on it.
+fn slope() -> Scene {
+    let mut splats = Splats::default();
+    for i in 0..160 * 40 {
+        let [x, y] = [i % 160, i / 160].map(|v| 0.25 * f64::from(v));
+        let [x, y] = [x - 20.0, y - 5.0];
+        splats.push(&Splat {
+            mean: [x, y, -0.05 * x].map(|v| v as f32),
+            quat: [1.0, 0.0, 0.025, 0.0],
+            log_scale: [0.2f32.ln(), 0.2f32.ln(), 0.01f32.ln()],
+            logit_opacity: 5.0,
+            rgb: [0.4; 3],
+            group: Group::Scene,
+        });
+    }
+    let metadata = Metadata { up: Some(DVec3::Z), metres_per_unit: Some(1.0), ..Metadata::default() };
+    Scene { splats, metadata, ..Scene::default() }
+}
+
+/// The water stands as high as it is told to at the feet of the camera, wherever that is; over a shot it stays where it was at first.
+#[test]
+fn a_flood_stands_over_the_ground_under_the_camera() {
+    let mut renderer = Renderer::cpu().unwrap();
+    let mut place = renderer.load(slope()).unwrap();
+    let eye = |x: f64| {
+        let eye = DVec3::new(x, 0.0, 1.6 - 0.05 * x);
+        Camera::looking((60, 40), 60.0, eye, eye + DVec3::new(0.0, 2.0, -1.0), DVec3::Z).unwrap()
+    };
+    let depth_at_feet = |place: &PreparedPlace, weather: &Weather, camera: &Camera| {
+        let mut prepared = weather.at(0.0).prepare(place.site());
+        prepared.stand_flood_on(f64::NAN);
+        let level = prepared.water(None).unwrap().plane().unwrap();
+        level + 0.05 * camera.center().x
+    };
+    let flood = weather(&["flood.level=0.3"]);
+    for x in [-15.0, -3.0, 0.0, 12.0] {
+        let own = place.weather_of_shot(&flood, &eye(x));
+        let depth = depth_at_feet(&place, &own, &eye(x));
+        assert!((depth - 0.3).abs() < 0.01, "{depth} m at {x}");
+        // A frame alone does the same.
+        let [alone, shot] =
+            [&flood, &own].map(|weather| draw(&mut renderer, &mut place, weather, (&eye(x), 0.0)));
+        assert_eq!(alone.frame, shot.frame);
+    }
+    let shot = place.weather_of_shot(&flood, &eye(0.0));
+    assert_eq!(place.weather_of_shot(&shot, &eye(12.0)), shot);
+    let fixed = weather(&["flood.level=0.3", "flood.ground=0.5"]);
+    assert_eq!(place.weather_of_shot(&fixed, &eye(12.0)), fixed);
 }
 
 #[test]

@@ -28,7 +28,7 @@ use wm_render::{
     SetId, SetView, SkyGradient, Stats,
 };
 use wm_scene::splats::LabelKind;
-use wm_scene::survey::{Aligned, Alignment, CapturedSky, FactSource, Survey, align, label_sky};
+use wm_scene::survey::{Aligned, Alignment, CapturedSky, FactSource, NearGround, Survey, align, label_sky};
 use wm_scene::{Camera, Lamp, LitWindow, LookAt, Metadata, Scene, Severity, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::FusedSurfaces;
@@ -175,6 +175,11 @@ pub struct PreparedPlace {
     thinned: Option<ThinnedSet>,
     light: PlaceLight,
     water: PlaceWater,
+    /// The ground under any camera, once a flood asked for it.
+    near_ground: Option<NearGround>,
+    /// The ground under the last camera that a flood asked for: its eye, and the height over the site's ground, m, where there is
+    /// any.
+    last_ground: Option<(DVec3, Option<f64>)>,
     /// True once the splats in the computer's memory are freed.
     is_released: bool,
     warnings: Vec<String>,
@@ -332,6 +337,8 @@ impl PreparedPlace {
             thinned: None,
             light: PlaceLight::new(lamps),
             water: PlaceWater::default(),
+            near_ground: None,
+            last_ground: None,
             is_released: false,
             warnings: reading.chain(survey.warning()).collect(),
             doubts: doubts(&survey),
@@ -459,6 +466,7 @@ impl PreparedPlace {
         self.water = PlaceWater::default();
         self.doubts = doubts(&survey);
         self.ground_doubt = survey.ground_warning();
+        (self.near_ground, self.last_ground) = (None, None);
         self.survey = survey;
         if let Some(levels) = &mut self.levels {
             levels.captured_sky = self.survey.captured_sky;
@@ -515,6 +523,7 @@ impl PreparedPlace {
         if self.store.light.is_some() {
             self.light.keep_points(&self.scene.splats);
         }
+        self.near_ground.get_or_insert_with(|| NearGround::of(&self.scene.splats, self.survey.up.value));
         let scene = Scene {
             views: self.scene.views.clone(),
             metadata: self.scene.metadata.clone(),
@@ -721,9 +730,10 @@ impl PreparedPlace {
         backend: &mut AnyRenderer,
         missing: &mut MissingAssets,
     ) -> Result<AssetSource> {
-        // Assets of a direction that is no number would never be found again.
-        if *missing != missing.clone() {
-            return Err(Error::Unsupported("a number of this weather is none: change its parameters".into()));
+        if missing.has_nan() {
+            return Err(Error::Unsupported(
+                "the weather gives a direction that is not a number (NaN): change its parameters".into(),
+            ));
         }
         self.read_cached(missing, backend.threads());
         let needs_casters = self.store.casters.is_none() && (missing.casters || missing.sun.is_some());
@@ -1000,6 +1010,44 @@ impl PreparedPlace {
         Ok(())
     }
 
+    /// Prepares an instant of a weather for a camera.
+    fn prepared_at(&mut self, weather: &Weather, time: f64, camera: &Camera) -> PreparedWeather {
+        let mut prepared = weather.at(time).prepare(&self.site);
+        if prepared.flood().is_some_and(|flood| flood.ground.is_none()) {
+            prepared.stand_flood_on(self.ground_under(camera).unwrap_or(0.0));
+        }
+        prepared
+    }
+
+    /// The weather of a shot that starts with a camera: what follows the camera by itself is what it is there. A flood whose
+    /// `ground` is `auto` stands at one level over the whole shot then.
+    #[must_use]
+    pub fn weather_of_shot(&mut self, weather: &Weather, camera: &Camera) -> Weather {
+        let ground = weather.at(0.0).track("flood", "ground").map(|track| track.at(0.0).number());
+        if ground != Some(None) {
+            return weather.clone();
+        }
+        let ground = self.ground_under(camera);
+        // Without any, and at a height out of range, it stays as it is.
+        ground
+            .and_then(|ground| weather.clone().set("flood.ground", ground).ok())
+            .unwrap_or_else(|| weather.clone())
+    }
+
+    /// Height of the ground straight under a camera over the ground of the site, m; `None` where there is none near by.
+    fn ground_under(&mut self, camera: &Camera) -> Option<f64> {
+        let eye = camera.center();
+        if let Some((_, height)) = self.last_ground.filter(|(known, _)| *known == eye) {
+            return height;
+        }
+        let near =
+            self.near_ground.get_or_insert_with(|| NearGround::of(&self.scene.splats, self.survey.up.value));
+        let height = near.height_under(eye, self.site.metres_per_unit);
+        let height = height.map(|height| (height - self.site.ground) * self.site.metres_per_unit);
+        self.last_ground = Some((eye, height));
+        height
+    }
+
     /// Checks that the light of a weather can be.
     fn check_light(&self, weather: &Weather) -> Result<()> {
         light_fault(weather, &self.site).map_or(Ok(()), |fault| Err(Error::Unsupported(fault)))
@@ -1026,7 +1074,7 @@ impl PreparedPlace {
             }
         }
         self.look(backend, options.whole.as_ref().unwrap_or(&options.camera.camera), options.patience)?;
-        let mut prepared = weather.at(options.time).prepare(&self.site);
+        let mut prepared = self.prepared_at(weather, options.time, &options.camera.camera);
         // Before assets are made and kept.
         if !prepared.falling().is_empty() {
             options.camera.check_speed()?;
@@ -1039,7 +1087,7 @@ impl PreparedPlace {
             if !missing.is_empty() {
                 self.prepare(backend, missing, progress)?;
                 // The light of the photos says more of the site.
-                prepared = weather.at(options.time).prepare(&self.site);
+                prepared = self.prepared_at(weather, options.time, &options.camera.camera);
             }
         }
         self.check_water(weather, &prepared, &options.camera.camera)?;
@@ -1132,8 +1180,14 @@ impl PreparedPlace {
     /// Checks that the water of an instant can be drawn from an eye.
     fn check_water(&mut self, weather: &Weather, prepared: &PreparedWeather, camera: &Camera) -> Result<()> {
         let Some(track) = weather.at(0.0).track("flood", "level").cloned() else { return Ok(()) };
-        if self.survey.ground.source == FactSource::Assumed {
-            let fault = "flood.level is over the ground, and the height of the ground is not known here: give --ground";
+        let is_given =
+            weather.at(0.0).track("flood", "ground").is_some_and(|track| track.at(0.0).number().is_some());
+        if self.survey.ground.source == FactSource::Assumed
+            && !is_given
+            && self.ground_under(camera).is_none()
+        {
+            let fault = "flood.level is over the ground, and the height of the ground is not known here: give --ground, or \
+                         flood.ground";
             return Err(Error::Unsupported(fault.into()));
         }
         if !prepared.paper_falls().is_empty() {
@@ -1144,7 +1198,8 @@ impl PreparedPlace {
             self.warnings.push("flood.level is not above the ground: no water is drawn".into());
         }
         let Some(map) = prepared.water(None) else { return Ok(()) };
-        let ground = self.site.ground * self.site.metres_per_unit;
+        let over = prepared.flood().and_then(|flood| flood.ground).unwrap_or(0.0);
+        let ground = self.site.ground * self.site.metres_per_unit + over;
         let eye = map.height_of(camera.center().to_array());
         match map.heights() {
             Some([_, high]) if eye <= high => Err(Error::Unsupported(format!(
@@ -1344,6 +1399,7 @@ fn site_of(survey: &Survey, lamps: &PlaceLamps) -> Site {
         up: survey.up.value.to_array(),
         ground: survey.ground.value,
         airlight: survey.airlight.value,
+        white_card: survey.white_card,
         daylight: match survey.airlight.source {
             FactSource::Estimated | FactSource::Assumed if survey.sky_splats == 0 => Daylight::Guessed,
             _ => Daylight::Known,

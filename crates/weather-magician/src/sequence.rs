@@ -101,6 +101,7 @@ impl Renderer {
             let camera = |frame: u32| motion.camera(rate.seconds(u64::from(frame)));
             place.set_shot(&shot_cameras(frames.len() as u32, camera, false));
         }
+        let weather = &place.weather_of_shot(weather, &first);
         self.prepare(place, weather, progress)?;
         let mut render = |index: u32, picture: &mut Picture| -> Result<()> {
             let time = rate.seconds(u64::from(index));

@@ -75,6 +75,10 @@ pub struct Metadata {
     /// weather that is given no colour of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub airlight: Option<[f64; 3]>,
+    /// Brightness of a white card on level ground in the open as the photos would show it, linear, 1 = display white: what turns
+    /// colours into reflectances.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub white_card: Option<f64>,
     /// Extinction of the haze in which the photos were taken, a scene unit. The scene is without it: this says what its photos
     /// show and it does not.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -175,7 +179,7 @@ pub enum Rasterization {
 
 impl Metadata {
     /// The keys, in the order in which they are written.
-    pub const KEYS: [&str; 27] = [
+    pub const KEYS: [&str; 28] = [
         "origin",
         "metres_per_unit",
         "scale_source",
@@ -193,6 +197,7 @@ impl Metadata {
         "ground_confidence",
         "camera_height",
         "airlight",
+        "white_card",
         "haze_extinction",
         "haze_extinction_error",
         "haze_shown_extinction",
@@ -210,6 +215,9 @@ impl Metadata {
 
     /// Scales that a scene can have, metres a unit.
     pub const SCALES: RangeInclusive<f64> = 1e-6..=1e6;
+
+    /// Brightnesses that a white card can have.
+    pub const WHITE_CARDS: RangeInclusive<f64> = 0.1..=20.0;
 
     /// Most points of an outline.
     pub const MOST_CORNERS: usize = 1000;
@@ -274,6 +282,7 @@ impl Metadata {
             ground: self.ground.or(other.ground),
             camera_height: self.camera_height.or(other.camera_height),
             airlight: self.airlight.or(other.airlight),
+            white_card: self.white_card.or(other.white_card),
             haze_extinction_error: note(self.haze_extinction_error, other.haze_extinction_error, haze),
             haze_extinction: self.haze_extinction.or(other.haze_extinction),
             haze_shown_extinction: note(self.haze_shown_extinction, other.haze_shown_extinction, haze),
@@ -382,6 +391,12 @@ impl Metadata {
                 return Some(format!("{key} is {light:?}: each value must be finite and not below 0"));
             }
         }
+        if let Some(card) = self.white_card
+            && !Self::WHITE_CARDS.contains(&card)
+        {
+            let (least, most) = (Self::WHITE_CARDS.start(), Self::WHITE_CARDS.end());
+            return Some(format!("white_card is {card}: it must be {least} to {most}"));
+        }
         let extinctions = [
             ("haze_extinction", self.haze_extinction),
             ("haze_shown_extinction", self.haze_shown_extinction),
@@ -465,6 +480,7 @@ mod tests {
             ground_confidence: Some(Confidence::Likely),
             camera_height: Some(0.1),
             airlight: Some([0.7, 0.75, 0.8]),
+            white_card: Some(1.5),
             haze_extinction: Some(0.4),
             haze_extinction_error: Some(0.03),
             haze_shown_extinction: Some(0.42),
@@ -598,6 +614,7 @@ mod tests {
             Metadata { ground: Some(f64::NAN), ..Metadata::default() },
             Metadata { airlight: Some([0.5, -1.0, 0.5]), ..Metadata::default() },
             Metadata { haze_airlight: Some([0.5, -1.0, 0.5]), ..Metadata::default() },
+            Metadata { white_card: Some(0.0), ..Metadata::default() },
             Metadata { haze_extinction: Some(0.0), ..Metadata::default() },
             Metadata { haze_extinction_error: Some(f64::NAN), ..Metadata::default() },
             Metadata { lamps: Some(vec![Lamp { beam: 0.0, ..Lamp::new([0.0; 3]) }]), ..Metadata::default() },

@@ -257,6 +257,16 @@ impl Place {
         Some(self.hit(which, &crossing, (origin, direction), budget, FOOTPRINT))
     }
 
+    /// The reflectance of the nearest surface along a ray, linear RGB, 0-1; `None` of the sky.
+    #[must_use]
+    pub fn reflectance(&self, origin: DVec3, direction: DVec3) -> Option<[f64; 3]> {
+        let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
+        let unit = DVec2::new(crossing.a, crossing.b);
+        let point = origin + direction * crossing.t;
+        let spot = shape::Spot { point, ..self.primitives[which].shape.spot_anywhere(unit.x, unit.y) };
+        Some(self.skin(which, &spot, unit, (FOOTPRINT * crossing.t).max(1e-3)).albedo.to_array())
+    }
+
     /// The light of a crossing; `footprint` is the width of the ray per metre of its length.
     pub(crate) fn hit(
         &self,

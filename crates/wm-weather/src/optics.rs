@@ -132,7 +132,10 @@ pub struct Site {
     pub ground: f64,
     /// Radiance of the sky near the horizon, linear RGB.
     pub airlight: [f64; 3],
-    /// What that is worth.
+    /// Brightness of a white card on level ground in the open as the photos would show it, linear, 1 = display white; `None` where
+    /// nobody states it.
+    pub white_card: Option<f64>,
+    /// What the airlight is worth.
     pub daylight: Daylight,
     /// The sky that the place was captured under.
     pub captured_sky: CapturedSky,
@@ -154,6 +157,7 @@ impl Site {
         up: [0.0, 0.0, 1.0],
         ground: 0.0,
         airlight: [0.8; 3],
+        white_card: None,
         daylight: Daylight::Known,
         captured_sky: CapturedSky::Unknown,
         earth: None,

@@ -584,11 +584,16 @@ impl PreparedWeather {
         self.glass.as_deref()
     }
 
+    /// Has the level of a flood whose `ground` is `auto` count from the ground at this height over that of the site, m.
+    pub fn stand_flood_on(&mut self, ground: f64) {
+        self.flood.iter_mut().for_each(|flood| flood.ground = flood.ground.or(Some(ground)));
+    }
+
     /// Returns where water stands, with the puddles of the place; `None` where none does.
     #[must_use]
     pub fn water(&self, puddles: Option<&Arc<WaterGrid>>) -> Option<WaterMap> {
         match (self.flood(), puddles.cloned()) {
-            (Some(flood), puddles) => Some(WaterMap::flood(flood.level, &self.site).with_grid(puddles)),
+            (Some(flood), puddles) => Some(WaterMap::flood(flood.height(), &self.site).with_grid(puddles)),
             (None, Some(puddles)) => Some(WaterMap::of_grid(Some(puddles), &self.site)),
             (None, None) => None,
         }
@@ -674,7 +679,7 @@ impl PreparedWeather {
         let splash = self.splash?;
         let rain = self.falling.iter().find(|kind| kind.kind.name == "rain")?;
         let ground = self.site.ground * self.site.metres_per_unit;
-        let plane = self.flood().map(|flood| ground + flood.level);
+        let plane = self.flood().map(|flood| ground + flood.height());
         if plane.is_none() && seen.splashes.is_none() {
             return None;
         }

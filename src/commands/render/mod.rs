@@ -362,6 +362,7 @@ impl RenderJob {
         parts: Vec<PicturePart>,
     ) -> Result<Self> {
         loaded.place.config = config;
+        let weather = loaded.place.weather_of_shot(&weather, &plan.camera(plan.time(0)));
         loaded.prepare(&weather)?;
         let OpenScene { renderer, place } = loaded;
         let camera = SensorCamera::new(model, plan.motion().clone());

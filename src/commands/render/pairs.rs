@@ -102,6 +102,10 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     loaded.place.config = config;
     let manifest = about((&loaded.renderer, &loaded.place), &shots, args, weather)?;
     manifest::keep(&folder, MANIFEST, &manifest, "pictures of another run")?;
+    let weather = &match shots.first() {
+        Some(shot) => loaded.place.weather_of_shot(weather, &shot.camera),
+        None => weather.clone(),
+    };
     loaded.prepare(weather)?;
     let OpenScene { mut renderer, mut place } = loaded;
 

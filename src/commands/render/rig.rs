@@ -68,6 +68,7 @@ pub fn run(args: &RenderArgs, weather: &Weather, file: &Path) -> Result<()> {
         bail!("{}: more than {MOST} pictures and sweeps; give --seconds", file.display());
     }
     layers::check_labels(&args.output.also, &loaded.place, &args.scene.scene)?;
+    let weather = &loaded.place.weather_of_shot(weather, &base.camera(start));
     let mut job = RigJob { args, loaded, weather, base, folder, start, seconds, bar: ProgressBar::hidden() };
     manifest::keep(&job.folder, MANIFEST, &job.manifest(&rig)?, "files of another run")?;
     // Lidars and radars need the splats, so they are not freed.

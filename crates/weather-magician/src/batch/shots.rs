@@ -3,6 +3,7 @@
 use super::clips::{BlockPart, PlannedClip};
 use super::plan::PictureNeeds;
 use super::set::{detections_of, points_of};
+use super::weathers::PlannedWeather;
 use crate::camera_model::{CameraModel, SensorCamera, Shot};
 use crate::lidar::{LidarSweep, ScanOptions};
 use crate::motion::CameraMotion;
@@ -31,6 +32,14 @@ pub struct ActivePart {
     pub readings: Vec<ReadingInfo>,
     /// Cameras over the whole clip, for the cut of a scene in levels of detail; of other scenes none.
     pub shot: Vec<Camera>,
+}
+
+impl ActivePart {
+    /// The weather of the clip, in which what follows the camera by itself is what it is where the clip starts.
+    fn weather(&self, place: &mut PreparedPlace) -> Weather {
+        let PlannedWeather { weather, at, .. } = &self.clip.weather;
+        place.weather_of_shot(weather, &self.base.camera(*at))
+    }
 }
 
 /// The data of one reading.
@@ -129,7 +138,7 @@ impl<'a> Shots<'a> {
         let info = active.readings[index];
         let sensor = &self.rig.sensors[info.sensor];
         let metres = place.site().metres_per_unit;
-        let weather = &active.clip.weather.weather;
+        let weather = &active.weather(place);
         let (time, seed) = (active.clip.weather.at + sensor.phase, bits(self.seed, active.clip.number));
         // All sweeps of the part at once: one alone would sort the splats again.
         let sweeps = active.readings.iter().filter(|other| other.sensor == info.sensor).count() as u32;
@@ -199,7 +208,7 @@ impl<'a> Shots<'a> {
         let needs = self.needs;
         let new = || camera_of(sensor, model, (active, info), metres);
         let camera = self.memory.cameras[info.sensor].get_or_insert_with(new);
-        let weather = &active.clip.weather.weather;
+        let weather = &active.weather(place);
         let time = active.clip.weather.at + info.time;
         // Noise is another in each clip.
         let index = info.index ^ (bits(self.seed, active.clip.number) as u32) << 8;

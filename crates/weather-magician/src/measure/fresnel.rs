@@ -47,6 +47,8 @@ pub(super) fn still(request: &MeasureRequest<'_>, changes: &[&str]) -> Result<wm
     for effect in weather.clone().effects().map(|(effect, _)| effect.name).filter(|name| *name != "flood") {
         weather.set_text(&format!("{effect}=off"))?;
     }
+    // Instruments set up boards at heights over the ground of the site.
+    weather.set_text("flood.ground=0")?;
     changes.iter().try_for_each(|change| weather.set_text(change))?;
     Ok(weather)
 }

@@ -120,6 +120,8 @@ impl InstrumentRenderer for PlaceRenderer {
             up: Some(DVec3::from_array(site.up)),
             ground: Some(site.ground),
             airlight: Some(site.airlight),
+            // Boards are painted in their reflectances.
+            white_card: Some(1.0),
             lamps: Some(lamps),
             ..Metadata::default()
         };

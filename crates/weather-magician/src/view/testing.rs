@@ -27,6 +27,7 @@ pub fn survey() -> Survey {
         metres_per_unit: known(1.0),
         scale_source: None,
         airlight: known([0.8; 3]),
+        white_card: None,
         captured_sky: CapturedSky::Unknown,
         location: None,
         captured: None,

@@ -95,7 +95,7 @@ mod tests {
             ", line 2, column 1: unknown field `meters_per_unit`, expected one of `origin`, `metres_per_unit`, \
              `scale_source`, `scale_confidence`, `up`, `up_source`, `up_confidence`, `north`, \
              `north_source`, `location`, `captured`, `captured_span`, `sun`, `ground`, `ground_confidence`, \
-             `camera_height`, `airlight`, `haze_extinction`, `haze_extinction_error`, `haze_shown_extinction`, \
+             `camera_height`, `airlight`, `white_card`, `haze_extinction`, `haze_extinction_error`, `haze_shown_extinction`, \
              `haze_airlight`, `water`, `lamps`, `windows`, `reflectances`, `rasterization`, `provenance`"
         );
         assert_eq!(

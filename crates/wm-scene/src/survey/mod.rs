@@ -10,6 +10,7 @@ mod align;
 mod ground;
 pub(crate) mod habits;
 pub(crate) mod linear;
+mod near_ground;
 mod own_sky;
 mod report;
 mod sample;
@@ -29,6 +30,7 @@ use thiserror::Error;
 
 pub use airlight::{CapturedSky, SkyPatch, airlight_of_sky};
 pub use align::{AlignError, Aligned, Alignment, GivenGround, GivenScale, UpSide, align, ground_normal};
+pub use near_ground::NearGround;
 pub use own_sky::{OwnSky, SkyChange};
 pub use sky::{SkyRegion, label_sky};
 pub use sun::{SunFault, SurveyedSun};
@@ -68,6 +70,9 @@ pub struct Survey {
     pub scale_source: Option<String>,
     /// Mean radiance of the sky near the horizon, linear RGB, 1 = display white.
     pub airlight: Sourced<[f64; 3]>,
+    /// Brightness of a white card on level ground in the open as the photos would show it, linear, 1 = display white; `None` where
+    /// nobody states it.
+    pub white_card: Option<f64>,
     /// The kind of sky that the place was captured under.
     pub captured_sky: CapturedSky,
     /// The middle of most splats, sky and strays left out, scene units.
@@ -253,6 +258,7 @@ impl Survey {
             up,
             ground,
             airlight,
+            white_card: facts.white_card,
             captured_sky: match facts.sun {
                 Some(PhotoSun::Diffuse) => CapturedSky::Overcast,
                 Some(PhotoSun::Towards(_)) => CapturedSky::Clear,
@@ -285,6 +291,7 @@ impl Survey {
             ground_confidence: doubt(&self.ground),
             ground: known(&self.ground),
             airlight: known(&self.airlight),
+            white_card: self.white_card,
             ..Metadata::default()
         }
     }

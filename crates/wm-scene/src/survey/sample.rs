@@ -75,7 +75,8 @@ pub fn strided(count: usize, most: usize) -> impl Iterator<Item = usize> {
     (0..count).step_by(count.div_ceil(most).max(1))
 }
 
-fn point(splats: &Splats, index: usize) -> Option<SurveyPoint> {
+/// The survey's point of a splat; `None` of one that is too faint.
+pub fn point(splats: &Splats, index: usize) -> Option<SurveyPoint> {
     let opacity = splats.opacity(index);
     if opacity < LEAST_OPACITY {
         return None;

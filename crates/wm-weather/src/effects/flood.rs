@@ -1,4 +1,4 @@
-//! Flood: water that stands over the ground at one level, everywhere.
+//! Flood: water that stands at one level, everywhere, so high over the ground at one place.
 //!
 //! [`crate::water`] computes where the water stands, what it mirrors and how it moves. The ground under it fades with its depth as a
 //! Secchi disc does. `wind.speed` makes waves, and drops of `rain` make rings. The paper has no flood; in fidelity `paper` it is drawn
@@ -13,6 +13,9 @@ crate::params! {
     pub struct FloodParams {
         /// Height of the water over the ground. Over time by keyframes: it rises and falls. At 0 or below there is none.
         level: f64 = ParamValue::Number(0.5), -100.0 => 1000.0, "m";
+        /// Height of the ground that `level` counts from, over the ground that the scene states. `auto`: of the ground under the camera,
+        /// at the start of a video or of a path.
+        ground: Option<f64> = ParamValue::Auto, -10_000.0 => 10_000.0, "m";
         /// Secchi depth: how deep a white disc is still seen. 0.1 brown and muddy, 0.5 as most floods of rivers, 3 a clear lake, 10 and
         /// more the clear sea.
         secchi: f64 = ParamValue::Number(0.3), 0.02 => 60.0, "m";
@@ -28,8 +31,10 @@ crate::params! {
 /// Water at one level at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flood {
-    /// Height over the ground, m.
+    /// Height over `ground`, m.
     pub level: f64,
+    /// Height of the ground that the level counts from, over that of the site, m; `None` for that of the site.
+    pub ground: Option<f64>,
     /// Secchi depth, m.
     pub secchi: f64,
     /// Colour of its own light, linear RGB, the largest 1; `None` for that of its clearness.
@@ -38,6 +43,14 @@ pub struct Flood {
     pub fetch: f64,
     /// Seed of its waves.
     pub seed: u64,
+}
+
+impl Flood {
+    /// Height of the water over the ground of the site, m.
+    #[must_use]
+    pub fn height(&self) -> f64 {
+        self.level + self.ground.unwrap_or(0.0)
+    }
 }
 
 /// The entry of [`EFFECTS`](super::EFFECTS).
@@ -50,13 +63,13 @@ pub const EFFECT: Effect = Effect {
     slot: Slot::Surface,
     params: FloodParams::PARAMS,
     act: |now, _| {
-        let FloodParams { level, secchi, tint, fetch, seed } = FloodParams::of(now.values);
+        let FloodParams { level, ground, secchi, tint, fetch, seed } = FloodParams::of(now.values);
         let tint = tint.map(|rgb| {
             let light = rgb.map(wm_render::frame::srgb_decode);
             let most = light.into_iter().fold(1e-6, f64::max);
             light.map(|v| v / most)
         });
-        Action::Flood(Flood { level, secchi, tint, fetch, seed: seed as u64 })
+        Action::Flood(Flood { level, ground, secchi, tint, fetch, seed: seed as u64 })
     },
     act_as_paper: None,
 };

@@ -16,6 +16,7 @@ use super::shadow_edges::{ShadowEdges, edge_share, sharpened_share};
 use super::sun_search::{self, FoundSun, Pair, along};
 use super::sun_shadows::SunShadows;
 use super::unseen_casters::{self, MappedLight};
+use super::white_card::WhiteCard;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{CapturedSky, Site};
 use crate::shelter::Occluders;
@@ -107,8 +108,10 @@ pub struct CaptureLight {
     pub light: SceneLight,
     /// Means over all surfaces, by which light returns.
     mean: MeanSurface,
-    /// The brightness of a white card in an irradiance of 1, display values; 1 or more.
+    /// The brightness in which white things are drawn in an irradiance of 1, display values; 1 or more.
     exposure: f64,
+    /// The brightness of white cards as the photos would show them.
+    card: WhiteCard,
     /// One a splat of the scene.
     splats: Vec<SplatLight>,
 }
@@ -180,6 +183,7 @@ impl CaptureLight {
             && [even, rising, sun].into_iter().all(f64::is_finite)
             && self.light.sun.into_iter().all(f64::is_finite)
             && (1.0..f64::INFINITY).contains(&self.exposure)
+            && self.card.is_sound()
     }
 
     /// Splits the light of a scene. `found` are its surfaces, `occluders` what stands in the way of light, `known` what
@@ -241,6 +245,12 @@ impl CaptureLight {
         };
         let is_known = capture_sun.is_some() || is_overcast;
         let exposure = exposure(&surfaces, (&light, is_known), mean.under(&light), up, place);
+        let of_sky =
+            capture_sun.map_or(1.0, |sun| 1.0 / (1.0 + luminance(sun.ratio) * along(sun.direction, site.up)));
+        let under_light = mean.under(&light);
+        let card = WhiteCard::of(&surfaces, site, (of_sky, is_overcast), |i| {
+            luminance(place(i).irradiance(&light, under_light))
+        });
         let own: Vec<SplatLight> = (0..surfaces.len())
             .map(|i| SplatLight {
                 normal: surfaces.normals[i].to_array().map(|v| (127.0 * v).round() as i8),
@@ -276,7 +286,7 @@ impl CaptureLight {
             };
             share.map_or(own[nearest], |share| SplatLight { sun: share_number(share), ..own[nearest] })
         });
-        Self { sun: capture_sun, is_overcast, search, light, mean, exposure, splats }
+        Self { sun: capture_sun, is_overcast, search, light, mean, exposure, card, splats }
     }
 
     /// The light of a scene of whose surfaces nothing is known: all of it sees the sky.
@@ -289,6 +299,7 @@ impl CaptureLight {
             light: captured_light(None, site),
             mean: MeanSurface::of(std::iter::empty()),
             exposure: 1.0,
+            card: WhiteCard::USUAL,
             splats: splats.groups.iter().map(of).collect(),
         }
     }
@@ -409,10 +420,11 @@ impl CaptureLight {
         self.exposure
     }
 
-    /// The light of a white card in an irradiance, display values in linear light.
+    /// The light of a white card in an irradiance as the photos would show it, display values in linear light: the colour of a
+    /// surface over it is its reflectance.
     #[must_use]
     pub fn white(&self, irradiance: f64) -> f64 {
-        self.exposure * irradiance
+        self.card.light(irradiance)
     }
 
     /// The normal of the surface of a splat, length 1; zero of leaves.

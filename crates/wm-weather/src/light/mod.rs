@@ -28,6 +28,7 @@ mod shadow_edges;
 mod sun_search;
 mod sun_shadows;
 mod unseen_casters;
+mod white_card;
 mod windows;
 
 pub use capture::{CaptureLight, CaptureSun, KnownSun, MOST_LEFT};

@@ -87,7 +87,7 @@ pub struct WaterSample {
 }
 
 impl WaterMap {
-    /// Water everywhere, `level` metres above the site's ground.
+    /// Water everywhere, `level` metres over the ground of the site.
     #[must_use]
     pub fn flood(level: f64, site: &Site) -> Self {
         let height = site.ground * site.metres_per_unit + level;

@@ -17,14 +17,11 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use wm_render::hooks::{Attribute, AttributeBlock};
 use wm_scene::Splats;
-use wm_scene::color::{luminance, srgb_decode};
+use wm_scene::color::srgb_decode;
 use wm_scene::sh;
 
 /// Bounds of reflectances.
 const ALBEDOS: [f64; 2] = [0.02, 0.9];
-/// Median reflectance of the ground where the light of the capture is not known, and the bounds of the change towards it.
-const GROUND: f64 = 0.2;
-const CHANGE: [f64; 2] = [0.5, 2.0];
 /// Cosine between up and the normal from which ground is nearly level.
 const LEVEL: f32 = 0.85;
 /// Share of the rain that leaves get, which turn to all sides, and how porous they are.
@@ -124,7 +121,6 @@ impl WetSurfaces {
             })
         };
         let up = Vec3::from_array(site.up.map(|v| v as f32));
-        let change = ground_change(capture, up, reflectance, splats.len());
         let floor = FarFloor::of(found, site, threads);
         let wide = (WIDE / site.metres_per_unit).ln() as f32;
         let made = map(splats.len(), threads, |index| {
@@ -132,7 +128,7 @@ impl WetSurfaces {
             // Pools are as wet as they can be.
             let stays = capture.is_sky(index) || water.covers(point.map(f64::from));
             let albedo = if stays { [0.0; 3] } else { reflectance(index) };
-            let albedo = albedo.map(|v| (change * v).clamp(ALBEDOS[0], ALBEDOS[1]));
+            let albedo = albedo.map(|v| v.clamp(ALBEDOS[0], ALBEDOS[1]));
             let normal = capture.normal(index);
             let is_level = normal.dot(up).abs() > LEVEL;
             let is_green = albedo[1] > GREEN * albedo[0].max(albedo[2]);
@@ -227,26 +223,6 @@ impl WetSurfaces {
         let kind = if is_leaf { 2 } else { usize::from(upright < LEVEL) };
         (kind * SHARES) as u8 + (share * (SHARES - 1) as f32).round() as u8
     }
-}
-
-/// The factor that makes the median reflectance of the ground the usual one, where the light of the capture is not known.
-fn ground_change(
-    capture: &CaptureLight,
-    up: Vec3,
-    reflectance: impl Fn(usize) -> [f64; 3],
-    count: usize,
-) -> f64 {
-    if capture.is_split() || capture.is_overcast {
-        return 1.0;
-    }
-    let is_ground = |index: &usize| !capture.is_sky(*index) && capture.normal(*index).dot(up).abs() > LEVEL;
-    let mut values: Vec<f64> =
-        (0..count).step_by(7).filter(is_ground).map(|index| luminance(reflectance(index))).collect();
-    if values.is_empty() {
-        return 1.0;
-    }
-    values.sort_by(f64::total_cmp);
-    (GROUND / values[values.len() / 2].max(1e-3)).clamp(CHANGE[0], CHANGE[1])
 }
 
 /// The shares of a slanted rain that reach surfaces and ground.

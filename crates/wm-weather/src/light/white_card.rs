@@ -1,0 +1,202 @@
+//! The brightness that a white card would have in the photos, which turns colours into reflectances.
+//!
+//! Nobody held a card into the photos, so what is in them tells: each kind of surface has a usual reflectance, and the sky gives
+//! the light that falls. Every clue is a guess of the logarithm of the brightness with an error of its own; the most likely value
+//! counts, with less trust in clues that lie far from the others.
+
+use super::places::Surfaces;
+use super::quantile::quantile;
+use crate::optics::{CapturedSky, Site};
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+use wm_scene::Metadata;
+use wm_scene::color::luminance;
+
+/// Usual reflectances and the error of each, as a standard deviation of its logarithm: the median of ground that is not green, of
+/// walls, and of what is green, and the brightest twentieth of all that is not green.
+const GROUND: [f64; 2] = [0.22, 0.4];
+const WALLS: [f64; 2] = [0.3, 0.6];
+const GREEN: [f64; 2] = [0.1, 0.5];
+const BRIGHT: [f64; 2] = [0.6, 0.4];
+/// Excess of green over red and blue by which plants are told.
+const GREENNESS: f32 = 1.06;
+/// Least share of the surfaces of a kind that tells.
+const LEAST_SHARE: f64 = 0.02;
+/// Brightness of a card on level ground over that of the sky near the horizon: under clouds (CIE overcast sky: 7/9 of the zenith,
+/// which is three times as bright as the horizon) and in an even sky; and the errors.
+const BY_CLOUDS: [f64; 2] = [7.0 / 3.0, 0.5];
+const BY_SKY: [f64; 2] = [0.8, 0.6];
+/// Brightness of the sky from which on it may be burned out: it is brighter by an unknown factor then.
+const BURNED: f64 = 0.85;
+/// Least irradiance that is believed, over that of the open ground.
+const DARKEST: f64 = 0.01;
+/// Variance of the logarithm of the irradiance from which on it must show in the colours.
+const EVEN: f64 = 0.05;
+/// Bounds of the brightness of a card, display values.
+const BOUNDS: [f64; 2] = [0.3, 5.0];
+/// Least cosine between up and the normal of ground, and greatest of a wall.
+const LEVEL: f32 = 0.8;
+const UPRIGHT: f32 = 0.3;
+
+/// A guess of the logarithm of the brightness, with its standard deviation; `is_least` if it may well be more.
+#[derive(Clone, Copy, Debug)]
+struct Clue {
+    value: f64,
+    error: f64,
+    is_least: bool,
+}
+
+/// The brightness of white cards under a captured light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct WhiteCard {
+    /// Of one on level ground in the open, where the irradiance is 1, display values in linear light.
+    open: f64,
+    /// Exponent of the irradiance, 0-1: 1 where colours go with the irradiance that was found, less where they do not, since what
+    /// stands in the way of the light, such as crowns without leaves, is not known well.
+    trust: f64,
+}
+
+impl WhiteCard {
+    /// The card of a place of which nothing is known.
+    pub const USUAL: Self = Self { open: 1.0, trust: 1.0 };
+
+    /// Finds the card of a capture. `irradiance` gives that of a surface over that of open ground, luminance; `sky_share` is the share
+    /// of the sky in the light of open ground.
+    pub fn of(
+        surfaces: &Surfaces,
+        site: &Site,
+        (sky_share, is_overcast): (f64, bool),
+        irradiance: impl Fn(usize) -> f64,
+    ) -> Self {
+        if let Some(open) = site.white_card {
+            return Self { open, ..Self::USUAL };
+        }
+        let up = Vec3::from_array(site.up.map(|v| v as f32));
+        let is_green = |i: &usize| {
+            let color = surfaces.light[*i];
+            color.y > GREENNESS * color.x.max(color.z)
+        };
+        // Logarithms of the irradiance and of the light.
+        let logs = |i: usize| {
+            let light = luminance(surfaces.light[i].to_array().map(f64::from));
+            [irradiance(i).max(DARKEST).ln(), light.max(1e-4).ln()]
+        };
+        let [mut ground, mut walls, mut green, mut neutral] = [const { Vec::new() }; 4];
+        for i in 0..surfaces.len() {
+            let normal = surfaces.normals[i];
+            if is_green(&i) {
+                green.push(logs(i));
+                continue;
+            }
+            if normal == Vec3::ZERO {
+                continue;
+            }
+            neutral.push(logs(i));
+            let rise = normal.dot(up);
+            if rise > LEVEL {
+                ground.push(logs(i));
+            } else if rise.abs() < UPRIGHT {
+                walls.push(logs(i));
+            }
+        }
+        let trust = slope(&neutral);
+        let least = LEAST_SHARE * surfaces.len() as f64;
+        let told = |kind: &[[f64; 2]], share: f64, [usual, error]: [f64; 2]| {
+            // What little light reaches is known worst.
+            let lit = quantile(kind.iter().map(|log| log[0]).collect(), 0.5)?;
+            let lit = kind.iter().filter(|log| log[0] >= lit);
+            let cards = lit.map(|[irradiance, light]| light - trust * irradiance).collect();
+            let value = quantile(cards, share).filter(|_| kind.len() as f64 >= least)?;
+            Some(Clue { value: value - usual.ln(), error, is_least: false })
+        };
+        let sky = luminance(site.airlight);
+        let is_grey = is_overcast || site.captured_sky == CapturedSky::Overcast;
+        let [by_sky, error] = if is_grey { BY_CLOUDS } else { BY_SKY };
+        let knows_sky = !matches!(site.captured_sky, CapturedSky::Unknown) && sky > 0.0;
+        let by_sky = knows_sky.then(|| Clue {
+            value: (sky * by_sky / sky_share.max(0.05)).ln(),
+            error,
+            is_least: sky > BURNED,
+        });
+        let clues: Vec<Clue> = [
+            told(&ground, 0.5, GROUND),
+            told(&walls, 0.5, WALLS),
+            told(&green, 0.5, GREEN),
+            told(&neutral, 0.95, BRIGHT),
+            by_sky,
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
+        let open = likely(&clues).map_or(1.0, f64::exp).clamp(BOUNDS[0], BOUNDS[1]);
+        if std::env::var_os("WM_CARD").is_some() {
+            eprintln!(
+                "card {open:.3} trust {trust:.2} sky {:?} share {sky_share:.2} overcast {is_overcast}",
+                site.captured_sky
+            );
+            for (name, kind) in
+                [("ground", &ground), ("walls", &walls), ("green", &green), ("neutral", &neutral)]
+            {
+                let q =
+                    |k: usize, s: f64| quantile(kind.iter().map(|v| v[k]).collect(), s).unwrap_or(0.0).exp();
+                eprintln!(
+                    "   {name} {} E {:.3} {:.3} {:.3} light {:.3} {:.3} {:.3}",
+                    kind.len(),
+                    q(0, 0.1),
+                    q(0, 0.5),
+                    q(0, 0.9),
+                    q(1, 0.1),
+                    q(1, 0.5),
+                    q(1, 0.9)
+                );
+            }
+            for clue in &clues {
+                eprintln!("   {:.3} +- {} {}", clue.value.exp(), clue.error, clue.is_least);
+            }
+        }
+        Self { open, trust }
+    }
+
+    /// The light of a card in an irradiance, display values in linear light.
+    pub fn light(&self, irradiance: f64) -> f64 {
+        self.open * irradiance.max(0.0).powf(self.trust)
+    }
+
+    /// Returns true if it can be that of a capture.
+    pub fn is_sound(&self) -> bool {
+        Metadata::WHITE_CARDS.contains(&self.open) && (0.0..=1.0).contains(&self.trust)
+    }
+}
+
+/// How far light goes with irradiance: the slope of their logarithms, 0-1, where [`EVEN`] is the variance of the irradiance that
+/// would be believed by half if nothing went with it.
+fn slope(logs: &[[f64; 2]]) -> f64 {
+    let count = logs.len().max(1) as f64;
+    let mean = [0, 1].map(|k| logs.iter().map(|log| log[k]).sum::<f64>() / count);
+    let (mut both, mut own) = (0.0, 0.0);
+    for log in logs {
+        let [irradiance, light] = [0, 1].map(|k| log[k] - mean[k]);
+        both += irradiance * light / count;
+        own += irradiance * irradiance / count;
+    }
+    ((both + EVEN) / (own + EVEN)).clamp(0.0, 1.0)
+}
+
+/// The most likely value of clues; `None` without any.
+fn likely(clues: &[Clue]) -> Option<f64> {
+    let mut value = clues.iter().map(|clue| clue.value).sum::<f64>() / clues.len() as f64;
+    for _ in 0..20 {
+        let weight = |clue: &Clue| {
+            let off = (clue.value - value) / clue.error;
+            // A least value holds nothing against a greater one; what is far off counts less.
+            let trust = if clue.is_least && off < 0.0 { 0.0 } else { 1.0 / (1.0 + 0.5 * off * off) };
+            trust / (clue.error * clue.error)
+        };
+        let total: f64 = clues.iter().map(weight).sum();
+        if total <= 0.0 {
+            break;
+        }
+        value = clues.iter().map(|clue| weight(clue) * clue.value).sum::<f64>() / total;
+    }
+    (!clues.is_empty()).then_some(value)
+}
