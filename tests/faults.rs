@@ -328,9 +328,6 @@ jobs! {
             photos(folder);
         },
         [with_failing_files, with_signals];
-    sky: "sky photos --width 256 --out sky.png", "--overwrite", photos, [with_failing_files, with_signals];
-    priors: "priors photos --out maps --preview --threads 1", "--resume --overwrite", photos,
-        [with_failing_files, with_signals];
     label: "label yard.ply --views photos --masks masks --out labelled.ply --threads 1", "--overwrite",
         |folder: &Path| {
             scenes(folder);
@@ -344,18 +341,12 @@ jobs! {
             }
         },
         [with_failing_files, with_signals];
-    photos_of_the_street: "demo --photos street --count 3 --size 96x64 --threads 1", "--overwrite", |_: &Path| {},
-        [with_few_failing_files, with_signals];
-    speed: "bench --paper --splats 4000 --frames 1 --size 32x24 --device cpu --threads 1 --report table", "--overwrite",
-        |_: &Path| {}, [with_failing_files, with_signals];
 }
 
 #[cfg(feature = "h264")]
 jobs! {
     video: "render yard.ply LOOK --weather snow --seconds 2 --fps 8 --out a.mp4", "--overwrite", scenes,
         [with_failing_files, with_signals];
-    demo: "demo --sampled --detail 0.3 --size 48x32 --seconds 0.2 --device cpu --threads 1 --out demo", "--overwrite",
-        |_: &Path| {}, [with_signals];
 }
 
 #[cfg(feature = "viewer")]

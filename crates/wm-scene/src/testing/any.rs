@@ -53,6 +53,7 @@ fn any_metadata() -> impl Strategy<Value = Metadata> {
             ground_confidence: some.then_some(Confidence::Guess).filter(|_| numbers.is_some()),
             camera_height: numbers.map(|n| n.0),
             airlight: numbers.map(|n| [n.0, 0.0, 0.5]),
+            white_card: numbers.map(|n| n.0.clamp(0.1, 20.0)),
             haze_extinction: numbers.map(|n| n.0),
             haze_extinction_error: numbers.filter(|_| some).map(|n| n.0),
             haze_shown_extinction: numbers.filter(|_| some).map(|n| n.0),

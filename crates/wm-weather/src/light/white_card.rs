@@ -72,10 +72,6 @@ impl WhiteCard {
             return Self { open, ..Self::USUAL };
         }
         let up = Vec3::from_array(site.up.map(|v| v as f32));
-        let is_green = |i: &usize| {
-            let color = surfaces.light[*i];
-            color.y > GREENNESS * color.x.max(color.z)
-        };
         // Logarithms of the irradiance and of the light.
         let logs = |i: usize| {
             let light = luminance(surfaces.light[i].to_array().map(f64::from));
@@ -84,7 +80,8 @@ impl WhiteCard {
         let [mut ground, mut walls, mut green, mut neutral] = [const { Vec::new() }; 4];
         for i in 0..surfaces.len() {
             let normal = surfaces.normals[i];
-            if is_green(&i) {
+            let color = surfaces.light[i];
+            if color.y > GREENNESS * color.x.max(color.z) {
                 green.push(logs(i));
                 continue;
             }
@@ -129,31 +126,6 @@ impl WhiteCard {
         .flatten()
         .collect();
         let open = likely(&clues).map_or(1.0, f64::exp).clamp(BOUNDS[0], BOUNDS[1]);
-        if std::env::var_os("WM_CARD").is_some() {
-            eprintln!(
-                "card {open:.3} trust {trust:.2} sky {:?} share {sky_share:.2} overcast {is_overcast}",
-                site.captured_sky
-            );
-            for (name, kind) in
-                [("ground", &ground), ("walls", &walls), ("green", &green), ("neutral", &neutral)]
-            {
-                let q =
-                    |k: usize, s: f64| quantile(kind.iter().map(|v| v[k]).collect(), s).unwrap_or(0.0).exp();
-                eprintln!(
-                    "   {name} {} E {:.3} {:.3} {:.3} light {:.3} {:.3} {:.3}",
-                    kind.len(),
-                    q(0, 0.1),
-                    q(0, 0.5),
-                    q(0, 0.9),
-                    q(1, 0.1),
-                    q(1, 0.5),
-                    q(1, 0.9)
-                );
-            }
-            for clue in &clues {
-                eprintln!("   {:.3} +- {} {}", clue.value.exp(), clue.error, clue.is_least);
-            }
-        }
         Self { open, trust }
     }
 
@@ -199,4 +171,40 @@ fn likely(clues: &[Clue]) -> Option<f64> {
         value = clues.iter().map(|clue| weight(clue) * clue.value).sum::<f64>() / total;
     }
     (!clues.is_empty()).then_some(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn clue(value: f64, error: f64) -> Clue {
+        Clue { value, error, is_least: false }
+    }
+
+    #[test]
+    fn clues_are_weighed() {
+        assert_eq!(likely(&[]), None);
+        assert!((likely(&[clue(1.0, 0.5), clue(2.0, 0.5)]).unwrap() - 1.5).abs() < 1e-9);
+        assert!(likely(&[clue(1.0, 0.1), clue(2.0, 1.0)]).unwrap() < 1.1);
+        // One that is far off hardly counts.
+        let value = likely(&[clue(0.0, 0.3), clue(0.1, 0.3), clue(-0.1, 0.3), clue(6.0, 0.3)]).unwrap();
+        assert!(value.abs() < 0.1, "{value}");
+        // The sky is burned out: it may be brighter, and not darker.
+        let burned = |value: f64| Clue { value, error: 0.3, is_least: true };
+        assert!((likely(&[clue(1.0, 0.3), burned(0.0)]).unwrap() - 1.0).abs() < 1e-6);
+        assert!(likely(&[clue(1.0, 0.3), burned(2.0)]).unwrap() > 1.4);
+    }
+
+    #[test]
+    fn irradiance_counts_as_far_as_colours_go_with_it() {
+        let with = |exponent: f64| -> Vec<[f64; 2]> {
+            (0..200).map(|i| f64::from(i % 20) * 0.2 - 2.0).map(|log| [log, exponent * log - 1.0]).collect()
+        };
+        assert!((slope(&with(1.0)) - 1.0).abs() < 1e-9 && slope(&with(0.0)) < 0.1);
+        assert!(
+            (slope(&with(0.5)) - 0.5).abs() < 0.05 && slope(&with(-0.5)) == 0.0 && slope(&with(2.0)) == 1.0
+        );
+        // In even light nothing speaks against it.
+        assert_eq!(slope(&[[0.0, -1.0], [0.0, -3.0]]), 1.0);
+    }
 }

@@ -13,10 +13,8 @@ const BEYOND: usize = 2;
 const DRY_BESIDE: f32 = -0.001;
 /// Cells over which the edge of open water is softened.
 const EDGE: usize = 3;
-/// Slopes of water that only wets the grains of asphalt, rms along one axis, and how fast they fall with the water in depths of the
-/// texture: menisci between grains are flat when the texture is full (0.04 then).
+/// Slopes of asphalt under a film too thin to fill its texture, rms along one axis.
 const ROUGH: f32 = 0.3;
-const SMOOTHS: f32 = 2.0;
 
 /// Depths of running water over which it becomes a stream of its own, mm.
 const RUNS: [f32; 2] = [0.5, 1.6];
@@ -46,7 +44,7 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
             level: base + state.ground[at] + depths[at].max(0.0),
             depth: if seen < 1.0 { depths[at].min(seen * HIDES) } else { depths[at] },
             film: seen * state.filled[at].max(streams[at]),
-            roughness: ROUGH * (-SMOOTHS * film).exp() * (1.0 - streams[at]),
+            roughness: ROUGH * (-film).exp() * (1.0 - streams[at]),
         }
     };
     // Nodes are the middles of cells.

@@ -25,7 +25,7 @@ const PLANE: [f32; 2] = [0.02, 0.08];
 /// Weight of a film in the level of the mirror, of which it shows nothing sharply, over that of still water.
 const BLURRED: f32 = 0.02;
 /// Slopes that do not move, rms along one axis, above which water is a film in which no wave runs.
-pub(super) const FILM: f32 = 0.03;
+pub(super) const FILM: f32 = 0.1;
 
 /// The water in one picture.
 #[derive(Clone, Debug, Default, PartialEq)]
