@@ -62,7 +62,7 @@ fn reflectances_of_ground_are_found() {
     ];
     let mut errors = Vec::new();
     let is_all = std::env::var_os("WM_ALL_CAPTURES").is_some();
-    for (number, (name, place)) in places.iter().enumerate() {
+    for (number, (name, place)) in places.iter().enumerate().take(if is_all { 4 } else { 3 }) {
         for camera in
             CAMERAS.into_iter().skip(if is_all { 0 } else { number }).take(if is_all { 4 } else { 1 })
         {
