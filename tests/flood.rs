@@ -109,7 +109,7 @@ fn frames_are_functions_of_time() {
     assert_ne!(alone, drawn(2, &[2.1]));
 }
 
-/// Ground that falls by 5 % along x, and a wall on it.
+/// Ground that falls by 5 % along x.
 fn slope() -> Scene {
     let mut splats = Splats::default();
     for i in 0..160 * 40 {
@@ -139,6 +139,7 @@ fn a_flood_stands_over_the_ground_under_the_camera() {
     };
     let depth_at_feet = |place: &PreparedPlace, weather: &Weather, camera: &Camera| {
         let mut prepared = weather.at(0.0).prepare(place.site());
+        // Would show if the shot had not set the ground.
         prepared.stand_flood_on(f64::NAN);
         let level = prepared.water(None).unwrap().plane().unwrap();
         level + 0.05 * camera.center().x

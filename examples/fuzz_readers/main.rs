@@ -35,7 +35,7 @@ use targets::{TARGETS, Target};
 
 /// A run that has not ended after so much processor time is an endless loop.
 const HANG: Duration = Duration::from_secs(60);
-/// The same in time that passes, on a machine that does other work.
+/// A run that has not ended after so much time on the clock is an endless loop, even if other programs take the processor.
 const LONG_HANG: Duration = Duration::from_secs(1200);
 /// Most that making assets may take, as a multiple of a target's budget.
 const PREPARING: f64 = 4.0;

@@ -523,7 +523,6 @@ impl PreparedPlace {
         if self.store.light.is_some() {
             self.light.keep_points(&self.scene.splats);
         }
-        self.near_ground.get_or_insert_with(|| NearGround::of(&self.scene.splats, self.survey.up.value));
         let scene = Scene {
             views: self.scene.views.clone(),
             metadata: self.scene.metadata.clone(),
@@ -895,6 +894,9 @@ impl PreparedPlace {
         if weather.effects().any(|(effect, _)| ["lens", "wetness", "flood"].contains(&effect.name)) {
             self.make_thinned(backend)?;
         }
+        if flood_follows_camera(weather) {
+            self.near_ground();
+        }
         let needs = AssetNeeds::of(weather, &self.site);
         self.prepare(backend, self.missing_assets(weather, 0.0), progress)?;
         let cover = needs.cover.filter(|air| !self.store.has_cover(air));
@@ -1023,8 +1025,7 @@ impl PreparedPlace {
     /// `ground` is `auto` stands at one level over the whole shot then.
     #[must_use]
     pub fn weather_of_shot(&mut self, weather: &Weather, camera: &Camera) -> Weather {
-        let ground = weather.at(0.0).track("flood", "ground").map(|track| track.at(0.0).number());
-        if ground != Some(None) {
+        if !flood_follows_camera(weather) {
             return weather.clone();
         }
         let ground = self.ground_under(camera);
@@ -1040,10 +1041,9 @@ impl PreparedPlace {
         if let Some((_, height)) = self.last_ground.filter(|(known, _)| *known == eye) {
             return height;
         }
-        let near =
-            self.near_ground.get_or_insert_with(|| NearGround::of(&self.scene.splats, self.survey.up.value));
-        let height = near.height_under(eye, self.site.metres_per_unit);
-        let height = height.map(|height| (height - self.site.ground) * self.site.metres_per_unit);
+        let Site { ground, metres_per_unit, .. } = self.site;
+        let height = self.near_ground().height_under(eye, metres_per_unit);
+        let height = height.map(|height| (height - ground) * metres_per_unit);
         self.last_ground = Some((eye, height));
         height
     }
@@ -1177,13 +1177,16 @@ impl PreparedPlace {
         })
     }
 
+    /// The level surfaces of the place, found when they are first asked for.
+    fn near_ground(&mut self) -> &NearGround {
+        self.near_ground.get_or_insert_with(|| NearGround::of(&self.scene.splats, self.survey.up.value))
+    }
+
     /// Checks that the water of an instant can be drawn from an eye.
     fn check_water(&mut self, weather: &Weather, prepared: &PreparedWeather, camera: &Camera) -> Result<()> {
         let Some(track) = weather.at(0.0).track("flood", "level").cloned() else { return Ok(()) };
-        let is_given =
-            weather.at(0.0).track("flood", "ground").is_some_and(|track| track.at(0.0).number().is_some());
         if self.survey.ground.source == FactSource::Assumed
-            && !is_given
+            && flood_follows_camera(weather)
             && self.ground_under(camera).is_none()
         {
             let fault = "flood.level is over the ground, and the height of the ground is not known here: give --ground, or \
@@ -1389,6 +1392,11 @@ fn middle_depth(depths: &[f32]) -> Option<f64> {
     let pairs = depths.iter().zip(depths.iter().rev()).map(|(a, b)| [f64::from(*a), f64::from(*b)]);
     let near: Vec<f64> = pairs.filter(|pair| pair.iter().all(|depth| is_near(*depth))).flatten().collect();
     Some(near.len() as f64 / near.iter().map(|depth| depth.recip()).sum::<f64>())
+}
+
+/// Returns true if a weather has a flood whose level counts from the ground under the camera.
+fn flood_follows_camera(weather: &Weather) -> bool {
+    weather.at(0.0).track("flood", "ground").is_some_and(|track| track.at(0.0).number().is_none())
 }
 
 /// Returns the facts of a surveyed place that weather uses.

@@ -135,7 +135,7 @@ pub struct Site {
     /// Brightness of a white card on level ground in the open as the photos would show it, linear, 1 = display white; `None` where
     /// nobody states it.
     pub white_card: Option<f64>,
-    /// What the airlight is worth.
+    /// Whether the airlight is known or guessed.
     pub daylight: Daylight,
     /// The sky that the place was captured under.
     pub captured_sky: CapturedSky,

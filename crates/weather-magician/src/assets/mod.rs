@@ -406,8 +406,10 @@ impl MissingAssets {
     }
 }
 
+/// Checks between two parts of the work whether it should stop.
+///
 /// # Errors
-/// [`Error::Stopped`] if the work should stop.
+/// [`Error::Stopped`] if it should.
 fn go_on(progress: &mut dyn Progress) -> Result<()> {
     if progress.is_stopped() { Err(Error::Stopped) } else { Ok(()) }
 }

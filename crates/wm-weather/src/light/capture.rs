@@ -248,7 +248,7 @@ impl CaptureLight {
         let of_sky =
             capture_sun.map_or(1.0, |sun| 1.0 / (1.0 + luminance(sun.ratio) * along(sun.direction, site.up)));
         let under_light = mean.under(&light);
-        let card = WhiteCard::of(&surfaces, site, (of_sky, is_overcast), |i| {
+        let card = WhiteCard::of(&surfaces, site, of_sky, is_overcast, |i| {
             luminance(place(i).irradiance(&light, under_light))
         });
         let own: Vec<SplatLight> = (0..surfaces.len())

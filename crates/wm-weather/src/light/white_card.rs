@@ -49,7 +49,7 @@ struct Clue {
 /// The brightness of white cards under a captured light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct WhiteCard {
-    /// Of one on level ground in the open, where the irradiance is 1, display values in linear light.
+    /// Brightness of a card on level ground in the open, where the irradiance is 1, display values in linear light.
     open: f64,
     /// Exponent of the irradiance, 0-1: 1 where colours go with the irradiance that was found, less where they do not, since what
     /// stands in the way of the light, such as crowns without leaves, is not known well.
@@ -61,11 +61,12 @@ impl WhiteCard {
     pub const USUAL: Self = Self { open: 1.0, trust: 1.0 };
 
     /// Finds the card of a capture. `irradiance` gives that of a surface over that of open ground, luminance; `sky_share` is the share
-    /// of the sky in the light of open ground.
+    /// of the sky in the light of open ground, 0-1; `is_overcast` says that the place was captured under clouds.
     pub fn of(
         surfaces: &Surfaces,
         site: &Site,
-        (sky_share, is_overcast): (f64, bool),
+        sky_share: f64,
+        is_overcast: bool,
         irradiance: impl Fn(usize) -> f64,
     ) -> Self {
         if let Some(open) = site.white_card {
@@ -140,8 +141,8 @@ impl WhiteCard {
     }
 }
 
-/// How far light goes with irradiance: the slope of their logarithms, 0-1, where [`EVEN`] is the variance of the irradiance that
-/// would be believed by half if nothing went with it.
+/// Returns the slope of the logarithm of light over that of irradiance, 0-1. An irradiance that hardly varies counts in full: one of
+/// variance [`EVEN`] with which no colour goes gets a slope of a half.
 fn slope(logs: &[[f64; 2]]) -> f64 {
     let count = logs.len().max(1) as f64;
     let mean = [0, 1].map(|k| logs.iter().map(|log| log[k]).sum::<f64>() / count);
