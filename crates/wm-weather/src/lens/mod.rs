@@ -61,7 +61,7 @@ pub struct Glass {
 const MOST_DROPS: f64 = 3e7;
 
 impl Glass {
-    /// Checks that a camera has no more than [`MOST_DROPS`] drops before it.
+    /// Checks that a camera has no more than `MOST_DROPS` drops before it.
     ///
     /// # Errors
     /// One line with their number and what helps.
