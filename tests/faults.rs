@@ -19,7 +19,7 @@ use std::process::{Command, Output};
 use std::thread::sleep;
 use std::time::{Duration, Instant, SystemTime};
 use wm_street::Street;
-use wm_street::dataset::{self, DatasetOptions};
+use wm_street::dataset::{self, CameraRoute, DatasetOptions};
 
 /// Files by their paths in the folder where a command runs.
 type Files = BTreeMap<PathBuf, Vec<u8>>;
@@ -27,7 +27,7 @@ type Files = BTreeMap<PathBuf, Vec<u8>>;
 const LOOK: &str = "--camera=0.5,-12,1.8:0,4,2.2 --size 32x24 --device cpu --threads 1";
 
 /// Folders and files of work that goes on; the rest of the output is what users find.
-const WORK: [&str; 3] = [".work", ".unfinished-site", "trained.ply.run"];
+const WORK: [&str; 4] = [".work", ".unfinished-site", "trained.ply.run", "unfinished.json"];
 
 const PLAN: &str = r#"
 seed = 4
@@ -177,7 +177,7 @@ impl Job {
 
     /// Has the first operation of each kind fail, then those of `step` times the number.
     fn with_every(&self, step: u32) {
-        let is_all = std::env::var_os("WM_ALL_FAULTS").is_some();
+        let is_all = is_all();
         let mut disturbed = 0;
         for operation in ["create", "write", "flush", "rename"] {
             for kill in ["", "kill-"] {
@@ -210,7 +210,7 @@ impl Job {
 
     /// Sends each signal at different moments, and has files be limited.
     fn with_signals(&self) {
-        let moments = if std::env::var_os("WM_ALL_FAULTS").is_some() { 12 } else { 2 };
+        let moments = if is_all() { 12 } else { 2 };
         let mut ended = 0;
         for (signal, status) in SIGNALS {
             for moment in 0..moments {
@@ -253,6 +253,11 @@ impl Job {
     }
 }
 
+/// True if every operation on files is to fail.
+fn is_all() -> bool {
+    std::env::var_os("WM_ALL_FAULTS").is_some()
+}
+
 /// One line of error, and exit status 1.
 fn check_error(output: &Output, says: &str, what: &str) {
     let text = said(output);
@@ -283,7 +288,17 @@ fn scenes(folder: &Path) {
 }
 
 fn photos(folder: &Path) {
-    dataset::write(&Street::builtin(), &folder.join("photos"), &DatasetOptions::TINY, &mut |_| true).unwrap();
+    photos_along(CameraRoute::Orbit, folder);
+}
+
+/// Photos at eye level, with sky in them.
+fn photos_of_a_walk(folder: &Path) {
+    photos_along(CameraRoute::Walk, folder);
+}
+
+fn photos_along(route: CameraRoute, folder: &Path) {
+    let options = DatasetOptions { route, ..DatasetOptions::TINY };
+    dataset::write(&Street::builtin(), &folder.join("photos"), &options, &mut |_| true).unwrap();
 }
 
 /// A test for each command.
@@ -328,6 +343,8 @@ jobs! {
             photos(folder);
         },
         [with_failing_files, with_signals];
+    priors: "priors photos --out maps --preview", "--overwrite", photos_of_a_walk, [with_failing_files, with_signals];
+    sky: "sky photos --width 64 --out sky.png", "--overwrite", photos_of_a_walk, [with_failing_files, with_signals];
     label: "label yard.ply --views photos --masks masks --out labelled.ply --threads 1", "--overwrite",
         |folder: &Path| {
             scenes(folder);
@@ -341,6 +358,21 @@ jobs! {
             }
         },
         [with_failing_files, with_signals];
+}
+
+/// Commands whose every run takes seconds: they are tested with all operations, or not at all.
+#[test]
+fn slow_commands() {
+    if !is_all() {
+        eprintln!("demo and bench are not disturbed: WM_ALL_FAULTS=1 does, for minutes");
+        return;
+    }
+    let demo = Job::new("demo --photos made --count 3 --size 96x64 --threads 1", "", |_| ());
+    let bench = Job::new("bench yard.ply LOOK --frames 1 --paper --report told", "--overwrite", scenes);
+    for job in [demo, bench] {
+        job.with_failing_files();
+        job.with_signals();
+    }
 }
 
 #[cfg(feature = "h264")]

@@ -179,10 +179,12 @@ pub fn write(
     if settings.truth == GroundTruth::Write {
         folders.extend(maps(settings).map(|name| folder.join("truth").join(name)));
     }
+    // Before the folders of photos: without it they are taken for somebody else's.
+    fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))?;
+    write_atomically(&folder.join(crate::dataset::MARK), |out| Ok(out.write_all(ABOUT.as_bytes())?))?;
     for folder in folders {
         fs::create_dir_all(&folder).map_err(|e| FormatError::whole(&folder, Problem::Write(e.into())))?;
     }
-    write_atomically(&folder.join(crate::dataset::MARK), |out| Ok(out.write_all(ABOUT.as_bytes())?))?;
     let model_from_world = axes(settings.seed);
     let (mut taken, mut masks) = (Vec::new(), Vec::new());
     for (index, shot) in shots.into_iter().enumerate() {

@@ -152,10 +152,12 @@ pub fn write(
     if options.truth == GroundTruth::Write {
         folders.extend(["depth", "normal", "sky"].map(|name| folder.join("truth").join(name)));
     }
+    // Before the folders of photos: without it they are taken for somebody else's.
+    fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))?;
+    write_atomically(&folder.join(MARK), |out| Ok(out.write_all(ABOUT.as_bytes())?))?;
     for folder in folders {
         fs::create_dir_all(&folder).map_err(|e| FormatError::whole(&folder, Problem::Write(e.into())))?;
     }
-    write_atomically(&folder.join(MARK), |out| Ok(out.write_all(ABOUT.as_bytes())?))?;
     let mut views = Vec::with_capacity(cameras.len());
     for (index, camera) in cameras.iter().enumerate() {
         let rows = (0..camera.height).into_par_iter();
