@@ -8,11 +8,16 @@
 use super::exposure::Airflow;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::Site;
-use crate::shelter::{FloaterMap, HeightLayers, Occluders, Shelter};
+use crate::shelter::{FloaterMap, HeightLayers, Occluders, Shelter, ShelterOptions};
 use crate::threads::map;
 use serde::{Deserialize, Serialize};
 use wm_scene::{Group, Splats};
 
+/// Width of the cells of [`FarFloor`], m, and the most of them.
+const FAR_CELL: f64 = 0.4;
+const FAR_CELLS: usize = 350_000;
+/// Height above and below it within which a surface belongs to it, m.
+const ON_FLOOR: f32 = 0.15;
 /// Surfaces below each other that are looked for, and how far apart they are at least, m and cells: more than an edge.
 const LAYERS: usize = 3;
 const GAP: f64 = 0.525;
@@ -106,6 +111,35 @@ pub struct GroundGrid {
     is_inner: Vec<bool>,
     /// Those about which nothing stands higher and nothing drops off.
     is_plain: Vec<bool>,
+}
+
+/// Level surfaces of a whole scene, on a coarse grid.
+pub(crate) struct FarFloor {
+    places: HeightLayers,
+    /// m; not a number where there is none.
+    floor: Vec<f32>,
+}
+
+impl FarFloor {
+    /// Finds the level surfaces of a scene.
+    pub fn of(scan: &FusedSurfaces<'_>, site: &Site, threads: usize) -> Self {
+        let options = ShelterOptions { cell: FAR_CELL, most_cells: FAR_CELLS, ..ShelterOptions::default() };
+        let occluders = Occluders::of(&scan.splats, site, &options);
+        let (grid, _) = GroundGrid::of(scan, &occluders, None, threads);
+        Self { places: grid.places().heightless(), floor: grid.floor().0 }
+    }
+
+    /// Returns true if a point (world, scene units) lies in the level surface of its cell, as rough as that is captured.
+    pub fn holds(&self, point: [f64; 3]) -> bool {
+        self.height(point).is_some_and(|above| above.abs() < ON_FLOOR)
+    }
+
+    /// Returns the height of a point (world, scene units) above the level surface in its cell, m.
+    fn height(&self, point: [f64; 3]) -> Option<f32> {
+        let (place, height) = self.places.locate(point);
+        let floor = self.floor[self.places.cell_at(place)?];
+        floor.is_finite().then_some(height as f32 - floor)
+    }
 }
 
 impl GroundGrid {

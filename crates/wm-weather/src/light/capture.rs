@@ -17,6 +17,7 @@ use super::sun_search::{self, FoundSun, Pair, along};
 use super::sun_shadows::SunShadows;
 use super::unseen_casters::{self, MappedLight};
 use super::white_card::WhiteCard;
+use crate::cover::ground::FarFloor;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::{CapturedSky, Site};
 use crate::shelter::Occluders;
@@ -32,6 +33,8 @@ const FAR: f64 = 1.6;
 /// Distance of the surfaces by which leaves are told, and the agreement of their normals, 0-1.
 const AROUND: f32 = 0.3;
 const AGREED: f32 = 0.72;
+/// Excess of green over red and blue by which lawns are told.
+const GREEN: f32 = 1.08;
 /// Least and greatest extent of a place whose light is split, m: others have a wrong scale.
 const EXTENTS: [f64; 2] = [0.01, 1e6];
 /// Distance between surfaces that are told apart, m.
@@ -208,6 +211,7 @@ impl CaptureLight {
         let coarser = occluders.coarser(f64::from(coarseness));
         let occluders = if coarseness > 1.0 { &coarser } else { occluders };
         mark_leaves(&mut surfaces, coarseness, site, threads);
+        level_ground(&mut surfaces, &FarFloor::of(found, site, threads), site);
         let open = openness::find(&mut surfaces, occluders, site, threads);
         let [narrow, wide] = [sun_search::NARROW, sun_search::WIDE].map(|apart| {
             sun_search::pairs(&surfaces, apart.map(|metres| coarseness * metres), site, threads)
@@ -548,6 +552,19 @@ fn mark_leaves(surfaces: &mut Surfaces, coarseness: f32, site: &Site, threads: u
     for (normal, agreed) in surfaces.normals.iter_mut().zip(agreed) {
         if !agreed {
             *normal = Vec3::ZERO;
+        }
+    }
+}
+
+/// Turns ground up whose normals turn to all sides since its capture is rough: as leaves it would count as lit by half. Lawns
+/// stay leaves.
+fn level_ground(surfaces: &mut Surfaces, floor: &FarFloor, site: &Site) {
+    let up = Vec3::from_array(site.up.map(|v| v as f32));
+    for i in 0..surfaces.len() {
+        let is_green = || surfaces.light[i].y > GREEN * surfaces.light[i].x.max(surfaces.light[i].z);
+        let is_ground = || floor.holds(surfaces.points[i].to_array().map(f64::from));
+        if surfaces.normals[i] == Vec3::ZERO && !is_green() && is_ground() {
+            surfaces.normals[i] = up;
         }
     }
 }

@@ -19,8 +19,6 @@ use serde::{Deserialize, Serialize};
 const CELL: f64 = 0.1;
 const MOST_CELLS: usize = 700_000;
 const REACH: f64 = 32.0;
-/// Width of the cells of the whole scene, m.
-const FAR_CELL: f64 = 0.4;
 /// Step from a cell to the next at which the ground ends, as a slope, and at least, m.
 const STEP: f32 = 0.5;
 const LEAST_STEP: f32 = 0.05;
@@ -278,31 +276,6 @@ fn tilt_of(floor: &[f32], columns: usize, cell: f64) -> [f64; 2] {
         off = z - tilted(tilt, [x, y]);
     }
     if tilt[0].hypot(tilt[1]) < TILT * cell { tilt } else { [0.0; 2] }
-}
-
-/// Level surfaces of a whole scene, on a coarse grid.
-pub(super) struct FarFloor {
-    places: HeightLayers,
-    /// m; not a number where there is none.
-    floor: Vec<f32>,
-}
-
-impl FarFloor {
-    /// Finds the level surfaces of a scene.
-    pub fn of(scan: &FusedSurfaces<'_>, site: &Site, threads: usize) -> Self {
-        let options =
-            ShelterOptions { cell: FAR_CELL, most_cells: MOST_CELLS / 2, ..ShelterOptions::default() };
-        let occluders = Occluders::of(&scan.splats, site, &options);
-        let (grid, _) = GroundGrid::of(scan, &occluders, None, threads);
-        Self { places: grid.places().heightless(), floor: grid.floor().0 }
-    }
-
-    /// Height of a point (world, scene units) above the level surface in its cell, m.
-    pub fn height(&self, point: [f64; 3]) -> Option<f32> {
-        let (place, height) = self.places.locate(point);
-        let floor = self.floor[self.places.cell_at(place)?];
-        floor.is_finite().then_some(height as f32 - floor)
-    }
 }
 
 /// The cells about a cell that are in the grid.

@@ -3,10 +3,11 @@
 use super::SlantedRain;
 use super::basins::NONE;
 use super::column::{Drainage, MOST_SHARE};
-use super::ground_map::{FarFloor, GroundMap};
+use super::ground_map::GroundMap;
 use super::optics::{self, STEPS};
 use super::sheen::{NO_SKY, SkySheen, skyline_of};
 use super::state::WetState;
+use crate::cover::ground::FarFloor;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::light::{CaptureLight, apply_gains};
 use crate::open_water::OpenWater;
@@ -36,8 +37,6 @@ const SOFT: [f32; 2] = [0.4, 0.2];
 const IN_PUDDLE: [f32; 2] = [0.05, 0.3];
 /// Excess of green over red and blue by which leaves and grass are told.
 const GREEN: f64 = 1.08;
-/// Height above and below a level surface within which a splat without a normal belongs to it, m.
-const ON_GROUND: f32 = 0.15;
 /// Standard deviation of splats that are too wide for the edge of a puddle, m.
 const WIDE: f64 = 0.3;
 /// Depth over which the edge of a puddle goes over into the ground, m.
@@ -132,16 +131,12 @@ impl WetSurfaces {
             let normal = capture.normal(index);
             let is_level = normal.dot(up).abs() > LEVEL;
             let is_green = albedo[1] > GREEN * albedo[0].max(albedo[2]);
-            // Normals of rough captures turn to all sides, and lawns have none.
-            let is_ground =
-                || floor.height(point.map(f64::from)).is_some_and(|above| above.abs() < ON_GROUND);
-            let normal = match normal == Vec3::ZERO {
-                true if !is_green && is_ground() => up,
-                false if is_green && is_level => Vec3::ZERO,
-                _ => normal,
-            };
+            // Lawns turn to all sides, however flat they were captured.
+            let normal = if is_green && is_level { Vec3::ZERO } else { normal };
             // Ground in the round of the water's surface has its own reflection.
-            let is_wall = normal != Vec3::ZERO && normal.dot(up).abs() < LEVEL && !is_ground();
+            let is_wall = normal != Vec3::ZERO
+                && normal.dot(up).abs() < LEVEL
+                && !floor.holds(point.map(f64::from));
             let stride = splats.sh_stride();
             let sh = &splats.sh[index * stride..];
             let splat = WetSplat {
@@ -249,6 +244,21 @@ impl WetShares {
         let classes = map(surfaces.len(), threads, |index| {
             surfaces.class(&surfaces.splats[index], rain, shelter, site)
         });
+        if std::env::var_os("WM_DBG").is_some() {
+            let mut rows = Vec::new();
+            for (i, w) in surfaces.splats.iter().enumerate() {
+                let [x, y, z] = w.point;
+                if !(-2.0..10.0).contains(&x) || !(-55.0..-40.0).contains(&y) || !(-2.0..1.0).contains(&z) { continue; }
+                let open = |r: f32, l: f32| shelter.map_or(1.0, |s| s.exposure([x, y, z + l], r));
+                let d = shelter.map_or(9.0, |s| s.distance_to_surface([x, y, z]));
+                rows.push((z, w.normal, w.albedo, classes[i], open(0.4, 0.25), open(0.4, 0.6), open(0.4, 1.0), d, w.stays));
+            }
+            eprintln!("{} rows", rows.len());
+            let mut by = std::collections::BTreeMap::<i32, (usize, f32, f32, f32, f32)>::new();
+            for r in &rows { let e = by.entry((r.0 * 10.0).floor() as i32).or_default(); e.0 += 1; e.1 += r.4; e.2 += r.5; e.3 += r.6; e.4 += r.7.clamp(-5.0, 5.0); }
+            for (z, e) in by { let n = e.0 as f32; eprintln!("z {:.1} n {} open.25 {:.2} .6 {:.2} 1.0 {:.2} d {:.2}", z as f32 / 10.0, e.0, e.1 / n, e.2 / n, e.3 / n, e.4 / n); }
+            for r in rows.iter().step_by(rows.len() / 40 + 1) { eprintln!("{r:?}"); }
+        }
         let map_of_ground = &surfaces.ground;
         let [columns, _] = map_of_ground.size();
         let ground = map(map_of_ground.ground.len(), threads, |at| {
