@@ -252,6 +252,7 @@ impl FrameRequest<'_> {
                     mirror: &water.mirror,
                     motion: &water.motion,
                     body: water.body,
+                    white: self.weather.brightest(),
                     camera,
                     medium: hooks.medium,
                     effects: hooks.pixels,

@@ -444,6 +444,15 @@ impl PreparedWeather {
         self.light.as_ref()
     }
 
+    /// Returns the brightest light that the place can show, linear, 1 = display white: under the captured sky what the photos show
+    /// white, since a training tells nothing of what is above; infinite where the weather brings a sky or lamps of its own.
+    #[must_use]
+    pub fn brightest(&self) -> f32 {
+        let is_own = |light: &LightChange| light.open.is_some() || light.has_headlamps;
+        let has_own = self.dome.is_some() || self.has_lightning || self.light.as_ref().is_some_and(is_own);
+        if has_own { f32::INFINITY } else { 1.0 }
+    }
+
     /// Returns true if its light changes from frame to frame, at this or another instant: see [`MovingLight`].
     #[must_use]
     pub fn moves_light(&self) -> bool {

@@ -3,7 +3,7 @@
 //! A small white board stands before a black wall behind a black yard under a film. The difference of the pictures with the board
 //! and without it is its image in the film: a streak towards the eye, as long as the film is rough, and as much narrower as the
 //! view is flat. Its standard deviations along both axes of the picture are held against those of an image that is computed here,
-//! facet by facet: normal slopes of `0.3 exp(-film)` rms along each axis, Fresnel by Snell's angles, and facets hidden by others
+//! facet by facet: normal slopes of `0.3 exp(-2 film)` rms along each axis, Fresnel by Snell's angles, and facets hidden by others
 //! (Smith 1967).
 //!
 //! Tolerance 7 %.
@@ -154,7 +154,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let with = LightPicture::of(rig, (with, &camera), &weather, request.time)?;
     let without = LightPicture::of(rig, (without, &camera), &weather, request.time)?;
     let measured = spread(&level, &camera, |(x, y), _| (with.light(x, y) - without.light(x, y)).max(0.0));
-    let slopes = ROUGH * (-film).exp();
+    let slopes = ROUGH * (-2.0 * film).exp();
     let asked = spread(&level, &camera, |_, ground| streak_at(ground, slopes));
     let mut finding = Finding::default();
     let mut reading = |quantity: &str, asked: f64, measured: f64| {

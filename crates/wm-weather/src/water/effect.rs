@@ -86,6 +86,8 @@ pub struct WaterEffect<'a> {
     pub motion: &'a WaterMotion,
     /// Its clearness and its own light.
     pub body: WaterBody,
+    /// The brightest light that it mirrors, linear ([`PreparedWeather::brightest`](crate::PreparedWeather::brightest)).
+    pub white: f32,
     /// The camera of the picture.
     pub camera: &'a Camera,
     /// The air before it.
@@ -223,7 +225,7 @@ const _: () = assert!(GROUP.is_multiple_of(NODES), "pixels between two nodes are
 
 impl PictureEffect for WaterEffect<'_> {
     fn apply(&self, path: SimdPath, picture: &mut Frame, inputs: &[&Frame]) {
-        let mirrored = MirroredPicture::new(path, inputs[0]);
+        let mirrored = MirroredPicture::new(path, inputs[0], self.white);
         let scene = Scene::new(self, &mirrored);
         let has_films = !self.surface.roughness.is_empty();
         let films = has_films.then(|| LookNodes::new(&scene, path, Looked::Films));

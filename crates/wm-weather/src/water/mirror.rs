@@ -76,11 +76,12 @@ pub struct MirroredPicture {
 }
 
 impl MirroredPicture {
-    /// Makes all levels of a drawn picture with depth.
+    /// Makes all levels of a drawn picture with depth. What is brighter than `white`, linear, counts as that.
     #[must_use]
-    pub fn new(path: SimdPath, frame: &Frame) -> Self {
+    pub fn new(path: SimdPath, frame: &Frame, white: f32) -> Self {
         let mut last = LinearPicture::of(path, frame);
         for (pixel, (depth, alpha)) in last.pixels.iter_mut().zip(frame.depth.iter().zip(&frame.alpha)) {
+            (0..3).for_each(|k| pixel[k] = pixel[k].min(white));
             // Sky shines through where splats are thin: it is as far as what is seen of it.
             pixel[3] = if *depth > 0.0 { alpha / depth } else { 0.0 };
         }

@@ -13,8 +13,10 @@ const BEYOND: usize = 2;
 const DRY_BESIDE: f32 = -0.001;
 /// Cells over which the edge of open water is softened.
 const EDGE: usize = 3;
-/// Slopes of asphalt under a film too thin to fill its texture, rms along one axis.
+/// Slopes of damp asphalt, rms along one axis, and how fast a film levels them as it fills the texture: menisci close over it
+/// before its peaks are under water.
 const ROUGH: f32 = 0.3;
+const LEVELS: f32 = 2.0;
 
 /// Depths of running water over which it becomes a stream of its own, mm.
 const RUNS: [f32; 2] = [0.5, 1.6];
@@ -44,7 +46,7 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
             level: base + state.ground[at] + depths[at].max(0.0),
             depth: if seen < 1.0 { depths[at].min(seen * HIDES) } else { depths[at] },
             film: seen * state.filled[at].max(streams[at]),
-            roughness: ROUGH * (-film).exp() * (1.0 - streams[at]),
+            roughness: ROUGH * (-LEVELS * film).exp() * (1.0 - streams[at]),
         }
     };
     // Nodes are the middles of cells.

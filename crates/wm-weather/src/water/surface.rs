@@ -24,8 +24,10 @@ const EVEN: [f32; 2] = [0.02, 0.01];
 const PLANE: [f32; 2] = [0.02, 0.08];
 /// Weight of a film in the level of the mirror, of which it shows nothing sharply, over that of still water.
 const BLURRED: f32 = 0.02;
-/// Slopes that do not move, rms along one axis, above which water is a film in which no wave runs.
-pub(super) const FILM: f32 = 0.1;
+/// Slopes that do not move, rms along one axis, above which nothing in the mirror has an edge.
+const BLURS: f32 = 0.1;
+/// The same above which water is a film in which no wave runs.
+pub(super) const FILM: f32 = 0.03;
 
 /// The water in one picture.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -209,7 +211,7 @@ impl WaterSurface {
         let level = weighted_median(wet.map(|node| (node.level, weight(node.look))).collect());
         let level = level.map_or(typical, f64::from);
         let mut seen = depth.iter().zip(&roughness).filter(|(z, _)| !z.is_nan());
-        let is_film = seen.all(|(_, roughness)| *roughness > FILM);
+        let is_film = seen.all(|(_, roughness)| *roughness > BLURS);
         Self { depth, cover, roughness, level, rows: 0..0, is_film }
     }
 }
