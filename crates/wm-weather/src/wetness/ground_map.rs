@@ -6,7 +6,7 @@
 
 use super::basins::{self, Basins, Beyond, NONE};
 use super::eaves::{Eave, eaves};
-use super::relief::relief;
+use super::relief::{self, relief};
 use crate::cover::ground::GroundGrid;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::open_water::OpenWater;
@@ -182,6 +182,12 @@ impl GroundMap {
     pub fn locate(&self, point: [f64; 3]) -> ([f64; 2], f64) {
         let (place, height) = self.places.locate(point);
         (place, height - tilted(self.tilt, place))
+    }
+
+    /// The share of the ground that is lower than a point (world, scene units), by the unevenness that no photo shows, 0-1.
+    pub(super) fn lower_share(&self, point: [f64; 3]) -> f32 {
+        let ([x, y], _) = self.locate(point);
+        relief::lower_share(relief(x * self.cell(), y * self.cell()))
     }
 
     /// The middle of a cell at the height of its ground (world, scene units); `None` where there is none.

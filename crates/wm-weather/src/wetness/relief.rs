@@ -1,5 +1,7 @@
-//! Unevenness of the ground that no photo shows: it gives puddles their outlines, which are plausible and not surveyed.
+//! Unevenness of the ground that no photo shows: it gives puddles their outlines, and films and damp ground their patches, which are
+//! plausible and not surveyed.
 
+use std::sync::LazyLock;
 use wm_scene::random::uniform;
 
 /// Widths of the bumps, m, and the height of each kind, rms, m.
@@ -19,6 +21,44 @@ pub fn relief(x: f64, y: f64) -> f64 {
     sum
 }
 
+/// Shares of the ground over which water goes from none to full, of pores, which take it up from their sides, and of films.
+const SOAKED: f32 = 0.8;
+const FILLED: f32 = 0.3;
+
+/// Returns the share of the ground that is lower than a place of this height of the relief, m, 0-1.
+#[must_use]
+pub fn lower_share(height: f64) -> f32 {
+    /// Heights that parts of the ground are below, m, in order.
+    static HEIGHTS: LazyLock<Vec<f64>> = LazyLock::new(|| {
+        // Places that are far enough from each other.
+        let mut heights: Vec<f64> =
+            (0..10_000u32).map(|k| relief(0.71 * f64::from(k % 100), 0.83 * f64::from(k / 100))).collect();
+        heights.sort_by(f64::total_cmp);
+        heights
+    });
+    HEIGHTS.partition_point(|other| *other < height) as f32 / HEIGHTS.len() as f32
+}
+
+/// Returns the filled shares of pores and of the texture, 0-1, at a place with a share `lower` of the ground below it, where ground
+/// has these in the mean. Hollows fill first and dry last.
+#[must_use]
+pub fn patchy([pores, film]: [f32; 2], lower: f32) -> [f32; 2] {
+    [filled_from_below(pores, lower, SOAKED), filled_from_below(film, lower, FILLED)]
+}
+
+/// A ramp that falls from 1 to 0 over `width` of the shares of the ground, with a mean of `mean`, at the share `lower`.
+fn filled_from_below(mean: f32, lower: f32, width: f32) -> f32 {
+    // The end of the ramp, which begins below 0 or ends above 1 if little or nearly all is filled.
+    let end = if mean < 0.5 * width {
+        (2.0 * mean * width).sqrt()
+    } else if mean > 1.0 - 0.5 * width {
+        1.0 + width - (2.0 * (1.0 - mean) * width).sqrt()
+    } else {
+        mean + 0.5 * width
+    };
+    ((end - lower) / width).clamp(0.0, 1.0)
+}
+
 /// Smooth noise in -1 to 1.
 fn noise(kind: u64, x: f64, y: f64) -> f64 {
     let [i, j] = [x, y].map(f64::floor);
@@ -34,6 +74,27 @@ fn noise(kind: u64, x: f64, y: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn patches_hold_the_water_that_the_ground_has() {
+        for mean in [0.0f32, 0.02, 0.1, 0.3, 0.5, 0.8, 0.95, 1.0] {
+            let places: Vec<[f32; 2]> = (0..40_000u32)
+                .map(|k| {
+                    let height = relief(0.13 * f64::from(k % 200), 0.11 * f64::from(k / 200));
+                    patchy([mean; 2], lower_share(height))
+                })
+                .collect();
+            for kind in 0..2 {
+                let found = places.iter().map(|place| place[kind]).sum::<f32>() / places.len() as f32;
+                assert!((found - mean).abs() < 0.02, "{kind}: {found} for {mean}");
+            }
+        }
+        assert_eq!(patchy([0.0; 2], 0.0), [0.0; 2]);
+        assert_eq!(patchy([1.0; 2], 1.0), [1.0; 2]);
+        // Hollows fill first.
+        let shares: Vec<f32> = (0..=10u8).map(|k| patchy([0.4; 2], f32::from(k) / 10.0)[1]).collect();
+        assert!(shares.is_sorted_by(|a, b| a >= b) && shares[0] == 1.0 && shares[10] == 0.0, "{shares:?}");
+    }
 
     #[test]
     fn the_relief_has_its_height_and_no_steps() {

@@ -3,6 +3,7 @@
 use super::WetRequest;
 use super::basins::NONE;
 use super::column::{self, Drainage, PORES, SHARES, Wet, WetColumns};
+use super::relief;
 use super::run_off::RunOff;
 use super::surfaces::{WetShares, WetSurfaces};
 
@@ -182,9 +183,14 @@ impl WaterState {
             let level = basin.map(|basin| state.levels[basin as usize]).filter(|level| level.is_finite());
             level.filter(|_| ground.ground[at].is_finite()).unwrap_or(f32::NAN)
         });
-        let on_ground = |value: &dyn Fn(&Wet) -> f32| {
-            let nodes = wet.iter().zip(&ground.ground);
-            nodes.map(|(wet, height)| if height.is_nan() { 0.0 } else { value(wet) }).collect()
+        let on_ground = |value: &dyn Fn(&Wet, f32) -> f32| {
+            let nodes = wet.iter().zip(ground.ground.iter().zip(&ground.rough));
+            nodes
+                .map(|(wet, (height, rough))| if height.is_nan() { 0.0 } else { value(wet, rough - height) })
+                .collect()
+        };
+        let local = |wet: &Wet, bump: f32| {
+            relief::patchy([wet.pores, wet.film], relief::lower_share(f64::from(bump)))
         };
         Self {
             origin: ground.point([0.0; 2], 0.0),
@@ -194,9 +200,9 @@ impl WaterState {
             height,
             level: level.enumerate().map(|(at, level)| level + ground.tilt_at(at)).collect(),
             ground: ground.rough.iter().enumerate().map(|(at, height)| height + ground.tilt_at(at)).collect(),
-            film: on_ground(&|wet| wet.depth),
-            filled: on_ground(&|wet| wet.film),
-            pores: on_ground(&|wet| wet.pores),
+            film: on_ground(&|wet, _| wet.depth),
+            filled: on_ground(&|wet, bump| local(wet, bump)[1]),
+            pores: on_ground(&|wet, bump| local(wet, bump)[0]),
             running: run_off.depths(state.runs_off()),
             open: ground.open.iter().enumerate().map(|(at, level)| level + ground.tilt_at(at)).collect(),
             seen: ground.seen.clone(),

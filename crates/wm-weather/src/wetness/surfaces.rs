@@ -5,6 +5,7 @@ use super::basins::NONE;
 use super::column::{Drainage, MOST_SHARE};
 use super::ground_map::GroundMap;
 use super::optics::{self, STEPS};
+use super::relief;
 use super::sheen::{NO_SKY, SkySheen, skyline_of};
 use super::state::WetState;
 use crate::cover::ground::FarFloor;
@@ -47,6 +48,8 @@ const DARKEST: f64 = 2e-3;
 const SHARES: usize = 64;
 const DRY: u8 = 3 * SHARES as u8;
 const CLASSES: usize = DRY as usize + 1;
+/// Steps of the share of the ground that is lower than a splat.
+const LOWER: usize = 16;
 
 /// The surfaces of a scene, and its ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,6 +72,8 @@ struct WetSplat {
     color: [u8; 3],
     /// Elevation up to which something hides the sky, by [`skyline_of`]; [`NO_SKY`] of what is not steep.
     skyline: u8,
+    /// Share of the ground that is lower, in [`LOWER`] steps: hollows get wet first.
+    lower: u8,
     /// Sky, and open water.
     stays: bool,
     pond: u32,
@@ -89,7 +94,10 @@ impl WetSurfaces {
     pub fn is_consistent(&self, splats: usize) -> bool {
         let is_pond =
             |pond: &Pond| (pond.basin as usize) < self.ground.basins.all.len() && pond.height.is_finite();
-        let is_splat = |splat: &WetSplat| splat.pond == NONE || (splat.pond as usize) < self.ponds.len();
+        let is_splat = |splat: &WetSplat| {
+            usize::from(splat.lower) < LOWER
+                && (splat.pond == NONE || (splat.pond as usize) < self.ponds.len())
+        };
         self.splats.len() == splats
             && self.splats.iter().all(is_splat)
             && self.ponds.iter().all(is_pond)
@@ -134,9 +142,8 @@ impl WetSurfaces {
             // Lawns turn to all sides, however flat they were captured.
             let normal = if is_green && is_level { Vec3::ZERO } else { normal };
             // Ground in the round of the water's surface has its own reflection.
-            let is_wall = normal != Vec3::ZERO
-                && normal.dot(up).abs() < LEVEL
-                && !floor.holds(point.map(f64::from));
+            let is_wall =
+                normal != Vec3::ZERO && normal.dot(up).abs() < LEVEL && !floor.holds(point.map(f64::from));
             let stride = splats.sh_stride();
             let sh = &splats.sh[index * stride..];
             let splat = WetSplat {
@@ -150,6 +157,7 @@ impl WetSurfaces {
                 point,
                 normal: (127.0 * normal).to_array().map(|v| v.round() as i8),
                 albedo: albedo.map(|v| (v * (STEPS - 1) as f64).round() as u8),
+                lower: (ground.lower_share(point.map(f64::from)) * (LOWER - 1) as f32).round() as u8,
                 stays,
                 pond: NONE,
             };
@@ -248,16 +256,48 @@ impl WetShares {
             let mut rows = Vec::new();
             for (i, w) in surfaces.splats.iter().enumerate() {
                 let [x, y, z] = w.point;
-                if !(-2.0..10.0).contains(&x) || !(-55.0..-40.0).contains(&y) || !(-2.0..1.0).contains(&z) { continue; }
+                if !(-2.0..10.0).contains(&x) || !(-55.0..-40.0).contains(&y) || !(-2.0..1.0).contains(&z) {
+                    continue;
+                }
                 let open = |r: f32, l: f32| shelter.map_or(1.0, |s| s.exposure([x, y, z + l], r));
                 let d = shelter.map_or(9.0, |s| s.distance_to_surface([x, y, z]));
-                rows.push((z, w.normal, w.albedo, classes[i], open(0.4, 0.25), open(0.4, 0.6), open(0.4, 1.0), d, w.stays));
+                rows.push((
+                    z,
+                    w.normal,
+                    w.albedo,
+                    classes[i],
+                    open(0.4, 0.25),
+                    open(0.4, 0.6),
+                    open(0.4, 1.0),
+                    d,
+                    w.stays,
+                ));
             }
             eprintln!("{} rows", rows.len());
             let mut by = std::collections::BTreeMap::<i32, (usize, f32, f32, f32, f32)>::new();
-            for r in &rows { let e = by.entry((r.0 * 10.0).floor() as i32).or_default(); e.0 += 1; e.1 += r.4; e.2 += r.5; e.3 += r.6; e.4 += r.7.clamp(-5.0, 5.0); }
-            for (z, e) in by { let n = e.0 as f32; eprintln!("z {:.1} n {} open.25 {:.2} .6 {:.2} 1.0 {:.2} d {:.2}", z as f32 / 10.0, e.0, e.1 / n, e.2 / n, e.3 / n, e.4 / n); }
-            for r in rows.iter().step_by(rows.len() / 40 + 1) { eprintln!("{r:?}"); }
+            for r in &rows {
+                let e = by.entry((r.0 * 10.0).floor() as i32).or_default();
+                e.0 += 1;
+                e.1 += r.4;
+                e.2 += r.5;
+                e.3 += r.6;
+                e.4 += r.7.clamp(-5.0, 5.0);
+            }
+            for (z, e) in by {
+                let n = e.0 as f32;
+                eprintln!(
+                    "z {:.1} n {} open.25 {:.2} .6 {:.2} 1.0 {:.2} d {:.2}",
+                    z as f32 / 10.0,
+                    e.0,
+                    e.1 / n,
+                    e.2 / n,
+                    e.3 / n,
+                    e.4 / n
+                );
+            }
+            for r in rows.iter().step_by(rows.len() / 40 + 1) {
+                eprintln!("{r:?}");
+            }
         }
         let map_of_ground = &surfaces.ground;
         let [columns, _] = map_of_ground.size();
@@ -280,8 +320,8 @@ pub struct WetGains<'a> {
     surfaces: &'a WetSurfaces,
     shares: &'a WetShares,
     levels: &'a [f32],
-    /// By class.
-    strengths: [Strength; CLASSES],
+    /// By class, and by the share of the ground that is lower.
+    strengths: Box<[[Strength; LOWER]; CLASSES]>,
     /// Under deep water.
     deep: Strength,
     /// The changes by reflectance.
@@ -326,19 +366,26 @@ impl<'a> WetGains<'a> {
     #[must_use]
     pub fn new(surfaces: &'a WetSurfaces, shares: &'a WetShares, state: &'a WetState, porosity: f64) -> Self {
         let porosity = porosity as f32;
-        let strengths = std::array::from_fn(|class| {
+        let strengths = Box::new(std::array::from_fn(|class| {
             let (kind, bin) = (class / SHARES, class % SHARES);
             let (drainage, porosity) = match kind {
                 0 => (Drainage::Level, porosity),
                 1 => (Drainage::Steep, porosity),
                 2 => (Drainage::Steep, LEAF_POROSITY * porosity),
-                _ => return Strength::default(),
+                _ => return [Strength::default(); LOWER],
             };
             let share = MOST_SHARE * (bin as f64 / (SHARES - 1) as f64).powi(2);
             let wet = state.wet(drainage, share);
-            let strength = porosity * wet.pores;
-            Strength { pores: strength * (1.0 - wet.film), film: strength * wet.film, fade: wet.pores }
-        });
+            std::array::from_fn(|step| {
+                let lower = step as f32 / (LOWER - 1) as f32;
+                let [pores, film] = match drainage {
+                    Drainage::Level => relief::patchy([wet.pores, wet.film], lower),
+                    Drainage::Steep => [wet.pores, wet.film],
+                };
+                let strength = porosity * pores;
+                Strength { pores: strength * (1.0 - film), film: strength * film, fade: pores }
+            })
+        }));
         let deep = Strength { pores: 0.0, film: porosity, fade: 1.0 };
         let table = Box::new(optics::table());
         Self { surfaces, shares, levels: state.levels(), strengths, deep, table, sheen: None }
@@ -400,7 +447,7 @@ impl<'a> WetGains<'a> {
             return None;
         }
         let splat = &self.surfaces.splats[index];
-        let strength = self.strengths[usize::from(class)];
+        let strength = self.strengths[usize::from(class)][usize::from(splat.lower)];
         if splat.pond == NONE {
             return Some((strength, splat.albedo));
         }
