@@ -1413,6 +1413,7 @@ fn site_of(survey: &Survey, lamps: &PlaceLamps) -> Site {
             _ => Daylight::Known,
         },
         captured_sky: survey.captured_sky,
+        sunny_side: survey.sunny_side,
         earth: survey.north.zip(survey.location).map(|(north, location)| EarthPlace {
             north: north.to_array(),
             location,

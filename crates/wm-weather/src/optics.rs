@@ -28,6 +28,8 @@ use wm_render::hooks::{AirGroup, AirOnRay, GROUP, Medium, ShadeGroup, WgslSource
 use wm_render::simd::{self, Lanes, SimdPath, exp2};
 
 pub use wm_scene::metadata::MOR_DEPTH;
+use wm_scene::survey::SunnySide;
+
 pub use wm_scene::survey::CapturedSky;
 /// `-ln(0.02)`: optical depth of Koschmieder's visual range.
 pub const VISUAL_RANGE_DEPTH: f64 = 3.912_023_005_428_146;
@@ -139,6 +141,8 @@ pub struct Site {
     pub daylight: Daylight,
     /// The sky that the place was captured under.
     pub captured_sky: CapturedSky,
+    /// Where a sun would light most of the place.
+    pub sunny_side: SunnySide,
     /// North, place and time, where they are known.
     pub earth: Option<EarthPlace>,
     /// The light of its lamps.
@@ -160,6 +164,7 @@ impl Site {
         white_card: None,
         daylight: Daylight::Known,
         captured_sky: CapturedSky::Unknown,
+        sunny_side: SunnySide::NONE,
         earth: None,
         lamps: LampLevels { scene: 0.0, path: 0.0 },
         light: SiteLight::Captured,

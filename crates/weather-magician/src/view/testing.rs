@@ -4,7 +4,7 @@ use super::{ViewOptions, ViewSearch};
 use glam::DVec3;
 use wm_render::{CpuConfig, CpuRenderer, RenderBackend, SetId};
 use wm_scene::formats::{ReadOptions, read_scene};
-use wm_scene::survey::{CapturedSky, Confidence, FactSource, Sourced, Survey, label_sky};
+use wm_scene::survey::{CapturedSky, Confidence, FactSource, Sourced, SunnySide, Survey, label_sky};
 use wm_scene::testing::data;
 use wm_scene::{Camera, Metadata, Scene, SceneView, synthetic};
 
@@ -28,6 +28,7 @@ pub fn survey() -> Survey {
         scale_source: None,
         airlight: known([0.8; 3]),
         white_card: None,
+        sunny_side: SunnySide::default(),
         captured_sky: CapturedSky::Unknown,
         location: None,
         captured: None,

@@ -16,6 +16,7 @@ mod report;
 mod sample;
 mod sky;
 mod sun;
+mod sunny_side;
 #[cfg(test)]
 mod tests;
 mod up;
@@ -34,6 +35,7 @@ pub use near_ground::NearGround;
 pub use own_sky::{OwnSky, SkyChange};
 pub use sky::{SkyRegion, label_sky};
 pub use sun::{SunFault, SurveyedSun};
+pub use sunny_side::SunnySide;
 pub use up::{UpEstimate, UpScore};
 
 /// The facts about a place, each with its source.
@@ -75,6 +77,8 @@ pub struct Survey {
     pub white_card: Option<f64>,
     /// The kind of sky that the place was captured under.
     pub captured_sky: CapturedSky,
+    /// Where a sun would light most of the place.
+    pub sunny_side: SunnySide,
     /// The middle of most splats, sky and strays left out, scene units.
     pub center: DVec3,
     /// Distance from `center` that holds 95 % of the splats, sky left out, scene units; 0 if there
@@ -251,6 +255,7 @@ impl Survey {
             sun,
             sun_fault,
             metres_per_unit,
+            sunny_side: SunnySide::of(&sample, up.value, ground.value, &scene.views),
             center: sample.center,
             radius: sample.radius,
             extent: sample.extent(up.value),

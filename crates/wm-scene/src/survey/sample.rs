@@ -31,6 +31,8 @@ pub struct SurveyPoint {
 pub struct SurveySample {
     /// The sampled splats, in their order.
     pub points: Vec<SurveyPoint>,
+    /// Splats of the scene for each that was looked at.
+    pub stands_for: usize,
     /// The middle, scene units: see [`center_of`].
     pub center: DVec3,
     /// Distance from the middle within which 95 % of the points are, scene units.
@@ -53,7 +55,7 @@ impl SurveySample {
         let center = center_of(&at);
         let mut distances: Vec<f64> = at.iter().map(|p| p.distance(center)).collect();
         let radius = quantile(&mut distances, 0.95);
-        Self { points, center, radius }
+        Self { points, stands_for: splats.len().div_ceil(MOST).max(1), center, radius }
     }
 
     /// Length, width and height (along `up`) of the box that holds all but 1 % of the points to each

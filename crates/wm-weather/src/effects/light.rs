@@ -19,6 +19,7 @@ use crate::optics::{CapturedSky, Site};
 use crate::param::ParamValue;
 use crate::track::Track;
 use crate::weather::Weather;
+use glam::DVec3;
 use std::sync::Arc;
 use wm_render::SkyGradient;
 use wm_render::hooks::{SkySplats, Slot};
@@ -89,7 +90,7 @@ crate::params! {
         /// Elevation of the sun of model `clear`, below 0 under the horizon; `auto` is that of `hour`, and 45 without one.
         sun_elevation: Option<f64> = ParamValue::Auto, -90.0 => 90.0, "deg";
         /// Azimuth of the sun of model `clear`, clockwise from north (from the scene's x axis where north is not known); `auto`
-        /// is that of `hour`, and 180 without one.
+        /// is that of `hour`, and without one where it lights most of the place: 180 if no side is better.
         sun_azimuth: Option<f64> = ParamValue::Auto, -36_000.0 => 36_000.0, "deg";
         /// Hour of the day of model `clear`, in mean solar time: the sun is highest at about 12.
         hour: Option<f64> = ParamValue::Auto, -8_760.0 => 8_760.0, "h";
@@ -238,7 +239,8 @@ pub fn light_fault(weather: &Weather, site: &Site) -> Option<String> {
 impl LightParams {
     /// Elevation and azimuth of the sun, degrees.
     fn sun(&self, site: &Site) -> [f64; 2] {
-        let (mut elevation, mut azimuth) = (45.0, 180.0);
+        let mut elevation = 45.0;
+        let mut azimuth = None;
         let latitude = self.latitude.or(site.earth.map(|earth| earth.location[0]));
         if let (Some(hour), Some(latitude)) = (self.hour, latitude) {
             let captured = site.earth.and_then(|earth| earth.captured);
@@ -248,10 +250,16 @@ impl LightParams {
             // At longitude 0 mean solar time is UTC.
             let time = (new_year + self.day.unwrap_or_else(of_capture) - 1.0) * A_DAY + hour * 3600.0;
             if let Ok(sun) = SunPosition::at(latitude, 0.0, time) {
-                (elevation, azimuth) = (sun.elevation.to_degrees(), sun.azimuth.to_degrees());
+                (elevation, azimuth) = (sun.elevation.to_degrees(), Some(sun.azimuth.to_degrees()));
             }
         }
-        [self.sun_elevation.unwrap_or(elevation), self.sun_azimuth.unwrap_or(azimuth)]
+        let elevation = self.sun_elevation.unwrap_or(elevation);
+        let by_place = || {
+            let (towards, _) = site.sunny_side.towards(elevation)?;
+            let [north, east] = compass(site).map(DVec3::from_array);
+            Some(towards.dot(east).atan2(towards.dot(north)).to_degrees().rem_euclid(360.0))
+        };
+        [elevation, self.sun_azimuth.or(azimuth).or_else(by_place).unwrap_or(180.0)]
     }
 
     /// The change to a sun and a sky of its own.
@@ -260,9 +268,7 @@ impl LightParams {
             LightModel::Night => [NIGHT, 180.0],
             _ => self.sun(site),
         };
-        let [forward, right, _] = level_axes(site.up);
-        let north = site.earth.map_or(forward, |earth| earth.north);
-        let east = site.earth.map_or(right, |_| cross(north, site.up));
+        let [north, east] = compass(site);
         let towards = |azimuth: f64| -> [f64; 3] {
             let (sin, cos) = azimuth.to_radians().sin_cos();
             std::array::from_fn(|k| cos * north[k] + sin * east[k])
@@ -338,6 +344,12 @@ impl LightParams {
         let exposure = self.exposure.unwrap_or(OVERCAST_EXPOSURE * clouds);
         LightChange { clouds, depth, exposure, ..captured }
     }
+}
+
+/// North and east, level, world axes; of a site whose north is not known, the axis that azimuths count from and the one clockwise of it.
+fn compass(site: &Site) -> [[f64; 3]; 2] {
+    let [forward, right, _] = level_axes(site.up);
+    site.earth.map_or([forward, right], |earth| [earth.north, cross(earth.north, site.up)])
 }
 
 /// Cloud cover by all that falls: it gathers before, and goes after.

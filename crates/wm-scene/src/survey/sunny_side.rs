@@ -1,0 +1,136 @@
+//! The side from which a sun would light most of what a capture shows: for weathers that say how high their sun stands and not where.
+//!
+//! Rays go from a few surfaces near the ground and the cameras towards suns all around, through cells that hold as much surface as
+//! closes half of them.
+
+use super::linear::horizontals;
+use super::sample::{SurveyPoint, SurveySample, strided};
+use crate::SceneView;
+use glam::{DVec3, IVec3};
+use std::collections::HashMap;
+use std::f64::consts::TAU;
+
+/// Elevations of the suns that are tried, degrees: low, afternoon and noon.
+const ELEVATIONS: [f64; 3] = [8.0, 25.0, 45.0];
+/// Directions around.
+const AROUND: usize = 24;
+/// Cells across the radius of the place.
+const CELLS: f64 = 48.0;
+/// Surface in a cell that stops the sun, of the area of its side.
+const CLOSED: f64 = 0.5;
+/// Height above the ground, and distance from the middle of the cameras, up to which surfaces are looked at, radii of the place.
+const LOW: f64 = 0.12;
+const NEAR: f64 = 0.7;
+/// Most surfaces that are looked at.
+const MOST: usize = 400;
+/// Cells from a surface to where its ray starts: it does not shade itself.
+const CLEAR: f64 = 1.8;
+/// Difference of the shares of surface that sees a sun below which one side is as good as another.
+const SAME: f64 = 0.03;
+
+/// Where suns of several elevations light most of a place.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SunnySide {
+    /// For each of [`ELEVATIONS`]: the level direction towards the sun (world axes, length 1), and the share of the surface that it
+    /// reaches, 0-1; `None` where no side is better than the others.
+    sides: [Option<(DVec3, f64)>; 3],
+}
+
+impl SunnySide {
+    /// No side is better than the others.
+    pub const NONE: Self = Self { sides: [None; 3] };
+
+    /// Finds it for sampled splats of a scene, its up, its ground and its photos.
+    pub(super) fn of(sample: &SurveySample, up: DVec3, ground: f64, views: &[SceneView]) -> Self {
+        let cell = sample.radius / CELLS;
+        if sample.points.is_empty() || !(cell.is_finite() && cell > 0.0) {
+            return Self::default();
+        }
+        let centers: Vec<DVec3> = views.iter().map(|view| view.camera.center()).collect();
+        let middle = match centers.len() {
+            0 => sample.center,
+            count => centers.iter().sum::<DVec3>() / count as f64,
+        };
+        let key = |point: DVec3| ((point - middle) / cell).floor().as_ivec3();
+        // Each sampled splat stands for several.
+        let stands_for = sample.stands_for as f64;
+        let mut surface = HashMap::<IVec3, f64>::new();
+        for point in &sample.points {
+            *surface.entry(key(point.at)).or_default() += point.area * stands_for;
+        }
+        let stops = |at: DVec3| surface.get(&key(at)).is_some_and(|area| *area > CLOSED * cell * cell);
+        let is_near = |point: &&SurveyPoint| {
+            let height = point.at.dot(up) - ground;
+            let across = (point.at - middle).reject_from(up).length();
+            (-cell..LOW * sample.radius).contains(&height) && across < NEAR * sample.radius
+        };
+        let near: Vec<&SurveyPoint> = sample.points.iter().filter(is_near).collect();
+        let seen: Vec<&SurveyPoint> = strided(near.len(), MOST).map(|i| near[i]).collect();
+        let whole: f64 = seen.iter().map(|point| point.area).sum();
+        if whole <= 0.0 {
+            return Self::default();
+        }
+        let (east, north) = horizontals(up);
+        let level = |k: usize| {
+            let (sin, cos) = (TAU * k as f64 / AROUND as f64).sin_cos();
+            north * cos + east * sin
+        };
+        let steps = (2.0 * CELLS) as u32;
+        let lit = |towards: DVec3| {
+            let sees = |point: &&&SurveyPoint| {
+                let start = point.at + (towards + up) * (CLEAR * cell);
+                !(0..steps).any(|step| stops(start + towards * (f64::from(step) * cell)))
+            };
+            seen.iter().filter(sees).map(|point| point.area).sum::<f64>() / whole
+        };
+        let sides = ELEVATIONS.map(|elevation| {
+            let (sin, cos) = elevation.to_radians().sin_cos();
+            let shares: Vec<f64> = (0..AROUND).map(|k| lit(level(k) * cos + up * sin)).collect();
+            let [worst, best] = [f64::min, f64::max].map(|of| shares.iter().copied().fold(shares[0], of));
+            let at = shares.iter().position(|share| *share == best)?;
+            (best > worst + SAME).then(|| (level(at), best))
+        });
+        Self { sides }
+    }
+
+    /// Returns the level direction (world axes, length 1) towards a sun of an elevation, degrees, that lights most of the place, and
+    /// the share of the surface near the ground that it lights, 0-1; `None` where no side is better than the others.
+    #[must_use]
+    pub fn towards(&self, elevation: f64) -> Option<(DVec3, f64)> {
+        let away = |k: &usize| (ELEVATIONS[*k] - elevation).abs();
+        (0..ELEVATIONS.len()).min_by(|a, b| away(a).total_cmp(&away(b))).and_then(|k| self.sides[k])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Survey;
+    use crate::synthetic::Builder;
+    use crate::{Metadata, Scene};
+    use glam::DVec3;
+
+    /// A court of 24 m between walls of 20 m, open towards `open`: 0 for +x, a quarter turn for each more; 4 for none.
+    fn court(open: usize) -> Survey {
+        let mut place = Builder::new(5);
+        place.block(DVec3::new(0.0, 0.0, -0.2), DVec3::new(24.0, 24.0, 0.2), 0.4, [0.5; 3]);
+        let ways = [DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y];
+        for way in ways.iter().enumerate().filter(|(k, _)| *k != open).map(|(_, way)| *way) {
+            let size = DVec3::new(1.0, 1.0, 20.0) + DVec3::Z.cross(way).abs() * 25.0;
+            place.block(way * 13.0, size, 0.4, [0.4; 3]);
+        }
+        let given = Metadata { up: Some(DVec3::Z), ..Metadata::default() };
+        Survey::of(&Scene { splats: place.build(), ..Scene::default() }, &given)
+    }
+
+    #[test]
+    fn a_court_is_lit_through_its_open_side() {
+        for (open, side) in [DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y].into_iter().enumerate() {
+            let found = court(open).sunny_side;
+            let (towards, share) = found.towards(8.0).unwrap();
+            assert!(towards.dot(side) > 0.75, "{open}: {towards}");
+            assert!(share > 0.3, "{open}: {share}");
+        }
+        // A high sun shines over the walls from everywhere, a low one from nowhere.
+        assert_eq!(court(4).sunny_side.towards(8.0), None);
+    }
+}
