@@ -110,6 +110,9 @@ pub fn run(args: &InspectArgs) -> Result<()> {
     judge(args, &findings)
 }
 
+/// Elevation of the low sun that is told of, degrees.
+const LOW_SUN: f64 = 8.0;
+
 /// Fails if there is a doubt and `--strict` is given.
 fn judge(args: &InspectArgs, findings: &[Remark]) -> Result<()> {
     let doubts = findings.iter().filter(|finding| finding.severity == Severity::Doubt).count();
@@ -152,6 +155,11 @@ fn report(
                 "elevation_degrees": sun.elevation.to_degrees(),
                 "source": sun.source,
                 "confidence": sun.confidence,
+            })),
+            "low_sun": survey.sunny_side.towards(LOW_SUN).map(|(towards, lit)| json!({
+                "elevation_degrees": LOW_SUN,
+                "towards": towards,
+                "lit": lit,
             })),
             "no_sun": survey.sun_fault.map(|fault| fault.to_string()),
             "airlight": sourced(&survey.airlight),
@@ -197,6 +205,13 @@ fn print(
     println!("The place");
     for line in survey.lines() {
         println!("  {line}");
+    }
+    if let Some((towards, lit)) = survey.sunny_side.towards(LOW_SUN) {
+        let [x, y, z] = towards.to_array();
+        let share = 100.0 * lit;
+        println!(
+            "  low sun: lights most from {x:.2}, {y:.2}, {z:.2}: {share:.0} % of what is near the ground at {LOW_SUN} degrees"
+        );
     }
     if let Some(range) = scene.metadata.haze() {
         println!("  haze: the photos were taken in haze of {range} (taken out)");
