@@ -7,7 +7,7 @@ use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
 use std::sync::Arc;
-use weather_magician::lamps::lamps_along_photos;
+use weather_magician::lamps::{lamps_along_photos, lamps_on_posts};
 use weather_magician::view::spec;
 use wm_scene::files::check_writable;
 use wm_scene::formats::folder::scene_file;
@@ -61,8 +61,8 @@ pub struct AlignArgs {
     #[arg(long, value_name = "X,Y,Z:X,Y,Z|X,Y,Z|none", value_parser = parse_sun, allow_hyphen_values = true, help_heading = "Light")]
     sun: Option<PhotoSun>,
     /// A lamp that shines down, and its luminous flux in lumens (5000); may be given several times. `path`: a row of them beside the
-    /// path of the photos. `none`: there are none
-    #[arg(long, value_name = "X,Y,Z[=LUMENS]|path|none", value_parser = parse_lamp, allow_hyphen_values = true, help_heading = "Light")]
+    /// path of the photos. `posts`: one on each post that is found. `none`: there are none
+    #[arg(long, value_name = "X,Y,Z[=LUMENS]|posts|path|none", value_parser = parse_lamp, allow_hyphen_values = true, help_heading = "Light")]
     lamp: Vec<GivenLamp>,
     /// A window that is lit by night, by two opposite corners on its wall; may be given several times. `none`: there are none
     #[arg(long, value_name = "X,Y,Z:X,Y,Z|none", value_parser = parse_window, allow_hyphen_values = true, help_heading = "Light")]
@@ -84,6 +84,7 @@ fn parse_sun(text: &str) -> Result<PhotoSun, String> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum GivenLamp {
     None,
+    Posts,
     Path,
     /// Place and luminous flux, lm.
     At(DVec3, f64),
@@ -92,6 +93,7 @@ enum GivenLamp {
 fn parse_lamp(text: &str) -> Result<GivenLamp, String> {
     match text {
         "none" => return Ok(GivenLamp::None),
+        "posts" => return Ok(GivenLamp::Posts),
         "path" => return Ok(GivenLamp::Path),
         _ => {}
     }
@@ -179,6 +181,7 @@ impl AlignArgs {
             for lamp in &self.lamp {
                 match *lamp {
                     GivenLamp::None => {}
+                    GivenLamp::Posts => lamps.extend(lamps_on_posts(scene, &survey)),
                     GivenLamp::Path => lamps.extend(lamps_along_photos(scene, &survey)),
                     GivenLamp::At(at, lumens) => lamps.push(Lamp {
                         lumens,
@@ -330,6 +333,7 @@ mod tests {
     #[test]
     fn lamps_and_windows_are_points() {
         assert_eq!(parse_lamp("1,-2,6"), Ok(GivenLamp::At(DVec3::new(1.0, -2.0, 6.0), 5_000.0)));
+        assert_eq!(parse_lamp("posts"), Ok(GivenLamp::Posts));
         assert_eq!(parse_lamp("0,0,4=800"), Ok(GivenLamp::At(DVec3::new(0.0, 0.0, 4.0), 800.0)));
         assert_eq!(parse_window("0,0,1:1,0,2"), Ok(Some([DVec3::Z, DVec3::new(1.0, 0.0, 2.0)])));
         assert!(parse_lamp("0,0,4=bright").is_err() && parse_window("0,0,1").is_err());

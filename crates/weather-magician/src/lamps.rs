@@ -1,8 +1,9 @@
-//! The lamps of a place: those that its scene states, or a row along the path of its photos.
+//! The lamps of a place: those that its scene states, or its posts, or a row along the path of its photos.
 
 use glam::DVec3;
 use std::f64::consts::TAU;
 use wm_scene::lamps::along_path;
+use wm_scene::posts::find_posts;
 use wm_scene::survey::Survey;
 use wm_scene::{Lamp, Scene};
 use wm_weather::dome::level_axes;
@@ -50,25 +51,74 @@ pub fn lamps_along_photos(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
     std::iter::once(DVec3::ZERO).chain(near).map(lamp).collect()
 }
 
+/// Most posts that get a lamp: those that are nearest to the middle of the place.
+const MOST_POSTS: usize = 16;
+
+/// Returns a lamp at the head of each post of a scene, shining down: the higher, the brighter, with the flux of a lamp of
+/// [`lamps_along_photos`] at its height.
+#[must_use]
+pub fn lamps_on_posts(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
+    let mut posts = find_posts(&scene.splats, survey);
+    posts.sort_by(|a, b| {
+        let [a, b] = [a, b].map(|post| post.head.distance_squared(survey.center));
+        a.total_cmp(&b)
+    });
+    posts.truncate(MOST_POSTS);
+    let lamp = |height: f64, head: DVec3| Lamp {
+        aim: Some((-survey.up.value).to_array()),
+        lumens: Lamp::default_lumens() * height / HEIGHT,
+        ..Lamp::new(head.to_array())
+    };
+    posts.iter().map(|post| lamp(post.height, post.head)).collect()
+}
+
+/// The origin of the lamps of a weather that asks for some in any case.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum LampOrigin {
+    /// The scene states them.
+    #[default]
+    Stated,
+    /// So many posts are taken for lampposts.
+    Posts(usize),
+    /// A row along the path of the photos.
+    Row,
+}
+
 /// The sources of light of a place.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct PlaceLamps {
     scene: LampLights,
     path: LampLights,
+    origin: LampOrigin,
 }
 
 impl PlaceLamps {
-    /// Those of a scene, and of its path where it states no lamps.
+    /// Those of a scene; where it states none, those on its posts, and without posts a row along its path.
     pub fn of(scene: &Scene, survey: &Survey) -> Self {
         let metres_per_unit = survey.metres_per_unit.value;
         let windows = scene.metadata.windows.as_deref().unwrap_or_default();
         let lights = |lamps: &[Lamp]| LampLights::of(lamps, windows, metres_per_unit);
         let own = scene.metadata.lamps.as_deref();
-        let path = match own {
-            Some(lamps) => lights(lamps),
-            None => lights(&lamps_along_photos(scene, survey)),
+        let (path, origin) = match own {
+            Some(lamps) => (lights(lamps), LampOrigin::Stated),
+            None => match lamps_on_posts(scene, survey) {
+                row if row.is_empty() => (lights(&lamps_along_photos(scene, survey)), LampOrigin::Row),
+                posts => (lights(&posts), LampOrigin::Posts(posts.len())),
+            },
         };
-        Self { scene: lights(own.unwrap_or_default()), path }
+        Self { scene: lights(own.unwrap_or_default()), path, origin }
+    }
+
+    /// A warning that the lamps of a weather are guessed; `None` if the scene states them.
+    pub fn doubt(&self) -> Option<String> {
+        let what = match self.origin {
+            LampOrigin::Stated => return None,
+            LampOrigin::Posts(count) => format!("{count} posts of the capture are taken for lampposts"),
+            LampOrigin::Row => {
+                "no lamppost was found, and a row of lamps is assumed along the path of the photos".into()
+            }
+        };
+        Some(format!("the scene states no lamps: {what}; set them with `align --lamp`, or light.lamps = off"))
     }
 
     /// Those that a weather asks for.

@@ -1226,6 +1226,7 @@ impl PreparedPlace {
             &self.site,
             threads,
         ));
+        self.warnings.extend(self.light.doubt_of_lamps(prepared));
     }
 
     /// Takes away what lies where nothing does under this weather.

@@ -19,8 +19,9 @@ pub(crate) struct PlaceLight {
     /// The splats that are near a point.
     near: Option<NearSplats>,
     relit: Option<Relit>,
-    /// The warning that the shadows of the photos stay was given.
+    /// The warnings that the shadows of the photos stay, and that lamps are guessed, were given.
     is_told: bool,
+    has_told_lamps: bool,
 }
 
 /// The last light that was drawn, and its gains.
@@ -64,12 +65,20 @@ impl CoverLight {
 impl PlaceLight {
     /// Nothing is lit yet.
     pub fn new(lamps: PlaceLamps) -> Self {
-        Self { lamps, points: None, near: None, relit: None, is_told: false }
+        Self { lamps, points: None, near: None, relit: None, is_told: false, has_told_lamps: false }
     }
 
     /// Takes other lamps.
     pub fn set_lamps(&mut self, lamps: PlaceLamps) {
         (self.lamps, self.relit) = (lamps, None);
+    }
+
+    /// A warning that the lamps that shine in a weather are guessed, once.
+    pub fn doubt_of_lamps(&mut self, prepared: &PreparedWeather) -> Option<String> {
+        let source = prepared.light()?.lamps.map(|(source, _)| source);
+        let doubt = self.lamps.doubt().filter(|_| source == Some(LampSource::Path) && !self.has_told_lamps);
+        self.has_told_lamps |= doubt.is_some();
+        doubt
     }
 
     /// Keeps the places of splats that are about to be released.

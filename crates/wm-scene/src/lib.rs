@@ -63,6 +63,7 @@ pub mod morton;
 mod nearest;
 pub mod npy;
 pub mod origin;
+pub mod posts;
 pub mod quat;
 pub mod random;
 pub mod reflectance;

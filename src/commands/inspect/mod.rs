@@ -16,6 +16,7 @@ use std::path::PathBuf;
 use wm_scene::files::check_writable;
 use wm_scene::formats::{SceneFormat, read_scene_and_format, write_sidecar};
 use wm_scene::health::{Bounds, Health, Histogram};
+use wm_scene::posts::{Post, find_posts};
 use wm_scene::survey::{Sourced, Survey, label_sky};
 use wm_scene::{Group, Metadata, Remark, Severity};
 
@@ -220,6 +221,14 @@ fn print(
         println!("  water: {} in the metadata", count_of(outlines.len(), "outline"));
     }
     let Metadata { lamps, windows, .. } = &scene.metadata;
+    if lamps.is_none() {
+        let posts = find_posts(&scene.splats, survey);
+        println!("  posts that may carry lamps: {}", posts.len());
+        for Post { head, height } in posts {
+            let [x, y, z] = (head + survey.origin).to_array();
+            println!("    {x:.2}, {y:.2}, {z:.2}: {height:.1} m high");
+        }
+    }
     if let Some(lamps) = lamps {
         let windows = windows.as_ref().map_or(0, Vec::len);
         println!("  lamps: {}, {}", count_of(lamps.len(), "lamp"), count_of(windows, "lit window"));

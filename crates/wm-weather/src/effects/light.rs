@@ -60,7 +60,7 @@ crate::words! {
         On = "on",
         /// None.
         Off = "off",
-        /// As `auto`; where the scene states none, a row along the path of the photos.
+        /// As `auto`; where the scene states none, those on its posts, and without posts a row along the path of the photos.
         Path = "path",
     }
 }
@@ -106,7 +106,8 @@ crate::params! {
         /// Glow of the sky by the lamps of towns, on level ground; `auto` is 0.06, and ten times that under clouds.
         glow: Option<f64> = ParamValue::Auto, 0.0 => 100.0, "lx";
         /// Lamps and lit windows, with models `clear` and `night`: `auto` (those that the scene states, when it gets dark), `on`, `off`,
-        /// or `path` (as `auto`; a scene that states none gets a row along the path of its photos).
+        /// or `path` (as `auto`; a scene that states none gets one on each post that is
+        /// found, or else a row along the path of its photos).
         lamps: LampChoice = ParamValue::Word("auto"), 0.0 => 0.0, "";
         /// Headlamps of the car that carries the camera.
         headlamps: Switch = ParamValue::Word("off"), 0.0 => 0.0, "";
