@@ -252,3 +252,30 @@ fn the_captured_light_changes_nothing() {
     let worst = same.sh.iter().zip(&splats.sh).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(worst < 1e-5, "{worst}");
 }
+
+#[test]
+fn ground_whose_normals_turn_to_all_sides_is_lit_as_level_ground() {
+    let mut splats = Splats::with_capacity(0, 0);
+    let mut add = |point: [f64; 3], color: [f32; 3], key: u64| {
+        let side = |lane: u64| uniform(8, 3 * key + lane) - 0.5;
+        let normal = DVec3::new(side(0), side(1), side(2)).normalize();
+        let scales = [0.66 * STEP, 0.66 * STEP, 0.1 * STEP];
+        splats.push(&surfel(point, (normal, normal.any_orthonormal_vector()), scales, color, 0.98));
+    };
+    let count = (2.0 * HALF / STEP) as usize;
+    for i in 0..count * count {
+        let [x, y] = [i % count, i / count].map(|v| -HALF + STEP * (v as f64 + 0.5));
+        // One half is paved, the other is a lawn.
+        let color = if x < 0.0 { [0.5, 0.48, 0.45] } else { [0.3, 0.5, 0.2] };
+        add([x, y, 0.0], color, i as u64);
+    }
+    let found = split(&splats, 2);
+    let upright = |x: f64| {
+        let is_here = |i: &usize| (f64::from(splats.means[*i][0]) - x).abs() < 3.0;
+        let all: Vec<f64> =
+            (0..splats.len()).filter(is_here).map(|i| found.surface(i, site().up).upright).collect();
+        all.iter().sum::<f64>() / all.len() as f64
+    };
+    assert!(upright(-4.5) > 0.9, "{}", upright(-4.5));
+    assert!(upright(4.5) < 0.1, "{}", upright(4.5));
+}

@@ -279,3 +279,24 @@ fn halve_row<S: Lanes>(simd: S, rows: [&[[f32; 4]]; 4], line: &mut [[f32; 4]]) {
         sum.store_slice(pixel);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sky_that_a_training_left_too_bright_is_mirrored_white() {
+        let frame = Frame {
+            width: 4,
+            height: 4,
+            rgb: [1.0, 1.3, 1.2].repeat(16),
+            alpha: vec![1.0; 16],
+            depth: vec![0.0; 16],
+            ..Frame::default()
+        };
+        let path = SimdPath::available()[0];
+        let [white, bright] = [1.0, f32::INFINITY].map(|white| MirroredPicture::new(path, &frame, white));
+        assert!(white.pixels.iter().all(|pixel| pixel[..3].iter().all(|v| (v - 1.0).abs() < 1e-5)));
+        assert!(bright.pixels.iter().all(|pixel| pixel[1] > 1.5));
+    }
+}

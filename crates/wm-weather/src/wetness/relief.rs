@@ -90,7 +90,7 @@ mod tests {
             }
         }
         assert_eq!(patchy([0.0; 2], 0.0), [0.0; 2]);
-        assert_eq!(patchy([1.0; 2], 1.0), [1.0; 2]);
+        assert!(patchy([1.0; 2], 1.0).iter().all(|share| (share - 1.0).abs() < 1e-5));
         // Hollows fill first.
         let shares: Vec<f32> = (0..=10u8).map(|k| patchy([0.4; 2], f32::from(k) / 10.0)[1]).collect();
         assert!(shares.is_sorted_by(|a, b| a >= b) && shares[0] == 1.0 && shares[10] == 0.0, "{shares:?}");
