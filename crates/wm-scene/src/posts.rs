@@ -81,8 +81,9 @@ impl Columns {
     fn top(&self, cell: [i32; 2]) -> usize {
         // Posts lean and are rough: a cell and those beside it are one.
         let layers = square(1).map(|[x, y]| self.at([cell[0] + x, cell[1] + y])).fold(0, |a, b| a | b);
-        let (mut top, mut missing) = ((FROM / LAYER) as usize, 0);
-        for layer in top..LAYERS {
+        let first = (FROM / LAYER) as usize;
+        let (mut top, mut missing) = (first, 0);
+        for layer in first..LAYERS {
             missing = if layers >> layer & 1 == 1 { 0 } else { missing + 1 };
             match missing {
                 0 => top = layer + 1,

@@ -165,8 +165,7 @@ const FINDS: [(Fault, &[[&str; 2]]); 34] = [
     (Fault::Darkening, &[["wet-card", "full pores"], ["wet-card", "under a film"]]),
     (Fault::Rained, &[["water-budget", "rain on the ground"]]),
     (Fault::Puddles, &[["water-budget", "water in and out"]]),
-    // The ends of the yard keep the streak from growing as long.
-    (Fault::Rough, &[["lamp-streak", "width"]]),
+    (Fault::Rough, &[["lamp-streak", "width"], ["lamp-streak", "length"]]),
     (Fault::Reflectance, &[["fresnel", "reflectance"]]),
     // At another level the board is met at other elevations, and the disc is deeper.
     (Fault::Level, &[["mirror", "images"]]),
