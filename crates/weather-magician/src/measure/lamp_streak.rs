@@ -4,7 +4,7 @@
 //! and without it is its image in the film: a streak towards the eye, as long as the film is rough, and as much narrower as the
 //! view is flat. Its standard deviations along both axes of the picture are held against those of an image that is computed here,
 //! facet by facet: normal slopes of `0.3 exp(-2 film)` rms along each axis, Fresnel by Snell's angles, and facets hidden by others
-//! (Smith 1967). A film of less than the texture fills the lower parts of the ground.
+//! (Smith 1967).
 //!
 //! Tolerance 7 %.
 
@@ -50,9 +50,6 @@ const STEP: usize = 2;
 const LOOKED_AT: [f64; 2] = [2.5, 13.0];
 /// Points along a side of the board.
 const POINTS: usize = 5;
-/// Parts of the ground by how low they are, and the share of it over which a film goes from full to none.
-const PARTS: u32 = 10;
-const PASSAGE: f64 = 0.3;
 /// Slopes of damp ground, rms along one axis, and a refractive index.
 const ROUGH: f64 = 0.3;
 const INDEX: f64 = 1.333;
@@ -157,16 +154,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let with = LightPicture::of(rig, (with, &camera), &weather, request.time)?;
     let without = LightPicture::of(rig, (without, &camera), &weather, request.time)?;
     let measured = spread(&level, &camera, |(x, y), _| (with.light(x, y) - without.light(x, y)).max(0.0));
-    // Hollows are full where bumps are bare: the film falls from 1 to 0 over a part of the ground, the rest has all of it or none.
-    let end = match 1.0 - film {
-        bare if bare < 0.5 * PASSAGE => 1.0 + PASSAGE - (2.0 * bare * PASSAGE).sqrt(),
-        bare => 1.0 - bare + 0.5 * PASSAGE,
-    };
-    let asked = spread(&level, &camera, |_, ground| {
-        let parts = (0..PARTS).map(|k| (f64::from(k) + 0.5) / f64::from(PARTS));
-        let films = parts.map(|lower| ((end - lower) / PASSAGE).clamp(0.0, 1.0));
-        films.map(|film| film * streak_at(ground, ROUGH * (-2.0 * film).exp())).sum::<f64>()
-    });
+    let slopes = ROUGH * (-2.0 * film).exp();
+    let asked = spread(&level, &camera, |_, ground| streak_at(ground, slopes));
     let mut finding = Finding::default();
     let mut reading = |quantity: &str, asked: f64, measured: f64| {
         let tolerance = Tolerance::Relative(0.07);

@@ -115,6 +115,12 @@ impl WetState {
         Wet { pores: (reached * pores) as f32, film: (reached * film) as f32, depth: 0.0 }
     }
 
+    /// Returns true if hollows are no wetter than bumps: of a wetness by hand, which is as it is asked for everywhere.
+    #[must_use]
+    pub fn is_even(&self) -> bool {
+        self.amount.is_some()
+    }
+
     /// Water that runs off of ground that gets all of the rain, mm/h; 0 for a wetness by hand.
     #[must_use]
     pub fn runs_off(&self) -> f64 {
@@ -189,8 +195,9 @@ impl WaterState {
                 .map(|(wet, (height, rough))| if height.is_nan() { 0.0 } else { value(wet, rough - height) })
                 .collect()
         };
-        let local = |wet: &Wet, bump: f32| {
-            relief::patchy([wet.pores, wet.film], relief::lower_share(f64::from(bump)))
+        let local = |wet: &Wet, bump: f32| match state.is_even() {
+            true => [wet.pores, wet.film],
+            false => relief::patchy([wet.pores, wet.film], relief::lower_share(f64::from(bump))),
         };
         Self {
             origin: ground.point([0.0; 2], 0.0),

@@ -379,8 +379,8 @@ impl<'a> WetGains<'a> {
             std::array::from_fn(|step| {
                 let lower = step as f32 / (LOWER - 1) as f32;
                 let [pores, film] = match drainage {
-                    Drainage::Level => relief::patchy([wet.pores, wet.film], lower),
-                    Drainage::Steep => [wet.pores, wet.film],
+                    Drainage::Level if !state.is_even() => relief::patchy([wet.pores, wet.film], lower),
+                    _ => [wet.pores, wet.film],
                 };
                 let strength = porosity * pores;
                 Strength { pores: strength * (1.0 - film), film: strength * film, fade: pores }
