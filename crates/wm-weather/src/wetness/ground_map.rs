@@ -2,7 +2,7 @@
 //!
 //! The geometry of a capture has noise of 1 to 3 cm, more than puddles are deep. So the ground is smoothed over half a metre,
 //! only depressions that survive count, and none of them where the ground slopes. Their edges come from
-//! [`relief`](super::relief).
+//! `relief.rs`.
 
 use super::basins::{self, Basins, Beyond, NONE};
 use super::eaves::{Eave, eaves};
