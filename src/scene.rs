@@ -141,6 +141,13 @@ pub struct OpenScene {
     pub place: PreparedPlace,
 }
 
+/// Prints the warnings of a place that are pending.
+pub fn print_warnings(place: &mut PreparedPlace) {
+    for warning in place.take_warnings() {
+        eprintln!("warning: {warning}");
+    }
+}
+
 impl OpenScene {
     /// Reads, checks, surveys and loads a scene. Prints warnings on the error stream.
     pub fn new(args: &SceneArgs, run: &RunArgs, views: Option<&PathBuf>) -> Result<Self> {
@@ -224,9 +231,7 @@ impl OpenScene {
 
     /// Prints the warnings that are pending.
     pub fn warn(&mut self) {
-        for warning in self.place.take_warnings() {
-            eprintln!("warning: {warning}");
-        }
+        print_warnings(&mut self.place);
     }
 
     /// Makes the assets that a weather needs, and frees the splats as read from the file: the renderer has a copy.

@@ -91,6 +91,21 @@ fn lamps_and_windows_are_seen_by_night() {
 }
 
 #[test]
+fn lamps_that_nobody_states_are_told() {
+    let workshop = Workshop::new();
+    let (_, view) = yard_look(SIZE);
+    let told = |name: &str, facts: &Metadata, options: &str| {
+        let scene = workshop.scene(name, yard().build(), facts);
+        let options = format!("{options} --assets off --set light.photos=diffuse");
+        let output = run(&workshop.words(&scene, &view, &format!("{name}.png"), &options));
+        String::from_utf8_lossy(&output.stderr).contains("the scene states no lamps")
+    };
+    assert!(told("dark", &yard_metadata(1.0), "--weather night"));
+    assert!(!told("stated", &lit_yard(), "--weather night"));
+    assert!(!told("day", &yard_metadata(1.0), "--weather sunny"));
+}
+
+#[test]
 fn exposure_does_not_jump_from_sun_to_night() {
     let scene = Scene { splats: yard().build(), metadata: lit_yard(), ..Scene::default() };
     let mut renderer = Renderer::cpu().unwrap();

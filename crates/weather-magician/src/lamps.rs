@@ -1,9 +1,9 @@
-//! The lamps of a place: those that its scene states, or its posts, or a row along the path of its photos.
+//! The lamps of a place: those that its scene states, or those on its posts, or a row along the path of its photos.
 
 use glam::DVec3;
 use std::f64::consts::TAU;
 use wm_scene::lamps::along_path;
-use wm_scene::posts::find_posts;
+use wm_scene::posts::{Post, find_posts};
 use wm_scene::survey::Survey;
 use wm_scene::{Lamp, Scene};
 use wm_weather::dome::level_axes;
@@ -64,15 +64,15 @@ pub fn lamps_on_posts(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
         a.total_cmp(&b)
     });
     posts.truncate(MOST_POSTS);
-    let lamp = |height: f64, head: DVec3| Lamp {
+    let lamp = |post: &Post| Lamp {
         aim: Some((-survey.up.value).to_array()),
-        lumens: Lamp::default_lumens() * height / HEIGHT,
-        ..Lamp::new(head.to_array())
+        lumens: Lamp::default_lumens() * post.height / HEIGHT,
+        ..Lamp::new(post.head.to_array())
     };
-    posts.iter().map(|post| lamp(post.height, post.head)).collect()
+    posts.iter().map(lamp).collect()
 }
 
-/// The origin of the lamps of a weather that asks for some in any case.
+/// The origin of the lamps of weathers with `light.lamps = "path"`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum LampOrigin {
     /// The scene states them.
@@ -93,7 +93,8 @@ pub(crate) struct PlaceLamps {
 }
 
 impl PlaceLamps {
-    /// Those of a scene; where it states none, those on its posts, and without posts a row along its path.
+    /// Lists the lamps that a scene states. Where it states none, its posts carry lamps, and where it has no posts a row stands along
+    /// the path of its photos.
     pub fn of(scene: &Scene, survey: &Survey) -> Self {
         let metres_per_unit = survey.metres_per_unit.value;
         let windows = scene.metadata.windows.as_deref().unwrap_or_default();
@@ -109,7 +110,7 @@ impl PlaceLamps {
         Self { scene: lights(own.unwrap_or_default()), path, origin }
     }
 
-    /// A warning that the lamps of a weather are guessed; `None` if the scene states them.
+    /// Returns a warning that the lamps are guessed; `None` if the scene states them.
     pub fn doubt(&self) -> Option<String> {
         let what = match self.origin {
             LampOrigin::Stated => return None,

@@ -19,8 +19,9 @@ pub(crate) struct PlaceLight {
     /// The splats that are near a point.
     near: Option<NearSplats>,
     relit: Option<Relit>,
-    /// The warnings that the shadows of the photos stay, and that lamps are guessed, were given.
+    /// The warning that the shadows of the photos stay was given.
     is_told: bool,
+    /// The warning that lamps are guessed was given.
     has_told_lamps: bool,
 }
 
@@ -73,12 +74,13 @@ impl PlaceLight {
         (self.lamps, self.relit) = (lamps, None);
     }
 
-    /// A warning that the lamps that shine in a weather are guessed, once.
+    /// Returns a warning if lamps shine in a weather that are guessed, the first time.
     pub fn doubt_of_lamps(&mut self, prepared: &PreparedWeather) -> Option<String> {
-        let source = prepared.light()?.lamps.map(|(source, _)| source);
-        let doubt = self.lamps.doubt().filter(|_| source == Some(LampSource::Path) && !self.has_told_lamps);
-        self.has_told_lamps |= doubt.is_some();
-        doubt
+        let (source, _) = prepared.light()?.lamps?;
+        if source != LampSource::Path || std::mem::replace(&mut self.has_told_lamps, true) {
+            return None;
+        }
+        self.lamps.doubt()
     }
 
     /// Keeps the places of splats that are about to be released.

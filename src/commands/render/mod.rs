@@ -15,7 +15,7 @@ use crate::level_args::LevelArgs;
 use crate::names::stem_of;
 use crate::overwrite::OverwriteArgs;
 use crate::progress::Reporter;
-use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs};
+use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs, print_warnings};
 use crate::weather::WeatherArgs;
 use anyhow::{Result, bail};
 use camera::{CameraArgs, CameraPlan};
@@ -302,11 +302,14 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let mut job = RenderJob::new(loaded, config, weather, (plan, model), parts)?;
     layers::check_labels(&args.output.also, &job.place, &args.scene.scene)?;
     job.later = later;
-    match target {
+    let rendered = match target {
         OutputTarget::Picture(path) => job.picture(&path, args),
         OutputTarget::Video(path) => sequence::video(&mut job, &wanted, &path, args),
         OutputTarget::Folder(path) => sequence::folder(&mut job, &wanted, &path, args),
-    }
+    };
+    // Those of drawing; those of loading and preparing are out.
+    print_warnings(&mut job.place);
+    rendered
 }
 
 /// Checks that no output is one of the files that are read, or replaces another without

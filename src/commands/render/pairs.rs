@@ -4,7 +4,7 @@ use super::{RenderArgs, background, manifest};
 use crate::interrupt::Interrupted;
 use crate::names::stem_of;
 use crate::progress::Reporter;
-use crate::scene::OpenScene;
+use crate::scene::{OpenScene, print_warnings};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use serde_json::{Map, Value as Json, json};
@@ -142,6 +142,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
         write_pair(&folder, &shots[index], &styles[index], pair)
     };
     let written = render_and_write(&missing, &mut render, &mut write, &mut Reporter::default())? as usize;
+    print_warnings(&mut place);
     if written < missing.len() {
         let (done, all) = (kept + written, shots.len());
         let advice = "the same command continues with the others";
