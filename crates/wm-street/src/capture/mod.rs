@@ -45,7 +45,7 @@ use wm_scene::capture::{
 };
 use wm_scene::random::RandomStream;
 use wm_scene::similarity::Similarity;
-use wm_scene::{Camera, FormatError, Problem, files::write_atomically};
+use wm_scene::{Camera, FormatError, Problem};
 
 /// The way in which a capture is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -179,9 +179,7 @@ pub fn write(
     if settings.truth == GroundTruth::Write {
         folders.extend(maps(settings).map(|name| folder.join("truth").join(name)));
     }
-    // Before the folders of photos: without it they are taken for somebody else's.
-    fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))?;
-    write_atomically(&folder.join(crate::dataset::MARK), |out| Ok(out.write_all(ABOUT.as_bytes())?))?;
+    crate::dataset::mark(folder, ABOUT)?;
     for folder in folders {
         fs::create_dir_all(&folder).map_err(|e| FormatError::whole(&folder, Problem::Write(e.into())))?;
     }

@@ -152,9 +152,7 @@ pub fn write(
     if options.truth == GroundTruth::Write {
         folders.extend(["depth", "normal", "sky"].map(|name| folder.join("truth").join(name)));
     }
-    // Before the folders of photos: without it they are taken for somebody else's.
-    fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))?;
-    write_atomically(&folder.join(MARK), |out| Ok(out.write_all(ABOUT.as_bytes())?))?;
+    mark(folder, ABOUT)?;
     for folder in folders {
         fs::create_dir_all(&folder).map_err(|e| FormatError::whole(&folder, Problem::Write(e.into())))?;
     }
@@ -189,6 +187,12 @@ pub fn write(
         Capture { source: folder.into(), images, views, points, observations, ..Capture::default() };
     write::write(&capture, &folder.join("sparse/0"), options.storage)?;
     Ok(Some(capture))
+}
+
+/// Makes a folder and the file [`MARK`] in it, before any photo: without the file the photos are taken for somebody else's.
+pub(crate) fn mark(folder: &Path, about: &str) -> Result<(), FormatError> {
+    fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))?;
+    write_atomically(&folder.join(MARK), |out| Ok(out.write_all(about.as_bytes())?))
 }
 
 /// Points on surfaces that two cameras see at least, and where each sees which.
