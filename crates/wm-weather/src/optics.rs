@@ -26,10 +26,9 @@ use std::sync::LazyLock;
 use wm_render::dispatch;
 use wm_render::hooks::{AirGroup, AirOnRay, GROUP, Medium, ShadeGroup, WgslSource};
 use wm_render::simd::{self, Lanes, SimdPath, exp2};
-
-pub use wm_scene::metadata::MOR_DEPTH;
 use wm_scene::survey::SunnySide;
 
+pub use wm_scene::metadata::MOR_DEPTH;
 pub use wm_scene::survey::CapturedSky;
 /// `-ln(0.02)`: optical depth of Koschmieder's visual range.
 pub const VISUAL_RANGE_DEPTH: f64 = 3.912_023_005_428_146;
@@ -141,7 +140,7 @@ pub struct Site {
     pub daylight: Daylight,
     /// The sky that the place was captured under.
     pub captured_sky: CapturedSky,
-    /// Where a sun would light most of the place.
+    /// The side from which a sun lights most of the place.
     pub sunny_side: SunnySide,
     /// North, place and time, where they are known.
     pub earth: Option<EarthPlace>,

@@ -33,8 +33,8 @@ const FAR: f64 = 1.6;
 /// Distance of the surfaces by which leaves are told, and the agreement of their normals, 0-1.
 const AROUND: f32 = 0.3;
 const AGREED: f32 = 0.72;
-/// Excess of green over red and blue by which lawns are told.
-const GREEN: f32 = 1.08;
+/// Excess of green over red and blue by which leaves and grass are told.
+pub(crate) const GREEN: f64 = 1.08;
 /// Least and greatest extent of a place whose light is split, m: others have a wrong scale.
 const EXTENTS: [f64; 2] = [0.01, 1e6];
 /// Distance between surfaces that are told apart, m.
@@ -556,12 +556,12 @@ fn mark_leaves(surfaces: &mut Surfaces, coarseness: f32, site: &Site, threads: u
     }
 }
 
-/// Turns ground up whose normals turn to all sides since its capture is rough: as leaves it would count as lit by half. Lawns
-/// stay leaves.
+/// Gives level normals to ground without normals: a rough capture turns them to all sides, and as leaves the ground would count as
+/// lit by half. Lawns stay leaves.
 fn level_ground(surfaces: &mut Surfaces, floor: &FarFloor, site: &Site) {
     let up = Vec3::from_array(site.up.map(|v| v as f32));
     for i in 0..surfaces.len() {
-        let is_green = || surfaces.light[i].y > GREEN * surfaces.light[i].x.max(surfaces.light[i].z);
+        let is_green = || surfaces.light[i].y > GREEN as f32 * surfaces.light[i].x.max(surfaces.light[i].z);
         let is_ground = || floor.holds(surfaces.points[i].to_array().map(f64::from));
         if surfaces.normals[i] == Vec3::ZERO && !is_green() && is_ground() {
             surfaces.normals[i] = up;

@@ -31,6 +31,7 @@ mod unseen_casters;
 mod white_card;
 mod windows;
 
+pub(crate) use capture::GREEN;
 pub use capture::{CaptureLight, CaptureSun, KnownSun, MOST_LEFT};
 pub use clear_sky::{ClearSky, beam_transmittance};
 pub use clouds::CloudShadows;

@@ -26,7 +26,7 @@ const PLANE: [f32; 2] = [0.02, 0.08];
 const BLURRED: f32 = 0.02;
 /// Slopes that do not move, rms along one axis, above which nothing in the mirror has an edge.
 const BLURS: f32 = 0.1;
-/// The same above which water is a film in which no wave runs.
+/// Slopes that do not move, rms along one axis, above which water is a film in which no wave runs.
 pub(super) const FILM: f32 = 0.03;
 
 /// The water in one picture.

@@ -115,7 +115,7 @@ impl WetState {
         Wet { pores: (reached * pores) as f32, film: (reached * film) as f32, depth: 0.0 }
     }
 
-    /// Returns true if hollows are no wetter than bumps: of a wetness by hand, which is as it is asked for everywhere.
+    /// Returns true if the wetness was asked for by hand: then hollows are no wetter than bumps.
     #[must_use]
     pub fn is_even(&self) -> bool {
         self.amount.is_some()
@@ -179,8 +179,7 @@ impl WaterState {
     pub fn of(surfaces: &WetSurfaces, shares: &WetShares, run_off: &RunOff, state: &WetState) -> Self {
         let ground = surfaces.ground();
         let [width, height] = ground.size();
-        let wet: Vec<Wet> =
-            shares.ground.iter().map(|share| state.wet(Drainage::Level, f64::from(*share))).collect();
+        let wet = shares.ground.iter().map(|share| state.wet(Drainage::Level, f64::from(*share)));
         let of = &ground.basins.of;
         let level = (0..of.len()).map(|at| {
             let about = || super::ground_map::neighbours(at, width, of.len()).map(|next| of[next]);
@@ -189,16 +188,19 @@ impl WaterState {
             let level = basin.map(|basin| state.levels[basin as usize]).filter(|level| level.is_finite());
             level.filter(|_| ground.ground[at].is_finite()).unwrap_or(f32::NAN)
         });
-        let on_ground = |value: &dyn Fn(&Wet, f32) -> f32| {
-            let nodes = wet.iter().zip(ground.ground.iter().zip(&ground.rough));
-            nodes
-                .map(|(wet, (height, rough))| if height.is_nan() { 0.0 } else { value(wet, rough - height) })
-                .collect()
+        // Pores, texture and depth at each node.
+        let local = |(wet, (height, rough)): (Wet, (&f32, &f32))| {
+            if height.is_nan() {
+                return Wet::default();
+            }
+            if state.is_even() {
+                return wet;
+            }
+            let [pores, film] =
+                relief::patchy([wet.pores, wet.film], relief::lower_share(f64::from(rough - height)));
+            Wet { pores, film, ..wet }
         };
-        let local = |wet: &Wet, bump: f32| match state.is_even() {
-            true => [wet.pores, wet.film],
-            false => relief::patchy([wet.pores, wet.film], relief::lower_share(f64::from(bump))),
-        };
+        let wet: Vec<Wet> = wet.zip(ground.ground.iter().zip(&ground.rough)).map(local).collect();
         Self {
             origin: ground.point([0.0; 2], 0.0),
             axes: ground.axes(),
@@ -207,9 +209,9 @@ impl WaterState {
             height,
             level: level.enumerate().map(|(at, level)| level + ground.tilt_at(at)).collect(),
             ground: ground.rough.iter().enumerate().map(|(at, height)| height + ground.tilt_at(at)).collect(),
-            film: on_ground(&|wet, _| wet.depth),
-            filled: on_ground(&|wet, bump| local(wet, bump)[1]),
-            pores: on_ground(&|wet, bump| local(wet, bump)[0]),
+            film: wet.iter().map(|wet| wet.depth).collect(),
+            filled: wet.iter().map(|wet| wet.film).collect(),
+            pores: wet.iter().map(|wet| wet.pores).collect(),
             running: run_off.depths(state.runs_off()),
             open: ground.open.iter().enumerate().map(|(at, level)| level + ground.tilt_at(at)).collect(),
             seen: ground.seen.clone(),

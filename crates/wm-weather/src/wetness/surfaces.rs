@@ -10,7 +10,7 @@ use super::sheen::{NO_SKY, SkySheen, skyline_of};
 use super::state::WetState;
 use crate::cover::ground::FarFloor;
 use crate::fused_surfaces::FusedSurfaces;
-use crate::light::{CaptureLight, apply_gains};
+use crate::light::{CaptureLight, GREEN, apply_gains};
 use crate::open_water::OpenWater;
 use crate::optics::Site;
 use crate::shelter::Shelter;
@@ -36,8 +36,6 @@ const OFF_WALL: f32 = 0.4;
 const SOFT: [f32; 2] = [0.4, 0.2];
 /// Height above and below the bottom of a puddle within which a splat belongs to it, m.
 const IN_PUDDLE: [f32; 2] = [0.05, 0.3];
-/// Excess of green over red and blue by which leaves and grass are told.
-const GREEN: f64 = 1.08;
 /// Standard deviation of splats that are too wide for the edge of a puddle, m.
 const WIDE: f64 = 0.3;
 /// Depth over which the edge of a puddle goes over into the ground, m.
@@ -252,53 +250,6 @@ impl WetShares {
         let classes = map(surfaces.len(), threads, |index| {
             surfaces.class(&surfaces.splats[index], rain, shelter, site)
         });
-        if std::env::var_os("WM_DBG").is_some() {
-            let mut rows = Vec::new();
-            for (i, w) in surfaces.splats.iter().enumerate() {
-                let [x, y, z] = w.point;
-                if !(-2.0..10.0).contains(&x) || !(-55.0..-40.0).contains(&y) || !(-2.0..1.0).contains(&z) {
-                    continue;
-                }
-                let open = |r: f32, l: f32| shelter.map_or(1.0, |s| s.exposure([x, y, z + l], r));
-                let d = shelter.map_or(9.0, |s| s.distance_to_surface([x, y, z]));
-                rows.push((
-                    z,
-                    w.normal,
-                    w.albedo,
-                    classes[i],
-                    open(0.4, 0.25),
-                    open(0.4, 0.6),
-                    open(0.4, 1.0),
-                    d,
-                    w.stays,
-                ));
-            }
-            eprintln!("{} rows", rows.len());
-            let mut by = std::collections::BTreeMap::<i32, (usize, f32, f32, f32, f32)>::new();
-            for r in &rows {
-                let e = by.entry((r.0 * 10.0).floor() as i32).or_default();
-                e.0 += 1;
-                e.1 += r.4;
-                e.2 += r.5;
-                e.3 += r.6;
-                e.4 += r.7.clamp(-5.0, 5.0);
-            }
-            for (z, e) in by {
-                let n = e.0 as f32;
-                eprintln!(
-                    "z {:.1} n {} open.25 {:.2} .6 {:.2} 1.0 {:.2} d {:.2}",
-                    z as f32 / 10.0,
-                    e.0,
-                    e.1 / n,
-                    e.2 / n,
-                    e.3 / n,
-                    e.4 / n
-                );
-            }
-            for r in rows.iter().step_by(rows.len() / 40 + 1) {
-                eprintln!("{r:?}");
-            }
-        }
         let map_of_ground = &surfaces.ground;
         let [columns, _] = map_of_ground.size();
         let ground = map(map_of_ground.ground.len(), threads, |at| {
