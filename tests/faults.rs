@@ -360,11 +360,11 @@ jobs! {
         [with_failing_files, with_signals];
 }
 
-/// Commands whose every run takes seconds: they are tested with all operations, or not at all.
+/// Commands that take seconds a run: they are tested where all operations are.
 #[test]
 fn slow_commands() {
     if !is_all() {
-        eprintln!("demo and bench are not disturbed: WM_ALL_FAULTS=1 does, for minutes");
+        eprintln!("demo and bench are tested with WM_ALL_FAULTS=1 only: they take minutes");
         return;
     }
     let demo = Job::new("demo --photos made --count 3 --size 96x64 --threads 1", "", |_| ());

@@ -52,7 +52,7 @@ struct Columns {
 }
 
 impl Columns {
-    /// Empty ones within a distance from a middle along both level axes, m; `None` if they were too many.
+    /// Makes empty columns within a distance from a middle along both level axes, m; `None` if they were too many.
     fn around(middle: [f64; 2], distance: f64) -> Option<Self> {
         let side = 2.0 * distance / CELL + 1.0;
         (side * side <= MOST_CELLS as f64).then(|| {
@@ -120,6 +120,7 @@ impl Columns {
     /// The middle of what is at the top of a post, in cells and layers.
     fn head(&self, cell: [i32; 2], top: usize) -> [f64; 3] {
         let bottom = top.saturating_sub((HEAD / LAYER) as usize);
+        // The layer below the top is filled, so that there is something.
         let (mut sum, mut count) = ([0.0; 3], 0.0);
         for [x, y] in square(HEAD_REACH) {
             let at = [cell[0] + x, cell[1] + y];
@@ -129,15 +130,11 @@ impl Columns {
                 count += 1.0;
             }
         }
-        if count > 0.0 {
-            sum.map(|v| v / count)
-        } else {
-            [f64::from(cell[0]) + 0.5, f64::from(cell[1]) + 0.5, top as f64]
-        }
+        sum.map(|v| v / count)
     }
 }
 
-/// The lowest layers, so many.
+/// The bits of the lowest layers.
 fn mask(layers: usize) -> u64 {
     if layers >= 64 { u64::MAX } else { (1 << layers) - 1 }
 }
@@ -164,10 +161,10 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
     };
     for index in 0..splats.len() {
         let middle = DVec3::from_array(splats.means[index].map(f64::from));
-        let is_seen = splats.is_sound(index) && splats.opacity(index) >= OPAQUE;
         let height = (middle.dot(up) - survey.ground.value) * metres;
         let is_low = (-LONGEST..LAYERS as f64 * LAYER + LONGEST).contains(&height);
-        if !is_seen || !is_low || sky.holds(splats, index) {
+        let is_seen = || splats.is_sound(index) && splats.opacity(index) >= OPAQUE;
+        if !is_low || !is_seen() || sky.holds(splats, index) {
             continue;
         }
         let turn = quat::to_matrix(splats.quats[index].map(f64::from));

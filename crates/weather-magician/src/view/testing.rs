@@ -28,7 +28,7 @@ pub fn survey() -> Survey {
         scale_source: None,
         airlight: known([0.8; 3]),
         white_card: None,
-        sunny_side: SunnySide::default(),
+        sunny_side: SunnySide::NONE,
         captured_sky: CapturedSky::Unknown,
         location: None,
         captured: None,

@@ -77,7 +77,7 @@ pub struct Survey {
     pub white_card: Option<f64>,
     /// The kind of sky that the place was captured under.
     pub captured_sky: CapturedSky,
-    /// Where a sun would light most of the place.
+    /// The side from which a sun lights most of the place.
     pub sunny_side: SunnySide,
     /// The middle of most splats, sky and strays left out, scene units.
     pub center: DVec3,

@@ -28,8 +28,8 @@ const CLEAR: f64 = 1.8;
 /// Difference of the shares of surface that sees a sun below which one side is as good as another.
 const SAME: f64 = 0.03;
 
-/// Where suns of several elevations light most of a place.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// The directions from which suns of several elevations light most of a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunnySide {
     /// For each of [`ELEVATIONS`]: the level direction towards the sun (world axes, length 1), and the share of the surface that it
     /// reaches, 0-1; `None` where no side is better than the others.
@@ -40,11 +40,12 @@ impl SunnySide {
     /// No side is better than the others.
     pub const NONE: Self = Self { sides: [None; 3] };
 
-    /// Finds it for sampled splats of a scene, its up, its ground and its photos.
+    /// Finds the sunny side of a scene by sampled splats, up, the height of the ground along up (scene units), and the cameras of its
+    /// photos.
     pub(super) fn of(sample: &SurveySample, up: DVec3, ground: f64, views: &[SceneView]) -> Self {
         let cell = sample.radius / CELLS;
         if sample.points.is_empty() || !(cell.is_finite() && cell > 0.0) {
-            return Self::default();
+            return Self::NONE;
         }
         let centers: Vec<DVec3> = views.iter().map(|view| view.camera.center()).collect();
         let middle = match centers.len() {
@@ -68,7 +69,7 @@ impl SunnySide {
         let seen: Vec<&SurveyPoint> = strided(near.len(), MOST).map(|i| near[i]).collect();
         let whole: f64 = seen.iter().map(|point| point.area).sum();
         if whole <= 0.0 {
-            return Self::default();
+            return Self::NONE;
         }
         let (east, north) = horizontals(up);
         let level = |k: usize| {
