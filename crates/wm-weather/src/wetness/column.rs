@@ -3,8 +3,9 @@
 //! Rain fills pores, then the texture of the surface; what is more runs off. In an even rain of `I` mm/h on a slope `S` a length
 //! `L` m below its upper edge, water stands `d = 0.01485 MTD^0.11 L^0.43 I^0.59 S^-0.42 - MTD` mm above a texture of mean depth
 //! `MTD` mm (Gallaway 1971; below 0 it stands in the texture). So the store `s = d + MTD` runs off at the rate at which it would
-//! be even: `q = (s / k)^(1 / 0.59)` with `k` the factors of the formula. What dries is taken from the store first and from
-//! pores last.
+//! be even: `q = (s / k)^(1 / 0.59)` with `k` the factors of the formula. A part of the texture keeps its water, which only dries:
+//! with the pores 0.6 mm on level paving, of the 0.3 to 0.7 mm that tables of urban drainage state as its wetting loss. So paving
+//! shines after rain until it has dried. What dries is taken from the store first and from pores last.
 //!
 //! An instant is a sum of steps that begin at the same times whatever was asked for before, so any instant can be had alone.
 
@@ -44,6 +45,56 @@ impl Drainage {
             Self::Level => [3.5, 0.02],
             Self::Steep => [1.5, 0.7],
         }
+    }
+
+    /// The share of the texture's water that does not run off, 0-1.
+    fn keeps(self) -> f64 {
+        match self {
+            Self::Level => 0.35,
+            Self::Steep => 0.1,
+        }
+    }
+}
+
+/// How water leaves a piece of ground.
+#[derive(Clone, Copy, Debug)]
+struct RunOffLaw {
+    /// Store over the run-off, mm/h, to the power [`RAIN`].
+    factor: f64,
+    /// Store of which nothing runs off, mm.
+    kept: f64,
+}
+
+impl RunOffLaw {
+    fn of(kind: Drainage, texture: f64) -> Self {
+        let [length, slope] = kind.fall();
+        Self { factor: store_factor(texture, length, slope), kept: kind.keeps() * texture }
+    }
+
+    /// Water that runs off, mm/h, of a store, mm.
+    fn rate(self, store: f64) -> f64 {
+        if store > self.kept { (store / self.factor).powf(1.0 / RAIN) } else { 0.0 }
+    }
+
+    /// Water left in a store of `all` after some hours of running off, mm: the solution of
+    /// `s + hours (s / factor)^(1 / 0.59) = all`, and at least what is kept.
+    fn left(self, all: f64, hours: f64) -> f64 {
+        if all <= self.kept || hours <= 0.0 {
+            return all.max(0.0);
+        }
+        let Self { factor, kept } = self;
+        let power = 1.0 / RAIN;
+        // Newton's steps come down from above, since the function curves up.
+        let mut store = all.min(factor * (all / hours).powf(RAIN));
+        for _ in 0..ROUNDS {
+            let flow = hours * (store / factor).powf(power);
+            let off = store + flow - all;
+            store -= off / (1.0 + power * flow / store.max(1e-12));
+            if off.abs() < EXACT {
+                break;
+            }
+        }
+        store.clamp(kept, all)
     }
 }
 
@@ -138,15 +189,14 @@ pub struct WetColumn {
 }
 
 impl WetColumn {
-    /// Lets some hours pass on ground whose factor of Gallaway's formula is `factor`, with `water` mm coming to it, of which
-    /// `dries` mm can dry.
-    fn pass(&mut self, factor: f64, hours: f64, [water, dries]: [f64; 2]) -> f64 {
+    /// Lets some hours pass, with `water` mm coming to the ground, of which `dries` mm can dry. Returns what ran off, mm.
+    fn pass(&mut self, law: RunOffLaw, hours: f64, [water, dries]: [f64; 2]) -> f64 {
         let can_dry = dries;
         let soaks = (PORES - self.pores) * (1.0 - (-water / PORES).exp());
         self.pores += soaks;
         self.came += water;
         let all = self.store + water - soaks;
-        let left = left_of(all, factor, hours);
+        let left = law.left(all, hours);
         let runs = all - left;
         let dries = can_dry.min(left);
         self.store = left - dries;
@@ -156,25 +206,6 @@ impl WetColumn {
         self.dried += dries + from_pores;
         runs
     }
-}
-
-/// Water left in a store of `all` after some hours of running off, mm: the solution of `s + hours (s / factor)^(1 / 0.59) = all`.
-fn left_of(all: f64, factor: f64, hours: f64) -> f64 {
-    if all <= 0.0 || hours <= 0.0 {
-        return all.max(0.0);
-    }
-    let power = 1.0 / RAIN;
-    // Newton's steps come down from above, since the function curves up.
-    let mut store = all.min(factor * (all / hours).powf(RAIN));
-    for _ in 0..ROUNDS {
-        let flow = hours * (store / factor).powf(power);
-        let off = store + flow - all;
-        store -= off / (1.0 + power * flow / store.max(1e-12));
-        if off.abs() < EXACT {
-            break;
-        }
-    }
-    store.clamp(0.0, all)
 }
 
 /// Wetness at a place.
@@ -217,11 +248,10 @@ impl WetColumns {
     pub(super) fn pass(&mut self, step: &WetStep) -> [f64; SHARES] {
         let mut runs = [0.0; SHARES];
         for kind in Drainage::ALL {
-            let [length, slope] = kind.fall();
-            let factor = store_factor(self.texture, length, slope);
+            let law = RunOffLaw::of(kind, self.texture);
             for (k, column) in self.columns[kind as usize].iter_mut().enumerate() {
                 let water = share_of(k as f64) * step.rain + step.snow.melts[k];
-                let ran = column.pass(factor, step.hours, [water, step.dries * step.snow.bare[k]]);
+                let ran = column.pass(law, step.hours, [water, step.dries * step.snow.bare[k]]);
                 if kind == Drainage::Level {
                     runs[k] = ran;
                 }
@@ -259,9 +289,7 @@ impl WetColumns {
     /// Water that runs off of that ground, mm/h.
     #[must_use]
     pub fn runs_off(&self, kind: Drainage, share: f64) -> f64 {
-        let [length, slope] = kind.fall();
-        let factor = store_factor(self.texture, length, slope);
-        (self.column(kind, share).store.max(0.0) / factor).powf(1.0 / RAIN)
+        RunOffLaw::of(kind, self.texture).rate(self.column(kind, share).store)
     }
 
     /// The wetness of that ground.
@@ -303,9 +331,13 @@ mod tests {
         assert!(early.pores > 0.4 && early.film < 0.1 && early.depth == 0.0, "{early:?}");
         let mut columns = WetColumns::dry(0.8).after(&rain(50.0, 0.5, 0.0));
         assert!(columns.wet(Drainage::Level, 1.0).depth > 0.4);
-        columns = columns.after(&rain(0.0, 0.5, 0.46));
+        // The film above the texture runs off within minutes; a third of the texture keeps its water until it has dried.
+        columns = columns.after(&rain(0.0, 0.5, 0.0));
         let after = columns.wet(Drainage::Level, 1.0);
-        assert!(after.film < 0.2 && after.pores > 0.6, "{after:?}");
+        assert!((after.film - 0.35).abs() < 1e-6 && after.pores > 0.99, "{after:?}");
+        columns = columns.after(&rain(0.0, 0.6, 0.46));
+        let after = columns.wet(Drainage::Level, 1.0);
+        assert!(after.film < 0.05 && after.pores > 0.9, "{after:?}");
         columns = columns.after(&rain(0.0, 1.5, 0.46));
         assert_eq!(columns.wet(Drainage::Level, 1.0), Wet::default());
     }
