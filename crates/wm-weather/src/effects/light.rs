@@ -196,7 +196,7 @@ pub struct LightChange {
     pub is_diffuse: bool,
     /// The lamps, and the share of their light, 0-1; `None` where none shine.
     pub lamps: Option<(LampSource, f64)>,
-    /// Illuminance that the exposure goes by beside that of the sky: of the ground that lamps light, lx.
+    /// Illuminance that the exposure goes by beside that of the sky: the mean by lamps, lx.
     pub lamp_level: f64,
     /// The camera's car has its headlamps on.
     pub has_headlamps: bool,
@@ -204,6 +204,9 @@ pub struct LightChange {
     pub has_cloud_shadows: bool,
 }
 
+/// Mean light of a place by night over that under its lamps, by which cameras expose: what is straight under a
+/// lamp is bright.
+const UNDER_LAMPS: f64 = 0.1;
 /// Illuminance of the road that headlamps light, by which cameras expose, lx.
 const HEADLAMP_LEVEL: f64 = 12.0;
 
@@ -286,7 +289,7 @@ impl LightParams {
         });
         let lamps = self.lamps_by(open.level());
         let has_headlamps = self.headlamps == Switch::On;
-        let lamp_level = lamps.map_or(0.0, |(source, share)| share * site.lamps.of(source))
+        let lamp_level = lamps.map_or(0.0, |(source, share)| UNDER_LAMPS * share * site.lamps.of(source))
             + if has_headlamps { HEADLAMP_LEVEL } else { 0.0 };
         let level = (open.level() + lamp_level).max(FAINTEST);
         let dark = ((DUSK[0] / level).ln() / (DUSK[0] / DUSK[1]).ln()).clamp(0.0, 1.0);
