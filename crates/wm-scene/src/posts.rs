@@ -151,12 +151,11 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
     let metres = survey.metres_per_unit.value;
     let up = survey.up.value;
     let (x, y) = up.any_orthonormal_pair();
-    let level = |point: DVec3| {
-        [point.dot(x) * metres, point.dot(y) * metres, (point.dot(up) - survey.ground.value) * metres]
-    };
+    let level =
+        |point: DVec3| DVec3::new(point.dot(x), point.dot(y), point.dot(up) - survey.ground.value) * metres;
     let sky = SkyRegion::of(splats);
-    let [middle_x, middle_y, _] = level(survey.center);
-    let Some(mut columns) = Columns::around([middle_x, middle_y], ABOUT * survey.radius * metres) else {
+    let middle = level(survey.center);
+    let Some(mut columns) = Columns::around([middle.x, middle.y], ABOUT * survey.radius * metres) else {
         return Vec::new();
     };
     for index in 0..splats.len() {
@@ -167,19 +166,23 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
         if !is_low || !is_seen() || sky.holds(splats, index) {
             continue;
         }
+        let halves = splats.scales(index).map(|scale| (REACH * scale * metres).min(LONGEST));
+        let middle = level(middle);
+        if halves.iter().all(|half| *half < STEP) {
+            columns.fill(middle.to_array());
+            continue;
+        }
         let turn = quat::to_matrix(splats.quats[index].map(f64::from));
-        let scales = splats.scales(index);
         let mut axes = [0, 1, 2].map(|k| {
             let axis = DVec3::new(turn[0][k], turn[1][k], turn[2][k]);
-            (axis, (REACH * scales[k] * metres).min(LONGEST))
+            (DVec3::new(axis.dot(x), axis.dot(y), axis.dot(up)) * STEP, (halves[k] / STEP) as i32)
         });
-        axes.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let [(long, length), (wide, width), _] = axes;
-        let [lengths, widths] = [length, width].map(|half| (half / STEP) as i32);
+        axes.sort_by_key(|axis| std::cmp::Reverse(axis.1));
+        let [(long, lengths), (wide, widths), _] = axes;
         for i in -lengths..=lengths {
+            let start = middle + long * f64::from(i);
             for j in -widths..=widths {
-                let off = long * (f64::from(i) * STEP) + wide * (f64::from(j) * STEP);
-                columns.fill(level(middle + off / metres));
+                columns.fill((start + wide * f64::from(j)).to_array());
             }
         }
     }
