@@ -50,6 +50,17 @@ const LOW: usize = 3;
 const HALF: usize = 3;
 /// Places to each side of the middle.
 const STEPS: i32 = 9;
+/// Room that a place to look from needs, of its height above the ground.
+const ROOM: f64 = 20.0;
+
+/// Promise that a place at the edge of a scene lacks: most of what was captured is about the middle.
+const ASIDE: f64 = 0.7;
+
+/// The length, scene units, by which a view from so high above the ground has room: that of the scene, and for a person in a large
+/// scene, such as between the houses of a street, that of what is about.
+pub(super) fn room(survey: &Survey, height: f64) -> f64 {
+    if height > 0.0 { survey.radius.min(ROOM * height) } else { survey.radius }
+}
 
 /// The most promising places of each kind; empty for a scene without size.
 pub fn candidates(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
@@ -106,7 +117,10 @@ fn within(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
                 // Nobody crouches under a table for a view of the place.
                 let headroom = space.hit(eye, up, 2.5 * height).is_none();
                 if headroom && space.is_clear(eye, (0.5 * height).min(0.03 * radius)) {
-                    all.extend(look_about(space, *kind, eye, *pitch, radius));
+                    let reaches = [2.0 * radius, room(survey, *height)];
+                    let aside = ASIDE * offset.length() / radius;
+                    let views = look_about(space, *kind, eye, *pitch, reaches).into_iter();
+                    all.extend(views.map(|view| ViewCandidate { promise: view.promise - aside, ..view }));
                 }
             }
         }
@@ -114,18 +128,18 @@ fn within(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
     all
 }
 
-/// The two best directions from a place.
+/// The two best directions from a place; `farthest` is how far is looked, and `room` that of [`room`].
 fn look_about(
     space: &OccupancyGrid,
     kind: CandidateKind,
     eye: DVec3,
     pitch: f64,
-    radius: f64,
+    [farthest, room]: [f64; 2],
 ) -> Vec<ViewCandidate> {
     let azimuth = |i: usize| TAU * i as f64 / AZIMUTHS as f64;
     let look = |i: usize| {
         let ray = |e: f64| space.direction(azimuth(i), (e + pitch).to_radians());
-        ELEVATIONS.map(|e| space.hit(eye, ray(e), 2.0 * radius))
+        ELEVATIONS.map(|e| space.hit(eye, ray(e), farthest))
     };
     let seen: Vec<[Option<f64>; 7]> = (0..AZIMUTHS).map(look).collect();
     let mut views: Vec<ViewCandidate> = (0..AZIMUTHS)
@@ -134,7 +148,7 @@ fn look_about(
             let picture: Vec<[Option<f64>; 7]> =
                 (0..=2 * HALF).map(|k| seen[(i + AZIMUTHS + k - HALF) % AZIMUTHS]).collect();
             let forward = space.direction(azimuth(i), pitch.to_radians());
-            ViewCandidate { kind, eye, forward, promise: promise(&picture, radius) }
+            ViewCandidate { kind, eye, forward, promise: promise(&picture, room) }
         })
         .collect();
     views.sort_by(|a, b| b.promise.total_cmp(&a.promise));
@@ -144,7 +158,7 @@ fn look_about(
 
 /// The rating by the rays of a picture: ground throughout, near and far things, room before the lens, and
 /// some but not only sky.
-fn promise(picture: &[[Option<f64>; 7]], radius: f64) -> f64 {
+fn promise(picture: &[[Option<f64>; 7]], room: f64) -> f64 {
     let part = |rays: std::ops::Range<usize>| {
         let part: Vec<Option<f64>> =
             picture.iter().flat_map(|column| column[rays.clone()].to_vec()).collect();
@@ -155,9 +169,9 @@ fn promise(picture: &[[Option<f64>; 7]], radius: f64) -> f64 {
     distances.sort_by(f64::total_cmp);
     let quantile = |q: f64| {
         let rank = (q * distances.len() as f64) as usize;
-        distances.get(rank).copied().unwrap_or(0.01 * radius)
+        distances.get(rank).copied().unwrap_or(0.01 * room)
     };
-    let too_near = |limit: f64, q: f64| (limit * radius / quantile(q)).ln().clamp(0.0, 2.0);
+    let too_near = |limit: f64, q: f64| (limit * room / quantile(q)).ln().clamp(0.0, 2.0);
     -4.0 * (1.0 - cover) + 0.7 * (quantile(0.85) / quantile(0.15)).ln().clamp(0.0, 2.0)
         - too_near(0.2, 0.5)
         - too_near(0.04, 0.02)

@@ -26,6 +26,8 @@ pub struct ChosenView {
 
 /// Number of rated views whose variations are tried.
 const VARIED: usize = 2;
+/// Rating of the height of a person's eyes.
+const EYE_LEVEL: f64 = 1.0;
 /// Most splats in the renders that are rated, those of the sky left aside.
 const MOST: usize = 80_000;
 
@@ -126,12 +128,8 @@ impl Critic<'_, '_> {
         let camera = Camera { near: self.site.options.near(survey), ..camera };
         self.site.look(self.set, &camera, &mut self.frame)?;
         let rating = rate(&self.frame, &camera, survey, &self.grain);
-        // A place is first of all what people see of it; the more so where they saw the sky from it.
-        let worth = match (kind, survey.sky_splats) {
-            (CandidateKind::EyeLevel, 0) => 0.15,
-            (CandidateKind::EyeLevel, _) => 0.65,
-            _ => 0.0,
-        };
+        // A place is first of all what people see of it.
+        let worth = if kind == CandidateKind::EyeLevel { EYE_LEVEL } else { 0.0 };
         Ok(Some(Rated { kind, eye, forward, score: rating.sum() + worth }))
     }
 

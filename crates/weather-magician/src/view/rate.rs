@@ -1,5 +1,6 @@
 //! The rating of a view by a small picture of it.
 
+use super::candidates::room;
 use glam::DVec3;
 use wm_render::Frame;
 use wm_scene::color::luminance;
@@ -98,7 +99,7 @@ impl ViewRating {
 
 /// Judges a picture with colour, alpha and depth.
 pub fn rate(frame: &Frame, camera: &Camera, survey: &Survey, grain: &SplatSample) -> ViewRating {
-    let radius = survey.radius;
+    let room = room(survey, survey.height(camera.center()));
     let parts = Parts::of(frame, camera, survey);
     let Parts { mut depths, mut things, .. } = parts;
     let pixels = frame.pixels() as f64;
@@ -114,9 +115,9 @@ pub fn rate(frame: &Frame, camera: &Camera, survey: &Survey, grain: &SplatSample
     let (most_open, missed) = if survey.sky_splats > 0 { (0.35, 5.0) } else { (0.25, 3.0) };
     ViewRating {
         cover: -8.0 * share(parts.holes) - 2.0 * share(parts.beyond),
-        clear: -1.5 * (0.03 * radius / nearest).ln().clamp(0.0, 2.0) - 4.0 * (close - 0.05).max(0.0),
+        clear: -1.5 * (0.03 * room / nearest).ln().clamp(0.0, 2.0) - 4.0 * (close - 0.05).max(0.0),
         depth: 0.6 * (far / near).ln().clamp(0.0, 2.0),
-        reach: -0.7 * (0.25 * radius / middle).ln().max((middle / (1.2 * radius)).ln()).clamp(0.0, 3.0),
+        reach: -0.7 * (0.25 * room / middle).ln().max((middle / (1.2 * survey.radius)).ln()).clamp(0.0, 3.0),
         detail: 0.5 * (detail(frame) / 0.03).ln().clamp(-2.0, 1.0),
         content: 0.4 * (seen.share / 0.1).ln().clamp(-2.0, 2.0),
         grain: -1.5 * seen.coarseness,
@@ -154,7 +155,7 @@ impl Parts {
     fn of(frame: &Frame, camera: &Camera, survey: &Survey) -> Self {
         let up = survey.up.value;
         let above = survey.height(camera.center());
-        let forward = camera.forward();
+        let (forward, room) = (camera.forward(), room(survey, above));
         let mut parts = Self::default();
         for y in 0..frame.height {
             for x in 0..frame.width {
@@ -179,7 +180,7 @@ impl Parts {
                 if y < frame.height * 2 / 3 {
                     parts.things.push(depth);
                 }
-                let is_near = depth < 0.12 * survey.radius && depth < 0.6 * ground * ray.dot(forward);
+                let is_near = depth < 0.12 * room && depth < 0.6 * ground * ray.dot(forward);
                 parts.close += u32::from(is_near);
             }
         }
