@@ -10,6 +10,7 @@ use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::Site;
 use crate::shelter::{FloaterMap, HeightLayers, Occluders, Shelter, ShelterOptions};
 use crate::threads::map;
+use crate::wetness::{lower_share, relief};
 use serde::{Deserialize, Serialize};
 use wm_scene::{Group, Splats};
 
@@ -60,6 +61,14 @@ const AROUND: [i64; 4] = [1, 2, 4, 8];
 const WAYS_ROUND: [[i64; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
 /// Distance to which a plain goes on about each of its nodes, m, but one cell at least.
 const PLAIN: f32 = 0.5;
+/// Distances and the drop by which crowns stand over what is about them, m, and of the directions of [`WAYS_ROUND`] in which they do the
+/// number from which a surface is that of leaves, with the cosine between up and the normals of its splats below which it is.
+const ABOUT_CROWN: [f32; 4] = [0.5, 1.0, 2.0, 3.0];
+const CROWN_STANDS: f32 = 0.5;
+const LEAVES: [(usize, f32); 2] = [(3, 0.6), (5, 0.85)];
+/// Deepest that lies on leaves, m, and the shares of them that hold nothing and that hold all: snow lies on crowns in clumps.
+const ON_LEAVES: f32 = 0.08;
+const CLUMPS: [f32; 2] = [0.25, 0.45];
 /// Mean flatness of splats from which that counts: 0 for balls to 1.
 const KNOWN: f32 = 0.3;
 /// Distance from a surface within which splats belong to it, m, but so many cells at least.
@@ -111,6 +120,8 @@ pub struct GroundGrid {
     is_inner: Vec<bool>,
     /// Those about which nothing stands higher and nothing drops off.
     is_plain: Vec<bool>,
+    /// Share of what leaves of crowns can hold that they do hold, 0-1; NaN where there are none.
+    clumps: Vec<f32>,
 }
 
 /// Level surfaces of a whole scene, on a coarse grid.
@@ -155,6 +166,7 @@ impl GroundGrid {
             self.open.len(),
             self.shade.len(),
             self.facing.len(),
+            self.clumps.len(),
         ];
         let flags = [
             self.is_seen.len(),
@@ -218,6 +230,7 @@ impl GroundGrid {
             next: Vec::new(),
             is_inner: Vec::new(),
             is_plain: Vec::new(),
+            clumps: Vec::new(),
             places,
         };
         let is_inner = |node: usize| {
@@ -242,6 +255,7 @@ impl GroundGrid {
             ground.clear_ledges(threads);
         }
         ground.is_plain = map(nodes, threads, |node| ground.lies_in_a_plain(node));
+        ground.clumps = map(nodes, threads, |node| ground.clump(node));
         (ground, floaters)
     }
 
@@ -414,6 +428,46 @@ impl GroundGrid {
         is_uppermost
             && !self.is_steep(node)
             && around.all(|far| WAYS_ROUND.iter().all(|[x, y]| goes_on([far * x, far * y])))
+    }
+
+    /// Returns true for leaves of a crown: a rough surface that stands over what is about it, the more so the more its splats look up.
+    fn is_of_crown(&self, node: usize) -> bool {
+        if self.is_plain(node) || self.is_steep(node) {
+            return false;
+        }
+        let ([column, row], below) = (self.place(node), self.height[node] - CROWN_STANDS);
+        // What lies below the uppermost may be strays under the ground.
+        let is_over =
+            |cell: usize| self.nodes_of(cell).next().is_some_and(|upper| self.height[upper] < below);
+        let drops = |[x, y]: &&[i64; 2]| {
+            ABOUT_CROWN.into_iter().any(|metres| {
+                let far = (metres / self.cell).round().max(1.0) as i64;
+                self.cell_of(column + far * x, row + far * y).is_some_and(is_over)
+            })
+        };
+        let sides = WAYS_ROUND.iter().filter(drops).count();
+        // What looks nowhere is leaves as well.
+        let looks = |most: f32| self.facing[node].is_nan() || self.facing[node] < most;
+        LEAVES.into_iter().any(|(least, most)| sides >= least && looks(most))
+    }
+
+    /// Finds the share of what leaves can hold that those of a node do; NaN where there are none.
+    fn clump(&self, node: usize) -> f32 {
+        if !self.is_of_crown(node) {
+            return f32::NAN;
+        }
+        let [x, y] = self.place(node).map(|v| (v as f64 + 0.5) * f64::from(self.cell));
+        ((lower_share(relief(x, y)) - CLUMPS[0]) / (CLUMPS[1] - CLUMPS[0])).clamp(0.0, 1.0)
+    }
+
+    /// Returns true for leaves of a crown.
+    pub(super) fn is_crown(&self, node: usize) -> bool {
+        !self.clumps[node].is_nan()
+    }
+
+    /// Returns as much of a depth, m, as a node holds: leaves hold little, in clumps, and what is more falls through.
+    pub(super) fn held(&self, node: usize, depth: f32) -> f32 {
+        if self.is_crown(node) { depth.min(ON_LEAVES) * self.clumps[node] } else { depth }
     }
 
     /// Returns true if something stands higher not far from it: then it is on the side of that, or below its top.

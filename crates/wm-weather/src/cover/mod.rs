@@ -5,7 +5,7 @@
 //! ([`exposure`]), slides off what is too steep for it and lies below ([`settle`]), and melts. Depth is asked for as
 //! that on open level ground, or follows from what has fallen until then ([`snowpack`]). It melts slower in the shade,
 //! and later where more of it lies ([`thaw`]). All of it is kept account of: what fell is what lies, what has melted, and
-//! what is left on walls or blown away.
+//! what is left on walls, falls through leaves or is blown away.
 //!
 //! # Several
 //! Snow lies on sand: each slides and melts by itself on the bare ground, and the later is laid on top of the earlier,
@@ -424,8 +424,12 @@ impl Cover {
             };
             let left = map(ground.len(), self.threads, left);
             let melted = left.iter().enumerate().map(|(node, left)| f64::from(fell(node) - left.depth)).sum();
-            let (depth, wet) = left.into_iter().map(|left| (left.depth, left.wet)).unzip();
-            let settled = Settled { depth, lost: slid.lost * asked.depth / slides };
+            let (whole, wet): (Vec<f32>, Vec<f32>) =
+                left.into_iter().map(|left| (left.depth, left.wet)).unzip();
+            let depth = map(whole.len(), self.threads, |node| ground.held(node, whole[node]));
+            let fell_through: f64 =
+                whole.iter().zip(&depth).map(|(whole, held)| f64::from(whole - held)).sum();
+            let settled = Settled { depth, lost: slid.lost * asked.depth / slides + fell_through };
             SettledLayer { settled, wet, melted }
         };
         self.rings.iter().zip(settled).map(layer).collect()

@@ -15,7 +15,7 @@ const HOLDS: f32 = 1.3;
 pub struct Settled {
     /// Depth, m, one a node of the ground.
     pub depth: Vec<f32>,
-    /// The amount on walls, where nothing can lie, as a depth on one cell, m.
+    /// The amount on walls, where nothing can lie, and that falls through leaves, as a depth on one cell, m.
     pub lost: f64,
 }
 

@@ -201,7 +201,7 @@ impl Painter<'_> {
         // The sides of deep snow, where its surface ends; they come and go evenly.
         let own = f64::from(depth[node]);
         let deep = (10.0 * (own / cell - 0.45)).clamp(0.0, 1.0);
-        if deep <= 0.0 {
+        if deep <= 0.0 || ground.is_crown(node) {
             return;
         }
         for (way, [x, y]) in WAYS.into_iter().enumerate() {

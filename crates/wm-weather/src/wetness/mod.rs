@@ -32,6 +32,7 @@ pub mod timeline;
 pub use column::{Drainage, SnowStep, Wet, WetColumns, WetStep};
 pub use eaves::Eave;
 pub use ground_map::GroundMap;
+pub(crate) use relief::{lower_share, relief};
 pub use run_off::RunOff;
 pub use sheen::SkySheen;
 pub use state::{Catchments, WaterBudget, WaterState, WetState};
