@@ -130,7 +130,8 @@ pub fn estimate(
     let lead = rival.map_or(f64::INFINITY, |(score, _)| best.sum() - score.sum());
     // Only the splats tell up.
     let is_alone = clues.heaven.length() < SKY && habits.is_empty();
-    let stands = stands(sample, first);
+    let stands =
+        ground::level(sample, first, None).is_some_and(|level| ground::is_there(sample, first, level));
     let is_object = is_alone && (best.ground < GROUNDLESS || !stands);
     let usual = evidence(sample, &rated, USUAL, clues);
     let tells_little = lead < LIKELY && best.sum() - usual.sum() < AGAINST;
@@ -148,7 +149,7 @@ pub fn estimate(
     let surfaces = refined(sample, &rated, first, 0.97);
     let apart = halves_apart(sample, first);
     let surfaces = Refined { deviation: surfaces.deviation.max(0.5 * apart), ..surfaces };
-    let up = on_ground(sample, levelled(&surfaces, &cameras, &habits));
+    let up = levelled(&surfaces, &cameras, &habits);
     let agree = habits.iter().any(|habit| habit.up.dot(up) > AGREE);
     // Cameras that say something else are a doubt, however clear the splats are; and where there is no ground, nor sky
     // nor cameras, the rest is noise.
@@ -301,18 +302,6 @@ fn walls(sample: &SurveySample, up: DVec3) -> Option<DVec3> {
         plumb = if axis.dot(up) < 0.0 { -axis } else { axis };
     }
     Some(plumb)
-}
-
-/// Returns true if there is a ground along a direction.
-fn stands(sample: &SurveySample, up: DVec3) -> bool {
-    ground::level(sample, up, None).is_some_and(|level| ground::is_there(sample, up, level))
-}
-
-/// A world axis near `up` where only along that there is a ground: then the surfaces are too rough to tell more. Else `up`.
-fn on_ground(sample: &SurveySample, up: DVec3) -> DVec3 {
-    let axis = nearest_axis(up);
-    let is_near = axis.angle_between(up).to_degrees() < AXIS;
-    if is_near && !stands(sample, up) && stands(sample, axis) { axis } else { up }
 }
 
 fn nearest_axis(up: DVec3) -> DVec3 {
