@@ -430,7 +430,8 @@ impl GroundGrid {
             && around.all(|far| WAYS_ROUND.iter().all(|[x, y]| goes_on([far * x, far * y])))
     }
 
-    /// Returns true for leaves of a crown: a rough surface that stands over what is about it, the more so the more its splats look up.
+    /// Returns true for leaves of a crown: a rough surface that stands over what is about it on several sides; on more of them if its
+    /// splats face up, as those of a table do.
     fn is_of_crown(&self, node: usize) -> bool {
         if self.is_plain(node) || self.is_steep(node) {
             return false;
@@ -446,9 +447,9 @@ impl GroundGrid {
             })
         };
         let sides = WAYS_ROUND.iter().filter(drops).count();
-        // What looks nowhere is leaves as well.
-        let looks = |most: f32| self.facing[node].is_nan() || self.facing[node] < most;
-        LEAVES.into_iter().any(|(least, most)| sides >= least && looks(most))
+        // Surfaces without a known facing are leaves as well.
+        let faces_less = |most: f32| self.facing[node].is_nan() || self.facing[node] < most;
+        LEAVES.into_iter().any(|(least, most)| sides >= least && faces_less(most))
     }
 
     /// Finds the share of what leaves can hold that those of a node do; NaN where there are none.

@@ -424,11 +424,10 @@ impl Cover {
             };
             let left = map(ground.len(), self.threads, left);
             let melted = left.iter().enumerate().map(|(node, left)| f64::from(fell(node) - left.depth)).sum();
-            let (whole, wet): (Vec<f32>, Vec<f32>) =
-                left.into_iter().map(|left| (left.depth, left.wet)).unzip();
-            let depth = map(whole.len(), self.threads, |node| ground.held(node, whole[node]));
-            let fell_through: f64 =
-                whole.iter().zip(&depth).map(|(whole, held)| f64::from(whole - held)).sum();
+            let depth = map(left.len(), self.threads, |node| ground.held(node, left[node].depth));
+            let fell_through =
+                left.iter().zip(&depth).map(|(left, held)| f64::from(left.depth - held)).sum::<f64>();
+            let wet = left.into_iter().map(|left| left.wet).collect();
             let settled = Settled { depth, lost: slid.lost * asked.depth / slides + fell_through };
             SettledLayer { settled, wet, melted }
         };

@@ -84,6 +84,34 @@ fn roofs_are_covered_and_what_is_below_is_bare() {
     );
 }
 
+/// A tree stands on the yard: its leaves hold little, and with gaps between; the yard holds all. Nothing gets lost from the account.
+#[test]
+fn leaves_of_a_crown_hold_little_in_clumps() {
+    let mut place = Builder::new(4);
+    place.surface(DVec3::ZERO, DVec3::X * 10.0, DVec3::Y * 8.0, 0.05, |_, _| [0.4; 3]);
+    place.leaves(DVec3::new(5.0, 4.0, 2.5), 1.2, 6000, [0.1, 0.4, 0.1]);
+    let mut cover = cover_of(&place.build(), &Airflow::default(), [5.0, 4.0, 0.0]);
+    let lying = cover.lay(&CoverRequest { depth: 0.3, ..ASKED });
+    let ground = &cover.rings()[0];
+    let depths: Vec<f32> = (0..ground.len())
+        .filter(|node| ground.is_crown(*node) && ground.share[*node] > 0.5)
+        .map(|node| lying.settled[0].depth[node])
+        .collect();
+    let share = |is: &dyn Fn(f32) -> bool| {
+        depths.iter().filter(|depth| is(**depth)).count() as f64 / depths.len() as f64
+    };
+    assert!(depths.len() > 200 && depths.iter().all(|depth| *depth <= 0.08 + 1e-6), "{}", depths.len());
+    let (bare, full) = (share(&|depth| depth < 0.001), share(&|depth| depth > 0.07));
+    // Much slides off the sides of a ball.
+    assert!(bare > 0.2 && full > 0.1, "{bare} bare, {full} full");
+    let open = mean(&cover, &lying, [0.5, 2.0], [1.0, 7.0], [-0.2, 0.2]);
+    assert!((open / 0.3 - 1.0).abs() < 0.03, "{open}");
+    let sum = |values: &[f32], factor: f64| values.iter().map(|v| f64::from(*v) * factor).sum::<f64>();
+    let (fell, lies) = (sum(&ground.share, 0.3), sum(&lying.settled[0].depth, 1.0));
+    let lost = lying.settled[0].lost;
+    assert!(((lies + lost) / fell - 1.0).abs() < 1e-3, "{lies} + {lost} of {fell}");
+}
+
 /// A lawn as a drone's photos leave it: splats up to a metre off the level that the cameras agree on, and wide ones far
 /// below. A post stands on it.
 #[test]
