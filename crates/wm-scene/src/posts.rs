@@ -159,15 +159,13 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
         return Vec::new();
     };
     for index in 0..splats.len() {
-        let middle = DVec3::from_array(splats.means[index].map(f64::from));
-        let height = (middle.dot(up) - survey.ground.value) * metres;
-        let is_low = (-LONGEST..LAYERS as f64 * LAYER + LONGEST).contains(&height);
+        let middle = level(DVec3::from_array(splats.means[index].map(f64::from)));
+        let is_low = (-LONGEST..LAYERS as f64 * LAYER + LONGEST).contains(&middle.z);
         let is_seen = || splats.is_sound(index) && splats.opacity(index) >= OPAQUE;
         if !is_low || !is_seen() || sky.holds(splats, index) {
             continue;
         }
         let halves = splats.scales(index).map(|scale| (REACH * scale * metres).min(LONGEST));
-        let middle = level(middle);
         if halves.iter().all(|half| *half < STEP) {
             columns.fill(middle.to_array());
             continue;

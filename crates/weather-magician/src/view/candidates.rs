@@ -50,14 +50,13 @@ const LOW: usize = 3;
 const HALF: usize = 3;
 /// Places to each side of the middle.
 const STEPS: i32 = 9;
-/// Room that a place to look from needs, of its height above the ground.
+/// Length by which a view has room, over the height of its eye above the ground.
 const ROOM: f64 = 20.0;
-
-/// Promise that a place at the edge of a scene lacks: most of what was captured is about the middle.
+/// Promise that is lost from the middle of a scene to its edge, since most photos show what is about the middle.
 const ASIDE: f64 = 0.7;
 
-/// The length, scene units, by which a view from so high above the ground has room: that of the scene, and for a person in a large
-/// scene, such as between the houses of a street, that of what is about.
+/// Returns the length by which it is judged whether things are near, scene units: the radius of the scene, but less for an eye low
+/// above the ground, such as that of a person between the houses of a street. `height` is that of the eye, scene units.
 pub(super) fn room(survey: &Survey, height: f64) -> f64 {
     if height > 0.0 { survey.radius.min(ROOM * height) } else { survey.radius }
 }
@@ -117,9 +116,8 @@ fn within(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
                 // Nobody crouches under a table for a view of the place.
                 let headroom = space.hit(eye, up, 2.5 * height).is_none();
                 if headroom && space.is_clear(eye, (0.5 * height).min(0.03 * radius)) {
-                    let reaches = [2.0 * radius, room(survey, *height)];
                     let aside = ASIDE * offset.length() / radius;
-                    let views = look_about(space, *kind, eye, *pitch, reaches).into_iter();
+                    let views = look_about(space, survey, *kind, eye, *pitch, *height).into_iter();
                     all.extend(views.map(|view| ViewCandidate { promise: view.promise - aside, ..view }));
                 }
             }
@@ -128,18 +126,19 @@ fn within(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
     all
 }
 
-/// The two best directions from a place; `farthest` is how far is looked, and `room` that of [`room`].
+/// The two best directions from a place that is so high above the ground, scene units.
 fn look_about(
     space: &OccupancyGrid,
+    survey: &Survey,
     kind: CandidateKind,
     eye: DVec3,
     pitch: f64,
-    [farthest, room]: [f64; 2],
+    height: f64,
 ) -> Vec<ViewCandidate> {
     let azimuth = |i: usize| TAU * i as f64 / AZIMUTHS as f64;
     let look = |i: usize| {
         let ray = |e: f64| space.direction(azimuth(i), (e + pitch).to_radians());
-        ELEVATIONS.map(|e| space.hit(eye, ray(e), farthest))
+        ELEVATIONS.map(|e| space.hit(eye, ray(e), 2.0 * survey.radius))
     };
     let seen: Vec<[Option<f64>; 7]> = (0..AZIMUTHS).map(look).collect();
     let mut views: Vec<ViewCandidate> = (0..AZIMUTHS)
@@ -148,7 +147,7 @@ fn look_about(
             let picture: Vec<[Option<f64>; 7]> =
                 (0..=2 * HALF).map(|k| seen[(i + AZIMUTHS + k - HALF) % AZIMUTHS]).collect();
             let forward = space.direction(azimuth(i), pitch.to_radians());
-            ViewCandidate { kind, eye, forward, promise: promise(&picture, room) }
+            ViewCandidate { kind, eye, forward, promise: promise(&picture, room(survey, height)) }
         })
         .collect();
     views.sort_by(|a, b| b.promise.total_cmp(&a.promise));
