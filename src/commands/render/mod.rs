@@ -307,7 +307,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         OutputTarget::Video(path) => sequence::video(&mut job, &wanted, &path, args),
         OutputTarget::Folder(path) => sequence::folder(&mut job, &wanted, &path, args),
     };
-    // Those of drawing; those of loading and preparing are out.
+    // Drawing has warnings of its own; those of loading and preparing are printed already.
     print_warnings(&mut job.place);
     rendered
 }

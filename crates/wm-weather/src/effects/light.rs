@@ -204,8 +204,8 @@ pub struct LightChange {
     pub has_cloud_shadows: bool,
 }
 
-/// Mean light of a place by night over that under its lamps, by which cameras expose: what is straight under a
-/// lamp is bright.
+/// Mean light of a place by night over that under its lamps, by which cameras expose, so that what is straight
+/// under a lamp is bright.
 const UNDER_LAMPS: f64 = 0.1;
 /// Illuminance of the road that headlamps light, by which cameras expose, lx.
 const HEADLAMP_LEVEL: f64 = 12.0;

@@ -56,7 +56,7 @@ impl Drainage {
     }
 }
 
-/// How water leaves a piece of ground.
+/// The rate at which a store of water runs off a piece of ground.
 #[derive(Clone, Copy, Debug)]
 struct RunOffLaw {
     /// Store over the run-off, mm/h, to the power [`RAIN`].
