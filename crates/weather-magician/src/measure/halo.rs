@@ -99,7 +99,7 @@ fn on_ring(picture: &LightPicture, camera: &Camera, ring: f64, sigma: f64) -> [f
 fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Result<Finding> {
     let level = LevelFrame::of(&rig.site());
     let mut weather = request.with(&NOTHING_FALLS)?;
-    let exposure = ["light.glow=0", "light.exposure=-1.5"];
+    let exposure = ["light.glow=0", "light.exposure=-4.8"];
     NIGHT.iter().chain(&exposure).try_for_each(|change| weather.set_text(change))?;
     let mut without_air = weather.clone();
     ["fog=off", "haze=off", "smog=off"].iter().try_for_each(|change| without_air.set_text(change))?;
