@@ -66,6 +66,8 @@ const PLAIN: f32 = 0.5;
 const ABOUT_CROWN: [f32; 4] = [0.5, 1.0, 2.0, 3.0];
 const CROWN_STANDS: f32 = 0.5;
 const LEAVES: [(usize, f32); 2] = [(3, 0.6), (5, 0.85)];
+/// Least standard deviation of the cosine between up and the normals of leaves: 0.29 where they look everywhere.
+const LEAVES_SPREAD: f32 = 0.15;
 /// Deepest that lies on leaves, m, and the shares of them that hold nothing and that hold all: snow lies on crowns in clumps.
 const ON_LEAVES: f32 = 0.08;
 const CLUMPS: [f32; 2] = [0.25, 0.45];
@@ -243,7 +245,8 @@ impl GroundGrid {
             let [column, row] = ground.place(node);
             WAYS.map(|[x, y]| number(ground.level_with(node, column + x, row + y, edge)))
         });
-        ground.facing = ground.find_facing(scan, &of, threads);
+        let (facing, spread) = ground.find_facing(scan, &of, threads);
+        ground.facing = facing;
         ground.slope = map(nodes, threads, |node| ground.fit(node));
         for _ in 0..ROUNDS {
             ground.slope = map(nodes, threads, |node| match ground.slope[node] {
@@ -255,7 +258,7 @@ impl GroundGrid {
             ground.clear_ledges(threads);
         }
         ground.is_plain = map(nodes, threads, |node| ground.lies_in_a_plain(node));
-        ground.clumps = map(nodes, threads, |node| ground.clump(node));
+        ground.clumps = map(nodes, threads, |node| ground.clump(node, spread[node]));
         (ground, floaters)
     }
 
@@ -452,9 +455,10 @@ impl GroundGrid {
         LEAVES.into_iter().any(|(least, most)| sides >= least && faces_less(most))
     }
 
-    /// Finds the share of what leaves can hold that those of a node do; NaN where there are none.
-    fn clump(&self, node: usize) -> f32 {
-        if !self.is_of_crown(node) {
+    /// Finds the share of what leaves can hold that those of a node do; NaN where there are none. `spread` is how much its splats'
+    /// cosines with up differ: those of a steep roof are alike.
+    fn clump(&self, node: usize, spread: f32) -> f32 {
+        if spread < LEAVES_SPREAD || !self.is_of_crown(node) {
             return f32::NAN;
         }
         let [x, y] = self.place(node).map(|v| (v as f64 + 0.5) * f64::from(self.cell));
@@ -561,8 +565,8 @@ impl GroundGrid {
     }
 
     /// Finds how far the splats of each node face up (or down, where the side is not known): the mean cosine of their normals over the
-    /// nodes beside each other; not a number where none tells. In a scan a node's are those `of` its surface.
-    fn find_facing(&self, scan: &FusedSurfaces<'_>, of: &[usize], threads: usize) -> Vec<f32> {
+    /// nodes beside each other, and its standard deviation; not numbers where none tells. In a scan a node's are those `of` its surface.
+    fn find_facing(&self, scan: &FusedSurfaces<'_>, of: &[usize], threads: usize) -> (Vec<f32>, Vec<f32>) {
         let up = self.places.axes()[2];
         let cosine =
             |splat: usize| scan.splats.normal(splat).iter().zip(&up).map(|(a, b)| a * b).sum::<f64>() as f32;
@@ -576,17 +580,31 @@ impl GroundGrid {
                 let cosine = if is_seen { cosine(splat) } else { cosine(splat).abs() };
                 // Balls and rods look nowhere; but of what was seen from below nobody knows the top.
                 let flat = if cosine < CEILING { 1.0 } else { 1.0 - (scales[0] - scales[1]).exp() };
-                [flat * cosine, flat]
+                [flat * cosine, flat * cosine * cosine, flat]
             });
         } else {
-            sums = self.sums_of_splats(&scan.splats, |splat| cosine(splat).abs(), threads);
+            let [first, second] = [1, 2].map(|power| {
+                self.sums_of_splats(&scan.splats, |splat| cosine(splat).abs().powi(power), threads)
+            });
+            sums = first
+                .iter()
+                .zip(second)
+                .map(|([sum, weight], [square, _])| [*sum, square, *weight])
+                .collect();
         }
         for _ in 0..2 {
             sums = map(self.len(), threads, |node| self.mean_about(node, |other| Some(sums[other])));
         }
         let least = if self.is_scan { KNOWN } else { 0.0 };
-        let known = |[sum, weight]: [f32; 2]| if weight > least { sum / weight } else { f32::NAN };
-        sums.into_iter().map(known).collect()
+        let known = |[sum, squares, weight]: [f32; 3]| {
+            let mean = sum / weight;
+            if weight > least {
+                (mean, (squares / weight - mean * mean).max(0.0).sqrt())
+            } else {
+                (f32::NAN, f32::NAN)
+            }
+        };
+        sums.into_iter().map(known).unzip()
     }
 
     /// The slope of a plane through a node and those about it.

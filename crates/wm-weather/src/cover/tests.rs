@@ -112,6 +112,27 @@ fn leaves_of_a_crown_hold_little_in_clumps() {
     assert!(((lies + lost) / fell - 1.0).abs() < 1e-3, "{lies} + {lost} of {fell}");
 }
 
+/// A steep roof stands over the yard on both sides of its ridge, and faces away from up as much as leaves do.
+#[test]
+fn a_steep_roof_is_no_crown() {
+    let mut place = Builder::new(4);
+    place.surface(DVec3::ZERO, DVec3::X * 12.0, DVec3::Y * 8.0, 0.05, |_, _| [0.4; 3]);
+    let up = DVec3::new(1.0, 0.0, 1.2);
+    place.surface(DVec3::new(5.0, 1.0, 0.0), up, DVec3::Y * 6.0, 0.05, |_, _| [0.4; 3]);
+    place.surface(
+        DVec3::new(7.0, 1.0, 0.0),
+        up * DVec3::new(-1.0, 1.0, 1.0),
+        DVec3::Y * 6.0,
+        0.05,
+        |_, _| [0.4; 3],
+    );
+    let cover = cover_of(&place.build(), &Airflow::default(), [6.0, 4.0, 0.0]);
+    let ground = &cover.rings()[0];
+    let high = (0..ground.len()).filter(|node| ground.height[*node] > 0.6).count();
+    let leaves = (0..ground.len()).filter(|node| ground.is_crown(*node)).count();
+    assert!(high > 100 && leaves * 100 <= high, "{leaves} of leaves, {high} of the roof");
+}
+
 /// A lawn as a drone's photos leave it: splats up to a metre off the level that the cameras agree on, and wide ones far
 /// below. A post stands on it.
 #[test]
