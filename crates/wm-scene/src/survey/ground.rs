@@ -100,8 +100,13 @@ pub fn is_there(sample: &SurveySample, up: DVec3, height: f64) -> bool {
     share(&below, &|_| 1.0) < HOLLOW && share(&level, &|point| point.area) > least
 }
 
+/// Height of the ground along `up` below the cameras of `views`, scene units; `None` if there is none.
+pub fn below(sample: &SurveySample, up: DVec3, views: &[SceneView]) -> Option<f64> {
+    level(sample, up, ceiling(views, up)).filter(|height| is_there(sample, up, *height))
+}
+
 /// Height above which the ground cannot be: that of the lower cameras; `None` without any.
-pub fn ceiling(views: &[SceneView], up: DVec3) -> Option<f64> {
+fn ceiling(views: &[SceneView], up: DVec3) -> Option<f64> {
     let mut heights: Vec<f64> = views.iter().map(|view| view.camera.center().dot(up)).collect();
     (!heights.is_empty()).then(|| quantile(&mut heights, 0.1))
 }

@@ -219,9 +219,7 @@ impl Survey {
         let origin = file.origin_or_zero();
         let given_ground = given.ground.map(|height| height - up.value.dot(origin));
         let ground = Sourced::first(given_ground, (file.ground, file.ground_confidence), || {
-            let ceiling = ground::ceiling(&scene.views, up.value);
-            let level = ground::level(&sample, up.value, ceiling);
-            match level.filter(|height| ground::is_there(&sample, up.value, *height)) {
+            match ground::below(&sample, up.value, &scene.views) {
                 // No height is surer than the direction along which it is measured.
                 Some(value) => Sourced {
                     value,

@@ -54,10 +54,9 @@ impl Survey {
             )
         }));
         lines.extend(self.sun_fault.map(|fault| format!("sun: not known: {fault}")));
-        if let Some(reasons) = self.up_estimate.as_ref().and_then(UpEstimate::reasons) {
-            let up = lines.iter().position(|line| line.starts_with("up: ")).unwrap_or(0);
-            lines.insert(up + 1, reasons);
-        }
+        let reasons = self.up_estimate.iter().flat_map(|estimate| [estimate.reasons(), estimate.left()]);
+        let up = lines.iter().position(|line| line.starts_with("up: ")).unwrap_or(0);
+        lines.splice(up + 1..up + 1, reasons.flatten().collect::<Vec<_>>());
         lines
     }
 
@@ -175,6 +174,25 @@ impl UpEstimate {
                 -lead
             ),
         })
+    }
+}
+
+impl UpEstimate {
+    /// What the ground and the walls still differ from up, in one line.
+    fn left(&self) -> Option<String> {
+        let ground = self.ground_normal.map(|normal| {
+            let fall = normal.reject_from_normalized(self.up) / normal.dot(self.up);
+            let [x, y, z] = fall.normalize_or_zero().to_array().map(|v| Short(v, 2));
+            match 100.0 * fall.length() {
+                ..0.2 => "the ground is level".to_owned(),
+                percent => format!("the ground falls by {percent:.1} % towards {x}, {y}, {z}"),
+            }
+        });
+        let walls = self
+            .walls
+            .map(|walls| format!("walls lean by {:.1} degrees", walls.angle_between(self.up).to_degrees()));
+        let parts: Vec<String> = [ground, walls].into_iter().flatten().collect();
+        (!parts.is_empty()).then(|| format!("    {}", parts.join("; ")))
     }
 }
 

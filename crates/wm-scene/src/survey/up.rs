@@ -11,9 +11,8 @@
 //! - cameras: by the habits of who took the photos ([`super::habits`]), which weigh most;
 //! - prior: programs write scenes with an axis up, most often that of cameras with y down.
 //!
-//! The best is refined to the surfaces that face it, to the plane of the ground, and, where much is
-//! built, to the walls: ground slopes, walls are plumb. Cameras that were held upright bound its roll. It is set to a world axis
-//! within 2 degrees of it.
+//! The best is refined: the plane of the ground, plumb walls where much is built, cameras that were held upright, and a world
+//! axis near by each tell up with an error of their own, and the most likely direction is taken. No axis overrules what is seen.
 
 use super::habits::{self, Habit, HabitKind};
 use super::linear::{direction, eigen, horizontals, outer, quantile};
@@ -29,16 +28,28 @@ const DIRECTIONS: usize = 400;
 const RATED: usize = 8000;
 /// Half width of a peak of normals, as a cosine: 12 degrees.
 const PEAK: f64 = 0.978;
-/// A world axis this near is meant, as a cosine: 2 degrees.
-const SNAP: f64 = 0.999_39;
+/// A world axis within this angle of what is seen is meant, degrees.
+const SAME_AXIS: f64 = 0.4;
+/// A world axis beyond this angle, degrees, is none that a program aligned the scene to.
+const NEAR_AXIS: f64 = 6.0;
 /// Cameras held within this of up told it, as a cosine: 20 degrees.
 const AGREE: f64 = 0.94;
 /// Layers of height by which a candidate is rated.
 const LAYERS: usize = 64;
 
-/// Standard deviations of the roll of a camera that is held upright, and of up by the surfaces, degrees.
+/// Standard deviation of the roll of a camera that is held upright, degrees.
 const ROLL: f64 = 2.0;
+/// Standard deviations of up, degrees, as told by surfaces that face it, by the plane of the ground where no wall stands on it, and
+/// where walls do and it is therefore no slope (paving falls by 1 to 2 % so that it drains), by walls, and by the axis of a format.
 const SURFACES: f64 = 3.0;
+const LONE_GROUND: f64 = 2.0;
+const GROUND: f64 = 1.0;
+const WALLS: f64 = 0.4;
+const AXIS: f64 = 2.0;
+/// Angle between what surfaces and upright cameras tell, degrees, from which on the surfaces are taken for rough.
+const APART: f64 = 4.0;
+/// Angle between the directions that walls and ground tell, degrees, from which on the ground is a slope.
+const SLOPE: f64 = 2.5;
 /// Neighbouring photos that are rolled alike, and the most that count as independent.
 const ALIKE: f64 = 4.0;
 const INDEPENDENT: f64 = 8.0;
@@ -75,6 +86,10 @@ pub struct UpEstimate {
     pub evidence: UpScore,
     /// The direction that is next best, if any, and its evidence.
     pub rival: Option<(DVec3, UpScore)>,
+    /// The normal of the ground, where a plane fits it.
+    pub ground_normal: Option<DVec3>,
+    /// The direction along which walls stand, where there are some.
+    pub walls: Option<DVec3>,
 }
 
 /// Finds up; `None` if nothing tells it.
@@ -89,7 +104,7 @@ pub fn estimate(
     if sample.points.len() < HANDFUL || sample.radius <= 0.0 {
         let habit = habits.iter().max_by(|a, b| a.log_odds.total_cmp(&b.log_odds));
         let (up, source) = match habit {
-            Some(habit) => (snapped(habit.up), FactSource::Cameras),
+            Some(habit) => (along_axis(habit.up), FactSource::Cameras),
             None if sample.points.is_empty() => return None,
             None => (USUAL, FactSource::Assumed),
         };
@@ -99,6 +114,8 @@ pub fn estimate(
             confidence: if habits.len() == 1 { Confidence::Likely } else { Confidence::Guess },
             evidence: UpScore::default(),
             rival: None,
+            ground_normal: None,
+            walls: None,
         });
     }
     let clues = Clues { heaven: heaven(splats, sample, sky), habits: &habits };
@@ -115,8 +132,7 @@ pub fn estimate(
     let lead = rival.map_or(f64::INFINITY, |(score, _)| best.sum() - score.sum());
     // Only the splats tell up.
     let is_alone = clues.heaven.length() < SKY && habits.is_empty();
-    let stands =
-        ground::level(sample, first, None).is_some_and(|level| ground::is_there(sample, first, level));
+    let stands = ground::below(sample, first, &[]).is_some();
     let is_object = is_alone && (best.ground < GROUNDLESS || !stands);
     let usual = evidence(sample, &rated, USUAL, clues);
     let tells_little = lead < LIKELY && best.sum() - usual.sum() < AGAINST;
@@ -127,11 +143,15 @@ pub fn estimate(
             confidence: Confidence::Guess,
             evidence: usual,
             rival: Some((first, best)),
+            ground_normal: None,
+            walls: None,
         });
     }
-    let up = snapped(levelled(refined(sample, &rated, first, 0.97), &cameras, &habits));
-    let agree = habits.iter().any(|habit| habit.up.dot(up) > AGREE);
+    let surfaces = refined(sample, &rated, first, 0.97);
     let apart = halves_apart(sample, first);
+    let surfaces = Refined { deviation: surfaces.deviation.max(0.5 * apart), ..surfaces };
+    let up = on_ground(sample, views, levelled(&surfaces, &cameras, &habits));
+    let agree = habits.iter().any(|habit| habit.up.dot(up) > AGREE);
     // Cameras that say something else are a doubt, however clear the splats are; and where there is no ground, nor sky
     // nor cameras, the rest is noise.
     let confidence = match lead {
@@ -148,25 +168,38 @@ pub fn estimate(
         confidence,
         evidence: best,
         rival: rival.map(|(score, other)| (*other, *score)),
+        ground_normal: surfaces.ground,
+        walls: surfaces.walls,
     })
 }
 
-/// `up` of the surfaces, as far as the rolls of cameras that were held upright allow: a few rough or sloping surfaces tilt it by
-/// degrees, and nobody holds all cameras aslant.
-fn levelled(up: DVec3, cameras: &[Camera], habits: &[Habit]) -> DVec3 {
-    let [Habit { kind: HabitKind::Upright, up: held, .. }] = habits else { return up };
-    if held.dot(up) < AGREE {
-        return up;
+/// The most likely up by the surfaces, the rolls of cameras that were held upright, and a world axis near by: a few rough or
+/// sloping surfaces tilt the first by degrees, nobody holds all cameras aslant, and many scenes were aligned.
+fn levelled(surfaces: &Refined, cameras: &[Camera], habits: &[Habit]) -> DVec3 {
+    let up = surfaces.up;
+    let precision = |degrees: f64| degrees.to_radians().powi(-2);
+    let held = match habits {
+        [Habit { kind: HabitKind::Upright, up: held, .. }] if held.dot(up) >= AGREE => Some(*held),
+        _ => None,
+    };
+    let apart = held.map_or(0.0, |held| held.angle_between(up).to_degrees());
+    // So far off the cameras, surfaces are rough: half of the difference is their error.
+    let deviation = if apart > APART { surfaces.deviation.max(0.5 * apart) } else { surfaces.deviation };
+    let (mut known, mut off) = (DMat3::from_diagonal(DVec3::splat(precision(deviation))), DVec3::ZERO);
+    if held.is_some() {
+        let count = cameras.len() as f64;
+        let roll = (count / ALIKE).min(INDEPENDENT) / count * precision(ROLL);
+        for right in cameras.iter().map(|camera| camera.rotation().row(0)) {
+            known += outer(right, roll);
+            off += right * (roll * right.dot(up));
+        }
     }
-    let count = cameras.len() as f64;
-    let precision = (count / ALIKE).min(INDEPENDENT) / count * ROLL.to_radians().powi(-2);
-    let surfaces = DMat3::from_diagonal(DVec3::splat(SURFACES.to_radians().powi(-2)));
-    let (mut known, mut off) = (surfaces, DVec3::ZERO);
-    for right in cameras.iter().map(|camera| camera.rotation().row(0)) {
-        known += outer(right, precision);
-        off += right * (precision * right.dot(up));
+    let axis = nearest_axis(up);
+    if axis.angle_between(up).to_degrees() < NEAR_AXIS {
+        known += DMat3::from_diagonal(DVec3::splat(precision(AXIS)));
+        off += (up - axis) * precision(AXIS);
     }
-    (up - (known.inverse() * off).reject_from_normalized(up)).normalize()
+    along_axis((up - (known.inverse() * off).reject_from_normalized(up)).normalize())
 }
 
 /// Angle between the ups to which two halves of the scene are refined from the same `first`, degrees: the error of what surfaces
@@ -180,7 +213,7 @@ fn halves_apart(sample: &SurveySample, first: DVec3) -> f64 {
         let is_here = |point: &&SurveyPoint| sign * (point.at - sample.center).dot(longest) > 0.0;
         let points = sample.points.iter().filter(is_here).copied().collect();
         let half = SurveySample { points, ..*sample };
-        refined(&half, &rated(&half), first, 0.97)
+        refined(&half, &rated(&half), first, 0.97).up
     };
     up(1.0).angle_between(up(-1.0)).to_degrees()
 }
@@ -211,15 +244,38 @@ struct Clues<'a> {
     habits: &'a [Habit],
 }
 
+/// Up by the surfaces alone.
+#[derive(Clone, Copy, Debug)]
+struct Refined {
+    up: DVec3,
+    /// Standard deviation, degrees.
+    deviation: f64,
+    /// The normal of the ground.
+    ground: Option<DVec3>,
+    /// The direction along which walls stand.
+    walls: Option<DVec3>,
+}
+
 /// `up` turned to the surfaces that face it, to the plane of the ground and to the walls, if they are
 /// within `limit` (a cosine) of it.
-fn refined(sample: &SurveySample, rated: &[SurveyPoint], up: DVec3, limit: f64) -> DVec3 {
+fn refined(sample: &SurveySample, rated: &[SurveyPoint], up: DVec3, limit: f64) -> Refined {
     let facing = peak(rated, up, limit.max(PEAK));
     let start = if facing.dot(up) > limit { facing } else { up };
     let plane = ground::level(sample, start, None).and_then(|height| ground::plane(sample, start, height));
-    let ground = plane.filter(|normal| normal.dot(up) > limit).unwrap_or(start);
+    let ground = plane.filter(|normal| normal.dot(up) > limit);
+    let level = ground.unwrap_or(start);
     // Plumb walls do not stand on steep ground: beyond 8 degrees it is something else that was found.
-    walls(sample, ground).filter(|plumb| plumb.dot(ground) > 0.99).unwrap_or(ground)
+    let walls = walls(sample, level).filter(|plumb| plumb.dot(level) > 0.99);
+    let (up, deviation) = match (walls, ground) {
+        (Some(plumb), Some(level)) if plumb.angle_between(level).to_degrees() < SLOPE => {
+            let [a, b] = [WALLS, GROUND].map(|degrees| degrees.powi(-2));
+            ((plumb * a + level * b).normalize(), (a + b).powf(-0.5))
+        }
+        (Some(plumb), _) => (plumb, WALLS),
+        (None, Some(level)) => (level, LONE_GROUND),
+        (None, None) => (start, SURFACES),
+    };
+    Refined { up, deviation, ground, walls }
 }
 
 /// The direction that walls have in them, near `up`; `None` where there are few, or all are parallel.
@@ -253,12 +309,24 @@ fn walls(sample: &SurveySample, up: DVec3) -> Option<DVec3> {
     Some(plumb)
 }
 
-/// The nearest world axis if it is within 2 degrees.
-fn snapped(up: DVec3) -> DVec3 {
+/// A world axis near `up` where only along that there is a ground: then the surfaces are too rough to tell more. Else `up`.
+fn on_ground(sample: &SurveySample, views: &[SceneView], up: DVec3) -> DVec3 {
+    let axis = nearest_axis(up);
+    let is_near = axis.angle_between(up).to_degrees() < NEAR_AXIS;
+    let stands = |up: DVec3| ground::below(sample, up, views).is_some();
+    if is_near && !stands(up) && stands(axis) { axis } else { up }
+}
+
+fn nearest_axis(up: DVec3) -> DVec3 {
     let longest = up.abs().max_position();
-    let axis = DVec3::AXES[longest] * up[longest].signum();
     // Adding 0 turns -0 to 0.
-    if up.dot(axis) > SNAP { axis + 0.0 } else { up }
+    DVec3::AXES[longest] * up[longest].signum() + 0.0
+}
+
+/// The nearest world axis if it is within [`SAME_AXIS`], else `up`.
+fn along_axis(up: DVec3) -> DVec3 {
+    let axis = nearest_axis(up);
+    if up.angle_between(axis).to_degrees() < SAME_AXIS { axis } else { up }
 }
 
 /// The middle of the sky's splats as seen from the scene's: length 0 if it is all around or there is
