@@ -2,13 +2,14 @@
 
 use glam::DVec3;
 use std::f64::consts::TAU;
+use std::sync::OnceLock;
 use wm_scene::lamps::along_path;
 use wm_scene::posts::{Post, find_posts};
 use wm_scene::survey::Survey;
 use wm_scene::{Lamp, Scene};
 use wm_weather::dome::level_axes;
 use wm_weather::light::LampLights;
-use wm_weather::{LampLevels, LampSource, Site};
+use wm_weather::{LampSource, Site};
 
 /// Distance between lamps along a path, m.
 pub const SPACING: f64 = 25.0;
@@ -84,35 +85,51 @@ enum LampOrigin {
     Row,
 }
 
+/// The lamps of weathers with `light.lamps = "path"`.
+#[derive(Debug, Default)]
+struct PathLamps {
+    lights: LampLights,
+    origin: LampOrigin,
+    /// Illuminance of the ground under them, lx.
+    level: f64,
+}
+
 /// The sources of light of a place.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Debug, Default)]
 pub(crate) struct PlaceLamps {
     scene: LampLights,
-    path: LampLights,
-    origin: LampOrigin,
+    /// Found when a weather first asks for them: that takes a look at all splats.
+    path: OnceLock<PathLamps>,
 }
 
 impl PlaceLamps {
-    /// Lists the lamps that a scene states. Where it states none, its posts carry lamps, and where it has no posts a row stands along
-    /// the path of its photos.
+    /// Lists the lamps that a scene states.
     pub fn of(scene: &Scene, survey: &Survey) -> Self {
-        let metres_per_unit = survey.metres_per_unit.value;
-        let windows = scene.metadata.windows.as_deref().unwrap_or_default();
-        let lights = |lamps: &[Lamp]| LampLights::of(lamps, windows, metres_per_unit);
-        let own = scene.metadata.lamps.as_deref();
-        let (path, origin) = match own {
-            Some(lamps) => (lights(lamps), LampOrigin::Stated),
-            None => match lamps_on_posts(scene, survey) {
-                row if row.is_empty() => (lights(&lamps_along_photos(scene, survey)), LampOrigin::Row),
-                posts => (lights(&posts), LampOrigin::Posts(posts.len())),
-            },
+        let stated = scene.metadata.lamps.as_deref().unwrap_or_default();
+        Self { scene: lights_of(stated, scene, survey), path: OnceLock::new() }
+    }
+
+    /// Finds the lamps of weathers with `light.lamps = "path"`: where the scene states none, its posts carry lamps, and where it has
+    /// no posts a row stands along the path of its photos. Returns the illuminance of the ground under them, lx.
+    pub fn find_path(&self, scene: &Scene, survey: &Survey, site: &Site) -> f64 {
+        let find = || {
+            let (lights, origin) = match scene.metadata.lamps {
+                Some(_) => (self.scene.clone(), LampOrigin::Stated),
+                None => match lamps_on_posts(scene, survey) {
+                    row if row.is_empty() => {
+                        (lights_of(&lamps_along_photos(scene, survey), scene, survey), LampOrigin::Row)
+                    }
+                    posts => (lights_of(&posts, scene, survey), LampOrigin::Posts(posts.len())),
+                },
+            };
+            PathLamps { level: level_under(&lights, site), lights, origin }
         };
-        Self { scene: lights(own.unwrap_or_default()), path, origin }
+        self.path.get_or_init(find).level
     }
 
     /// Returns a warning that the lamps are guessed; `None` if the scene states them.
     pub fn doubt(&self) -> Option<String> {
-        let what = match self.origin {
+        let what = match self.path.get()?.origin {
             LampOrigin::Stated => return None,
             LampOrigin::Posts(count) => format!("{count} posts of the capture are taken for lampposts"),
             LampOrigin::Row => {
@@ -122,17 +139,28 @@ impl PlaceLamps {
         Some(format!("the scene states no lamps: {what}; set them with `align --lamp`, or light.lamps = off"))
     }
 
-    /// Those that a weather asks for.
-    pub fn get(&self, source: LampSource) -> &LampLights {
-        match source {
+    /// The lamps that a weather asks for; `None` if there are none, or if they are those of the path and were not looked for.
+    pub fn get(&self, source: LampSource) -> Option<&LampLights> {
+        let lights = match source {
             LampSource::Scene => &self.scene,
-            LampSource::Path => &self.path,
-        }
+            LampSource::Path => &self.path.get()?.lights,
+        };
+        Some(lights).filter(|lights| !lights.is_empty())
     }
 
-    /// The light of the ground under them.
-    pub fn levels(&self, site: &Site) -> LampLevels {
-        let level = |lights: &LampLights| lights.level(site.up, site.ground, site.metres_per_unit);
-        LampLevels { scene: level(&self.scene), path: level(&self.path) }
+    /// Illuminance of the ground under the lamps that the scene states, lx.
+    pub fn level(&self, site: &Site) -> f64 {
+        level_under(&self.scene, site)
     }
+}
+
+/// Returns lamps, and the lit windows of a scene, as sources of light.
+fn lights_of(lamps: &[Lamp], scene: &Scene, survey: &Survey) -> LampLights {
+    let windows = scene.metadata.windows.as_deref().unwrap_or_default();
+    LampLights::of(lamps, windows, survey.metres_per_unit.value)
+}
+
+/// Returns the illuminance of the ground under lamps, lx.
+fn level_under(lights: &LampLights, site: &Site) -> f64 {
+    lights.level(site.up, site.ground, site.metres_per_unit)
 }

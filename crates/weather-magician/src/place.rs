@@ -365,10 +365,20 @@ impl PreparedPlace {
         &self.survey
     }
 
-    /// The facts that weather uses.
+    /// The facts that weather uses; of the light of lamps, that of those that the scene states.
     #[must_use]
     pub fn site(&self) -> &Site {
         &self.site
+    }
+
+    /// Prepares an instant of a weather, with the lamps that it asks for.
+    fn prepare_weather(&self, weather: &Weather, time: f64) -> PreparedWeather {
+        let sample = weather.at(time);
+        if !sample.asks_for_guessed_lamps() {
+            return sample.prepare(&self.site);
+        }
+        let path = self.light.lamps.find_path(&self.scene, &self.survey, &self.site);
+        sample.prepare(&Site { lamps: LampLevels { path, ..self.site.lamps }, ..self.site })
     }
 
     /// The facts that the place was surveyed with, for [`crate::Renderer::set_facts`].
@@ -565,7 +575,7 @@ impl PreparedPlace {
     /// The assets that the instant `time` of a weather needs and that are not made yet.
     #[must_use]
     pub fn missing_assets(&self, weather: &Weather, time: f64) -> MissingAssets {
-        self.lacking(weather, &weather.at(time).prepare(&self.site))
+        self.lacking(weather, &self.prepare_weather(weather, time))
     }
 
     /// The folder of prepared assets; `None` if they are not kept.
@@ -578,7 +588,7 @@ impl PreparedPlace {
     /// are not kept.
     #[must_use]
     pub fn asset_files(&self, weather: &Weather, time: f64) -> Vec<String> {
-        let (needs, prepared) = (AssetNeeds::of(weather, &self.site), weather.at(time).prepare(&self.site));
+        let (needs, prepared) = (AssetNeeds::of(weather, &self.site), self.prepare_weather(weather, time));
         let mut files: Vec<AssetFile<'_>> =
             prepared.fall().filter(|_| needs.shelter).map(AssetFile::Shelter).into_iter().collect();
         if let Some(wet) = prepared.wetness().filter(|_| needs.wetness.is_some()) {
@@ -588,10 +598,10 @@ impl PreparedPlace {
         if let Some(change) = prepared.light().filter(|_| needs.light) {
             let takes_sun =
                 self.store.light.as_ref().is_none_or(|capture| capture.takes_another_sun(change.is_diffuse));
-            let lamps = change.lamps.map(|(source, _)| self.light.lamps.get(source));
+            let lamps = change.lamps.and_then(|(source, _)| self.light.lamps.get(source));
             files.push(AssetFile::Light);
             files.extend(change.sun.filter(|_| takes_sun).map(AssetFile::SunShadows));
-            files.extend(lamps.filter(|lamps| !lamps.is_empty()).map(AssetFile::Lamps));
+            files.extend(lamps.map(AssetFile::Lamps));
         }
         let mut names: Vec<String> = files.iter().filter_map(|file| self.cache.name(file)).collect();
         names.sort();
@@ -631,8 +641,7 @@ impl PreparedPlace {
 
     /// The lamps that a weather asks for, if there are any and their shadows are not known.
     fn lacking_lamps(&self, source: LampSource) -> Option<LampLights> {
-        let lamps = self.light.lamps.get(source);
-        (!lamps.is_empty() && self.store.lamps(lamps).is_none()).then(|| lamps.clone())
+        self.light.lamps.get(source).filter(|lamps| self.store.lamps(lamps).is_none()).cloned()
     }
 
     /// Returns true if the shadows of a sun are not known, and may be wanted.
@@ -935,7 +944,7 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
     ) -> Result<Option<WaterState>> {
         self.prepare(backend, water_needs(self.missing_assets(weather, time)), progress)?;
-        let prepared = weather.at(time).prepare(&self.site);
+        let prepared = self.prepare_weather(weather, time);
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
         Ok(self.water.state())
     }
@@ -969,7 +978,7 @@ impl PreparedPlace {
         progress: &mut dyn Progress,
         scan: impl FnOnce(&rayon::ThreadPool, &PreparedWeather, Option<&Shelter>) -> R,
     ) -> Result<R> {
-        let rains = weather.at(time).prepare(&self.site).rain_rate() > 0.0;
+        let rains = self.prepare_weather(weather, time).rain_rate() > 0.0;
         let all = self.missing_assets(weather, time);
         let missing = MissingAssets {
             occluders: rains && all.occluders,
@@ -994,7 +1003,7 @@ impl PreparedPlace {
             return Err(Error::Unsupported("the splats were released: sensors need them".into()));
         }
         self.prepare(backend, missing, progress)?;
-        let prepared = weather.at(time).prepare(&self.site);
+        let prepared = self.prepare_weather(weather, time);
         if prepared.flood().is_some() {
             let fault = "lidars and radars do not see floods yet: leave it out with --set flood=off";
             return Err(Error::Unsupported(fault.into()));
@@ -1014,7 +1023,7 @@ impl PreparedPlace {
 
     /// Prepares an instant of a weather for a camera.
     fn prepared_at(&mut self, weather: &Weather, time: f64, camera: &Camera) -> PreparedWeather {
-        let mut prepared = weather.at(time).prepare(&self.site);
+        let mut prepared = self.prepare_weather(weather, time);
         if prepared.flood().is_some_and(|flood| flood.ground.is_none()) {
             prepared.stand_flood_on(self.ground_under(camera).unwrap_or(0.0));
         }
@@ -1283,7 +1292,7 @@ impl PreparedPlace {
         time: f64,
         progress: &mut dyn Progress,
     ) -> Result<Option<LyingCover>> {
-        let prepared = weather.at(time).prepare(&self.site);
+        let prepared = self.prepare_weather(weather, time);
         if let Some(paper) = prepared.paper_cover() {
             return Ok(Some(LyingCover::on_top(paper.snow(&self.scene.splats, &self.site))));
         }
@@ -1303,7 +1312,7 @@ impl PreparedPlace {
         time: f64,
         progress: &mut dyn Progress,
     ) -> Result<Option<Splats>> {
-        let prepared = weather.at(time).prepare(&self.site);
+        let prepared = self.prepare_weather(weather, time);
         if prepared.light().is_none() && prepared.wetness().is_none() {
             return Ok(None);
         }
@@ -1424,7 +1433,7 @@ fn site_of(survey: &Survey, lamps: &PlaceLamps) -> Site {
         light: SiteLight::Captured,
         far: 3.0 * survey.radius.max(1e-6) * survey.metres_per_unit.value,
     };
-    Site { lamps: lamps.levels(&site), ..site }
+    Site { lamps: LampLevels { scene: lamps.level(&site), path: 0.0 }, ..site }
 }
 
 /// Fails if `place` was loaded by another renderer.

@@ -110,7 +110,7 @@ impl PlaceLight {
         let light = change.over(capture, site);
         let shadows = change.sun.and_then(|sun| store.shadows(sun));
         let source = change.lamps.map(|(source, _)| source);
-        let lamps = source.and_then(|source| store.lamps(self.lamps.get(source)));
+        let lamps = source.and_then(|source| store.lamps(self.lamps.get(source)?));
         let moves = prepared.moves_light();
         let key = RelitKey { light, sun: shadows.and(change.sun), lamps: lamps.and(source), moves };
         let casts =
@@ -164,7 +164,7 @@ impl PlaceLight {
         let change = prepared.light()?;
         let mut lights = Vec::new();
         if let Some((source, share)) = change.lamps
-            && let Some(lamps) = store.lamps(self.lamps.get(source))
+            && let Some(lamps) = self.lamps.get(source).and_then(|lamps| store.lamps(lamps))
         {
             lights.extend(lamps.sources().map(|(light, cube)| {
                 let intensity = light.intensity.map(|v| v * share as f32);

@@ -223,6 +223,13 @@ impl WeatherSample {
         tracks.get(EFFECTS[*on].param(param)?)
     }
 
+    /// Returns true if it asks for lamps where the scene states none.
+    #[must_use]
+    pub fn asks_for_guessed_lamps(&self) -> bool {
+        let lamps = self.track("light", "lamps").map(|track| track.at(self.time));
+        matches!(lamps, Some(ParamValue::Word("path")))
+    }
+
     /// Prepares this weather for one place: the data that a renderer needs.
     #[must_use]
     pub fn prepare(&self, site: &Site) -> PreparedWeather {
