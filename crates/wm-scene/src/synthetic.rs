@@ -31,12 +31,12 @@ impl Builder {
         self.splats
     }
 
-    fn draw(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn draw(&mut self, low: f64, high: f64) -> f64 {
         self.drawn += 1;
         low + (high - low) * uniform(self.seed, self.drawn)
     }
 
-    fn anywhere(&mut self) -> DVec3 {
+    pub(crate) fn anywhere(&mut self) -> DVec3 {
         let z = self.draw(-1.0, 1.0);
         let angle = self.draw(0.0, TAU);
         let r = (1.0 - z * z).sqrt();
@@ -56,7 +56,7 @@ impl Builder {
     }
 
     /// One flat splat of about `spacing`, its place and normal scattered a little.
-    fn fleck(&mut self, at: DVec3, normal: DVec3, spacing: f64, rgb: Rgb) {
+    pub(crate) fn fleck(&mut self, at: DVec3, normal: DVec3, spacing: f64, rgb: Rgb) {
         let at = at + self.anywhere() * (0.1 * spacing);
         let normal = (normal + self.anywhere() * self.draw(0.0, 0.25)).normalize();
         let size = spacing * self.draw(0.5, 0.8);

@@ -1,10 +1,11 @@
 //! The ground under a point: local, where [`super::ground`] has one height for the scene.
 
-use super::linear::horizontals;
+use super::linear::{horizontals, quantile};
 use super::sample::point;
 use super::sky::SkyRegion;
-use crate::Splats;
+use crate::{Splats, quat};
 use glam::{DMat3, DVec3};
+use std::f64::consts::{LN_2, TAU};
 
 /// Radii of the round in which the ground under a point is looked for, the next where one has too little of it, m.
 const ROUNDS: [f64; 4] = [2.5, 5.0, 10.0, 20.0];
@@ -22,13 +23,19 @@ const FAIR: f64 = 0.35;
 const THICKNESS: [f64; 5] = [0.3, 0.2, 0.12, 0.08, 0.08];
 /// Steepest ground that is followed, height over way.
 const STEEPEST: f64 = 0.4;
+/// Heights below and above the plane of the level splats between which the ground is seen, m.
+const SEEN: [f64; 2] = [-0.3, 0.4];
+/// Cells along the radius of the round in which that is looked for.
+const CELLS: f64 = 8.0;
 
-/// The level surfaces of a scene, for [`Self::height_under`].
+/// The surfaces of a scene that ground is found among, for [`Self::height_under`].
 #[derive(Clone, Debug, Default)]
 pub struct NearGround {
     axes: DMat3,
-    /// Distances along both level axes, height along up, scene units, and area of each.
+    /// Each level splat: distances along both level axes, height along up, scene units, and area, square units.
     points: Vec<[f32; 4]>,
+    /// Each splat whichever way it faces: the same, with the area that it covers as seen from above.
+    covers: Vec<[f32; 4]>,
 }
 
 impl NearGround {
@@ -38,40 +45,83 @@ impl NearGround {
         let sky = SkyRegion::of(splats);
         let (x, y) = horizontals(up);
         let axes = DMat3::from_cols(x, y, up).transpose();
-        let points = (0..splats.len())
-            .filter(|index| splats.is_sound(*index) && !sky.holds(splats, *index))
-            .filter_map(|index| point(splats, index))
-            .filter(|point| point.normal.dot(up).abs() > LEVEL)
-            .map(|point| {
-                let [x, y, height] = (axes * point.at).to_array().map(|v| v as f32);
-                [x, y, height, point.area as f32]
-            });
-        Self { axes, points: points.collect() }
+        let placed = |at: DVec3, area: f64| {
+            let [x, y, height] = (axes * at).to_array().map(|v| v as f32);
+            [x, y, height, area as f32]
+        };
+        let (mut points, mut covers) = (Vec::new(), Vec::new());
+        for index in (0..splats.len()).filter(|index| splats.is_sound(*index) && !sky.holds(splats, *index)) {
+            if let Some(point) = point(splats, index).filter(|point| point.normal.dot(up).abs() > LEVEL) {
+                points.push(placed(point.at, point.area));
+            }
+            let at = DVec3::from_array(splats.means[index].map(f64::from));
+            covers.push(placed(at, cover_from_above(splats, index, axes)));
+        }
+        Self { axes, points, covers }
     }
 
     /// Height along up, scene units, of the ground straight under a point of the scene: of the plane that fits the lowest large level
-    /// surface around. `None` where there is none within 20 m.
+    /// surface around, moved to where that is seen from above: large splats lie below what a capture shows of its ground.
+    /// `None` where there is none within 20 m.
     #[must_use]
     pub fn height_under(&self, eye: DVec3, metres_per_unit: f64) -> Option<f64> {
         let [x, y, top] = (self.axes * eye).to_array();
         ROUNDS.iter().find_map(|metres| {
-            let radius = metres / metres_per_unit;
-            let near: Vec<[f64; 4]> = self
-                .points
-                .iter()
-                .map(|point| point.map(f64::from))
-                .map(|[px, py, height, area]| {
-                    [px - x, py - y, height - top, area].map(|v| v * metres_per_unit)
-                })
-                .filter(|[px, py, height, _]| px.hypot(*py) < radius * metres_per_unit && *height < -EYE)
-                .collect();
-            height_of(&near).map(|height| top + height / metres_per_unit)
+            let near = |all: &[[f32; 4]]| -> Vec<[f64; 4]> {
+                let away = |[px, py, height, area]: [f64; 4]| {
+                    let [px, py, height] = [px - x, py - y, height - top].map(|v| v * metres_per_unit);
+                    [px, py, height, area * metres_per_unit * metres_per_unit]
+                };
+                let placed = all.iter().map(|point| away(point.map(f64::from)));
+                placed.filter(|[px, py, height, _]| px.hypot(*py) < *metres && *height < -EYE).collect()
+            };
+            let plane = plane_of(&near(&self.points))?;
+            let height = plane[0] + seen_over(plane, &near(&self.covers), *metres);
+            Some(top + height / metres_per_unit)
         })
     }
 }
 
-/// Height at the middle of the ground among points `[x, y, height, area]`, m.
-fn height_of(points: &[[f64; 4]]) -> Option<f64> {
+/// Returns the area that a splat covers as seen from above, square units: its opacity over the plane along the first two axes.
+fn cover_from_above(splats: &Splats, index: usize, axes: DMat3) -> f64 {
+    let turn = quat::to_matrix(splats.quats[index].map(f64::from));
+    let scales = splats.log_scales[index].map(|scale| f64::from(scale).exp());
+    // The splat's axes in those of the plane, each as long as its standard deviation.
+    let along = |k: usize| axes * DVec3::from_array(turn.map(|row| row[k])) * scales[k];
+    let spread = [0, 1, 2].map(along);
+    let sum = |a: usize, b: usize| spread.iter().map(|axis| axis[a] * axis[b]).sum::<f64>();
+    TAU * splats.opacity(index) * (sum(0, 0) * sum(1, 1) - sum(0, 1).powi(2)).max(0.0).sqrt()
+}
+
+/// Returns the height over a plane at which half of what comes from above has been stopped by splats `[x, y, height, area]` within a
+/// radius, m: the median over the cells of a grid in which so much is stopped near the plane; 0 if there are none.
+fn seen_over(plane: [f64; 3], covers: &[[f64; 4]], radius: f64) -> f64 {
+    let cell = radius / CELLS;
+    let mut near: Vec<([i32; 2], f64, f64)> = covers
+        .iter()
+        .map(|[x, y, height, area]| {
+            let over = height - plane[0] - plane[1] * x - plane[2] * y;
+            ([x, y].map(|v| (v / cell).floor() as i32), over, *area)
+        })
+        .filter(|(_, over, _)| (SEEN[0]..SEEN[1]).contains(over))
+        .collect();
+    near.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
+    let half = LN_2 * cell * cell;
+    let mut heights: Vec<f64> = near
+        .chunk_by(|a, b| a.0 == b.0)
+        .filter_map(|cell| {
+            let mut stopped = 0.0;
+            cell.iter().find_map(|(_, over, area)| {
+                stopped += area;
+                (stopped >= half).then_some(*over)
+            })
+        })
+        .collect();
+    if heights.is_empty() { 0.0 } else { quantile(&mut heights, 0.5) }
+}
+
+/// Height in the middle of the ground among points `[x, y, height, area]`, m, and its slopes along both axes.
+fn plane_of(points: &[[f64; 4]]) -> Option<[f64; 3]> {
     if points.len() < LEAST {
         return None;
     }
@@ -106,7 +156,7 @@ fn height_of(points: &[[f64; 4]]) -> Option<f64> {
         }
         plane = fit.to_array();
     }
-    Some(plane[0])
+    Some(plane)
 }
 
 #[cfg(test)]
@@ -133,9 +183,30 @@ mod tests {
             }
         }
         points.extend((0..20).map(|i| [0.1 * f64::from(i), 0.0, -4.0, 0.002]));
-        let height = height_of(&points).unwrap();
+        let height = plane_of(&points).unwrap()[0];
         assert!((height + 1.7).abs() < 0.01, "{height}");
-        assert_eq!(height_of(&points[..30]), None);
+        assert_eq!(plane_of(&points[..30]), None);
+    }
+
+    /// Paving as captures have it: small splats that are seen, any way up, and large level ones up to 0.3 m below them.
+    #[test]
+    fn the_ground_is_where_it_is_seen() {
+        let mut place = synthetic::Builder::new(5);
+        for (count, depth, size, is_level) in
+            [(60_000, [0.0, 0.02], 0.06, false), (1500, [0.05, 0.3], 0.3, true)]
+        {
+            for _ in 0..count {
+                let [x, y] = [0; 2].map(|_| place.draw(-4.0, 4.0));
+                let at = DVec3::new(x, y, 0.03 * y - place.draw(depth[0], depth[1]));
+                let normal = if is_level { DVec3::Z } else { place.anywhere() };
+                place.fleck(at, normal, size, [0.4; 3]);
+            }
+        }
+        let ground = NearGround::of(&place.build(), DVec3::Z);
+        for [x, y] in [[0.0, 0.0], [1.0, -1.0]] {
+            let height = ground.height_under(DVec3::new(x, y, 1.7), 1.0).unwrap();
+            assert!((height - 0.03 * y).abs() < 0.03, "{height} at {y}");
+        }
     }
 
     #[test]
