@@ -66,9 +66,9 @@ const PLAIN: f32 = 0.5;
 const ABOUT_CROWN: [f32; 4] = [0.5, 1.0, 2.0, 3.0];
 const CROWN_STANDS: f32 = 0.5;
 const LEAVES: [(usize, f32); 2] = [(3, 0.6), (5, 0.85)];
-/// Least standard deviation of the cosine between up and the normals of leaves, 0.29 where they look everywhere and less where photos
+/// Least standard deviation of the cosine between up and the normals of leaves: 0.29 where they look everywhere, and less where photos
 /// are fused to surfaces: on both sides of a roof it is the same.
-const LEAVES_SPREAD: f32 = 0.05;
+const LEAVES_SPREAD: f32 = 0.15;
 /// Deepest that lies on leaves, m, and the shares of them that hold nothing and that hold all: snow lies on crowns in clumps.
 const ON_LEAVES: f32 = 0.08;
 const CLUMPS: [f32; 2] = [0.25, 0.45];
