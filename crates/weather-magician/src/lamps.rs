@@ -98,7 +98,7 @@ struct PathLamps {
 #[derive(Debug, Default)]
 pub(crate) struct PlaceLamps {
     scene: LampLights,
-    /// Found when a weather first asks for them: that takes a look at all splats.
+    /// Found when a weather first asks for them, since all splats are looked at.
     path: OnceLock<PathLamps>,
 }
 

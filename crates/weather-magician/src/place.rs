@@ -365,7 +365,7 @@ impl PreparedPlace {
         &self.survey
     }
 
-    /// The facts that weather uses; of the light of lamps, that of those that the scene states.
+    /// The facts that weather uses. Their light of lamps is that of the lamps that the scene states.
     #[must_use]
     pub fn site(&self) -> &Site {
         &self.site
@@ -1433,7 +1433,8 @@ fn site_of(survey: &Survey, lamps: &PlaceLamps) -> Site {
         light: SiteLight::Captured,
         far: 3.0 * survey.radius.max(1e-6) * survey.metres_per_unit.value,
     };
-    Site { lamps: LampLevels { scene: lamps.level(&site), path: 0.0 }, ..site }
+    let level = lamps.level(&site);
+    Site { lamps: LampLevels { scene: level, path: level }, ..site }
 }
 
 /// Fails if `place` was loaded by another renderer.

@@ -223,7 +223,7 @@ impl WeatherSample {
         tracks.get(EFFECTS[*on].param(param)?)
     }
 
-    /// Returns true if it asks for lamps where the scene states none.
+    /// Returns true if lamps are wanted where the scene states none.
     #[must_use]
     pub fn asks_for_guessed_lamps(&self) -> bool {
         let lamps = self.track("light", "lamps").map(|track| track.at(self.time));

@@ -23,18 +23,18 @@ const FAIR: f64 = 0.35;
 const THICKNESS: [f64; 5] = [0.3, 0.2, 0.12, 0.08, 0.08];
 /// Steepest ground that is followed, height over way.
 const STEEPEST: f64 = 0.4;
-/// Heights below and above the plane of the level splats between which the ground is seen, m.
+/// Lowest and highest place of the visible ground over the plane of the level splats, m.
 const SEEN: [f64; 2] = [-0.3, 0.4];
-/// Cells along the radius of the round in which that is looked for.
+/// Cells along the radius of a round in each of which the visible ground is looked for.
 const CELLS: f64 = 8.0;
 
-/// The surfaces of a scene that ground is found among, for [`Self::height_under`].
+/// The splats of a scene in which the ground under a point is found.
 #[derive(Clone, Debug, Default)]
 pub struct NearGround {
     axes: DMat3,
-    /// Each level splat: distances along both level axes, height along up, scene units, and area, square units.
+    /// The level splats: distances along both level axes and height along up, scene units, and area, square units.
     points: Vec<[f32; 4]>,
-    /// Each splat whichever way it faces: the same, with the area that it covers as seen from above.
+    /// All splats, as in `points`, but with the area that each covers as seen from above.
     covers: Vec<[f32; 4]>,
 }
 
@@ -82,7 +82,8 @@ impl NearGround {
     }
 }
 
-/// Returns the area that a splat covers as seen from above, square units: its opacity over the plane along the first two axes.
+/// Returns the area that a splat covers as seen from above, square units: the integral of its opacity over the level plane. `axes` are
+/// the two level axes and up, in rows.
 fn cover_from_above(splats: &Splats, index: usize, axes: DMat3) -> f64 {
     let turn = quat::to_matrix(splats.quats[index].map(f64::from));
     let scales = splats.log_scales[index].map(|scale| f64::from(scale).exp());
@@ -93,8 +94,9 @@ fn cover_from_above(splats: &Splats, index: usize, axes: DMat3) -> f64 {
     TAU * splats.opacity(index) * (sum(0, 0) * sum(1, 1) - sum(0, 1).powi(2)).max(0.0).sqrt()
 }
 
-/// Returns the height over a plane at which half of what comes from above has been stopped by splats `[x, y, height, area]` within a
-/// radius, m: the median over the cells of a grid in which so much is stopped near the plane; 0 if there are none.
+/// Returns the height of the visible ground over a plane, m. In each cell of a grid the ground is seen where the splats
+/// `[x, y, height, area]` above have stopped half of the light from above; the median over the cells is returned, and 0 if so much is
+/// stopped in none.
 fn seen_over(plane: [f64; 3], covers: &[[f64; 4]], radius: f64) -> f64 {
     let cell = radius / CELLS;
     let mut near: Vec<([i32; 2], f64, f64)> = covers

@@ -54,7 +54,7 @@ impl Survey {
             )
         }));
         lines.extend(self.sun_fault.map(|fault| format!("sun: not known: {fault}")));
-        let reasons = self.up_estimate.iter().flat_map(|estimate| [estimate.reasons(), estimate.left()]);
+        let reasons = self.up_estimate.iter().flat_map(|estimate| [estimate.reasons(), estimate.slopes()]);
         let up = lines.iter().position(|line| line.starts_with("up: ")).unwrap_or(0);
         lines.splice(up + 1..up + 1, reasons.flatten().collect::<Vec<_>>());
         lines
@@ -175,11 +175,9 @@ impl UpEstimate {
             ),
         })
     }
-}
 
-impl UpEstimate {
-    /// What the ground and the walls still differ from up, in one line.
-    fn left(&self) -> Option<String> {
+    /// Says by how much the ground falls and the walls lean, in one line; `None` where neither was found.
+    fn slopes(&self) -> Option<String> {
         let ground = self.ground_normal.map(|normal| {
             let fall = normal.reject_from_normalized(self.up) / normal.dot(self.up);
             let [x, y, z] = fall.normalize_or_zero().to_array().map(|v| Short(v, 2));

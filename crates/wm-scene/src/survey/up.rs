@@ -30,7 +30,7 @@ const RATED: usize = 8000;
 const PEAK: f64 = 0.978;
 /// A world axis within this angle of what is seen is meant, degrees.
 const SAME_AXIS: f64 = 0.4;
-/// A world axis beyond this angle, degrees, is none that a program aligned the scene to.
+/// Angle between what is seen and the nearest world axis, degrees, up to which a program may have aligned the scene to that.
 const NEAR_AXIS: f64 = 6.0;
 /// Cameras held within this of up told it, as a cosine: 20 degrees.
 const AGREE: f64 = 0.94;
@@ -309,7 +309,8 @@ fn walls(sample: &SurveySample, up: DVec3) -> Option<DVec3> {
     Some(plumb)
 }
 
-/// A world axis near `up` where only along that there is a ground: then the surfaces are too rough to tell more. Else `up`.
+/// Returns the world axis near `up` if there is a ground along that and none along `up`: then the surfaces are too rough to tell
+/// more. Else returns `up`.
 fn on_ground(sample: &SurveySample, views: &[SceneView], up: DVec3) -> DVec3 {
     let axis = nearest_axis(up);
     let is_near = axis.angle_between(up).to_degrees() < NEAR_AXIS;

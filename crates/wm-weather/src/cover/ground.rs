@@ -66,8 +66,8 @@ const PLAIN: f32 = 0.5;
 const ABOUT_CROWN: [f32; 4] = [0.5, 1.0, 2.0, 3.0];
 const CROWN_STANDS: f32 = 0.5;
 const LEAVES: [(usize, f32); 2] = [(3, 0.6), (5, 0.85)];
-/// Least standard deviation of the cosine between up and the normals of leaves: 0.29 where they look everywhere, and less where photos
-/// are fused to surfaces: on both sides of a roof it is the same.
+/// Least standard deviation of the cosine between up and the normals of leaves. It is 0.29 where they point everywhere; on both sides
+/// of a roof the cosine is the same.
 const LEAVES_SPREAD: f32 = 0.15;
 /// Deepest that lies on leaves, m, and the shares of them that hold nothing and that hold all: snow lies on crowns in clumps.
 const ON_LEAVES: f32 = 0.08;
@@ -534,14 +534,13 @@ impl GroundGrid {
         near[count / 2]
     }
 
-    /// The mean of a value over the splats of the scene that are on each node's surface, by their opacity, as its sum and
-    /// the sum of the opacities.
-    pub(super) fn sums_of_splats(
+    /// Returns the sums of values, each times the opacity, over the splats of the scene that are on each node's surface.
+    pub(super) fn sums_of_splats<const N: usize>(
         &self,
         splats: &Splats,
-        value: impl Fn(usize) -> f32 + Sync,
+        value: impl Fn(usize) -> [f32; N] + Sync,
         threads: usize,
-    ) -> Vec<[f32; 2]> {
+    ) -> Vec<[f32; N]> {
         let own = OWN.max(OWN_CELLS * self.cell);
         let of = |index: usize| {
             if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
@@ -552,13 +551,13 @@ impl GroundGrid {
             let near = |node: &usize| (self.height[*node] - height as f32).abs() < own;
             let node = self.nodes_of(cell).find(near)?;
             let weight = splats.opacity(index) as f32;
-            Some((node as u32, [weight * value(index), weight]))
+            Some((node as u32, value(index).map(|value| weight * value)))
         };
         let found = map(splats.len().div_ceil(CHUNK), threads, |chunk| {
             let last = splats.len().min((chunk + 1) * CHUNK);
             (chunk * CHUNK..last).filter_map(of).collect::<Vec<_>>()
         });
-        let mut sums = vec![[0.0f32; 2]; self.len()];
+        let mut sums = vec![[0.0f32; N]; self.len()];
         for (node, added) in found.into_iter().flatten() {
             sums[node as usize].iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
         }
@@ -584,14 +583,8 @@ impl GroundGrid {
                 [flat * cosine, flat * cosine * cosine, flat]
             });
         } else {
-            let [first, second] = [1, 2].map(|power| {
-                self.sums_of_splats(&scan.splats, |splat| cosine(splat).abs().powi(power), threads)
-            });
-            sums = first
-                .iter()
-                .zip(second)
-                .map(|([sum, weight], [square, _])| [*sum, square, *weight])
-                .collect();
+            let value = |splat: usize| [cosine(splat).abs(), cosine(splat).powi(2), 1.0];
+            sums = self.sums_of_splats(&scan.splats, value, threads);
         }
         for _ in 0..2 {
             sums = map(self.len(), threads, |node| self.mean_about(node, |other| Some(sums[other])));

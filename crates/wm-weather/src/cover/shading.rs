@@ -36,7 +36,7 @@ impl GroundGrid {
     fn light(&self, splats: &Splats, threads: usize) -> Vec<f32> {
         let bright = |index: usize| {
             let rgb = splats.base_color(index).map(|v| srgb_decode(v.max(0.0)));
-            luminance(rgb) as f32
+            [luminance(rgb) as f32, 1.0]
         };
         self.sums_of_splats(splats, bright, threads).into_iter().map(|[sum, weight]| sum / weight).collect()
     }
