@@ -7,9 +7,11 @@ use crate::viewer::{ViewerOptions, run as serve, server::ServerArgs};
 use crate::weather::WeatherArgs;
 use anyhow::{Context, Result};
 use clap::Args;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use weather_magician::panorama_file::read_panorama;
 use wm_scene::FormatError;
+use wm_viewer::catalog::{panorama_name, panoramas_of};
 
 /// Options of `view`.
 #[derive(Args, Debug)]
@@ -42,9 +44,11 @@ pub fn run(args: &ViewArgs) -> Result<()> {
     // Saved files are in another folder than the weather that was read.
     let here = std::env::current_dir().context("cannot find the current folder")?;
     weather.resolve_images(&here);
-    let panorama =
-        |path: &PathBuf| -> Result<_> { Ok((here.join(path).display().to_string(), read_panorama(path)?)) };
-    let panoramas = args.panorama.iter().map(panorama).collect::<Result<_>>()?;
+    let panorama = |path: &PathBuf| -> Result<_> {
+        Ok((panorama_name(&here.join(path)).map_err(anyhow::Error::msg)?, read_panorama(path)?))
+    };
+    let mut panoramas = args.panorama.iter().map(panorama).collect::<Result<BTreeMap<_, _>>>()?;
+    panoramas.extend(panoramas_of(&weather).map_err(anyhow::Error::msg)?);
     std::fs::metadata(&args.scene.scene).map_err(|error| FormatError::reading(&args.scene.scene, error))?;
     let options = ViewerOptions {
         scene: &args.scene,

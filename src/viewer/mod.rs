@@ -38,7 +38,6 @@ use std::time::{Duration, Instant};
 use videos::VideoList;
 use weather_magician::{PreparedPlace, Renderer};
 use wm_scene::survey::Survey;
-use wm_viewer::catalog::panoramas_of;
 use wm_viewer::page::PageKind;
 use wm_viewer::{Catalog, ViewState};
 use wm_weather::{Panorama, Weather};
@@ -61,7 +60,7 @@ pub struct ViewerOptions<'a> {
     pub run: &'a RunArgs,
     /// The weather at the start.
     pub weather: Weather,
-    /// Further panoramas, by the paths that weather files use for them.
+    /// The weather's panoramas and further ones, by the paths that weather files use for them.
     pub panoramas: BTreeMap<String, Arc<Panorama>>,
 }
 
@@ -216,8 +215,6 @@ fn open(
     facts.restore(&mut loaded.renderer, &mut loaded.place);
     let camera = options.viewpoint.start(&mut loaded)?;
     let OpenScene { renderer, place } = loaded;
-    let mut panoramas = options.panoramas;
-    panoramas.extend(panoramas_of(&options.weather));
     let catalog = Catalog {
         stem: stem_of(&options.scene.scene),
         words: words::scene_words(options.scene, options.sky, options.viewpoint.views.as_ref())
@@ -233,7 +230,7 @@ fn open(
         renderer: renderer.describe(),
         views: place.scene().views.iter().map(|view| (view.name.clone(), view.camera)).collect(),
         weather: options.weather,
-        panoramas,
+        panoramas: options.panoramas,
         has_video: cfg!(feature = "h264"),
     };
     let start = catalog.initial_state(&camera);

@@ -57,6 +57,12 @@ fn names_of_any_bytes() {
         [OsStr::new("render"), name, OsStr::new("--out"), out].into_iter().chain(usual).collect();
     assert!(place.run(words).status.success());
     assert!(place.path().join(out).is_file());
+    // What the page writes into links and commands is text.
+    #[cfg(feature = "viewer")]
+    place.refused(
+        [OsStr::new("view"), name, OsStr::new("--panorama"), out],
+        &["p\u{fffd}.png: its path is not text in UTF-8; rename it"],
+    );
     fs::write(place.path().join(name), "ply\n").unwrap();
     place.refused([OsStr::new("inspect"), name], &["b\u{fffd}d\\n.ply: cut off in the header"]);
 }

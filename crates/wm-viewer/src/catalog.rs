@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
+use std::path::Path;
 use std::sync::Arc;
 use weather_magician::view::ViewOptions;
 use weather_magician::view::path::{CameraPath, PathKey};
@@ -214,13 +215,23 @@ fn param(param: &Param) -> Value {
 }
 
 /// Returns the panoramas that a weather uses, by path.
-pub fn panoramas_of(weather: &Weather) -> BTreeMap<String, Arc<Panorama>> {
+///
+/// # Errors
+/// As [`panorama_name`].
+pub fn panoramas_of(weather: &Weather) -> Result<BTreeMap<String, Arc<Panorama>>, String> {
     let keys = weather.effects().flat_map(|(_, tracks)| tracks).flat_map(wm_weather::Track::keys);
     let picture = |key: &wm_weather::Keyframe| match &key.value {
-        ParamValue::Image(picture) => {
-            Some((picture.path().to_str()?.to_owned(), Arc::clone(picture.panorama()?)))
-        }
+        ParamValue::Image(picture) => Some((picture.path().to_owned(), Arc::clone(picture.panorama()?))),
         _ => None,
     };
-    keys.filter_map(picture).collect()
+    keys.filter_map(picture).map(|(path, picture)| Ok((panorama_name(&path)?, picture))).collect()
+}
+
+/// Returns the text by which states, links and commands name the panorama at a path.
+///
+/// # Errors
+/// The path is not UTF-8, so that no text can name it.
+pub fn panorama_name(path: &Path) -> Result<String, String> {
+    let name = path.to_str().map(str::to_owned);
+    name.ok_or_else(|| format!("panorama {}: its path is not text in UTF-8; rename it", path.display()))
 }

@@ -203,7 +203,7 @@ pub fn run(args: &ExportWebArgs) -> Result<()> {
 
 /// Fails if a weather needs a file that a site has no room for.
 fn check_weather(weather: &Weather) -> Result<()> {
-    match panoramas_of(weather).into_keys().next() {
+    match panoramas_of(weather).map_err(anyhow::Error::msg)?.into_keys().next() {
         Some(path) => bail!(
             "sky.panorama {path}: a site has no panoramas yet; choose another sky, such as --set sky=overcast"
         ),

@@ -12,6 +12,7 @@ pub(crate) mod habits;
 pub(crate) mod linear;
 mod near_ground;
 mod own_sky;
+mod plan;
 mod report;
 mod sample;
 mod sky;

@@ -130,6 +130,31 @@ fn no_axis_overrules_walls() {
     }
 }
 
+/// Trainings leave the normals of walls biased; high walls still tell up by where they are.
+#[test]
+fn high_walls_tell_up_by_where_they_stand() {
+    let mut place = Builder::new(3);
+    place.block(DVec3::new(0.0, 0.0, -0.2), DVec3::new(60.0, 60.0, 0.2), 0.6, [0.4; 3]);
+    for (x, y) in [(-18.0, -20.0), (22.0, -17.0), (-20.0, 21.0), (16.0, 20.0)] {
+        place.block(DVec3::new(x, y, 0.0), DVec3::new(12.0, 9.0, 35.0), 0.5, [0.6, 0.5, 0.4]);
+    }
+    let mut place = place.build();
+    let bias = DQuat::from_axis_angle(DVec3::new(0.8, 0.6, 0.0), 2f64.to_radians());
+    for (mean, quat) in place.means.iter().zip(&mut place.quats) {
+        if mean[2] > 1.0 {
+            let [w, x, y, z] = quat.map(f64::from);
+            let turned = bias * DQuat::from_xyzw(x, y, z, w);
+            *quat = [turned.w, turned.x, turned.y, turned.z].map(|v| v as f32);
+        }
+    }
+    for axis in [DVec3::X, DVec3::new(0.6, -0.8, 0.0)] {
+        let turn = DQuat::from_axis_angle(axis, 1.5f64.to_radians());
+        let found = survey(moved(&place, turn, 1.0, DVec3::ZERO));
+        let error = off(&found, turn * DVec3::Z);
+        assert!(error < 0.5, "about {axis}: {error} off");
+    }
+}
+
 /// A figure without ground: the splats tell nothing, so up is what most programs write, and said to be a guess.
 #[test]
 fn a_figure_on_nothing_stands_as_programs_write_it() {

@@ -18,7 +18,7 @@ use super::habits::{self, Habit, HabitKind};
 use super::linear::{direction, eigen, horizontals, outer, quantile};
 use super::sample::{SurveyPoint, SurveySample, strided};
 use super::sky::SkyRegion;
-use super::{Confidence, FactSource, HANDFUL, ground};
+use super::{Confidence, FactSource, HANDFUL, ground, plan};
 use crate::{Camera, SceneView, Splats};
 use glam::{DMat3, DVec3};
 
@@ -265,7 +265,8 @@ fn refined(sample: &SurveySample, rated: &[SurveyPoint], up: DVec3, limit: f64) 
     let ground = plane.filter(|normal| normal.dot(up) > limit);
     let level = ground.unwrap_or(start);
     // Plumb walls do not stand on steep ground: beyond 8 degrees it is something else that was found.
-    let walls = walls(sample, level).filter(|plumb| plumb.dot(level) > 0.99);
+    let walls =
+        plan::plumb(sample, level).or_else(|| walls(sample, level)).filter(|plumb| plumb.dot(level) > 0.99);
     let (up, deviation) = match (walls, ground) {
         (Some(plumb), Some(level)) if plumb.angle_between(level).to_degrees() < SLOPE => {
             let [a, b] = [WALLS, GROUND].map(|degrees| degrees.powi(-2));
@@ -278,7 +279,7 @@ fn refined(sample: &SurveySample, rated: &[SurveyPoint], up: DVec3, limit: f64) 
     Refined { up, deviation, ground, walls }
 }
 
-/// The direction that walls have in them, near `up`; `None` where there are few, or all are parallel.
+/// The direction that walls have in them by their normals, near `up`; `None` where there are few, or all are parallel.
 fn walls(sample: &SurveySample, up: DVec3) -> Option<DVec3> {
     let mut plumb = up;
     let total: f64 = sample.points.iter().map(|p| p.area).sum();

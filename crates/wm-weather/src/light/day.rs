@@ -86,7 +86,8 @@ impl OpenLight {
         let rest = std::array::from_fn(|k| (level[k] - sun[k] * sin_sun.max(0.0) - sky[k]).max(0.0));
         let grey = luminance(rest);
         let overcast = std::array::from_fn(|k| GREY[k] * grey + GLOW[k] * glow);
-        let gradation = gradation(irradiance, tint.map(|v| v * through * EFFICACY));
+        let zenith = clear.radiance(1.0, day.sin());
+        let gradation = gradation(irradiance, zenith, tint.map(|v| v * through * EFFICACY));
         let cloudy = SkyGradation::overcast(overcast);
         let add = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| a[k] + b[k]);
         let sky = SkyGradation {
@@ -138,10 +139,14 @@ fn twilight(elevation: f64, highest: f64) -> f64 {
 }
 
 /// The gradation by elevation with these irradiances of a clear sky on level ground and, in the mean over all sides, on upright
-/// walls; radiances times `factor`.
-fn gradation([level, upright]: [[f64; 3]; 2], factor: [f64; 3]) -> SkyGradation {
-    // pi (l + 2/3 r) on the level, (pi/2) l + (2/3) r upright.
-    let rise: [f64; 3] = std::array::from_fn(|k| (level[k] / 2.0 - upright[k]) / (PI / 3.0 - 2.0 / 3.0));
+/// walls; radiances times `factor`. Towards the zenith it falls to no less than the radiance there: below a low sun the red light of
+/// the sky is near the horizon, and a courtyard that sees the zenith alone would get none of it.
+fn gradation([level, upright]: [[f64; 3]; 2], zenith: [f64; 3], factor: [f64; 3]) -> SkyGradation {
+    // pi (l + 2/3 r) on the level, (pi/2) l + (2/3) r upright, l + r at the zenith.
+    let rise: [f64; 3] = std::array::from_fn(|k| {
+        let by_walls = (level[k] / 2.0 - upright[k]) / (PI / 3.0 - 2.0 / 3.0);
+        by_walls.max(3.0 * (zenith[k] - level[k] / PI))
+    });
     let at_horizon: [f64; 3] = std::array::from_fn(|k| level[k] / PI - 2.0 / 3.0 * rise[k]);
     SkyGradation {
         level: std::array::from_fn(|k| at_horizon[k] * factor[k]),

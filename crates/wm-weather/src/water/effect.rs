@@ -4,7 +4,7 @@ use super::WATER_INDEX;
 use super::body::WaterBody;
 use super::fresnel::fresnel_of;
 use super::map::WaterMap;
-use super::mirror::{MirrorView, MirroredPicture};
+use super::mirror::{Extent, MirrorView, MirroredPicture};
 use super::motion::WaterMotion;
 use super::rills::Slope;
 use super::surface::{FILM, NODES, WaterSurface};
@@ -559,7 +559,7 @@ impl<'a> Scene<'a> {
             let still = simd.load(&pixels.still[start..]);
             let slopes = self.slopes(simd, &point, still, (NODES.ilog2() as f32, is_wet.to_bitmask() as u32));
             let facet = Facet::new(self, simd, point, (slopes, still));
-            let far = self.reach(simd, (&facet.from, &facet.first.0), (point.distance, facet.rough), is_wet);
+            let far = self.reach(simd, &facet, point.distance, is_wet);
             (simd.set(1.0) / far).store_slice(&mut pixels.reach[start..start + S::N]);
         }
     }
@@ -630,15 +630,15 @@ impl<'a> Scene<'a> {
         let still = simd.load(&pixels.still[start..]);
         let point = Point::new(self, simd, (simd.load(&pixels.x[start..]), pixels.y), z);
         let slopes = self.slopes(simd, &point, still, (0.0, wanted));
-        let Facet { from, tilt, first, rough } = Facet::new(self, simd, point, (slopes, still));
+        let facet = Facet::new(self, simd, point, (slopes, still));
         let free = (one - still * (1.0 / FILM)).max(zero);
         let known = simd.load(&pixels.reach[start..]);
         let is_known = known.simd_eq(known);
         let mut far = one / known;
         if !(is_known | !is_wet).all_true() {
-            let found = self.reach(simd, (&from, &first.0), (point.distance, rough), is_wet & !is_known);
-            far = is_known.select(far, found);
+            far = is_known.select(far, self.reach(simd, &facet, point.distance, is_wet & !is_known));
         }
+        let Facet { from, tilt, first, rough } = facet;
         // A lobe as it is seen in the mirrored picture: two slopes tall, and as much narrower as a facet is met at less of an angle. Of
         // what stands at the water it is a point.
         let tall = self.lobe::<S>(rough, far, point.distance);
@@ -654,8 +654,17 @@ impl<'a> Scene<'a> {
             () if (is_wet & is_near_film).any_true() => CLOSE.0.len(),
             () => MANY.0.len(),
         };
-        let width = |cosine: S::F| is_sharp.select(one, (wide * cosine.max(zero)).max(apart * tall));
-        let mut fineness = self.mirrored.fineness(simd, width(first.1));
+        let mut middle = from;
+        for k in 0..3 {
+            middle[k] = far.mul_add(first.0[k], from[k]);
+        }
+        let (middle, _) = self.project(simd, &middle);
+        let slant = self.slant(simd, middle);
+        let extent = |cosine: S::F| {
+            let along = is_sharp.select(one, apart * tall);
+            Extent { wide: is_sharp.select(one, (wide * cosine.max(zero)).max(along * slant)), tall: along }
+        };
+        let mut fineness = self.mirrored.fineness(simd, extent(first.1));
         let (mut sum, mut seen) = (zero, zero);
         let mut light = [[0.0; 4]; GROUP];
         for k in 0..count {
@@ -666,15 +675,18 @@ impl<'a> Scene<'a> {
             // Slopes that look away from the eye are not seen.
             let weight = weight * cosine.max(point.sine * 0.02);
             let part = weight * fresnel_of(simd, cosine.max(zero));
-            let mut mirrored = from;
-            for k in 0..3 {
-                mirrored[k] = far.mul_add(way[k], from[k]);
+            let mut at = middle;
+            if k > 0 {
+                let mut mirrored = from;
+                for k in 0..3 {
+                    mirrored[k] = far.mul_add(way[k], from[k]);
+                }
+                (at, _) = self.project(simd, &mirrored);
             }
-            let (at, _) = self.project(simd, &mirrored);
             // Facets that are met at less of an angle throw light farther aside: of films, whose looks are close, that is wider than they
             // are apart.
             if k > 0 && count == CLOSE.0.len() {
-                fineness = self.mirrored.fineness(simd, width(cosine));
+                fineness = self.mirrored.fineness(simd, extent(cosine));
             }
             sum += weight;
             seen += part;
@@ -706,13 +718,9 @@ impl<'a> Scene<'a> {
     /// steps. On a rough surface it is the mean, in the reciprocal, over the middle of the lobe: the depth of one point would jump at the
     /// silhouettes of what is mirrored, and with it the size of the lobe.
     #[inline(always)]
-    fn reach<S: Lanes>(
-        &self,
-        simd: S,
-        (from, way): (&[S::F; 3], &[S::F; 3]),
-        (distance, rough): (S::F, S::F),
-        is_wet: S::M,
-    ) -> S::F {
+    fn reach<S: Lanes>(&self, simd: S, facet: &Facet<S>, distance: S::F, is_wet: S::M) -> S::F {
+        let Facet { from, first: (way, cosine), rough, .. } = facet;
+        let (cosine, rough) = (*cosine, *rough);
         let farthest = simd.set(FAR);
         let mut far = farthest;
         let mut going = is_wet;
@@ -735,7 +743,9 @@ impl<'a> Scene<'a> {
             let sharp = wanted & is_sharp.to_bitmask() as u32;
             let mut inverse = self.mirrored.inverse_depth(simd, at, sharp);
             if sharp != wanted {
-                let fineness = self.mirrored.fineness(simd, tall * BLENDED);
+                let tall = tall * BLENDED;
+                let narrow = cosine.max(self.slant(simd, at)).min(simd.set(1.0));
+                let fineness = self.mirrored.fineness(simd, Extent { wide: tall * narrow, tall });
                 inverse += self.mirrored.mean_inverse_depth(simd, at, &fineness, wanted & !sharp);
             }
             let inverse = inverse * (1.0 / self.metres);
@@ -751,6 +761,20 @@ impl<'a> Scene<'a> {
             far = going.select(is_met.select(met, farthest), far);
         }
         far
+    }
+
+    /// How far aside upright lines lean at points of the mirrored picture, of their length, 0-1: lobes lie along them.
+    #[inline(always)]
+    fn slant<S: Lanes>(&self, simd: S, at: [S::F; 2]) -> S::F {
+        let mut lean = at;
+        for k in 0..2 {
+            // The change of a picture point when its point rises, times its view z.
+            let from_middle = at[k] - simd.set(self.principal[k]);
+            lean[k] =
+                from_middle.mul_add(simd.set(-self.view[2][2]), simd.set(self.focal[k] * self.view[k][2]));
+        }
+        let length = lean[0].mul_add(lean[0], lean[1] * lean[1]).sqrt().max(simd.set(1e-3));
+        lean[0].max(-lean[0]) / length
     }
 
     /// Picture points of the mirrored view and view z in metres, of points from the mirrored eye.

@@ -4,7 +4,7 @@ use super::map::WaterMap;
 use super::surface::WaterSurface;
 use super::tile::{Kept, Whole, bilinear, fineness};
 use crate::linear_picture::LinearPicture;
-use fearless_simd::{SimdBase, SimdFloat, f32x4};
+use fearless_simd::{Select, SimdBase, SimdFloat, f32x4};
 use rayon::prelude::*;
 use wm_render::simd::{Lanes, SimdPath, log2};
 use wm_render::{CutPlane, Frame, dispatch};
@@ -16,6 +16,8 @@ const MARGIN: f64 = 0.06;
 const WATERLINE: f64 = 0.01;
 /// Width of a box over that of a pixel of a halved picture with the same variance: binomial weights reach farther.
 const SMOOTH: f32 = 0.58;
+/// Pieces of a mirrored picture are at most so many times as tall as wide, as a power of 2.
+const TALLEST: usize = 4;
 
 /// A camera at the mirrored eye.
 ///
@@ -62,13 +64,14 @@ impl MirrorView {
 
 /// A mirrored picture in linear light at every fineness, with the reciprocal of its depth.
 ///
-/// Each row ends with its last pixel once more, and each level with its last row, so that look-ups need no edges.
+/// Rough water smears what it mirrors along the view far more than across, so that there are levels for each fineness across and
+/// for each along. Each row ends with its last pixel once more, and each level with its last row, so that look-ups need no edges.
 #[derive(Clone, Debug, Default)]
 pub struct MirroredPicture {
     /// Width and height of the finest level, px.
     size: [f32; 2],
-    /// First pixel and length of a row of each level, finest first.
-    levels: Vec<(usize, usize)>,
+    /// First pixel and length of a row of each level: by the halvings of both sides, and by those of its height beyond them.
+    levels: Vec<[(usize, usize); TALLEST + 1]>,
     /// Red, green, blue, and the reciprocal of the view z.
     pixels: Vec<[f32; 4]>,
     /// The last of these of the finest level.
@@ -87,53 +90,68 @@ impl MirroredPicture {
         }
         let size = [last.width as f32, last.height as f32];
         let (mut levels, mut pixels) = (Vec::new(), Vec::new());
-        pixels.reserve(2 * (last.width + 2) * (last.height + 2));
+        pixels.reserve(3 * (last.width + 2) * (last.height + 2));
         let mut inverse = Vec::new();
-        loop {
-            levels.push((pixels.len(), last.width + 1));
-            for y in (0..last.height).chain([last.height - 1]) {
-                let row = &last.pixels[y * last.width..(y + 1) * last.width];
+        let keep = |level: &LinearPicture, pixels: &mut Vec<[f32; 4]>| {
+            let place = (pixels.len(), level.width + 1);
+            for y in (0..level.height).chain([level.height - 1]) {
+                let row = &level.pixels[y * level.width..(y + 1) * level.width];
                 pixels.extend_from_slice(row);
-                pixels.push(row[last.width - 1]);
+                pixels.push(row[level.width - 1]);
             }
+            place
+        };
+        loop {
+            let mut places = [keep(&last, &mut pixels); TALLEST + 1];
             if inverse.is_empty() {
                 inverse = pixels.iter().map(|pixel| pixel[3]).collect();
             }
-            if last.width.min(last.height) <= 2 {
+            let is_last = last.width.min(last.height) <= 2;
+            let low = half_as_tall(path, &last);
+            places[1] = keep(&low, &mut pixels);
+            let next = half_as_wide(path, &low);
+            let mut lower = low;
+            for place in &mut places[2..] {
+                lower = half_as_tall(path, &lower);
+                *place = keep(&lower, &mut pixels);
+            }
+            levels.push(places);
+            if is_last {
                 return Self { size, levels, pixels, inverse };
             }
-            last = halved(path, &last);
+            last = next;
         }
     }
 
-    /// The fineness for pieces of the picture so many px wide: the levels between which it is, and its share of the coarser one.
+    /// The fineness for pieces of the picture, px: the levels about it, and the share of each.
     #[inline(always)]
     #[must_use]
-    pub(super) fn fineness<S: Lanes>(&self, simd: S, width: S::F) -> Fineness<S> {
+    pub(super) fn fineness<S: Lanes>(&self, simd: S, Extent { wide, tall }: Extent<S>) -> Fineness<S> {
+        let (zero, one) = (simd.set(0.0), simd.set(1.0));
         let last = simd.set((self.levels.len() - 1) as f32);
-        let level = log2(simd, [(width * SMOOTH).max(simd.set(1.0))])[0].max(simd.set(0.0)).min(last);
-        let whole = level.floor();
-        let coarse = (whole + 1.0).min(last);
-        let (first, stride) = self.places(simd, whole);
-        let (coarse_first, coarse_stride) = self.places(simd, coarse);
-        Fineness {
-            scales: [fineness(simd, whole), fineness(simd, coarse)],
-            first: [first, coarse_first],
-            stride: [stride, coarse_stride],
-            part: Kept::of(simd, level - whole),
+        let [across, along] = log2(simd, [(wide * SMOOTH).max(one), (tall * SMOOTH).max(one)]);
+        let across = across.max(zero).min(last);
+        let along = along.max(across).min(across + TALLEST as f32);
+        let whole = [across.floor(), along.floor()];
+        let part = [across - whole[0], along - whole[1]];
+        // Between the corners of a triangle: the fine one, the coarse one, and the one that is coarser on the side that needs it more.
+        let is_tall = part[1].simd_ge(part[0]);
+        let next = [(whole[0] + one).min(last), whole[1] + one];
+        let corners = [whole, [is_tall.select(whole[0], next[0]), is_tall.select(next[1], whole[1])], next];
+        let (less, more) = (part[0].min(part[1]), part[0].max(part[1]));
+        let shares = [one - more, more - less, less];
+        let (mut scales, mut first, mut stride) = ([[zero; 2]; 3], [[0; 16]; 3], [[0; 16]; 3]);
+        for (k, corner) in corners.iter().enumerate() {
+            scales[k] = [fineness(simd, corner[0]), fineness(simd, corner[1])];
+            let taller = (corner[1] - corner[0]).max(zero).min(simd.set(TALLEST as f32));
+            let (halvings, taller) = (Whole::of(simd, corner[0]), Whole::of(simd, taller));
+            for i in 0..S::N {
+                let place = self.levels[halvings.0[i] as usize][taller.0[i] as usize];
+                (first[k][i], stride[k][i]) = (place.0 as u32, place.1 as u32);
+            }
         }
-    }
-
-    /// First pixels and lengths of rows of levels.
-    #[inline(always)]
-    fn places<S: Lanes>(&self, simd: S, level: S::F) -> ([u32; 16], [u32; 16]) {
-        let level = Whole::of(simd, level);
-        let (mut first, mut stride) = ([0; 16], [0; 16]);
-        for i in 0..S::N {
-            let (own_first, own_stride) = self.levels[level.0[i] as usize];
-            (first[i], stride[i]) = (own_first as u32, own_stride as u32);
-        }
-        (first, stride)
+        let [a, b, c] = shares;
+        Fineness { scales, first, stride, shares: [Kept::of(simd, a), Kept::of(simd, b), Kept::of(simd, c)] }
     }
 
     /// Adds the colours at points of the picture, px, times weights, to `sums`, for the lanes that have a bit in `wanted`.
@@ -150,20 +168,23 @@ impl MirroredPicture {
         for k in 0..2 {
             within[k] = points[k].max(simd.set(0.0)).min(simd.set(self.size[k]));
         }
-        let Fineness { scales, first, stride, part } = fineness;
+        let Fineness { scales, first, stride, shares } = fineness;
         let fine = Spots::new(simd, within, scales[0], &first[0], &stride[0]);
-        let coarse = Spots::new(simd, within, scales[1], &first[1], &stride[1]);
+        let middle = Spots::new(simd, within, scales[1], &first[1], &stride[1]);
+        let coarse = Spots::new(simd, within, scales[2], &first[2], &stride[2]);
         let weights = Kept::of(simd, weights);
         let mut todo = wanted;
         while todo != 0 {
             let i = (todo.trailing_zeros() & 15) as usize;
             todo &= todo - 1;
-            let (fine, coarse) = (
-                fine.look(simd, i, stride[0][i], &self.pixels),
-                coarse.look(simd, i, stride[1][i], &self.pixels),
-            );
-            let sum = f32x4::from_slice(simd, &sums[i]);
-            (((coarse - fine) * part.0[i] + fine) * weights.0[i] + sum).store_slice(&mut sums[i]);
+            let mut own = fine.look(simd, i, stride[0][i], &self.pixels) * shares[0].0[i];
+            if shares[1].0[i] > 0.0 {
+                own = middle.look(simd, i, stride[1][i], &self.pixels) * shares[1].0[i] + own;
+            }
+            if shares[2].0[i] > 0.0 {
+                own = coarse.look(simd, i, stride[2][i], &self.pixels) * shares[2].0[i] + own;
+            }
+            (own * weights.0[i] + f32x4::from_slice(simd, &sums[i])).store_slice(&mut sums[i]);
         }
     }
 
@@ -204,12 +225,20 @@ impl MirroredPicture {
     }
 }
 
-/// A fineness of a mirrored picture for each lane.
+/// The extent of pieces of a mirrored picture, px.
+pub(super) struct Extent<S: Lanes> {
+    pub wide: S::F,
+    pub tall: S::F,
+}
+
+/// A fineness of a mirrored picture for each lane: three levels.
 pub(super) struct Fineness<S: Lanes> {
-    scales: [S::F; 2],
-    first: [[u32; 16]; 2],
-    stride: [[u32; 16]; 2],
-    part: Kept,
+    /// Pixels of the level in one of the finest, across and down.
+    scales: [[S::F; 2]; 3],
+    first: [[u32; 16]; 3],
+    stride: [[u32; 16]; 3],
+    /// Shares of the levels, which sum up to 1.
+    shares: [Kept; 3],
 }
 
 /// The pixels about points.
@@ -222,10 +251,16 @@ struct Spots {
 impl Spots {
     /// About points of the finest level, px.
     #[inline(always)]
-    fn new<S: Lanes>(simd: S, points: [S::F; 2], scale: S::F, first: &[u32; 16], stride: &[u32; 16]) -> Self {
+    fn new<S: Lanes>(
+        simd: S,
+        points: [S::F; 2],
+        scales: [S::F; 2],
+        first: &[u32; 16],
+        stride: &[u32; 16],
+    ) -> Self {
         let (mut whole, mut part) = (points, points);
         for k in 0..2 {
-            let at = points[k].mul_add(scale, simd.set(-0.5)).max(simd.set(0.0));
+            let at = points[k].mul_add(scales[k], simd.set(-0.5)).max(simd.set(0.0));
             whole[k] = at.floor();
             part[k] = at - whole[k];
         }
@@ -244,40 +279,55 @@ impl Spots {
     }
 }
 
-/// A mirrored picture half as fine, by binomial weights: the lamps of a night are so bright that the corners of a box would show.
-fn halved(path: SimdPath, of: &LinearPicture) -> LinearPicture {
-    let (width, height) = (of.width.div_ceil(2), of.height.div_ceil(2));
+/// Binomial weights of the four pixels about one of a picture half as fine: the lamps of a night are so bright that the corners of a
+/// box would show.
+const WEIGHTS: [f32; 4] = [0.125, 0.375, 0.375, 0.125];
+
+/// A mirrored picture with half of the rows.
+fn half_as_tall(path: SimdPath, of: &LinearPicture) -> LinearPicture {
+    #[inline(always)]
+    fn fill<S: Lanes>(simd: S, rows: [&[[f32; 4]]; 4], line: &mut [[f32; 4]]) {
+        for (x, pixel) in line.iter_mut().enumerate() {
+            let mut sum = f32x4::splat(simd, 0.0);
+            for (row, weight) in rows.iter().zip(WEIGHTS) {
+                sum = f32x4::from_slice(simd, &row[x]) * weight + sum;
+            }
+            sum.store_slice(pixel);
+        }
+    }
+    let (width, height) = (of.width, of.height.div_ceil(2));
     let mut pixels = vec![[0.0; 4]; width * height];
     pixels.par_chunks_mut(width).enumerate().for_each(|(y, line)| {
         let rows: [&[[f32; 4]]; 4] =
-            std::array::from_fn(|k| &of.pixels[near(y, k, of.height) * of.width..][..of.width]);
-        dispatch!(path, s => halve_row(s, rows, line));
+            std::array::from_fn(|k| &of.pixels[near(y, k, of.height) * width..][..width]);
+        dispatch!(path, s => fill(s, rows, line));
     });
     LinearPicture { width, height, pixels }
+}
+
+/// A mirrored picture with half of the columns.
+fn half_as_wide(path: SimdPath, of: &LinearPicture) -> LinearPicture {
+    #[inline(always)]
+    fn fill<S: Lanes>(simd: S, row: &[[f32; 4]], line: &mut [[f32; 4]]) {
+        for (x, pixel) in line.iter_mut().enumerate() {
+            let mut sum = f32x4::splat(simd, 0.0);
+            for (k, weight) in WEIGHTS.into_iter().enumerate() {
+                sum = f32x4::from_slice(simd, &row[near(x, k, row.len())]) * weight + sum;
+            }
+            sum.store_slice(pixel);
+        }
+    }
+    let width = of.width.div_ceil(2);
+    let mut pixels = vec![[0.0; 4]; width * of.height];
+    let rows = pixels.par_chunks_mut(width).zip(of.pixels.par_chunks(of.width));
+    rows.for_each(|(line, row)| dispatch!(path, s => fill(s, row, line)));
+    LinearPicture { width, height: of.height, pixels }
 }
 
 /// Pixel `k` of the four about pixel `i` of a picture half as fine, along a side of so many.
 #[inline(always)]
 fn near(i: usize, k: usize, size: usize) -> usize {
     (2 * i + k).saturating_sub(1).min(size - 1)
-}
-
-#[inline(always)]
-fn halve_row<S: Lanes>(simd: S, rows: [&[[f32; 4]]; 4], line: &mut [[f32; 4]]) {
-    const WEIGHTS: [f32; 4] = [0.125, 0.375, 0.375, 0.125];
-    let size = rows[0].len();
-    for (x, pixel) in line.iter_mut().enumerate() {
-        let mut sum = f32x4::splat(simd, 0.0);
-        for (i, right) in WEIGHTS.iter().enumerate() {
-            let column = near(x, i, size);
-            let mut own = f32x4::splat(simd, 0.0);
-            for (row, down) in rows.iter().zip(WEIGHTS) {
-                own = f32x4::from_slice(simd, &row[column]) * down + own;
-            }
-            sum = own * *right + sum;
-        }
-        sum.store_slice(pixel);
-    }
 }
 
 #[cfg(test)]

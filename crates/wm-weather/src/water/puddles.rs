@@ -22,7 +22,7 @@ const LEVELS: f32 = 2.0;
 const RUNS: [f32; 2] = [0.5, 1.6];
 
 /// The surface of the water on a place; `texture` is the mean depth of the texture of its ground, mm. It is known on all ground, and hides
-/// as much of it as is under water. A film is the rougher the less it fills the texture.
+/// as much of it as is wet. A film is the rougher the less it fills the texture.
 #[must_use]
 pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
     let axes = level_axes(site.up);
@@ -45,7 +45,9 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
         WaterNode {
             level: base + state.ground[at] + depths[at].max(0.0),
             depth: if seen < 1.0 { depths[at].min(seen * HIDES) } else { depths[at] },
-            film: seen * state.filled[at].max(streams[at]),
+            // Ground whose pores are full mirrors too, as roughly as its grains lie. Between blades of grass and crumbs of soil
+            // nothing is seen of it.
+            film: seen * (state.filled[at].max(state.pores[at]) * (1.0 - state.matte[at])).max(streams[at]),
             roughness: ROUGH * (-LEVELS * film).exp() * (1.0 - streams[at]),
         }
     };

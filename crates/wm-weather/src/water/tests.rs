@@ -185,6 +185,7 @@ fn wet_ground_is_met_on_its_slope() {
         running: vec![0.0; 300 * 80],
         open: vec![f32::NAN; 300 * 80],
         seen: vec![1.0; 300 * 80],
+        matte: vec![0.0; 300 * 80],
         // The second axis points to the right.
         origin: [0.0, 4.0, 0.0],
         axes: crate::dome::level_axes(SITE.up),

@@ -19,6 +19,8 @@ pub(super) const TENSION: f64 = 7.28e-5;
 /// Variance of slopes of open water, both axes together, and its growth with the wind, s/m (Cox and Munk 1954).
 const CALM: f64 = 0.003;
 const BY_WIND: f64 = 0.00512;
+/// Winds between which waves begin on still water, m/s: friction velocities of 0.03 and 0.1 m/s (Kahma and Donelan 1988).
+const BEGINS: [f64; 2] = [1.0, 3.0];
 /// Shortest wave that the wind's spectrum has, rad/m: viscosity stills what is shorter.
 const SHORTEST: f64 = 400.0;
 /// Steps of integrals over the spectrum.
@@ -58,12 +60,12 @@ pub struct WindWaves {
 }
 
 impl WindWaves {
-    /// The waves of a mean wind, m/s along the two level axes, over so many metres of water; `None` without wind. `strongest` is the
+    /// The waves of a mean wind, m/s along the two level axes, over so many metres of water; `None` for a wind that makes none. `strongest` is the
     /// strongest wind of the shot, m/s, so that one tile serves all of it.
     #[must_use]
     pub fn new(wind: [f64; 2], fetch: f64, strongest: f64) -> Option<Self> {
         let speed = wind[0].hypot(wind[1]);
-        if speed < 0.1 || fetch <= 0.0 {
+        if speed <= BEGINS[0] || fetch <= 0.0 {
             return None;
         }
         let reach = GRAVITY * fetch / (speed * speed);
@@ -73,7 +75,8 @@ impl WindWaves {
         let shaped = Self { wind, fetch, strongest, height, period, scale: 1.0 };
         let moment = shaped.over_waves(0.0, |_, power| power);
         let grown = Self { scale: (height / 4.0).powi(2) / moment, ..shaped };
-        let steepest = CALM + BY_WIND * speed;
+        let risen = ((speed - BEGINS[0]) / (BEGINS[1] - BEGINS[0])).clamp(0.0, 1.0);
+        let steepest = risen * risen * (3.0 - 2.0 * risen) * (CALM + BY_WIND * speed);
         let share = (steepest / (2.0 * grown.slope_variance())).min(1.0);
         Some(Self { scale: share * grown.scale, height: share.sqrt() * height, ..grown })
     }

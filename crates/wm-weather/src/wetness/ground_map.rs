@@ -41,6 +41,14 @@ const END: f32 = 0.6;
 const BORDER: f32 = 8.0;
 /// Slope of the ground as a whole up to which it is an error of an estimated up.
 const TILT: f64 = 0.06;
+/// Height above or below the ground up to which a splat shows it, m.
+pub(super) const ON_GROUND: f32 = 0.15;
+/// Depth below the ground to which splats are seen through it, m.
+const UNDER: f32 = 3.0;
+/// Blue and red over green of lawns, green or dry, and of soil: all of the ground up to the first, none from the second on. Measured lawns have 0.5
+/// to 0.6 and 0.9 to 1.15, paving of stone 0.85 and more of blue, bricks 1.5 and more of red.
+const MATTE_BLUE: [f32; 2] = [0.63, 0.75];
+const MATTE_RED: [f32; 2] = [1.35, 1.5];
 /// Distance over which that slope is taken, m.
 const SLOPE_OVER: f64 = 1.5;
 
@@ -62,13 +70,16 @@ pub struct GroundMap {
     pub eaves: Vec<Eave>,
     /// Share of what is about each cell that the capture shows, 0-1: 0 where that ends, 1 where it goes on.
     pub seen: Vec<f32>,
+    /// Share of each cell that is lawn or soil, 0-1.
+    pub matte: Vec<f32>,
 }
 
 impl GroundMap {
     /// Returns true if its parts fit each other and a scene of `splats` splats.
     pub(super) fn is_consistent(&self, splats: usize) -> bool {
         let Some(cells) = self.size()[0].checked_mul(self.size()[1]) else { return false };
-        let lengths = [self.ground.len(), self.rough.len(), self.open.len(), self.seen.len()];
+        let lengths =
+            [self.ground.len(), self.rough.len(), self.open.len(), self.seen.len(), self.matte.len()];
         let eaves = self
             .eaves
             .iter()
@@ -76,7 +87,7 @@ impl GroundMap {
         self.places.is_consistent(splats)
             && self.tilt.into_iter().all(f64::is_finite)
             && lengths.into_iter().all(|length| length == cells)
-            && self.seen.iter().copied().chain(eaves).all(f32::is_finite)
+            && self.seen.iter().chain(&self.matte).copied().chain(eaves).all(f32::is_finite)
             && self.basins.is_consistent(cells)
     }
 
@@ -143,7 +154,8 @@ impl GroundMap {
         let rough = ground.iter().zip(&bumps).map(|(height, bump)| height + bump).collect();
         let seen = seen_about(&top, columns, cell);
         let eaves = eaves(&top, &ground, columns, cell);
-        Self { places, tilt, ground, rough, basins, open, eaves, seen }
+        let matte = vec![0.0; ground.len()];
+        Self { places, tilt, ground, rough, basins, open, eaves, seen, matte }
     }
 
     /// The height of open water over a cell, or of the `ground` there if there is none, m.
@@ -190,6 +202,41 @@ impl GroundMap {
         relief::lower_share(relief(x * self.cell(), y * self.cell()))
     }
 
+    /// Finds which cells are lawn or soil, by the mean reflectance of points (world, scene units) that lie on the ground, each with its
+    /// weight.
+    pub(super) fn find_matte(&mut self, points: impl Iterator<Item = ([f32; 3], f32, [f32; 3])>) {
+        let [columns, rows] = self.size();
+        let mut sums = vec![[0.0f32; 3]; self.ground.len()];
+        for (point, weight, albedo) in points {
+            let ([x, y], height) = self.locate(point.map(f64::from));
+            let is_in = (0.0..columns as f64).contains(&x) && (0.0..rows as f64).contains(&y);
+            let at = y.max(0.0) as usize * columns + x.max(0.0) as usize;
+            if is_in && (height as f32 - self.ground[at]).abs() < ON_GROUND {
+                (0..3).for_each(|k| sums[at][k] += weight * albedo[k]);
+            }
+        }
+        let of_cell = |at: usize| {
+            let mut mean = sums[at];
+            for near in neighbours(at, columns, sums.len()) {
+                (0..3).for_each(|k| mean[k] += sums[near][k]);
+            }
+            matte_share(mean)
+        };
+        self.matte = (0..sums.len()).map(of_cell).collect();
+    }
+
+    /// Depth of a point (world, scene units) below the ground, m; 0 above it, where there is none, and deeper than [`UNDER`]. What a
+    /// rough capture has below its ground shows through it, and gets the rain that the ground gets.
+    pub(super) fn over(&self, point: [f32; 3]) -> f32 {
+        let [columns, rows] = self.size();
+        let ([x, y], height) = self.locate(point.map(f64::from));
+        if !((0.0..columns as f64).contains(&x) && (0.0..rows as f64).contains(&y)) {
+            return 0.0;
+        }
+        let below = self.ground[y as usize * columns + x as usize] - height as f32;
+        if (0.0..UNDER).contains(&below) { below } else { 0.0 }
+    }
+
     /// The middle of a cell at the height of its ground (world, scene units); `None` where there is none.
     #[must_use]
     pub fn middle(&self, cell: usize) -> Option<[f64; 3]> {
@@ -228,6 +275,13 @@ impl GroundMap {
         let bump = relief(x * self.cell(), y * self.cell()) as f32;
         (weight > 0.0).then(|| (basin, sum / weight + bump))
     }
+}
+
+/// The share of ground of this colour, linear RGB of any brightness, that counts as lawn or soil: they have little blue, but less red than
+/// bricks.
+fn matte_share([red, green, blue]: [f32; 3]) -> f32 {
+    let fall = |value: f32, [full, none]: [f32; 2]| ((none - value) / (none - full)).clamp(0.0, 1.0);
+    if green > 0.0 { fall(blue / green, MATTE_BLUE) * fall(red / green, MATTE_RED) } else { 0.0 }
 }
 
 /// The height of a tilt at a place in columns and rows, m.

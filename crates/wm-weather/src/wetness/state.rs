@@ -169,6 +169,8 @@ pub struct WaterState {
     pub open: Vec<f32>,
     /// Share of what is about each node that the capture shows, 0-1: water is drawn as much.
     pub seen: Vec<f32>,
+    /// Share of each cell that is lawn or soil, 0-1, which does not shine when it is wet.
+    pub matte: Vec<f32>,
     /// Rain that came, and where it went.
     pub budget: WaterBudget,
 }
@@ -215,6 +217,7 @@ impl WaterState {
             running: run_off.depths(state.runs_off()),
             open: ground.open.iter().enumerate().map(|(at, level)| level + ground.tilt_at(at)).collect(),
             seen: ground.seen.clone(),
+            matte: ground.matte.clone(),
             budget: state.budget,
         }
     }

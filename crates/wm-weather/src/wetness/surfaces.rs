@@ -3,7 +3,7 @@
 use super::SlantedRain;
 use super::basins::NONE;
 use super::column::{Drainage, MOST_SHARE};
-use super::ground_map::GroundMap;
+use super::ground_map::{GroundMap, ON_GROUND};
 use super::optics::{self, STEPS};
 use super::relief;
 use super::sheen::{NO_SKY, SkySheen, skyline_of};
@@ -113,7 +113,7 @@ impl WetSurfaces {
         site: &Site,
         threads: usize,
     ) -> Self {
-        let ground = GroundMap::of(found, water, (path, is_up_known), site, threads);
+        let mut ground = GroundMap::of(found, water, (path, is_up_known), site, threads);
         let points = found.places(splats);
         let mean = capture.mean(&capture.light);
         let reflectance = |index: usize| -> [f64; 3] {
@@ -128,7 +128,7 @@ impl WetSurfaces {
         let up = Vec3::from_array(site.up.map(|v| v as f32));
         let floor = FarFloor::of(found, site, threads);
         let wide = (WIDE / site.metres_per_unit).ln() as f32;
-        let made = map(splats.len(), threads, |index| {
+        let with_ponds = map(splats.len(), threads, |index| {
             let point = points[index];
             // Pools are as wet as they can be.
             let stays = capture.is_sky(index) || water.covers(point.map(f64::from));
@@ -139,6 +139,8 @@ impl WetSurfaces {
             let is_green = albedo[1] > GREEN * albedo[0].max(albedo[2]);
             // Lawns turn to all sides, however flat they were captured.
             let normal = if is_green && is_level { Vec3::ZERO } else { normal };
+            // Whatever way it lies, what shows through the ground is a part of it.
+            let normal = if ground.over(point) > ON_GROUND { up } else { normal };
             // Ground in the round of the water's surface has its own reflection.
             let is_wall =
                 normal != Vec3::ZERO && normal.dot(up).abs() < LEVEL && !floor.holds(point.map(f64::from));
@@ -169,15 +171,21 @@ impl WetSurfaces {
             (splat, pond)
         });
         let mut ponds = Vec::new();
-        let splats = made.into_iter().map(|(splat, pond)| match pond {
+        let made = with_ponds.into_iter().map(|(splat, pond)| match pond {
             Some((basin, height)) => {
                 ponds.push(Pond { basin, height });
                 WetSplat { pond: ponds.len() as u32 - 1, ..splat }
             }
             None => splat,
         });
-        let splats = splats.collect();
-        Self { splats, ponds, is_oriented: found.oriented > 0, ground }
+        let made: Vec<WetSplat> = made.collect();
+        let shown = made.iter().enumerate().filter(|(_, splat)| !splat.stays).map(|(index, splat)| {
+            let [a, b, c] = splats.scales(index).map(|scale| scale as f32);
+            let area = (a * b).max(a * c).max(b * c);
+            (splat.point, splats.opacity(index) as f32 * area, splat.albedo.map(f32::from))
+        });
+        ground.find_matte(shown);
+        Self { splats: made, ponds, is_oriented: found.oriented > 0, ground }
     }
 
     /// The ground.
@@ -215,7 +223,7 @@ impl WetSurfaces {
         let is_leaf = normal == Vec3::ZERO;
         let metres = site.metres_per_unit as f32;
         let level = if is_leaf { 1.0 } else { upright.clamp(0.0, 1.0) };
-        let off = up * (LIFT * level) + normal * (OFF_WALL * (1.0 - level));
+        let off = up * (LIFT * level + self.ground.over(splat.point)) + normal * (OFF_WALL * (1.0 - level));
         let at = Vec3::from_array(splat.point) + off / metres;
         let radius = SOFT[1] + (SOFT[0] - SOFT[1]) * level;
         let open = shelter.map_or(1.0, |shelter| shelter.exposure(at.to_array(), radius));
