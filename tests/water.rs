@@ -52,15 +52,17 @@ fn water_darkens_and_dry_weather_changes_no_byte() {
         ],
     );
     let clear = &shown[0].frame.rgb;
-    for same in [1, 2, 5, 6] {
+    for same in [1, 2, 6] {
         let most = clear.iter().zip(&shown[same].frame.rgb).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        // With gains of 1 colours go to linear light and back.
-        assert!(most <= if same == 5 { 1e-3 } else { 0.0 }, "{same}: {most}");
+        assert!(most == 0.0, "{same}: {most}");
     }
     let light = |k: usize| shown[k].frame.rgb.iter().map(|v| f64::from(*v)).sum::<f64>();
     assert!(light(0) > light(3), "{} {}", light(0), light(3));
-    // Without a film that mirrors nothing gets brighter, and the sky stays as it is under one.
-    let brighter = clear.iter().zip(&shown[3].frame.rgb).map(|(a, b)| b - a).fold(0.0, f32::max);
-    assert!(brighter < 1e-3, "{brighter}");
+    // What is damp mirrors a little, whether it is darkened or not, and the sky stays as it is over a film.
+    for damp in [3, 5] {
+        let brighter = clear.iter().zip(&shown[damp].frame.rgb).map(|(a, b)| b - a).fold(0.0, f32::max);
+        assert!((0.01..0.15).contains(&brighter), "{damp}: {brighter}");
+    }
+    assert!(light(3) < light(5), "{} {}", light(3), light(5));
     assert_eq!(clear[..3], shown[4].frame.rgb[..3]);
 }

@@ -7,7 +7,7 @@ use wm_scene::random::uniform;
 use wm_scene::splats::logit;
 
 /// Splats of a thinned scene, about: those that look large, and a share of the others.
-const WANTED: usize = 30_000;
+const WANTED: usize = 60_000;
 /// Number and greatest share of splats that are kept however small they look: they may be near a camera.
 const SMALL: usize = 50_000;
 const LEAST_KEPT: f64 = 0.15;

@@ -6,8 +6,7 @@
 use super::linear::horizontals;
 use super::sample::{SurveyPoint, SurveySample, strided};
 use crate::SceneView;
-use glam::{DVec3, IVec3};
-use std::collections::HashMap;
+use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
 /// Elevations of the suns that are tried, degrees: low, afternoon and noon.
@@ -16,6 +15,8 @@ const ELEVATIONS: [f64; 3] = [8.0, 25.0, 45.0];
 const AROUND: usize = 24;
 /// Cells across the radius of the place.
 const CELLS: f64 = 28.0;
+/// Cells along each side of the cube that is looked at: a ray goes two radii from a surface, which is within some radii of the middle.
+const SIDE: usize = 200;
 /// Surface in a cell that stops the sun, of the area of its side.
 const CLOSED: f64 = 0.5;
 /// Height above the ground, and distance from the middle of the cameras, up to which surfaces are looked at, radii of the place.
@@ -52,14 +53,18 @@ impl SunnySide {
             0 => sample.center,
             count => centers.iter().sum::<DVec3>() / count as f64,
         };
-        let key = |point: DVec3| ((point - middle) / cell).floor().as_ivec3();
+        let cells = Cells { first: middle - DVec3::splat(0.5 * SIDE as f64 * cell), cell };
         // Each sampled splat stands for several, and covers pi times the product of its standard deviations.
         let stands_for = PI * sample.stands_for as f64;
-        let mut surface = HashMap::<IVec3, f64>::new();
-        for point in &sample.points {
-            *surface.entry(key(point.at)).or_default() += point.area * stands_for;
+        let mut surface: Vec<(usize, f64)> =
+            sample.points.iter().filter_map(|p| Some((cells.index(p.at)?, p.area * stands_for))).collect();
+        surface.sort_by_key(|(index, _)| *index);
+        let mut closed = vec![false; SIDE * SIDE * SIDE];
+        for cell_of in surface.chunk_by(|a, b| a.0 == b.0) {
+            let area: f64 = cell_of.iter().map(|(_, area)| area).sum();
+            closed[cell_of[0].0] = area > CLOSED * cell * cell;
         }
-        let stops = |at: DVec3| surface.get(&key(at)).is_some_and(|area| *area > CLOSED * cell * cell);
+        let stops = |at: DVec3| cells.index(at).is_some_and(|index| closed[index]);
         let is_near = |point: &&SurveyPoint| {
             let height = point.at.dot(up) - ground;
             let across = (point.at - middle).reject_from(up).length();
@@ -100,6 +105,23 @@ impl SunnySide {
     pub fn towards(&self, elevation: f64) -> Option<(DVec3, f64)> {
         let away = |k: &usize| (ELEVATIONS[*k] - elevation).abs();
         (0..ELEVATIONS.len()).min_by(|a, b| away(a).total_cmp(&away(b))).and_then(|k| self.sides[k])
+    }
+}
+
+/// A cube of cells.
+struct Cells {
+    /// Its least corner, scene units.
+    first: DVec3,
+    /// Width of a cell, scene units.
+    cell: f64,
+}
+
+impl Cells {
+    /// The index of the cell that holds a point; `None` outside.
+    fn index(&self, point: DVec3) -> Option<usize> {
+        let place = (point - self.first) / self.cell;
+        let is_in = place.min_element() >= 0.0 && place.max_element() < SIDE as f64;
+        is_in.then(|| ((place.z as usize * SIDE) + place.y as usize) * SIDE + place.x as usize)
     }
 }
 

@@ -147,7 +147,7 @@ pub fn estimate(
             walls: None,
         });
     }
-    let surfaces = refined(sample, &rated, first, 0.97);
+    let surfaces = refined(sample, &rated, first, 0.97, plan::plumb);
     let apart = halves_apart(sample, first);
     let surfaces = Refined { deviation: surfaces.deviation.max(0.5 * apart), ..surfaces };
     let up = on_ground(sample, views, levelled(&surfaces, &cameras, &habits));
@@ -213,7 +213,8 @@ fn halves_apart(sample: &SurveySample, first: DVec3) -> f64 {
         let is_here = |point: &&SurveyPoint| sign * (point.at - sample.center).dot(longest) > 0.0;
         let points = sample.points.iter().filter(is_here).copied().collect();
         let half = SurveySample { points, ..*sample };
-        refined(&half, &rated(&half), first, 0.97).up
+        // The plan of high walls needs all of them, and takes longer.
+        refined(&half, &rated(&half), first, 0.97, |_, _| None).up
     };
     up(1.0).angle_between(up(-1.0)).to_degrees()
 }
@@ -257,8 +258,14 @@ struct Refined {
 }
 
 /// `up` turned to the surfaces that face it, to the plane of the ground and to the walls, if they are
-/// within `limit` (a cosine) of it.
-fn refined(sample: &SurveySample, rated: &[SurveyPoint], up: DVec3, limit: f64) -> Refined {
+/// within `limit` (a cosine) of it. `by_plan` finds the plumb direction of high walls.
+fn refined(
+    sample: &SurveySample,
+    rated: &[SurveyPoint],
+    up: DVec3,
+    limit: f64,
+    by_plan: impl Fn(&SurveySample, DVec3) -> Option<DVec3>,
+) -> Refined {
     let facing = peak(rated, up, limit.max(PEAK));
     let start = if facing.dot(up) > limit { facing } else { up };
     let plane = ground::level(sample, start, None).and_then(|height| ground::plane(sample, start, height));
@@ -266,7 +273,7 @@ fn refined(sample: &SurveySample, rated: &[SurveyPoint], up: DVec3, limit: f64) 
     let level = ground.unwrap_or(start);
     // Plumb walls do not stand on steep ground: beyond 8 degrees it is something else that was found.
     let walls =
-        plan::plumb(sample, level).or_else(|| walls(sample, level)).filter(|plumb| plumb.dot(level) > 0.99);
+        by_plan(sample, level).or_else(|| walls(sample, level)).filter(|plumb| plumb.dot(level) > 0.99);
     let (up, deviation) = match (walls, ground) {
         (Some(plumb), Some(level)) if plumb.angle_between(level).to_degrees() < SLOPE => {
             let [a, b] = [WALLS, GROUND].map(|degrees| degrees.powi(-2));

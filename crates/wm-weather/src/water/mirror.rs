@@ -16,6 +16,8 @@ const MARGIN: f64 = 0.06;
 const WATERLINE: f64 = 0.01;
 /// Width of a box over that of a pixel of a halved picture with the same variance: binomial weights reach farther.
 const SMOOTH: f32 = 0.58;
+/// Distance from a whole level up to which a level counts as that.
+const SNAP: f32 = 0.25;
 /// Pieces of a mirrored picture are at most so many times as tall as wide, as a power of 2.
 const TALLEST: usize = 4;
 
@@ -133,7 +135,11 @@ impl MirroredPicture {
         let across = across.max(zero).min(last);
         let along = along.max(across).min(across + TALLEST as f32);
         let whole = [across.floor(), along.floor()];
-        let part = [across - whole[0], along - whole[1]];
+        // Nearly whole levels are taken for whole ones: most pieces are found in two levels then.
+        let mut part = [across, along];
+        for k in 0..2 {
+            part[k] = ((part[k] - whole[k] - SNAP) * (1.0 / (1.0 - 2.0 * SNAP))).max(zero).min(one);
+        }
         // Between the corners of a triangle: the fine one, the coarse one, and the one that is coarser on the side that needs it more.
         let is_tall = part[1].simd_ge(part[0]);
         let next = [(whole[0] + one).min(last), whole[1] + one];

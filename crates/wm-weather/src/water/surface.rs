@@ -44,6 +44,8 @@ pub struct WaterSurface {
     pub level: f64,
     /// True if all of it is a film on rough ground, in which nothing is mirrored sharply.
     pub is_film: bool,
+    /// True if all of it blurs what it mirrors: no part of it is still.
+    pub is_blurred: bool,
 }
 
 impl WaterSurface {
@@ -210,9 +212,10 @@ impl WaterSurface {
         let wet = nodes.iter().filter(|node| node.inverse > 0.0 && node.look[0] > 0.0);
         let level = weighted_median(wet.map(|node| (node.level, weight(node.look))).collect());
         let level = level.map_or(typical, f64::from);
-        let mut seen = depth.iter().zip(&roughness).filter(|(z, _)| !z.is_nan());
-        let is_film = seen.all(|(_, roughness)| *roughness > BLURS);
-        Self { depth, cover, roughness, level, rows: 0..0, is_film }
+        let seen = depth.iter().zip(&roughness).filter(|(z, _)| !z.is_nan()).map(|(_, roughness)| *roughness);
+        let stillest = seen.fold(f32::INFINITY, f32::min);
+        let (is_film, is_blurred) = (stillest > BLURS, stillest > FILM);
+        Self { depth, cover, roughness, level, rows: 0..0, is_film, is_blurred }
     }
 }
 
