@@ -16,7 +16,7 @@ const UPRIGHT: f64 = 0.35;
 const NEAR: f64 = 0.9;
 /// Directions that are compared: roughly, then finely about the best.
 const ROUGH: Grid = Grid { degrees: 1.0, steps: 4, cells: 150.0 };
-const FINE: Grid = Grid { degrees: 0.4, steps: 3, cells: 250.0 };
+const FINE: Grid = Grid { degrees: 0.4, steps: 4, cells: 250.0 };
 /// Sum of squares of the best direction over the median, from which on high walls are there. Measured: 1.25 of tower blocks, 1.01 to 1.1 where
 /// there are low walls or none, and then the best direction is chance.
 const STANDS_OUT: f64 = 1.15;

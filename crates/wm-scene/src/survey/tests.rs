@@ -34,6 +34,12 @@ fn views(eyes: &[(DVec3, DVec3)]) -> Vec<SceneView> {
     eyes.iter().map(camera).map(Result::unwrap).enumerate().map(view).collect()
 }
 
+/// Up in the garden: 11 planes of facades, their rows of windows and plumb edges, and 9 pieces of paving, fitted by hand, are 0.4 degrees
+/// about it. The scene is 1.5 degrees off its z axis.
+fn garden_up() -> DVec3 {
+    DVec3::new(0.019, 0.018, 1.0).normalize()
+}
+
 #[test]
 fn the_garden_has_a_sky_shell() {
     let Some(scene) = read("headquarter-garden") else { return };
@@ -43,9 +49,7 @@ fn the_garden_has_a_sky_shell() {
     let labelled = survey(splats.clone());
     assert_eq!((found.sky_splats, labelled.sky_splats, label_sky(&mut splats)), (8688, 8688, 0));
     assert_eq!(found.up.source, FactSource::Estimated);
-    // The towers lean by 0.6 degrees from the z axis, and the paving falls by 2.8 %.
-    let towers = DVec3::new(-0.0025, 0.0099, 1.0).normalize();
-    assert!(off(&found, towers) < 0.5, "{} of the towers", off(&found, towers));
+    assert!(off(&found, garden_up()) < 0.5, "{} off", off(&found, garden_up()));
     assert_eq!(found.ground.source, FactSource::Estimated);
     // The paving falls from -0.3 to -1.4 over the courtyard; in the middle it is at -0.85.
     let middle = found.ground.value - found.up.value.dot(DVec3::new(4.0, -31.0, 0.0));
@@ -70,7 +74,7 @@ fn the_camp_from_a_drone_has_none() {
 
 #[test]
 fn real_scenes_can_lie_any_way() {
-    for (name, truth, turns) in [("headquarter-garden", DVec3::Z, 4), ("taebak", DVec3::NEG_Y, 12)] {
+    for (name, truth, turns) in [("headquarter-garden", garden_up(), 4), ("taebak", DVec3::NEG_Y, 12)] {
         let Some(scene) = read(name) else { continue };
         for index in 0..turns {
             let turn = rotation(7, index);

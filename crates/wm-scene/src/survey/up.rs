@@ -46,6 +46,8 @@ const LONE_GROUND: f64 = 2.0;
 const GROUND: f64 = 1.0;
 const WALLS: f64 = 0.4;
 const AXIS: f64 = 2.0;
+/// Angle between the plumb directions by the plan of walls and by their normals, degrees, from which on the normals are biased.
+const BIASED: f64 = 0.8;
 /// Angle between what surfaces and upright cameras tell, degrees, from which on the surfaces are taken for rough.
 const APART: f64 = 4.0;
 /// Angle between the directions that walls and ground tell, degrees, from which on the ground is a slope.
@@ -149,7 +151,10 @@ pub fn estimate(
     }
     let surfaces = refined(sample, &rated, first, 0.97, plan::plumb);
     let apart = halves_apart(sample, first);
-    let surfaces = Refined { deviation: surfaces.deviation.max(0.5 * apart), ..surfaces };
+    // The halves are told by normals: where the plan of high walls shows that those are biased, they say nothing.
+    let deviation =
+        if surfaces.is_by_plan { surfaces.deviation } else { surfaces.deviation.max(0.5 * apart) };
+    let surfaces = Refined { deviation, ..surfaces };
     let up = on_ground(sample, views, levelled(&surfaces, &cameras, &habits));
     let agree = habits.iter().any(|habit| habit.up.dot(up) > AGREE);
     // Cameras that say something else are a doubt, however clear the splats are; and where there is no ground, nor sky
@@ -255,6 +260,8 @@ struct Refined {
     ground: Option<DVec3>,
     /// The direction along which walls stand.
     walls: Option<DVec3>,
+    /// It is that of their plan.
+    is_by_plan: bool,
 }
 
 /// `up` turned to the surfaces that face it, to the plane of the ground and to the walls, if they are
@@ -272,8 +279,14 @@ fn refined(
     let ground = plane.filter(|normal| normal.dot(up) > limit);
     let level = ground.unwrap_or(start);
     // Plumb walls do not stand on steep ground: beyond 8 degrees it is something else that was found.
-    let walls =
-        by_plan(sample, level).or_else(|| walls(sample, level)).filter(|plumb| plumb.dot(level) > 0.99);
+    let is_near = |plumb: &DVec3| plumb.dot(level) > 0.99;
+    let normals = walls(sample, level).filter(is_near);
+    // Where little is built, what the plan tells is chance; that of low walls tells less than their normals, and that of high ones shows
+    // whether those are biased.
+    let is_biased =
+        |plan: &DVec3| normals.is_some_and(|normals| plan.angle_between(normals).to_degrees() >= BIASED);
+    let plan = by_plan(sample, level).filter(is_near).filter(is_biased);
+    let walls = plan.or(normals);
     let (up, deviation) = match (walls, ground) {
         (Some(plumb), Some(level)) if plumb.angle_between(level).to_degrees() < SLOPE => {
             let [a, b] = [WALLS, GROUND].map(|degrees| degrees.powi(-2));
@@ -283,7 +296,7 @@ fn refined(
         (None, Some(level)) => (level, LONE_GROUND),
         (None, None) => (start, SURFACES),
     };
-    Refined { up, deviation, ground, walls }
+    Refined { up, deviation, ground, walls, is_by_plan: plan.is_some() }
 }
 
 /// The direction that walls have in them by their normals, near `up`; `None` where there are few, or all are parallel.

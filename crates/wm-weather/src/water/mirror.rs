@@ -340,6 +340,36 @@ fn near(i: usize, k: usize, size: usize) -> usize {
 mod tests {
     use super::*;
 
+    /// The difference of a light and a dark stripe, seen in pieces of this extent, px.
+    #[inline(always)]
+    fn contrast<S: Lanes>(simd: S, picture: &MirroredPicture, [wide, tall]: [f32; 2]) -> f32 {
+        let fineness = picture.fineness(simd, Extent { wide: simd.set(wide), tall: simd.set(tall) });
+        let mut sums = [[0.0; 4]; 16];
+        picture.add(simd, [simd.set(20.0), simd.set(32.0)], &fineness, (simd.set(1.0), 1), &mut sums);
+        let light = sums[0][0];
+        picture.add(simd, [simd.set(28.0), simd.set(32.0)], &fineness, (simd.set(1.0), 1), &mut sums);
+        light - (sums[0][0] - light)
+    }
+
+    #[test]
+    fn tall_pieces_keep_what_stands_upright() {
+        let light = |i: usize| f32::from(u8::from(i % 64 / 8 % 2 == 0));
+        let frame = Frame {
+            width: 64,
+            height: 64,
+            rgb: (0..64 * 64).flat_map(|i| [light(i); 3]).collect(),
+            alpha: vec![1.0; 64 * 64],
+            depth: vec![1.0; 64 * 64],
+            ..Frame::default()
+        };
+        for path in SimdPath::available() {
+            let picture = MirroredPicture::new(path, &frame, 1.0);
+            let of = |extent| dispatch!(path, s => contrast(s, &picture, extent));
+            assert!(of([1.0, 1.0]) > 0.99 && of([1.0, 14.0]) > 0.97, "{}", of([1.0, 14.0]));
+            assert!(of([16.0, 16.0]) < 0.5, "{}", of([16.0, 16.0]));
+        }
+    }
+
     #[test]
     fn a_sky_that_a_training_left_too_bright_is_mirrored_white() {
         let frame = Frame {

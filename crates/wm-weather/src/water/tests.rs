@@ -200,18 +200,30 @@ fn wet_ground_is_met_on_its_slope() {
         budget: WaterBudget::default(),
     };
     let grid = puddles(&state, 0.8, &SITE);
-    let dry = puddles(&WaterState { filled: vec![0.0; state.filled.len()], ..state.clone() }, 0.8, &SITE);
+    let none = vec![0.0; state.filled.len()];
+    let dry = WaterState { filled: none.clone(), pores: none.clone(), ..state.clone() };
+    let dry = puddles(&dry, 0.8, &SITE);
+    let lawn = WaterState { matte: vec![1.0; none.len()], ..state.clone() };
+    let lawn = WaterMap::of_grid(Some(Arc::new(puddles(&lawn, 0.8, &SITE))), &SITE);
+    // Full pores without a film mirror as roughly as the grains lie.
+    let damp = WaterState { filled: none, ..state.clone() };
+    let damp = WaterMap::of_grid(Some(Arc::new(puddles(&damp, 0.8, &SITE))), &SITE);
     let map = WaterMap::of_grid(Some(Arc::new(grid)), &SITE);
     let dry = WaterMap::of_grid(Some(Arc::new(dry)), &SITE);
     for i in 0..width - 1 {
-        // Deeper than some millimetres water hides the ground, and is smooth; a film hides as much as it fills.
+        // Deeper than some millimetres water hides the ground, and is smooth; a film is rough, and lawn does not shine.
         let is_deep = stands(i) && LEVEL - state.ground[i] > 0.005;
         let bare = !stands(i) || state.ground[i] >= LEVEL;
         let [own, dry] = [&map, &dry].map(|map| map.at(along(i) + 1e-6, -3.95 + 1e-6).unwrap());
         assert!(!is_deep || own.cover > 0.999 && own.roughness < 1e-4, "{i} {own:?}");
         assert!(
-            !bare || own.cover < 0.501 && own.roughness > 0.1 && dry.cover < 0.001,
+            !bare || own.cover > 0.999 && own.roughness > 0.1 && dry.cover < 0.001,
             "{i} {own:?} {dry:?}"
+        );
+        let [lawn, damp] = [&lawn, &damp].map(|map| map.at(along(i) + 1e-6, -3.95 + 1e-6).unwrap());
+        assert!(
+            !bare || lawn.cover < 0.001 && damp.cover > 0.999 && damp.roughness > 0.29,
+            "{i} {lawn:?} {damp:?}"
         );
     }
     // The edge of the puddle lies where its level meets the slope, and not at a cell.
