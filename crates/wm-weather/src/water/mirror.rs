@@ -353,7 +353,7 @@ mod tests {
 
     #[test]
     fn tall_pieces_keep_what_stands_upright() {
-        let light = |i: usize| f32::from(u8::from(i % 64 / 8 % 2 == 0));
+        let light = |i: usize| f32::from(u8::from((i % 64 / 8).is_multiple_of(2)));
         let frame = Frame {
             width: 64,
             height: 64,
