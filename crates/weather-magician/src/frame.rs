@@ -229,7 +229,7 @@ impl FrameRequest<'_> {
             // The lamps and their glow are mirrored too.
             let hooks = Hooks { particles: &[], ..hooks };
             // What a film mirrors is blurred, and what waves mirror is in pieces, so a few splats will do.
-            let is_unclear = water.surface.is_blurred || water.motion.is_rough();
+            let is_unclear = water.surface.is_blurred() || water.motion.is_rough();
             let sets = self.thinned.filter(|_| is_unclear).unwrap_or(self.elsewhere);
             let mirrored = DrawPass {
                 cut: Some(water.mirror.cut),

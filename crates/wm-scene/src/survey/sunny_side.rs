@@ -108,9 +108,9 @@ impl SunnySide {
     }
 }
 
-/// A cube of cells.
+/// A cube of cells, [`SIDE`] along each side.
 struct Cells {
-    /// Its least corner, scene units.
+    /// The corner from which cells are counted, scene units.
     first: DVec3,
     /// Width of a cell, scene units.
     cell: f64,

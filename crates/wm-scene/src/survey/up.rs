@@ -260,7 +260,7 @@ struct Refined {
     ground: Option<DVec3>,
     /// The direction along which walls stand.
     walls: Option<DVec3>,
-    /// It is that of their plan.
+    /// The plan of high walls told `walls`, not their normals.
     is_by_plan: bool,
 }
 
@@ -283,9 +283,10 @@ fn refined(
     let normals = walls(sample, level).filter(is_near);
     // Where little is built, what the plan tells is chance; that of low walls tells less than their normals, and that of high ones shows
     // whether those are biased.
-    let is_biased =
-        |plan: &DVec3| normals.is_some_and(|normals| plan.angle_between(normals).to_degrees() >= BIASED);
-    let plan = by_plan(sample, level).filter(is_near).filter(is_biased);
+    let plan = normals.and_then(|normals| {
+        let shows_bias = |plan: &DVec3| plan.angle_between(normals).to_degrees() >= BIASED;
+        by_plan(sample, level).filter(is_near).filter(shows_bias)
+    });
     let walls = plan.or(normals);
     let (up, deviation) = match (walls, ground) {
         (Some(plumb), Some(level)) if plumb.angle_between(level).to_degrees() < SLOPE => {

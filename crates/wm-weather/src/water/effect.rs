@@ -229,7 +229,7 @@ impl PictureEffect for WaterEffect<'_> {
         let scene = Scene::new(self, &mirrored);
         let has_films = !self.surface.roughness.is_empty();
         let films = has_films.then(|| LookNodes::new(&scene, path, Looked::Films));
-        let is_rough = self.motion.is_rough() && !self.surface.is_film;
+        let is_rough = self.motion.is_rough() && !self.surface.is_film();
         let reach = is_rough.then(|| LookNodes::new(&scene, path, Looked::Reach));
         let width = picture.width as usize;
         let Frame { rgb, front, depth, alpha, particles, .. } = picture;
@@ -763,7 +763,8 @@ impl<'a> Scene<'a> {
         far
     }
 
-    /// How far aside upright lines lean at points of the mirrored picture, of their length, 0-1: lobes lie along them.
+    /// Returns the share of its length, 0-1, by which an upright line leans to the side at points of the mirrored picture. Lobes lie along
+    /// upright lines.
     #[inline(always)]
     fn slant<S: Lanes>(&self, simd: S, at: [S::F; 2]) -> S::F {
         let mut lean = at;

@@ -57,7 +57,7 @@ impl MirrorView {
             viewmat: Camera::posed((1, 1), 50.0, eye, rotation).viewmat,
             ..*camera
         };
-        let finer = if surface.is_film { 4 } else { 2 };
+        let finer = if surface.is_film() { 4 } else { 2 };
         let small = whole.resized(whole.width.div_ceil(finer), whole.height.div_ceil(finer));
         let cut = CutPlane { normal: map.axes[2], height: height + WATERLINE / map.metres_per_unit };
         Self { camera: small, cut }

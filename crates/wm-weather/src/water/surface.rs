@@ -42,13 +42,23 @@ pub struct WaterSurface {
     pub rows: Range<u32>,
     /// Height of most of the water along up from the world's origin, m: that of the mirror.
     pub level: f64,
-    /// True if all of it is a film on rough ground, in which nothing is mirrored sharply.
-    pub is_film: bool,
-    /// True if all of it blurs what it mirrors: no part of it is still.
-    pub is_blurred: bool,
+    /// Least of the slopes that do not move, rms along one axis: 0 where water stands.
+    pub stillest: f32,
 }
 
 impl WaterSurface {
+    /// Returns true if all of it is a film on rough ground, in which nothing is mirrored sharply.
+    #[must_use]
+    pub fn is_film(&self) -> bool {
+        self.stillest > BLURS
+    }
+
+    /// Returns true if all of it is a film, rough enough to blur what it mirrors.
+    #[must_use]
+    pub fn is_blurred(&self) -> bool {
+        self.stillest > FILM
+    }
+
     /// The water of a map in a camera's picture; `None` if the picture shows none, or the eye is not above it.
     #[must_use]
     pub fn of(map: &WaterMap, camera: &Camera) -> Option<Self> {
@@ -214,8 +224,7 @@ impl WaterSurface {
         let level = level.map_or(typical, f64::from);
         let seen = depth.iter().zip(&roughness).filter(|(z, _)| !z.is_nan()).map(|(_, roughness)| *roughness);
         let stillest = seen.fold(f32::INFINITY, f32::min);
-        let (is_film, is_blurred) = (stillest > BLURS, stillest > FILM);
-        Self { depth, cover, roughness, level, rows: 0..0, is_film, is_blurred }
+        Self { depth, cover, roughness, level, rows: 0..0, stillest }
     }
 }
 

@@ -60,8 +60,8 @@ pub struct WindWaves {
 }
 
 impl WindWaves {
-    /// The waves of a mean wind, m/s along the two level axes, over so many metres of water; `None` for a wind that makes none. `strongest` is the
-    /// strongest wind of the shot, m/s, so that one tile serves all of it.
+    /// The waves of a mean wind, m/s along the two level axes, over so many metres of water; `None` for a wind that makes none.
+    /// `strongest` is the strongest wind of the shot, m/s, so that one tile serves all of it.
     #[must_use]
     pub fn new(wind: [f64; 2], fetch: f64, strongest: f64) -> Option<Self> {
         let speed = wind[0].hypot(wind[1]);

@@ -205,13 +205,12 @@ impl GroundMap {
     /// Finds which cells are lawn or soil, by the mean reflectance of points (world, scene units) that lie on the ground, each with its
     /// weight.
     pub(super) fn find_matte(&mut self, points: impl Iterator<Item = ([f32; 3], f32, [f32; 3])>) {
-        let [columns, rows] = self.size();
+        let [columns, _] = self.size();
         let mut sums = vec![[0.0f32; 3]; self.ground.len()];
         for (point, weight, albedo) in points {
-            let ([x, y], height) = self.locate(point.map(f64::from));
-            let is_in = (0.0..columns as f64).contains(&x) && (0.0..rows as f64).contains(&y);
-            let at = y.max(0.0) as usize * columns + x.max(0.0) as usize;
-            if is_in && (height as f32 - self.ground[at]).abs() < ON_GROUND {
+            let (place, height) = self.locate(point.map(f64::from));
+            let cell = self.places.cell_at(place);
+            if let Some(at) = cell.filter(|at| (height as f32 - self.ground[*at]).abs() < ON_GROUND) {
                 (0..3).for_each(|k| sums[at][k] += weight * albedo[k]);
             }
         }
@@ -227,14 +226,10 @@ impl GroundMap {
 
     /// Depth of a point (world, scene units) below the ground, m; 0 above it, where there is none, and deeper than [`UNDER`]. What a
     /// rough capture has below its ground shows through it, and gets the rain that the ground gets.
-    pub(super) fn over(&self, point: [f32; 3]) -> f32 {
-        let [columns, rows] = self.size();
-        let ([x, y], height) = self.locate(point.map(f64::from));
-        if !((0.0..columns as f64).contains(&x) && (0.0..rows as f64).contains(&y)) {
-            return 0.0;
-        }
-        let below = self.ground[y as usize * columns + x as usize] - height as f32;
-        if (0.0..UNDER).contains(&below) { below } else { 0.0 }
+    pub(super) fn depth_below(&self, point: [f32; 3]) -> f32 {
+        let (place, height) = self.locate(point.map(f64::from));
+        let depth = self.places.cell_at(place).map(|at| self.ground[at] - height as f32);
+        depth.filter(|depth| (0.0..UNDER).contains(depth)).unwrap_or(0.0)
     }
 
     /// The middle of a cell at the height of its ground (world, scene units); `None` where there is none.

@@ -140,7 +140,7 @@ impl WetSurfaces {
             // Lawns turn to all sides, however flat they were captured.
             let normal = if is_green && is_level { Vec3::ZERO } else { normal };
             // Whatever way it lies, what shows through the ground is a part of it.
-            let normal = if ground.over(point) > ON_GROUND { up } else { normal };
+            let normal = if ground.depth_below(point) > ON_GROUND { up } else { normal };
             // Ground in the round of the water's surface has its own reflection.
             let is_wall =
                 normal != Vec3::ZERO && normal.dot(up).abs() < LEVEL && !floor.holds(point.map(f64::from));
@@ -171,14 +171,14 @@ impl WetSurfaces {
             (splat, pond)
         });
         let mut ponds = Vec::new();
-        let made = with_ponds.into_iter().map(|(splat, pond)| match pond {
+        let with_ponds = with_ponds.into_iter().map(|(splat, pond)| match pond {
             Some((basin, height)) => {
                 ponds.push(Pond { basin, height });
                 WetSplat { pond: ponds.len() as u32 - 1, ..splat }
             }
             None => splat,
         });
-        let made: Vec<WetSplat> = made.collect();
+        let made: Vec<WetSplat> = with_ponds.collect();
         let shown = made.iter().enumerate().filter(|(_, splat)| !splat.stays).map(|(index, splat)| {
             let [a, b, c] = splats.scales(index).map(|scale| scale as f32);
             let area = (a * b).max(a * c).max(b * c);
@@ -223,7 +223,8 @@ impl WetSurfaces {
         let is_leaf = normal == Vec3::ZERO;
         let metres = site.metres_per_unit as f32;
         let level = if is_leaf { 1.0 } else { upright.clamp(0.0, 1.0) };
-        let off = up * (LIFT * level + self.ground.over(splat.point)) + normal * (OFF_WALL * (1.0 - level));
+        let above = LIFT * level + self.ground.depth_below(splat.point);
+        let off = up * above + normal * (OFF_WALL * (1.0 - level));
         let at = Vec3::from_array(splat.point) + off / metres;
         let radius = SOFT[1] + (SOFT[0] - SOFT[1]) * level;
         let open = shelter.map_or(1.0, |shelter| shelter.exposure(at.to_array(), radius));
