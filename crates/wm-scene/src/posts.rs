@@ -1,8 +1,8 @@
-//! Posts in a scene: thin things that stand free and upright and end without a crown, such as lampposts.
+//! Posts in a scene: thin things that stand upright and straight, such as lampposts.
 
 use crate::survey::{SkyRegion, Survey};
 use crate::{Splats, quat};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::collections::BTreeSet;
 
 /// Width of a cell, and height of a layer, m.
@@ -14,73 +14,113 @@ const LAYERS: usize = 64;
 const MOST_CELLS: usize = 8_000_000;
 /// Distance from the middle of the scene in which posts are looked for, radii of the scene.
 const ABOUT: f64 = 1.5;
-/// Least opacity of a splat that counts, and the distance of the points that stand for it, m; longest piece of it that counts, m.
+/// Least opacity of a splat that counts, and the standard deviation across its length, m, below which it may be of a post.
 const OPAQUE: f64 = 0.35;
-const STEP: f64 = 0.12;
-const LONGEST: f64 = 3.0;
-/// Standard deviations to which a splat reaches.
+const THIN: f64 = 0.07;
+/// Standard deviation along a splat over that across it from which it has a direction, and the cosine of its angle to up.
+const LONG: f64 = 2.5;
+const UPRIGHT: f64 = 0.96;
+/// Longest standard deviation of a splat that counts, m, and the standard deviations to which splats reach.
+const LONGEST: f64 = 2.0;
 const REACH: f64 = 1.5;
 /// Height from which a post must be seen, m; how high it is at least and at most.
 const FROM: f64 = 0.75;
 const HEIGHTS: [f64; 2] = [2.7, 12.0];
-/// Layers that may be missing in a post between others.
-const GAP: usize = 1;
-/// Distances of the round that must be free about a post, cells, and the share of it, below its head.
-const ROUND: [i32; 2] = [4, 6];
-const FREE: f64 = 0.98;
-/// Height of the head, m, the distance to which it reaches, cells, and the distance in which nothing may hang over it.
-const HEAD: f64 = 0.75;
-const HEAD_REACH: i32 = 8;
-const OVER: i32 = 7;
-/// Share of the space over and beside a head that may be filled.
-const FILLED: f64 = 0.08;
+/// Layers that may be missing in a post between others, and the share of all layers that must be filled.
+const GAP: usize = 2;
+const FILLED: f64 = 0.8;
+/// Radius of a post, and of what stands beside it, m; least share of both that is of the post. Posts are as far apart as pieces are looked
+/// at together, m.
+const RADIUS: f64 = 0.15;
+const BESIDE: f64 = 0.4;
+const SHARE: f64 = 0.6;
+const APART: f64 = 0.6;
+/// Largest distance of the middles of a post's layers from its axis, median, m: lampposts of captures have 4 to 9 mm, trunks,
+/// stakes and boughs 14 to 50 mm.
+const STRAIGHT: f64 = 0.0125;
+/// Largest tangent of the angle between a post and up: 3.5 degrees, since up is rarely known better than by one.
+const LEAN: f64 = 0.061;
+/// Least number of splats and of layers of a post.
+const LEAST: usize = 20;
+const LEAST_LAYERS: usize = 6;
+/// A crown over a post: its distance from the axis at most, m, its heights over the top of the post, m, and the area of its splats over
+/// that of the space from the side.
+const CROWN: f64 = 1.0;
+const OVER: [f64; 2] = [0.25, 2.0];
+const DENSE: f64 = 0.3;
+/// Distance of its light from the top of a post, m.
+const BELOW_TOP: f64 = 0.3;
 
-/// A thin thing that stands free.
+/// A thin thing that stands upright.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Post {
-    /// The middle of its head, scene units.
+    /// Place on its axis, somewhat below its top, scene units.
     pub head: DVec3,
     /// Height of its top over the ground of the scene, m.
     pub height: f64,
 }
 
-/// The layers that are filled over each cell of a level grid.
+/// A thin splat: its middle over the ground, how far up and down it reaches, m, and what it counts.
+#[derive(Clone, Copy)]
+struct Piece {
+    at: DVec3,
+    half: f64,
+    weight: f64,
+}
+
+impl Piece {
+    /// The layers that the piece reaches, from the lowest to that above the highest.
+    fn layers(&self) -> std::ops::Range<usize> {
+        let layer = |height: f64| (height / LAYER).clamp(0.0, LAYERS as f64) as usize;
+        let range = layer(self.at.z - self.half)..layer(self.at.z + self.half) + 1;
+        range.start..range.end.min(LAYERS)
+    }
+}
+
+/// Thin splats over the cells of a level grid.
 struct Columns {
-    low: [f64; 2],
-    size: [usize; 2],
+    low: DVec2,
+    side: usize,
+    /// The layers that are filled in each cell.
     filled: Vec<u64>,
+    /// Cells and their pieces, in order of cells.
+    pieces: Vec<(usize, Piece)>,
 }
 
 impl Columns {
-    /// Makes empty columns within a distance from a middle along both level axes, m; `None` if they were too many.
-    fn around(middle: [f64; 2], distance: f64) -> Option<Self> {
+    /// Puts pieces into the cells within a distance of a middle along both level axes, m; `None` if these were too many.
+    fn new(middle: DVec2, distance: f64, pieces: &[Piece]) -> Option<Self> {
         let side = 2.0 * distance / CELL + 1.0;
-        (side * side <= MOST_CELLS as f64).then(|| {
-            let side = side as usize;
-            Self { low: middle.map(|v| v - distance), size: [side; 2], filled: vec![0; side * side] }
-        })
-    }
-
-    /// Fills the layer of a point (level coordinates, m), if it is in the grid.
-    fn fill(&mut self, [x, y, height]: [f64; 3]) {
-        let [column, row] = [(x - self.low[0]) / CELL, (y - self.low[1]) / CELL];
-        let layer = height / LAYER;
-        let is_in = |at: f64, size: usize| at >= 0.0 && at < size as f64;
-        if is_in(column, self.size[0]) && is_in(row, self.size[1]) && is_in(layer, LAYERS) {
-            self.filled[row as usize * self.size[0] + column as usize] |= 1 << layer as u32;
+        if !(side * side <= MOST_CELLS as f64) {
+            return None;
         }
+        let side = side as usize;
+        let mut columns =
+            Self { low: middle - distance, side, filled: vec![0; side * side], pieces: Vec::new() };
+        for piece in pieces {
+            let at = (piece.at.truncate() - columns.low) / CELL;
+            let is_in = at.min_element() >= 0.0 && at.max_element() < side as f64;
+            if is_in {
+                let cell = at.y as usize * side + at.x as usize;
+                columns.filled[cell] |= piece.layers().fold(0, |layers, layer| layers | 1 << layer);
+                columns.pieces.push((cell, *piece));
+            }
+        }
+        columns.pieces.sort_by_key(|(cell, _)| *cell);
+        Some(columns)
     }
 
-    /// The filled layers of a cell; none off the grid.
-    fn at(&self, [x, y]: [i32; 2]) -> u64 {
-        let is_in = x >= 0 && y >= 0 && (x as usize) < self.size[0] && (y as usize) < self.size[1];
-        if is_in { self.filled[y as usize * self.size[0] + x as usize] } else { 0 }
+    /// The cells within `reach` cells of a cell, row by row.
+    fn rows(&self, cell: usize, reach: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+        let (column, row, side) = (cell % self.side, cell / self.side, self.side);
+        let near = move |at: usize| at.saturating_sub(reach)..(at + reach + 1).min(side);
+        near(row).map(move |row| row * side + near(column).start..row * side + near(column).end)
     }
 
-    /// The layer above the last of those that are filled from [`FROM`] on without a gap.
-    fn top(&self, cell: [i32; 2]) -> usize {
+    /// The layer above the last of those that are filled from [`FROM`] on with small gaps.
+    fn top(&self, cell: usize) -> usize {
         // Posts lean and are rough: a cell and those beside it are one.
-        let layers = square(1).map(|[x, y]| self.at([cell[0] + x, cell[1] + y])).fold(0, |a, b| a | b);
+        let layers = self.rows(cell, 1).flatten().fold(0, |layers, cell| layers | self.filled[cell]);
         let first = (FROM / LAYER) as usize;
         let (mut top, mut missing) = (first, 0);
         for layer in first..LAYERS {
@@ -94,58 +134,168 @@ impl Columns {
         top
     }
 
-    /// Share of the layers from `bottom` to `top` that are filled in the cells of a square ring about a cell.
-    fn share(&self, cell: [i32; 2], rings: [i32; 2], [bottom, top]: [usize; 2]) -> f64 {
-        let mask = mask(top) & !mask(bottom);
-        let is_in = |[x, y]: &[i32; 2]| (rings[0]..=rings[1]).contains(&x.abs().max(y.abs()));
-        let (mut filled, mut all) = (0, 0);
-        for [x, y] in square(rings[1]).filter(is_in) {
-            filled += (self.at([cell[0] + x, cell[1] + y]) & mask).count_ones();
-            all += mask.count_ones();
-        }
-        if all == 0 { 0.0 } else { f64::from(filled) / f64::from(all) }
+    /// The pieces in the cells within `reach` cells of a cell, between two heights, m.
+    fn near(&self, cell: usize, reach: usize, heights: [f64; 2]) -> Vec<Piece> {
+        let of_row = |cells: std::ops::Range<usize>| {
+            let at = |cell: usize| self.pieces.partition_point(|(own, _)| *own < cell);
+            &self.pieces[at(cells.start)..at(cells.end)]
+        };
+        let is_between = |piece: &&(usize, Piece)| (heights[0]..heights[1]).contains(&piece.1.at.z);
+        self.rows(cell, reach).flat_map(of_row).filter(is_between).map(|(_, piece)| *piece).collect()
     }
 
-    /// Returns true if a post ends at a layer above a cell.
-    fn is_post(&self, cell: [i32; 2], top: usize) -> bool {
-        let layers = |metres: f64| (metres / LAYER).round() as usize;
-        let shoulder = top.saturating_sub(layers(HEAD));
+    /// The axis of the post that ends at a layer above a cell; `None` if what is there is no post.
+    fn post(&self, cell: usize, top: usize) -> Option<Axis> {
         let height = top as f64 * LAYER;
-        (HEIGHTS[0]..HEIGHTS[1]).contains(&height)
-            && self.share(cell, ROUND, [layers(FROM) + 1, shoulder]) < 1.0 - FREE
-            && self.share(cell, [0, OVER], [(top + 1).min(LAYERS), (top + layers(2.0)).min(LAYERS)]) < FILLED
-            && self.share(cell, [OVER, OVER + 5], [shoulder, (top + layers(1.0)).min(LAYERS)]) < FILLED
+        let cells = (APART / CELL) as usize;
+        let near = self.near(cell, cells, [FROM, height]);
+        // Most of what is there is no post: it is seen by what its neighbours hold.
+        let is_rough = near.len() < LEAST;
+        if is_rough || weight_of(&self.near(cell, 1, [FROM, height])) < 0.3 * SHARE * weight_of(&near) {
+            return None;
+        }
+        let axis = Axis::through(&near)?;
+        let within = |distance: f64| -> Vec<Piece> {
+            near.iter().filter(|piece| axis.distance(piece.at) < distance).copied().collect()
+        };
+        let own = within(RADIUS);
+        let layers = (FROM / LAYER) as usize..top;
+        let is_filled = |layer: &usize| own.iter().any(|piece| piece.layers().contains(layer));
+        let filled = layers.clone().filter(is_filled).count();
+        let is_post = own.len() >= LEAST
+            && weight_of(&own) >= SHARE * weight_of(&within(BESIDE))
+            && filled as f64 >= FILLED * layers.len() as f64
+            && axis.slope.length() <= LEAN
+            && axis.crookedness(&own, layers)? <= STRAIGHT;
+        is_post.then_some(axis)
+    }
+}
+
+/// What pieces count together.
+fn weight_of(pieces: &[Piece]) -> f64 {
+    pieces.iter().map(|piece| piece.weight).sum()
+}
+
+/// A nearly plumb line: its place at the ground, m, and how far it leans a metre of height.
+#[derive(Clone, Copy)]
+struct Axis {
+    foot: DVec2,
+    slope: DVec2,
+}
+
+impl Axis {
+    /// The level distance of a point from the line, m.
+    fn off(&self, at: DVec3) -> DVec2 {
+        at.truncate() - self.foot - self.slope * at.z
     }
 
-    /// The middle of what is at the top of a post, in cells and layers.
-    fn head(&self, cell: [i32; 2], top: usize) -> [f64; 3] {
-        let bottom = top.saturating_sub((HEAD / LAYER) as usize);
-        // The layer below the top is filled, so that there is something.
-        let (mut sum, mut count) = ([0.0; 3], 0.0);
-        for [x, y] in square(HEAD_REACH) {
-            let at = [cell[0] + x, cell[1] + y];
-            for layer in (bottom..(top + 1).min(LAYERS)).filter(|layer| self.at(at) >> layer & 1 == 1) {
-                let place = [f64::from(at[0]), f64::from(at[1]), layer as f64];
-                (0..3).for_each(|k| sum[k] += place[k] + 0.5);
-                count += 1.0;
+    /// The point at a height, m.
+    fn at(&self, height: f64) -> DVec3 {
+        (self.foot + self.slope * height).extend(height)
+    }
+
+    fn distance(&self, at: DVec3) -> f64 {
+        self.off(at).length()
+    }
+
+    /// The line along which most of some pieces stand; `None` if they are all at one height.
+    fn through(pieces: &[Piece]) -> Option<Self> {
+        const ANCHORS: usize = 64;
+        let about = |foot: DVec2| {
+            let line = Self { foot, slope: DVec2::ZERO };
+            pieces
+                .iter()
+                .map(|piece| piece.weight * (1.0 - line.distance(piece.at) / RADIUS).max(0.0))
+                .sum::<f64>()
+        };
+        let anchors =
+            pieces.iter().step_by(pieces.len().div_ceil(ANCHORS).max(1)).map(|piece| piece.at.truncate());
+        let foot = anchors.max_by(|a, b| about(*a).total_cmp(&about(*b)))?;
+        let mut line = Self { foot, slope: DVec2::ZERO };
+        // Least squares of those that are near the line, nearer each time.
+        for radius in [1.5, 1.0, 0.6, 0.6].map(|share| share * RADIUS) {
+            let own = pieces.iter().filter(|piece| line.distance(piece.at) < radius);
+            let (mut sum, mut height, mut place) = (0.0, 0.0, DVec2::ZERO);
+            for Piece { at, weight, .. } in own.clone() {
+                (sum, height, place) =
+                    (sum + weight, height + weight * at.z, place + *weight * at.truncate());
+            }
+            let (height, place) = (height / sum, place / sum);
+            let (mut square, mut product) = (0.0, DVec2::ZERO);
+            for Piece { at, weight, .. } in own {
+                let up = at.z - height;
+                (square, product) =
+                    (square + weight * up * up, product + *weight * up * (at.truncate() - place));
+            }
+            if !(square > 1e-6 * sum) {
+                return None;
+            }
+            let slope = product / square;
+            line = Self { foot: place - slope * height, slope };
+        }
+        Some(line)
+    }
+
+    /// The median distance of the middles of layers of pieces from the line, m; `None` if they are in few layers.
+    fn crookedness(&self, pieces: &[Piece], layers: std::ops::Range<usize>) -> Option<f64> {
+        let middle = |layer: usize| {
+            let in_layer = |piece: &&Piece| (piece.at.z / LAYER) as usize == layer;
+            let (mut sum, mut off) = (0.0, DVec2::ZERO);
+            for piece in pieces.iter().filter(in_layer) {
+                (sum, off) = (sum + piece.weight, off + piece.weight * self.off(piece.at));
+            }
+            (sum > 0.0).then(|| (off / sum).length())
+        };
+        let mut offs: Vec<f64> = layers.filter_map(middle).collect();
+        offs.sort_by(f64::total_cmp);
+        (offs.len() >= LEAST_LAYERS).then(|| offs[offs.len() / 2])
+    }
+}
+
+/// The thin splats of a scene, in its level axes from its ground: long upright ones, or small ones of any direction.
+struct Thin {
+    long: Vec<Piece>,
+    small: Vec<Piece>,
+}
+
+impl Thin {
+    fn of(splats: &Splats, survey: &Survey, level: impl Fn(DVec3) -> DVec3) -> Self {
+        let metres = survey.metres_per_unit.value;
+        let sky = SkyRegion::of(splats);
+        let mut thin = Self { long: Vec::new(), small: Vec::new() };
+        for index in 0..splats.len() {
+            let at = level(DVec3::from_array(splats.means[index].map(f64::from)));
+            let is_low = (-1.0..LAYERS as f64 * LAYER).contains(&at.z);
+            let is_seen = || splats.is_sound(index) && splats.opacity(index) >= OPAQUE;
+            if !is_low || !is_seen() {
+                continue;
+            }
+            let scales = splats.scales(index).map(|scale| scale * metres);
+            let longest = (0..3).fold(0, |best, k| if scales[k] > scales[best] { k } else { best });
+            let (long, wide) = (scales[longest], scales[(longest + 1) % 3].max(scales[(longest + 2) % 3]));
+            if wide >= THIN || long >= LONGEST || sky.holds(splats, index) {
+                continue;
+            }
+            let turn = quat::to_matrix(splats.quats[index].map(f64::from));
+            let cosine = DVec3::from_array([0, 1, 2].map(|k| turn[k][longest])).dot(survey.up.value).abs();
+            let piece = Piece {
+                at,
+                half: (REACH * long * cosine).max(0.5 * CELL),
+                weight: long.min(0.5) * splats.opacity(index),
+            };
+            if long > LONG * wide && cosine > UPRIGHT {
+                thin.long.push(piece);
+            }
+            if long < THIN {
+                thin.small.push(piece);
             }
         }
-        sum.map(|v| v / count)
+        thin
     }
 }
 
-/// The bits of the lowest layers.
-fn mask(layers: usize) -> u64 {
-    if layers >= 64 { u64::MAX } else { (1 << layers) - 1 }
-}
-
-/// The cells within a distance along both axes.
-fn square(reach: i32) -> impl Iterator<Item = [i32; 2]> {
-    (-reach..=reach).flat_map(move |x| (-reach..=reach).map(move |y| [x, y]))
-}
-
-/// Finds the posts of a scene: upright, at most two cells of 15 cm wide up to their heads, free about that, and without a crown or
-/// a roof over them. What is shorter than 2.7 m is none. Whether they carry lamps is not known.
+/// Finds the posts of a scene: 2.7 to 12 m high, at most 30 cm thick, straight and plumb, with no crown on them. Most trunks, stakes and
+/// boughs are not as straight. Whether posts carry lamps is not known.
 #[must_use]
 pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
     let metres = survey.metres_per_unit.value;
@@ -153,58 +303,67 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
     let (x, y) = up.any_orthonormal_pair();
     let level =
         |point: DVec3| DVec3::new(point.dot(x), point.dot(y), point.dot(up) - survey.ground.value) * metres;
-    let sky = SkyRegion::of(splats);
-    let middle = level(survey.center);
-    let Some(mut columns) = Columns::around([middle.x, middle.y], ABOUT * survey.radius * metres) else {
-        return Vec::new();
-    };
-    for index in 0..splats.len() {
-        let middle = level(DVec3::from_array(splats.means[index].map(f64::from)));
-        let is_low = (-LONGEST..LAYERS as f64 * LAYER + LONGEST).contains(&middle.z);
-        let is_seen = || splats.is_sound(index) && splats.opacity(index) >= OPAQUE;
-        if !is_low || !is_seen() || sky.holds(splats, index) {
-            continue;
-        }
-        let halves = splats.scales(index).map(|scale| (REACH * scale * metres).min(LONGEST));
-        if halves.iter().all(|half| *half < STEP) {
-            columns.fill(middle.to_array());
-            continue;
-        }
-        let turn = quat::to_matrix(splats.quats[index].map(f64::from));
-        let mut axes = [0, 1, 2].map(|k| {
-            let axis = DVec3::new(turn[0][k], turn[1][k], turn[2][k]);
-            (DVec3::new(axis.dot(x), axis.dot(y), axis.dot(up)) * STEP, (halves[k] / STEP) as i32)
-        });
-        axes.sort_by_key(|axis| std::cmp::Reverse(axis.1));
-        let [(long, lengths), (wide, widths), _] = axes;
-        for i in -lengths..=lengths {
-            let start = middle + long * f64::from(i);
-            for j in -widths..=widths {
-                columns.fill((start + wide * f64::from(j)).to_array());
+    let middle = level(survey.center).truncate();
+    let thin = Thin::of(splats, survey, level);
+    let mut posts: Vec<(Axis, f64)> = Vec::new();
+    // Posts of trained captures are of long splats, also amid leaves; those of made scenes are of small ones.
+    for pieces in [thin.long, thin.small] {
+        let Some(columns) = Columns::new(middle, ABOUT * survey.radius * metres, &pieces) else {
+            return Vec::new();
+        };
+        let is_high = |top: &usize| (HEIGHTS[0]..HEIGHTS[1]).contains(&(*top as f64 * LAYER));
+        let mut candidates: Vec<(usize, usize)> = (0..columns.filled.len())
+            .filter(|cell| columns.filled[*cell] != 0)
+            .map(|cell| (cell, columns.top(cell)))
+            .filter(|(_, top)| is_high(top))
+            .collect();
+        // The highest first; what is beside it is the same.
+        candidates.sort_by_key(|(cell, top)| (std::cmp::Reverse(*top), *cell));
+        let mut taken = BTreeSet::new();
+        for (cell, top) in candidates {
+            if taken.contains(&cell) {
+                continue;
+            }
+            let Some(axis) = columns.post(cell, top) else { continue };
+            taken.extend(columns.rows(cell, (APART / CELL) as usize).flatten());
+            let height = top as f64 * LAYER;
+            let is_new = posts.iter().all(|post| post.0.distance(axis.at(height)) > APART);
+            if is_new {
+                posts.push((axis, height));
             }
         }
     }
-    let cells = (0..columns.filled.len()).filter(|at| columns.filled[*at] >> (FROM / LAYER) as u32 & 3 != 0);
-    let cell = |at: usize| [(at % columns.size[0]) as i32, (at / columns.size[0]) as i32];
-    let mut found: Vec<([i32; 2], usize)> = cells
-        .map(|at| (cell(at), columns.top(cell(at))))
-        .filter(|(cell, top)| columns.is_post(*cell, *top))
-        .collect();
-    // The highest first; what is beside it is the same.
-    found.sort_by_key(|(cell, top)| (std::cmp::Reverse(*top), *cell));
-    let mut taken = BTreeSet::new();
-    let mut posts = Vec::new();
-    for (cell, top) in found {
-        if taken.contains(&cell) {
-            continue;
+    let crowns = crowns_over(splats, metres, level, &posts);
+    let free = posts.iter().zip(crowns).filter(|(_, crown)| *crown < DENSE);
+    let post = |(axis, height): &(Axis, f64)| {
+        let at = axis.at(height - BELOW_TOP) / metres;
+        Post { head: x * at.x + y * at.y + up * (survey.ground.value + at.z), height: *height }
+    };
+    free.map(|(found, _)| post(found)).collect()
+}
+
+/// The area of the splats over posts, given by axis and height, over that of the space there as seen from the side.
+fn crowns_over(
+    splats: &Splats,
+    metres: f64,
+    level: impl Fn(DVec3) -> DVec3,
+    posts: &[(Axis, f64)],
+) -> Vec<f64> {
+    let mut areas = vec![0.0; posts.len()];
+    let space = 2.0 * CROWN * (OVER[1] - OVER[0]);
+    for index in 0..splats.len() {
+        let at = level(DVec3::from_array(splats.means[index].map(f64::from)));
+        for (area, (axis, height)) in areas.iter_mut().zip(posts) {
+            let is_over = (OVER[0]..OVER[1]).contains(&(at.z - height)) && axis.distance(at) < CROWN;
+            let is_seen = || splats.is_sound(index) && splats.opacity(index) >= OPAQUE;
+            if is_over && is_seen() {
+                let mut scales = splats.scales(index).map(|scale| scale * metres);
+                scales.sort_by(f64::total_cmp);
+                *area += std::f64::consts::PI * scales[1] * scales[2].min(LONGEST) / space;
+            }
         }
-        taken.extend(square(HEAD_REACH).map(|[x, y]| [cell[0] + x, cell[1] + y]));
-        let [column, row, layer] = columns.head(cell, top);
-        let [a, b] = [columns.low[0] + column * CELL, columns.low[1] + row * CELL].map(|v| v / metres);
-        let head = x * a + y * b + up * (survey.ground.value + layer * LAYER / metres);
-        posts.push(Post { head, height: top as f64 * LAYER });
     }
-    posts
+    areas
 }
 
 #[cfg(test)]
@@ -215,31 +374,68 @@ mod tests {
 
     const HEADS: [[f64; 2]; 3] = [[-6.0, 2.0], [3.0, 5.0], [7.0, -4.0]];
 
-    #[test]
-    fn posts_are_found_and_trees_walls_and_bollards_are_not() {
+    /// The posts of a place on level ground about the origin, with so many metres a unit.
+    fn found(place: Builder, metres_per_unit: f64) -> Vec<Post> {
+        let scene = Scene { splats: place.build(), ..Scene::default() };
+        let given = Metadata {
+            up: Some(DVec3::Z),
+            ground: Some(0.0),
+            metres_per_unit: Some(metres_per_unit),
+            ..Metadata::default()
+        };
+        find_posts(&scene.splats, &Survey::of(&scene, &given))
+    }
+
+    fn ground() -> Builder {
         let mut place = Builder::new(9);
         place.block(DVec3::new(0.0, 0.0, -0.2), DVec3::new(30.0, 30.0, 0.2), 0.3, [0.5; 3]);
-        let mut post = |[x, y]: [f64; 2], height: f64| {
-            place.block(DVec3::new(x, y, 0.0), DVec3::new(0.12, 0.12, height), 0.1, [0.1; 3]);
-        };
-        HEADS.into_iter().for_each(|at| post(at, 4.0));
-        // A bollard, and a trunk.
-        post([0.0, 0.0], 1.2);
-        post([-8.0, -8.0], 3.0);
-        place.leaves(DVec3::new(-8.0, -8.0, 4.0), 1.6, 3000, [0.1, 0.4, 0.1]);
-        place.block(DVec3::new(0.0, 12.0, 0.0), DVec3::new(10.0, 0.3, 4.0), 0.2, [0.6; 3]);
-        let given = Metadata { up: Some(DVec3::Z), ground: Some(0.0), ..Metadata::default() };
-        let scene = Scene { splats: place.build(), ..Scene::default() };
-        let survey = Survey::of(&scene, &given);
-        let posts = find_posts(&scene.splats, &survey);
-        assert_eq!(posts.len(), HEADS.len(), "{posts:?}");
-        for [x, y] in HEADS {
-            let is_there = |post: &&Post| post.head.truncate().distance(glam::DVec2::new(x, y)) < 0.2;
+        place
+    }
+
+    fn assert_heads(posts: &[Post], heads: &[[f64; 2]]) {
+        assert_eq!(posts.len(), heads.len(), "{posts:?}");
+        for [x, y] in heads {
+            let is_there = |post: &&Post| post.head.truncate().distance(DVec2::new(*x, *y)) < 0.1;
             let post = posts.iter().find(is_there).unwrap();
             assert!((post.height - 4.0).abs() < 0.4 && (post.head.z - 3.7).abs() < 0.4, "{post:?}");
         }
+    }
+
+    #[test]
+    fn posts_are_found_and_trees_walls_and_bollards_are_not() {
+        let place = || {
+            let mut place = ground();
+            let mut post = |[x, y]: [f64; 2], height: f64| {
+                place.block(DVec3::new(x, y, 0.0), DVec3::new(0.12, 0.12, height), 0.06, [0.1; 3]);
+            };
+            HEADS.into_iter().for_each(|at| post(at, 4.0));
+            // A bollard, and a trunk.
+            post([0.0, 0.0], 1.2);
+            post([-8.0, -8.0], 3.0);
+            place.leaves(DVec3::new(-8.0, -8.0, 4.0), 1.6, 3000, [0.1, 0.4, 0.1]);
+            place.block(DVec3::new(0.0, 12.0, 0.0), DVec3::new(10.0, 0.3, 4.0), 0.2, [0.6; 3]);
+            place
+        };
+        assert_heads(&found(place(), 1.0), &HEADS);
         // A scene that says another scale has other posts.
-        let giant = Survey::of(&scene, &Metadata { metres_per_unit: Some(0.1), ..given });
-        assert!(find_posts(&scene.splats, &giant).is_empty());
+        assert!(found(place(), 0.1).is_empty());
+    }
+
+    #[test]
+    fn posts_of_long_splats_are_found_amid_bushes_and_stakes_are_not() {
+        let mut place = ground();
+        let mut rod = |[x, y]: [f64; 2], lean: f64| {
+            for step in 0..80 {
+                let height = 0.05 * f64::from(step);
+                let at = DVec3::new(x + lean * height, y, height);
+                place.push(at, DVec3::Z, [0.02, 0.02, 0.12], 0.9, [0.1; 3]);
+            }
+        };
+        HEADS.into_iter().for_each(|at| rod(at, 0.02));
+        rod([0.0, -9.0], 0.12);
+        for [x, y] in HEADS {
+            place.leaves(DVec3::new(x + 0.5, y, 0.8), 0.9, 400, [0.1, 0.4, 0.1]);
+        }
+        assert_heads(&found(place, 1.0), &HEADS.map(|[x, y]| [x + 0.02 * 3.7, y]));
     }
 }

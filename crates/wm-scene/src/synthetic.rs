@@ -43,7 +43,7 @@ impl Builder {
         DVec3::new(r * angle.cos(), r * angle.sin(), z)
     }
 
-    fn push(&mut self, at: DVec3, normal: DVec3, scales: [f64; 3], opacity: f64, rgb: Rgb) {
+    pub(crate) fn push(&mut self, at: DVec3, normal: DVec3, scales: [f64; 3], opacity: f64, rgb: Rgb) {
         let shade = self.draw(-0.04, 0.04) as f32;
         self.splats.push(&Splat {
             mean: at.to_array().map(|v| v as f32),

@@ -6,7 +6,7 @@
 
 use super::linear::{horizontals, quantile};
 use super::sample::{SurveySample, strided};
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2};
 
 /// Most points of upright surfaces that count.
 const MOST: usize = 8000;
@@ -37,7 +37,7 @@ pub(super) fn plumb(sample: &SurveySample, up: DVec3) -> Option<DVec3> {
         .map(|point| {
             let off = point.at - sample.center;
             let place = DVec2::new(off.dot(axes.0), off.dot(axes.1));
-            PlanPoint { place, height: off.dot(up), weight: point.area }
+            PlanPoint { place: place.as_vec2(), height: off.dot(up) as f32, weight: point.area as f32 }
         })
         .collect();
     let is_place = reach > 0.0 && points.len() > 100;
@@ -64,9 +64,9 @@ struct Grid {
 
 /// A point of an upright surface from the middle of a place, scene units.
 struct PlanPoint {
-    place: DVec2,
-    height: f64,
-    weight: f64,
+    place: Vec2,
+    height: f32,
+    weight: f32,
 }
 
 /// Points of upright surfaces, and their distance from the middle, scene units.
@@ -79,26 +79,35 @@ impl Plan {
     /// The sum of the squares of what the cells of a level grid hold, with `cells` across the place, of points that are moved to one height
     /// along a tilt, units a unit of height.
     fn sharpness(&self, tilt: DVec2, cells: f64) -> f64 {
-        let scale = 0.5 * cells / self.reach;
+        let scale = (0.5 * cells / self.reach) as f32;
+        let tilt = tilt.as_vec2() * scale;
         // Tilts are small: the place is at most half as wide again.
         let side = (1.5 * cells) as usize + 2;
-        let middle = 0.5 * side as f64;
+        let (middle, last) = (0.5 * side as f32, (side - 1) as f32);
         let mut held = vec![0.0f32; side * side];
+        // The sum grows with each share that a cell receives, so that cells need not be looked at again.
+        let mut sum = 0.0;
         for PlanPoint { place, height, weight } in &self.points {
-            let at = (*place - tilt * *height) * scale + middle;
-            let is_in = at.min_element() >= 0.0 && at.max_element() < (side - 1) as f64;
+            let at = *place * scale - tilt * *height + middle;
+            let is_in = at.min_element() >= 0.0 && at.max_element() < last;
             if is_in {
-                let [column, row] = [at.x as usize, at.y as usize];
-                let first = row * side + column;
-                let right = (at.x - column as f64) as f32;
-                let (down, weight) = ((at.y - row as f64) as f32, *weight as f32);
-                held[first] += weight * (1.0 - right) * (1.0 - down);
-                held[first + 1] += weight * right * (1.0 - down);
-                held[first + side] += weight * (1.0 - right) * down;
-                held[first + side + 1] += weight * right * down;
+                let [column, row] = [at.x as u32, at.y as u32];
+                let [right, down] = [at.x - column as f32, at.y - row as f32];
+                let lower = weight * down;
+                let first = row as usize * side + column as usize;
+                let mut grown = 0.0;
+                for (start, weight) in [(first, weight - lower), (first + side, lower)] {
+                    let [left, next] = &mut held[start..start + 2] else { continue };
+                    let share = weight * right;
+                    let other = weight - share;
+                    grown += other * (2.0 * *left + other) + share * (2.0 * *next + share);
+                    *left += other;
+                    *next += share;
+                }
+                sum += f64::from(grown);
             }
         }
-        held.iter().map(|v| f64::from(v * v)).sum()
+        sum
     }
 }
 
