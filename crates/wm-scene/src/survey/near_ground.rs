@@ -5,7 +5,7 @@ use super::sample::point;
 use super::sky::SkyRegion;
 use crate::{Splats, quat};
 use glam::{DMat3, DVec3};
-use std::f64::consts::{LN_2, TAU};
+use std::f64::consts::{LN_2, PI, TAU};
 
 /// Radii of the round in which the ground under a point is looked for, the next where one has too little of it, m.
 const ROUNDS: [f64; 4] = [2.5, 5.0, 10.0, 20.0];
@@ -19,8 +19,16 @@ const EYE: f64 = 0.2;
 /// ground.
 const LAYER: f64 = 0.1;
 const FAIR: f64 = 0.35;
+/// Share of the round that level splats must cover: fewer are those of a table or a step.
+const COVERED: f64 = 0.1;
 /// Distances from the plane beyond which a splat is none of the ground, m, from one fit to the next.
 const THICKNESS: [f64; 5] = [0.3, 0.2, 0.12, 0.08, 0.08];
+/// The same for what is seen of rough ground.
+const ROUGH: [f64; 5] = [0.8, 0.5, 0.3, 0.2, 0.15];
+/// Cells of the grid in which rough ground must be seen, and the share of them that is lower than where the fit begins: what stands on it
+/// is higher.
+const LEAST_SEEN: usize = 24;
+const LOWER: f64 = 0.35;
 /// Steepest ground that is followed, height over way.
 const STEEPEST: f64 = 0.4;
 /// Lowest and highest place of the visible ground over the plane of the level splats, m.
@@ -61,7 +69,8 @@ impl NearGround {
     }
 
     /// Height along up, scene units, of the ground straight under a point of the scene: of the plane that fits the lowest large level
-    /// surface around, moved to where that is seen from above: large splats lie below what a capture shows of its ground.
+    /// surface around, moved to where that is seen from above: large splats lie below what a capture shows of its ground. Where no plane
+    /// fits level splats, one is fitted to what is seen from above.
     /// `None` where there is none within 20 m.
     #[must_use]
     pub fn height_under(&self, eye: DVec3, metres_per_unit: f64) -> Option<f64> {
@@ -75,8 +84,16 @@ impl NearGround {
                 let placed = all.iter().map(|point| away(point.map(f64::from)));
                 placed.filter(|[px, py, height, _]| px.hypot(*py) < *metres && *height < -EYE).collect()
             };
-            let plane = plane_of(&near(&self.points))?;
-            let height = plane[0] + seen_over(plane, &near(&self.covers), *metres);
+            let covers = near(&self.covers);
+            let level = near(&self.points);
+            let covered = TAU * level.iter().map(|point| point[3]).sum::<f64>();
+            let is_level = covered > COVERED * PI * metres * metres;
+            let plane = if is_level { plane_of(&level) } else { None };
+            let height = match plane {
+                Some(plane) => plane[0] + seen_over(plane, &covers, *metres),
+                // Rough captures have no level splats: what is seen of the ground tells its height.
+                None => seen_from(&covers, *metres)?,
+            };
             Some(top + height / metres_per_unit)
         })
     }
@@ -98,28 +115,43 @@ fn cover_from_above(splats: &Splats, index: usize, axes: DMat3) -> f64 {
 /// `[x, y, height, area]` above have stopped half of the light from above; the median over the cells is returned, and 0 if so much is
 /// stopped in none.
 fn seen_over(plane: [f64; 3], covers: &[[f64; 4]], radius: f64) -> f64 {
-    let cell = radius / CELLS;
+    let over =
+        |[x, y, height, area]: &[f64; 4]| [*x, *y, height - plane[0] - plane[1] * x - plane[2] * y, *area];
+    let near = covers.iter().map(over).filter(|[.., over, _]| (SEEN[0]..SEEN[1]).contains(over));
+    let mut heights: Vec<f64> = seen(near, radius / CELLS).iter().map(|seen| seen[2]).collect();
+    if heights.is_empty() { 0.0 } else { quantile(&mut heights, 0.5) }
+}
+
+/// Returns where the splats `[x, y, height, area]` have stopped half of the light from above, in each cell of a grid where they stop as
+/// much: the middle of the cell, and the height.
+fn seen(covers: impl Iterator<Item = [f64; 4]>, cell: f64) -> Vec<[f64; 3]> {
     let mut near: Vec<([i32; 2], f64, f64)> = covers
-        .iter()
-        .map(|[x, y, height, area]| {
-            let over = height - plane[0] - plane[1] * x - plane[2] * y;
-            ([x, y].map(|v| (v / cell).floor() as i32), over, *area)
-        })
-        .filter(|(_, over, _)| (SEEN[0]..SEEN[1]).contains(over))
+        .map(|[x, y, height, area]| ([x, y].map(|v| (v / cell).floor() as i32), height, area))
         .collect();
     near.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
     let half = LN_2 * cell * cell;
-    let mut heights: Vec<f64> = near
-        .chunk_by(|a, b| a.0 == b.0)
-        .filter_map(|cell| {
-            let mut stopped = 0.0;
-            cell.iter().find_map(|(_, over, area)| {
-                stopped += area;
-                (stopped >= half).then_some(*over)
-            })
-        })
-        .collect();
-    if heights.is_empty() { 0.0 } else { quantile(&mut heights, 0.5) }
+    let in_cell = |splats: &[([i32; 2], f64, f64)]| {
+        let mut stopped = 0.0;
+        let height = splats.iter().find_map(|(_, height, area)| {
+            stopped += area;
+            (stopped >= half).then_some(*height)
+        });
+        let [x, y] = splats[0].0.map(|v| (f64::from(v) + 0.5) * cell);
+        height.map(|height| [x, y, height])
+    };
+    near.chunk_by(|a, b| a.0 == b.0).filter_map(in_cell).collect()
+}
+
+/// Returns the height in the middle, m, of the plane that fits most of the lower part of what is seen from above within a radius, m.
+fn seen_from(covers: &[[f64; 4]], radius: f64) -> Option<f64> {
+    let cells = seen(covers.iter().copied(), radius / CELLS);
+    if cells.len() < LEAST_SEEN {
+        return None;
+    }
+    let mut heights: Vec<f64> = cells.iter().map(|cell| cell[2]).collect();
+    let start = [quantile(&mut heights, LOWER), 0.0, 0.0];
+    let points: Vec<[f64; 4]> = cells.iter().map(|[x, y, height]| [*x, *y, *height, 1.0]).collect();
+    fitted(&points, start, ROUGH, LEAST_SEEN).map(|plane| plane[0])
 }
 
 /// Height in the middle of the ground among points `[x, y, height, area]`, m, and its slopes along both axes.
@@ -137,9 +169,14 @@ fn plane_of(points: &[[f64; 4]]) -> Option<[f64; 3]> {
     let two = |at: usize| layers[at] + layers.get(at + 1).unwrap_or(&0.0);
     let best = (0..count).map(two).fold(0.0, f64::max);
     let first = (0..count).find(|at| two(*at) >= FAIR * best)?;
-    // Height and slopes along both axes.
-    let mut plane = [low + (first as f64 + 1.0) * LAYER, 0.0, 0.0];
-    for thickness in THICKNESS {
+    fitted(points, [low + (first as f64 + 1.0) * LAYER, 0.0, 0.0], THICKNESS, LEAST)
+}
+
+/// Fits a plane to points `[x, y, height, area]`, from a first one on: its height in the middle, m, and its slopes along both axes. Points
+/// farther from it than `thickness`, m, count nothing, in one fit after the other; `least` must count.
+fn fitted(points: &[[f64; 4]], start: [f64; 3], thickness: [f64; 5], least: usize) -> Option<[f64; 3]> {
+    let mut plane = start;
+    for thickness in thickness {
         let (mut known, mut sum, mut used) = (DMat3::ZERO, DVec3::ZERO, 0);
         for [x, y, height, area] in points {
             let off = (height - plane[0] - plane[1] * x - plane[2] * y) / thickness;
@@ -152,7 +189,7 @@ fn plane_of(points: &[[f64; 4]]) -> Option<[f64; 3]> {
             }
         }
         let fit = known.inverse() * sum;
-        let is_sound = used >= LEAST && fit.is_finite() && fit.y.hypot(fit.z) < STEEPEST;
+        let is_sound = used >= least && fit.is_finite() && fit.y.hypot(fit.z) < STEEPEST;
         if !is_sound {
             return None;
         }
@@ -209,6 +246,23 @@ mod tests {
             let height = ground.height_under(DVec3::new(x, y, 1.7), 1.0).unwrap();
             assert!((height - 0.03 * y).abs() < 0.03, "{height} at {y}");
         }
+    }
+
+    /// Rough ground: splats of all directions in a layer of 0.2 m, with a crate on it, and strays above.
+    #[test]
+    fn rough_ground_is_where_it_is_seen() {
+        let mut place = synthetic::Builder::new(8);
+        for _ in 0..9000 {
+            let [x, y] = [0; 2].map(|_| place.draw(-4.0, 4.0));
+            let at = DVec3::new(x, y, 0.04 * x - place.draw(0.0, 0.2));
+            let normal = place.anywhere().with_z(0.0).normalize() + DVec3::Z * place.draw(-0.7, 0.7);
+            place.fleck(at, normal, 0.25, [0.4; 3]);
+        }
+        place.block(DVec3::new(1.0, 1.0, 0.0), DVec3::splat(0.8), 0.1, [0.6; 3]);
+        place.strays(DVec3::new(-4.0, -4.0, 0.2), DVec3::new(4.0, 4.0, 3.0), 200);
+        let ground = NearGround::of(&place.build(), DVec3::Z);
+        let height = ground.height_under(DVec3::new(0.0, 0.0, 1.7), 1.0).unwrap();
+        assert!((-0.08..0.03).contains(&height), "{height}");
     }
 
     #[test]

@@ -16,7 +16,7 @@ const UPRIGHT: f64 = 0.35;
 const NEAR: f64 = 0.9;
 /// Directions that are compared: roughly, then finely about the best.
 const ROUGH: Grid = Grid { degrees: 1.0, steps: 4, cells: 150.0 };
-const FINE: Grid = Grid { degrees: 0.4, steps: 4, cells: 250.0 };
+const FINE: Grid = Grid { degrees: 0.4, steps: 3, cells: 250.0 };
 /// Sum of squares of the best direction over the median, from which on high walls are there. Measured: 1.25 of tower blocks, 1.01 to 1.1 where
 /// there are low walls or none, and then the best direction is chance.
 const STANDS_OUT: f64 = 1.15;
@@ -81,8 +81,8 @@ impl Plan {
     fn sharpness(&self, tilt: DVec2, cells: f64) -> f64 {
         let scale = (0.5 * cells / self.reach) as f32;
         let tilt = tilt.as_vec2() * scale;
-        // Tilts are small: the place is at most half as wide again.
-        let side = (1.5 * cells) as usize + 2;
+        // Tilts are small: the place is at most a fifth wider.
+        let side = (1.2 * cells) as usize + 2;
         let (middle, last) = (0.5 * side as f32, (side - 1) as f32);
         let mut held = vec![0.0f32; side * side];
         // The sum grows with each share that a cell receives, so that cells need not be looked at again.

@@ -23,7 +23,7 @@ const CLOSED: f64 = 0.5;
 const LOW: f64 = 0.12;
 const NEAR: f64 = 0.7;
 /// Most surfaces that are looked at.
-const MOST: usize = 400;
+const MOST: usize = 200;
 /// Cells from a surface to where its ray starts: it does not shade itself.
 const CLEAR: f64 = 1.8;
 /// Difference of the shares of surface that sees a sun below which one side is as good as another.
@@ -56,15 +56,18 @@ impl SunnySide {
         let cells = Cells { first: middle - DVec3::splat(0.5 * SIDE as f64 * cell), cell };
         // Each sampled splat stands for several, and covers pi times the product of its standard deviations.
         let stands_for = PI * sample.stands_for as f64;
-        let mut surface: Vec<(usize, f64)> =
-            sample.points.iter().filter_map(|p| Some((cells.index(p.at)?, p.area * stands_for))).collect();
+        let mut surface: Vec<(usize, f64)> = sample
+            .points
+            .iter()
+            .filter_map(|p| Some((Cells::at(cells.place(p.at))?, p.area * stands_for)))
+            .collect();
         surface.sort_by_key(|(index, _)| *index);
         let mut closed = vec![false; SIDE * SIDE * SIDE];
         for cell_of in surface.chunk_by(|a, b| a.0 == b.0) {
             let area: f64 = cell_of.iter().map(|(_, area)| area).sum();
             closed[cell_of[0].0] = area > CLOSED * cell * cell;
         }
-        let stops = |at: DVec3| cells.index(at).is_some_and(|index| closed[index]);
+        let stops = |place: DVec3| Cells::at(place).is_some_and(|index| closed[index]);
         let is_near = |point: &&SurveyPoint| {
             let height = point.at.dot(up) - ground;
             let across = (point.at - middle).reject_from(up).length();
@@ -83,9 +86,10 @@ impl SunnySide {
         };
         let steps = (2.0 * CELLS) as u32;
         let lit = |towards: DVec3| {
+            // A step is a cell.
             let sees = |point: &&&SurveyPoint| {
-                let start = point.at + (towards + up) * (CLEAR * cell);
-                !(0..steps).any(|step| stops(start + towards * (f64::from(step) * cell)))
+                let start = cells.place(point.at) + (towards + up) * CLEAR;
+                !(0..steps).any(|step| stops(start + towards * f64::from(step)))
             };
             seen.iter().filter(sees).map(|point| point.area).sum::<f64>() / whole
         };
@@ -117,9 +121,13 @@ struct Cells {
 }
 
 impl Cells {
-    /// The index of the cell that holds a point; `None` outside.
-    fn index(&self, point: DVec3) -> Option<usize> {
-        let place = (point - self.first) / self.cell;
+    /// A point, in cells from the corner.
+    fn place(&self, point: DVec3) -> DVec3 {
+        (point - self.first) / self.cell
+    }
+
+    /// The index of the cell that holds a place, in cells; `None` outside.
+    fn at(place: DVec3) -> Option<usize> {
         let is_in = place.min_element() >= 0.0 && place.max_element() < SIDE as f64;
         is_in.then(|| ((place.z as usize * SIDE) + place.y as usize) * SIDE + place.x as usize)
     }
