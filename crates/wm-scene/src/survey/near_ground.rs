@@ -5,7 +5,8 @@ use super::sample::point;
 use super::sky::SkyRegion;
 use crate::{Splats, quat};
 use glam::{DMat3, DVec3};
-use std::f64::consts::{LN_2, PI, TAU};
+use std::f32::consts::LN_2;
+use std::f64::consts::{PI, TAU};
 
 /// Radii of the round in which the ground under a point is looked for, the next where one has too little of it, m.
 const ROUNDS: [f64; 4] = [2.5, 5.0, 10.0, 20.0];
@@ -34,7 +35,7 @@ const STEEPEST: f64 = 0.4;
 /// Lowest and highest place of the visible ground over the plane of the level splats, m.
 const SEEN: [f64; 2] = [-0.3, 0.4];
 /// Cells along the radius of a round in each of which the visible ground is looked for.
-const CELLS: f64 = 8.0;
+const CELLS: usize = 8;
 
 /// The splats of a scene in which the ground under a point is found.
 #[derive(Clone, Debug, Default)]
@@ -42,8 +43,18 @@ pub struct NearGround {
     axes: DMat3,
     /// The level splats: distances along both level axes and height along up, scene units, and area, square units.
     points: Vec<[f32; 4]>,
-    /// All splats, as in `points`, but with the area that each covers as seen from above.
-    covers: Vec<[f32; 4]>,
+    /// All splats as seen from above.
+    covers: Vec<Cover>,
+}
+
+/// A splat as seen from above: a level square.
+#[derive(Clone, Copy, Debug)]
+struct Cover {
+    /// The middle: distances along both level axes and height along up.
+    at: [f32; 3],
+    /// Length of its sides.
+    side: f32,
+    opacity: f32,
 }
 
 impl NearGround {
@@ -53,17 +64,18 @@ impl NearGround {
         let sky = SkyRegion::of(splats);
         let (x, y) = horizontals(up);
         let axes = DMat3::from_cols(x, y, up).transpose();
-        let placed = |at: DVec3, area: f64| {
-            let [x, y, height] = (axes * at).to_array().map(|v| v as f32);
-            [x, y, height, area as f32]
-        };
+        let placed = |at: DVec3| (axes * at).to_array().map(|v| v as f32);
         let (mut points, mut covers) = (Vec::new(), Vec::new());
         for index in (0..splats.len()).filter(|index| splats.is_sound(*index) && !sky.holds(splats, *index)) {
             if let Some(point) = point(splats, index).filter(|point| point.normal.dot(up).abs() > LEVEL) {
-                points.push(placed(point.at, point.area));
+                let [x, y, height] = placed(point.at);
+                points.push([x, y, height, point.area as f32]);
             }
-            let at = DVec3::from_array(splats.means[index].map(f64::from));
-            covers.push(placed(at, cover_from_above(splats, index, axes)));
+            covers.push(Cover {
+                at: placed(DVec3::from_array(splats.means[index].map(f64::from))),
+                side: side_from_above(splats, index, axes) as f32,
+                opacity: splats.opacity(index) as f32,
+            });
         }
         Self { axes, points, covers }
     }
@@ -76,16 +88,21 @@ impl NearGround {
     pub fn height_under(&self, eye: DVec3, metres_per_unit: f64) -> Option<f64> {
         let [x, y, top] = (self.axes * eye).to_array();
         ROUNDS.iter().find_map(|metres| {
-            let near = |all: &[[f32; 4]]| -> Vec<[f64; 4]> {
-                let away = |[px, py, height, area]: [f64; 4]| {
-                    let [px, py, height] = [px - x, py - y, height - top].map(|v| v * metres_per_unit);
-                    [px, py, height, area * metres_per_unit * metres_per_unit]
-                };
-                let placed = all.iter().map(|point| away(point.map(f64::from)));
-                placed.filter(|[px, py, height, _]| px.hypot(*py) < *metres && *height < -EYE).collect()
+            let away = |[px, py, height]: [f32; 3]| {
+                [f64::from(px) - x, f64::from(py) - y, f64::from(height) - top].map(|v| v * metres_per_unit)
             };
-            let covers = near(&self.covers);
-            let level = near(&self.points);
+            let is_near = |[x, y, height]: [f64; 3]| x.hypot(y) < *metres && height < -EYE;
+            let metric = |cover: &Cover| {
+                let side = cover.side * metres_per_unit as f32;
+                Cover { at: away(cover.at).map(|v| v as f32), side, ..*cover }
+            };
+            let covers: Vec<Cover> =
+                self.covers.iter().filter(|cover| is_near(away(cover.at))).map(metric).collect();
+            let level: Vec<[f64; 4]> = (self.points.iter())
+                .map(|[x, y, height, area]| (away([*x, *y, *height]), f64::from(*area)))
+                .filter(|(at, _)| is_near(*at))
+                .map(|([x, y, height], area)| [x, y, height, area * metres_per_unit * metres_per_unit])
+                .collect();
             let covered = TAU * level.iter().map(|point| point[3]).sum::<f64>();
             let is_level = covered > COVERED * PI * metres * metres;
             let plane = if is_level { plane_of(&level) } else { None };
@@ -99,52 +116,65 @@ impl NearGround {
     }
 }
 
-/// Returns the area that a splat covers as seen from above, square units: the integral of its opacity over the level plane. `axes` are
-/// the two level axes and up, in rows.
-fn cover_from_above(splats: &Splats, index: usize, axes: DMat3) -> f64 {
+/// Returns the side of the level square, units, that covers as much as a splat does as seen from above, with the splat's opacity: the
+/// integral over the level plane is the same. `axes` are the two level axes and up, in rows.
+fn side_from_above(splats: &Splats, index: usize, axes: DMat3) -> f64 {
     let turn = quat::to_matrix(splats.quats[index].map(f64::from));
     let scales = splats.log_scales[index].map(|scale| f64::from(scale).exp());
     // The splat's axes in those of the plane, each as long as its standard deviation.
     let along = |k: usize| axes * DVec3::from_array(turn.map(|row| row[k])) * scales[k];
     let spread = [0, 1, 2].map(along);
     let sum = |a: usize, b: usize| spread.iter().map(|axis| axis[a] * axis[b]).sum::<f64>();
-    TAU * splats.opacity(index) * (sum(0, 0) * sum(1, 1) - sum(0, 1).powi(2)).max(0.0).sqrt()
+    (TAU * (sum(0, 0) * sum(1, 1) - sum(0, 1).powi(2)).max(0.0).sqrt()).sqrt()
 }
 
 /// Returns the height of the visible ground over a plane, m. In each cell of a grid the ground is seen where the splats
-/// `[x, y, height, area]` above have stopped half of the light from above; the median over the cells is returned, and 0 if so much is
-/// stopped in none.
-fn seen_over(plane: [f64; 3], covers: &[[f64; 4]], radius: f64) -> f64 {
-    let over =
-        |[x, y, height, area]: &[f64; 4]| [*x, *y, height - plane[0] - plane[1] * x - plane[2] * y, *area];
-    let near = covers.iter().map(over).filter(|[.., over, _]| (SEEN[0]..SEEN[1]).contains(over));
-    let mut heights: Vec<f64> = seen(near, radius / CELLS).iter().map(|seen| seen[2]).collect();
+/// above have stopped half of the light from above; the median over the cells is returned, and 0 if so much is stopped in none.
+fn seen_over(plane: [f64; 3], covers: &[Cover], radius: f64) -> f64 {
+    let [height, east, north] = plane.map(|v| v as f32);
+    let over = |cover: &Cover| {
+        let [x, y, own] = cover.at;
+        Cover { at: [x, y, own - height - east * x - north * y], ..*cover }
+    };
+    let near = covers.iter().map(over).filter(|cover| (SEEN[0]..SEEN[1]).contains(&f64::from(cover.at[2])));
+    let mut heights: Vec<f64> = seen(near, radius).iter().map(|seen| seen[2]).collect();
     if heights.is_empty() { 0.0 } else { quantile(&mut heights, 0.5) }
 }
 
-/// Returns where the splats `[x, y, height, area]` have stopped half of the light from above, in each cell of a grid where they stop as
-/// much: the middle of the cell, and the height.
-fn seen(covers: impl Iterator<Item = [f64; 4]>, cell: f64) -> Vec<[f64; 3]> {
-    let mut near: Vec<([i32; 2], f64, f64)> = covers
-        .map(|[x, y, height, area]| ([x, y].map(|v| (v / cell).floor() as i32), height, area))
-        .collect();
-    near.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
-    let half = LN_2 * cell * cell;
-    let in_cell = |splats: &[([i32; 2], f64, f64)]| {
-        let mut stopped = 0.0;
-        let height = splats.iter().find_map(|(_, height, area)| {
-            stopped += area;
-            (stopped >= half).then_some(*height)
-        });
-        let [x, y] = splats[0].0.map(|v| (f64::from(v) + 0.5) * cell);
-        height.map(|height| [x, y, height])
-    };
-    near.chunk_by(|a, b| a.0 == b.0).filter_map(in_cell).collect()
+/// Returns where splats have stopped half of the light from above, in each cell of a grid within a radius, m, where they stop as much: the
+/// middle of the cell, and the height.
+fn seen(covers: impl Iterator<Item = Cover>, radius: f64) -> Vec<[f64; 3]> {
+    let cell = (radius / CELLS as f64) as f32;
+    let half = CELLS as i32;
+    let mut covers: Vec<Cover> = covers.collect();
+    covers.sort_by(|a, b| b.at[2].total_cmp(&a.at[2]));
+    // The optical depth above each cell.
+    let mut stopped = [[0.0f32; 2 * CELLS]; 2 * CELLS];
+    let mut found = Vec::new();
+    for Cover { at: [x, y, height], side, opacity } in covers {
+        let edges = |middle: f32| [middle - 0.5 * side, middle + 0.5 * side].map(|edge| edge / cell);
+        let range =
+            |[low, high]: [f32; 2]| (low.floor() as i32).max(-half)..=(high.floor() as i32).min(half - 1);
+        let shared = |[low, high]: [f32; 2], at: i32| high.min(at as f32 + 1.0) - low.max(at as f32);
+        let (across, along) = (edges(x), edges(y));
+        for column in range(across) {
+            for row in range(along) {
+                let above = &mut stopped[(column + half) as usize][(row + half) as usize];
+                let before = *above;
+                *above += opacity * shared(across, column) * shared(along, row);
+                if before < LN_2 && *above >= LN_2 {
+                    let middle = [column, row].map(|v| f64::from((v as f32 + 0.5) * cell));
+                    found.push([middle[0], middle[1], f64::from(height)]);
+                }
+            }
+        }
+    }
+    found
 }
 
 /// Returns the height in the middle, m, of the plane that fits most of the lower part of what is seen from above within a radius, m.
-fn seen_from(covers: &[[f64; 4]], radius: f64) -> Option<f64> {
-    let cells = seen(covers.iter().copied(), radius / CELLS);
+fn seen_from(covers: &[Cover], radius: f64) -> Option<f64> {
+    let cells = seen(covers.iter().copied(), radius);
     if cells.len() < LEAST_SEEN {
         return None;
     }
