@@ -66,6 +66,9 @@ struct Args {
     /// Targets at the same time
     #[arg(long, default_value_t = 2)]
     jobs: usize,
+    /// Factor on the processor time that a run may take: a sanitizer slows everything
+    #[arg(long, default_value_t = 1.0)]
+    slowness: f64,
     /// Runs one target in this process
     #[arg(long, hide = true)]
     child: bool,
@@ -96,6 +99,7 @@ fn run_all(chosen: &[&Target], args: &Args) -> usize {
         while let Some(target) = { queue.lock().unwrap().next() } {
             let mut command = Command::new(std::env::current_exe().unwrap());
             command.args(["--child", "--only", target.name, "--start", &args.start.to_string()]);
+            command.arg("--slowness").arg(args.slowness.to_string());
             match share {
                 Some(share) => command.arg("--seconds").arg(share.to_string()),
                 None => command.arg("--runs").arg(args.runs.to_string()),
@@ -188,8 +192,8 @@ fn run_target(target: &'static Target, args: &Args) -> bool {
             }
             Ok(result) => {
                 read += u64::from(result.is_ok());
-                let is_slow =
-                    seconds > target.budget.seconds || preparing > PREPARING * target.budget.seconds;
+                let budget = args.slowness * target.budget.seconds;
+                let is_slow = seconds > budget || preparing > PREPARING * budget;
                 is_slow.then(|| format!("slow: {seconds:.1} s, and {preparing:.1} s for assets"))
             }
         };

@@ -21,9 +21,6 @@ use wm_scene::Camera;
 
 /// Transmittance to the surface below which it is not seen.
 const HIDDEN: f32 = 1.0 / 512.0;
-/// Transmittances up to which what stands before the surface counts as solid, and from which it is as open as it is: walls of rough captures
-/// let some light through, and a bright flood behind them would end in a line along the horizon.
-const SOLID: [f32; 2] = [0.05, 0.4];
 /// Looks into a rough surface: standard deviations of the slope and their weights, normal distributions; and the width of each look
 /// over the standard deviation of the lobe's height.
 struct Looks(&'static [(f32, f32)], f32);
@@ -354,7 +351,7 @@ impl<'a> Scene<'a> {
                 true => [0.0; GROUP],
                 false => padded(&surface.roughness[at.clone()], 0.0),
             };
-            let mut cover = match surface.cover.is_empty() {
+            let cover = match surface.cover.is_empty() {
                 true => [1.0; GROUP],
                 false => padded(&surface.cover[at], 0.0),
             };
@@ -369,10 +366,6 @@ impl<'a> Scene<'a> {
             if wet == 0 {
                 clear(front);
                 continue;
-            }
-            for i in 0..GROUP {
-                let part = ((behind.open[i] - SOLID[0]) * (1.0 / (SOLID[1] - SOLID[0]))).clamp(0.0, 1.0);
-                cover[i] *= part * part * (3.0 - 2.0 * part);
             }
             let mut water = Water::new();
             let mut pixels = Pixels {
