@@ -51,8 +51,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         setting.map_or(Ok(()), |setting| weather.set_text(setting))?;
         pictures.push((renderer.render(&mut place, &weather, &camera, 0.0)?.frame.rgb, name));
     }
-    let panels: Vec<SheetPanel<'_>> =
-        pictures.iter().map(|(rgb, label)| SheetPanel { rgb, label }).collect();
+    let panels: Vec<SheetPanel<'_>> = pictures.iter().map(|(rgb, label)| SheetPanel { rgb, label }).collect();
     let layout = SheetLayout::new(PictureSize::new(SIZE.0, SIZE.1), panels.len() as u32, COLUMNS);
     png::write_rgb(out.as_ref(), &sheet(&layout, &panels), layout.size(), Dither::Ordered, &[])?;
     for warning in place.take_warnings() {

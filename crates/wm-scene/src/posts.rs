@@ -91,7 +91,8 @@ impl Columns {
     /// Puts pieces into the cells within a distance of a middle along both level axes, m; `None` if these were too many.
     fn new(middle: DVec2, distance: f64, pieces: &[Piece]) -> Option<Self> {
         let side = 2.0 * distance / CELL + 1.0;
-        if !(side * side <= MOST_CELLS as f64) {
+        let is_possible = side * side <= MOST_CELLS as f64;
+        if !is_possible {
             return None;
         }
         let side = side as usize;
@@ -227,7 +228,8 @@ impl Axis {
                 (square, product) =
                     (square + weight * up * up, product + *weight * up * (at.truncate() - place));
             }
-            if !(square > 1e-6 * sum) {
+            let is_line = square > 1e-6 * sum;
+            if !is_line {
                 return None;
             }
             let slope = product / square;

@@ -137,14 +137,13 @@ impl WetSurfaces {
             let normal = capture.normal(index);
             let is_level = normal.dot(up).abs() > LEVEL;
             let is_green = albedo[1] > GREEN * albedo[0].max(albedo[2]);
-            let is_on_floor = floor.holds(point.map(f64::from));
             // Lawns turn to all sides, however flat they were captured.
-            let normal = if is_green && (is_level || is_on_floor) { Vec3::ZERO } else { normal };
-            // Whatever way it lies, what is in the ground or shows through it is a part of it: rough captures have needles there.
-            let is_ground = is_on_floor && !is_green || ground.depth_below(point) > ON_GROUND;
-            let normal = if is_ground { up } else { normal };
+            let normal = if is_green && is_level { Vec3::ZERO } else { normal };
+            // Whatever way it lies, what shows through the ground is a part of it.
+            let normal = if ground.depth_below(point) > ON_GROUND { up } else { normal };
             // Ground in the round of the water's surface has its own reflection.
-            let is_wall = normal != Vec3::ZERO && normal.dot(up).abs() < LEVEL && !is_on_floor;
+            let is_wall =
+                normal != Vec3::ZERO && normal.dot(up).abs() < LEVEL && !floor.holds(point.map(f64::from));
             let stride = splats.sh_stride();
             let sh = &splats.sh[index * stride..];
             let splat = WetSplat {
