@@ -518,16 +518,6 @@ impl GroundGrid {
         self.is_inner[node]
     }
 
-    /// Returns true if an inner ground contains it, and not all that is beside it: part of its cell may be outside.
-    pub(super) fn borders_inner(&self, node: usize) -> bool {
-        let [column, row] = self.place(node);
-        let is_outer = |[x, y]: [i64; 2]| {
-            let beside = self.cell_of(column + x, row + y);
-            beside.is_some_and(|cell| self.nodes_of(cell).any(|other| !self.is_inner[other]))
-        };
-        self.is_inner[node] && WAYS.into_iter().any(is_outer)
-    }
-
     /// Takes the roughness of splats off level surfaces: the median of a node's height and of those about it.
     fn smooth(&self, node: usize) -> f32 {
         let [column, row] = self.place(node);

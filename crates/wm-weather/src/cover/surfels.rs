@@ -160,13 +160,10 @@ impl Painter<'_> {
     fn paint(&self, node: usize, splats: &mut Splats) {
         let Self { ground, layer: CoverLayer { depth, top, above, .. }, material, axes, cell, .. } = *self;
         let is_hidden = above.get(node).is_some_and(|depth| coverage(*depth) > HIDES);
-        let is_elsewhere = ground.is_elsewhere(node);
-        if is_hidden || is_elsewhere && !ground.borders_inner(node) {
+        if is_hidden || ground.is_elsewhere(node) {
             return;
         }
-        if !is_elsewhere {
-            self.wet(node, splats);
-        }
+        self.wet(node, splats);
         if depth[node] <= LEAST {
             return;
         }
@@ -185,11 +182,7 @@ impl Painter<'_> {
         let mut off = |most: f64| most * (2.0 * draws.uniform() - 1.0);
         let dx = slope(level(0), level(2)).clamp(-1.7, 1.7) + off(TILT);
         let dy = slope(level(1), level(3)).clamp(-1.7, 1.7) + off(TILT);
-        // Beyond the grid's end it goes on.
-        let ends = |way: usize| {
-            level(way).is_none() && ground.cell_of(column + WAYS[way][0], row + WAYS[way][1]).is_some()
-        };
-        let is_edge = usize::from((0..4).any(ends));
+        let is_edge = usize::from((0..4).any(|way| level(way).is_none()));
         let place = [column, row].map(|v| v as f64 + 0.5 + off(ASIDE[is_edge]));
         let lift = off(ROUGH) - SEEN * ROUGH;
         let cover = f64::from(coverage(depth[node]));
@@ -212,6 +205,7 @@ impl Painter<'_> {
             return;
         }
         for (way, [x, y]) in WAYS.into_iter().enumerate() {
+            // Beyond the grid's end it goes on.
             let Some(next) = ground.cell_of(column + x, row + y) else { continue };
             let goes_on = ground.nodes_of(next).any(|other| ground.is_elsewhere(other));
             let ends = level(way).map_or(1.0, |other| (10.0 * ((here - other) / own - 0.65)).clamp(0.0, 1.0));
