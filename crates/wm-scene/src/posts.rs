@@ -29,8 +29,7 @@ const HEIGHTS: [f64; 2] = [2.7, 12.0];
 /// Layers that may be missing in a post between others, and the share of all layers that must be filled.
 const GAP: usize = 2;
 const FILLED: f64 = 0.8;
-/// Radius of a post, and of what stands beside it, m; least share of both that is of the post. Posts are as far apart as pieces are looked
-/// at together, m.
+/// Radius of a post, and of the round about its axis of whose splats it has the least share, m. Least distance between posts, m.
 const RADIUS: f64 = 0.15;
 const BESIDE: f64 = 0.4;
 const SHARE: f64 = 0.6;
@@ -54,17 +53,20 @@ const BELOW_TOP: f64 = 0.3;
 /// A thin thing that stands upright.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Post {
-    /// Place on its axis, somewhat below its top, scene units.
+    /// The point on its axis 0.3 m below its top, scene units.
     pub head: DVec3,
     /// Height of its top over the ground of the scene, m.
     pub height: f64,
 }
 
-/// A thin splat: its middle over the ground, how far up and down it reaches, m, and what it counts.
+/// A thin splat.
 #[derive(Clone, Copy)]
 struct Piece {
+    /// The middle: distances along both level axes and height over the ground, m.
     at: DVec3,
+    /// How far it reaches up and down from there, m.
     half: f64,
+    /// Standard deviation along it, m, times its opacity.
     weight: f64,
 }
 
@@ -150,9 +152,9 @@ impl Columns {
         let height = top as f64 * LAYER;
         let cells = (APART / CELL) as usize;
         let near = self.near(cell, cells, [FROM, height]);
-        // Most of what is there is no post: it is seen by what its neighbours hold.
-        let is_rough = near.len() < LEAST;
-        if is_rough || weight_of(&self.near(cell, 1, [FROM, height])) < 0.3 * SHARE * weight_of(&near) {
+        // Cheaper than a fit: too few pieces, or too little of them in this cell and those beside it.
+        let are_few = near.len() < LEAST;
+        if are_few || weight_of(&self.near(cell, 1, [FROM, height])) < 0.3 * SHARE * weight_of(&near) {
             return None;
         }
         let axis = Axis::through(&near)?;
@@ -172,15 +174,17 @@ impl Columns {
     }
 }
 
-/// What pieces count together.
+/// Returns the sum of the weights of pieces.
 fn weight_of(pieces: &[Piece]) -> f64 {
     pieces.iter().map(|piece| piece.weight).sum()
 }
 
-/// A nearly plumb line: its place at the ground, m, and how far it leans a metre of height.
+/// A nearly plumb line.
 #[derive(Clone, Copy)]
 struct Axis {
+    /// Where it meets the ground, along both level axes, m.
     foot: DVec2,
+    /// How far it leans along them a metre of height.
     slope: DVec2,
 }
 
