@@ -97,6 +97,9 @@ pub struct Metadata {
     /// none. If nothing is said, blue pools are guessed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<Vec<Vec<[f64; 3]>>>,
+    /// The labels of water ([`Splats::labels`](crate::Splats::labels)): what they show is open water as well.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub water_labels: Option<Vec<u16>>,
     /// The lamps of the place; an empty list says that there are none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lamps: Option<Vec<Lamp>>,
@@ -179,7 +182,7 @@ pub enum Rasterization {
 
 impl Metadata {
     /// The keys, in the order in which they are written.
-    pub const KEYS: [&str; 28] = [
+    pub const KEYS: [&str; 29] = [
         "origin",
         "metres_per_unit",
         "scale_source",
@@ -203,6 +206,7 @@ impl Metadata {
         "haze_shown_extinction",
         "haze_airlight",
         "water",
+        "water_labels",
         "lamps",
         "windows",
         "reflectances",
@@ -288,6 +292,7 @@ impl Metadata {
             haze_shown_extinction: note(self.haze_shown_extinction, other.haze_shown_extinction, haze),
             haze_airlight: self.haze_airlight.or(other.haze_airlight),
             water: self.water.or(other.water),
+            water_labels: self.water_labels.or(other.water_labels),
             lamps: self.lamps.or(other.lamps),
             windows: self.windows.or(other.windows),
             reflectances: self.reflectances.or(other.reflectances),
@@ -420,6 +425,9 @@ impl Metadata {
                 return Some(format!("water: an outline must have 3 to {most} points of finite numbers"));
             }
         }
+        if self.water_labels.iter().flatten().any(|label| *label == 0) {
+            return Some("water_labels: 0 is what has no label; labels are 1 to 65535".into());
+        }
         let (lamps, windows) = (self.lamps.as_deref(), self.windows.as_deref());
         if let Some(fault) = lamps::fault(lamps.unwrap_or_default(), windows.unwrap_or_default()) {
             return Some(fault);
@@ -486,6 +494,7 @@ mod tests {
             haze_shown_extinction: Some(0.42),
             haze_airlight: Some([0.5, 0.55, 0.6]),
             water: Some(vec![vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 2.0, 0.5]]]),
+            water_labels: Some(vec![3, 21]),
             lamps: Some(vec![
                 Lamp::new([0.5, -1.5, 6.0]),
                 Lamp { aim: Some([0.0, 0.0, -1.0]), beam: 90.0, ..Lamp::new([1.5, 2.0, 6.0]) },

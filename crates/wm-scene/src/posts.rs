@@ -47,6 +47,11 @@ const LEAST_LAYERS: usize = 6;
 const CROWN: f64 = 1.0;
 const OVER: [f64; 2] = [0.25, 2.0];
 const DENSE: f64 = 0.3;
+/// A roof on a post: its heights over the top of the post, m, the least cosine between up and the normals of its splats, and their area over
+/// that of the round about the axis. Columns of a hall and frames of windows end at one.
+const ROOF: [f64; 2] = [-0.4, 2.0];
+const FLAT: f64 = 0.9;
+const ROOFED: f64 = 0.3;
 /// Distance of its light from the top of a post, m.
 const BELOW_TOP: f64 = 0.3;
 
@@ -300,8 +305,8 @@ impl Thin {
     }
 }
 
-/// Finds the posts of a scene: 2.7 to 12 m high, at most 30 cm thick, straight and plumb, with no crown on them. Most trunks, stakes and
-/// boughs are not as straight. Whether posts carry lamps is not known.
+/// Finds the posts of a scene: 2.7 to 12 m high, at most 30 cm thick, straight and plumb, with no crown and no roof on them. Most trunks,
+/// stakes and boughs are not as straight. Whether posts carry lamps is not known.
 #[must_use]
 pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
     let metres = survey.metres_per_unit.value;
@@ -339,8 +344,8 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
             }
         }
     }
-    let crowns = crowns_over(splats, metres, level, &posts);
-    let free = posts.iter().zip(crowns).filter(|(_, crown)| *crown < DENSE);
+    let over = things_over(splats, survey, level, &posts);
+    let free = posts.iter().zip(over).filter(|(_, over)| over.crown < DENSE && over.roof < ROOFED);
     let post = |(axis, height): &(Axis, f64)| {
         let at = axis.at(height - BELOW_TOP) / metres;
         Post { head: x * at.x + y * at.y + up * (survey.ground.value + at.z), height: *height }
@@ -348,28 +353,47 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
     free.map(|(found, _)| post(found)).collect()
 }
 
-/// The area of the splats over posts, given by axis and height, over that of the space there as seen from the side.
-fn crowns_over(
+/// Areas of the splats over a post.
+#[derive(Clone, Copy, Default)]
+struct Over {
+    /// Of all in the crown's space, over the area of that as seen from the side.
+    crown: f64,
+    /// Of level ones in the roof's space, over the area of that as seen from above.
+    roof: f64,
+}
+
+/// Finds what is over posts, given by axis and height.
+fn things_over(
     splats: &Splats,
-    metres: f64,
+    survey: &Survey,
     level: impl Fn(DVec3) -> DVec3,
     posts: &[(Axis, f64)],
-) -> Vec<f64> {
-    let mut areas = vec![0.0; posts.len()];
-    let space = 2.0 * CROWN * (OVER[1] - OVER[0]);
+) -> Vec<Over> {
+    let metres = survey.metres_per_unit.value;
+    let mut found = vec![Over::default(); posts.len()];
     for index in 0..splats.len() {
         let at = level(DVec3::from_array(splats.means[index].map(f64::from)));
-        for (area, (axis, height)) in areas.iter_mut().zip(posts) {
-            let is_over = (OVER[0]..OVER[1]).contains(&(at.z - height)) && axis.distance(at) < CROWN;
+        for (over, (axis, height)) in found.iter_mut().zip(posts) {
+            let is_over = (ROOF[0]..ROOF[1]).contains(&(at.z - height)) && axis.distance(at) < CROWN;
             let is_seen = || splats.is_sound(index) && splats.opacity(index) >= OPAQUE;
-            if is_over && is_seen() {
-                let mut scales = splats.scales(index).map(|scale| scale * metres);
-                scales.sort_by(f64::total_cmp);
-                *area += std::f64::consts::PI * scales[1] * scales[2].min(LONGEST) / space;
+            if !is_over || !is_seen() {
+                continue;
+            }
+            let scales = splats.scales(index).map(|scale| scale * metres);
+            let mut order = [0, 1, 2];
+            order.sort_by(|a, b| scales[*a].total_cmp(&scales[*b]));
+            let area = std::f64::consts::PI * scales[order[1]] * scales[order[2]].min(LONGEST);
+            if (OVER[0]..OVER[1]).contains(&(at.z - height)) {
+                over.crown += area / (2.0 * CROWN * (OVER[1] - OVER[0]));
+            }
+            let turn = quat::to_matrix(splats.quats[index].map(f64::from));
+            let normal = DVec3::from_array([0, 1, 2].map(|k| turn[k][order[0]]));
+            if normal.dot(survey.up.value).abs() > FLAT {
+                over.roof += area / (std::f64::consts::PI * CROWN * CROWN);
             }
         }
     }
-    areas
+    found
 }
 
 #[cfg(test)]
@@ -420,6 +444,11 @@ mod tests {
             post([-8.0, -8.0], 3.0);
             place.leaves(DVec3::new(-8.0, -8.0, 4.0), 1.6, 3000, [0.1, 0.4, 0.1]);
             place.block(DVec3::new(0.0, 12.0, 0.0), DVec3::new(10.0, 0.3, 4.0), 0.2, [0.6; 3]);
+            // A hall on four columns.
+            for [x, y] in [[-12.0, 8.0], [-12.0, 12.0], [-8.0, 8.0], [-8.0, 12.0]] {
+                place.block(DVec3::new(x, y, 0.0), DVec3::new(0.12, 0.12, 3.0), 0.06, [0.7; 3]);
+            }
+            place.block(DVec3::new(-10.0, 10.0, 3.0), DVec3::new(5.0, 5.0, 0.2), 0.2, [0.7; 3]);
             place
         };
         assert_heads(&found(place(), 1.0), &HEADS);

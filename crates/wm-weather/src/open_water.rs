@@ -2,7 +2,7 @@
 //!
 //! It is what the scene's metadata outline ([`Metadata::water`](wm_scene::Metadata::water)), or, if they say nothing, a guess:
 //! pools are blue, level, and no higher than what is around them. Ponds and rivers have the colours of what they mirror, so that
-//! they must be outlined.
+//! they must be outlined, or have [labels](wm_scene::Metadata::water_labels).
 
 use crate::dome::level_matrix;
 use crate::optics::Site;
@@ -41,6 +41,7 @@ type Cell = [i32; 2];
 pub struct OpenWater {
     /// World to level axes, m.
     level: DMat3,
+    metres_per_unit: f64,
     /// Stated ones: corners, level axes, m.
     outlines: Vec<Vec<DVec3>>,
     /// Pools that were found: the height of the water in each cell of a level grid, m.
@@ -55,11 +56,24 @@ impl OpenWater {
         let corners =
             |outline: &Vec<[f64; 3]>| outline.iter().map(|p| level * DVec3::from_array(*p)).collect();
         let stated = outlines.unwrap_or_default().iter().map(corners).collect();
-        let mut water = Self { level, outlines: stated, cells: BTreeMap::new() };
+        let mut water = Self {
+            level,
+            metres_per_unit: site.metres_per_unit,
+            outlines: stated,
+            cells: BTreeMap::new(),
+        };
         if outlines.is_none() {
-            water.guess(splats, site.metres_per_unit);
+            water.add(splats, is_blue, Doubt::IsGuess);
         }
         water
+    }
+
+    /// Adds what has one of these `labels` ([`Splats::labels`]); every piece of it counts as level.
+    pub fn add_labelled(&mut self, splats: &Splats, labels: &[u16]) {
+        let label_of = |index: usize| splats.labels.get(index).copied().unwrap_or(0);
+        if !labels.is_empty() {
+            self.add(splats, |_, index| labels.contains(&label_of(index)), Doubt::None);
+        }
     }
 
     /// Returns true if a point (world, scene units) is at the surface of open water.
@@ -83,8 +97,8 @@ impl OpenWater {
         Some(height - at.z)
     }
 
-    /// Adds pools, found by their colour.
-    fn guess(&mut self, splats: &Splats, metres_per_unit: f64) {
+    /// Adds pools of the splats that are water.
+    fn add(&mut self, splats: &Splats, is_water: impl Fn(&Splats, usize) -> bool, doubt: Doubt) {
         let mut found: HashMap<Cell, Vec<Patch>> = HashMap::new();
         let mut left = BTreeSet::new();
         for index in (0..splats.len()).filter(|index| splats.groups[*index] == Group::Scene) {
@@ -93,15 +107,14 @@ impl OpenWater {
                 continue;
             }
             let at = self.level * DVec3::from_array(splats.means[index].map(f64::from));
-            let mut scales = splats.log_scales[index].map(|v| f64::from(v).exp() * metres_per_unit);
+            let mut scales = splats.log_scales[index].map(|v| f64::from(v).exp() * self.metres_per_unit);
             scales.sort_by(f64::total_cmp);
             let reach = (REACH * (scales[1] * scales[2]).sqrt()).min(FARTHEST);
             let area = std::f64::consts::PI * reach * reach * opacity;
-            let [r, g, b] = [0, 1, 2].map(|c| 0.5 + sh::C0 as f32 * splats.sh_of(index)[c]);
-            let is_blue = b - r > BLUE[0] && b > BLUE[1] * g;
+            let is_water = is_water(splats, index);
             let cell = cell_of(at);
-            found.entry(cell).or_default().push(Patch { height: at.z, area, is_blue });
-            if is_blue {
+            found.entry(cell).or_default().push(Patch { height: at.z, area, is_water });
+            if is_water {
                 let cells = (reach / CELL).floor();
                 let is_near = |[x, y]: &Cell| f64::from(x * x + y * y) <= cells * cells;
                 let near = square(cells as i32).filter(is_near);
@@ -120,11 +133,24 @@ impl OpenWater {
                     }
                 }
             }
-            if let Some(height) = pool_height(&pool, &found) {
+            if let Some(height) = pool_height(&pool, &found, doubt) {
                 self.cells.extend(closed(&pool).into_iter().map(|cell| (cell, height)));
             }
         }
     }
+}
+
+/// Returns true if a splat has a blue that no paving has.
+fn is_blue(splats: &Splats, index: usize) -> bool {
+    let [r, g, b] = [0, 1, 2].map(|c| 0.5 + sh::C0 as f32 * splats.sh_of(index)[c]);
+    b - r > BLUE[0] && b > BLUE[1] * g
+}
+
+/// Whether what looks like water may be something else.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Doubt {
+    None,
+    IsGuess,
 }
 
 /// A splat in a cell.
@@ -133,7 +159,7 @@ struct Patch {
     height: f64,
     /// m^2.
     area: f64,
-    is_blue: bool,
+    is_water: bool,
 }
 
 fn cell_of(at: DVec3) -> Cell {
@@ -165,18 +191,21 @@ fn square(radius: i32) -> impl Iterator<Item = Cell> {
     (-radius..=radius).flat_map(move |y| (-radius..=radius).map(move |x| [x, y]))
 }
 
-/// The height of a pool, m; `None` if what is blue is no pool: too small, too uneven, too mixed, or raised like a roof.
-fn pool_height(pool: &[Cell], found: &HashMap<Cell, Vec<Patch>>) -> Option<f64> {
+/// The height of a pool, m; `None` if what is guessed is no pool: too small, too uneven, too mixed, or raised like a roof.
+fn pool_height(pool: &[Cell], found: &HashMap<Cell, Vec<Patch>>, doubt: Doubt) -> Option<f64> {
+    let inside = || pool.iter().filter_map(|cell| found.get(cell)).flatten();
+    let [low, height] = heights(inside().filter(|patch| patch.is_water), [0.1, 0.9])?;
+    if doubt == Doubt::None {
+        return Some(height);
+    }
     if (pool.len() as f64) * CELL * CELL < LEAST {
         return None;
     }
-    let inside = || pool.iter().filter_map(|cell| found.get(cell)).flatten();
-    let [low, height] = heights(inside().filter(|patch| patch.is_blue), [0.1, 0.9])?;
     let share = |is_counted: fn(&Patch) -> bool| -> f64 {
         let at_height = |patch: &&Patch| is_own(patch.height - height) && is_counted(patch);
         inside().filter(at_height).map(|patch| patch.area).sum()
     };
-    if height - low > UNEVEN || share(|patch| patch.is_blue) < MOSTLY * share(|_| true) {
+    if height - low > UNEVEN || share(|patch| patch.is_water) < MOSTLY * share(|_| true) {
         return None;
     }
     let mut around = widened(pool, AROUND);
@@ -269,6 +298,21 @@ mod tests {
         );
         assert_eq!(area(&water(POOL, 4.0)), 0.0);
         assert_eq!(area(&water([0.5, 0.55, 0.6], -0.2)), 0.0);
+    }
+
+    #[test]
+    fn what_has_a_label_of_water_is_water_whatever_its_colour() {
+        let mut splats = yard([0.5, 0.55, 0.6], -0.2);
+        let is_pond =
+            |mean: &[f32; 3]| mean[..2].iter().all(|v| v.abs() < 8.0) && mean[2] < -0.2 / SITE.metres_per_unit as f32 + 0.1;
+        splats.labels = splats.means.iter().map(|mean| if is_pond(mean) { 21 } else { 7 }).collect();
+        let mut water = OpenWater::of(&splats, None, &SITE);
+        water.add_labelled(&splats, &[3]);
+        assert!(water.cells.is_empty(), "{} cells without its label", water.cells.len());
+        water.add_labelled(&splats, &[3, 21]);
+        let area = water.cells.len() as f64 * CELL * CELL;
+        assert!((55.0..80.0).contains(&area), "{area}");
+        assert!((water.above([0.0, 0.0, 0.0]).unwrap() + 0.2).abs() < 0.02 && !water.covers([12.0, 0.0, 0.0]));
     }
 
     #[test]

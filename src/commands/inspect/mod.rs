@@ -220,6 +220,11 @@ fn print(
     if let Some(outlines) = &scene.metadata.water {
         println!("  water: {} in the metadata", count_of(outlines.len(), "outline"));
     }
+    if let Some(labels) = &scene.metadata.water_labels {
+        let is_water = |label: &&u16| labels.contains(label);
+        let count = scene.splats.labels.iter().filter(is_water).count();
+        println!("  water: {} of {}", count_of(count, "splat"), count_of(labels.len(), "label"));
+    }
     let Metadata { lamps, windows, .. } = &scene.metadata;
     if lamps.is_none() {
         let posts = find_posts(&scene.splats, survey);

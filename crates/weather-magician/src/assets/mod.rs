@@ -362,8 +362,11 @@ impl MissingAssets {
         let shelters = [sheltered(self.wet_shelter), sheltered(self.shelter)];
         go_on(progress)?;
         let ground = surfaces.as_ref().filter(|_| self.wet || self.cover.is_some());
-        let ground =
-            ground.map(|found| (found, OpenWater::of(&found.splats, scene.metadata.water.as_deref(), &site)));
+        let ground = ground.map(|found| {
+            let mut water = OpenWater::of(&found.splats, scene.metadata.water.as_deref(), &site);
+            water.add_labelled(&scene.splats, scene.metadata.water_labels.as_deref().unwrap_or_default());
+            (found, water)
+        });
         let wet = ground.as_ref().filter(|_| self.wet).zip(capture).map(|((found, water), capture)| {
             progress.begin("finding what gets wet", None);
             let about = (water, path, is_up_known);

@@ -59,6 +59,7 @@ fn any_metadata() -> impl Strategy<Value = Metadata> {
             haze_shown_extinction: numbers.filter(|_| some).map(|n| n.0),
             haze_airlight: numbers.map(|n| [n.0, 0.0, 0.5]),
             water: some.then(|| vec![vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 2.0, 0.5]]]),
+            water_labels: some.then(|| vec![3]),
             lamps: some.then(|| vec![Lamp { aim: Some([0.0, 0.5, -1.0]), ..Lamp::new([0.25, 2.0, 6.0]) }]),
             windows: some.then(|| {
                 vec![LitWindow {

@@ -236,9 +236,14 @@ impl GroundGrid {
             clumps: Vec::new(),
             places,
         };
+        // The whole cell: of one that reaches over the end of the inner ground the rest would be bare.
         let is_inner = |node: usize| {
-            let point = ground.point(node);
-            inner.is_some_and(|inner| inner.places.cell_at(inner.places.locate(point).0).is_some())
+            let corner = |k: i64| {
+                let [column, row] = ground.place(node);
+                ground.places.point([(column + k % 2) as f64, (row + k / 2) as f64], 0.0)
+            };
+            let holds = |inner: &Self, k| inner.places.cell_at(inner.places.locate(corner(k)).0).is_some();
+            inner.is_some_and(|inner| (0..4).all(|k| holds(inner, k)))
         };
         ground.is_inner = map(nodes, threads, is_inner);
         ground.height = map(nodes, threads, |node| ground.smooth(node));

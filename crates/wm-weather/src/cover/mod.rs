@@ -503,8 +503,8 @@ fn spot(
         return None;
     }
     let mean = splats.means[index].map(f64::from);
-    let is_in = |ground: &GroundGrid| ground.places.cell_at(ground.places.locate(mean).0).is_some();
-    let ring = rings.iter().position(is_in)?;
+    let is_in = |ground: &GroundGrid, at| ground.places.cell_at(ground.places.locate(at).0).is_some();
+    let ring = rings.iter().position(|ground| is_in(ground, mean))?;
     let ground = &rings[ring];
     let turn = wm_scene::quat::to_matrix(splats.quats[index].map(f64::from));
     let scales = splats.scales(index);
@@ -540,7 +540,11 @@ fn spot(
     if scales[order[0]] * metres_per_unit > 0.7 * f64::from(ground.cell) {
         for (end, node) in nodes.iter_mut().skip(1).enumerate() {
             let (along, way) = (axis(order[end / 2]), if end % 2 == 0 { 1.2 } else { -1.2 });
-            match under(std::array::from_fn(|i| mean[i] + way * along[i])) {
+            let at = std::array::from_fn(|i| mean[i] + way * along[i]);
+            match under(at) {
+                // Beyond the ends of a ring the ground goes on.
+                Some((other, _)) if ground.is_elsewhere(other as usize) => {}
+                None if !is_in(ground, at) => {}
                 Some((other, above)) => {
                     *node = other;
                     reach = if lies { reach.max(0.5 * above) } else { reach };

@@ -40,7 +40,8 @@ pub fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled {
             }
             let top = ground.height[node] + own;
             let mut went = false;
-            for to in ground.next(node).into_iter().flatten() {
+            // An inner ground holds as much as this one: nothing slides there.
+            for to in ground.next(node).into_iter().flatten().filter(|to| !ground.is_elsewhere(*to)) {
                 let fall = top - (ground.height[to] + depth[to]);
                 let is_edge = ground.height[node] - ground.height[to] > ground.edge;
                 let own = depth[node];

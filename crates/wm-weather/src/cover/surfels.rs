@@ -182,7 +182,12 @@ impl Painter<'_> {
         let mut off = |most: f64| most * (2.0 * draws.uniform() - 1.0);
         let dx = slope(level(0), level(2)).clamp(-1.7, 1.7) + off(TILT);
         let dy = slope(level(1), level(3)).clamp(-1.7, 1.7) + off(TILT);
-        let is_edge = usize::from((0..4).any(|way| level(way).is_none()));
+        let goes_on = |[x, y]: [i64; 2]| match ground.cell_of(column + x, row + y) {
+            // Beyond the grid's end it goes on, and on an inner ground.
+            None => true,
+            Some(next) => ground.nodes_of(next).any(|other| ground.is_elsewhere(other)),
+        };
+        let is_edge = usize::from((0..4).any(|way| level(way).is_none() && !goes_on(WAYS[way])));
         let place = [column, row].map(|v| v as f64 + 0.5 + off(ASIDE[is_edge]));
         let lift = off(ROUGH) - SEEN * ROUGH;
         let cover = f64::from(coverage(depth[node]));
@@ -205,11 +210,8 @@ impl Painter<'_> {
             return;
         }
         for (way, [x, y]) in WAYS.into_iter().enumerate() {
-            // Beyond the grid's end it goes on.
-            let Some(next) = ground.cell_of(column + x, row + y) else { continue };
-            let goes_on = ground.nodes_of(next).any(|other| ground.is_elsewhere(other));
             let ends = level(way).map_or(1.0, |other| (10.0 * ((here - other) / own - 0.65)).clamp(0.0, 1.0));
-            if goes_on || ends <= 0.0 {
+            if ends <= 0.0 || goes_on([x, y]) {
                 continue;
             }
             let outward = axes[0] * x as f64 + axes[1] * y as f64;

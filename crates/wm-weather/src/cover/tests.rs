@@ -84,6 +84,27 @@ fn roofs_are_covered_and_what_is_below_is_bare() {
     );
 }
 
+/// Splats that reach over the end of a ring are buried as those before and behind it.
+#[test]
+fn ground_is_buried_across_the_end_of_a_ring() {
+    let mut place = Builder::new(2);
+    place.surface(DVec3::ZERO, DVec3::X * 34.0, DVec3::Y * 8.0, 0.2, |_, _| [0.4; 3]);
+    let splats = place.build();
+    let mut cover = cover_of(&splats, &Airflow::default(), [17.0, 4.0, 0.0]);
+    assert!(cover.rings().len() > 1, "the field fits one ring");
+    let lying = cover.lay(&CoverRequest { depth: 0.15, ..ASKED });
+    let is_inside = |index: &usize| {
+        let [x, y, _] = splats.means[*index];
+        (1.0..33.0).contains(&x) && (1.0..7.0).contains(&y)
+    };
+    let seen: Vec<f32> = (0..splats.len())
+        .filter(is_inside)
+        .filter(|index| lying.buried.factors()[*index] > 0.02)
+        .map(|index| splats.means[index][0])
+        .collect();
+    assert!(seen.is_empty(), "{} splats are seen through 15 cm, at x {:?}", seen.len(), &seen[..seen.len().min(8)]);
+}
+
 /// A tree stands on the yard: its leaves hold little, and with gaps between; the yard holds all. Nothing gets lost from the account.
 #[test]
 fn leaves_of_a_crown_hold_little_in_clumps() {
