@@ -56,12 +56,8 @@ impl OpenWater {
         let corners =
             |outline: &Vec<[f64; 3]>| outline.iter().map(|p| level * DVec3::from_array(*p)).collect();
         let stated = outlines.unwrap_or_default().iter().map(corners).collect();
-        let mut water = Self {
-            level,
-            metres_per_unit: site.metres_per_unit,
-            outlines: stated,
-            cells: BTreeMap::new(),
-        };
+        let mut water =
+            Self { level, metres_per_unit: site.metres_per_unit, outlines: stated, cells: BTreeMap::new() };
         if outlines.is_none() {
             water.add(splats, is_blue, Doubt::IsGuess);
         }
@@ -303,8 +299,9 @@ mod tests {
     #[test]
     fn what_has_a_label_of_water_is_water_whatever_its_colour() {
         let mut splats = yard([0.5, 0.55, 0.6], -0.2);
-        let is_pond =
-            |mean: &[f32; 3]| mean[..2].iter().all(|v| v.abs() < 8.0) && mean[2] < -0.2 / SITE.metres_per_unit as f32 + 0.1;
+        let is_pond = |mean: &[f32; 3]| {
+            mean[..2].iter().all(|v| v.abs() < 8.0) && mean[2] < -0.2 / SITE.metres_per_unit as f32 + 0.1
+        };
         splats.labels = splats.means.iter().map(|mean| if is_pond(mean) { 21 } else { 7 }).collect();
         let mut water = OpenWater::of(&splats, None, &SITE);
         water.add_labelled(&splats, &[3]);
@@ -312,7 +309,9 @@ mod tests {
         water.add_labelled(&splats, &[3, 21]);
         let area = water.cells.len() as f64 * CELL * CELL;
         assert!((55.0..80.0).contains(&area), "{area}");
-        assert!((water.above([0.0, 0.0, 0.0]).unwrap() + 0.2).abs() < 0.02 && !water.covers([12.0, 0.0, 0.0]));
+        assert!(
+            (water.above([0.0, 0.0, 0.0]).unwrap() + 0.2).abs() < 0.02 && !water.covers([12.0, 0.0, 0.0])
+        );
     }
 
     #[test]

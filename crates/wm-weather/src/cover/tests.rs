@@ -102,7 +102,12 @@ fn ground_is_buried_across_the_end_of_a_ring() {
         .filter(|index| lying.buried.factors()[*index] > 0.02)
         .map(|index| splats.means[index][0])
         .collect();
-    assert!(seen.is_empty(), "{} splats are seen through 15 cm, at x {:?}", seen.len(), &seen[..seen.len().min(8)]);
+    assert!(
+        seen.is_empty(),
+        "{} splats are seen through 15 cm, at x {:?}",
+        seen.len(),
+        &seen[..seen.len().min(8)]
+    );
 }
 
 /// A tree stands on the yard: its leaves hold little, and with gaps between; the yard holds all. Nothing gets lost from the account.

@@ -667,6 +667,8 @@ impl<'a> Scene<'a> {
         let mut fineness = self.mirrored.fineness(simd, extent(first.1));
         let (mut sum, mut seen) = (zero, zero);
         let mut light = [[0.0; 4]; GROUP];
+        let is_close = count == CLOSE.0.len();
+        let mut looks = [(middle, zero); MANY.0.len()];
         for k in 0..count {
             let look = [ONE.look(k), FEW.look(k), CLOSE.look(k), MANY.look(k)];
             let sigma = kinds.pick(simd, [look[0].0, look[1].0, look[2].0, look[3].0]);
@@ -683,15 +685,22 @@ impl<'a> Scene<'a> {
                 }
                 (at, _) = self.project(simd, &mirrored);
             }
-            // Facets that are met at less of an angle throw light farther aside: of films, whose looks are close, that is wider than they
-            // are apart.
-            if k > 0 && count == CLOSE.0.len() {
-                fineness = self.mirrored.fineness(simd, extent(cosine));
-            }
             sum += weight;
             seen += part;
-            let wanted = (is_wet & part.simd_gt(zero)).to_bitmask() as u32;
-            self.mirrored.add(simd, at, &fineness, (part, wanted), &mut light);
+            if is_close {
+                // Facets that are met at less of an angle throw light farther aside: of films, whose looks are close, that is wider than they
+                // are apart.
+                if k > 0 {
+                    fineness = self.mirrored.fineness(simd, extent(cosine));
+                }
+                let wanted = (is_wet & part.simd_gt(zero)).to_bitmask() as u32;
+                self.mirrored.add(simd, at, &fineness, (part, wanted), &mut light);
+            } else {
+                looks[k] = (at, part);
+            }
+        }
+        if !is_close {
+            self.mirrored.add_all(simd, &looks[..count], &fineness, wanted, &mut light);
         }
         let scale = one / sum;
         // Others may be films that are known already.

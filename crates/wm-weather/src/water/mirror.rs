@@ -72,8 +72,10 @@ impl MirrorView {
 pub struct MirroredPicture {
     /// Width and height of the finest level, px.
     size: [f32; 2],
-    /// First pixel and length of a row of each level: by the halvings of both sides, and by those of its height beyond them.
-    levels: Vec<[(usize, usize); TALLEST + 1]>,
+    /// Number of times that both sides are halved, and once more.
+    levels: usize,
+    /// First pixel and length of a row of each level: by the halvings of both sides, and for each by those of the height beyond them.
+    places: Vec<[u32; 2]>,
     /// Red, green, blue, and the reciprocal of the view z.
     pixels: Vec<[f32; 4]>,
     /// The last of these of the finest level.
@@ -84,45 +86,37 @@ impl MirroredPicture {
     /// Makes all levels of a drawn picture with depth. What is brighter than `white`, linear, counts as that.
     #[must_use]
     pub fn new(path: SimdPath, frame: &Frame, white: f32) -> Self {
-        let mut last = LinearPicture::of(path, frame);
-        for (pixel, (depth, alpha)) in last.pixels.iter_mut().zip(frame.depth.iter().zip(&frame.alpha)) {
-            (0..3).for_each(|k| pixel[k] = pixel[k].min(white));
-            // Sky shines through where splats are thin: it is as far as what is seen of it.
-            pixel[3] = if *depth > 0.0 { alpha / depth } else { 0.0 };
+        let whole = LinearPicture::of(path, frame);
+        let levels = Level::all(whole.width, whole.height);
+        let mut pixels = vec![[0.0; 4]; levels[levels.len() - 1][TALLEST].end()];
+        let finest = levels[0][0];
+        finest.fill(&mut pixels, |y, line, _| {
+            let own = y * whole.width..(y + 1) * whole.width;
+            let depths = frame.depth[own.clone()].iter().zip(&frame.alpha[own.clone()]);
+            for ((pixel, light), (depth, alpha)) in line.iter_mut().zip(&whole.pixels[own]).zip(depths) {
+                (0..3).for_each(|k| pixel[k] = light[k].min(white));
+                // Sky shines through where splats are thin: it is as far as what is seen of it.
+                pixel[3] = if *depth > 0.0 { alpha / depth } else { 0.0 };
+            }
+        });
+        let inverse = pixels[..finest.end()].iter().map(|pixel| pixel[3]).collect();
+        for (k, of) in levels.iter().enumerate() {
+            for (from, to) in of.iter().zip(&of[1..]) {
+                to.fill(&mut pixels, |y, line, before| {
+                    let rows = std::array::from_fn(|k| from.row(before, near(y, k, from.height)));
+                    dispatch!(path, s => half_as_tall(s, rows, line));
+                });
+            }
+            if let Some(next) = levels.get(k + 1) {
+                next[0].fill(&mut pixels, |y, line, before| {
+                    dispatch!(path, s => half_as_wide(s, of[1].row(before, y), line));
+                });
+            }
         }
-        let size = [last.width as f32, last.height as f32];
-        let (mut levels, mut pixels) = (Vec::new(), Vec::new());
-        pixels.reserve(3 * (last.width + 2) * (last.height + 2));
-        let mut inverse = Vec::new();
-        let keep = |level: &LinearPicture, pixels: &mut Vec<[f32; 4]>| {
-            let place = (pixels.len(), level.width + 1);
-            for y in (0..level.height).chain([level.height - 1]) {
-                let row = &level.pixels[y * level.width..(y + 1) * level.width];
-                pixels.extend_from_slice(row);
-                pixels.push(row[level.width - 1]);
-            }
-            place
-        };
-        loop {
-            let mut places = [keep(&last, &mut pixels); TALLEST + 1];
-            if inverse.is_empty() {
-                inverse = pixels.iter().map(|pixel| pixel[3]).collect();
-            }
-            let is_last = last.width.min(last.height) <= 2;
-            let low = half_as_tall(path, &last);
-            places[1] = keep(&low, &mut pixels);
-            let next = half_as_wide(path, &low);
-            let mut lower = low;
-            for place in &mut places[2..] {
-                lower = half_as_tall(path, &lower);
-                *place = keep(&lower, &mut pixels);
-            }
-            levels.push(places);
-            if is_last {
-                return Self { size, levels, pixels, inverse };
-            }
-            last = next;
-        }
+        let place = |level: &Level| [level.first as u32, level.stride() as u32];
+        let places = levels.as_flattened().iter().map(place).collect();
+        let size = [whole.width as f32, whole.height as f32];
+        Self { size, levels: levels.len(), places, pixels, inverse }
     }
 
     /// The fineness for pieces of the picture, px: the levels about it, and the share of each.
@@ -130,7 +124,7 @@ impl MirroredPicture {
     #[must_use]
     pub(super) fn fineness<S: Lanes>(&self, simd: S, Extent { wide, tall }: Extent<S>) -> Fineness<S> {
         let (zero, one) = (simd.set(0.0), simd.set(1.0));
-        let last = simd.set((self.levels.len() - 1) as f32);
+        let last = simd.set((self.levels - 1) as f32);
         let [across, along] = log2(simd, [(wide * SMOOTH).max(one), (tall * SMOOTH).max(one)]);
         let across = across.max(zero).min(last);
         let along = along.max(across).min(across + TALLEST as f32);
@@ -150,10 +144,9 @@ impl MirroredPicture {
         for (k, corner) in corners.iter().enumerate() {
             scales[k] = [fineness(simd, corner[0]), fineness(simd, corner[1])];
             let taller = (corner[1] - corner[0]).max(zero).min(simd.set(TALLEST as f32));
-            let (halvings, taller) = (Whole::of(simd, corner[0]), Whole::of(simd, taller));
+            let place = Whole::of(simd, corner[0].mul_add(simd.set((TALLEST + 1) as f32), taller));
             for i in 0..S::N {
-                let place = self.levels[halvings.0[i] as usize][taller.0[i] as usize];
-                (first[k][i], stride[k][i]) = (place.0 as u32, place.1 as u32);
+                [first[k][i], stride[k][i]] = self.places[place.0[i] as usize];
             }
         }
         let [a, b, c] = shares;
@@ -194,6 +187,72 @@ impl MirroredPicture {
         }
     }
 
+    /// The same for several looks of one fineness, each with its points and weights. The looks of a pixel are of the same levels: one after
+    /// the other the processor foresees which.
+    #[inline(always)]
+    pub(super) fn add_all<S: Lanes>(
+        &self,
+        simd: S,
+        looks: &[([S::F; 2], S::F)],
+        fineness: &Fineness<S>,
+        wanted: u32,
+        sums: &mut [[f32; 4]; 16],
+    ) {
+        // By their number, which the compiler then knows.
+        match looks.len() {
+            1 => self.add_looks::<S, 1>(simd, looks, fineness, wanted, sums),
+            3 => self.add_looks::<S, 3>(simd, looks, fineness, wanted, sums),
+            5 => self.add_looks::<S, 5>(simd, looks, fineness, wanted, sums),
+            other => unreachable!("{other} looks"),
+        }
+    }
+
+    #[inline(always)]
+    fn add_looks<S: Lanes, const LOOKS: usize>(
+        &self,
+        simd: S,
+        looks: &[([S::F; 2], S::F)],
+        fineness: &Fineness<S>,
+        wanted: u32,
+        sums: &mut [[f32; 4]; 16],
+    ) {
+        let Fineness { scales, first, stride, shares } = fineness;
+        let mut spots = [const { [Spots::NONE; 3] }; LOOKS];
+        let mut weights = [const { Kept([0.0; 16]) }; LOOKS];
+        for (k, (points, weight)) in looks.iter().enumerate() {
+            let mut within = *points;
+            for k in 0..2 {
+                within[k] = points[k].max(simd.set(0.0)).min(simd.set(self.size[k]));
+            }
+            for level in 0..3 {
+                spots[k][level] = Spots::new(simd, within, scales[level], &first[level], &stride[level]);
+            }
+            weights[k] = Kept::of(simd, *weight);
+        }
+        let mut todo = wanted;
+        while todo != 0 {
+            let i = (todo.trailing_zeros() & 15) as usize;
+            todo &= todo - 1;
+            let (mut share, mut rows) = ([0.0; 3], [0; 3]);
+            for level in 0..3 {
+                (share[level], rows[level]) = (shares[level].0[i], stride[level][i]);
+            }
+            let mut sum = f32x4::from_slice(simd, &sums[i]);
+            for (spots, weight) in spots.iter().zip(&weights) {
+                if weight.0[i] > 0.0 {
+                    let mut own = spots[0].look(simd, i, rows[0], &self.pixels) * share[0];
+                    for level in 1..3 {
+                        if share[level] > 0.0 {
+                            own = spots[level].look(simd, i, rows[level], &self.pixels) * share[level] + own;
+                        }
+                    }
+                    sum = own * weight.0[i] + sum;
+                }
+            }
+            sum.store_slice(&mut sums[i]);
+        }
+    }
+
     /// The mean reciprocals of the view z in pieces of the picture about points, px, for the lanes that have a bit in `wanted`; 0 for others.
     #[inline(always)]
     pub(super) fn mean_inverse_depth<S: Lanes>(
@@ -231,6 +290,63 @@ impl MirroredPicture {
     }
 }
 
+/// The place of a level among the pixels of all.
+#[derive(Clone, Copy, Debug, Default)]
+struct Level {
+    first: usize,
+    /// Width and height, px, without what is repeated.
+    width: usize,
+    height: usize,
+}
+
+impl Level {
+    /// Pixels of a level from which on several threads fill it.
+    const SHARED: usize = 1 << 13;
+
+    /// The levels of a picture, one after the other; the smallest are two pixels wide or high.
+    fn all(width: usize, height: usize) -> Vec<[Self; TALLEST + 1]> {
+        let (mut levels, mut next) = (Vec::new(), Self { first: 0, width, height });
+        loop {
+            let mut of = [next; TALLEST + 1];
+            for k in 1..=TALLEST {
+                of[k] = Self { first: of[k - 1].end(), height: of[k - 1].height.div_ceil(2), ..next };
+            }
+            levels.push(of);
+            if next.width.min(next.height) <= 2 {
+                return levels;
+            }
+            next = Self { first: of[TALLEST].end(), width: next.width.div_ceil(2), height: of[1].height };
+        }
+    }
+
+    /// Length of a row.
+    fn stride(&self) -> usize {
+        self.width + 1
+    }
+
+    /// The first pixel behind it.
+    fn end(&self) -> usize {
+        self.first + self.stride() * (self.height + 1)
+    }
+
+    /// One of its rows, without the last pixel once more.
+    fn row<'a>(&self, pixels: &'a [[f32; 4]], y: usize) -> &'a [[f32; 4]] {
+        &pixels[self.first + y * self.stride()..][..self.width]
+    }
+
+    /// Fills its rows, each by its number and the levels before this one.
+    fn fill(&self, pixels: &mut [[f32; 4]], row: impl Fn(usize, &mut [[f32; 4]], &[[f32; 4]]) + Sync) {
+        let (before, own) = pixels.split_at_mut(self.first);
+        let stride = self.stride();
+        let lines = own.par_chunks_mut(stride).take(self.height).enumerate();
+        lines.with_min_len(Self::SHARED / stride + 1).for_each(|(y, line)| {
+            row(y, &mut line[..self.width], before);
+            line[self.width] = line[self.width - 1];
+        });
+        own.copy_within((self.height - 1) * stride..self.height * stride, self.height * stride);
+    }
+}
+
 /// The extent of pieces of a mirrored picture, px.
 pub(super) struct Extent<S: Lanes> {
     pub wide: S::F,
@@ -255,6 +371,8 @@ struct Spots {
 }
 
 impl Spots {
+    const NONE: Self = Self { at: [0; 16], right: Kept([0.0; 16]), down: Kept([0.0; 16]) };
+
     /// About points of the finest level, px.
     #[inline(always)]
     fn new<S: Lanes>(
@@ -289,45 +407,28 @@ impl Spots {
 /// box would show.
 const WEIGHTS: [f32; 4] = [0.125, 0.375, 0.375, 0.125];
 
-/// A mirrored picture with half of the rows.
-fn half_as_tall(path: SimdPath, of: &LinearPicture) -> LinearPicture {
-    #[inline(always)]
-    fn fill<S: Lanes>(simd: S, rows: [&[[f32; 4]]; 4], line: &mut [[f32; 4]]) {
-        for (x, pixel) in line.iter_mut().enumerate() {
-            let mut sum = f32x4::splat(simd, 0.0);
-            for (row, weight) in rows.iter().zip(WEIGHTS) {
-                sum = f32x4::from_slice(simd, &row[x]) * weight + sum;
-            }
-            sum.store_slice(pixel);
+/// A row of a picture with half of the rows, from the four about it.
+#[inline(always)]
+fn half_as_tall<S: Lanes>(simd: S, rows: [&[[f32; 4]]; 4], line: &mut [[f32; 4]]) {
+    for (x, pixel) in line.iter_mut().enumerate() {
+        let mut sum = f32x4::splat(simd, 0.0);
+        for (row, weight) in rows.iter().zip(WEIGHTS) {
+            sum = f32x4::from_slice(simd, &row[x]) * weight + sum;
         }
+        sum.store_slice(pixel);
     }
-    let (width, height) = (of.width, of.height.div_ceil(2));
-    let mut pixels = vec![[0.0; 4]; width * height];
-    pixels.par_chunks_mut(width).enumerate().for_each(|(y, line)| {
-        let rows: [&[[f32; 4]]; 4] =
-            std::array::from_fn(|k| &of.pixels[near(y, k, of.height) * width..][..width]);
-        dispatch!(path, s => fill(s, rows, line));
-    });
-    LinearPicture { width, height, pixels }
 }
 
-/// A mirrored picture with half of the columns.
-fn half_as_wide(path: SimdPath, of: &LinearPicture) -> LinearPicture {
-    #[inline(always)]
-    fn fill<S: Lanes>(simd: S, row: &[[f32; 4]], line: &mut [[f32; 4]]) {
-        for (x, pixel) in line.iter_mut().enumerate() {
-            let mut sum = f32x4::splat(simd, 0.0);
-            for (k, weight) in WEIGHTS.into_iter().enumerate() {
-                sum = f32x4::from_slice(simd, &row[near(x, k, row.len())]) * weight + sum;
-            }
-            sum.store_slice(pixel);
+/// A row of a picture with half of the columns.
+#[inline(always)]
+fn half_as_wide<S: Lanes>(simd: S, row: &[[f32; 4]], line: &mut [[f32; 4]]) {
+    for (x, pixel) in line.iter_mut().enumerate() {
+        let mut sum = f32x4::splat(simd, 0.0);
+        for (k, weight) in WEIGHTS.into_iter().enumerate() {
+            sum = f32x4::from_slice(simd, &row[near(x, k, row.len())]) * weight + sum;
         }
+        sum.store_slice(pixel);
     }
-    let width = of.width.div_ceil(2);
-    let mut pixels = vec![[0.0; 4]; width * of.height];
-    let rows = pixels.par_chunks_mut(width).zip(of.pixels.par_chunks(of.width));
-    rows.for_each(|(line, row)| dispatch!(path, s => fill(s, row, line)));
-    LinearPicture { width, height: of.height, pixels }
 }
 
 /// Pixel `k` of the four about pixel `i` of a picture half as fine, along a side of so many.

@@ -1,7 +1,7 @@
 //! Slopes of a water surface on a tile that repeats, at every fineness.
 
 use super::fft::SIDE;
-use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x4};
+use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x4, f32x8};
 use rayon::prelude::*;
 use wm_render::simd::Lanes;
 
@@ -204,17 +204,13 @@ pub(super) fn bilinear<S: Simd>(
     (at, stride): (usize, usize),
     (right, down): (f32, f32),
 ) -> f32x4<S> {
-    let above = across(simd, &nodes[at..at + 2], right);
-    let below = across(simd, &nodes[at + stride..at + stride + 2], right);
-    (below - above) * down + above
+    // Both columns at once.
+    let above = f32x8::from_slice(simd, nodes[at..at + 2].as_flattened());
+    let below = f32x8::from_slice(simd, nodes[at + stride..at + stride + 2].as_flattened());
+    let (a, b) = simd.split_f32x8((below - above).mul_add(down, above));
+    (b - a).mul_add(right, a)
 }
 
-/// Between two nodes.
-#[inline(always)]
-fn across<S: Simd>(simd: S, nodes: &[[f32; 4]], right: f32) -> f32x4<S> {
-    let (a, b) = (f32x4::from_slice(simd, &nodes[0]), f32x4::from_slice(simd, &nodes[1]));
-    (b - a) * right + a
-}
 #[cfg(test)]
 mod tests {
     use super::*;

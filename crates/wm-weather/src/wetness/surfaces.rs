@@ -235,13 +235,30 @@ impl WetSurfaces {
     }
 }
 
+/// The part of a splat that its look follows from if it is in no puddle and mirrors no sky: little, since frames read it in any order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct WetLook {
+    class: u8,
+    /// Share of the ground that is lower, in [`LOWER`] steps.
+    lower: u8,
+    albedo: [u8; 3],
+    /// [`IN_POND`] and [`MIRRORS`].
+    flags: u8,
+}
+
+/// Flags of [`WetLook`]: the splat may lie under a puddle, and may mirror the sky.
+const IN_POND: u8 = 1;
+const MIRRORS: u8 = 2;
+/// The look of what stays as it is.
+const STAYS: WetLook = WetLook { class: DRY, lower: 0, albedo: [0; 3], flags: 0 };
+
 /// The shares of a slanted rain that reach surfaces and ground.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WetShares {
     /// The rain.
     pub rain: SlantedRain,
-    /// The class of each splat.
-    classes: Vec<u8>,
+    /// What is read of each splat in every frame.
+    looks: Vec<WetLook>,
     /// The share of each cell of the ground or of open water, 0-1; 0 where there is neither.
     pub(crate) ground: Vec<f32>,
 }
@@ -256,8 +273,13 @@ impl WetShares {
         site: &Site,
         threads: usize,
     ) -> Self {
-        let classes = map(surfaces.len(), threads, |index| {
-            surfaces.class(&surfaces.splats[index], rain, shelter, site)
+        let looks = map(surfaces.len(), threads, |index| {
+            let splat = &surfaces.splats[index];
+            let class = surfaces.class(splat, rain, shelter, site);
+            let is_steep = (SHARES as u8..2 * SHARES as u8).contains(&class);
+            let mirrors = if is_steep && splat.skyline != NO_SKY { MIRRORS } else { 0 };
+            let in_pond = if splat.pond != NONE { IN_POND } else { 0 };
+            WetLook { class, lower: splat.lower, albedo: splat.albedo, flags: mirrors | in_pond }
         });
         let map_of_ground = &surfaces.ground;
         let [columns, _] = map_of_ground.size();
@@ -270,7 +292,7 @@ impl WetShares {
             let point = map_of_ground.point(middle, f64::from(height + LIFT)).map(|v| v as f32);
             shelter.map_or(1.0, |shelter| shelter.exposure(point, SOFT[1]))
         });
-        Self { rain: *rain, classes, ground }
+        Self { rain: *rain, looks, ground }
     }
 }
 
@@ -368,14 +390,13 @@ impl<'a> WetGains<'a> {
 
     /// The sky that a steep splat mirrors, as an addition to the factors on its light; `None` for no mirrored sky.
     #[inline]
-    fn mirrored(&self, index: usize) -> Option<[f32; 3]> {
+    fn mirrored(&self, index: usize, class: u8) -> Option<[f32; 3]> {
         let SheenGains { sky, wet, inverse } = self.sheen.as_ref()?;
-        let class = usize::from(*self.shares.classes.get(index)?);
-        let [share, film] = *wet.get(class.checked_sub(SHARES)?)?;
-        let splat = &self.surfaces.splats[index];
-        if share <= 0.0 || splat.skyline == NO_SKY {
+        let [share, film] = wet[usize::from(class) - SHARES];
+        if share <= 0.0 {
             return None;
         }
+        let splat = &self.surfaces.splats[index];
         let normal = Vec3::from_array(splat.normal.map(f32::from)) / 127.0;
         let light = sky.light(Vec3::from_array(splat.point), normal, film, splat.skyline);
         Some(std::array::from_fn(|k| share * light[k] * inverse[usize::from(splat.color[k])]))
@@ -383,37 +404,47 @@ impl<'a> WetGains<'a> {
 
     /// Multiplies the gains of splats, and writes their fade.
     pub fn fill_light(&self, indices: &[u32], block: &mut AttributeBlock) {
+        // All at once: they lie anywhere in memory.
+        let mut looks = [STAYS; AttributeBlock::SPLATS];
+        for (look, index) in looks.iter_mut().zip(indices) {
+            // What pads the last group has no splat.
+            *look = self.shares.looks.get(*index as usize).copied().unwrap_or(STAYS);
+        }
         let mut fades = [0.0; AttributeBlock::SPLATS];
         let [red, green, blue] = block.gains_mut();
         let rows = red.iter_mut().zip(green).zip(blue).zip(&mut fades);
-        for (index, (((red, green), blue), fade)) in indices.iter().zip(rows) {
-            if let Some((strength, albedo)) = self.strength(*index as usize) {
-                let [r, g, b] = self.gain(strength, albedo);
-                (*red, *green, *blue, *fade) = (*red * r, *green * g, *blue * b, strength.fade);
-                if let Some([r, g, b]) = self.mirrored(*index as usize) {
-                    (*red, *green, *blue) = (*red + r, *green + g, *blue + b);
-                }
+        for ((index, look), (((red, green), blue), fade)) in indices.iter().zip(&looks).zip(rows) {
+            if look.class == DRY {
+                continue;
+            }
+            let strength = self.strength_of(*index as usize, look);
+            let [r, g, b] = self.gain(strength, look.albedo);
+            (*red, *green, *blue, *fade) = (*red * r, *green * g, *blue * b, strength.fade);
+            if look.flags & MIRRORS != 0
+                && let Some([r, g, b]) = self.mirrored(*index as usize, look.class)
+            {
+                (*red, *green, *blue) = (*red + r, *green + g, *blue + b);
             }
         }
         block.column_mut(Attribute::Fade)[..indices.len()].copy_from_slice(&fades[..indices.len()]);
     }
 
     /// The strength of the change of a splat, and its reflectance; `None` for one that stays as it is.
-    #[inline]
     fn strength(&self, index: usize) -> Option<(Strength, [u8; 3])> {
-        // What pads the last group has no splat.
-        let class = *self.shares.classes.get(index)?;
-        if class == DRY {
-            return None;
+        let look = self.shares.looks.get(index).filter(|look| look.class != DRY)?;
+        Some((self.strength_of(index, look), look.albedo))
+    }
+
+    /// The strength of the change of a splat that does not stay as it is.
+    #[inline(always)]
+    fn strength_of(&self, index: usize, look: &WetLook) -> Strength {
+        let strength = self.strengths[usize::from(look.class)][usize::from(look.lower)];
+        if look.flags & IN_POND == 0 {
+            return strength;
         }
-        let splat = &self.surfaces.splats[index];
-        let strength = self.strengths[usize::from(class)][usize::from(splat.lower)];
-        if splat.pond == NONE {
-            return Some((strength, splat.albedo));
-        }
-        let pond = &self.surfaces.ponds[splat.pond as usize];
+        let pond = &self.surfaces.ponds[self.surfaces.splats[index].pond as usize];
         let covered = ((self.levels[pond.basin as usize] - pond.height) / EDGE).clamp(0.0, 1.0);
-        Some((strength.mix(self.deep, covered), splat.albedo))
+        strength.mix(self.deep, covered)
     }
 
     /// Returns the shares of a splat's surface whose pores are full of water without a film, and that lie under a film, 0-1; `None`
