@@ -27,6 +27,8 @@ const LEAST: f64 = 6.0;
 const UNEVEN: f64 = 2.0;
 /// Gaps in a pool that are closed, cells.
 const GAP: i32 = 3;
+/// Most cells of a rectangle about a pool in which holes are filled: 250 m by 250 m.
+const MOST_ROUND: i64 = 1_000_000;
 /// Distance, cells, to which the surroundings reach, and the most by which water stands above them, m.
 const AROUND: i32 = 8;
 const RAISED: f64 = 0.5;
@@ -94,7 +96,7 @@ impl OpenWater {
     }
 
     /// Adds pools of the splats that are water.
-    fn add(&mut self, splats: &Splats, is_water: impl Fn(&Splats, usize) -> bool, doubt: Doubt) {
+    fn add(&mut self, splats: &Splats, shows_water: impl Fn(&Splats, usize) -> bool, doubt: Doubt) {
         let mut found: HashMap<Cell, Vec<Patch>> = HashMap::new();
         let mut left = BTreeSet::new();
         for index in (0..splats.len()).filter(|index| splats.groups[*index] == Group::Scene) {
@@ -107,10 +109,10 @@ impl OpenWater {
             scales.sort_by(f64::total_cmp);
             let reach = (REACH * (scales[1] * scales[2]).sqrt()).min(FARTHEST);
             let area = std::f64::consts::PI * reach * reach * opacity;
-            let is_water = is_water(splats, index);
+            let shows_water = shows_water(splats, index);
             let cell = cell_of(at);
-            found.entry(cell).or_default().push(Patch { height: at.z, area, is_water });
-            if is_water {
+            found.entry(cell).or_default().push(Patch { height: at.z, area, is_water: shows_water });
+            if shows_water {
                 let cells = (reach / CELL).floor();
                 let is_near = |[x, y]: &Cell| f64::from(x * x + y * y) <= cells * cells;
                 let near = square(cells as i32).filter(is_near);
@@ -130,7 +132,10 @@ impl OpenWater {
                 }
             }
             if let Some(height) = pool_height(&pool, &found, doubt) {
-                self.cells.extend(closed(&pool).into_iter().map(|cell| (cell, height)));
+                // Wide splats of the water reach under the deck around it.
+                pool.retain(|cell| found.get(cell).is_none_or(|patches| is_water(patches, height)));
+                let filled = without_holes(closed(&pool));
+                self.cells.extend(filled.into_iter().map(|cell| (cell, height)));
             }
         }
     }
@@ -235,8 +240,44 @@ fn heights<'a, const N: usize>(
     Some(out)
 }
 
+/// Returns true if most of a cell's surface at the height of a pool is water.
+fn is_water(patches: &[Patch], height: f64) -> bool {
+    let at_height = || patches.iter().filter(|patch| is_own(patch.height - height));
+    let all: f64 = at_height().map(|patch| patch.area).sum();
+    let water: f64 = at_height().filter(|patch| patch.is_water).map(|patch| patch.area).sum();
+    water >= MOSTLY * all
+}
+
+/// The cells with those that they enclose, such as what a pool mirrors in another colour.
+fn without_holes(mut pool: BTreeSet<Cell>) -> BTreeSet<Cell> {
+    let Some([mut low, mut high]) = pool.first().map(|cell| [*cell; 2]) else { return pool };
+    for cell in &pool {
+        low = [0, 1].map(|k| low[k].min(cell[k]));
+        high = [0, 1].map(|k| high[k].max(cell[k]));
+    }
+    let (wide, tall) = (i64::from(high[0]) - i64::from(low[0]), i64::from(high[1]) - i64::from(low[1]));
+    if wide.saturating_mul(tall) > MOST_ROUND {
+        return pool;
+    }
+    let is_round =
+        |[x, y]: &Cell| (low[0] - 1..=high[0] + 1).contains(x) && (low[1] - 1..=high[1] + 1).contains(y);
+    // All that can be reached from the corner is outside.
+    let mut outside = BTreeSet::from([[low[0] - 1, low[1] - 1]]);
+    let mut left: Vec<Cell> = outside.iter().copied().collect();
+    while let Some([x, y]) = left.pop() {
+        for near in [[x + 1, y], [x - 1, y], [x, y + 1], [x, y - 1]] {
+            if is_round(&near) && !pool.contains(&near) && outside.insert(near) {
+                left.push(near);
+            }
+        }
+    }
+    let inside = (low[0]..=high[0]).flat_map(|x| (low[1]..=high[1]).map(move |y| [x, y]));
+    pool.extend(inside.filter(|cell| !outside.contains(cell)));
+    pool
+}
+
 /// The cells with the gaps between them.
-fn closed(pool: &[Cell]) -> Vec<Cell> {
+fn closed(pool: &[Cell]) -> BTreeSet<Cell> {
     let wide = widened(pool, GAP);
     let is_inside = |[x, y]: &Cell| square(GAP).all(|[dx, dy]| wide.contains(&[x + dx, y + dy]));
     wide.iter().filter(|cell| is_inside(cell)).copied().collect()
@@ -294,6 +335,33 @@ mod tests {
         );
         assert_eq!(area(&water(POOL, 4.0)), 0.0);
         assert_eq!(area(&water([0.5, 0.55, 0.6], -0.2)), 0.0);
+    }
+
+    /// White clouds in the middle of a pool are a part of it, and a deck over wide blue splats is none.
+    #[test]
+    fn a_pool_has_no_holes_and_ends_at_its_deck() {
+        let mut splats = yard(POOL, -0.2);
+        let mut more = Builder::new(4);
+        let unit = 1.0 / SITE.metres_per_unit;
+        more.surface(
+            DVec3::new(-1.5, -1.5, -0.19) * unit,
+            DVec3::X * 3.0 * unit,
+            DVec3::Y * 3.0 * unit,
+            0.05 * unit,
+            |_, _| [0.95; 3],
+        );
+        let whole = more.build();
+        splats.append(&whole);
+        let mut wide = Builder::new(5);
+        for k in 0..7 {
+            let corner = DVec3::new(4.4, f64::from(k) - 3.1, -0.25) * unit;
+            wide.surface(corner, DVec3::X * 0.2 * unit, DVec3::Y * 0.2 * unit, 1.8 * unit, |_, _| POOL);
+        }
+        splats.append(&wide.build());
+        let water = OpenWater::of(&splats, None, &SITE);
+        let at = |x: f64, y: f64, z: f64| [x * unit, y * unit, z * unit];
+        assert!(water.covers(at(0.0, 0.0, -0.19)) && water.covers(at(3.0, 0.0, -0.2)));
+        assert!(!water.covers(at(5.6, 0.5, 0.0)) && !water.covers(at(5.4, -1.0, 0.0)));
     }
 
     #[test]

@@ -96,7 +96,7 @@ mod tests {
              `scale_source`, `scale_confidence`, `up`, `up_source`, `up_confidence`, `north`, \
              `north_source`, `location`, `captured`, `captured_span`, `sun`, `ground`, `ground_confidence`, \
              `camera_height`, `airlight`, `white_card`, `haze_extinction`, `haze_extinction_error`, `haze_shown_extinction`, \
-             `haze_airlight`, `water`, `lamps`, `windows`, `reflectances`, `rasterization`, `provenance`"
+             `haze_airlight`, `water`, `water_labels`, `lamps`, `windows`, `reflectances`, `rasterization`, `provenance`"
         );
         assert_eq!(
             say("# ä\n  up = [0, 0, 3]"),

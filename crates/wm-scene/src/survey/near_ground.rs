@@ -27,6 +27,13 @@ const STEEPEST: f64 = 0.4;
 const SEEN: [f64; 2] = [-0.3, 0.4];
 /// Cells along the radius of a round in each of which the visible ground is looked for.
 const CELLS: f64 = 8.0;
+/// Distance from the point within which the ground is that of the feet, m, the width of its cells, m, and the least number of them that tell it.
+const FEET: f64 = 0.9;
+const FEET_CELL: f64 = 0.3;
+const FEW_CELLS: usize = 6;
+/// Most that the ground at the feet may be above or below that of the whole round, of the radius of the round: no plane is as uneven as a
+/// lawn, and plants and kerbs are no ground.
+const UNEVEN: f64 = 0.06;
 
 /// The splats of a scene in which the ground under a point is found.
 #[derive(Clone, Debug, Default)]
@@ -94,13 +101,22 @@ fn cover_from_above(splats: &Splats, index: usize, axes: DMat3) -> f64 {
     TAU * splats.opacity(index) * (sum(0, 0) * sum(1, 1) - sum(0, 1).powi(2)).max(0.0).sqrt()
 }
 
-/// Returns the height of the visible ground over a plane, m. In each cell of a grid the ground is seen where the splats
-/// `[x, y, height, area]` above have stopped half of the light from above; the median over the cells is returned, and 0 if so much is
-/// stopped in none.
+/// Returns the height of the visible ground over a plane in its middle, m: the median at the feet if there is enough of it and it agrees with
+/// the median of the whole round, else that one; 0 if no ground is seen.
 fn seen_over(plane: [f64; 3], covers: &[[f64; 4]], radius: f64) -> f64 {
-    let cell = radius / CELLS;
+    let whole = seen_in_cells(plane, covers.iter(), radius / CELLS);
+    let near = covers.iter().filter(|[x, y, ..]| x.hypot(*y) < FEET);
+    let feet = seen_in_cells(plane, near, FEET_CELL);
+    let [whole, feet] = [(whole, 1), (feet, FEW_CELLS)]
+        .map(|(mut seen, least)| (seen.len() >= least).then(|| quantile(&mut seen, 0.5)));
+    let whole = whole.unwrap_or(0.0);
+    feet.filter(|feet| (feet - whole).abs() < UNEVEN * radius).unwrap_or(whole)
+}
+
+/// Returns the heights over a plane at which the ground is seen in the cells of a grid, m: there the splats `[x, y, height, area]` above
+/// have stopped half of the light from above. Cells in which less is stopped have none.
+fn seen_in_cells<'a>(plane: [f64; 3], covers: impl Iterator<Item = &'a [f64; 4]>, cell: f64) -> Vec<f64> {
     let mut near: Vec<([i32; 2], f64, f64)> = covers
-        .iter()
         .map(|[x, y, height, area]| {
             let over = height - plane[0] - plane[1] * x - plane[2] * y;
             ([x, y].map(|v| (v / cell).floor() as i32), over, *area)
@@ -109,17 +125,15 @@ fn seen_over(plane: [f64; 3], covers: &[[f64; 4]], radius: f64) -> f64 {
         .collect();
     near.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
     let half = LN_2 * cell * cell;
-    let mut heights: Vec<f64> = near
-        .chunk_by(|a, b| a.0 == b.0)
-        .filter_map(|cell| {
-            let mut stopped = 0.0;
-            cell.iter().find_map(|(_, over, area)| {
-                stopped += area;
-                (stopped >= half).then_some(*over)
-            })
-        })
-        .collect();
-    if heights.is_empty() { 0.0 } else { quantile(&mut heights, 0.5) }
+    let seen = |splats: &[([i32; 2], f64, f64)]| {
+        let mut stopped = 0.0;
+        let at_half = splats.iter().find(|(_, _, area)| {
+            stopped += area;
+            stopped >= half
+        });
+        at_half.map(|(_, over, _)| *over)
+    };
+    near.chunk_by(|a, b| a.0 == b.0).filter_map(seen).collect()
 }
 
 /// Height in the middle of the ground among points `[x, y, height, area]`, m, and its slopes along both axes.
@@ -209,6 +223,27 @@ mod tests {
             let height = ground.height_under(DVec3::new(x, y, 1.7), 1.0).unwrap();
             assert!((height - 0.03 * y).abs() < 0.03, "{height} at {y}");
         }
+    }
+
+    /// A lawn with a hollow of 8 cm: at the feet it is as deep as there, and a bush there is no ground.
+    #[test]
+    fn the_ground_at_the_feet_is_that_of_a_hollow() {
+        let lawn = |x: f64, y: f64| -0.08 * (-(x * x + y * y) / 2.0).exp();
+        let mut place = synthetic::Builder::new(6);
+        for _ in 0..60_000 {
+            let [x, y] = [0; 2].map(|_| place.draw(-4.0, 4.0));
+            let normal = place.anywhere();
+            place.fleck(DVec3::new(x, y, lawn(x, y)), normal, 0.06, [0.4; 3]);
+        }
+        place.surface(DVec3::new(-4.0, -4.0, -0.1), DVec3::X * 8.0, DVec3::Y * 8.0, 0.1, |_, _| [0.4; 3]);
+        let height = |place: &synthetic::Builder| {
+            let ground = NearGround::of(&place.clone().build(), DVec3::Z);
+            ground.height_under(DVec3::new(0.0, 0.0, 1.7), 1.0).unwrap()
+        };
+        let bare = height(&place);
+        assert!((bare - lawn(0.3, 0.3)).abs() < 0.025, "{bare}");
+        place.leaves(DVec3::new(0.0, 0.0, 0.3), 0.7, 8000, [0.1, 0.4, 0.1]);
+        assert!(height(&place) < 0.05, "{}", height(&place));
     }
 
     #[test]

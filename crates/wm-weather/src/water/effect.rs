@@ -69,6 +69,8 @@ const ABOVE: f32 = 0.01;
 const BLENDED: f32 = 1.0;
 /// Least distance to what a rough surface mirrors, of that to the surface: nearer things are mixed with what is beside them.
 const BESIDE: f32 = 0.03;
+/// Reciprocal of the view z, over that of the water, from which on things are nearer than the water and not mirrored in it.
+const NEARER: f32 = 1.1;
 /// One over how free of its ground water is that counts as free.
 const FREE: f32 = 4.0;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
@@ -700,7 +702,8 @@ impl<'a> Scene<'a> {
             }
         }
         if !is_close {
-            self.mirrored.add_all(simd, &looks[..count], &fineness, wanted, &mut light);
+            let nearest = simd.set(NEARER) / z;
+            self.mirrored.add_all(simd, &looks[..count], &fineness, (nearest, wanted), &mut light);
         }
         let scale = one / sum;
         // Others may be films that are known already.

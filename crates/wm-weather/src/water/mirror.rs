@@ -187,22 +187,26 @@ impl MirroredPicture {
         }
     }
 
-    /// The same for several looks of one fineness, each with its points and weights. The looks of a pixel are of the same levels: one after
-    /// the other the processor foresees which.
+    /// The same for several looks of one fineness, each with its points and weights; the first is straight through the water's point.
+    /// What is nearer than that, by the reciprocal of its view z, is not mirrored there: with the light of a whole piece of the picture some
+    /// of it comes along. As much of a look counts as is not nearer, and the rest is what is met straight through the point.
+    ///
+    /// The looks of a pixel are of the same levels: one after the other the processor foresees which.
     #[inline(always)]
     pub(super) fn add_all<S: Lanes>(
         &self,
         simd: S,
         looks: &[([S::F; 2], S::F)],
         fineness: &Fineness<S>,
-        wanted: u32,
+        (nearest, wanted): (S::F, u32),
         sums: &mut [[f32; 4]; 16],
     ) {
+        let nearest = &Kept::of(simd, nearest);
         // By their number, which the compiler then knows.
         match looks.len() {
-            1 => self.add_looks::<S, 1>(simd, looks, fineness, wanted, sums),
-            3 => self.add_looks::<S, 3>(simd, looks, fineness, wanted, sums),
-            5 => self.add_looks::<S, 5>(simd, looks, fineness, wanted, sums),
+            1 => self.add_looks::<S, 1>(simd, looks, fineness, (nearest, wanted), sums),
+            3 => self.add_looks::<S, 3>(simd, looks, fineness, (nearest, wanted), sums),
+            5 => self.add_looks::<S, 5>(simd, looks, fineness, (nearest, wanted), sums),
             other => unreachable!("{other} looks"),
         }
     }
@@ -213,7 +217,7 @@ impl MirroredPicture {
         simd: S,
         looks: &[([S::F; 2], S::F)],
         fineness: &Fineness<S>,
-        wanted: u32,
+        (nearest, wanted): (&Kept, u32),
         sums: &mut [[f32; 4]; 16],
     ) {
         let Fineness { scales, first, stride, shares } = fineness;
@@ -229,6 +233,11 @@ impl MirroredPicture {
             }
             weights[k] = Kept::of(simd, *weight);
         }
+        let mut at_finest = looks[0].0;
+        for k in 0..2 {
+            at_finest[k] = at_finest[k].max(simd.set(0.0)).min(simd.set(self.size[k])).floor();
+        }
+        let at_finest = [Whole::of(simd, at_finest[0]), Whole::of(simd, at_finest[1])];
         let mut todo = wanted;
         while todo != 0 {
             let i = (todo.trailing_zeros() & 15) as usize;
@@ -238,6 +247,7 @@ impl MirroredPicture {
                 (share[level], rows[level]) = (shares[level].0[i], stride[level][i]);
             }
             let mut sum = f32x4::from_slice(simd, &sums[i]);
+            let mut hidden = 0.0;
             for (spots, weight) in spots.iter().zip(&weights) {
                 if weight.0[i] > 0.0 {
                     let mut own = spots[0].look(simd, i, rows[0], &self.pixels) * share[0];
@@ -246,8 +256,22 @@ impl MirroredPicture {
                             own = spots[level].look(simd, i, rows[level], &self.pixels) * share[level] + own;
                         }
                     }
-                    sum = own * weight.0[i] + sum;
+                    let mut weight = weight.0[i];
+                    let mut parts = [0.0; 4];
+                    own.store_slice(&mut parts);
+                    if parts[3] > nearest.0[i] {
+                        let seen = nearest.0[i] / parts[3];
+                        hidden += weight * (1.0 - seen);
+                        weight *= seen;
+                    }
+                    sum = own * weight + sum;
                 }
+            }
+            if hidden > 0.0 {
+                // Straight through the water's point nothing nearer is met.
+                let at =
+                    at_finest[0].0[i] as usize + at_finest[1].0[i] as usize * (self.size[0] as usize + 1);
+                sum = f32x4::from_slice(simd, &self.pixels[at]) * hidden + sum;
             }
             sum.store_slice(&mut sums[i]);
         }
