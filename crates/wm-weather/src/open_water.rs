@@ -132,8 +132,6 @@ impl OpenWater {
                 }
             }
             if let Some(height) = pool_height(&pool, &found, doubt) {
-                // Wide splats of the water reach under the deck around it.
-                pool.retain(|cell| found.get(cell).is_none_or(|patches| is_water(patches, height)));
                 let filled = without_holes(closed(&pool));
                 self.cells.extend(filled.into_iter().map(|cell| (cell, height)));
             }
@@ -240,14 +238,6 @@ fn heights<'a, const N: usize>(
     Some(out)
 }
 
-/// Returns true if most of a cell's surface at the height of a pool is water.
-fn is_water(patches: &[Patch], height: f64) -> bool {
-    let at_height = || patches.iter().filter(|patch| is_own(patch.height - height));
-    let all: f64 = at_height().map(|patch| patch.area).sum();
-    let water: f64 = at_height().filter(|patch| patch.is_water).map(|patch| patch.area).sum();
-    water >= MOSTLY * all
-}
-
 /// The cells with those that they enclose, such as what a pool mirrors in another colour.
 fn without_holes(mut pool: BTreeSet<Cell>) -> BTreeSet<Cell> {
     let Some([mut low, mut high]) = pool.first().map(|cell| [*cell; 2]) else { return pool };
@@ -337,9 +327,9 @@ mod tests {
         assert_eq!(area(&water([0.5, 0.55, 0.6], -0.2)), 0.0);
     }
 
-    /// White clouds in the middle of a pool are a part of it, and a deck over wide blue splats is none.
+    /// White clouds that a pool mirrors are a part of it.
     #[test]
-    fn a_pool_has_no_holes_and_ends_at_its_deck() {
+    fn a_pool_has_no_holes() {
         let mut splats = yard(POOL, -0.2);
         let mut more = Builder::new(4);
         let unit = 1.0 / SITE.metres_per_unit;
@@ -350,18 +340,10 @@ mod tests {
             0.05 * unit,
             |_, _| [0.95; 3],
         );
-        let whole = more.build();
-        splats.append(&whole);
-        let mut wide = Builder::new(5);
-        for k in 0..7 {
-            let corner = DVec3::new(4.4, f64::from(k) - 3.1, -0.25) * unit;
-            wide.surface(corner, DVec3::X * 0.2 * unit, DVec3::Y * 0.2 * unit, 1.8 * unit, |_, _| POOL);
-        }
-        splats.append(&wide.build());
+        splats.append(&more.build());
         let water = OpenWater::of(&splats, None, &SITE);
         let at = |x: f64, y: f64, z: f64| [x * unit, y * unit, z * unit];
         assert!(water.covers(at(0.0, 0.0, -0.19)) && water.covers(at(3.0, 0.0, -0.2)));
-        assert!(!water.covers(at(5.6, 0.5, 0.0)) && !water.covers(at(5.4, -1.0, 0.0)));
     }
 
     #[test]
