@@ -126,6 +126,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let (mut points, mut strip) = ([const { Vec::new() }; 3], Vec::new());
     for (metres, at) in &all {
         let fov = 2.0 * (0.5 * f64::from(SIDE) / PIXELS * RADIUS / metres).atan().to_degrees();
+        // Far lamps are somewhat smaller: no camera sees less.
+        let fov = fov.max(*wm_scene::camera::FOV.start());
         let camera = level.camera((SIDE, SIDE), fov, [0.0, 0.0, EYE], *at)?;
         let picture = LightPicture::of(rig, (subject, &camera), &weather, request.time)?;
         let pixel = 1.0 / (camera.fx * camera.fy);
