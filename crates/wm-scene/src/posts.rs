@@ -356,9 +356,9 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
 /// Areas of the splats over a post.
 #[derive(Clone, Copy, Default)]
 struct Over {
-    /// Of all in the crown's space, over the area of that as seen from the side.
+    /// Area of all splats in the space of a crown, over the area of that space seen from the side.
     crown: f64,
-    /// Of level ones in the roof's space, over the area of that as seen from above.
+    /// Area of the level splats in the space of a roof, over the area of that space seen from above.
     roof: f64,
 }
 

@@ -61,7 +61,7 @@ impl OpenWater {
         let mut water =
             Self { level, metres_per_unit: site.metres_per_unit, outlines: stated, cells: BTreeMap::new() };
         if outlines.is_none() {
-            water.add(splats, is_blue, Doubt::IsGuess);
+            water.add(splats, is_blue, Evidence::Colour);
         }
         water
     }
@@ -70,7 +70,7 @@ impl OpenWater {
     pub fn add_labelled(&mut self, splats: &Splats, labels: &[u16]) {
         let label_of = |index: usize| splats.labels.get(index).copied().unwrap_or(0);
         if !labels.is_empty() {
-            self.add(splats, |_, index| labels.contains(&label_of(index)), Doubt::None);
+            self.add(splats, |_, index| labels.contains(&label_of(index)), Evidence::Label);
         }
     }
 
@@ -96,7 +96,7 @@ impl OpenWater {
     }
 
     /// Adds pools of the splats that are water.
-    fn add(&mut self, splats: &Splats, shows_water: impl Fn(&Splats, usize) -> bool, doubt: Doubt) {
+    fn add(&mut self, splats: &Splats, shows_water: impl Fn(&Splats, usize) -> bool, evidence: Evidence) {
         let mut found: HashMap<Cell, Vec<Patch>> = HashMap::new();
         let mut left = BTreeSet::new();
         for index in (0..splats.len()).filter(|index| splats.groups[*index] == Group::Scene) {
@@ -131,7 +131,7 @@ impl OpenWater {
                     }
                 }
             }
-            if let Some(height) = pool_height(&pool, &found, doubt) {
+            if let Some(height) = pool_height(&pool, &found, evidence) {
                 let filled = without_holes(closed(&pool));
                 self.cells.extend(filled.into_iter().map(|cell| (cell, height)));
             }
@@ -145,11 +145,13 @@ fn is_blue(splats: &Splats, index: usize) -> bool {
     b - r > BLUE[0] && b > BLUE[1] * g
 }
 
-/// Whether what looks like water may be something else.
+/// The reason why splats count as water.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Doubt {
-    None,
-    IsGuess,
+enum Evidence {
+    /// A label says so.
+    Label,
+    /// They are blue: it is a guess, and must look like a pool.
+    Colour,
 }
 
 /// A splat in a cell.
@@ -191,10 +193,10 @@ fn square(radius: i32) -> impl Iterator<Item = Cell> {
 }
 
 /// The height of a pool, m; `None` if what is guessed is no pool: too small, too uneven, too mixed, or raised like a roof.
-fn pool_height(pool: &[Cell], found: &HashMap<Cell, Vec<Patch>>, doubt: Doubt) -> Option<f64> {
+fn pool_height(pool: &[Cell], found: &HashMap<Cell, Vec<Patch>>, evidence: Evidence) -> Option<f64> {
     let inside = || pool.iter().filter_map(|cell| found.get(cell)).flatten();
     let [low, height] = heights(inside().filter(|patch| patch.is_water), [0.1, 0.9])?;
-    if doubt == Doubt::None {
+    if evidence == Evidence::Label {
         return Some(height);
     }
     if (pool.len() as f64) * CELL * CELL < LEAST {

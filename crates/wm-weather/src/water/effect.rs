@@ -4,7 +4,7 @@ use super::WATER_INDEX;
 use super::body::WaterBody;
 use super::fresnel::fresnel_of;
 use super::map::WaterMap;
-use super::mirror::{Extent, MirrorView, MirroredPicture};
+use super::mirror::{Extent, MirrorView, MirroredPicture, Seen};
 use super::motion::WaterMotion;
 use super::rills::Slope;
 use super::surface::{FILM, NODES, WaterSurface};
@@ -702,8 +702,8 @@ impl<'a> Scene<'a> {
             }
         }
         if !is_close {
-            let nearest = simd.set(NEARER) / z;
-            self.mirrored.add_all(simd, &looks[..count], &fineness, (nearest, wanted), &mut light);
+            let lanes = Seen { wanted, nearest: simd.set(NEARER) / z };
+            self.mirrored.add_all(simd, &looks[..count], &fineness, lanes, &mut light);
         }
         let scale = one / sum;
         // Others may be films that are known already.

@@ -187,26 +187,26 @@ impl MirroredPicture {
         }
     }
 
-    /// The same for several looks of one fineness, each with its points and weights; the first is straight through the water's point.
-    /// What is nearer than that, by the reciprocal of its view z, is not mirrored there: with the light of a whole piece of the picture some
-    /// of it comes along. As much of a look counts as is not nearer, and the rest is what is met straight through the point.
+    /// Adds the colours of several looks of one fineness, each at its points and with its weights; the first look is by the mean slope.
     ///
-    /// The looks of a pixel are of the same levels: one after the other the processor foresees which.
+    /// Water mirrors nothing that is nearer than itself, but blurred pieces of the picture contain some of it. A look whose mean is nearer
+    /// counts less, and the single pixel at the first look takes its place.
+    ///
+    /// All looks of a pixel are made one after the other: they read the same levels, so that the processor predicts the branches.
     #[inline(always)]
     pub(super) fn add_all<S: Lanes>(
         &self,
         simd: S,
         looks: &[([S::F; 2], S::F)],
         fineness: &Fineness<S>,
-        (nearest, wanted): (S::F, u32),
+        seen: Seen<S>,
         sums: &mut [[f32; 4]; 16],
     ) {
-        let nearest = &Kept::of(simd, nearest);
-        // By their number, which the compiler then knows.
+        // One copy for each number of looks: loops of known length are faster.
         match looks.len() {
-            1 => self.add_looks::<S, 1>(simd, looks, fineness, (nearest, wanted), sums),
-            3 => self.add_looks::<S, 3>(simd, looks, fineness, (nearest, wanted), sums),
-            5 => self.add_looks::<S, 5>(simd, looks, fineness, (nearest, wanted), sums),
+            1 => self.add_looks::<S, 1>(simd, looks, fineness, seen, sums),
+            3 => self.add_looks::<S, 3>(simd, looks, fineness, seen, sums),
+            5 => self.add_looks::<S, 5>(simd, looks, fineness, seen, sums),
             other => unreachable!("{other} looks"),
         }
     }
@@ -217,9 +217,10 @@ impl MirroredPicture {
         simd: S,
         looks: &[([S::F; 2], S::F)],
         fineness: &Fineness<S>,
-        (nearest, wanted): (&Kept, u32),
+        seen: Seen<S>,
         sums: &mut [[f32; 4]; 16],
     ) {
+        let nearest = Kept::of(simd, seen.nearest);
         let Fineness { scales, first, stride, shares } = fineness;
         let mut spots = [const { [Spots::NONE; 3] }; LOOKS];
         let mut weights = [const { Kept([0.0; 16]) }; LOOKS];
@@ -238,7 +239,7 @@ impl MirroredPicture {
             at_finest[k] = at_finest[k].max(simd.set(0.0)).min(simd.set(self.size[k])).floor();
         }
         let at_finest = [Whole::of(simd, at_finest[0]), Whole::of(simd, at_finest[1])];
-        let mut todo = wanted;
+        let mut todo = seen.wanted;
         while todo != 0 {
             let i = (todo.trailing_zeros() & 15) as usize;
             todo &= todo - 1;
@@ -260,15 +261,14 @@ impl MirroredPicture {
                     let mut parts = [0.0; 4];
                     own.store_slice(&mut parts);
                     if parts[3] > nearest.0[i] {
-                        let seen = nearest.0[i] / parts[3];
-                        hidden += weight * (1.0 - seen);
-                        weight *= seen;
+                        let behind = nearest.0[i] / parts[3];
+                        hidden += weight * (1.0 - behind);
+                        weight *= behind;
                     }
                     sum = own * weight + sum;
                 }
             }
             if hidden > 0.0 {
-                // Straight through the water's point nothing nearer is met.
                 let at =
                     at_finest[0].0[i] as usize + at_finest[1].0[i] as usize * (self.size[0] as usize + 1);
                 sum = f32x4::from_slice(simd, &self.pixels[at]) * hidden + sum;
@@ -369,6 +369,15 @@ impl Level {
         });
         own.copy_within((self.height - 1) * stride..self.height * stride, self.height * stride);
     }
+}
+
+/// The lanes that look into a mirrored picture.
+#[derive(Clone, Copy)]
+pub(super) struct Seen<S: Lanes> {
+    /// A bit for each lane that does.
+    pub wanted: u32,
+    /// Largest reciprocal of the view z of what it may mirror, 1 / scene unit.
+    pub nearest: S::F,
 }
 
 /// The extent of pieces of a mirrored picture, px.

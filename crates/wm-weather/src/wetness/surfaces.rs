@@ -235,7 +235,7 @@ impl WetSurfaces {
     }
 }
 
-/// The part of a splat that its look follows from if it is in no puddle and mirrors no sky: little, since frames read it in any order.
+/// The few bytes of a splat that every frame reads, in any order. Splats in puddles and steep ones need their [`WetSplat`] too.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct WetLook {
     class: u8,
@@ -257,7 +257,7 @@ const STAYS: WetLook = WetLook { class: DRY, lower: 0, albedo: [0; 3], flags: 0 
 pub struct WetShares {
     /// The rain.
     pub rain: SlantedRain,
-    /// What is read of each splat in every frame.
+    /// One for each splat.
     looks: Vec<WetLook>,
     /// The share of each cell of the ground or of open water, 0-1; 0 where there is neither.
     pub(crate) ground: Vec<f32>,
