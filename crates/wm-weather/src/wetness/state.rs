@@ -175,6 +175,45 @@ pub struct WaterState {
     pub budget: WaterBudget,
 }
 
+/// Moves the water of nodes from bumps into hollows; the sums over the place stay. `rough` is `ground` with its relief, m.
+fn move_into_hollows(wet: &mut [Wet], ground: &[f32], rough: &[f32]) {
+    let [pores_before, film_before] = sums(wet);
+    for (wet, (height, rough)) in wet.iter_mut().zip(ground.iter().zip(rough)) {
+        if height.is_finite() {
+            let lower = relief::lower_share(f64::from(rough - height));
+            [wet.pores, wet.film] = relief::patchy([wet.pores, wet.film], lower);
+        }
+    }
+    // Hollows and bumps of a small place, or one with unequal rain, do not quite balance.
+    let count = ground.iter().filter(|height| height.is_finite()).count() as f64;
+    let [pores_now, film_now] = sums(wet);
+    for (wet, height) in wet.iter_mut().zip(ground) {
+        if height.is_finite() {
+            wet.pores = balanced(wet.pores, pores_now, pores_before, count);
+            wet.film = balanced(wet.film, film_now, film_before, count);
+        }
+    }
+}
+
+/// Sums of the filled shares of pores and of the texture.
+fn sums(wet: &[Wet]) -> [f64; 2] {
+    let sum = |share: fn(&Wet) -> f32| wet.iter().map(|wet| f64::from(share(wet))).sum();
+    [sum(|wet| wet.pores), sum(|wet| wet.film)]
+}
+
+/// A share of a node, 0-1, changed so that `count` nodes whose shares have the sum `now` get the sum `wanted`.
+fn balanced(share: f32, now: f64, wanted: f64, count: f64) -> f32 {
+    let share = f64::from(share);
+    let made = if now > wanted {
+        share * wanted / now
+    } else if now < wanted {
+        1.0 - (1.0 - share) * (count - wanted) / (count - now)
+    } else {
+        share
+    };
+    made.clamp(0.0, 1.0) as f32
+}
+
 impl WaterState {
     /// The water of a place. Levels go on for a cell about each puddle, below its ground, so that edges can be found between nodes.
     #[must_use]
@@ -191,18 +230,11 @@ impl WaterState {
             level.filter(|_| ground.ground[at].is_finite()).unwrap_or(f32::NAN)
         });
         // Pores, texture and depth at each node.
-        let local = |(wet, (height, rough)): (Wet, (&f32, &f32))| {
-            if height.is_nan() {
-                return Wet::default();
-            }
-            if state.is_even() {
-                return wet;
-            }
-            let [pores, film] =
-                relief::patchy([wet.pores, wet.film], relief::lower_share(f64::from(rough - height)));
-            Wet { pores, film, ..wet }
-        };
-        let wet: Vec<Wet> = wet.zip(ground.ground.iter().zip(&ground.rough)).map(local).collect();
+        let known = |(wet, height): (Wet, &f32)| if height.is_nan() { Wet::default() } else { wet };
+        let mut wet: Vec<Wet> = wet.zip(&ground.ground).map(known).collect();
+        if !state.is_even() {
+            move_into_hollows(&mut wet, &ground.ground, &ground.rough);
+        }
         Self {
             origin: ground.point([0.0; 2], 0.0),
             axes: ground.axes(),
@@ -241,5 +273,35 @@ impl WaterState {
         let depth = |(level, ground): (&f32, &f32)| f64::from((level - ground).max(0.0));
         let depths = self.level.iter().zip(&self.ground).filter(|(level, _)| level.is_finite()).map(depth);
         self.step * self.step * depths.sum::<f64>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn hollows_and_bumps_hold_the_water_of_the_place(
+            pores in 0.0f32..=1.0, film in 0.0f32..=1.0, side in 2u16..40, unequal in 0.0f32..1.0,
+        ) {
+            let place = |at: usize| [at % usize::from(side), at / usize::from(side)].map(|k| 0.1 * k as f64);
+            let count = usize::from(side).pow(2);
+            let ground: Vec<f32> = (0..count).map(|at| if at % 7 == 3 { f32::NAN } else { 0.0 }).collect();
+            let rough: Vec<f32> = (0..count).map(|at| relief::relief(place(at)[0], place(at)[1]) as f32).collect();
+            let wet = |at: usize| {
+                let share = 1.0 - unequal * (at as f32 / count as f32);
+                if ground[at].is_nan() { Wet::default() } else { Wet { pores: share * pores, film: share * film, depth: 0.0 } }
+            };
+            let mut patches: Vec<Wet> = (0..count).map(wet).collect();
+            let before = sums(&patches);
+            move_into_hollows(&mut patches, &ground, &rough);
+            let after = sums(&patches);
+            for kind in 0..2 {
+                prop_assert!((after[kind] - before[kind]).abs() < 1e-5 * count as f64, "{before:?} {after:?}");
+            }
+            prop_assert!(patches.iter().all(|wet| (0.0..=1.0).contains(&wet.pores) && (0.0..=1.0).contains(&wet.film)));
+        }
     }
 }
