@@ -83,7 +83,7 @@ fn heights(survey: &Survey) -> Vec<(CandidateKind, f64, f64)> {
     let person = 1.6 / survey.metres_per_unit.value;
     // Should a unit be something else than a metre: most places are walked about in within 50 m.
     let likely = 0.035 * radius;
-    let fits = (0.01 * radius..=0.1 * radius).contains(&person);
+    let fits = (0.01 * radius..=0.15 * radius).contains(&person);
     let (kind, lowest) = if fits || survey.metres_per_unit.source != FactSource::Assumed {
         (CandidateKind::EyeLevel, person)
     } else if survey.sky_splats > 0 {
@@ -113,8 +113,8 @@ fn within(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
             let Some(ground) = space.ground(below) else { continue };
             for (kind, height, pitch) in &heights {
                 let eye = below + up * (ground + height - below.dot(up));
-                // Nobody crouches under a table for a view of the place.
-                let headroom = space.hit(eye, up, 2.5 * height).is_none();
+                // Nobody crouches under a table for a view of the place; rooms have ceilings.
+                let headroom = space.hit(eye, up, 0.5 * height).is_none();
                 if headroom && space.is_clear(eye, (0.5 * height).min(0.03 * radius)) {
                     let aside = ASIDE * offset.length() / radius;
                     let views = look_about(space, survey, *kind, eye, *pitch, *height).into_iter();

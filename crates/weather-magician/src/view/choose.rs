@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn made_up_places_are_seen_well() {
-        for name in ["street", "street-sky", "table", "village"] {
+        for name in ["street", "street-sky", "table", "rooms", "village"] {
             let mut loaded = LoadedScene::new(place(name), None);
             let camera = chosen(&mut loaded);
             let (eye, survey) = (camera.center(), &loaded.survey);
@@ -214,6 +214,8 @@ mod tests {
             // Along a street, not at its walls; on the table, not under it.
             match name {
                 "table" => assert!(eye.z > 0.8, "{eye}"),
+                // Inside, under the ceiling.
+                "rooms" => assert!((1.2..2.2).contains(&eye.z), "{eye}"),
                 "village" => {}
                 _ => assert!(camera.forward().x.abs() > 0.8, "{name}: {}", camera.forward()),
             }

@@ -5,8 +5,9 @@ use glam::DVec3;
 use wm_render::{CpuConfig, CpuRenderer, RenderBackend, SetId};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::survey::{CapturedSky, Confidence, FactSource, Sourced, SunnySide, Survey, label_sky};
+use wm_scene::synthetic::{self, Builder};
 use wm_scene::testing::data;
-use wm_scene::{Camera, Metadata, Scene, SceneView, synthetic};
+use wm_scene::{Camera, Metadata, Scene, SceneView};
 
 /// A place with z up, the ground at 0, 10 units in radius.
 pub fn survey() -> Survey {
@@ -58,17 +59,38 @@ pub fn real(name: &str) -> Option<Scene> {
     Some(read_scene(&path, &ReadOptions::default()).unwrap())
 }
 
-/// A made-up place: `street`, `street-sky`, `table` or `village`.
+/// A made-up place: `street`, `street-sky`, `table`, `rooms` or `village`.
 pub fn place(name: &str) -> Scene {
     let mut place = match name {
         "table" => synthetic::table(1),
         "village" => synthetic::aerial(1),
+        "rooms" => rooms(),
         _ => synthetic::street(1),
     };
     if name.ends_with("-sky") {
         place.sky(DVec3::ZERO, 400.0, 8000);
     }
     Scene { splats: place.build(), ..Scene::default() }
+}
+
+/// A flat of 24 by 18 m and 3 m high, in two rooms with a table each.
+fn rooms() -> Builder {
+    let mut flat = Builder::new(1);
+    let (long, wide, high) = (DVec3::X * 24.0, DVec3::Y * 18.0, DVec3::Z * 3.0);
+    let corner = DVec3::new(-12.0, -9.0, 0.0);
+    let tiles = |u: f64, v: f64| [if ((12.0 * u) as i32 + (9.0 * v) as i32) % 2 == 0 { 0.5 } else { 0.3 }; 3];
+    let panels = |u: f64, _: f64| [if (10.0 * u) as i32 % 2 == 0 { 0.7 } else { 0.4 }; 3];
+    flat.surface(corner, long, wide, 0.2, tiles);
+    flat.surface(corner + high, long, wide, 0.2, |_, _| [0.8; 3]);
+    for (from, along) in [(corner, long), (corner + wide, long), (corner, wide), (corner + long, wide)] {
+        flat.surface(from, along, high, 0.2, panels);
+    }
+    // A wall with a wide opening between the rooms.
+    flat.surface(corner + 0.5 * long, 0.55 * wide, high, 0.2, panels);
+    for x in [-6.0, 6.0] {
+        flat.surface(DVec3::new(x - 1.0, -4.0, 0.8), DVec3::X * 2.0, DVec3::Y, 0.1, |_, _| [0.3, 0.2, 0.1]);
+    }
+    flat
 }
 
 /// A scene that is ready to be looked at.
