@@ -392,6 +392,14 @@ impl GroundGrid {
         self.nodes_of(self.cell_of(column + x, row + y)?).find(is_below)
     }
 
+    /// The uppermost node in the next cell that snow spills onto from a node where it is heaped up to `top` m: a pit between higher
+    /// surfaces fills up to their edges, and no further.
+    pub(super) fn rim(&self, node: usize, way: usize, top: f32) -> Option<usize> {
+        let ([column, row], [x, y]) = (self.place(node), WAYS[way]);
+        let is_below = |to: &usize| self.height[*to] < top && self.open[*to] > 0.0;
+        self.nodes_of(self.cell_of(column + x, row + y)?).find(is_below)
+    }
+
     /// The node of a cell that is nearest in height to another, within `step` m.
     pub(super) fn level_with(&self, node: usize, column: i64, row: i64, step: f32) -> Option<usize> {
         let height = self.height[node];

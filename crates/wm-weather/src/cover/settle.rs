@@ -41,9 +41,12 @@ pub fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled {
             let top = ground.height[node] + own;
             let mut went = false;
             // An inner ground holds as much as this one: nothing slides there.
-            for to in ground.next(node).into_iter().flatten().filter(|to| !ground.is_elsewhere(*to)) {
+            for (way, next) in ground.next(node).into_iter().enumerate() {
+                let spills = || if own > ground.edge { ground.rim(node, way, top) } else { None };
+                let Some(to) = next.or_else(spills).filter(|to| !ground.is_elsewhere(*to)) else { continue };
                 let fall = top - (ground.height[to] + depth[to]);
-                let is_edge = ground.height[node] - ground.height[to] > ground.edge;
+                // A pit that is full has no edge.
+                let is_edge = ground.height[node] - (ground.height[to] + depth[to]) > ground.edge;
                 let own = depth[node];
                 let goes = if is_edge {
                     // Over an edge goes what came from above, and what lies on no surface.

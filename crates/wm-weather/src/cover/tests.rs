@@ -84,6 +84,30 @@ fn roofs_are_covered_and_what_is_below_is_bare() {
     );
 }
 
+/// More snow than a slit of a yard holds fills it, and spreads on the yard.
+#[test]
+fn a_pit_fills_to_its_rim() {
+    let mut place = Builder::new(3);
+    for (x, z, wide) in [(-3.0, 0.0, 5.0), (2.0, -1.0, 0.2), (2.2, 0.0, 5.0)] {
+        let at = DVec3::new(x, 0.0, z);
+        place.surface(at, DVec3::X * wide, DVec3::Y * 8.0, 0.03, |_, _| [0.4; 3]);
+    }
+    let cover = cover_of(&place.build(), &Airflow::default(), [3.0, 4.0, 0.0]);
+    let ground = &cover.rings()[0];
+    let z = |node: usize| {
+        let at = ground.place(node).map(|v| v as f64 + 0.5);
+        ground.places.point(at, f64::from(ground.height[node]))[2]
+    };
+    let is_in_slit = |node: usize| z(node) < -0.7;
+    let fell: Vec<f32> = (0..ground.len()).map(|node| if is_in_slit(node) { 2.5 } else { 0.0 }).collect();
+    let settled = settle::settle(ground, &fell, ASKED.repose as f32);
+    let depths = (0..ground.len()).filter(|node| is_in_slit(*node)).map(|node| settled.depth[node]);
+    let deepest = depths.fold(0.0, f32::max);
+    assert!((1.0..1.8).contains(&deepest), "{deepest} m");
+    let sum = |depths: &[f32]| depths.iter().map(|depth| f64::from(*depth)).sum::<f64>();
+    assert!(((sum(&settled.depth) + settled.lost) / sum(&fell) - 1.0).abs() < 1e-3);
+}
+
 /// Splats that reach over the end of a ring are buried as those before and behind it.
 #[test]
 fn ground_is_buried_across_the_end_of_a_ring() {

@@ -1,5 +1,7 @@
 //! Water that has depth: what is seen through it, and its own light.
 
+use super::foam;
+
 /// `(c + K_d) Z` where a white disc goes out of sight at the Secchi depth `Z` (Tyler 1968).
 const SECCHI: f64 = 8.69;
 /// Share of `c + K_d` that is beam attenuation: the rest is that of daylight on its way down. Of turbid inland water.
@@ -25,6 +27,8 @@ pub struct WaterBody {
     pub daylight: f32,
     /// Radiance that comes out of endlessly deep water in clear air, linear RGB.
     pub glow: [f32; 3],
+    /// Radiance of foam on it in clear air, linear RGB.
+    pub foam: [f32; 3],
 }
 
 /// The reflectance of deep water of a Secchi depth, m: between [`KINDS`], even in logarithms.
@@ -50,6 +54,7 @@ impl WaterBody {
             beam: (BEAM * both) as f32,
             daylight: ((1.0 - BEAM) * both) as f32,
             glow: std::array::from_fn(|k| (reflectance[k] * white[k]) as f32),
+            foam: white.map(|light| (foam::REFLECTANCE * light) as f32),
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::WATER_INDEX;
 use super::body::WaterBody;
+use super::foam::Foam;
 use super::fresnel::fresnel_of;
 use super::map::WaterMap;
 use super::mirror::{Extent, MirrorView, MirroredPicture, Seen};
@@ -106,11 +107,24 @@ struct Water {
     mirrored: [[f32; GROUP]; 3],
     /// Share of the light behind that comes through.
     left: [f32; GROUP],
+    /// Depth of a flood, m; infinite for other water.
+    depth: [f32; GROUP],
+    /// Square of the slope, both axes together, and its variance along one axis that the pixel is too wide to show.
+    slopes: [[f32; GROUP]; 2],
+    /// Share that foam covers.
+    foam: [f32; GROUP],
 }
 
 impl Water {
     fn new() -> Self {
-        Self { reflected: [0.0; GROUP], mirrored: [[0.0; GROUP]; 3], left: [1.0; GROUP] }
+        Self {
+            reflected: [0.0; GROUP],
+            mirrored: [[0.0; GROUP]; 3],
+            left: [1.0; GROUP],
+            depth: [f32::INFINITY; GROUP],
+            slopes: [[0.0; GROUP]; 2],
+            foam: [0.0; GROUP],
+        }
     }
 }
 
@@ -392,10 +406,15 @@ impl<'a> Scene<'a> {
             for start in (0..GROUP).step_by(S::N) {
                 self.look(simd, start, &pixels, &mut water);
             }
+            if let Some(foam) = self.of.motion.foam() {
+                for start in (0..GROUP).step_by(S::N) {
+                    lay_foam(simd, start, foam, &mut water);
+                }
+            }
             // Puddles, streams and films have no light of their own.
             let mut is_deep = false;
             for i in 0..GROUP {
-                is_deep |= wet >> i & 1 == 1 && water.left[i] < 1.0 - THIN;
+                is_deep |= wet >> i & 1 == 1 && (water.left[i] < 1.0 - THIN || water.foam[i] > THIN);
             }
             if let Some(medium) = self.of.medium.filter(|_| is_deep) {
                 let origin = self.of.camera.center().to_array().map(|v| v as f32);
@@ -403,6 +422,7 @@ impl<'a> Scene<'a> {
             }
             if !is_deep {
                 water.left = [1.0; GROUP];
+                water.foam = [0.0; GROUP];
             }
             let mut shown = drawn;
             for start in (0..GROUP).step_by(S::N) {
@@ -414,7 +434,11 @@ impl<'a> Scene<'a> {
             let mut reflected = [0.0; GROUP];
             for i in 0..GROUP {
                 let is_wet = wet >> i & 1 == 1;
-                reflected[i] = if is_wet { behind.open[i] * cover[i] * water.reflected[i] } else { 0.0 };
+                reflected[i] = if is_wet {
+                    behind.open[i] * cover[i] * water.reflected[i] * (1.0 - water.foam[i])
+                } else {
+                    0.0
+                };
             }
             front[..count].copy_from_slice(&reflected[..count]);
         }
@@ -438,13 +462,16 @@ impl<'a> Scene<'a> {
         }
         let mut light = srgb_decode(simd, light);
         let (left, cover) = (simd.load(&water.left[start..]), simd.load(&cover[start..]));
+        let foam = simd.load(&water.foam[start..]);
         let kept = simd.set(1.0) - simd.load(&water.reflected[start..]);
         for k in 0..3 {
-            let glow = simd.set(self.of.body.glow[k]);
-            let own =
-                glow.mul_add(simd.load(&air.transmittance[k][start..]), simd.load(&air.airlight[k][start..]));
+            let through = simd.load(&air.transmittance[k][start..]);
+            let airlight = simd.load(&air.airlight[k][start..]);
+            let own = simd.set(self.of.body.glow[k]).mul_add(through, airlight);
             let below = left.mul_add(light[k] - own, own);
             let wet = kept.mul_add(below, simd.load(&water.mirrored[k][start..]));
+            let white = simd.set(self.of.body.foam[k]).mul_add(through, airlight);
+            let wet = foam.mul_add(white - wet, wet);
             light[k] = cover.mul_add(wet - light[k], light[k]).max(simd.set(0.0));
         }
         let light = srgb_encode(simd, light);
@@ -494,7 +521,8 @@ impl<'a> Scene<'a> {
         let left = exp2(simd, [left.max(simd.set(-126.0))])[0] * simd.load(&behind.filled[start..]);
         let height = (z * long).mul_add(toward[2], simd.set(self.height));
         let is_flood = is_wet & height.simd_le(simd.set(ABOVE));
-        is_flood.select(left, one).store_slice(&mut water.left[own]);
+        is_flood.select(left, one).store_slice(&mut water.left[own.clone()]);
+        is_flood.select(deep, simd.set(f32::INFINITY)).store_slice(&mut water.depth[own]);
     }
 
     /// Directions through picture points of a row, metres along level axes, of length 1; and the lengths that they have at view z 1, m.
@@ -632,6 +660,11 @@ impl<'a> Scene<'a> {
         let still = simd.load(&pixels.still[start..]);
         let point = Point::new(self, simd, (simd.load(&pixels.x[start..]), pixels.y), z);
         let slopes = self.slopes(simd, &point, still, (0.0, wanted));
+        if self.of.motion.foam().is_some() {
+            let square = slopes[0].mul_add(slopes[0], slopes[1] * slopes[1]);
+            square.store_slice(&mut water.slopes[0][start..start + S::N]);
+            slopes[2].store_slice(&mut water.slopes[1][start..start + S::N]);
+        }
         let facet = Facet::new(self, simd, point, (slopes, still));
         let free = (one - still * (1.0 / FILM)).max(zero);
         let known = simd.load(&pixels.reach[start..]);
@@ -979,6 +1012,18 @@ fn clear(front: &mut [f32]) {
     for group in front.chunks_mut(FRONT * GROUP) {
         let count = group.len() / FRONT;
         group[..count].fill(0.0);
+    }
+}
+
+/// Lays foam on the water of a flood; as many of sixteen pixels as there are lanes from `start` on.
+#[inline(always)]
+fn lay_foam<S: Lanes>(simd: S, start: usize, foam: &Foam, water: &mut Water) {
+    let depth = simd.load(&water.depth[start..]);
+    let is_flood = depth.simd_lt(simd.set(f32::INFINITY));
+    if is_flood.any_true() {
+        let [square, unseen] = [0, 1].map(|k| simd.load(&water.slopes[k][start..]));
+        let share = foam.share(simd, depth, square, unseen);
+        is_flood.select(share, simd.set(0.0)).store_slice(&mut water.foam[start..start + S::N]);
     }
 }
 

@@ -12,6 +12,7 @@
 mod body;
 mod effect;
 mod fft;
+mod foam;
 mod fresnel;
 mod map;
 mod mirror;

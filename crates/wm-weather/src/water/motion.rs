@@ -1,5 +1,6 @@
 //! The moving surface at one instant.
 
+use super::foam::Foam;
 use super::map::WaterGrid;
 use super::rills::Slope;
 use super::ripples;
@@ -23,6 +24,8 @@ pub struct WaterMotion {
     running: Option<(Arc<WaterGrid>, f64)>,
     /// The strongest wind of the shot makes slopes of [`ROUGH`] or more.
     is_rough: bool,
+    /// The foam of the wind.
+    foam: Option<Foam>,
 }
 
 /// Wind and rain that move the water.
@@ -51,16 +54,23 @@ impl WaterMotion {
         let strongest = forces.wind[0].hypot(forces.wind[1]).max(forces.strongest);
         let roughest = WindWaves::new([strongest, 0.0], forces.fetch, strongest);
         let is_rough = roughest.is_some_and(|waves| waves.slope_variance() >= ROUGH);
-        let mut motion = Self { tiles: Vec::new(), beyond: STILL, running: None, is_rough };
+        let mut motion = Self { tiles: Vec::new(), beyond: STILL, running: None, is_rough, foam: None };
+        let rms = ripples::slope_rms(forces.rain, forces.depth);
         if let Some(waves) = WindWaves::new(forces.wind, forces.fetch, forces.strongest) {
             motion.tiles.push(waves.slopes(forces.time, forces.seed ^ 0x5741_5645));
             motion.beyond += waves.beyond_tile();
+            motion.foam = Foam::new(&waves, forces.wind[0].hypot(forces.wind[1]), rms * rms);
         }
-        let rms = ripples::slope_rms(forces.rain, forces.depth);
         if rms > 0.0 {
             motion.tiles.push(ripples::slopes(forces.rain, rms, forces.time, forces.seed ^ ripples::FIELD));
         }
         motion
+    }
+
+    /// Returns the foam that the wind makes on water that has depth; `None` in a weak wind.
+    #[must_use]
+    pub fn foam(&self) -> Option<&Foam> {
+        self.foam.as_ref()
     }
 
     /// Returns true if the water is so rough at some time of the shot that what it mirrors is seen in pieces. The same for a whole

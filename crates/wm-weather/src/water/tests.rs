@@ -81,6 +81,37 @@ fn slope(motion: &WaterMotion, x: f64, y: f64, width: f32) -> [f32; 3] {
     dispatch!(SimdPath::widest(), s => first(s, motion, &phases, width))
 }
 
+/// Foam covers the shares of its laws, however many waves a pixel shows.
+#[test]
+fn foam_covers_its_share_of_the_water() {
+    #[inline(always)]
+    fn share<S: Lanes>(simd: S, foam: &foam::Foam, depth: f32, slope: [f32; 3]) -> f32 {
+        let square = simd.set(slope[0] * slope[0] + slope[1] * slope[1]);
+        tile::Kept::of(simd, foam.share(simd, simd.set(depth), square, simd.set(slope[2]))).0[0]
+    }
+    let mean = |wind: f64, depth: f32, width: f32| {
+        let forces = WaterForces { wind: [wind, 0.0], fetch: 300.0, ..WaterForces::default() };
+        let motion = WaterMotion::new(&forces);
+        let foam = motion.foam().unwrap();
+        let at = |k: u32| slope(&motion, 0.37 * f64::from(k % 60), 0.41 * f64::from(k / 60), width);
+        let sum: f32 =
+            (0..3600).map(|k| dispatch!(SimdPath::widest(), s => share(s, foam, depth, at(k)))).sum();
+        f64::from(sum / 3600.0)
+    };
+    // Monahan and O'Muircheartaigh: 4 % of the open sea at 15 m/s.
+    let far = mean(15.0, 9.0, 1e3);
+    assert!((0.02..0.041).contains(&far), "{far}");
+    for width in [0.01, 0.1] {
+        let near = mean(15.0, 9.0, width);
+        assert!((near / far - 1.0).abs() < 0.3, "{width}: {near} for {far}");
+    }
+    // Half of the edge, and the deeper the less.
+    let depths = [0.0, 0.02, 0.05, 1.0].map(|depth| mean(12.0, depth, 0.05));
+    assert!((depths[0] - 0.5).abs() < 0.07 && depths.is_sorted_by(|a, b| a > b), "{depths:?}");
+    let calm = WaterForces { wind: [3.0, 0.0], fetch: 300.0, ..WaterForces::default() };
+    assert!(WaterMotion::new(&calm).foam().is_none());
+}
+
 /// The variance of slopes on tiles, and within what is too wide to see them, is that of the law.
 #[test]
 fn slopes_have_the_variance_of_their_spectrum() {

@@ -76,7 +76,7 @@ impl WindWaves {
         let moment = shaped.over_waves(0.0, |_, power| power);
         let grown = Self { scale: (height / 4.0).powi(2) / moment, ..shaped };
         let risen = ((speed - BEGINS[0]) / (BEGINS[1] - BEGINS[0])).clamp(0.0, 1.0);
-        let steepest = risen * risen * (3.0 - 2.0 * risen) * (CALM + BY_WIND * speed);
+        let steepest = risen * risen * (3.0 - 2.0 * risen) * Self::open_slopes(speed);
         let share = (steepest / (2.0 * grown.slope_variance())).min(1.0);
         Some(Self { scale: share * grown.scale, height: share.sqrt() * height, ..grown })
     }
@@ -126,6 +126,12 @@ impl WindWaves {
     #[must_use]
     pub fn slope_variance(&self) -> f64 {
         0.5 * self.over_waves(0.0, |k, power| k * k * power)
+    }
+
+    /// Mean square of the slopes of open water under a wind of `speed` m/s, both axes together (Cox and Munk 1954).
+    #[must_use]
+    pub fn open_slopes(speed: f64) -> f64 {
+        CALM + BY_WIND * speed
     }
 
     /// Their slopes at a time, s.

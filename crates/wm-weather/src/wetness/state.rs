@@ -289,7 +289,7 @@ mod tests {
             let place = |at: usize| [at % usize::from(side), at / usize::from(side)].map(|k| 0.1 * k as f64);
             let count = usize::from(side).pow(2);
             let ground: Vec<f32> = (0..count).map(|at| if at % 7 == 3 { f32::NAN } else { 0.0 }).collect();
-            let rough: Vec<f32> = (0..count).map(|at| relief::relief(place(at)[0], place(at)[1]) as f32).collect();
+            let rough: Vec<f32> = (0..count).map(|at| relief(place(at)[0], place(at)[1]) as f32).collect();
             let wet = |at: usize| {
                 let share = 1.0 - unequal * (at as f32 / count as f32);
                 if ground[at].is_nan() { Wet::default() } else { Wet { pores: share * pores, film: share * film, depth: 0.0 } }

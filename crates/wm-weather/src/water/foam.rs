@@ -1,0 +1,70 @@
+//! Foam that the wind makes on water that has depth.
+//!
+//! Breaking waves cover a share `3.84e-6 U^3.41` of open water (Monahan and O'Muircheartaigh 1980), less where the waves of a short
+//! fetch are less steep. At a shore all waves break where the depth is less than `H / 0.78` (McCowan 1894). Foam lies where the
+//! waves are steepest, so it moves with them. The share at the very edge is plausible and not measured.
+
+use super::waves::WindWaves;
+use fearless_simd::{SimdBase, SimdFloat};
+use wm_render::simd::{Lanes, log2};
+
+/// Reflectance of fresh foam (Koepke 1984: 0.55).
+pub const REFLECTANCE: f64 = 0.5;
+/// Share that foam covers at the edge of the water.
+const EDGE_SHARE: f32 = 0.5;
+/// Height of waves over the depth in which they break.
+const BREAKING_HEIGHT: f64 = 0.78;
+/// Winds between which waves begin to break, m/s.
+const BEGINS: [f64; 2] = [3.0, 7.0];
+/// Growth of the foam from none to all, over the mean square of slopes.
+const SOFTNESS: f32 = 0.5;
+
+/// Foam on water under a wind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Foam {
+    /// Share of deep water that it covers, 0-1.
+    open: f32,
+    /// Share that it covers at the edge of the water, 0-1.
+    edge: f32,
+    /// Depth from which on waves do not break by the bottom, m.
+    deep: f32,
+    /// Mean square of the slopes of the water, both axes together.
+    slopes: f32,
+}
+
+impl Foam {
+    /// The foam of a wind of `speed` m/s that makes these waves. `other_slopes` is the mean square of slopes that are not the wind's.
+    /// `None` for a wind that makes no foam.
+    #[must_use]
+    pub fn new(waves: &WindWaves, speed: f64, other_slopes: f64) -> Option<Self> {
+        let risen = ((speed - BEGINS[0]) / (BEGINS[1] - BEGINS[0])).clamp(0.0, 1.0);
+        if risen <= 0.0 {
+            return None;
+        }
+        let own = 2.0 * waves.slope_variance();
+        let steepness = (own / WindWaves::open_slopes(speed)).min(1.0);
+        Some(Self {
+            open: (steepness * 3.84e-6 * speed.powf(3.41)).min(1.0) as f32,
+            edge: risen as f32 * EDGE_SHARE,
+            deep: (waves.height / BREAKING_HEIGHT) as f32,
+            slopes: (own + other_slopes) as f32,
+        })
+    }
+
+    /// The share that foam covers of water of a depth, m, whose slopes have a `square`, both axes together, and the variance `unseen`
+    /// along one axis within the pixel.
+    #[inline(always)]
+    pub fn share<S: Lanes>(&self, simd: S, depth: S::F, square: S::F, unseen: S::F) -> S::F {
+        let (zero, one) = (simd.set(0.0), simd.set(1.0));
+        let shallow = (one - depth * (1.0 / self.deep)).max(zero);
+        let mean = (shallow * shallow).mul_add(simd.set(self.edge - self.open), simd.set(self.open));
+        let mean = mean.max(simd.set(1e-9)).min(one);
+        // Squares of random slopes exceed a limit of so many means in the share exp(-limit) of the places.
+        let seen = (one - unseen * (2.0 / self.slopes)).max(simd.set(1e-3));
+        let limit = log2(simd, [mean])[0] * -std::f32::consts::LN_2;
+        let over = square / (seen * self.slopes) - limit;
+        let patch = (over * (1.0 / SOFTNESS) + 0.5).max(zero).min(one);
+        // What a pixel is too wide to show is its mean.
+        seen.mul_add(patch - mean, mean)
+    }
+}
