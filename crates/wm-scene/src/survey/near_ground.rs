@@ -5,7 +5,6 @@ use super::sample::point;
 use super::sky::SkyRegion;
 use crate::{Splats, quat};
 use glam::{DMat3, DVec3};
-use std::f64::consts::{LN_2, TAU};
 
 /// Radii of the round in which the ground under a point is looked for, the next where one has too little of it, m.
 const ROUNDS: [f64; 4] = [2.5, 5.0, 10.0, 20.0];
@@ -23,14 +22,17 @@ const FAIR: f64 = 0.35;
 const THICKNESS: [f64; 5] = [0.3, 0.2, 0.12, 0.08, 0.08];
 /// Steepest ground that is followed, height over way.
 const STEEPEST: f64 = 0.4;
-/// Lowest and highest place of the visible ground over the plane of the level splats, m.
-const SEEN: [f64; 2] = [-0.3, 0.4];
-/// Cells along the radius of a round in each of which the visible ground is looked for.
-const CELLS: f64 = 8.0;
-/// Distance from the point within which the ground is that of the feet, m, the width of its cells, m, and the least number of them that tell it.
-const FEET: f64 = 0.9;
-const FEET_CELL: f64 = 0.3;
-const FEW_CELLS: usize = 6;
+/// Lowest and highest place of the visible ground over the plane of the level splats, m, and how much farther up it may be, of the radius
+/// of the round.
+const SEEN: [f64; 2] = [-0.3, 0.35];
+const SEEN_FAR: f64 = 0.02;
+/// Places along the radius of a round at which the visible ground is looked for.
+const PLACES: f64 = 8.0;
+/// Distance from the point within which the ground is that of the feet, m, the distance between the places there where it is looked for, m,
+/// and the least number of them that tell it.
+const FEET: f64 = 0.5;
+const FEET_STEP: f64 = 0.1;
+const FEW_PLACES: usize = 30;
 /// Most that the ground at the feet may be above or below that of the whole round, of the radius of the round: no plane is as uneven as a
 /// lawn, and plants and kerbs are no ground.
 const UNEVEN: f64 = 0.06;
@@ -41,8 +43,53 @@ pub struct NearGround {
     axes: DMat3,
     /// The level splats: distances along both level axes and height along up, scene units, and area, square units.
     points: Vec<[f32; 4]>,
-    /// All splats, as in `points`, but with the area that each covers as seen from above.
-    covers: Vec<[f32; 4]>,
+    /// All splats as seen from above.
+    covers: Vec<Cover<f32>>,
+}
+
+/// A splat as seen from above.
+#[derive(Clone, Copy, Debug)]
+struct Cover<T> {
+    /// Distances along both level axes and height along up.
+    at: [T; 3],
+    /// Variances along both axes, and the covariance between them.
+    spread: [T; 3],
+    /// Opacity, 0-1.
+    opacity: T,
+}
+
+impl Cover<f32> {
+    /// Returns it with lengths in metres, from a point.
+    fn from(&self, point: [f64; 3], metres_per_unit: f64) -> Cover<f64> {
+        Cover {
+            at: std::array::from_fn(|k| (f64::from(self.at[k]) - point[k]) * metres_per_unit),
+            spread: self.spread.map(|v| f64::from(v) * metres_per_unit * metres_per_unit),
+            opacity: f64::from(self.opacity),
+        }
+    }
+}
+
+impl Cover<f64> {
+    fn determinant(&self) -> f64 {
+        let [xx, yy, xy] = self.spread;
+        (xx * yy - xy * xy).max(0.0)
+    }
+
+    /// Returns true if it may stop light within a distance of a place.
+    fn is_near(&self, place: [f64; 2], distance: f64) -> bool {
+        let [xx, yy, _] = self.spread;
+        let [x, y] = [0, 1].map(|k| place[k] - self.at[k]);
+        let reach = distance + 3.0 * (xx + yy).sqrt();
+        x * x + y * y < reach * reach
+    }
+
+    /// The share of the light from above that it stops at a place.
+    fn stopped_at(&self, place: [f64; 2]) -> f64 {
+        let [xx, yy, xy] = self.spread;
+        let [x, y] = [0, 1].map(|k| place[k] - self.at[k]);
+        let off = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / self.determinant().max(1e-18);
+        self.opacity * (-0.5 * off).exp()
+    }
 }
 
 impl NearGround {
@@ -61,8 +108,7 @@ impl NearGround {
             if let Some(point) = point(splats, index).filter(|point| point.normal.dot(up).abs() > LEVEL) {
                 points.push(placed(point.at, point.area));
             }
-            let at = DVec3::from_array(splats.means[index].map(f64::from));
-            covers.push(placed(at, cover_from_above(splats, index, axes)));
+            covers.push(cover_from_above(splats, index, axes));
         }
         Self { axes, points, covers }
     }
@@ -74,66 +120,83 @@ impl NearGround {
     pub fn height_under(&self, eye: DVec3, metres_per_unit: f64) -> Option<f64> {
         let [x, y, top] = (self.axes * eye).to_array();
         ROUNDS.iter().find_map(|metres| {
-            let near = |all: &[[f32; 4]]| -> Vec<[f64; 4]> {
-                let away = |[px, py, height, area]: [f64; 4]| {
-                    let [px, py, height] = [px - x, py - y, height - top].map(|v| v * metres_per_unit);
-                    [px, py, height, area * metres_per_unit * metres_per_unit]
-                };
-                let placed = all.iter().map(|point| away(point.map(f64::from)));
-                placed.filter(|[px, py, height, _]| px.hypot(*py) < *metres && *height < -EYE).collect()
+            let is_near = |[px, py, height]: [f64; 3]| px.hypot(py) < *metres && height < -EYE;
+            let away = |point: &[f32; 4]| {
+                let [px, py, height, area] = point.map(f64::from);
+                let [px, py, height] = [px - x, py - y, height - top].map(|v| v * metres_per_unit);
+                [px, py, height, area * metres_per_unit * metres_per_unit]
             };
-            let plane = plane_of(&near(&self.points))?;
-            let height = plane[0] + seen_over(plane, &near(&self.covers), *metres);
+            let points = self.points.iter().map(away);
+            let points: Vec<[f64; 4]> = points.filter(|[x, y, z, _]| is_near([*x, *y, *z])).collect();
+            let covers = self.covers.iter().map(|cover| cover.from([x, y, top], metres_per_unit));
+            let covers: Vec<Cover<f64>> = covers.filter(|cover| is_near(cover.at)).collect();
+            let plane = plane_of(&points)?;
+            let height = plane[0] + seen_over(plane, &covers, *metres);
             Some(top + height / metres_per_unit)
         })
     }
 }
 
-/// Returns the area that a splat covers as seen from above, square units: the integral of its opacity over the level plane. `axes` are
-/// the two level axes and up, in rows.
-fn cover_from_above(splats: &Splats, index: usize, axes: DMat3) -> f64 {
+/// Returns a splat as seen from above, in scene units. `axes` are the two level axes and up, in rows.
+fn cover_from_above(splats: &Splats, index: usize, axes: DMat3) -> Cover<f32> {
     let turn = quat::to_matrix(splats.quats[index].map(f64::from));
     let scales = splats.log_scales[index].map(|scale| f64::from(scale).exp());
     // The splat's axes in those of the plane, each as long as its standard deviation.
     let along = |k: usize| axes * DVec3::from_array(turn.map(|row| row[k])) * scales[k];
     let spread = [0, 1, 2].map(along);
-    let sum = |a: usize, b: usize| spread.iter().map(|axis| axis[a] * axis[b]).sum::<f64>();
-    TAU * splats.opacity(index) * (sum(0, 0) * sum(1, 1) - sum(0, 1).powi(2)).max(0.0).sqrt()
+    let sum = |a: usize, b: usize| spread.iter().map(|axis| axis[a] * axis[b]).sum::<f64>() as f32;
+    let at = axes * DVec3::from_array(splats.means[index].map(f64::from));
+    Cover {
+        at: at.to_array().map(|v| v as f32),
+        spread: [sum(0, 0), sum(1, 1), sum(0, 1)],
+        opacity: splats.opacity(index) as f32,
+    }
 }
 
 /// Returns the height of the visible ground over a plane in its middle, m: the median at the feet if there is enough of it and it agrees with
 /// the median of the whole round, else that one; 0 if no ground is seen.
-fn seen_over(plane: [f64; 3], covers: &[[f64; 4]], radius: f64) -> f64 {
-    let whole = seen_in_cells(plane, covers.iter(), radius / CELLS);
-    let near = covers.iter().filter(|[x, y, ..]| x.hypot(*y) < FEET);
-    let feet = seen_in_cells(plane, near, FEET_CELL);
-    let [whole, feet] = [(whole, 1), (feet, FEW_CELLS)]
+fn seen_over(plane: [f64; 3], covers: &[Cover<f64>], radius: f64) -> f64 {
+    let heights = [SEEN[0], SEEN[1] + SEEN_FAR * radius];
+    let whole = seen_at(plane, covers, heights, radius, radius / PLACES);
+    let feet = seen_at(plane, covers, heights, FEET, FEET_STEP);
+    let [whole, feet] = [(whole, 1), (feet, FEW_PLACES)]
         .map(|(mut seen, least)| (seen.len() >= least).then(|| quantile(&mut seen, 0.5)));
     let whole = whole.unwrap_or(0.0);
     feet.filter(|feet| (feet - whole).abs() < UNEVEN * radius).unwrap_or(whole)
 }
 
-/// Returns the heights over a plane at which the ground is seen in the cells of a grid, m: there the splats `[x, y, height, area]` above
-/// have stopped half of the light from above. Cells in which less is stopped have none.
-fn seen_in_cells<'a>(plane: [f64; 3], covers: impl Iterator<Item = &'a [f64; 4]>, cell: f64) -> Vec<f64> {
-    let mut near: Vec<([i32; 2], f64, f64)> = covers
-        .map(|[x, y, height, area]| {
-            let over = height - plane[0] - plane[1] * x - plane[2] * y;
-            ([x, y].map(|v| (v / cell).floor() as i32), over, *area)
+/// Height of a splat over a plane, m.
+fn over_plane(plane: [f64; 3], cover: &Cover<f64>) -> f64 {
+    let [x, y, height] = cover.at;
+    height - plane[0] - plane[1] * x - plane[2] * y
+}
+
+/// Returns the heights over a plane, between two of them, at which the ground is seen, m, at places `step` apart within a distance of the middle, m: there
+/// the splats above have stopped half of the light from above. Places where less is stopped have none.
+fn seen_at(plane: [f64; 3], covers: &[Cover<f64>], heights: [f64; 2], distance: f64, step: f64) -> Vec<f64> {
+    let mut near: Vec<(f64, &Cover<f64>)> = covers
+        .iter()
+        .filter(|cover| cover.is_near([0.0; 2], distance))
+        .map(|cover| {
+            let [x, y, height] = cover.at;
+            (height - plane[0] - plane[1] * x - plane[2] * y, cover)
         })
-        .filter(|(_, over, _)| (SEEN[0]..SEEN[1]).contains(over))
+        .filter(|(over, _)| (heights[0]..heights[1]).contains(over))
         .collect();
-    near.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
-    let half = LN_2 * cell * cell;
-    let seen = |splats: &[([i32; 2], f64, f64)]| {
-        let mut stopped = 0.0;
-        let at_half = splats.iter().find(|(_, _, area)| {
-            stopped += area;
-            stopped >= half
+    near.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let seen = |place: &[f64; 2]| {
+        let mut left = 1.0;
+        let at_half = near.iter().filter(|(_, cover)| cover.is_near(*place, 0.0)).find(|(_, cover)| {
+            left *= 1.0 - cover.stopped_at(*place);
+            left <= 0.5
         });
-        at_half.map(|(_, over, _)| *over)
+        at_half.map(|(over, _)| *over)
     };
-    near.chunk_by(|a, b| a.0 == b.0).filter_map(seen).collect()
+    let steps = (distance / step) as i32;
+    let row = |i: i32| (-steps..=steps).map(move |j| [i, j].map(|k| step * f64::from(k)));
+    let places: Vec<[f64; 2]> =
+        (-steps..=steps).flat_map(row).filter(|[x, y]| x.hypot(*y) < distance).collect();
+    places.iter().filter_map(seen).collect()
 }
 
 /// Height in the middle of the ground among points `[x, y, height, area]`, m, and its slopes along both axes.
@@ -223,6 +286,22 @@ mod tests {
             let height = ground.height_under(DVec3::new(x, y, 1.7), 1.0).unwrap();
             assert!((height - 0.03 * y).abs() < 0.03, "{height} at {y}");
         }
+    }
+
+    /// A coarse capture: its splats are wider than the feet, and others lie below those that are seen.
+    #[test]
+    fn wide_splats_show_the_ground() {
+        let mut place = synthetic::Builder::new(7);
+        for (count, height, size) in [(700, 0.15, 0.5), (300, 0.0, 0.5)] {
+            for _ in 0..count {
+                let [x, y] = [0; 2].map(|_| place.draw(-4.0, 4.0));
+                let at = DVec3::new(x, y, height + place.draw(-0.01, 0.01));
+                place.fleck(at, DVec3::Z, size, [0.4; 3]);
+            }
+        }
+        let ground = NearGround::of(&place.build(), DVec3::Z);
+        let height = ground.height_under(DVec3::new(0.0, 0.0, 1.7), 1.0).unwrap();
+        assert!((height - 0.15).abs() < 0.03, "{height}");
     }
 
     /// A lawn with a hollow of 8 cm: at the feet it is as deep as there, and a bush there is no ground.
