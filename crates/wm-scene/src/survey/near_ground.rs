@@ -165,12 +165,6 @@ fn seen_over(plane: [f64; 3], covers: &[Cover<f64>], radius: f64) -> f64 {
     feet.filter(|feet| (feet - whole).abs() < UNEVEN * radius).unwrap_or(whole)
 }
 
-/// Height of a splat over a plane, m.
-fn over_plane(plane: [f64; 3], cover: &Cover<f64>) -> f64 {
-    let [x, y, height] = cover.at;
-    height - plane[0] - plane[1] * x - plane[2] * y
-}
-
 /// Returns the heights over a plane, between two of them, at which the ground is seen, m, at places `step` apart within a distance of the middle, m: there
 /// the splats above have stopped half of the light from above. Places where less is stopped have none.
 fn seen_at(plane: [f64; 3], covers: &[Cover<f64>], heights: [f64; 2], distance: f64, step: f64) -> Vec<f64> {
