@@ -65,3 +65,19 @@ fn water_darkens_and_dry_weather_changes_no_byte() {
     assert!(light(3) < light(5), "{} {}", light(3), light(5));
     assert_eq!(clear[..3], shown[4].frame.rgb[..3]);
 }
+
+/// Wet ground without rain has a picture of particles too, with none in it.
+#[test]
+fn the_particles_of_dry_air_over_wet_ground_are_none() {
+    let workshop = Workshop::new();
+    let (_, view) = yard_look(SIZE);
+    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    for set in ["wetness.amount=1", "flood.level=0.2"] {
+        workshop.render(&scene, &view, "a.png", &format!("--set {set} --also particles.npy"));
+        let (values, shape) = wm_scene::npy::read(&workshop.path("a.particles.npy")).unwrap();
+        assert_eq!(shape, [SIZE.1 as usize, SIZE.0 as usize, 4]);
+        assert!(values.iter().all(|value| *value == 0.0), "{set}");
+        std::fs::remove_file(workshop.path("a.png")).unwrap();
+        std::fs::remove_file(workshop.path("a.particles.npy")).unwrap();
+    }
+}

@@ -237,10 +237,8 @@ impl FrameRequest<'_> {
             };
             let observer = self.observer();
             let draw = async |hooks: Hooks<'_>| {
-                let particles = match hooks.particles.is_empty() {
-                    true => ParticlePass::Off,
-                    false => ParticlePass::On,
-                };
+                // They are laid over the water, from a picture of their own.
+                let particles = if hooks.particles.is_empty() { asked.particles } else { ParticlePass::On };
                 // The effects on pixels read depth.
                 let needs_depth = asked.geometry == Geometry::None && !hooks.pixels.is_empty();
                 let geometry = if needs_depth { Geometry::Depth } else { asked.geometry };
