@@ -54,7 +54,7 @@ const WHITENED: f32 = 0.03;
 /// One view of the place in one weather.
 struct View {
     camera: Camera,
-    /// Linear light.
+    /// Linear light, at most 1.
     rgb: Vec<f32>,
     /// View z, scene units, where it is sharp; else 0.
     depth: Vec<f64>,
@@ -86,7 +86,9 @@ impl View {
         };
         let depth = (0..frame.pixels()).map(sharp).collect();
         let share = picture.parts.transmittance.iter().skip(1).step_by(3).copied().collect();
-        Ok(Self { camera, rgb: frame.rgb_linear(), depth, share, picture })
+        // What is brighter than white is white in a picture: lamps and lit windows would outweigh all else.
+        let rgb = frame.rgb_linear().into_iter().map(|value| value.min(1.0)).collect();
+        Ok(Self { camera, rgb, depth, share, picture })
     }
 
     fn size(&self) -> (usize, usize) {

@@ -113,7 +113,8 @@ impl FarView {
         let reach =
             points.iter().map(|at| (at - middle).reject_from(towards).length()).fold(0.0, f64::max) * 1.05;
         let away = SUN_AWAY / site.metres_per_unit;
-        let fov = 2.0 * (reach / away).atan().to_degrees();
+        // A small place fills a part of the picture.
+        let fov = (2.0 * (reach / away).atan().to_degrees()).max(*wm_scene::camera::FOV.start());
         let up = DVec3::from_array(site.up);
         let up = if up.dot(towards).abs() > 0.999 { towards.any_orthonormal_vector() } else { up };
         let mut camera = Camera::looking((side, side), fov, middle + towards * away, middle, up)?;
