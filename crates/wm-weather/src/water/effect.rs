@@ -107,24 +107,28 @@ struct Water {
     mirrored: [[f32; GROUP]; 3],
     /// Share of the light behind that comes through.
     left: [f32; GROUP],
+    /// Foam, where there may be some.
+    foam: Option<FoamPixels>,
+}
+
+/// Foam in sixteen pixels, and what decides on it.
+struct FoamPixels {
     /// Depth of a flood, m; infinite for other water.
     depth: [f32; GROUP],
     /// Square of the slope, both axes together, and its variance along one axis that the pixel is too wide to show.
     slopes: [[f32; GROUP]; 2],
     /// Share that foam covers.
-    foam: [f32; GROUP],
+    share: [f32; GROUP],
+}
+
+impl FoamPixels {
+    const NONE: Self = Self { depth: [f32::INFINITY; GROUP], slopes: [[0.0; GROUP]; 2], share: [0.0; GROUP] };
 }
 
 impl Water {
-    fn new() -> Self {
-        Self {
-            reflected: [0.0; GROUP],
-            mirrored: [[0.0; GROUP]; 3],
-            left: [1.0; GROUP],
-            depth: [f32::INFINITY; GROUP],
-            slopes: [[0.0; GROUP]; 2],
-            foam: [0.0; GROUP],
-        }
+    fn new(may_foam: bool) -> Self {
+        let foam = if may_foam { Some(FoamPixels::NONE) } else { None };
+        Self { reflected: [0.0; GROUP], mirrored: [[0.0; GROUP]; 3], left: [1.0; GROUP], foam }
     }
 }
 
@@ -343,6 +347,8 @@ impl<'a> Scene<'a> {
         let width = row.surface.len();
         let surface = self.of.surface;
         let mut air = [AirGroup::default()];
+        let foam = self.of.motion.foam().filter(|_| self.of.map.plane().is_some());
+        let may_foam = foam.is_some();
         for first in (0..width).step_by(GROUP) {
             let count = GROUP.min(width - first);
             let z: [f32; GROUP] = padded(&row.surface[first..first + count], f32::NAN);
@@ -383,7 +389,7 @@ impl<'a> Scene<'a> {
                 clear(front);
                 continue;
             }
-            let mut water = Water::new();
+            let mut water = Water::new(may_foam);
             let mut pixels = Pixels {
                 x: [0.0; GROUP],
                 y: row.y as f32 + 0.5,
@@ -406,15 +412,20 @@ impl<'a> Scene<'a> {
             for start in (0..GROUP).step_by(S::N) {
                 self.look(simd, start, &pixels, &mut water);
             }
-            if let Some(foam) = self.of.motion.foam() {
+            if let (Some(foam), Some(pixels)) = (foam, &mut water.foam) {
                 for start in (0..GROUP).step_by(S::N) {
-                    lay_foam(simd, start, foam, &mut water);
+                    lay_foam(simd, start, foam, pixels);
                 }
             }
             // Puddles, streams and films have no light of their own.
             let mut is_deep = false;
             for i in 0..GROUP {
-                is_deep |= wet >> i & 1 == 1 && (water.left[i] < 1.0 - THIN || water.foam[i] > THIN);
+                is_deep |= wet >> i & 1 == 1 && water.left[i] < 1.0 - THIN;
+            }
+            if let Some(foam) = &water.foam {
+                for share in &foam.share {
+                    is_deep |= *share > THIN;
+                }
             }
             if let Some(medium) = self.of.medium.filter(|_| is_deep) {
                 let origin = self.of.camera.center().to_array().map(|v| v as f32);
@@ -422,7 +433,7 @@ impl<'a> Scene<'a> {
             }
             if !is_deep {
                 water.left = [1.0; GROUP];
-                water.foam = [0.0; GROUP];
+                water.foam = None;
             }
             let mut shown = drawn;
             for start in (0..GROUP).step_by(S::N) {
@@ -434,11 +445,12 @@ impl<'a> Scene<'a> {
             let mut reflected = [0.0; GROUP];
             for i in 0..GROUP {
                 let is_wet = wet >> i & 1 == 1;
-                reflected[i] = if is_wet {
-                    behind.open[i] * cover[i] * water.reflected[i] * (1.0 - water.foam[i])
-                } else {
-                    0.0
-                };
+                reflected[i] = if is_wet { behind.open[i] * cover[i] * water.reflected[i] } else { 0.0 };
+            }
+            if let Some(foam) = &water.foam {
+                for i in 0..GROUP {
+                    reflected[i] *= 1.0 - foam.share[i];
+                }
             }
             front[..count].copy_from_slice(&reflected[..count]);
         }
@@ -462,7 +474,6 @@ impl<'a> Scene<'a> {
         }
         let mut light = srgb_decode(simd, light);
         let (left, cover) = (simd.load(&water.left[start..]), simd.load(&cover[start..]));
-        let foam = simd.load(&water.foam[start..]);
         let kept = simd.set(1.0) - simd.load(&water.reflected[start..]);
         for k in 0..3 {
             let through = simd.load(&air.transmittance[k][start..]);
@@ -470,8 +481,13 @@ impl<'a> Scene<'a> {
             let own = simd.set(self.of.body.glow[k]).mul_add(through, airlight);
             let below = left.mul_add(light[k] - own, own);
             let wet = kept.mul_add(below, simd.load(&water.mirrored[k][start..]));
-            let white = simd.set(self.of.body.foam[k]).mul_add(through, airlight);
-            let wet = foam.mul_add(white - wet, wet);
+            let wet = match &water.foam {
+                Some(foam) => {
+                    let white = simd.set(self.of.body.foam[k]).mul_add(through, airlight);
+                    simd.load(&foam.share[start..]).mul_add(white - wet, wet)
+                }
+                None => wet,
+            };
             light[k] = cover.mul_add(wet - light[k], light[k]).max(simd.set(0.0));
         }
         let light = srgb_encode(simd, light);
@@ -522,7 +538,9 @@ impl<'a> Scene<'a> {
         let height = (z * long).mul_add(toward[2], simd.set(self.height));
         let is_flood = is_wet & height.simd_le(simd.set(ABOVE));
         is_flood.select(left, one).store_slice(&mut water.left[own.clone()]);
-        is_flood.select(deep, simd.set(f32::INFINITY)).store_slice(&mut water.depth[own]);
+        if let Some(foam) = &mut water.foam {
+            is_flood.select(deep, simd.set(f32::INFINITY)).store_slice(&mut foam.depth[own]);
+        }
     }
 
     /// Directions through picture points of a row, metres along level axes, of length 1; and the lengths that they have at view z 1, m.
@@ -561,7 +579,7 @@ impl<'a> Scene<'a> {
                     (pixels.x[i], pixels.z[i], pixels.still[i]) = (x as f32 + 0.5, depth[at], still);
                 }
             }
-            let mut water = Water::new();
+            let mut water = Water::new(false);
             for start in (0..GROUP).step_by(S::N) {
                 match of {
                     Looked::Films => self.look(simd, start, &pixels, &mut water),
@@ -660,10 +678,10 @@ impl<'a> Scene<'a> {
         let still = simd.load(&pixels.still[start..]);
         let point = Point::new(self, simd, (simd.load(&pixels.x[start..]), pixels.y), z);
         let slopes = self.slopes(simd, &point, still, (0.0, wanted));
-        if self.of.motion.foam().is_some() {
+        if let Some(foam) = &mut water.foam {
             let square = slopes[0].mul_add(slopes[0], slopes[1] * slopes[1]);
-            square.store_slice(&mut water.slopes[0][start..start + S::N]);
-            slopes[2].store_slice(&mut water.slopes[1][start..start + S::N]);
+            square.store_slice(&mut foam.slopes[0][start..start + S::N]);
+            slopes[2].store_slice(&mut foam.slopes[1][start..start + S::N]);
         }
         let facet = Facet::new(self, simd, point, (slopes, still));
         let free = (one - still * (1.0 / FILM)).max(zero);
@@ -1017,13 +1035,13 @@ fn clear(front: &mut [f32]) {
 
 /// Lays foam on the water of a flood; as many of sixteen pixels as there are lanes from `start` on.
 #[inline(always)]
-fn lay_foam<S: Lanes>(simd: S, start: usize, foam: &Foam, water: &mut Water) {
-    let depth = simd.load(&water.depth[start..]);
+fn lay_foam<S: Lanes>(simd: S, start: usize, foam: &Foam, pixels: &mut FoamPixels) {
+    let depth = simd.load(&pixels.depth[start..]);
     let is_flood = depth.simd_lt(simd.set(f32::INFINITY));
     if is_flood.any_true() {
-        let [square, unseen] = [0, 1].map(|k| simd.load(&water.slopes[k][start..]));
+        let [square, unseen] = [0, 1].map(|k| simd.load(&pixels.slopes[k][start..]));
         let share = foam.share(simd, depth, square, unseen);
-        is_flood.select(share, simd.set(0.0)).store_slice(&mut water.foam[start..start + S::N]);
+        is_flood.select(share, simd.set(0.0)).store_slice(&mut pixels.share[start..start + S::N]);
     }
 }
 
