@@ -16,8 +16,10 @@ const EDGE_SHARE: f32 = 0.5;
 const BREAKING_HEIGHT: f64 = 0.78;
 /// Winds between which waves begin to break, m/s.
 const BEGINS: [f64; 2] = [3.0, 7.0];
-/// Growth of the foam from none to all, over the mean square of slopes.
-const SOFTNESS: f32 = 0.5;
+/// Growth of the foam from none to all, over the mean square of slopes, and the logarithm of `sinh(w / 2) / (w / 2)` for that width,
+/// by which a soft limit lets more through than a sharp one.
+const SOFTNESS: f32 = 1.5;
+const LET_THROUGH: f32 = 0.092;
 
 /// Foam on water under a wind.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,7 +63,7 @@ impl Foam {
         let mean = mean.max(simd.set(1e-9)).min(one);
         // Squares of random slopes exceed a limit of so many means in the share exp(-limit) of the places.
         let seen = (one - unseen * (2.0 / self.slopes)).max(simd.set(1e-3));
-        let limit = log2(simd, [mean])[0] * -std::f32::consts::LN_2;
+        let limit = log2(simd, [mean])[0].mul_add(simd.set(-std::f32::consts::LN_2), simd.set(LET_THROUGH));
         let over = square / (seen * self.slopes) - limit;
         let patch = (over * (1.0 / SOFTNESS) + 0.5).max(zero).min(one);
         // What a pixel is too wide to show is its mean.
