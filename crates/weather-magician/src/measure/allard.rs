@@ -15,6 +15,7 @@ use super::lit::{LightPicture, paint_card};
 use super::plot::{Axis, Plot, Series};
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
+    fov_of,
 };
 use crate::Result;
 use wm_scene::{Lamp, Splats};
@@ -125,9 +126,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let subject = rig.set_up_lit(ground, lamps.collect())?;
     let (mut points, mut strip) = ([const { Vec::new() }; 3], Vec::new());
     for (metres, at) in &all {
-        let fov = 2.0 * (0.5 * f64::from(SIDE) / PIXELS * RADIUS / metres).atan().to_degrees();
-        // Far lamps are somewhat smaller: no camera sees less.
-        let fov = fov.max(*wm_scene::camera::FOV.start());
+        let fov = fov_of(0.5 * f64::from(SIDE) / PIXELS * RADIUS / metres);
         let camera = level.camera((SIDE, SIDE), fov, [0.0, 0.0, EYE], *at)?;
         let picture = LightPicture::of(rig, (subject, &camera), &weather, request.time)?;
         let pixel = 1.0 / (camera.fx * camera.fy);

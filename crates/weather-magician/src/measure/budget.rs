@@ -12,6 +12,7 @@
 use super::stake::{level_card, median_depth, shown};
 use super::{
     Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, Reading, Tolerance, clear, expected,
+    fov_of,
 };
 use crate::Result;
 use wm_scene::Splats;
@@ -117,7 +118,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let changes = ["wind=off", "fog=off", "haze=off", "smog=off", "rain=off", "snow_cover.density=300"];
     let weather = request.with(&changes)?;
     let (before, stock) = if melted > 0.0 { (clear(), 0.0) } else { half(&weather, request.time)? };
-    let fov = 2.0 * (WINDOW / HIGH).atan().to_degrees();
+    let fov = fov_of(WINDOW / HIGH);
     let camera = level.camera((400, 400), fov, [0.0, 0.0, HIGH], [0.0; 3])?;
     let mut depths = |weather: &Weather| median_depth(rig, (subject, &camera), weather, request);
     let (less, more) = (depths(&before)?, depths(&weather)?);

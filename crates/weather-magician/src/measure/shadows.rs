@@ -15,7 +15,7 @@ use super::lit::{GROUND, LIGHT_ALONE};
 use super::plot::{Axis, Plot, Series};
 use super::{
     DEPTH, Finding, Instrument, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest,
-    MeasuredPicture, Reading, ShadowReport, ShotSubject, Tolerance, clear, expected, mean, median,
+    MeasuredPicture, Reading, ShadowReport, ShotSubject, Tolerance, clear, expected, fov_of, mean, median,
 };
 use crate::{Picture, Result};
 use glam::{DQuat, DVec3};
@@ -113,8 +113,7 @@ impl FarView {
         let reach =
             points.iter().map(|at| (at - middle).reject_from(towards).length()).fold(0.0, f64::max) * 1.05;
         let away = SUN_AWAY / site.metres_per_unit;
-        // A small place fills a part of the picture.
-        let fov = (2.0 * (reach / away).atan().to_degrees()).max(*wm_scene::camera::FOV.start());
+        let fov = fov_of(reach / away);
         let up = DVec3::from_array(site.up);
         let up = if up.dot(towards).abs() > 0.999 { towards.any_orthonormal_vector() } else { up };
         let mut camera = Camera::looking((side, side), fov, middle + towards * away, middle, up)?;

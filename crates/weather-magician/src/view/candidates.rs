@@ -48,6 +48,10 @@ const ELEVATIONS: [f64; 7] = [-20.0, -12.0, -6.0, 0.0, 6.0, 12.0, 20.0];
 const LOW: usize = 3;
 /// Azimuths in a picture, to each side of its middle: 30 degrees.
 const HALF: usize = 3;
+/// Free height over the eye, of that of the eye over the ground: rooms are 2.4 m high and more. Where the scale is not known an eye that low
+/// may be under a table.
+const HEADROOM: f64 = 0.5;
+const RAISED_HEADROOM: f64 = 2.5;
 /// Places to each side of the middle.
 const STEPS: i32 = 9;
 /// Length by which a view has room, over the height of its eye above the ground.
@@ -113,9 +117,9 @@ fn within(space: &OccupancyGrid, survey: &Survey) -> Vec<ViewCandidate> {
             let Some(ground) = space.ground(below) else { continue };
             for (kind, height, pitch) in &heights {
                 let eye = below + up * (ground + height - below.dot(up));
-                // Nobody crouches under a table for a view of the place; rooms have ceilings.
-                let headroom = space.hit(eye, up, 0.5 * height).is_none();
-                if headroom && space.is_clear(eye, (0.5 * height).min(0.03 * radius)) {
+                let headroom = if *kind == CandidateKind::EyeLevel { HEADROOM } else { RAISED_HEADROOM };
+                let is_free = space.hit(eye, up, headroom * height).is_none();
+                if is_free && space.is_clear(eye, (0.5 * height).min(0.03 * radius)) {
                     let aside = ASIDE * offset.length() / radius;
                     let views = look_about(space, survey, *kind, eye, *pitch, *height).into_iter();
                     all.extend(views.map(|view| ViewCandidate { promise: view.promise - aside, ..view }));

@@ -279,7 +279,9 @@ impl GroundGrid {
     ) {
         self.find_shares(maps, site, airflow, threads);
         self.next = map(self.len(), threads, |node| {
-            std::array::from_fn(|way| number(self.beside(node)[way].or_else(|| self.below(node, way))))
+            std::array::from_fn(|way| {
+                number(self.beside(node)[way].or_else(|| self.below(node, way, self.height[node])))
+            })
         });
         self.find_shades(&scan.splats, threads);
     }
@@ -385,18 +387,10 @@ impl GroundGrid {
         self.next[node].map(|other| (other != NONE).then_some(other as usize))
     }
 
-    /// The uppermost node that is open to the sky below a node's surface in the next cell.
-    fn below(&self, node: usize, way: usize) -> Option<usize> {
+    /// The uppermost node of the next cell that is open to the sky and lies below a height, m.
+    pub(super) fn below(&self, node: usize, way: usize, height: f32) -> Option<usize> {
         let ([column, row], [x, y]) = (self.place(node), WAYS[way]);
-        let is_below = |to: &usize| self.height[*to] < self.height[node] && self.open[*to] > 0.0;
-        self.nodes_of(self.cell_of(column + x, row + y)?).find(is_below)
-    }
-
-    /// The uppermost node in the next cell that snow spills onto from a node where it is heaped up to `top` m: a pit between higher
-    /// surfaces fills up to their edges, and no further.
-    pub(super) fn rim(&self, node: usize, way: usize, top: f32) -> Option<usize> {
-        let ([column, row], [x, y]) = (self.place(node), WAYS[way]);
-        let is_below = |to: &usize| self.height[*to] < top && self.open[*to] > 0.0;
+        let is_below = |to: &usize| self.height[*to] < height && self.open[*to] > 0.0;
         self.nodes_of(self.cell_of(column + x, row + y)?).find(is_below)
     }
 

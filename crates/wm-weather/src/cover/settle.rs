@@ -42,7 +42,8 @@ pub fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled {
             let mut went = false;
             // An inner ground holds as much as this one: nothing slides there.
             for (way, next) in ground.next(node).into_iter().enumerate() {
-                let spills = || if own > ground.edge { ground.rim(node, way, top) } else { None };
+                // A pit between higher surfaces spills over their edges.
+                let spills = || if own > ground.edge { ground.below(node, way, top) } else { None };
                 let Some(to) = next.or_else(spills).filter(|to| !ground.is_elsewhere(*to)) else { continue };
                 let fall = top - (ground.height[to] + depth[to]);
                 // A pit that is full has no edge.

@@ -111,7 +111,7 @@ struct Water {
     foam: Option<FoamPixels>,
 }
 
-/// Foam in sixteen pixels, and what decides on it.
+/// Foam in sixteen pixels, and the numbers that it follows from.
 struct FoamPixels {
     /// Depth of a flood, m; infinite for other water.
     depth: [f32; GROUP],
@@ -348,7 +348,6 @@ impl<'a> Scene<'a> {
         let surface = self.of.surface;
         let mut air = [AirGroup::default()];
         let foam = self.of.motion.foam().filter(|_| self.of.map.plane().is_some());
-        let may_foam = foam.is_some();
         for first in (0..width).step_by(GROUP) {
             let count = GROUP.min(width - first);
             let z: [f32; GROUP] = padded(&row.surface[first..first + count], f32::NAN);
@@ -389,7 +388,7 @@ impl<'a> Scene<'a> {
                 clear(front);
                 continue;
             }
-            let mut water = Water::new(may_foam);
+            let mut water = Water::new(foam.is_some());
             let mut pixels = Pixels {
                 x: [0.0; GROUP],
                 y: row.y as f32 + 0.5,
@@ -414,7 +413,7 @@ impl<'a> Scene<'a> {
             }
             if let (Some(foam), Some(pixels)) = (foam, &mut water.foam) {
                 for start in (0..GROUP).step_by(S::N) {
-                    lay_foam(simd, start, foam, pixels);
+                    find_foam(simd, start, foam, pixels);
                 }
             }
             // Puddles, streams and films have no light of their own.
@@ -1033,9 +1032,9 @@ fn clear(front: &mut [f32]) {
     }
 }
 
-/// Lays foam on the water of a flood; as many of sixteen pixels as there are lanes from `start` on.
+/// Finds the foam on the water of a flood; as many of sixteen pixels as there are lanes from `start` on.
 #[inline(always)]
-fn lay_foam<S: Lanes>(simd: S, start: usize, foam: &Foam, pixels: &mut FoamPixels) {
+fn find_foam<S: Lanes>(simd: S, start: usize, foam: &Foam, pixels: &mut FoamPixels) {
     let depth = simd.load(&pixels.depth[start..]);
     let is_flood = depth.simd_lt(simd.set(f32::INFINITY));
     if is_flood.any_true() {

@@ -230,8 +230,9 @@ impl WaterState {
             level.filter(|_| ground.ground[at].is_finite()).unwrap_or(f32::NAN)
         });
         // Pores, texture and depth at each node.
-        let known = |(wet, height): (Wet, &f32)| if height.is_nan() { Wet::default() } else { wet };
-        let mut wet: Vec<Wet> = wet.zip(&ground.ground).map(known).collect();
+        let on_ground = wet.zip(&ground.ground);
+        let mut wet: Vec<Wet> =
+            on_ground.map(|(wet, height)| if height.is_nan() { Wet::default() } else { wet }).collect();
         if !state.is_even() {
             move_into_hollows(&mut wet, &ground.ground, &ground.rough);
         }
@@ -289,19 +290,25 @@ mod tests {
             let place = |at: usize| [at % usize::from(side), at / usize::from(side)].map(|k| 0.1 * k as f64);
             let count = usize::from(side).pow(2);
             let ground: Vec<f32> = (0..count).map(|at| if at % 7 == 3 { f32::NAN } else { 0.0 }).collect();
-            let rough: Vec<f32> = (0..count).map(|at| relief(place(at)[0], place(at)[1]) as f32).collect();
+            let height = |at: usize| relief(place(at)[0], place(at)[1]) as f32;
+            let rough: Vec<f32> = (0..count).map(height).collect();
             let wet = |at: usize| {
                 let share = 1.0 - unequal * (at as f32 / count as f32);
-                if ground[at].is_nan() { Wet::default() } else { Wet { pores: share * pores, film: share * film, depth: 0.0 } }
+                match ground[at].is_nan() {
+                    true => Wet::default(),
+                    false => Wet { pores: share * pores, film: share * film, depth: 0.0 },
+                }
             };
             let mut patches: Vec<Wet> = (0..count).map(wet).collect();
             let before = sums(&patches);
             move_into_hollows(&mut patches, &ground, &rough);
             let after = sums(&patches);
             for kind in 0..2 {
-                prop_assert!((after[kind] - before[kind]).abs() < 1e-5 * count as f64, "{before:?} {after:?}");
+                let off = (after[kind] - before[kind]).abs();
+                prop_assert!(off < 1e-5 * count as f64, "{before:?} {after:?}");
             }
-            prop_assert!(patches.iter().all(|wet| (0.0..=1.0).contains(&wet.pores) && (0.0..=1.0).contains(&wet.film)));
+            let is_share = |share: f32| (0.0..=1.0).contains(&share);
+            prop_assert!(patches.iter().all(|wet| is_share(wet.pores) && is_share(wet.film)));
         }
     }
 }
