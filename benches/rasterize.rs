@@ -1,5 +1,5 @@
-//! The blend loop alone: one 32x32 tile, 512 splats in view order, too faint to stop early. One element
-//! is one evaluated pair of a splat and a pixel, so 2.5 Gelem/s is 0.4 ns a pair.
+//! The blend loop alone: one 32x32 tile, 512 splats in view order, too faint to stop early. One
+//! element is one evaluated pair of a splat and a pixel, so 2.5 Gelem/s is 0.4 ns a pair.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use wm_render::dispatch;

@@ -1,5 +1,5 @@
-//! The way back through one 32x32 tile: 512 splats in view order, too faint to stop early, as in the bench
-//! of blending. One element is one evaluated pair of a splat and a pixel.
+//! The way back through one 32x32 tile: 512 splats in view order, too faint to stop early, as in
+//! the bench of blending. One element is one evaluated pair of a splat and a pixel.
 //!
 //! And whole steps of training, without loss and optimiser, at 600x444.
 

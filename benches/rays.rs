@@ -1,5 +1,5 @@
-//! A sweep of a lidar with 64 rows and 1800 columns through a million splats, with one and with seven rays a beam, standing and in a
-//! car at 15 m/s.
+//! A sweep of a lidar with 64 rows and 1800 columns through a million splats, with one and with
+//! seven rays a beam, standing and in a car at 15 m/s.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DQuat, DVec3};

@@ -1,11 +1,12 @@
-//! Makes a city in levels of detail: a scene, repeated on a grid with half turns and other colours, written block by block.
+//! Makes a city in levels of detail: a scene, repeated on a grid with half turns and other colours,
+//! written block by block.
 //!
 //! ```text
 //! cargo run --release --example city -- SCENE N OUT/lod-meta.json
 //! ```
 //!
-//! N is the number of blocks to a side: a scene of 850,000 splats and N = 12 make more than 100 million. Memory is that of a block or two. The sky
-//! of the scene is kept once, about the middle.
+//! N is the number of blocks to a side: a scene of 850,000 splats and N = 12 make more than 100
+//! million. Memory is that of a block or two. The sky of the scene is kept once, about the middle.
 
 use glam::{DMat3, DVec3};
 use std::error::Error;
@@ -18,7 +19,8 @@ use wm_scene::similarity::Similarity;
 use wm_scene::survey::{Survey, label_sky};
 use wm_scene::{Group, Splats, sh};
 
-/// Share of the splats, on each side, beyond which a block does not reach: what is far out is seldom sharp.
+/// Share of the splats, on each side, beyond which a block does not reach: what is far out is
+/// seldom sharp.
 const FAR: f64 = 0.03;
 /// Largest change of a colour channel's gain.
 const TINT: f64 = 0.06;

@@ -1,4 +1,5 @@
-//! Measures a running viewer: pictures a second that pages get while their camera goes round, and how long a whole picture takes.
+//! Measures a running viewer: pictures a second that pages get while their camera goes round, and
+//! how long a whole picture takes.
 //!
 //! `cargo run --release --example drive_viewer -- 'http://127.0.0.1:8787/#token=...' [PAGES] [SECONDS] [PID of the viewer, for its CPU time and memory]`
 

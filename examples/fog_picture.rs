@@ -1,4 +1,5 @@
-//! Renders one picture of a scene in fog: `cargo run --release -p weather-magician --example fog_picture -- garden.ply fog.png`
+//! Renders one picture of a scene in fog:
+//! `cargo run --release -p weather-magician --example fog_picture -- garden.ply fog.png`
 //!
 //! Without a scene it renders the built-in street.
 

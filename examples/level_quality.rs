@@ -1,13 +1,16 @@
-//! Measures levels of detail: builds them for a scene, and compares pictures of a cut with pictures of all splats.
+//! Measures levels of detail: builds them for a scene, and compares pictures of a cut with pictures
+//! of all splats.
 //!
 //! ```text
 //! cargo run --release --example level_quality -- SCENE|street|park OUT/lod-meta.json [SHARE] [LEAF_SPLATS] [TURN]
 //! ```
 //!
-//! SHARE is that of the splats which a picture draws, 0.25 if not given; TURN turns all views about up, degrees. A row a view: PSNR in dB,
-//! relative error of the expected depth in percent, mean difference of alpha; the splats that are drawn and those that are held; the
-//! milliseconds that the picture takes with its looks, and again without. The cut is the program's own. `all` are the splats of the files at
-//! the finest level, so that the rounding of SOG counts on neither side. With the variable PICTURES, a folder, pictures are written there.
+//! SHARE is that of the splats which a picture draws, 0.25 if not given; TURN turns all views about
+//! up, degrees. A row a view: PSNR in dB, relative error of the expected depth in percent, mean
+//! difference of alpha; the splats that are drawn and those that are held; the milliseconds that
+//! the picture takes with its looks, and again without. The cut is the program's own. `all` are the
+//! splats of the files at the finest level, so that the rounding of SOG counts on neither side.
+//! With the variable PICTURES, a folder, pictures are written there.
 
 use glam::{DMat3, DMat4, DVec3};
 use std::error::Error;
@@ -74,7 +77,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         for is_shot in [false, true] {
             let shot = if is_shot { vec![*camera] } else { Vec::new() };
             place.set_shot(&shot);
-            // Read and loaded by the first picture; the second has a camera that is a hair's breadth away and looks again.
+            // Read and loaded by the first picture; the second has a camera that is a hair's
+            // breadth away and looks again.
             renderer.render_clear(&mut place, camera, &mut frame)?;
             let again = Camera { near: camera.near * (1.0 + 1e-12), ..*camera };
             place.set_shot(&if is_shot { vec![again] } else { Vec::new() });
@@ -121,7 +125,8 @@ fn cameras(renderer: &mut Renderer, scene: &Scene, turn: f64) -> Result<Vec<Came
     Ok(vec![turned(0.0), turned(45.0), turned(-45.0), far])
 }
 
-/// PSNR, mean relative error of the depth where half of the light is stopped, mean difference of alpha.
+/// PSNR, mean relative error of the depth where half of the light is stopped, mean difference of
+/// alpha.
 fn compare(a: &Frame, b: &Frame) -> (f64, f64, f64) {
     let apart = |a: &f32, b: &f32| f64::from(a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0));
     let squares: f64 = a.rgb.iter().zip(&b.rgb).map(|(a, b)| apart(a, b).powi(2)).sum();

@@ -1,14 +1,14 @@
-//! Makes gsplat's public profiling scene: the SfM points of the Mip-NeRF 360 garden, repeated on a grid,
-//! with random sizes, rotations, opacities and SH of degree 3.
+//! Makes gsplat's public profiling scene: the SfM points of the Mip-NeRF 360 garden, repeated on a
+//! grid, with random sizes, rotations, opacities and SH of degree 3.
 //!
 //! ```text
 //! cargo run --release --example profile_scene -- POINTS_DIR GRID OUT_DIR
 //! weather-magician bench OUT_DIR --camera 1
 //! ```
 //!
-//! POINTS_DIR holds `garden_points.ply` (binary, x y z red green blue) and `garden_cameras.json`; GRID
-//! is 1, 3 or 5 (0.11, 1.01 and 2.8 million splats). OUT_DIR becomes a folder as a 3DGS training
-//! writes it, with the three cameras.
+//! POINTS_DIR holds `garden_points.ply` (binary, x y z red green blue) and `garden_cameras.json`;
+//! GRID is 1, 3 or 5 (0.11, 1.01 and 2.8 million splats). OUT_DIR becomes a folder as a 3DGS
+//! training writes it, with the three cameras.
 
 use std::error::Error;
 use std::path::Path;

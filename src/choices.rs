@@ -10,8 +10,9 @@ use wm_scene::survey::OwnSky;
 pub enum DitherChoice {
     /// Rounds to the nearest value: smooth gradients show banding.
     Off,
-    /// Adds a fixed blue-noise offset per pixel and channel. No pixel is off by a whole step, the mean
-    /// over any 16x16 pixels is right within 0.05 of a step, and exact byte values stay the same.
+    /// Adds a fixed blue-noise offset per pixel and channel. No pixel is off by a whole step, the
+    /// mean over any 16x16 pixels is right within 0.05 of a step, and exact byte values stay the
+    /// same.
     Ordered,
 }
 
@@ -60,8 +61,8 @@ impl From<SkyChoice> for OwnSky {
 /// The H.264 encoder of videos.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum EncoderChoice {
-    /// OpenH264, built into this program: Constrained Baseline profile. The same frames give the same
-    /// bytes.
+    /// OpenH264, built into this program: Constrained Baseline profile. The same frames give the
+    /// same bytes.
     Builtin,
     /// The program `ffmpeg` with libx264, from PATH: High profile, files about a third the size.
     Ffmpeg,

@@ -12,7 +12,8 @@ pub use wm_train::{Dataset, DatasetReadOptions, HeldOut};
 /// The folders of the photos, and the size at which they are used.
 #[derive(Args, Clone, Debug)]
 pub struct DatasetArgs {
-    /// Folder of the photos in the data set, such as images_4 [default: images, or another usual name]
+    /// Folder of the photos in the data set, such as images_4 [default: images, or another usual
+    /// name]
     #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
     pub images: Option<PathBuf>,
     /// Folder of masks in the data set; black pixels are ignored [default: masks, if it exists]
@@ -22,10 +23,12 @@ pub struct DatasetArgs {
     /// place]
     #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
     pub model: Option<PathBuf>,
-    /// Folder of the original photos, whose EXIF gives position and time if the photos of the data set have none
+    /// Folder of the original photos, whose EXIF gives position and time if the photos of the data
+    /// set have none
     #[arg(long, value_name = "FOLDER", help_heading = "Photos")]
     pub originals: Option<PathBuf>,
-    /// Longest side of photos, px; larger ones are reduced [default: 1600, or 500 with `reconstruct --preset draft`]
+    /// Longest side of photos, px; larger ones are reduced [default: 1600, or 500 with
+    /// `reconstruct --preset draft`]
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=32768), help_heading = "Photos")]
     pub longest: Option<u32>,
     /// Skip photos that are missing or damaged, and of driving logs sweeps, labels, masks, poses
@@ -62,7 +65,8 @@ impl DatasetArgs {
     /// left out.
     ///
     /// # Errors
-    /// The capture cannot be read or has no photos, or a photo is damaged and damaged ones are not skipped.
+    /// The capture cannot be read or has no photos, or a photo is damaged and damaged ones are not
+    /// skipped.
     pub fn open(&self, dataset: &Path) -> Result<(Capture, Photos)> {
         let options = self.options();
         let capture = options.capture(dataset)?;

@@ -7,11 +7,12 @@ use weather_magician::levels::{LevelBudget, parse_memory};
 /// The most that a scene in levels may take. Scenes that fit as a whole are drawn as a whole.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct LevelArgs {
-    /// Memory for a scene in levels of detail, such as 2GiB or 800MB: what does not fit is read as cameras need it [default: 2GiB]
+    /// Memory for a scene in levels of detail, such as 2GiB or 800MB: what does not fit is read as
+    /// cameras need it [default: 2GiB]
     #[arg(long, value_name = "BYTES", value_parser = parse_memory, conflicts_with = "level", help_heading = "Scene")]
     memory: Option<u64>,
-    /// Splats of one frame of a scene in levels of detail: the levels that lose least are drawn [default: as many as --memory holds, 2
-    /// million at most]
+    /// Splats of one frame of a scene in levels of detail: the levels that lose least are drawn
+    /// [default: as many as --memory holds, 2 million at most]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), conflicts_with = "level", help_heading = "Scene")]
     splats: Option<u64>,
 }

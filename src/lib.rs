@@ -1,7 +1,8 @@
 //! Weather-Magician: real weather on real places.
 //!
-//! The program as one function, [`run`]: the binary calls it, and so does the Python package, in its own process. A command
-//! reads its options, calls the library and writes the results. See ARCHITECTURE.md.
+//! The program as one function, [`run`]: the binary calls it, and so does the Python package, in
+//! its own process. A command reads its options, calls the library and writes the results. See
+//! ARCHITECTURE.md.
 
 // First, for its macros; tests use those of std, whose output is captured.
 #[cfg(not(test))]
@@ -32,11 +33,12 @@ use clap::error::ErrorKind;
 use std::ffi::OsString;
 use std::io::Write;
 
-/// Runs the program; `args` are its name and its options. Returns its exit status: 0 for success, 1 for an error,
-/// 2 for wrong options, 130 if it was stopped by Ctrl-C, 143 by SIGTERM, 129 by SIGHUP.
+/// Runs the program; `args` are its name and its options. Returns its exit status: 0 for success, 1
+/// for an error, 2 for wrong options, 130 if it was stopped by Ctrl-C, 143 by SIGTERM, 129 by
+/// SIGHUP.
 ///
-/// Results, progress and errors are printed. Ctrl-C ends the process unless the current work stops by itself; the
-/// process's own handler of it, if there was one, is gone from then on.
+/// Results, progress and errors are printed. Ctrl-C ends the process unless the current work stops
+/// by itself; the process's own handler of it, if there was one, is gone from then on.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let status = match commands::Cli::try_parse_from(args) {
         Ok(cli) => match commands::run(cli) {
@@ -52,7 +54,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
         },
         Err(error) => usage(&error),
     };
-    // The end of a Rust program does this; that of another process does not. A closed pipe is no error.
+    // The end of a Rust program does this; that of another process does not. A closed pipe is no
+    // error.
     let _ = std::io::stdout().flush();
     status
 }
@@ -83,7 +86,8 @@ fn usage(error: &clap::Error) -> u8 {
     }
 }
 
-/// Escapes control characters, so that a message stays on one line: file names may contain any character.
+/// Escapes control characters, so that a message stays on one line: file names may contain any
+/// character.
 fn one_line(message: &str) -> String {
     let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
     message.chars().map(escaped).collect()

@@ -1,4 +1,5 @@
-//! The program. All of it is in the library target `weather_magician_cli`, so that others can run it in their own process.
+//! The program. All of it is in the library target `weather_magician_cli`, so that others can run
+//! it in their own process.
 
 #[cfg(feature = "viewer")]
 use mimalloc::MiMalloc;

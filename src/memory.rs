@@ -2,8 +2,8 @@
 
 use anyhow::{Result, bail};
 
-/// Memory of a picture and of what draws it in clear weather, bytes a pixel: measured with 2048x2048
-/// and 6144x6144 px. Snow takes some three times as much, heavy rain five times.
+/// Memory of a picture and of what draws it in clear weather, bytes a pixel: measured with
+/// 2048x2048 and 6144x6144 px. Snow takes some three times as much, heavy rain five times.
 const PER_PIXEL: u64 = 20;
 /// Pictures below this are drawn without a word, bytes.
 const UNSAID: u64 = 1 << 30;

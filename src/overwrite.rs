@@ -15,8 +15,9 @@ pub struct OverwriteArgs {
 }
 
 impl OverwriteArgs {
-    /// Checks, before the work, that writing `out` replaces nothing without `--overwrite`. `inputs` are the files and folders
-    /// that the command reads; `other` is another remedy than `--overwrite`.
+    /// Checks, before the work, that writing `out` replaces nothing without `--overwrite`. `inputs`
+    /// are the files and folders that the command reads; `other` is another remedy than
+    /// `--overwrite`.
     ///
     /// # Errors
     /// `out` exists, or is one of the inputs.
@@ -42,7 +43,8 @@ impl OverwriteArgs {
     }
 }
 
-/// Returns true if `out` is the same file as one of the inputs, also by another name, a symbolic link or a hard link.
+/// Returns true if `out` is the same file as one of the inputs, also by another name, a symbolic
+/// link or a hard link.
 fn is_input(out: &Path, inputs: &[&Path]) -> bool {
     // The comparison opens both, and a pipe that is opened twice waits for ever.
     let is_same = |input: &Path| {

@@ -25,7 +25,8 @@ use wm_weather::Weather;
 /// The scene file and its facts.
 #[derive(Args, Clone, Debug)]
 pub struct SceneArgs {
-    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG
+    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a
+    /// SOG
     pub scene: PathBuf,
     /// Level of a scene with several levels of detail; 0 is the finest
     #[arg(long, value_name = "N", help_heading = "Scene")]
@@ -34,8 +35,8 @@ pub struct SceneArgs {
     /// files of a scene in levels of detail that are missing or damaged, and continue
     #[arg(long, help_heading = "Scene")]
     pub repair: bool,
-    /// Folder that caches what takes long to compute for a scene (surfaces, shelter, snow covers), or off for no cache;
-    /// it can be deleted at any time [default: SCENE.assets, beside the scene]
+    /// Folder that caches what takes long to compute for a scene (surfaces, shelter, snow covers),
+    /// or off for no cache; it can be deleted at any time [default: SCENE.assets, beside the scene]
     #[arg(long, value_name = "FOLDER|off", help_heading = "Scene")]
     pub assets: Option<AssetFolder>,
     #[command(flatten)]
@@ -45,8 +46,8 @@ pub struct SceneArgs {
 /// The treatment of the scene's own sky.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct OwnSkyArgs {
-    /// The scene's own sky: keep it, drop it, or rebuild it from what is far and above the horizon, where a reconstruction got it
-    /// wrong
+    /// The scene's own sky: keep it, drop it, or rebuild it from what is far and above the horizon,
+    /// where a reconstruction got it wrong
     #[arg(long, value_name = "HOW", default_value = "keep", help_heading = "Scene")]
     pub sky: SkyChoice,
 }
@@ -77,7 +78,8 @@ pub struct FactArgs {
 /// Device, threads and SIMD path.
 #[derive(Args, Clone, Debug, Default)]
 pub struct RunArgs {
-    /// Device that renders and trains: auto (a hardware GPU if there is one, else the CPU), cpu, gpu, or gpu:NAME with part of a GPU's name
+    /// Device that renders and trains: auto (a hardware GPU if there is one, else the CPU), cpu,
+    /// gpu, or gpu:NAME with part of a GPU's name
     #[arg(long, value_name = "DEVICE", default_value = "auto", help_heading = "Run")]
     pub device: Device,
     /// Number of threads [default: one per core]
@@ -182,7 +184,8 @@ impl OpenScene {
         )
     }
 
-    /// Opens a scene as [`Self::with_sky`] does, or in levels of detail if it has them and does not fit the budget as a whole.
+    /// Opens a scene as [`Self::with_sky`] does, or in levels of detail if it has them and does not
+    /// fit the budget as a whole.
     pub fn in_levels(
         args: &SceneArgs,
         run: &RunArgs,
@@ -234,7 +237,8 @@ impl OpenScene {
         print_warnings(&mut self.place);
     }
 
-    /// Makes the assets that a weather needs, and frees the splats as read from the file: the renderer has a copy.
+    /// Makes the assets that a weather needs, and frees the splats as read from the file: the
+    /// renderer has a copy.
     pub fn prepare(&mut self, weather: &Weather) -> Result<()> {
         self.renderer.prepare(&mut self.place, weather, &mut Reporter::default())?;
         self.warn();
@@ -316,7 +320,8 @@ pub fn change_sky(
     Ok(change.line().or_else(nothing))
 }
 
-/// Returns an error with the number of splats that are not finite, or removes them if `repair` is set.
+/// Returns an error with the number of splats that are not finite, or removes them if `repair` is
+/// set.
 pub fn check(scene: &mut Scene, path: &Path, repair: bool) -> Result<()> {
     let Err(found) = scene.check_finite() else { return Ok(()) };
     let what = format!("{}: {found}", path.display());
@@ -332,8 +337,8 @@ pub fn check(scene: &mut Scene, path: &Path, repair: bool) -> Result<()> {
     Ok(())
 }
 
-/// Writes a scene with its metadata and cameras; a scene behind a link is replaced where it lies. What lies beside a scene that is
-/// replaced is replaced too.
+/// Writes a scene with its metadata and cameras; a scene behind a link is replaced where it lies.
+/// What lies beside a scene that is replaced is replaced too.
 pub fn save(out: &Path, scene: &Scene, options: &WriteOptions) -> Result<()> {
     let target = if out.is_symlink() { out.canonicalize().ok() } else { None };
     let file = target.unwrap_or_else(|| out.to_path_buf());

@@ -11,8 +11,8 @@ use wm_weather::Weather;
 /// The weather and its parameters.
 #[derive(Args, Debug)]
 pub struct WeatherArgs {
-    /// The weather: a name from the list below (--help), a TOML file, or a weather report or its file, as `weather from` takes it
-    /// [default: clear]
+    /// The weather: a name from the list below (--help), a TOML file, or a weather report or its
+    /// file, as `weather from` takes it [default: clear]
     #[arg(short, long, value_name = "NAME|FILE|REPORT", help_heading = "Weather")]
     weather: Option<String>,
     /// Change a parameter and turn its effect on: fog.mor=120, or keyframes fog.mor=0:2000,5:60

@@ -1,4 +1,5 @@
-//! Weights of neural networks: files of the user, or published ones that are downloaded after printing what they are.
+//! Weights of neural networks: files of the user, or published ones that are downloaded after
+//! printing what they are.
 
 use clap::Args;
 use std::path::PathBuf;
@@ -6,8 +7,8 @@ use std::path::PathBuf;
 /// Source of a network's weights.
 #[derive(Args, Clone, Debug)]
 pub struct WeightsArgs {
-    /// File of the network's weights (safetensors or PyTorch); repeat it for several files [default: download them once, after
-    /// printing source and licence]
+    /// File of the network's weights (safetensors or PyTorch); repeat it for several files
+    /// [default: download them once, after printing source and licence]
     #[arg(long, value_name = "FILE", help_heading = "Network")]
     pub weights: Vec<PathBuf>,
     /// Expected SHA-256 of the file of weights
@@ -53,7 +54,8 @@ mod with_networks {
     }
 
     impl WeightsArgs {
-        /// Returns the files of weights: those that are given, or the published ones, cached or downloaded.
+        /// Returns the files of weights: those that are given, or the published ones, cached or
+        /// downloaded.
         pub fn files(&self, published: PublishedWeights) -> Result<Vec<PathBuf>> {
             let checksum: Option<Checksum> = self
                 .checksum

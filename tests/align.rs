@@ -15,7 +15,8 @@ use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::synthetic::{moved, rotation};
 use wm_scene::{Group, Metadata, Scene};
 
-/// A yard that lies as it should not: turned, moved, half as large, with an up in its file that is wrong.
+/// A yard that lies as it should not: turned, moved, half as large, with an up in its file that is
+/// wrong.
 struct Yard {
     shop: Workshop,
     turn: DQuat,
@@ -204,7 +205,8 @@ fn read(path: &Path) -> Scene {
     read_scene(path, &ReadOptions::default()).unwrap()
 }
 
-/// Writes the yard under a dome of lilac sky that stands on its side, labelled, with its light in the file.
+/// Writes the yard under a dome of lilac sky that stands on its side, labelled, with its light in
+/// the file.
 fn domed(shop: &Workshop) {
     let mut place = common::yard();
     place.sky(DVec3::ZERO, 300.0, 2000);

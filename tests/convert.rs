@@ -1,4 +1,5 @@
-//! `convert` and `inspect` on every format, by running the binary: what was there is there again, and what is lost is said.
+//! `convert` and `inspect` on every format, by running the binary: what was there is there again,
+//! and what is lost is said.
 
 #[path = "common/process.rs"]
 mod process;
@@ -13,7 +14,8 @@ use wm_scene::formats::{FORMATS, ReadOptions, read_scene, write_scene};
 use wm_scene::splats::Splat;
 use wm_scene::{Camera, Group, Metadata, Scene, SceneView, Splats};
 
-/// A folder with a scene `a.ply` in it: a floor and a wall of 600 splats of SH degree 1, up -y, two units a metre.
+/// A folder with a scene `a.ply` in it: a floor and a wall of 600 splats of SH degree 1, up -y, two
+/// units a metre.
 struct Desk {
     folder: TempDir,
 }
@@ -323,7 +325,8 @@ fn views_and_baked_snow_go_along() {
     assert!(desk.read("snowy.spz").splats.len() > 600);
 }
 
-/// Levels of detail are written, drawn under a budget, read back whole and written as 3D Tiles; a file that is missing is named.
+/// Levels of detail are written, drawn under a budget, read back whole and written as 3D Tiles; a
+/// file that is missing is named.
 #[test]
 fn levels_of_detail() {
     let desk = Desk::new();

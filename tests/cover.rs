@@ -1,4 +1,5 @@
-//! Tests lying snow through the commands `render` and `bake`: it grows frame by frame, any frame alone is the same, and `bake` writes what `render` shows.
+//! Tests lying snow through the commands `render` and `bake`: it grows frame by frame, any frame
+//! alone is the same, and `bake` writes what `render` shows.
 
 mod common;
 #[path = "common/process.rs"]

@@ -1,4 +1,5 @@
-//! Compares lying snow in rendered pictures of the built-in street with rays cast into its exact geometry.
+//! Compares lying snow in rendered pictures of the built-in street with rays cast into its exact
+//! geometry.
 
 use glam::DVec3;
 use std::sync::OnceLock;

@@ -57,7 +57,8 @@ fn a_training_ends_as_near_as_the_cpus() {
     dataset::write(&Street::builtin(), &workshop.path("set"), &options, &mut |_| true).unwrap();
     let psnr = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
         let [set, out] = ["set", "scene.ply"].map(|name| workshop.path(name).display().to_string());
-        // Few steps: with more of them so few photos are learnt by heart, and no two ways of rounding end alike.
+        // Few steps: with more of them so few photos are learnt by heart, and no two ways of
+        // rounding end alike.
         let words =
             ["reconstruct", &set, "--no-assets", "--out", &out, "--device", &device, "--steps", "100"];
         let more = [

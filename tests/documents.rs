@@ -4,7 +4,8 @@ use std::path::Path;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Words in backticks that are paths of this project: with a slash and no space, placeholder or option.
+/// Words in backticks that are paths of this project: with a slash and no space, placeholder or
+/// option.
 fn paths(text: &str) -> impl Iterator<Item = &str> {
     let spans = text.split('`').skip(1).step_by(2);
     spans.filter(|span| {

@@ -1,5 +1,6 @@
-//! `evaluate` by running it on a small data set of the built-in street, with the street itself as the scene: that its
-//! numbers are right, the same wherever they are written, and what it says to bad input.
+//! `evaluate` by running it on a small data set of the built-in street, with the street itself as
+//! the scene: that its numbers are right, the same wherever they are written, and what it says to
+//! bad input.
 
 #[path = "common/process.rs"]
 mod process;

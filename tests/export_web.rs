@@ -1,4 +1,5 @@
-//! `export-web`, by running the binary: the files of a site, what a page finds prepared, and what is refused.
+//! `export-web`, by running the binary: the files of a site, what a page finds prepared, and what
+//! is refused.
 #![cfg(feature = "viewer")]
 
 #[path = "common/process.rs"]
@@ -16,7 +17,8 @@ use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::splats::Splat;
 use wm_scene::{Group, Metadata, Scene, Splats};
 
-/// A folder with a scene `a.ply` in it, a floor and a wall of 1,200 splats, and a player that does nothing.
+/// A folder with a scene `a.ply` in it, a floor and a wall of 1,200 splats, and a player that does
+/// nothing.
 struct Desk {
     folder: TempDir,
 }

@@ -1,7 +1,8 @@
 //! Commands whose files fail, that are killed, and that get signals, at any moment: what has its
 //! final name then is whole, and the command goes on to what it would have made.
 //!
-//! `WM_ALL_FAULTS=1` has every operation on files fail in turn; without it those of number 1, 4, 16 and so on do.
+//! `WM_ALL_FAULTS=1` has every operation on files fail in turn; without it those of number 1, 4, 16
+//! and so on do.
 #![cfg(unix)]
 
 #[path = "common/mod.rs"]
@@ -222,7 +223,8 @@ impl Job {
                 let id = child.id().to_string();
                 let sent = Command::new("kill").args([signal, &id]).output().unwrap();
                 let output = wait(child, &what);
-                // A command that had ended before is left alone, and one may end in the same moment.
+                // A command that had ended before is left alone, and one may end in the same
+                // moment.
                 let code = output.status.code();
                 // Before it listens to signals it has made nothing.
                 let is_early = output.status.signal().is_some() && self.duration.mul_f64(share) < LISTENS;

@@ -1,4 +1,5 @@
-//! Floods the built-in street and holds the mirror against rays, threads against each other, and bad input against its message.
+//! Floods the built-in street and holds the mirror against rays, threads against each other, and
+//! bad input against its message.
 
 use glam::DVec3;
 use weather_magician::{FrameOptions, Metadata, Picture, PreparedPlace, Renderer, Weather};
@@ -128,7 +129,8 @@ fn slope() -> Scene {
     Scene { splats, metadata, ..Scene::default() }
 }
 
-/// The water stands as high as it is told to at the feet of the camera, wherever that is; over a shot it stays where it was at first.
+/// The water stands as high as it is told to at the feet of the camera, wherever that is; over a
+/// shot it stays where it was at first.
 #[test]
 fn a_flood_stands_over_the_ground_under_the_camera() {
     let mut renderer = Renderer::cpu().unwrap();

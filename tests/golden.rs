@@ -1,7 +1,8 @@
 //! Pictures that must stay as they are, and bytes that must not depend on the machine's threads.
 //!
-//! `tests/golden/*.png` show a made-up yard in fog and under another sky, drawn on the portable path without dither. To change
-//! them on purpose, run this test with `WM_UPDATE_GOLDEN=1` and look at what changed.
+//! `tests/golden/*.png` show a made-up yard in fog and under another sky, drawn on the portable
+//! path without dither. To change them on purpose, run this test with `WM_UPDATE_GOLDEN=1` and look
+//! at what changed.
 
 mod common;
 
@@ -36,10 +37,10 @@ fn differences(a: &Image<[u8; 3]>, b: &Image<[u8; 3]>) -> Vec<u8> {
     a.pixels.iter().flatten().zip(b.pixels.iter().flatten()).map(|(a, b)| a.abs_diff(*b)).collect()
 }
 
-/// On the portable path every operation is IEEE arithmetic in a fixed order, the same on any machine; but
-/// the yard is made with the system's `sin`, `cos` and `ln`, whose last digits differ. That moves colours by
-/// 1e-6, or by 1/255 of a colour where a splat falls to the other side of the alpha cut: less than a
-/// step, which rounding makes one step at most.
+/// On the portable path every operation is IEEE arithmetic in a fixed order, the same on any
+/// machine; but the yard is made with the system's `sin`, `cos` and `ln`, whose last digits differ.
+/// That moves colours by 1e-6, or by 1/255 of a colour where a splat falls to the other side of the
+/// alpha cut: less than a step, which rounding makes one step at most.
 #[test]
 fn the_portable_path_draws_the_golden_pictures() {
     let workshop = Workshop::new();
@@ -74,10 +75,10 @@ fn write_golden(path: &Path, picture: &Image<[u8; 3]>) {
     writer.write_image_data(picture.pixels.as_flattened()).expect("the picture is written");
 }
 
-/// The contract of blending: 1e-4 of a colour where no decision is near, 0.03 of a step, so that a byte is off
-/// by one at most; where the transmittance is at its stop, the weight of one splat, up to 1e-2 or 2.6
-/// steps, three bytes; in the mean 1e-5, of which rounding makes 1e-5 steps of 255, 0.003 of a step, and the
-/// bytes next to a cut as much again.
+/// The contract of blending: 1e-4 of a colour where no decision is near, 0.03 of a step, so that a
+/// byte is off by one at most; where the transmittance is at its stop, the weight of one splat, up
+/// to 1e-2 or 2.6 steps, three bytes; in the mean 1e-5, of which rounding makes 1e-5 steps of 255,
+/// 0.003 of a step, and the bytes next to a cut as much again.
 #[test]
 fn every_simd_path_draws_the_same_picture() {
     let workshop = Workshop::new();

@@ -1,5 +1,5 @@
-//! Drops on the lens: frames alone and in sequences, and weathers whose glass is clear. Pictures through fisheyes, panoramas and distorted
-//! lenses.
+//! Drops on the lens: frames alone and in sequences, and weathers whose glass is clear. Pictures
+//! through fisheyes, panoramas and distorted lenses.
 
 mod common;
 
@@ -105,8 +105,9 @@ fn a_lens_without_distortion_is_a_pinhole() {
     assert!(mean < 2e-4 && most < 0.1, "{mean} {most}");
 }
 
-/// A fisheye and a panorama show the place where a pinhole shows it, with the same weather before it, and as far away. The pinhole sees as much
-/// as a side of the cube: near splats beside the view reach into it the farther, the wider it is.
+/// A fisheye and a panorama show the place where a pinhole shows it, with the same weather before
+/// it, and as far away. The pinhole sees as much as a side of the cube: near splats beside the view
+/// reach into it the farther, the wider it is.
 #[test]
 fn lenses_show_what_pinholes_show() {
     let (eye, target) = (DVec3::new(0.5, -12.0, 1.8), DVec3::new(0.0, 4.0, 2.2));
@@ -136,7 +137,8 @@ fn lenses_show_what_pinholes_show() {
                 }
                 count += 3;
                 let (far, z) = (f64::from(picture.frame.depth[from]), f64::from(pinhole.frame.depth[to]));
-                // Farther from the axis another side shows it, and flattens near splats otherwise; far away a pixel of flat ground is long.
+                // Farther from the axis another side shows it, and flattens near splats otherwise;
+                // far away a pixel of flat ground is long.
                 let is_solid = picture.frame.alpha[from].min(pinhole.frame.alpha[to]) > 0.9;
                 if is_solid && z < 9.0 && ray.z > 0.8 {
                     off.push((far * ray.z / z - 1.0).abs());

@@ -1,4 +1,5 @@
-//! The light of the weather: frames alone and in sequences, threads, and an exposure that does not jump.
+//! The light of the weather: frames alone and in sequences, threads, and an exposure that does not
+//! jump.
 
 mod common;
 

@@ -1,4 +1,5 @@
-//! The instruments from outside: what they say of a place whose scale and axes are no metres and no z.
+//! The instruments from outside: what they say of a place whose scale and axes are no metres and no
+//! z.
 
 mod common;
 

@@ -92,7 +92,8 @@ fn no_two_public_types_share_a_name() {
     let mut places: BTreeMap<String, BTreeMap<String, String>> = BTreeMap::new();
     for path in folders.iter().flat_map(|folder| sources(folder)).filter(|path| !is_test_file(path)) {
         let text = fs::read_to_string(&path).unwrap();
-        // Of types with and without a feature, in one file or in a pair of files, only one is compiled.
+        // Of types with and without a feature, in one file or in a pair of files, only one is
+        // compiled.
         let file = shown(&path).replace("/without_", "/with_");
         for (number, line) in production_lines(&text) {
             if let Some(name) = public_type(line) {

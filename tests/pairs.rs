@@ -80,7 +80,8 @@ fn the_layers_make_up_the_picture() {
     assert!(largest(bare.iter().zip(&clean).map(|(a, b)| (a - b).abs())) < 1e-6);
 }
 
-/// A card within 1 % of Koschmieder's law: see `visibility.rs` for what a measurement may be off by.
+/// A card within 1 % of Koschmieder's law: see `visibility.rs` for what a measurement may be off
+/// by.
 #[test]
 fn transmittance_is_that_of_the_distance() {
     let workshop = Workshop::new();

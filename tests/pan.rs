@@ -1,12 +1,13 @@
-//! The fog's colour belongs to the place, not to the picture: when a camera turns until the sky is out of
-//! view, nothing that stays in view changes its colour.
+//! The fog's colour belongs to the place, not to the picture: when a camera turns until the sky is
+//! out of view, nothing that stays in view changes its colour.
 //!
-//! Boards stand in a field under a sky; their fog takes the airlight from the scene (`auto`). One view has
-//! the sky in its upper half, the other, turned down and aside about the same centre, has none. Each board
-//! is measured in both.
+//! Boards stand in a field under a sky; their fog takes the airlight from the scene (`auto`). One
+//! view has the sky in its upper half, the other, turned down and aside about the same centre, has
+//! none. Each board is measured in both.
 //!
-//! Tolerance: 1/255, what an 8-bit picture can show. The boards' splats are the same distance away in both
-//! views; only the pixels' places on them differ, by less than 1 px, and blending's rounding.
+//! Tolerance: 1/255, what an 8-bit picture can show. The boards' splats are the same distance away
+//! in both views; only the pixels' places on them differ, by less than 1 px, and blending's
+//! rounding.
 
 mod common;
 
@@ -34,8 +35,8 @@ fn patch(picture: &Image<[f64; 3]>, camera: &Camera, point: DVec3) -> [f64; 3] {
     std::array::from_fn(|k| pixels().map(|(x, y)| encode(picture.at(x, y)[k])).sum::<f64>() / 25.0)
 }
 
-/// The mean of the brightest tenth of a picture, display-referred: what would pass for airlight if each
-/// picture were asked for its own.
+/// The mean of the brightest tenth of a picture, display-referred: what would pass for airlight if
+/// each picture were asked for its own.
 fn brightest(picture: &Image<[f64; 3]>) -> f64 {
     let mut values: Vec<f64> = picture.pixels.iter().map(|rgb| encode(rgb[1])).collect();
     values.sort_by(|a, b| b.total_cmp(a));

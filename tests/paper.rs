@@ -1,9 +1,9 @@
-//! Fidelity `paper`: the paper's fog, from a clear picture and its depth; its rain and snow, from its intermediate
-//! pictures.
+//! Fidelity `paper`: the paper's fog, from a clear picture and its depth; its rain and snow, from
+//! its intermediate pictures.
 //!
 //! `eq:style_intensity`: `alpha_style = min(1, 1 - exp(-I_style D_ref))`; `eq:fog style`:
-//! `C = C_fog alpha_style + C_render (1 - alpha_style)`, in display-referred colour. `C_render` and the
-//! depth come out of the program as files; the equations are applied here, anew.
+//! `C = C_fog alpha_style + C_render (1 - alpha_style)`, in display-referred colour. `C_render` and
+//! the depth come out of the program as files; the equations are applied here, anew.
 
 mod common;
 
@@ -13,13 +13,14 @@ const D_MAX: f64 = 10.0;
 const INTENSITY: f64 = 2.2;
 const FOG: [f64; 3] = [0xc8 as f64 * STEP, 0xcd as f64 * STEP, 0xd2 as f64 * STEP];
 
-/// `D_ref = min(1, D_abs / d_max)` where `D_abs` is the depth of the splats by their weights, and what they
-/// do not cover is `d_max` away.
+/// `D_ref = min(1, D_abs / d_max)` where `D_abs` is the depth of the splats by their weights, and
+/// what they do not cover is `d_max` away.
 ///
-/// Tolerances: floats of f32 in both, 1e-5 of the encoded colour. Where coverage is below 1/255 the program
-/// gives no depth, which takes `z / (255 d_max)` at most from `D_ref`, and `I exp(-I D_ref)` of that, 0.25,
-/// from `alpha_style`: below 1/255 for depths to 3 `d_max`, and all of this scene is nearer. An 8-bit picture
-/// without dither adds half a step: 1/255 holds where there is coverage.
+/// Tolerances: floats of f32 in both, 1e-5 of the encoded colour. Where coverage is below 1/255 the
+/// program gives no depth, which takes `z / (255 d_max)` at most from `D_ref`, and
+/// `I exp(-I D_ref)` of that, 0.25, from `alpha_style`: below 1/255 for depths to 3 `d_max`, and
+/// all of this scene is nearer. An 8-bit picture without dither adds half a step: 1/255 holds where
+/// there is coverage.
 #[test]
 fn the_papers_equation_gives_the_picture() {
     let workshop = Workshop::new();
@@ -72,10 +73,11 @@ const BARE: &str = "--set fidelity=paper --set rain.paper_width=0.03 --set rain.
                     --set rain.paper_exposure=0 --set rain.paper_saturation=1 --set rain.paper_contrast=1 \
                     --set rain.paper_temperature=0 --set rain.paper_l_sky=0.8 --dither off";
 
-/// With k = 1 the pictures between say all: `C = C_render + f_l C_noise` where the noise is kept, and `C_render` where it is
-/// masked, `f_l = exp(clamp(0.8 - L, 0, 0.35)) - 1`.
+/// With k = 1 the pictures between say all: `C = C_render + f_l C_noise` where the noise is kept,
+/// and `C_render` where it is masked, `f_l = exp(clamp(0.8 - L, 0, 0.35)) - 1`.
 ///
-/// Tolerance: the noise is known to half a step, of which `f_l` takes 0.42; the rest is the rounding of floats.
+/// Tolerance: the noise is known to half a step, of which `f_l` takes 0.42; the rest is the
+/// rounding of floats.
 #[test]
 fn rain_is_the_papers_sum_of_its_stages() {
     let workshop = Workshop::new();

@@ -1,8 +1,9 @@
 //! Rain and snow from outside: what they dim, how they streak, and that a frame knows no other.
 //!
-//! Boards stand in the whole picture, a black and a white one. What is left of their difference is the
-//! transmittance of drops and air together, whatever light either adds. Tolerance: 3 % of the optical depth; of
-//! depths below 0.05 also what chance does to the drops of one frame, taken over several.
+//! Boards stand in the whole picture, a black and a white one. What is left of their difference is
+//! the transmittance of drops and air together, whatever light either adds. Tolerance: 3 % of the
+//! optical depth; of depths below 0.05 also what chance does to the drops of one frame, taken over
+//! several.
 
 mod common;
 
@@ -84,7 +85,8 @@ fn a_frame_of_rain_and_snow_is_the_same_alone_and_with_any_threads() {
     }
 }
 
-/// White drops before a black board: which way their streaks lie. How long they are it does not tell.
+/// White drops before a black board: which way their streaks lie. How long they are it does not
+/// tell.
 #[test]
 fn speed_ahead_streaks_away_from_where_it_goes() {
     let workshop = Workshop::new();
@@ -110,7 +112,8 @@ fn speed_ahead_streaks_away_from_where_it_goes() {
     };
     let still = slant("");
     assert!(still.abs() < 3.0, "upright: {still}");
-    // Wind across as fast as most of the water falls: 45 degrees by the drops' own speeds of 2 to 9 m/s.
+    // Wind across as fast as most of the water falls: 45 degrees by the drops' own speeds of 2 to 9
+    // m/s.
     let windy = slant("--set wind.speed=6 --set wind.direction=0 --set wind.gusts=0");
     assert!((30.0..60.0).contains(&windy.abs()), "in the wind: {windy}");
     // 50 km/h ahead: at the left border they lie flatter, away from the middle.
@@ -176,9 +179,9 @@ fn streaks(coverage: &[f64], width: usize) -> Vec<Streak> {
     found
 }
 
-/// Two pictures a shutter's time apart: the same drops, each where its streak ends in the first and begins in the second.
-/// The wind across is known, and so from how far a drop went across how far away it is, how fast it falls, and from
-/// its cover how large it is.
+/// Two pictures a shutter's time apart: the same drops, each where its streak ends in the first and
+/// begins in the second. The wind across is known, and so from how far a drop went across how far
+/// away it is, how fast it falls, and from its cover how large it is.
 #[test]
 fn streaks_are_as_long_as_drops_of_their_size_fall() {
     const SHUTTER: f64 = 0.004;
@@ -250,7 +253,8 @@ fn streaks_are_as_long_as_drops_of_their_size_fall() {
     assert!((speed - 1.0).abs() < 0.05 && right > 0.8);
 }
 
-/// Fall speed of drops, mm and m/s, as measured by Gunn and Kinzer (1949), straight between their sizes.
+/// Fall speed of drops, mm and m/s, as measured by Gunn and Kinzer (1949), straight between their
+/// sizes.
 fn gunn_kinzer(diameter: f64) -> f64 {
     const MEASURED: [[f64; 2]; 14] = [
         [0.4, 1.62],

@@ -1,5 +1,5 @@
-//! `evaluate --pictures` and `--paper` by running them: on embeddings that are made up, and with `nets` on pictures by a
-//! small random network; and what they say to bad input.
+//! `evaluate --pictures` and `--paper` by running them: on embeddings that are made up, and with
+//! `nets` on pictures by a small random network; and what they say to bad input.
 
 #[path = "common/process.rs"]
 mod process;
@@ -326,7 +326,8 @@ mod network {
         let (_, beside, json) = desk.run("--pictures kept/frames.npy --real kept/photos.npy");
         assert_eq!((beside.as_str(), found(&json, "frames", None, None)), ("", value));
 
-        // A picture that was spoilt without a trace is not looked at again; one that has another time is.
+        // A picture that was spoilt without a trace is not looked at again; one that has another
+        // time is.
         let spoilt = desk.at("frames/1.png");
         let (bytes, time) = (fs::read(&spoilt).unwrap(), fs::metadata(&spoilt).unwrap().modified().unwrap());
         let mut bad = bytes.clone();

@@ -1,4 +1,5 @@
-//! Compares the street's light as weather changes it with the same street under the sky that it is changed to.
+//! Compares the street's light as weather changes it with the same street under the sky that it is
+//! changed to.
 
 use weather_magician::{FrameOptions, Picture, Renderer, Weather};
 use wm_scene::color::{luminance, srgb_decode};

@@ -1,16 +1,17 @@
 //! Fog at a silhouette: a pixel that holds two distances at once.
 //!
-//! Half a card at 10 m before one at 1000 m. Where the near card's edge covers a pixel by the part `a`, the
-//! eye gets `a` of the near card seen through 10 m of fog and `1 - a` of the far one through 1000 m. Each
-//! layer is fogged here in f64, in linear light, and the two are blended as the renderer blends, in
-//! display-referred colour, with the coverage that a clear picture of the near card shows. Fog from one
-//! depth a pixel, the mean of both, is computed as well: it draws a bright rim about dark things, and the
-//! test must see it.
+//! Half a card at 10 m before one at 1000 m. Where the near card's edge covers a pixel by the part
+//! `a`, the eye gets `a` of the near card seen through 10 m of fog and `1 - a` of the far one
+//! through 1000 m. Each layer is fogged here in f64, in linear light, and the two are blended as
+//! the renderer blends, in display-referred colour, with the coverage that a clear picture of the
+//! near card shows. Fog from one depth a pixel, the mean of both, is computed as well: it draws a
+//! bright rim about dark things, and the test must see it.
 //!
-//! Tolerance: 1/255. The splats that a pixel shows lie within two standard deviations, 3.6 px, of its ray. In
-//! the picture's corners that is 3.6/88 x 0.55 of 10 m nearer or farther, 0.22 m; at a range of 200 m it
-//! changes the light before black by 0.22 x 0.015 x 0.86 x 0.51 = 0.0015, where the sRGB curve rises by 2.1:
-//! 0.8/255. It is less everywhere else. What shines through the cards is 2e-4 and goes under.
+//! Tolerance: 1/255. The splats that a pixel shows lie within two standard deviations, 3.6 px, of
+//! its ray. In the picture's corners that is 3.6/88 x 0.55 of 10 m nearer or farther, 0.22 m; at a
+//! range of 200 m it changes the light before black by 0.22 x 0.015 x 0.86 x 0.51 = 0.0015, where
+//! the sRGB curve rises by 2.1: 0.8/255. It is less everywhere else. What shines through the cards
+//! is 2e-4 and goes under.
 
 mod common;
 

@@ -1,5 +1,5 @@
-//! Frames do not know each other: any instant rendered alone is the frame of a sequence, and a sequence that
-//! was interrupted goes on to the same bytes.
+//! Frames do not know each other: any instant rendered alone is the frame of a sequence, and a
+//! sequence that was interrupted goes on to the same bytes.
 
 mod common;
 
@@ -58,7 +58,8 @@ fn a_frame_alone_is_the_frame_of_the_sequence() {
     assert_eq!(different.len(), 12);
 }
 
-/// A range of frames has the bytes of the whole sequence, on any number of threads, and goes into the same folder.
+/// A range of frames has the bytes of the whole sequence, on any number of threads, and goes into
+/// the same folder.
 #[test]
 fn frames_of_a_range_are_those_of_the_sequence() {
     let workshop = Workshop::new();

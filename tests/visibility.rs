@@ -1,16 +1,17 @@
 //! Visibility, measured as a transmissometer would: black and white cards in rendered pictures.
 //!
-//! A card of radiance `L0` at distance `s` is seen as `L0 T + A (1 - T)`. The difference of a white and a
-//! black one is free of the airlight `A`, so that `T = (white - black) / (white0 - black0)`, with the same
-//! cards seen through clear air below. From `T` over the true length of each pixel's ray follows the
-//! extinction, and from that the meteorological optical range. Nothing of the program's optics is used:
-//! scenes go in as files, pictures come out as files.
+//! A card of radiance `L0` at distance `s` is seen as `L0 T + A (1 - T)`. The difference of a white
+//! and a black one is free of the airlight `A`, so that `T = (white - black) / (white0 - black0)`,
+//! with the same cards seen through clear air below. From `T` over the true length of each pixel's
+//! ray follows the extinction, and from that the meteorological optical range. Nothing of the
+//! program's optics is used: scenes go in as files, pictures come out as files.
 //!
-//! The tolerance of a measurement: a pixel shows splats of about 1 px standard deviation, the nearer ones
-//! of a tilted card before the others. With 1 px = 1/286 of the distance and a tilt of 40 degrees the light
-//! comes from up to 1.5/286 tan 40 = 0.44 % nearer than the card's plane, on the two cards of three that are
-//! tilted: 0.3 % in the mean. What shines through the cards is below 2e-4, and the floats of EXR add less. So
-//! 1 % holds what is claimed, and nothing but the tilt is a systematic error.
+//! The tolerance of a measurement: a pixel shows splats of about 1 px standard deviation, the
+//! nearer ones of a tilted card before the others. With 1 px = 1/286 of the distance and a tilt of
+//! 40 degrees the light comes from up to 1.5/286 tan 40 = 0.44 % nearer than the card's plane, on
+//! the two cards of three that are tilted: 0.3 % in the mean. What shines through the cards is
+//! below 2e-4, and the floats of EXR add less. So 1 % holds what is claimed, and nothing but the
+//! tilt is a systematic error.
 
 mod common;
 
@@ -25,7 +26,8 @@ const FIELD: usize = 80;
 const FIELDS: (usize, usize) = (6, 5);
 /// Half the side of a card, px.
 const HALF: f64 = 10.0;
-/// Half the side of the patch in its middle that is measured, px: far from the soft edge, 13 x 13 px.
+/// Half the side of the patch in its middle that is measured, px: far from the soft edge, 13 x 13
+/// px.
 const PATCH: usize = 6;
 /// Radiance of the fog, sRGB, not grey, so that channels cannot be confused.
 const AIRLIGHT: [u8; 3] = [0xb4, 0xbe, 0xc8];
@@ -218,18 +220,20 @@ fn fog_has_the_range_that_is_asked_for() {
                 let measured = MOR_DEPTH / chart.extinction(&seen, channel, (0.02, 0.995));
                 within(&format!("EXR, scale by {name}, channel {channel}, MOR"), measured, mor, 0.01);
             }
-            // At the picture's corners z is two thirds of the ray: fog by z would show, five times the bound.
+            // At the picture's corners z is two thirds of the ray: fog by z would show, five times
+            // the bound.
             let by_z = MOR_DEPTH / chart.extinction_by_z(&seen);
             assert!((by_z / mor - 1.0).abs() > 0.05, "by z the range would be {by_z}");
         }
     }
 }
 
-/// 8 bits. Dithered, the mean over 13 x 13 px is right within 0.06 of a step; a step is 1/255 of the encoded
-/// value, 0.0055 of linear light at the slope 1.4 that the curve has at most between airlight and white. A
-/// contrast of 10 % then errs by 2 x 0.06 x 0.0055 / 0.1 = 0.7 %, its logarithm of 2.3 by 0.3 %. Without
-/// dithering a patch may be off by half a step as a whole, 2 x 0.5 x 0.0055 / 0.1 = 5.5 %, or 2.4 % of the
-/// logarithm, and the error is shared with eight other cards. So 3 % holds both.
+/// 8 bits. Dithered, the mean over 13 x 13 px is right within 0.06 of a step; a step is 1/255 of
+/// the encoded value, 0.0055 of linear light at the slope 1.4 that the curve has at most between
+/// airlight and white. A contrast of 10 % then errs by 2 x 0.06 x 0.0055 / 0.1 = 0.7 %, its
+/// logarithm of 2.3 by 0.3 %. Without dithering a patch may be off by half a step as a whole, 2 x
+/// 0.5 x 0.0055 / 0.1 = 5.5 %, or 2.4 % of the logarithm, and the error is shared with eight other
+/// cards. So 3 % holds both.
 #[test]
 fn eight_bits_still_tell_the_range() {
     let chart = Chart::new(Scale::File(2.5), 600.0);
@@ -242,8 +246,9 @@ fn eight_bits_still_tell_the_range() {
     }
 }
 
-/// By wavelength to the power of -1.3 (Angstrom 1929): 0.874 / 1 / 1.244 at 610 / 550 / 465 nm. The ratio of
-/// two channels at the same pixels is free of the tilt's error and leaves the floats' alone.
+/// By wavelength to the power of -1.3 (Angstrom 1929): 0.874 / 1 / 1.244 at 610 / 550 / 465 nm. The
+/// ratio of two channels at the same pixels is free of the tilt's error and leaves the floats'
+/// alone.
 #[test]
 fn haze_takes_each_color_by_its_own_measure() {
     let chart = Chart::new(Scale::File(2.5), 600.0);
@@ -259,8 +264,9 @@ fn haze_takes_each_color_by_its_own_measure() {
     }
 }
 
-/// Optical depth over `metres` of a ray that begins at `height` and rises by `rise` a metre, in air whose
-/// extinction is `exp(-h / scale_height)`: Simpson's rule over 2000 pieces, right to 1e-9 here.
+/// Optical depth over `metres` of a ray that begins at `height` and rises by `rise` a metre, in air
+/// whose extinction is `exp(-h / scale_height)`: Simpson's rule over 2000 pieces, right to 1e-9
+/// here.
 fn simpson(height: f64, rise: f64, metres: f64, scale_height: f64) -> f64 {
     let pieces = 2000;
     let step = metres / f64::from(pieces);
@@ -269,8 +275,8 @@ fn simpson(height: f64, rise: f64, metres: f64, scale_height: f64) -> f64 {
     step / 3.0 * (at(0) + inner + at(pieces))
 }
 
-/// Fog that thins upwards, against the integral along each ray, taken numerically. Its base lies 3 m above
-/// the ground, which is 15 m below the camera.
+/// Fog that thins upwards, against the integral along each ray, taken numerically. Its base lies 3
+/// m above the ground, which is 15 m below the camera.
 #[test]
 fn fog_that_thins_upwards_is_the_integral_along_each_ray() {
     let chart = Chart::new(Scale::Option(0.4), 120.0);
@@ -292,7 +298,8 @@ fn fog_that_thins_upwards_is_the_integral_along_each_ray() {
                 let pixels = Chart::patch(index).count() as f64;
                 // Neither next to nothing nor swamped.
                 if rises.contains(&rise) && (0.02..4.0).contains(&(measured / pixels)) {
-                    // The extinction at the base that the card tells: what it lost over the shape's integral.
+                    // The extinction at the base that the card tells: what it lost over the shape's
+                    // integral.
                     sum += measured / integral;
                     cards += 1;
                 }
@@ -304,7 +311,8 @@ fn fog_that_thins_upwards_is_the_integral_along_each_ray() {
     }
 }
 
-/// Endlessly far things have the airlight's colour; near ones keep their own; more fog never shows more.
+/// Endlessly far things have the airlight's colour; near ones keep their own; more fog never shows
+/// more.
 #[test]
 fn fog_only_takes_contrast_and_ends_in_the_airlight() {
     let chart = Chart::new(Scale::File(2.5), 600.0);
@@ -323,7 +331,8 @@ fn fog_only_takes_contrast_and_ends_in_the_airlight() {
             // As far as f32 tells, which at 600 m and 50 m of range is nothing any more.
             assert!(contrasts.windows(2).all(|pair| pair[0] <= pair[1] + 1e-6), "{contrasts:?}");
             for pair in [&thick, &middle, &thin] {
-                // White is dimmed towards the airlight and black is lifted towards it, neither beyond.
+                // White is dimmed towards the airlight and black is lifted towards it, neither
+                // beyond.
                 let (white, black) = (pair.white.at(x, y)[k], pair.black.at(x, y)[k]);
                 assert!(white <= none.white.at(x, y)[k] + 1e-6 && white >= airlight - 1e-4, "{white}");
                 assert!(black >= none.black.at(x, y)[k] - 1e-6 && black <= airlight + 1e-5, "{black}");

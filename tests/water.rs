@@ -1,4 +1,5 @@
-//! Wet ground: frames alone and in sequences, threads, what stays dry, and weathers that wet nothing.
+//! Wet ground: frames alone and in sequences, threads, what stays dry, and weathers that wet
+//! nothing.
 
 mod common;
 
@@ -58,7 +59,8 @@ fn water_darkens_and_dry_weather_changes_no_byte() {
     }
     let light = |k: usize| shown[k].frame.rgb.iter().map(|v| f64::from(*v)).sum::<f64>();
     assert!(light(0) > light(3), "{} {}", light(0), light(3));
-    // What is damp mirrors a little, whether it is darkened or not, and the sky stays as it is over a film.
+    // What is damp mirrors a little, whether it is darkened or not, and the sky stays as it is over
+    // a film.
     let brighter =
         [3, 5].map(|damp| clear.iter().zip(&shown[damp].frame.rgb).map(|(a, b)| b - a).fold(0.0, f32::max));
     assert!(brighter[0] < 0.15 && (0.01..0.15).contains(&brighter[1]), "{brighter:?}");

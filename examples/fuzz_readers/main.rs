@@ -35,7 +35,8 @@ use targets::{TARGETS, Target};
 
 /// A run that has not ended after so much processor time is an endless loop.
 const HANG: Duration = Duration::from_secs(60);
-/// A run that has not ended after so much time on the clock is an endless loop, even if other programs take the processor.
+/// A run that has not ended after so much time on the clock is an endless loop, even if other
+/// programs take the processor.
 const LONG_HANG: Duration = Duration::from_secs(1200);
 /// Most that making assets may take, as a multiple of a target's budget.
 const PREPARING: f64 = 4.0;

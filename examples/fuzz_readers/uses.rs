@@ -1,5 +1,5 @@
-//! Work with what the readers accepted, at 64x48 px: frames, sweeps, assets, links, states of pages,
-//! evaluations, and trainings that go on.
+//! Work with what the readers accepted, at 64x48 px: frames, sweeps, assets, links, states of
+//! pages, evaluations, and trainings that go on.
 
 use crate::damage::Draws;
 use crate::edges::weather_at_edges;
@@ -34,7 +34,8 @@ use wm_viewer::paint::PaintOptions;
 use wm_viewer::{View, ViewPainter, ViewState, link};
 
 const SIZE: (u32, u32) = (64, 48);
-/// Runs on one place, and with one folder of assets: what is kept for old weathers must not count against new ones.
+/// Runs on one place, and with one folder of assets: what is kept for old weathers must not count
+/// against new ones.
 const RUNS_ON_A_PLACE: u32 = 256;
 const RUNS_ON_A_FOLDER: u32 = 2048;
 /// Weathers that a damaged scene is drawn in.
@@ -45,8 +46,8 @@ thread_local! {
     static PREPARING: Cell<f64> = const { Cell::new(0.0) };
 }
 
-/// Returns the processor time, s, that this thread's runs have spent on making assets since the last call. They are made
-/// once for a scene and a weather, and have a budget of their own.
+/// Returns the processor time, s, that this thread's runs have spent on making assets since the
+/// last call. They are made once for a scene and a weather, and have a budget of their own.
 pub fn take_preparing_seconds() -> f64 {
     PREPARING.take()
 }

@@ -31,7 +31,8 @@ made = place.render(
 for name, array in made.items():
     print(f"{name:14}{array.shape} {array.dtype}")
 
-# Koschmieder's law along the axis: the air lets through exp(-3 d / MOR) at least, since rays are longer than depths.
+# Koschmieder's law along the axis: the air lets through exp(-3 d / MOR) at least, since rays are
+# longer than depths.
 depth, through = made["depth"][..., 0], made["transmittance"][..., 1]
 seen = (depth > 5) & (depth < 40)
 expected = np.exp(-3.0 * depth[seen] / 60.0)

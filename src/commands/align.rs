@@ -26,10 +26,11 @@ use wm_scene::{Lamp, LitWindow, Metadata, PhotoSun, Scene};
                   weather-magician align garden.ply --overwrite --sun 2,1,3.5:4.1,1.6,0"
 )]
 pub struct AlignArgs {
-    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG
+    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a
+    /// SOG
     scene: PathBuf,
-    /// Output scene; the ending chooses the format. Without it, --overwrite writes the facts into SCENE.wm.toml, beside the
-    /// scene
+    /// Output scene; the ending chooses the format. Without it, --overwrite writes the facts into
+    /// SCENE.wm.toml, beside the scene
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -40,7 +41,8 @@ pub struct AlignArgs {
     /// Reverse up: the one given, that of the ground's points, or that of the scene
     #[arg(long, help_heading = "Facts")]
     flip: bool,
-    /// Three points of the ground, which also tell up if --up is not given; or the height of the ground along up, scene units
+    /// Three points of the ground, which also tell up if --up is not given; or the height of the
+    /// ground along up, scene units
     #[arg(long, value_name = "X,Y,Z:X,Y,Z:X,Y,Z|UNITS", value_parser = parse_ground, allow_hyphen_values = true, help_heading = "Facts")]
     ground: Option<GivenGround>,
     /// Metres per scene unit
@@ -52,19 +54,21 @@ pub struct AlignArgs {
     /// The scale from the height of the photos' cameras above the ground, m
     #[arg(long, value_name = "METRES", allow_negative_numbers = true, conflicts_with_all = ["metres_per_unit", "known_distance"], help_heading = "Facts")]
     camera_height: Option<f64>,
-    /// Outline of open water, three points or more, on which neither snow nor sand lies; may be given several times. `none`: there
-    /// is none, although something blue looks like a pool
+    /// Outline of open water, three points or more, on which neither snow nor sand lies; may be
+    /// given several times. `none`: there is none, although something blue looks like a pool
     #[arg(long, value_name = "X,Y,Z:X,Y,Z:...|none", value_parser = parse_outline, allow_hyphen_values = true, help_heading = "Facts")]
     water: Vec<Outline>,
-    /// The sun of the photos: the top of something and the end of its shadow; or the direction towards the sun. `none`: the light was
-    /// diffuse, as under clouds
+    /// The sun of the photos: the top of something and the end of its shadow; or the direction
+    /// towards the sun. `none`: the light was diffuse, as under clouds
     #[arg(long, value_name = "X,Y,Z:X,Y,Z|X,Y,Z|none", value_parser = parse_sun, allow_hyphen_values = true, help_heading = "Light")]
     sun: Option<PhotoSun>,
-    /// A lamp that shines down, and its luminous flux in lumens (5000); may be given several times. `path`: a row of them beside the
-    /// path of the photos. `posts`: one on each post that is found. `none`: there are none
+    /// A lamp that shines down, and its luminous flux in lumens (5000); may be given several times.
+    /// `path`: a row of them beside the path of the photos. `posts`: one on each post that is
+    /// found. `none`: there are none
     #[arg(long, value_name = "X,Y,Z[=LUMENS]|posts|path|none", value_parser = parse_lamp, allow_hyphen_values = true, help_heading = "Light")]
     lamp: Vec<GivenLamp>,
-    /// A window that is lit by night, by two opposite corners on its wall; may be given several times. `none`: there are none
+    /// A window that is lit by night, by two opposite corners on its wall; may be given several
+    /// times. `none`: there are none
     #[arg(long, value_name = "X,Y,Z:X,Y,Z|none", value_parser = parse_window, allow_hyphen_values = true, help_heading = "Light")]
     window: Vec<GivenWindow>,
 }

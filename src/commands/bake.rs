@@ -25,8 +25,8 @@ pub struct BakeArgs {
     /// Time of the weather, seconds
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     time: f64,
-    /// Output file; its extension is the format: .ply, .spz, .sog, .glb and others [default: a .ply named after scene and
-    /// weather, in this folder]
+    /// Output file; its extension is the format: .ply, .spz, .sog, .glb and others [default: a .ply
+    /// named after scene and weather, in this folder]
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
     #[command(flatten)]

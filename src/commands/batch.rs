@@ -1,4 +1,5 @@
-//! `batch`: makes a data set by a plan: scenes in many weathers, in the layouts that training code reads.
+//! `batch`: makes a data set by a plan: scenes in many weathers, in the layouts that training code
+//! reads.
 
 use crate::interrupt::Interrupted;
 use crate::progress::Reporter;
@@ -28,10 +29,12 @@ pub struct BatchArgs {
     /// Folder of the set [default: named after the plan, in this folder]
     #[arg(short, long, value_name = "FOLDER", help_heading = "Output")]
     out: Option<PathBuf>,
-    /// Make part I of N alone, counted from 0: 0/8 to 7/8, on as many machines or one after the other; --merge ends the set
+    /// Make part I of N alone, counted from 0: 0/8 to 7/8, on as many machines or one after the
+    /// other; --merge ends the set
     #[arg(long, value_name = "I/N", help_heading = "Output")]
     shard: Option<Shard>,
-    /// Check that all blocks are there, and write the tables of the layouts, the manifest and the summary
+    /// Check that all blocks are there, and write the tables of the layouts, the manifest and the
+    /// summary
     #[arg(long, conflicts_with_all = ["shard", "list", "frames"], help_heading = "Output")]
     merge: bool,
     /// With --merge: compare the hashes of all files too
@@ -40,7 +43,8 @@ pub struct BatchArgs {
     /// Print clips and frames, and how much is done; make nothing
     #[arg(long, conflicts_with = "shard", help_heading = "Output")]
     list: bool,
-    /// Make only these frames, as 300..420 or 300..=420, without marking anything as done; with --list, print these
+    /// Make only these frames, as 300..420 or 300..=420, without marking anything as done; with
+    /// --list, print these
     #[arg(long, value_name = "RANGE", conflicts_with = "shard", help_heading = "Output")]
     frames: Option<FrameSpan>,
     #[command(flatten)]

@@ -29,7 +29,8 @@ const LONGEST: u32 = 1280;
                   weather-magician render garden-labelled.ply --weather heavy-rain --also label -o rain.png"
 )]
 pub struct LabelArgs {
-    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a SOG
+    /// The scene: a PLY, SPZ, SOG, glTF, .splat or .ksplat, or the folder of a 3DGS training or a
+    /// SOG
     scene: PathBuf,
     /// Folder of the masks
     #[arg(long, value_name = "FOLDER")]

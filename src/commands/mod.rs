@@ -43,7 +43,8 @@ pub struct Cli {
 enum CliCommand {
     /// Reconstruct a scene from photos
     Reconstruct(Box<reconstruct::ReconstructArgs>),
-    /// Compute depth, normals and sky of photos before a training: from the photos, with a network, or from maps
+    /// Compute depth, normals and sky of photos before a training: from the photos, with a network,
+    /// or from maps
     Priors(Box<priors::PriorsArgs>),
     /// Render a scene under a weather: a picture, a video or a folder of frames
     Render(Box<render::RenderArgs>),
@@ -52,7 +53,8 @@ enum CliCommand {
     /// Show a scene in a browser: fly through it, change the weather, save pictures and videos
     #[cfg(feature = "viewer")]
     View(Box<view::ViewArgs>),
-    /// Write a scene as a static web page that renders it in weather in the browser, without a server
+    /// Write a scene as a static web page that renders it in weather in the browser, without a
+    /// server
     #[cfg(feature = "viewer")]
     ExportWeb(Box<export_web::ExportWebArgs>),
     /// Make a data set by a plan: scenes in many weathers, as nuScenes, KITTI and other layouts
@@ -63,10 +65,11 @@ enum CliCommand {
     Bake(Box<bake::BakeArgs>),
     /// Convert scenes to another format; rotate, scale, crop or reduce them
     Convert(convert::ConvertArgs),
-    /// Compare a scene with photos, and with true depth, normals and sky if there are maps; or pictures with photographs
-    /// of real weather
+    /// Compare a scene with photos, and with true depth, normals and sky if there are maps; or
+    /// pictures with photographs of real weather
     Evaluate(Box<evaluate::EvaluateArgs>),
-    /// Measure a weather in rendered pictures: visibility, mm/h, drops, streaks, snow depth, mass and consistency
+    /// Measure a weather in rendered pictures: visibility, mm/h, drops, streaks, snow depth, mass
+    /// and consistency
     Measure(Box<measure::MeasureArgs>),
     /// Make a panorama of the sky from photos, for the sky of a weather
     Sky(sky::SkyArgs),

@@ -63,10 +63,12 @@ struct LidarArgs {
     /// Returns of a pulse that become points [default: strongest]
     #[arg(long, value_enum, help_heading = "Lidar")]
     returns: Option<ReturnChoice>,
-    /// Extinction over backscatter of fog, haze and smog, sr [default: 18 of fog, 50 of haze and smog]
+    /// Extinction over backscatter of fog, haze and smog, sr [default: 18 of fog, 50 of haze and
+    /// smog]
     #[arg(long, value_name = "SR", allow_negative_numbers = true, help_heading = "Lidar")]
     lidar_ratio: Option<f64>,
-    /// Scan with a radar instead (plausible, not validated): a name from the list below (--help), or a TOML file
+    /// Scan with a radar instead (plausible, not validated): a name from the list below (--help),
+    /// or a TOML file
     #[arg(long, value_name = "NAME|FILE", help_heading = "Radar")]
     radar: Option<String>,
     /// Seed of the noise of ranges and of detection
@@ -77,8 +79,8 @@ struct LidarArgs {
 /// The place of the sensor over time.
 #[derive(Args, Debug)]
 struct SensorPlaceArgs {
-    /// Place of the sensor, which stands upright: EYE:TARGET as X,Y,Z:X,Y,Z, a photo's name or number, or a JSON file of
-    /// keyframes [default: a view chosen automatically]
+    /// Place of the sensor, which stands upright: EYE:TARGET as X,Y,Z:X,Y,Z, a photo's name or
+    /// number, or a JSON file of keyframes [default: a view chosen automatically]
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true, help_heading = "Sensor")]
     at: Option<CameraSpec>,
     /// COLMAP model with the photos' cameras that --at may name
@@ -98,15 +100,16 @@ struct SensorPlaceArgs {
 /// The points and where they go.
 #[derive(Args, Debug)]
 struct PointArgs {
-    /// Output: points as .ply, .pcd, .npy, .las or KITTI's .bin, of a radar as .ply, .pcd or .npy; several sweeps get
-    /// numbers [default: a .ply named after scene and weather, in this folder]
+    /// Output: points as .ply, .pcd, .npy, .las or KITTI's .bin, of a radar as .ply, .pcd or .npy;
+    /// several sweeps get numbers [default: a .ply named after scene and weather, in this folder]
     #[arg(short, long, value_name = "PATH", help_heading = "Output")]
     out: Option<PathBuf>,
-    /// Pictures of each sweep, as PNG beside the points: range, intensity, above; of a radar above (by velocity), rcs
+    /// Pictures of each sweep, as PNG beside the points: range, intensity, above; of a radar above
+    /// (by velocity), rcs
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
     picture: Vec<String>,
-    /// Axes of the points: compensated are those of the sensor at the start of the sweep, raw those at each pulse, world those of
-    /// the scene in metres
+    /// Axes of the points: compensated are those of the sensor at the start of the sweep, raw those
+    /// at each pulse, world those of the scene in metres
     #[arg(long, value_enum, default_value = "compensated", help_heading = "Output")]
     frame: FrameChoice,
     /// Time of the start, of the weather and along the path, seconds

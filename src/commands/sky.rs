@@ -1,9 +1,11 @@
-//! `sky`: makes a panorama of the sky from the photos of a data set, for `sky.panorama` of a weather.
+//! `sky`: makes a panorama of the sky from the photos of a data set, for `sky.panorama` of a
+//! weather.
 //!
-//! The sky of each photo is classified as for training ([`wm_train::priors::sky`]). A direction gets the weighted mean of the
-//! photos that show sky there; weights fall towards a photo's edge, so that seams are soft. Directions that no photo shows
-//! get the mean colour of their elevation, plus the difference of seen neighbours from theirs, interpolated from coarser
-//! and coarser means ("pull-push", Gortler et al. 1996). Photos of different exposure are not matched.
+//! The sky of each photo is classified as for training ([`wm_train::priors::sky`]). A direction
+//! gets the weighted mean of the photos that show sky there; weights fall towards a photo's edge,
+//! so that seams are soft. Directions that no photo shows get the mean colour of their elevation,
+//! plus the difference of seen neighbours from theirs, interpolated from coarser and coarser means
+//! ("pull-push", Gortler et al. 1996). Photos of different exposure are not matched.
 
 use crate::overwrite::OverwriteArgs;
 use anyhow::{Result, bail};
@@ -31,7 +33,8 @@ const LONGEST: u32 = 1200;
 const FADE: f64 = 0.15;
 /// Angle over which the colour of a row is blended, degrees.
 const SPREAD: f32 = 4.0;
-/// Least brightness of the sky as a multiple of the median of its pixels; the same as in the survey.
+/// Least brightness of the sky as a multiple of the median of its pixels; the same as in the
+/// survey.
 const DARK: f64 = 0.65;
 
 /// Options of `sky`.
@@ -143,7 +146,8 @@ impl SkyPhoto {
     }
 }
 
-/// Returns the panorama `[H, W, 3]` about `up`, sRGB, and the fraction of the upper half that photos show.
+/// Returns the panorama `[H, W, 3]` about `up`, sRGB, and the fraction of the upper half that
+/// photos show.
 fn panorama(photos: &[SkyPhoto], up: DVec3, size: PictureSize) -> (Vec<f32>, f64) {
     let axes = level_axes(up.to_array()).map(DVec3::from_array);
     let (width, height) = (size.width as usize, size.height as usize);
@@ -163,7 +167,8 @@ fn panorama(photos: &[SkyPhoto], up: DVec3, size: PictureSize) -> (Vec<f32>, f64
     let is_seen = |sum: &[f32; 4]| sum[3] > 0.0;
     let share = sums[..width * height / 2].iter().filter(|sum| is_seen(sum)).count();
     let rings = rings(&sums, width);
-    // Each seen pixel as its difference from its ring, with the weight it has against what is made up.
+    // Each seen pixel as its difference from its ring, with the weight it has against what is made
+    // up.
     for (i, sum) in sums.iter_mut().enumerate().filter(|(_, sum)| is_seen(sum)) {
         let ring = rings[i / width];
         *sum = [0, 1, 2, 3].map(|k| if k == 3 { sum[3].min(1.0) } else { sum[k] / sum[3] - ring[k] });
@@ -176,8 +181,8 @@ fn panorama(photos: &[SkyPhoto], up: DVec3, size: PictureSize) -> (Vec<f32>, f64
     (rgb.collect(), share as f64 / (width * height / 2) as f64)
 }
 
-/// Returns the colour of each row: a mean of all rows, weighted by distance, so that rows with few or misclassified
-/// pixels make no stripes.
+/// Returns the colour of each row: a mean of all rows, weighted by distance, so that rows with few
+/// or misclassified pixels make no stripes.
 fn rings(sums: &[[f32; 4]], width: usize) -> Vec<[f32; 3]> {
     let add = |a: [f32; 4], b: [f32; 4]| [0, 1, 2, 3].map(|k| a[k] + b[k]);
     let rows: Vec<[f32; 4]> =
@@ -194,7 +199,8 @@ fn rings(sums: &[[f32; 4]], width: usize) -> Vec<[f32; 3]> {
     (0..rows.len()).into_par_iter().map(ring).collect()
 }
 
-/// Removes pixels that are far darker than the rest: branches and walls that were classified as sky.
+/// Removes pixels that are far darker than the rest: branches and walls that were classified as
+/// sky.
 fn drop_dark(sums: &mut [[f32; 4]]) {
     let light = |sum: &[f32; 4]| luminance([0, 1, 2].map(|k| srgb_decode(f64::from(sum[k] / sum[3]))));
     let mut seen: Vec<f64> = sums.iter().filter(|sum| sum[3] > 0.0).map(light).collect();

@@ -25,7 +25,8 @@ pub struct ViewArgs {
     levels: LevelArgs,
     #[command(flatten)]
     weather: WeatherArgs,
-    /// Panorama that the page offers as a sky, in addition to the weather's; may be given several times
+    /// Panorama that the page offers as a sky, in addition to the weather's; may be given several
+    /// times
     #[arg(long, value_name = "FILE", help_heading = "Weather")]
     panorama: Vec<PathBuf>,
     #[command(flatten)]

@@ -23,8 +23,8 @@ enum WeatherAction {
 /// Options of `weather from`.
 #[derive(Args, Debug)]
 pub struct FromArgs {
-    /// The report: a METAR, a WMO code (ww 63), CARLA's parameters or plain words; or a file with one, or with a table of hours
-    /// (JSON or CSV)
+    /// The report: a METAR, a WMO code (ww 63), CARLA's parameters or plain words; or a file with
+    /// one, or with a table of hours (JSON or CSV)
     #[arg(value_name = "REPORT|FILE")]
     report: String,
     /// Weather file to write, a .toml [default: printed]
@@ -35,7 +35,8 @@ pub struct FromArgs {
     /// Seconds of the shot in an hour of a table
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     seconds_per_hour: f64,
-    /// Latitude and longitude, degrees: the sun of a METAR, or of a table without a place, is then that of its time
+    /// Latitude and longitude, degrees: the sun of a METAR, or of a table without a place, is then
+    /// that of its time
     #[arg(long, value_name = "LAT,LON", value_parser = parse_place, allow_hyphen_values = true)]
     place: Option<[f64; 2]>,
     /// Day of the year for --place, 1 to 366: a METAR has only the day of the month

@@ -40,7 +40,8 @@ fn at_most((width, height): (u32, u32), widest: u32) -> (u32, u32) {
     (widest, (scaled.round() as u32).max(1))
 }
 
-/// Encodes colours, `[H, W, 3]`, 0-1, as a data URI of a JPEG, reduced by area averaging if wider than `widest` px.
+/// Encodes colours, `[H, W, 3]`, 0-1, as a data URI of a JPEG, reduced by area averaging if wider
+/// than `widest` px.
 pub fn color(rgb: &[f32], size: (u32, u32), widest: u32) -> Result<String> {
     let (width, height) = at_most(size, widest);
     let small = Map::new(size.0, size.1, 3, rgb.to_vec()).resampled(width, height, Filter::Area);
@@ -75,7 +76,8 @@ pub fn indexed(indices: &[u8], (width, height): (u32, u32), palette: &[[u8; 3]])
     Ok(data_uri("image/png", &out))
 }
 
-/// Returns for every shown pixel the index of its nearest map pixel: maps of numbers are not averaged.
+/// Returns for every shown pixel the index of its nearest map pixel: maps of numbers are not
+/// averaged.
 pub fn nearest(size: (u32, u32)) -> Vec<usize> {
     let (width, height) = shown_size(size);
     let along =

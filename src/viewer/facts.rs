@@ -1,4 +1,5 @@
-//! The facts of the scene that the page's tool changes: up, the ground, the scale, lamps, and the sun of the photos.
+//! The facts of the scene that the page's tool changes: up, the ground, the scale, lamps, and the
+//! sun of the photos.
 //!
 //! Changes act on the pictures at once. They become those of the scene only when the page asks for
 //! it, as `align --overwrite` writes them. Until then they are kept in a journal beside the scene,
@@ -138,7 +139,8 @@ pub struct FactEditor {
 }
 
 impl FactEditor {
-    /// Returns the editor of a place as it was opened from the path `scene`, with the command-line words of its facts.
+    /// Returns the editor of a place as it was opened from the path `scene`, with the command-line
+    /// words of its facts.
     pub fn new(scene: PathBuf, sky: SkyChoice, place: &PreparedPlace, words: Vec<String>) -> Self {
         Self { scene, sky, saved: place.facts(), saved_words: words, is_unsaved: false, is_warned: false }
     }
@@ -304,7 +306,8 @@ fn modified(path: &Path) -> Option<SystemTime> {
     std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok()
 }
 
-/// Height above the ground of a lamp that is put on the ground, m, and the height up to which a point counts as that.
+/// Height above the ground of a lamp that is put on the ground, m, and the height up to which a
+/// point counts as that.
 const POST: f64 = 5.0;
 const ON_GROUND: f64 = 1.5;
 /// Width of the beam of a lamp, degrees.
@@ -343,7 +346,8 @@ fn lights(place: &PreparedPlace, change: FactChange) -> Result<Option<Lights>, F
     Ok(Some((lamps, windows)))
 }
 
-/// Returns the sun of the photos after a change, and says what it is; `None` if it is another change.
+/// Returns the sun of the photos after a change, and says what it is; `None` if it is another
+/// change.
 fn photo_sun(place: &PreparedPlace, change: FactChange) -> Result<Option<(PhotoSun, String)>, FactError> {
     match change {
         FactChange::Sun { points: [top, end] } => {

@@ -151,7 +151,8 @@ impl TimedStream {
         self.alarm.as_mut().reset(Instant::now() + IDLE_TIMEOUT);
     }
 
-    /// Passes a result on and restarts the timeout; returns an error if nothing happened for too long.
+    /// Passes a result on and restarts the timeout; returns an error if nothing happened for too
+    /// long.
     fn or_timeout<T>(
         &mut self,
         context: &mut Context<'_>,

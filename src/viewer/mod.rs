@@ -1,11 +1,13 @@
 //! The viewer: renders a scene for a page in the browser.
 //!
-//! Two threads: the `server` (one tokio thread) accepts requests and sends bytes; the `render_worker` (the program's main thread)
-//! owns the renderer and the scene and renders one frame after the other. Between them is the `request_queue`: the latest request
-//! of each page, and commands. Everything else is in the crate `wm_viewer`, which needs no server: all that a
-//! picture depends on is in a `state`; a client may only use names that are in the `catalog`.
+//! Two threads: the `server` (one tokio thread) accepts requests and sends bytes; the
+//! `render_worker` (the program's main thread) owns the renderer and the scene and renders one
+//! frame after the other. Between them is the `request_queue`: the latest request of each page, and
+//! commands. Everything else is in the crate `wm_viewer`, which needs no server: all that a picture
+//! depends on is in a `state`; a client may only use names that are in the `catalog`.
 //!
-//! Complete pictures are rendered as `render` does it, so that the command that the page shows gives the same bytes.
+//! Complete pictures are rendered as `render` does it, so that the command that the page shows
+//! gives the same bytes.
 
 mod download;
 mod facts;
@@ -105,8 +107,8 @@ impl ViewerContext {
         self.loaded().catalog
     }
 
-    /// Takes other facts of the scene: the initial view is level under the new up, and thumbnails are rendered again. Returns the
-    /// message that tells pages.
+    /// Takes other facts of the scene: the initial view is level under the new up, and thumbnails
+    /// are rendered again. Returns the message that tells pages.
     fn set_facts(&self, survey: &Survey, fact_words: Vec<String>, is_unsaved: bool) -> Value {
         let Loaded { catalog, mut start } = self.loaded();
         start.camera = start.camera.levelled(survey.up.value);

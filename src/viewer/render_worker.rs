@@ -1,8 +1,8 @@
 //! The render worker: the only owner of the scene, which carries out one task after the other. A
 //! task that fails, also by a panic, is answered with the reason, and the next one follows.
 //!
-//! Assets that take seconds to make (snow covers, shelter maps) are made on a second thread; until then frames are rendered
-//! without them.
+//! Assets that take seconds to make (snow covers, shelter maps) are made on a second thread; until
+//! then frames are rendered without them.
 
 use super::ViewerContext;
 use super::download::Download;
@@ -45,7 +45,8 @@ use wm_weather::Weather;
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Longest time between two frames of a video while other requests are waiting.
 const VIDEO_FRAME_EVERY: Duration = Duration::from_millis(500);
-/// Least and greatest time from a frame without its points to the sweep that makes them: a hand may pause, and other pages may not.
+/// Least and greatest time from a frame without its points to the sweep that makes them: a hand may
+/// pause, and other pages may not.
 const SWEEP_WITHIN: [Duration; 2] = [Duration::from_millis(150), Duration::from_millis(1000)];
 /// Most commands that wait for assets.
 const MAX_WAITING: usize = 64;
@@ -367,7 +368,8 @@ impl RenderWorker {
         Ok(ServedFrame { message: join_message(&head.to_string(), &jpeg), is_whole, lacks_sweep })
     }
 
-    /// Makes the sweep that a client has waited for the longest, unless it asks for something else by now.
+    /// Makes the sweep that a client has waited for the longest, unless it asks for something else
+    /// by now.
     fn make_due_sweep(&mut self) {
         if self.due.is_empty() {
             return;
@@ -403,7 +405,8 @@ impl RenderWorker {
         self.sweeps.insert(view, made.map_err(|error| error.to_string()), started.elapsed().as_secs_f64());
     }
 
-    /// Renders a view as bytes `[H, W, 3]`, without weather left of its divider, and with the points of its lidar.
+    /// Renders a view as bytes `[H, W, 3]`, without weather left of its divider, and with the
+    /// points of its lidar.
     fn draw(&mut self, view: &View, options: PaintOptions) -> Result<(Vec<u8>, Stats)> {
         let overlay = self.sweeps.overlay(view);
         let Self { renderer, place, painter, .. } = self;
@@ -532,14 +535,16 @@ impl RenderWorker {
         }
     }
 
-    /// Returns the point of the nearest surface at `[x, y]`, 0-1, of the picture; `None` where there is only sky.
+    /// Returns the point of the nearest surface at `[x, y]`, 0-1, of the picture; `None` where
+    /// there is only sky.
     fn surface_at(&mut self, view: &View, [x, y]: [f64; 2]) -> Result<Option<DVec3>> {
         let camera = view.camera();
         let at = (x * f64::from(camera.width), y * f64::from(camera.height));
         Ok(self.renderer.surface_at(&self.place, &camera, at)?)
     }
 
-    /// Changes the facts of the scene: everything after it is rendered with the new ones. Returns what clients are told.
+    /// Changes the facts of the scene: everything after it is rendered with the new ones. Returns
+    /// what clients are told.
     fn change_facts(&mut self, change: FactChange) -> Result<Value, FactError> {
         if self.video.as_ref().is_some_and(|active| active.video.is_stopped()) {
             // Ends it.

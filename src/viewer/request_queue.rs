@@ -1,7 +1,8 @@
-//! Requests and commands of all clients, between the server, which accepts them, and the render worker.
+//! Requests and commands of all clients, between the server, which accepts them, and the render
+//! worker.
 //!
-//! Only the latest request of each client is kept, and a client that has not displayed its last few frames gets no new one.
-//! Clients take turns; those whose view is moving come first.
+//! Only the latest request of each client is kept, and a client that has not displayed its last few
+//! frames gets no new one. Clients take turns; those whose view is moving come first.
 
 use super::download::Download;
 use super::facts::{FactChange, FactError};
@@ -318,8 +319,8 @@ impl RequestQueue {
         self.changed.notify_all();
     }
 
-    /// Lets requests continue that waited for assets. The client that the assets were made for is served first, before
-    /// others need different ones.
+    /// Lets requests continue that waited for assets. The client that the assets were made for is
+    /// served first, before others need different ones.
     pub fn resume_waiting(&self, client: Option<u64>) {
         let mut state = locked(&self.state);
         state.clients.iter_mut().for_each(|client| client.waits = false);
@@ -330,7 +331,8 @@ impl RequestQueue {
         self.changed.notify_all();
     }
 
-    /// Returns true if a client waits for the rest of the frame that it was sent for its request `seq`.
+    /// Returns true if a client waits for the rest of the frame that it was sent for its request
+    /// `seq`.
     pub fn is_waiting(&self, id: u64, seq: u64) -> bool {
         let state = locked(&self.state);
         let client = state.clients.iter().find(|client| client.id == id);
@@ -391,7 +393,8 @@ impl RequestQueue {
         client.request.take_if(|request| seq.is_none_or(|seq| request.seq == seq));
     }
 
-    /// Waits for the next task; `None` if there is none within `timeout`, or after [`Self::wake_worker`].
+    /// Waits for the next task; `None` if there is none within `timeout`, or after
+    /// [`Self::wake_worker`].
     pub fn next_task(&self, timeout: Duration) -> Option<WorkerTask> {
         let mut state = locked(&self.state);
         let end = Instant::now() + timeout;
@@ -444,7 +447,8 @@ impl QueueState {
         command.map(WorkerTask::Command)
     }
 
-    /// Takes the request of the next client after the one served last, among those whose view is `moving` or not.
+    /// Takes the request of the next client after the one served last, among those whose view is
+    /// `moving` or not.
     fn next_client(&mut self, moving: bool) -> Option<ClientTask> {
         let served = self.served;
         let ready = || self.clients.iter().filter(|client| client.is_ready(moving));

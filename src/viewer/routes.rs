@@ -276,7 +276,8 @@ async fn link_of(State(context): Shared, body: Bytes) -> Answer {
     Ok(([(header::CONTENT_TYPE, "text/plain; charset=utf-8")], text).into_response())
 }
 
-/// Returns the state of the fragment of a link; the size and the quality are those of the last state.
+/// Returns the state of the fragment of a link; the size and the quality are those of the last
+/// state.
 async fn open_link(State(context): Shared, body: Bytes) -> Answer {
     check_loaded(&context)?;
     let fragment = std::str::from_utf8(&body).map_err(|_| "link: it is not UTF-8".to_owned())?;

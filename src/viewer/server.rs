@@ -243,8 +243,8 @@ async fn log_in(State(guard): SharedGuard, headers: HeaderMap, body: Body) -> Re
     }
 }
 
-/// Headers of every response: nothing is loaded from other origins, nothing is cached, no other page can frame this one or learn
-/// its address.
+/// Headers of every response: nothing is loaded from other origins, nothing is cached, no other
+/// page can frame this one or learn its address.
 const HEADERS: [(header::HeaderName, &str); 5] = [
     (
         header::CONTENT_SECURITY_POLICY,

@@ -7,8 +7,9 @@
 //! | `{"type": "pick", "x": 0-1, "y": 0-1}` | asks for the point of the scene at a point of the picture |
 //! | `{"type": "thumbnails"}` | requests thumbnails of the presets |
 //!
-//! Frames are binary: the length of a JSON header (32 bits, little-endian), the header, a JPEG. Text messages are JSON with a `type`:
-//! `loading`, `ready`, `failed`, `status`, `error`, `state`, `facts`, `picked`, `thumbnail`.
+//! Frames are binary: the length of a JSON header (32 bits, little-endian), the header, a JPEG.
+//! Text messages are JSON with a `type`: `loading`, `ready`, `failed`, `status`, `error`, `state`,
+//! `facts`, `picked`, `thumbnail`.
 
 use super::ViewerContext;
 use super::request_queue::{ClientQueue, ViewRequest, ViewerCommand};

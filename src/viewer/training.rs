@@ -1,4 +1,5 @@
-//! The page of a training: its curves, and a rendered picture every few seconds while the page is open.
+//! The page of a training: its curves, and a rendered picture every few seconds while the page is
+//! open.
 
 use super::server::{self, ServerArgs, refusal};
 use anyhow::Result;

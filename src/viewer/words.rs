@@ -7,7 +7,8 @@ use std::ffi::{OsStr, OsString};
 use std::path::PathBuf;
 use wm_scene::survey::{FactSource, Survey};
 
-/// Returns the command-line words that name a scene, with its photos' cameras, which influence snow covers.
+/// Returns the command-line words that name a scene, with its photos' cameras, which influence snow
+/// covers.
 pub fn scene_words(args: &SceneArgs, sky: OwnSkyArgs, views: Option<&PathBuf>) -> Vec<OsString> {
     let mut words = vec![args.scene.clone().into_os_string()];
     let mut add = |option: &str, value: &OsStr| {

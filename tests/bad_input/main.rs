@@ -1,5 +1,5 @@
-//! Whatever is wrong with what the program is given: it says so in one line, with the name of the file
-//! and the place in it, and writes nothing.
+//! Whatever is wrong with what the program is given: it says so in one line, with the name of the
+//! file and the place in it, and writes nothing.
 
 mod options;
 #[path = "../common/process.rs"]

@@ -119,8 +119,8 @@ fn properties_that_are_not_there() {
     both_refuse(&place, "a.ply", &["there are no splats in it; nothing can be shown"]);
 }
 
-/// Refused with counts, counted by `inspect`, and left out by `--repair`: then the picture is that of
-/// the other splats, on any number of threads.
+/// Refused with counts, counted by `inspect`, and left out by `--repair`: then the picture is that
+/// of the other splats, on any number of threads.
 #[test]
 fn numbers_that_are_none() {
     let place = Place::new();

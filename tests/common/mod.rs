@@ -22,8 +22,8 @@ pub const WHITE: [f32; 3] = [1.0; 3];
 /// The other one.
 pub const BLACK: [f32; 3] = [0.0; 3];
 
-/// `-ln 0.05`: optical depth at the meteorological optical range (WMO No. 8), typed anew so that the tests
-/// do not borrow a constant from what they test.
+/// `-ln 0.05`: optical depth at the meteorological optical range (WMO No. 8), typed anew so that
+/// the tests do not borrow a constant from what they test.
 pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
 
 /// A command of the binary, ready to be given its arguments.
@@ -81,8 +81,8 @@ impl Workshop {
         self.path(out)
     }
 
-    /// Renders four seconds at two frames a second with the weather file `weather` and one thread, then three
-    /// of the frames alone with other numbers of threads.
+    /// Renders four seconds at two frames a second with the weather file `weather` and one thread,
+    /// then three of the frames alone with other numbers of threads.
     ///
     /// # Panics
     /// If a frame alone is not that of the sequence, or if two of the three are equal.
@@ -129,8 +129,8 @@ pub fn look(size: (u32, u32), fov: f64, eye: DVec3, target: DVec3, up: DVec3) ->
     (camera, ViewArgs(arguments))
 }
 
-/// A small yard for pictures of a place: ground, a house, trees, things on the ground; 5,000 splats within
-/// 20 m of the origin, z up, scene units. Without a sky.
+/// A small yard for pictures of a place: ground, a house, trees, things on the ground; 5,000 splats
+/// within 20 m of the origin, z up, scene units. Without a sky.
 pub fn yard() -> Builder {
     let mut place = Builder::new(11);
     let tiles = |a: f64, b: f64| {
@@ -214,8 +214,8 @@ pub fn read_png(path: &Path) -> Image<[u8; 3]> {
     Image { width: info.width as usize, height: info.height as usize, pixels }
 }
 
-/// sRGB, 0-1, to linear light: IEC 61966-2-1, typed anew so that the tests do not borrow the curve from
-/// what they test.
+/// sRGB, 0-1, to linear light: IEC 61966-2-1, typed anew so that the tests do not borrow the curve
+/// from what they test.
 pub fn decode(encoded: f64) -> f64 {
     if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
@@ -235,7 +235,8 @@ pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(0.0, f64::max)
 }
 
-/// Pictures of a place of one unit a metre, at an instant of clear weather with changes, each a list of settings.
+/// Pictures of a place of one unit a metre, at an instant of clear weather with changes, each a
+/// list of settings.
 pub fn pictures(splats: Splats, camera: &Camera, time: f64, changes: &[&[&str]]) -> Vec<Picture> {
     let mut renderer = Renderer::cpu().unwrap();
     let mut place =

@@ -44,8 +44,8 @@ pub fn printed(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// Runs a command that must fail with one line of error that holds each of `says`, print nothing, and
-/// say nothing else but lines that begin with one of `others`. Returns the line.
+/// Runs a command that must fail with one line of error that holds each of `says`, print nothing,
+/// and say nothing else but lines that begin with one of `others`. Returns the line.
 pub fn fails(command: &mut Command, says: &[&str], others: &[&str]) -> String {
     let output = finish(command);
     let said = said(&output);

@@ -59,7 +59,8 @@ def main():
         check("intrinsics", intrinsic == 0, f"{intrinsic:.1e} px from truth")
         check("extrinsics", extrinsic < 1e-12, f"{extrinsic:.1e} from truth")
 
-        # The spot by the sweep, from the rig at the sweep's time to the picture's pixel, and the red dot in the picture there.
+        # The spot by the sweep, from the rig at the sweep's time to the picture's pixel, and the
+        # red dot in the picture there.
         far, pixel, seen, red = 0.0, 0.0, 0, []
         for reading in lidar:
             sweep = Sweep.from_feather(loader.get_lidar_fpath(log, reading["timestamp"]))

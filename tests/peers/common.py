@@ -10,7 +10,8 @@ import numpy as np
 failures = []
 # Of each clip, pixels of points are held in every so many frames.
 EVERY = 5
-# Pixels that 13 digits of text, or matrices of f64, may be off where points are 1 m in front of the camera and far outside of the picture.
+# Pixels that 13 digits of text, or matrices of f64, may be off where points are 1 m in front of the
+# camera and far outside of the picture.
 EXACT = 1e-5
 # Classes of the points of `frames/`, by number.
 CLASSES = ["surface", "drop", "flake", "air", "ghost"]

@@ -111,13 +111,16 @@ def same(name, a, b):
     if a["means"].shape != b["means"].shape or a["sh"].shape != b["sh"].shape:
         return check(name, False, f"{a['means'].shape}, {a['sh'].shape} here, {b['means'].shape}, {b['sh'].shape} there")
     size = np.abs(a["means"]).max()
-    # A splat's axes may change their signs, and a quaternion of zeros be read as it is by one and as no turn by the other.
+    # A splat's axes may change their signs, and a quaternion of zeros be read as it is by one and
+    # as no turn by the other.
     turn = 1 - np.nanmin(np.abs(alike_axes(a["quats"], b["quats"])))
-    # A scale that is too small for its type comes back as 0, for whose logarithm each reader has a number of its own.
+    # A scale that is too small for its type comes back as 0, for whose logarithm each reader has a
+    # number of its own.
     a, b = ({**side, "log_scales": np.maximum(side["log_scales"], -10)} for side in (a, b))
     far = {key: np.abs(a[key] - b[key]).max() for key in ("means", "log_scales", "opacities", "sh")}
     limits = {"means": 2e-6 * size + 1e-6, "log_scales": 1e-5, "opacities": 0.0011, "sh": 1e-5}
-    # splat-transform reads the bytes of a .splat's quaternion as 2 b / 255 - 1, the program that made the format as (b - 128) / 128.
+    # splat-transform reads the bytes of a .splat's quaternion as 2 b / 255 - 1, the program that
+    # made the format as (b - 128) / 128.
     good = all(far[key] <= limits[key] for key in far) and turn < 1e-4
     far["turns"] = turn
     check(name, good, f"{len(a['means'])} splats, largest differences " + ", ".join(f"{k} {v:.1e}" for k, v in far.items()))
@@ -247,7 +250,8 @@ def main():
 
     if arguments.camera:
         print("pictures: PSNR against the PLY's, dB")
-        # What is found out of the splats may differ a little from file to file, and must not move the camera.
+        # What is found out of the splats may differ a little from file to file, and must not move
+        # the camera.
         survey = json.loads(subprocess.run([program, "inspect", "--json", scene], capture_output=True, text=True).stdout)["survey"]
         place = ["--up=" + ",".join(str(v) for v in survey["up"]["value"]), "--near", str(min(0.2, 0.01 * survey["radius"]))]
         for name, *_ in kinds:

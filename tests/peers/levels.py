@@ -36,7 +36,8 @@ console.log(JSON.stringify({
 }));
 """
 
-# The decoder and its options in CesiumJS; it is bundled for browsers. Prints the range of the positions in each tile.
+# The decoder and its options in CesiumJS; it is bundled for browsers. Prints the range of the
+# positions in each tile.
 SPZ = """
 import fs from 'fs';
 const files = process.argv.slice(2), print = console.log;
@@ -182,7 +183,8 @@ def hold_tiles(main, program, work, out, validator):
     check("finest splats in tiles", len(found) == len(expected), f"{len(found)} in {tiles_seen} tiles")
     check("boxes of tiles hold the middles of their splats", outside < 1e-2, f"{outside:.1e} m at most outside")
     check("errors fall from tile to tile", wrong == 0, f"{wrong} do not")
-    # The place on the globe is one rigid motion and scale of the scene: distances from the middle stay but for it.
+    # The place on the globe is one rigid motion and scale of the scene: distances from the middle
+    # stay but for it.
     spread = lambda points: np.sort(np.linalg.norm(points - points.mean(0), axis=1))
     a, b = spread(found), spread(expected)
     scale = a.sum() / b.sum()

@@ -77,7 +77,8 @@ def main():
     for name, limit in [("place, m", 1e-9), ("turn, rad", 1e-8), ("intrinsics, px", 1e-9), ("spot in points, m", 1e-5)]:
         check(name, far[name] <= limit, f"at most {far[name]:.1e} in {len(readings)} readings")
 
-    # The devkit's own projection of a sweep, kept where it is inside of the picture: the spot must be where the picture shows it.
+    # The devkit's own projection of a sweep, kept where it is inside of the picture: the spot must
+    # be where the picture shows it.
     worst, pale, shown, channels = 0, 0, 0, set()
     for sample in nusc.sample:
         for channel, token in sample["data"].items():

@@ -222,7 +222,8 @@ def kitti_raw(made, folder, _):
                                pixels(own[f"K_{slot:02}"].reshape(3, 3), moved(turned, scan[:, :3])) + 0.5)
             found = pixels(data.calib.K_cam2, moved(data.calib.T_cam2_velo, scan[:, :3])) + 0.5
             far.add_pixels("K_cam2 T_cam2_velo", EXACT, clip, frame, "front", found)
-            # Through the packets: from the world to the rig, whose place in the first frame the world leaves out.
+            # Through the packets: from the world to the rig, whose place in the first frame the
+            # world leaves out.
             world = moved(packet.T_w_imu @ np.linalg.inv(data.calib.T_cam0_imu) @ data.calib.T_cam0_velo, scan[:, :3]) + start
             for camera in made.cameras:
                 points = moved(np.linalg.inv(made.pose(clip, frame, camera)), world)
@@ -297,7 +298,8 @@ def kitti_object(made, folder, openpcdet):
                 found, depths = calibration.rect_to_img(calibration.lidar_to_rect(scan[:, :3]))
             _, before = made.pixels(clip, frame, "front")
             far.add("depths by OpenPCDet, m", 1e-4, depths[before], moved(camera0_from_velodyne, scan[:, :3])[before, 2])
-            # It works in f32: pixels of points far outside of the picture have few digits after the point.
+            # It works in f32: pixels of points far outside of the picture have few digits after the
+            # point.
             far.add_pixels("OpenPCDet in camera 2", 0.1, clip, frame, "front", found + 0.5)
             inside = before & (found >= 0).all(axis=1) & (found < made.sensors["front"]["size"]).all(axis=1)
             far.add("points by OpenPCDet in the picture, px", 1e-3, found[inside] + 0.5, made.pixels(clip, frame, "front")[0][inside])
@@ -407,7 +409,8 @@ def argoverse2(made, folder, _):
                     found, _, _ = loader.project_ego_to_img_motion_compensated(
                         sweep.xyz.astype(float), name, made.time(clip, frame, camera), time, log)
                 far.add_pixels("the reader against rounded ones", EXACT, clip, frame, camera, found + 0.5, moved(made.rig(clip, frame), rounded))
-                # Half of a step of f16 is at most 1/2048 of a coordinate. With |x| <= |X|, |y| <= |Y| and so on it moves a pixel by so much.
+                # Half of a step of f16 is at most 1/2048 of a coordinate. With |x| <= |X|, |y| <=
+                # |Y| and so on it moves a pixel by so much.
                 expected, before = made.pixels(clip, frame, camera)
                 steps = np.linalg.norm(np.spacing(np.abs(rounded)).astype(float) / 2, axis=1)
                 local = moved(np.linalg.inv(made.pose(clip, frame, camera)), made.world_points(clip, frame))
@@ -454,7 +457,8 @@ def ros2_mcap(made, folder, _):
             # Its end is exclusive.
             times = (reader.start_time, reader.end_time - 1)
             files = len(list(bag.glob("*.mcap")))
-            # A message of /tf_static in each file, of /tf in each frame, two of each camera and one of the lidar.
+            # A message of /tf_static in each file, of /tf in each frame, two of each camera and one
+            # of the lidar.
             expected = files + made.frames * (2 + 2 * len(made.cameras))
             clip = next(clip for clip in made.clips if clip["name"] == bag.name)
             good = times == (made.time(clip, 0, "top"), made.time(clip, made.frames - 1, "top")) and reader.message_count == expected
@@ -508,7 +512,8 @@ def hold_bag(made, far, ros, clip, name, messages):
             far.add("channels", 0, points["channel"], own["ring"])
             far.add("time stamps, ns", 1, points["time_stamp"], own["time"].astype(float) * 1e9)
             far.add("distances, m", 0, points["distance"], own["range"])
-            # Points are in the axes of the start of the sweep, angles and distances are those of the pulse.
+            # Points are in the axes of the start of the sweep, angles and distances are those of
+            # the pulse.
             motion = [np.linalg.inv(made.pose(clip, f, "top")) @ made.pose(clip, f + 1, "top") for f in (frame, frame + 1) if f + 1 < made.frames]
             if len(motion) == 2 and np.abs(motion[0] - motion[1]).max() < 1e-9 and turn(motion[0], np.eye(4)) < 1e-9:
                 seconds = points["time_stamp"].astype(float) * 1e-9

@@ -1,5 +1,5 @@
-//! `priors` by running it on a small data set of the built-in street: what it believes of maps whose truth is known,
-//! what it leaves behind, and what it says to bad input.
+//! `priors` by running it on a small data set of the built-in street: what it believes of maps
+//! whose truth is known, what it leaves behind, and what it says to bad input.
 
 mod maps;
 mod network;
@@ -100,7 +100,8 @@ impl Desk {
         output
     }
 
-    /// Runs a command that must be refused with one line that holds each of `says`, and leave nothing.
+    /// Runs a command that must be refused with one line that holds each of `says`, and leave
+    /// nothing.
     fn refused(&self, options: &str, says: &[&str]) -> String {
         refuses(&mut self.command(options), self.0.path(), says, &REMARKS)
     }

@@ -1,4 +1,5 @@
-//! Data sets that lie: masks of other sizes, EXIF of other places, models with numbers that are none, photos of 2 x 2 px.
+//! Data sets that lie: masks of other sizes, EXIF of other places, models with numbers that are
+//! none, photos of 2 x 2 px.
 
 use super::*;
 use wm_street::Park;

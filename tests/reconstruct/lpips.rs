@@ -18,7 +18,8 @@ mod with_networks {
     use super::*;
     use serde_json::Value;
 
-    /// AlexNet in one file and the heads in another, with numbers that keep what goes through alive.
+    /// AlexNet in one file and the heads in another, with numbers that keep what goes through
+    /// alive.
     fn put_weights(place: &Place) {
         let (heads, network): (Vec<_>, Vec<_>) =
             wm_nets::lpips::tensors().into_iter().partition(|(name, _)| name.starts_with("lin"));

@@ -1,5 +1,5 @@
-//! `reconstruct` by running it on small made-up data sets: that it comes to the same scene however it is
-//! run, what it leaves behind, and what it says to bad input.
+//! `reconstruct` by running it on small made-up data sets: that it comes to the same scene however
+//! it is run, what it leaves behind, and what it says to bad input.
 
 mod bad_photos;
 mod lies;
@@ -27,7 +27,8 @@ use wm_street::{
 use wm_train::densify::{adaptive::AdaptiveConfig, mcmc::McmcConfig};
 use wm_train::{Preset, TrainConfig, config::Densify};
 
-/// Messages that may precede an error: warnings about the data set, and the step from which a run continues.
+/// Messages that may precede an error: warnings about the data set, and the step from which a run
+/// continues.
 const REMARKS: [&str; 5] =
     ["warning: ", "capture: ", "set.run: continuing ", "scene.ply.run: continuing ", "video: "];
 
@@ -96,7 +97,8 @@ impl Place {
         output
     }
 
-    /// Runs a command that must be refused with one line that holds each of `says`, and leave nothing.
+    /// Runs a command that must be refused with one line that holds each of `says`, and leave
+    /// nothing.
     fn refused(&self, dataset: &str, more: &[&str], says: &[&str]) -> String {
         self.refused_by(&mut self.command(reconstruct(dataset, more)), says)
     }
@@ -121,7 +123,8 @@ fn fails(command: &mut Command, says: &[&str]) -> String {
     process::fails(command, says, &REMARKS)
 }
 
-/// The options of `reconstruct`: `more`, and what is usual where it says nothing. Weather is prepared in the test of the demo.
+/// The options of `reconstruct`: `more`, and what is usual where it says nothing. Weather is
+/// prepared in the test of the demo.
 fn reconstruct<'a>(dataset: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let usual = USUAL.into_iter().filter(|(name, _)| !more.contains(name));
     let usual = usual.flat_map(|(name, value)| [name, value]);

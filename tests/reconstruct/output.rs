@@ -63,7 +63,8 @@ fn what_is_known_may_be_given() {
     assert_eq!(report["metadata"]["up"], serde_json::json!([0.0, 0.0, 1.0]));
 }
 
-/// Photos from eye level give the scale by the height at which cameras are held; from above they do not.
+/// Photos from eye level give the scale by the height at which cameras are held; from above they do
+/// not.
 #[test]
 fn a_walk_tells_how_large_its_place_is() {
     let inspected = |place: &Place| -> Value {
@@ -109,8 +110,8 @@ fn a_walk_tells_how_large_its_place_is() {
     assert!(inspected(&place)["metadata"]["metres_per_unit"].is_null());
 }
 
-/// More is learnt of photos that were never seen than their colour: of a picture of one colour the error is
-/// the variance of the photo.
+/// More is learnt of photos that were never seen than their colour: of a picture of one colour the
+/// error is the variance of the photo.
 #[test]
 fn photos_that_were_held_out_are_met_ever_better() {
     let place = Place::with(&DatasetOptions { count: 24, points: 1500, ..PHOTOS });

@@ -25,8 +25,8 @@ fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
 }
 
-/// So many that a test that waits for its turn still meets the training under way; a line of metrics each
-/// six of them.
+/// So many that a test that waits for its turn still meets the training under way; a line of
+/// metrics each six of them.
 const STEPS: u32 = 1200;
 
 fn step_of(place: &Place) -> u32 {
@@ -75,8 +75,8 @@ fn what_is_broken_off_ends_in_the_same_bytes() {
     }
 }
 
-/// A training is killed again and again, or stopped with two interrupts in a row, ever later from its start: it always goes on,
-/// and ends in the scene of one that was left alone.
+/// A training is killed again and again, or stopped with two interrupts in a row, ever later from
+/// its start: it always goes on, and ends in the scene of one that was left alone.
 #[test]
 fn a_training_survives_being_killed_at_any_moment() {
     let place = Place::new();
@@ -172,12 +172,13 @@ fn a_training_is_gone_on_with_as_it_began() {
     }
 }
 
-/// A file may not grow beyond this, as on a disk that is full: the shell's limit, and its signal ignored.
+/// A file may not grow beyond this, as on a disk that is full: the shell's limit, and its signal
+/// ignored.
 #[test]
 fn a_full_disk_leaves_the_last_checkpoint_whole() {
     let place = Place::new();
-    // 250 splats of degree 3 take 720 bytes each: 180,000, and the limit is 51,200 or twice that, since
-    // shells count in blocks of 512 or 1024 bytes.
+    // 250 splats of degree 3 take 720 bytes each: 180,000, and the limit is 51,200 or twice that,
+    // since shells count in blocks of 512 or 1024 bytes.
     place.trained(&["--sh-degree", "3"]);
     let checkpoint = "scene.ply.run/checkpoint.wmtrain";
     let before = place.read(checkpoint);

@@ -154,7 +154,8 @@ fn pictures_follow_the_facts_at_once() {
     assert!(saved_up(&scene).z > 0.9, "saved by a refused request");
 }
 
-/// A lamp on a post and a lit window, put by points, light the yard by night; saved, they are there for `render`.
+/// A lamp on a post and a lit window, put by points, light the yard by night; saved, they are there
+/// for `render`.
 #[test]
 fn lamps_are_put_where_a_click_was() {
     let workshop = Workshop::new();

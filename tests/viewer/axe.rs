@@ -1,7 +1,8 @@
-//! The page under axe-core, which finds what people with keyboards, screen readers and weak eyes cannot use.
+//! The page under axe-core, which finds what people with keyboards, screen readers and weak eyes
+//! cannot use.
 //!
-//! axe-core (MPL-2.0) is not part of this repository. `npm install --prefix FOLDER axe-core@4` fetches it;
-//! `WM_AXE=FOLDER/node_modules/axe-core/axe.min.js` names it.
+//! axe-core (MPL-2.0) is not part of this repository. `npm install --prefix FOLDER axe-core@4`
+//! fetches it; `WM_AXE=FOLDER/node_modules/axe-core/axe.min.js` names it.
 
 use crate::client::Viewer;
 use crate::page::{click, screenshots, slide};

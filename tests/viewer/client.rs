@@ -128,7 +128,8 @@ impl Drop for Viewer {
     }
 }
 
-/// Runs a command that the viewer printed on files in a folder; returns the picture, the video or the points.
+/// Runs a command that the viewer printed on files in a folder; returns the picture, the video or
+/// the points.
 pub fn rendered(command: &str, folder: &Path) -> std::path::PathBuf {
     let mut out = None;
     let mut words = Vec::new();

@@ -114,7 +114,8 @@ fn the_page_works() {
     let mut viewer = Viewer::with_token(&scene, &[&port], token);
     browser.until("!document.getElementById('veil').hidden && document.getElementById('veil-text').textContent.includes('yard.ply')");
     assert_eq!(viewer.ended().code(), Some(1));
-    // Nothing but the program that was not there, which a thumbnail may have been asked of as it ended.
+    // Nothing but the program that was not there, which a thumbnail may have been asked of as it
+    // ended.
     let was_gone = |line: &String| line.contains("WebSocket") || line.contains("ERR_CONNECTION_REFUSED");
     let others: Vec<String> = browser.complaints().into_iter().filter(|line| !was_gone(line)).collect();
     assert_eq!(others, Vec::<String>::new());
@@ -208,7 +209,8 @@ fn it_fits_a_phone_and_both_lights() {
         prefer("light");
         browser.view(&viewer);
         browser.picture();
-        // Nothing stands out of the window, and the picture has most of it. What screen readers alone read is a pixel wide.
+        // Nothing stands out of the window, and the picture has most of it. What screen readers
+        // alone read is a pixel wide.
         let inside = "[...document.querySelectorAll('#bar > *, #outputs, #timeline > *, .tabs button')].every(e => e.hidden || e.clientWidth <= 1 || e.scrollWidth <= e.clientWidth + 2 && \
             e.getBoundingClientRect().right <= innerWidth + 1 && e.getBoundingClientRect().bottom <= innerHeight + 1)";
         assert_eq!(browser.script(&format!("return {inside}")), true, "{name}");

@@ -1,6 +1,7 @@
 //! A site of `export-web` in headless Chromium: the player draws what the program draws.
 //!
-//! `WM_WEB_PLAYER` names the folder of the built player (`tools/web-player`); with `WM_REQUIRE_PLAYER=1` its lack is a failure.
+//! `WM_WEB_PLAYER` names the folder of the built player (`tools/web-player`); with
+//! `WM_REQUIRE_PLAYER=1` its lack is a failure.
 
 use crate::common::binary;
 use crate::page::click;
@@ -208,14 +209,16 @@ fn a_site_draws_what_the_program_draws() {
             shown.push((fragment, seen));
         }
         assert!(shown[0].1 == fog && shown[1].1 != fog, "{device}: the weather of a link is another");
-        // A frame alone is that of before, and the link that is shared of it opens the same state in another page.
+        // A frame alone is that of before, and the link that is shared of it opens the same state
+        // in another page.
         let (fragment, rain) = &shown[1];
         let mut shared = fragment.clone();
         for round in 0..2 {
             browser.open_at(&address, &format!("?device={device}&{round}#{shared}"));
             assert!(picture(&browser) == *rain, "{device}: a frame alone is another");
             let before = std::mem::replace(&mut shared, share(&browser));
-            // JavaScript writes 5.0 as 5, so the first one, which is no page's, may have other digits.
+            // JavaScript writes 5.0 as 5, so the first one, which is no page's, may have other
+            // digits.
             assert!(round == 0 || shared == before, "{device}: {shared} is not {before}");
         }
         let [shared, asked] = [&shared, fragment].map(|link| site.view(link));

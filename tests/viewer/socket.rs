@@ -10,7 +10,8 @@ use std::time::Duration;
 /// Longest that anything may take.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Status, head and body of a request over a connection of its own. `Host` is the address unless it is among the headers.
+/// Status, head and body of a request over a connection of its own. `Host` is the address unless it
+/// is among the headers.
 pub fn ask(
     address: &str,
     method: &str,

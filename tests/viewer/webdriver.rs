@@ -1,4 +1,5 @@
-//! A browser without a window, driven by WebDriver (W3C): chromedriver and Chromium, if they are installed.
+//! A browser without a window, driven by WebDriver (W3C): chromedriver and Chromium, if they are
+//! installed.
 
 use crate::client::{Viewer, until};
 use crate::socket::{PATIENCE, ask};
@@ -16,7 +17,8 @@ pub struct Browser {
 }
 
 impl Browser {
-    /// Starts one that saves files in a folder; `None`, and says so, without chromedriver, which is a failure with `WM_REQUIRE_BROWSER=1`.
+    /// Starts one that saves files in a folder; `None`, and says so, without chromedriver, which is
+    /// a failure with `WM_REQUIRE_BROWSER=1`.
     pub fn start(downloads: &Path) -> Option<Self> {
         Self::start_with(downloads, &["--disable-gpu"])
     }

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Fetches Debian's rustc-web with the sources of its standard library into a folder, for machines on which rustup cannot add the
-# target wasm32-unknown-unknown, and prints what names it to the builder of the player:
+# Fetches Debian's rustc-web with the sources of its standard library into a folder, for machines on
+# which rustup cannot add the target wasm32-unknown-unknown, and prints what names it to the builder
+# of the player:
 #
 #   eval "$(tools/web-player/debian-rustc.sh /tmp/rustc-web)"
 #

@@ -15,8 +15,9 @@ pub struct BakedScene {
 }
 
 impl Renderer {
-    /// Bakes what lies under an instant of a weather, and its light, into the scene of a place, as splats. `None` if the weather
-    /// lays nothing and leaves the light as it is. The air and what falls are not splats, and stay out.
+    /// Bakes what lies under an instant of a weather, and its light, into the scene of a place, as
+    /// splats. `None` if the weather lays nothing and leaves the light as it is. The air and what
+    /// falls are not splats, and stay out.
     ///
     /// # Errors
     /// [`crate::Error::Unsupported`] if the splats of the place were released.

@@ -59,11 +59,12 @@ pub struct SceneChange {
 }
 
 impl SceneChange {
-    /// Changes a scene, and returns a line for each thing that its user should know. `renderer` is asked for only to reduce
-    /// the scene.
+    /// Changes a scene, and returns a line for each thing that its user should know. `renderer` is
+    /// asked for only to reduce the scene.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if no splat is in the box, or the scale is not known; an error of `renderer`.
+    /// [`Error::Unsupported`] if no splat is in the box, or the scale is not known; an error of
+    /// `renderer`.
     pub fn apply<'r>(
         &self,
         scene: &mut Scene,

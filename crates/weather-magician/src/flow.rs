@@ -1,9 +1,11 @@
 //! Optical flow of the scene: where what a pixel shows is in the next picture.
 //!
-//! Each pixel's surface is found by its depth, moved to the camera of the next picture and projected by that camera's own lens. The depth of
-//! the next picture says whether it is still seen there. Both depths are drawn for it, without air, particles or drops on the
-//! lens, so the flow of a frame needs no other frame. A surface's depth is the expected depth where that is near the median depth,
-//! and the median depth elsewhere: on surfaces of many splats the first has no steps, at edges the second is no mixture.
+//! Each pixel's surface is found by its depth, moved to the camera of the next picture and
+//! projected by that camera's own lens. The depth of the next picture says whether it is still seen
+//! there. Both depths are drawn for it, without air, particles or drops on the lens, so the flow of
+//! a frame needs no other frame. A surface's depth is the expected depth where that is near the
+//! median depth, and the median depth elsewhere: on surfaces of many splats the first has no steps,
+//! at edges the second is no mixture.
 
 mod particles;
 
@@ -17,7 +19,8 @@ use wm_weather::Weather;
 
 pub use particles::particle_flow;
 
-/// Share by which expected and median depth differ on one surface: at edges the first is wrong by as much.
+/// Share by which expected and median depth differ on one surface: at edges the first is wrong by
+/// as much.
 const ONE_SURFACE: f32 = 0.02;
 /// Share by which the depths of four pixels differ that are interpolated.
 const EVEN: f32 = 0.1;
@@ -27,7 +30,8 @@ const HIDDEN: f64 = 0.02;
 /// The flow from one picture to the next.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneFlow {
-    /// Pixels to the right and down from each pixel's middle, `[H, W, 2]`; NaN where [`FlowState::Unknown`].
+    /// Pixels to the right and down from each pixel's middle, `[H, W, 2]`; NaN where
+    /// [`FlowState::Unknown`].
     pub vectors: Vec<f32>,
     /// The [`FlowState`] of each pixel as its number, `[H, W]`.
     pub states: Vec<u8>,
@@ -42,7 +46,8 @@ pub enum FlowState {
     Occluded = 1,
     /// It is out of the picture; the vector says where.
     Outside = 2,
-    /// It has no vector: the lens shows nothing here, or the next camera has it behind itself or beyond its lens.
+    /// It has no vector: the lens shows nothing here, or the next camera has it behind itself or
+    /// beyond its lens.
     Unknown = 3,
 }
 
@@ -53,13 +58,14 @@ pub struct FlowView<'a> {
     pub camera: &'a Camera,
     /// The lens; `None` for a pinhole.
     pub lens: Option<LensModel>,
-    /// The depth of the surface at each pixel, scene units, `[H, W]`: along the view axis for a pinhole, from the eye for
-    /// a lens. 0 is no surface, infinitely far.
+    /// The depth of the surface at each pixel, scene units, `[H, W]`: along the view axis for a
+    /// pinhole, from the eye for a lens. 0 is no surface, infinitely far.
     pub depth: &'a [f32],
 }
 
 impl FlowView<'_> {
-    /// The direction of a pixel in camera axes, by which its depth counts; `None` where the lens shows nothing.
+    /// The direction of a pixel in camera axes, by which its depth counts; `None` where the lens
+    /// shows nothing.
     fn ray(&self, at: [f64; 2]) -> Option<DVec3> {
         let Camera { fx, fy, cx, cy, .. } = *self.camera;
         match self.lens {
@@ -83,8 +89,9 @@ impl FlowView<'_> {
         if self.lens.is_some() { point.length() } else { point.z }
     }
 
-    /// The farther of the nearest pixel's depth and that between the four pixels about a point: at edges the nearest counts, since what is between
-    /// is far nearer than what is behind, and on ground that is seen at a low angle depth changes much from pixel to pixel.
+    /// The farther of the nearest pixel's depth and that between the four pixels about a point: at
+    /// edges the nearest counts, since what is between is far nearer than what is behind, and on
+    /// ground that is seen at a low angle depth changes much from pixel to pixel.
     fn farthest_at(&self, at: [f64; 2]) -> f64 {
         let around = Around::of(self.depth, (self.camera.width, self.camera.height), at);
         let reciprocal = around.reciprocal().min(reciprocal_of(around.nearest));
@@ -96,7 +103,8 @@ impl FlowView<'_> {
 struct Around {
     /// That of the pixel that holds the point.
     nearest: f32,
-    /// Those of the four pixels whose middles are about it: above left, above right, below left, below right.
+    /// Those of the four pixels whose middles are about it: above left, above right, below left,
+    /// below right.
     four: [f32; 4],
     /// The place between them, to the right and down, 0-1.
     between: [f32; 2],
@@ -141,7 +149,8 @@ impl Around {
     }
 }
 
-/// The depth of the surface at each pixel of a frame with expected and median depth; 0 where there is none.
+/// The depth of the surface at each pixel of a frame with expected and median depth; 0 where there
+/// is none.
 fn surface_depth(frame: &Frame) -> Vec<f32> {
     let depth = |(expected, median): (&f32, &f32)| {
         if (expected - median).abs() < ONE_SURFACE * median { *expected } else { *median }
@@ -195,8 +204,9 @@ pub fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
 }
 
 impl Renderer {
-    /// Finds the flow of the scene between two frames, such as one and the next of a video, and puts it into `picture`. The frames have the
-    /// time, the camera and the lens of their own pictures; what lies on the scene at each instant counts, and the surface of water.
+    /// Finds the flow of the scene between two frames, such as one and the next of a video, and
+    /// puts it into `picture`. The frames have the time, the camera and the lens of their own
+    /// pictures; what lies on the scene at each instant counts, and the surface of water.
     ///
     /// # Errors
     /// As [`Self::render_into`].
@@ -224,7 +234,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Returns the depth of the surfaces in a frame without the scene's own sky, see [`FlowView::depth`].
+    /// Returns the depth of the surfaces in a frame without the scene's own sky, see
+    /// [`FlowView::depth`].
     pub(crate) fn surfaces(
         &mut self,
         place: &mut PreparedPlace,
@@ -233,7 +244,8 @@ impl Renderer {
         progress: &mut dyn Progress,
     ) -> Result<Vec<f32>> {
         let options = FrameOptions { content: FrameContent::Geometry, parts: &[], ..*options };
-        // The sky of a reconstruction hangs some hundred metres away and shines through walls: it is infinitely far.
+        // The sky of a reconstruction hangs some hundred metres away and shines through walls: it
+        // is infinitely far.
         let weather = &weather.clone().set("sky.scene_sky", "replace")?;
         let mut picture = Picture::default();
         let Some(lens) = lens else {

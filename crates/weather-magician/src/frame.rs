@@ -1,5 +1,5 @@
-//! Builds the plan of a frame from a prepared weather, and carries it out. All pictures of the library and of the program
-//! come from here.
+//! Builds the plan of a frame from a prepared weather, and carries it out. All pictures of the
+//! library and of the program come from here.
 
 use crate::picture::{Picture, WaterLayers};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -64,7 +64,8 @@ impl From<Camera> for MovingCamera {
 pub struct FrameRequest<'a> {
     /// The splat sets, drawn together.
     pub sets: &'a [SetView<'a>],
-    /// The same with fewer splats, for what drops on the lens show and films and waves mirror; `None` for [`Self::elsewhere`].
+    /// The same with fewer splats, for what drops on the lens show and films and waves mirror;
+    /// `None` for [`Self::elsewhere`].
     pub thinned: Option<&'a [SetView<'a>]>,
     /// The same for other eyes and wider views: with splats that the camera does not see.
     pub elsewhere: &'a [SetView<'a>],
@@ -104,8 +105,8 @@ impl FrameRequest<'_> {
         self.draw_stages(backend, memory, picture, None)
     }
 
-    /// Draws the frame, and keeps what lies between the clear picture and the last in the paper's rain and snow; with
-    /// neither, `stages` holds the picture itself.
+    /// Draws the frame, and keeps what lies between the clear picture and the last in the paper's
+    /// rain and snow; with neither, `stages` holds the picture itself.
     ///
     /// # Errors
     /// [`RenderError`] of the back end.
@@ -159,7 +160,8 @@ impl FrameRequest<'_> {
         .await
     }
 
-    /// Draws coverage, expected and median depth alone. Water counts as a surface where it hides at least half of what lies behind it.
+    /// Draws coverage, expected and median depth alone. Water counts as a surface where it hides at
+    /// least half of what lies behind it.
     ///
     /// # Errors
     /// [`RenderError`] of the back end.
@@ -205,7 +207,8 @@ impl FrameRequest<'_> {
         Ok(stats)
     }
 
-    /// The falling particles of the frame, each with its velocity relative to the camera, scene units a second, world axes.
+    /// The falling particles of the frame, each with its velocity relative to the camera, scene
+    /// units a second, world axes.
     pub(crate) fn particles(&self, path: SimdPath) -> Vec<(Particle, [f64; 3])> {
         self.weather.drawn_particles(path, &self.observer())
     }
@@ -228,7 +231,8 @@ impl FrameRequest<'_> {
         let draw = async |hooks: Hooks<'_>| {
             // The lamps and their glow are mirrored too.
             let hooks = Hooks { particles: &[], ..hooks };
-            // What a film mirrors is blurred, and what waves mirror is in pieces, so a few splats will do.
+            // What a film mirrors is blurred, and what waves mirror is in pieces, so a few splats
+            // will do.
             let is_unclear = water.surface.is_blurred() || water.motion.is_rough();
             let sets = self.thinned.filter(|_| is_unclear).unwrap_or(self.elsewhere);
             let mirrored = DrawPass {
@@ -350,7 +354,8 @@ impl FrameRequest<'_> {
         .await
     }
 
-    /// Calls `work` with the pass that draws the scene in its weather, whose hooks live as long as the call.
+    /// Calls `work` with the pass that draws the scene in its weather, whose hooks live as long as
+    /// the call.
     async fn with_scene_pass<R>(
         &self,
         config: &RenderConfig,
@@ -363,8 +368,8 @@ impl FrameRequest<'_> {
         self.weather.with_hooks_async(&self.observer(), call).await
     }
 
-    /// Calls `work` with the passes of the glass before the camera, whose hooks live as long as the call; with `None` where it changes no
-    /// picture.
+    /// Calls `work` with the passes of the glass before the camera, whose hooks live as long as the
+    /// call; with `None` where it changes no picture.
     async fn with_lens<R>(&self, work: impl AsyncFnOnce(Option<LensPass<'_>>) -> R) -> R {
         let Some(glass) = self.weather.glass() else { return work(None).await };
         let camera = &self.camera.camera;
@@ -381,8 +386,8 @@ impl FrameRequest<'_> {
         self.weather.with_hooks_async(&observer, call).await
     }
 
-    /// The configuration of views that show more than the picture: a scene with a sky of its own shows what nobody photographed as haze,
-    /// never black.
+    /// The configuration of views that show more than the picture: a scene with a sky of its own
+    /// shows what nobody photographed as haze, never black.
     fn beyond_the_picture(&self, outputs: Outputs) -> RenderConfig {
         let background = match self.config.background {
             Background::Color(_) => Background::Color(self.weather.haze().map(|v| srgb_encode(v) as f32)),

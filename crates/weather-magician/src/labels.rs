@@ -1,7 +1,8 @@
 //! Labels and instances of splats: as pictures, and voted for by masks of photos.
 //!
-//! The label of a pixel is that of one splat, the one at the median depth, so labels are never mixed: an edge between two things lies
-//! where half of the light is that of the nearer one. Pixels of which less than half is covered have none, 0.
+//! The label of a pixel is that of one splat, the one at the median depth, so labels are never
+//! mixed: an edge between two things lies where half of the light is that of the nearer one. Pixels
+//! of which less than half is covered have none, 0.
 
 use crate::place::PreparedPlace;
 use crate::{LensView, Picture, Renderer, Result};
@@ -27,8 +28,9 @@ pub struct LabelLayers {
 }
 
 impl Renderer {
-    /// Draws the labels and the instances that the splats of a place have and puts them into `picture`: those of the scene, without weather and what lies on
-    /// it. Through a lens, the size is that of the lens.
+    /// Draws the labels and the instances that the splats of a place have and puts them into
+    /// `picture`: those of the scene, without weather and what lies on it. Through a lens, the size
+    /// is that of the lens.
     ///
     /// # Errors
     /// [`crate::Error`] if the camera or the place cannot be rendered with.
@@ -69,8 +71,9 @@ impl Renderer {
 
 /// Votes for the labels of splats by masks of photos.
 ///
-/// For each splat its blending weights are added up over the pixels of each label in all photos; the label with the largest sum wins. The
-/// sums are derivatives of colours, so a backward pass gives three of them for all splats at once.
+/// For each splat its blending weights are added up over the pixels of each label in all photos;
+/// the label with the largest sum wins. The sums are derivatives of colours, so a backward pass
+/// gives three of them for all splats at once.
 pub struct LabelVotes {
     /// The splats, all grey, so that no colour is cut off at 0.
     grey: Splats,
@@ -112,8 +115,8 @@ impl LabelVotes {
         }
     }
 
-    /// Adds the mask of a photo, `[H, W]` of its camera. The label 0 counts as the others do, so that a thing's splats are not those of
-    /// what is around it.
+    /// Adds the mask of a photo, `[H, W]` of its camera. The label 0 counts as the others do, so
+    /// that a thing's splats are not those of what is around it.
     ///
     /// # Errors
     /// [`RenderError`] if the camera cannot be rendered with.

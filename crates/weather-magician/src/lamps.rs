@@ -1,4 +1,5 @@
-//! The lamps of a place: those that its scene states, or those on its posts, or a row along the path of its photos.
+//! The lamps of a place: those that its scene states, or those on its posts, or a row along the
+//! path of its photos.
 
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -18,8 +19,9 @@ pub const ASIDE: f64 = 3.0;
 /// Height of such lamps above the ground, m.
 pub const HEIGHT: f64 = 6.0;
 
-/// Returns a row of lamps beside the path of a scene's photos, each shining down: [`SPACING`] apart, [`ASIDE`] to the right of it and
-/// [`HEIGHT`] above the ground. Without photos they are one lamp in the middle of the place and six around it.
+/// Returns a row of lamps beside the path of a scene's photos, each shining down: [`SPACING`]
+/// apart, [`ASIDE`] to the right of it and [`HEIGHT`] above the ground. Without photos they are one
+/// lamp in the middle of the place and six around it.
 #[must_use]
 pub fn lamps_along_photos(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
     let up = survey.up.value;
@@ -55,8 +57,8 @@ pub fn lamps_along_photos(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
 /// Most posts that get a lamp: those that are nearest to the middle of the place.
 const MOST_POSTS: usize = 16;
 
-/// Returns a lamp at the head of each post of a scene, shining down: the higher, the brighter, with the flux of a lamp of
-/// [`lamps_along_photos`] at its height.
+/// Returns a lamp at the head of each post of a scene, shining down: the higher, the brighter, with
+/// the flux of a lamp of [`lamps_along_photos`] at its height.
 #[must_use]
 pub fn lamps_on_posts(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
     let mut posts = find_posts(&scene.splats, survey);
@@ -109,8 +111,9 @@ impl PlaceLamps {
         Self { scene: lights_of(stated, scene, survey), path: OnceLock::new() }
     }
 
-    /// Finds the lamps of weathers with `light.lamps = "path"`: where the scene states none, its posts carry lamps, and where it has
-    /// no posts a row stands along the path of its photos. Returns the illuminance of the ground under them, lx.
+    /// Finds the lamps of weathers with `light.lamps = "path"`: where the scene states none, its
+    /// posts carry lamps, and where it has no posts a row stands along the path of its photos.
+    /// Returns the illuminance of the ground under them, lx.
     pub fn find_path(&self, scene: &Scene, survey: &Survey, site: &Site) -> f64 {
         let find = || {
             let (lights, origin) = match scene.metadata.lamps {
@@ -139,7 +142,8 @@ impl PlaceLamps {
         Some(format!("the scene states no lamps: {what}; set them with `align --lamp`, or light.lamps = off"))
     }
 
-    /// The lamps that a weather asks for; `None` if there are none, or if they are those of the path and were not looked for.
+    /// The lamps that a weather asks for; `None` if there are none, or if they are those of the
+    /// path and were not looked for.
     pub fn get(&self, source: LampSource) -> Option<&LampLights> {
         let lights = match source {
             LampSource::Scene => &self.scene,

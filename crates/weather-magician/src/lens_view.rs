@@ -1,9 +1,11 @@
 //! Pictures through lenses that are no pinholes, put together from pinhole pictures.
 //!
-//! A fisheye or a panorama is sampled from up to six pinhole pictures, the sides of a cube about the eye, and a distorted perspective from one.
-//! So all weather is drawn in them as in any picture: air, particles, lying snow and water. Neighbouring sides overlap, and one goes over into the other:
-//! the two differ a little where splats are large, since each is flattened along its own view. Each side has as many pixels
-//! an angle in its middle as the lens has, and more towards its edges; they are sampled by cubic convolution.
+//! A fisheye or a panorama is sampled from up to six pinhole pictures, the sides of a cube about
+//! the eye, and a distorted perspective from one. So all weather is drawn in them as in any
+//! picture: air, particles, lying snow and water. Neighbouring sides overlap, and one goes over
+//! into the other: the two differ a little where splats are large, since each is flattened along
+//! its own view. Each side has as many pixels an angle in its middle as the lens has, and more
+//! towards its edges; they are sampled by cubic convolution.
 
 use crate::camera_model::PictureRect;
 use crate::place::PreparedPlace;
@@ -19,12 +21,15 @@ use wm_weather::Weather;
 
 /// Tangent of the angle from the axis up to which one pinhole picture shows all.
 const ONE_SIDE: f64 = 1.5;
-/// Share by which the coordinates of a direction along two axes differ where one side has gone over into the other.
+/// Share by which the coordinates of a direction along two axes differ where one side has gone over
+/// into the other.
 const OVERLAP: f64 = 0.07;
-/// Pixels beyond the outermost sample of a side; with a half, so that a lens without distortion is sampled at the middles of pixels.
+/// Pixels beyond the outermost sample of a side; with a half, so that a lens without distortion is
+/// sampled at the middles of pixels.
 const PAD: f64 = 3.5;
 
-/// A lens in a picture of one size, with the pinhole pictures that it is sampled from. Made once for all frames.
+/// A lens in a picture of one size, with the pinhole pictures that it is sampled from. Made once
+/// for all frames.
 #[derive(Clone, Debug)]
 pub struct LensView {
     lens: LensModel,
@@ -70,7 +75,8 @@ pub(crate) struct SidePoint {
 }
 
 impl LensView {
-    /// The view of a lens with the size, the focal lengths and the principal point of `camera`; its pose is not used.
+    /// The view of a lens with the size, the focal lengths and the principal point of `camera`; its
+    /// pose is not used.
     ///
     /// # Errors
     /// [`Error::Camera`] if the lens folds within the picture or a side would be too large.
@@ -220,7 +226,8 @@ impl LensView {
         self.sides.iter().map(turned).collect()
     }
 
-    /// Samples the pictures of [`Self::cameras`]: depths become distances from the eye, and what the lens does not show is 0.
+    /// Samples the pictures of [`Self::cameras`]: depths become distances from the eye, and what
+    /// the lens does not show is 0.
     fn sample(&self, sides: &[Picture], picture: &mut Picture) {
         let size = (self.camera.width, self.camera.height);
         let Some(one) = sides.first() else { return };
@@ -247,7 +254,8 @@ impl LensView {
         &self.taps[self.first[i] as usize..self.first[i + 1] as usize]
     }
 
-    /// The place in the pictures of [`Self::cameras`] that shows most of a pixel; `None` where the lens shows nothing.
+    /// The place in the pictures of [`Self::cameras`] that shows most of a pixel; `None` where the
+    /// lens shows nothing.
     pub(crate) fn side_of(&self, pixel: usize) -> Option<SidePoint> {
         let tap = self.taps(pixel).iter().max_by(|a, b| a.weight.total_cmp(&b.weight))?;
         let Camera { width, height, .. } = self.sides[tap.side as usize].camera;
@@ -337,8 +345,9 @@ impl LensView {
     }
 }
 
-/// The 16 pixels of a side that a tap samples, and their weights by the kernel of Keys (1981) with a = -1/2. There are two pixels or more to all sides of
-/// the middle four ([`PAD`]), and one more to the right.
+/// The 16 pixels of a side that a tap samples, and their weights by the kernel of Keys (1981) with
+/// a = -1/2. There are two pixels or more to all sides of the middle four ([`PAD`]), and one more
+/// to the right.
 struct Stencil {
     /// The number of the first pixel.
     first: usize,
@@ -365,7 +374,8 @@ impl Stencil {
         }
     }
 
-    /// Adds the sample of an array, within what the four pixels about it hold: beside lamps it would ring. `N` is 1, 3 or 4.
+    /// Adds the sample of an array, within what the four pixels about it hold: beside lamps it
+    /// would ring. `N` is 1, 3 or 4.
     #[inline]
     fn add<const N: usize>(&self, pixels: &[f32], out: &mut [f32; N]) {
         if N == 1 {
@@ -423,7 +433,8 @@ fn kernel(t: f32) -> [f32; 4] {
     ]
 }
 
-/// The axes of the sides of a cube from those of the lens: ahead, right, left, down, up, behind. Rows are right, down, forward.
+/// The axes of the sides of a cube from those of the lens: ahead, right, left, down, up, behind.
+/// Rows are right, down, forward.
 fn cube() -> [DMat3; 6] {
     let rows = |right: DVec3, down: DVec3, forward: DVec3| DMat3::from_cols(right, down, forward).transpose();
     let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z];
@@ -436,7 +447,8 @@ const PANORAMA: (u32, u32) = (2048, 1024);
 /// Default angle across a fisheye, degrees.
 const FISHEYE: f64 = 180.0;
 
-/// A lens in words: `fisheye`, `fisheye:DEGREES`, `equirectangular`, or the name of a `.toml` file ([`LensModel::read`]).
+/// A lens in words: `fisheye`, `fisheye:DEGREES`, `equirectangular`, or the name of a `.toml` file
+/// ([`LensModel::read`]).
 #[derive(Clone, Debug, PartialEq)]
 pub enum LensSpec {
     /// An equidistant fisheye, degrees across the shorter side of the picture.
@@ -488,11 +500,12 @@ impl LensSpec {
 }
 
 impl Renderer {
-    /// Renders a frame through a lens into `picture`. The pose, the near plane and the velocity are those of `options`, the size is that of
-    /// the lens. Depths are distances from the eye.
+    /// Renders a frame through a lens into `picture`. The pose, the near plane and the velocity are
+    /// those of `options`, the size is that of the lens. Depths are distances from the eye.
     ///
     /// # Errors
-    /// As [`Self::render_into`]; [`Error::Unsupported`] with drops on the lens, which are drawn on pinhole pictures alone.
+    /// As [`Self::render_into`]; [`Error::Unsupported`] with drops on the lens, which are drawn on
+    /// pinhole pictures alone.
     pub fn render_through(
         &mut self,
         place: &mut PreparedPlace,
@@ -555,7 +568,8 @@ mod tests {
         cameras.iter().map(picture).collect()
     }
 
-    /// Every pixel shows its own direction, whichever sides it is sampled from, and a sphere about the eye has one distance.
+    /// Every pixel shows its own direction, whichever sides it is sampled from, and a sphere about
+    /// the eye has one distance.
     #[test]
     fn pixels_show_their_directions() {
         let (fisheye, round) = LensModel::fisheye((96, 80), 290.0).unwrap();

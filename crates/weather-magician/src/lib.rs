@@ -1,5 +1,5 @@
-//! Real weather on real places: renders 3D Gaussian splatting scenes in fog, haze, smog, rain, hail, snowfall, lying snow
-//! and dust, with weather in physical units.
+//! Real weather on real places: renders 3D Gaussian splatting scenes in fog, haze, smog, rain,
+//! hail, snowfall, lying snow and dust, with weather in physical units.
 //!
 //! ```
 //! use weather_magician::{Camera, Renderer, Scene, Weather};
@@ -18,10 +18,12 @@
 //! ```
 //!
 //! # The types to know
-//! - [`Scene`]: splats, photo views and metadata, read from and written to any format of 3DGS ([`formats`]).
+//! - [`Scene`]: splats, photo views and metadata, read from and written to any format of 3DGS
+//!   ([`formats`]).
 //! - [`Renderer`]: a device. [`Renderer::load`] turns a scene into a [`PreparedPlace`].
 //! - [`Weather`]: effects with parameters over time, from a preset, a file or by hand.
-//! - [`Picture`]: a rendered frame: colour, depth, normals, and the parts that air and particles add.
+//! - [`Picture`]: a rendered frame: colour, depth, normals, and the parts that air and particles
+//!   add.
 //! - [`train::Session`]: photos to a scene.
 //!
 //! # What else there is
@@ -41,9 +43,9 @@
 //! | weathers by METAR, hourly tables and words | [`reports`] |
 //! | checks of visibility, rain rate, snow depth in pictures | [`measure`] |
 //!
-//! Frames are pure functions of (scene, weather, camera, time): the same inputs give the same bytes on the CPU, on any number
-//! of threads. The library prints nothing. Warnings come back as values ([`PreparedPlace::take_warnings`]), and long work
-//! reports to a [`Progress`].
+//! Frames are pure functions of (scene, weather, camera, time): the same inputs give the same bytes
+//! on the CPU, on any number of threads. The library prints nothing. Warnings come back as values
+//! ([`PreparedPlace::take_warnings`]), and long work reports to a [`Progress`].
 
 pub mod assets;
 mod bake;

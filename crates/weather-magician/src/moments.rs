@@ -1,8 +1,9 @@
 //! Several splats as one that has their moments.
 //!
-//! Mean, covariance and colours are those of all, weighted by worth; the opacity is such that what they cover stays (moment matching, as in
-//! Kerbl et al. 2024, "A Hierarchical 3D Gaussian Representation"). What several cover is counted once. Where an opaque splat would cover
-//! less, it grows instead: else walls and roads get holes.
+//! Mean, covariance and colours are those of all, weighted by worth; the opacity is such that what
+//! they cover stays (moment matching, as in Kerbl et al. 2024, "A Hierarchical 3D Gaussian
+//! Representation"). What several cover is counted once. Where an opaque splat would cover less, it
+//! grows instead: else walls and roads get holes.
 
 use glam::{DMat3, DQuat, DVec3};
 use wm_scene::jacobi::jacobi;
@@ -15,8 +16,8 @@ const OPAQUE: f64 = 0.99;
 const GROWTH: f64 = 1.5;
 /// Splats, those that are worth most, whose overlaps are looked at: their pairs are all tried.
 const OVERLAPPING: usize = 8;
-/// Variance that is added along all axes where distances are measured, as a share of the sum of the variances: splats are thinner
-/// than what they show is rough.
+/// Variance that is added along all axes where distances are measured, as a share of the sum of the
+/// variances: splats are thinner than what they show is rough.
 pub const SOFTNESS: f64 = 0.01;
 
 /// The area of a splat seen from its broad side, squared units, up to a constant factor.
@@ -52,7 +53,8 @@ pub fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
-/// Writes splat `slot` of `out`: the splats `members`, the first of which is worth most, as one. Nothing is written if they are worth nothing.
+/// Writes splat `slot` of `out`: the splats `members`, the first of which is worth most, as one.
+/// Nothing is written if they are worth nothing.
 ///
 /// `out` has the SH degree of `splats`; `worth` has a value of 0 or more for each of `splats`.
 pub fn put(out: &mut Splats, slot: usize, splats: &Splats, worth: &[f64], members: &[u32]) {

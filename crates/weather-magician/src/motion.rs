@@ -22,7 +22,8 @@ pub struct Mount {
 /// A camera as a function of time.
 #[derive(Clone, Debug)]
 pub enum CameraMotion {
-    /// A camera that stays where it is. With a speed, rain is streaked as it is from a car that drives.
+    /// A camera that stays where it is. With a speed, rain is streaked as it is from a car that
+    /// drives.
     Still {
         /// The camera.
         camera: Box<Camera>,
@@ -43,7 +44,8 @@ pub enum CameraMotion {
         /// Seconds.
         by: f64,
     },
-    /// A camera or another sensor on a rig, whose origin is where a camera is: ahead is the way that it looks.
+    /// A camera or another sensor on a rig, whose origin is where a camera is: ahead is the way
+    /// that it looks.
     Mounted {
         /// The camera that the rig moves with.
         base: Box<CameraMotion>,
@@ -80,7 +82,8 @@ impl CameraMotion {
         }
     }
 
-    /// The pose `time` seconds after the start, x forward, y left and z up: of a sensor on a rig, or of the camera itself.
+    /// The pose `time` seconds after the start, x forward, y left and z up: of a sensor on a rig,
+    /// or of the camera itself.
     #[must_use]
     pub fn sensor_pose(&self, time: f64) -> SensorPose {
         if let Self::Delayed { base, by } = self {
@@ -132,7 +135,8 @@ impl CameraMotion {
         MovingCamera { camera, velocity: velocity.to_array() }
     }
 
-    /// The camera `time` seconds after the start; one that stays with a speed has driven ahead since `since`.
+    /// The camera `time` seconds after the start; one that stays with a speed has driven ahead
+    /// since `since`.
     #[must_use]
     pub fn driven_since(&self, since: f64, time: f64, metres_per_unit: f64) -> MovingCamera {
         let mut moving = self.at(time, metres_per_unit);

@@ -23,7 +23,8 @@ pub struct MotionSpec {
 }
 
 impl MotionSpec {
-    /// Finds the way in a place. `chosen` is called with the text of a view that was chosen, and how.
+    /// Finds the way in a place. `chosen` is called with the text of a view that was chosen, and
+    /// how.
     ///
     /// # Errors
     /// [`crate::Error::View`] if there is no such photo, or the numbers make no path.

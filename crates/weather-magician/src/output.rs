@@ -212,7 +212,8 @@ pub fn asks_for_flow(also: &[ExtraPicture]) -> bool {
     also.iter().any(|also| matches!(also.kind, PictureLayer::Flow | PictureLayer::FlowMask))
 }
 
-/// Returns true if `also` asks for the flow of what falls ([`crate::Renderer::render_particle_flow`]).
+/// Returns true if `also` asks for the flow of what falls
+/// ([`crate::Renderer::render_particle_flow`]).
 #[must_use]
 pub fn asks_for_particle_flow(also: &[ExtraPicture]) -> bool {
     also.iter().any(|also| also.kind == PictureLayer::ParticleFlow)
@@ -264,7 +265,8 @@ pub struct PictureStyle {
 }
 
 impl PictureStyle {
-    /// Writes the colour to `path` and the other pictures beside it; returns a line for each of them.
+    /// Writes the colour to `path` and the other pictures beside it; returns a line for each of
+    /// them.
     ///
     /// # Errors
     /// [`Error`] if a file cannot be written, or its extension is not .png, .exr or .npy.
@@ -455,8 +457,9 @@ impl PictureStyle {
 }
 
 impl Picture {
-    /// Returns the values of a layer that was rendered, `[H, W, C]` with the channels of [`PictureLayer::channels`]: metres, world axes, shares,
-    /// linear light or px. Empty if it was not asked for.
+    /// Returns the values of a layer that was rendered, `[H, W, C]` with the channels of
+    /// [`PictureLayer::channels`]: metres, world axes, shares, linear light or px. Empty if it was
+    /// not asked for.
     #[must_use]
     pub fn layer(&self, layer: PictureLayer) -> Cow<'_, [f32]> {
         PictureStyle { metres_per_unit: self.metres_per_unit, ..PictureStyle::default() }.values(layer, self)

@@ -1,4 +1,5 @@
-//! Reads the panorama that a weather's sky names: PNG and JPEG hold display colours, EXR linear light.
+//! Reads the panorama that a weather's sky names: PNG and JPEG hold display colours, EXR linear
+//! light.
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};

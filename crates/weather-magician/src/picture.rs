@@ -14,23 +14,27 @@ use wm_render::parts::PictureParts;
 pub struct Picture {
     /// Colour, geometry and what falls.
     pub frame: Frame,
-    /// The scene without weather, the transmittance and the airlight, as far as they were asked for.
+    /// The scene without weather, the transmittance and the airlight, as far as they were asked
+    /// for.
     pub parts: PictureParts,
     /// The water that it shows, if that was asked for.
     pub water: WaterLayers,
     /// The flow to the next frame, if [`crate::Renderer::render_flow`] found it.
     pub flow: SceneFlow,
-    /// The flow of what falls to the next frame, `[H, W, 2]`, if [`crate::Renderer::render_particle_flow`] found it.
+    /// The flow of what falls to the next frame, `[H, W, 2]`, if
+    /// [`crate::Renderer::render_particle_flow`] found it.
     pub particle_flow: Vec<f32>,
     /// The labels, if [`crate::Renderer::render_labels`] drew them.
     pub labels: LabelLayers,
     /// Metres in a unit of the frame's depth; 0 if nobody set it.
     pub metres_per_unit: f64,
-    /// Names and values that are written into a file beside its pixels: the scene, the weather, the camera.
+    /// Names and values that are written into a file beside its pixels: the scene, the weather, the
+    /// camera.
     pub tags: Vec<(String, String)>,
     /// Arrays that the frame was made with and nobody asked for: memory for the next one.
     pub(crate) spare: SpareArrays,
-    /// The particles of a frame of [`crate::FrameContent::Particles`], with their velocity relative to the camera, scene units a second.
+    /// The particles of a frame of [`crate::FrameContent::Particles`], with their velocity relative
+    /// to the camera, scene units a second.
     pub(crate) falling: Vec<(Particle, [f64; 3])>,
 }
 
@@ -71,7 +75,8 @@ impl SpareArrays {
     }
 }
 
-/// The water in a picture, `[H, W]` each; empty where it was not asked for or the picture shows none.
+/// The water in a picture, `[H, W]` each; empty where it was not asked for or the picture shows
+/// none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WaterLayers {
     /// The share of each pixel that is water's surface, 0-1.
@@ -83,11 +88,12 @@ pub struct WaterLayers {
 }
 
 impl Picture {
-    /// Writes the colour as `.png` (8 bits, dithered), `.exr` or `.npy` (linear light). For depth, normals and the other
-    /// outputs see [`PictureStyle`].
+    /// Writes the colour as `.png` (8 bits, dithered), `.exr` or `.npy` (linear light). For depth,
+    /// normals and the other outputs see [`PictureStyle`].
     ///
     /// # Errors
-    /// [`crate::Error::Media`] if the file cannot be written; [`crate::Error::Unsupported`] for another extension.
+    /// [`crate::Error::Media`] if the file cannot be written; [`crate::Error::Unsupported`] for
+    /// another extension.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         let style = PictureStyle {
             metres_per_unit: self.metres_per_unit,

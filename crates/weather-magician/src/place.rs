@@ -47,8 +47,8 @@ pub enum Patience {
     /// Every frame is as it must be: what is missing is made first.
     #[default]
     Whole,
-    /// Frames are drawn with what there is, for a camera that moves: snow may be missing or of another instant, and
-    /// roofs may not stop the rain.
+    /// Frames are drawn with what there is, for a camera that moves: snow may be missing or of
+    /// another instant, and roofs may not stop the rain.
     Draft,
 }
 
@@ -59,8 +59,9 @@ pub struct PlaceOptions {
     pub facts: Metadata,
     /// The folder for prepared assets, see [`AssetCache::folder_of`]; `None` keeps none.
     pub assets: Option<PathBuf>,
-    /// The digest under which files of assets are looked up and written, in place of that of the scene as this renderer has it: for assets that
-    /// another renderer made, whose arithmetic differs. It holds until facts of the place change.
+    /// The digest under which files of assets are looked up and written, in place of that of the
+    /// scene as this renderer has it: for assets that another renderer made, whose arithmetic
+    /// differs. It holds until facts of the place change.
     pub asset_digest: Option<AssetDigest>,
 }
 
@@ -70,8 +71,9 @@ pub enum FrameContent {
     /// The whole picture.
     #[default]
     Picture,
-    /// Coverage, expected and median depth alone, whatever outputs are set: of the scene, of what lies on it and of water. There is no air, nothing
-    /// falls, and the colours are those of no weather.
+    /// Coverage, expected and median depth alone, whatever outputs are set: of the scene, of what
+    /// lies on it and of water. There is no air, nothing falls, and the colours are those of no
+    /// weather.
     Geometry,
     /// No picture: the falling particles that it would show.
     Particles,
@@ -93,7 +95,8 @@ pub struct FrameOptions<'a> {
     pub time: f64,
     /// The camera and its velocity.
     pub camera: MovingCamera,
-    /// The camera of the whole picture, where the camera shows a part of it: large splats are drawn as they are there.
+    /// The camera of the whole picture, where the camera shows a part of it: large splats are drawn
+    /// as they are there.
     pub whole: Option<Camera>,
     /// Parts of the picture that are rendered with it.
     pub parts: &'a [PicturePart],
@@ -171,14 +174,15 @@ pub struct PreparedPlace {
     cache: AssetCache,
     store: AssetStore,
     lying: Option<Lying>,
-    /// The scene with few splats, if a weather with drops on the lens, wet ground or a flood was drawn.
+    /// The scene with few splats, if a weather with drops on the lens, wet ground or a flood was
+    /// drawn.
     thinned: Option<ThinnedSet>,
     light: PlaceLight,
     water: PlaceWater,
     /// The ground under any camera, once a flood asked for it.
     near_ground: Option<NearGround>,
-    /// The ground under the last camera that a flood asked for: its eye, and the height over the site's ground, m, where there is
-    /// any.
+    /// The ground under the last camera that a flood asked for: its eye, and the height over the
+    /// site's ground, m, where there is any.
     last_ground: Option<(DVec3, Option<f64>)>,
     /// True once the splats in the computer's memory are freed.
     is_released: bool,
@@ -365,7 +369,8 @@ impl PreparedPlace {
         &self.survey
     }
 
-    /// The facts that weather uses. Their light of lamps is that of the lamps that the scene states.
+    /// The facts that weather uses. Their light of lamps is that of the lamps that the scene
+    /// states.
     #[must_use]
     pub fn site(&self) -> &Site {
         &self.site
@@ -389,7 +394,8 @@ impl PreparedPlace {
 
     /// The digest under which files of prepared assets are looked up now; `None` if none are kept.
     ///
-    /// Of a place in levels it is that of the splats about the present camera, of which others are derived for cameras elsewhere.
+    /// Of a place in levels it is that of the splats about the present camera, of which others are
+    /// derived for cameras elsewhere.
     #[must_use]
     pub fn asset_digest(&self) -> Option<AssetDigest> {
         self.cache.digest()
@@ -486,8 +492,8 @@ impl PreparedPlace {
         }
     }
 
-    /// Returns the point of the nearest surface at the point `(x, y)` (px) of a camera's picture, world axes; `None` where there
-    /// is only sky.
+    /// Returns the point of the nearest surface at the point `(x, y)` (px) of a camera's picture,
+    /// world axes; `None` where there is only sky.
     pub(crate) fn surface_at(
         &self,
         backend: &mut AnyRenderer,
@@ -500,8 +506,8 @@ impl PreparedPlace {
         if !is_inside {
             return Ok(None);
         }
-        // A small picture about the point, which is in its middle: a finer one than the camera's, since pixels blur depth where
-        // a surface is seen at a low angle.
+        // A small picture about the point, which is in its middle: a finer one than the camera's,
+        // since pixels blur depth where a surface is seen at a low angle.
         let finer = SURFACE_HEIGHT.div_ceil(camera.height.max(1));
         let fine = camera.resized(camera.width * finer, camera.height * finer);
         let (x, y) = (x * f64::from(finer), y * f64::from(finer));
@@ -527,8 +533,8 @@ impl PreparedPlace {
         std::mem::take(&mut self.warnings)
     }
 
-    /// Frees the splats in the computer's memory: the renderer has its own. Afterwards only weathers that the place is
-    /// prepared for can be rendered.
+    /// Frees the splats in the computer's memory: the renderer has its own. Afterwards only
+    /// weathers that the place is prepared for can be rendered.
     pub fn release_splats(&mut self) {
         if self.store.light.is_some() {
             self.light.keep_points(&self.scene.splats);
@@ -584,8 +590,8 @@ impl PreparedPlace {
         self.cache.folder()
     }
 
-    /// The names of the files of prepared assets that the instant `time` of a weather uses, whether they are there or not; none if assets
-    /// are not kept.
+    /// The names of the files of prepared assets that the instant `time` of a weather uses, whether
+    /// they are there or not; none if assets are not kept.
     #[must_use]
     pub fn asset_files(&self, weather: &Weather, time: f64) -> Vec<String> {
         let (needs, prepared) = (AssetNeeds::of(weather, &self.site), self.prepare_weather(weather, time));
@@ -655,7 +661,8 @@ impl PreparedPlace {
         self.lying.as_ref().is_some_and(|lying| lying.what == *what)
     }
 
-    /// Returns true if a small picture does without what is missing, since there is something like it.
+    /// Returns true if a small picture does without what is missing, since there is something like
+    /// it.
     #[must_use]
     pub fn has_similar(&self, missing: &MissingAssets) -> bool {
         let MissingAssets {
@@ -731,8 +738,8 @@ impl PreparedPlace {
         }
     }
 
-    /// Returns the inputs for `missing`, and removes from it what was found on disk. Renders the photos' views if surfaces are to be
-    /// found in them.
+    /// Returns the inputs for `missing`, and removes from it what was found on disk. Renders the
+    /// photos' views if surfaces are to be found in them.
     pub(crate) fn asset_source(
         &mut self,
         backend: &mut AnyRenderer,
@@ -927,7 +934,8 @@ impl PreparedPlace {
             ..MissingAssets::default()
         };
         self.prepare(backend, missing, progress)?;
-        // A fall that turns, or begins later, needs maps of other directions; those are made without the splats.
+        // A fall that turns, or begins later, needs maps of other directions; those are made
+        // without the splats.
         let occluders = needs.shelter && !weather.is_constant() && self.store.occluders.is_none();
         self.prepare(backend, MissingAssets { occluders, ..MissingAssets::default() }, progress)
     }
@@ -949,8 +957,9 @@ impl PreparedPlace {
         Ok(self.water.state())
     }
 
-    /// Hands what sensors other than cameras need of an instant of a weather to `scan`: the threads, the weather at the place, the
-    /// shelter of what falls and the wetness of the splats. What is missing is made first.
+    /// Hands what sensors other than cameras need of an instant of a weather to `scan`: the
+    /// threads, the weather at the place, the shelter of what falls and the wetness of the splats.
+    /// What is missing is made first.
     pub(crate) fn for_sensors<R>(
         &mut self,
         backend: &mut AnyRenderer,
@@ -969,8 +978,8 @@ impl PreparedPlace {
         Ok(scan(backend.pool(), &prepared, shelter.as_deref(), wet.as_ref()))
     }
 
-    /// Hands what radars need of an instant of a weather to `scan`: the threads, the weather at the place, and the shelter of the rain. What
-    /// is missing is made first.
+    /// Hands what radars need of an instant of a weather to `scan`: the threads, the weather at the
+    /// place, and the shelter of the rain. What is missing is made first.
     pub(crate) fn for_radars<R>(
         &mut self,
         backend: &mut AnyRenderer,
@@ -1011,7 +1020,8 @@ impl PreparedPlace {
         Ok(prepared)
     }
 
-    /// Thins the scene for what drops on the lens show and films and waves mirror, if that is not done and the splats are there.
+    /// Thins the scene for what drops on the lens show and films and waves mirror, if that is not
+    /// done and the splats are there.
     fn make_thinned(&mut self, backend: &mut AnyRenderer) -> Result<()> {
         if self.thinned.is_none() && !self.is_released {
             let (splats, chosen) =
@@ -1030,8 +1040,8 @@ impl PreparedPlace {
         prepared
     }
 
-    /// The weather of a shot that starts with a camera: what follows the camera by itself is what it is there. A flood whose
-    /// `ground` is `auto` stands at one level over the whole shot then.
+    /// The weather of a shot that starts with a camera: what follows the camera by itself is what
+    /// it is there. A flood whose `ground` is `auto` stands at one level over the whole shot then.
     #[must_use]
     pub fn weather_of_shot(&mut self, weather: &Weather, camera: &Camera) -> Weather {
         if !flood_follows_camera(weather) {
@@ -1044,7 +1054,8 @@ impl PreparedPlace {
             .unwrap_or_else(|| weather.clone())
     }
 
-    /// Height of the ground straight under a camera over the ground of the site, m; `None` where there is none near by.
+    /// Height of the ground straight under a camera over the ground of the site, m; `None` where
+    /// there is none near by.
     fn ground_under(&mut self, camera: &Camera) -> Option<f64> {
         let eye = camera.center();
         if let Some((_, height)) = self.last_ground.filter(|(known, _)| *known == eye) {
@@ -1137,7 +1148,8 @@ impl PreparedPlace {
             }
             _ => whole.to_vec(),
         };
-        // Of a place in levels all that is held, for views from elsewhere, such as that of a mirror.
+        // Of a place in levels all that is held, for views from elsewhere, such as that of a
+        // mirror.
         let mut held =
             with_cover(&parts, scene.is_changed(), self.lying.as_ref().map(|lying| (lying.set, lying_light)));
         let windows = self.light.windows(&prepared, &self.scene, &self.site);
@@ -1272,7 +1284,8 @@ impl PreparedPlace {
         Ok(backend.render_async(&DrawPass::new(&sets, camera, &self.config), frame).await?)
     }
 
-    /// Draws the splat that has the median depth at each pixel, without any weather: see [`Frame::median_splat`].
+    /// Draws the splat that has the median depth at each pixel, without any weather: see
+    /// [`Frame::median_splat`].
     pub(crate) fn draw_median_splats(
         &self,
         backend: &mut AnyRenderer,
@@ -1304,7 +1317,8 @@ impl PreparedPlace {
         Ok(self.store.cover(&airflow).map(|cover| lock(cover).lay_all(requests)))
     }
 
-    /// Returns the splats of the scene in the light of an instant of a weather, and wet; `None` where it changes neither.
+    /// Returns the splats of the scene in the light of an instant of a weather, and wet; `None`
+    /// where it changes neither.
     pub(crate) fn relit_splats(
         &mut self,
         backend: &mut AnyRenderer,
@@ -1391,8 +1405,9 @@ const SURFACE_HEIGHT: u32 = 2160;
 /// Share by which depths differ that are of one surface.
 const ONE_SURFACE: f64 = 0.1;
 
-/// Returns the depth in the middle of a square of median depths, of which 0 is nothing. Depths of splats are steps; the
-/// reciprocal depth of a plane is linear over the picture, so that its mean over points to both sides is that in the middle.
+/// Returns the depth in the middle of a square of median depths, of which 0 is nothing. Depths of
+/// splats are steps; the reciprocal depth of a plane is linear over the picture, so that its mean
+/// over points to both sides is that in the middle.
 fn middle_depth(depths: &[f32]) -> Option<f64> {
     let middle = f64::from(*depths.get(depths.len() / 2)?);
     if middle <= 0.0 {

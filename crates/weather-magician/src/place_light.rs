@@ -1,4 +1,5 @@
-//! The light on a place in the weather that is drawn: the gains of its splats and of what lies on it, and its lamps.
+//! The light on a place in the weather that is drawn: the gains of its splats and of what lies on
+//! it, and its lamps.
 
 use crate::assets::AssetStore;
 use crate::lamps::PlaceLamps;
@@ -95,8 +96,8 @@ impl PlaceLight {
         self.relit.as_ref().filter(|_| prepared.light().is_some()).map(|relit| &relit.gains)
     }
 
-    /// Finds the gains of the light, if it changes and the capture's is known. Returns a warning where the shadows of the photos
-    /// stay, once.
+    /// Finds the gains of the light, if it changes and the capture's is known. Returns a warning
+    /// where the shadows of the photos stay, once.
     pub fn relight(
         &mut self,
         prepared: &PreparedWeather,
@@ -153,7 +154,8 @@ impl PlaceLight {
         Some(window_splats(windows, share * change.display(site), site))
     }
 
-    /// The lamps of a weather with their shadows, and the display value of a lux; `None` where none shine.
+    /// The lamps of a weather with their shadows, and the display value of a lux; `None` where none
+    /// shine.
     pub fn sources<'a>(
         &self,
         prepared: &PreparedWeather,

@@ -71,7 +71,8 @@ impl PlaceWater {
             self.reached.as_ref().map(|reached| WetState::of(asked, &reached.surfaces, &reached.catchments));
     }
 
-    /// The factors on the light of the scene's splats as a camera sees them, or without what depends on that; `None` where nothing is wet.
+    /// The factors on the light of the scene's splats as a camera sees them, or without what
+    /// depends on that; `None` where nothing is wet.
     pub fn gains(&self, prepared: &PreparedWeather, camera: Option<&Camera>) -> Option<WetGains<'_>> {
         let (reached, state, asked) = (self.reached.as_ref()?, self.state.as_ref()?, prepared.wetness()?);
         let gains = WetGains::new(&reached.surfaces, &reached.shares, state, asked.porosity);
@@ -81,14 +82,16 @@ impl PlaceWater {
         })
     }
 
-    /// The wetness of the scene's splats, whatever it does to their colours; `None` where nothing is wet.
+    /// The wetness of the scene's splats, whatever it does to their colours; `None` where nothing
+    /// is wet.
     pub fn wetness(&self, prepared: &PreparedWeather) -> Option<WetGains<'_>> {
         let (reached, state) = (self.reached.as_ref()?, self.state.as_ref()?);
         prepared.wetness()?;
         Some(WetGains::new(&reached.surfaces, &reached.shares, state, 1.0))
     }
 
-    /// The surface of the water on the ground, where nothing lies on it; `None` where nothing is wet.
+    /// The surface of the water on the ground, where nothing lies on it; `None` where nothing is
+    /// wet.
     pub fn puddles(
         &mut self,
         prepared: &PreparedWeather,

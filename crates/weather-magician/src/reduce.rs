@@ -1,11 +1,13 @@
 //! A scene with fewer splats: what is seen least goes into its neighbours.
 //!
-//! The importance of a splat is the sum of its weights (alpha times transmittance) over pictures from places about the scene: of its photos
-//! where it has them, else from where a photographer would stand. What no picture shows counts by its size, at a small share, so that a
-//! place that was not looked at thins out instead of vanishing.
+//! The importance of a splat is the sum of its weights (alpha times transmittance) over pictures
+//! from places about the scene: of its photos where it has them, else from where a photographer
+//! would stand. What no picture shows counts by its size, at a small share, so that a place that
+//! was not looked at thins out instead of vanishing.
 //!
-//! Those that are worth least are taken away, at most half of all at a time. Each goes into the nearest that stays: that one takes
-//! the moments of all, and so much opacity that what they cover together stays. One that has no neighbour near is dropped.
+//! Those that are worth least are taken away, at most half of all at a time. Each goes into the
+//! nearest that stays: that one takes the moments of all, and so much opacity that what they cover
+//! together stays. One that has no neighbour near is dropped.
 
 use crate::moments::{cover, put};
 use crate::view::candidates::candidates;
@@ -22,7 +24,8 @@ use wm_train::metrics::psnr;
 
 /// Longest side of the pictures, px.
 const LONGEST: u32 = 720;
-/// Pictures of a scene with photos: two of three say what splats are worth, the third what was lost.
+/// Pictures of a scene with photos: two of three say what splats are worth, the third what was
+/// lost.
 const VIEWS: usize = 48;
 /// Importance of a splat that no picture shows, as a share of its pixels in a picture from near.
 const UNSEEN: f64 = 0.02;
@@ -32,7 +35,8 @@ const NEAR: f64 = 0.1;
 const FOCAL: f64 = 400.0;
 /// Most pixels that an unseen splat counts with.
 const LARGEST: f64 = 400.0;
-/// Largest distance of a splat from the one that it is merged into, in standard deviations of both along their longest axes.
+/// Largest distance of a splat from the one that it is merged into, in standard deviations of both
+/// along their longest axes.
 const REACH: f64 = 2.0;
 
 /// The reduced scene.
@@ -91,7 +95,8 @@ pub fn reduce(
     Ok(ReducedScene { splats, note })
 }
 
-/// Places to look from, for pictures of which no side is longer than this, px; neighbours in the list are mostly alike.
+/// Places to look from, for pictures of which no side is longer than this, px; neighbours in the
+/// list are mostly alike.
 pub(crate) fn cameras(scene: &Scene, survey: &Survey, longest: u32) -> Vec<Camera> {
     if !scene.views.is_empty() {
         let step = (scene.views.len() as f64 / VIEWS as f64).max(1.0);
@@ -227,7 +232,8 @@ mod tests {
         let mut scales = one.scales(0);
         scales.sort_by(f64::total_cmp);
         assert!((scales[2] - 2f64.sqrt()).abs() < 1e-6 && (scales[1] - 1.0).abs() < 1e-6);
-        // What both cover is counted once: the product of two Gaussians of variance 1 at a distance of 2.
+        // What both cover is counted once: the product of two Gaussians of variance 1 at a distance
+        // of 2.
         let overlap = 0.5 * 0.5 / 2.0 * (-0.5_f64 * 4.0 / 2.04).exp();
         let opacity = (2.0 * 0.5 - overlap) / 2f64.sqrt();
         assert!((one.opacity(0) - opacity).abs() < 1e-3, "{}", one.opacity(0));

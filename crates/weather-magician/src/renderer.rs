@@ -25,7 +25,8 @@ use wm_weather::light::CaptureLight;
 use wm_weather::paper::PaperStages;
 use wm_weather::wetness::WaterState;
 
-/// Renders places in weather, on a GPU or on the CPU. It keeps its working memory from frame to frame.
+/// Renders places in weather, on a GPU or on the CPU. It keeps its working memory from frame to
+/// frame.
 pub struct Renderer {
     backend: AnyRenderer,
     memory: Pictures,
@@ -51,8 +52,8 @@ impl Renderer {
         Self::new(&Device::Cpu, CpuConfig::default(), |_| {})
     }
 
-    /// A renderer on `device`; `cpu` says how the CPU does its work or its part of it. With [`Device::Auto`] the CPU goes
-    /// on if the GPU fails; `warn` is called with the reason.
+    /// A renderer on `device`; `cpu` says how the CPU does its work or its part of it. With
+    /// [`Device::Auto`] the CPU goes on if the GPU fails; `warn` is called with the reason.
     ///
     /// # Errors
     /// [`crate::Error::Render`] if the device cannot be used.
@@ -92,8 +93,8 @@ impl Renderer {
         self.backend.describe()
     }
 
-    /// A renderer in a browser: on its GPU if that is a real one, or is asked for, else on the CPU. `warn` is called with the reason why the
-    /// GPU is not used.
+    /// A renderer in a browser: on its GPU if that is a real one, or is asked for, else on the CPU.
+    /// `warn` is called with the reason why the GPU is not used.
     ///
     /// # Errors
     /// [`crate::Error::Render`] if `device` asks for a GPU, and there is none or it cannot be used.
@@ -108,7 +109,8 @@ impl Renderer {
     /// Loads a scene: labels its sky, surveys it (up, ground, scale, light) and uploads its splats.
     ///
     /// # Errors
-    /// [`crate::Error::Render`] if the splats cannot be held; repair scenes with NaN first ([`Scene::repaired`]).
+    /// [`crate::Error::Render`] if the splats cannot be held; repair scenes with NaN first
+    /// ([`Scene::repaired`]).
     pub fn load(&mut self, scene: Scene) -> Result<PreparedPlace> {
         self.load_with(scene, &PlaceOptions::default())
     }
@@ -121,9 +123,11 @@ impl Renderer {
         PreparedPlace::load(&mut self.backend, self.id, scene, options)
     }
 
-    /// Opens a scene in levels of detail: surveys it at one level, and draws it under a budget, so that it may be larger than the
-    /// memory. Each frame draws a cut of the levels that depends on its camera and the budget alone; [`PreparedPlace::set_shot`] fixes
-    /// one for many frames. With `repairs`, files that cannot be read are drawn at a coarser level or left out, with a warning.
+    /// Opens a scene in levels of detail: surveys it at one level, and draws it under a budget, so
+    /// that it may be larger than the memory. Each frame draws a cut of the levels that depends on
+    /// its camera and the budget alone; [`PreparedPlace::set_shot`] fixes one for many frames. With
+    /// `repairs`, files that cannot be read are drawn at a coarser level or left out, with a
+    /// warning.
     ///
     /// # Errors
     /// As [`Self::load`]; [`crate::Error::Format`] if a file cannot be read.
@@ -137,10 +141,12 @@ impl Renderer {
         PreparedPlace::load_levels(&mut self.backend, self.id, index, options, (budget, repairs))
     }
 
-    /// Opens the scene at a path: in levels of detail if it has them and its finest level does not fit the budget, else as a whole.
+    /// Opens the scene at a path: in levels of detail if it has them and its finest level does not
+    /// fit the budget, else as a whole.
     ///
     /// # Errors
-    /// As [`Self::load_levels`]; [`crate::Error::Unsupported`] if a splat has a number that is not finite.
+    /// As [`Self::load_levels`]; [`crate::Error::Unsupported`] if a splat has a number that is not
+    /// finite.
     pub fn open(
         &mut self,
         path: &Path,
@@ -159,19 +165,21 @@ impl Renderer {
         self.load_with(scene, options)
     }
 
-    /// Sets facts of a place by hand: up, the ground, the scale. The next frame has them; assets of the old facts are not used
-    /// any more. [`PreparedPlace::facts`] has the metadata to write. About half a second for 850,000 splats.
+    /// Sets facts of a place by hand: up, the ground, the scale. The next frame has them; assets of
+    /// the old facts are not used any more. [`PreparedPlace::facts`] has the metadata to write.
+    /// About half a second for 850,000 splats.
     ///
     /// # Errors
-    /// [`crate::Error::Align`] if a value cannot be used, and the place is as it was then; [`crate::Error::Unsupported`] after
-    /// [`PreparedPlace::release_splats`].
+    /// [`crate::Error::Align`] if a value cannot be used, and the place is as it was then;
+    /// [`crate::Error::Unsupported`] after [`PreparedPlace::release_splats`].
     pub fn align(&mut self, place: &mut PreparedPlace, by: &Alignment) -> Result<Aligned> {
         check_owner(place, self.id)?;
         place.align(&mut self.backend, by)
     }
 
-    /// Replaces the facts of a place, such as by those that [`PreparedPlace::facts`] returned before. Assets of the old facts
-    /// are not used any more; do not insert those that are still being made.
+    /// Replaces the facts of a place, such as by those that [`PreparedPlace::facts`] returned
+    /// before. Assets of the old facts are not used any more; do not insert those that are still
+    /// being made.
     ///
     /// # Errors
     /// [`crate::Error::Unsupported`] after [`PreparedPlace::release_splats`].
@@ -180,11 +188,12 @@ impl Renderer {
         place.set_facts(&mut self.backend, facts)
     }
 
-    /// Sets the lamps and lit windows of a place, instead of those that its scene states. The next frame has them; the other assets
-    /// of the place stay.
+    /// Sets the lamps and lit windows of a place, instead of those that its scene states. The next
+    /// frame has them; the other assets of the place stay.
     ///
     /// # Errors
-    /// [`crate::Error::Unsupported`] with the first fault of a lamp or a window; the place has those of before then.
+    /// [`crate::Error::Unsupported`] with the first fault of a lamp or a window; the place has
+    /// those of before then.
     pub fn set_lamps(
         &mut self,
         place: &mut PreparedPlace,
@@ -195,8 +204,9 @@ impl Renderer {
         place.set_lamps(lamps, windows)
     }
 
-    /// Returns the point of the scene (scene units) that is seen at the point `(x, y)` (px) of a camera's picture, by the median
-    /// depth without weather; `None` where less than half of the light is that of surfaces, such as in the sky.
+    /// Returns the point of the scene (scene units) that is seen at the point `(x, y)` (px) of a
+    /// camera's picture, by the median depth without weather; `None` where less than half of the
+    /// light is that of surfaces, such as in the sky.
     ///
     /// # Errors
     /// As [`Self::render`]; [`crate::Error::Unsupported`] after [`PreparedPlace::release_splats`].
@@ -220,8 +230,9 @@ impl Renderer {
         Ok(())
     }
 
-    /// Renders the instant `time` (seconds) of a weather. What the weather needs of the place and is not there yet, such as
-    /// the ground that snow lies on, is made first; that takes seconds once.
+    /// Renders the instant `time` (seconds) of a weather. What the weather needs of the place and
+    /// is not there yet, such as the ground that snow lies on, is made first; that takes seconds
+    /// once.
     ///
     /// # Errors
     /// [`crate::Error`] if the camera or the place cannot be rendered with.
@@ -254,8 +265,8 @@ impl Renderer {
         at_once(self.render_async(place, weather, options, picture, progress))
     }
 
-    /// [`Self::render_into`] for a program that must not wait: in a browser others work while the GPU draws. Elsewhere the future is done
-    /// when it is first polled.
+    /// [`Self::render_into`] for a program that must not wait: in a browser others work while the
+    /// GPU draws. Elsewhere the future is done when it is first polled.
     ///
     /// # Errors
     /// As [`Self::render_into`].
@@ -272,7 +283,8 @@ impl Renderer {
         place.draw(&mut self.backend, &mut self.memory, weather, options, target, progress).await
     }
 
-    /// Renders a frame of the paper's fidelity, and keeps what lies between the clear picture and the last.
+    /// Renders a frame of the paper's fidelity, and keeps what lies between the clear picture and
+    /// the last.
     ///
     /// # Errors
     /// As [`Self::render_into`].
@@ -297,8 +309,9 @@ impl Renderer {
         Ok(request.draw(&mut self.backend, &mut self.memory, picture)?)
     }
 
-    /// Takes the splats about a camera for those that a weather is prepared with, of a place in levels of detail: [`Self::render`] does so
-    /// itself. Assets that are being made on another thread are of the splats of before then: [`Self::insert_assets`] leaves them out.
+    /// Takes the splats about a camera for those that a weather is prepared with, of a place in
+    /// levels of detail: [`Self::render`] does so itself. Assets that are being made on another
+    /// thread are of the splats of before then: [`Self::insert_assets`] leaves them out.
     ///
     /// # Errors
     /// [`crate::Error::Format`] if a file cannot be read.
@@ -340,8 +353,8 @@ impl Renderer {
         place.draw_clear(&mut self.backend, camera, frame).await
     }
 
-    /// Draws the splat at the median depth of each pixel into `frame`, without weather and without what lies: [`Frame::median_splat`]
-    /// has its index in the scene.
+    /// Draws the splat at the median depth of each pixel into `frame`, without weather and without
+    /// what lies: [`Frame::median_splat`] has its index in the scene.
     ///
     /// # Errors
     /// As [`Self::render`].
@@ -370,7 +383,8 @@ impl Renderer {
         place.prepare_all(&mut self.backend, weather, progress)
     }
 
-    /// Returns the inputs for [`MissingAssets::make`] on another thread, and removes from `missing` what is found on disk.
+    /// Returns the inputs for [`MissingAssets::make`] on another thread, and removes from `missing`
+    /// what is found on disk.
     ///
     /// # Errors
     /// As [`Self::render`].
@@ -392,7 +406,8 @@ impl Renderer {
         place.insert(&mut self.backend, assets)
     }
 
-    /// Returns the snow or dust that lies on the place at one instant; `None` if the weather lays nothing.
+    /// Returns the snow or dust that lies on the place at one instant; `None` if the weather lays
+    /// nothing.
     ///
     /// # Errors
     /// As [`Self::render_into`].
@@ -407,7 +422,8 @@ impl Renderer {
         place.lying_cover(&mut self.backend, weather, time, progress)
     }
 
-    /// Returns the splats of a place in the light of an instant of a weather; `None` where that does not change it.
+    /// Returns the splats of a place in the light of an instant of a weather; `None` where that
+    /// does not change it.
     pub(crate) fn relit_splats(
         &mut self,
         place: &mut PreparedPlace,
@@ -419,8 +435,8 @@ impl Renderer {
         place.relit_splats(&mut self.backend, weather, time, progress)
     }
 
-    /// Returns the light in which a place was captured, split into sun and sky; finds it first if it is not known, which takes
-    /// seconds.
+    /// Returns the light in which a place was captured, split into sun and sky; finds it first if
+    /// it is not known, which takes seconds.
     ///
     /// # Errors
     /// As [`Self::render_into`].
@@ -433,8 +449,8 @@ impl Renderer {
         place.capture_light(&mut self.backend, progress)
     }
 
-    /// Returns the water on the ground of a place at an instant of a weather, `None` where nothing is wet; what it needs of the
-    /// place is made first, which takes seconds.
+    /// Returns the water on the ground of a place at an instant of a weather, `None` where nothing
+    /// is wet; what it needs of the place is made first, which takes seconds.
     ///
     /// # Errors
     /// As [`Self::render_into`].

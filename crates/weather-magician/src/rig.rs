@@ -1,4 +1,5 @@
-//! Rigs: cameras, lidars and radars on one car, drone or mast, each with its pose, its rate and its phase.
+//! Rigs: cameras, lidars and radars on one car, drone or mast, each with its pose, its rate and its
+//! phase.
 //!
 //! ```
 //! use weather_magician::rig::Rig;
@@ -194,7 +195,8 @@ impl Rig {
         Self::of_text(&text, &path.display().to_string(), folder)
     }
 
-    /// The rig of a text in TOML; `name` stands in errors. Files that it names are found in the current folder.
+    /// The rig of a text in TOML; `name` stands in errors. Files that it names are found in the
+    /// current folder.
     ///
     /// # Errors
     /// As [`Self::read`].

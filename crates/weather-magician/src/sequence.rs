@@ -1,4 +1,5 @@
-//! Frames over time: rendered in order while another thread writes those before, and videos of them.
+//! Frames over time: rendered in order while another thread writes those before, and videos of
+//! them.
 
 use crate::levels::shot_cameras;
 use crate::motion::CameraMotion;
@@ -14,8 +15,8 @@ use wm_weather::Weather;
 /// Frames between renderer and writer; more would only take memory.
 const WAITING: usize = 2;
 
-/// Renders `frames` in order while another thread writes; `T` is what holds the picture of a frame. Returns the number of
-/// frames that were written: fewer than all if `progress` asked to stop.
+/// Renders `frames` in order while another thread writes; `T` is what holds the picture of a frame.
+/// Returns the number of frames that were written: fewer than all if `progress` asked to stop.
 ///
 /// # Errors
 /// The first that `render` or `write` gives.
@@ -73,12 +74,14 @@ pub fn render_and_write<T: Default + Send, E: Send>(
 }
 
 impl Renderer {
-    /// Renders a video of `seconds` into the MP4 `path`: frame `i` shows the weather and the camera at `i` over the frame
-    /// rate of `settings`. The tags of `settings` are kept; the weather, the camera and the renderer are added where there
-    /// are none. A place in levels of detail that has no shot ([`PreparedPlace::set_shot`]) is drawn from one cut for all frames.
+    /// Renders a video of `seconds` into the MP4 `path`: frame `i` shows the weather and the camera
+    /// at `i` over the frame rate of `settings`. The tags of `settings` are kept; the weather, the
+    /// camera and the renderer are added where there are none. A place in levels of detail that has
+    /// no shot ([`PreparedPlace::set_shot`]) is drawn from one cut for all frames.
     ///
     /// # Errors
-    /// [`Error::Media`] if the video cannot be written, [`Error::Stopped`] if `progress` asked to stop: no file is left then.
+    /// [`Error::Media`] if the video cannot be written, [`Error::Stopped`] if `progress` asked to
+    /// stop: no file is left then.
     pub fn render_video(
         &mut self,
         place: &mut PreparedPlace,

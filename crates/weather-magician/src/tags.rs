@@ -5,7 +5,8 @@ use wm_render::AnyRenderer;
 use wm_scene::Camera;
 use wm_weather::{Site, Weather};
 
-/// The program, the scene's name, the weather, the instant, the camera, the renderer and the scale of a picture.
+/// The program, the scene's name, the weather, the instant, the camera, the renderer and the scale
+/// of a picture.
 #[must_use]
 pub fn picture_tags(
     scene: &str,
@@ -21,7 +22,8 @@ pub fn picture_tags(
         ("weather".into(), weather_text(weather, time)),
         ("time".into(), format!("{time} s")),
         ("camera".into(), spec::text_of(camera, site.origin.into())),
-        // Without the number of threads: no byte of a picture depends on it, and none of its words may.
+        // Without the number of threads: no byte of a picture depends on it, and none of its words
+        // may.
         ("renderer".into(), renderer.arithmetic()),
         ("metres_per_unit".into(), site.metres_per_unit.to_string()),
     ]

@@ -1,4 +1,5 @@
-//! A scene with few splats, for views in which more could not be told apart: small ones and blurred ones.
+//! A scene with few splats, for views in which more could not be told apart: small ones and blurred
+//! ones.
 
 use wm_render::SetId;
 use wm_render::hooks::{AttributeBlock, Revision, SplatAttributes};
@@ -8,19 +9,22 @@ use wm_scene::splats::logit;
 
 /// Splats of a thinned scene, about: those that look large, and a share of the others.
 const WANTED: usize = 60_000;
-/// Number and greatest share of splats that are kept however small they look: they may be near a camera.
+/// Number and greatest share of splats that are kept however small they look: they may be near a
+/// camera.
 const SMALL: usize = 50_000;
 const LEAST_KEPT: f64 = 0.15;
 /// Most that a splat is widened: surfaces of many layers stay closed, and what is narrow stays so.
 const WIDEST: f64 = 1.8;
-/// Distance from the middle of the scene within which splats count as seen from as far, radii of the scene.
+/// Distance from the middle of the scene within which splats count as seen from as far, radii of
+/// the scene.
 const NEAR: f64 = 0.3;
 /// Opacity up to which a splat grows denser instead of wider.
 const DENSEST: f64 = 0.95;
 /// Seed of the choice.
 const SEED: u64 = 0x7769_6465;
 
-/// A choice of a scene's splats that covers as much as all: of those that look small few are kept, and widened.
+/// A choice of a scene's splats that covers as much as all: of those that look small few are kept,
+/// and widened.
 #[derive(Debug)]
 pub(crate) struct ThinnedSet {
     /// The splats in the renderer.
@@ -29,7 +33,8 @@ pub(crate) struct ThinnedSet {
     pub chosen: Vec<u32>,
 }
 
-/// Chooses splats of a scene about `middle`, of this radius, and widens them; with their indices in the scene.
+/// Chooses splats of a scene about `middle`, of this radius, and widens them; with their indices in
+/// the scene.
 pub(crate) fn thin(splats: &Splats, middle: [f64; 3], radius: f64) -> (Splats, Vec<u32>) {
     let near = NEAR * radius.max(1e-6);
     // How much of a picture each takes.
@@ -51,7 +56,8 @@ pub(crate) fn thin(splats: &Splats, middle: [f64; 3], radius: f64) -> (Splats, V
     for (k, i) in chosen.iter().enumerate() {
         let kept = kept(*i);
         if kept < 1.0 {
-            // They cover about as much as those that are left out with them: denser first, then wider.
+            // They cover about as much as those that are left out with them: denser first, then
+            // wider.
             let opacity = splats.opacity(*i);
             let wanted = (opacity / kept).clamp(opacity, opacity.max(DENSEST));
             let wider = (opacity / kept / wanted).sqrt().min(WIDEST).ln() as f32;
@@ -62,7 +68,8 @@ pub(crate) fn thin(splats: &Splats, middle: [f64; 3], radius: f64) -> (Splats, V
     (thin, chosen.into_iter().map(|i| i as u32).collect())
 }
 
-/// The size at which all larger splats are kept, and smaller ones in proportion, so that [`WANTED`] are kept.
+/// The size at which all larger splats are kept, and smaller ones in proportion, so that [`WANTED`]
+/// are kept.
 fn threshold(sizes: &[f64]) -> f64 {
     let mut sorted: Vec<f64> = sizes.iter().copied().filter(|size| *size > 0.0).collect();
     sorted.sort_by(|a, b| b.total_cmp(a));

@@ -1,4 +1,5 @@
-//! Facts of a loaded place that are set by hand: points under clicks, and pictures that follow the facts.
+//! Facts of a loaded place that are set by hand: points under clicks, and pictures that follow the
+//! facts.
 
 use glam::DVec3;
 use weather_magician::{Camera, Error, Metadata, PlaceOptions, Renderer, Scene, Weather};

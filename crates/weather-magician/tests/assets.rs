@@ -123,7 +123,8 @@ fn a_weather_that_was_prepared_needs_no_splats() {
     let weather = Weather::preset("rain-to-snow").unwrap();
     let mut place = renderer.load(street()).unwrap();
     let whole = renderer.render(&mut place, &weather, &camera, 20.0).unwrap();
-    // The second time, assets of the first instants lie on the disk; the wind turns what falls later.
+    // The second time, assets of the first instants lie on the disk; the wind turns what falls
+    // later.
     let folder = tempfile::tempdir().unwrap();
     let options = PlaceOptions { assets: Some(folder.path().into()), ..PlaceOptions::default() };
     let mut last = None;

@@ -1,4 +1,5 @@
-//! The Rust in `docs/guide/library.md`: each block stands here or in an example, line by line, and runs.
+//! The Rust in `docs/guide/library.md`: each block stands here or in an example, line by line, and
+//! runs.
 
 use std::path::Path;
 use weather_magician::assets::AssetCache;

@@ -1,5 +1,6 @@
-//! Reflectances that are found in captures whose surfaces are known: the built-in street and park in sun and under clouds, as
-//! cameras of several exposures and tone curves would show them. `WM_ALL_CAPTURES=1` tries every camera in every place.
+//! Reflectances that are found in captures whose surfaces are known: the built-in street and park
+//! in sun and under clouds, as cameras of several exposures and tone curves would show them.
+//! `WM_ALL_CAPTURES=1` tries every camera in every place.
 
 use glam::DVec3;
 use weather_magician::{Metadata, Renderer, Scene};

@@ -1,4 +1,5 @@
-//! Turns a driving log into a capture folder: `cargo run --release -p wm-datasets --example log_to_capture -- LOG FOLDER [SCENE]`.
+//! Turns a driving log into a capture folder:
+//! `cargo run --release -p wm-datasets --example log_to_capture -- LOG FOLDER [SCENE]`.
 
 use std::ops::ControlFlow;
 use wm_datasets::{DrivingLog, LogCaptureOptions, LogOptions};

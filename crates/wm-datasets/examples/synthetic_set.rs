@@ -1,4 +1,5 @@
-//! Writes a small synthetic set in a layout and its numbers in `truth.json`, for scripts that read it with other programs:
+//! Writes a small synthetic set in a layout and its numbers in `truth.json`, for scripts that read
+//! it with other programs:
 //! `cargo run -p wm-datasets --features testing --example synthetic_set -- LAYOUT FOLDER`.
 
 use wm_datasets::{find_layout, testing};

@@ -80,8 +80,8 @@ pub(crate) fn wxyz_and_translation(pose: &RigidPose) -> [f64; 7] {
     [q.w, q.x, q.y, q.z, t.x, t.y, t.z]
 }
 
-/// Reads a capture of the synthetic set's first clip and checks that its cameras show the spot where the set's own do; returns the number
-/// of pictures that show it.
+/// Reads a capture of the synthetic set's first clip and checks that its cameras show the spot
+/// where the set's own do; returns the number of pictures that show it.
 #[cfg(test)]
 pub(crate) fn check_capture(folder: &std::path::Path) -> usize {
     use crate::testing;

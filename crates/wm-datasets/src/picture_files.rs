@@ -14,8 +14,8 @@ pub(crate) fn png(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Resul
     wm_media::png::encode_rgb8(rgb, PictureSize::new(width, height)).map_err(|error| problem(sensor, &error))
 }
 
-/// Encodes `rgb [H, W, 3]` as a JPEG. Chroma has the full resolution: for half of it, the encoder would take every fourth pixel instead of
-/// their mean, and small lights would lose their colour.
+/// Encodes `rgb [H, W, 3]` as a JPEG. Chroma has the full resolution: for half of it, the encoder
+/// would take every fourth pixel instead of their mean, and small lights would lose their colour.
 pub(crate) fn jpeg(sensor: &SensorInfo, camera: &CameraInfo, rgb: &[u8]) -> Result<Vec<u8>, SetError> {
     check_size(sensor, camera, rgb)?;
     jpeg::encode(rgb, camera.size, JPEG_QUALITY, SamplingFactor::F_1_1)

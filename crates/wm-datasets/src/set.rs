@@ -1,7 +1,7 @@
 //! The contents of a data set, in no layout's terms.
 //!
-//! Axes: the world's z is up, in metres; a rig, a lidar and a radar have x forward, y left and z up; a camera has OpenCV's axes, x
-//! right, y down and z forward.
+//! Axes: the world's z is up, in metres; a rig, a lidar and a radar have x forward, y left and z
+//! up; a camera has OpenCV's axes, x right, y down and z forward.
 
 use crate::RigidPose;
 use wm_scene::LensModel;
@@ -62,8 +62,8 @@ pub struct CameraInfo {
     pub size: (u32, u32),
     /// Focal lengths, px.
     pub focal: [f64; 2],
-    /// Principal point from the corner of the first pixel, px. Layouts whose readers have the first pixel's centre at (0, 0)
-    /// subtract 0.5; each says so.
+    /// Principal point from the corner of the first pixel, px. Layouts whose readers have the first
+    /// pixel's centre at (0, 0) subtract 0.5; each says so.
     pub center: [f64; 2],
     /// The lens; `None` for a pinhole.
     pub lens: Option<LensModel>,
@@ -93,7 +93,8 @@ pub struct ClipInfo {
 pub struct PlaceInfo {
     /// Its name: letters, digits, `-` and `_`.
     pub name: String,
-    /// Latitude and longitude, degrees, of the world's origin, and its height, m; `None` where they are not known.
+    /// Latitude and longitude, degrees, of the world's origin, and its height, m; `None` where they
+    /// are not known.
     pub origin: Option<[f64; 3]>,
     /// True if the world's x is east and y is north.
     pub is_north_known: bool,
@@ -106,7 +107,8 @@ pub struct WeatherInfo {
     pub name: String,
     /// The condition that prevails.
     pub condition: Condition,
-    /// Visibility, m (5 % of light is left): of fog, haze, smog and what falls together; infinite in clear air.
+    /// Visibility, m (5 % of light is left): of fog, haze, smog and what falls together; infinite
+    /// in clear air.
     pub mor: f64,
     /// Rain, mm/h.
     pub rain_rate: f64,
@@ -162,7 +164,8 @@ pub struct ReadingInfo {
     pub index: u32,
     /// The frame of the clip that it belongs to.
     pub frame: u32,
-    /// True if it is the sensor's reading of that frame: the first at or after the frame's time. There is one for each sensor and frame.
+    /// True if it is the sensor's reading of that frame: the first at or after the frame's time.
+    /// There is one for each sensor and frame.
     pub is_key: bool,
     /// The block that its files are made in.
     pub block: u32,
@@ -200,7 +203,8 @@ pub struct SensorReading<'a> {
 pub enum ReadingData<'a> {
     /// A picture.
     Picture(PictureReading<'a>),
-    /// The points of a lidar's sweep in the order of time, in the sensor's axes at the start of the sweep.
+    /// The points of a lidar's sweep in the order of time, in the sensor's axes at the start of the
+    /// sweep.
     Points(&'a [DatasetPoint]),
     /// The detections of a radar, in the sensor's axes.
     Detections(&'a [DatasetDetection]),
@@ -213,11 +217,14 @@ pub struct PictureReading<'a> {
     pub rgb: &'a [u8],
     /// The same view without weather, `[H, W, 3]`, sRGB; given if the layout needs it.
     pub clean: Option<&'a [u8]>,
-    /// `[H, W]`, m along the view axis, of the surface that the flow follows; 0 in the sky; given if the layout needs it.
+    /// `[H, W]`, m along the view axis, of the surface that the flow follows; 0 in the sky; given
+    /// if the layout needs it.
     pub depth: Option<&'a [f32]>,
-    /// `[H, W, 2]`, px: the way to where the point is seen in the sensor's next picture, x right and y down; given if the layout needs it.
+    /// `[H, W, 2]`, px: the way to where the point is seen in the sensor's next picture, x right
+    /// and y down; given if the layout needs it.
     pub flow: Option<&'a [f32]>,
-    /// `[H, W]`: what becomes of each point there, given with the flow: 0 is seen, 1 hidden, 2 out of the picture, 3 not known.
+    /// `[H, W]`: what becomes of each point there, given with the flow: 0 is seen, 1 hidden, 2 out
+    /// of the picture, 3 not known.
     pub flow_states: Option<&'a [u8]>,
 }
 

@@ -1,4 +1,5 @@
-//! Scenes of layouts that hold one scene a folder: a clip, or all stills of one place in one weather.
+//! Scenes of layouts that hold one scene a folder: a clip, or all stills of one place in one
+//! weather.
 
 use crate::cameras::picture;
 use crate::layouts::{BlockWriter, FileSink};
@@ -34,7 +35,8 @@ pub(crate) fn photo(set: &SetInfo, clip: &ClipInfo, info: &ReadingInfo) -> Strin
 /// Takes a scene: its folder and its clips.
 type TakeScene<'a> = &'a mut dyn FnMut(&str, &[ClipRecord]) -> Result<(), SetError>;
 
-/// Calls `take` for each scene with its folder and its clips, in the order of their numbers. Stills are kept until the last.
+/// Calls `take` for each scene with its folder and its clips, in the order of their numbers. Stills
+/// are kept until the last.
 pub(crate) fn for_each_scene(
     set: &SetInfo,
     clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,

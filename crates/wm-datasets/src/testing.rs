@@ -168,9 +168,10 @@ pub fn write_in_blocks(layout: &dyn Layout, frames: u32, files: &mut dyn FileSin
     layout.tables(&set, &mut records, files)
 }
 
-/// The set as numbers for scripts that read its files with other programs: sensors with `rig_from_sensor` as 4x4 rows and intrinsics
-/// (the first pixel's centre is at 0.5, 0.5), clips, readings with `timestamp` (ns) and `world_from_sensor`, and [`SPOT`] with its
-/// pixel in the pictures that show it and its position in the sensors' axes.
+/// The set as numbers for scripts that read its files with other programs: sensors with
+/// `rig_from_sensor` as 4x4 rows and intrinsics (the first pixel's centre is at 0.5, 0.5), clips,
+/// readings with `timestamp` (ns) and `world_from_sensor`, and [`SPOT`] with its pixel in the
+/// pictures that show it and its position in the sensors' axes.
 #[must_use]
 pub fn truth(set: &SetInfo) -> Value {
     let sensors = set.sensors.iter().map(|sensor| {

@@ -4,8 +4,8 @@ use std::fmt;
 
 const NANOSECONDS_A_DAY: i64 = 86_400_000_000_000;
 
-/// An instant as a date of the Gregorian calendar and a time of day, UTC without leap seconds; displayed as
-/// `2011-09-26 13:02:25.964389445`.
+/// An instant as a date of the Gregorian calendar and a time of day, UTC without leap seconds;
+/// displayed as `2011-09-26 13:02:25.964389445`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct UtcTime {
     year: i64,
@@ -17,8 +17,8 @@ pub(crate) struct UtcTime {
 impl UtcTime {
     /// The instant that is so many nanoseconds after 1970 began.
     pub(crate) fn new(nanoseconds: i64) -> Self {
-        // Years begin in March here, so that the day of leap years is their last; 719,468 days before 1970 is the first of March of
-        // year 0, and 400 years have 146,097 days.
+        // Years begin in March here, so that the day of leap years is their last; 719,468 days
+        // before 1970 is the first of March of year 0, and 400 years have 146,097 days.
         let days = nanoseconds.div_euclid(NANOSECONDS_A_DAY) + 719_468;
         let (era, day_of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));
         let year_of_era =

@@ -9,14 +9,15 @@ pub enum Dither {
     /// To the nearest: slow gradients show contours.
     Off,
     /// A fixed blue-noise offset a pixel and channel. No pixel is off by a whole step, the mean
-    /// over any 16x16 is right within 0.05 of a step, and a value that is a byte already stays this byte everywhere.
+    /// over any 16x16 is right within 0.05 of a step, and a value that is a byte already stays this
+    /// byte everywhere.
     #[default]
     Ordered,
 }
 
 impl Dither {
-    /// The offsets added to the pixels of row `y` of `channel` (0-2) before rounding, one a pixel, to be
-    /// repeated.
+    /// The offsets added to the pixels of row `y` of `channel` (0-2) before rounding, one a pixel,
+    /// to be repeated.
     pub(super) fn row(self, channel: usize, y: usize) -> &'static [f32] {
         match self {
             Self::Off => &[0.0; dither::SIDE],
@@ -45,8 +46,8 @@ pub(super) fn unit(value: f32) -> f32 {
 /// `value`, -0.5 to 255.5, to the nearest.
 #[inline]
 pub(super) fn byte(value: f32) -> u8 {
-    // At 1.5 * 2^23 floats are 1 apart, so that the addition rounds and the last byte is the result.
-    // A cast, which must saturate, takes three times as long.
+    // At 1.5 * 2^23 floats are 1 apart, so that the addition rounds and the last byte is the
+    // result. A cast, which must saturate, takes three times as long.
     (value + 12_582_912.0).to_bits() as u8
 }
 

@@ -1,15 +1,16 @@
 //! A blue-noise pattern to add before rounding: 64x64, three channels, the same on every machine.
 //!
 //! Rounding a slow gradient to 8 bits draws contours, which the eye finds at once in fog. Adding an
-//! offset `t(x, y)` within half a step first makes the mean over a neighbourhood right instead, if the
-//! offsets in every neighbourhood are spread evenly over (-1/2, 1/2); and the noise is hard to see if
-//! its energy is at high frequencies. Both hold for the void-and-cluster method (R. Ulichney,
-//! "The void-and-cluster method for dither array generation", Proc. SPIE 1913, 1993), followed here
-//! with one departure: the paper's third phase, which looks for clusters of the minority, picks the
-//! same pixels as its second one since the filter is linear, so one loop does both.
+//! offset `t(x, y)` within half a step first makes the mean over a neighbourhood right instead, if
+//! the offsets in every neighbourhood are spread evenly over (-1/2, 1/2); and the noise is hard to
+//! see if its energy is at high frequencies. Both hold for the void-and-cluster method (R.
+//! Ulichney, "The void-and-cluster method for dither array generation", Proc. SPIE 1913, 1993),
+//! followed here with one departure: the paper's third phase, which looks for clusters of the
+//! minority, picks the same pixels as its second one since the filter is linear, so one loop does
+//! both.
 //!
-//! The pattern does not change from frame to frame: a still picture stays still, and a video encoder
-//! need not send it again.
+//! The pattern does not change from frame to frame: a still picture stays still, and a video
+//! encoder need not send it again.
 
 use std::sync::LazyLock;
 
@@ -158,8 +159,8 @@ mod tests {
 
     #[test]
     fn small_neighbourhoods_are_spread_evenly() {
-        // A flat area's mean is off by how many offsets too many lie below its fraction: measured at
-        // most 0.034 of a step over 16x16 pixels anywhere, 0.091 over 8x8.
+        // A flat area's mean is off by how many offsets too many lie below its fraction: measured
+        // at most 0.034 of a step over 16x16 pixels anywhere, 0.091 over 8x8.
         for channel in OFFSETS.iter() {
             for level in [0.05, 0.25, 0.5, 0.75, 0.95] {
                 for start in 0..CELLS {

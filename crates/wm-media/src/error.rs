@@ -85,7 +85,8 @@ pub enum MediaError {
     NoFfmpeg {
         /// The file to be written.
         path: PathBuf,
-        /// The message of the system; it is part of this error's message, so it is not a source of its own.
+        /// The message of the system; it is part of this error's message, so it is not a source of
+        /// its own.
         reason: io::Error,
     },
     /// The video encoder gave up.

@@ -9,8 +9,8 @@
 //!
 //! | others | as named | as given |
 //!
-//! One function writes any of them: one kind a file, or all in one. Tags become string attributes of
-//! the same name.
+//! One function writes any of them: one kind a file, or all in one. Tags become string attributes
+//! of the same name.
 
 use std::io::{Cursor, Write};
 use std::path::Path;
@@ -83,8 +83,8 @@ pub fn write_exr(
     write_file(path, |out| out.write_all(&bytes).map_err(|source| MediaError::write(path, source)))
 }
 
-/// ZIP by single rows ("ZIPS"): a seventh larger than by 16 rows, but written in a third of the time.
-/// Rows in order, since otherwise threads decide about it.
+/// ZIP by single rows ("ZIPS"): a seventh larger than by 16 rows, but written in a third of the
+/// time. Rows in order, since otherwise threads decide about it.
 const ENCODING: Encoding =
     Encoding { compression: Compression::ZIP1, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
 

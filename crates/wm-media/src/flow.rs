@@ -1,6 +1,7 @@
 //! Files of optical flow: Middlebury's `.flo` and KITTI's 16-bit PNG.
 //!
-//! Vectors are `[H, W, 2]`: pixels to the right and down from a pixel to where what it shows is in the next picture. NaN is no vector.
+//! Vectors are `[H, W, 2]`: pixels to the right and down from a pixel to where what it shows is in
+//! the next picture. NaN is no vector.
 
 use super::png::{ChannelBits, ColorType, Meaning, write as write_png};
 use super::{MediaError, PictureSize, Tags, write_file};
@@ -9,14 +10,15 @@ use std::path::Path;
 
 /// The first number of a `.flo` file: its bytes are `PIEH`.
 pub const FLO_TAG: f32 = 202_021.25;
-/// The vector of pixels without one in a `.flo` file: readers take what is above 1e9 px for unknown.
+/// The vector of pixels without one in a `.flo` file: readers take what is above 1e9 px for
+/// unknown.
 pub const FLO_UNKNOWN: f32 = 1e10;
 /// Counts a pixel in KITTI's PNG, and the count of 0 px.
 const KITTI_SCALE: f32 = 64.0;
 const KITTI_ZERO: f32 = 32768.0;
 
-/// Writes `vectors [H, W, 2]`, px, as Middlebury's `.flo`, little-endian: [`FLO_TAG`], width and height as i32, pairs of f32 row by row.
-/// The format has no room for tags.
+/// Writes `vectors [H, W, 2]`, px, as Middlebury's `.flo`, little-endian: [`FLO_TAG`], width and
+/// height as i32, pairs of f32 row by row. The format has no room for tags.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -33,8 +35,9 @@ pub fn write_flo(path: &Path, vectors: &[f32], size: PictureSize) -> Result<(), 
     })
 }
 
-/// Writes `vectors [H, W, 2]`, px, as the 16-bit RGB of KITTI: `64 u + 32768`, `64 v + 32768`, rounded, and 1 where both are known and
-/// within 512 px; three zeros elsewhere. Returns the number of vectors that are too long for the format.
+/// Writes `vectors [H, W, 2]`, px, as the 16-bit RGB of KITTI: `64 u + 32768`, `64 v + 32768`,
+/// rounded, and 1 where both are known and within 512 px; three zeros elsewhere. Returns the number
+/// of vectors that are too long for the format.
 ///
 /// # Errors
 /// The file cannot be written, or a tag does not fit.

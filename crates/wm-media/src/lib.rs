@@ -10,9 +10,9 @@
 //! | alpha | `[H, W]` | 0-1 |
 //!
 //! Rows run from top to bottom. A slice whose length does not fit its shape is a bug of the caller
-//! and panics; whatever can go wrong outside the program is a [`MediaError`] of one line. Every file
-//! is written beside its final name and then renamed ([`wm_scene::files`]), so that a file under its
-//! final name is always whole.
+//! and panics; whatever can go wrong outside the program is a [`MediaError`] of one line. Every
+//! file is written beside its final name and then renamed ([`wm_scene::files`]), so that a file
+//! under its final name is always whole.
 //!
 //! The same pixels give the same bytes, on any number of threads.
 
@@ -75,5 +75,6 @@ fn write_file(
     write_whole(path, |fault| MediaError::write(path, fault), write)
 }
 
-/// Names and values that are written into a file besides pixels, in this order: program, scene, weather, seed, time, ...
+/// Names and values that are written into a file besides pixels, in this order: program, scene,
+/// weather, seed, time, ...
 pub type Tags = [(String, String)];

@@ -30,8 +30,9 @@ pub enum ChannelBits {
 /// The scale of 16-bit depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum DepthScale {
-    /// The finest of 1 mm, 1 cm, 1 dm and 1 m that reaches the largest finite depth of this picture.
-    /// Frames of one sequence may then differ; for them, choose once by [`DepthScale::reaching`].
+    /// The finest of 1 mm, 1 cm, 1 dm and 1 m that reaches the largest finite depth of this
+    /// picture. Frames of one sequence may then differ; for them, choose once by
+    /// [`DepthScale::reaching`].
     #[default]
     Auto,
     /// Metres a count, or scene units where the depth is in those. Above 0.
@@ -103,8 +104,8 @@ pub fn encode_rgb8(rgb: &[u8], size: PictureSize) -> Result<Vec<u8>, EncodingErr
     Ok(out)
 }
 
-/// Writes `depth [H, W]`, metres or scene units, as 16-bit grey, and returns the metres (or units) a
-/// count, which is also in the tag `depth_metres_per_count`.
+/// Writes `depth [H, W]`, metres or scene units, as 16-bit grey, and returns the metres (or units)
+/// a count, which is also in the tag `depth_metres_per_count`.
 ///
 /// A count is the depth over the scale, rounded, at most 65535; 0 = nothing there, and a depth that
 /// would round to it counts 1. What is negative or no number is nothing.

@@ -7,8 +7,8 @@ fn bytes(rgb: [f64; 3]) -> [u8; 3] {
     rgb.map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)
 }
 
-/// Depth: red for 0, blue for 1. The polynomial that Google published for its colour map Turbo (A. Mikhailov, R. Du,
-/// 2019, Apache-2.0), the other way round: near things are warm.
+/// Depth: red for 0, blue for 1. The polynomial that Google published for its colour map Turbo (A.
+/// Mikhailov, R. Du, 2019, Apache-2.0), the other way round: near things are warm.
 pub fn turbo(t: f64) -> [u8; 3] {
     const POWERS: [[f64; 6]; 3] = [
         [0.13572138, 4.61539260, -42.66032258, 132.13108234, -152.94239396, 59.28637943],

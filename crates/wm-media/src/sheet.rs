@@ -1,7 +1,7 @@
 //! Contact sheets: pictures of one size in a grid, each with a label on a dark strip.
 //!
-//! Outside the strips a picture's values are kept as they are, so that what a sheet compares is what
-//! was rendered.
+//! Outside the strips a picture's values are kept as they are, so that what a sheet compares is
+//! what was rendered.
 
 use super::PictureSize;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
@@ -62,8 +62,8 @@ impl SheetLayout {
     }
 }
 
-/// Draws the sheet, `[H, W, 3]` of [`SheetLayout::size`], sRGB-encoded. Panics if a picture is not of the
-/// layout's size, or there are more than it has places for.
+/// Draws the sheet, `[H, W, 3]` of [`SheetLayout::size`], sRGB-encoded. Panics if a picture is not
+/// of the layout's size, or there are more than it has places for.
 #[must_use]
 pub fn sheet(layout: &SheetLayout, panels: &[SheetPanel<'_>]) -> Vec<f32> {
     assert!(panels.len() <= (layout.columns * layout.rows) as usize, "{} pictures", panels.len());

@@ -1,5 +1,6 @@
-//! Measures time and memory of a network: `depth_anything` or `clip`, the file of its weights, then sizes of images
-//! such as 518x700. Threads are those of `RAYON_NUM_THREADS`. Depth Anything's weights are of V2.
+//! Measures time and memory of a network: `depth_anything` or `clip`, the file of its weights, then
+//! sizes of images such as 518x700. Threads are those of `RAYON_NUM_THREADS`. Depth Anything's
+//! weights are of V2.
 
 use std::process::ExitCode;
 use std::time::Instant;

@@ -1,13 +1,15 @@
-//! CLIP's image embeddings: what a picture shows, as a vector of length 1 (Radford et al. 2021, "Learning transferable
-//! visual models from natural language supervision"). CMMD compares pictures by those of ViT-L/14 at 336 px.
+//! CLIP's image embeddings: what a picture shows, as a vector of length 1 (Radford et al. 2021,
+//! "Learning transferable visual models from natural language supervision"). CMMD compares pictures
+//! by those of ViT-L/14 at 336 px.
 //!
-//! The square in the middle of a picture is resized in 8 bit to the network's size as Pillow does it, its channels
-//! normalised, cut into patches and embedded; a class stands before the patches. After a norm and the blocks, what has
-//! become of the class goes through another norm and a projection, and is divided by its length.
+//! The square in the middle of a picture is resized in 8 bit to the network's size as Pillow does
+//! it, its channels normalised, cut into patches and embedded; a class stands before the patches.
+//! After a norm and the blocks, what has become of the class goes through another norm and a
+//! projection, and is divided by its length.
 //!
-//! That is how the published CMMD prepares pictures (`io_util.py` and `embedding.py` of google-research/cmmd; its
-//! `jax.image.resize` has nothing left to do), and numbers are those of CLIP in Hugging Face's transformers, up to f32's
-//! rounding.
+//! That is how the published CMMD prepares pictures (`io_util.py` and `embedding.py` of
+//! google-research/cmmd; its `jax.image.resize` has nothing left to do), and numbers are those of
+//! CLIP in Hugging Face's transformers, up to f32's rounding.
 
 #[cfg(test)]
 mod tests;
@@ -27,7 +29,8 @@ const DEVIATION: [f32; 3] = [0.268_629_54, 0.261_302_6, 0.275_777_1];
 const HEAD: usize = 64;
 /// Of the norms.
 const EPSILON: f64 = 1e-5;
-/// Most blocks, channels and pixels of a side that are taken; the largest published ones have 24, 1024 and 336.
+/// Most blocks, channels and pixels of a side that are taken; the largest published ones have 24,
+/// 1024 and 336.
 const MOST_BLOCKS: usize = 64;
 const MOST_CHANNELS: usize = 1 << 13;
 const LONGEST_SIDE: usize = 1 << 11;
@@ -119,13 +122,14 @@ pub struct Clip {
 }
 
 impl Clip {
-    /// Reads published weights, safetensors or PyTorch's, from one file or several, with the names of Hugging Face's
-    /// transformers (`vision_model.*`, `visual_projection.weight`); the text's part may be there or not. Sizes are those of
-    /// the tensors, heads of attention have 64 channels.
+    /// Reads published weights, safetensors or PyTorch's, from one file or several, with the names
+    /// of Hugging Face's transformers (`vision_model.*`, `visual_projection.weight`); the text's
+    /// part may be there or not. Sizes are those of the tensors, heads of attention have 64
+    /// channels.
     ///
     /// # Errors
-    /// [`WeightsError`] if a file is no such file or damaged, a tensor is missing, of another shape or not finite, or the
-    /// network is another one.
+    /// [`WeightsError`] if a file is no such file or damaged, a tensor is missing, of another shape
+    /// or not finite, or the network is another one.
     pub fn read(files: &[PathBuf]) -> Result<Self, WeightsError> {
         let mut weights = Weights::open(files, ADVICE)?;
         let architecture = Architecture::of(&weights)?;
@@ -210,8 +214,8 @@ impl Clip {
         if embedding.iter().all(|value| value.is_finite()) { Ok(embedding) } else { Err(NotFinite) }
     }
 
-    /// Under what the published weights may be used: LICENSE of <https://github.com/openai/CLIP>. Its model card asks not
-    /// to deploy them.
+    /// Under what the published weights may be used: LICENSE of <https://github.com/openai/CLIP>.
+    /// Its model card asks not to deploy them.
     #[must_use]
     pub const fn licence() -> Licence {
         Licence::Mit
@@ -220,8 +224,8 @@ impl Clip {
     /// Bytes of the published file, about: the text's part is in it too.
     pub const BYTES: u64 = 1_712_000_000;
 
-    /// Returns the source of the published weights for [`fetch`](crate::weights::fetch::fetch). Their checksum is not
-    /// known here.
+    /// Returns the source of the published weights for [`fetch`](crate::weights::fetch::fetch).
+    /// Their checksum is not known here.
     #[cfg(feature = "fetch")]
     #[must_use]
     pub fn source() -> crate::weights::fetch::DownloadSource {

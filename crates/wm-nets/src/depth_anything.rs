@@ -1,15 +1,16 @@
-//! Depth Anything: how near each pixel of one photo is, V1 (Yang et al. 2024, "Depth Anything: unleashing the
-//! power of large-scale unlabeled data") and V2 (Yang et al. 2024, "Depth Anything V2").
+//! Depth Anything: how near each pixel of one photo is, V1 (Yang et al. 2024, "Depth Anything:
+//! unleashing the power of large-scale unlabeled data") and V2 (Yang et al. 2024, "Depth Anything
+//! V2").
 //!
-//! A photo is resized to whole patches of 14x14 px ([`DepthAnything::network_size`]). A DINOv2 transformer makes
-//! features of the patches, of which four layers go to a DPT head that puts them together at 4, 2, 1 and 1/2 px a
-//! patch, the smallest first. V1 and V2 have the same tensors and take other layers, which is why the [`Version`]
-//! has to be given. What comes out is disparity without unit: `1 / depth` but for a scale and a shift that differ
-//! from photo to photo.
+//! A photo is resized to whole patches of 14x14 px ([`DepthAnything::network_size`]). A DINOv2
+//! transformer makes features of the patches, of which four layers go to a DPT head that puts them
+//! together at 4, 2, 1 and 1/2 px a patch, the smallest first. V1 and V2 have the same tensors and
+//! take other layers, which is why the [`Version`] has to be given. What comes out is disparity
+//! without unit: `1 / depth` but for a scale and a shift that differ from photo to photo.
 //!
-//! Numbers are those of Hugging Face's transformers, up to f32's rounding. The authors' own code differs in two
-//! places from it and from here: it resizes photos in float by OpenCV, and places position embeddings 0.1 patches
-//! further apart.
+//! Numbers are those of Hugging Face's transformers, up to f32's rounding. The authors' own code
+//! differs in two places from it and from here: it resizes photos in float by OpenCV, and places
+//! position embeddings 0.1 patches further apart.
 
 mod network;
 mod photo;
@@ -24,7 +25,8 @@ use std::path::PathBuf;
 use tensors::{ADVICE, Architecture, Config, Reader};
 use thiserror::Error;
 
-/// A photo's longer side may be this many times the shorter one. Attention's work grows with its square.
+/// A photo's longer side may be this many times the shorter one. Attention's work grows with its
+/// square.
 pub const LONGEST: usize = 4;
 
 /// The family of the weights. Their tensors do not tell it.
@@ -102,17 +104,18 @@ pub struct DepthAnything {
 }
 
 impl DepthAnything {
-    /// Reads published weights, safetensors or PyTorch's, from one file or several, with the names of Hugging
-    /// Face's transformers or of the authors' code. The size is that of the tensors. Where transformers'
-    /// `config.json` lies beside the first file, it is compared with the tensors and the version, and tells how
-    /// many attention heads there are; else a head has 64 channels, as in all published networks.
+    /// Reads published weights, safetensors or PyTorch's, from one file or several, with the names
+    /// of Hugging Face's transformers or of the authors' code. The size is that of the tensors.
+    /// Where transformers' `config.json` lies beside the first file, it is compared with the
+    /// tensors and the version, and tells how many attention heads there are; else a head has 64
+    /// channels, as in all published networks.
     ///
-    /// Metric networks have the same tensors with another meaning; they are known by that `config.json` or their
-    /// name.
+    /// Metric networks have the same tensors with another meaning; they are known by that
+    /// `config.json` or their name.
     ///
     /// # Errors
-    /// [`WeightsError`] if a file is no such file or damaged, a tensor is missing, of another shape or
-    /// not finite, or the network is another one, metric, or of another version.
+    /// [`WeightsError`] if a file is no such file or damaged, a tensor is missing, of another shape
+    /// or not finite, or the network is another one, metric, or of another version.
     pub fn read(files: &[PathBuf], version: Version) -> Result<Self, WeightsError> {
         let mut weights = Weights::open(files, ADVICE)?;
         let config = files.first().map(|file| Config::beside(file)).unwrap_or_default();
@@ -141,8 +144,8 @@ impl DepthAnything {
 
     /// Under what the published weights may be used. It stands for V2 in the README of
     /// <https://github.com/DepthAnything/Depth-Anything-V2> (LICENSE: "Small model is under the Apache-2.0
-    /// license. Base/Large/Giant models are under the CC-BY-NC-4.0 license") and for both on the models' pages at
-    /// Hugging Face, for V1 `license: apache-2.0`.
+    /// license. Base/Large/Giant models are under the CC-BY-NC-4.0 license") and for both on the
+    /// models' pages at Hugging Face, for V1 `license: apache-2.0`.
     #[must_use]
     pub const fn licence(size: ModelSize, version: Version) -> Licence {
         match (version, size) {
@@ -189,8 +192,8 @@ impl DepthAnything {
         }
     }
 
-    /// Returns the source of these weights for [`fetch`](crate::weights::fetch::fetch). Their checksum is not known
-    /// here.
+    /// Returns the source of these weights for [`fetch`](crate::weights::fetch::fetch). Their
+    /// checksum is not known here.
     #[cfg(feature = "fetch")]
     #[must_use]
     pub fn source(size: ModelSize, version: Version) -> crate::weights::fetch::DownloadSource {
@@ -201,18 +204,19 @@ impl DepthAnything {
         }
     }
 
-    /// Width and height of [`Self::predict`]'s output for a photo, px: multiples of 14. The side that has to
-    /// change less becomes 518 (that of the photos which the network learnt from): the shorter one of a larger
-    /// photo, the longer one of a smaller.
+    /// Width and height of [`Self::predict`]'s output for a photo, px: multiples of 14. The side
+    /// that has to change less becomes 518 (that of the photos which the network learnt from): the
+    /// shorter one of a larger photo, the longer one of a smaller.
     ///
     /// # Errors
-    /// [`DisparityError`] if a side is below 14 px or the longer one over [`LONGEST`] times the other.
+    /// [`DisparityError`] if a side is below 14 px or the longer one over [`LONGEST`] times the
+    /// other.
     pub fn network_size(&self, width: usize, height: usize) -> Result<(usize, usize), DisparityError> {
         photo::size(width, height, self.side)
     }
 
-    /// The disparity of a photo, `[H, W, 3]`, display-referred, 0-1 (others are clamped; it is rounded to 8 bit
-    /// as the reference does), at the network's size. Not below 0.
+    /// The disparity of a photo, `[H, W, 3]`, display-referred, 0-1 (others are clamped; it is
+    /// rounded to 8 bit as the reference does), at the network's size. Not below 0.
     ///
     /// Runs on the threads of the current rayon pool; their number does not change the result.
     ///
@@ -225,8 +229,8 @@ impl DepthAnything {
         self.image(rgb, width).map(Disparity::from)
     }
 
-    /// [`Self::predict`], resized to the photo as the reference does: by cubic convolution, which overshoots at
-    /// edges, so that values may be a little below 0.
+    /// [`Self::predict`], resized to the photo as the reference does: by cubic convolution, which
+    /// overshoots at edges, so that values may be a little below 0.
     ///
     /// # Errors
     /// As [`Self::predict`].

@@ -1,7 +1,8 @@
 //! Neural networks on the CPU: depth from one photo, perceptual distance, image embeddings.
 //!
-//! Every network is one file; weights are never part of the program. The user gives files, or downloads them with the
-//! feature `fetch`. Files are read with limits on what their headers may claim, and a wrong file is named with advice.
+//! Every network is one file; weights are never part of the program. The user gives files, or
+//! downloads them with the feature `fetch`. Files are read with limits on what their headers may
+//! claim, and a wrong file is named with advice.
 //!
 //! The types to know:
 //! - [`DepthAnything`]: relative depth of a photo.

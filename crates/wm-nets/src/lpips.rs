@@ -1,12 +1,13 @@
-//! Learned perceptual image patch similarity, LPIPS v0.1 with AlexNet (Zhang et al. 2018, "The unreasonable
-//! effectiveness of deep features as a perceptual metric").
+//! Learned perceptual image patch similarity, LPIPS v0.1 with AlexNet (Zhang et al. 2018, "The
+//! unreasonable effectiveness of deep features as a perceptual metric").
 //!
-//! Pictures in 0-1, display-referred, go to -1..1 and per channel to `(v - shift) / scale`, then through the
-//! five convolutions of AlexNet, a maximum over 3x3 px at every second one before the second and third. Of what
-//! comes out of each convolution's ReLU, `f` and `g` for the two pictures, with unit length over channels
-//! (`f / (|f| + 1e-10)`) at each pixel,
-//! `d = sum over layers of mean over pixels of sum over channels of w_c (f_c - g_c)^2`, with the weights
-//! `w` that were fitted to people's judgements. 0 for equal pictures; lower is more alike; symmetric.
+//! Pictures in 0-1, display-referred, go to -1..1 and per channel to `(v - shift) / scale`, then
+//! through the five convolutions of AlexNet, a maximum over 3x3 px at every second one before the
+//! second and third. Of what comes out of each convolution's ReLU, `f` and `g` for the two
+//! pictures, with unit length over channels (`f / (|f| + 1e-10)`) at each pixel,
+//! `d = sum over layers of mean over pixels of sum over channels of w_c (f_c - g_c)^2`, with the
+//! weights `w` that were fitted to people's judgements. 0 for equal pictures; lower is more alike;
+//! symmetric.
 //!
 //! The convolutions are summed in f32, the rest in f64.
 
@@ -105,12 +106,12 @@ impl Lpips {
     /// Fewest pixels on a side: less leaves nothing to the second maximum.
     pub const SMALLEST: usize = 31;
 
-    /// Reads published weights, safetensors or PyTorch's, from one file or several: `features.N.*` of
-    /// torchvision's AlexNet and the heads `linN.model.1.weight`.
+    /// Reads published weights, safetensors or PyTorch's, from one file or several: `features.N.*`
+    /// of torchvision's AlexNet and the heads `linN.model.1.weight`.
     ///
     /// # Errors
-    /// [`WeightsError`] if a file is no such file or damaged, or a tensor is missing, of another shape or
-    /// not finite.
+    /// [`WeightsError`] if a file is no such file or damaged, or a tensor is missing, of another
+    /// shape or not finite.
     pub fn read(files: &[PathBuf]) -> Result<Self, WeightsError> {
         let mut weights = Weights::open(files, ADVICE)?;
         let mut tensor = |(name, shape): (String, Vec<usize>)| weights.tensor(&name, &shape);
@@ -124,9 +125,9 @@ impl Lpips {
         Ok(Self { convolutions })
     }
 
-    /// The distance of two pictures, `[H, W, 3]`, display-referred, 0-1 (others are clamped). With a mask, `[H, W]`,
-    /// 0-1, pixels that do not count are taken from `y` in both pictures: there they are alike, but the mean
-    /// is still over the whole picture.
+    /// The distance of two pictures, `[H, W, 3]`, display-referred, 0-1 (others are clamped). With
+    /// a mask, `[H, W]`, 0-1, pixels that do not count are taken from `y` in both pictures: there
+    /// they are alike, but the mean is still over the whole picture.
     ///
     /// Runs on the threads of the current rayon pool; their number does not change the result.
     ///

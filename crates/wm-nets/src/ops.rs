@@ -1,8 +1,9 @@
-//! The operations of networks, over numbers `[pixels, channels]`: the channels of a pixel lie together.
+//! The operations of networks, over numbers `[pixels, channels]`: the channels of a pixel lie
+//! together.
 //!
-//! Everything with many products is one of candle's matrix products. A convolution is one over the neighbours of
-//! each pixel, for a bounded number of pixels at a time. All sums are in an order of their own, whoever adds
-//! them, so the number of threads does not change the result.
+//! Everything with many products is one of candle's matrix products. A convolution is one over the
+//! neighbours of each pixel, for a bounded number of pixels at a time. All sums are in an order of
+//! their own, whoever adds them, so the number of threads does not change the result.
 
 use candle_core::{Device, Storage, Tensor};
 use rayon::prelude::*;
@@ -236,8 +237,8 @@ impl Image {
         self.resized(&columns, &rows)
     }
 
-    /// By cubic convolution with a = -0.75 between pixels, edges on edges, no filter where it becomes smaller;
-    /// so it may leave the range of the values.
+    /// By cubic convolution with a = -0.75 between pixels, edges on edges, no filter where it
+    /// becomes smaller; so it may leave the range of the values.
     pub fn bicubic(&self, width: usize, height: usize) -> Self {
         let columns = taps(width, |x| cubic_taps(x, self.width, width));
         let rows = taps(height, |y| cubic_taps(y, self.height, height));
@@ -335,8 +336,8 @@ pub fn add_scaled(x: &mut [f32], scale: &[f32], other: &[f32]) {
     });
 }
 
-/// `softmax(q k^T / sqrt d) v` of each head, `[rows, channels]`. `qkv` is `[rows, 3 channels]`: queries, keys,
-/// values, in each the heads side by side.
+/// `softmax(q k^T / sqrt d) v` of each head, `[rows, channels]`. `qkv` is `[rows, 3 channels]`:
+/// queries, keys, values, in each the heads side by side.
 pub fn attention(qkv: Vec<f32>, channels: usize, heads: usize) -> Vec<f32> {
     /// Queries at a time, which bounds the memory.
     const QUERIES: usize = 256;

@@ -1,13 +1,14 @@
-//! Pictures resized as Pillow does it, which is the same on every machine: in 8 bit by cubic convolution with
-//! a = -0.5, widened where the picture becomes smaller; first along rows, then along columns, each with weights of 22 bit
-//! and rounded to 8 bit.
+//! Pictures resized as Pillow does it, which is the same on every machine: in 8 bit by cubic
+//! convolution with a = -0.5, widened where the picture becomes smaller; first along rows, then
+//! along columns, each with weights of 22 bit and rounded to 8 bit.
 
 use rayon::prelude::*;
 
 /// Bits behind the point of the weights.
 const BITS: u32 = 22;
 
-/// The part of a row or column that makes one value: from `first` on, each with a weight times 2^[`BITS`].
+/// The part of a row or column that makes one value: from `first` on, each with a weight times
+/// 2^[`BITS`].
 struct Weights {
     first: usize,
     weights: Vec<i32>,

@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 /// A tensor: name, shape, numbers.
 pub type Named = (String, Vec<usize>, Vec<f32>);
 
-/// Number `index` of a stream, uniform in -1..1 with 24 bits: Draws of both. Easily written again in
-/// another language, which a comparison with another implementation needs.
+/// Number `index` of a stream, uniform in -1..1 with 24 bits: Draws of both. Easily written again
+/// in another language, which a comparison with another implementation needs.
 pub fn noise(stream: u64, index: u64) -> f64 {
     let z = (stream << 32).wrapping_add(index).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -57,7 +57,8 @@ pub fn with_header(header: &str, numbers: &[u8]) -> Vec<u8> {
     [&(header.len() as u64).to_le_bytes(), header.as_bytes(), numbers].concat()
 }
 
-/// The bytes that `torch.save` writes of a dictionary of f32 tensors, in the order of its instructions.
+/// The bytes that `torch.save` writes of a dictionary of f32 tensors, in the order of its
+/// instructions.
 pub fn pth(tensors: &[Named]) -> Vec<u8> {
     let mut pickle = b"\x80\x02}q\x00(".to_vec();
     let mut entries = Vec::new();

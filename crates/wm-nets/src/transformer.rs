@@ -1,5 +1,5 @@
-//! Vision transformers: patches of a picture with a class before them, and blocks that each network has its own number
-//! of.
+//! Vision transformers: patches of a picture with a class before them, and blocks that each network
+//! has its own number of.
 
 use crate::ops::{Image, Linear, Norm, Then, add_scaled, attention};
 use crate::weights::WeightsError;
@@ -33,8 +33,8 @@ impl Embedding {
         sorted
     }
 
-    /// Returns the input of the first block for an image of whole patches: the class token, then the patches, row by
-    /// row.
+    /// Returns the input of the first block for an image of whole patches: the class token, then
+    /// the patches, row by row.
     pub fn apply(&self, picture: &Image) -> Vec<f32> {
         let (columns, rows) = (picture.width / self.side, picture.height / self.side);
         let line = self.side * picture.channels;

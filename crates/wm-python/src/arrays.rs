@@ -27,14 +27,16 @@ pub fn view<'py, T: Element, D: Dimension>(
     shape: impl ShapeBuilder<Dim = D> + Into<StrideShape<D>>,
 ) -> PyResult<Bound<'py, PyArray<T, D>>> {
     let values = ArrayView::from_shape(shape, values).map_err(|e| PyValueError::new_err(e.to_string()))?;
-    // SAFETY: the values lie in an `Arc` of the frozen class `owner`, which the array keeps alive and which nobody changes.
+    // SAFETY: the values lie in an `Arc` of the frozen class `owner`, which the array keeps alive
+    // and which nobody changes.
     #[allow(unsafe_code)]
     let array = unsafe { PyArray::borrow_from_array(&values, owner) };
     array.readwrite().make_nonwriteable();
     Ok(array)
 }
 
-/// Reads numbers of any kind that NumPy converts (arrays, lists, tensors on the CPU) and their shape.
+/// Reads numbers of any kind that NumPy converts (arrays, lists, tensors on the CPU) and their
+/// shape.
 pub fn numbers<T: Element + Copy>(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Vec<T>, Vec<usize>)> {
     let py = value.py();
     let options = PyDict::new(py);

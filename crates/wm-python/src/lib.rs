@@ -1,6 +1,7 @@
 //! The native part of the Python package `weather_magician`.
 //!
-//! Classes hold the library's values; arrays are moved into NumPy. What they are for is told in `weather_magician/_native.pyi`.
+//! Classes hold the library's values; arrays are moved into NumPy. What they are for is told in
+//! `weather_magician/_native.pyi`.
 
 // The docstrings of the stub file, as `docs!`.
 include!(concat!(env!("OUT_DIR"), "/docs.rs"));
@@ -51,7 +52,8 @@ fn lidar_classes() -> Vec<&'static str> {
     weather_magician::lidar::EchoClass::ALL.iter().map(|class| class.name()).collect()
 }
 
-/// Runs the program with these arguments, of which the first is its name, and returns its exit status.
+/// Runs the program with these arguments, of which the first is its name, and returns its exit
+/// status.
 #[pyfunction]
 fn run_program(py: Python<'_>, args: Vec<OsString>) -> u8 {
     py.detach(|| weather_magician_cli::run(args))

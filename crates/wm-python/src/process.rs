@@ -15,7 +15,8 @@ use weather_magician::Progress;
 /// Time between two questions to the interpreter for signals.
 const SIGNALS: Duration = Duration::from_millis(50);
 
-/// Does `work` on a thread of its own, with the interpreter free for others. Ctrl-C asks it to stop, and is raised when it has.
+/// Does `work` on a thread of its own, with the interpreter free for others. Ctrl-C asks it to
+/// stop, and is raised when it has.
 pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce(&StopFlag) -> Outcome<T> + Send) -> PyResult<T> {
     let stop = StopFlag::default();
     let (outcome, signal) = py.detach(|| {
@@ -55,7 +56,8 @@ impl StopFlag {
     }
 }
 
-/// Progress of the library as calls of a Python function, and the way in which Ctrl-C reaches the library.
+/// Progress of the library as calls of a Python function, and the way in which Ctrl-C reaches the
+/// library.
 pub struct CallbackProgress<'a> {
     stop: &'a StopFlag,
     /// Called with the steps done, the steps in all or `None`, and the task.
@@ -110,7 +112,8 @@ impl Progress for CallbackProgress<'_> {
     }
 }
 
-/// A value that each process makes for itself: the threads and the locks of a process are not there in its forks.
+/// A value that each process makes for itself: the threads and the locks of a process are not there
+/// in its forks.
 pub struct PerProcess<T> {
     first: OnceLock<Box<ProcessSlot<T>>>,
 }
@@ -170,8 +173,8 @@ impl<T> Drop for PerProcess<T> {
 
 /// Starts threads for one piece of work after the other; `None` for one for each processor.
 ///
-/// Work that may run beside other work has a pool of its own: while a thread of a pool waits for another pool, it takes other work of its
-/// own, which then has to end first.
+/// Work that may run beside other work has a pool of its own: while a thread of a pool waits for
+/// another pool, it takes other work of its own, which then has to end first.
 pub fn pool_of(threads: Option<usize>) -> Outcome<Arc<ThreadPool>> {
     let built = ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
     built.map(Arc::new).map_err(|error| Failure::Library(error.to_string()))

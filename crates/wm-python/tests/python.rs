@@ -1,7 +1,8 @@
-//! Runs the tests of the Python package with pytest, on the extension that was built with this test.
+//! Runs the tests of the Python package with pytest, on the extension that was built with this
+//! test.
 //!
-//! They are skipped, with a word, where Python, NumPy or pytest is missing; `WM_REQUIRE_PYTHON=1` makes that a failure. `WM_PYTHON` names the
-//! interpreter, `python3` by default.
+//! They are skipped, with a word, where Python, NumPy or pytest is missing; `WM_REQUIRE_PYTHON=1`
+//! makes that a failure. `WM_PYTHON` names the interpreter, `python3` by default.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -1,4 +1,5 @@
-//! Work that waits for a GPU: on native systems it blocks and is done when it is first polled, in a browser it is not.
+//! Work that waits for a GPU: on native systems it blocks and is done when it is first polled, in a
+//! browser it is not.
 
 use std::future::Future;
 use std::pin::pin;
@@ -12,7 +13,8 @@ pub fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
     }
 }
 
-/// The value of a future that never waits: one whose pictures are drawn by [`RenderBackend::execute`](crate::RenderBackend::execute).
+/// The value of a future that never waits: one whose pictures are drawn by
+/// [`RenderBackend::execute`](crate::RenderBackend::execute).
 ///
 /// # Panics
 /// If it waits.

@@ -1,8 +1,10 @@
-//! Numbers that each splat has in one pass alone: weather changes them from frame to frame without a rebuild of the set.
+//! Numbers that each splat has in one pass alone: weather changes them from frame to frame without
+//! a rebuild of the set.
 //!
-//! [`Attribute`] lists the columns, once for both back ends: a block holds one array a column, and WGSL gets the number
-//! of columns and their places from here ([`crate::gpu`]). A new column is a variant of [`Attribute`], its neutral value,
-//! and the stage that reads it. Sets without attributes pay nothing.
+//! [`Attribute`] lists the columns, once for both back ends: a block holds one array a column, and
+//! WGSL gets the number of columns and their places from here ([`crate::gpu`]). A new column is a
+//! variant of [`Attribute`], its neutral value, and the stage that reads it. Sets without
+//! attributes pay nothing.
 
 use crate::cpu::model::CLUSTER;
 use crate::hooks::GROUP;
@@ -18,7 +20,8 @@ pub enum Attribute {
     GainGreen,
     /// The same for blue.
     GainBlue,
-    /// The share of a colour's dependence on the direction that is taken away, 0-1; see the contract of [`crate::stages::shade`].
+    /// The share of a colour's dependence on the direction that is taken away, 0-1; see the
+    /// contract of [`crate::stages::shade`].
     Fade,
 }
 
@@ -54,25 +57,29 @@ impl Attribute {
 
 /// The attributes of the splats of one set.
 pub trait SplatAttributes: Sync {
-    /// Writes the attributes of splat `indices[i]` (index in the loaded splats) to row `i` of the columns that it
-    /// changes, all but those of light; the others are neutral already. There are at most [`AttributeBlock::SPLATS`] indices.
+    /// Writes the attributes of splat `indices[i]` (index in the loaded splats) to row `i` of the
+    /// columns that it changes, all but those of light; the others are neutral already. There are
+    /// at most [`AttributeBlock::SPLATS`] indices.
     fn fill(&self, indices: &[u32], block: &mut AttributeBlock);
 
-    /// Returns true if [`Self::fill`] changes [`Attribute::Visibility`]; else it need not be called.
+    /// Returns true if [`Self::fill`] changes [`Attribute::Visibility`]; else it need not be
+    /// called.
     fn changes_visibility(&self) -> bool {
         true
     }
 
-    /// Writes [`Attribute::GAINS`] and [`Attribute::Fade`] in the same way, if [`Self::changes_light`]. Called for splats in view only.
+    /// Writes [`Attribute::GAINS`] and [`Attribute::Fade`] in the same way, if
+    /// [`Self::changes_light`]. Called for splats in view only.
     fn fill_light(&self, _indices: &[u32], _block: &mut AttributeBlock) {}
 
-    /// Returns true if it changes [`Attribute::GAINS`] or [`Attribute::Fade`]; else they are not read.
+    /// Returns true if it changes [`Attribute::GAINS`] or [`Attribute::Fade`]; else they are not
+    /// read.
     fn changes_light(&self) -> bool {
         false
     }
 
-    /// A number that stands for all that the columns hold: two passes with equal numbers have equal columns, and a GPU uploads them
-    /// once. `None` where they change from frame to frame.
+    /// A number that stands for all that the columns hold: two passes with equal numbers have equal
+    /// columns, and a GPU uploads them once. `None` where they change from frame to frame.
     fn revision(&self) -> Option<Revision> {
         None
     }

@@ -4,13 +4,14 @@ use glam::DVec3;
 use wm_scene::random::uniform;
 use wm_scene::{Camera, Group, Splats, splats::logit};
 
-/// A scene like a trained one of any size: flat splats on surfaces all round the origin, 2 to 40 units
-/// away, about `cover` of them over each direction, opacities many and few, sizes log-normal. About a
-/// tenth is in the view of [`shell_camera`].
+/// A scene like a trained one of any size: flat splats on surfaces all round the origin, 2 to 40
+/// units away, about `cover` of them over each direction, opacities many and few, sizes log-normal.
+/// About a tenth is in the view of [`shell_camera`].
 #[must_use]
 pub fn shell_splats(count: usize, cover: f64, sh_degree: u8, seed: u64) -> Splats {
     let mut splats = Splats::with_capacity(count, sh_degree);
-    // Solid angle of the ring, shared out among the splats; 2.6 standard deviations count as their rim.
+    // Solid angle of the ring, shared out among the splats; 2.6 standard deviations count as their
+    // rim.
     let side = (cover * 7.1 / count as f64 / std::f64::consts::PI).sqrt() / 2.6;
     for i in 0..count as u64 {
         let u = |k: u64| uniform(seed, i * 64 + k);

@@ -58,8 +58,8 @@ impl FromStr for Device {
 /// Called with the error for which the GPU is given up.
 type GpuWarning = Box<dyn FnMut(&RenderError) + Send>;
 
-/// A renderer on the device that was chosen. One that was chosen by itself goes on with the CPU where the GPU
-/// fails or lacks an effect; for that it keeps the splats.
+/// A renderer on the device that was chosen. One that was chosen by itself goes on with the CPU
+/// where the GPU fails or lacks an effect; for that it keeps the splats.
 pub struct AnyRenderer {
     config: CpuConfig,
     path: SimdPath,
@@ -74,7 +74,8 @@ enum Body {
         gpu: Box<GpuRenderer>,
         kept: Option<Vec<Option<Splats>>>,
     },
-    /// In a browser, which never waits for its GPU: the CPU draws what must come back at once. Both hold all sets, under the same names.
+    /// In a browser, which never waits for its GPU: the CPU draws what must come back at once. Both
+    /// hold all sets, under the same names.
     #[cfg(all(feature = "gpu", target_arch = "wasm32"))]
     Browser {
         gpu: Box<GpuRenderer>,
@@ -83,8 +84,8 @@ enum Body {
 }
 
 impl AnyRenderer {
-    /// A renderer on `device`; `config` says how the CPU does its work or its part of it. `warn` is called with why
-    /// the GPU is given up.
+    /// A renderer on `device`; `config` says how the CPU does its work or its part of it. `warn` is
+    /// called with why the GPU is given up.
     ///
     /// # Errors
     /// [`RenderError`] if the device cannot be had.
@@ -106,8 +107,8 @@ impl AnyRenderer {
         Ok(Self { config, path, body, warn })
     }
 
-    /// A renderer in a browser: on its GPU, with the CPU for what must come back at once, or on the CPU. `warn` is called with why the GPU
-    /// is given up; the CPU goes on then.
+    /// A renderer in a browser: on its GPU, with the CPU for what must come back at once, or on the
+    /// CPU. `warn` is called with why the GPU is given up; the CPU goes on then.
     ///
     /// # Errors
     /// [`RenderError::Gpu`] if `device` asks for a GPU, and there is none or it cannot be used.
@@ -167,7 +168,8 @@ impl AnyRenderer {
         !matches!(self.body, Body::Cpu(_))
     }
 
-    /// Memory that is taken on a GPU, bytes; `None` on the CPU, and where the GPU's interface does not tell.
+    /// Memory that is taken on a GPU, bytes; `None` on the CPU, and where the GPU's interface does
+    /// not tell.
     #[must_use]
     pub fn device_memory(&self) -> Option<u64> {
         match &self.body {
@@ -191,11 +193,13 @@ impl AnyRenderer {
         }
     }
 
-    /// The splats for which `is_met` returns true, such as those that are no sky, each with a value for [`RayOutputs::value`](crate::RayOutputs::value), for
-    /// rays from anywhere on this renderer's device.
+    /// The splats for which `is_met` returns true, such as those that are no sky, each with a value
+    /// for [`RayOutputs::value`](crate::RayOutputs::value), for rays from anywhere on this
+    /// renderer's device.
     ///
     /// # Errors
-    /// [`RenderError::Gpu`] if the GPU has no room and was asked for; one that was chosen by itself leaves the rays to the CPU.
+    /// [`RenderError::Gpu`] if the GPU has no room and was asked for; one that was chosen by itself
+    /// leaves the rays to the CPU.
     pub fn ray_splats<'s>(
         &mut self,
         splats: &'s Splats,
@@ -217,11 +221,12 @@ impl AnyRenderer {
         Ok(rays)
     }
 
-    /// Checks that this renderer's GPU has traced the rays, after [`RayTracer::trace`](crate::RayTracer::trace).
+    /// Checks that this renderer's GPU has traced the rays, after
+    /// [`RayTracer::trace`](crate::RayTracer::trace).
     ///
     /// # Errors
-    /// [`RenderError::Gpu`] if it has failed and was asked for; of one that was chosen by itself only the warning is given, since the CPU
-    /// has traced them instead.
+    /// [`RenderError::Gpu`] if it has failed and was asked for; of one that was chosen by itself
+    /// only the warning is given, since the CPU has traced them instead.
     pub fn check_rays(&mut self, rays: &mut AnyRaySplats<'_>) -> Result<(), RenderError> {
         #[cfg(feature = "gpu")]
         if let Some(error) = rays.give_up_gpu() {
@@ -405,8 +410,8 @@ impl RenderBackend for AnyRenderer {
     }
 }
 
-/// A back end of training on the device that was chosen. One that was chosen by itself goes on with the CPU where the GPU
-/// fails.
+/// A back end of training on the device that was chosen. One that was chosen by itself goes on with
+/// the CPU where the GPU fails.
 pub struct AnyDifferentiable {
     config: CpuConfig,
     body: Box<dyn Differentiable>,

@@ -1,7 +1,7 @@
 //! The interface of differentiable back ends: renders for training, and their gradients.
 //!
-//! A step is [`forward`](Differentiable::forward), a loss on the frame, and [`backward`](Differentiable::backward) with
-//! the loss's derivative by each picture.
+//! A step is [`forward`](Differentiable::forward), a loss on the frame, and
+//! [`backward`](Differentiable::backward) with the loss's derivative by each picture.
 
 use crate::even_air::EvenAir;
 use crate::frame::{Arrays, ColorEncoding, Frame};
@@ -14,9 +14,10 @@ use wm_scene::{Camera, Rasterization, Splats, sh};
 
 /// A back end of training: renders splats in stored form, and derives.
 ///
-/// Splats should be in an order in which neighbours are near in space (a Morton curve): runs of 256 are worked on
-/// together. Unlike a [`RenderBackend`](crate::RenderBackend), which checks a set once, this does not check parameters: a splat
-/// whose position, rotation, scale or opacity is NaN is not drawn, and a NaN colour shows.
+/// Splats should be in an order in which neighbours are near in space (a Morton curve): runs of 256
+/// are worked on together. Unlike a [`RenderBackend`](crate::RenderBackend), which checks a set
+/// once, this does not check parameters: a splat whose position, rotation, scale or opacity is NaN
+/// is not drawn, and a NaN colour shows.
 pub trait Differentiable: Send {
     /// Names the back end for reports.
     fn describe(&self) -> String;
@@ -30,8 +31,8 @@ pub trait Differentiable: Send {
     /// Renders `splats` into `frame`, and keeps what [`Self::backward`] needs.
     ///
     /// # Errors
-    /// [`RenderError`] if the camera cannot be rendered with, arrays do not fit each other, memory is short or the
-    /// device fails.
+    /// [`RenderError`] if the camera cannot be rendered with, arrays do not fit each other, memory
+    /// is short or the device fails.
     ///
     /// # Panics
     /// If `config.sh_degree` is above that of the splats.
@@ -43,15 +44,16 @@ pub trait Differentiable: Send {
         frame: &mut Frame,
     ) -> Result<Stats, RenderError>;
 
-    /// The gradients of the loss whose derivative by each pixel of the last frame is `upstream`. `splats` must be those
-    /// of that [`Self::forward`], not changed since. It may be called again, with another loss.
+    /// The gradients of the loss whose derivative by each pixel of the last frame is `upstream`.
+    /// `splats` must be those of that [`Self::forward`], not changed since. It may be called again,
+    /// with another loss.
     ///
     /// # Errors
     /// [`RenderError`] if the device fails.
     ///
     /// # Panics
-    /// If there was no forward pass, if `splats` are others in number, or if a picture has the wrong size or was not
-    /// rendered.
+    /// If there was no forward pass, if `splats` are others in number, or if a picture has the
+    /// wrong size or was not rendered.
     fn backward(
         &mut self,
         splats: &Splats,
@@ -60,7 +62,8 @@ pub trait Differentiable: Send {
         gradients: &mut Gradients,
     ) -> Result<BackwardStats, RenderError>;
 
-    /// The same with splats that stay where they learn; `None` of the CPU, in whose memory they are anyway.
+    /// The same with splats that stay where they learn; `None` of the CPU, in whose memory they are
+    /// anyway.
     fn resident(&mut self) -> Option<&mut dyn Resident> {
         None
     }
@@ -74,11 +77,11 @@ pub trait Differentiable: Send {
     }
 }
 
-/// Splats that stay on the device where they learn, with what the optimiser remembers of them. What is done is queued:
-/// a failure may be told by a later call.
+/// Splats that stay on the device where they learn, with what the optimiser remembers of them. What
+/// is done is queued: a failure may be told by a later call.
 ///
-/// A step is [`forward`](Self::forward), [`backward`](Self::backward) for the step and for other renders of the same view,
-/// and [`optimize`](Self::optimize).
+/// A step is [`forward`](Self::forward), [`backward`](Self::backward) for the step and for other
+/// renders of the same view, and [`optimize`](Self::optimize).
 pub trait Resident {
     /// Takes splats with what is known of them, in place of those that were there.
     ///
@@ -130,8 +133,9 @@ pub trait Resident {
         frame: &mut Frame,
     ) -> Result<Stats, RenderError>;
 
-    /// As [`Self::forward`], with pictures compared where they are. They do not come back; the [`Self::backward`] that
-    /// follows has their derivative from here, and those in `upstream` are empty.
+    /// As [`Self::forward`], with pictures compared where they are. They do not come back; the
+    /// [`Self::backward`] that follows has their derivative from here, and those in `upstream` are
+    /// empty.
     ///
     /// # Errors
     /// As [`Self::forward`].
@@ -151,7 +155,8 @@ pub trait Resident {
     /// As [`Differentiable::backward`].
     ///
     /// # Panics
-    /// As [`Differentiable::backward`], if a step is not of everything, and if it is added to one that is not there.
+    /// As [`Differentiable::backward`], if a step is not of everything, and if it is added to one
+    /// that is not there.
     fn backward(&mut self, upstream: &Upstream<'_>, target: Target) -> Result<(), RenderError>;
 
     /// Moves the splats along the step's gradients.
@@ -169,8 +174,8 @@ pub trait Resident {
     /// [`RenderError`] if the device fails.
     fn explore(&mut self, noise: &Noise) -> Result<(), RenderError>;
 
-    /// The times of the stages the last time that they had run before the last forward pass came back, if the device has
-    /// a clock.
+    /// The times of the stages the last time that they had run before the last forward pass came
+    /// back, if the device has a clock.
     fn clock(&self) -> Option<StepClock>;
 }
 
@@ -196,7 +201,8 @@ pub struct StepClock {
 pub enum Target {
     /// They are those of the step: of everything, in a render with colours and stored opacities.
     Step,
-    /// They are added to those of the step, as far as they learn, for the splats that it has in view.
+    /// They are added to those of the step, as far as they learn, for the splats that it has in
+    /// view.
     Added(Learn),
 }
 
@@ -226,8 +232,8 @@ pub struct ForwardConfig {
     pub drawn: DrawnSplats,
     /// Degree of the spherical harmonics in use, at most that of the splats: it grows in training.
     pub sh_degree: u8,
-    /// The haze through which all splats but the sky's are seen. It is a constant to gradients: by a splat's colour they go
-    /// through it, by its position they do not.
+    /// The haze through which all splats but the sky's are seen. It is a constant to gradients: by
+    /// a splat's colour they go through it, by its position they do not.
     pub air: Option<EvenAir>,
 }
 
@@ -404,7 +410,8 @@ pub enum DepthAlpha {
     /// The exact derivative of `sum w z / alpha`.
     #[default]
     Learns,
-    /// Alpha is taken for a constant, so that no loss on depth can be lowered by transparency alone.
+    /// Alpha is taken for a constant, so that no loss on depth can be lowered by transparency
+    /// alone.
     Detached,
 }
 
@@ -453,14 +460,15 @@ pub struct Gradients {
     pub log_scales: Vec<[f32; 3]>,
     /// By `logit_opacities`, `[V]`.
     pub logit_opacities: Vec<f32>,
-    /// By the first `(sh_degree + 1)^2` coefficients of `sh`, `[V, K, 3]` flat; the others have none.
+    /// By the first `(sh_degree + 1)^2` coefficients of `sh`, `[V, K, 3]` flat; the others have
+    /// none.
     pub sh: Vec<f32>,
     /// Degree of `sh`: the one in use.
     pub sh_degree: u8,
     /// By the centre in the picture, px, `[V, 2]`.
     pub means2d: Vec<[f32; 2]>,
-    /// Like `means2d`, but a sum over pixels of absolute values, so that opposite pulls do not cancel
-    /// (AbsGS), `[V, 2]`.
+    /// Like `means2d`, but a sum over pixels of absolute values, so that opposite pulls do not
+    /// cancel (AbsGS), `[V, 2]`.
     pub absgrads: Vec<[f32; 2]>,
     /// Sum of the splat's weights over the picture, px, `[V]`.
     pub weights: Vec<f32>,
@@ -487,8 +495,8 @@ impl Gradients {
         3 * sh::coefficients(self.sh_degree)
     }
 
-    /// Adds the parameters' gradients of another loss on the same view. What this one has no row for is
-    /// left out: its picture does not show it.
+    /// Adds the parameters' gradients of another loss on the same view. What this one has no row
+    /// for is left out: its picture does not show it.
     ///
     /// # Panics
     /// If the other has a parameter that this one has not, or another degree of colours.

@@ -1,14 +1,15 @@
 //! Even air: the haze in which the photos of a scene were taken.
 //!
-//! Training draws splats through it, so that they learn the colours that they have without it; scores against such photos
-//! need it too. It is not the air of weather:
+//! Training draws splats through it, so that they learn the colours that they have without it;
+//! scores against such photos need it too. It is not the air of weather:
 //!
-//! - It is a straight line in display-referred colours, `c k + m` with `k` and `m` by distance: the tangent of
-//!   `encode(decode(c) t + A (1 - t))` at a grey of 18 %. A pixel is a mean of displayed colours of splats, and only through a
-//!   straight line is the mean seen like its parts: through the curve, splats that differ would look brighter together than what
-//!   they show without haze, and would be learnt too dark.
-//! - It leaves splats of the sky as they are: photos show the sky through the air, and how much of that is air they do not
-//!   say.
+//! - It is a straight line in display-referred colours, `c k + m` with `k` and `m` by distance: the
+//!   tangent of `encode(decode(c) t + A (1 - t))` at a grey of 18 %. A pixel is a mean of displayed
+//!   colours of splats, and only through a straight line is the mean seen like its parts: through
+//!   the curve, splats that differ would look brighter together than what they show without haze,
+//!   and would be learnt too dark.
+//! - It leaves splats of the sky as they are: photos show the sky through the air, and how much of
+//!   that is air they do not say.
 //! - It knows no heights.
 
 use crate::dispatch;
@@ -31,13 +32,15 @@ pub struct EvenAir {
 }
 
 impl EvenAir {
-    /// The share of light that is left after `distance`, scene units; all of the sky's, which is infinitely far.
+    /// The share of light that is left after `distance`, scene units; all of the sky's, which is
+    /// infinitely far.
     #[must_use]
     pub fn transmittance(&self, distance: f64) -> f64 {
         if distance.is_finite() { (-f64::from(self.extinction) * distance).exp() } else { 1.0 }
     }
 
-    /// The factor and the summand of displayed colours through air that lets `transmittance` through: the reference.
+    /// The factor and the summand of displayed colours through air that lets `transmittance`
+    /// through: the reference.
     #[must_use]
     pub fn line(&self, transmittance: f64) -> [(f64, f64); 3] {
         let grey = srgb_encode(GREY);
@@ -84,8 +87,8 @@ impl EvenAir {
         }
     }
 
-    /// Turns the derivatives `by_rgb` by colours seen through the air into those by the colours of `group`. What was held at
-    /// black learns nothing.
+    /// Turns the derivatives `by_rgb` by colours seen through the air into those by the colours of
+    /// `group`. What was held at black learns nothing.
     #[inline(always)]
     pub(crate) fn pull_back<S: Lanes>(&self, simd: S, group: &ShadeGroup, by_rgb: &mut [[f32; GROUP]; 3]) {
         for first in (0..GROUP).step_by(S::N) {

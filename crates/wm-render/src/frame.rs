@@ -37,17 +37,20 @@ pub struct Frame {
     /// Mean normal (shortest axis, towards the camera) in world axes, weighted, at length 1,
     /// `[H, W, 3]`; 0 where `alpha` is below [`MIN_ALPHA`].
     pub normal: Vec<f32>,
-    /// The particles before the scene: linear light that comes from them, not below 0, and their coverage `1 - e^-tau`, 0-1,
-    /// `[H, W, 4]`. With it the colour before the pixel effects is, in linear light, `c (1 - coverage) + light`, where
-    /// `c` is the colour of the scene without what falls.
+    /// The particles before the scene: linear light that comes from them, not below 0, and their
+    /// coverage `1 - e^-tau`, 0-1, `[H, W, 4]`. With it the colour before the pixel effects is, in
+    /// linear light, `c (1 - coverage) + light`, where `c` is the colour of the scene without what
+    /// falls.
     pub particles: Vec<f32>,
-    /// Sums that the surface of the pass ([`crate::DrawPass::surface`]) splits, five a pixel. Over the splats before it: red,
-    /// green and blue as sums of weights times values, without background, particles and pixel effects, and last their
-    /// coverage. Fourth, over the splats behind it: the sum of weights over view z, 1/scene units. In a pixel without a
-    /// surface all splats are before it.
+    /// Sums that the surface of the pass ([`crate::DrawPass::surface`]) splits, five a pixel. Over
+    /// the splats before it: red, green and blue as sums of weights times values, without
+    /// background, particles and pixel effects, and last their coverage. Fourth, over the splats
+    /// behind it: the sum of weights over view z, 1/scene units. In a pixel without a surface all
+    /// splats are before it.
     ///
-    /// They lie as vectors read them: a row is a sequence of groups of [`crate::hooks::GROUP`] pixels, the last one maybe narrower, and a group
-    /// is `[5, pixels]`. [`Self::front_sums`] has one of the five as `[H, W]`.
+    /// They lie as vectors read them: a row is a sequence of groups of [`crate::hooks::GROUP`]
+    /// pixels, the last one maybe narrower, and a group is `[5, pixels]`. [`Self::front_sums`] has
+    /// one of the five as `[H, W]`.
     pub front: Vec<f32>,
 }
 
@@ -65,7 +68,8 @@ pub(crate) struct Arrays {
     pub front: bool,
 }
 
-/// The bits of the depth that stands for splat 0: those above it are numbers too, whose bits no device changes, and none is 0.
+/// The bits of the depth that stands for splat 0: those above it are numbers too, whose bits no
+/// device changes, and none is 0.
 pub(crate) const SPLAT_NAME: u32 = 1 << 30;
 
 /// The depth that stands for a splat, see [`Frame::median_splat`].
@@ -108,8 +112,8 @@ impl Frame {
         Ok(())
     }
 
-    /// The index of the splat at which the transmittance of a pixel falls to one half, in the set that was drawn with
-    /// [`crate::MedianDepth::Splat`]; `None` where it never does.
+    /// The index of the splat at which the transmittance of a pixel falls to one half, in the set
+    /// that was drawn with [`crate::MedianDepth::Splat`]; `None` where it never does.
     #[must_use]
     pub fn median_splat(&self, pixel: usize) -> Option<u32> {
         self.median_depth[pixel].to_bits().checked_sub(SPLAT_NAME)

@@ -99,7 +99,8 @@ impl Default for ShadeGroup {
 pub trait Backdrop: Sync {
     /// Writes the colour in the directions of `groups`, display-referred, not below 0.
     ///
-    /// `pixel` is the angle of a pixel where pixels are widest, radians: what is finer is to be averaged.
+    /// `pixel` is the angle of a pixel where pixels are widest, radians: what is finer is to be
+    /// averaged.
     fn paint(&self, pixel: f64, groups: &mut [ShadeGroup]);
 
     /// The same for one unit direction (world axes) in f64: the referee.
@@ -140,8 +141,8 @@ pub enum SkySplats {
     LeftOut,
 }
 
-/// The air along sixteen rays, one array a channel: what arrives of light `L` at the far end is `L transmittance +
-/// airlight`, in linear light.
+/// The air along sixteen rays, one array a channel: what arrives of light `L` at the far end is
+/// `L transmittance + airlight`, in linear light.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub struct AirGroup {
@@ -173,10 +174,12 @@ impl AirOnRay {
 
 /// The air between the camera and the scene.
 ///
-/// It answers two questions about a ray, how much light it lets through and how much it adds; colours seen through it
-/// follow from both. `origin` is where rays begin, in world axes, scene units.
+/// It answers two questions about a ray, how much light it lets through and how much it adds;
+/// colours seen through it follow from both. `origin` is where rays begin, in world axes, scene
+/// units.
 pub trait Medium: Sync {
-    /// Writes the transmittance and the airlight along the rays of `rays`, whose colours are not read.
+    /// Writes the transmittance and the airlight along the rays of `rays`, whose colours are not
+    /// read.
     fn evaluate(&self, path: SimdPath, origin: [f32; 3], rays: &[ShadeGroup], out: &mut [AirGroup]);
 
     /// Writes the transmittance along the rays of `rays`.
@@ -195,8 +198,9 @@ pub trait Medium: Sync {
         evaluate_each(self, (path, origin), rays, out, |air| air.airlight);
     }
 
-    /// Changes the colours of `groups` to those seen through the air: `encode(decode(rgb) transmittance + airlight)`.
-    /// An air that evaluates both in registers may do so in one go.
+    /// Changes the colours of `groups` to those seen through the air:
+    /// `encode(decode(rgb) transmittance + airlight)`. An air that evaluates both in registers may
+    /// do so in one go.
     fn shade(&self, path: SimdPath, origin: [f32; 3], groups: &mut [ShadeGroup]) {
         let mut air = [AirGroup::default(); GROUP];
         for groups in groups.chunks_mut(air.len()) {
@@ -224,7 +228,8 @@ pub trait Medium: Sync {
         })
     }
 
-    /// The air as WGSL, seen from `origin`; `None` where it has no such form, and the GPU back end refuses.
+    /// The air as WGSL, seen from `origin`; `None` where it has no such form, and the GPU back end
+    /// refuses.
     fn wgsl(&self, origin: [f32; 3]) -> Option<WgslSource> {
         let _ = origin;
         None
@@ -276,17 +281,19 @@ fn seen_through<S: Lanes>(simd: S, air: &[AirGroup], groups: &mut [ShadeGroup]) 
 /// A [`Medium`] as WGSL.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WgslSource {
-    /// Its text, which defines `fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay`: what
-    /// [`Medium::evaluate`] says about one ray, where `struct AirOnRay { transmittance: vec3<f32>, airlight: vec3<f32> }`
-    /// is declared before the text. A distance of `FAR_AWAY` is infinity. The text may use the parameters as
-    /// `air: array<f32>`. Functions `transmittance(direction, distance)` and `airlight(direction, distance)` are made
-    /// from it.
+    /// Its text, which defines `fn evaluate_air(direction: vec3<f32>, distance: f32) -> AirOnRay`:
+    /// what [`Medium::evaluate`] says about one ray, where
+    /// `struct AirOnRay { transmittance: vec3<f32>, airlight: vec3<f32> }` is declared before the
+    /// text. A distance of `FAR_AWAY` is infinity. The text may use the parameters as
+    /// `air: array<f32>`. Functions `transmittance(direction, distance)` and
+    /// `airlight(direction, distance)` are made from it.
     pub wgsl: Cow<'static, str>,
     /// Numbers that change from frame to frame.
     pub parameters: Vec<f32>,
 }
 
-/// Something small that falls: a 3D Gaussian of which a picture sees the cover, averaged over the exposure.
+/// Something small that falls: a 3D Gaussian of which a picture sees the cover, averaged over the
+/// exposure.
 ///
 /// Its covariance is `sigma^2 I + sum reach reach^T`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -295,8 +302,8 @@ pub struct Particle {
     pub offset: [f32; 3],
     /// Standard deviation in all directions, scene units.
     pub sigma: f32,
-    /// Its further reach along two directions, standard deviations, world axes, scene units: its shape,
-    /// and its motion during the exposure.
+    /// Its further reach along two directions, standard deviations, world axes, scene units: its
+    /// shape, and its motion during the exposure.
     pub reach: [[f32; 3]; 2],
     /// Area that it hides, scene units^2; motion spreads it and does not change it.
     pub area: f32,
@@ -405,7 +412,8 @@ impl ParticleView {
         (self.focal[0] * self.focal[1]).sqrt()
     }
 
-    /// Returns true if a ball about `offset` (from the centre, world axes, scene units) may be in the picture.
+    /// Returns true if a ball about `offset` (from the centre, world axes, scene units) may be in
+    /// the picture.
     #[inline]
     #[must_use]
     pub fn may_see(&self, offset: [f32; 3], radius: f32) -> bool {

@@ -2,12 +2,14 @@
 //!
 //! The types to know:
 //!
-//! - [`AnyRenderer`] draws on the device of your choice: a [`CpuRenderer`] or a [`GpuRenderer`] behind the trait
-//!   [`RenderBackend`]. Splat sets are loaded once and drawn many times.
-//! - [`DrawPass`] is one view: splat sets, a camera, and a [`RenderConfig`] with outputs and background.
+//! - [`AnyRenderer`] draws on the device of your choice: a [`CpuRenderer`] or a [`GpuRenderer`]
+//!   behind the trait [`RenderBackend`]. Splat sets are loaded once and drawn many times.
+//! - [`DrawPass`] is one view: splat sets, a camera, and a [`RenderConfig`] with outputs and
+//!   background.
 //! - [`hooks::Hooks`] is the weather of a pass: air, particles, a sky, pixel effects.
 //! - [`Frame`] holds the pictures of a view: colour, coverage, depth, normals.
-//! - [`FramePlan`] is a list of passes for frames that take several; its pictures are in [`Pictures`].
+//! - [`FramePlan`] is a list of passes for frames that take several; its pictures are in
+//!   [`Pictures`].
 //!
 //! ```
 //! use wm_render::{AnyRenderer, CpuConfig, Device, DrawPass, Frame, RenderBackend, RenderConfig, SetView};
@@ -33,7 +35,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Training goes through [`Differentiable`]; [`mod@reference`] is the f64 reference that all back ends are tested against.
+//! Training goes through [`Differentiable`]; [`mod@reference`] is the f64 reference that all back
+//! ends are tested against.
 
 #![allow(clippy::needless_range_loop)] // Lane loops index several arrays at once.
 

@@ -5,15 +5,17 @@
 //! through = clean transmittance + airlight
 //! colour  = through (1 - coverage) + light
 //! ```
-//! `light` and `coverage` are [`crate::Frame::particles`], which come with the colour itself. The others take draw passes of
-//! their own, since the air acts on each splat before they are blended, and they are blended as they are encoded for
-//! a display: no sum over the splats of one pixel is linear in light. So the parts are defined per pixel:
+//! `light` and `coverage` are [`crate::Frame::particles`], which come with the colour itself. The
+//! others take draw passes of their own, since the air acts on each splat before they are blended,
+//! and they are blended as they are encoded for a display: no sum over the splats of one pixel is
+//! linear in light. So the parts are defined per pixel:
 //!
 //! - `clean`: the scene and its background, without air and without particles.
-//! - `transmittance`: the share of light that the air lets through, the mean over what a pixel shows, weighted as its
-//!   colours are ([`Shading::Transmittance`]).
-//! - `airlight`: the rest, so that the sum is exact. Where a pixel shows one distance it is the light that the air
-//!   adds; at silhouettes it holds what the means leave over, and may be a little below 0.
+//! - `transmittance`: the share of light that the air lets through, the mean over what a pixel
+//!   shows, weighted as its colours are ([`Shading::Transmittance`]).
+//! - `airlight`: the rest, so that the sum is exact. Where a pixel shows one distance it is the
+//!   light that the air adds; at silhouettes it holds what the means leave over, and may be a
+//!   little below 0.
 
 use crate::frame::Frame;
 use crate::hooks::Hooks;
@@ -72,8 +74,9 @@ pub struct PartPasses {
 }
 
 impl PartPasses {
-    /// Adds the passes for the `wanted` parts of `picture`, which a draw pass of the plan makes. Its particles, its
-    /// pixel effects and its outputs are left out of them. A picture that is a part itself is not drawn again.
+    /// Adds the passes for the `wanted` parts of `picture`, which a draw pass of the plan makes.
+    /// Its particles, its pixel effects and its outputs are left out of them. A picture that is a
+    /// part itself is not drawn again.
     ///
     /// # Panics
     /// If no draw pass of the plan makes `picture`.

@@ -1,12 +1,12 @@
-//! Applies pixel effects to a finished picture. The CPU renderer applies them itself while it finishes patches; the GPU back end and
-//! picture passes call this.
+//! Applies pixel effects to a finished picture. The CPU renderer applies them itself while it
+//! finishes patches; the GPU back end and picture passes call this.
 
 use crate::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use crate::simd::SimdPath;
 use rayon::prelude::*;
 
-/// Applies effects to a finished picture of `width` px: `rgb` is `[H, W, 3]`, coverage and expected depth (view z, scene
-/// units) are `[H, W]`.
+/// Applies effects to a finished picture of `width` px: `rgb` is `[H, W, 3]`, coverage and expected
+/// depth (view z, scene units) are `[H, W]`.
 pub fn apply_pixel_effects(
     path: SimdPath,
     effects: &[&dyn PixelEffect],

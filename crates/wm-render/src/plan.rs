@@ -1,9 +1,9 @@
 //! A frame as a list of passes, which a back end carries out in order.
 //!
-//! A [`DrawPass`] draws splats with a camera. A [`PicturePass`] works on whole finished pictures: it sees colour, depth
-//! and normals of every pixel, and other pictures of the same plan. Most frames are one draw pass; the paper's rain
-//! draws each sub-cloud by itself and lays it over the scene, and the parts of a picture ([`crate::parts`]) are three
-//! draw passes.
+//! A [`DrawPass`] draws splats with a camera. A [`PicturePass`] works on whole finished pictures:
+//! it sees colour, depth and normals of every pixel, and other pictures of the same plan. Most
+//! frames are one draw pass; the paper's rain draws each sub-cloud by itself and lays it over the
+//! scene, and the parts of a picture ([`crate::parts`]) are three draw passes.
 //!
 //! ```
 //! use wm_render::{CpuConfig, CpuRenderer, DrawPass, FramePlan, Pictures, RenderBackend, RenderConfig, SetView};
@@ -41,9 +41,9 @@ use wm_scene::{Camera, Splats};
 
 /// Passes in the order in which they are carried out.
 ///
-/// Passes write to pictures, which [`Pictures`] holds after [`crate::RenderBackend::execute`]. Several passes may write
-/// to one picture: a draw pass overwrites it, an effect changes it. A plan starts from nothing: what pictures hold from
-/// the frame before is memory, not input.
+/// Passes write to pictures, which [`Pictures`] holds after [`crate::RenderBackend::execute`].
+/// Several passes may write to one picture: a draw pass overwrites it, an effect changes it. A plan
+/// starts from nothing: what pictures hold from the frame before is memory, not input.
 #[derive(Clone, Default)]
 pub struct FramePlan<'a> {
     passes: Vec<FramePass<'a>>,
@@ -78,7 +78,8 @@ impl<'a> FramePlan<'a> {
         target
     }
 
-    /// Adds a draw pass that overwrites a picture which earlier passes are done with: this saves memory.
+    /// Adds a draw pass that overwrites a picture which earlier passes are done with: this saves
+    /// memory.
     ///
     /// # Panics
     /// If `target` or a picture that the pass reads is not of this plan.
@@ -88,7 +89,8 @@ impl<'a> FramePlan<'a> {
         self.passes.push(FramePass::Draw { target, pass: Box::new(pass) });
     }
 
-    /// Adds an effect that makes a new picture of others. The frame that it is given may hold an old picture.
+    /// Adds an effect that makes a new picture of others. The frame that it is given may hold an
+    /// old picture.
     ///
     /// # Panics
     /// If an input is not of this plan.
@@ -151,7 +153,8 @@ pub struct DrawPass<'a> {
     pub sets: Vec<SetView<'a>>,
     /// The camera.
     pub camera: Camera,
-    /// The camera of the whole picture, where `camera` shows a part of it: splats beside the picture are as wide as they are there.
+    /// The camera of the whole picture, where `camera` shows a part of it: splats beside the
+    /// picture are as wide as they are there.
     pub whole: Option<Camera>,
     /// The outputs, the background and the rasterization.
     pub config: RenderConfig,
@@ -161,9 +164,10 @@ pub struct DrawPass<'a> {
     pub shading: Shading,
     /// Results of earlier passes that this one looks up. No stage reads any yet.
     pub reads: Vec<PictureId>,
-    /// A surface inside the blend, such as water. It changes no colour: the pass fills [`Frame::front`] with the sums before and
-    /// behind the surface, and keeps particles out of the colours, in [`Frame::particles`] alone. The contract of
-    /// [`crate::stages::rasterize`] has the formulas.
+    /// A surface inside the blend, such as water. It changes no colour: the pass fills
+    /// [`Frame::front`] with the sums before and behind the surface, and keeps particles out of the
+    /// colours, in [`Frame::particles`] alone. The contract of [`crate::stages::rasterize`] has the
+    /// formulas.
     pub surface: Option<BlendSurface<'a>>,
     /// Splats whose centre lies below this plane are not drawn.
     pub cut: Option<CutPlane>,
@@ -188,8 +192,8 @@ pub struct CutPlane {
 }
 
 impl CutPlane {
-    /// The plane as seen from a point: a normal, and the height of the plane above the point. A splat at `offset` from the
-    /// point is drawn if `normal . offset >= height`.
+    /// The plane as seen from a point: a normal, and the height of the plane above the point. A
+    /// splat at `offset` from the point is drawn if `normal . offset >= height`.
     pub(crate) fn seen_from(&self, center: [f64; 3]) -> [f32; 4] {
         let [x, y, z] = self.normal;
         let own = x * center[0] + y * center[1] + z * center[2];
@@ -248,8 +252,8 @@ pub enum Shading {
     /// Colours as seen through the air, display-referred.
     #[default]
     Color,
-    /// The share of light that the air lets through from each splat and from the background, by channel, 0-1. Splats
-    /// have no other colour, and particles are not drawn.
+    /// The share of light that the air lets through from each splat and from the background, by
+    /// channel, 0-1. Splats have no other colour, and particles are not drawn.
     Transmittance,
 }
 
@@ -293,8 +297,8 @@ impl<'a> SetView<'a> {
 
 /// A change of a whole finished picture.
 pub trait PictureEffect: Sync {
-    /// Changes `picture`; `inputs` are the pictures that the pass was given, in that order. Runs on the threads of the
-    /// back end.
+    /// Changes `picture`; `inputs` are the pictures that the pass was given, in that order. Runs on
+    /// the threads of the back end.
     fn apply(&self, path: SimdPath, picture: &mut Frame, inputs: &[&Frame]);
 }
 
@@ -335,7 +339,8 @@ impl Pictures {
         self.frames.get_mut(id.0).map(std::mem::take).unwrap_or_default()
     }
 
-    /// Puts a frame in a picture's place, for its memory or as the result of work outside of a plan.
+    /// Puts a frame in a picture's place, for its memory or as the result of work outside of a
+    /// plan.
     pub fn put(&mut self, id: PictureId, frame: Frame) {
         self.fit(id.0 + 1);
         self.frames[id.0] = frame;

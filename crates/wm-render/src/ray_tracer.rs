@@ -14,7 +14,8 @@ use wm_scene::Splats;
 
 /// Splats that rays can meet, on the CPU or on a GPU.
 pub trait RayTracer: Sync {
-    /// Traces rays, on the threads of the current pool where the CPU does it, with its instructions `path`.
+    /// Traces rays, on the threads of the current pool where the CPU does it, with its instructions
+    /// `path`.
     ///
     /// # Panics
     /// If there are fewer origins than directions.
@@ -27,8 +28,10 @@ impl RayTracer for RaySplats<'_> {
     }
 }
 
-/// Splats that rays can meet, on the device of a renderer ([`AnyRenderer::ray_splats`](crate::AnyRenderer::ray_splats)). Where a GPU fails,
-/// the CPU traces the same rays and all that follow; [`AnyRenderer::check_rays`](crate::AnyRenderer::check_rays) has the reason.
+/// Splats that rays can meet, on the device of a renderer
+/// ([`AnyRenderer::ray_splats`](crate::AnyRenderer::ray_splats)). Where a GPU fails, the CPU traces
+/// the same rays and all that follow; [`AnyRenderer::check_rays`](crate::AnyRenderer::check_rays)
+/// has the reason.
 #[derive(Debug)]
 pub struct AnyRaySplats<'a> {
     splats: &'a Splats,

@@ -1,7 +1,7 @@
 //! The referee: the whole render in f64, by brute force, no tiles, no vectors.
 //!
-//! It follows the contracts of the stages and nothing else, and says for each pixel how far a correct
-//! f32 back end may be away: see [`ReferenceFrame::slack`].
+//! It follows the contracts of the stages and nothing else, and says for each pixel how far a
+//! correct f32 back end may be away: see [`ReferenceFrame::slack`].
 
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
 use crate::frame::{srgb_decode, srgb_encode};
@@ -30,7 +30,8 @@ pub struct Projected {
     pub direction: [f64; 3],
     /// Distance from the camera centre.
     pub distance: f64,
-    /// Slopes of the reciprocal view z at which it is densest, along x and y, 1/(scene units px); flattened if a surface splits the blend.
+    /// Slopes of the reciprocal view z at which it is densest, along x and y, 1/(scene units px);
+    /// flattened if a surface splits the blend.
     pub slopes: [f64; 2],
 }
 
@@ -160,9 +161,11 @@ pub struct ReferenceFrame {
     pub median_margin: Vec<f64>,
     /// The sums of [`crate::Frame::front`], `[H, W]`; empty without a surface.
     pub front: Vec<[f64; 5]>,
-    /// Weight of splats so close to the surface in view z that f32 may count them on either side, `[H, W]`.
+    /// Weight of splats so close to the surface in view z that f32 may count them on either side,
+    /// `[H, W]`.
     pub front_slack: Vec<f64>,
-    /// Bound of the error that the rounding of slopes makes in the sum of reciprocal depths, 1/scene units, `[H, W]`.
+    /// Bound of the error that the rounding of slopes makes in the sum of reciprocal depths,
+    /// 1/scene units, `[H, W]`.
     pub slope_slack: Vec<f64>,
     /// Weight that may be placed otherwise because a decision is too close for f32: a splat at the
     /// alpha cut, the stop, or two splats whose view z differ by less than f32 holds. `[H, W]`
@@ -214,8 +217,8 @@ pub fn render_shaded(
     render_split(sets, camera, config, hooks, (shading, None, None))
 }
 
-/// Renders `sets` in f64 with colours of one kind, a surface inside the blend (view z, `[H, W]`) and a plane below which
-/// nothing is drawn.
+/// Renders `sets` in f64 with colours of one kind, a surface inside the blend (view z, `[H, W]`)
+/// and a plane below which nothing is drawn.
 #[must_use]
 pub fn render_split(
     sets: &[(&Splats, Option<&dyn SplatAttributes>)],

@@ -31,7 +31,8 @@ impl ParticleCover {
     }
 }
 
-/// The cover of the middle of pixel `(x, y)` before a scene of that coverage and sum of weight times view z.
+/// The cover of the middle of pixel `(x, y)` before a scene of that coverage and sum of weight
+/// times view z.
 #[must_use]
 pub fn cover(
     particles: &[Particle],

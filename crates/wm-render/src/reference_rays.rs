@@ -1,4 +1,5 @@
-//! The referee of rays: every splat against every ray in f64, by the contract of [`crate::stages::rays`].
+//! The referee of rays: every splat against every ray in f64, by the contract of
+//! [`crate::stages::rays`].
 
 use crate::stages::rasterize::{MAX_ALPHA, MIN_TRANSMITTANCE};
 use crate::stages::rays::{LEAST_HIT, THINNEST, WHOLE};
@@ -20,8 +21,8 @@ pub struct ReferenceHit {
     pub weights: Vec<(usize, f64)>,
     /// Most that the sums of a correct f32 back end are off: by cuts that rounding may decide.
     pub slack: f64,
-    /// The least that the sum of weights is away from half of the coverage between two splats. Where it is next to nothing, either of the
-    /// two may be hit.
+    /// The least that the sum of weights is away from half of the coverage between two splats.
+    /// Where it is next to nothing, either of the two may be hit.
     pub margin: f64,
 }
 
@@ -34,7 +35,8 @@ struct Met {
     is_sure: bool,
 }
 
-/// Traces one ray through the splats for which `is_met` returns true. `center` is the middle of the origins of its group.
+/// Traces one ray through the splats for which `is_met` returns true. `center` is the middle of the
+/// origins of its group.
 #[must_use]
 pub fn trace(
     splats: &Splats,

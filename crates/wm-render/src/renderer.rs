@@ -26,15 +26,16 @@ pub trait RenderBackend {
     /// Forgets a set. Its id is not used again.
     fn unload(&mut self, set: SetId);
 
-    /// Carries out a plan; its pictures are in `pictures` afterwards, whose memory is re-used where it fits.
+    /// Carries out a plan; its pictures are in `pictures` afterwards, whose memory is re-used where
+    /// it fits.
     ///
     /// # Errors
-    /// [`RenderError`] if a camera cannot be rendered with, a set is not loaded or memory is short. What `pictures`
-    /// holds then is of no use.
+    /// [`RenderError`] if a camera cannot be rendered with, a set is not loaded or memory is short.
+    /// What `pictures` holds then is of no use.
     fn execute(&mut self, plan: &FramePlan<'_>, pictures: &mut Pictures) -> Result<Stats, RenderError>;
 
-    /// Carries out a plan as [`Self::execute`] does. In a browser it lets the page work while a GPU draws; elsewhere it is done when it is
-    /// first polled.
+    /// Carries out a plan as [`Self::execute`] does. In a browser it lets the page work while a GPU
+    /// draws; elsewhere it is done when it is first polled.
     ///
     /// # Errors
     /// As of [`Self::execute`].
@@ -46,15 +47,17 @@ pub trait RenderBackend {
         Box::pin(std::future::ready(self.execute(plan, pictures)))
     }
 
-    /// Finds the weight of each splat of a pass in its picture: alpha times the transmittance before it, summed over the pixels, px, in steps of
-    /// 1/1024 a tile. `weights` has those of the sets one after the other, each in the order in which it was loaded. The weather of the pass and the rest of its
-    /// outputs do not count.
+    /// Finds the weight of each splat of a pass in its picture: alpha times the transmittance
+    /// before it, summed over the pixels, px, in steps of 1/1024 a tile. `weights` has those of the
+    /// sets one after the other, each in the order in which it was loaded. The weather of the pass
+    /// and the rest of its outputs do not count.
     ///
     /// # Errors
     /// As of [`Self::execute`], and if the picture has more than 4 million pixels.
     fn weigh(&mut self, pass: &DrawPass<'_>, weights: &mut Vec<f32>) -> Result<Stats, RenderError>;
 
-    /// Carries out a plan of one draw pass: renders one view into `frame`, whose arrays are re-used where they fit.
+    /// Carries out a plan of one draw pass: renders one view into `frame`, whose arrays are re-used
+    /// where they fit.
     ///
     /// # Errors
     /// As of [`Self::execute`].
@@ -174,7 +177,8 @@ pub enum Geometry {
     DepthNormal,
 }
 
-/// The output of median depth, or of the splat that has it; it costs two more operations a pixel and splat.
+/// The output of median depth, or of the splat that has it; it costs two more operations a pixel
+/// and splat.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum MedianDepth {
     /// Not rendered.
@@ -182,8 +186,8 @@ pub enum MedianDepth {
     Off,
     /// Rendered.
     On,
-    /// The index of that splat in its place, which [`crate::Frame::median_splat`] reads. For passes of one set without other geometry, surface,
-    /// particles and effects on pixels.
+    /// The index of that splat in its place, which [`crate::Frame::median_splat`] reads. For passes
+    /// of one set without other geometry, surface, particles and effects on pixels.
     Splat,
 }
 
@@ -197,8 +201,8 @@ pub enum ParticlePass {
     On,
 }
 
-/// The layers of the water that a picture shows: its share of each pixel, the light that it reflects, and its depth. The builder of
-/// frames makes them, not the back ends.
+/// The layers of the water that a picture shows: its share of each pixel, the light that it
+/// reflects, and its depth. The builder of frames makes them, not the back ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum WaterPass {
     /// Not kept.
@@ -253,8 +257,8 @@ impl Background {
             Self::Sky(sky) => {
                 let elevation: f64 = (0..3).map(|k| direction[k] * f64::from(sky.up[k])).sum();
                 // Most of the change is near the horizon, as in a clear sky. Below it lies a hazy
-                // distance: a scene seen from the air ends before the horizon, and a hard line there
-                // would look like a wall.
+                // distance: a scene seen from the air ends before the horizon, and a hard line
+                // there would look like a wall.
                 let height = 1.0 - (1.0 - elevation.clamp(0.0, 1.0)).powi(3);
                 let below = (-elevation / 0.5).clamp(0.0, 1.0);
                 let below = below * below * (3.0 - 2.0 * below);
@@ -492,7 +496,8 @@ impl RenderError {
     }
 }
 
-/// Bytes that a back end takes to keep a set of `splats` of an SH degree: on the CPU in the computer's memory, on a GPU in its own.
+/// Bytes that a back end takes to keep a set of `splats` of an SH degree: on the CPU in the
+/// computer's memory, on a GPU in its own.
 #[must_use]
 pub fn bytes_of_set(splats: usize, sh_degree: u8) -> u64 {
     let clusters = splats.div_ceil(CLUSTER);

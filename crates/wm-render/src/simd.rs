@@ -1,9 +1,9 @@
 //! The SIMD paths of the CPU back end: one kernel source, compiled once a path, chosen at run time.
 //!
 //! Kernels are generic over [`Lanes`] and entered through [`dispatch!`](crate::dispatch). The wide
-//! vector of a path is `S::F`: 16 lanes with AVX-512 (one 4x4 px block), 8 lanes elsewhere (4x2 px).
-//! The portable path is the twin that every other path is tested against: IEEE arithmetic without fused
-//! operations and estimates, whose bytes are the same on every processor.
+//! vector of a path is `S::F`: 16 lanes with AVX-512 (one 4x4 px block), 8 lanes elsewhere (4x2
+//! px). The portable path is the twin that every other path is tested against: IEEE arithmetic
+//! without fused operations and estimates, whose bytes are the same on every processor.
 
 #[cfg(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64"))]
 use fearless_simd::Level;
@@ -26,8 +26,9 @@ use fearless_simd::x86::Sse2;
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
 use fearless_simd::{Avx2, Avx512, f32x16, mask32x16, u32x16};
 
-/// The token of the portable path: what every processor of the target has. On x86-64 that is SSE2: the bytes of plain
-/// Rust, whose lanes unrolled were two thirds of this crate's code and nine tenths of the time to compile it.
+/// The token of the portable path: what every processor of the target has. On x86-64 that is SSE2:
+/// the bytes of plain Rust, whose lanes unrolled were two thirds of this crate's code and nine
+/// tenths of the time to compile it.
 #[cfg(target_arch = "x86_64")]
 pub type Portable = Sse2;
 /// The token of the portable path: the 128-bit vectors of WebAssembly.
@@ -50,8 +51,8 @@ pub enum SimdChoice {
     Avx2,
     /// NEON of 64-bit Arm.
     Neon,
-    /// The path that every processor has, with the same bytes on all: SSE2 on x86-64, 128-bit vectors of WebAssembly in a browser,
-    /// elsewhere plain Rust.
+    /// The path that every processor has, with the same bytes on all: SSE2 on x86-64, 128-bit
+    /// vectors of WebAssembly in a browser, elsewhere plain Rust.
     Portable,
 }
 
@@ -152,8 +153,8 @@ impl SimdPath {
         }
     }
 
-    /// The path with half as wide vectors where this one has AVX-512, else this one: for code that only
-    /// moves numbers about.
+    /// The path with half as wide vectors where this one has AVX-512, else this one: for code that
+    /// only moves numbers about.
     #[must_use]
     pub fn narrow(self) -> Self {
         match self {
@@ -177,7 +178,8 @@ impl SimdPath {
         }
     }
 
-    /// The widest path of this processor. Loops without fused multiplication give the same bytes on all paths.
+    /// The widest path of this processor. Loops without fused multiplication give the same bytes on
+    /// all paths.
     #[must_use]
     pub fn widest() -> Self {
         Self::select(SimdChoice::Auto).unwrap_or_else(Self::portable)
@@ -208,8 +210,8 @@ pub trait Lanes: Simd {
     const N: usize;
     /// True if the path packs the selected lanes of a vector in one instruction.
     const PACKS: bool;
-    /// True for the portable path: sums add lane after lane and nothing is estimated, so that its bytes are the
-    /// same on every processor.
+    /// True for the portable path: sums add lane after lane and nothing is estimated, so that its
+    /// bytes are the same on every processor.
     const PLAIN: bool;
 
     /// `value` in every lane.
@@ -311,18 +313,21 @@ const LOG2: [f32; 9] = [
 /// The same with an error of 1.0e-4.
 const LOG2_ROUGH: [f32; 4] = [-0.329_631_1, 0.517_511_1, -0.724_904_2, 1.441_760_5];
 
-/// Linear light of sRGB values of 0.04045 to 1.5, highest power first: minimax, 1.4e-4 of what is displayed.
+/// Linear light of sRGB values of 0.04045 to 1.5, highest power first: minimax, 1.4e-4 of what is
+/// displayed.
 const DECODE: [f32; 6] =
     [4.098_582_3e-2, -0.202_103_2, 0.587_016_4, 0.543_159_8, 3.021_332_8e-2, 9.924_074e-4];
 /// The greatest value of [`DECODE`].
 const DECODE_MOST: f32 = 1.5;
-/// sRGB values of linear light of 0.0031308 to 1, a ratio of polynomials, highest power first: minimax, 1.2e-4.
+/// sRGB values of linear light of 0.0031308 to 1, a ratio of polynomials, highest power first:
+/// minimax, 1.2e-4.
 const ENCODE: ([f32; 5], [f32; 4]) = (
     [863.149_2, 4_325.308, 1_068.987_4, 20.784_203, -1.103_977_1e-2],
     [3_435.746_5, 2_659.511_7, 181.217_3, 1.0],
 );
 
-/// `2^x` for x in [-126, 127]; relative error below 3e-7. Values outside give nonsense: clamp before.
+/// `2^x` for x in [-126, 127]; relative error below 3e-7. Values outside give nonsense: clamp
+/// before.
 ///
 /// Several vectors step by step: a chain of dependent operations fills the processor only if others
 /// run beside it, and its window is too short to find them in the next call.
@@ -360,9 +365,9 @@ pub fn exp2_rough<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] 
     )
 }
 
-/// [`exp2`], bit for bit, with a loop over the powers that the compiler does not unroll. Unrolled, it puts
-/// one vector's chain after the other's, which costs the blending of 16 lanes 6 %; with 8 lanes, and
-/// where registers are short, the loop's own work costs more.
+/// [`exp2`], bit for bit, with a loop over the powers that the compiler does not unroll. Unrolled,
+/// it puts one vector's chain after the other's, which costs the blending of 16 lanes 6 %; with 8
+/// lanes, and where registers are short, the loop's own work costs more.
 #[inline(always)]
 pub fn exp2_looped<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
     exp2_with(
@@ -402,7 +407,8 @@ fn exp2_with<S: Lanes, const N: usize>(
     poly
 }
 
-/// [`exp2`] of eight lanes without fused multiplication: the same bytes on all paths. Relative error below 5e-7.
+/// [`exp2`] of eight lanes without fused multiplication: the same bytes on all paths. Relative
+/// error below 5e-7.
 #[inline(always)]
 pub fn exp2_unfused<S: Simd>(simd: S, x: f32x8<S>) -> f32x8<S> {
     let shifted = x + ROUND;
@@ -456,7 +462,8 @@ fn log2_by<S: Lanes, const N: usize, const P: usize>(
     poly
 }
 
-/// `x^power` for x at or above 0 (0 where x is below 1e-30); relative error below 1e-6 for powers near 2.
+/// `x^power` for x at or above 0 (0 where x is below 1e-30); relative error below 1e-6 for powers
+/// near 2.
 #[inline(always)]
 pub fn powf<S: Lanes, const N: usize>(simd: S, x: [S::F; N], power: f32) -> [S::F; N] {
     let tiny = simd.set(1e-30);
@@ -502,7 +509,8 @@ pub fn srgb_encode<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
     result
 }
 
-/// [`srgb_decode`] for what is only shown: within 2e-4 of what is displayed, a twentieth of a step of 8 bits.
+/// [`srgb_decode`] for what is only shown: within 2e-4 of what is displayed, a twentieth of a step
+/// of 8 bits.
 #[inline(always)]
 pub fn srgb_decode_rough<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
     let most = value[0].max(value[1]).max(value[2]);
@@ -564,8 +572,8 @@ pub fn srgb_encode_rough<S: Lanes>(simd: S, value: [S::F; 3]) -> [S::F; 3] {
     result
 }
 
-/// `1 / x` for x in [1e-30, 1e30]; relative error below 4e-7 on x86. A division holds up its port for
-/// as long as all of this takes four times.
+/// `1 / x` for x in [1e-30, 1e30]; relative error below 4e-7 on x86. A division holds up its port
+/// for as long as all of this takes four times.
 #[inline(always)]
 pub fn reciprocal<S: Lanes, const N: usize>(simd: S, x: [S::F; N]) -> [S::F; N] {
     // 12 to 14 bits on x86, 8 on Arm, all in plain Rust: each round of Newton's doubles them.
@@ -594,7 +602,8 @@ pub fn sums<S: Lanes, const M: usize>(simd: S, mut vectors: [S::F; M]) -> S::F {
         }
         return simd.load(&sums);
     }
-    // Each round adds the halves of two vectors in one; the last bit of a lane then names the vector.
+    // Each round adds the halves of two vectors in one; the last bit of a lane then names the
+    // vector.
     debug_assert_eq!(M, S::N);
     let mut count = M;
     while count > 1 {
@@ -618,8 +627,8 @@ pub fn transpose<S: Lanes>(simd: S, matrix: &mut [[f32; 16]; 16]) {
         }
         return;
     }
-    // Each round of perfect shuffles turns the bits of (row, lane) by one place: as many rounds as a
-    // lane has bits swap rows and lanes.
+    // Each round of perfect shuffles turns the bits of (row, lane) by one place: as many rounds as
+    // a lane has bits swap rows and lanes.
     if S::N == 16 {
         let mut rows = [simd.set(0.0); 16];
         for k in 0..16 {

@@ -51,8 +51,8 @@ impl Backend {
         path.map(Self::Cpu)
     }
 
-    /// The GPU, or `None` with a word on stderr where there is none. With `WM_REQUIRE_GPU=1` in the environment,
-    /// lacking it fails the test instead.
+    /// The GPU, or `None` with a word on stderr where there is none. With `WM_REQUIRE_GPU=1` in the
+    /// environment, lacking it fails the test instead.
     ///
     /// # Panics
     /// As said.
@@ -142,7 +142,8 @@ pub fn gpu_differentiable() -> GpuDifferentiable {
         .expect("threads start")
 }
 
-/// A back end of training as `auto` makes it where there is a GPU, on one of its own, which may be taken away from it.
+/// A back end of training as `auto` makes it where there is a GPU, on one of its own, which may be
+/// taken away from it.
 ///
 /// # Panics
 /// If there is none; see [`Backend::gpu`].
@@ -154,7 +155,8 @@ pub fn fallible_differentiable(warn: fn(&RenderError)) -> (AnyDifferentiable, Ar
     (AnyDifferentiable::fallible(Arc::clone(&gpu), config, warn).expect("threads start"), gpu)
 }
 
-/// A GPU of its own with the limits that every browser's has, and bindings of at most so many bytes.
+/// A GPU of its own with the limits that every browser's has, and bindings of at most so many
+/// bytes.
 ///
 /// # Panics
 /// If there is none; see [`Backend::gpu`].
@@ -215,8 +217,8 @@ fn missing_gpu() -> Option<String> {
     return Some("built without the GPU back end".to_owned());
 }
 
-/// Makes one test a back end of a check that takes a [`testing::Backend`](crate::testing::Backend): every SIMD path, and
-/// the GPU.
+/// Makes one test a back end of a check that takes a [`testing::Backend`](crate::testing::Backend):
+/// every SIMD path, and the GPU.
 #[macro_export]
 macro_rules! parity {
     ($($name:ident => $check:expr;)*) => {$(
@@ -299,8 +301,8 @@ pub fn random_splats(count: usize, sh_degree: u8, seed: u64) -> Splats {
     splats
 }
 
-/// 512 splats in view order with a standard deviation of about `sigma` px, spread over the tile at the
-/// picture's corner and too faint to stop blending early.
+/// 512 splats in view order with a standard deviation of about `sigma` px, spread over the tile at
+/// the picture's corner and too faint to stop blending early.
 #[must_use]
 pub fn tile_records(sigma: f64) -> Vec<Record> {
     let tile = TILE as f64;
@@ -412,11 +414,11 @@ pub const ALL_OUTPUTS: Outputs = Outputs {
 };
 
 /// Compares a frame with the referee's. Tight where no decision is near: colours within `1e-4` of
-/// each pixel and `1e-5` in the mean, sums of depth and normal likewise relative to their size. Where
-/// one is (see [`ReferenceFrame::slack`]), by the weight at stake and no more.
+/// each pixel and `1e-5` in the mean, sums of depth and normal likewise relative to their size.
+/// Where one is (see [`ReferenceFrame::slack`]), by the weight at stake and no more.
 ///
-/// The bound of a pixel: rasterize's contract gives 1e-6 relative an alpha; with up to a few hundred
-/// splats over a pixel and colours up to 2 the sum stays under 1e-4.
+/// The bound of a pixel: rasterize's contract gives 1e-6 relative an alpha; with up to a few
+/// hundred splats over a pixel and colours up to 2 the sum stays under 1e-4.
 ///
 /// # Errors
 /// A line that names the first pixel beyond its bound, or the mean.
@@ -454,7 +456,8 @@ pub fn compare(frame: &Frame, want: &ReferenceFrame, largest_color: f64) -> Resu
                 }
             }
         }
-        // A median is the depth of one splat: right, or another's where a decision is near one half.
+        // A median is the depth of one splat: right, or another's where a decision is near one
+        // half.
         if want.median_margin[i] > 1e-4 + 2.0 * slack {
             let (got, wanted) = (f64::from(frame.median_depth[i]), want.median_depth[i]);
             if (got - wanted).abs() > 1e-5 * wanted.max(1.0) {
@@ -507,8 +510,8 @@ impl RandomLoss {
     }
 }
 
-/// Gradients of a random loss by the back end and by the referee. The loss counts only the pixels at
-/// which both must decide alike ([`reference_backward::Decisions::steady`]).
+/// Gradients of a random loss by the back end and by the referee. The loss counts only the pixels
+/// at which both must decide alike ([`reference_backward::Decisions::steady`]).
 ///
 /// # Panics
 /// If the renderer cannot be started, or more than a few pixels are not steady.

@@ -1,8 +1,8 @@
 //! The device's side of training: losses of rendered pictures, and the optimiser's steps.
 //!
-//! A trainer describes the loss of a picture as a [`Comparison`] and a step of the optimiser as a [`Step`];
-//! [`crate::Resident`] carries both out on the device that holds the splats. The contracts are those of the stages
-//! `compare` and `optimize`.
+//! A trainer describes the loss of a picture as a [`Comparison`] and a step of the optimiser as a
+//! [`Step`]; [`crate::Resident`] carries both out on the device that holds the splats. The
+//! contracts are those of the stages `compare` and `optimize`.
 
 pub use crate::stages::compare::{
     Belief, Believed, C1, C2, COVERED, Compared, Comparison, EDGE, EXACT, Exposure, FEWEST, FLOOR,

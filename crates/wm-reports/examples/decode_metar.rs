@@ -1,4 +1,5 @@
-//! Prints the decoded fields of METARs, one JSON object a line: `cargo run -p wm-reports --example decode_metar -- FILE`.
+//! Prints the decoded fields of METARs, one JSON object a line:
+//! `cargo run -p wm-reports --example decode_metar -- FILE`.
 
 use serde_json::{Value, json};
 use wm_reports::Metar;

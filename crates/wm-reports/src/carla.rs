@@ -11,7 +11,8 @@
 //! | `precipitation_deposits`, `wetness` | `wetness.puddles`, `wetness.amount` = 1/100 of it |
 //! | `dust_storm` | dust in the air, by the law of fog |
 //!
-//! The intensities of CARLA have no units: these laws are a choice. `fog_distance` and the scales of scattering are not used.
+//! The intensities of CARLA have no units: these laws are a choice. `fog_distance` and the scales
+//! of scattering are not used.
 
 use crate::conditions::{Carrier, tint};
 use crate::draft::{Basis, Draft};
@@ -76,7 +77,8 @@ carla! {
     dust_storm: 0.0 to 100.0;
 }
 
-/// Names of presets, and the first ten parameters of each, as in CARLA 0.9.13 to 0.9.16 (`WeatherParameters.cpp`).
+/// Names of presets, and the first ten parameters of each, as in CARLA 0.9.13 to 0.9.16
+/// (`WeatherParameters.cpp`).
 const PRESETS: &[(&str, [f64; 10])] = &[
     ("ClearNoon", [5.0, 0.0, 0.0, 10.0, -1.0, 45.0, 2.0, 0.75, 0.1, 0.0]),
     ("CloudyNoon", [60.0, 0.0, 0.0, 10.0, -1.0, 45.0, 3.0, 0.75, 0.1, 0.0]),
@@ -124,7 +126,8 @@ impl CarlaParameters {
         Some(parameters)
     }
 
-    /// Reads a preset's name, JSON, or `name=value` pairs as Python writes them, with or without the word `CARLA`.
+    /// Reads a preset's name, JSON, or `name=value` pairs as Python writes them, with or without
+    /// the word `CARLA`.
     ///
     /// # Errors
     /// [`ReportError`] with the parameter and what is expected.

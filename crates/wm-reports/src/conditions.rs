@@ -1,7 +1,8 @@
-//! The weather at one instant as reports of any kind tell it, and the way from there into a weather file.
+//! The weather at one instant as reports of any kind tell it, and the way from there into a weather
+//! file.
 //!
-//! Visibility is shared out: what falls takes its part by the program's own laws of extinction, and the air has the rest,
-//! `sigma_air = max(0, 2.996 / visibility - sigma_precipitation)`.
+//! Visibility is shared out: what falls takes its part by the program's own laws of extinction, and
+//! the air has the rest, `sigma_air = max(0, 2.996 / visibility - sigma_precipitation)`.
 
 use crate::draft::{Basis, Draft, rounded};
 use crate::optics::{extinction, snow_rate, visibility};

@@ -73,8 +73,8 @@ impl Draft {
         }
     }
 
-    /// A parameter, `effect.parameter`, as a number in the parameter's unit. A number beyond the parameter's range is
-    /// clamped, with a note.
+    /// A parameter, `effect.parameter`, as a number in the parameter's unit. A number beyond the
+    /// parameter's range is clamped, with a note.
     pub(crate) fn number(&mut self, key: &str, value: f64, basis: Basis) {
         let value = self.clamped(key, rounded(value, 4));
         self.entry(key, written(value), basis);
@@ -85,7 +85,8 @@ impl Draft {
         self.entry(key, format!("\"{word}\""), basis);
     }
 
-    /// A parameter over time: seconds and numbers in the parameter's unit. Keys that change nothing are left out.
+    /// A parameter over time: seconds and numbers in the parameter's unit. Keys that change nothing
+    /// are left out.
     pub(crate) fn track(&mut self, key: &str, keys: &[(f64, f64)], easing: Easing, basis: Basis) {
         let keys: Vec<(f64, f64)> = keys
             .iter()
@@ -200,7 +201,8 @@ fn slug(text: &str) -> String {
     if short.is_empty() { "report".into() } else { short.into() }
 }
 
-/// A text without control characters, at most 300 characters long: comments and names of a weather file are one line.
+/// A text without control characters, at most 300 characters long: comments and names of a weather
+/// file are one line.
 fn plain(text: &str) -> String {
     let line: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(300).collect();
     line.trim().into()

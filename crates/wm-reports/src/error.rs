@@ -89,7 +89,8 @@ pub(crate) fn plain(text: &str) -> String {
     text.chars().take(100).map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
-/// A text of a user as it is quoted in messages: at most 40 characters, none of them a control character.
+/// A text of a user as it is quoted in messages: at most 40 characters, none of them a control
+/// character.
 pub(crate) fn quoted(text: &str) -> String {
     let mut short: String = text.chars().take(40).map(|c| if c.is_control() { ' ' } else { c }).collect();
     if text.chars().count() > 40 {

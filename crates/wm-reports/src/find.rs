@@ -14,7 +14,8 @@ pub struct FoundWeather {
     pub report: Option<WeatherReport>,
 }
 
-/// Finds the weather of a preset's name, of a weather file, or of a report or its file. Paths are from `folder`.
+/// Finds the weather of a preset's name, of a weather file, or of a report or its file. Paths are
+/// from `folder`.
 ///
 /// ```
 /// use std::path::Path;
@@ -55,7 +56,8 @@ pub fn looks_like_path(text: &str) -> bool {
     !text.contains(['\n', '{']) && [".json", ".csv", ".txt", ".metar"].iter().any(|ending| has_ending(ending))
 }
 
-/// Returns true if a text is no name of a preset with a typing error: a report of one word has a form of its own.
+/// Returns true if a text is no name of a preset with a typing error: a report of one word has a
+/// form of its own.
 fn is_report(text: &str) -> bool {
     text.trim().contains(char::is_whitespace) || recognise(text) != ReportKind::Words
 }

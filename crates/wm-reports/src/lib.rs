@@ -1,11 +1,13 @@
-//! Weather reports as weathers: METAR, hourly tables, WMO codes, CARLA's weather parameters and plain words.
+//! Weather reports as weathers: METAR, hourly tables, WMO codes, CARLA's weather parameters and
+//! plain words.
 //!
-//! A report becomes the text of a weather file, in which a comment beside each value says which part of the report it came
-//! from, or that it was guessed. The weather is read from that very text, so a user who edits the file changes what is
-//! rendered.
+//! A report becomes the text of a weather file, in which a comment beside each value says which
+//! part of the report it came from, or that it was guessed. The weather is read from that very
+//! text, so a user who edits the file changes what is rendered.
 //!
 //! # Types to know
-//! - [`WeatherReport`]: a report that has been read: the weather file, the weather, what was guessed and ignored.
+//! - [`WeatherReport`]: a report that has been read: the weather file, the weather, what was
+//!   guessed and ignored.
 //! - [`Metar`]: the decoded groups of an airport's report.
 //! - [`WeatherTable`]: hours of weather from JSON or CSV (Open-Meteo, Meteostat, own tables).
 //! - [`PresentWeather`]: a row of the WMO's table 4677 of present weather.
@@ -28,7 +30,8 @@
 //! # Ok::<(), wm_reports::ReportError>(())
 //! ```
 //!
-//! To add a kind of report, write one module that ends in a weather file and add it to [`ReportKind`] and [`recognise()`].
+//! To add a kind of report, write one module that ends in a weather file and add it to
+//! [`ReportKind`] and [`recognise()`].
 
 pub mod carla;
 mod conditions;

@@ -38,7 +38,8 @@ pub(crate) fn visibility(sigma: f64) -> f64 {
     sigma_of_mor(sigma)
 }
 
-/// Relative humidity, 0-1, of air at a temperature with a dew point, degrees Celsius: Magnus' formula over water (Sonntag 1990).
+/// Relative humidity, 0-1, of air at a temperature with a dew point, degrees Celsius: Magnus'
+/// formula over water (Sonntag 1990).
 pub(crate) fn humidity(temperature: f64, dew_point: f64) -> f64 {
     let vapour = |t: f64| (17.62 * t / (243.12 + t)).exp();
     (vapour(dew_point) / vapour(temperature)).clamp(0.0, 1.0)

@@ -1,7 +1,8 @@
-//! Codes of present weather, `ww`: the WMO's code table 4677, which Open-Meteo's `weather_code` follows.
+//! Codes of present weather, `ww`: the WMO's code table 4677, which Open-Meteo's `weather_code`
+//! follows.
 //!
-//! A code says what falls and how hard, in words; each row here has a rate, mm/h, and a visibility, m, that such weather has.
-//! `ww 63`, `wmo 75` and `weather_code 61` are reports of their own.
+//! A code says what falls and how hard, in words; each row here has a rate, mm/h, and a visibility,
+//! m, that such weather has. `ww 63`, `wmo 75` and `weather_code 61` are reports of their own.
 
 use crate::conditions::{Carrier, Conditions, Known, SnowRate};
 use crate::draft::{Basis, Draft};
@@ -226,7 +227,8 @@ pub const PRESENT_WEATHER: &[PresentWeather] = &[
     row(99, "heavy thunderstorm with hail").rain(30.0).hail(40.0).lightning(10.0),
 ];
 
-/// Cloud covers of the codes 0 to 3 in weather services: clear, mainly clear, partly cloudy, overcast.
+/// Cloud covers of the codes 0 to 3 in weather services: clear, mainly clear, partly cloudy,
+/// overcast.
 const COVERS: [f64; 4] = [0.0, 0.2, 0.5, 1.0];
 
 pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {

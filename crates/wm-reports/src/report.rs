@@ -69,7 +69,8 @@ pub enum DecodedReport {
 pub struct ReportOptions {
     /// Seconds of the shot in an hour of a table, 0.001 to 3600.
     pub seconds_per_hour: f64,
-    /// Latitude and longitude, degrees: with them the sun of a METAR and of a table without a place is that of its time.
+    /// Latitude and longitude, degrees: with them the sun of a METAR and of a table without a place
+    /// is that of its time.
     pub place: Option<[f64; 2]>,
     /// Day of the year, 1 to 366, for a METAR, which has only the day of the month.
     pub day: Option<u32>,

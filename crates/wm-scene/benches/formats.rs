@@ -1,8 +1,9 @@
-//! Reading and writing scene files of every format: splats and megabytes a second, best of several. The first reading is told
-//! apart, since it alone pays for fresh pages of memory. `tests/peers/formats.py` has the times of others.
+//! Reading and writing scene files of every format: splats and megabytes a second, best of several.
+//! The first reading is told apart, since it alone pays for fresh pages of memory.
+//! `tests/peers/formats.py` has the times of others.
 //!
-//! `cargo bench -p wm-scene --bench formats [-- scene.ply ...]`; without a file, random scenes of SH
-//! degree 0 and 3 are made. Run as a test it uses small ones.
+//! `cargo bench -p wm-scene --bench formats [-- scene.ply ...]`; without a file, random scenes of
+//! SH degree 0 and 3 are made. Run as a test it uses small ones.
 
 use std::{
     path::{Path, PathBuf},

@@ -139,8 +139,8 @@ impl Camera {
         Ok(camera)
     }
 
-    /// A camera at `eye` with the rotation `camera_from_world`, the principal point in the middle, square
-    /// pixels and the default near plane. `fov_y` is the vertical field of view in degrees.
+    /// A camera at `eye` with the rotation `camera_from_world`, the principal point in the middle,
+    /// square pixels and the default near plane. `fov_y` is the vertical field of view in degrees.
     ///
     /// The numbers are not checked; [`Camera::check`] does that.
     #[must_use]
@@ -158,8 +158,8 @@ impl Camera {
         }
     }
 
-    /// The angle of a pixel near the principal point, where it is widest, along the side where it is wider,
-    /// radians.
+    /// The angle of a pixel near the principal point, where it is widest, along the side where it
+    /// is wider, radians.
     #[must_use]
     pub fn widest_pixel(&self) -> f64 {
         1.0 / self.fx.min(self.fy)

@@ -16,8 +16,8 @@ pub struct Card {
 }
 
 impl Card {
-    /// The card that fills the pixels within `half` of `pixel`, `distance` scene units away in its middle
-    /// and square to `normal`.
+    /// The card that fills the pixels within `half` of `pixel`, `distance` scene units away in its
+    /// middle and square to `normal`.
     #[must_use]
     pub fn over(camera: &Camera, pixel: (f64, f64), half: f64, distance: f64, normal: DVec3) -> Self {
         let center = camera.center() + distance * camera.ray(pixel.0, pixel.1);
@@ -33,15 +33,16 @@ impl Card {
         }
     }
 
-    /// Length of the camera's ray through the picture point `(x, y)` to the card's plane, scene units.
+    /// Length of the camera's ray through the picture point `(x, y)` to the card's plane, scene
+    /// units.
     #[must_use]
     pub fn ray_length(&self, camera: &Camera, x: f64, y: f64) -> f64 {
         let normal = self.u.cross(self.v);
         (self.center - camera.center()).dot(normal) / camera.ray(x, y).dot(normal)
     }
 
-    /// Adds the card to `splats` as a dense grid of `columns` by `rows` flat splats of a display-referred colour, several sheets of them in
-    /// one plane.
+    /// Adds the card to `splats` as a dense grid of `columns` by `rows` flat splats of a
+    /// display-referred colour, several sheets of them in one plane.
     ///
     /// Blending stops before the transmittance falls to 1e-4. Splats of opacity 1/2 halve it at most, so
     /// that it ends at 1e-4 to 2e-4 and the card is opaque within that. A sheet adds -ln(1 - alpha) over its

@@ -1,4 +1,5 @@
-//! Conversion between display-referred colours, which splats hold, and linear light, which weather needs.
+//! Conversion between display-referred colours, which splats hold, and linear light, which weather
+//! needs.
 
 /// sRGB to linear light, IEC 61966-2-1; extended above 1, 0 below 0.
 #[must_use]

@@ -5,7 +5,8 @@
 //! file that such a name means. Of several candidates the one in the nearest place is taken:
 //!
 //! 1. at the path itself;
-//! 2. at the path without its leading folders (`images/back/1.jpg` is `back/1.png` in a folder of masks);
+//! 2. at the path without its leading folders (`images/back/1.jpg` is `back/1.png` in a folder of
+//!    masks);
 //! 3. at the path in some folder below;
 //! 4. anywhere, with the same file name.
 //!

@@ -1,7 +1,7 @@
 //! Files that appear whole or not at all: written beside their final name, then renamed.
 //!
-//! The temporary file lies in the same folder, since a rename is only atomic within one file system.
-//! It is called `<name>.<process>-<count>.part` and is removed when writing fails, and by
+//! The temporary file lies in the same folder, since a rename is only atomic within one file
+//! system. It is called `<name>.<process>-<count>.part` and is removed when writing fails, and by
 //! [`abandon_temporaries`] before the process is ended. Those of processes that were killed are
 //! removed when the next process writes into the folder: a live one holds a lock on its own.
 //!
@@ -96,8 +96,8 @@ impl From<io::Error> for WriteFault {
 /// A link is followed, so that its target is replaced. A write-protected file is not replaced.
 ///
 /// # Errors
-/// [`FormatError`] with `path` if the folder is missing or refuses, or if `write` fails; `path` is left
-/// as it was then, and nothing beside it.
+/// [`FormatError`] with `path` if the folder is missing or refuses, or if `write` fails; `path` is
+/// left as it was then, and nothing beside it.
 pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> Result<(), Problem>,
@@ -106,8 +106,8 @@ pub fn write_atomically(
     write_whole(path, |f| fault(f.into()), |out| write(out).map_err(fault))
 }
 
-/// Writes a file as [`write_atomically`] does, and returns once it is on the disk, so that a power cut leaves the old file or the
-/// new one: for files that are worth hours, such as checkpoints.
+/// Writes a file as [`write_atomically`] does, and returns once it is on the disk, so that a power
+/// cut leaves the old file or the new one: for files that are worth hours, such as checkpoints.
 ///
 /// # Errors
 /// Those of [`write_atomically`].
@@ -125,8 +125,8 @@ pub fn write_durably(
     Ok(())
 }
 
-/// Writes a file whole or not at all, as [`write_atomically`] does, with errors of another type; `fault` converts
-/// those of the system.
+/// Writes a file whole or not at all, as [`write_atomically`] does, with errors of another type;
+/// `fault` converts those of the system.
 ///
 /// # Errors
 /// Those of `write`, and those of the system; then `path` is as it was.
@@ -168,8 +168,8 @@ fn pending() -> MutexGuard<'static, Vec<PathBuf>> {
     PENDING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes every temporary file and folder of this process before it is ended at once. From then on other threads
-/// wait when they begin or complete a file.
+/// Removes every temporary file and folder of this process before it is ended at once. From then on
+/// other threads wait when they begin or complete a file.
 pub fn abandon_temporaries() {
     let mut pending = pending();
     for path in pending.drain(..) {
@@ -196,8 +196,8 @@ impl TempFile {
     /// Creates the file.
     ///
     /// # Errors
-    /// `target` is a folder, a device or a pipe, or protected; its folder is missing or refuses; the
-    /// disk is full.
+    /// `target` is a folder, a device or a pipe, or protected; its folder is missing or refuses;
+    /// the disk is full.
     pub fn beside(target: &Path) -> Result<Self, WriteFault> {
         let resolved = resolve(target)?;
         let name = resolved.file_name().ok_or(WriteFault::IsFolder)?;
@@ -299,7 +299,8 @@ impl Write for &TempFile {
     }
 }
 
-/// A new empty folder beside `target`, for what is made of many files; removed with all of them when dropped.
+/// A new empty folder beside `target`, for what is made of many files; removed with all of them
+/// when dropped.
 #[derive(Debug)]
 pub struct TempFolder {
     path: PathBuf,
@@ -368,8 +369,8 @@ impl Drop for TempFile {
     }
 }
 
-/// The file behind `target` if it is a symbolic link, else `target`; an error if it is something that
-/// must not be replaced.
+/// The file behind `target` if it is a symbolic link, else `target`; an error if it is something
+/// that must not be replaced.
 fn resolve(target: &Path) -> Result<PathBuf, WriteFault> {
     match fs::metadata(target) {
         Ok(about) if about.is_dir() => Err(WriteFault::IsFolder),

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The part of the scene that a splat belongs to. Kept through files, re-ordering and edits, one byte a splat.
+/// The part of the scene that a splat belongs to. Kept through files, re-ordering and edits, one
+/// byte a splat.
 ///
 /// Weather reads it: sky splats stand behind everything, collect no snow and take no part in the
 /// estimation of up and ground.

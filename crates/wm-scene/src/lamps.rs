@@ -1,6 +1,7 @@
 //! Lamps and lit windows of a place, which a weather lights by night.
 //!
-//! They are facts of the scene, kept with its [`crate::Metadata`]: nothing in the photos of a day tells them.
+//! They are facts of the scene, kept with its [`crate::Metadata`]: nothing in the photos of a day
+//! tells them.
 
 use crate::values::FARTHEST;
 use glam::DVec3;
@@ -10,8 +11,9 @@ use std::ops::RangeInclusive;
 
 /// A lamp.
 ///
-/// Its luminous intensity at the angle `t` from the aim is `I cos^n t` on the side of the aim, with `n` so that half of
-/// it is left at half of the beam's width; without an aim it is the same to all sides.
+/// Its luminous intensity at the angle `t` from the aim is `I cos^n t` on the side of the aim, with
+/// `n` so that half of it is left at half of the beam's width; without an aim it is the same to all
+/// sides.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lamp {
@@ -26,7 +28,8 @@ pub struct Lamp {
     /// The direction that it shines in, world axes, of any length but 0; `None` for all sides.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<[f64; 3]>,
-    /// Full width of the beam, where half of the intensity is left, degrees, 2 to 178; used with an aim.
+    /// Full width of the beam, where half of the intensity is left, degrees, 2 to 178; used with an
+    /// aim.
     #[serde(default = "Lamp::default_beam")]
     pub beam: f64,
     /// Radius of the ball that is seen shining, m, above 0, at most 5.
@@ -142,8 +145,8 @@ impl LitWindow {
         2_700.0
     }
 
-    /// The upright rectangle between two opposite corners on a wall. `up` has length 1; `eye` is on the wall's outside.
-    /// `None` if the corners are above each other or level.
+    /// The upright rectangle between two opposite corners on a wall. `up` has length 1; `eye` is on
+    /// the wall's outside. `None` if the corners are above each other or level.
     #[must_use]
     pub fn between(corners: [DVec3; 2], up: DVec3, eye: DVec3) -> Option<Self> {
         let [low, high] =
@@ -220,9 +223,9 @@ fn is_finite(v: &[f64; 3]) -> bool {
     v.iter().all(|v| v.is_finite())
 }
 
-/// Lamps along a line of points: a row at `spacing` on one side of it, `aside` from it and `height` above the ground
-/// under it, each shining down. All lengths are in scene units, `up` has length 1, and `ground` is the height of the ground
-/// along it under each point.
+/// Lamps along a line of points: a row at `spacing` on one side of it, `aside` from it and `height`
+/// above the ground under it, each shining down. All lengths are in scene units, `up` has length 1,
+/// and `ground` is the height of the ground along it under each point.
 #[must_use]
 pub fn along_path(
     path: &[DVec3],

@@ -1,9 +1,11 @@
-//! Gaussian splatting scenes on disk and in memory: splats, cameras, metadata, file formats and captures.
+//! Gaussian splatting scenes on disk and in memory: splats, cameras, metadata, file formats and
+//! captures.
 //!
-//! Reads and writes every common splat format ([`formats`]: PLY, compressed PLY, SPZ, SOG, glTF, .splat,
-//! .ksplat), the captures of photogrammetry programs ([`capture`]: COLMAP, nerfstudio, OpenSfM, Bundler),
-//! and estimates what splat files do not state ([`survey`]: up, ground, scale, sky). It has no GPU, no
-//! threads and no weather; every other crate of the workspace depends on it.
+//! Reads and writes every common splat format ([`formats`]: PLY, compressed PLY, SPZ, SOG, glTF,
+//! .splat, .ksplat), the captures of photogrammetry programs ([`capture`]: COLMAP, nerfstudio,
+//! OpenSfM, Bundler), and estimates what splat files do not state ([`survey`]: up, ground, scale,
+//! sky). It has no GPU, no threads and no weather; every other crate of the workspace depends on
+//! it.
 //!
 //! - [`Scene`]: the content of a scene file: splats, metadata and photographed views.
 //! - [`Splats`]: the Gaussians, structure of arrays, in their stored (trained) form.
@@ -11,8 +13,8 @@
 //! - [`Metadata`]: the facts that weather needs: metres per unit, up, ground, light of the sky.
 //! - [`survey::Survey`]: the same facts for any scene, estimated where the metadata is silent.
 //!
-//! Random numbers of production code are in [`random`], arrays on disk in [`npy`]. The feature `testing`
-//! adds synthetic scenes for tests and benches.
+//! Random numbers of production code are in [`random`], arrays on disk in [`npy`]. The feature
+//! `testing` adds synthetic scenes for tests and benches.
 //!
 //! ```
 //! use wm_scene::survey::{FactSource, Survey};

@@ -8,15 +8,16 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 
-/// `-ln(0.05)`: optical depth of the meteorological optical range, as the World Meteorological Organization has it.
+/// `-ln(0.05)`: optical depth of the meteorological optical range, as the World Meteorological
+/// Organization has it.
 pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
 
-/// Facts about a scene that are written with it. A fact that is missing is given by hand, estimated from
-/// the splats or assumed; see [`crate::survey`].
+/// Facts about a scene that are written with it. A fact that is missing is given by hand, estimated
+/// from the splats or assumed; see [`crate::survey`].
 ///
-/// In a PLY it is kept in comment lines `comment wm.<key> <value>`; for formats that have no room in
-/// a TOML file beside the scene, `<scene file>.wm.toml`, whose keys are the fields below. If both
-/// exist, the TOML file wins key by key.
+/// In a PLY it is kept in comment lines `comment wm.<key> <value>`; for formats that have no room
+/// in a TOML file beside the scene, `<scene file>.wm.toml`, whose keys are the fields below. If
+/// both exist, the TOML file wins key by key.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Metadata {
@@ -27,8 +28,8 @@ pub struct Metadata {
     /// Metres per scene unit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metres_per_unit: Option<f64>,
-    /// The source of `metres_per_unit`, such as "the camera height of 1.6 m above the ground"; free text, one
-    /// line, at most [`Metadata::MAX_PROVENANCE`] bytes.
+    /// The source of `metres_per_unit`, such as "the camera height of 1.6 m above the ground"; free
+    /// text, one line, at most [`Metadata::MAX_PROVENANCE`] bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale_source: Option<String>,
     /// Confidence in the scale; nothing if it is sure.
@@ -43,19 +44,23 @@ pub struct Metadata {
     /// Confidence in up; nothing if it is sure.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub up_confidence: Option<Confidence>,
-    /// True north, level, world axes, length 1. Used as far as it is level: see [`Metadata::level_north`].
+    /// True north, level, world axes, length 1. Used as far as it is level: see
+    /// [`Metadata::level_north`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub north: Option<DVec3>,
-    /// The source of `north` and `location`, such as "the GPS of 18 photos, met within 0.5 m"; as `scale_source`.
+    /// The source of `north` and `location`, such as "the GPS of 18 photos, met within 0.5 m"; as
+    /// `scale_source`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub north_source: Option<String>,
-    /// Latitude (-90 to 90, north above 0) and longitude (-180 to 180, east above 0) of the middle of the photos, degrees, WGS 84.
+    /// Latitude (-90 to 90, north above 0) and longitude (-180 to 180, east above 0) of the middle
+    /// of the photos, degrees, WGS 84.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub location: Option<[f64; 2]>,
     /// The time of the photos, their median, seconds since 1 January 1970, 0:00 UTC, years 1800 to 3000.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub captured: Option<f64>,
-    /// Time between the first photo and the last, seconds, 0 and above; nothing if it is under a minute or not known.
+    /// Time between the first photo and the last, seconds, 0 and above; nothing if it is under a
+    /// minute or not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub captured_span: Option<f64>,
     /// The sun of the photos; it goes before the one that place and time give.
@@ -67,37 +72,38 @@ pub struct Metadata {
     /// Confidence in the ground; nothing if it is sure.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ground_confidence: Option<Confidence>,
-    /// Height of the photos' cameras above the ground, scene units, where they were carried at one height over it: the
-    /// ground is parallel to their path.
+    /// Height of the photos' cameras above the ground, scene units, where they were carried at one
+    /// height over it: the ground is parallel to their path.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera_height: Option<f64>,
     /// Mean radiance of the sky near the horizon, linear RGB, 1 = display white: the airlight of
     /// weather that is given no colour of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub airlight: Option<[f64; 3]>,
-    /// Brightness of a white card on level ground in the open as the photos would show it, linear, 1 = display white: what turns
-    /// colours into reflectances.
+    /// Brightness of a white card on level ground in the open as the photos would show it, linear,
+    /// 1 = display white: what turns colours into reflectances.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub white_card: Option<f64>,
-    /// Extinction of the haze in which the photos were taken, a scene unit. The scene is without it: this says what its photos
-    /// show and it does not.
+    /// Extinction of the haze in which the photos were taken, a scene unit. The scene is without
+    /// it: this says what its photos show and it does not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub haze_extinction: Option<f64>,
     /// Standard deviation of `haze_extinction`; nothing if that was given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub haze_extinction_error: Option<f64>,
-    /// Extinction a scene unit with which even air of `haze_airlight` looks as the photos show the haze, if it is another: cameras
-    /// compress what is bright.
+    /// Extinction a scene unit with which even air of `haze_airlight` looks as the photos show the
+    /// haze, if it is another: cameras compress what is bright.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub haze_shown_extinction: Option<f64>,
     /// Light of that haze where it is endless, linear RGB, 1 = display white.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub haze_airlight: Option<[f64; 3]>,
-    /// Outlines of open water, world axes, scene units, on which neither snow nor sand lies; an empty list says that there is
-    /// none. If nothing is said, blue pools are guessed.
+    /// Outlines of open water, world axes, scene units, on which neither snow nor sand lies; an
+    /// empty list says that there is none. If nothing is said, blue pools are guessed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<Vec<Vec<[f64; 3]>>>,
-    /// The labels of water ([`Splats::labels`](crate::Splats::labels)): what they show is open water as well.
+    /// The labels of water ([`Splats::labels`](crate::Splats::labels)): what they show is open
+    /// water as well.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water_labels: Option<Vec<u16>>,
     /// The lamps of the place; an empty list says that there are none.
@@ -118,7 +124,8 @@ pub struct Metadata {
     pub provenance: Option<String>,
 }
 
-/// The sun under which photos were taken. In a file it is a direction, or an empty list if there was none.
+/// The sun under which photos were taken. In a file it is a direction, or an empty list if there
+/// was none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<f64>", into = "Vec<f64>")]
 pub enum PhotoSun {
@@ -256,7 +263,8 @@ impl Metadata {
         })
     }
 
-    /// `self` where it says something, `other` elsewhere. The source and the confidence of a fact go with the fact.
+    /// `self` where it says something, `other` elsewhere. The source and the confidence of a fact
+    /// go with the fact.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
         // The other's word on a fact goes with its fact.
@@ -307,8 +315,9 @@ impl Metadata {
         self.origin.unwrap_or(DVec3::ZERO)
     }
 
-    /// Makes `north` level again after `up` was changed, if both are known: its part along `up` goes. A north that stands at
-    /// more than 45 degrees says nothing about the new level, and goes with its source.
+    /// Makes `north` level again after `up` was changed, if both are known: its part along `up`
+    /// goes. A north that stands at more than 45 degrees says nothing about the new level, and goes
+    /// with its source.
     pub fn level_north(&mut self) {
         if let (Some(north), Some(up)) = (self.north, self.up) {
             self.north = leveled(north, up);
@@ -316,8 +325,8 @@ impl Metadata {
         }
     }
 
-    /// The meteorological optical range of the haze in which the photos were taken, such as "MOR 148 m +- 9"; `None` if the air was
-    /// clear.
+    /// The meteorological optical range of the haze in which the photos were taken, such as "MOR
+    /// 148 m +- 9"; `None` if the air was clear.
     #[must_use]
     pub fn haze(&self) -> Option<String> {
         let extinction = self.haze_extinction?;

@@ -19,8 +19,8 @@ fn spread(x: u64) -> u64 {
 /// Cells along an axis of [`order`], less one.
 const CELLS: f32 = ((1 << 20) - 1) as f32;
 
-/// Indices of splats along a Morton curve through their means: neighbours in space become neighbours in the file. Means that
-/// are NaN come last.
+/// Indices of splats along a Morton curve through their means: neighbours in space become
+/// neighbours in the file. Means that are NaN come last.
 pub fn order(means: &[[f32; 3]]) -> Vec<u32> {
     let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     for mean in means.iter().filter(|mean| mean.iter().all(|v| v.is_finite())) {
@@ -34,7 +34,8 @@ pub fn order(means: &[[f32; 3]]) -> Vec<u32> {
             return u64::MAX;
         }
         let cell: [u64; 3] = std::array::from_fn(|k| {
-            // Logarithmic about the middle, so that a sky shell does not put all that is near into one cell.
+            // Logarithmic about the middle, so that a sky shell does not put all that is near into
+            // one cell.
             let middle = 0.5 * low[k] + 0.5 * high[k];
             let (value, end) = (mean[k] - middle, (high[k] - middle).max(f32::MIN_POSITIVE));
             let curved = value.signum() * (1.0 + value.abs()).ln() / (1.0 + end).ln().max(f32::MIN_POSITIVE);

@@ -1,7 +1,7 @@
 //! Arrays of f32 for NumPy, format version 1.0: `numpy.load("depth.npy")`.
 //!
-//! Written here, since it is a header of one line: the crate for it brings twenty others, among them
-//! a parser generator, a big-integer library and assembly code.
+//! Written here, since it is a header of one line: the crate for it brings twenty others, among
+//! them a parser generator, a big-integer library and assembly code.
 
 use crate::{FormatError, Problem, files::write_atomically};
 use std::{
@@ -38,8 +38,9 @@ pub fn write(path: &Path, values: &[f32], shape: &[usize]) -> Result<(), FormatE
     })
 }
 
-/// The bytes before the values of an array: magic, version, length and a Python dictionary padded to a multiple of 64 bytes. `kind` is
-/// NumPy's text of a type, such as `<f4` for little-endian f32.
+/// The bytes before the values of an array: magic, version, length and a Python dictionary padded
+/// to a multiple of 64 bytes. `kind` is NumPy's text of a type, such as `<f4` for little-endian
+/// f32.
 #[must_use]
 pub fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     const FIXED: usize = 10;

@@ -14,41 +14,48 @@ const LAYERS: usize = 64;
 const MOST_CELLS: usize = 8_000_000;
 /// Distance from the middle of the scene in which posts are looked for, radii of the scene.
 const ABOUT: f64 = 1.5;
-/// Least opacity of a splat that counts, and the standard deviation across its length, m, below which it may be of a post.
+/// Least opacity of a splat that counts, and the standard deviation across its length, m, below
+/// which it may be of a post.
 const OPAQUE: f64 = 0.35;
 const THIN: f64 = 0.07;
-/// Standard deviation along a splat over that across it from which it has a direction, and the cosine of its angle to up.
+/// Standard deviation along a splat over that across it from which it has a direction, and the
+/// cosine of its angle to up.
 const LONG: f64 = 2.5;
 const UPRIGHT: f64 = 0.96;
-/// Longest standard deviation of a splat that counts, m, and the standard deviations to which splats reach.
+/// Longest standard deviation of a splat that counts, m, and the standard deviations to which
+/// splats reach.
 const LONGEST: f64 = 2.0;
 const REACH: f64 = 1.5;
 /// Height from which a post must be seen, m; how high it is at least and at most.
 const FROM: f64 = 0.75;
 const HEIGHTS: [f64; 2] = [2.7, 12.0];
-/// Layers that may be missing in a post between others, and the share of all layers that must be filled.
+/// Layers that may be missing in a post between others, and the share of all layers that must be
+/// filled.
 const GAP: usize = 2;
 const FILLED: f64 = 0.8;
-/// Radius of a post, and of the round about its axis of whose splats it has the least share, m. Least distance between posts, m.
+/// Radius of a post, and of the round about its axis of whose splats it has the least share, m.
+/// Least distance between posts, m.
 const RADIUS: f64 = 0.15;
 const BESIDE: f64 = 0.4;
 const SHARE: f64 = 0.6;
 const APART: f64 = 0.6;
-/// Largest distance of the middles of a post's layers from its axis, median, m: lampposts of captures have 4 to 9 mm, trunks,
-/// stakes and boughs 14 to 50 mm.
+/// Largest distance of the middles of a post's layers from its axis, median, m: lampposts of
+/// captures have 4 to 9 mm, trunks, stakes and boughs 14 to 50 mm.
 const STRAIGHT: f64 = 0.0125;
-/// Largest tangent of the angle between a post and up: 3.5 degrees, since up is rarely known better than by one.
+/// Largest tangent of the angle between a post and up: 3.5 degrees, since up is rarely known better
+/// than by one.
 const LEAN: f64 = 0.061;
 /// Least number of splats and of layers of a post.
 const LEAST: usize = 20;
 const LEAST_LAYERS: usize = 6;
-/// A crown over a post: its distance from the axis at most, m, its heights over the top of the post, m, and the area of its splats over
-/// that of the space from the side.
+/// A crown over a post: its distance from the axis at most, m, its heights over the top of the
+/// post, m, and the area of its splats over that of the space from the side.
 const CROWN: f64 = 1.0;
 const OVER: [f64; 2] = [0.25, 2.0];
 const DENSE: f64 = 0.3;
-/// A roof on a post: its heights over the top of the post, m, the least cosine between up and the normals of its splats, and their area over
-/// that of the round about the axis. Columns of a hall and frames of windows end at one.
+/// A roof on a post: its heights over the top of the post, m, the least cosine between up and the
+/// normals of its splats, and their area over that of the round about the axis. Columns of a hall
+/// and frames of windows end at one.
 const ROOF: [f64; 2] = [-0.4, 2.0];
 const FLAT: f64 = 0.9;
 const ROOFED: f64 = 0.3;
@@ -95,7 +102,8 @@ struct Columns {
 }
 
 impl Columns {
-    /// Puts pieces into the cells within a distance of a middle along both level axes, m; `None` if these were too many.
+    /// Puts pieces into the cells within a distance of a middle along both level axes, m; `None` if
+    /// these were too many.
     fn new(middle: DVec2, distance: f64, pieces: &[Piece]) -> Option<Self> {
         let side = 2.0 * distance / CELL + 1.0;
         let is_possible = side * side <= MOST_CELLS as f64;
@@ -157,7 +165,8 @@ impl Columns {
         let height = top as f64 * LAYER;
         let cells = (APART / CELL) as usize;
         let near = self.near(cell, cells, [FROM, height]);
-        // Cheaper than a fit: too few pieces, or too little of them in this cell and those beside it.
+        // Cheaper than a fit: too few pieces, or too little of them in this cell and those beside
+        // it.
         let are_few = near.len() < LEAST;
         if are_few || weight_of(&self.near(cell, 1, [FROM, height])) < 0.3 * SHARE * weight_of(&near) {
             return None;
@@ -247,7 +256,8 @@ impl Axis {
         Some(line)
     }
 
-    /// The median distance of the middles of layers of pieces from the line, m; `None` if they are in few layers.
+    /// The median distance of the middles of layers of pieces from the line, m; `None` if they are
+    /// in few layers.
     fn crookedness(&self, pieces: &[Piece], layers: std::ops::Range<usize>) -> Option<f64> {
         let middle = |layer: usize| {
             let in_layer = |piece: &&Piece| (piece.at.z / LAYER) as usize == layer;
@@ -263,7 +273,8 @@ impl Axis {
     }
 }
 
-/// The thin splats of a scene, in its level axes from its ground: long upright ones, or small ones of any direction.
+/// The thin splats of a scene, in its level axes from its ground: long upright ones, or small ones
+/// of any direction.
 struct Thin {
     long: Vec<Piece>,
     small: Vec<Piece>,
@@ -305,8 +316,9 @@ impl Thin {
     }
 }
 
-/// Finds the posts of a scene: 2.7 to 12 m high, at most 30 cm thick, straight and plumb, with no crown and no roof on them. Most trunks,
-/// stakes and boughs are not as straight. Whether posts carry lamps is not known.
+/// Finds the posts of a scene: 2.7 to 12 m high, at most 30 cm thick, straight and plumb, with no
+/// crown and no roof on them. Most trunks, stakes and boughs are not as straight. Whether posts
+/// carry lamps is not known.
 #[must_use]
 pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
     let metres = survey.metres_per_unit.value;
@@ -317,7 +329,8 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
     let middle = level(survey.center).truncate();
     let thin = Thin::of(splats, survey, level);
     let mut posts: Vec<(Axis, f64)> = Vec::new();
-    // Posts of trained captures are of long splats, also amid leaves; those of made scenes are of small ones.
+    // Posts of trained captures are of long splats, also amid leaves; those of made scenes are of
+    // small ones.
     for pieces in [thin.long, thin.small] {
         let Some(columns) = Columns::new(middle, ABOUT * survey.radius * metres, &pieces) else {
             return Vec::new();
@@ -358,7 +371,8 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
 struct Over {
     /// Area of all splats in the space of a crown, over the area of that space seen from the side.
     crown: f64,
-    /// Area of the level splats in the space of a roof, over the area of that space seen from above.
+    /// Area of the level splats in the space of a roof, over the area of that space seen from
+    /// above.
     roof: f64,
 }
 

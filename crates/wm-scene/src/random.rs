@@ -1,18 +1,20 @@
 //! Random numbers of production code: each a pure function of a seed and an index.
 //!
-//! There is no hidden state and no order of calls: the same key gives the same number on every thread,
-//! in every process and on the GPU, so pictures and trainings repeat bit for bit and a training that
-//! was interrupted continues with the numbers it would have drawn. All generators share one 64-bit
-//! mixing function, [`mix`]; the particles of weather use the 32-bit [`pcg4d`], which GPUs and SIMD
-//! lanes compute natively.
+//! There is no hidden state and no order of calls: the same key gives the same number on every
+//! thread, in every process and on the GPU, so pictures and trainings repeat bit for bit and a
+//! training that was interrupted continues with the numbers it would have drawn. All generators
+//! share one 64-bit mixing function, [`mix`]; the particles of weather use the 32-bit [`pcg4d`],
+//! which GPUs and SIMD lanes compute natively.
 //!
 //! - [`uniform`]: number `index` of a seed.
-//! - [`RandomStream`]: the numbers of one purpose at one time, also normal numbers and permutations.
-//! - [`RandomSequence`]: numbers drawn one after the other, for code that needs an unknown number of them.
+//! - [`RandomStream`]: the numbers of one purpose at one time, also normal numbers and
+//!   permutations.
+//! - [`RandomSequence`]: numbers drawn one after the other, for code that needs an unknown number
+//!   of them.
 //! - [`pcg4d`]: four 32-bit numbers as a function of four.
 //!
-//! These numbers are part of the file formats in effect: pictures and checkpoints depend on them, and
-//! tests pin them. None of the generators is cryptographic.
+//! These numbers are part of the file formats in effect: pictures and checkpoints depend on them,
+//! and tests pin them. None of the generators is cryptographic.
 //!
 //! ```
 //! use wm_scene::random::{RandomStream, uniform};
@@ -25,8 +27,8 @@
 
 use std::f64::consts::TAU;
 
-/// 2^64 over the golden ratio, odd: the step of RandomSequence's Weyl sequence, and the factor of seeds in
-/// [`bits`].
+/// 2^64 over the golden ratio, odd: the step of RandomSequence's Weyl sequence, and the factor of
+/// seeds in [`bits`].
 pub const SEED_FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
 /// The factor of indices in [`bits`].
 pub const INDEX_FACTOR: u64 = 0xd1b5_4a32_d192_ed03;
@@ -35,8 +37,8 @@ pub const MIX_FACTORS: [u64; 2] = [0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb]
 /// Multiplier and increment of the first step of [`pcg4d`] (Numerical Recipes).
 pub const PCG: [u32; 2] = [1_664_525, 1_013_904_223];
 
-/// The finaliser of RandomSequence (Steele, Lea and Flood 2014): every input bit changes half of the output
-/// bits.
+/// The finaliser of RandomSequence (Steele, Lea and Flood 2014): every input bit changes half of
+/// the output bits.
 #[inline]
 #[must_use]
 pub const fn mix(mut z: u64) -> u64 {
@@ -75,7 +77,8 @@ pub fn uniform(seed: u64, index: u64) -> f64 {
 pub struct RandomStream(u64);
 
 impl RandomStream {
-    /// The stream of a seed for a purpose (0 to 255) at a time (0 to 2^32 - 1), such as a training step.
+    /// The stream of a seed for a purpose (0 to 255) at a time (0 to 2^32 - 1), such as a training
+    /// step.
     #[must_use]
     pub fn new(seed: u64, purpose: impl Into<u64>, time: u32) -> Self {
         let mixed = seed ^ purpose.into() << 56 ^ u64::from(time) << 20;
@@ -100,7 +103,8 @@ impl RandomStream {
         ((self.uniform(index) * count as f64) as usize).min(count - 1)
     }
 
-    /// Three independent normal numbers of mean 0 and variance 1 for `index`, by Box and Muller's method.
+    /// Three independent normal numbers of mean 0 and variance 1 for `index`, by Box and Muller's
+    /// method.
     ///
     /// They use the uniform numbers `4 * index` to `4 * index + 3`.
     #[must_use]

@@ -21,8 +21,8 @@ const NEAR: f64 = 100.0;
 /// Most entries of a place.
 const MOST: usize = 1024;
 
-/// The reflectance of each label for a lidar of a wavelength, nm: that whose wavelength is nearest and within 100 nm, else one
-/// without a wavelength. Of equal ones the last holds.
+/// The reflectance of each label for a lidar of a wavelength, nm: that whose wavelength is nearest
+/// and within 100 nm, else one without a wavelength. Of equal ones the last holds.
 #[must_use]
 pub fn by_label(entries: &[LabelReflectance], wavelength: f64) -> BTreeMap<u16, f64> {
     let away = |entry: &LabelReflectance| entry.wavelength.map(|own| (own - wavelength).abs());

@@ -53,12 +53,12 @@ pub struct SceneView {
 impl Scene {
     /// Reads a scene: a file of any of the [`crate::formats`], or the folder of a 3DGS training.
     ///
-    /// [`read_scene`] has options, and also reads scenes with broken splats, which [`Scene::repaired`]
-    /// removes.
+    /// [`read_scene`] has options, and also reads scenes with broken splats, which
+    /// [`Scene::repaired`] removes.
     ///
     /// # Errors
-    /// [`FormatError`] if the path, the content, the sidecar or the cameras cannot be used, or a splat holds
-    /// a number that is not finite ([`Problem::NonFinite`]).
+    /// [`FormatError`] if the path, the content, the sidecar or the cameras cannot be used, or a
+    /// splat holds a number that is not finite ([`Problem::NonFinite`]).
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FormatError> {
         let path = path.as_ref();
         let scene = read_scene(path, &ReadOptions::default())?;
@@ -68,12 +68,12 @@ impl Scene {
 
     /// Writes the scene in the format that the name of `path` ends in, whole or not at all.
     ///
-    /// Metadata goes into the file, or into a sidecar beside it if the format has no room. Views go into
-    /// `<path>.cameras.json`, where [`Scene::open`] finds them.
+    /// Metadata goes into the file, or into a sidecar beside it if the format has no room. Views go
+    /// into `<path>.cameras.json`, where [`Scene::open`] finds them.
     ///
     /// # Errors
-    /// [`FormatError`] if no format has the extension, the scene cannot be stored, or the file cannot be
-    /// written.
+    /// [`FormatError`] if no format has the extension, the scene cannot be stored, or the file
+    /// cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FormatError> {
         let path = path.as_ref();
         write_scene(path, self)?;
@@ -96,7 +96,8 @@ impl Scene {
         self.splats.check_finite()
     }
 
-    /// Sets the scale, metres per scene unit, finite and above 0 ([`Metadata::fault`] says if it is not).
+    /// Sets the scale, metres per scene unit, finite and above 0 ([`Metadata::fault`] says if it is
+    /// not).
     #[must_use]
     pub fn metres_per_unit(mut self, metres: f64) -> Self {
         self.metadata.metres_per_unit = Some(metres);
@@ -105,7 +106,8 @@ impl Scene {
         self
     }
 
-    /// Sets the direction against gravity, world axes, of any length but 0; [`Metadata::level_north`] follows it.
+    /// Sets the direction against gravity, world axes, of any length but 0;
+    /// [`Metadata::level_north`] follows it.
     #[must_use]
     pub fn up(mut self, up: impl Into<DVec3>) -> Self {
         self.metadata.up = Some(up.into().normalize_or_zero());
@@ -115,7 +117,8 @@ impl Scene {
         self
     }
 
-    /// Sets the height of the ground along up, scene units: points `p` with `up . p = height` are on it.
+    /// Sets the height of the ground along up, scene units: points `p` with `up . p = height` are
+    /// on it.
     #[must_use]
     pub fn ground(mut self, height: f64) -> Self {
         self.metadata.ground = Some(height);

@@ -125,8 +125,9 @@ impl Similarity {
 
 /// The matrix by which a rotation mixes SH coefficients, `[new][old]`; between degrees it is 0.
 ///
-/// The rotated function is f(R' d), whose coefficients are integrals over the sphere of basis j times the turned basis k: polynomials of
-/// degree 6, which four Gauss-Legendre nodes in z and eight even ones around integrate exactly.
+/// The rotated function is f(R' d), whose coefficients are integrals over the sphere of basis j
+/// times the turned basis k: polynomials of degree 6, which four Gauss-Legendre nodes in z and
+/// eight even ones around integrate exactly.
 fn sh_rotation(rotation: DMat3) -> [[f64; 16]; 16] {
     const NODES: [(f64, f64); 4] = [
         (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),

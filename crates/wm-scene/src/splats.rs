@@ -25,10 +25,12 @@ pub struct Splats {
     pub sh_degree: u8,
     /// The part of the scene that each splat belongs to, `[N]`.
     pub groups: Vec<Group>,
-    /// The number of each splat's class, such as road or building, `[N]`; 0 for none. Empty if no splat has one.
+    /// The number of each splat's class, such as road or building, `[N]`; 0 for none. Empty if no
+    /// splat has one.
     #[serde(default)]
     pub labels: Vec<u16>,
-    /// The number of the thing that each splat is a part of, `[N]`; 0 for none. Empty if no splat has one.
+    /// The number of the thing that each splat is a part of, `[N]`; 0 for none. Empty if no splat
+    /// has one.
     #[serde(default)]
     pub instances: Vec<u16>,
 }
@@ -121,7 +123,8 @@ impl Splats {
     #[must_use]
     pub fn zeroed(count: usize, sh_degree: u8) -> Self {
         assert!(sh_degree <= sh::MAX_DEGREE, "SH degree {sh_degree}");
-        // `vec!` of zeros takes pages that the system has cleared already; pushing would write them twice.
+        // `vec!` of zeros takes pages that the system has cleared already; pushing would write them
+        // twice.
         Self {
             means: vec![[0.0; 3]; count],
             quats: vec![[0.0; 4]; count],
@@ -213,14 +216,16 @@ impl Splats {
         [matrix[0][axis], matrix[1][axis], matrix[2][axis]]
     }
 
-    /// Display-referred colour of a splat as seen from all sides on average, unclamped: that of SH degree 0.
+    /// Display-referred colour of a splat as seen from all sides on average, unclamped: that of SH
+    /// degree 0.
     #[must_use]
     pub fn base_color(&self, index: usize) -> [f64; 3] {
         let sh = self.sh_of(index);
         [0, 1, 2].map(|k| 0.5 + sh::C0 * f64::from(sh[k]))
     }
 
-    /// Adds the splats of another set; SH coefficients that it has more are left out, those that it lacks are 0.
+    /// Adds the splats of another set; SH coefficients that it has more are left out, those that it
+    /// lacks are 0.
     pub fn append(&mut self, other: &Self) {
         let (own, all) = (self.len(), self.len() + other.len());
         for kind in LabelKind::ALL {

@@ -10,10 +10,12 @@ const SECONDS_A_DAY: f64 = 86_400.0;
 /// Mean year of the Gregorian calendar, s.
 const SECONDS_A_YEAR: f64 = 31_556_952.0;
 
-/// The direction of the sun's centre as an observer at sea level sees it, which is the direction that shadows have.
+/// The direction of the sun's centre as an observer at sea level sees it, which is the direction
+/// that shadows have.
 ///
-/// Refraction is in, for air of 1013 hPa and 15 degrees Celsius: it lifts the sun by 0.1 degree at an elevation of
-/// 8 degrees and by 0.5 at the horizon. Where the sun is wholly below the horizon there is none.
+/// Refraction is in, for air of 1013 hPa and 15 degrees Celsius: it lifts the sun by 0.1 degree at
+/// an elevation of 8 degrees and by 0.5 at the horizon. Where the sun is wholly below the horizon
+/// there is none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunPosition {
     /// Azimuth, radians clockwise from north, 0 to 2 pi.
@@ -32,15 +34,17 @@ pub enum SunPositionError {
     /// The longitude is not in -180 to 180 degrees.
     #[error("longitude {0} is not between -180 and 180 degrees")]
     Longitude(f64),
-    /// The time is not in the years -500 to 3000, between which the rotation of the Earth is known well enough.
+    /// The time is not in the years -500 to 3000, between which the rotation of the Earth is known
+    /// well enough.
     #[error("{0} seconds since 1970 is not in the years -500 to 3000")]
     Time(f64),
 }
 
 impl SunPosition {
-    /// The sun over a place (WGS 84, degrees, north and east positive) at a time (seconds since 1 January 1970, 0:00
-    /// UTC, without leap seconds), by the algorithm of Reda and Andreas (2004). The error is 0.0003 degrees, but for
-    /// the difference between UTC and the Earth's rotation (up to 0.004 degrees) and unusual refraction.
+    /// The sun over a place (WGS 84, degrees, north and east positive) at a time (seconds since 1
+    /// January 1970, 0:00 UTC, without leap seconds), by the algorithm of Reda and Andreas (2004).
+    /// The error is 0.0003 degrees, but for the difference between UTC and the Earth's rotation (up
+    /// to 0.004 degrees) and unusual refraction.
     ///
     /// # Errors
     /// Returns an error for a latitude, a longitude or a time outside its range, or NaN.

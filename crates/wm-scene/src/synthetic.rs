@@ -64,7 +64,8 @@ impl Builder {
         self.push(at, normal, [size, size, 0.1 * size], opacity, rgb);
     }
 
-    /// The parallelogram `origin + a u + b v`, a and b in 0-1, in the colour that `paint(a, b)` says.
+    /// The parallelogram `origin + a u + b v`, a and b in 0-1, in the colour that `paint(a, b)`
+    /// says.
     pub fn surface(
         &mut self,
         origin: DVec3,
@@ -119,7 +120,8 @@ impl Builder {
         self.leaves(base + DVec3::Z * (0.68 * height), 0.32 * height, count, [0.25, 0.4, 0.18]);
     }
 
-    /// Faint splats at random in a box: what a reconstruction leaves in the air and under the ground.
+    /// Faint splats at random in a box: what a reconstruction leaves in the air and under the
+    /// ground.
     pub fn strays(&mut self, low: DVec3, high: DVec3, count: usize) {
         for _ in 0..count {
             let at = DVec3::from_array([0, 1, 2].map(|k| self.draw(low[k], high[k])));
@@ -145,8 +147,8 @@ impl Builder {
     }
 }
 
-/// A straight street of 60 m between two rows of houses, seen from its middle: road, pavements, cars,
-/// trees, no roofs. About 30,000 splats.
+/// A straight street of 60 m between two rows of houses, seen from its middle: road, pavements,
+/// cars, trees, no roofs. About 30,000 splats.
 #[must_use]
 pub fn street(seed: u64) -> Builder {
     let mut place = Builder::new(seed);
@@ -232,7 +234,8 @@ pub fn moved(splats: &Splats, rotation: DQuat, scale: f64, shift: DVec3) -> Spla
     out
 }
 
-/// Splats of values that do not repeat, for what does not look at them: files, and how fast they are read.
+/// Splats of values that do not repeat, for what does not look at them: files, and how fast they
+/// are read.
 #[must_use]
 pub fn rippled(count: usize, sh_degree: u8) -> Splats {
     let mut splats = Splats::with_capacity(count, sh_degree);

@@ -1,8 +1,9 @@
 //! Echoes of the air: fog, haze and smog.
 //!
-//! Each half of a pulse's length of the beam is a bin that sends back as a surface of the reflectance `pi beta c tau / 2` would, with the
-//! backscatter `beta`. The light of many droplets interferes: a bin's power varies as a Gamma variate of four degrees about
-//! its mean. Bins begin at a random distance for each pulse, since the waveform has none.
+//! Each half of a pulse's length of the beam is a bin that sends back as a surface of the
+//! reflectance `pi beta c tau / 2` would, with the backscatter `beta`. The light of many droplets
+//! interferes: a bin's power varies as a Gamma variate of four degrees about its mean. Bins begin
+//! at a random distance for each pulse, since the waveform has none.
 
 use crate::echo::{Echo, EchoClass, FAINTEST};
 use crate::model::LidarModel;

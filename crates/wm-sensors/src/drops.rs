@@ -1,8 +1,9 @@
 //! Echoes of drops and flakes: the very particles that cameras see, met one by one near the sensor.
 //!
-//! A particle whose middle lies in the beam sends back `rho min(1, (D / (theta r))^2)` of it as a surface across it would. Its shadow on
-//! what lies behind is in the extinction of the air already. Sweeps are cut into short times; in each the particles are gathered once in the
-//! directions of its beams, and fly evenly.
+//! A particle whose middle lies in the beam sends back `rho min(1, (D / (theta r))^2)` of it as a
+//! surface across it would. Its shadow on what lies behind is in the extinction of the air already.
+//! Sweeps are cut into short times; in each the particles are gathered once in the directions of
+//! its beams, and fly evenly.
 
 use crate::echo::{Echo, EchoClass, FAINTEST};
 use crate::model::LidarModel;
@@ -17,7 +18,8 @@ use wm_scene::Camera;
 use wm_weather::InfraredAir;
 use wm_weather::particles::{NearParticle, ParticleShape};
 
-/// Reflectances of drops and flakes where water does not absorb, and where it does. Drops: geometric optics. Flakes: from memory.
+/// Reflectances of drops and flakes where water does not absorb, and where it does. Drops:
+/// geometric optics. Flakes: from memory.
 const DROP: [f64; 2] = [0.023, 0.005];
 const FLAKE: [f64; 2] = [0.6, 0.15];
 /// Longest time in which particles are gathered once, s.
@@ -26,7 +28,8 @@ const SLICE: f64 = 2e-3;
 const REACH: [f64; 2] = [0.3, 60.0];
 /// Cells across a face of the cube of directions.
 const CELLS: usize = 90;
-/// Power of an echo from which on it is asked for, of the least that is detected without noise: below it one in 10^3 is detected.
+/// Power of an echo from which on it is asked for, of the least that is detected without noise:
+/// below it one in 10^3 is detected.
 const FAINT: f64 = 0.4;
 
 /// A pulse: its beam, its pose and its direction in the world.
@@ -146,7 +149,8 @@ impl FaceSlice<'_> {
         let origin = |index: &u32| self.pulses[*index as usize].pose.origin;
         let center = self.own.iter().map(origin).sum::<DVec3>() / self.own.len() as f64;
         let off = self.own.iter().map(|index| origin(index).distance(center)).fold(0.0, f64::max) * metres;
-        // Room for beams that are cones, and start beside the middle: of particles a hand's breadth away.
+        // Room for beams that are cones, and start beside the middle: of particles a hand's breadth
+        // away.
         let room = theta + off / REACH[0];
         let view = view(&self.face, center, low.map(|v| v - room), high.map(|v| v + room));
         let times = (self.middle, self.length);
@@ -192,7 +196,8 @@ impl FaceSlice<'_> {
     }
 }
 
-/// The echo of a particle in a beam from `from` (m, from the middle of the view) at a time from the middle of the slice, s.
+/// The echo of a particle in a beam from `from` (m, from the middle of the view) at a time from the
+/// middle of the slice, s.
 fn meet(
     particle: &NearParticle,
     (from, direction, time): (DVec3, DVec3, f64),

@@ -115,13 +115,15 @@ pub(crate) struct DetectedEcho {
 const NOISE: f64 = 0.2;
 /// Power below which no noise makes an echo of it, of the least power: 4.5 standard deviations.
 pub(crate) const FAINTEST: f64 = 0.1;
-/// Range noise of an echo of a power of 1/2 of the least one, m (Goodin et al. 2019; Kilic et al. 2021).
+/// Range noise of an echo of a power of 1/2 of the least one, m (Goodin et al. 2019; Kilic et al.
+/// 2021).
 const RANGE_NOISE: f64 = 0.09;
 /// Echoes of a pulse that have random numbers of their own.
 const NUMBERS: u64 = 64;
 
-/// Adds up echoes that lie within `bin` m of the first of them: power adds, ranges are the mean by power, and the class is that of the
-/// strongest class, with the label of the strongest echo of it. Both are sorted by range.
+/// Adds up echoes that lie within `bin` m of the first of them: power adds, ranges are the mean by
+/// power, and the class is that of the strongest class, with the label of the strongest echo of it.
+/// Both are sorted by range.
 pub(crate) fn merge(echoes: &mut [Echo], bin: f64, merged: &mut Vec<Echo>) {
     merged.clear();
     // By range; equal ones by class, power and label, so that no order of theirs shows.
@@ -151,7 +153,8 @@ pub(crate) fn merge(echoes: &mut [Echo], bin: f64, merged: &mut Vec<Echo>) {
     }
 }
 
-/// Detects echoes of pulse `pulse`: `P / P_min + n / 5 > 1` with a normal number `n`. Ranges get their noise.
+/// Detects echoes of pulse `pulse`: `P / P_min + n / 5 > 1` with a normal number `n`. Ranges get
+/// their noise.
 pub(crate) fn detect(
     merged: &[Echo],
     model: &LidarModel,

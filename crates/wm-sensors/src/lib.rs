@@ -1,16 +1,19 @@
-//! Sensors other than cameras, in the same weather: lidar sweeps through scenes of Gaussian splats, and radar ([`radar`]).
+//! Sensors other than cameras, in the same weather: lidar sweeps through scenes of Gaussian splats,
+//! and radar ([`radar`]).
 //!
-//! A lidar sends pulses along [`BeamPattern`]s from a sensor that moves ([`SensorMotion`]). Each pulse meets the splats of a place
-//! ([`wm_render::RaySplats`]) and the weather that cameras see there: fog that dims it and sends light back, the very drops and flakes that
-//! fall in front of a camera, wet ground that mirrors it away and snow that lies. What comes back is added up, detected against noise and
-//! given out as points, each with its class.
+//! A lidar sends pulses along [`BeamPattern`]s from a sensor that moves ([`SensorMotion`]). Each
+//! pulse meets the splats of a place ([`wm_render::RaySplats`]) and the weather that cameras see
+//! there: fog that dims it and sends light back, the very drops and flakes that fall in front of a
+//! camera, wet ground that mirrors it away and snow that lies. What comes back is added up,
+//! detected against noise and given out as points, each with its class.
 //!
 //! # Types to know
 //! - [`LidarModel`]: a lidar, from a preset ([`PRESETS`]) or a TOML file.
 //! - [`SensorPose`], [`SensorMotion`]: where it is, over time.
 //! - [`LidarScene`]: splats, weather and wet surfaces.
 //! - [`sweep()`], [`SweepOptions`]: one sweep.
-//! - [`LidarSweep`]: its points, which [`LidarSweep::save`] writes as PLY, PCD, NPY, LAS or KITTI's .bin.
+//! - [`LidarSweep`]: its points, which [`LidarSweep::save`] writes as PLY, PCD, NPY, LAS or KITTI's
+//!   .bin.
 //!
 //! # Example
 //! A wall of one splat, 20 m ahead in fog:
@@ -48,9 +51,10 @@
 //! ```
 //!
 //! # Limits
-//! Reflectances come from colours unless lying snow or water says more, so intensities are of an order of magnitude. Ranges are as
-//! good as the splats: those trained on photos alone are decimetres off at 30 m. Standing floods, the light of the sun in the
-//! receiver, crosstalk and blooming are left out; hailstones are taken for drops.
+//! Reflectances come from colours unless lying snow or water says more, so intensities are of an
+//! order of magnitude. Ranges are as good as the splats: those trained on photos alone are
+//! decimetres off at 30 m. Standing floods, the light of the sun in the receiver, crosstalk and
+//! blooming are left out; hailstones are taken for drops.
 
 mod air;
 mod drops;

@@ -98,7 +98,8 @@ impl LidarModel {
         Self::of(&KIND.preset(name, "")?)
     }
 
-    /// The model of a text in TOML; `name` is its name where the text has none, and stands in errors.
+    /// The model of a text in TOML; `name` is its name where the text has none, and stands in
+    /// errors.
     ///
     /// # Errors
     /// [`SensorError::Model`] if it makes no lidar.

@@ -12,7 +12,8 @@ pub struct SensorPose {
 }
 
 impl SensorPose {
-    /// A sensor at `origin` that stands upright: z is `up`, x the level part of `forward`. With `forward` along `up` it looks anywhere.
+    /// A sensor at `origin` that stands upright: z is `up`, x the level part of `forward`. With
+    /// `forward` along `up` it looks anywhere.
     #[must_use]
     pub fn upright(origin: DVec3, forward: DVec3, up: DVec3) -> Self {
         let z = up.normalize_or(DVec3::Z);

@@ -1,9 +1,10 @@
 //! Reflectance of surfaces for a lidar, dry, wet and under snow.
 //!
-//! A dry surface is Lambert's, with the reflectance `0.05 + 0.8 Y` of the luminance `Y` of its colour: an order of magnitude, since colours
-//! say little about the near infrared. Full pores darken it by Angstrom's law. Under a film of water it is
-//! `T^2 / (n^2 (1 - 0.475 rho))` times as bright, `T = 1 - R` by Fresnel at the beam's own angle, and the share `R` is mirrored away:
-//! a wet road vanishes where the beam is flat.
+//! A dry surface is Lambert's, with the reflectance `0.05 + 0.8 Y` of the luminance `Y` of its
+//! colour: an order of magnitude, since colours say little about the near infrared. Full pores
+//! darken it by Angstrom's law. Under a film of water it is `T^2 / (n^2 (1 - 0.475 rho))` times as
+//! bright, `T = 1 - R` by Fresnel at the beam's own angle, and the share `R` is mirrored away: a
+//! wet road vanishes where the beam is flat.
 
 use wm_render::RaySplats;
 use wm_scene::Splats;
@@ -13,7 +14,8 @@ use wm_weather::wetness::optics::{BACK, pores_factor};
 
 /// Reflectance of black, and what white adds.
 const BY_COLOR: [f64; 2] = [0.05, 0.8];
-/// Reflectance of lying snow where water does not absorb, and where it does (from memory of spectra of old and of fresh snow).
+/// Reflectance of lying snow where water does not absorb, and where it does (from memory of spectra
+/// of old and of fresh snow).
 const SNOW: [f64; 2] = [0.85, 0.15];
 
 /// Water and snow on a surface.
@@ -35,8 +37,9 @@ pub trait SurfaceStates: Sync {
     fn state(&self, splat: u32) -> SurfaceState;
 }
 
-/// The splats for which `is_met` returns true, such as those that are no sky, with their dry reflectances: those of their colours
-/// as seen from everywhere, since what a colour does with the direction is light that a beam is not.
+/// The splats for which `is_met` returns true, such as those that are no sky, with their dry
+/// reflectances: those of their colours as seen from everywhere, since what a colour does with the
+/// direction is light that a beam is not.
 #[must_use]
 pub fn reflecting_splats(splats: &Splats, is_met: impl Fn(usize) -> bool + Sync) -> RaySplats<'_> {
     RaySplats::new(splats, is_met).with_values(|index| base_reflectance(splats, index))
@@ -71,7 +74,8 @@ pub fn snow_reflectance(is_absorbed: bool) -> f64 {
     SNOW[usize::from(is_absorbed)]
 }
 
-/// The reflectance of a surface in a state, for a beam whose cosine to the normal is `cosine`; `dry` is that without water.
+/// The reflectance of a surface in a state, for a beam whose cosine to the normal is `cosine`;
+/// `dry` is that without water.
 #[must_use]
 pub fn wet_reflectance(dry: f64, state: &SurfaceState, cosine: f64) -> f64 {
     let through = 1.0 - mirrored(cosine);

@@ -1,10 +1,12 @@
 //! One sweep of a lidar through a scene in weather.
 //!
-//! Each pulse is one ray or seven: one in its middle and six on a hexagon of 0.764 of the radius at 1/e^2, so that seven equal weights have the
-//! second moment of a Gaussian beam. A ray's hit is the distance where half of its coverage is reached. All that comes back
-//! (surfaces, what they mirror, particles, air) is light at a distance; [`crate::echo`] makes points of it.
+//! Each pulse is one ray or seven: one in its middle and six on a hexagon of 0.764 of the radius at
+//! 1/e^2, so that seven equal weights have the second moment of a Gaussian beam. A ray's hit is the
+//! distance where half of its coverage is reached. All that comes back (surfaces, what they mirror,
+//! particles, air) is light at a distance; [`crate::echo`] makes points of it.
 //!
-//! Every random number is a function of (seed, sensor, sweep, pulse, echo), so that any sweep can be made alone, on any number of threads.
+//! Every random number is a function of (seed, sensor, sweep, pulse, echo), so that any sweep can
+//! be made alone, on any number of threads.
 
 use crate::air::{self, AirPath};
 use crate::drops::{self, Pulse};
@@ -80,7 +82,8 @@ pub enum PointFrame {
 }
 
 impl PointFrame {
-    /// A point of a sweep in these axes, m, in those of the sensor at its `start`; what is raw stays as it is.
+    /// A point of a sweep in these axes, m, in those of the sensor at its `start`; what is raw
+    /// stays as it is.
     #[must_use]
     pub fn in_sensor(self, point: [f32; 3], start: &SensorPose, metres_per_unit: f64) -> DVec3 {
         let point = DVec3::from_array(point.map(f64::from));
@@ -184,7 +187,8 @@ impl LidarSweep {
     }
 }
 
-/// Distance of the six outer rays from the middle, of the radius at 1/e^2: 6/7 of its square is 1/2.
+/// Distance of the six outer rays from the middle, of the radius at 1/e^2: 6/7 of its square is
+/// 1/2.
 const HEXAGON: f64 = 0.763_762_615_825_973_3;
 /// Rays that are traced at once.
 const MOST_RAYS: usize = 1 << 20;
@@ -343,7 +347,8 @@ struct Met {
 }
 
 impl Tracer<'_> {
-    /// The ranges at which the rays end, m, and the echoes of surfaces and of what they mirror, with their pulse.
+    /// The ranges at which the rays end, m, and the echoes of surfaces and of what they mirror,
+    /// with their pulse.
     fn surfaces(&self) -> (Vec<f64>, Vec<(u32, Echo)>) {
         let rays = self.rays();
         let hits = self.trace(self.scene.splats, &rays);
@@ -372,7 +377,8 @@ impl Tracer<'_> {
                 let share = met.state.film * mirrored * mirrored;
                 let bound = share * kept * kept / (met.range * met.range);
                 let ray = MirroredRay { pulse, before: units, share, kept };
-                // From the mirrored eye: all rays of level ground begin there, which is quick to trace.
+                // From the mirrored eye: all rays of level ground begin there, which is quick to
+                // trace.
                 let way = direction - up * (2.0 * direction.dot(up));
                 let at = origin + direction * units - way * units;
                 (bound > FAINTEST * self.model.least_power()).then_some((ray, at, way))

@@ -10,7 +10,8 @@ use wm_scene::{Splats, random, sh};
 use wm_weather::particles::RAIN;
 use wm_weather::{Site, Weather};
 
-/// A lidar at 905 nm that sees a target of 10 % at 120 m, with beams in given directions (degrees) over 0.1 s.
+/// A lidar at 905 nm that sees a target of 10 % at 120 m, with beams in given directions (degrees)
+/// over 0.1 s.
 fn lidar(directions: impl Iterator<Item = [f64; 2]>) -> LidarModel {
     let directions: Vec<[f64; 2]> = directions.collect();
     let step = 0.1 / directions.len() as f64;
@@ -110,7 +111,8 @@ fn a_wall_is_as_far_as_it_is() {
     }
 }
 
-/// The distance at which a half of the pulses meet a wall of 10 %, by sweeps of walls about a guess.
+/// The distance at which a half of the pulses meet a wall of 10 %, by sweeps of walls about a
+/// guess.
 fn range_of_target(guess: f64, set: &[(&str, f64)]) -> f64 {
     let lidar = lidar(ahead(1500));
     let share = |range: f64| {
@@ -230,7 +232,8 @@ fn expected_drops(lidar: &LidarModel, rate: f64) -> f64 {
 
 #[test]
 fn drops_are_as_many_as_the_rain_holds() {
-    // Round about the horizon in the order of time, so that all faces of the cube of directions are asked.
+    // Round about the horizon in the order of time, so that all faces of the cube of directions are
+    // asked.
     let lidar =
         lidar((0..30_000u64).map(|i| [180.0 - 0.012 * i as f64, 100.0 * random::uniform(4, i) - 50.0]));
     for rate in [5.0, 25.0, 100.0] {
@@ -238,7 +241,8 @@ fn drops_are_as_many_as_the_rain_holds() {
         assert_eq!(made.count(EchoClass::Drop), made.points.len());
         let (found, wanted) = (made.points.len() as f64, 30_000.0 * expected_drops(&lidar, rate));
         println!("{rate} mm/h: {found} drop points in 30,000 pulses for {wanted:.0}");
-        // Neighbouring beams meet the same drops near by: some more than four standard errors, and 2 % for drops that add up.
+        // Neighbouring beams meet the same drops near by: some more than four standard errors, and
+        // 2 % for drops that add up.
         assert!((found - wanted).abs() < 5.0 * wanted.sqrt() + 0.02 * wanted, "{rate}: {found} {wanted}");
     }
 }

@@ -25,7 +25,8 @@ impl Air {
         (-LN_CONTRAST * distance / self.mor).exp()
     }
 
-    /// Radiance of a surface at `distance`, m, or of the sky, as it arrives at `eye` along `direction`.
+    /// Radiance of a surface at `distance`, m, or of the sky, as it arrives at `eye` along
+    /// `direction`.
     pub(crate) fn seen(&self, radiance: DVec3, eye: DVec3, direction: DVec3, distance: Option<f64>) -> DVec3 {
         let rise = if direction.z > 1e-6 { ((LID - eye.z) / direction.z).max(0.0) } else { f64::INFINITY };
         let left = self.transmittance(distance.map_or(rise, |distance| distance.min(rise)));

@@ -83,8 +83,8 @@ impl SplatSampling<'_> {
         })
     }
 
-    /// Mean radiance over a cell, sharpened against its surroundings by what the Gaussian will blur;
-    /// `None` if it is buried in something.
+    /// Mean radiance over a cell, sharpened against its surroundings by what the Gaussian will
+    /// blur; `None` if it is buried in something.
     fn radiance(&self, patch: &Patch, cell: &At, direction: DVec3) -> Option<DVec3> {
         let (which, scene) = (patch.which as usize, self.place);
         let shape = &scene.primitives[which].shape;

@@ -1,8 +1,8 @@
-//! What covers the ground where it changes along lines that no surface follows: paths through lawns, worn
-//! verges, leaf litter under trees.
+//! What covers the ground where it changes along lines that no surface follows: paths through
+//! lawns, worn verges, leaf litter under trees.
 //!
-//! The ground itself is a mesh. Its paint is a function of the position, so paths have edges finer than the
-//! mesh, and the material that a ray meets is exactly that of the texture it sees.
+//! The ground itself is a mesh. Its paint is a function of the position, so paths have edges finer
+//! than the mesh, and the material that a ray meets is exactly that of the texture it sees.
 
 use crate::hash::{noise2, octaves2, smoothstep};
 use crate::paint::{Material, Paint, PaintId, rgb};
@@ -51,8 +51,8 @@ pub(crate) struct GroundCover {
 }
 
 impl GroundCover {
-    /// The cover of surfaces of paint `lawn` between two corners; of several strips the first counts, and
-    /// beds only where there is no strip.
+    /// The cover of surfaces of paint `lawn` between two corners; of several strips the first
+    /// counts, and beds only where there is no strip.
     pub(crate) fn new(
         (low, high): (DVec2, DVec2),
         lawn: (PaintId, PaintId),

@@ -1,20 +1,24 @@
 //! The built-in places: scenes that need no download, and photos of them with exact ground truth.
 //!
-//! A [`Place`] is analytic surfaces with procedural textures and baked light under a sky. There are two:
-//! [`Street`], a village street about 150 m long between houses, gardens and trees, and [`Park`], 120 x 120 m
-//! of lawns, a hill, a pond, gravel paths and a wood; fields, a church and hills lie beyond both, so that fog has
-//! depth to act on. [`SplatSampling`] turns a place into Gaussians; [`Place::photo`] ray-casts pictures of it with
-//! exact depth, normals, materials and sky. Units are metres and z is up; the carriageway of the street and the
-//! level lawn of the park lie at z = 0. East is x and north is y.
+//! A [`Place`] is analytic surfaces with procedural textures and baked light under a sky. There are
+//! two: [`Street`], a village street about 150 m long between houses, gardens and trees, and
+//! [`Park`], 120 x 120 m of lawns, a hill, a pond, gravel paths and a wood; fields, a church and
+//! hills lie beyond both, so that fog has depth to act on. [`SplatSampling`] turns a place into
+//! Gaussians; [`Place::photo`] ray-casts pictures of it with exact depth, normals, materials and
+//! sky. Units are metres and z is up; the carriageway of the street and the level lawn of the park
+//! lie at z = 0. East is x and north is y.
 //!
 //! A place depends on its seed alone, never on the order of calls or the number of threads.
 //!
-//! - [`Place`]: the place itself; [`Place::cast`] and [`Place::sky`] give linear radiance along a ray.
+//! - [`Place`]: the place itself; [`Place::cast`] and [`Place::sky`] give linear radiance along a
+//!   ray.
 //! - [`SplatSampling`]: its splats, any range of them.
 //! - [`Viewpoint`]: a good position to look from; [`Place::dolly`] is a walk.
 //! - [`PhotoPixel`]: one pixel of a photo, with its ground truth.
-//! - [`dataset`]: photos, cameras and points as a COLMAP data set, exact and in metres, with the ground truth beside them.
-//! - [`capture`]: the same as drones, walkers and cars bring it home: unknown axes and scale, GPS, blur, movers, weather.
+//! - [`dataset`]: photos, cameras and points as a COLMAP data set, exact and in metres, with the
+//!   ground truth beside them.
+//! - [`capture`]: the same as drones, walkers and cars bring it home: unknown axes and scale, GPS,
+//!   blur, movers, weather.
 //!
 //! ```
 //! use wm_street::Street;

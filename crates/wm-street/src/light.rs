@@ -53,8 +53,8 @@ impl Turn {
         Self { angle: unit(key, 3), shift: unit(key, 4) }
     }
 
-    /// By the place in a grid: neighbours differ as much as can be, so that their mean is as good as
-    /// many more rays (steps from the plastic number's powers).
+    /// By the place in a grid: neighbours differ as much as can be, so that their mean is as good
+    /// as many more rays (steps from the plastic number's powers).
     pub(super) fn of_cell(column: usize, row: usize, key: u64) -> Self {
         let (x, y) = (column as f64, row as f64);
         Self {
@@ -199,8 +199,8 @@ impl Place {
         gathered
     }
 
-    /// Radiance that comes in along a ray, coarsely; `None` from the inside of something solid or right
-    /// under it.
+    /// Radiance that comes in along a ray, coarsely; `None` from the inside of something solid or
+    /// right under it.
     fn bounce(&self, origin: DVec3, direction: DVec3) -> Option<DVec3> {
         let Some((which, crossing)) = self.nearest(origin, direction, f64::INFINITY) else {
             return Some(self.lighting.smooth(direction));

@@ -156,7 +156,8 @@ pub enum Label {
 }
 
 impl Label {
-    /// Every label; its place in the list is its number in files, counted from 1, with 0 for the sky.
+    /// Every label; its place in the list is its number in files, counted from 1, with 0 for the
+    /// sky.
     pub const ALL: [Self; 7] =
         [Self::Lawn, Self::Path, Self::Water, Self::Plant, Self::Building, Self::Object, Self::Mover];
 

@@ -94,8 +94,8 @@ impl Place {
         (0..camera.width).map(|x| self.photo(camera, x, y, samples)).collect()
     }
 
-    /// A whole picture, row by row, on all threads: pixels that show one plain surface, or only sky, have one
-    /// ray with more light, all others are averaged.
+    /// A whole picture, row by row, on all threads: pixels that show one plain surface, or only
+    /// sky, have one ray with more light, all others are averaged.
     pub(crate) fn picture(&self, camera: &Camera, casting: &Casting) -> Vec<PhotoPixel> {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let pixels = (0..width * height).into_par_iter();

@@ -127,7 +127,8 @@ impl Place {
         &self.sights.views
     }
 
-    /// A walk through it at 1.6 m eye height; `time` runs from 0 to 1. See [`Street::dolly`](crate::Street::dolly).
+    /// A walk through it at 1.6 m eye height; `time` runs from 0 to 1. See
+    /// [`Street::dolly`](crate::Street::dolly).
     #[must_use]
     pub fn dolly(&self, time: f64) -> Viewpoint {
         (self.sights.dolly)(self, time.clamp(0.0, 1.0))
@@ -152,7 +153,8 @@ impl Place {
         Some(SurfaceHit { t: crossing.t, normal, material, label })
     }
 
-    /// Height of the ground at a position, m: of what lies under trees and things, and of the surface of water.
+    /// Height of the ground at a position, m: of what lies under trees and things, and of the
+    /// surface of water.
     ///
     /// `None` beyond the fields that surround the place.
     #[must_use]

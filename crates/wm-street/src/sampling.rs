@@ -1,10 +1,11 @@
 //! The place as Gaussians.
 //!
-//! Surfaces are cut into patches, and each patch into a staggered grid of cells. A cell becomes a flat
-//! Gaussian on the surface with standard deviations of two thirds of a cell: neighbours then close the
-//! surface, and the picture stays sharp. Cells are of about equal size as seen from the walk along
-//! the street: they grow with the distance, with the slant they are seen at, and on faces turned
-//! away. A leaf is one Gaussian; thin stems are rods. The sky is a shell of Gaussians far away.
+//! Surfaces are cut into patches, and each patch into a staggered grid of cells. A cell becomes a
+//! flat Gaussian on the surface with standard deviations of two thirds of a cell: neighbours then
+//! close the surface, and the picture stays sharp. Cells are of about equal size as seen from the
+//! walk along the street: they grow with the distance, with the slant they are seen at, and on
+//! faces turned away. A leaf is one Gaussian; thin stems are rods. The sky is a shell of Gaussians
+//! far away.
 //!
 //! Splat `index` is a function of the place's seed, the detail and `index` alone.
 
@@ -34,8 +35,8 @@ pub(crate) struct Audience {
     pub y: (f64, f64),
     /// Height of their eyes, m.
     pub z: f64,
-    /// The way that they look: a point is seen from this much before it, as a share of its distance from the
-    /// line. At 0 they look around; above 0 nobody looks back beyond the line's beginning.
+    /// The way that they look: a point is seen from this much before it, as a share of its distance
+    /// from the line. At 0 they look around; above 0 nobody looks back beyond the line's beginning.
     pub lead: f64,
 }
 
@@ -117,7 +118,8 @@ impl SplatSampling<'_> {
         self.len() == 0
     }
 
-    /// Splat `index` of [`Self::len`]; `None` where the cell is hidden for good or outside the shape.
+    /// Splat `index` of [`Self::len`]; `None` where the cell is hidden for good or outside the
+    /// shape.
     #[must_use]
     pub fn splat(&self, index: usize) -> Option<Splat> {
         if index >= self.surface {
@@ -138,11 +140,11 @@ impl SplatSampling<'_> {
         Label::ALL.iter().position(|label| *label == own).map_or(0, |at| at as u16 + 1)
     }
 
-    /// The place as a scene, with its metadata and its labels ([`Label`]). The splats are made on all threads of the current rayon
-    /// pool, and are the same for any number of them.
+    /// The place as a scene, with its metadata and its labels ([`Label`]). The splats are made on
+    /// all threads of the current rayon pool, and are the same for any number of them.
     ///
-    /// `progress` receives the number of indices that were finished since its last call, and returns false
-    /// to stop; then the result is `None`.
+    /// `progress` receives the number of indices that were finished since its last call, and
+    /// returns false to stop; then the result is `None`.
     #[must_use]
     pub fn scene(&self, progress: &(dyn Fn(usize) -> bool + Sync)) -> Option<Scene> {
         let chunks = (0..self.len().div_ceil(CHUNK)).into_par_iter();
@@ -222,7 +224,8 @@ impl SplatSampling<'_> {
                 let bar = if gap.least < 1.0 && lu.min(lv) < 0.9 * gu.min(gv) { 2.4 } else { 1.0 };
                 let unseen = lu * lv > 4.0 * gu * gv && !self.place.is_seen(&patch);
                 let far = if unseen { 2.4 } else { bar };
-                // Coarse cells behind an edge would show around it; grounds go on in their neighbours.
+                // Coarse cells behind an edge would show around it; grounds go on in their
+                // neighbours.
                 patch.reserve = if unseen || gap.away {
                     1.7
                 } else if spot.normal.z > 0.9 {

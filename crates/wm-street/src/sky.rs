@@ -5,19 +5,20 @@
 use super::hash::{octaves2, smoothstep};
 use glam::{DVec2, DVec3};
 
-/// Towards the sun: from the right and a little behind somebody who walks along +y, 47 degrees high.
+/// Towards the sun: from the right and a little behind somebody who walks along +y, 47 degrees
+/// high.
 pub(super) fn sun() -> DVec3 {
     DVec3::new(0.60, -0.33, 0.73).normalize()
 }
 
-/// The time at which the sun stands there for places near 52 degrees north, 5 degrees east: 30 May 2024, 8:56 UTC,
-/// seconds since 1970.
+/// The time at which the sun stands there for places near 52 degrees north, 5 degrees east: 30 May
+/// 2024, 8:56 UTC, seconds since 1970.
 pub(super) const TIME: i64 = 1_717_059_360;
 
 /// Irradiance of a surface that faces the sun.
 const SUN: DVec3 = DVec3::new(4.30, 3.95, 3.30);
-/// Zenith radiance of the overcast sky: level ground is 0.3 EV darker than in the sun, as a camera that follows the
-/// light would have it.
+/// Zenith radiance of the overcast sky: level ground is 0.3 EV darker than in the sun, as a camera
+/// that follows the light would have it.
 const ZENITH: DVec3 = DVec3::new(1.73, 1.77, 1.84);
 
 /// The light of a built-in place.
@@ -26,7 +27,8 @@ pub enum Lighting {
     /// A summer sun with broken clouds.
     #[default]
     Sunny,
-    /// The CIE's overcast sky, `L = Z (1 + 2 sin g) / 3`, without a sun: the truth that relit pictures are compared with.
+    /// The CIE's overcast sky, `L = Z (1 + 2 sin g) / 3`, without a sun: the truth that relit
+    /// pictures are compared with.
     Overcast,
 }
 

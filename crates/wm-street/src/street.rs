@@ -7,7 +7,8 @@ use crate::views::{Sights, Viewpoint};
 use glam::{DVec2, DVec3};
 use wm_scene::capture::Gps;
 
-/// The plan of the built-in street, a village street that runs along +y; [`Street::builtin`] builds it.
+/// The plan of the built-in street, a village street that runs along +y; [`Street::builtin`] builds
+/// it.
 #[derive(Clone, Copy, Debug)]
 pub struct Street;
 

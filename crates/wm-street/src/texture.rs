@@ -1,7 +1,8 @@
 //! Procedural textures: colour and relief of a point of a surface.
 //!
-//! Every pattern is a function of the position in metres. Patterns finer than `width`, the footprint
-//! of the query, fade into their mean, so that neither a far pixel nor a coarse splat aliases.
+//! Every pattern is a function of the position in metres. Patterns finer than `width`, the
+//! footprint of the query, fade into their mean, so that neither a far pixel nor a coarse splat
+//! aliases.
 
 use super::hash::{cell, noise3, octaves3, smoothstep};
 use super::paint::{Material, Paint, rgb};

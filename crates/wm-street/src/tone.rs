@@ -1,8 +1,8 @@
 //! From linear radiance to display values.
 //!
-//! `display = encode(shoulder(exposure * radiance))`, each channel alone. The shoulder is straight up
-//! to 0.55 and bends from there towards 1 as `1 - exp` does, with equal value and slope where the
-//! two meet: nothing clips, and what lies below keeps its contrast. `encode` is the sRGB curve.
+//! `display = encode(shoulder(exposure * radiance))`, each channel alone. The shoulder is straight
+//! up to 0.55 and bends from there towards 1 as `1 - exp` does, with equal value and slope where
+//! the two meet: nothing clips, and what lies below keeps its contrast. `encode` is the sRGB curve.
 
 /// The factor of radiance.
 const EXPOSURE: f64 = 0.84;

@@ -1,4 +1,5 @@
-//! Measures how long the photos of a capture take to open and to decode, and how much memory stays in use.
+//! Measures how long the photos of a capture take to open and to decode, and how much memory stays
+//! in use.
 //!
 //! `cargo run --release -p wm-train --example photo_times -- DATASET [LONGEST_SIDE]`
 

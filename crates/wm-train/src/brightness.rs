@@ -1,8 +1,9 @@
 //! Brightness of photos beside each other, by the points of the reconstruction that they share.
 //!
-//! A photo that is brighter than others shows the same points brighter. In logarithms, `l_pi = a_i + g_p` with the colour of
-//! point i as photo p shows it, the point's own and the photo's gain. Gains are medians over points and points' colours means
-//! over photos, in turns, so that highlights and what hides a point do not count; their mean is 0.
+//! A photo that is brighter than others shows the same points brighter. In logarithms,
+//! `l_pi = a_i + g_p` with the colour of point i as photo p shows it, the point's own and the
+//! photo's gain. Gains are medians over points and points' colours means over photos, in turns, so
+//! that highlights and what hides a point do not count; their mean is 0.
 
 use crate::photos::Photos;
 use crate::priors::points::{inside, seen_points};
@@ -26,12 +27,13 @@ pub struct PhotoGains {
     pub gains: Vec<[f32; 3]>,
     /// Root mean square of their logarithms.
     pub spread: f64,
-    /// Median of the absolute differences of points' logarithms from their own over the photos, with equal gains and with these.
+    /// Median of the absolute differences of points' logarithms from their own over the photos,
+    /// with equal gains and with these.
     pub differences: [f64; 2],
 }
 
-/// Least spread of exposures that are worth learning, and the largest share of the differences that they may leave: changes of colour
-/// with direction leave all.
+/// Least spread of exposures that are worth learning, and the largest share of the differences that
+/// they may leave: changes of colour with direction leave all.
 const SPREAD: f64 = 0.03;
 const LEFT: f64 = 0.7;
 
@@ -50,8 +52,8 @@ struct Shown {
     log: [f32; 3],
 }
 
-/// Returns the gains of the photos `places`; `None` if they share too few points. Photos that share few, and damaged ones, have a gain
-/// of 1.
+/// Returns the gains of the photos `places`; `None` if they share too few points. Photos that share
+/// few, and damaged ones, have a gain of 1.
 #[must_use]
 pub fn photo_gains(capture: &Capture, photos: &Photos, places: &[usize]) -> Option<PhotoGains> {
     let seen = seen_points(capture, photos, places);
@@ -63,7 +65,8 @@ pub fn photo_gains(capture: &Capture, photos: &Photos, places: &[usize]) -> Opti
     solve(&shown, capture.points.len())
 }
 
-/// Returns the colours of the points `seen` in a photo, of those that it exposes well; none of a damaged photo.
+/// Returns the colours of the points `seen` in a photo, of those that it exposes well; none of a
+/// damaged photo.
 fn shown_points(capture: &Capture, photos: &Photos, place: usize, seen: &[u32]) -> Vec<Shown> {
     // The training names damaged photos when it meets them.
     let Ok(photo) = photos.get(place, photos.level_within(place, SIDE)) else { return Vec::new() };

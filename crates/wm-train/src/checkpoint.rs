@@ -1,9 +1,9 @@
 //! A training on disk: everything that its next step depends on.
 //!
-//! `WMTRAIN3`, the length of a JSON head (u64), the head, then arrays of little-endian f32 in a fixed order
-//! and of the lengths that the head gives, then of u32, and a checksum (FNV-1a, 64 bit) of all before it. A
-//! file is whole or not there: it is written beside, flushed to the disk and renamed, so that a training that is killed at any
-//! moment continues from its last checkpoint.
+//! `WMTRAIN3`, the length of a JSON head (u64), the head, then arrays of little-endian f32 in a
+//! fixed order and of the lengths that the head gives, then of u32, and a checksum (FNV-1a, 64 bit)
+//! of all before it. A file is whole or not there: it is written beside, flushed to the disk and
+//! renamed, so that a training that is killed at any moment continues from its last checkpoint.
 
 use crate::config::TrainConfig;
 use crate::densify::Population;

@@ -38,8 +38,8 @@ pub struct TrainConfig {
     pub start_opacity: f64,
     /// Standard deviation that splats begin with, in distances to their neighbours.
     pub start_scale: f64,
-    /// Share of the budget of splats up to which points of known depth are added at the start, where the reconstruction has
-    /// none.
+    /// Share of the budget of splats up to which points of known depth are added at the start,
+    /// where the reconstruction has none.
     pub start_fill: f64,
     /// Splats of the sky: how many on its half sphere, where photos show it.
     pub sky_splats: u32,
@@ -74,7 +74,8 @@ pub enum ExposureMode {
     Shared,
     /// An affine change of colour a photo, learnt with the scene and left out of it.
     Photo,
-    /// [`Self::Photo`] if the points of the reconstruction are brighter in some photos than in others, else [`Self::Shared`].
+    /// [`Self::Photo`] if the points of the reconstruction are brighter in some photos than in
+    /// others, else [`Self::Shared`].
     #[default]
     Auto,
 }
@@ -99,7 +100,8 @@ pub enum HazeMode {
     Auto,
     /// It is a part of the scene.
     Keep,
-    /// It has this meteorological optical range, metres (scene units where the scale is not known), and is taken out.
+    /// It has this meteorological optical range, metres (scene units where the scale is not known),
+    /// and is taken out.
     Mor(f64),
 }
 
@@ -133,7 +135,8 @@ pub struct GeometryConfig {
     pub depth_from: f64,
     /// Share of the weights of depth that is left at the last step; they fall log-linearly.
     pub depth_last: f64,
-    /// Steps between two that have renders of their own for `depth_hard`, `depth_soft` and `surface`.
+    /// Steps between two that have renders of their own for `depth_hard`, `depth_soft` and
+    /// `surface`.
     pub every: u32,
     /// Of coverage in front of the sky; see [`crate::losses::SurfaceTerm`].
     pub surface: f64,
@@ -171,7 +174,8 @@ impl GeometryConfig {
         (self.depth_from * f64::from(steps)) as u32
     }
 
-    /// Returns the share of the weights of depth that counts at a step: 1 at the first, [`Self::depth_last`] at the last.
+    /// Returns the share of the weights of depth that counts at a step: 1 at the first,
+    /// [`Self::depth_last`] at the last.
     #[must_use]
     pub fn depth_share(&self, step: u32, steps: u32) -> f64 {
         self.depth_last.powf(f64::from(step) / f64::from(steps.max(1)))
@@ -186,8 +190,9 @@ impl GeometryConfig {
 
 impl Default for GeometryConfig {
     fn default() -> Self {
-        // The paper's normals weigh 0.05. With a quarter of it normals of the made-up street are off by 11 degrees (median)
-        // where a training without has 41, and its pictures lose 0.1 dB; with half of it 9 degrees and 0.2 dB.
+        // The paper's normals weigh 0.05. With a quarter of it normals of the made-up street are
+        // off by 11 degrees (median) where a training without has 41, and its pictures lose 0.1 dB;
+        // with half of it 9 degrees and 0.2 dB.
         Self {
             depth: 0.02,
             depth_hard: 0.02,
@@ -271,16 +276,17 @@ impl TrainConfig {
     }
 }
 
-/// Returns the steps from one degree to the next: one each 1,000 of 30,000 as published, but all degrees in a short
-/// training too.
+/// Returns the steps from one degree to the next: one each 1,000 of 30,000 as published, but all
+/// degrees in a short training too.
 fn sh_every(steps: u32) -> u32 {
     (steps / 8).clamp(1, 1000)
 }
 
 impl RateConfig {
-    /// The published step lengths for 30,000 steps, and longer ones for fewer: Adam moves a parameter by at
-    /// most about its step length each time, so that a short training of short steps never arrives. They
-    /// grow as the square root of the missing steps (of opacities, as its root again), up to eight times.
+    /// The published step lengths for 30,000 steps, and longer ones for fewer: Adam moves a
+    /// parameter by at most about its step length each time, so that a short training of short
+    /// steps never arrives. They grow as the square root of the missing steps (of opacities, as its
+    /// root again), up to eight times.
     #[must_use]
     pub fn for_steps(steps: u32) -> Self {
         let longer = (30_000.0 / f64::from(steps.max(1))).sqrt().clamp(1.0, 8.0);
@@ -298,9 +304,11 @@ impl RateConfig {
     }
 }
 
-/// Pixels that confirm what two other photos show, for each splat, at least: more splats than that learn single photos by heart.
+/// Pixels that confirm what two other photos show, for each splat, at least: more splats than that
+/// learn single photos by heart.
 const PIXELS_A_SPLAT: u64 = 15;
-/// Most steps for each photo: published trainings take 30,000 steps with 100 to 300 photos, and more learn few photos by heart.
+/// Most steps for each photo: published trainings take 30,000 steps with 100 to 300 photos, and
+/// more learn few photos by heart.
 const STEPS_A_PHOTO: u32 = 100;
 
 impl Preset {
@@ -315,14 +323,16 @@ impl Preset {
         }
     }
 
-    /// The number of steps for so many photos: at most 100 a photo, but those of [`Preset::Quick`] in any case.
+    /// The number of steps for so many photos: at most 100 a photo, but those of [`Preset::Quick`]
+    /// in any case.
     #[must_use]
     pub fn steps_for(self, photos: usize) -> u32 {
         let most = u32::try_from(photos).unwrap_or(u32::MAX).saturating_mul(STEPS_A_PHOTO);
         self.steps().min(most.max(Self::Quick.steps()))
     }
 
-    /// Most splats for photos of which so many pixels confirm what two others show; see [`crate::overlap`].
+    /// Most splats for photos of which so many pixels confirm what two others show; see
+    /// [`crate::overlap`].
     #[must_use]
     pub fn max_splats_for(self, confirmed: u64) -> usize {
         let told_apart = usize::try_from(confirmed / PIXELS_A_SPLAT).unwrap_or(usize::MAX);

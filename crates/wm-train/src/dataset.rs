@@ -18,7 +18,8 @@ pub struct DatasetReadOptions {
     pub masks: Option<PathBuf>,
     /// Folder of the COLMAP model in the data set; `None` looks in the usual places.
     pub model: Option<PathBuf>,
-    /// Folder of the photos as the camera wrote them, whose position and time are read where the data set's have lost them.
+    /// Folder of the photos as the camera wrote them, whose position and time are read where the
+    /// data set's have lost them.
     pub originals: Option<PathBuf>,
     /// The size at which photos are used.
     pub size: PhotoSize,
@@ -92,8 +93,9 @@ pub struct HeldOut {
 }
 
 impl HeldOut {
-    /// Returns the indices in `photos` of those that are held out, and of the others. They are counted by their
-    /// indices in the capture, so that leaving out a damaged photo does not change the choice.
+    /// Returns the indices in `photos` of those that are held out, and of the others. They are
+    /// counted by their indices in the capture, so that leaving out a damaged photo does not change
+    /// the choice.
     #[must_use]
     pub fn split(self, photos: &Photos) -> (Vec<usize>, Vec<usize>) {
         let is_held = |place: &usize| {
@@ -114,8 +116,8 @@ pub struct Dataset {
     pub places: Vec<usize>,
 }
 
-/// What the positions of photos and the poses of cameras tell of up, and the fit of the positions. `given` is up if it is
-/// known already.
+/// What the positions of photos and the poses of cameras tell of up, and the fit of the positions.
+/// `given` is up if it is known already.
 #[must_use]
 pub fn orientation(
     capture: &Capture,
@@ -132,15 +134,16 @@ pub fn orientation(
     (up, gps)
 }
 
-/// North, place and time of the capture, as the EXIF of its photos states them. `up` is its direction against gravity, world axes.
+/// North, place and time of the capture, as the EXIF of its photos states them. `up` is its
+/// direction against gravity, world axes.
 #[must_use]
 pub fn site(capture: &Capture, photos: &Photos, up: DVec3) -> CaptureSite {
     let centers: Vec<DVec3> = capture.views.iter().map(|view| view.camera.center()).collect();
     CaptureSite::of(&centers, photos.gps(), photos.taken(), up)
 }
 
-/// Names of the photos whose stated place is far from where the others put their cameras, or is no place on Earth;
-/// [`orientation`] leaves them out.
+/// Names of the photos whose stated place is far from where the others put their cameras, or is no
+/// place on Earth; [`orientation`] leaves them out.
 #[must_use]
 pub fn misplaced(capture: &Capture, photos: &Photos) -> Vec<String> {
     let centers: Vec<DVec3> = capture.views.iter().map(|view| view.camera.center()).collect();

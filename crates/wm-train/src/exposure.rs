@@ -1,9 +1,9 @@
 //! Photos that are brighter, darker or of another white than the scene.
 //!
-//! Each photo has an affine change of colour, `rgb' = M rgb + b`, that begins as none at all and learns with
-//! the scene. It is applied to what is rendered before that is compared; the scene is without it. The mean of
-//! all changes stays none, or scene and photos could grow brighter and darker against each other: what a
-//! photo learns, all of them give back in equal parts.
+//! Each photo has an affine change of colour, `rgb' = M rgb + b`, that begins as none at all and
+//! learns with the scene. It is applied to what is rendered before that is compared; the scene is
+//! without it. The mean of all changes stays none, or scene and photos could grow brighter and
+//! darker against each other: what a photo learns, all of them give back in equal parts.
 
 use rayon::prelude::*;
 use wm_render::dispatch;
@@ -35,7 +35,8 @@ impl Exposures {
         }
     }
 
-    /// Changes that multiply red, green and blue of each photo; the mean of `gains` over the photos should be 1.
+    /// Changes that multiply red, green and blue of each photo; the mean of `gains` over the photos
+    /// should be 1.
     #[must_use]
     pub fn with_gains(gains: &[[f32; 3]]) -> Self {
         let mut exposures = Self::new(gains.len());
@@ -60,8 +61,8 @@ impl Exposures {
         });
     }
 
-    /// From the derivative by the changed colours to that by the rendered ones, in place, and one step of
-    /// Adam for the photo.
+    /// From the derivative by the changed colours to that by the rendered ones, in place, and one
+    /// step of Adam for the photo.
     pub fn learn(&mut self, path: SimdPath, photo: usize, rgb: &[f32], gradient: &mut [f32], rate: f64) {
         let m = &self.changes[photo];
         let back = Mix::new(|row, column| m[4 * column + row], |_| 0.0);
@@ -103,8 +104,8 @@ const BLOCK: usize = 48;
 /// A channel is mixed with those up to two values away from it.
 const SHIFTS: usize = 5;
 
-/// A change of colour for interleaved values: by how much each value's neighbours come into it, 0 for those
-/// of other pixels. Plain loops over a block, of which the compiler makes vectors.
+/// A change of colour for interleaved values: by how much each value's neighbours come into it, 0
+/// for those of other pixels. Plain loops over a block, of which the compiler makes vectors.
 struct Mix {
     shares: [[f32; BLOCK]; SHIFTS],
     offsets: [f32; BLOCK],

@@ -1,8 +1,9 @@
 //! Points where the reconstruction has none: on the surfaces of which priors know the depth.
 //!
-//! Structure from motion finds points where there is texture. Lawns, gravel and walls have few, and there a training would begin with
-//! nothing and end with a few huge splats. Stereo knows the depth of many of their pixels. Each of them is a point, unless one is
-//! there already: a cell of space that is as large as the pixels' distance in the photo holds one.
+//! Structure from motion finds points where there is texture. Lawns, gravel and walls have few, and
+//! there a training would begin with nothing and end with a few huge splats. Stereo knows the depth
+//! of many of their pixels. Each of them is a point, unless one is there already: a cell of space
+//! that is as large as the pixels' distance in the photo holds one.
 
 use crate::haze::PhotoHaze;
 use crate::photos::Photo;
@@ -25,8 +26,8 @@ pub struct FillView<'a> {
     pub photo: &'a Photo,
 }
 
-/// Adds to `points` until there are `most`, evenly over the photos; returns the number of points that were added.
-/// Colours are without `haze`, if the photos show any.
+/// Adds to `points` until there are `most`, evenly over the photos; returns the number of points
+/// that were added. Colours are without `haze`, if the photos show any.
 pub fn fill(
     points: &mut SparsePoints,
     views: &[FillView<'_>],

@@ -1,7 +1,9 @@
-//! The splats of a training and the device that holds them: the computer's memory, or a GPU on which they stay.
+//! The splats of a training and the device that holds them: the computer's memory, or a GPU on
+//! which they stay.
 //!
-//! On a device the population here falls behind, and is brought up to date ([`Learner::sync`]) when something asks for
-//! it: checkpoints, the end. Splats that come and go do not: what decides about them is read, the rest is moved there.
+//! On a device the population here falls behind, and is brought up to date ([`Learner::sync`]) when
+//! something asks for it: checkpoints, the end. Splats that come and go do not: what decides about
+//! them is read, the rest is moved there.
 
 use crate::densify::{self, Population, ScreenGradients};
 use crate::random::Random;
@@ -16,7 +18,8 @@ use wm_scene::{Camera, Splats};
 /// A back end, and what it knows of the population.
 pub struct Learner {
     renderer: Box<dyn Differentiable>,
-    /// Of a population in the computer's memory, the step's and those of terms with a render of their own.
+    /// Of a population in the computer's memory, the step's and those of terms with a render of
+    /// their own.
     gradients: Gradients,
     own: Gradients,
     device: Device,
@@ -47,7 +50,8 @@ impl Learner {
         &*self.renderer
     }
 
-    /// Goes on with another device after `error`, if there is one: with the population as it was last known here.
+    /// Goes on with another device after `error`, if there is one: with the population as it was
+    /// last known here.
     pub fn give_up(&mut self, error: RenderError) -> Result<(), RenderError> {
         (self.device, self.count) = (Device::Other, None);
         self.renderer.give_up(error)
@@ -74,8 +78,8 @@ impl Learner {
         self.count.unwrap_or(population.len())
     }
 
-    /// Lets splats come and go. On a device `change` sees their shapes, and what it does with these is done there with
-    /// the rest.
+    /// Lets splats come and go. On a device `change` sees their shapes, and what it does with these
+    /// is done there with the rest.
     pub fn change<T>(
         &mut self,
         population: &mut Population,

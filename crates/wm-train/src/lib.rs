@@ -1,7 +1,8 @@
 //! Training: from photos to a scene of Gaussian splats.
 //!
-//! [`Session`] does everything: it opens a data set, finds cameras with COLMAP where there are none, estimates depth,
-//! normals and sky of the photos, trains, and returns a scene with its scale and its ground.
+//! [`Session`] does everything: it opens a data set, finds cameras with COLMAP where there are
+//! none, estimates depth, normals and sky of the photos, trains, and returns a scene with its scale
+//! and its ground.
 //!
 //! ```no_run
 //! let scene = wm_train::Session::new("photos").steps(2000).run(&mut ())?;
@@ -10,7 +11,8 @@
 //! ```
 //!
 //! The types to know:
-//! - [`Session`]: a training in one call, with [`SessionOptions`] for everything that can be chosen.
+//! - [`Session`]: a training in one call, with [`SessionOptions`] for everything that can be
+//!   chosen.
 //! - [`TrainObserver`]: receives progress, warnings, scores and images, and can stop the training.
 //! - [`TrainPlan`]: a preset with changes; it makes a [`TrainConfig`], on which the result depends.
 //! - [`Trainer`]: single steps, for programs with a loop and photos of their own.
@@ -32,12 +34,15 @@
 //! ```
 //!
 //! Modules, from photos to scores:
-//! - [`photos`]: the photos of a capture, decoded, resized and undistorted on demand; [`colmap`]: cameras of plain photos;
-//!   [`video`]: photos out of a video.
-//! - [`maps`]: depth, normals and masks of photos in files; [`priors`]: what is known of these before a training.
+//! - [`photos`]: the photos of a capture, decoded, resized and undistorted on demand; [`colmap`]:
+//!   cameras of plain photos; [`video`]: photos out of a video.
+//! - [`maps`]: depth, normals and masks of photos in files; [`priors`]: what is known of these
+//!   before a training.
 //! - [`haze`]: haze in which photos were taken, measured and taken out.
-//! - [`start`]: the first splats; [`trainer`]: steps, made of [`losses`], [`densify`], [`schedule`] and [`exposure`].
-//! - [`movers`]: what is in one photo and not in the others; [`overlap`]: how many photos show a surface.
+//! - [`start`]: the first splats; [`trainer`]: steps, made of [`losses`], [`densify`], [`schedule`]
+//!   and [`exposure`].
+//! - [`movers`]: what is in one photo and not in the others; [`overlap`]: how many photos show a
+//!   surface.
 //! - [`blocks`]: trainings of the parts of a large place, and their join.
 //! - [`config`], [`plan`], [`check`]: the configuration; [`checkpoint`]: a training on disk.
 //! - [`evaluation`], [`metrics`]: scores against photos and ground truth.

@@ -1,4 +1,5 @@
-//! The overlap of photos: how many of them show a surface, and so how much of what they show is confirmed by others.
+//! The overlap of photos: how many of them show a surface, and so how much of what they show is
+//! confirmed by others.
 
 use glam::DVec3;
 use wm_scene::Camera;
@@ -11,11 +12,12 @@ const TELL: f64 = 2.0;
 /// Share of the pixels that counts as confirmed where less is, or where there are no points to ask.
 const LEAST: f64 = 0.25;
 
-/// Returns how many photos show a surface, in the mean over the points of the reconstruction that are in view of any; `None` if
-/// none is.
+/// Returns how many photos show a surface, in the mean over the points of the reconstruction that
+/// are in view of any; `None` if none is.
 ///
-/// The photo that shows a point at the most pixels a unit of its surface counts as 1, and another one as the share of these
-/// pixels that it has: a street seen from its far end is not seen again. What stands between is not known here.
+/// The photo that shows a point at the most pixels a unit of its surface counts as 1, and another
+/// one as the share of these pixels that it has: a street seen from its far end is not seen again.
+/// What stands between is not known here.
 #[must_use]
 pub fn overlap(points: &SparsePoints, cameras: &[Camera]) -> Option<f64> {
     let every = points.len().div_ceil(POINTS).max(1);
@@ -38,8 +40,9 @@ pub fn overlap(points: &SparsePoints, cameras: &[Camera]) -> Option<f64> {
     (count > 0).then(|| sum / f64::from(count))
 }
 
-/// Returns the share of the pixels of photos that confirm what two others show: of n photos that show a surface, n - 2 do.
-/// `overlap` is this n, if it is known. A quarter, at least: next to nothing would be learnt with no splats.
+/// Returns the share of the pixels of photos that confirm what two others show: of n photos that
+/// show a surface, n - 2 do. `overlap` is this n, if it is known. A quarter, at least: next to
+/// nothing would be learnt with no splats.
 #[must_use]
 pub fn confirmed_share(overlap: Option<f64>) -> f64 {
     overlap.map_or(LEAST, |photos| (1.0 - TELL / photos).max(LEAST))

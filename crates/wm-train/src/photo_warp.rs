@@ -5,8 +5,8 @@ use wm_scene::Camera;
 
 /// Maps image points with an inverse depth from one photo to another.
 ///
-/// The image, in homogeneous coordinates, of the point at inverse view z `d` behind image point (x, y) is
-/// `base (x, y, 1) + d lift`.
+/// The image, in homogeneous coordinates, of the point at inverse view z `d` behind image point (x,
+/// y) is `base (x, y, 1) + d lift`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotoWarp {
     /// The map of points at infinite distance.
@@ -30,8 +30,8 @@ impl PhotoWarp {
         }
     }
 
-    /// Returns the image point, px, and the inverse view z in the other photo of the point at inverse view z `inverse` behind
-    /// image point (x, y), px; `None` behind the other camera.
+    /// Returns the image point, px, and the inverse view z in the other photo of the point at
+    /// inverse view z `inverse` behind image point (x, y), px; `None` behind the other camera.
     #[inline(always)]
     #[must_use]
     pub fn point(&self, x: f32, y: f32, inverse: f32) -> Option<(f32, f32, f32)> {

@@ -1,6 +1,7 @@
 //! Connected pieces of a picture.
 
-/// Returns the indices of the pixels left, right, above and below one, of those inside a picture of so many pixels.
+/// Returns the indices of the pixels left, right, above and below one, of those inside a picture of
+/// so many pixels.
 pub fn beside(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item = usize> {
     let x = pixel % width;
     let left = (x > 0).then(|| pixel - 1);
@@ -9,8 +10,8 @@ pub fn beside(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item =
     [left, right, pixel.checked_sub(width), below].into_iter().flatten()
 }
 
-/// Returns the connected pieces of the pixels in `left`, `[H, W]`, in the order of their first: neighbours that `joins` are
-/// of one piece.
+/// Returns the connected pieces of the pixels in `left`, `[H, W]`, in the order of their first:
+/// neighbours that `joins` are of one piece.
 pub fn pieces(mut left: Vec<bool>, width: usize, joins: impl Fn(usize, usize) -> bool) -> Vec<Vec<usize>> {
     let pixels = left.len();
     let mut pieces = Vec::new();

@@ -1,9 +1,10 @@
-//! Photos that would spoil a reconstruction: blurred ones, and those that are white or black over much of the picture.
+//! Photos that would spoil a reconstruction: blurred ones, and those that are white or black over
+//! much of the picture.
 //!
-//! Photos show different things, so they are not compared as wholes: about each point of the reconstruction the detail of
-//! a photo (its gradients, relative to the brightness) is compared with that of the other photos that show the point from a
-//! similar distance. A photo is blurred if most of its points have less than half of the
-//! detail that the others show.
+//! Photos show different things, so they are not compared as wholes: about each point of the
+//! reconstruction the detail of a photo (its gradients, relative to the brightness) is compared
+//! with that of the other photos that show the point from a similar distance. A photo is blurred if
+//! most of its points have less than half of the detail that the others show.
 
 use crate::brightness;
 use crate::photos::{Photo, Photos};
@@ -11,17 +12,20 @@ use crate::priors::points::{inside, seen_points};
 use rayon::prelude::*;
 use wm_scene::capture::Capture;
 
-/// Longest side of the photos in which detail is read, and of those whose white and black pixels are counted, px.
+/// Longest side of the photos in which detail is read, and of those whose white and black pixels
+/// are counted, px.
 const SIDES: [u32; 2] = [800, 200];
 /// Half the side of the patch about a point, px.
 const HALF: usize = 3;
 /// Least detail that other photos must show about a point: in smooth places nobody sees blur.
 const LEAST_DETAIL: f64 = 0.02;
-/// Largest ratio of distances, in focal lengths, at which photos are compared: what is near has wider edges.
+/// Largest ratio of distances, in focal lengths, at which photos are compared: what is near has
+/// wider edges.
 const SIMILAR: f64 = 1.35;
 /// Fewest points by which a photo is judged.
 const FEWEST: usize = 30;
-/// Detail of a blurred photo relative to the others', at most; and by how many deviations of the photos it is at least less.
+/// Detail of a blurred photo relative to the others', at most; and by how many deviations of the
+/// photos it is at least less.
 const BLURRED: f64 = 0.5;
 const DEVIATIONS: f64 = 4.0;
 /// A channel of all white or all black pixels is beyond these.
@@ -36,7 +40,8 @@ pub const MOST: f64 = 0.25;
 /// The treatment of poor photos.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PoorPhotoMode {
-    /// They are found and left out of the training, as long as they are at most a quarter of the photos.
+    /// They are found and left out of the training, as long as they are at most a quarter of the
+    /// photos.
     #[default]
     Auto,
     /// All photos are trained on.
@@ -94,8 +99,8 @@ struct Shown {
     detail: f64,
 }
 
-/// Returns the poor photos among `places` (indices in `photos`) with their defects, in that order. Damaged photos are not
-/// judged.
+/// Returns the poor photos among `places` (indices in `photos`) with their defects, in that order.
+/// Damaged photos are not judged.
 #[must_use]
 pub fn poor_photos(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<(usize, PhotoDefect)> {
     let seen = seen_points(capture, photos, places);
@@ -120,7 +125,8 @@ pub fn poor_photos(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<
     places.iter().enumerate().filter_map(|(index, place)| Some((*place, defect(index)?))).collect()
 }
 
-/// Returns the detail of the blurred photos relative to the others', `None` for those that are not blurred.
+/// Returns the detail of the blurred photos relative to the others', `None` for those that are not
+/// blurred.
 fn details(shown: &[Vec<Shown>], points: usize) -> Vec<Option<f64>> {
     let mut by_point: Vec<Vec<(usize, Shown)>> = vec![Vec::new(); points];
     for (photo, shown) in shown.iter().enumerate() {

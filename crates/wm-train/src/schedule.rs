@@ -18,10 +18,11 @@ pub fn rates(config: &RateConfig, step: u32, steps: u32, extent: f64) -> Rates {
     }
 }
 
-/// Share of the step lengths of colours at a step of a training on photos in haze: a half at the first, a twentieth at the last,
-/// log-linear between.
+/// Share of the step lengths of colours at a step of a training on photos in haze: a half at the
+/// first, a twentieth at the last, log-linear between.
 ///
-/// Through haze colours pull less, and the optimiser's steps are as long as without: their noise would stay in what haze hides.
+/// Through haze colours pull less, and the optimiser's steps are as long as without: their noise
+/// would stay in what haze hides.
 #[must_use]
 pub fn colors_in_haze(step: u32, steps: u32) -> f64 {
     0.5 * 0.1f64.powf(f64::from(step) / f64::from(steps.max(1)))
@@ -34,8 +35,8 @@ pub fn sh_degree(config: &TrainConfig, step: u32) -> u8 {
     config.sh_degree.min(u8::try_from(grown).unwrap_or(u8::MAX))
 }
 
-/// Returns how often the sides of photos are halved at a step: twice in the first tenth of the steps, once in
-/// the next two, but never below `last_level`.
+/// Returns how often the sides of photos are halved at a step: twice in the first tenth of the
+/// steps, once in the next two, but never below `last_level`.
 #[must_use]
 pub fn level(config: &TrainConfig, step: u32, last_level: u8) -> u8 {
     let at = f64::from(step) / f64::from(config.steps.max(1));

@@ -1,9 +1,12 @@
-//! Photos out of a video: frames that are sharp and overlap evenly, by the ffmpeg that is installed.
+//! Photos out of a video: frames that are sharp and overlap evenly, by the ffmpeg that is
+//! installed.
 //!
-//! ffmpeg plays the video twice. The first time it gives small grey frames, a few a second. Of these each says how sharp it is (the
-//! mean square of its gradient), and how far its parts moved since the last frame that was chosen (the shift of blocks that fits
-//! best). Frames are chosen after equal ways, the sharpest of each window: a video that stands still gives few of them, one that is
-//! blurred for a moment gives those beside. The second time the chosen frames are written in full size.
+//! ffmpeg plays the video twice. The first time it gives small grey frames, a few a second. Of
+//! these each says how sharp it is (the mean square of its gradient), and how far its parts moved
+//! since the last frame that was chosen (the shift of blocks that fits best). Frames are chosen
+//! after equal ways, the sharpest of each window: a video that stands still gives few of them, one
+//! that is blurred for a moment gives those beside. The second time the chosen frames are written
+//! in full size.
 //! ```text
 //! 00001.jpg ...   the frames that were chosen, in their order
 //! frames.txt      the video, and the times of its frames; written last
@@ -39,7 +42,8 @@ const SCALE: usize = GREY.0 / SMALL.0;
 const REACH: i32 = 12;
 /// Blocks of a thumbnail along each side.
 const BLOCKS: usize = 3;
-/// Ways between two frames that are tried, as fractions of the width: the first that gives enough frames counts.
+/// Ways between two frames that are tried, as fractions of the width: the first that gives enough
+/// frames counts.
 const WAYS: [f64; 5] = [0.08, 0.06, 0.04, 0.03, 0.02];
 /// Start of the window of a frame, as a fraction of the way.
 const WINDOW: f64 = 0.6;
@@ -354,8 +358,9 @@ impl Candidate {
         f64::from(sum) / self.small.len() as f64
     }
 
-    /// Returns how far the parts of a picture moved to another frame: the mean length of the shifts of its blocks, as a fraction of
-    /// the width. A block that fits nowhere, or best at the end of the search, counts with the longest shift.
+    /// Returns how far the parts of a picture moved to another frame: the mean length of the shifts
+    /// of its blocks, as a fraction of the width. A block that fits nowhere, or best at the end of
+    /// the search, counts with the longest shift.
     fn way(&self, other: &Self) -> f64 {
         let (width, height) = (SMALL.0 / BLOCKS, SMALL.1 / BLOCKS);
         let lengths: Vec<f64> = (0..BLOCKS * BLOCKS)
@@ -377,8 +382,8 @@ impl Candidate {
         lengths.iter().sum::<f64>() / lengths.len() as f64 / SMALL.0 as f64
     }
 
-    /// Returns the difference of a block and the place in another frame to which a shift leads: a mean, times 256, over the pixels
-    /// that are in both; `None` if those are too few.
+    /// Returns the difference of a block and the place in another frame to which a shift leads: a
+    /// mean, times 256, over the pixels that are in both; `None` if those are too few.
     fn difference(
         &self,
         other: &Self,
@@ -463,7 +468,8 @@ fn chosen_after(candidates: &[Candidate], way: f64) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    /// A wall with a fixed pattern, seen from a place along it, px of the grey frame; blurred along by some pixels.
+    /// A wall with a fixed pattern, seen from a place along it, px of the grey frame; blurred along
+    /// by some pixels.
     fn frame(place: f64, blur: usize) -> Candidate {
         let value = |x: f64, y: f64| {
             let (u, v) = (x / 23.0, y / 19.0);

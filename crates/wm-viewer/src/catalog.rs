@@ -1,5 +1,5 @@
-//! The names that clients may use: parameters, weathers, cameras. Names from a client are looked up here only, so that none of
-//! them reaches the file system.
+//! The names that clients may use: parameters, weathers, cameras. Names from a client are looked up
+//! here only, so that none of them reaches the file system.
 
 use crate::state::{Follow, Pose, ViewOutput, ViewState, weather_of_json, weather_to_json};
 use glam::{DQuat, DVec3};
@@ -89,7 +89,8 @@ impl Catalog {
         })
     }
 
-    /// Returns the text of the keyframe file of a state's camera or path, and the path that `render` reads from it, bit by bit.
+    /// Returns the text of the keyframe file of a state's camera or path, and the path that
+    /// `render` reads from it, bit by bit.
     ///
     /// # Errors
     /// The first invalid value, in one line.

@@ -15,8 +15,8 @@ const WHOLE_COLORS: u8 = 85;
 static DEPTHS: LazyLock<[[u8; 3]; 256]> =
     LazyLock::new(|| std::array::from_fn(|step| turbo(step as f64 / 255.0)));
 
-/// Returns an output of a frame as bytes `[H, W, 3]`. `half` is the depth, scene units, that gets the middle colour; it is the same
-/// for all frames of a scene, so that the colours do not flicker.
+/// Returns an output of a frame as bytes `[H, W, 3]`. `half` is the depth, scene units, that gets
+/// the middle colour; it is the same for all frames of a scene, so that the colours do not flicker.
 pub fn to_bytes(frame: &Frame, output: ViewOutput, half: f64, dither: Dither) -> Vec<u8> {
     let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
     let half = half as f32;

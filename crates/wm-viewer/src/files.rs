@@ -48,7 +48,8 @@ impl FileNames {
         }
     }
 
-    /// Returns the text of a kind: `weather`, `camera`, `command` or `scan`; `None` for another kind.
+    /// Returns the text of a kind: `weather`, `camera`, `command` or `scan`; `None` for another
+    /// kind.
     ///
     /// # Errors
     /// A scan of a view that has no lidar.
@@ -64,7 +65,8 @@ impl FileNames {
         }
     }
 
-    /// Returns the command that renders the same; `video` is the frame rate and the length in seconds.
+    /// Returns the command that renders the same; `video` is the frame rate and the length in
+    /// seconds.
     pub fn command(&self, catalog: &Catalog, view: &View, video: Option<(FrameRate, f64)>) -> String {
         let mut words = command_words("render", catalog);
         let state = &view.state;

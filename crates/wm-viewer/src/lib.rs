@@ -1,10 +1,13 @@
-//! The viewer without its server: everything about a picture in the browser that needs neither sockets nor threads.
+//! The viewer without its server: everything about a picture in the browser that needs neither
+//! sockets nor threads.
 //!
-//! The program serves the page and renders for it (`src/viewer/`); on a static page the same code runs inside of the browser.
+//! The program serves the page and renders for it (`src/viewer/`); on a static page the same code
+//! runs inside of the browser.
 //!
 //! - [`page::FILES`]: the files of the page.
 //! - [`Catalog`]: the scene's facts, and the names that a page may use.
-//! - [`ViewState`]: everything except the scene that a picture depends on, as JSON. [`View`] is one that was checked.
+//! - [`ViewState`]: everything except the scene that a picture depends on, as JSON. [`View`] is one
+//!   that was checked.
 //! - [`ViewPainter`]: draws a view as bytes.
 //! - [`link`]: a view as the fragment of an address, and back.
 //! - [`SiteFile`]: the scene of a static page.

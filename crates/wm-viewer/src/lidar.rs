@@ -1,4 +1,5 @@
-//! The lidar whose points are drawn over the picture: its part of a state, and the sweeps that were made last.
+//! The lidar whose points are drawn over the picture: its part of a state, and the sweeps that were
+//! made last.
 
 use crate::state::{View, check_point};
 use glam::DVec3;
@@ -15,7 +16,8 @@ use weather_magician::view::spec::CameraSpec;
 use wm_scene::Camera;
 use wm_scene::survey::Survey;
 
-/// Number of sweeps that are kept: the largest, of a million points with all returns in fog, has some 80 MB.
+/// Number of sweeps that are kept: the largest, of a million points with all returns in fog, has
+/// some 80 MB.
 const KEPT: usize = 3;
 /// Largest coordinate of a sensor, scene units.
 const FARTHEST: f64 = 1e6;
@@ -142,7 +144,8 @@ impl View {
         sweep(self) == sweep(other) && self.state.weather == other.state.weather
     }
 
-    /// Returns true if the sweep of another view is of the same sensor at the same place, maybe in other weather or at another time.
+    /// Returns true if the sweep of another view is of the same sensor at the same place, maybe in
+    /// other weather or at another time.
     fn has_sensor_of(&self, other: &Self) -> bool {
         let sensor = |view: &Self| view.state.lidar.clone().map(|lidar| (lidar.model, lidar.at));
         sensor(self) == sensor(other)
@@ -184,8 +187,8 @@ impl SweepMemory {
         self.made.iter().find(|made| made.view.has_sweep_of(view)).map(|made| &made.sweep)
     }
 
-    /// Returns the points to draw over the picture of a view: those of its sweep, or else in greys those of the last sweep of its
-    /// sensor. `None` if there are none.
+    /// Returns the points to draw over the picture of a view: those of its sweep, or else in greys
+    /// those of the last sweep of its sensor. `None` if there are none.
     pub fn overlay(&mut self, view: &View) -> Option<Arc<PointOverlay>> {
         let colors = view.lidar.as_ref()?.colors;
         let own = self.made.iter().position(|made| made.view.has_sweep_of(view));
@@ -201,8 +204,8 @@ impl SweepMemory {
         made.overlay.as_ref().map(|(_, _, overlay)| Arc::clone(overlay))
     }
 
-    /// Returns the words for a page that shows a view: the number of points by class, or the reason why there are none; `null`
-    /// without a lidar or until the sweep is made.
+    /// Returns the words for a page that shows a view: the number of points by class, or the reason
+    /// why there are none; `null` without a lidar or until the sweep is made.
     pub fn report(&self, view: &View) -> Value {
         let Some(made) = self.made.iter().find(|made| made.view.has_sweep_of(view)) else {
             return Value::Null;

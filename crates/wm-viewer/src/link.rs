@@ -1,11 +1,13 @@
 //! Views as fragments of addresses: a link is a weather, a camera and a time.
 //!
-//! `v=1&w=WEATHER&c=ex,ey,ez,qw,qx,qy,qz,fov&t=SECONDS`, then as far as they are not as usual `o=OUTPUT`, `d=DIVIDER`, `p=PATH`, `f=path`
-//! and `l=LIDAR`. The weather is its file, the path and the lidar are JSON; these three are deflated and in base64url. Numbers are the
-//! shortest decimals that are read as the same value, so a link opens the same state, bit by bit. The size and the quality are the
-//! screen's, and in no link.
+//! `v=1&w=WEATHER&c=ex,ey,ez,qw,qx,qy,qz,fov&t=SECONDS`, then as far as they are not as usual
+//! `o=OUTPUT`, `d=DIVIDER`, `p=PATH`, `f=path` and `l=LIDAR`. The weather is its file, the path and
+//! the lidar are JSON; these three are deflated and in base64url. Numbers are the shortest decimals
+//! that are read as the same value, so a link opens the same state, bit by bit. The size and the
+//! quality are the screen's, and in no link.
 //!
-//! A link may come from anybody. Nothing in it is believed before [`View::new`] has checked it, which [`open`] does.
+//! A link may come from anybody. Nothing in it is believed before [`View::new`] has checked it,
+//! which [`open`] does.
 
 use crate::catalog::Catalog;
 use crate::state::{Follow, Pose, PoseKey, View, ViewOutput, ViewState, json_of};
@@ -59,7 +61,8 @@ pub fn encode(state: &ViewState) -> Result<String, String> {
     Ok(text)
 }
 
-/// Returns the view of a fragment of a link to the scene of `catalog`; the size and the quality are those of `base`.
+/// Returns the view of a fragment of a link to the scene of `catalog`; the size and the quality are
+/// those of `base`.
 ///
 /// # Errors
 /// As [`decode`], or the first invalid value of its state, in one line.
@@ -67,10 +70,12 @@ pub fn open(fragment: &str, catalog: &Catalog, base: &ViewState) -> Result<View,
     View::new(decode(fragment, base)?, catalog, None).map_err(|error| format!("link: {}", one_line(&error)))
 }
 
-/// Returns the state of a fragment; the size and the quality are those of `base`. The state is not checked: [`View::new`] does that.
+/// Returns the state of a fragment; the size and the quality are those of `base`. The state is not
+/// checked: [`View::new`] does that.
 ///
 /// # Errors
-/// The fragment is too long, of another version, or not one that [`encode`] could have written, in one line.
+/// The fragment is too long, of another version, or not one that [`encode`] could have written, in
+/// one line.
 pub fn decode(fragment: &str, base: &ViewState) -> Result<ViewState, String> {
     let fragment = fragment.strip_prefix('#').unwrap_or(fragment);
     if fragment.len() > MAX_FRAGMENT {

@@ -35,10 +35,11 @@ impl Pace {
         (shown as u32, (height * shown / width).round().max(1.0) as u32)
     }
 
-    /// Adapts the scale to a frame that took `seconds` to render while `sharing` clients take turns, and to the `on_its_way`
-    /// seconds from sending the last one to its acknowledgement.
+    /// Adapts the scale to a frame that took `seconds` to render while `sharing` clients take
+    /// turns, and to the `on_its_way` seconds from sending the last one to its acknowledgement.
     ///
-    /// Most of the time is proportional to the number of pixels, so that the scale changes with the square root of the time.
+    /// Most of the time is proportional to the number of pixels, so that the scale changes with the
+    /// square root of the time.
     pub fn learn(&mut self, seconds: f64, sharing: usize, on_its_way: f64) {
         let took = (seconds * sharing.max(1) as f64).max(on_its_way);
         let factor = (AIM / LEAST_RATE / took.max(1e-4)).sqrt();
@@ -53,7 +54,8 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// Returns the final scale and time of a frame for a renderer that takes `splats` seconds plus `pixels` at full size.
+    /// Returns the final scale and time of a frame for a renderer that takes `splats` seconds plus
+    /// `pixels` at full size.
     fn settled(splats: f64, pixels: f64, sharing: usize) -> (f64, f64) {
         let mut pace = Pace::default();
         let time = |pace: Pace| splats + pixels * pace.scale * pace.scale;

@@ -44,8 +44,9 @@ pub struct PaintOptions {
     pub dither: Dither,
 }
 
-/// Draws views, and keeps the memory of their frames from one to the next. In a browser others work while a GPU draws; elsewhere every future is
-/// done when it is first polled, so [`wm_render::at_once()`] gives its value.
+/// Draws views, and keeps the memory of their frames from one to the next. In a browser others work
+/// while a GPU draws; elsewhere every future is done when it is first polled, so
+/// [`wm_render::at_once()`] gives its value.
 #[derive(Default)]
 pub struct ViewPainter {
     picture: Picture,
@@ -53,7 +54,8 @@ pub struct ViewPainter {
 }
 
 impl ViewPainter {
-    /// Draws a view as bytes `[H, W, 3]`, without weather left of its divider, and with the points of its lidar if they are given.
+    /// Draws a view as bytes `[H, W, 3]`, without weather left of its divider, and with the points
+    /// of its lidar if they are given.
     ///
     /// # Errors
     /// As [`Renderer::render_into`].
@@ -114,7 +116,8 @@ impl ViewPainter {
         Ok(&self.picture)
     }
 
-    /// Returns the point of the scene that is seen at `[x, y]`, 0-1, of the picture; `None` where there is nothing.
+    /// Returns the point of the scene that is seen at `[x, y]`, 0-1, of the picture; `None` where
+    /// there is nothing.
     ///
     /// # Errors
     /// As [`Renderer::render_clear`].
@@ -182,7 +185,8 @@ pub struct FrameReport<'a> {
 }
 
 impl FrameReport<'_> {
-    /// Returns the JSON header that is sent with the frame of a view; `lidar` is the report of its sweep.
+    /// Returns the JSON header that is sent with the frame of a view; `lidar` is the report of its
+    /// sweep.
     pub fn header(&self, view: &View, site: &Site, lidar: Value) -> Value {
         let time = view.state.time;
         let sky: PreparedWeather = view.weather.at(time).prepare(site);

@@ -75,7 +75,8 @@ impl SiteFile {
     /// Reads the text of a file.
     ///
     /// # Errors
-    /// The text is too long or not of this form, of another version, or a value or a name is invalid, in one line.
+    /// The text is too long or not of this form, of another version, or a value or a name is
+    /// invalid, in one line.
     pub fn parse(text: &str) -> Result<Self, String> {
         #[derive(Deserialize)]
         struct Version {
@@ -137,7 +138,8 @@ impl SiteFile {
         Ok(())
     }
 
-    /// Returns the catalog of the scene, whose survey is `survey`, for a page that renders by `renderer`, in words.
+    /// Returns the catalog of the scene, whose survey is `survey`, for a page that renders by
+    /// `renderer`, in words.
     ///
     /// # Errors
     /// The initial state makes no view, in one line.

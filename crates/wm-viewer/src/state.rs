@@ -1,4 +1,5 @@
-//! The state of a view: everything except the scene that a picture depends on, in one value that clients send and receive.
+//! The state of a view: everything except the scene that a picture depends on, in one value that
+//! clients send and receive.
 
 use crate::catalog::Catalog;
 use crate::lidar::{CheckedLidar, LidarState};
@@ -53,7 +54,8 @@ impl Pose {
         Self { eye: key.eye.to_array(), rotation: [r.w, r.x, r.y, r.z], fov: key.fov }
     }
 
-    /// Returns the pose with its horizon level under another up; unchanged if it looks straight up or down.
+    /// Returns the pose with its horizon level under another up; unchanged if it looks straight up
+    /// or down.
     pub fn levelled(self, up: DVec3) -> Self {
         let [w, x, y, z] = self.rotation;
         let forward = DQuat::from_xyzw(x, y, z, w).normalize().inverse() * DVec3::Z;
@@ -134,7 +136,8 @@ pub struct ViewState {
     pub size: [u32; 2],
     /// JPEG quality, 1-100.
     pub quality: u8,
-    /// Fraction of the width, 0-1, left of which no weather is rendered; `null` for weather everywhere.
+    /// Fraction of the width, 0-1, left of which no weather is rendered; `null` for weather
+    /// everywhere.
     pub divider: Option<f64>,
     /// The lidar whose points are drawn over the picture; `null` for none.
     pub lidar: Option<LidarState>,
@@ -223,7 +226,8 @@ impl View {
         self.motion().camera(self.state.time)
     }
 
-    /// Returns the motion of the lidar, as `scan` has it with `--at` or `--path`; `None` without a lidar.
+    /// Returns the motion of the lidar, as `scan` has it with `--at` or `--path`; `None` without a
+    /// lidar.
     pub fn sensor_motion(&self) -> Option<CameraMotion> {
         let fixed = self.lidar.as_ref()?.fixed;
         Some(fixed.map_or_else(|| self.motion(), CameraMotion::from))

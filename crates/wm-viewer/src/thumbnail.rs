@@ -19,7 +19,8 @@ pub struct ThumbnailShot {
     pub size: (u32, u32),
 }
 
-/// Returns the weather of the thumbnail of a preset, and its time in seconds; `None` if there is no such preset.
+/// Returns the weather of the thumbnail of a preset, and its time in seconds; `None` if there is no
+/// such preset.
 ///
 /// # Errors
 /// The wind of the preset cannot be turned off.
@@ -35,7 +36,8 @@ pub fn thumbnail_weather(name: &str) -> Result<Option<(Weather, f64)>, String> {
     Ok(Some((weather, time)))
 }
 
-/// Returns the thumbnail of a preset for a scene that starts with the state `start`; `None` if there is no such preset.
+/// Returns the thumbnail of a preset for a scene that starts with the state `start`; `None` if
+/// there is no such preset.
 ///
 /// # Errors
 /// As [`thumbnail_weather`], or the start makes no view.

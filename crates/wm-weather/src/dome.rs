@@ -1,19 +1,19 @@
 //! Skies that stand behind everything: by elevation, or out of a panorama.
 //!
 //! Radiance is linear RGB, 1 = display white. By the sine `s` of the elevation:
-//! - overcast: `L = H + (Z - H) s`, with `H = Z / 3` the CIE's overcast sky `L = Z (1 + 2 s) / 3` (Moon and
-//!   Spencer 1942; CIE S 011);
-//! - clear: `L = Z + (H - Z) (p(s) - p(1)) / (1 - p(1))`, `p(s) = 1 - e^(-0.32 / s)`: the gradation of the CIE's
-//!   clear skies (CIE S 011, a = -1, b = -0.32), from a colour at the zenith to another at the horizon. The glow
-//!   about the sun is left out: where the sun is nobody says;
+//! - overcast: `L = H + (Z - H) s`, with `H = Z / 3` the CIE's overcast sky `L = Z (1 + 2 s) / 3`
+//!   (Moon and Spencer 1942; CIE S 011);
+//! - clear: `L = Z + (H - Z) (p(s) - p(1)) / (1 - p(1))`, `p(s) = 1 - e^(-0.32 / s)`: the gradation
+//!   of the CIE's clear skies (CIE S 011, a = -1, b = -0.32), from a colour at the zenith to
+//!   another at the horizon. The glow about the sun is left out: where the sun is nobody says;
 //! - gradient: [`SkyGradient`], the sky that the program gives to scenes without one.
 //!
-//! Below the horizon there is no edge: the horizon turns smoothly into the ground's haze, complete 30 degrees
-//! down. Scenes end before the horizon, and from above their end is seen against that. A panorama is haze
-//! there too ([`crate::panorama`]), unless its own lower half is asked for.
+//! Below the horizon there is no edge: the horizon turns smoothly into the ground's haze, complete
+//! 30 degrees down. Scenes end before the horizon, and from above their end is seen against that. A
+//! panorama is haze there too ([`crate::panorama`]), unless its own lower half is asked for.
 //!
-//! Directions: heading 0 is the scene's x axis laid level (its y axis if x is within 26 degrees of up), and
-//! headings turn clockwise seen from above.
+//! Directions: heading 0 is the scene's x axis laid level (its y axis if x is within 26 degrees of
+//! up), and headings turn clockwise seen from above.
 
 use crate::light::{FlashLight, OpenLight};
 use crate::panorama::{LowerHemisphere, Panorama, smooth};
@@ -30,10 +30,11 @@ use wm_scene::survey::{SkyPatch, airlight_of_sky};
 const CLEAR: f64 = -0.32;
 /// Sine of the depth below the horizon at which all is ground: 30 degrees.
 const GROUND: f64 = 0.5;
-/// Light of the ground's haze against that of the horizon, where nothing says it: bare ground of albedo 0.2 has
-/// 0.47 of it under an overcast sky, and air before it.
+/// Light of the ground's haze against that of the horizon, where nothing says it: bare ground of
+/// albedo 0.2 has 0.47 of it under an overcast sky, and air before it.
 const GROUND_LIGHT: f64 = 0.6;
-/// Intervals in which a sky by elevation is tabled, by sine from -1 to 1. Linear between; a test has the error.
+/// Intervals in which a sky by elevation is tabled, by sine from -1 to 1. Linear between; a test
+/// has the error.
 const INTERVALS: usize = 2048;
 /// Intervals of the table by which a panorama is brightened, and its last colour.
 const TONES: usize = 4096;
@@ -62,8 +63,8 @@ pub enum SkyAppearance {
         /// At the horizon, linear RGB.
         horizon: [f64; 3],
     },
-    /// That of a place of the sun, with its clouds; its irradiances in lux times the dome's brightness are those of display
-    /// white.
+    /// That of a place of the sun, with its clouds; its irradiances in lux times the dome's
+    /// brightness are those of display white.
     Open(Arc<OpenLight>),
     /// The plain sky of the program.
     Gradient(SkyGradient),
@@ -87,15 +88,15 @@ pub struct Dome {
     up: [f64; 3],
     sky_splats: SkySplats,
     flash: Option<FlashLight>,
-    /// Display-referred colours: of a sky by elevation by its sine, of a panorama's ways of being brighter by
-    /// its own colours.
+    /// Display-referred colours: of a sky by elevation by its sine, of a panorama's ways of being
+    /// brighter by its own colours.
     table: Vec<[f32; 3]>,
 }
 
 impl Dome {
-    /// A sky about `up` (world axes, length 1), its light times `brightness`. `ground` is the colour well below
-    /// the horizon, linear RGB; without it a colour stays, and others take a grey of 0.6 times the light of the
-    /// horizon.
+    /// A sky about `up` (world axes, length 1), its light times `brightness`. `ground` is the
+    /// colour well below the horizon, linear RGB; without it a colour stays, and others take a grey
+    /// of 0.6 times the light of the horizon.
     #[must_use]
     pub fn new(
         look: SkyAppearance,
@@ -130,8 +131,8 @@ impl Dome {
         self.sky_splats
     }
 
-    /// The airlight under it, linear RGB: its mean radiance near the horizon, as the survey takes it from the
-    /// splats of a sky; `None` of a sky that is black.
+    /// The airlight under it, linear RGB: its mean radiance near the horizon, as the survey takes
+    /// it from the splats of a sky; `None` of a sky that is black.
     #[must_use]
     pub fn airlight(&self) -> Option<[f64; 3]> {
         let light = match &self.look {
@@ -161,7 +162,8 @@ impl Dome {
         (luminance(light) > 0.0).then_some(light.map(|v| v.min(1.0)))
     }
 
-    /// The colour well below the horizon, linear RGB, without the brightness, where it is not `horizon`'s.
+    /// The colour well below the horizon, linear RGB, without the brightness, where it is not
+    /// `horizon`'s.
     fn ground_under(&self, horizon: [f64; 3]) -> [f64; 3] {
         self.ground.unwrap_or([GROUND_LIGHT * luminance(horizon); 3])
     }
@@ -224,8 +226,8 @@ fn brightened_by(color: [f64; 3], light: [f64; 3]) -> [f64; 3] {
 /// Light at which the brightest of a sky begins to burn out, of display white.
 const SHOULDER: f64 = 0.7;
 
-/// A light whose channels do not exceed display white: what is brighter goes over into white, as it does in photos, where
-/// cutting off each channel would turn an evening sky neon.
+/// A light whose channels do not exceed display white: what is brighter goes over into white, as it
+/// does in photos, where cutting off each channel would turn an evening sky neon.
 fn burned_out(light: [f64; 3]) -> [f64; 3] {
     let most = light.into_iter().fold(0.0, f64::max);
     if most <= SHOULDER {
@@ -241,8 +243,8 @@ fn burned_out(light: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// Heading 0, a quarter turn clockwise from it seen from above, and `up` itself, all of length 1: the axes of
-/// panoramas.
+/// Heading 0, a quarter turn clockwise from it seen from above, and `up` itself, all of length 1:
+/// the axes of panoramas.
 #[must_use]
 pub fn level_axes(up: [f64; 3]) -> [[f64; 3]; 3] {
     let mut forward = if up[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };

@@ -2,8 +2,8 @@
 
 use crate::file::meant;
 
-/// The way from a key to the next. With `s` the share of the time between the two that has passed, 0-1, and
-/// `f(s)` the share of the way that is done:
+/// The way from a key to the next. With `s` the share of the time between the two that has passed,
+/// 0-1, and `f(s)` the share of the way that is done:
 ///
 /// | easing | `f(s)` | speed |
 /// |---|---|---|
@@ -113,8 +113,8 @@ mod tests {
         }
     }
 
-    /// Derivatives of the integrals by central differences, whose error is below h^2 times the third derivative
-    /// of the integral, 6 at most, over 6.
+    /// Derivatives of the integrals by central differences, whose error is below h^2 times the
+    /// third derivative of the integral, 6 at most, over 6.
     #[test]
     fn integrals_are_those_of_the_shares() {
         let h = 1e-4;

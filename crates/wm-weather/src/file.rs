@@ -10,10 +10,11 @@
 //! airlight = "#d5dadd"
 //! ```
 //!
-//! An effect is on if its table is there; `sky = "overcast"` instead of a table is its first parameter. A
-//! parameter is a number, a colour (`"#rrggbb"` or three numbers), a word, a path, `"auto"`, or keyframes of
-//! numbers, colours or words: `{ keys = [[seconds, value], [seconds, value, easing], ...] }`, with the
-//! [`Easing`] of the way to the next key.
+//! An effect is on if its table is there; `sky = "overcast"` instead of a table is its first
+//! parameter. A parameter is a number, a colour (`"#rrggbb"` or three numbers), a word, a path,
+//! `"auto"`, or keyframes of numbers, colours or words:
+//! `{ keys = [[seconds, value], [seconds, value, easing], ...] }`, with the [`Easing`] of the way
+//! to the next key.
 
 use crate::easing::Easing;
 use crate::effects::{EFFECTS, Effect};
@@ -119,9 +120,10 @@ impl Weather {
 
     /// Returns this weather with one parameter changed and its effect turned on.
     ///
-    /// `key` is `effect.parameter`, an effect or `fidelity`. The value is a number in the parameter's unit, a colour
-    /// (`[f64; 3]`, sRGB, 0-1) or text as on the command line: a word, `"auto"`, a path, or keyframes such as
-    /// `"0:2000,5:60"`. The values of an effect are `"on"`, `"off"` and the words of its first parameter.
+    /// `key` is `effect.parameter`, an effect or `fidelity`. The value is a number in the
+    /// parameter's unit, a colour (`[f64; 3]`, sRGB, 0-1) or text as on the command line: a word,
+    /// `"auto"`, a path, or keyframes such as `"0:2000,5:60"`. The values of an effect are `"on"`,
+    /// `"off"` and the words of its first parameter.
     ///
     /// ```
     /// use wm_weather::Weather;
@@ -149,9 +151,9 @@ impl Weather {
         Ok(self)
     }
 
-    /// Changes one parameter as the option `--set` does: `fog.mor=120` or `fog.mor=0:2000:smooth,5:60` also turns the
-    /// effect on, `fog=off` turns it off, `sky=overcast` is short for its first parameter, `fidelity=paper` changes the
-    /// fidelity.
+    /// Changes one parameter as the option `--set` does: `fog.mor=120` or
+    /// `fog.mor=0:2000:smooth,5:60` also turns the effect on, `fog=off` turns it off,
+    /// `sky=overcast` is short for its first parameter, `fidelity=paper` changes the fidelity.
     ///
     /// # Errors
     /// [`WeatherError::Override`].

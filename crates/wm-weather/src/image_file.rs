@@ -1,7 +1,7 @@
 //! Pictures that parameters name: a path from the start, pixels once somebody has read them.
 //!
-//! Nothing here knows file formats: whoever does reads the pictures of a weather once, before the first
-//! frame ([`crate::Weather::load_images`]).
+//! Nothing here knows file formats: whoever does reads the pictures of a weather once, before the
+//! first frame ([`crate::Weather::load_images`]).
 
 use crate::panorama::Panorama;
 use std::fmt;

@@ -1,11 +1,13 @@
 //! The air at the wavelengths of lidars.
 //!
-//! Extinction follows that of green light. Droplets of fog are larger than any of these wavelengths: 1.02 times as much at 905 nm and
-//! 1.05 times at 1550 nm (Mie's theory over fogs of droplets of some micrometres). Small particles go by their own Angstrom exponent: haze 0.52
-//! and 0.26, smog 0.61 and 0.36 times. Rain and snow take as much of any light.
+//! Extinction follows that of green light. Droplets of fog are larger than any of these
+//! wavelengths: 1.02 times as much at 905 nm and 1.05 times at 1550 nm (Mie's theory over fogs of
+//! droplets of some micrometres). Small particles go by their own Angstrom exponent: haze 0.52 and
+//! 0.26, smog 0.61 and 0.36 times. Rain and snow take as much of any light.
 //!
-//! Backscatter is extinction over the lidar ratio: 18 sr of droplets (Mie's theory: 15 to 20 sr at 905 nm, 18 to 28 sr at 1550 nm), 50 sr
-//! of small particles (guessed: 30 to 70 sr are measured of hazes). Rain and snow add none here: their particles are met one by one.
+//! Backscatter is extinction over the lidar ratio: 18 sr of droplets (Mie's theory: 15 to 20 sr at
+//! 905 nm, 18 to 28 sr at 1550 nm), 50 sr of small particles (guessed: 30 to 70 sr are measured of
+//! hazes). Rain and snow add none here: their particles are met one by one.
 
 use crate::optics::{AirLayer, Atmosphere, Site, WAVELENGTHS};
 use crate::particles::Precipitation;
@@ -20,13 +22,15 @@ const GREY: f64 = 0.05;
 /// The air for light of one wavelength of the near infrared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InfraredAir {
-    /// Its channels are the extinction of all, and pi times the backscatter a sr of what floats, both 1/m.
+    /// Its channels are the extinction of all, and pi times the backscatter a sr of what floats,
+    /// both 1/m.
     air: Atmosphere,
     floats: bool,
 }
 
 impl InfraredAir {
-    /// The air with the layers that float and those of what falls, over a site; see [`crate::PreparedWeather::infrared_air`].
+    /// The air with the layers that float and those of what falls, over a site; see
+    /// [`crate::PreparedWeather::infrared_air`].
     pub(crate) fn new(
         floating: &[AirLayer],
         falling: &[Precipitation],
@@ -54,8 +58,8 @@ impl InfraredAir {
         Self { air, floats }
     }
 
-    /// The share of light that comes through `distance` (scene units) along a unit direction from `origin` (world axes,
-    /// scene units), 0-1, one way.
+    /// The share of light that comes through `distance` (scene units) along a unit direction from
+    /// `origin` (world axes, scene units), 0-1, one way.
     #[must_use]
     pub fn transmittance(&self, origin: [f64; 3], direction: [f64; 3], distance: f64) -> f64 {
         (-self.air.layers_depth(origin, direction, distance, 0)).exp()
@@ -67,8 +71,8 @@ impl InfraredAir {
         !self.floats
     }
 
-    /// The reflectance of a metre of the air at a point (world axes, scene units), 1/m: pi times its backscatter a sr, which a
-    /// surface across the beam would have as its own.
+    /// The reflectance of a metre of the air at a point (world axes, scene units), 1/m: pi times
+    /// its backscatter a sr, which a surface across the beam would have as its own.
     #[must_use]
     pub fn reflectance_at(&self, point: [f64; 3]) -> f64 {
         self.air.extinction_at(point)[1]

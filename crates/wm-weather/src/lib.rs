@@ -1,13 +1,16 @@
-//! Physical weather for scenes of Gaussian splats: fog, haze, smog, rain, snowfall, lying snow, dust, wind and sky.
+//! Physical weather for scenes of Gaussian splats: fog, haze, smog, rain, snowfall, lying snow,
+//! dust, wind and sky.
 //!
-//! A program picks a weather, samples it at a time and prepares the sample for a place. The result gives a renderer of
-//! [`wm_render`] its hooks: the air, the falling particles, the sky and the look of the finished picture. Nothing keeps
-//! state, so any frame can be rendered alone.
+//! A program picks a weather, samples it at a time and prepares the sample for a place. The result
+//! gives a renderer of [`wm_render`] its hooks: the air, the falling particles, the sky and the
+//! look of the finished picture. Nothing keeps state, so any frame can be rendered alone.
 //!
 //! # Types to know
-//! - [`Weather`]: effects with their parameters over time; from a preset, a TOML file or [`Weather::set`].
+//! - [`Weather`]: effects with their parameters over time; from a preset, a TOML file or
+//!   [`Weather::set`].
 //! - [`Site`]: the scale, the up direction, the ground and the light of a place.
-//! - [`PreparedWeather`]: a weather at one time and place ([`Weather::at`], [`WeatherSample::prepare`]).
+//! - [`PreparedWeather`]: a weather at one time and place ([`Weather::at`],
+//!   [`WeatherSample::prepare`]).
 //! - [`Observer`]: the camera, its velocity and the shelter above it.
 //! - [`Effect`]: an entry of [`EFFECTS`], with its table of parameters, its role and its needs.
 //!
@@ -24,8 +27,8 @@
 //! # Ok::<(), wm_weather::WeatherError>(())
 //! ```
 //!
-//! To add an effect, write one file in [`effects`] and add its name to the list there. Files, options, help, documentation
-//! and the instruments of `measure` read the effect's own table.
+//! To add an effect, write one file in [`effects`] and add its name to the list there. Files,
+//! options, help, documentation and the instruments of `measure` read the effect's own table.
 
 #![allow(clippy::needless_range_loop)] // Channel loops index several arrays at once.
 

@@ -1,4 +1,5 @@
-//! Pictures in linear light that are looked into at any fineness, and the way there and back from display-referred ones.
+//! Pictures in linear light that are looked into at any fineness, and the way there and back from
+//! display-referred ones.
 
 use rayon::prelude::*;
 use wm_render::hooks::GROUP;
@@ -24,7 +25,8 @@ impl LinearPicture {
         Self { width, height, pixels }
     }
 
-    /// Between the four pixels about a point of the finest level, px; at the picture's edge its last pixels.
+    /// Between the four pixels about a point of the finest level, px; at the picture's edge its
+    /// last pixels.
     #[inline(always)]
     pub fn at(&self, x: f32, y: f32, level: usize) -> [f32; 4] {
         let scale = 1.0 / (1u32 << level) as f32;

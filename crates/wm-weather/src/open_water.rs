@@ -1,8 +1,9 @@
 //! Open water of a scene: pools, ponds, rivers. Nothing lies on it.
 //!
-//! It is what the scene's metadata outline ([`Metadata::water`](wm_scene::Metadata::water)), or, if they say nothing, a guess:
-//! pools are blue, level, and no higher than what is around them. Ponds and rivers have the colours of what they mirror, so that
-//! they must be outlined, or have [labels](wm_scene::Metadata::water_labels).
+//! It is what the scene's metadata outline ([`Metadata::water`](wm_scene::Metadata::water)), or, if
+//! they say nothing, a guess: pools are blue, level, and no higher than what is around them. Ponds
+//! and rivers have the colours of what they mirror, so that they must be outlined, or have
+//! [labels](wm_scene::Metadata::water_labels).
 
 use crate::dome::level_matrix;
 use crate::optics::Site;
@@ -23,13 +24,15 @@ const FARTHEST: f64 = 2.0;
 const MOSTLY: f64 = 0.5;
 /// Least area of a pool, m^2.
 const LEAST: f64 = 6.0;
-/// Largest height, m, between the tenth and the ninetieth percentile of a pool's splats: a training sees through water.
+/// Largest height, m, between the tenth and the ninetieth percentile of a pool's splats: a training
+/// sees through water.
 const UNEVEN: f64 = 2.0;
 /// Gaps in a pool that are closed, cells.
 const GAP: i32 = 3;
 /// Most cells of a rectangle about a pool in which holes are filled: 250 m by 250 m.
 const MOST_ROUND: i64 = 1_000_000;
-/// Distance, cells, to which the surroundings reach, and the most by which water stands above them, m.
+/// Distance, cells, to which the surroundings reach, and the most by which water stands above them,
+/// m.
 const AROUND: i32 = 8;
 const RAISED: f64 = 0.5;
 /// Height above and below water, m, within which a surface is its own.
@@ -51,7 +54,8 @@ pub struct OpenWater {
 }
 
 impl OpenWater {
-    /// Finds the open water of a scene: the stated `outlines` (world, scene units), or blue pools if they are `None`.
+    /// Finds the open water of a scene: the stated `outlines` (world, scene units), or blue pools
+    /// if they are `None`.
     #[must_use]
     pub fn of(splats: &Splats, outlines: Option<&[Vec<[f64; 3]>]>, site: &Site) -> Self {
         let level = level_matrix(site.up) * site.metres_per_unit;
@@ -85,7 +89,8 @@ impl OpenWater {
             || self.outlines.iter().any(|outline| is_inside(outline, at))
     }
 
-    /// The height of open water above a point (world, scene units) that is over or under it, m; `None` where there is none.
+    /// The height of open water above a point (world, scene units) that is over or under it, m;
+    /// `None` where there is none.
     #[must_use]
     pub fn above(&self, point: [f64; 3]) -> Option<f64> {
         let at = self.level * DVec3::from_array(point);
@@ -178,7 +183,8 @@ fn height_of(outline: &[DVec3]) -> f64 {
     outline.iter().map(|corner| corner.z).sum::<f64>() / outline.len() as f64
 }
 
-/// Returns true if a point is over or under an outline: a level line from it to one side crosses that an odd number of times.
+/// Returns true if a point is over or under an outline: a level line from it to one side crosses
+/// that an odd number of times.
 fn is_within(outline: &[DVec3], at: DVec3) -> bool {
     let edges = outline.iter().zip(outline.iter().cycle().skip(1));
     let is_crossed = |(a, b): &(&DVec3, &DVec3)| {
@@ -192,7 +198,8 @@ fn square(radius: i32) -> impl Iterator<Item = Cell> {
     (-radius..=radius).flat_map(move |y| (-radius..=radius).map(move |x| [x, y]))
 }
 
-/// The height of a pool, m; `None` if what is guessed is no pool: too small, too uneven, too mixed, or raised like a roof.
+/// The height of a pool, m; `None` if what is guessed is no pool: too small, too uneven, too mixed,
+/// or raised like a roof.
 fn pool_height(pool: &[Cell], found: &HashMap<Cell, Vec<Patch>>, evidence: Evidence) -> Option<f64> {
     let inside = || pool.iter().filter_map(|cell| found.get(cell)).flatten();
     let [low, height] = heights(inside().filter(|patch| patch.is_water), [0.1, 0.9])?;

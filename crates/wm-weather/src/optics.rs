@@ -3,8 +3,9 @@
 //! Along a ray of length `s` (metres, not view z) through air of extinction `sigma_t`,
 //! `L = L0 T + A (1 - T)`, `T = exp(-optical_depth)`, in linear light: Koschmieder's law, which the
 //! paper's `eq:fog style` has in display-referred colour and along z. `sigma_t = -ln(0.05) / MOR`
-//! (WMO: 5 % of the light is left at the meteorological optical range); by the older 2 % visual range
-//! `V` it is `3.912 / V`. Small particles scatter blue more: `sigma_t ~ wavelength^-angstrom`.
+//! (WMO: 5 % of the light is left at the meteorological optical range); by the older 2 % visual
+//! range `V` it is `3.912 / V`. Small particles scatter blue more:
+//! `sigma_t ~ wavelength^-angstrom`.
 //!
 //! With a scale height `H` the air thins upwards, `sigma(z) = sigma_0 exp(-(z - z0) / H)`, and the
 //! optical depth over length `s` from height `zc` with rise `dz` a metre is, in closed form,
@@ -36,7 +37,8 @@ pub const VISUAL_RANGE_DEPTH: f64 = 3.912_023_005_428_146;
 pub const WAVELENGTHS: [f64; 3] = [610.0, 550.0, 465.0];
 /// How far the sky and the background are, m: beyond any atmosphere, yet safe in f32.
 pub const FAR: f64 = 1e7;
-/// Longest path through a layer, m at its base density: finite, so that mean airlights stay numbers.
+/// Longest path through a layer, m at its base density: finite, so that mean airlights stay
+/// numbers.
 const LONGEST: f64 = 1e30;
 
 /// Extinction a metre, green, of a meteorological optical range in metres.
@@ -90,7 +92,8 @@ pub struct EarthPlace {
     pub captured: Option<f64>,
 }
 
-/// Illuminance of the ground that the lamps of a site light, lx: the mean of it, the lighter parts counting more.
+/// Illuminance of the ground that the lamps of a site light, lx: the mean of it, the lighter parts
+/// counting more.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LampLevels {
     /// By the lamps that the scene states.
@@ -133,8 +136,8 @@ pub struct Site {
     pub ground: f64,
     /// Radiance of the sky near the horizon, linear RGB.
     pub airlight: [f64; 3],
-    /// Brightness of a white card on level ground in the open as the photos would show it, linear, 1 = display white; `None` where
-    /// nobody states it.
+    /// Brightness of a white card on level ground in the open as the photos would show it, linear,
+    /// 1 = display white; `None` where nobody states it.
     pub white_card: Option<f64>,
     /// Whether the airlight is known or guessed.
     pub daylight: Daylight,
@@ -153,7 +156,8 @@ pub struct Site {
 }
 
 impl Site {
-    /// Open ground at height 0 with z up and a unit of one metre, under a pale sky; nothing else is known of it.
+    /// Open ground at height 0 with z up and a unit of one metre, under a pale sky; nothing else is
+    /// known of it.
     pub const PLAIN: Self = Self {
         origin: [0.0; 3],
         metres_per_unit: 1.0,
@@ -221,8 +225,8 @@ impl Atmosphere {
         (metres * density * mean).min(LONGEST)
     }
 
-    /// Optical depth in one channel of the layers along a ray: from `origin` (world axes, scene units) through `distance` (scene units) along
-    /// a unit direction.
+    /// Optical depth in one channel of the layers along a ray: from `origin` (world axes, scene
+    /// units) through `distance` (scene units) along a unit direction.
     pub(crate) fn layers_depth(
         &self,
         origin: [f64; 3],
@@ -246,7 +250,8 @@ impl Atmosphere {
         std::array::from_fn(|k| self.layers.iter().map(|layer| layer.sigma_t[k] * density(layer)).sum())
     }
 
-    /// Meteorological optical range of green light at a point (world axes, scene units), m; infinite in clear air.
+    /// Meteorological optical range of green light at a point (world axes, scene units), m;
+    /// infinite in clear air.
     #[must_use]
     pub fn mor_at(&self, point: [f64; 3]) -> f64 {
         // The same law both ways.
@@ -332,7 +337,8 @@ impl AirView<'_> {
         self.is_grey
     }
 
-    /// Light, linear RGB, that comes from `metres` away along unit directions (world axes), as it arrives.
+    /// Light, linear RGB, that comes from `metres` away along unit directions (world axes), as it
+    /// arrives.
     #[inline(always)]
     pub fn through<S: Lanes>(
         &self,
@@ -349,8 +355,9 @@ impl AirView<'_> {
         seen
     }
 
-    /// The transmittance over `metres` along unit directions (world axes), and the radiance (linear RGB) of an endless
-    /// path through the same air: the airlight is that times `1 - transmittance`.
+    /// The transmittance over `metres` along unit directions (world axes), and the radiance (linear
+    /// RGB) of an endless path through the same air: the airlight is that times
+    /// `1 - transmittance`.
     #[inline(always)]
     pub fn along<S: Lanes>(&self, simd: S, metres: S::F, direction: &[S::F; 3]) -> ([S::F; 3], [S::F; 3]) {
         let Self { layers, drawn, up, is_grey } = self;

@@ -1,8 +1,10 @@
-// Light in air, as `optics.rs` has it: layers that thin upwards, less what of them is drawn drop by drop.
+// Light in air, as `optics.rs` has it: layers that thin upwards, less what of them is drawn drop by
+// drop.
 //
-// `air`: number of layers and of tables; metres a scene unit; up, three numbers. Then of each layer: extinction a metre
-// times log2(e), three; airlight, three; density at the camera; 1 / scale height, 0 for none. Then of each table:
-// airlight, three; mean extinction and its growth to the next node, NODES times.
+// `air`: number of layers and of tables; metres a scene unit; up, three numbers. Then of each
+// layer: extinction a metre times log2(e), three; airlight, three; density at the camera; 1 / scale
+// height, 0 for none. Then of each table: airlight, three; mean extinction and its growth to the
+// next node, NODES times.
 
 const AIR_HEAD: u32 = 6u;
 const AIR_LAYER: u32 = 8u;

@@ -1,15 +1,17 @@
 //! Equirectangular pictures of all directions, sampled without shimmer.
 //!
-//! Columns run around, rows from straight up to straight down: pixel `(x, y)` of `W x H` is seen at the
-//! longitude `2 pi ((x + 0.5) / W - 1/2)`, clockwise from above, and the elevation `pi (1/2 - (y + 0.5) / H)`.
-//! Kept in steps of 1/8192 of display white, display-referred, up to 8 (130 times the light of white: a
-//! sun is brighter, and clipped), with halved sizes averaged in linear light. A direction is interpolated
-//! bilinearly in the two sizes whose pixels are next to a pixel of the frame, and between them. Near the poles, where the
-//! columns come together, that is as sharp as the rows are.
+//! Columns run around, rows from straight up to straight down: pixel `(x, y)` of `W x H` is seen at
+//! the longitude `2 pi ((x + 0.5) / W - 1/2)`, clockwise from above, and the elevation
+//! `pi (1/2 - (y + 0.5) / H)`. Kept in steps of 1/8192 of display white, display-referred, up to 8
+//! (130 times the light of white: a sun is brighter, and clipped), with halved sizes averaged in
+//! linear light. A direction is interpolated bilinearly in the two sizes whose pixels are next to a
+//! pixel of the frame, and between them. Near the poles, where the columns come together, that is
+//! as sharp as the rows are.
 //!
-//! Below the horizon most panoramas show a ground of their own or nothing, and behind the end of a scene either
-//! is wrong. So that half is made of haze unless it is asked for ([`LowerHemisphere`]): within 3 degrees the mirrored
-//! sky turns into the mean of the strip above the horizon, at each heading its own.
+//! Below the horizon most panoramas show a ground of their own or nothing, and behind the end of a
+//! scene either is wrong. So that half is made of haze unless it is asked for
+//! ([`LowerHemisphere`]): within 3 degrees the mirrored sky turns into the mean of the strip above
+//! the horizon, at each heading its own.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::fmt;
@@ -92,8 +94,8 @@ pub fn check_size(width: u32, height: u32) -> Result<(), PanoramaError> {
 }
 
 impl Panorama {
-    /// A panorama of `width x height` px; `pixel` gives the display-referred colour of each place in
-    /// `[H, W]`, in order. What is not a number is black.
+    /// A panorama of `width x height` px; `pixel` gives the display-referred colour of each place
+    /// in `[H, W]`, in order. What is not a number is black.
     ///
     /// # Errors
     /// [`PanoramaError`].
@@ -141,8 +143,8 @@ impl Panorama {
         (&self.levels[first], &self.levels[(first + 1).min(last)], depth - first as f64)
     }
 
-    /// Writes the colours of `groups`, whose directions are along `axes`: level towards the middle column,
-    /// level a quarter turn clockwise from it, and up.
+    /// Writes the colours of `groups`, whose directions are along `axes`: level towards the middle
+    /// column, level a quarter turn clockwise from it, and up.
     pub(crate) fn paint(
         &self,
         pixel: f64,
@@ -337,8 +339,9 @@ impl Shares {
     }
 }
 
-/// The angle of `(x, y)` from the x axis, radians, within 1.2e-5: a sixtieth of a pixel of the largest
-/// panorama. Abramowitz and Stegun 4.4.49; without branches, so that the compiler makes vectors of it.
+/// The angle of `(x, y)` from the x axis, radians, within 1.2e-5: a sixtieth of a pixel of the
+/// largest panorama. Abramowitz and Stegun 4.4.49; without branches, so that the compiler makes
+/// vectors of it.
 #[inline(always)]
 fn atan2(y: f32, x: f32) -> f32 {
     let (ax, ay) = (x.abs(), y.abs());
@@ -368,7 +371,8 @@ mod tests {
 
     #[test]
     fn smaller_sizes_keep_the_light() {
-        // A checkerboard of black and white is half the light, not half the code; with odd sides too.
+        // A checkerboard of black and white is half the light, not half the code; with odd sides
+        // too.
         for (width, height) in [(128, 64), (131, 65)] {
             let panorama =
                 Panorama::new(width, height, |i| [((i + i / width as usize) % 2) as f32; 3]).unwrap();

@@ -1,4 +1,5 @@
-//! Parameters as data: one table an effect, from which files, flags, help and documentation are made.
+//! Parameters as data: one table an effect, from which files, flags, help and documentation are
+//! made.
 
 use crate::image_file::ImageFile;
 use std::fmt;
@@ -294,8 +295,8 @@ macro_rules! words {
     };
 }
 
-/// Declares an effect's parameters: a struct with one field each, and the table `PARAMS` in the same
-/// order.
+/// Declares an effect's parameters: a struct with one field each, and the table `PARAMS` in the
+/// same order.
 ///
 /// A field reads `/// Meaning.`, then `name: type = default, least => greatest, "unit";`.
 #[macro_export]

@@ -18,8 +18,9 @@ pub struct Keyframe {
 
 /// Times are seconds from the start of the shot.
 ///
-/// Before the first key and after the last the value stays. Between two keys numbers go in the parameter's own unit
-/// by the earlier key's easing, colours in linear light (decoded, mixed, encoded), and words hold.
+/// Before the first key and after the last the value stays. Between two keys numbers go in the
+/// parameter's own unit by the earlier key's easing, colours in linear light (decoded, mixed,
+/// encoded), and words hold.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
     /// At least one, times ascending.
@@ -123,12 +124,12 @@ impl Track {
         }
     }
 
-    /// Integral of a track of numbers from the instant `from` to `to`, seconds: the parameter's unit times
-    /// seconds, exact but for rounding. Negative where `to` is before `from`. NaN for a track whose values
-    /// are not numbers.
+    /// Integral of a track of numbers from the instant `from` to `to`, seconds: the parameter's
+    /// unit times seconds, exact but for rounding. Negative where `to` is before `from`. NaN for a
+    /// track whose values are not numbers.
     ///
-    /// It is the difference of one function at the two instants, so what has gathered until an instant does
-    /// not depend on the instants that were asked for before.
+    /// It is the difference of one function at the two instants, so what has gathered until an
+    /// instant does not depend on the instants that were asked for before.
     #[must_use]
     pub fn integral(&self, from: f64, to: f64) -> f64 {
         if let [only] = &self.keys[..] {
@@ -160,21 +161,24 @@ impl Track {
         sum + last.number() * (time - last.time)
     }
 
-    /// The greatest number of all times, in the parameter's unit; NaN for a track whose values are not numbers.
+    /// The greatest number of all times, in the parameter's unit; NaN for a track whose values are
+    /// not numbers.
     #[must_use]
     pub fn most(&self) -> f64 {
         // No easing leaves the span of its two keys.
         self.keys.iter().map(Keyframe::number).reduce(f64::max).unwrap_or(f64::NAN)
     }
 
-    /// The least number of all times, in the parameter's unit; NaN for a track whose values are not numbers.
+    /// The least number of all times, in the parameter's unit; NaN for a track whose values are not
+    /// numbers.
     #[must_use]
     pub fn least(&self) -> f64 {
         self.keys.iter().map(Keyframe::number).reduce(f64::min).unwrap_or(f64::NAN)
     }
 
-    /// The instants at which the formula of the value changes, seconds, ascending: the times of the keys, and
-    /// none for a value that is always the same. Between two of them the value is one polynomial in time.
+    /// The instants at which the formula of the value changes, seconds, ascending: the times of the
+    /// keys, and none for a value that is always the same. Between two of them the value is one
+    /// polynomial in time.
     pub fn breaks(&self) -> impl Iterator<Item = f64> {
         let keys = if self.keys.len() == 1 { &[][..] } else { &self.keys[..] };
         keys.iter().map(|key| key.time)

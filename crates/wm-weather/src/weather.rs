@@ -104,8 +104,8 @@ impl Weather {
         self.effects().any(|(effect, _)| effect.role == role)
     }
 
-    /// Returns true if an effect that is on needs this of a place, in this weather's fidelity: effects in the paper's own
-    /// form need nothing.
+    /// Returns true if an effect that is on needs this of a place, in this weather's fidelity:
+    /// effects in the paper's own form need nothing.
     #[must_use]
     pub fn needs(&self, need: Need) -> bool {
         let is_physical =
@@ -352,7 +352,8 @@ fn slant([x, y]: [f64; 2], speed: f64) -> [f64; 2] {
     [x, y].map(|v| v * eased / speed)
 }
 
-/// The direction, world axes, in which what falls at `speed` comes down in a mean wind, m/s: see [`PreparedWeather::fall`].
+/// The direction, world axes, in which what falls at `speed` comes down in a mean wind, m/s: see
+/// [`PreparedWeather::fall`].
 pub(crate) fn fall_of(wind: [f64; 2], speed: f64, up: [f64; 3]) -> [f64; 3] {
     let [x, y] = slant(wind, speed).map(|v| (v / SLOPE).round() * SLOPE);
     let way = [x, y, -1.0];
@@ -451,8 +452,9 @@ impl PreparedWeather {
         self.light.as_ref()
     }
 
-    /// Returns the brightest light that the place can show, linear, 1 = display white: under the captured sky what the photos show
-    /// white, since a training tells nothing of what is above; infinite where the weather brings a sky or lamps of its own.
+    /// Returns the brightest light that the place can show, linear, 1 = display white: under the
+    /// captured sky what the photos show white, since a training tells nothing of what is above;
+    /// infinite where the weather brings a sky or lamps of its own.
     #[must_use]
     pub fn brightest(&self) -> f32 {
         let is_own = |light: &LightChange| light.open.is_some() || light.has_headlamps;
@@ -460,14 +462,16 @@ impl PreparedWeather {
         if has_own { f32::INFINITY } else { 1.0 }
     }
 
-    /// Returns true if its light changes from frame to frame, at this or another instant: see [`MovingLight`].
+    /// Returns true if its light changes from frame to frame, at this or another instant: see
+    /// [`MovingLight`].
     #[must_use]
     pub fn moves_light(&self) -> bool {
         let moves = |light: &LightChange| light.has_headlamps || light.has_cloud_shadows;
         self.has_lightning || self.light.as_ref().is_some_and(moves)
     }
 
-    /// The light of one frame of [`Self::moves_light`]; `None` where nothing of it shines at the instant.
+    /// The light of one frame of [`Self::moves_light`]; `None` where nothing of it shines at the
+    /// instant.
     #[must_use]
     pub fn moving_light(&self, camera: &Camera) -> Option<MovingLight> {
         let change = self.light.as_ref()?;
@@ -497,7 +501,8 @@ impl PreparedWeather {
         self.falling.iter().filter(|kind| kind.kind.name == "rain").map(|kind| kind.rate).sum()
     }
 
-    /// Returns the velocity of the rain, m/s, world axes: its mean fall by water, and the wind with its gusts; `None` where no rain falls.
+    /// Returns the velocity of the rain, m/s, world axes: its mean fall by water, and the wind with
+    /// its gusts; `None` where no rain falls.
     #[must_use]
     pub fn rain_velocity(&self) -> Option<[f64; 3]> {
         let rain = self.falling.iter().find(|kind| kind.kind.name == "rain" && kind.rate > 0.0)?;
@@ -505,16 +510,17 @@ impl PreparedWeather {
         Some(from_level(&level_axes(self.site.up), [x, y, -rain.mean_speed()]))
     }
 
-    /// Returns the air at a wavelength of the near infrared, nm, for a lidar. `lidar_ratio` replaces the ratios of extinction and
-    /// backscatter of all that floats, sr.
+    /// Returns the air at a wavelength of the near infrared, nm, for a lidar. `lidar_ratio`
+    /// replaces the ratios of extinction and backscatter of all that floats, sr.
     #[must_use]
     pub fn infrared_air(&self, wavelength: f64, lidar_ratio: Option<f64>) -> InfraredAir {
         InfraredAir::new(&self.floating, &self.falling, (wavelength, lidar_ratio), &self.site)
     }
 
-    /// Returns what falls in front of a view of a sensor that takes no picture, `after` seconds from the instant: the very
-    /// particles that a camera sees there, each once. `reach` says up to where those of a shape and a diameter (m) are
-    /// asked for, m; particles that may come into the view within `duration` seconds around that time are among them.
+    /// Returns what falls in front of a view of a sensor that takes no picture, `after` seconds
+    /// from the instant: the very particles that a camera sees there, each once. `reach` says up to
+    /// where those of a shape and a diameter (m) are asked for, m; particles that may come into the
+    /// view within `duration` seconds around that time are among them.
     #[must_use]
     pub fn near_particles(
         &self,
@@ -531,8 +537,9 @@ impl PreparedWeather {
         self.falling.iter().flat_map(|kind| near::particles(path, view, kind, place, at, reach)).collect()
     }
 
-    /// Returns the falling particles that a picture shows, as they are drawn, each with its velocity relative to the camera, scene units a
-    /// second, world axes. Splashes are not among them.
+    /// Returns the falling particles that a picture shows, as they are drawn, each with its
+    /// velocity relative to the camera, scene units a second, world axes. Splashes are not among
+    /// them.
     #[must_use]
     pub fn drawn_particles(&self, path: SimdPath, seen: &Observer<'_>) -> Vec<(Particle, [f64; 3])> {
         let place = (&self.site, &self.air, self.wind_now, self.time);
@@ -545,7 +552,8 @@ impl PreparedWeather {
         &self.paper_falls
     }
 
-    /// The sub-clouds of one of [`Self::paper_falls`], the farthest first, each to be rendered by itself.
+    /// The sub-clouds of one of [`Self::paper_falls`], the farthest first, each to be rendered by
+    /// itself.
     #[must_use]
     pub fn sub_clouds(&self, fall: &PaperFall, seen: &Observer<'_>) -> Vec<Splats> {
         let Observer { camera, velocity, .. } = *seen;
@@ -576,7 +584,8 @@ impl PreparedWeather {
         self.wetness.as_ref().filter(|asked| !asked.is_nothing())
     }
 
-    /// Returns the direction of the rain that wets surfaces, the same at all times; `None` if the weather wets none.
+    /// Returns the direction of the rain that wets surfaces, the same at all times; `None` if the
+    /// weather wets none.
     #[must_use]
     pub fn wetting_rain(&self) -> Option<&SlantedRain> {
         self.wetness.as_ref().map(|asked| &asked.rain)
@@ -600,7 +609,8 @@ impl PreparedWeather {
         self.glass.as_deref()
     }
 
-    /// Has the level of a flood whose `ground` is `auto` count from the ground at this height over that of the site, m.
+    /// Has the level of a flood whose `ground` is `auto` count from the ground at this height over
+    /// that of the site, m.
     pub fn stand_flood_on(&mut self, ground: f64) {
         self.flood.iter_mut().for_each(|flood| flood.ground = flood.ground.or(Some(ground)));
     }
@@ -653,14 +663,16 @@ impl PreparedWeather {
         SkySheen::new(camera.center().to_array(), &level_axes(self.site.up), sky)
     }
 
-    /// The radiance of the sky near the horizon, linear RGB: what stands where a picture knows nothing.
+    /// The radiance of the sky near the horizon, linear RGB: what stands where a picture knows
+    /// nothing.
     #[must_use]
     pub fn haze(&self) -> [f64; 3] {
         self.site.airlight
     }
 
-    /// Returns the effect of the mean wind on what lies, while it falls and along the ground: no more than 45 degrees
-    /// from straight down ([`Self::slant`]), and along the ground the more the farther it is above the threshold.
+    /// Returns the effect of the mean wind on what lies, while it falls and along the ground: no
+    /// more than 45 degrees from straight down ([`Self::slant`]), and along the ground the more the
+    /// farther it is above the threshold.
     #[must_use]
     pub fn airflow(&self) -> Airflow {
         let [x, y] = self.wind_now.mean;
@@ -681,9 +693,10 @@ impl PreparedWeather {
         slant(self.wind_now.mean, speed)
     }
 
-    /// The direction in which most of it falls, world axes, length 1: down, with the mean wind but no flatter than 45 degrees,
-    /// since eddies carry drops behind what a strong wind meets. In steps of some three degrees, so that few maps of shelter
-    /// serve all times and each is that of its instant alone. `None` where nothing falls.
+    /// The direction in which most of it falls, world axes, length 1: down, with the mean wind but
+    /// no flatter than 45 degrees, since eddies carry drops behind what a strong wind meets. In
+    /// steps of some three degrees, so that few maps of shelter serve all times and each is that of
+    /// its instant alone. `None` where nothing falls.
     #[must_use]
     pub fn fall(&self) -> Option<[f64; 3]> {
         let kind = self.falling.iter().max_by(|a, b| a.rate.total_cmp(&b.rate))?;

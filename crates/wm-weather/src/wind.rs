@@ -1,9 +1,10 @@
 //! The wind: a mean that the weather file says, and gusts about it.
 //!
 //! Gusts are a sum of waves whose strength falls with frequency as in Kaimal's spectrum (1972),
-//! `S ~ 1 / (1 + 6 n)^(5/3)`, `n = f L / U`, along the wind and, half as strong, across. They are a pure function of time,
-//! and so is how far the air has come: each wave has its integral. Where speed or direction change over time it is
-//! the sum of Gauss-Legendre steps of at most a quarter of a second from 0 on, whatever frames are asked for.
+//! `S ~ 1 / (1 + 6 n)^(5/3)`, `n = f L / U`, along the wind and, half as strong, across. They are a
+//! pure function of time, and so is how far the air has come: each wave has its integral. Where
+//! speed or direction change over time it is the sum of Gauss-Legendre steps of at most a quarter
+//! of a second from 0 on, whatever frames are asked for.
 
 use crate::param::ParamValue;
 use crate::track::Track;
@@ -35,8 +36,9 @@ pub struct Wind {
 }
 
 impl Wind {
-    /// Speed in m/s and heading in degrees (where it blows to, counted from the first level axis towards the second)
-    /// over time; `gusts` is the standard deviation of the speed as a share of it.
+    /// Speed in m/s and heading in degrees (where it blows to, counted from the first level axis
+    /// towards the second) over time; `gusts` is the standard deviation of the speed as a share of
+    /// it.
     #[must_use]
     pub fn new(speed: Track, direction: Track, gusts: f64, seed: u64) -> Self {
         // The strength of waves goes by the typical speed of the whole time.

@@ -102,7 +102,8 @@ impl Engine {
             renderer.load_with(scene, &options).map_err(said)?
         };
         let (painter, pace) = (ViewPainter::default(), Pace::default());
-        // The splats that were read of them take more: some 250 bytes each, of which a file has some 25.
+        // The splats that were read of them take more: some 250 bytes each, of which a file has
+        // some 25.
         let (view, wanted, kept) = (None, Vec::new(), memory / 4);
         Ok(Self { page, files, renderer, place, painter, pace, view, wanted, kept })
     }

@@ -60,8 +60,8 @@ impl SiteFiles {
         Ok(())
     }
 
-    /// Fetches those of these prepared assets into the store that the site has; one that cannot be fetched is made anew. Returns
-    /// what is there.
+    /// Fetches those of these prepared assets into the store that the site has; one that cannot be
+    /// fetched is made anew. Returns what is there.
     pub async fn keep_prepared(&self, names: &[String]) -> Vec<PathBuf> {
         let wanted: Vec<String> = names.iter().map(|name| format!("assets/{name}")).collect();
         let has_all = wanted.iter().all(|name| self.prepared.contains(name));

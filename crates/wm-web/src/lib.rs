@@ -1,7 +1,9 @@
-//! The player of exported pages: what the program's server and render worker do for the viewer's page, in the page's own worker.
+//! The player of exported pages: what the program's server and render worker do for the viewer's
+//! page, in the page's own worker.
 //!
-//! A module of WebAssembly with one class, [`Player`]. It fetches the files of a site through a function of the page, draws views as
-//! the program does, and answers what the page asks: catalog, links, files to save.
+//! A module of WebAssembly with one class, [`Player`]. It fetches the files of a site through a
+//! function of the page, draws views as the program does, and answers what the page asks: catalog,
+//! links, files to save.
 #![cfg(target_arch = "wasm32")]
 #![allow(clippy::await_holding_refcell_ref)] // The engine is one call's at a time: `Player::engine` refuses a second one.
 
@@ -23,8 +25,8 @@ use wm_viewer::link;
 use wm_viewer::site::SiteFile;
 use wm_viewer::state::{View, ViewState};
 
-/// Renders the scene of a site. What draws, [`Self::render`], [`Self::prepare`], [`Self::pick`] and pictures of [`Self::file`], is called one after
-/// the other; the rest answers at any time.
+/// Renders the scene of a site. What draws, [`Self::render`], [`Self::prepare`], [`Self::pick`] and
+/// pictures of [`Self::file`], is called one after the other; the rest answers at any time.
 #[wasm_bindgen]
 pub struct Player {
     catalog: Arc<Catalog>,
@@ -109,8 +111,9 @@ impl SavedFile {
 
 #[wasm_bindgen]
 impl Player {
-    /// Opens the site: `fetch(name)` gives a promise of the bytes of a file below `place/`, `say(json)` takes messages of the viewer such as
-    /// its status, `device` is `auto`, `gpu` or `cpu`.
+    /// Opens the site: `fetch(name)` gives a promise of the bytes of a file below `place/`,
+    /// `say(json)` takes messages of the viewer such as its status, `device` is `auto`, `gpu` or
+    /// `cpu`.
     pub async fn open(
         fetch: js_sys::Function,
         say: js_sys::Function,
@@ -140,8 +143,8 @@ impl Player {
         self.catalog.json(&self.start).to_string()
     }
 
-    /// Draws the view of a state, JSON, whose missing fields keep their value: a small draft of a view that is `moving`, else the whole
-    /// picture, with the assets that there are.
+    /// Draws the view of a state, JSON, whose missing fields keep their value: a small draft of a
+    /// view that is `moving`, else the whole picture, with the assets that there are.
     pub async fn render(&self, seq: f64, moving: bool, state: String) -> Result<PlayerFrame, JsValue> {
         let state = parsed(&state).and_then(|patch| self.last.borrow().patched(patch)).map_err(failure)?;
         let mut engine = self.engine()?;
@@ -160,14 +163,16 @@ impl Player {
         self.engine()?.prepare().await.map_err(failure)
     }
 
-    /// The point of the scene at a point of the last picture, 0-1 of its sides, as JSON; `null` where there is nothing.
+    /// The point of the scene at a point of the last picture, 0-1 of its sides, as JSON; `null`
+    /// where there is nothing.
     pub async fn pick(&self, x: f64, y: f64) -> Result<String, JsValue> {
         let view = self.last_view()?;
         let point = self.engine()?.pick(&view, [x, y]).await.map_err(failure)?;
         Ok(json!(point).to_string())
     }
 
-    /// A file to save of a state, JSON: `weather`, `camera`, `command`, or `picture`, a PNG file as `render` writes it.
+    /// A file to save of a state, JSON: `weather`, `camera`, `command`, or `picture`, a PNG file as
+    /// `render` writes it.
     pub async fn file(&self, kind: String, state: String) -> Result<SavedFile, JsValue> {
         let view = self.view_of(&state).map_err(failure)?;
         let names = FileNames::of(&self.catalog, &view);

@@ -30,7 +30,8 @@ pub struct BenchCase {
 }
 
 impl BenchCase {
-    /// Returns every case: outputs under a clear sky, weathers with colour alone, and everything at once.
+    /// Returns every case: outputs under a clear sky, weathers with colour alone, and everything at
+    /// once.
     pub fn all(site: &Site, config: impl Fn(Outputs) -> RenderConfig) -> Result<Vec<Self>> {
         use Geometry::{Depth, DepthNormal, None};
         use MedianDepth::{Off, On};
@@ -40,7 +41,8 @@ impl BenchCase {
             Ok(weather)
         };
         let rain = weather("clear", &["rain.rate=25"])?;
-        // About 100,000 drops in view of the profile scene: a cloudburst, with drops that are drawn farther.
+        // About 100,000 drops in view of the profile scene: a cloudburst, with drops that are drawn
+        // farther.
         let drops = weather("clear", &["rain.rate=60", "rain.size=1.3"])?;
         let snow = weather("clear", &["snowfall.rate=2.5"])?;
         let paper = weather("clear", &["rain.rate=25", "fidelity=paper"])?;
@@ -54,7 +56,8 @@ impl BenchCase {
         let splashes = weather("clear", &[&rain_on_wet[..], &["splash=on"]].concat())?;
         let flood = weather("clear", &["flood.level=0.3", "wind.speed=4"])?;
         let flood_in_rain = weather("clear", &["flood.level=0.3", "wind.speed=4", "rain.rate=8"])?;
-        // Drops of a windscreen alone, to compare with "rgb", and in the rain of "rgb, rain 25 mm/h", to compare with that.
+        // Drops of a windscreen alone, to compare with "rgb", and in the rain of "rgb, rain 25
+        // mm/h", to compare with that.
         let windscreen = ["lens.distance=0.2", "lens.aperture=1.5", "lens.rate=15"];
         let lens = weather("clear", &windscreen)?;
         let lens_in_rain = weather("clear", &[&windscreen[..], &["rain.rate=25"]].concat())?;
@@ -137,8 +140,8 @@ impl BenchCase {
         self.sky.cover()
     }
 
-    /// Returns true if the weather needs more of the place than its splats: its light, or a thinned copy for drops on the lens and for
-    /// water.
+    /// Returns true if the weather needs more of the place than its splats: its light, or a thinned
+    /// copy for drops on the lens and for water.
     pub fn needs_place(&self) -> bool {
         let sky = &self.sky;
         sky.light().is_some() || sky.wetness().is_some() || sky.glass().is_some() || sky.flood().is_some()
@@ -155,7 +158,8 @@ impl BenchCase {
 pub struct FrameTiming {
     /// Wall-clock time, seconds.
     pub wall: f64,
-    /// CPU time of all threads of the process, seconds; the wall-clock time if the system does not report it.
+    /// CPU time of all threads of the process, seconds; the wall-clock time if the system does not
+    /// report it.
     pub cpu: f64,
     /// Statistics of the renderer.
     pub stats: Stats,

@@ -1,8 +1,9 @@
 //! `bench`: rendering speed of scenes, as times and as ratios of cases that take turns.
 //!
-//! Cases of one scene are measured in rounds, one frame of each per round, and compared round by round, so
-//! that other load on the machine slows both sides of a ratio. CPU time is that of the process.
-//! With `--training` training steps are measured, on all threads and on one in turns; with `--sensors` lidar sweeps and fisheyes.
+//! Cases of one scene are measured in rounds, one frame of each per round, and compared round by
+//! round, so that other load on the machine slows both sides of a ratio. CPU time is that of the
+//! process. With `--training` training steps are measured, on all threads and on one in turns; with
+//! `--sensors` lidar sweeps and fisheyes.
 
 mod measure;
 pub mod paper;
@@ -57,7 +58,8 @@ pub struct BenchArgs {
     /// Number of rounds to measure, after two warm-up rounds
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     frames: u32,
-    /// Measure only rgb and the cases whose name contains this, such as rain, or one of several; skips threads and SIMD paths
+    /// Measure only rgb and the cases whose name contains this, such as rain, or one of several;
+    /// skips threads and SIMD paths
     #[arg(long, value_name = "TEXT")]
     cases: Vec<String>,
     /// Do not render the splats of the sky
@@ -69,7 +71,8 @@ pub struct BenchArgs {
     /// Measure lidar sweeps and pictures through a fisheye instead of frames
     #[arg(long, conflicts_with_all = ["training", "cases"])]
     sensors: bool,
-    /// Measure the paper's Table I (frames a second in clear air, fog, rain or snowfall, and snow cover) and print it with the paper's numbers as Markdown
+    /// Measure the paper's Table I (frames a second in clear air, fog, rain or snowfall, and snow
+    /// cover) and print it with the paper's numbers as Markdown
     #[arg(long, conflicts_with_all = ["training", "sensors", "cases"])]
     paper: bool,
     /// Devices of the table, as for --device, such as cpu,gpu [default: the one of --device]

@@ -1,9 +1,12 @@
-//! `bench --paper`: measures the paper's Table I, frames a second by weather, beside the paper's own numbers.
+//! `bench --paper`: measures the paper's Table I, frames a second by weather, beside the paper's
+//! own numbers.
 //!
-//! The paper (Sang et al., Table I) renders scenes of Mip-NeRF 360 at 1200x800 px on an RTX 4090: clear 83.30, fog, smog and haze 31.27,
-//! rain and snowfall 10.42, snow cover 58.24 frames a second. Here the same four columns are measured for each scene on each
-//! device, with this program's weather and with the paper's own formulas (fidelity `paper`), and for the clear picture the
-//! growth of time with pixels and splats. Numbers of different machines do not compare programs: the table names the machine.
+//! The paper (Sang et al., Table I) renders scenes of Mip-NeRF 360 at 1200x800 px on an RTX 4090:
+//! clear 83.30, fog, smog and haze 31.27, rain and snowfall 10.42, snow cover 58.24 frames a
+//! second. Here the same four columns are measured for each scene on each device, with this
+//! program's weather and with the paper's own formulas (fidelity `paper`), and for the clear
+//! picture the growth of time with pixels and splats. Numbers of different machines do not compare
+//! programs: the table names the machine.
 
 use super::BenchArgs;
 use super::measure::BenchTarget;
@@ -35,7 +38,8 @@ const PAPER: [(&str, [Option<f64>; 4]); 4] = [
     ("the paper's own (RTX 4090)", [Some(83.30), Some(31.27), Some(10.42), Some(58.24)]),
 ];
 
-/// Rows that are measured: this program's weather, then the paper's formulas. A cell with several cases is the mean of their times.
+/// Rows that are measured: this program's weather, then the paper's formulas. A cell with several
+/// cases is the mean of their times.
 const ROWS: [(&str, [&[&str]; 4]); 2] = [
     (
         "physical",

@@ -38,7 +38,8 @@ struct SensorCase {
     wall_ms: f64,
     best_wall_ms: f64,
     cpu_ms: f64,
-    /// CPU time over that of the pinhole's picture in the same weather, round by round; none for a lidar.
+    /// CPU time over that of the pinhole's picture in the same weather, round by round; none for a
+    /// lidar.
     #[serde(skip_serializing_if = "Option::is_none")]
     cpu_ratio: Option<f64>,
     /// Points of the last sweep; none for a picture.

@@ -122,7 +122,8 @@ pub fn measure(name: &str, splats: &Splats, camera: &Camera, args: &BenchArgs) -
             if interrupt::asked() {
                 return Err(Interrupted("the measurement is not complete".into()).into());
             }
-            // A GPU goes on with a step after the call, and the next call waits for it: it must find the rest of a step.
+            // A GPU goes on with a step after the call, and the next call waits for it: it must
+            // find the rest of a step.
             trainer.step(&truth, 0)?;
             let (cpu, started) = (cpu_seconds(), Instant::now());
             let report = trainer.step(&truth, 0)?;

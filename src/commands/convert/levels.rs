@@ -14,7 +14,8 @@ pub fn is_levels(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name == INDEX_NAME)
 }
 
-/// Writes `scene` with the index `out`, with so many levels, or as many as suit its leaves; returns the lines to print.
+/// Writes `scene` with the index `out`, with so many levels, or as many as suit its leaves; returns
+/// the lines to print.
 pub fn write(
     out: &Path,
     mut scene: Scene,

@@ -50,14 +50,14 @@ pub struct ConvertArgs {
     /// continue
     #[arg(long)]
     repair: bool,
-    /// Level of a scene with several levels of detail; 0 is the finest [default: the finest, or the finest that fits
-    /// --max-splats]
+    /// Level of a scene with several levels of detail; 0 is the finest [default: the finest, or the
+    /// finest that fits --max-splats]
     #[arg(long, value_name = "N")]
     level: Option<u32>,
     #[command(flatten)]
     change: ChangeArgs,
-    /// Number of levels of a lod-meta.json, each with half the splats of the one before, or auto: down to a 128th, of large
-    /// scenes a 512th
+    /// Number of levels of a lod-meta.json, each with half the splats of the one before, or auto:
+    /// down to a 128th, of large scenes a 512th
     #[arg(long, value_name = "N|auto", default_value = "auto", help_heading = "Format")]
     lod: LevelCount,
     /// Version of SPZ: 3 (gzip, read by most programs) or 4 (Zstandard)
@@ -85,7 +85,8 @@ struct ChangeArgs {
     /// The scene's own sky: keep it, drop it, or rebuild it from what is far and above the horizon
     #[arg(long, value_name = "HOW", default_value = "keep", help_heading = "Change")]
     sky: SkyChoice,
-    /// Multiply all lengths by this factor; `metres` makes a unit a metre if the scene's scale is known
+    /// Multiply all lengths by this factor; `metres` makes a unit a metre if the scene's scale is
+    /// known
     #[arg(long, value_name = "FACTOR", value_parser = parse_scale, help_heading = "Change")]
     scale: Option<LengthScale>,
     /// Keep positions relative to this point of the world, or to none [default: the origin of the

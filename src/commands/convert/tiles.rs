@@ -9,7 +9,8 @@ use std::path::Path;
 use wm_scene::formats::folder::scene_file;
 use wm_scene::levels::{LevelIndex, TileOptions, TilePlan};
 
-/// Tiles that are written one after the other on one thread, so that they share what is read for them.
+/// Tiles that are written one after the other on one thread, so that they share what is read for
+/// them.
 const TOGETHER: usize = 16;
 
 /// Returns true if a path names 3D Tiles.

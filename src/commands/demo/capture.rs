@@ -60,9 +60,9 @@ enum LieChoice {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Captures")]
 pub struct CaptureArgs {
-    /// Take the photos as a real capture leaves them, with EXIF and a model in arbitrary axes and units, and write the
-    /// truth to truth.json: nadir (a drone looking down), oblique (a drone on a ring), walk (a phone), drive (a car in
-    /// traffic)
+    /// Take the photos as a real capture leaves them, with EXIF and a model in arbitrary axes and
+    /// units, and write the truth to truth.json: nadir (a drone looking down), oblique (a drone on
+    /// a ring), walk (a phone), drive (a car in traffic)
     #[arg(
         long,
         value_name = "KIND",
@@ -89,7 +89,8 @@ pub struct CaptureArgs {
         hide_possible_values = true
     )]
     tone_curve: ToneChoice,
-    /// What EXIF lies about: focal, continent, zero, nonsense, time, or several; photos take turns with wrong positions
+    /// What EXIF lies about: focal, continent, zero, nonsense, time, or several; photos take turns
+    /// with wrong positions
     #[arg(
         long,
         value_name = "LIST",

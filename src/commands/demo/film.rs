@@ -12,7 +12,8 @@ const CLEAR: f64 = 30_000.0;
 /// Visibility in the thickest fog, m: hides the end of the street, but not the next houses.
 const THICK: f64 = 60.0;
 
-/// Height over which the fog thins to 1/e, m, as in sea fog. Without a limit it would hide the sky from the first frame on.
+/// Height over which the fog thins to 1/e, m, as in sea fog. Without a limit it would hide the sky
+/// from the first frame on.
 const HEIGHT: f64 = 150.0;
 
 /// The demo's film.
@@ -48,7 +49,8 @@ impl FogFilm {
     }
 }
 
-/// Returns the visibility, m, at a fraction of the film. It is interpolated in logarithms, since equal ratios look alike.
+/// Returns the visibility, m, at a fraction of the film. It is interpolated in logarithms, since
+/// equal ratios look alike.
 fn mor(share: f64) -> f64 {
     let smooth = |from: f64, to: f64| {
         let t = ((share - from) / (to - from)).clamp(0.0, 1.0);

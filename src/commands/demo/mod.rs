@@ -1,6 +1,7 @@
 //! `demo`: photos, reconstruction and weather on the built-in street, without input or download.
 //!
-//! The pictures of the README, `docs/weathers.jpg`, show the scene that `demo --sampled --only scene` writes.
+//! The pictures of the README, `docs/weathers.jpg`, show the scene that
+//! `demo --sampled --only scene` writes.
 
 mod capture;
 mod film;
@@ -55,19 +56,22 @@ const OTHER: &str = "give another folder with --out";
 /// Options of `demo`.
 #[derive(Args, Debug)]
 pub struct DemoArgs {
-    /// Folder to write street.ply, sheet.png and fog.mp4 into, and photos/ unless --sampled is given
+    /// Folder to write street.ply, sheet.png and fog.mp4 into, and photos/ unless --sampled is
+    /// given
     #[arg(short, long, value_name = "FOLDER", default_value = "weather-magician-demo")]
     out: PathBuf,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Size of the film, and of each picture of the sheet, px [default: 960x640; of --photos, 600x400]
+    /// Size of the film, and of each picture of the sheet, px [default: 960x640; of --photos,
+    /// 600x400]
     #[arg(long, value_name = "WxH", value_parser = spec::parse_size)]
     size: Option<(u32, u32)>,
-    /// Take no photos: sample the scene from the street's own surfaces, which is quicker and sharper than
-    /// reconstructing it
+    /// Take no photos: sample the scene from the street's own surfaces, which is quicker and
+    /// sharper than reconstructing it
     #[arg(long)]
     sampled: bool,
-    /// Only take the photos, with exact depth, normals and sky, into this folder (a COLMAP data set)
+    /// Only take the photos, with exact depth, normals and sky, into this folder (a COLMAP data
+    /// set)
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["sampled", "only", "steps"], help_heading = "Photos")]
     photos: Option<PathBuf>,
     /// Place of --photos: street or park
@@ -85,7 +89,8 @@ pub struct DemoArgs {
     /// Number of photos [default: 40; of --capture, 24 to 30]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(3..=100_000), help_heading = "Photos")]
     count: Option<u32>,
-    /// Route of the camera: walk (through the place) or orbit (around it, from above), exact and in metres
+    /// Route of the camera: walk (through the place) or orbit (around it, from above), exact and in
+    /// metres
     #[arg(long, value_name = "ROUTE", default_value = "walk", requires = "photos", help_heading = "Photos")]
     route: PhotoRoute,
     /// Exact depth, normals and sky of the photos: write or omit

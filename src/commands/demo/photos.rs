@@ -173,7 +173,8 @@ impl PhotoSession {
     }
 }
 
-/// Removes the photos of an earlier session: those that are left over would not belong to the new model.
+/// Removes the photos of an earlier session: those that are left over would not belong to the new
+/// model.
 ///
 /// Removes only files that a session writes: any other data set belongs to the user.
 fn clear(folder: &Path) -> Result<()> {
@@ -209,8 +210,8 @@ pub fn run_folder(scene: &Path) -> PathBuf {
     scene.with_extension("run")
 }
 
-/// Reconstructs the photos in `folder` into `scene` by running the command `reconstruct`. Starts from the beginning, and replaces
-/// what exists.
+/// Reconstructs the photos in `folder` into `scene` by running the command `reconstruct`. Starts
+/// from the beginning, and replaces what exists.
 ///
 /// # Errors
 /// Options of `reconstruct`.

@@ -1,5 +1,5 @@
-//! `evaluate`: compares a scene with the photos of a data set, and with true depth, normals and sky if there are
-//! maps of them; or pictures with photographs of real weather.
+//! `evaluate`: compares a scene with the photos of a data set, and with true depth, normals and sky
+//! if there are maps of them; or pictures with photographs of real weather.
 
 mod page;
 mod realism;
@@ -22,7 +22,8 @@ use wm_scene::files::{check_writable, write_atomically};
 
 /// Options of `evaluate`.
 #[derive(Args, Clone, Debug)]
-// The scene is optional, as pictures are compared without one; its group is needed to detect it, and derive leaves it empty.
+// The scene is optional, as pictures are compared without one; its group is needed to detect it,
+// and derive leaves it empty.
 #[command(mut_arg("scene", |scene| {
     scene.required(false).required_unless_present_any(["pictures", "paper"]).group("SceneArgs")
 }))]
@@ -78,11 +79,12 @@ struct PhotoArgs {
     set: DatasetArgs,
     #[command(flatten)]
     held_out: HeldOutArgs,
-    /// Correction of the render before colours are compared: none, or affine (the change of colour, one for each
-    /// photo, that brings the render nearest to it)
+    /// Correction of the render before colours are compared: none, or affine (the change of colour,
+    /// one for each photo, that brings the render nearest to it)
     #[arg(long, value_name = "FIT", default_value = "none", help_heading = "Photos")]
     exposure_fit: ExposureFitArg,
-    /// Air between cameras and scene: photos (the haze in which the scene's own photos were taken, if any) or clear
+    /// Air between cameras and scene: photos (the haze in which the scene's own photos were taken,
+    /// if any) or clear
     #[arg(long, value_name = "AIR", default_value = "photos", help_heading = "Photos")]
     air: AirArg,
 }

@@ -14,8 +14,8 @@ use weather_magician::panorama_file::read_panorama;
 use wm_weather::Weather;
 use wm_weather::presets::PRESETS;
 
-/// The presets that are prepared without being asked for, the most useful first: light, rain on wet ground, lying snow, the sun,
-/// falling snow, lamps.
+/// The presets that are prepared without being asked for, the most useful first: light, rain on wet
+/// ground, lying snow, the sun, falling snow, lamps.
 const COMMON: [&str; 8] =
     ["overcast", "moderate-rain", "snow-covered", "sunny", "snow", "heavy-rain", "night", "golden-hour"];
 /// The beginning of the name of surfaces, which the others are made from.
@@ -71,7 +71,8 @@ pub struct AssetBudget {
     pub is_strict: bool,
 }
 
-/// Prepares what the weathers need, each as far as the budget allows. What is in the folder already is of the first one.
+/// Prepares what the weathers need, each as far as the budget allows. What is in the folder already
+/// is of the first one.
 pub fn prepare(
     loaded: &mut OpenScene,
     first: &Weather,

@@ -28,7 +28,8 @@ use wm_viewer::catalog::panoramas_of;
 use wm_viewer::site::{SITE_VERSION, SiteAsset, SiteFile, SiteView};
 use wm_weather::Weather;
 
-/// Memory of a page for a scene in levels of detail, bytes: a module of 32 bits has 4 GiB at most, and phones less.
+/// Memory of a page for a scene in levels of detail, bytes: a module of 32 bits has 4 GiB at most,
+/// and phones less.
 const MEMORY: u64 = 1 << 30;
 
 /// Options of `export-web`.
@@ -53,9 +54,10 @@ pub struct ExportWebArgs {
         help_heading = "Weather"
     )]
     time: f64,
-    /// Weathers that the page has the prepared data of, beside its first: auto (those of common presets, as far as they fit
-    /// --asset-megabytes), all (of every preset, as far as they fit), none, or a list of presets and weather files. The browser makes
-    /// what is not prepared when it is asked for
+    /// Weathers that the page has the prepared data of, beside its first: auto (those of common
+    /// presets, as far as they fit --asset-megabytes), all (of every preset, as far as they fit),
+    /// none, or a list of presets and weather files. The browser makes what is not prepared when it
+    /// is asked for
     #[arg(
         long,
         value_name = "LIST",
@@ -64,13 +66,14 @@ pub struct ExportWebArgs {
         help_heading = "Weather"
     )]
     prepare: Vec<String>,
-    /// Most of those data, megabytes [default: 128, with --single-file 12]; those of the first weather are always there but with
-    /// --single-file
+    /// Most of those data, megabytes [default: 128, with --single-file 12]; those of the first
+    /// weather are always there but with --single-file
     #[arg(long, value_name = "N", help_heading = "Weather")]
     asset_megabytes: Option<u32>,
     #[command(flatten)]
     viewpoint: ViewpointArgs,
-    /// Output folder, or the HTML file with --single-file [default: named after scene and weather, in this folder]
+    /// Output folder, or the HTML file with --single-file [default: named after scene and weather,
+    /// in this folder]
     #[arg(short, long, value_name = "PATH", help_heading = "Output")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -78,7 +81,8 @@ pub struct ExportWebArgs {
     /// Write one HTML file with everything in it, 40 MB at most; it also opens from a disk
     #[arg(long, help_heading = "Output")]
     single_file: bool,
-    /// Folder with player.js and player_bg.wasm [default: those of the program, or web-player beside it]
+    /// Folder with player.js and player_bg.wasm [default: those of the program, or web-player
+    /// beside it]
     #[arg(long, value_name = "FOLDER", help_heading = "Output")]
     player: Option<PathBuf>,
     /// Leave out the video, which browsers show that cannot run the player
@@ -87,7 +91,8 @@ pub struct ExportWebArgs {
     /// Leave out the small pictures of the presets
     #[arg(long, help_heading = "Output")]
     no_thumbnails: bool,
-    /// Memory that the page may take for a scene in levels of detail, such as 2GiB or 800MB [default: 1GiB]
+    /// Memory that the page may take for a scene in levels of detail, such as 2GiB or 800MB
+    /// [default: 1GiB]
     #[arg(long, value_name = "BYTES", value_parser = parse_memory, help_heading = "Output")]
     memory: Option<u64>,
     #[command(flatten)]

@@ -9,8 +9,8 @@ use wm_scene::files::{TempFolder, check_writable, rename, write_atomically, writ
 
 /// The file by which a site of this program is known.
 pub const MARK: &str = "place/place.json";
-/// An empty file in the output folder while the site's files are moved there. If the program is killed
-/// then, it stays, and says that the folder belongs to a site and may be written to again.
+/// An empty file in the output folder while the site's files are moved there. If the program is
+/// killed then, it stays, and says that the folder belongs to a site and may be written to again.
 const UNFINISHED: &str = ".unfinished-site";
 /// Parts of an older site that are removed even if the new one lacks them.
 const PARTS: [&str; 2] = ["place", "video.mp4"];
@@ -43,7 +43,8 @@ impl SiteFolder {
         self.made.path()
     }
 
-    /// Moves the site to its place, and returns its size, bytes. What else lies in a folder with an older site stays.
+    /// Moves the site to its place, and returns its size, bytes. What else lies in a folder with an
+    /// older site stays.
     pub fn finish(self) -> Result<u64> {
         let (made, out) = (self.made.path(), &self.out);
         let bytes = size_of(made)?;

@@ -48,8 +48,8 @@ pub fn poster(
     write(path, &jpeg(&picture.frame, POSTER.1)?)
 }
 
-/// Writes a small picture of each preset into `folder`; returns the names of those that it wrote: not of a preset that the place
-/// cannot be rendered in.
+/// Writes a small picture of each preset into `folder`; returns the names of those that it wrote:
+/// not of a preset that the place cannot be rendered in.
 pub fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Result<Vec<String>> {
     make_folder(folder)?;
     let camera = resized(start, thumbnail::WIDTH);
@@ -76,7 +76,8 @@ pub fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Resu
     Ok(names)
 }
 
-/// Writes a video of a few seconds from the start on, for browsers that cannot run the player. A program without an encoder writes none.
+/// Writes a video of a few seconds from the start on, for browsers that cannot run the player. A
+/// program without an encoder writes none.
 pub fn video(
     loaded: &mut OpenScene,
     weather: &Weather,

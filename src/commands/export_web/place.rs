@@ -130,7 +130,8 @@ fn open_levels(
     Ok((loaded, SitePlace { file: INDEX_NAME, metadata, views: Vec::new(), words, is_in_levels: true }))
 }
 
-/// Adds what a survey found to the facts of a scene: browsers compute with other last digits, and assets are known by all of them.
+/// Adds what a survey found to the facts of a scene: browsers compute with other last digits, and
+/// assets are known by all of them.
 fn known(stated: Metadata, survey: &Survey) -> Metadata {
     let is_known = |source: FactSource| source != FactSource::Assumed;
     let is_sure = |fact: wm_scene::survey::Confidence| Some(fact).filter(|fact| *fact != Default::default());
@@ -152,8 +153,8 @@ fn known(stated: Metadata, survey: &Survey) -> Metadata {
     facts
 }
 
-/// Copies a scene in levels, each of its files as one bundle, since a page fetches file by file; the index is last. With `repairs` files that
-/// are missing or damaged are left out.
+/// Copies a scene in levels, each of its files as one bundle, since a page fetches file by file;
+/// the index is last. With `repairs` files that are missing or damaged are left out.
 fn copy_levels(index: &LevelIndex, folder: &Path, repairs: bool) -> Result<()> {
     let names: Vec<&String> = index.files.iter().chain(&index.environment).collect();
     let bar = progress::bar(names.len() as u64, "copying the scene");

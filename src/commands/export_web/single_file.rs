@@ -1,4 +1,5 @@
-//! One HTML file with a whole site in it: modules and data are base64 in elements of their own, which `single.js` gives to the page.
+//! One HTML file with a whole site in it: modules and data are base64 in elements of their own,
+//! which `single.js` gives to the page.
 
 use super::at;
 use super::output::{SiteFolder, megabytes, write as write_file};
@@ -15,7 +16,8 @@ const MOST: u64 = 40_000_000;
 const IN_PAGE: [&str; 4] = ["index.html", "style.css", "icon.svg", STARTER];
 /// The script that gives the files to the page.
 pub const STARTER: &str = "single.js";
-/// The content policy: only what is inside of the page is loaded, and the one script that starts it.
+/// The content policy: only what is inside of the page is loaded, and the one script that starts
+/// it.
 const POLICY: &str = "default-src 'none'; script-src 'sha256-STARTER' blob: 'wasm-unsafe-eval'; worker-src blob:; \
                       style-src 'unsafe-inline'; img-src blob: data:; media-src blob:; connect-src blob: data:; \
                       base-uri 'none'; form-action 'none'";

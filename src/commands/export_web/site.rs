@@ -28,7 +28,8 @@ pub fn start(camera: &Camera, weather: &Weather, time: f64) -> ViewState {
     }
 }
 
-/// The content policy: a page loads its own files, compiles its module, and shows pictures from memory.
+/// The content policy: a page loads its own files, compiles its module, and shows pictures from
+/// memory.
 const POLICY: &str = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; \
                       style-src 'self' 'unsafe-inline'; img-src 'self' blob: data:; media-src 'self'; connect-src 'self'; \
                       base-uri 'none'; form-action 'none'";

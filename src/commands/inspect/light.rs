@@ -29,7 +29,8 @@ pub fn show(args: &InspectArgs, scene: Scene, facts: Metadata) -> Result<()> {
     Ok(())
 }
 
-/// Draws the place as captured and under clouds, what of it is in the sun, and what is open to the sky.
+/// Draws the place as captured and under clouds, what of it is in the sun, and what is open to the
+/// sky.
 fn draw(renderer: &mut Renderer, place: &mut PreparedPlace, light: &CaptureLight, path: &Path) -> Result<()> {
     let options = ViewOptions { size: Some(PANEL), ..ViewOptions::default() };
     let camera = choose::choose(&mut renderer.view_search(place, options))?.camera;

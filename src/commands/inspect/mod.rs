@@ -37,16 +37,18 @@ pub struct InspectArgs {
     /// Fail if there is any doubt: the exit code is 1. Notes are no doubts
     #[arg(long)]
     strict: bool,
-    /// Split the light of the photos into sun and sky, as weather with `light` does, and report it; takes seconds
+    /// Split the light of the photos into sun and sky, as weather with `light` does, and report it;
+    /// takes seconds
     #[arg(long)]
     light: bool,
-    /// Draw it too, as a PNG: the place as captured and under clouds, what is in the sun, and what is open to the sky
+    /// Draw it too, as a PNG: the place as captured and under clouds, what is in the sun, and what
+    /// is open to the sky
     #[arg(long, value_name = "PATH", requires = "light")]
     light_picture: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Write up, ground, scale and airlight into a TOML file beside the scene, from which all commands read
-    /// them
+    /// Write up, ground, scale and airlight into a TOML file beside the scene, from which all
+    /// commands read them
     #[arg(long)]
     save_metadata: bool,
 }

@@ -49,20 +49,21 @@ pub struct MeasureArgs {
         help_heading = "Weather"
     )]
     time: f64,
-    /// Use only these instruments: visibility, rays, gauge, streaks, stake, budget, wet-card, water-budget, lux, sundial, shadows, allard,
-    /// halo, flash, fresnel, mirror, secchi, ripples, lamp-streak, lidar-board, lidar-air, lidar-drops, lidar-road, consistency, controls [default:
-    /// all that can measure the weather]
+    /// Use only these instruments: visibility, rays, gauge, streaks, stake, budget, wet-card,
+    /// water-budget, lux, sundial, shadows, allard, halo, flash, fresnel, mirror, secchi, ripples,
+    /// lamp-streak, lidar-board, lidar-air, lidar-drops, lidar-road, consistency, controls
+    /// [default: all that can measure the weather]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     instruments: Vec<String>,
-    /// Camera for views of the scene: EYE:TARGET as X,Y,Z:X,Y,Z, or a photo's name or number [default: chosen
-    /// automatically]
+    /// Camera for views of the scene: EYE:TARGET as X,Y,Z:X,Y,Z, or a photo's name or number
+    /// [default: chosen automatically]
     #[arg(short, long, value_name = "CAMERA", allow_hyphen_values = true)]
     camera: Option<CameraSpec>,
     /// Size of the pictures of the scene, px
     #[arg(long, value_name = "WxH", value_parser = spec::parse_size, default_value = "480x320")]
     size: (u32, u32),
-    /// Write a report for a browser, report.html, into this folder, with all numbers as readings.json, .csv and .md, and its
-    /// plots as SVG
+    /// Write a report for a browser, report.html, into this folder, with all numbers as
+    /// readings.json, .csv and .md, and its plots as SVG
     #[arg(long, value_name = "FOLDER", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]

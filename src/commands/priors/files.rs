@@ -18,11 +18,12 @@ use wm_train::priors::relative::{Relative, pairs};
 /// The folders of maps, and the meaning of their numbers.
 #[derive(Args, Clone, Debug)]
 pub struct FileArgs {
-    /// Folder of depth maps, one file per photo and named after it: .png, .tiff, .exr or .npy; of any size with the photo's
-    /// aspect ratio
+    /// Folder of depth maps, one file per photo and named after it: .png, .tiff, .exr or .npy; of
+    /// any size with the photo's aspect ratio
     #[arg(long, value_name = "FOLDER", help_heading = "Maps")]
     depth: Option<PathBuf>,
-    /// Quantity in the depth maps: z (distance from the camera's plane), ray (from its centre) or disparity (1 / z)
+    /// Quantity in the depth maps: z (distance from the camera's plane), ray (from its centre) or
+    /// disparity (1 / z)
     #[arg(
         long,
         value_name = "FORM",
@@ -32,16 +33,17 @@ pub struct FileArgs {
         hide_default_value = true
     )]
     depth_form: DepthForm,
-    /// Scale of the depth maps: metric (metres), scaled (an unknown factor for each map) or relative (an unknown
-    /// factor and offset of each map's 1 / z, as from most networks). Factors and offsets are fitted to the
-    /// points [default: relative for disparity, else metric]
+    /// Scale of the depth maps: metric (metres), scaled (an unknown factor for each map) or
+    /// relative (an unknown factor and offset of each map's 1 / z, as from most networks). Factors
+    /// and offsets are fitted to the points [default: relative for disparity, else metric]
     #[arg(long, value_name = "SCALE", requires = "depth", help_heading = "Maps")]
     depth_scale: Option<ScaleArg>,
-    /// Unit of metric maps: m, cm, mm, units (of the scene), or a number of metres [default: the unit in a
-    /// PNG's metadata; m for floats]
+    /// Unit of metric maps: m, cm, mm, units (of the scene), or a number of metres [default: the
+    /// unit in a PNG's metadata; m for floats]
     #[arg(long, value_name = "UNIT", requires = "depth", help_heading = "Maps")]
     depth_unit: Option<DepthUnit>,
-    /// Metres per scene unit, for metric maps [default: one scale for all photos, fitted to the points]
+    /// Metres per scene unit, for metric maps [default: one scale for all photos, fitted to the
+    /// points]
     #[arg(
         long,
         value_name = "METRES",
@@ -53,16 +55,16 @@ pub struct FileArgs {
     /// Folder of normal maps [default: normals are computed from the depth]
     #[arg(long, value_name = "FOLDER", requires = "normal_axes", help_heading = "Maps")]
     normal: Option<PathBuf>,
-    /// Axes of the normal maps: world (of the scene), camera (x right, y down, z forward) or opengl (x right, y up,
-    /// z towards the viewer)
+    /// Axes of the normal maps: world (of the scene), camera (x right, y down, z forward) or opengl
+    /// (x right, y up, z towards the viewer)
     #[arg(long, value_name = "AXES", requires = "normal", help_heading = "Maps")]
     normal_axes: Option<NormalAxes>,
-    /// Folder of masks of the sky: white is sky, black is not, grey is unknown [default: computed from depth and the
-    /// photo's colours]
+    /// Folder of masks of the sky: white is sky, black is not, grey is unknown [default: computed
+    /// from depth and the photo's colours]
     #[arg(long, value_name = "FOLDER", help_heading = "Maps")]
     sky: Option<PathBuf>,
-    /// Picture that the maps belong to if the lens distorts: photo (as it is stored) or pinhole (undistorted,
-    /// as COLMAP's undistorter and this program make it)
+    /// Picture that the maps belong to if the lens distorts: photo (as it is stored) or pinhole
+    /// (undistorted, as COLMAP's undistorter and this program make it)
     #[arg(long, value_name = "PICTURE", default_value = "photo", help_heading = "Maps")]
     maps_of: MapsOfArg,
 }
@@ -121,7 +123,8 @@ pub struct PriorMaps {
     name: String,
 }
 
-/// Opens the folders, and finds the scene's scale if it is needed. Prints warnings on the error stream.
+/// Opens the folders, and finds the scene's scale if it is needed. Prints warnings on the error
+/// stream.
 pub fn open(args: &PriorsArgs, data: &Dataset) -> Result<PriorMaps> {
     let given = &args.files;
     given.check()?;
@@ -202,7 +205,8 @@ impl PriorEstimator for PriorMaps {
     }
 }
 
-/// Returns metres per scene unit: the median of the scales that fit each photo's metric depth to the points.
+/// Returns metres per scene unit: the median of the scales that fit each photo's metric depth to
+/// the points.
 fn shared_scale(maps: &FileMaps, data: &Dataset) -> Result<f64> {
     // Only the depth counts here; at scale 1 it is in 1 / m.
     let depth = maps.depth.clone().map(|depth| DepthFiles { freedom: Freedom::Known(1.0), ..depth });

@@ -32,16 +32,16 @@ pub struct PriorsArgs {
     resume: bool,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Also write a preview of each photo with its depth, normals and sky; preview.png always shows six of
-    /// them
+    /// Also write a preview of each photo with its depth, normals and sky; preview.png always shows
+    /// six of them
     #[arg(long, help_heading = "Output")]
     preview: bool,
     /// Maximum number of pixels of a map that is written
     #[arg(long, value_name = "N", default_value_t = 300_000, value_parser = clap::value_parser!(u32).range(64..=64_000_000), help_heading = "Output")]
     map_pixels: u32,
-    /// Source of the priors: photos (stereo and colours), network (relative depth of each
-    /// photo, fitted to the points) or files (maps that you have) [default: files if --depth, --normal or --sky is
-    /// given, network if --weights or --network is, else photos]
+    /// Source of the priors: photos (stereo and colours), network (relative depth of each photo,
+    /// fitted to the points) or files (maps that you have) [default: files if --depth, --normal or
+    /// --sky is given, network if --weights or --network is, else photos]
     #[arg(long, value_name = "SOURCE")]
     source: Option<SourceArg>,
     /// Number of threads [default: one per core]

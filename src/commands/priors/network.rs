@@ -16,8 +16,8 @@ use clap::{Args, ValueEnum};
 /// The network, and the source of its weights.
 #[derive(Args, Clone, Debug)]
 pub struct NetworkArgs {
-    /// Size of the network, Depth Anything: small (25 million weights), base (97) or large (335) [default: the size of
-    /// --weights, else small]
+    /// Size of the network, Depth Anything: small (25 million weights), base (97) or large (335)
+    /// [default: the size of --weights, else small]
     #[arg(long, value_name = "SIZE", help_heading = "Network")]
     network: Option<SizeArg>,
     /// Version of Depth Anything of the weights: v2 or v1

@@ -16,7 +16,8 @@ const PHOTOS: usize = 6;
 /// Number of pixels of a picture on the sheet, and of one beside the maps.
 const SMALL: usize = 60_000;
 const LARGE: usize = 300_000;
-/// Fraction of the largest disparities that all get the nearest colour, so that outliers do not compress the rest.
+/// Fraction of the largest disparities that all get the nearest colour, so that outliers do not
+/// compress the rest.
 const NEAREST: f64 = 0.98;
 /// Tints of the sky, and of unknown pixels.
 const SKY: [f32; 3] = [0.1, 0.5, 1.0];

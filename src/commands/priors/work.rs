@@ -17,7 +17,8 @@ use wm_train::priors::{Prior, PriorsWriter};
 
 /// Longest time between two updates of the index.
 const NOTE: Duration = Duration::from_secs(20);
-/// Maximum number of photos for which the reason is printed why they are left out; the index has all reasons.
+/// Maximum number of photos for which the reason is printed why they are left out; the index has
+/// all reasons.
 const TOLD: usize = 10;
 
 /// The answer of a source for a photo.

@@ -1,4 +1,5 @@
-//! The observer of `reconstruct`: draws progress, prints, writes previews and feeds the page in a browser.
+//! The observer of `reconstruct`: draws progress, prints, writes previews and feeds the page in a
+//! browser.
 
 use super::ReconstructArgs;
 use super::watch::TrainingView;

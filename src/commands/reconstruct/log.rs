@@ -39,7 +39,8 @@ pub struct LogArgs {
     /// whose files are there]
     #[arg(long, value_name = "NAME", help_heading = "Driving log")]
     log_scene: Option<String>,
-    /// Cameras of the log, by its names for them, separated by commas [default: all that take colour pictures]
+    /// Cameras of the log, by its names for them, separated by commas [default: all that take
+    /// colour pictures]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', help_heading = "Driving log")]
     log_cameras: Vec<String>,
     /// Take every N-th picture of each camera [default: as needed for at most 600 pictures]
@@ -105,7 +106,8 @@ impl LogArgs {
     }
 }
 
-/// Makes the capture of a log in the run folder, and its priors if `with_priors`. What is complete is kept if `keeps`.
+/// Makes the capture of a log in the run folder, and its priors if `with_priors`. What is complete
+/// is kept if `keeps`.
 ///
 /// # Errors
 /// A file of the log is damaged, the run folder cannot be written to, or Ctrl-C was pressed.
@@ -162,7 +164,8 @@ fn write(log: &DrivingLog, folder: &Path, skip_bad: bool) -> Result<()> {
     Ok(())
 }
 
-/// Makes the priors of the depth that the lidar measured. It is not held against the points: these are seen through walls.
+/// Makes the priors of the depth that the lidar measured. It is not held against the points: these
+/// are seen through walls.
 fn priors(folder: &Path, photos: &DatasetArgs, held_out: HeldOut, facts: &Metadata) -> Result<()> {
     let options = photos.options();
     let capture = options.capture(folder)?;

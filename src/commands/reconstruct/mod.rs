@@ -35,13 +35,16 @@ use wm_train::{Preset, Session, SessionOptions, TrainConfig, TrainPlan};
 /// Options of `reconstruct`.
 #[derive(Args, Clone, Debug)]
 pub struct ReconstructArgs {
-    /// The data set: a folder with a COLMAP model or a transforms.json; a driving log of KITTI, nuScenes, Argoverse 2 or
-    /// drivestudio; or a plain folder of photos, or a video, if COLMAP or pycolmap is installed
+    /// The data set: a folder with a COLMAP model or a transforms.json; a driving log of KITTI,
+    /// nuScenes, Argoverse 2 or drivestudio; or a plain folder of photos, or a video, if COLMAP or
+    /// pycolmap is installed
     dataset: PathBuf,
-    /// Scene file to write, or FOLDER/lod-meta.json for levels of detail [default: named after the data set, in this folder]
+    /// Scene file to write, or FOLDER/lod-meta.json for levels of detail [default: named after the
+    /// data set, in this folder]
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     out: Option<PathBuf>,
-    /// Folder for checkpoint, metrics and previews [default: the name of the scene, or of its folder, followed by .run]
+    /// Folder for checkpoint, metrics and previews [default: the name of the scene, or of its
+    /// folder, followed by .run]
     #[arg(long, value_name = "FOLDER", help_heading = "Output")]
     run_folder: Option<PathBuf>,
     /// Continue the training in the run folder
@@ -64,11 +67,12 @@ pub struct ReconstructArgs {
     geometry: GeometryArgs,
     #[command(flatten)]
     facts: crate::scene::FactArgs,
-    /// Height of the cameras above the ground, metres: sets the scale if nothing else does, and takes
-    /// precedence over GPS if given. Needs level photos that show the ground [default: 1.6]
+    /// Height of the cameras above the ground, metres: sets the scale if nothing else does, and
+    /// takes precedence over GPS if given. Needs level photos that show the ground [default: 1.6]
     #[arg(long, value_name = "METRES", allow_negative_numbers = true, help_heading = "Scene")]
     camera_height: Option<f64>,
-    /// Do not compute what rain and snow need to know of the scene (SCENE.assets); the first picture with weather then waits for it
+    /// Do not compute what rain and snow need to know of the scene (SCENE.assets); the first
+    /// picture with weather then waits for it
     #[arg(long, help_heading = "Output")]
     no_assets: bool,
     #[command(flatten)]
@@ -88,8 +92,9 @@ struct PhotoArgs {
     set: DatasetArgs,
     #[command(flatten)]
     held_out: HeldOutArgs,
-    /// Also compute the LPIPS of the held-out photos at the end, with weights from this file (safetensors, or .pth
-    /// of PyTorch): torchvision's AlexNet and the heads of lpips v0.1; give it twice for two files
+    /// Also compute the LPIPS of the held-out photos at the end, with weights from this file
+    /// (safetensors, or .pth of PyTorch): torchvision's AlexNet and the heads of lpips v0.1; give
+    /// it twice for two files
     #[arg(long, value_name = "WEIGHTS", help_heading = "Photos")]
     lpips: Vec<PathBuf>,
 }
@@ -97,16 +102,20 @@ struct PhotoArgs {
 /// Options of the training.
 #[derive(Args, Clone, Debug)]
 struct TrainingArgs {
-    /// Speed or quality: draft (600 steps, a first look), quick (2,000), standard (7,000) or best (30,000); fewer for few photos
+    /// Speed or quality: draft (600 steps, a first look), quick (2,000), standard (7,000) or best
+    /// (30,000); fewer for few photos
     #[arg(long, value_name = "PRESET", default_value = "standard", help_heading = "Training")]
     preset: PresetArg,
-    /// Number of steps, each with one photo [default: the preset's, at most 100 a photo, but 2000 in any case]
+    /// Number of steps, each with one photo [default: the preset's, at most 100 a photo, but 2000
+    /// in any case]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Training")]
     steps: Option<u32>,
-    /// Maximum number of splats [default: 50,000, 100,000, 300,000 or 1,000,000 by preset, at most one per 15 pixels that confirm what two others show]
+    /// Maximum number of splats [default: 50,000, 100,000, 300,000 or 1,000,000 by preset, at most
+    /// one per 15 pixels that confirm what two others show]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=20_000_000), help_heading = "Training")]
     max_splats: Option<u32>,
-    /// Densification strategy: mcmc (a fixed budget), adaptive (as first published) or fixed (no splats are added)
+    /// Densification strategy: mcmc (a fixed budget), adaptive (as first published) or fixed (no
+    /// splats are added)
     #[arg(long, value_name = "STRATEGY", default_value = "mcmc", value_parser = PossibleValuesParser::new(Densify::NAMES), help_heading = "Training")]
     densify: String,
     /// Highest degree of the spherical harmonics
@@ -115,18 +124,21 @@ struct TrainingArgs {
     /// Sizes of photos over time: coarse (a quarter, half, full) or full [default: the preset's]
     #[arg(long, value_name = "SIZES", help_heading = "Training")]
     resolution: Option<ResolutionArg>,
-    /// Exposure correction, for cameras that set it automatically: photo (one for each photo), shared (one for
-    /// all), or auto (photo if the points of the model are brighter in some photos than in others, else shared)
+    /// Exposure correction, for cameras that set it automatically: photo (one for each photo),
+    /// shared (one for all), or auto (photo if the points of the model are brighter in some photos
+    /// than in others, else shared)
     #[arg(long, value_name = "WHOSE", default_value = "auto", help_heading = "Training")]
     exposure: ExposureArg,
-    /// Pixels that show people, cars and what else is in one photo and not in others: auto (found and left out) or keep
+    /// Pixels that show people, cars and what else is in one photo and not in others: auto (found
+    /// and left out) or keep
     #[arg(long, value_name = "CHOICE", default_value = "auto", help_heading = "Training")]
     movers: MoversArg,
-    /// Photos that are blurred, or white or black over much of the picture: auto (found and left out) or keep
+    /// Photos that are blurred, or white or black over much of the picture: auto (found and left
+    /// out) or keep
     #[arg(long, value_name = "CHOICE", default_value = "auto", help_heading = "Training")]
     poor_photos: PoorPhotosArg,
-    /// Haze in which the photos were taken: auto (looked for, measured and taken out), keep (a part of the scene), or its
-    /// meteorological optical range in metres, which is taken out
+    /// Haze in which the photos were taken: auto (looked for, measured and taken out), keep (a part
+    /// of the scene), or its meteorological optical range in metres, which is taken out
     #[arg(long, value_name = "auto|keep|METRES", default_value = "auto", value_parser = parse_haze, help_heading = "Training")]
     haze: HazeMode,
     /// Background behind the splats during training: black or random
@@ -302,8 +314,8 @@ impl ReconstructArgs {
 }
 
 impl ReconstructArgs {
-    /// Refuses to write into the folder of a training that is neither continued nor replaced; the session explains it better, but
-    /// later.
+    /// Refuses to write into the folder of a training that is neither continued nor replaced; the
+    /// session explains it better, but later.
     fn check_run_folder(&self, run_folder: &Path) -> Result<()> {
         if !self.resume && !self.overwrite.overwrite && run_folder.join(CHECKPOINT).is_file() {
             bail!(

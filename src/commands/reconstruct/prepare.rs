@@ -11,11 +11,13 @@ use weather_magician::{PlaceOptions, Weather};
 /// The presets whose assets are made: rain under a cloudy sky, and lying snow.
 const PRESETS: [&str; 2] = ["heavy-rain", "snow-covered"];
 
-/// Makes the assets of rain, clouds and lying snow for the scene of a file. Ctrl-C leaves them out: weather makes them later.
+/// Makes the assets of rain, clouds and lying snow for the scene of a file. Ctrl-C leaves them out:
+/// weather makes them later.
 pub fn prepare(out: &Path, run: &RunArgs) -> Result<()> {
     let options = PlaceOptions { assets: AssetFolder::default().folder(out), ..PlaceOptions::default() };
     let mut renderer = run.renderer()?;
-    // A scene in levels that does not fit the memory is prepared about the cameras that are there later.
+    // A scene in levels that does not fit the memory is prepared about the cameras that are there
+    // later.
     let mut place = renderer.open(out, &options, &LevelBudget::default())?;
     for preset in PRESETS {
         if interrupt::asked() {

@@ -70,7 +70,8 @@ mod with_viewer {
             self.board.iter().for_each(|board| board.push_held_out(step, psnr));
         }
 
-        /// Returns the camera of the next picture if one is due; `photo` is the camera of the photo.
+        /// Returns the camera of the next picture if one is due; `photo` is the camera of the
+        /// photo.
         pub fn due_picture(&self, photo: &Camera) -> Option<Camera> {
             match self.board.as_ref()?.due_picture()? {
                 TrainingCamera::Photo => Some(*photo),
@@ -92,7 +93,8 @@ mod with_viewer {
         }
     }
 
-    /// Rotates a camera by an angle, radians, about its own up direction around the point `reach` ahead of it.
+    /// Rotates a camera by an angle, radians, about its own up direction around the point `reach`
+    /// ahead of it.
     fn swing_camera(camera: &Camera, reach: f64, angle: f64) -> Camera {
         let pivot = camera.center() + camera.forward() * reach;
         let turn = DMat3::from_axis_angle(camera.up(), angle);

@@ -47,8 +47,8 @@ pub struct ViewpointArgs {
 pub struct CameraArgs {
     #[command(flatten)]
     pub viewpoint: ViewpointArgs,
-    /// Move the camera: orbit, dolly, capture (along the photos), or a JSON file of keyframes, ours, nerfstudio's or
-    /// SuperSplat's
+    /// Move the camera: orbit, dolly, capture (along the photos), or a JSON file of keyframes,
+    /// ours, nerfstudio's or SuperSplat's
     #[arg(short, long, value_name = "PATH", help_heading = "Camera")]
     pub path: Option<PathSpec>,
     /// Length of a dolly, metres [default: as far as the way is free]
@@ -57,11 +57,13 @@ pub struct CameraArgs {
     /// Forward speed of a camera without a path, m/s, as in a car: rain and snow come towards it
     #[arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = "Camera")]
     pub camera_speed: Option<f64>,
-    /// Lens of the camera instead of a pinhole: fisheye or fisheye:DEGREES (equidistant, a circle of 180 degrees if not given),
-    /// equirectangular (a 360 degree panorama), or a TOML file of a calibrated lens. Depths are distances from the eye then
+    /// Lens of the camera instead of a pinhole: fisheye or fisheye:DEGREES (equidistant, a circle
+    /// of 180 degrees if not given), equirectangular (a 360 degree panorama), or a TOML file of a
+    /// calibrated lens. Depths are distances from the eye then
     #[arg(long, value_name = "LENS", help_heading = "Camera")]
     pub lens: Option<LensSpec>,
-    /// Write the camera's path to this JSON file: keyframes, or nerfstudio's format for a name that ends in camera_path.json, or SuperSplat's for settings.json
+    /// Write the camera's path to this JSON file: keyframes, or nerfstudio's format for a name that
+    /// ends in camera_path.json, or SuperSplat's for settings.json
     #[arg(long, value_name = "FILE", help_heading = "Camera")]
     pub save_path: Option<PathBuf>,
 }
@@ -222,7 +224,8 @@ impl CameraPlan {
         self.motion.camera(time)
     }
 
-    /// Returns cameras over all frames of the sequence, whichever of them are rendered; with a lens, cameras that see all about.
+    /// Returns cameras over all frames of the sequence, whichever of them are rendered; with a
+    /// lens, cameras that see all about.
     pub fn shot(&self, has_lens: bool) -> Vec<Camera> {
         shot_cameras(self.frames, |frame| self.camera(self.time(frame)), has_lens)
     }
@@ -242,8 +245,9 @@ impl CameraPlan {
         (time / self.rate.seconds(1)).round() as i64 as u32
     }
 
-    /// Returns the time and the camera of the frame after that at `time`, seconds. The camera of a single picture with a speed moves ahead by it; in a
-    /// sequence such a camera stays, as its frames show it.
+    /// Returns the time and the camera of the frame after that at `time`, seconds. The camera of a
+    /// single picture with a speed moves ahead by it; in a sequence such a camera stays, as its
+    /// frames show it.
     pub fn next(&self, time: f64, metres_per_unit: f64) -> (f64, MovingCamera) {
         let after = time + self.rate.seconds(1);
         let since = if self.frames == 1 { time } else { after };

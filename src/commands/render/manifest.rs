@@ -1,4 +1,5 @@
-//! Manifests: files that say what a folder of pictures was made from, so that a later run can complete it.
+//! Manifests: files that say what a folder of pictures was made from, so that a later run can
+//! complete it.
 
 use anyhow::{Context, Result, bail};
 use serde_json::{Value as Json, json};
@@ -7,7 +8,8 @@ use std::time::UNIX_EPOCH;
 use wm_scene::files::write_atomically;
 use wm_weather::Site;
 
-/// Size of a scene's file, bytes, and the time of its last change, s since 1970 where the system knows it.
+/// Size of a scene's file, bytes, and the time of its last change, s since 1970 where the system
+/// knows it.
 pub fn file_facts(scene: &Path) -> Result<(u64, Option<u64>)> {
     let about = std::fs::metadata(scene).with_context(|| format!("cannot read {}", scene.display()))?;
     let changed = about.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
@@ -28,7 +30,8 @@ pub fn scene_facts(scene: &Path, site: &Site) -> Result<Json> {
     }))
 }
 
-/// Makes a folder and writes its manifest; returns an error if it has another one: that it `holds` such files.
+/// Makes a folder and writes its manifest; returns an error if it has another one: that it `holds`
+/// such files.
 pub fn keep(folder: &Path, name: &str, manifest: &Json, holds: &str) -> Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot create the folder {}", folder.display()))?;

@@ -46,8 +46,8 @@ pub struct RenderArgs {
     sky: OwnSkyArgs,
     #[command(flatten)]
     levels: LevelArgs,
-    /// Levels of detail that a sequence is drawn at: shot (those that suit all of its frames, so that nothing changes its level on the
-    /// way) or frame (those of each frame, which are finer)
+    /// Levels of detail that a sequence is drawn at: shot (those that suit all of its frames, so
+    /// that nothing changes its level on the way) or frame (those of each frame, which are finer)
     #[arg(long, value_name = "HOW", default_value = "shot", help_heading = "Scene")]
     lod: LodChoice,
     #[command(flatten)]
@@ -56,7 +56,8 @@ pub struct RenderArgs {
     camera: CameraArgs,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Make the pictures and lidar sweeps of all sensors of a rig (TOML), a folder each in the folder --out
+    /// Make the pictures and lidar sweeps of all sensors of a rig (TOML), a folder each in the
+    /// folder --out
     #[arg(long, value_name = "FILE", help_heading = "Camera")]
     rig: Option<PathBuf>,
     #[command(flatten)]
@@ -76,15 +77,18 @@ struct OutputArgs {
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Further pictures: depth (metres), median-depth, normal, alpha, particles (rain and snow in the air, with their
-    /// coverage), transmittance (of the air: one more render), clean (without air and particles: one more), airlight (light
-    /// that the air adds: three more), water (its share of a pixel), reflection (of a pixel's light), water-depth (metres), flow
-    /// (optical flow of the scene to the frame 1/fps later, px: two renders without colour; .png is KITTI's), flow-mask (0 visible,
-    /// 1 occluded, 2 outside, 3 unknown), particle-flow (of falling rain, snow and hail), label and instance (of a scene that has them, 0 for none: one more render); append .png, .exr or .npy, or .flo for flow, to choose another format than the colour's
+    /// Further pictures: depth (metres), median-depth, normal, alpha, particles (rain and snow in
+    /// the air, with their coverage), transmittance (of the air: one more render), clean (without
+    /// air and particles: one more), airlight (light that the air adds: three more), water (its
+    /// share of a pixel), reflection (of a pixel's light), water-depth (metres), flow (optical flow
+    /// of the scene to the frame 1/fps later, px: two renders without colour; .png is KITTI's),
+    /// flow-mask (0 visible, 1 occluded, 2 outside, 3 unknown), particle-flow (of falling rain,
+    /// snow and hail), label and instance (of a scene that has them, 0 for none: one more render);
+    /// append .png, .exr or .npy, or .flo for flow, to choose another format than the colour's
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
     also: Vec<ExtraPicture>,
-    /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay, filtered and final;
-    /// with --set fidelity=paper
+    /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay,
+    /// filtered and final; with --set fidelity=paper
     #[arg(long, help_heading = "Output")]
     stages: bool,
     /// Write the pictures of --also that have no format of their own as layers of the colour's .exr
@@ -105,8 +109,8 @@ struct OutputArgs {
     /// Length of a video, seconds [default: length of the camera's path, else 5]
     #[arg(long, value_name = "S", allow_negative_numbers = true, help_heading = "Output")]
     seconds: Option<f64>,
-    /// Render only these frames of the sequence, counted from 0: 300..420 (without 420), 300..=420 or 300..; they keep
-    /// the numbers and times that they have in the whole sequence
+    /// Render only these frames of the sequence, counted from 0: 300..420 (without 420), 300..=420
+    /// or 300..; they keep the numbers and times that they have in the whole sequence
     #[arg(long, value_name = "RANGE", allow_hyphen_values = true, help_heading = "Output")]
     frames: Option<FrameRange>,
     /// Render only every N-th frame, from the first on; a video of them plays N times as fast
@@ -115,12 +119,12 @@ struct OutputArgs {
     /// Time of a picture, and of a video's first frame, seconds [default: 0]
     #[arg(long, value_name = "S", allow_hyphen_values = true, help_heading = "Output")]
     time: Option<f64>,
-    /// Background behind all splats: auto, sky, black or #rrggbb; auto is a plain sky if the scene has
-    /// none. The sky of a weather (--set sky=overcast) replaces it
+    /// Background behind all splats: auto, sky, black or #rrggbb; auto is a plain sky if the scene
+    /// has none. The sky of a weather (--set sky=overcast) replaces it
     #[arg(long, value_name = "COLOR", default_value = "auto", help_heading = "Output")]
     background: BackgroundChoice,
-    /// Rendering of splats smaller than a pixel: classic or antialiased [default: from the file, else
-    /// classic]
+    /// Rendering of splats smaller than a pixel: classic or antialiased [default: from the file,
+    /// else classic]
     #[arg(long, value_name = "MODE", value_parser = parse_rasterization, help_heading = "Output")]
     rasterization: Option<Rasterization>,
     /// Quantisation of 8-bit pictures

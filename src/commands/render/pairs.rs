@@ -38,8 +38,9 @@ pub struct PairsArgs {
     /// Cameras of --pairs: capture (the scene's photos, or those of --views)
     #[arg(long, value_name = "SET", help_heading = "Camera")]
     cameras: Option<CameraSet>,
-    /// Write a data set into the folder --out: for every camera of --cameras, at --time, the picture with and without the
-    /// weather, depth, transmittance and a mask of particles; three renders per camera
+    /// Write a data set into the folder --out: for every camera of --cameras, at --time, the
+    /// picture with and without the weather, depth, transmittance and a mask of particles; three
+    /// renders per camera
     #[arg(long, help_heading = "Output")]
     pairs: bool,
 }
@@ -69,7 +70,8 @@ impl PairsArgs {
 struct PhotoView {
     /// The photo's name.
     photo: String,
-    /// The name for output files, without folders outside of this one and, mostly, without extension.
+    /// The name for output files, without folders outside of this one and, mostly, without
+    /// extension.
     name: String,
     camera: Camera,
 }
@@ -218,7 +220,8 @@ fn shots(loaded: &mut OpenScene, args: &RenderArgs) -> Result<Vec<PhotoView>> {
         .collect()
 }
 
-/// Returns the file names: those of the photos without extension, or with it if two photos differ only there.
+/// Returns the file names: those of the photos without extension, or with it if two photos differ
+/// only there.
 fn names(views: &[SceneView]) -> Result<Vec<String>> {
     let whole = |view: &SceneView| -> String {
         // Names come from foreign files and may point outside of the folder.
@@ -278,7 +281,8 @@ fn write_pair(
     Ok(())
 }
 
-/// Returns the manifest: what the pictures are, and everything that they depend on except the scene's bytes.
+/// Returns the manifest: what the pictures are, and everything that they depend on except the
+/// scene's bytes.
 fn about(
     (renderer, place): (&Renderer, &PreparedPlace),
     shots: &[PhotoView],

@@ -41,7 +41,8 @@ impl fmt::Display for FrameRange {
     }
 }
 
-/// Returns the numbers of the frames to render, ascending, of a sequence of `all`: every `step`-th frame of `range`.
+/// Returns the numbers of the frames to render, ascending, of a sequence of `all`: every `step`-th
+/// frame of `range`.
 ///
 /// # Errors
 /// The range is beyond the sequence.

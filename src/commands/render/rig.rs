@@ -155,13 +155,15 @@ impl RigJob<'_> {
         self.folder.join(&sensor.name).join(format!("{index:06}.{extension}"))
     }
 
-    /// Makes what a sensor sees; returns the numbers of files that were written and that were there.
+    /// Makes what a sensor sees; returns the numbers of files that were written and that were
+    /// there.
     fn sensor(&mut self, sensor: &RigSensor, number: usize) -> Result<(usize, usize)> {
         let folder = self.folder.join(&sensor.name);
         std::fs::create_dir_all(&folder)
             .with_context(|| format!("cannot create the folder {}", folder.display()))?;
         let format = self.args.output.frame_format;
-        // The colour is written first and the other pictures after it: a frame is complete if the last one exists.
+        // The colour is written first and the other pictures after it: a frame is complete if the
+        // last one exists.
         let last = self.args.output.also.last().filter(|_| matches!(sensor.device, RigDevice::Camera { .. }));
         let is_there = |index: u32| {
             let file = self.file(sensor, index);

@@ -58,13 +58,14 @@ pub fn video(job: &mut RenderJob, wanted: &[u32], path: &Path, args: &RenderArgs
     Ok(())
 }
 
-/// Renders the frames with the numbers `wanted` into a folder, one picture per frame; frames that exist already are
-/// kept.
+/// Renders the frames with the numbers `wanted` into a folder, one picture per frame; frames that
+/// exist already are kept.
 pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderArgs) -> Result<()> {
     manifest::keep(folder, MANIFEST, &about(job, args)?, "frames of another render")?;
     let extension = args.output.frame_format.extension();
     let name = |index: u32| folder.join(format!("{index:05}.{extension}"));
-    // The colour is written first and the other pictures after it: a frame is complete if the last one exists.
+    // The colour is written first and the other pictures after it: a frame is complete if the last
+    // one exists.
     let place = if args.output.layers { LayerPlacement::Layers } else { LayerPlacement::Beside };
     let is_layer = |also: &ExtraPicture| place.is_layer(*also, args.output.frame_format);
     let last = |index: u32| match args.output.also.iter().rev().find(|also| !is_layer(also)) {
@@ -116,8 +117,8 @@ fn renderer(job: &mut RenderJob) -> impl FnMut(u32, &mut Picture) -> Result<()> 
     |index, picture| job.render(job.plan.time(index), picture).map(drop)
 }
 
-/// Returns everything that the frames of a folder depend on. It describes the whole sequence, whichever frames are selected,
-/// so that several runs may fill one folder.
+/// Returns everything that the frames of a folder depend on. It describes the whole sequence,
+/// whichever frames are selected, so that several runs may fill one folder.
 fn about(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
     let scene = &args.scene.scene;
     let (bytes, changed) = manifest::file_facts(scene)?;

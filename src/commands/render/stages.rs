@@ -33,8 +33,8 @@ pub fn check(weather: &Weather, target: &OutputTarget) -> Result<()> {
     Ok(())
 }
 
-/// Renders and writes the picture at `time`, its steps and the other pictures that are requested; returns a line for
-/// each file but the picture.
+/// Renders and writes the picture at `time`, its steps and the other pictures that are requested;
+/// returns a line for each file but the picture.
 pub fn picture(
     job: &mut RenderJob,
     style: &PictureStyle,

@@ -1,4 +1,5 @@
-//! Makes a foggy, a rainy and a snowy picture of a scene, and trains 100 steps on photos: `downstream SCENE PHOTOS OUT`.
+//! Makes a foggy, a rainy and a snowy picture of a scene, and trains 100 steps on photos:
+//! `downstream SCENE PHOTOS OUT`.
 
 use std::path::PathBuf;
 use weather_magician::train::Session;

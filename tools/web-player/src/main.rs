@@ -5,8 +5,9 @@
 //! cargo build --release --features web
 //! ```
 //!
-//! It needs the target wasm32-unknown-unknown (`rustup target add wasm32-unknown-unknown`). Without it, WM_WASM_RUSTC may name a
-//! rustc that has the sources of its standard library, which is then built too: `debian-rustc.sh` fetches one.
+//! It needs the target wasm32-unknown-unknown (`rustup target add wasm32-unknown-unknown`). Without
+//! it, WM_WASM_RUSTC may name a rustc that has the sources of its standard library, which is then
+//! built too: `debian-rustc.sh` fetches one.
 
 mod shrink;
 mod toolchain;

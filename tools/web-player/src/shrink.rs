@@ -5,7 +5,8 @@ use anyhow::{Context, Result, ensure};
 use std::path::Path;
 use std::process::Command;
 
-/// The features of the module: those of Rust's target, and vectors. With all of binaryen's the module does not load.
+/// The features of the module: those of Rust's target, and vectors. With all of binaryen's the
+/// module does not load.
 const FEATURES: [&str; 8] = [
     "bulk-memory",
     "bulk-memory-opt",

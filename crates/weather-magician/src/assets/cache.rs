@@ -1,8 +1,9 @@
 //! Prepared assets on disk: a folder beside the scene, which can be deleted at any time.
 //!
-//! Each file names what it was made from by a digest: of the splats, the views and the facts of the scene, of the arithmetic
-//! of the renderer, and of the version of this library. A file with another digest, or whose contents do not match its own
-//! checksum, is not read; it is made again and replaced.
+//! Each file names what it was made from by a digest: of the splats, the views and the facts of the
+//! scene, of the arithmetic of the renderer, and of the version of this library. A file with
+//! another digest, or whose contents do not match its own checksum, is not read; it is made again
+//! and replaced.
 //!
 //! ```text
 //! 0   magic, 8 bytes
@@ -29,7 +30,8 @@ use wm_weather::light::LampLights;
 const MAGIC: &[u8; 8] = b"WMASSET1";
 const HEADER: usize = 44;
 const EXTENSION: &str = "wmasset";
-/// Version of the algorithms that make assets: raise it when any of them gives other numbers for the same scene.
+/// Version of the algorithms that make assets: raise it when any of them gives other numbers for
+/// the same scene.
 const VERSION: u32 = 28;
 /// Bytes that the files of one scene take at most; the oldest go first.
 const MOST_BYTES: u64 = 1 << 30;
@@ -61,7 +63,8 @@ impl AssetFile<'_> {
             Self::Light => ("light", Vec::new()),
             Self::Wet => ("wet", Vec::new()),
             Self::SunShadows(sun) => ("sun", sun.to_vec()),
-            // They are of single precision: four digits name them, and who reads them compares the others.
+            // They are of single precision: four digits name them, and who reads them compares the
+            // others.
             Self::Lamps(lamps) => ("lamps", lamps.numbers().into_iter().map(four_digits).collect()),
             Self::Shelter(fall) => ("shelter", fall.to_vec()),
             Self::Cover(Airflow { slope, moved }) => ("cover", vec![slope[0], slope[1], *moved]),
@@ -76,7 +79,8 @@ pub struct AssetCache {
     scene: AssetDigest,
 }
 
-/// The digest of all that the prepared assets of a scene depend on, under which their files are looked up: 64 hexadecimal digits as text.
+/// The digest of all that the prepared assets of a scene depend on, under which their files are
+/// looked up: 64 hexadecimal digits as text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct AssetDigest([u8; 32]);
 
@@ -122,7 +126,8 @@ impl AssetCache {
         Self::default()
     }
 
-    /// The usual folder of a scene file: `place.ply.assets` beside `place.ply`, `weather.assets` inside a scene that is a folder.
+    /// The usual folder of a scene file: `place.ply.assets` beside `place.ply`, `weather.assets`
+    /// inside a scene that is a folder.
     #[must_use]
     pub fn folder_of(scene: &Path) -> PathBuf {
         if files::is_folder(scene).is_ok_and(|is_folder| is_folder) {
@@ -166,7 +171,8 @@ impl AssetCache {
         Some((folder.join(format!("{name}-{short}.{EXTENSION}")), digest))
     }
 
-    /// Reads an asset; `None` if it is not there, is damaged or belongs to another state of the scene.
+    /// Reads an asset; `None` if it is not there, is damaged or belongs to another state of the
+    /// scene.
     pub(crate) fn get<T: DeserializeOwned>(&self, file: &AssetFile<'_>) -> Option<T> {
         let (path, digest) = self.entry(file)?;
         let bytes = files::read(&path).ok()?;
@@ -182,7 +188,8 @@ impl AssetCache {
         rest.is_empty().then_some(asset)
     }
 
-    /// Writes an asset. A folder that cannot be written to is no fault: the asset is made again next time.
+    /// Writes an asset. A folder that cannot be written to is no fault: the asset is made again
+    /// next time.
     pub(crate) fn put<T: Serialize>(&self, file: &AssetFile<'_>, asset: &T) {
         // A browser has nothing to write to.
         if cfg!(target_arch = "wasm32") {
@@ -204,8 +211,8 @@ impl AssetCache {
     }
 }
 
-/// A number of an asset's name in steps of 1e-9: sines and cosines differ in their last digits from system to system, and a browser
-/// reads what another computer has made.
+/// A number of an asset's name in steps of 1e-9: sines and cosines differ in their last digits from
+/// system to system, and a browser reads what another computer has made.
 fn rounded(number: f64) -> i64 {
     (number * f64::from(1 << 30)).round() as i64
 }
@@ -237,7 +244,8 @@ fn make_room(folder: &Path, most: u64) {
     }
 }
 
-/// The digest of all that prepared assets depend on: the scene, what is known of it, and who renders its views.
+/// The digest of all that prepared assets depend on: the scene, what is known of it, and who
+/// renders its views.
 pub(crate) fn scene_digest(scene: &Scene, survey: &Survey, arithmetic: &str) -> AssetDigest {
     let mut hash = Sha256::new();
     hash.update(VERSION.to_le_bytes());

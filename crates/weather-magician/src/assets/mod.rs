@@ -1,7 +1,8 @@
-//! Data of a place that takes seconds to compute and serves many frames: the shelter under roofs, and the ground under snow.
+//! Data of a place that takes seconds to compute and serves many frames: the shelter under roofs,
+//! and the ground under snow.
 //!
-//! [`MissingAssets`] says what a frame needs that is not there, [`AssetSource`] holds what it is made from, and
-//! [`MissingAssets::make`] makes it, on any thread. [`AssetCache`] keeps it on disk.
+//! [`MissingAssets`] says what a frame needs that is not there, [`AssetSource`] holds what it is
+//! made from, and [`MissingAssets::make`] makes it, on any thread. [`AssetCache`] keeps it on disk.
 
 mod cache;
 mod packed;
@@ -28,8 +29,8 @@ use wm_weather::{Site, Weather};
 const SHELTERS: usize = 6;
 /// Distance from the photos' path up to which the light is split finely, m.
 const LIGHT_REACH: f64 = 60.0;
-/// Distance from the cameras' path up to which roofs keep rain off in a place that reaches far beyond what they see, m: falling drops are
-/// drawn nearer than that.
+/// Distance from the cameras' path up to which roofs keep rain off in a place that reaches far
+/// beyond what they see, m: falling drops are drawn nearer than that.
 const SHELTER_REACH: f64 = 100.0;
 /// Shadows that are kept, one for each place of the sun.
 const SUNS: usize = 4;
@@ -60,7 +61,8 @@ pub struct AssetNeeds {
 }
 
 impl AssetNeeds {
-    /// Returns true if frames of the weather, whose needs they are, use splats or assets beside the scene that is drawn.
+    /// Returns true if frames of the weather, whose needs they are, use splats or assets beside the
+    /// scene that is drawn.
     pub(crate) fn any(&self, weather: &Weather) -> bool {
         let thins =
             || weather.effects().any(|(effect, _)| ["lens", "wetness", "flood"].contains(&effect.name));
@@ -153,7 +155,8 @@ impl AssetStore {
     }
 }
 
-/// Returns true if lamps are the same but for their last digits, which differ from system to system.
+/// Returns true if lamps are the same but for their last digits, which differ from system to
+/// system.
 pub(crate) fn are_same_lamps(a: &LampLights, b: &LampLights) -> bool {
     let (a, b) = (a.numbers(), b.numbers());
     let is_near = |(a, b): (f64, f64)| (a - b).abs() <= 1e-5 * a.abs().max(1e-3);
@@ -211,7 +214,8 @@ impl MissingAssets {
         *self == Self::default()
     }
 
-    /// Returns true if a number by which an asset would be found is NaN: it would be made again and again.
+    /// Returns true if a number by which an asset would be found is NaN: it would be made again and
+    /// again.
     pub(crate) fn has_nan(&self) -> bool {
         // NaN is the one number that does not equal itself.
         *self != self.clone()
@@ -258,7 +262,8 @@ impl MissingAssets {
     /// Makes what is missing.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if the splats of the place were released, [`Error::Stopped`] if `progress` asked to stop.
+    /// [`Error::Unsupported`] if the splats of the place were released, [`Error::Stopped`] if
+    /// `progress` asked to stop.
     pub fn make(&self, source: AssetSource, progress: &mut dyn Progress) -> Result<Assets> {
         let AssetSource {
             scene,
@@ -440,8 +445,8 @@ pub struct AssetSource {
     /// Up is stated or measured, not estimated from the splats.
     pub(crate) is_up_known: bool,
     pub(crate) cache: AssetCache,
-    /// The line along which cameras are, by its ends (world, scene units), of a place that reaches far beyond what they see; `None` for
-    /// that of the photos.
+    /// The line along which cameras are, by its ends (world, scene units), of a place that reaches
+    /// far beyond what they see; `None` for that of the photos.
     pub(crate) path: Option<[[f64; 3]; 2]>,
     /// The number of the scene, among those of the place.
     pub(crate) scene_number: u64,

@@ -11,7 +11,8 @@ const MOST_GROWTH: u64 = 200;
 /// The level of the packing.
 const LEVEL: u8 = 7;
 
-/// Packs the bytes of an asset file. [`AssetCache`](super::AssetCache) reads both forms. The same bytes are packed to the same bytes.
+/// Packs the bytes of an asset file. [`AssetCache`](super::AssetCache) reads both forms. The same
+/// bytes are packed to the same bytes.
 #[must_use]
 pub fn pack_asset(bytes: &[u8]) -> Vec<u8> {
     sirocco::compress(Format::Gzip, deflate::Level::new(LEVEL), bytes)

@@ -85,7 +85,8 @@ fn floors(scene: &Scene, survey: &Survey, seen: &[PhotoView]) -> Vec<FloorPlane>
     whole.filter(|floor| floor.is_lost(seen)).into_iter().collect()
 }
 
-/// The line along which most photos were taken, by its ends; without photos the middle of the place, twice.
+/// The line along which most photos were taken, by its ends; without photos the middle of the
+/// place, twice.
 pub(crate) fn path_of_photos(scene: &Scene) -> [[f64; 3]; 2] {
     let middle = |points: &[DVec3]| {
         DVec3::from_array(std::array::from_fn(|k| {

@@ -1,7 +1,8 @@
 //! The clips, frames and blocks of a plan, each found by its number.
 //!
-//! Clips are in the order of scenes, then of weathers, then of paths, so that what a weather needs of a place is made once. Frames are in the
-//! order of clips. A block is a run of frames of one scene.
+//! Clips are in the order of scenes, then of weathers, then of paths, so that what a weather needs
+//! of a place is made once. Frames are in the order of clips. A block is a run of frames of one
+//! scene.
 
 use super::plan::{BatchPlan, MOST_FRAMES, PlanPathKind, PlanRig, slug};
 use super::splits::split_of;
@@ -92,10 +93,12 @@ pub struct BlockPart {
 }
 
 impl BatchClips {
-    /// Counts the clips. `views` gives the photos of a scene, and is called where a path needs them.
+    /// Counts the clips. `views` gives the photos of a scene, and is called where a path needs
+    /// them.
     ///
     /// # Errors
-    /// Those of `views`; [`Error::Unsupported`] if there are no photos, too many cameras or too many frames.
+    /// Those of `views`; [`Error::Unsupported`] if there are no photos, too many cameras or too
+    /// many frames.
     pub fn of(plan: &BatchPlan, views: &mut dyn FnMut(usize) -> Result<Vec<SceneView>>) -> Result<Self> {
         let fault = |says: String| Error::Unsupported(format!("{}: {says}", plan.file));
         let weathers: u64 = plan.weathers.iter().map(super::WeatherSource::count).sum();
@@ -247,7 +250,8 @@ impl BatchClips {
     /// The clip of a number, which must be below [`Self::clips`].
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if a sample gives a parameter a value that it does not take beside others.
+    /// [`Error::Unsupported`] if a sample gives a parameter a value that it does not take beside
+    /// others.
     pub fn clip(&self, plan: &BatchPlan, number: u64) -> Result<PlannedClip> {
         let scene = self.scene_of(number);
         let own = &self.scenes[scene];
@@ -262,7 +266,8 @@ impl BatchClips {
             entry += 1;
         }
         let source = &plan.weathers[entry];
-        // Samples are counted over all scenes and paths, and not over the times at which their clips begin.
+        // Samples are counted over all scenes and paths, and not over the times at which their
+        // clips begin.
         let own_samples = source.count() / source.times();
         let before: u64 = self.scenes[..scene].iter().map(|scene| scene.ways.len() as u64).sum();
         let all: u64 = self.scenes.iter().map(|scene| scene.ways.len() as u64).sum();

@@ -151,7 +151,8 @@ impl Distribution {
     }
 }
 
-/// The quantile of the standard normal distribution, to 1.2e-9 of its value (Acklam's rational functions).
+/// The quantile of the standard normal distribution, to 1.2e-9 of its value (Acklam's rational
+/// functions).
 fn normal_quantile(p: f64) -> f64 {
     const A: [f64; 6] = [
         -3.969_683_028_665_376e1,
@@ -200,7 +201,8 @@ mod tests {
 
     #[test]
     fn quantiles_are_those_of_the_tables() {
-        // Abramowitz and Stegun, table 26.5; the rational functions are good to 1.2e-9 of the value.
+        // Abramowitz and Stegun, table 26.5; the rational functions are good to 1.2e-9 of the
+        // value.
         for (p, x) in [
             (0.5, 0.0),
             (0.841_344_746, 1.0),
@@ -217,7 +219,8 @@ mod tests {
         let cut = Distribution::LogNormal { median: 2.0, deviation: 1.2, min: None, max: Some(4.0) };
         cut.check().unwrap();
         let whole = Distribution::LogNormal { median: 2.0, deviation: 1.2, min: None, max: None };
-        // Of the whole, share(4) lie below 4; half of these lie below the median of what is cut off.
+        // Of the whole, share(4) lie below 4; half of these lie below the median of what is cut
+        // off.
         let share =
             (0..100_000).filter(|k| whole.value((f64::from(*k) + 0.5) / 1e5) < 4.0).count() as f64 / 1e5;
         assert!((whole.value(0.5 * share) - cut.value(0.5)).abs() < 1e-3);

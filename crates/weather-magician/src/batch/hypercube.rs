@@ -1,8 +1,9 @@
 //! A Latin hypercube of any size by random access: point `i` is found without the others.
 //!
-//! Along each dimension the N points lie in N strata of equal width, one in each, in the order of a random permutation:
-//! `x = (permutation(i) + u) / N`. The permutation is a Feistel network of four rounds on the smallest even number of bits that holds N,
-//! walked until it lands below N (Black and Rogaway 2002), so that it takes no memory.
+//! Along each dimension the N points lie in N strata of equal width, one in each, in the order of a
+//! random permutation: `x = (permutation(i) + u) / N`. The permutation is a Feistel network of four
+//! rounds on the smallest even number of bits that holds N, walked until it lands below N (Black
+//! and Rogaway 2002), so that it takes no memory.
 
 use wm_scene::random::{bits, mix, uniform};
 
@@ -104,7 +105,8 @@ mod tests {
             product += (x - 0.5) * (y - 0.5);
             squares += (y - 0.5).powi(2);
         }
-        // The Kolmogorov-Smirnov distance of points that are one in each stratum is at most a stratum.
+        // The Kolmogorov-Smirnov distance of points that are one in each stratum is at most a
+        // stratum.
         assert!((squares / COUNT as f64 - 1.0 / 12.0).abs() < 1e-6);
         // The correlation of independent numbers has a standard deviation of 0.001.
         let correlation = 12.0 * product / COUNT as f64;
@@ -113,7 +115,8 @@ mod tests {
 
     #[test]
     fn a_part_of_the_points_is_even_too() {
-        // The first thousand of a million: their distance from even is that of random numbers, 1.63 / sqrt(n) at 1 %.
+        // The first thousand of a million: their distance from even is that of random numbers, 1.63
+        // / sqrt(n) at 1 %.
         let cube = LatinHypercube::new(11, 1_000_000);
         let mut xs: Vec<f64> = (0..1000).map(|index| cube.at(index, "wind.speed")).collect();
         xs.sort_by(f64::total_cmp);

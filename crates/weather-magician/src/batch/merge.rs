@@ -56,8 +56,8 @@ pub fn runs_of(numbers: &[u64]) -> String {
     runs.collect::<Vec<_>>().join(", ")
 }
 
-/// Writes the tables of all layouts, the rows of clips and frames, the summary and the manifest. Files are looked for by name and
-/// length; with `verify` their hashes are compared too.
+/// Writes the tables of all layouts, the rows of clips and frames, the summary and the manifest.
+/// Files are looked for by name and length; with `verify` their hashes are compared too.
 ///
 /// # Errors
 /// [`Error::Unsupported`] with what lacks; errors of the disk.

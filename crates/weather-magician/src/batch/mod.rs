@@ -1,8 +1,9 @@
 //! Data sets of many weathers: a plan in, files in the layouts that training code reads out.
 //!
-//! A [`BatchPlan`] crosses scenes, weathers, paths and sensors. Its clips, frames and blocks are found by their numbers alone, so that any
-//! machine can make any block: [`BatchRun::make`]. Files of a block are put in place whole, with hashes, and marked as done last;
-//! [`merge()`] lists what lacks and writes the tables over all.
+//! A [`BatchPlan`] crosses scenes, weathers, paths and sensors. Its clips, frames and blocks are
+//! found by their numbers alone, so that any machine can make any block: [`BatchRun::make`]. Files
+//! of a block are put in place whole, with hashes, and marked as done last; [`merge()`] lists what
+//! lacks and writes the tables over all.
 //!
 //! ```
 //! use weather_magician::batch::{BatchClips, BatchPlan};

@@ -52,7 +52,8 @@ impl OpenPlaces {
 }
 
 impl BatchRun {
-    /// Makes a scene the last of the open ones, of which there are at most `most` then: those that were not used for the longest time are closed.
+    /// Makes a scene the last of the open ones, of which there are at most `most` then: those that
+    /// were not used for the longest time are closed.
     pub(super) fn open(&mut self, scene: usize, most: usize) -> Result<()> {
         let is_open = self.places.touch(scene);
         // Closed first: two scenes at once may not fit.

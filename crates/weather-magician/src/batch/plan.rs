@@ -35,7 +35,8 @@ pub const FRAMES_LAYOUT: &str = "frames";
 /// 2026-01-01, 0:00 UTC: the time of the first frame if the plan does not say.
 const START: i64 = 1_767_225_600;
 
-/// The plan of a data set: scenes, paths, weathers, sensors and times, from which every frame follows.
+/// The plan of a data set: scenes, paths, weathers, sensors and times, from which every frame
+/// follows.
 #[derive(Clone, Debug)]
 pub struct BatchPlan {
     /// The file, for messages.
@@ -246,7 +247,8 @@ impl BatchPlan {
         })?;
         written.plan(file, folder, stem).map_err(|fault| {
             let from = fault.at.unwrap_or(0).min(text.len());
-            // The line of the key itself: alone, below its table, before keys of its own, or dotted as `vary.temperature`.
+            // The line of the key itself: alone, below its table, before keys of its own, or dotted
+            // as `vary.temperature`.
             let mut words = fault.key.rsplit(' ');
             let last = words.next().unwrap_or_default();
             let dotted = words.next().map_or_else(|| format!(".{last}"), |table| format!("{table}.{last}"));
@@ -697,7 +699,8 @@ impl PathEntry {
 }
 
 impl BatchPlan {
-    /// A digest of all that frames follow from, but for the scenes: of what was read, not of how it was written.
+    /// A digest of all that frames follow from, but for the scenes: of what was read, not of how it
+    /// was written.
     fn own_digest(&self, folder: &Path) -> String {
         let layouts: Vec<&str> = self.layouts.iter().map(|layout| layout.name()).collect();
         let scenes: Vec<_> =
@@ -712,7 +715,8 @@ impl BatchPlan {
             &self.rig,
             &self.weathers,
         );
-        // The same plan in another folder is the same plan; without a folder (`plan.toml`) paths are as they were written.
+        // The same plan in another folder is the same plan; without a folder (`plan.toml`) paths
+        // are as they were written.
         let text = match folder.as_os_str().is_empty() {
             true => text,
             false => text.replace(&format!("{}/", folder.display()), ""),

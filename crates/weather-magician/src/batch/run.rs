@@ -54,11 +54,12 @@ pub struct WriteShare {
 }
 
 impl BatchRun {
-    /// Prepares a plan: counts its clips and checks that its layouts can hold it. `assets` says where what takes long to find of a scene
-    /// is kept.
+    /// Prepares a plan: counts its clips and checks that its layouts can hold it. `assets` says
+    /// where what takes long to find of a scene is kept.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] with what a layout cannot hold; the errors of scenes whose photos are counted.
+    /// [`Error::Unsupported`] with what a layout cannot hold; the errors of scenes whose photos are
+    /// counted.
     pub fn new(plan: BatchPlan, renderer: Renderer, assets: fn(&Path) -> Option<PathBuf>) -> Result<Self> {
         let clips = BatchClips::of(&plan, &mut |scene| views_of(&plan, scene))?;
         let rig = rig_of(&plan, &clips)?;
@@ -112,7 +113,8 @@ impl BatchRun {
     /// Makes a block and marks it as done. `progress` is told of every frame.
     ///
     /// # Errors
-    /// [`Error::Stopped`] if `progress` asked to stop: nothing of the block is in place then. Errors of the scene, the weather or the disk.
+    /// [`Error::Stopped`] if `progress` asked to stop: nothing of the block is in place then.
+    /// Errors of the scene, the weather or the disk.
     pub fn make(
         &mut self,
         store: &BatchStore,
@@ -176,7 +178,8 @@ impl BatchRun {
         Ok(active)
     }
 
-    /// Cameras over the whole clip of a part, whichever of its frames are made: what they see is drawn from one cut of the levels.
+    /// Cameras over the whole clip of a part, whichever of its frames are made: what they see is
+    /// drawn from one cut of the levels.
     fn shot(&self, active: &ActivePart, metres_per_unit: f64) -> Vec<Camera> {
         let time = |frame: u32| active.clip.weather.at + f64::from(frame) / self.plan.frame_rate;
         let only = self.clips.way(&active.clip).sensor;

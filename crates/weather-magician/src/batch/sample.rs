@@ -67,7 +67,8 @@ impl FromStr for SampleLayer {
 pub struct SampleOptions<'a> {
     /// The name of the sensor; `None` for the first camera.
     pub sensor: Option<&'a str>,
-    /// The layers of a picture; `None` for those that the plan's files have. Lidars and radars have none.
+    /// The layers of a picture; `None` for those that the plan's files have. Lidars and radars have
+    /// none.
     pub layers: Option<&'a [SampleLayer]>,
     /// Most scenes that stay open, at least 1: frames of a scene that is open need not wait for it.
     pub places: usize,
@@ -102,7 +103,8 @@ pub struct BatchSample {
 pub enum SampleData {
     /// The layers of a picture.
     Picture(Vec<SampleArray>),
-    /// The points of a lidar's sweep in the order of time, in the sensor's axes at the start of the sweep.
+    /// The points of a lidar's sweep in the order of time, in the sensor's axes at the start of the
+    /// sweep.
     Points(Vec<DatasetPoint>),
     /// The detections of a radar, in the sensor's axes.
     Detections(Vec<DatasetDetection>),
@@ -177,13 +179,16 @@ fn needs_of(layers: &[SampleLayer]) -> PictureNeeds {
 }
 
 impl BatchRun {
-    /// Reads one sensor at one frame: the first reading at or after the frame's time, as the files of the set have it. Frames may be asked for in
-    /// any order; each is the same as in a whole run.
+    /// Reads one sensor at one frame: the first reading at or after the frame's time, as the files
+    /// of the set have it. Frames may be asked for in any order; each is the same as in a whole
+    /// run.
     ///
-    /// Neighbours share the scene and the clip, and what weather needs of them: asked for one after the other they take less time.
+    /// Neighbours share the scene and the clip, and what weather needs of them: asked for one after
+    /// the other they take less time.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if the frame or the sensor is not there, or the camera cannot have a layer; errors of the scene and the weather.
+    /// [`Error::Unsupported`] if the frame or the sensor is not there, or the camera cannot have a
+    /// layer; errors of the scene and the weather.
     pub fn sample(&mut self, frame: u64, options: &SampleOptions<'_>) -> Result<BatchSample> {
         let fault = |says: String| Error::Unsupported(format!("{}: {says}", self.plan.file));
         if frame >= self.clips.frames() {

@@ -11,7 +11,8 @@ use wm_scene::formats::write_scene;
 use wm_scene::synthetic::Builder;
 use wm_scene::{Metadata, Scene, npy};
 
-/// A camera with a rolling shutter, an exposure of its own and noise, twice as fast as the frames, and a lidar.
+/// A camera with a rolling shutter, an exposure of its own and noise, twice as fast as the frames,
+/// and a lidar.
 const RIG: &str = r#"
 [[sensor]]
 name = "front"
@@ -119,7 +120,8 @@ fn a_sample_has_the_bytes_of_the_files_in_any_order() {
     let two = SampleOptions::default();
     let one = SampleOptions { places: 1, ..two };
     let depth = SampleLayer::Picture(PictureLayer::Depth);
-    // Eight frames: two scenes, two weathers, two frames. To and fro between the scenes, the last frame first.
+    // Eight frames: two scenes, two weathers, two frames. To and fro between the scenes, the last
+    // frame first.
     for (number, frame) in [7u64, 0, 5, 2].into_iter().enumerate() {
         let options = if number % 2 == 0 { two } else { one };
         let sample = alone.sample(frame, &options).unwrap();

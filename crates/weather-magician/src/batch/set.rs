@@ -103,7 +103,8 @@ fn sensor_info(sensor: &RigSensor) -> SensorInfo {
     }
 }
 
-/// The axes of the world of a data set: z up, in metres over the ground, x east where north is known.
+/// The axes of the world of a data set: z up, in metres over the ground, x east where north is
+/// known.
 #[derive(Clone, Copy, Debug)]
 pub struct SetWorld {
     axes: DMat3,
@@ -218,7 +219,8 @@ fn is_night(planned: &PlannedWeather) -> bool {
     model == Some(ParamValue::Word("night")) || is_below
 }
 
-/// The readings of a part of a clip, in the order of time, then of sensors. `pose` is that of the rig at a time of the clip, s.
+/// The readings of a part of a clip, in the order of time, then of sensors. `pose` is that of the
+/// rig at a time of the clip, s.
 #[must_use]
 pub fn readings_of(
     plan: &BatchPlan,

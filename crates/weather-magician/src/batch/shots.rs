@@ -30,12 +30,14 @@ pub struct ActivePart {
     pub base: CameraMotion,
     /// The readings of the part.
     pub readings: Vec<ReadingInfo>,
-    /// Cameras over the whole clip, for the cut of a scene in levels of detail; of other scenes none.
+    /// Cameras over the whole clip, for the cut of a scene in levels of detail; of other scenes
+    /// none.
     pub shot: Vec<Camera>,
 }
 
 impl ActivePart {
-    /// The weather of the clip, in which what follows the camera by itself is what it is where the clip starts.
+    /// The weather of the clip, in which what follows the camera by itself is what it is where the
+    /// clip starts.
     fn weather(&self, place: &mut PreparedPlace) -> Weather {
         let PlannedWeather { weather, at, .. } = &self.clip.weather;
         place.weather_of_shot(weather, &self.base.camera(*at))

@@ -24,8 +24,8 @@ fn part_of(seed: u64, shares: impl ExactSizeIterator<Item = f64>, clip: u64) -> 
     last
 }
 
-/// The clips of one part of a set, in their order. Each is found without a list of the others, in microseconds; a million clips take
-/// 8 KB.
+/// The clips of one part of a set, in their order. Each is found without a list of the others, in
+/// microseconds; a million clips take 8 KB.
 #[derive(Clone, Debug)]
 pub struct SplitClips {
     seed: u64,

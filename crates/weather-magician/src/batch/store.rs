@@ -1,6 +1,8 @@
-//! The files of a set on disk: blocks are made in a folder of their own, put in place whole, and marked as done.
+//! The files of a set on disk: blocks are made in a folder of their own, put in place whole, and
+//! marked as done.
 //!
-//! A marker is written last. So a block without one is made again, from the beginning, and a second run gives the same bytes.
+//! A marker is written last. So a block without one is made again, from the beginning, and a second
+//! run gives the same bytes.
 
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -472,11 +474,13 @@ pub fn digest_of(path: &Path) -> Result<(u64, String)> {
     }
 }
 
-/// The end of the names of folders with what is found of a scene: they grow while a set is made, also within the folder of a scene.
+/// The end of the names of folders with what is found of a scene: they grow while a set is made,
+/// also within the folder of a scene.
 const ASSETS: &str = ".assets";
 
-/// The SHA-256 of a scene: of its file, or of the files of its folder in the order of their names, but for those in `*.assets`. A file
-/// that only names others, such as `lod-meta.json`, stands for its folder.
+/// The SHA-256 of a scene: of its file, or of the files of its folder in the order of their names,
+/// but for those in `*.assets`. A file that only names others, such as `lod-meta.json`, stands for
+/// its folder.
 ///
 /// # Errors
 /// [`Error::Unsupported`] if one cannot be read.

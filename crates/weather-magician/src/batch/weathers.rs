@@ -1,4 +1,5 @@
-//! The weathers of a plan: lists, grids, instants of one weather, and samples of distributions with rules.
+//! The weathers of a plan: lists, grids, instants of one weather, and samples of distributions with
+//! rules.
 
 use super::distribution::Distribution;
 use super::hypercube::LatinHypercube;
@@ -717,7 +718,8 @@ mod tests {
             let text = planned.weather.to_toml();
             assert_eq!(Weather::parse(&text, "sample").unwrap().to_toml(), text);
         }
-        // Half of the 77 % above freezing; half of the 31 % below 2 degrees; 35 % of the 93 % in little wind.
+        // Half of the 77 % above freezing; half of the 31 % below 2 degrees; 35 % of the 93 % in
+        // little wind.
         assert!((700..850).contains(&rainy), "{rainy}");
         assert!((240..380).contains(&snowy), "{snowy}");
         assert!((560..700).contains(&foggy), "{foggy}");

@@ -43,8 +43,8 @@ pub struct BlockWriters<'a> {
     spent: Duration,
 }
 
-/// The files of a reading in the program's own layout, from the folder of the set: the picture or the points, the layers beside a picture, and the
-/// same view without weather.
+/// The files of a reading in the program's own layout, from the folder of the set: the picture or
+/// the points, the layers beside a picture, and the same view without weather.
 #[must_use]
 pub fn frame_files(
     plan: &BatchPlan,

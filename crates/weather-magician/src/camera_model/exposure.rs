@@ -1,7 +1,9 @@
 //! Exposures: how bright a picture becomes.
 //!
-//! An automatic exposure brings the mean logarithm of the luminance to [`GREY`], with a lag: it goes by `integral L(t - s) e^(-s / lag) ds / lag` over the seconds
-//! before the frame, with `L` from small pictures at whole multiples of [`STEP`]. So the exposure of a frame is a function of its time alone.
+//! An automatic exposure brings the mean logarithm of the luminance to [`GREY`], with a lag: it
+//! goes by `integral L(t - s) e^(-s / lag) ds / lag` over the seconds before the frame, with `L`
+//! from small pictures at whole multiples of [`STEP`]. So the exposure of a frame is a function of
+//! its time alone.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -68,7 +70,8 @@ pub(super) struct LightMeter {
 }
 
 impl LightMeter {
-    /// The gain of an automatic exposure at `time`, s; `measure` returns the mean logarithm of the luminance at a time.
+    /// The gain of an automatic exposure at `time`, s; `measure` returns the mean logarithm of the
+    /// luminance at a time.
     pub fn gain<E>(&mut self, time: f64, mut measure: impl FnMut(f64) -> Result<f64, E>) -> Result<f64, E> {
         // A path and a weather begin at 0: what would be before is as at the beginning.
         let begin = if time >= 0.0 { 0 } else { i64::MIN };

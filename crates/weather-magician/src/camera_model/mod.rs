@@ -46,7 +46,8 @@ use wm_scene::color::{srgb_decode, srgb_encode};
 use wm_scene::{Camera, LensModel};
 use wm_weather::{Fidelity, Weather};
 
-/// Distance at which the motion of the picture is measured, m: nearer things are blurred in steps that may be seen.
+/// Distance at which the motion of the picture is measured, m: nearer things are blurred in steps
+/// that may be seen.
 const NEAR: f64 = 4.0;
 /// Width of the pictures that an automatic exposure goes by, px.
 const METERED: u32 = 96;
@@ -68,7 +69,8 @@ impl CameraModel {
     /// Checks its numbers, and that it can take pictures of a weather.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] with the value; or that rain and snow of the paper's fidelity have no motion, or that drops on the lens need the whole picture at once.
+    /// [`Error::Unsupported`] with the value; or that rain and snow of the paper's fidelity have no
+    /// motion, or that drops on the lens need the whole picture at once.
     pub fn check(&self, weather: &Weather) -> Result<()> {
         let fault = self.shutter.check().and_then(|()| self.noise.iter().try_for_each(SensorNoise::check));
         fault.map_err(Error::Unsupported)?;
@@ -83,7 +85,8 @@ impl CameraModel {
         Ok(())
     }
 
-    /// Its shutter, exposure and noise as text that tells one model from another; `None` if all are as if there were none.
+    /// Its shutter, exposure and noise as text that tells one model from another; `None` if all are
+    /// as if there were none.
     #[must_use]
     pub fn settings(&self) -> Option<String> {
         let Self { shutter, exposure, noise, .. } = self;
@@ -106,8 +109,8 @@ pub struct SensorCamera {
 }
 
 impl SensorCamera {
-    /// A camera that is the first of its rig. One that stays with a speed is where `motion` says at the time of each frame, and drives
-    /// while it is exposed.
+    /// A camera that is the first of its rig. One that stays with a speed is where `motion` says at
+    /// the time of each frame, and drives while it is exposed.
     #[must_use]
     pub fn new(model: CameraModel, motion: CameraMotion) -> Self {
         Self { model, number: 0, motion, meter: LightMeter::default(), metered: Weather::default() }
@@ -173,10 +176,12 @@ impl Shot<'_> {
 }
 
 impl Renderer {
-    /// Takes a picture with a camera: through its lens, over its exposure and readout, as bright as its exposure says, with its noise.
+    /// Takes a picture with a camera: through its lens, over its exposure and readout, as bright as
+    /// its exposure says, with its noise.
     ///
-    /// Colours and falling particles are means over the exposure, in linear light. Depth and the other layers are those of the step in
-    /// which the middle of a line's exposure lies, and are not changed by exposure and noise.
+    /// Colours and falling particles are means over the exposure, in linear light. Depth and the
+    /// other layers are those of the step in which the middle of a line's exposure lies, and are
+    /// not changed by exposure and noise.
     ///
     /// # Errors
     /// As [`Self::render_into`] and [`CameraModel::check`].
@@ -380,7 +385,8 @@ impl ExposedPicture {
         Self { size, picture, most: vec![0.0; width.max(height) as usize] }
     }
 
-    /// Adds one step of a part of the picture: the share of each of its rows, or columns if they are read `across`.
+    /// Adds one step of a part of the picture: the share of each of its rows, or columns if they
+    /// are read `across`.
     fn add(&mut self, part: &Picture, rect: &PictureRect, (shares, is_across): (&[f32], bool)) {
         let first = rect.at[usize::from(!is_across)] as usize;
         // The other layers are those of the step that has most of a line.
@@ -455,7 +461,8 @@ impl PartCopy<'_> {
         });
     }
 
-    /// Calls `work` with the line, the pixel of the picture and that of the part, for each pixel of the part. Without values nothing is done.
+    /// Calls `work` with the line, the pixel of the picture and that of the part, for each pixel of
+    /// the part. Without values nothing is done.
     fn each<const N: usize>(
         &self,
         to: &mut Vec<f32>,

@@ -1,8 +1,9 @@
 //! Noise of an image sensor.
 //!
-//! A pixel that is as bright as display white holds `full_well / gain` electrons at a gain of `iso / 100`. Their number is a Poisson variate of its mean,
-//! the readout adds a normal error, and the converter cuts the range into 2^bits levels. Values above white are cut off.
-//! Each number is a function of (seed, frame, pixel, channel).
+//! A pixel that is as bright as display white holds `full_well / gain` electrons at a gain of
+//! `iso / 100`. Their number is a Poisson variate of its mean, the readout adds a normal error, and
+//! the converter cuts the range into 2^bits levels. Values above white are cut off. Each number is
+//! a function of (seed, frame, pixel, channel).
 
 use rayon::prelude::*;
 use wm_render::Frame;
@@ -10,7 +11,8 @@ use wm_render::frame::ColorEncoding;
 use wm_scene::color::{srgb_decode, srgb_encode};
 use wm_scene::random::{self, RandomStream};
 
-/// Electrons above which a Poisson variate is taken for a normal one: its skewness is below 0.16 then.
+/// Electrons above which a Poisson variate is taken for a normal one: its skewness is below 0.16
+/// then.
 const MANY: f64 = 40.0;
 /// ISO at which a full pixel is white.
 const BASE_ISO: f64 = 100.0;
@@ -58,8 +60,8 @@ impl SensorNoise {
         Ok(())
     }
 
-    /// Adds the noise of frame `index` of the sensor `sensor` to a picture that was made `gain` times as bright as the base exposure: gains above 1 are more
-    /// sensitivity.
+    /// Adds the noise of frame `index` of the sensor `sensor` to a picture that was made `gain`
+    /// times as bright as the base exposure: gains above 1 are more sensitivity.
     pub(super) fn apply(&self, frame: &mut Frame, (sensor, index): (u32, u32), gain: f64) {
         let electrons = self.full_well * BASE_ISO / (self.iso * gain.max(1.0));
         let top = f64::from((1u32 << self.bits) - 1);
@@ -129,7 +131,8 @@ mod tests {
             let light = f64::from(light);
             let step = 1.0 / 4095.0f64;
             let want = light / 10_000.0 + (3.0 / 10_000.0f64).powi(2) + step * step / 12.0;
-            // Standard errors: sqrt(variance / count), and the variance's share sqrt(2 / count) = 0.4 %. Black cuts off what is below.
+            // Standard errors: sqrt(variance / count), and the variance's share sqrt(2 / count) =
+            // 0.4 %. Black cuts off what is below.
             let is_cut = light < 0.002;
             assert!(
                 (mean - light).abs() < if is_cut { 0.1 * light } else { 5.0 * (want / count).sqrt() },

@@ -1,8 +1,10 @@
 //! Shutters: the times at which the lines of a picture see the scene.
 //!
-//! Line `i` of `n`, counted from the side that is read first, is exposed about the instant `t + (i + 0.5) / n readout` of a frame at `t`,
-//! over the exposure time. Time is cut into equal steps; each is one render of the lines that are exposed in it, and a line is the mean, in linear light, of
-//! the steps that its exposure overlaps. Steps are so short that the picture moves by [`MOST_SHIFT`] px or less in one.
+//! Line `i` of `n`, counted from the side that is read first, is exposed about the instant
+//! `t + (i + 0.5) / n readout` of a frame at `t`, over the exposure time. Time is cut into equal
+//! steps; each is one render of the lines that are exposed in it, and a line is the mean, in linear
+//! light, of the steps that its exposure overlaps. Steps are so short that the picture moves by
+//! [`MOST_SHIFT`] px or less in one.
 
 use std::ops::Range;
 use std::str::FromStr;
@@ -43,7 +45,8 @@ impl FromStr for ReadoutSide {
 /// The exposure and the readout of a camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Shutter {
-    /// Exposure time of a line, s, 0 for an instant: what moves before the camera is blurred over it.
+    /// Exposure time of a line, s, 0 for an instant: what moves before the camera is blurred over
+    /// it.
     pub exposure: f64,
     /// Time from the exposure of the first line to that of the last, s, 0 for a global shutter.
     pub readout: f64,

@@ -20,7 +20,8 @@ fn psnr(a: &[f32], b: &[f32]) -> f64 {
     -10.0 * square.max(1e-20).log10()
 }
 
-/// Each line of a rolling shutter is that of a whole picture that was taken where the camera was then.
+/// Each line of a rolling shutter is that of a whole picture that was taken where the camera was
+/// then.
 #[test]
 fn lines_of_a_rolling_shutter_are_those_of_pictures_of_their_times() {
     let (mut renderer, mut place, camera) = street();
@@ -61,7 +62,8 @@ fn lines_of_a_rolling_shutter_are_those_of_pictures_of_their_times() {
     }
 }
 
-/// The blur of a moving camera is the mean of sharp pictures, and what falls is as bright over all steps as in one.
+/// The blur of a moving camera is the mean of sharp pictures, and what falls is as bright over all
+/// steps as in one.
 #[test]
 fn exposures_are_means_of_instants() {
     let (mut renderer, mut place, camera) = street();
@@ -100,7 +102,8 @@ fn exposures_are_means_of_instants() {
     let options = FrameOptions::new(0.5, sensor.at(0.5, 0.0, metres));
     renderer.render_into(&mut place, &weather, &options, &mut picture, &mut ()).unwrap();
     let once = covered(&picture);
-    // In a step a drop that stands in a pixel is not quite opaque: 4 to 7 % of coverage, by larger pictures; these show few drops.
+    // In a step a drop that stands in a pixel is not quite opaque: 4 to 7 % of coverage, by larger
+    // pictures; these show few drops.
     assert!((over_steps / once - 0.95).abs() < 0.1, "{over_steps} against {once}");
 }
 
@@ -115,7 +118,8 @@ fn plain_models_change_no_byte() {
     assert_eq!(by_model.frame, plain.frame);
 }
 
-/// Automatic exposures make a dark evening as bright on average as grey, and one more stop is twice the light.
+/// Automatic exposures make a dark evening as bright on average as grey, and one more stop is twice
+/// the light.
 #[test]
 fn exposures_change_the_light() {
     let (mut renderer, mut place, camera) = street();

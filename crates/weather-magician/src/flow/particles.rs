@@ -1,4 +1,5 @@
-//! Optical flow of what falls: where each drop or flake that a picture shows is at the next instant.
+//! Optical flow of what falls: where each drop or flake that a picture shows is at the next
+//! instant.
 
 use super::FlowView;
 use crate::place::{FrameContent, PreparedPlace};
@@ -11,7 +12,8 @@ use wm_render::stages::particles as stage;
 use wm_scene::Camera;
 use wm_weather::Weather;
 
-/// Added to the diagonal of the covariance in the picture, px^2, and the greatest optical depth of one particle: as they are drawn.
+/// Added to the diagonal of the covariance in the picture, px^2, and the greatest optical depth of
+/// one particle: as they are drawn.
 const DILATION: f64 = stage::DILATION as f64;
 const MOST: f64 = stage::MOST as f64;
 /// Optical depth of a particle from which on a pixel is its own: it hides a twentieth of it.
@@ -61,8 +63,8 @@ fn peak(w: f64) -> f64 {
 }
 
 impl Seen {
-    /// A particle and its velocity relative to the camera (scene units a second, world axes) in a picture; `None` if it covers no pixel enough, or is not before the
-    /// next camera.
+    /// A particle and its velocity relative to the camera (scene units a second, world axes) in a
+    /// picture; `None` if it covers no pixel enough, or is not before the next camera.
     fn of(
         (particle, velocity): &(Particle, [f64; 3]),
         camera: &Camera,
@@ -114,8 +116,10 @@ impl Seen {
     }
 }
 
-/// The flow of particles from a picture to the next, `[H, W, 2]`: each pixel has the vector of the nearest particle that hides at least a twentieth of it and is nearer than
-/// the scene; NaN where there is none. Velocities are relative to the camera, which itself moves by `velocity`, scene units a second, world axes.
+/// The flow of particles from a picture to the next, `[H, W, 2]`: each pixel has the vector of the
+/// nearest particle that hides at least a twentieth of it and is nearer than the scene; NaN where
+/// there is none. Velocities are relative to the camera, which itself moves by `velocity`, scene
+/// units a second, world axes.
 ///
 /// # Panics
 /// If the view's depth has another size than its camera.
@@ -127,7 +131,8 @@ pub fn particle_flow(
 ) -> Vec<f32> {
     let (width, height) = (from.camera.width as usize, from.camera.height as usize);
     assert_eq!(from.depth.len(), width * height, "a depth a pixel");
-    // From where a particle would be seen by a camera that goes on evenly, to where the next camera is.
+    // From where a particle would be seen by a camera that goes on evenly, to where the next camera
+    // is.
     let drift = DVec3::from_array(velocity) * seconds + from.camera.center() - next.center();
     let seen: Vec<Seen> =
         particles.par_iter().filter_map(|one| Seen::of(one, from.camera, (next, seconds, drift))).collect();
@@ -166,11 +171,13 @@ pub fn particle_flow(
 }
 
 impl Renderer {
-    /// Finds the flow of what falls from one frame to the next and puts it into `picture`: of rain, snow and hail as they are drawn, not of splashes. Particles go on with
-    /// their velocity of the first instant. The frames are those of pinholes.
+    /// Finds the flow of what falls from one frame to the next and puts it into `picture`: of rain,
+    /// snow and hail as they are drawn, not of splashes. Particles go on with their velocity of the
+    /// first instant. The frames are those of pinholes.
     ///
     /// # Errors
-    /// As [`Self::render_into`]; [`Error::Unsupported`] for the fidelity of the paper, whose rain has no motion.
+    /// As [`Self::render_into`]; [`Error::Unsupported`] for the fidelity of the paper, whose rain
+    /// has no motion.
     pub fn render_particle_flow(
         &mut self,
         place: &mut PreparedPlace,
@@ -200,7 +207,8 @@ impl Renderer {
 mod tests {
     use super::*;
 
-    /// A drop has the flow of its own way, where it is and nowhere else, before the scene alone; the nearest counts.
+    /// A drop has the flow of its own way, where it is and nowhere else, before the scene alone;
+    /// the nearest counts.
     #[test]
     fn a_drop_flows_by_its_own_velocity() {
         let camera = Camera::looking((80, 60), 60.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();

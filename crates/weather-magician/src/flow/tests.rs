@@ -25,7 +25,8 @@ fn plane(camera: &Camera, lens: Option<LensModel>, (normal, height): (DVec3, f64
     (0..camera.width * camera.height).map(depth).collect()
 }
 
-/// The way by which the picture of a plane moves, by the homography that a plane has between two pinholes: no depth, no point.
+/// The way by which the picture of a plane moves, by the homography that a plane has between two
+/// pinholes: no depth, no point.
 fn homography(from: &Camera, to: &Camera, (normal, height): (DVec3, f64), [x, y]: [f64; 2]) -> [f64; 2] {
     let intrinsics = |c: &Camera| {
         glam::DMat3::from_cols(
@@ -45,7 +46,8 @@ fn homography(from: &Camera, to: &Camera, (normal, height): (DVec3, f64), [x, y]
     [p.x / p.z - x, p.y / p.z - y]
 }
 
-/// The largest error of the flow of ground 1.5 below two eyes, whose depth is taken `factor` times, and the largest flow, px.
+/// The largest error of the flow of ground 1.5 below two eyes, whose depth is taken `factor` times,
+/// and the largest flow, px.
 fn ground_error(factor: f64) -> [f64; 2] {
     let (from, to) = (camera([0.0; 3], [10.0, 0.0, -2.0]), camera([0.3, 0.05, 0.02], [10.0, 0.2, -2.0]));
     let ground = (DVec3::Z, -1.5);
@@ -82,8 +84,8 @@ fn the_flow_of_a_plane_is_its_homography_and_a_tenth_of_depth_is_seen() {
 
 #[test]
 fn a_wall_in_front_hides_what_is_behind_its_edge() {
-    // A wall at 4 covers what is right of the axis, one at 10 the rest; the eye goes to the left by 0.5, so that the near one moves
-    // to the right by more.
+    // A wall at 4 covers what is right of the axis, one at 10 the rest; the eye goes to the left by
+    // 0.5, so that the near one moves to the right by more.
     let from = camera([0.0; 3], [10.0, 0.0, 0.0]);
     let to = camera([0.0, 0.5, 0.0], [10.0, 0.5, 0.0]);
     let walls = |camera: &Camera| -> Vec<f32> {
@@ -202,8 +204,8 @@ fn wall(x: f32, [left, right]: [f32; 2], splats: &mut Splats) {
     }
 }
 
-/// Drawn walls: the flow by splats is that by the formula, and where the near wall comes before the far one, it is hidden. A frame is the same
-/// whichever frames were drawn before.
+/// Drawn walls: the flow by splats is that by the formula, and where the near wall comes before the
+/// far one, it is hidden. A frame is the same whichever frames were drawn before.
 #[test]
 fn splats_have_the_flow_of_the_walls_that_they_are() {
     let mut splats = Splats::with_capacity(0, 0);

@@ -39,7 +39,8 @@ fn cloud(count: u32) -> Splats {
     splats
 }
 
-/// For each pixel the splats that blend there, by the contract of the rasterization in f64: weights and the transmittance before each.
+/// For each pixel the splats that blend there, by the contract of the rasterization in f64: weights
+/// and the transmittance before each.
 fn blended(splats: &Splats, camera: &Camera, (x, y): (f64, f64)) -> Vec<(usize, f64, f64)> {
     let mut order: Vec<(f64, usize)> = (0..splats.len())
         .map(|i| {
@@ -150,7 +151,8 @@ fn votes_are_those_of_brute_force() {
     assert!(voted.won.contains(&65535) && !voted.won.contains(&0));
 }
 
-/// Two walls side by side: through any lens there are their two labels and none, never a number between.
+/// Two walls side by side: through any lens there are their two labels and none, never a number
+/// between.
 #[test]
 fn edges_mix_no_labels() {
     let mut splats = Splats::with_capacity(0, 0);

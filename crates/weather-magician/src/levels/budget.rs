@@ -48,7 +48,8 @@ pub fn parse_memory(text: &str) -> Result<u64, String> {
     Ok(bytes as u64)
 }
 
-/// Splats of one frame that are not asked for: some two a pixel of a picture of 1200x800 px, beyond which little changes.
+/// Splats of one frame that are not asked for: some two a pixel of a picture of 1200x800 px, beyond
+/// which little changes.
 pub const MOST_SPLATS: u64 = 2_000_000;
 /// Least splats of one frame.
 const LEAST_SPLATS: u64 = 1000;
@@ -65,8 +66,8 @@ const FRAME_BYTES: u64 = 112;
 /// Bytes of a splat that is held, beside those in the renderer: its position.
 const HELD_BYTES: u64 = 12;
 
-/// Splats that are held for a frame over those that it may draw, at most, where their number is asked for: which of them show something is
-/// known once they are held.
+/// Splats that are held for a frame over those that it may draw, at most, where their number is
+/// asked for: which of them show something is known once they are held.
 const HELD_FOR_DRAWN: u64 = 4;
 
 /// The shares of a [`LevelBudget`].
@@ -83,8 +84,8 @@ pub(crate) struct BudgetShares {
 }
 
 impl LevelBudget {
-    /// Returns the index of the scene at a path if it is in levels of detail and its finest level does not fit; else the scene is drawn as a
-    /// whole.
+    /// Returns the index of the scene at a path if it is in levels of detail and its finest level
+    /// does not fit; else the scene is drawn as a whole.
     ///
     /// # Errors
     /// [`FormatError`] if it has an index that cannot be read.
@@ -99,7 +100,8 @@ impl LevelBudget {
         index.count_of_level(0) <= self.shares(3).frame_splats
     }
 
-    /// Returns the memory that a scene takes at its coarsest level, bytes, if that is more than the budget.
+    /// Returns the memory that a scene takes at its coarsest level, bytes, if that is more than the
+    /// budget.
     pub(crate) fn exceeded_by(&self, index: &LevelIndex, sh_degree: u8) -> Option<u64> {
         let coarsest = index.leaves.iter().filter_map(|leaf| leaf.runs.last()).map(|run| run.count);
         // For weather, to tell what is hidden, and in the frame.
@@ -116,7 +118,8 @@ impl LevelBudget {
         let by_memory = rest / a_splat;
         // A part of what is held is of other cuts, so that a camera that turns back loads nothing.
         let frame_splats = self.splats.unwrap_or((by_memory / 2).min(MOST_SPLATS)).max(LEAST_SPLATS);
-        // As many as the memory allows are drawn at once: to choose among more would take longer than to draw them.
+        // As many as the memory allows are drawn at once: to choose among more would take longer
+        // than to draw them.
         let held = if self.splats.is_some() { HELD_FOR_DRAWN } else { 1 };
         let cut_splats = frame_splats.saturating_mul(held).min(by_memory / 4 * 3).max(frame_splats);
         BudgetShares {

@@ -12,7 +12,8 @@ use wm_render::{CpuConfig, CpuRenderer, RenderError};
 use wm_scene::levels::{LevelFileJob, LevelWriteOptions, LevelWriter, MAX_LEVELS, NewLeaf};
 use wm_scene::{Group, Metadata, Rasterization, Splats};
 
-/// Leaves that are built at a time, a thread: the memory that they take is bounded, and a slow one delays the others little.
+/// Leaves that are built at a time, a thread: the memory that they take is bounded, and a slow one
+/// delays the others little.
 const LEAVES_AT_ONCE: usize = 8;
 
 /// Options of [`LevelBuilder`].
@@ -22,7 +23,8 @@ pub struct LevelOptions {
     pub leaf_splats: usize,
     /// Longest side of a leaf, scene units; leaves that it bounds have fewer splats.
     pub leaf_side: f64,
-    /// Number of levels, 1 to [`MAX_LEVELS`]; without it, as many as it takes to come down to `coarsest`.
+    /// Number of levels, 1 to [`MAX_LEVELS`]; without it, as many as it takes to come down to
+    /// `coarsest`.
     pub levels: Option<u32>,
     /// Splats of a leaf at or below which no coarser level is made.
     pub coarsest: usize,
@@ -33,8 +35,8 @@ pub struct LevelOptions {
 }
 
 impl LevelOptions {
-    /// The options for a scene of so many splats. Few, large leaves are made of a large one, since each is a set of splats of its own when it
-    /// is drawn; small ones fit better what cameras see.
+    /// The options for a scene of so many splats. Few, large leaves are made of a large one, since
+    /// each is a set of splats of its own when it is drawn; small ones fit better what cameras see.
     #[must_use]
     pub fn for_splats(count: u64) -> Self {
         let leaf_splats = (count / 4096).next_power_of_two().clamp(512, 1 << 14) as usize;
@@ -68,7 +70,8 @@ pub struct LevelSummary {
 
 /// Builds a scene in levels, block by block. Memory is bounded by the largest block and its levels.
 ///
-/// Splats of the sky ([`Group::Sky`]) become the environment, which is always drawn. The same blocks give the same bytes on any number of threads.
+/// Splats of the sky ([`Group::Sky`]) become the environment, which is always drawn. The same
+/// blocks give the same bytes on any number of threads.
 ///
 /// ```
 /// use weather_magician::{Metadata, levels::{LevelBuilder, LevelOptions}};
@@ -94,10 +97,12 @@ pub struct LevelBuilder {
 }
 
 impl LevelBuilder {
-    /// Starts the scene whose index is `main`, a path that ends in `lod-meta.json`. What was there is removed.
+    /// Starts the scene whose index is `main`, a path that ends in `lod-meta.json`. What was there
+    /// is removed.
     ///
     /// # Errors
-    /// [`Error::Format`] if it cannot be written there, [`Error::Render`] if threads cannot be started.
+    /// [`Error::Format`] if it cannot be written there, [`Error::Render`] if threads cannot be
+    /// started.
     pub fn create(main: &Path, options: LevelOptions) -> Result<Self> {
         let own = LevelWriteOptions { rasterization: options.rasterization, ..LevelWriteOptions::default() };
         let writer = LevelWriter::create(main, own)?;
@@ -122,8 +127,8 @@ impl LevelBuilder {
     /// Adds a block: splats of a part of space, as many as fit memory three times.
     ///
     /// # Errors
-    /// [`Error::Format`] if a splat has a number that is not finite or a file cannot be written; [`Error::Stopped`] if `progress` asks to
-    /// stop.
+    /// [`Error::Format`] if a splat has a number that is not finite or a file cannot be written;
+    /// [`Error::Stopped`] if `progress` asks to stop.
     pub fn add(&mut self, splats: &Splats, progress: &mut dyn Progress) -> Result<()> {
         let (sky, rest): (Vec<u32>, Vec<u32>) =
             (0..splats.len() as u32).partition(|index| splats.groups[*index as usize] == Group::Sky);
@@ -206,7 +211,8 @@ fn write(jobs: Vec<LevelFileJob>, threads: usize) -> Result<()> {
 
 /// Does `count` pieces of work over a thread for each worker; what they give is in their order.
 ///
-/// These are threads of their own: a renderer's wait would let a thread of a pool begin a second piece within the first.
+/// These are threads of their own: a renderer's wait would let a thread of a pool begin a second
+/// piece within the first.
 fn over_threads<W: Send, T: Send>(
     workers: &mut [W],
     count: usize,

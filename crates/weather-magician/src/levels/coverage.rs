@@ -3,9 +3,11 @@
 use glam::DVec3;
 use wm_scene::Camera;
 
-/// Returns the area that a box covers in a camera's picture, px; the whole picture if the eye is inside, 0 if the box is not seen.
+/// Returns the area that a box covers in a camera's picture, px; the whole picture if the eye is
+/// inside, 0 if the box is not seen.
 ///
-/// Things in front of the box are not known. The area is exact but for the near plane, which cuts off what is behind it.
+/// Things in front of the box are not known. The area is exact but for the near plane, which cuts
+/// off what is behind it.
 #[must_use]
 pub fn coverage(low: [f32; 3], high: [f32; 3], camera: &Camera) -> f64 {
     let whole = f64::from(camera.width) * f64::from(camera.height);
@@ -46,7 +48,8 @@ pub fn coverage(low: [f32; 3], high: [f32; 3], camera: &Camera) -> f64 {
     area.min(whole)
 }
 
-/// The planes that bound what a camera sees, in its axes: near, left, right, top, bottom. Inside is 0 and above.
+/// The planes that bound what a camera sees, in its axes: near, left, right, top, bottom. Inside is
+/// 0 and above.
 struct Planes {
     planes: [(DVec3, f64); 5],
     focal: f64,

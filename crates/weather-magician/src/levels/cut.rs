@@ -1,8 +1,10 @@
-//! The level that each leaf of a scene is drawn at, so that a budget of splats shows as much as it can.
+//! The level that each leaf of a scene is drawn at, so that a budget of splats shows as much as it
+//! can.
 //!
-//! All leaves begin at their coarsest level. Finer ones are bought, the one first that removes most error a splat: squared error of the
-//! leaf's pictures times the pixels that it covers, over the splats that it adds. The first that does not fit ends it, so that the cut
-//! of a larger budget is nowhere coarser than that of a smaller one, but for that last leaf.
+//! All leaves begin at their coarsest level. Finer ones are bought, the one first that removes most
+//! error a splat: squared error of the leaf's pictures times the pixels that it covers, over the
+//! splats that it adds. The first that does not fit ends it, so that the cut of a larger budget is
+//! nowhere coarser than that of a smaller one, but for that last leaf.
 //!
 //! A cut is a pure function of index, cameras and budget: frames need not be rendered in order.
 
@@ -14,15 +16,17 @@ use wm_scene::{
     levels::{LevelIndex, LevelLeaf, LevelRun},
 };
 
-/// Error of a leaf's pictures with a share `s` of its splats where the index states none: this times `1 - sqrt(s)`.
+/// Error of a leaf's pictures with a share `s` of its splats where the index states none: this
+/// times `1 - sqrt(s)`.
 ///
-/// 1 is white for black. The value is the order of what reduced leaves of photographed places lose; only its growth over the levels matters
-/// where no leaf has an error.
+/// 1 is white for black. The value is the order of what reduced leaves of photographed places lose;
+/// only its growth over the levels matters where no leaf has an error.
 const ERROR: f64 = 0.1;
 /// Larger errors of an index are taken for this.
 const LARGEST_ERROR: f64 = 10.0;
 
-/// The most that a cut may be. Splats of the environment are not counted. Leaves are never coarser than their coarsest level.
+/// The most that a cut may be. Splats of the environment are not counted. Leaves are never coarser
+/// than their coarsest level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CutBudget {
     /// Number of splats that a picture draws.
@@ -42,7 +46,8 @@ impl CutBudget {
 /// The part of a leaf that pictures show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeenLeaf {
-    /// The light that comes from it over what would come if it hid all behind it and nothing hid it, 0-1; its weight against other leaves.
+    /// The light that comes from it over what would come if it hid all behind it and nothing hid
+    /// it, 0-1; its weight against other leaves.
     pub light: f64,
     /// The share of its splats that this light comes from, 0-1: the others are not drawn.
     pub drawn: f64,
@@ -91,9 +96,11 @@ impl LevelCut {
         cut
     }
 
-    /// The cut for all pictures of `cameras`: for one frame, or for all frames of a path, so that nothing changes its level between them.
+    /// The cut for all pictures of `cameras`: for one frame, or for all frames of a path, so that
+    /// nothing changes its level between them.
     ///
-    /// A leaf counts with the largest area that it covers in a picture. One that no picture shows stays at its coarsest level.
+    /// A leaf counts with the largest area that it covers in a picture. One that no picture shows
+    /// stays at its coarsest level.
     #[must_use]
     pub fn of(index: &LevelIndex, cameras: &[Camera], budget: &CutBudget) -> Self {
         Self::of_seen(index, cameras, &[], budget)
@@ -129,7 +136,8 @@ impl LevelCut {
             };
             let left = (budget.held.saturating_sub(cut.splats), budget.splats.saturating_sub(drawn));
             let fits = |to: &usize| added(*to).0 <= left.0 && added(*to).1 <= left.1;
-            // The finest of it that fits, and then no other leaf: it would look better than one that is worth more.
+            // The finest of it that fits, and then no other leaf: it would look better than one
+            // that is worth more.
             let Some(to) = (usize::from(next.to)..from).find(fits) else { break };
             cut.splats += added(to).0;
             drawn += added(to).1;
@@ -154,7 +162,8 @@ impl LevelCut {
         self.splats
     }
 
-    /// The leaves and the run that is drawn of each, in the order of the index that it was made for.
+    /// The leaves and the run that is drawn of each, in the order of the index that it was made
+    /// for.
     pub fn runs<'a>(&'a self, index: &'a LevelIndex) -> impl Iterator<Item = (usize, &'a LevelRun)> + 'a {
         let run = |(leaf, position): (usize, &u16)| {
             Some((leaf, index.leaves.get(leaf)?.runs.get(usize::from(*position))?))
@@ -194,7 +203,8 @@ impl Step {
 
 /// The error of a leaf at a level in pictures where it covers `area` px.
 ///
-/// A level lacks details that are finer than the distance of its splats. Where that is below a pixel, the pixel averages them away.
+/// A level lacks details that are finer than the distance of its splats. Where that is below a
+/// pixel, the pixel averages them away.
 fn seen_error(leaf: &LevelLeaf, position: usize, area: f64) -> f64 {
     let run = &leaf.runs[position];
     let count = run.count as f64;
@@ -298,7 +308,8 @@ mod tests {
         }
     }
 
-    /// Splats that are held and not drawn leave room for other leaves, up to the number that may be held.
+    /// Splats that are held and not drawn leave room for other leaves, up to the number that may be
+    /// held.
     #[test]
     fn splats_that_show_nothing_are_held_and_not_drawn() {
         let (index, cameras) = (index(10, ERRORS), [camera(-10.0, 1.0)]);

@@ -9,7 +9,8 @@ use wm_scene::{Camera, Rasterization, Splats};
 
 /// Directions that a leaf is looked at from.
 const VIEWS: usize = 6;
-/// Distance of the eye, radii of the leaf: far enough that its near side is drawn at the scale of its far side.
+/// Distance of the eye, radii of the leaf: far enough that its near side is drawn at the scale of
+/// its far side.
 const DISTANCE: f64 = 4.0;
 /// Sides of the pictures, px: about a splat of the finest level a pixel, within these.
 const SIDES: (u32, u32) = (48, 160);
@@ -35,8 +36,8 @@ impl LeafJudge {
 
     /// The error of each level, the finest first: 0, and no less than that of the level before.
     ///
-    /// Squared differences of colour (mean of the channels) and of alpha, summed over pictures of the leaf alone before grey, over the
-    /// pixels that its box covers in them; the root of that.
+    /// Squared differences of colour (mean of the channels) and of alpha, summed over pictures of
+    /// the leaf alone before grey, over the pixels that its box covers in them; the root of that.
     pub fn errors(&mut self, levels: &[Splats]) -> Result<Vec<f32>, RenderError> {
         let mut sums = vec![0.0; levels.len()];
         let mut pixels = 0.0;
@@ -72,7 +73,8 @@ fn look(
     renderer.render(&DrawPass::new(&[SetView::transient(splats)], camera, config), frame).map(|_| ())
 }
 
-/// The sum over pixels of the squared differences of colour, the mean of the channels, and of alpha.
+/// The sum over pixels of the squared differences of colour, the mean of the channels, and of
+/// alpha.
 fn difference(a: &Frame, b: &Frame) -> f64 {
     let squared = |a: &[f32], b: &[f32]| -> f64 {
         a.iter().zip(b).map(|(a, b)| f64::from(a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)).powi(2)).sum()
@@ -93,7 +95,8 @@ fn extent(splats: &Splats) -> ([f32; 3], [f32; 3]) {
     })
 }
 
-/// Cameras about the means of splats, evenly over all directions, with square pictures that hold them.
+/// Cameras about the means of splats, evenly over all directions, with square pictures that hold
+/// them.
 pub fn cameras_about(splats: &Splats, count: usize, side: u32) -> Vec<Camera> {
     let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let (low, high) = splats.means.iter().fold(empty, |(low, high), mean| {

@@ -2,9 +2,11 @@
 
 use wm_scene::Splats;
 
-/// Splits splats, by their indices, into leaves of at most `most` splats and at most `longest` units to a side between their means.
+/// Splits splats, by their indices, into leaves of at most `most` splats and at most `longest`
+/// units to a side between their means.
 ///
-/// Each is halved across its longest side: at the middle splat, or where only the size is too large, in the middle.
+/// Each is halved across its longest side: at the middle splat, or where only the size is too
+/// large, in the middle.
 pub fn leaves(splats: &Splats, indices: Vec<u32>, most: usize, longest: f64) -> Vec<Vec<u32>> {
     let (mut done, mut open) = (Vec::new(), vec![indices]);
     while let Some(mut leaf) = open.pop() {
@@ -22,7 +24,8 @@ pub fn leaves(splats: &Splats, indices: Vec<u32>, most: usize, longest: f64) -> 
             let half = leaf.len() / 2;
             leaf.select_nth_unstable_by(half, |a, b| key(a).total_cmp(&key(b)).then(a.cmp(b)));
             let other = leaf.split_off(half);
-            // Selection leaves no order of its own: what comes out must not hang on the order that went in.
+            // Selection leaves no order of its own: what comes out must not hang on the order that
+            // went in.
             leaf.sort_unstable();
             other
         } else {

@@ -1,7 +1,8 @@
 //! A leaf's coarser levels: splats that are alike become one.
 //!
-//! Of each splat and its nearest neighbours, those pairs are joined first that differ least: in place, in standard deviations of both,
-//! and in colour, times the worth that a merge of the two moves. Several may come together in one step.
+//! Of each splat and its nearest neighbours, those pairs are joined first that differ least: in
+//! place, in standard deviations of both, and in colour, times the worth that a merge of the two
+//! moves. Several may come together in one step.
 
 use crate::moments::{apart, covariance, put};
 use glam::{DMat3, DVec3};
@@ -13,8 +14,8 @@ use wm_scene::Splats;
 const NEIGHBOURS: usize = 6;
 /// Most splats that become one in a step: larger groups blur what the rest of the leaf keeps.
 const MOST: usize = 4;
-/// Cost of a difference in colour against one in place: of colours that differ by 1 in all channels against this many
-/// squared standard deviations, about.
+/// Cost of a difference in colour against one in place: of colours that differ by 1 in all channels
+/// against this many squared standard deviations, about.
 const COLOR: f64 = 20.0;
 
 /// A pair that may be joined.
@@ -24,7 +25,8 @@ struct Pair {
     b: u32,
 }
 
-/// Joins splats until about `target` are left, and gives them with their worth; more are left where too few are neighbours.
+/// Joins splats until about `target` are left, and gives them with their worth; more are left where
+/// too few are neighbours.
 pub fn halved(splats: &Splats, worth: &[f64], target: usize) -> (Splats, Vec<f64>) {
     let mut groups = Groups::new(splats.len());
     for pair in pairs(splats, worth) {
@@ -83,7 +85,8 @@ fn pairs(splats: &Splats, worth: &[f64]) -> Vec<Pair> {
     pairs
 }
 
-/// The squared difference of two splats in colour over all directions, up to the factor of 3 channels and a mean: the SH are orthonormal.
+/// The squared difference of two splats in colour over all directions, up to the factor of 3
+/// channels and a mean: the SH are orthonormal.
 fn color_difference(splats: &Splats, a: usize, b: usize) -> f32 {
     let square = (wm_scene::sh::C0 * wm_scene::sh::C0) as f32;
     square * splats.sh_of(a).iter().zip(splats.sh_of(b)).map(|(a, b)| (a - b) * (a - b)).sum::<f32>()

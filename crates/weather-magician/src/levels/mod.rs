@@ -1,11 +1,15 @@
-//! Scenes in levels of detail: how they are built, and what of them is drawn under a budget of splats.
+//! Scenes in levels of detail: how they are built, and what of them is drawn under a budget of
+//! splats.
 //!
-//! [`LevelBuilder`] takes splats block by block and writes leaves, each at levels with half the splats of the one before.
-//! [`LevelCut`] chooses a level for each leaf of a [`wm_scene::levels::LevelIndex`]; [`LevelLooks`] tells it what is hidden, and which splats of
-//! it a picture draws.
+//! [`LevelBuilder`] takes splats block by block and writes leaves, each at levels with half the
+//! splats of the one before. [`LevelCut`] chooses a level for each leaf of a
+//! [`wm_scene::levels::LevelIndex`]; [`LevelLooks`] tells it what is hidden, and which splats of it
+//! a picture draws.
 //!
-//! With a quarter of the splats against all, at 960x640 px, the least of four views: garden 72.4 dB, flowers 41.5 dB, the built-in park 41.4 dB, the
-//! built-in street 39.8 dB, taebak 34.4 dB; depth within 0.6 %, alpha within 0.004. Two to four times the splats that are drawn are held. `examples/level_quality.rs` measures it.
+//! With a quarter of the splats against all, at 960x640 px, the least of four views: garden 72.4
+//! dB, flowers 41.5 dB, the built-in park 41.4 dB, the built-in street 39.8 dB, taebak 34.4 dB;
+//! depth within 0.6 %, alpha within 0.004. Two to four times the splats that are drawn are held.
+//! `examples/level_quality.rs` measures it.
 
 mod budget;
 mod build;

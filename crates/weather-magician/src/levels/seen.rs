@@ -1,12 +1,16 @@
 //! Looks at a scene in levels: small pictures that tell the light which comes from each splat.
 //!
-//! [`LevelLooks::cut`] makes a cut in turns. It looks at all leaves where they are coarsest, then at a cut with as many splats as can be held. In the
-//! cut that it makes then, a leaf counts with the light that comes from it, and its splats with the share of them that nearly all of that light
-//! comes from: the less light may be lost, the coarser are the leaves of which all is drawn. For a shot it tries several such shares, and takes the
-//! cut whose small pictures, drawn as [`LevelLooks::drawn`] says, are nearest to those of all that can be held. Few splats of a fine level
-//! are best where surfaces are many thin layers, coarse ones where each splat covers something of its own.
+//! [`LevelLooks::cut`] makes a cut in turns. It looks at all leaves where they are coarsest, then
+//! at a cut with as many splats as can be held. In the cut that it makes then, a leaf counts with
+//! the light that comes from it, and its splats with the share of them that nearly all of that
+//! light comes from: the less light may be lost, the coarser are the leaves of which all is drawn.
+//! For a shot it tries several such shares, and takes the cut whose small pictures, drawn as
+//! [`LevelLooks::drawn`] says, are nearest to those of all that can be held. Few splats of a fine
+//! level are best where surfaces are many thin layers, coarse ones where each splat covers
+//! something of its own.
 //!
-//! Looks are pictures of the same renderer. What they say depends on index, cameras and budget alone.
+//! Looks are pictures of the same renderer. What they say depends on index, cameras and budget
+//! alone.
 
 use super::{CutBudget, LevelCut, SeenLeaf, coverage};
 use crate::Result;
@@ -16,13 +20,17 @@ use wm_render::{DrawPass, Frame, RenderBackend, RenderConfig, RenderError, SetId
 use wm_scene::levels::{LevelIndex, LevelLeaf};
 use wm_scene::{Camera, Rasterization};
 
-/// Longest side of a look, px; that of the picture if that is less: splats that fall between the pixels of a smaller one would be missed.
+/// Longest side of a look, px; that of the picture if that is less: splats that fall between the
+/// pixels of a smaller one would be missed.
 const LONGEST: f64 = 1280.0;
-/// Light of a leaf that is hidden: a look is small and its splats are coarse, so that a gap in what hides it may not show.
+/// Light of a leaf that is hidden: a look is small and its splats are coarse, so that a gap in what
+/// hides it may not show.
 const HIDDEN: f64 = 0.01;
-/// Share of that light which a leaf keeps from one look to the next: where it is coarser, more of it may stick out.
+/// Share of that light which a leaf keeps from one look to the next: where it is coarser, more of
+/// it may stick out.
 const KEPT: f64 = 0.1;
-/// Shares of a leaf's light without which it may be drawn, that are tried; less than 0 where all of its splats are drawn.
+/// Shares of a leaf's light without which it may be drawn, that are tried; less than 0 where all of
+/// its splats are drawn.
 const LOST: [f64; 4] = [-1.0, 0.0005, 0.008, 0.06];
 /// The only one of them where no others are tried.
 const LOST_ALONE: usize = 2;
@@ -72,7 +80,8 @@ pub struct LevelLooks<'a> {
     pub cameras: &'a [Camera],
     /// The most cameras that look; those between are skipped.
     pub most: usize,
-    /// True to try several cuts and take the best, which takes as long as some 15 frames; else one is made, after two looks.
+    /// True to try several cuts and take the best, which takes as long as some 15 frames; else one
+    /// is made, after two looks.
     pub tries_several: bool,
     /// The most that is drawn and held.
     pub budget: CutBudget,
@@ -81,7 +90,8 @@ pub struct LevelLooks<'a> {
 }
 
 impl LevelLooks<'_> {
-    /// The best cut for the pictures of all cameras. `hold` makes the renderer hold a cut, and says what it holds.
+    /// The best cut for the pictures of all cameras. `hold` makes the renderer hold a cut, and says
+    /// what it holds.
     ///
     /// # Errors
     /// Those of `hold`, and [`crate::Error::Render`] if a look cannot be rendered.
@@ -174,8 +184,8 @@ impl LevelLooks<'_> {
         Ok(frame)
     }
 
-    /// Looks at sets with the leaves `runs` (number, and number of splats), and tells of each leaf and camera the light and the share of the splats that it
-    /// comes from.
+    /// Looks at sets with the leaves `runs` (number, and number of splats), and tells of each leaf
+    /// and camera the light and the share of the splats that it comes from.
     fn look(
         &self,
         eyes: &[Camera],
@@ -279,8 +289,8 @@ fn difference(a: &Frame, b: &Frame) -> f64 {
     squares(&a.rgb, &b.rgb) + squares(&a.alpha, &b.alpha)
 }
 
-/// The sum of the weights of a leaf's splats, px, and the shares of its splats that it comes from, but for each of [`LOST`]. The order of the
-/// weights is lost.
+/// The sum of the weights of a leaf's splats, px, and the shares of its splats that it comes from,
+/// but for each of [`LOST`]. The order of the weights is lost.
 fn light_of(weights: &mut [f32]) -> (f64, [f64; LOST.len()]) {
     let light: f64 = weights.iter().copied().map(f64::from).sum();
     if light <= 0.0 {
@@ -328,7 +338,8 @@ impl DrawnPart {
         }
     }
 
-    /// The attributes of a set of which this part is drawn, with its own ones; `None` where all or none is.
+    /// The attributes of a set of which this part is drawn, with its own ones; `None` where all or
+    /// none is.
     pub(crate) fn attributes<'a>(
         &'a self,
         own: Option<&'a dyn SplatAttributes>,

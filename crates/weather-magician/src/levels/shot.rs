@@ -3,13 +3,14 @@
 use glam::DVec3;
 use wm_scene::Camera;
 
-/// Most cameras of a shot, without those of a lens: what is seen changes little from one to the next.
+/// Most cameras of a shot, without those of a lens: what is seen changes little from one to the
+/// next.
 const STOPS: u32 = 120;
 /// Width and height of the views to all sides, px.
 const SIDE: u32 = 512;
 
-/// Cameras evenly over the frames of a sequence, at most 121, the first and the last among them. With a lens each becomes
-/// [`cameras_around`] it.
+/// Cameras evenly over the frames of a sequence, at most 121, the first and the last among them.
+/// With a lens each becomes [`cameras_around`] it.
 pub fn shot_cameras(frames: u32, camera: impl Fn(u32) -> Camera, has_lens: bool) -> Vec<Camera> {
     let last = frames.saturating_sub(1);
     let stops = last.min(STOPS);
@@ -22,7 +23,8 @@ pub fn shot_cameras(frames: u32, camera: impl Fn(u32) -> Camera, has_lens: bool)
     }
 }
 
-/// Six cameras that see all sides of a point (world, scene units), for a cut of the levels in which a picture of any lens can be taken.
+/// Six cameras that see all sides of a point (world, scene units), for a cut of the levels in which
+/// a picture of any lens can be taken.
 #[must_use]
 pub fn cameras_around(eye: DVec3) -> Vec<Camera> {
     let sides = [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z];

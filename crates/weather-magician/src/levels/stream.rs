@@ -1,4 +1,5 @@
-//! The leaves of a scene in levels that a renderer holds: those of the last cuts, the least used dropped first.
+//! The leaves of a scene in levels that a renderer holds: those of the last cuts, the least used
+//! dropped first.
 
 use super::budget::held_bytes;
 use crate::{Error, Patience, Result};
@@ -13,7 +14,8 @@ use wm_scene::levels::{LevelIndex, LevelRun};
 use wm_scene::survey::SkyRegion;
 use wm_scene::{Camera, FormatError, Group, Metadata, Splats, files};
 
-/// A leaf at a level: the number of the leaf, and the place of the level in [`wm_scene::levels::LevelLeaf::runs`].
+/// A leaf at a level: the number of the leaf, and the place of the level in
+/// [`wm_scene::levels::LevelLeaf::runs`].
 pub(crate) type RunId = (u32, u16);
 
 /// Splats that are read for a draft: some 50 ms.
@@ -130,7 +132,8 @@ impl LevelStream {
         self.bytes
     }
 
-    /// Begins a frame that cameras see: what it has to wait for is noted once, that near them first.
+    /// Begins a frame that cameras see: what it has to wait for is noted once, that near them
+    /// first.
     pub fn begin_frame(&mut self, cameras: &[Camera]) {
         self.look_from(cameras);
         self.waits = false;
@@ -205,8 +208,8 @@ impl LevelStream {
         self.used.extend(files.into_iter().map(|file| (file, frame)));
     }
 
-    /// The fetched files that the last frame did not want, those longest ago first. Files of coarsest levels stay: they are drawn while
-    /// finer ones are fetched.
+    /// The fetched files that the last frame did not want, those longest ago first. Files of
+    /// coarsest levels stay: they are drawn while finer ones are fetched.
     pub fn spare_files(&self) -> Vec<PathBuf> {
         let leaves = self.index.leaves.iter();
         let coarsest: BTreeSet<usize> = leaves.filter_map(|leaf| Some(leaf.runs.last()?.file)).collect();
@@ -222,11 +225,13 @@ impl LevelStream {
         self.index.leaves[leaf as usize].runs.get(usize::from(place))
     }
 
-    /// Makes the renderer hold `wanted`, and returns what of it can be drawn: of a leaf whose file cannot be read, the next coarser
-    /// level that can. With [`Patience::Draft`] few splats are read at a time, and leaves that wait are drawn at a level that is held.
+    /// Makes the renderer hold `wanted`, and returns what of it can be drawn: of a leaf whose file
+    /// cannot be read, the next coarser level that can. With [`Patience::Draft`] few splats are
+    /// read at a time, and leaves that wait are drawn at a level that is held.
     ///
     /// # Errors
-    /// [`Error::Format`] if a file cannot be read and damage is not left out; an error of the renderer.
+    /// [`Error::Format`] if a file cannot be read and damage is not left out; an error of the
+    /// renderer.
     pub fn hold(
         &mut self,
         backend: &mut AnyRenderer,
@@ -236,7 +241,8 @@ impl LevelStream {
         self.clock += 1;
         self.find_absent(wanted);
         self.mark_used(wanted, self.frame);
-        // Drafts want less: a camera that moves passes most of it. Nor do later looks, which are at what stands for what is wanted.
+        // Drafts want less: a camera that moves passes most of it. Nor do later looks, which are at
+        // what stands for what is wanted.
         if !self.waits && patience == Patience::Whole {
             self.want(wanted);
         }
@@ -280,7 +286,8 @@ impl LevelStream {
         }
     }
 
-    /// Takes a coarser level for leaves of which a file is missing, and leaves out those that have none.
+    /// Takes a coarser level for leaves of which a file is missing, and leaves out those that have
+    /// none.
     fn replace_missing(&self, runs: &mut Vec<RunId>) {
         if self.missing.is_empty() && self.absent.is_empty() {
             return;
@@ -324,7 +331,8 @@ impl LevelStream {
         }
     }
 
-    /// Reads runs and loads them. Returns false if a file turned out to be missing: its runs are not loaded.
+    /// Reads runs and loads them. Returns false if a file turned out to be missing: its runs are
+    /// not loaded.
     fn load(&mut self, backend: &mut AnyRenderer, new: &[RunId]) -> Result<bool> {
         let mut is_whole = true;
         // As many files at a time as are decoded at once.
@@ -345,7 +353,8 @@ impl LevelStream {
         Ok(is_whole)
     }
 
-    /// Reads runs in their order: of a leaf whose file cannot be read, the next coarser level that can.
+    /// Reads runs in their order: of a leaf whose file cannot be read, the next coarser level that
+    /// can.
     ///
     /// # Errors
     /// [`Error::Format`] if a file cannot be read and damage is not left out.

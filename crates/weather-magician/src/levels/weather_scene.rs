@@ -1,4 +1,5 @@
-//! The splats that weather is prepared with: few enough to work on as a whole, finest about where the cameras are.
+//! The splats that weather is prepared with: few enough to work on as a whole, finest about where
+//! the cameras are.
 
 use super::shot::cameras_around;
 use super::stream::{LevelStream, RunId};
@@ -9,19 +10,22 @@ use std::num::NonZero;
 use std::ops::Range;
 use wm_scene::{Camera, Splats};
 
-/// Width of the cells of the ground by which a lone camera chooses what weather is prepared with, m.
+/// Width of the cells of the ground by which a lone camera chooses what weather is prepared with,
+/// m.
 const CELL: f64 = 32.0;
 /// Views of a camera's path, at most.
 const MOST_STOPS: usize = 12;
 
-/// The place that weather is prepared about: the line along which the cameras are, by its ends (world, scene units).
+/// The place that weather is prepared about: the line along which the cameras are, by its ends
+/// (world, scene units).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct WeatherFocus {
     pub path: [[f64; 3]; 2],
 }
 
 impl WeatherFocus {
-    /// About the cell of the ground that a camera is in, so that cameras of one cell share what is prepared.
+    /// About the cell of the ground that a camera is in, so that cameras of one cell share what is
+    /// prepared.
     pub fn cell_of(camera: &Camera, up: DVec3, metres_per_unit: f64) -> Self {
         let cell = CELL / metres_per_unit;
         let east = up.any_orthonormal_vector();
@@ -58,7 +62,8 @@ impl WeatherFocus {
 /// The splats that weather is prepared with, and the leaf that each is of.
 pub(crate) struct WeatherScene {
     pub splats: Splats,
-    /// The runs of its leaves, in order, and their parts of the splats. After them come the splats that are always drawn.
+    /// The runs of its leaves, in order, and their parts of the splats. After them come the splats
+    /// that are always drawn.
     pub parts: Vec<(RunId, Range<usize>)>,
 }
 
@@ -79,7 +84,8 @@ pub(crate) fn nearest_of(means: &[[f32; 3]], part: &[[f32; 3]], first: usize) ->
 }
 
 impl LevelStream {
-    /// Reads runs, one of a leaf, as one set of splats without colours that depend on the direction, and `always` after them.
+    /// Reads runs, one of a leaf, as one set of splats without colours that depend on the
+    /// direction, and `always` after them.
     ///
     /// # Errors
     /// As of [`LevelStream::hold`].

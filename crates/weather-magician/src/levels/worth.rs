@@ -1,4 +1,5 @@
-//! The importance of the splats of a block: the light that comes from them to where pictures are taken from.
+//! The importance of the splats of a block: the light that comes from them to where pictures are
+//! taken from.
 
 use crate::reduce::{cameras, unseen_worth};
 use crate::{Error, Progress, Result};
@@ -9,8 +10,8 @@ use wm_scene::{Metadata, Rasterization, Scene, Splats};
 /// Longest side of the pictures, px.
 const LONGEST: u32 = 320;
 
-/// The weights of splats summed over pictures from where a photographer would stand among them and from all around, px; what no picture shows counts a
-/// little, by its size.
+/// The weights of splats summed over pictures from where a photographer would stand among them and
+/// from all around, px; what no picture shows counts a little, by its size.
 pub fn seen_worth(
     splats: &Splats,
     rasterization: Rasterization,

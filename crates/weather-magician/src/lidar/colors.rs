@@ -18,7 +18,8 @@ pub enum PointColors {
 
 /// Range of the last colour, m.
 const FARTHEST: f64 = 100.0;
-/// Height of the last colour above the lowest surfaces, m, and the share of surfaces that may lie below those.
+/// Height of the last colour above the lowest surfaces, m, and the share of surfaces that may lie
+/// below those.
 const TALL: f64 = 10.0;
 const LOWEST: f64 = 0.02;
 

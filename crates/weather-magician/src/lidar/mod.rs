@@ -82,8 +82,9 @@ impl Default for ScanOptions {
 }
 
 impl Renderer {
-    /// Makes one sweep of a lidar that is where the camera of `motion` is: upright, and ahead as the camera looks, or as it is mounted on a rig. What the weather
-    /// needs of the place is made first.
+    /// Makes one sweep of a lidar that is where the camera of `motion` is: upright, and ahead as
+    /// the camera looks, or as it is mounted on a rig. What the weather needs of the place is made
+    /// first.
     ///
     /// # Errors
     /// As [`Self::scan`].
@@ -105,12 +106,13 @@ impl Renderer {
         made.ok_or(Error::Stopped)
     }
 
-    /// Makes sweeps one after the other, as [`Self::scan_once`] makes one, and hands each to `take`. Returns their number: fewer
-    /// than asked for if `progress` asked to stop. Sweep `i` begins `i` periods after
-    /// the start and is the same if made alone.
+    /// Makes sweeps one after the other, as [`Self::scan_once`] makes one, and hands each to
+    /// `take`. Returns their number: fewer than asked for if `progress` asked to stop. Sweep `i`
+    /// begins `i` periods after the start and is the same if made alone.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] for the paper's fidelity, for a flood, and if the splats were released; the errors of `take`.
+    /// [`Error::Unsupported`] for the paper's fidelity, for a flood, and if the splats were
+    /// released; the errors of `take`.
     pub fn scan(
         &mut self,
         place: &mut PreparedPlace,
@@ -239,7 +241,8 @@ pub(crate) struct UprightMotion<'a> {
     pub from: f64,
 }
 
-/// Least level part of the way that a camera looks from which it is ahead; below it, its upper side is.
+/// Least level part of the way that a camera looks from which it is ahead; below it, its upper side
+/// is.
 const LEVEL: f64 = 0.1;
 
 impl SensorMotion for UprightMotion<'_> {

@@ -1,4 +1,5 @@
-//! Points of a sweep in pictures of the place that it was made in, hidden where the picture shows something nearer.
+//! Points of a sweep in pictures of the place that it was made in, hidden where the picture shows
+//! something nearer.
 
 use super::colors::PointColors;
 use glam::{DMat4, DVec3, IVec2};
@@ -6,8 +7,9 @@ use wm_render::Frame;
 use wm_scene::Camera;
 use wm_sensors::{LidarSweep, PointFrame};
 
-/// Share of its distance, and metres, that a point may lie behind what a pixel shows. Splats are thick, and a pixel of level ground that is
-/// far away covers much of it: of the points that a camera in the sensor's place sees, 1 % are hidden with these.
+/// Share of its distance, and metres, that a point may lie behind what a pixel shows. Splats are
+/// thick, and a pixel of level ground that is far away covers much of it: of the points that a
+/// camera in the sensor's place sees, 1 % are hidden with these.
 const TOLERANCE: [f64; 2] = [0.1, 0.2];
 /// Height of pictures from which on points are a pixel wider, px.
 const TALLER: u32 = 480;
@@ -30,7 +32,8 @@ pub struct PointOverlay {
 }
 
 impl PointOverlay {
-    /// Colours the points of a sweep. Those of [`PointFrame::Raw`] are where they would be if the sensor had stayed.
+    /// Colours the points of a sweep. Those of [`PointFrame::Raw`] are where they would be if the
+    /// sensor had stayed.
     #[must_use]
     pub fn of(sweep: &LidarSweep, colors: PointColors) -> Self {
         let scale = DMat4::from_scale(DVec3::splat(1.0 / sweep.metres_per_unit));
@@ -60,9 +63,10 @@ impl PointOverlay {
         self
     }
 
-    /// Draws the points and a cross at the sensor over a picture `[H, W, 3]` of `frame`'s size, which `camera` has made; the nearest is in
-    /// front. A point is hidden where the expected and the median depth of all pixels next to it are nearer, as far as `frame` has these.
-    /// Points are squares of 1 to 3 px by the height of the picture.
+    /// Draws the points and a cross at the sensor over a picture `[H, W, 3]` of `frame`'s size,
+    /// which `camera` has made; the nearest is in front. A point is hidden where the expected and
+    /// the median depth of all pixels next to it are nearer, as far as `frame` has these. Points
+    /// are squares of 1 to 3 px by the height of the picture.
     ///
     /// # Panics
     /// If `rgb` is not of the frame's size.
@@ -99,7 +103,8 @@ impl PointOverlay {
     }
 }
 
-/// The farthest depth in a pixel and those next to it, scene units; infinite where one of them shows nothing.
+/// The farthest depth in a pixel and those next to it, scene units; infinite where one of them
+/// shows nothing.
 fn depth_around(frame: &Frame, at: IVec2) -> f64 {
     let size = IVec2::new(frame.width as i32, frame.height as i32);
     let (first, last) = ((at - 1).max(IVec2::ZERO), (at + 1).min(size - 1));

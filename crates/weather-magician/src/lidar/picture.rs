@@ -14,7 +14,8 @@ pub enum SweepView {
     Range,
     /// Intensities by direction.
     Intensity,
-    /// From above, the sensor in the middle and ahead of it above: surfaces by height, weather in colours of its own.
+    /// From above, the sensor in the middle and ahead of it above: surfaces by height, weather in
+    /// colours of its own.
     Above,
 }
 
@@ -106,7 +107,8 @@ fn by_direction(sweep: &LidarSweep, color: impl Fn(&LidarPoint) -> [u8; 3]) -> S
     let [[left, right], [bottom, top]] = [extent(0), extent(1)];
     if let Some([rows, columns]) = sweep.grid {
         let width = columns.clamp(1, WIDEST);
-        // By azimuth: columns of sensors whose rows look aside are staggered. Beyond a full turn the picture begins anew.
+        // By azimuth: columns of sensors whose rows look aside are staggered. Beyond a full turn
+        // the picture begins anew.
         let turn = (right - left).clamp(1e-6, std::f64::consts::TAU);
         let start = if turn < std::f64::consts::TAU { right } else { std::f64::consts::PI };
         let tall = HEIGHT.div_ceil(rows.max(1)).max(1);

@@ -113,7 +113,8 @@ fn a_later_sweep_is_the_same_when_made_alone() {
     assert!(second == made[1]);
 }
 
-/// Rays of a GPU end where the CPU's do, but where two splats share half of a ray's coverage within rounding.
+/// Rays of a GPU end where the CPU's do, but where two splats share half of a ray's coverage within
+/// rounding.
 #[cfg(feature = "gpu")]
 #[test]
 fn a_gpu_sees_the_points_that_the_cpu_sees() {

@@ -1,13 +1,15 @@
 //! Allard's law: the light of lamps by night, over their distance through fog.
 //!
-//! A lamp of intensity `I` at the distance `d` makes the illuminance `E = I exp(-sigma d) / d^2` on what faces it (Allard 1876). In a
-//! picture that is the sum over the lamp's pixels of their light times the solid angle that each covers. The slope of `-ln(E d^2)`
-//! over `d` is the extinction, whatever the lamp's intensity and the exposure.
+//! A lamp of intensity `I` at the distance `d` makes the illuminance `E = I exp(-sigma d) / d^2` on
+//! what faces it (Allard 1876). In a picture that is the sum over the lamp's pixels of their light
+//! times the solid angle that each covers. The slope of `-ln(E d^2)` over `d` is the extinction,
+//! whatever the lamp's intensity and the exposure.
 //!
-//! Each lamp is seen with a lens so long that its ball is 3 px in radius, so that little of the light that fog scatters around it
-//! gets into the sum; what does is taken off by the mean of a ring. Tolerance 3 %. Systematic: the light in the air falls with the
-//! distance from the lamp, so that a ring takes off a third of what is before it. The rest is below 1 % of the lamp's at an optical depth
-//! of 3.6, 0.3 % of the slope.
+//! Each lamp is seen with a lens so long that its ball is 3 px in radius, so that little of the
+//! light that fog scatters around it gets into the sum; what does is taken off by the mean of a
+//! ring. Tolerance 3 %. Systematic: the light in the air falls with the distance from the lamp, so
+//! that a ring takes off a third of what is before it. The rest is below 1 % of the lamp's at an
+//! optical depth of 3.6, 0.3 % of the slope.
 
 use super::boards::slope;
 use super::expected;
@@ -47,12 +49,14 @@ const DISTANCES: [f64; 2] = [20.0, 400.0];
 /// Their radius, m, and flux, lm.
 const RADIUS: f64 = 0.02;
 const LUMENS: f64 = 25.0;
-/// Radius of a lamp in its picture, px; the side of the picture; of the disc that is summed, and of the ring around it.
+/// Radius of a lamp in its picture, px; the side of the picture; of the disc that is summed, and of
+/// the ring around it.
 const PIXELS: f64 = 3.0;
 const SIDE: u32 = 40;
 const DISC: f64 = 9.0;
 const RING: [f64; 2] = [10.0, 15.0];
-/// A sky of so much light, lx, to which the exposure is set: in the dark of a night lamps would burn out.
+/// A sky of so much light, lx, to which the exposure is set: in the dark of a night lamps would
+/// burn out.
 const LIGHT: &str = "light.glow=100";
 const EXPOSURE: &str = "light.exposure=-8.5";
 
@@ -78,7 +82,8 @@ pub const NOTHING_FALLS: [&str; 9] = [
     "lightning=off",
 ];
 
-/// Sum over the pixels of a lamp in the middle of a picture, with what is around them taken off, by channel.
+/// Sum over the pixels of a lamp in the middle of a picture, with what is around them taken off, by
+/// channel.
 fn lamp_sum(picture: &LightPicture) -> [f64; 3] {
     let middle = 0.5 * f64::from(SIDE);
     let (mut inside, mut count) = ([0.0; 3], 0.0);

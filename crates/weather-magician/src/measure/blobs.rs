@@ -13,8 +13,9 @@ pub struct ParticleBlob {
     pub angle: f64,
 }
 
-/// Coverage below which a pixel shows nothing: drops end at 1/256, and less is what a board lets through of those behind it.
-/// Of thin ones, which end where they are a tenth of their peak, as much less as they are thin.
+/// Coverage below which a pixel shows nothing: drops end at 1/256, and less is what a board lets
+/// through of those behind it. Of thin ones, which end where they are a tenth of their peak, as
+/// much less as they are thin.
 const LEAST: f32 = 1.0 / 300.0;
 
 /// The rule that divides a picture into blobs.
@@ -22,11 +23,13 @@ const LEAST: f32 = 1.0 / 300.0;
 pub enum BlobSplit {
     /// Pixels that touch: streaks.
     Touching,
-    /// Pixels from which it goes up to one peak: of drops and flakes that stand still. Those that touch mostly have two.
+    /// Pixels from which it goes up to one peak: of drops and flakes that stand still. Those that
+    /// touch mostly have two.
     Peaks,
 }
 
-/// Returns the blobs of a picture of falling particles, `[H, W, 4]` as in a frame, drawn at an opacity.
+/// Returns the blobs of a picture of falling particles, `[H, W, 4]` as in a frame, drawn at an
+/// opacity.
 pub fn blobs(particles: &[f32], width: usize, opacity: f64, split: BlobSplit) -> Vec<ParticleBlob> {
     let coverage = particles.iter().skip(3).step_by(4).copied().collect();
     let picture = Picture { coverage, width, least: LEAST * opacity.min(1.0) as f32 };
@@ -87,7 +90,8 @@ impl Picture {
         parts
     }
 
-    /// The pixels from which it goes up to each peak: from the highest down, each goes with its highest neighbour.
+    /// The pixels from which it goes up to each peak: from the highest down, each goes with its
+    /// highest neighbour.
     fn peaks(&self) -> Vec<Vec<usize>> {
         let higher = |a: &usize, b: &usize| self.coverage[*a].total_cmp(&self.coverage[*b]).then(b.cmp(a));
         let mut shown: Vec<usize> = self.shown().collect();
@@ -123,7 +127,8 @@ fn blob(coverage: &[f32], width: usize, pixels: &[usize]) -> ParticleBlob {
         let [dx, dy] = [0, 1].map(|k| place[k] - at[k]);
         (xx, yy, xy) = (xx + tau * dx * dx, yy + tau * dy * dy, xy + tau * dx * dy);
     }
-    // What lies below 1/256 is not drawn: a Gaussian that ends at q = -2 ln(1/256 / peak) lacks this of its variance.
+    // What lies below 1/256 is not drawn: a Gaussian that ends at q = -2 ln(1/256 / peak) lacks
+    // this of its variance.
     let peak = pixels.iter().map(|at| tau(*at)).fold(0.0, f64::max);
     let half = (256.0 * peak).ln().max(2.25);
     let kept = 1.0 - half / half.exp_m1();
@@ -152,8 +157,9 @@ mod tests {
             })
             .collect();
         let found = |split| blobs(&particles, 32, 1.0, split);
-        // Coverage, 1 - e^-tau, is less than tau: by 14 % and 4 % at these peaks. What the large one takes of the small one's
-        // edge changes the sum of volumes by little, to take both for one by a quarter.
+        // Coverage, 1 - e^-tau, is less than tau: by 14 % and 4 % at these peaks. What the large
+        // one takes of the small one's edge changes the sum of volumes by little, to take both for
+        // one by a quarter.
         let volume = |blobs: &[ParticleBlob]| blobs.iter().map(|blob| blob.cover.powf(1.5)).sum::<f64>();
         let wanted = 1.7147f64.powf(1.5) + 0.4804f64.powf(1.5);
         let (parted, touching) = (found(BlobSplit::Peaks), found(BlobSplit::Touching));

@@ -1,11 +1,14 @@
 //! Visibility boards: the meteorological optical range, by channel, as a transmissometer finds it.
 //!
-//! A board of radiance `L0` at distance `s` is seen as `L0 T + A (1 - T)`. The difference of a white and a black one is free of
-//! the airlight `A`, so that `T = (white - black) / (white0 - black0)`, with the same boards in clear air below. The slope of
-//! `-ln T` over the true length of each pixel's ray is the extinction, whatever the near drops of a frame hide.
+//! A board of radiance `L0` at distance `s` is seen as `L0 T + A (1 - T)`. The difference of a
+//! white and a black one is free of the airlight `A`, so that
+//! `T = (white - black) / (white0 - black0)`, with the same boards in clear air below. The slope of
+//! `-ln T` over the true length of each pixel's ray is the extinction, whatever the near drops of a
+//! frame hide.
 //!
-//! Tolerance 3 %. Systematic: a board is square to its ray and opaque to 2e-4, the floats of its colours add 1e-5 of white, 0.1 %
-//! of the contrast at 2 %: below 0.3 % in all. The rest is chance, of what falls before the boards.
+//! Tolerance 3 %. Systematic: a board is square to its ray and opaque to 2e-4, the floats of its
+//! colours add 1e-5 of white, 0.1 % of the contrast at 2 %: below 0.3 % in all. The rest is chance,
+//! of what falls before the boards.
 
 use super::expected::{self, MOR_DEPTH};
 use super::plot::{Axis, Plot, Series};
@@ -44,7 +47,8 @@ pub const INSTRUMENT: Instrument = Instrument {
 const EYE: f64 = 1.6;
 /// Boards in a row, and rows.
 const FIELDS: (usize, usize) = (8, 2);
-/// Side of the field of one board, half the side of a board, and of the patch in it that is measured, px.
+/// Side of the field of one board, half the side of a board, and of the patch in it that is
+/// measured, px.
 const FIELD: usize = 72;
 const HALF: f64 = 26.0;
 const PATCH: usize = 18;

@@ -1,11 +1,12 @@
 //! Mass budget: the snow that lies is the snow that fell, less what has melted.
 //!
-//! A yard of 12 m with a ridge of 50 degrees that snow slides off, seen from 150 m above, so that all rays are upright. It is seen
-//! under half of the snow and under all of it. The volume between the two surfaces is the sum over pixels of what they lose in view z
-//! times the ground that a pixel covers; by the density it is water, to be held against what rate and hours bring in between. (Not
-//! against bare ground: on a slope the depth of a pixel is that of the uppermost of the splats that overlap there, which snow of
-//! any depth raises by some cm.) What melts, 4 mm a degree and day, does so on a level yard, against bare ground: beside a ridge
-//! shade slows it.
+//! A yard of 12 m with a ridge of 50 degrees that snow slides off, seen from 150 m above, so that
+//! all rays are upright. It is seen under half of the snow and under all of it. The volume between
+//! the two surfaces is the sum over pixels of what they lose in view z times the ground that a
+//! pixel covers; by the density it is water, to be held against what rate and hours bring in
+//! between. (Not against bare ground: on a slope the depth of a pixel is that of the uppermost of
+//! the splats that overlap there, which snow of any depth raises by some cm.) What melts, 4 mm a
+//! degree and day, does so on a level yard, against bare ground: beside a ridge shade slows it.
 //!
 //! Tolerance: 1 % of what fell.
 
@@ -47,8 +48,8 @@ pub(super) struct Fallen {
     pub melted: f64,
 }
 
-/// The snow that has fallen and melted until a time, by the parameters: the hours at one rate, and what the shot's own
-/// seconds have added.
+/// The snow that has fallen and melted until a time, by the parameters: the hours at one rate, and
+/// what the shot's own seconds have added.
 pub(super) fn fallen(weather: &Weather, time: f64) -> Option<Fallen> {
     if !expected::is_on(weather, "snow_cover") {
         return None;

@@ -1,15 +1,19 @@
-//! Consistency: what belongs to the place stays at its place, from frame to frame and from view to view.
+//! Consistency: what belongs to the place stays at its place, from frame to frame and from view to
+//! view.
 //!
-//! Every pixel of a frame is carried into the next by its own depth and the two poses, exactly; where the same point is seen again
-//! the colours are compared, in linear light, hidden and edge pixels left out. That is the warping error of the static layer: of the place in
-//! clear air, which it has from its own splats, and of the place in fog and under snow. Fog takes contrast, and so error, away: what is
-//! asked is the clear error times the transmittance of each pixel. At one instant, two views must agree on how thick
-//! the air is and on where snow lies.
+//! Every pixel of a frame is carried into the next by its own depth and the two poses, exactly;
+//! where the same point is seen again the colours are compared, in linear light, hidden and edge
+//! pixels left out. That is the warping error of the static layer: of the place in clear air, which
+//! it has from its own splats, and of the place in fog and under snow. Fog takes contrast, and so
+//! error, away: what is asked is the clear error times the transmittance of each pixel. At one
+//! instant, two views must agree on how thick the air is and on where snow lies.
 //!
-//! The same is done with weather that is painted on the clear frames one by one ([`super::painted`]), to show what is measured here.
+//! The same is done with weather that is painted on the clear frames one by one
+//! ([`super::painted`]), to show what is measured here.
 //!
-//! Tolerances: the error may be above that of clear air by 0.5 % of white; the extinction of two views apart by 3 %; nine
-//! tenths of the snow agree (cells of the cover are 6 cm and wider, and a pixel far away holds several).
+//! Tolerances: the error may be above that of clear air by 0.5 % of white; the extinction of two
+//! views apart by 3 %; nine tenths of the snow agree (cells of the cover are 6 cm and wider, and a
+//! pixel far away holds several).
 
 use super::{
     Finding, Instrument, InstrumentRenderer, InstrumentShot, MeasureRequest, MeasuredPicture, Reading,
@@ -86,7 +90,8 @@ impl View {
         };
         let depth = (0..frame.pixels()).map(sharp).collect();
         let share = picture.parts.transmittance.iter().skip(1).step_by(3).copied().collect();
-        // What is brighter than white is white in a picture: lamps and lit windows would outweigh all else.
+        // What is brighter than white is white in a picture: lamps and lit windows would outweigh
+        // all else.
         let rgb = frame.rgb_linear().into_iter().map(|value| value.min(1.0)).collect();
         Ok(Self { camera, rgb, depth, share, picture })
     }

@@ -1,9 +1,11 @@
-//! Controllability: each control of the paper's sheet, turned up step by step, and what of it is seen.
+//! Controllability: each control of the paper's sheet, turned up step by step, and what of it is
+//! seen.
 //!
-//! Counts say nothing of a picture (fewer, larger flakes may cover more), so what is measured is what is seen: the share of light that
-//! fog takes, the coverage of what falls, the ground that snow whitens, how red dust is, how far streaks lean. Every
-//! step must move it the same way. A lean is measured in the open beside the place, as by the streaks' instrument, to each side
-//! with its standard error: a place may lie in the lee of what stands there.
+//! Counts say nothing of a picture (fewer, larger flakes may cover more), so what is measured is
+//! what is seen: the share of light that fog takes, the coverage of what falls, the ground that
+//! snow whitens, how red dust is, how far streaks lean. Every step must move it the same way. A
+//! lean is measured in the open beside the place, as by the streaks' instrument, to each side with
+//! its standard error: a place may lie in the lee of what stands there.
 
 use super::drops::{DropSample, MeasuredDrop};
 use super::plot::{Axis, Plot, Series};
@@ -80,7 +82,8 @@ impl Seen {
 const STREAKS: &[&str] =
     &["rain.rate=60", "rain.exposure=0.006", "rain.size=2", "rain.opacity=4", "wind.gusts=0", "wind.speed=6"];
 
-/// The direction of the wind. It is turned from the right of the picture, so that streaks lean alike in any view.
+/// The direction of the wind. It is turned from the right of the picture, so that streaks lean
+/// alike in any view.
 const TURN: &str = "wind.direction";
 
 #[rustfmt::skip]
@@ -106,7 +109,8 @@ const WIDTH: u32 = 320;
 const WHITENED: f64 = 0.02;
 /// Slabs of air in which a lean is measured.
 const SLABS: usize = 2;
-/// Largest error of the lean against that of drops of their size in this wind, degrees: as for the streaks.
+/// Largest error of the lean against that of drops of their size in this wind, degrees: as for the
+/// streaks.
 const OFF: f64 = 1.5;
 /// Standard errors by which a step must be seen.
 const SIGNIFICANT: f64 = 3.0;
@@ -209,7 +213,8 @@ fn draw(
     Ok(picture)
 }
 
-/// The value of `seen` in a picture, compared with the same view in clear air; `None` for a lean, which is measured in the open.
+/// The value of `seen` in a picture, compared with the same view in clear air; `None` for a lean,
+/// which is measured in the open.
 fn measured(seen: Seen, picture: &Picture, bare: &Picture) -> Option<f64> {
     let pixels = picture.frame.pixels();
     let light = |picture: &Picture, at: usize| -> [f64; 3] {
@@ -230,10 +235,11 @@ fn measured(seen: Seen, picture: &Picture, bare: &Picture) -> Option<f64> {
     }
 }
 
-/// The lean of streaks in the open, degrees, and its standard error; NaN if it differs from that by the law.
+/// The lean of streaks in the open, degrees, and its standard error; NaN if it differs from that by
+/// the law.
 ///
-/// In the air as it is at the place, but for what shelters it: in the lee of a tower no rain is to be seen, and says nothing of its
-/// lean.
+/// In the air as it is at the place, but for what shelters it: in the lee of a tower no rain is to
+/// be seen, and says nothing of its lean.
 fn lean(
     rig: &mut dyn InstrumentRenderer,
     (weather, time): (&Weather, f64),

@@ -1,9 +1,10 @@
 //! Drops and flakes one by one: a probe camera looks through a thin slab of air.
 //!
-//! The slab lies between the camera's near plane and a black board, so that each drop in a picture is at a known depth, and
-//! the air of each pixel has a known volume. The shutter is open for 10 us: drops stand still. What one hides, the sum of
-//! its coverage, is its area and so its diameter; a second picture a moment later tells how fast it goes. Nothing is taken from the
-//! lists of drops of the renderer.
+//! The slab lies between the camera's near plane and a black board, so that each drop in a picture
+//! is at a known depth, and the air of each pixel has a known volume. The shutter is open for 10
+//! us: drops stand still. What one hides, the sum of its coverage, is its area and so its diameter;
+//! a second picture a moment later tells how fast it goes. Nothing is taken from the lists of drops
+//! of the renderer.
 
 use super::blobs::{BlobSplit, ParticleBlob, blobs};
 use super::{InstrumentRenderer, InstrumentShot, LevelFrame, MeasuredPicture, PARTICLES, expected};
@@ -151,7 +152,8 @@ pub struct SlabView {
 }
 
 impl SlabView {
-    /// Across the wind, in a weather as it is but for gusts, other kinds that fall and the size and opacity of what falls.
+    /// Across the wind, in a weather as it is but for gusts, other kinds that fall and the size and
+    /// opacity of what falls.
     pub fn new(
         weather: &Weather,
         time: f64,
@@ -237,7 +239,8 @@ impl SlabView {
     }
 }
 
-/// The velocity of a drop, with the wind and down, m/s: found if only one blob of its size is within reach in the second picture.
+/// The velocity of a drop, with the wind and down, m/s: found if only one blob of its size is
+/// within reach in the second picture.
 fn again(slab: &AirSlab, wind: f64, blob: &ParticleBlob, second: &[ParticleBlob]) -> Option<[f64; 2]> {
     /// Largest sideways speed relative to the wind, m/s.
     const ASIDE: f64 = 1.5;

@@ -1,5 +1,5 @@
-//! Expected values from a weather's parameters and published laws: implemented a second time, so that no instrument shares
-//! code with what it measures.
+//! Expected values from a weather's parameters and published laws: implemented a second time, so
+//! that no instrument shares code with what it measures.
 
 use super::drops::falling;
 use wm_weather::particles::PrecipitationKind;
@@ -67,7 +67,8 @@ impl ExpectedAir {
         (-(height - self.base_height) / self.scale_height).exp()
     }
 
-    /// The metres at the base that dim as much as a ray from `height` that rises by `rise` a metre: Simpson's rule.
+    /// The metres at the base that dim as much as a ray from `height` that rises by `rise` a metre:
+    /// Simpson's rule.
     pub fn length(&self, height: f64, rise: f64, metres: f64) -> f64 {
         if self.scale_height.is_infinite() {
             return metres;
@@ -86,8 +87,8 @@ pub fn airs(weather: &Weather, time: f64) -> Vec<ExpectedAir> {
     airs.filter_map(|(effect, _)| ExpectedAir::of(weather, time, effect.name)).collect()
 }
 
-/// Extinction of what falls, 1/m: by the published law of its kind, or else by the program's own sum over its particles:
-/// published laws of snow are apart by a factor of 3 and more.
+/// Extinction of what falls, 1/m: by the published law of its kind, or else by the program's own
+/// sum over its particles: published laws of snow are apart by a factor of 3 and more.
 pub fn fall_extinction(weather: &Weather, time: f64) -> f64 {
     let own = |(kind, rate): (&PrecipitationKind, f64)| match FallLaw::of(kind).and_then(|law| law.extinction)
     {
@@ -108,8 +109,8 @@ pub fn extinction(weather: &Weather, time: f64, height: f64) -> [f64; 3] {
     sigma
 }
 
-/// Fall speed of rain drops in still air, m/s, by diameter, mm: as Gunn and Kinzer (1949) measured it, straight between their
-/// sizes.
+/// Fall speed of rain drops in still air, m/s, by diameter, mm: as Gunn and Kinzer (1949) measured
+/// it, straight between their sizes.
 pub fn gunn_kinzer(diameter: f64) -> f64 {
     const MEASURED: [[f64; 2]; 14] = [
         [0.4, 1.62],
@@ -163,7 +164,8 @@ const FALL_LAWS: &[FallLaw] = &[
         density: |rate, least| beyond(8000.0, rain_slope(rate), least),
         extinction: Some(|rate| 0.365e-3 * rate.powf(0.63)),
     },
-    // Sekhon and Srivastava (1970); densities after Fabry and Szyrmer (1999), 0.178 D^-0.922 g/cm^3.
+    // Sekhon and Srivastava (1970); densities after Fabry and Szyrmer (1999), 0.178 D^-0.922
+    // g/cm^3.
     FallLaw {
         kind: "snow",
         speed_law: ["0.8 D^0.16", "aggregates, 0.8 D^0.16"],

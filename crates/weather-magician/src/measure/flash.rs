@@ -1,15 +1,18 @@
 //! Lightning: its light is the same in all rates of frames, and as strong as the law says.
 //!
-//! A level card by night, filmed twice over the same seconds, at 24 and at 60 frames a second, each exposed until the next. What
-//! flashes add to the card is told in lux by the glow of the sky on it, which is known. The sum of that light over the frames, times the time of
-//! each, is the light of the storm, whatever the rate.
+//! A level card by night, filmed twice over the same seconds, at 24 and at 60 frames a second, each
+//! exposed until the next. What flashes add to the card is told in lux by the glow of the sky on
+//! it, which is known. The sum of that light over the frames, times the time of each, is the light
+//! of the storm, whatever the rate.
 //!
-//! A stroke makes 5 lx s on level ground at 1 km, falling with the square of the distance, and comes from about 2 km above
-//! the ground. The brightest of the sky shows the elevation `h` that it comes from, so that it is `2 km / sin h` away. An exposure of 38 ms from
-//! the beginning of a flash holds its first stroke, which is the strongest, and no other: strokes are 40 ms and more apart, and fade within 4 ms.
+//! A stroke makes 5 lx s on level ground at 1 km, falling with the square of the distance, and
+//! comes from about 2 km above the ground. The brightest of the sky shows the elevation `h` that it
+//! comes from, so that it is `2 km / sin h` away. An exposure of 38 ms from the beginning of a
+//! flash holds its first stroke, which is the strongest, and no other: strokes are 40 ms and more
+//! apart, and fade within 4 ms.
 //!
-//! Tolerance: 1 % of the light of all frames, 3 % of a stroke. The exposure misses up to 0.5 % of it, and a tenth of a degree of
-//! elevation is 0.5 %.
+//! Tolerance: 1 % of the light of all frames, 3 % of a stroke. The exposure misses up to 0.5 % of
+//! it, and a tenth of a degree of elevation is 0.5 %.
 
 use super::allard::NIGHT;
 use super::expected;
@@ -46,7 +49,8 @@ const FLASHES: f64 = 4.0;
 const SECONDS: [f64; 2] = [4.0, 40.0];
 /// Strokes that are held against the law, at most.
 const STROKES: usize = 3;
-/// Illuminance by the glow of the sky, lx, and the weather that has it, exposed so that flashes do not burn out.
+/// Illuminance by the glow of the sky, lx, and the weather that has it, exposed so that flashes do
+/// not burn out.
 const GLOW: f64 = 10.0;
 const EXPOSURE: [&str; 2] = ["light.glow=10", "light.exposure=-6.5"];
 /// Exposure that holds one stroke, s.
@@ -163,7 +167,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     Ok(finding)
 }
 
-/// Sine of the elevation of the brightest of the sky in lightning, against a calm sky, and the last picture in which it was looked for.
+/// Sine of the elevation of the brightest of the sky in lightning, against a calm sky, and the last
+/// picture in which it was looked for.
 fn brightest(
     rig: &mut dyn InstrumentRenderer,
     level: &LevelFrame,

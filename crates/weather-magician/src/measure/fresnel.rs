@@ -1,10 +1,12 @@
 //! Fresnel board: the share of light that water reflects, by the elevation of the view.
 //!
-//! A flood of black water that hides its bottom lies before a board of half of white, which fills all that the water mirrors. The
-//! light of the water over that of the board is the reflectance at the pixel's own elevation, against Fresnel's equations for
-//! unpolarised light and a refractive index of 1.333, by the angles on both sides of the surface (Snell).
+//! A flood of black water that hides its bottom lies before a board of half of white, which fills
+//! all that the water mirrors. The light of the water over that of the board is the reflectance at
+//! the pixel's own elevation, against Fresnel's equations for unpolarised light and a refractive
+//! index of 1.333, by the angles on both sides of the surface (Snell).
 //!
-//! Tolerance 3 %. Systematic: still water has slopes of 0.4 % rms, which change 0.1 % at 5 degrees; below 1 % in all.
+//! Tolerance 3 %. Systematic: still water has slopes of 0.4 % rms, which change 0.1 % at 5 degrees;
+//! below 1 % in all.
 
 use super::lit::LightPicture;
 use super::plot::{Axis, Plot, Series};
@@ -34,7 +36,8 @@ const ELEVATIONS: [f64; 6] = [5.0, 10.0, 20.0, 30.0, 45.0, 60.0];
 const BOARD: f64 = 0.5;
 /// From the eye to the water and from there to the board, m.
 const AWAY: [f64; 2] = [8.0, 6.0];
-/// Side of the pictures and of the patch in their middle that is read, px; their field of view, degrees.
+/// Side of the pictures and of the patch in their middle that is read, px; their field of view,
+/// degrees.
 pub(super) const SIDE: u32 = 64;
 const PATCH: usize = 8;
 const FIELD: f64 = 4.0;

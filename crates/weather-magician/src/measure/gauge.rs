@@ -1,17 +1,20 @@
 //! Rain gauge and disdrometer: how much water falls, in drops of which sizes and speeds.
 //!
-//! Both look through slabs of air ([`super::drops`]). Water through a level plane is the sum over drops of volume times fall
-//! speed, over the air that was looked at. Of flakes the volume is that of their water, by the density of Fabry and Szyrmer.
+//! Both look through slabs of air ([`super::drops`]). Water through a level plane is the sum over
+//! drops of volume times fall speed, over the air that was looked at. Of flakes the volume is that
+//! of their water, by the density of Fabry and Szyrmer.
 //!
-//! Two lenses: a close one for what is small and many, one of half its scale for what is large and rare, which carries the
-//! water. They take pictures until the rate's standard error, by how far pictures are apart, is 1.2 %; the next pictures are
-//! those of the lens that tells least.
+//! Two lenses: a close one for what is small and many, one of half its scale for what is large and
+//! rare, which carries the water. They take pictures until the rate's standard error, by how far
+//! pictures are apart, is 1.2 %; the next pictures are those of the lens that tells least.
 //!
-//! Tolerance 5 %. What touches in a picture is parted by its peaks: left together, drops are 3 % too much, since volumes grow
-//! faster than areas, and small flakes pass for large ones, which the close lens counts already. The slab's thickness makes 5 % of
-//! a diameter uncertain at most, without a bias above 0.5 % of the sum. Flakes are drawn a hundredth as opaque as they are: their
-//! three arms lie over each other, and what one hides of another is 5 % of the water at a tenth, 1 % at a hundredth. Speeds:
-//! Brandes' formula, which the program goes by, is within 4 % of the measurements.
+//! Tolerance 5 %. What touches in a picture is parted by its peaks: left together, drops are 3 %
+//! too much, since volumes grow faster than areas, and small flakes pass for large ones, which the
+//! close lens counts already. The slab's thickness makes 5 % of a diameter uncertain at most,
+//! without a bias above 0.5 % of the sum. Flakes are drawn a hundredth as opaque as they are: their
+//! three arms lie over each other, and what one hides of another is 5 % of the water at a tenth, 1
+//! % at a hundredth. Speeds: Brandes' formula, which the program goes by, is within 4 % of the
+//! measurements.
 
 use super::blobs::BlobSplit;
 use super::drops::{AirSlab, DropSample, MeasuredDrop, SlabView, effect, falling};
@@ -62,13 +65,14 @@ const MOST: usize = 300;
 const CROWD: f64 = 9e-4;
 /// Opacity of flakes in the pictures.
 const THIN: f64 = 0.01;
-/// Least diameters of the two lenses, mm: drops are drawn whole (0.3 px and more), and flakes by themselves in the wide
-/// lens (1.25 px).
+/// Least diameters of the two lenses, mm: drops are drawn whole (0.3 px and more), and flakes by
+/// themselves in the wide lens (1.25 px).
 const SMALLEST: f64 = 0.5;
 const SNOW: [f64; 2] = [0.25, 5.0];
 /// Faster than any drop falls, m/s.
 const FASTEST: f64 = 12.0;
-/// Diameter from which the close lens sees flakes by themselves, mm: fewer stand for all that are smaller.
+/// Diameter from which the close lens sees flakes by themselves, mm: fewer stand for all that are
+/// smaller.
 const SINGLE: f64 = 2.5;
 /// Index of the first place of the wide lens.
 const FAR: usize = 8 * 64;
@@ -106,7 +110,8 @@ impl Lens {
         weather.set_text(&format!("{}.exposure=0.00001", effect(kind)))?;
         let (opacity, [least, large], close) = match kind.shape {
             ParticleShape::Ball => {
-                // Of what is larger than drops the whole slab is as much larger: the smallest are 0.375 px wide.
+                // Of what is larger than drops the whole slab is as much larger: the smallest are
+                // 0.375 px wide.
                 let least = kind.seen(kind.diameters[0]);
                 let larger = least / SMALLEST;
                 let fastest = FASTEST.max(1.1 * (law.speed)(kind.seen(kind.diameters[1])));
@@ -161,7 +166,8 @@ impl Lens {
                 speed += own * down;
             }
         }
-        // Those of which there is no second picture fall like the others. mm^3 a m^2 and second are 3.6e-3 mm/h.
+        // Those of which there is no second picture fall like the others. mm^3 a m^2 and second are
+        // 3.6e-3 mm/h.
         let fall = if tracked > 0.0 { 3.6e-3 * speed / tracked } else { 0.0 };
         let count = self.caught.pictures as f64;
         let mut fluxes = vec![0.0; self.caught.pictures];
@@ -253,10 +259,12 @@ const LEAST: f64 = 0.7;
 const CLASS: f64 = 0.25;
 /// Drops that make a class.
 const MEMBERS: usize = 40;
-/// Farther than this from the median of its class a speed is that of two drops taken for one, as a share.
+/// Farther than this from the median of its class a speed is that of two drops taken for one, as a
+/// share.
 const STRAY: f64 = 0.4;
 
-/// Classes of diameter that have enough members: mean diameter, mm, mean speed, m/s, and that over the mean by the law.
+/// Classes of diameter that have enough members: mean diameter, mm, mean speed, m/s, and that over
+/// the mean by the law.
 fn classes(kind: &PrecipitationKind, law: &FallLaw, lenses: &[Lens; 2]) -> Vec<[f64; 3]> {
     // Of what is larger than drops the classes are as much wider.
     let (first, width) = match kind.shape {

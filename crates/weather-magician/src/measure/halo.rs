@@ -1,14 +1,16 @@
 //! Halo: the light in the air around a lamp in fog, by the angle from it.
 //!
-//! The air of scattering `sigma` before and behind a lamp of intensity `I` sends to the eye, along a ray that passes it at the distance `h`,
-//! what it scatters once: the integral over the ray of `sigma I p(a) T(r) T(t) / r^2`, `r` from the lamp, `t` from the eye, `a` the
-//! deflection. Droplets scatter most light forwards by small angles, so that light goes on as if it were not scattered: of the
-//! phase function of Henyey and Greenstein with `g = 0.85` the share `f = g^2` is taken for that (delta scaling: Joseph,
-//! Wiscombe and Weinman 1976), and what is left has `sigma (1 - f)` and `g / (1 + g)`. The integral is made here in double precision with
-//! Simpson's rule over the angle at the lamp.
+//! The air of scattering `sigma` before and behind a lamp of intensity `I` sends to the eye, along
+//! a ray that passes it at the distance `h`, what it scatters once: the integral over the ray of
+//! `sigma I p(a) T(r) T(t) / r^2`, `r` from the lamp, `t` from the eye, `a` the deflection.
+//! Droplets scatter most light forwards by small angles, so that light goes on as if it were not
+//! scattered: of the phase function of Henyey and Greenstein with `g = 0.85` the share `f = g^2` is
+//! taken for that (delta scaling: Joseph, Wiscombe and Weinman 1976), and what is left has
+//! `sigma (1 - f)` and `g / (1 + g)`. The integral is made here in double precision with Simpson's
+//! rule over the angle at the lamp.
 //!
-//! The lamp's intensity in the picture is measured by its own light on a level card 3 m below it in clear air, at the same
-//! exposure. Tolerance 5 %.
+//! The lamp's intensity in the picture is measured by its own light on a level card 3 m below it in
+//! clear air, at the same exposure. Tolerance 5 %.
 
 use super::allard::{NIGHT, NOTHING_FALLS};
 use super::expected;
@@ -46,7 +48,8 @@ const BELOW: f64 = 3.0;
 /// Flux, lm, and radius, m.
 const LUMENS: f64 = 5_000.0;
 const RADIUS: f64 = 0.1;
-/// The picture, px and degrees, and the distances from the lamp in it at which its light is measured, px.
+/// The picture, px and degrees, and the distances from the lamp in it at which its light is
+/// measured, px.
 const SIZE: (u32, u32) = (480, 240);
 const FOV: f64 = 20.0;
 const RINGS: [f64; 7] = [12.0, 17.0, 24.0, 40.0, 70.0, 120.0, 200.0];
@@ -57,8 +60,8 @@ const FOG: f64 = 0.85;
 /// Intervals of the integral.
 const INTERVALS: usize = 2_000;
 
-/// Radiance at the angle `turn` beside a lamp at the distance `away` (m), over its intensity, 1/m^2, in even air of
-/// extinction `sigma`, 1/m.
+/// Radiance at the angle `turn` beside a lamp at the distance `away` (m), over its intensity,
+/// 1/m^2, in even air of extinction `sigma`, 1/m.
 fn scattered_once(turn: f64, away: f64, sigma: f64) -> f64 {
     let (sigma, g) = (sigma * (1.0 - FOG * FOG), FOG / (1.0 + FOG));
     let (abreast, h) = (away * turn.cos(), away * turn.sin());
@@ -80,7 +83,8 @@ fn scattered_once(turn: f64, away: f64, sigma: f64) -> f64 {
     sigma / h * sum * step / 3.0
 }
 
-/// Mean of measured light and of the integral over pixels about level with the lamp, `ring` px from it.
+/// Mean of measured light and of the integral over pixels about level with the lamp, `ring` px from
+/// it.
 fn on_ring(picture: &LightPicture, camera: &Camera, ring: f64, sigma: f64) -> [f64; 2] {
     let (mut seen, mut law, mut count) = (0.0, 0.0, 0.0);
     for side in [-1.0, 1.0] {
@@ -115,7 +119,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
 
     let above = level.camera((33, 33), 8.0, [at[0], at[1], HEIGHT - 0.5], middle)?;
     let lit = LightPicture::of(rig, (subject, &above), &without_air, request.time)?;
-    // The irradiance in the picture's unit, of a white card, is `pi` times the radiance of one of it.
+    // The irradiance in the picture's unit, of a white card, is `pi` times the radiance of one of
+    // it.
     let intensity = lit.patch((16.5, 16.5), 3) / CARD * (BELOW * BELOW + RADIUS * RADIUS);
     let camera = level.camera(SIZE, FOV, [0.0, 0.0, HEIGHT], at)?;
     let picture = LightPicture::of(rig, (subject, &camera), &weather, request.time)?;

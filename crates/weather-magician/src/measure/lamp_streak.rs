@@ -1,10 +1,11 @@
 //! Lamp streak: how long and how wide a lamp is mirrored in a wet road.
 //!
-//! A small white board stands before a black wall behind a black yard under a film. The difference of the pictures with the board
-//! and without it is its image in the film: a streak towards the eye, as long as the film is rough, and as much narrower as the
-//! view is flat. Its standard deviations along both axes of the picture are held against those of an image that is computed here,
-//! facet by facet: normal slopes of `0.3 exp(-2 film)` rms along each axis, Fresnel by Snell's angles, and facets hidden by others
-//! (Smith 1967).
+//! A small white board stands before a black wall behind a black yard under a film. The difference
+//! of the pictures with the board and without it is its image in the film: a streak towards the
+//! eye, as long as the film is rough, and as much narrower as the view is flat. Its standard
+//! deviations along both axes of the picture are held against those of an image that is computed
+//! here, facet by facet: normal slopes of `0.3 exp(-2 film)` rms along each axis, Fresnel by
+//! Snell's angles, and facets hidden by others (Smith 1967).
 //!
 //! Tolerance 7 %.
 
@@ -29,8 +30,8 @@ pub const INSTRUMENT: Instrument = Instrument {
     sweep: &[&["wetness.amount=1"], &["wetness.amount=0.8"]],
 };
 
-/// Ends and half the width of the yard, m; the distance, the height and half the side of the board; half the width and the height
-/// of the wall.
+/// Ends and half the width of the yard, m; the distance, the height and half the side of the board;
+/// half the width and the height of the wall.
 const YARD: [f64; 2] = [1.0, 15.0];
 const BESIDE: f64 = 4.0;
 const LAMP: [f64; 2] = [15.5, 3.0];
@@ -60,7 +61,8 @@ fn film(weather: &Weather, time: f64) -> Option<f64> {
     Some(2.0 * amount - 1.0).filter(|film| *film > 0.0)
 }
 
-/// The share that is reflected of light that meets water at an angle from its normal of this cosine.
+/// The share that is reflected of light that meets water at an angle from its normal of this
+/// cosine.
 fn reflectance(cosine: f64) -> f64 {
     let outside = cosine.clamp(1e-6, 1.0 - 1e-9).acos();
     let inside = (outside.sin() / INDEX).asin();
@@ -69,7 +71,8 @@ fn reflectance(cosine: f64) -> f64 {
     0.5 * (across + along)
 }
 
-/// The light of the board, of 1, that facets of these slopes reflect at a point of the ground (level coordinates) to the eye.
+/// The light of the board, of 1, that facets of these slopes reflect at a point of the ground
+/// (level coordinates) to the eye.
 fn streak_at(ground: DVec3, slopes: f64) -> f64 {
     let view = (DVec3::new(0.0, 0.0, EYE) - ground).normalize();
     // Facets as far as the eye sees them: their mean area over that of the ground.
@@ -101,7 +104,8 @@ fn streak_at(ground: DVec3, slopes: f64) -> f64 {
     sum
 }
 
-/// Standard deviations along rows and columns of an image of this light, px, over the pixels that show the ground that is looked at.
+/// Standard deviations along rows and columns of an image of this light, px, over the pixels that
+/// show the ground that is looked at.
 fn spread(level: &LevelFrame, camera: &Camera, light: impl Fn((usize, usize), DVec3) -> f64) -> [f64; 2] {
     let (mut sum, mut first, mut second) = (0.0, [0.0; 2], [0.0; 2]);
     let eye = DVec3::new(0.0, 0.0, EYE);

@@ -1,7 +1,8 @@
 //! The lidar of the instruments, and what its echoes must be by the lidar equation.
 //!
-//! A surface of reflectance `rho` that fills the beam at the range `r` sends back `rho exp(-2 sigma r) / r^2`; what is detected in half of the
-//! pulses sends back as much as a surface of 10 % at the reference range in clear air.
+//! A surface of reflectance `rho` that fills the beam at the range `r` sends back
+//! `rho exp(-2 sigma r) / r^2`; what is detected in half of the pulses sends back as much as a
+//! surface of 10 % at the reference range in clear air.
 
 use super::expected::{self, ExpectedAir};
 use super::{InstrumentRenderer, InstrumentScan, LevelFrame, ShotSubject};
@@ -63,7 +64,8 @@ pub fn text(overlap: [f64; 2], columns: u32, azimuths: [f64; 2], rows: u32, elev
     )
 }
 
-/// Sweeps a target from [`EYE`] over its middle, ahead along the second axis, with one ray a pulse and all returns.
+/// Sweeps a target from [`EYE`] over its middle, ahead along the second axis, with one ray a pulse
+/// and all returns.
 pub fn sweep(
     rig: &mut dyn InstrumentRenderer,
     (subject, lidar): (ShotSubject, &LidarModel),
@@ -89,7 +91,8 @@ pub fn overlap(range: f64) -> f64 {
     ((range - OVERLAP[0]) / (OVERLAP[1] - OVERLAP[0])).clamp(0.0, 1.0).powi(2)
 }
 
-/// Signal, of the least power that is detected, of what sends back `echo / range^2` from a range, m.
+/// Signal, of the least power that is detected, of what sends back `echo / range^2` from a range,
+/// m.
 pub fn signal(echo: f64, extinction: f64, range: f64) -> f64 {
     echo * overlap(range) * (-2.0 * extinction * range).exp() * (REFERENCE / range).powi(2) / TARGET
 }

@@ -1,9 +1,11 @@
 //! Echoes of fog before a lidar: the range up to which it sees the air itself.
 //!
-//! Droplets send `sigma / S` of the light straight back, with the lidar ratio `S` of 18 sr, so that half a pulse's length of fog is a surface of
-//! `pi sigma / S c tau / 2`. The light of many droplets interferes: powers of a bin vary as a Gamma variate of four degrees. Where the mean power is the
-//! least that is detected, the share of pulses with an echo in a bin is that of speckle and the receiver's noise together, which is computed here;
-//! the bin at which the share falls below it is looked for.
+//! Droplets send `sigma / S` of the light straight back, with the lidar ratio `S` of 18 sr, so that
+//! half a pulse's length of fog is a surface of `pi sigma / S c tau / 2`. The light of many
+//! droplets interferes: powers of a bin vary as a Gamma variate of four degrees. Where the mean
+//! power is the least that is detected, the share of pulses with an echo in a bin is that of
+//! speckle and the receiver's noise together, which is computed here; the bin at which the share
+//! falls below it is looked for.
 //!
 //! A receiver whose lens looks far ahead gets as much from all of the air that is nearer than the
 //! range of its full overlap, but for what the air takes. That range is set to the reach, so that

@@ -1,11 +1,15 @@
-//! Boards before a lidar: how far away they are, how bright, how much the air dims them, and how far a dark one is seen.
+//! Boards before a lidar: how far away they are, how bright, how much the air dims them, and how
+//! far a dark one is seen.
 //!
-//! A board of 50 % stands at 20 m, and in clear air its mean range and its mean intensity are known. The same kind of board stands where a
-//! pulse comes back with `exp(-1.2)` of its power; the ratio of its mean intensities in the weather and in clear air is the extinction. Boards of 10 %
-//! stand about the range at which the lidar equation has half of the pulses detected; that range is found between two of them.
+//! A board of 50 % stands at 20 m, and in clear air its mean range and its mean intensity are
+//! known. The same kind of board stands where a pulse comes back with `exp(-1.2)` of its power; the
+//! ratio of its mean intensities in the weather and in clear air is the extinction. Boards of 10 %
+//! stand about the range at which the lidar equation has half of the pulses detected; that range is
+//! found between two of them.
 //!
-//! Tolerances: 15 mm of range (splats lie up to 1 cm off the board's plane), 3 % of intensity, of extinction and of the range of the dark
-//! board. Systematic: light that the air sends back from within half a pulse of a board adds to its echo, 1 % at an MOR of 50 m.
+//! Tolerances: 15 mm of range (splats lie up to 1 cm off the board's plane), 3 % of intensity, of
+//! extinction and of the range of the dark board. Systematic: light that the air sends back from
+//! within half a pulse of a board adds to its echo, 1 % at an MOR of 50 m.
 
 use super::expected;
 use super::lidar::{AIR_ALONE, EYE, TARGET, crossing, extinction, model, reach, sweep};

@@ -1,10 +1,12 @@
 //! Points of drops in a lidar's sweep through rain.
 //!
-//! A drop of diameter `D` in a beam as wide as `theta r` sends back `0.023 min(1, (D / (theta r))^2)` of its light. Drops are a Poisson process: by
-//! Marshall and Palmer's sizes (1948), as many as bring the rate at Gunn and Kinzer's fall speeds, and the volume of the beam at each range, so many are detected in a pulse on average.
+//! A drop of diameter `D` in a beam as wide as `theta r` sends back
+//! `0.023 min(1, (D / (theta r))^2)` of its light. Drops are a Poisson process: by Marshall and
+//! Palmer's sizes (1948), as many as bring the rate at Gunn and Kinzer's fall speeds, and the
+//! volume of the beam at each range, so many are detected in a pulse on average.
 //!
-//! Tolerance 4 %, of some 8,000 points and more: one beam's drops are in part the next one's, so that their number scatters by twice the square root. A
-//! tenth more rain is 6 % more points.
+//! Tolerance 4 %, of some 8,000 points and more: one beam's drops are in part the next one's, so
+//! that their number scatters by twice the square root. A tenth more rain is 6 % more points.
 
 use super::expected;
 use super::lidar::{

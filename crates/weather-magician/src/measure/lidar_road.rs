@@ -1,11 +1,14 @@
 //! A road before a lidar, dry and wet: how far away it is seen, and how much a film of water takes.
 //!
-//! A level road of 20 % lies ahead. Dry it sends back `rho cos(theta) / r^2`; a film of water mirrors a share `R` of the beam away on its way in and of the
-//! light on its way out, so that it is `(1 - R)^2 / (n^2 (1 - 0.475 rho))` times as bright, by Fresnel at the beam's own angle. At 6 and 12 m, where every
-//! pulse comes back, the mean intensity of the wet road over that of the dry one is that factor. The share of the pulses that come back, summed over the
-//! range, is how far the road is seen; the lidar equation gives the same sum.
+//! A level road of 20 % lies ahead. Dry it sends back `rho cos(theta) / r^2`; a film of water
+//! mirrors a share `R` of the beam away on its way in and of the light on its way out, so that it
+//! is `(1 - R)^2 / (n^2 (1 - 0.475 rho))` times as bright, by Fresnel at the beam's own angle. At 6
+//! and 12 m, where every pulse comes back, the mean intensity of the wet road over that of the dry
+//! one is that factor. The share of the pulses that come back, summed over the range, is how far
+//! the road is seen; the lidar equation gives the same sum.
 //!
-//! Tolerances: 4 % of the factor (the beam's angle is that of the row, and a splat's place on the road errs by centimetres) and 3 % of the range.
+//! Tolerances: 4 % of the factor (the beam's angle is that of the row, and a splat's place on the
+//! road errs by centimetres) and 3 % of the range.
 
 use super::lidar::{EYE, RECEIVER, model, normal, signal, sweep};
 use super::lit::paint_card;
@@ -48,7 +51,8 @@ const GROUP: usize = 10;
 const WATER: f64 = 1.333;
 const THROWN_BACK: f64 = 0.475;
 
-/// The brightness of the road under a film over that of the dry one, for a beam whose cosine to the vertical is `cosine`.
+/// The brightness of the road under a film over that of the dry one, for a beam whose cosine to the
+/// vertical is `cosine`.
 fn film_factor(cosine: f64) -> f64 {
     let outside = cosine.acos();
     let inside = (outside.sin() / WATER).asin();

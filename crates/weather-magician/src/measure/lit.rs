@@ -1,4 +1,5 @@
-//! Lit targets: cards with the colours that photos of an overcast day show, and pictures of their light.
+//! Lit targets: cards with the colours that photos of an overcast day show, and pictures of their
+//! light.
 
 use super::{COLOR, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest, ShotSubject};
 use crate::{Picture, Result};
@@ -28,18 +29,19 @@ pub const LIGHT_ALONE: [&str; 14] = [
 
 /// The reflectance that surfaces have in the mean: of the ground that upright cards see, too.
 pub const GROUND: f64 = 0.25;
-/// Share of the level irradiance under the CIE's overcast sky that an upright plane gets from the sky, whose radiance goes as
-/// `1 + 2 sin h`: `(pi / 2 + 4 / 3) / (7 pi / 3)`.
+/// Share of the level irradiance under the CIE's overcast sky that an upright plane gets from the
+/// sky, whose radiance goes as `1 + 2 sin h`: `(pi / 2 + 4 / 3) / (7 pi / 3)`.
 pub const OVERCAST_UPRIGHT: f64 = 0.396_2;
 
-/// The linear light of a card of some reflectance in the photos of an overcast day, where a level white one shows as 1: `upright` is 0 of a
-/// level card and 1 of one that stands on open ground.
+/// The linear light of a card of some reflectance in the photos of an overcast day, where a level
+/// white one shows as 1: `upright` is 0 of a level card and 1 of one that stands on open ground.
 pub fn overcast_card(reflectance: f64, upright: f64) -> f64 {
     reflectance * (1.0 - upright + upright * (OVERCAST_UPRIGHT + 0.5 * GROUND))
 }
 
-/// Paints a card about a point (level coordinates) in a linear grey, as scenes are made: with one layer of flat splats, in rows `grain` m apart and
-/// as many between them. 0.2 % of what is behind it shines through.
+/// Paints a card about a point (level coordinates) in a linear grey, as scenes are made: with one
+/// layer of flat splats, in rows `grain` m apart and as many between them. 0.2 % of what is behind
+/// it shines through.
 pub fn paint_card(
     level: &LevelFrame,
     (center, halves): ([f64; 3], [[f64; 3]; 2]),
@@ -57,7 +59,8 @@ pub fn paint_card(
     let center = level.point(center);
     let first = splats.len() as u64;
     for index in 0..2 * across * down {
-        // A little off the plane: of splats that overlap in one plane each would hide those to one side of it, which moves what is seen.
+        // A little off the plane: of splats that overlap in one plane each would hide those to one
+        // side of it, which moves what is seen.
         let off = z * (0.1 * wide * (random::uniform(first, index as u64) - 0.5));
         let (at, shift) = (index / 2, 0.25 + 0.5 * (index % 2) as f64);
         let [a, b] = [(at % across, across), (at / across, down)]

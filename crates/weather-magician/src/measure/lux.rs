@@ -1,14 +1,16 @@
 //! Lux meter: boards under a sky, against the sky that is seen.
 //!
-//! White boards on open ground, level and upright. A board's light is its reflectance times the irradiance `E`, and the sky's
-//! radiance `L` is shown as `pi L`: both are in one unit. Under full clouds the CIE's overcast sky gives an upright board 0.396 of
-//! `E` on the level, and the zenith has `9 / (7 pi)` of it (Moon and Spencer 1942); the ground returns a quarter, of which an upright board
-//! sees a half. Under a sun the sky is summed over its own pixels, five cameras for all of it, and held against a level board in
-//! the shade of a small disc far away, as radiation is measured with a shadow ball; what the sun adds to a level board and to an upright one that faces
+//! White boards on open ground, level and upright. A board's light is its reflectance times the
+//! irradiance `E`, and the sky's radiance `L` is shown as `pi L`: both are in one unit. Under full
+//! clouds the CIE's overcast sky gives an upright board 0.396 of `E` on the level, and the zenith
+//! has `9 / (7 pi)` of it (Moon and Spencer 1942); the ground returns a quarter, of which an
+//! upright board sees a half. Under a sun the sky is summed over its own pixels, five cameras for
+//! all of it, and held against a level board in the shade of a small disc far away, as radiation is
+//! measured with a shadow ball; what the sun adds to a level board and to an upright one that faces
 //! it must be as the sine and the cosine of its elevation.
 //!
-//! Tolerance 3 %. Systematic: a disc hides 0.2 % of the sky's light; directions to the sky are few (the light of a sky that is seen from
-//! a board is summed over 32).
+//! Tolerance 3 %. Systematic: a disc hides 0.2 % of the sky's light; directions to the sky are few
+//! (the light of a sky that is seen from a board is summed over 32).
 
 use super::lit::{LightPicture, OVERCAST_UPRIGHT, overcast_card, paint_card};
 use super::plot::{Axis, Plot, Series};
@@ -48,8 +50,9 @@ enum BoardSky {
     Sunny([f64; 2]),
 }
 
-/// Level illuminance by the sun over that by the sky on a clear day, by the sun's elevation, radians: by the formulas of the
-/// Illuminating Engineering Society, straight between these elevations.
+/// Level illuminance by the sun over that by the sky on a clear day, by the sun's elevation,
+/// radians: by the formulas of the Illuminating Engineering Society, straight between these
+/// elevations.
 fn day(elevation: f64) -> f64 {
     const RATIOS: [[f64; 2]; 5] = [[10.0, 0.9], [20.0, 2.4], [30.0, 3.6], [45.0, 4.8], [60.0, 5.7]];
     let degrees = elevation.to_degrees();
@@ -82,7 +85,8 @@ const GRAIN: f64 = 0.1;
 const BLOCK: f64 = 0.6;
 /// Reflectance of boards, so that they do not burn out beside a bright sky.
 const WHITE: f64 = 0.8;
-/// Half the side of the disc, and its distance from what it shades, m: smaller things in the air are taken for faults of a scene.
+/// Half the side of the disc, and its distance from what it shades, m: smaller things in the air
+/// are taken for faults of a scene.
 const DISC: f64 = 1.1;
 const DISC_AWAY: f64 = 30.0;
 /// Exposures that leave room for the brightest of a sky, EV.
@@ -136,7 +140,8 @@ impl Boards {
         Ok(Self { subject, ..boards })
     }
 
-    /// The middles of the level and of the upright board, which are beside each other, across the sun's way.
+    /// The middles of the level and of the upright board, which are beside each other, across the
+    /// sun's way.
     fn middles(&self, shaded: bool) -> [[f64; 3]; 2] {
         let aside = if shaded { [-4.5, -2.0] } else { [2.0, 4.5] };
         let [x, y] = self.heading;
@@ -144,7 +149,8 @@ impl Boards {
         [at(aside[0], LEVEL_AT), at(aside[1], UPRIGHT_AT)]
     }
 
-    /// Irradiances of a level board and of an upright one that faces the sun, in the picture's unit.
+    /// Irradiances of a level board and of an upright one that faces the sun, in the picture's
+    /// unit.
     fn irradiances(
         &self,
         rig: &mut dyn InstrumentRenderer,
@@ -163,7 +169,8 @@ impl Boards {
         Ok(out)
     }
 
-    /// Irradiance of level ground by the sky's pixels, and the light of the zenith, times pi; `None` if it burns out.
+    /// Irradiance of level ground by the sky's pixels, and the light of the zenith, times pi;
+    /// `None` if it burns out.
     fn sky(
         &self,
         rig: &mut dyn InstrumentRenderer,
@@ -182,7 +189,8 @@ impl Boards {
                     let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5).normalize();
                     let sin = ray.dot(self.level.axes[2]);
                     if sin > 0.0 {
-                        // A pixel at the angle `a` from the axis covers cos^3 a over the square of the focal length.
+                        // A pixel at the angle `a` from the axis covers cos^3 a over the square of
+                        // the focal length.
                         let angle = ray.dot(camera.forward()).powi(3) / (camera.fx * camera.fy);
                         sum += luminance(picture.rgb(x, y)) / PI * sin * angle;
                         brightest = brightest.max(picture.rgb(x, y).into_iter().fold(0.0, f64::max));

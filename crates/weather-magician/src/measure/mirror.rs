@@ -1,7 +1,8 @@
 //! Mirror pole: where still water shows what stands over it.
 //!
-//! White marks on a pole stand over black water. The middle of the light of each image in the water is held against the picture
-//! point of the mark's place, as deep below the surface as the mark is above it.
+//! White marks on a pole stand over black water. The middle of the light of each image in the water
+//! is held against the picture point of the mark's place, as deep below the surface as the mark is
+//! above it.
 //!
 //! Tolerance 1 px of a picture of 480 x 360.
 

@@ -1,12 +1,15 @@
-//! Instruments that measure from rendered pictures whether weather is as strong as its parameters say.
+//! Instruments that measure from rendered pictures whether weather is as strong as its parameters
+//! say.
 //!
-//! An [`Instrument`] sets up targets at a place and in its air: boards at known distances, a thin slab of air before a black
-//! board, a yard with a roof. An [`InstrumentRenderer`] renders them with the same code as all other pictures. The measured
-//! value comes from pixels alone; the expected value comes from the weather's parameters and published laws, implemented a
-//! second time here, so that neither side shares code with the other. Some instruments look at the place itself: rays, shadows,
-//! consistency and controls.
+//! An [`Instrument`] sets up targets at a place and in its air: boards at known distances, a thin
+//! slab of air before a black board, a yard with a roof. An [`InstrumentRenderer`] renders them
+//! with the same code as all other pictures. The measured value comes from pixels alone; the
+//! expected value comes from the weather's parameters and published laws, implemented a second time
+//! here, so that neither side shares code with the other. Some instruments look at the place
+//! itself: rays, shadows, consistency and controls.
 //!
-//! [`INSTRUMENTS`] lists all of them, [`PlaceRenderer`] renders for them at a [`PreparedPlace`](crate::PreparedPlace):
+//! [`INSTRUMENTS`] lists all of them, [`PlaceRenderer`] renders for them at a
+//! [`PreparedPlace`](crate::PreparedPlace):
 //!
 //! ```no_run
 //! use weather_magician::measure::{INSTRUMENTS, MeasureRequest, PlaceRenderer};
@@ -28,8 +31,9 @@
 //! # }
 //! ```
 //!
-//! A new instrument is one file and one line of [`INSTRUMENTS`]. A test replaces the renderer by one that draws each effect
-//! wrongly by a tenth, and checks that each instrument finds its own error and no other.
+//! A new instrument is one file and one line of [`INSTRUMENTS`]. A test replaces the renderer by
+//! one that draws each effect wrongly by a tenth, and checks that each instrument finds its own
+//! error and no other.
 
 mod allard;
 mod blobs;
@@ -91,7 +95,8 @@ pub struct Instrument {
     pub about: &'static str,
     /// Returns true if the instrument can measure something in a weather at a time, s.
     pub applies: fn(&Weather, f64) -> bool,
-    /// Renders, measures and compares. Targets that it sets up stay until [`InstrumentRenderer::clear_away`].
+    /// Renders, measures and compares. Targets that it sets up stay until
+    /// [`InstrumentRenderer::clear_away`].
     pub read: fn(&mut dyn InstrumentRenderer, &MeasureRequest<'_>) -> Result<Finding>,
     /// The weathers that are measured if none is given, as changes of clear weather.
     pub sweep: &'static [&'static [&'static str]],
@@ -138,7 +143,8 @@ pub struct MeasureRequest<'a> {
 }
 
 impl MeasureRequest<'_> {
-    /// Returns a reading in this setting, without a standard error: the expected and the measured value.
+    /// Returns a reading in this setting, without a standard error: the expected and the measured
+    /// value.
     fn reading(
         &self,
         quantity: impl Into<String>,
@@ -195,7 +201,8 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// Returns the error: as a share of the expected value for [`Tolerance::Relative`], else in the unit.
+    /// Returns the error: as a share of the expected value for [`Tolerance::Relative`], else in the
+    /// unit.
     #[must_use]
     pub fn error(&self) -> f64 {
         match self.tolerance {
@@ -327,9 +334,10 @@ pub trait InstrumentRenderer {
     /// [`crate::Error::Render`] if the splats cannot be loaded.
     fn set_up(&mut self, splats: Splats) -> Result<ShotSubject>;
 
-    /// Sets up a target that weather lights: splats in the place's axes and units with the colours that they have in the diffuse
-    /// light of an overcast sky (a level white card has 1), and lamps. It is a place of its own, in the same air, and is
-    /// drawn as any scene is; weathers that it is drawn in need `light.photos=diffuse` to give it a sun.
+    /// Sets up a target that weather lights: splats in the place's axes and units with the colours
+    /// that they have in the diffuse light of an overcast sky (a level white card has 1), and
+    /// lamps. It is a place of its own, in the same air, and is drawn as any scene is; weathers
+    /// that it is drawn in need `light.photos=diffuse` to give it a sun.
     ///
     /// # Errors
     /// As [`Self::set_up`].
@@ -341,7 +349,8 @@ pub trait InstrumentRenderer {
     /// [`crate::Error`] if its light cannot be found.
     fn shadows(&mut self) -> Result<ShadowReport>;
 
-    /// Returns the water on the ground of a lit target at a time of a weather, s; `None` where nothing is wet.
+    /// Returns the water on the ground of a lit target at a time of a weather, s; `None` where
+    /// nothing is wet.
     ///
     /// # Errors
     /// [`crate::Error`] if it cannot be found.
@@ -387,7 +396,8 @@ impl LevelFrame {
         self.axes[0] * x + self.axes[1] * y + self.axes[2] * z
     }
 
-    /// Returns 1 where the second axis is a quarter turn to the left of the first, seen from above; -1 where it is to the right.
+    /// Returns 1 where the second axis is a quarter turn to the left of the first, seen from above;
+    /// -1 where it is to the right.
     pub fn hand(&self) -> f64 {
         self.axes[0].cross(self.axes[1]).dot(self.axes[2]).signum()
     }
@@ -407,8 +417,8 @@ impl LevelFrame {
         units * self.site.metres_per_unit
     }
 
-    /// Returns a camera that looks from one point at another, level coordinates; upright, or with the second axis up where it looks
-    /// straight down.
+    /// Returns a camera that looks from one point at another, level coordinates; upright, or with
+    /// the second axis up where it looks straight down.
     pub fn camera(&self, size: (u32, u32), fov: f64, eye: [f64; 3], target: [f64; 3]) -> Result<Camera> {
         let is_level = eye[0] != target[0] || eye[1] != target[1];
         let up = if is_level { self.axes[2] } else { self.axes[1] };
@@ -418,8 +428,8 @@ impl LevelFrame {
     }
 }
 
-/// Returns the field of view, degrees, whose half has this tangent, or the least that a camera has: what is asked for then fills a part of
-/// the picture.
+/// Returns the field of view, degrees, whose half has this tangent, or the least that a camera has:
+/// what is asked for then fills a part of the picture.
 fn fov_of(tangent: f64) -> f64 {
     (2.0 * tangent.atan().to_degrees()).max(*wm_scene::camera::FOV.start())
 }

@@ -1,8 +1,10 @@
-//! Weather painted on frames, one by one, as programs do that know no geometry: what consistency is compared with.
+//! Weather painted on frames, one by one, as programs do that know no geometry: what consistency is
+//! compared with.
 //!
-//! Fog is as thick as a pixel is high in the picture, with banks of noise, and as bright as the brightest of the frame; snow lies where the
-//! picture is bright and gets brighter upwards; flakes are dots at random places. Noise and flakes are drawn anew for each frame,
-//! as a generator draws them. It stands for no program in particular: it is what is left without depth, pose and time.
+//! Fog is as thick as a pixel is high in the picture, with banks of noise, and as bright as the
+//! brightest of the frame; snow lies where the picture is bright and gets brighter upwards; flakes
+//! are dots at random places. Noise and flakes are drawn anew for each frame, as a generator draws
+//! them. It stands for no program in particular: it is what is left without depth, pose and time.
 
 use wm_scene::random::uniform;
 

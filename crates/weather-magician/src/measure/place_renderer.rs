@@ -1,7 +1,8 @@
 //! The renderer of instruments: a place, and targets in the same renderer and the same air.
 //!
-//! Plain targets are splats in the air, without the light of the weather. Lit targets are places of their own: their light is
-//! split, their shadows are cast and their lamps shine by the code that does it for scenes.
+//! Plain targets are splats in the air, without the light of the weather. Lit targets are places of
+//! their own: their light is split, their shadows are cast and their lamps shine by the code that
+//! does it for scenes.
 
 use super::{InstrumentRenderer, InstrumentScan, InstrumentShot, LevelFrame, ShadowReport, ShotSubject};
 use crate::frame::FrameRequest;
@@ -15,7 +16,8 @@ use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::wetness::WaterState;
 use wm_weather::{PreparedWeather, Site, Weather};
 
-/// Distance of the second view to the side of the first, m: not ahead, so that the air in front of both is as long.
+/// Distance of the second view to the side of the first, m: not ahead, so that the air in front of
+/// both is as long.
 const STEP: f64 = 0.3;
 
 /// A place to measure at, and the renderer that holds it.

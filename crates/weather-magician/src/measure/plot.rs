@@ -1,6 +1,7 @@
 //! Plots as SVG: points and lines over two axes with units, on white.
 //!
-//! By hand: it is one page of code, and what plotting crates add is more to build than the rest of the report.
+//! By hand: it is one page of code, and what plotting crates add is more to build than the rest of
+//! the report.
 
 use std::fmt::Write;
 
@@ -10,7 +11,8 @@ const LEFT: f64 = 66.0;
 const RIGHT: f64 = 14.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 50.0;
-/// Colours of series that are told apart by all eyes (Okabe and Ito 2008, without yellow): after a law channels have their own.
+/// Colours of series that are told apart by all eyes (Okabe and Ito 2008, without yellow): after a
+/// law channels have their own.
 const COLORS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#56b4e9", "#cc79a7", "#e69f00"];
 /// Ticks of an axis, about.
 const TICKS: f64 = 6.0;
@@ -127,7 +129,8 @@ impl Ruler {
         }
     }
 
-    /// Returns the position of a number, 0-1 between the ends; `None` for one that the scale does not have.
+    /// Returns the position of a number, 0-1 between the ends; `None` for one that the scale does
+    /// not have.
     fn place(&self, value: f64) -> Option<f64> {
         let value = match self.scale {
             AxisScale::Linear => value,

@@ -1,13 +1,14 @@
 //! Transmittance along the rays of the place itself.
 //!
-//! A view of the place gives, a pixel, the depth of what it shows and the share of its light that the air lets through. The
-//! logarithm of that share must be the expected extinction, integrated along the ray to that depth: numerically, since the air may
-//! thin with height. Pixels on edges, where a pixel shows two depths, are left out: expected and median depth must agree; and so is the
-//! sky, whose splats stand for what is endlessly far: it is what even the thinnest fog hides.
+//! A view of the place gives, a pixel, the depth of what it shows and the share of its light that
+//! the air lets through. The logarithm of that share must be the expected extinction, integrated
+//! along the ray to that depth: numerically, since the air may thin with height. Pixels on edges,
+//! where a pixel shows two depths, are left out: expected and median depth must agree; and so is
+//! the sky, whose splats stand for what is endlessly far: it is what even the thinnest fog hides.
 //!
-//! Tolerance 3 %: of the median of measured over asked optical depth, over all rays between 0.03 and 4, and of how far single rays are
-//! off. A splat is dimmed by the
-//! length of its own ray; on slanted surfaces the splats of a pixel are nearer and farther than its depth.
+//! Tolerance 3 %: of the median of measured over asked optical depth, over all rays between 0.03
+//! and 4, and of how far single rays are off. A splat is dimmed by the length of its own ray; on
+//! slanted surfaces the splats of a pixel are nearer and farther than its depth.
 
 use super::plot::{Axis, Plot, Series};
 use super::{
@@ -60,7 +61,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         &mut picture,
     )?;
     let (frame, shares) = (&picture.frame, &picture.parts.transmittance);
-    // Air that is as good as clear as far as the place goes, and takes all light from what is endlessly far.
+    // Air that is as good as clear as far as the place goes, and takes all light from what is
+    // endlessly far.
     let (mut thin, mut sky) = (clear(), Picture::default());
     thin.set_text(&format!("fog.mor={}", (THIN * site.far).max(1.0)))?;
     rig.draw(&InstrumentShot { subject, camera: &camera, weather: &thin, time, outputs, parts }, &mut sky)?;

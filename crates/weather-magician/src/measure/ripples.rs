@@ -1,22 +1,26 @@
 //! Ripples: how steep the rings of rain are on water, and how fast their waves go.
 //!
-//! Black water lies under a level board, seen from straight above. The red of the board grows along one level axis, its green along the
-//! other, and its blue is even: the light of the first two over that of the third tells which point of the board each pixel of the
-//! water shows, and so the direction into which it reflects, whatever its reflectance. The light of the air before the water, which a black
-//! board shows, is taken away first. The water's normal lies halfway between that direction and the view's. A picture of still water says how
-//! bright the board is where.
+//! Black water lies under a level board, seen from straight above. The red of the board grows along
+//! one level axis, its green along the other, and its blue is even: the light of the first two over
+//! that of the third tells which point of the board each pixel of the water shows, and so the
+//! direction into which it reflects, whatever its reflectance. The light of the air before the
+//! water, which a black board shows, is taken away first. The water's normal lies halfway between
+//! that direction and the view's. A picture of still water says how bright the board is where.
 //!
-//! The slopes must be those at which waves lose by viscosity what drops bring: 1 % of the energy of the drops that fall, an
-//! integral over Marshall and Palmer's spectrum at Gunn and Kinzer's speeds, in waves of 200 rad/m. Their frequency, by what is
-//! left of waves of that length a quarter of a period later, must be that of the dispersion law of waves with gravity and surface
+//! The slopes must be those at which waves lose by viscosity what drops bring: 1 % of the energy of
+//! the drops that fall, an integral over Marshall and Palmer's spectrum at Gunn and Kinzer's
+//! speeds, in waves of 200 rad/m. Their frequency, by what is left of waves of that length a
+//! quarter of a period later, must be that of the dispersion law of waves with gravity and surface
 //! tension.
 //!
-//! Tolerance 4 % of the slopes and 5 % of the frequency. Rings are few: N a m^2 and second of one height, each of which fades as
-//! `exp(-t / 0.3 s)` and brings a share s of the variance, differ on an area A at n instants that are independent by
-//! `s sqrt(4 / (N A n))` of the variance (shot noise; the integral of the fourth power of the fading over the square of that of its second
-//! is 4 a second), half of that of the rms: at 5 mm/h (N 49, s 0.45) 0.7 % of 3.2 m^2 at 24 instants, at 20 mm/h (297, 0.68) 0.4 %. On a
-//! quarter of the area at 8 instants it would be 2.5 %. The readings have the standard error that their own instants show. Two laws of fall
-//! speeds differ by 1 % in the slopes.
+//! Tolerance 4 % of the slopes and 5 % of the frequency. Rings are few: N a m^2 and second of one
+//! height, each of which fades as `exp(-t / 0.3 s)` and brings a share s of the variance, differ on
+//! an area A at n instants that are independent by `s sqrt(4 / (N A n))` of the variance (shot
+//! noise; the integral of the fourth power of the fading over the square of that of its second is 4
+//! a second), half of that of the rms: at 5 mm/h (N 49, s 0.45) 0.7 % of 3.2 m^2 at 24 instants, at
+//! 20 mm/h (297, 0.68) 0.4 %. On a quarter of the area at 8 instants it would be 2.5 %. The
+//! readings have the standard error that their own instants show. Two laws of fall speeds differ by
+//! 1 % in the slopes.
 
 use super::fresnel::still;
 use super::lit::LightPicture;
@@ -55,18 +59,19 @@ const HALF: f64 = 4.8;
 /// Strips of a board along each axis, and the light at its ends.
 const STRIPS: usize = 96;
 const LIGHT: [f64; 2] = [0.1, 0.9];
-/// Side of the pictures, px, their field of view, degrees: what slopes of 0.5 show is in the picture; half the side of the water that is
-/// looked at, m, and of that whose waves are followed.
+/// Side of the pictures, px, their field of view, degrees: what slopes of 0.5 show is in the
+/// picture; half the side of the water that is looked at, m, and of that whose waves are followed.
 const SIDE: u32 = 780;
 const FIELD: f64 = 90.0;
 const PATCH: f64 = 0.9;
 const FOLLOWED: f64 = 0.45;
-/// Instants, those of them at which waves are followed, and the time between them, s: longer than rings live.
+/// Instants, those of them at which waves are followed, and the time between them, s: longer than
+/// rings live.
 const INSTANTS: u32 = 24;
 const FOLLOWING: u32 = 8;
 const APART: f64 = 0.73;
-/// Wave number of rings, rad/m; gravity, m/s^2; surface tension over density, m^3/s^2; viscosity, m^2/s; the share of the drops'
-/// energy that waves get; and the density of water, kg/m^3.
+/// Wave number of rings, rad/m; gravity, m/s^2; surface tension over density, m^3/s^2; viscosity,
+/// m^2/s; the share of the drops' energy that waves get; and the density of water, kg/m^3.
 const WAVE: f64 = 200.0;
 const GRAVITY: f64 = 9.81;
 const TENSION: f64 = 7.28e-5;
@@ -161,7 +166,8 @@ impl Patch {
 struct Waves {
     /// Wave vectors, rad/m.
     vectors: Vec<[f64; 2]>,
-    /// The points of the water that the pixels show, m, each with a weight that falls to 0 at the edges.
+    /// The points of the water that the pixels show, m, each with a weight that falls to 0 at the
+    /// edges.
     places: Vec<[f64; 3]>,
 }
 
@@ -264,7 +270,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let mut look = |has_light: bool, weather: &Weather, time: f64| -> Result<LightPicture> {
         LightPicture::of(rig, (subjects[usize::from(has_light)], &camera), weather, time)
     };
-    // Water that reflects 2 % is so dark that the light of the air before it, of drops too small to be seen, is a tenth of it.
+    // Water that reflects 2 % is so dark that the light of the air before it, of drops too small to
+    // be seen, is a tenth of it.
     let [calm_air, air] = [&calm, &weather].map(|weather| look(false, weather, request.time));
     let (calm_air, air) = (calm_air?, air?);
     let without = Mirrored(look(true, &calm, request.time)?, &calm_air);

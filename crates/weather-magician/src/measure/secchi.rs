@@ -1,7 +1,8 @@
 //! Secchi disc: how far one sees into the water.
 //!
-//! A disc is lowered into a flood and looked at from above. What is left of its difference to the water without it falls with the
-//! depth as `exp(-(c + K) z)`; 8.69 over that slope is the depth at which an eye loses it (Tyler 1968).
+//! A disc is lowered into a flood and looked at from above. What is left of its difference to the
+//! water without it falls with the depth as `exp(-(c + K) z)`; 8.69 over that slope is the depth at
+//! which an eye loses it (Tyler 1968).
 //!
 //! Tolerance 5 %.
 

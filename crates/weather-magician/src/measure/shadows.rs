@@ -1,15 +1,19 @@
 //! Shadow gauge: what is left, under clouds, of the shadows that the place was captured with.
 //!
-//! The place is seen from the sun, far away: a point of a view that lies behind what is seen from there is in its shadow, whatever the
-//! program's own maps say. Pairs of places in the view, less than a metre apart on one surface of one colour, of which one lies
-//! well in the sun and the other well in the shade, have a ratio of light; its logarithm, in the median over pairs, is the contrast of the
-//! shadows. The contrast left is that under clouds over that of the place as it was captured.
+//! The place is seen from the sun, far away: a point of a view that lies behind what is seen from
+//! there is in its shadow, whatever the program's own maps say. Pairs of places in the view, less
+//! than a metre apart on one surface of one colour, of which one lies well in the sun and the other
+//! well in the shade, have a ratio of light; its logarithm, in the median over pairs, is the
+//! contrast of the shadows. The contrast left is that under clouds over that of the place as it was
+//! captured.
 //!
-//! The shaded side of a pair often sees less of the sky too, and is darker under clouds in truth. Views of the place from all over the sky
-//! tell how much of a CIE overcast sky each side sees, and so the contrast that clouds leave in truth. Contrasts are measured from that.
+//! The shaded side of a pair often sees less of the sky too, and is darker under clouds in truth.
+//! Views of the place from all over the sky tell how much of a CIE overcast sky each side sees, and
+//! so the contrast that clouds leave in truth. Contrasts are measured from that.
 //!
-//! Bounds: 10 % on a place that was never photographed, such as the built-in street, 20 % on one that was reconstructed from
-//! photos. A place that was captured under clouds must not change: less than 1 % in the mean.
+//! Bounds: 10 % on a place that was never photographed, such as the built-in street, 20 % on one
+//! that was reconstructed from photos. A place that was captured under clouds must not change: less
+//! than 1 % in the mean.
 
 use super::lit::{GROUND, LIGHT_ALONE};
 use super::plot::{Axis, Plot, Series};
@@ -39,7 +43,8 @@ pub const INSTRUMENT: Instrument = Instrument {
 
 /// Turns of the camera about up, degrees.
 const TURNS: [f64; 3] = [0.0, -50.0, 50.0];
-/// Farthest points that are looked at, and distance from which the place is seen in place of the sun, m.
+/// Farthest points that are looked at, and distance from which the place is seen in place of the
+/// sun, m.
 const FAR: f64 = 25.0;
 const SUN_AWAY: f64 = 10_000.0;
 /// Side of the picture from the sun, px.
@@ -47,14 +52,15 @@ const SUN_SIDE: u32 = 1_200;
 /// Places of the sky from which the place is seen, and side of those pictures, px.
 const SKY_VIEWS: usize = 48;
 const SKY_SIDE: u32 = 500;
-/// Distance, m, and pixels of the picture across the surface, by which something stands before a point that hides that part of the sky.
+/// Distance, m, and pixels of the picture across the surface, by which something stands before a
+/// point that hides that part of the sky.
 const BEFORE: f64 = 0.1;
 const BEFORE_PIXELS: f64 = 1.5;
 /// Distances between the places of a pair, px, and least and most, m.
 const APART: [usize; 2] = [8, 14];
 const METRES: [f64; 2] = [0.15, 1.0];
-/// Distances, m, between a point and the first surface that the sun sees on the way to it: above the first the point is in the
-/// shade, below the second it is in the sun.
+/// Distances, m, between a point and the first surface that the sun sees on the way to it: above
+/// the first the point is in the shade, below the second it is in the sun.
 const BEHIND: [f64; 2] = [0.5, 0.2];
 /// Pixels of the picture from the sun that must agree, to each side.
 const SURE: i64 = 3;
@@ -130,8 +136,8 @@ impl FarView {
         SUN_AWAY / self.camera.fx
     }
 
-    /// Distance by which a point lies behind the first surface at its pixel, or at a pixel so many columns and rows off, m; `None` where the
-    /// pixel shows no surface.
+    /// Distance by which a point lies behind the first surface at its pixel, or at a pixel so many
+    /// columns and rows off, m; `None` where the pixel shows no surface.
     fn behind(&self, at: DVec3, [dx, dy]: [i64; 2]) -> Option<f64> {
         let Self { camera, depth, .. } = self;
         let offset = at - camera.center();
@@ -285,8 +291,8 @@ fn contrast(
     Ok(finding)
 }
 
-/// The log of the ratio of light of each pair under the CIE's overcast sky: by the parts of the sky that the first and the second see, and
-/// what comes from other surfaces instead of the rest.
+/// The log of the ratio of light of each pair under the CIE's overcast sky: by the parts of the sky
+/// that the first and the second see, and what comes from other surfaces instead of the rest.
 fn contrasts_under_sky(
     rig: &mut dyn InstrumentRenderer,
     pairs: &[SeenPair],

@@ -1,11 +1,13 @@
 //! Snow stake: how deep snow lies in the open, on a roof, and under it.
 //!
-//! A yard of 12 m with a roof of 3 m at 2.5 m over a part of it. A camera looks straight down; what the view z of a surface
-//! loses when snow lies on it is the depth. Without wind: it carries snow under roofs, as it should.
+//! A yard of 12 m with a roof of 3 m at 2.5 m over a part of it. A camera looks straight down; what
+//! the view z of a surface loses when snow lies on it is the depth. Without wind: it carries snow
+//! under roofs, as it should.
 //!
-//! Tolerance 3 % of the depth, and 3 mm under the roof. The surface is uneven by 4 mm, of which a mean over some square metres keeps
-//! nothing, but what is nearest is seen first: some 1 mm. Below 5 cm snow is drawn higher than it is, by up to 7 mm, so as
-//! to hide the ground; that is above the tolerance, and such depths are not swept.
+//! Tolerance 3 % of the depth, and 3 mm under the roof. The surface is uneven by 4 mm, of which a
+//! mean over some square metres keeps nothing, but what is nearest is seen first: some 1 mm. Below
+//! 5 cm snow is drawn higher than it is, by up to 7 mm, so as to hide the ground; that is above the
+//! tolerance, and such depths are not swept.
 
 use super::{COLOR, mean};
 use super::{

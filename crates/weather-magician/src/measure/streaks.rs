@@ -1,12 +1,14 @@
 //! Streaks: as long as the way in the exposure, and along it.
 //!
-//! Two pictures of a slab of air, a moment apart. Drops are drawn more opaque than they are, like marked ones, so that a streak
-//! shows as far as it goes and does not end where it covers less than 1/256. Its length is that of a line with its second moment; how fast the drop goes the two
-//! pictures say. How far it reaches down is held against published speeds for the drop's
-//! diameter, too, since both pictures and streaks could be wrong together.
+//! Two pictures of a slab of air, a moment apart. Drops are drawn more opaque than they are, like
+//! marked ones, so that a streak shows as far as it goes and does not end where it covers less than
+//! 1/256. Its length is that of a line with its second moment; how fast the drop goes the two
+//! pictures say. How far it reaches down is held against published speeds for the drop's diameter,
+//! too, since both pictures and streaks could be wrong together.
 //!
 //! Tolerance: 5 % of the length and of the wind, 1.5 degrees of the angle. What lies below 1/256 is
-//! added to a streak's second moment, 2 to 5 % of a length, right within a fifth of that; a slab of a tenth of the depth makes single lengths 5 % uncertain and medians 0.1 %.
+//! added to a streak's second moment, 2 to 5 % of a length, right within a fifth of that; a slab of
+//! a tenth of the depth makes single lengths 5 % uncertain and medians 0.1 %.
 
 use super::blobs::BlobSplit;
 use super::drops::{AirSlab, DropSample, MeasuredDrop, SlabView, main_kind};
@@ -40,7 +42,8 @@ const PICTURES: usize = 16;
 
 /// Drops in front of a square metre of board.
 const CROWD: f64 = 260.0;
-/// Drops a m^3 at 1 mm/h, and how they grow with its power: of Marshall and Palmer those of 0.5 mm and more.
+/// Drops a m^3 at 1 mm/h, and how they grow with its power: of Marshall and Palmer those of 0.5 mm
+/// and more.
 const DENSITY: [f64; 2] = [250.0, 0.54];
 
 /// Looks at streaks as long as they are, of marked drops.

@@ -1,14 +1,17 @@
 //! Sundial: the shadow of a rod on level ground, and how wide its edge is.
 //!
-//! A rod 2 m high stands on a board and faces the sun. Seen from above, the end of its shadow is where the light is half
-//! of that beside it, and its axis is the line through the middles of what is dark. Its length must be the height of the rod, which is
-//! measured in a picture from the side, times the cotangent of the sun's elevation, and its axis must point away from the sun. Elevation and
-//! azimuth are those that are given, or those of an hour and a day at a latitude by the formulas of the
-//! Astronomical Almanac and spherical trigonometry; refraction is left out, since it is below 0.1 degree above 8 degrees.
+//! A rod 2 m high stands on a board and faces the sun. Seen from above, the end of its shadow is
+//! where the light is half of that beside it, and its axis is the line through the middles of what
+//! is dark. Its length must be the height of the rod, which is measured in a picture from the side,
+//! times the cotangent of the sun's elevation, and its axis must point away from the sun. Elevation
+//! and azimuth are those that are given, or those of an hour and a day at a latitude by the
+//! formulas of the Astronomical Almanac and spherical trigonometry; refraction is left out, since
+//! it is below 0.1 degree above 8 degrees.
 //!
-//! The sun is 0.0093 rad wide, so the edge of a shadow is 0.0093 d wide at the distance `d` from what casts it. The edge of a wall,
-//! as high as the sun is, is measured on the ground at 30 to 50 m: nearer ones are narrower than the maps of shadows and the splats of a scene
-//! resolve. A round sun of even light goes from a tenth to nine tenths of its light in 0.687 of its width.
+//! The sun is 0.0093 rad wide, so the edge of a shadow is 0.0093 d wide at the distance `d` from
+//! what casts it. The edge of a wall, as high as the sun is, is measured on the ground at 30 to 50
+//! m: nearer ones are narrower than the maps of shadows and the splats of a scene resolve. A round
+//! sun of even light goes from a tenth to nine tenths of its light in 0.687 of its width.
 //!
 //! Tolerance: 2 % of the length, 1 degree, 15 % of the width.
 
@@ -61,8 +64,8 @@ fn sun(weather: &Weather, time: f64) -> Option<[f64; 2]> {
     (ELEVATIONS[0]..=ELEVATIONS[1]).contains(&elevation).then_some([elevation, azimuth])
 }
 
-/// Elevation and azimuth of the sun, degrees, at a latitude, in mean solar time of a day of [`YEAR`]: by the formulas of low precision
-/// of the Astronomical Almanac, within 0.01 degree.
+/// Elevation and azimuth of the sun, degrees, at a latitude, in mean solar time of a day of
+/// [`YEAR`]: by the formulas of low precision of the Astronomical Almanac, within 0.01 degree.
 fn by_hour(latitude: f64, day: f64, hour: f64) -> [f64; 2] {
     let days = YEAR + day - 1.0 + hour / 24.0;
     let mean_longitude = 280.460 + 0.985_647_4 * days;
@@ -83,13 +86,15 @@ fn by_hour(latitude: f64, day: f64, hour: f64) -> [f64; 2] {
     [up.asin().to_degrees(), east.atan2(north).to_degrees().rem_euclid(360.0)]
 }
 
-/// Days from noon of 1 January 2000 to the beginning of 2026, the year of places that were captured nobody knows when.
+/// Days from noon of 1 January 2000 to the beginning of 2026, the year of places that were captured
+/// nobody knows when.
 const YEAR: f64 = 9_496.5;
 /// Height and half the width of the rod, m, and distance of splats on it and on the board.
 const ROD: f64 = 2.0;
 const ROD_HALF: f64 = 0.15;
 const GRAIN: f64 = 0.04;
-/// Distances from a wall's edge, along the light, at which the edge of its shadow is measured, m, and half its width.
+/// Distances from a wall's edge, along the light, at which the edge of its shadow is measured, m,
+/// and half its width.
 const FAR: [f64; 3] = [30.0, 40.0, 50.0];
 const WALL_HALF: f64 = 6.0;
 /// Half the sides of the board on which it is measured, along and across the shadow, m.
@@ -156,7 +161,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         EXPOSURE,
     ])?;
     let level = LevelFrame::of(&rig.site());
-    // Azimuths turn clockwise seen from above, from the first axis; the second axis is to its right or left.
+    // Azimuths turn clockwise seen from above, from the first axis; the second axis is to its right
+    // or left.
     let turn = azimuth.to_radians();
     let sun = [turn.cos(), -level.hand() * turn.sin()];
     let away = sun.map(|v| -v);
@@ -257,7 +263,8 @@ struct RodShadow {
 fn shadow(dial: &Dial, camera: &Camera, picture: &LightPicture, reach: f64) -> Option<RodShadow> {
     const STEP: f64 = 0.02;
     let bins = ((1.4 * reach) / STEP) as usize;
-    // Sums along the shadow: of light in its middle, of light beside it; and of what is dark, by where it is across.
+    // Sums along the shadow: of light in its middle, of light beside it; and of what is dark, by
+    // where it is across.
     let mut lines = vec![[0.0f64; 2]; bins];
     let mut moments = [0.0f64; 2];
     let mut pixels = Vec::new();
@@ -302,7 +309,8 @@ fn shadow(dial: &Dial, camera: &Camera, picture: &LightPicture, reach: f64) -> O
     Some(RodShadow { length, turn: moments[0] / moments[1] })
 }
 
-/// The place at which a series of values first rises through one, in steps, with the middle of the first at 0.
+/// The place at which a series of values first rises through one, in steps, with the middle of the
+/// first at 0.
 fn crossing(values: &[f64], level: f64) -> Option<f64> {
     let at = values.windows(2).position(|pair| pair[0] < level && pair[1] >= level)?;
     Some(at as f64 + (level - values[at]) / (values[at + 1] - values[at]))

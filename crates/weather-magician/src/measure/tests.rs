@@ -1,7 +1,9 @@
-//! Planted errors: a renderer that draws each effect wrongly by a tenth, and the instruments that find it.
+//! Planted errors: a renderer that draws each effect wrongly by a tenth, and the instruments that
+//! find it.
 //!
-//! A fault changes what is drawn, never what is asked. Instruments draw what they draw whatever they find, so that those of whose
-//! pictures a fault changes none need not look again: their readings are those of the faultless rig, byte for byte.
+//! A fault changes what is drawn, never what is asked. Instruments draw what they draw whatever
+//! they find, so that those of whose pictures a fault changes none need not look again: their
+//! readings are those of the faultless rig, byte for byte.
 
 use super::place_renderer::PlaceRenderer;
 use super::{
@@ -312,8 +314,9 @@ impl Fault {
         drawn
     }
 
-    /// The light of a pixel that is drawn in place of another, if this changes the light of a picture: linear RGB, the coverage by
-    /// splats, and the light of another weather at the same time.
+    /// The light of a pixel that is drawn in place of another, if this changes the light of a
+    /// picture: linear RGB, the coverage by splats, and the light of another weather at the same
+    /// time.
     fn light(self, shot: &OwnedShot) -> Option<FalseLight> {
         let on = |effect: &str| expected::is_on(&shot.weather, effect);
         let says = |model: &str| expected::says(&shot.weather, shot.time, "light", "model", model);
@@ -378,7 +381,8 @@ impl Fault {
             Self::Points => matches!(instrument, "lidar-drops" | "lidar-road"),
             // A film darkens for a lidar whatever the pores.
             Self::Darkening => instrument != "lidar-road",
-            // A lidar sees drops as they are, at any pace and without a shutter: one of these is enough.
+            // A lidar sees drops as they are, at any pace and without a shutter: one of these is
+            // enough.
             Self::Pace | Self::Speed | Self::Exposure => instrument != "lidar-drops",
             _ => true,
         }

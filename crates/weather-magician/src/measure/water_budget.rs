@@ -1,8 +1,9 @@
 //! Water budget: what came down is on the ground, or ran off, or has dried.
 //!
-//! A yard with a shallow bowl stands in the rain. The rain on it is the rate times the time times the area; what is there is
-//! summed over the nodes of the state of water: pores, films, and the depths of puddles, which are levels less the ground. Under
-//! snow that has melted the water that comes is what degrees and hours melt of it.
+//! A yard with a shallow bowl stands in the rain. The rain on it is the rate times the time times
+//! the area; what is there is summed over the nodes of the state of water: pores, films, and the
+//! depths of puddles, which are levels less the ground. Under snow that has melted the water that
+//! comes is what degrees and hours melt of it.
 //!
 //! Tolerance 1 %. Systematic: the edge of a puddle ends between nodes.
 
@@ -37,7 +38,8 @@ pub const INSTRUMENT: Instrument = Instrument {
     ],
 };
 
-/// Half the side of the yard, m; the radius of its bowl and its depth, m; the sides of the tiles that it is made of, m.
+/// Half the side of the yard, m; the radius of its bowl and its depth, m; the sides of the tiles
+/// that it is made of, m.
 const YARD: f64 = 3.2;
 const BOWL: f64 = 2.6;
 const DEEP: f64 = 0.02;
@@ -56,7 +58,8 @@ fn melt(weather: &Weather, time: f64) -> f64 {
     if is_by_water(weather, time) { melted } else { 0.0 }
 }
 
-/// The rate of the rain, mm/h, and for how many minutes it had fallen at time 0, if this is what the water goes by.
+/// The rate of the rain, mm/h, and for how many minutes it had fallen at time 0, if this is what
+/// the water goes by.
 fn minutes(weather: &Weather, time: f64) -> Option<[f64; 2]> {
     let number = |param: &str| expected::number(weather, time, "wetness", param);
     let is_by_rain = is_by_water(weather, time) && number("lapse") == Some(1.0);

@@ -1,8 +1,10 @@
 //! Wet card: boards of known reflectance from above, dry and wet.
 //!
-//! Level boards of reflectances 0.1 to 0.5 lie on a yard of 0.2 under an overcast sky. The light of a wet board over that of the dry one, times its
-//! reflectance, is its wet reflectance: with full pores that of Angstrom (1925), by the path of light that is scattered in the forward direction; under a film
-//! that of Lekner and Dorf (1988), summed here over the reflections between the board and the underside of the water.
+//! Level boards of reflectances 0.1 to 0.5 lie on a yard of 0.2 under an overcast sky. The light of
+//! a wet board over that of the dry one, times its reflectance, is its wet reflectance: with full
+//! pores that of Angstrom (1925), by the path of light that is scattered in the forward direction;
+//! under a film that of Lekner and Dorf (1988), summed here over the reflections between the board
+//! and the underside of the water.
 //!
 //! Tolerance 3 %. Systematic: reflectances are kept in 8 bits, 0.4 % of the factor at most.
 
@@ -29,7 +31,8 @@ pub const INSTRUMENT: Instrument = Instrument {
 /// Reflectances of the boards, and of the yard.
 const BOARDS: [f64; 5] = [0.1, 0.2, 0.3, 0.4, 0.5];
 const YARD_ALBEDO: f64 = 0.2;
-/// Half the side of the yard, and of a board, m; the distance of boards, their height, and the distance of splats, m.
+/// Half the side of the yard, and of a board, m; the distance of boards, their height, and the
+/// distance of splats, m.
 const YARD: f64 = 7.0;
 const BOARD: f64 = 0.7;
 const APART: f64 = 2.0;
@@ -40,8 +43,9 @@ const WATER: f64 = 1.333;
 /// Reflections between a board and the underside of the water that are summed.
 const BOUNCES: i32 = 60;
 
-/// The reflectance of a board whose pores are full. Water scatters light more forwards, so that of each event a share `n^2` as much is lost to
-/// absorption: `A = s / (s + a)` becomes `s / (s + n^2 a)`.
+/// The reflectance of a board whose pores are full. Water scatters light more forwards, so that of
+/// each event a share `n^2` as much is lost to absorption: `A = s / (s + a)` becomes
+/// `s / (s + n^2 a)`.
 fn with_full_pores(albedo: f64) -> f64 {
     let (scatters, absorbs) = (albedo, 1.0 - albedo);
     scatters / (scatters + WATER * WATER * absorbs)

@@ -1,8 +1,9 @@
 //! Places in levels of detail: what frames draw of them, and what their weather is prepared with.
 //!
-//! Frames draw a cut of the levels, which depends on the camera and the budget alone. Weather is prepared with fewer splats that are finest
-//! about where the cameras are, [`WeatherFocus`]: they are the splats of [`PreparedPlace::scene`]. A splat that is drawn has the
-//! attributes of the nearest of those in its leaf.
+//! Frames draw a cut of the levels, which depends on the camera and the budget alone. Weather is
+//! prepared with fewer splats that are finest about where the cameras are, [`WeatherFocus`]: they
+//! are the splats of [`PreparedPlace::scene`]. A splat that is drawn has the attributes of the
+//! nearest of those in its leaf.
 
 #[cfg(test)]
 mod tests;
@@ -53,7 +54,8 @@ pub(crate) struct PlaceLevels {
     focus: Option<WeatherFocus>,
     /// True while the splats for another focus have to be fetched.
     weather_waits: bool,
-    /// The sky of the capture as the survey of all of it found it: the light about a focus may tell another, for that focus alone.
+    /// The sky of the capture as the survey of all of it found it: the light about a focus may tell
+    /// another, for that focus alone.
     pub(super) captured_sky: CapturedSky,
     /// The leaves of the weather's splats, by number, and where they are in them.
     parts: HashMap<u32, (RunId, Range<usize>)>,
@@ -164,7 +166,8 @@ impl PlaceLevels {
         self.choices.clear();
     }
 
-    /// The weather's splats about a focus; `None` if files have to be fetched first, which are noted.
+    /// The weather's splats about a focus; `None` if files have to be fetched first, which are
+    /// noted.
     fn weather_scene(&mut self, focus: &WeatherFocus, metres_per_unit: f64) -> Result<Option<Splats>> {
         let budget = CutBudget::of(self.shares.weather_splats);
         let cameras = focus.cameras(metres_per_unit);
@@ -278,7 +281,8 @@ impl PlaceLevels {
     }
 }
 
-/// The runs of all leaves at one level; of a leaf that lacks it, the finest coarser one, else the coarsest.
+/// The runs of all leaves at one level; of a leaf that lacks it, the finest coarser one, else the
+/// coarsest.
 fn runs_at(index: &LevelIndex, level: u32) -> Vec<RunId> {
     let run = |(leaf, of): (u32, &LevelLeaf)| Some((leaf, of.position_at(level)? as u16));
     (0u32..).zip(&index.leaves).filter_map(run).collect()
@@ -331,8 +335,9 @@ impl PreparedPlace {
         }
     }
 
-    /// Draws all frames from one cut of the levels, the best for these cameras together, so that nothing changes its level between
-    /// them; without cameras each frame has a cut of its own again. Other places stay as they are.
+    /// Draws all frames from one cut of the levels, the best for these cameras together, so that
+    /// nothing changes its level between them; without cameras each frame has a cut of its own
+    /// again. Other places stay as they are.
     pub fn set_shot(&mut self, cameras: &[Camera]) {
         let Some(levels) = &mut self.levels else { return };
         if levels.shot.as_ref().map_or(&[][..], |shot| &shot.cameras) == cameras {
@@ -363,15 +368,15 @@ impl PreparedPlace {
         }))
     }
 
-    /// Returns true if the last picture lacks files that have to be fetched, as in a browser; it was drawn with coarser levels. Those of
-    /// other places lack none.
+    /// Returns true if the last picture lacks files that have to be fetched, as in a browser; it
+    /// was drawn with coarser levels. Those of other places lack none.
     #[must_use]
     pub fn waits_for_files(&self) -> bool {
         self.levels.as_ref().is_some_and(|levels| levels.weather_waits || levels.stream.waits())
     }
 
-    /// The fetched files of a place in levels that the last picture did not need, those longest ago first: they may be dropped, and are
-    /// wanted again by pictures that need them.
+    /// The fetched files of a place in levels that the last picture did not need, those longest ago
+    /// first: they may be dropped, and are wanted again by pictures that need them.
     #[must_use]
     pub fn spare_files(&self) -> Vec<PathBuf> {
         self.levels.as_ref().map_or_else(Vec::new, |levels| levels.stream.spare_files())
@@ -390,8 +395,8 @@ impl PreparedPlace {
         Ok(())
     }
 
-    /// Returns true if no splats have to be read before a camera's pictures of a weather can be prepared, as [`crate::Renderer::focus`]
-    /// does.
+    /// Returns true if no splats have to be read before a camera's pictures of a weather can be
+    /// prepared, as [`crate::Renderer::focus`] does.
     #[must_use]
     pub fn is_focused(&self, weather: &Weather, camera: &Camera) -> bool {
         let Some(levels) = &self.levels else { return true };
@@ -406,7 +411,8 @@ impl PreparedPlace {
         }
     }
 
-    /// Takes the splats about a camera, or along its shot, for the weather's, if the weather needs any.
+    /// Takes the splats about a camera, or along its shot, for the weather's, if the weather needs
+    /// any.
     pub(crate) fn focus(
         &mut self,
         backend: &mut AnyRenderer,
@@ -424,7 +430,8 @@ impl PreparedPlace {
         }
     }
 
-    /// Takes the splats along a sensor's whole way for the weather's, whichever part of it is asked for.
+    /// Takes the splats along a sensor's whole way for the weather's, whichever part of it is asked
+    /// for.
     pub(crate) fn focus_along(&mut self, backend: &mut AnyRenderer, motion: &CameraMotion) -> Result<()> {
         if self.levels.is_none() {
             return Ok(());
@@ -434,7 +441,8 @@ impl PreparedPlace {
         self.focus_on(backend, self.focus_of_all(&cameras))
     }
 
-    /// The focus for all of some cameras: in one cell they share what is prepared with the other cameras of that cell.
+    /// The focus for all of some cameras: in one cell they share what is prepared with the other
+    /// cameras of that cell.
     fn focus_of_all(&self, cameras: &[Camera]) -> WeatherFocus {
         let (up, metres) = (self.survey.up.value, self.site.metres_per_unit);
         let mut cells = cameras.iter().map(|camera| WeatherFocus::cell_of(camera, up, metres));
@@ -444,7 +452,8 @@ impl PreparedPlace {
         }
     }
 
-    /// Takes the splats along the shot for the weather's; returns false if there is no shot, or if files have to be fetched first.
+    /// Takes the splats along the shot for the weather's; returns false if there is no shot, or if
+    /// files have to be fetched first.
     pub(super) fn focus_on_shot(&mut self, backend: &mut AnyRenderer) -> Result<bool> {
         let shot = self.levels.as_ref().and_then(|levels| levels.shot.as_ref());
         let Some(Shot { focus, .. }) = shot else { return Ok(false) };
@@ -486,7 +495,8 @@ impl PreparedPlace {
         Ok(())
     }
 
-    /// The line along which cameras are, where the place is in levels and the weather is prepared about them.
+    /// The line along which cameras are, where the place is in levels and the weather is prepared
+    /// about them.
     pub(super) fn weather_path(&self) -> Option<[[f64; 3]; 2]> {
         Some(self.levels.as_ref()?.focus?.path)
     }

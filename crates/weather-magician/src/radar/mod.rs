@@ -56,8 +56,8 @@ impl Default for RadarScanOptions {
 }
 
 impl Renderer {
-    /// Makes one sweep of a radar that is where the camera of `motion` is: upright, and ahead as the camera looks, or as it is mounted on a
-    /// rig. The shelter of the rain is found first.
+    /// Makes one sweep of a radar that is where the camera of `motion` is: upright, and ahead as
+    /// the camera looks, or as it is mounted on a rig. The shelter of the rain is found first.
     ///
     /// # Errors
     /// As [`Self::scan_radar`].
@@ -79,11 +79,13 @@ impl Renderer {
         made.ok_or(Error::Stopped)
     }
 
-    /// Makes sweeps one after the other, as [`Self::scan_radar_once`] makes one, and hands each to `take`. Returns their number: fewer
-    /// than asked for if `progress` asked to stop. Sweep `i` begins `i` periods after the start and is the same if made alone.
+    /// Makes sweeps one after the other, as [`Self::scan_radar_once`] makes one, and hands each to
+    /// `take`. Returns their number: fewer than asked for if `progress` asked to stop. Sweep `i`
+    /// begins `i` periods after the start and is the same if made alone.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] for the paper's fidelity, for a flood, and if the splats were released; the errors of `take`.
+    /// [`Error::Unsupported`] for the paper's fidelity, for a flood, and if the splats were
+    /// released; the errors of `take`.
     pub fn scan_radar(
         &mut self,
         place: &mut PreparedPlace,

@@ -48,19 +48,21 @@ const ELEVATIONS: [f64; 7] = [-20.0, -12.0, -6.0, 0.0, 6.0, 12.0, 20.0];
 const LOW: usize = 3;
 /// Azimuths in a picture, to each side of its middle: 30 degrees.
 const HALF: usize = 3;
-/// Free height over the eye, of that of the eye over the ground: rooms are 2.4 m high and more. Where the scale is not known an eye that low
-/// may be under a table.
+/// Free height over the eye, of that of the eye over the ground: rooms are 2.4 m high and more.
+/// Where the scale is not known an eye that low may be under a table.
 const HEADROOM: f64 = 0.5;
 const RAISED_HEADROOM: f64 = 2.5;
 /// Places to each side of the middle.
 const STEPS: i32 = 9;
 /// Length by which a view has room, over the height of its eye above the ground.
 const ROOM: f64 = 20.0;
-/// Promise that is lost from the middle of a scene to its edge, since most photos show what is about the middle.
+/// Promise that is lost from the middle of a scene to its edge, since most photos show what is
+/// about the middle.
 const ASIDE: f64 = 0.7;
 
-/// Returns the length by which it is judged whether things are near, scene units: the radius of the scene, but less for an eye low
-/// above the ground, such as that of a person between the houses of a street. `height` is that of the eye, scene units.
+/// Returns the length by which it is judged whether things are near, scene units: the radius of the
+/// scene, but less for an eye low above the ground, such as that of a person between the houses of
+/// a street. `height` is that of the eye, scene units.
 pub(super) fn room(survey: &Survey, height: f64) -> f64 {
     if height > 0.0 { survey.radius.min(ROOM * height) } else { survey.radius }
 }
@@ -93,7 +95,8 @@ fn heights(survey: &Survey) -> Vec<(CandidateKind, f64, f64)> {
     } else if survey.sky_splats > 0 {
         (CandidateKind::EyeLevel, likely)
     } else {
-        // A table, a room or a street: nobody knows what eye level is, and the floor is no place for a lens.
+        // A table, a room or a street: nobody knows what eye level is, and the floor is no place
+        // for a lens.
         (CandidateKind::Raised, 0.1 * radius)
     };
     let high = (0.2 * radius).max(4.0 * lowest);
@@ -159,8 +162,8 @@ fn look_about(
     views
 }
 
-/// The rating by the rays of a picture: ground throughout, near and far things, room before the lens, and
-/// some but not only sky.
+/// The rating by the rays of a picture: ground throughout, near and far things, room before the
+/// lens, and some but not only sky.
 fn promise(picture: &[[Option<f64>; 7]], room: f64) -> f64 {
     let part = |rays: std::ops::Range<usize>| {
         let part: Vec<Option<f64>> =

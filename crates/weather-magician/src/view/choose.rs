@@ -1,8 +1,8 @@
 //! Chooses a good view of any scene.
 //!
-//! Where there are photos, it is the view of the one nearest to the middle of all. Otherwise places are
-//! tried as a photographer would ([`super::candidates`]): at eye level on the ground, raised, from
-//! outside. Small pictures of the most promising are rendered and rated (`rate.rs`); about the
+//! Where there are photos, it is the view of the one nearest to the middle of all. Otherwise places
+//! are tried as a photographer would ([`super::candidates`]): at eye level on the ground, raised,
+//! from outside. Small pictures of the most promising are rendered and rated (`rate.rs`); about the
 //! best of them it is tried whether a little aside, a turn or a tilt is better.
 
 use super::candidates::{CandidateKind, candidates};
@@ -33,8 +33,8 @@ const MOST: usize = 80_000;
 
 /// A good view of a scene.
 ///
-/// The same scene gives the same view on every machine of one SIMD path. About 50 small renders of at most 80,000
-/// splats.
+/// The same scene gives the same view on every machine of one SIMD path. About 50 small renders of
+/// at most 80,000 splats.
 ///
 /// # Errors
 /// [`ViewError`] if what is given makes no camera or a view cannot be rendered.
@@ -63,7 +63,8 @@ pub fn choose(site: &mut ViewSearch<'_>) -> Result<ChosenView, ViewError> {
     Ok(ChosenView { camera: Camera { near: options.near(survey), ..camera }, how })
 }
 
-/// Returns a part of large scenes: every k-th splat, wider by the square root of k, so that surfaces stay closed.
+/// Returns a part of large scenes: every k-th splat, wider by the square root of k, so that
+/// surfaces stay closed.
 fn thinned(splats: &Splats) -> Option<Splats> {
     let is_sky = |index: &usize| splats.groups[*index] == Group::Sky;
     let (sky, things): (Vec<usize>, Vec<usize>) = (0..splats.len()).partition(is_sky);

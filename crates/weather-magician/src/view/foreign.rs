@@ -1,16 +1,19 @@
-//! Camera paths of other programs: nerfstudio's `camera_path.json`, which its Blender add-on writes and reads too, the settings of
-//! SuperSplat's viewer, and the `transforms.json` of Blender's exporters for radiance fields.
+//! Camera paths of other programs: nerfstudio's `camera_path.json`, which its Blender add-on writes
+//! and reads too, the settings of SuperSplat's viewer, and the `transforms.json` of Blender's
+//! exporters for radiance fields.
 //!
 //! nerfstudio has a camera for every frame: world_from_camera row by row with OpenGL axes (y up,
 //! looking along -z), the vertical field of view in degrees, and `fps`; the size of pictures is
 //! `render_width` and `render_height`. There are `seconds` times `fps` cameras, so the last one is
 //! shown for as long as every other. Its world is that of the splats that it exports.
 //!
-//! SuperSplat's `animTracks` have keyframes: `times` in frames of `frameRate`, and flat lists of `position`, `target` and perhaps `fov`
-//! (degrees). Its world has a PLY turned by half a turn about z ([`Axes::YUpZForward`]).
+//! SuperSplat's `animTracks` have keyframes: `times` in frames of `frameRate`, and flat lists of
+//! `position`, `target` and perhaps `fov` (degrees). Its world has a PLY turned by half a turn
+//! about z ([`Axes::YUpZForward`]).
 //!
-//! Blender's exporters write `frames` with a `transform_matrix` each, of the axes of nerfstudio's, and the field of view as `camera_angle_x` in
-//! radians or focal lengths in pixels. They say no rate: Blender's usual one is taken.
+//! Blender's exporters write `frames` with a `transform_matrix` each, of the axes of nerfstudio's,
+//! and the field of view as `camera_angle_x` in radians or focal lengths in pixels. They say no
+//! rate: Blender's usual one is taken.
 
 use super::DEFAULT_FOV;
 use super::path::{CameraPath, PathKey};
@@ -121,8 +124,8 @@ fn perspective() -> String {
 /// The keyframes of a file, and the size of its pictures where it states one, px.
 pub type SizedKeys = (Vec<PathKey>, Option<(u32, u32)>);
 
-/// Keyframes of a file of another program, or what is wrong with it; `None` if it is of none that is known. `up` is up in the scene's
-/// axes, `fov` what was given by hand.
+/// Keyframes of a file of another program, or what is wrong with it; `None` if it is of none that
+/// is known. `up` is up in the scene's axes, `fov` what was given by hand.
 pub fn keys(text: &str, up: DVec3, fov: Option<f64>) -> Option<Result<SizedKeys, String>> {
     let value: Value = serde_json::from_str(text).ok()?;
     let read = if value.get("camera_path").is_some() {
@@ -283,7 +286,8 @@ pub fn nerfstudio_text(path: &CameraPath, fps: f64, (width, height): (u32, u32))
     format!("{file}\n")
 }
 
-/// A path as settings of SuperSplat's viewer: a keyframe for each frame. It knows no roll, and of the fields of view older ones have the first alone.
+/// A path as settings of SuperSplat's viewer: a keyframe for each frame. It knows no roll, and of
+/// the fields of view older ones have the first alone.
 pub fn supersplat_text(path: &CameraPath, fps: f64, _size: (u32, u32)) -> String {
     let axes = Axes::YUpZForward;
     let count = (path.duration() * fps).round() as usize + 1;

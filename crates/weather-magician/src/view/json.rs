@@ -51,8 +51,8 @@ pub fn read(file: &std::path::Path, survey: &Survey, options: &ViewOptions) -> R
         .map_err(|(location, message)| FormatError::at(file, location, Problem::Value(message)).into())
 }
 
-/// Writes a path to a file, whole or not at all; as another program does, at `fps` frames a second and for pictures of `size`, if the file is
-/// called as its are.
+/// Writes a path to a file, whole or not at all; as another program does, at `fps` frames a second
+/// and for pictures of `size`, if the file is called as its are.
 ///
 /// # Errors
 /// [`ViewError`] if the file cannot be written.

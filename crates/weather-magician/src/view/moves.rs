@@ -59,8 +59,8 @@ const FARTHEST: f64 = 0.6;
 /// Once around the survey's middle, at the distance and height of the view `start`, looking at the
 /// middle, in `duration` seconds; the last key is the first again.
 ///
-/// Where the circle would run through things it is made narrower. Where no circle about the middle is
-/// free it turns once on the spot of `start`.
+/// Where the circle would run through things it is made narrower. Where no circle about the middle
+/// is free it turns once on the spot of `start`.
 ///
 /// # Errors
 /// [`ViewError`] if the numbers make no path.
@@ -104,11 +104,11 @@ pub fn orbit(site: &ViewSearch<'_>, start: &Camera, duration: f64) -> Result<Cam
     CameraPath::new(keys, options.near(survey))
 }
 
-/// Forward along the viewing direction of `start`, level, in `duration` seconds, easing in and out; the
-/// camera is not turned. It keeps its height above the ground where that rises.
+/// Forward along the viewing direction of `start`, level, in `duration` seconds, easing in and out;
+/// the camera is not turned. It keeps its height above the ground where that rises.
 ///
-/// Without a `distance` (scene units) the way ends well before what stands in it, as a picture of the
-/// depth from `start` shows.
+/// Without a `distance` (scene units) the way ends well before what stands in it, as a picture of
+/// the depth from `start` shows.
 ///
 /// # Errors
 /// [`ViewError`] if the view cannot be rendered or the numbers make no path.

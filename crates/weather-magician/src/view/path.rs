@@ -1,11 +1,11 @@
 //! Camera paths: a camera as a pure function of time, so that any frame renders alone.
 //!
-//! A path is a row of keyframes. Between them the eye runs along a cubic Hermite spline whose velocity
-//! at a key is that of the parabola through the key and its neighbours (Catmull-Rom for uneven times):
-//! position and velocity are continuous. The velocity at a key is cut to three times the slower of the
-//! two mean speeds beside it, so that a path that stops does not swing past its stop. A path that ends
-//! where it began is a loop and runs smoothly through that point too. Rotations are interpolated by
-//! slerp, the short way round; the field of view linearly.
+//! A path is a row of keyframes. Between them the eye runs along a cubic Hermite spline whose
+//! velocity at a key is that of the parabola through the key and its neighbours (Catmull-Rom for
+//! uneven times): position and velocity are continuous. The velocity at a key is cut to three times
+//! the slower of the two mean speeds beside it, so that a path that stops does not swing past its
+//! stop. A path that ends where it began is a loop and runs smoothly through that point too.
+//! Rotations are interpolated by slerp, the short way round; the field of view linearly.
 //!
 //! The file format is JSON, described in docs/guide/camera-paths.md:
 //!
@@ -60,8 +60,8 @@ impl CameraPath {
     /// A path through keyframes in the order of their times.
     ///
     /// # Errors
-    /// [`ViewError::Path`] if there are none, a time is not after the one before, or a number cannot
-    /// be used.
+    /// [`ViewError::Path`] if there are none, a time is not after the one before, or a number
+    /// cannot be used.
     pub fn new(keys: Vec<PathKey>, near: f64) -> Result<Self, ViewError> {
         let fault = |message: String| Err(ViewError::Path(message));
         if keys.is_empty() {
@@ -177,8 +177,8 @@ impl CameraPath {
         self.keys[self.keys.len() - 1].time - self.start()
     }
 
-    /// The camera at `time` (seconds) for a picture of `size` (px); before the first key and after the
-    /// last it stands still.
+    /// The camera at `time` (seconds) for a picture of `size` (px); before the first key and after
+    /// the last it stands still.
     #[must_use]
     pub fn at(&self, time: f64, size: (u32, u32)) -> Camera {
         let PathKey { eye, rotation, fov, .. } = self.key_at(time);

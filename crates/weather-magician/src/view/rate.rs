@@ -61,8 +61,8 @@ impl SplatSample {
 struct Seen {
     /// Share of the scene's splats.
     share: f64,
-    /// Mean logarithm of how far they exceed a hundredth of the picture's height: 0 for a sharp view, 1
-    /// where splats are e times too large.
+    /// Mean logarithm of how far they exceed a hundredth of the picture's height: 0 for a sharp
+    /// view, 1 where splats are e times too large.
     coarseness: f64,
 }
 
@@ -139,7 +139,8 @@ struct Parts {
     depths: Vec<f64>,
     /// The same above the foreground.
     things: Vec<f64>,
-    /// Nothing, where there should be something: the ground within the scene, or the sky if it has one.
+    /// Nothing, where there should be something: the ground within the scene, or the sky if it has
+    /// one.
     holes: u32,
     /// Nothing below the horizon, beyond the edge of the scene.
     beyond: u32,

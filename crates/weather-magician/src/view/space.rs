@@ -3,7 +3,8 @@
 use glam::DVec3;
 use wm_scene::{Group, Splats, quat, survey::Survey};
 
-/// Most cells to each side of a point that are asked whether it is clear: a wrong scale may ask for the whole grid.
+/// Most cells to each side of a point that are asked whether it is clear: a wrong scale may ask for
+/// the whole grid.
 const MOST_CELLS: f64 = 24.0;
 /// Cells a scene radius.
 const CELLS: f64 = 56.0;
@@ -77,7 +78,8 @@ impl OccupancyGrid {
                 .collect();
             axes.sort_by(|a, b| b.0.total_cmp(&a.0));
             let [(long, u), (wide, v), (_, normal)] = axes[..] else { continue };
-            // Large splats fill many cells: a point a cell over one standard deviation to each side.
+            // Large splats fill many cells: a point a cell over one standard deviation to each
+            // side.
             let points = |size: f64| ((size / self.cell) as i32).min(4);
             let (nu, nv) = (points(long), points(wide));
             let share = f64::from((2 * nu + 1) * (2 * nv + 1));
@@ -132,8 +134,8 @@ impl OccupancyGrid {
         self.axes
     }
 
-    /// Height of the ground below a point, along up: a low quantile of the columns about it, so that a
-    /// car or a table is not stood on. `None` where no ground is seen.
+    /// Height of the ground below a point, along up: a low quantile of the columns about it, so
+    /// that a car or a table is not stood on. `None` where no ground is seen.
     pub fn ground(&self, at: DVec3) -> Option<f64> {
         let column = self.column(at)?;
         let (x, y) = (column % self.side, column / self.side);

@@ -1,7 +1,8 @@
 //! `--camera` and the options beside it.
 //!
 //! A camera is named in one of three ways:
-//! - `X,Y,Z:X,Y,Z`: the eye and the point it looks at, scene units, in the world: `4,-60,3 : 4, -31, 2.5`;
+//! - `X,Y,Z:X,Y,Z`: the eye and the point it looks at, scene units, in the world:
+//!   `4,-60,3 : 4, -31, 2.5`;
 //! - the name of a view of the scene: a photo's file name, with or without folder and extension, or
 //!   its number, from 1;
 //! - a JSON file of keyframes ([`super::path`]), for its first.
@@ -61,7 +62,8 @@ impl CameraSpec {
     /// The camera in a scene with these views.
     ///
     /// # Errors
-    /// [`ViewError`] if there is no such view, the file cannot be read, or the numbers make no camera.
+    /// [`ViewError`] if there is no such view, the file cannot be read, or the numbers make no
+    /// camera.
     pub fn camera(
         &self,
         views: &[SceneView],

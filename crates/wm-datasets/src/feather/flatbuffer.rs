@@ -1,7 +1,8 @@
 //! FlatBuffers, as much of them as Arrow's metadata is made of.
 //!
-//! A buffer is an offset to its root table. A table begins with the way back to its vtable, which says where its fields lie; fields that are
-//! tables, lists and texts are offsets ahead. Source: flatbuffers.dev/internals.
+//! A buffer is an offset to its root table. A table begins with the way back to its vtable, which
+//! says where its fields lie; fields that are tables, lists and texts are offsets ahead. Source:
+//! flatbuffers.dev/internals.
 
 use super::{FeatherFault, MOST_COLUMNS, fault};
 
@@ -21,7 +22,8 @@ pub(super) enum FlatField {
 }
 
 impl FlatField {
-    /// The bytes that are stored in the table: a number, or an offset that is set later. They lie at a multiple of their length.
+    /// The bytes that are stored in the table: a number, or an offset that is set later. They lie
+    /// at a multiple of their length.
     fn inline(&self) -> Vec<u8> {
         match self {
             Self::Absent => Vec::new(),
@@ -34,7 +36,8 @@ impl FlatField {
     }
 }
 
-/// A buffer with a root table, of a length that is a multiple of 8. Places in it are aligned if it begins at a multiple of 8.
+/// A buffer with a root table, of a length that is a multiple of 8. Places in it are aligned if it
+/// begins at a multiple of 8.
 pub(super) fn flatbuffer(root: &[FlatField]) -> Vec<u8> {
     let mut out = vec![0; 4];
     let at = append_table(&mut out, root);
@@ -43,7 +46,8 @@ pub(super) fn flatbuffer(root: &[FlatField]) -> Vec<u8> {
     out
 }
 
-/// Appends a vtable, its table, and then what the table points to, since offsets point ahead. Returns the place of the table.
+/// Appends a vtable, its table, and then what the table points to, since offsets point ahead.
+/// Returns the place of the table.
 fn append_table(out: &mut Vec<u8>, fields: &[FlatField]) -> usize {
     let mut table = vec![0; 4];
     let mut places = Vec::with_capacity(fields.len());
@@ -96,7 +100,8 @@ fn append_table(out: &mut Vec<u8>, fields: &[FlatField]) -> usize {
     at
 }
 
-/// Appends the number of a list's elements, whose first is to lie at a multiple of `align`. Returns the place of the list.
+/// Appends the number of a list's elements, whose first is to lie at a multiple of `align`. Returns
+/// the place of the list.
 fn append_count(out: &mut Vec<u8>, count: usize, align: usize) -> usize {
     pad(out, 4, align);
     let at = out.len();

@@ -1,11 +1,13 @@
 //! Feather files: flat tables of numbers and texts in Arrow's IPC file format.
 //!
-//! A file is `ARROW1`, padding to 8 bytes, messages, a footer, the footer's length (i32) and `ARROW1`. The footer has the schema and the
-//! places of the record batches; a batch has a message and a body with the buffers of its columns: for numbers validity and values, for
-//! texts validity, offsets and bytes. A compressed buffer begins with its length (i64), or -1 if it is stored as it is. Messages and footer
-//! are FlatBuffers.
+//! A file is `ARROW1`, padding to 8 bytes, messages, a footer, the footer's length (i32) and
+//! `ARROW1`. The footer has the schema and the places of the record batches; a batch has a message
+//! and a body with the buffers of its columns: for numbers validity and values, for texts validity,
+//! offsets and bytes. A compressed buffer begins with its length (i64), or -1 if it is stored as it
+//! is. Messages and footer are FlatBuffers.
 //!
-//! Source: "Arrow Columnar Format" 1.5 (arrow.apache.org/docs/format/Columnar.html) with `Schema.fbs`, `Message.fbs` and `File.fbs`.
+//! Source: "Arrow Columnar Format" 1.5 (arrow.apache.org/docs/format/Columnar.html) with
+//! `Schema.fbs`, `Message.fbs` and `File.fbs`.
 
 mod flatbuffer;
 mod read;

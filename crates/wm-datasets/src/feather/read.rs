@@ -1,7 +1,8 @@
 //! The reader: columns of a file, plain or in LZ4 frames.
 //!
-//! Written here, since damaged files must be errors and nothing else: every offset of the FlatBuffers is checked before it is followed, and
-//! nothing is taken in advance that a header promises. Types: integers of 8 to 64 bits, floats of 16 to 64 bits, booleans, UTF-8.
+//! Written here, since damaged files must be errors and nothing else: every offset of the
+//! FlatBuffers is checked before it is followed, and nothing is taken in advance that a header
+//! promises. Types: integers of 8 to 64 bits, floats of 16 to 64 bits, booleans, UTF-8.
 
 use super::flatbuffer::{FlatTable, le_u32, le_u64};
 use super::{ColumnType, FeatherFault, MAGIC, MOST_COLUMNS, fault};
@@ -33,7 +34,8 @@ pub(crate) struct FeatherTable {
 }
 
 impl FeatherTable {
-    /// Reads the columns of these names; others are stepped over. Those that the file does not have are not in the table.
+    /// Reads the columns of these names; others are stepped over. Those that the file does not have
+    /// are not in the table.
     pub fn read(bytes: &[u8], names: &[&str]) -> Result<Self, FeatherFault> {
         let end = bytes.len();
         if bytes.get(..6) != Some(MAGIC) || end < 24 || bytes.get(end - 6..) != Some(MAGIC) {

@@ -115,7 +115,8 @@ fn a_file_byte_by_byte() {
         b'A', b'R', b'R', b'O', b'W', b'1', 0, 0,
         // A message, and the bytes up to the next one, at 192.
         0xff, 0xff, 0xff, 0xff, 176, 0, 0, 0,
-        // The message is 16 bytes ahead. Its vtable: 12 bytes, of a table of 24, and the places of its fields.
+        // The message is 16 bytes ahead. Its vtable: 12 bytes, of a table of 24, and the places of
+        // its fields.
         16, 0, 0, 0, 12, 0, 24, 0, 4, 0, 6, 0, 8, 0, 16, 0,
         // The message: way to the vtable, version 5, a schema, which is 24 bytes ahead; no body.
         12, 0, 0, 0, 4, 0, 1, 0, 24, 0, 0, 0, 0, 0, 0, 0,

@@ -1,4 +1,5 @@
-//! The writer: a file of one record batch without missing values, its buffers at multiples of 64 bytes. Equal columns make equal bytes.
+//! The writer: a file of one record batch without missing values, its buffers at multiples of 64
+//! bytes. Equal columns make equal bytes.
 
 use super::flatbuffer::{FlatField, flatbuffer, pad};
 use super::{ColumnType, MAGIC, VERSION};
@@ -99,7 +100,8 @@ impl FeatherColumn {
         }
     }
 
-    /// Its entry in the schema. Values may be missing as far as readers know, as in files that pandas writes.
+    /// Its entry in the schema. Values may be missing as far as readers know, as in files that
+    /// pandas writes.
     fn field(&self) -> Vec<FlatField> {
         let (number, kind) = match self.kind {
             ColumnType::Int { bytes, is_signed } => {
@@ -120,8 +122,8 @@ impl FeatherColumn {
 
 /// A Feather file of columns of the same length.
 ///
-/// It is not compressed: where LZ4 makes a buffer no smaller writers keep it as it is, and the data loader in Rust of `av2` takes those for
-/// broken.
+/// It is not compressed: where LZ4 makes a buffer no smaller writers keep it as it is, and the data
+/// loader in Rust of `av2` takes those for broken.
 ///
 /// # Errors
 /// Columns of different lengths, and texts of 2 GiB and more in one column.

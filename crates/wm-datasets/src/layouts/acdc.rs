@@ -4,12 +4,15 @@
 //! `rgb_anon/CONDITION/SPLIT_ref/SEQ/SEQ_frame_%06d_rgb_ref_anon.png`, both 8-bit RGB.
 //!
 //! - SEQ is the clip's name, with `-CAMERA` if the rig has more than one camera.
-//! - CONDITION is what prevails: `fog`, `rain`, `snow`, `night`, which are ACDC's, and `clear` or `dust`, which readers of ACDC do
-//!   not look into.
-//! - ACDC's references were taken nearby on another day; these are the same view at the same instant, so a pair fits to the pixel.
-//! - There is no calibration; lidars and radars are left out. `gt` is left out too: the scenes have no classes of Cityscapes.
+//! - CONDITION is what prevails: `fog`, `rain`, `snow`, `night`, which are ACDC's, and `clear` or
+//!   `dust`, which readers of ACDC do not look into.
+//! - ACDC's references were taken nearby on another day; these are the same view at the same
+//!   instant, so a pair fits to the pixel.
+//! - There is no calibration; lidars and radars are left out. `gt` is left out too: the scenes have
+//!   no classes of Cityscapes.
 //!
-//! Source: acdc.vision.ee.ethz.ch and configurations of public models that read the set (w1oves/Rein, `fog-acdc_1024x1024.py`).
+//! Source: acdc.vision.ee.ethz.ch and configurations of public models that read the set
+//! (w1oves/Rein, `fog-acdc_1024x1024.py`).
 
 use super::{BlockWriter, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, check_cameras, layer, picture};

@@ -1,18 +1,25 @@
-//! Argoverse 2's sensor data set: one folder a log, tables as Feather (Arrow's file format), photos as JPEG.
+//! Argoverse 2's sensor data set: one folder a log, tables as Feather (Arrow's file format), photos
+//! as JPEG.
 //!
-//! `SPLIT/CLIP/` has `sensors/lidar/NS.feather`, `sensors/cameras/NAME/NS.jpg`, `city_SE3_egovehicle.feather`,
-//! `calibration/{egovehicle_SE3_sensor,intrinsics}.feather` and an `annotations.feather` without rows, since nothing in a scene
-//! has a box.
+//! `SPLIT/CLIP/` has `sensors/lidar/NS.feather`, `sensors/cameras/NAME/NS.jpg`,
+//! `city_SE3_egovehicle.feather`, `calibration/{egovehicle_SE3_sensor,intrinsics}.feather` and an
+//! `annotations.feather` without rows, since nothing in a scene has a box.
 //!
-//! - Times are nanoseconds since 1970. There is a pose for each of them: `city_SE3_egovehicle` is `world_from_rig`.
-//! - Points are in the rig's axes at the start of the sweep, m, rounded to 16-bit floats as in the real logs: to 0.03 m beyond
-//!   32 m and to 0.06 m beyond 64 m. `intensity` is 0 to 255, `laser_number` the ring, `offset_ns` counts from the start.
-//! - Cameras have OpenCV's axes. The first pixel's centre is at (0, 0), as the readers of `av2` 0.3.6 index pictures (they round
-//!   a projected point to its pixel), so `cx_px` and `cy_px` are 0.5 less than ours. Lenses have k1, k2 and k3.
-//! - A camera has the name of the ring camera that looks the same way within 25 degrees if no other camera does, else its own.
-//! - The lidar is `up_lidar`; readers ask for a `down_lidar` too, which gets the same pose and no points.
-//! - Radars have no place and are left out. So are maps, so `SensorDataloader` cannot read these logs; `AV2SensorDataLoader` and
-//!   `av2.torch`'s `DetectionDataLoader` can, the latter with pictures only if the rig has all seven ring cameras.
+//! - Times are nanoseconds since 1970. There is a pose for each of them: `city_SE3_egovehicle` is
+//!   `world_from_rig`.
+//! - Points are in the rig's axes at the start of the sweep, m, rounded to 16-bit floats as in the
+//!   real logs: to 0.03 m beyond 32 m and to 0.06 m beyond 64 m. `intensity` is 0 to 255,
+//!   `laser_number` the ring, `offset_ns` counts from the start.
+//! - Cameras have OpenCV's axes. The first pixel's centre is at (0, 0), as the readers of `av2`
+//!   0.3.6 index pictures (they round a projected point to its pixel), so `cx_px` and `cy_px` are
+//!   0.5 less than ours. Lenses have k1, k2 and k3.
+//! - A camera has the name of the ring camera that looks the same way within 25 degrees if no other
+//!   camera does, else its own.
+//! - The lidar is `up_lidar`; readers ask for a `down_lidar` too, which gets the same pose and no
+//!   points.
+//! - Radars have no place and are left out. So are maps, so `SensorDataloader` cannot read these
+//!   logs; `AV2SensorDataLoader` and `av2.torch`'s `DetectionDataLoader` can, the latter with
+//!   pictures only if the rig has all seven ring cameras.
 //!
 //! Source: the public API (github.com/argoverse/av2-api, MIT) and a real log.
 

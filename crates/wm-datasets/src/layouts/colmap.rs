@@ -1,12 +1,15 @@
 //! COLMAP: a sparse model without points, and photos, for training and evaluation in bad weather.
 //!
-//! `SPLIT/CLIP/` has `sparse/0/{cameras,images,points3D}.txt` and `images/CAMERA/%06d.jpg`. Images are numbered in the order of time,
-//! cameras in the order of the rig. Stills of one place in one weather are one model, `SPLIT/PLACE-WEATHER/`, with `images/CAMERA/%08d.jpg`.
+//! `SPLIT/CLIP/` has `sparse/0/{cameras,images,points3D}.txt` and `images/CAMERA/%06d.jpg`. Images
+//! are numbered in the order of time, cameras in the order of the rig. Stills of one place in one
+//! weather are one model, `SPLIT/PLACE-WEATHER/`, with `images/CAMERA/%08d.jpg`.
 //!
-//! - Poses are `camera_from_world`, w x y z and translation, with OpenCV's axes; the world is in metres, z up.
+//! - Poses are `camera_from_world`, w x y z and translation, with OpenCV's axes; the world is in
+//!   metres, z up.
 //! - Cameras are `PINHOLE`, `OPENCV`, `FULL_OPENCV` (with k3) or `OPENCV_FISHEYE`.
 //! - The principal point counts from the corner of the first pixel, like ours.
-//! - `points3D.txt` has no points: what trains on them begins from its own, or from those of the capture.
+//! - `points3D.txt` has no points: what trains on them begins from its own, or from those of the
+//!   capture.
 //!
 //! Source: colmap.github.io, "Output format".
 

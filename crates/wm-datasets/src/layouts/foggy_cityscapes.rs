@@ -1,20 +1,24 @@
-//! Foggy Cityscapes' names: photos in fog, named by its density, the same view without it, and Cityscapes' camera files.
+//! Foggy Cityscapes' names: photos in fog, named by its density, the same view without it, and
+//! Cityscapes' camera files.
 //!
 //! With ID = `CITY_SEQ_FRAME`:
-//! - `leftImg8bit_foggy/SPLIT/CITY/ID_leftImg8bit_foggy_beta_B.png`, 8-bit RGB. B is the extinction coefficient of the fog, 2.996
-//!   over the visibility, per metre, to two digits: 0.005, 0.01 and 0.02 are 600, 300 and 150 m, as in the data set; 0 is clear air.
+//! - `leftImg8bit_foggy/SPLIT/CITY/ID_leftImg8bit_foggy_beta_B.png`, 8-bit RGB. B is the extinction
+//!   coefficient of the fog, 2.996 over the visibility, per metre, to two digits: 0.005, 0.01 and
+//!   0.02 are 600, 300 and 150 m, as in the data set; 0 is clear air.
 //! - `leftImg8bit/SPLIT/CITY/ID_leftImg8bit.png` without weather.
-//! - `camera/SPLIT/CITY/ID_camera.json`: `intrinsic` (fx, fy, u0, v0) and `extrinsic` in the vehicle's axes, x forward, y left and z
-//!   up: position, m, and yaw, pitch, roll, radians, of axes that look along the camera (x forward, y left, z up),
-//!   `Rz(yaw) Ry(pitch) Rx(roll)`. The first pixel's centre is taken to be at (0, 0), as in OpenCV: u0 and v0 are 0.5 less than ours.
+//! - `camera/SPLIT/CITY/ID_camera.json`: `intrinsic` (fx, fy, u0, v0) and `extrinsic` in the
+//!   vehicle's axes, x forward, y left and z up: position, m, and yaw, pitch, roll, radians, of
+//!   axes that look along the camera (x forward, y left, z up), `Rz(yaw) Ry(pitch) Rx(roll)`. The
+//!   first pixel's centre is taken to be at (0, 0), as in OpenCV: u0 and v0 are 0.5 less than ours.
 //!   `baseline` is 0, since there is no second camera.
 //!
-//! CITY is the place, with `-CAMERA` if the rig has more than one camera; SEQ is the clip's number and FRAME that of the picture,
-//! both with six digits. `_` in names becomes `-`, since readers cut names there. Lidars, radars, disparity and `gtFine` are left out.
-//! Weathers other than fog are written too: B is the extinction of all that is in the air, of rain and snow too.
+//! CITY is the place, with `-CAMERA` if the rig has more than one camera; SEQ is the clip's number
+//! and FRAME that of the picture, both with six digits. `_` in names becomes `-`, since readers cut
+//! names there. Lidars, radars, disparity and `gtFine` are left out. Weathers other than fog are
+//! written too: B is the extinction of all that is in the air, of rain and snow too.
 //!
-//! Source: Sakaridis, Dai and Van Gool, "Semantic Foggy Scene Understanding with Synthetic Data" (2018), and Cityscapes' README and
-//! camera calibration.
+//! Source: Sakaridis, Dai and Van Gool, "Semantic Foggy Scene Understanding with Synthetic Data"
+//! (2018), and Cityscapes' README and camera calibration.
 
 use super::{BlockWriter, FileSink, LayerNeeds, Layout};
 use crate::cameras::{cameras, check_cameras, check_pinholes, layer, picture, refuse};

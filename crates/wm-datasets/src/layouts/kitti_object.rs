@@ -1,10 +1,11 @@
 //! KITTI's object benchmark, as OpenPCDet, MMDetection3D and others read it.
 //!
-//! `training/{image_2,image_3,velodyne,calib,label_2}/%06d.{png,bin,txt}`, and the numbers of the frames of each split in
-//! `ImageSets/SPLIT.txt`; clips of the split `test` are in `testing` without labels. Frames are numbered over the whole set: number of the
-//! clip times frames of a clip plus frame of the clip, so clips must be equally long. The files of labels are empty: nothing moves in the
-//! scenes, so that there are no boxes; such a set is for training without labels or for putting boxes of others in. Axes and calibration:
-//! [`super::kitti`].
+//! `training/{image_2,image_3,velodyne,calib,label_2}/%06d.{png,bin,txt}`, and the numbers of the
+//! frames of each split in `ImageSets/SPLIT.txt`; clips of the split `test` are in `testing`
+//! without labels. Frames are numbered over the whole set: number of the clip times frames of a
+//! clip plus frame of the clip, so clips must be equally long. The files of labels are empty:
+//! nothing moves in the scenes, so that there are no boxes; such a set is for training without
+//! labels or for putting boxes of others in. Axes and calibration: [`super::kitti`].
 //!
 //! Source: KITTI's development kit for objects (`readme.txt`).
 

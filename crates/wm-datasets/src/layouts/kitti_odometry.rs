@@ -1,10 +1,13 @@
 //! KITTI's odometry benchmark, as pykitti's `odometry` reads it.
 //!
-//! Of each clip, as sequence SS with the clip's number, `sequences/SS/{image_K,velodyne}/%06d.{png,bin}`, `calib.txt` (`P0` to `P3`, `Tr`),
-//! `times.txt` (seconds since the first frame), and `poses/SS.txt`: `T_w_cam0`, 3x4, in the axes of camera 0 at the first frame. The names of the
-//! sequences of a split are in `splits.json`. Axes and calibration: [`super::kitti`].
+//! Of each clip, as sequence SS with the clip's number,
+//! `sequences/SS/{image_K,velodyne}/%06d.{png,bin}`, `calib.txt` (`P0` to `P3`, `Tr`), `times.txt`
+//! (seconds since the first frame), and `poses/SS.txt`: `T_w_cam0`, 3x4, in the axes of camera 0 at
+//! the first frame. The names of the sequences of a split are in `splits.json`. Axes and
+//! calibration: [`super::kitti`].
 //!
-//! Source: KITTI's development kit for odometry, checked with pykitti 0.3.1 (`tests/peers/kitti.py`).
+//! Source: KITTI's development kit for odometry, checked with pykitti 0.3.1
+//! (`tests/peers/kitti.py`).
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
 use super::{BlockWriter, FileSink, Layout};

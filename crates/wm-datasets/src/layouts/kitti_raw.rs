@@ -1,11 +1,15 @@
 //! KITTI raw data, synchronised and rectified, as pykitti's `raw` reads it.
 //!
-//! `DATE/calib_{cam_to_cam,velo_to_cam,imu_to_velo}.txt`, and of each clip, as drive NNNN with the clip's number,
-//! `DATE/DATE_drive_NNNN_sync/{image_0K,velodyne_points,oxts}/data/%010d.{png,bin,txt}` with `timestamps.txt` beside each `data`. DATE is the
-//! day of the clip's start. Axes and calibration: [`super::kitti`]; pykitti reads `image_00` and `image_01` as grey. A packet of `oxts` is
-//! made from the pose of the rig at the frame's sweep; a picture may be later than that if its camera has a phase, see its time stamps.
+//! `DATE/calib_{cam_to_cam,velo_to_cam,imu_to_velo}.txt`, and of each clip, as drive NNNN with the
+//! clip's number,
+//! `DATE/DATE_drive_NNNN_sync/{image_0K,velodyne_points,oxts}/data/%010d.{png,bin,txt}` with
+//! `timestamps.txt` beside each `data`. DATE is the day of the clip's start. Axes and calibration:
+//! [`super::kitti`]; pykitti reads `image_00` and `image_01` as grey. A packet of `oxts` is made
+//! from the pose of the rig at the frame's sweep; a picture may be later than that if its camera
+//! has a phase, see its time stamps.
 //!
-//! Source: KITTI's development kit (`readme.txt`, `dataformat.txt`), checked with pykitti 0.3.1 (`tests/peers/kitti.py`).
+//! Source: KITTI's development kit (`readme.txt`, `dataformat.txt`), checked with pykitti 0.3.1
+//! (`tests/peers/kitti.py`).
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig, KittiTrajectory};
 use super::{BlockWriter, FileSink, Layout};
@@ -70,7 +74,8 @@ impl Layout for KittiRaw {
                 let sweep = (1e9 / set.sensors[lidar].rate).round() as i64;
                 let ends = lines(starts.clone().map(|time| time + sweep));
                 let starts = lines(starts);
-                // Points are in the axes of the start of the sweep, which is thus the time of the whole.
+                // Points are in the axes of the start of the sweep, which is thus the time of the
+                // whole.
                 for (name, text) in [("", &starts), ("_start", &starts), ("_end", &ends)] {
                     files.write(&format!("{drive}/velodyne_points/timestamps{name}.txt"), text.as_bytes())?;
                 }
@@ -90,7 +95,8 @@ fn drive_folder(clip: &ClipInfo) -> String {
     format!("{day}/{day}_drive_{:04}_sync", clip.number)
 }
 
-/// Times with nine decimals, each with a newline: pykitti cuts four characters and reads microseconds.
+/// Times with nine decimals, each with a newline: pykitti cuts four characters and reads
+/// microseconds.
 fn lines(times: impl Iterator<Item = i64>) -> String {
     times.map(|time| format!("{}\n", UtcTime::new(time))).collect()
 }

@@ -57,7 +57,8 @@ pub trait Layout: Sync {
     /// Begins the files of a block. They depend on the block alone.
     fn block<'a>(&'a self, block: BlockInfo<'a>) -> Box<dyn BlockWriter + 'a>;
 
-    /// Writes the tables over all clips, which come in the order of their numbers. A layout of pictures alone has none.
+    /// Writes the tables over all clips, which come in the order of their numbers. A layout of
+    /// pictures alone has none.
     ///
     /// # Errors
     /// Those of `clips` and `files`.

@@ -1,11 +1,13 @@
 //! nerfstudio: `transforms.json` and photos, for training and evaluation in bad weather.
 //!
-//! `SPLIT/CLIP/` has `transforms.json` and `images/CAMERA/%06d.jpg`; frames are in the order of time. Stills of one place in one weather
-//! are one scene, `SPLIT/PLACE-WEATHER/`, with `images/CAMERA/%08d.jpg`.
+//! `SPLIT/CLIP/` has `transforms.json` and `images/CAMERA/%06d.jpg`; frames are in the order of
+//! time. Stills of one place in one weather are one scene, `SPLIT/PLACE-WEATHER/`, with
+//! `images/CAMERA/%08d.jpg`.
 //!
-//! - `transform_matrix` is `world_from_camera` with OpenGL's axes, x right, y up and z backward; the world is in metres, z up.
-//! - Intrinsics are in each frame, so that cameras may differ, but all have one `camera_model`: `OPENCV` (k1, k2, k3, p1, p2) or
-//!   `OPENCV_FISHEYE` (k1 to k4).
+//! - `transform_matrix` is `world_from_camera` with OpenGL's axes, x right, y up and z backward;
+//!   the world is in metres, z up.
+//! - Intrinsics are in each frame, so that cameras may differ, but all have one `camera_model`:
+//!   `OPENCV` (k1, k2, k3, p1, p2) or `OPENCV_FISHEYE` (k1 to k4).
 //! - The principal point counts from the corner of the first pixel, like ours.
 //! - Depth and points are left out.
 //!

@@ -1,12 +1,15 @@
 //! SemanticKITTI (Behley et al. 2019): a class for each point of a lidar.
 //!
-//! Of each clip, as sequence SS with the clip's number, `sequences/SS/{velodyne,labels}/%06d.{bin,label}`, `calib.txt`, `times.txt` and
-//! `poses.txt` as in [`super::kitti_odometry`]; the pictures are there. A label is u32: an instance, always 0, in the upper half and the class
-//! in the lower. Drops, flakes, fog and mirrored surfaces are `outlier` (1). Surfaces have the class whose name their label has (`road` is 40),
-//! `unlabeled` (0) without one. The sequences of a split are in `splits.json`, for `split` in the configuration of a training.
+//! Of each clip, as sequence SS with the clip's number,
+//! `sequences/SS/{velodyne,labels}/%06d.{bin,label}`, `calib.txt`, `times.txt` and `poses.txt` as
+//! in [`super::kitti_odometry`]; the pictures are there. A label is u32: an instance, always 0, in
+//! the upper half and the class in the lower. Drops, flakes, fog and mirrored surfaces are
+//! `outlier` (1). Surfaces have the class whose name their label has (`road` is 40), `unlabeled`
+//! (0) without one. The sequences of a split are in `splits.json`, for `split` in the configuration
+//! of a training.
 //!
-//! Source: semantic-kitti-api, `config/semantic-kitti.yaml` and `auxiliary/laserscan.py`, checked with them
-//! (`tests/peers/semantic_kitti.py`).
+//! Source: semantic-kitti-api, `config/semantic-kitti.yaml` and `auxiliary/laserscan.py`, checked
+//! with them (`tests/peers/semantic_kitti.py`).
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
 use super::surface_classes::semantic_kitti_classes;

@@ -1,7 +1,8 @@
 //! Classes of public data sets for the labels of splats, by name.
 
-/// Names of labels, and the class of a point there: names, SemanticKITTI (`config/semantic-kitti.yaml` of semantic-kitti-api), and
-/// nuScenes-lidarseg (the index is the place of its name in [`LIDARSEG_NAMES`]).
+/// Names of labels, and the class of a point there: names, SemanticKITTI
+/// (`config/semantic-kitti.yaml` of semantic-kitti-api), and nuScenes-lidarseg (the index is the
+/// place of its name in [`LIDARSEG_NAMES`]).
 const CLASSES: &[(&[&str], u16, u8)] = &[
     (&["road", "street", "lane", "driveable-surface"], 40, 24),
     (&["parking"], 44, 24),
@@ -70,7 +71,8 @@ pub(super) fn semantic_kitti_classes(labels: &[String]) -> Vec<u16> {
     std::iter::once(0).chain(labels.iter().map(|name| class(name).map_or(0, |class| class.0))).collect()
 }
 
-/// The index of nuScenes-lidarseg of each label, by its number; `static.other` where no name is alike, as 0 is noise there.
+/// The index of nuScenes-lidarseg of each label, by its number; `static.other` where no name is
+/// alike, as 0 is noise there.
 pub(super) fn lidarseg_classes(labels: &[String]) -> Vec<u8> {
     const OTHER: u8 = 29;
     std::iter::once(OTHER)

@@ -1,16 +1,21 @@
 //! TartanAir (the first edition): one trajectory a clip, a camera and its stereo partner.
 //!
-//! `CLIP/SPLIT/P000/` has `image_left/%06d_left.png`, `depth_left/%06d_left_depth.npy`, `flow/%06d_%06d_flow.npy` with
-//! `flow/%06d_%06d_mask.npy`, `pose_left.txt`, the same with `right` (but for flow) if there is a partner, and `intrinsics.txt`, which TartanAir does not
-//! have since all of its cameras are alike: `fx fy cx cy`, px, and the baseline, m, 0 without a partner.
+//! `CLIP/SPLIT/P000/` has `image_left/%06d_left.png`, `depth_left/%06d_left_depth.npy`,
+//! `flow/%06d_%06d_flow.npy` with `flow/%06d_%06d_mask.npy`, `pose_left.txt`, the same with `right`
+//! (but for flow) if there is a partner, and `intrinsics.txt`, which TartanAir does not have since
+//! all of its cameras are alike: `fx fy cx cy`, px, and the baseline, m, 0 without a partner.
 //!
-//! - The first camera of the rig is the left one; the first with the same intrinsics and orientation that stands to its right is the
-//!   right one. Others, lidars and radars are left out.
-//! - Poses are `tx ty tz qx qy qz qw` of the camera in the world, m, a line a picture. Both have north-east-down axes: the world's
-//!   x is our y (north), its y our x (east); a camera has x forward, y right and z down.
-//! - Depth is f32 along the view axis, m, 10000 where there is nothing, as for TartanAir's sky. Flow is f32 `[H, W, 2]`, px, from a
-//!   picture to the next; the mask is u8 `[H, W]`, 0 where the point is seen there, 1 where something hides it or there is no vector, 100 where it is out of the picture. The last picture has no flow.
-//! - The principal point counts from the corner of the first pixel: TartanAir has 320, 240 in pictures of 640x480.
+//! - The first camera of the rig is the left one; the first with the same intrinsics and
+//!   orientation that stands to its right is the right one. Others, lidars and radars are left out.
+//! - Poses are `tx ty tz qx qy qz qw` of the camera in the world, m, a line a picture. Both have
+//!   north-east-down axes: the world's x is our y (north), its y our x (east); a camera has x
+//!   forward, y right and z down.
+//! - Depth is f32 along the view axis, m, 10000 where there is nothing, as for TartanAir's sky.
+//!   Flow is f32 `[H, W, 2]`, px, from a picture to the next; the mask is u8 `[H, W]`, 0 where the
+//!   point is seen there, 1 where something hides it or there is no vector, 100 where it is out of
+//!   the picture. The last picture has no flow.
+//! - The principal point counts from the corner of the first pixel: TartanAir has 320, 240 in
+//!   pictures of 640x480.
 //!
 //! Source: github.com/castacks/tartanair_tools, data_type.md.
 
@@ -28,7 +33,8 @@ const OUTSIDE: u8 = 100;
 /// The depth of what is farther than all else, m.
 const SKY: f32 = 10_000.0;
 
-/// Radians by which partners may differ in orientation, and m by which they may be off the line to the right.
+/// Radians by which partners may differ in orientation, and m by which they may be off the line to
+/// the right.
 const TOLERANCE: f64 = 1e-3;
 
 pub(super) const LAYOUT: TartanAir = TartanAir;

@@ -1,7 +1,8 @@
-//! WADS, the Winter Adverse Driving dataSet (Kurup and Bos 2021): SemanticKITTI with classes of snow.
+//! WADS, the Winter Adverse Driving dataSet (Kurup and Bos 2021): SemanticKITTI with classes of
+//! snow.
 //!
-//! As [`super::semantic_kitti`], but flakes in the air are `active-snow` (110). Its class of lying snow (111) is not used: a point on snow
-//! has the class of what the snow lies on.
+//! As [`super::semantic_kitti`], but flakes in the air are `active-snow` (110). Its class of lying
+//! snow (111) is not used: a point on snow has the class of what the snow lies on.
 
 use super::semantic_kitti::SemanticKitti;
 

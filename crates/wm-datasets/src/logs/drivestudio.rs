@@ -1,9 +1,11 @@
-//! Scenes as drivestudio's preprocessing writes them: Waymo, nuScenes, KITTI, PandaSet, nuPlan and Argoverse with one reader.
+//! Scenes as drivestudio's preprocessing writes them: Waymo, nuScenes, KITTI, PandaSet, nuPlan and
+//! Argoverse with one reader.
 //!
-//! `images/%03d_C.jpg`, `lidar/%03d.bin`, `ego_pose/%03d.txt` (or `lidar_pose`), `extrinsics/C.txt` (`rig_from_camera`) or
-//! `extrinsics/%03d_C.txt` (`world_from_camera`), `intrinsics/C.txt` (fx fy cx cy k1 k2 p1 p2 k3). Cameras of Waymo have x ahead and z up,
-//! all others OpenCV's axes; which it is shows in the matrices. Points are in the axes of the ego pose, or of the lidar pose where there is
-//! one. Frames are a tenth of a second apart.
+//! `images/%03d_C.jpg`, `lidar/%03d.bin`, `ego_pose/%03d.txt` (or `lidar_pose`), `extrinsics/C.txt`
+//! (`rig_from_camera`) or `extrinsics/%03d_C.txt` (`world_from_camera`), `intrinsics/C.txt` (fx fy
+//! cx cy k1 k2 p1 p2 k3). Cameras of Waymo have x ahead and z up, all others OpenCV's axes; which
+//! it is shows in the matrices. Points are in the axes of the ego pose, or of the lidar pose where
+//! there is one. Frames are a tenth of a second apart.
 
 use super::files::{all_numbers, fault, files_in, name_of, pose_of_rows, read_json};
 use super::records::{Records, choose_folder};
@@ -156,7 +158,8 @@ impl Extrinsics {
         if !is_by_frame && (fixed.is_empty() || rigs.is_empty()) {
             return Err(fault(folder, "there are no camera poses: C.txt and ego_pose/FRAME.txt, or FRAME_C.txt, are needed"));
         }
-        // A camera's up is its z in one convention and its -y in the other, and near the vehicle's up in both.
+        // A camera's up is its z in one convention and its -y in the other, and near the vehicle's
+        // up in both.
         let up = |pose: &RigidPose, axis: DVec3| (pose.rotation * axis).z.abs();
         let all = || fixed.values().chain(by_frame.values());
         let is_forward = all().map(|pose| up(pose, DVec3::Z) - up(pose, DVec3::Y)).sum::<f64>() > 0.0;

@@ -171,7 +171,8 @@ fn checked(position: DVec3) -> Result<DVec3, String> {
     }
 }
 
-/// The files of a folder with one of the extensions, sorted by their stems: by number where both are numbers.
+/// The files of a folder with one of the extensions, sorted by their stems: by number where both
+/// are numbers.
 ///
 /// # Errors
 /// The folder is missing, cannot be read, or has too many files.
@@ -215,7 +216,8 @@ pub fn name_of(path: &Path) -> String {
 /// Reads a JSON list record by record: memory is needed for what `take` keeps.
 ///
 /// # Errors
-/// As [`read_bytes`], and with line and column if it is no list of such records, or `take` refuses one.
+/// As [`read_bytes`], and with line and column if it is no list of such records, or `take` refuses
+/// one.
 pub fn read_table<T: DeserializeOwned>(
     path: &Path,
     mut take: impl FnMut(T) -> Result<(), String>,

@@ -1,7 +1,8 @@
 //! The parts that both forms of KITTI share: calibration files, and cameras of projection matrices.
 //!
-//! Pictures are rectified: pinholes. `P_i` maps the axes of the rectified first camera to pixels of camera i. KITTI's own are `K [I | b]`,
-//! shifted by b; sets in its layout with cameras that look elsewhere have `K [R | b]`.
+//! Pictures are rectified: pinholes. `P_i` maps the axes of the rectified first camera to pixels of
+//! camera i. KITTI's own are `K [I | b]`, shifted by b; sets in its layout with cameras that look
+//! elsewhere have `K [R | b]`.
 
 use super::LogCamera;
 use super::files::{fault, fault_in_line, numbers, pose_of, read_text};
@@ -77,7 +78,8 @@ impl KittiCalibration {
     ) -> Result<(LogCamera, RigidPose), FormatError> {
         let [a, b, c, tx, d, e, f, ty, g, h, i, tz] = self.get::<12>(key)?;
         let [first, second, third] = [[a, b, c], [d, e, f], [g, h, i]].map(DVec3::from);
-        // K is upper triangular, so that the rows of the rotation come out one after the other, the last first.
+        // K is upper triangular, so that the rows of the rotation come out one after the other, the
+        // last first.
         let (forward, scale) = (third.normalize_or_zero(), third.length());
         let (cy, down) = (second.dot(forward) / scale, second.reject_from_normalized(forward) / scale);
         let (down, fy) = (down.normalize_or_zero(), down.length());

@@ -1,8 +1,10 @@
 //! Sequences of KITTI's odometry benchmark, and of SemanticKITTI, which has the same folders.
 //!
-//! `sequences/SS/{calib.txt,times.txt,image_2,velodyne}` and `poses/SS.txt`: in each line the first camera's pose in the axes that it had
-//! in the first frame, 3 rows of 4. The rig is the lidar: x ahead, y left, z up; the world is the rig of the first frame, so that up is the
-//! vehicle's there. SemanticKITTI's `labels` say which points move. Sweeps are in the axes of their frame: their own motion has been taken out already.
+//! `sequences/SS/{calib.txt,times.txt,image_2,velodyne}` and `poses/SS.txt`: in each line the first
+//! camera's pose in the axes that it had in the first frame, 3 rows of 4. The rig is the lidar: x
+//! ahead, y left, z up; the world is the rig of the first frame, so that up is the vehicle's there.
+//! SemanticKITTI's `labels` say which points move. Sweeps are in the axes of their frame: their own
+//! motion has been taken out already.
 
 use super::files::{fault_in_line, files_in, folders_in, line_records, numbers, pose_of_rows};
 use super::kitti::KittiCalibration;

@@ -1,9 +1,11 @@
 //! KITTI raw drives, synchronised and rectified (Geiger et al. 2013).
 //!
-//! `DATE/calib_{imu_to_velo,velo_to_cam,cam_to_cam}.txt` and `DATE/DATE_drive_NNNN_sync/{image_0C,oxts,velodyne_points,tracklet_labels.xml}`. The rig is the
-//! GPS/IMU unit: x ahead, y left, z up. Latitude and longitude become metres by the Mercator projection at the first latitude. The lidar
-//! turns counterclockwise and looks ahead when the cameras are triggered; its points are moved to where they were at their own time. Times have no time zone, so
-//! that the time of day is not taken from them.
+//! `DATE/calib_{imu_to_velo,velo_to_cam,cam_to_cam}.txt` and
+//! `DATE/DATE_drive_NNNN_sync/{image_0C,oxts,velodyne_points,tracklet_labels.xml}`. The rig is the
+//! GPS/IMU unit: x ahead, y left, z up. Latitude and longitude become metres by the Mercator
+//! projection at the first latitude. The lidar turns counterclockwise and looks ahead when the
+//! cameras are triggered; its points are moved to where they were at their own time. Times have no
+//! time zone, so that the time of day is not taken from them.
 
 use super::files::{fault, fault_in_line, files_in, folders_in, line_records, name_of, numbers, read_text};
 use super::kitti::KittiCalibration;

@@ -1,7 +1,8 @@
 //! Boxes of KITTI raw: `tracklet_labels.xml` of a drive.
 //!
-//! `<tracklets>` has an `<item>` for each track with `objectType`, `h`, `w`, `l` (m), `first_frame` and `<poses>`, of which each `<item>` has
-//! `tx`, `ty`, `tz` (m) and `rz` (radians) in the lidar's axes of one frame after the other; the place is the middle of the box's floor.
+//! `<tracklets>` has an `<item>` for each track with `objectType`, `h`, `w`, `l` (m), `first_frame`
+//! and `<poses>`, of which each `<item>` has `tx`, `ty`, `tz` (m) and `rz` (radians) in the lidar's
+//! axes of one frame after the other; the place is the middle of the box's floor.
 
 use super::files::{excerpt, fault_in_line, read_text};
 use super::track::{LogBox, LogTrack};
@@ -25,7 +26,8 @@ struct Tracklet {
     poses: Vec<(DVec3, f64)>,
 }
 
-/// Reads the tracks; none if there is no file. `at` gives the time, ns, and `world_from_lidar` of a frame.
+/// Reads the tracks; none if there is no file. `at` gives the time, ns, and `world_from_lidar` of a
+/// frame.
 pub(super) fn read_tracklets(
     path: &Path,
     at: impl Fn(usize) -> Option<(i64, RigidPose)>,

@@ -1,8 +1,10 @@
-//! Driving logs: what the cameras and lidars of a vehicle recorded, from the formats in which such recordings are published.
+//! Driving logs: what the cameras and lidars of a vehicle recorded, from the formats in which such
+//! recordings are published.
 //!
-//! [`DrivingLog::open`] recognises a folder and reads calibrations, poses and boxes; photos and sweeps are opened when they are
-//! needed. [`DrivingLog::write_capture`] makes a folder of it that is reconstructed like any other capture. To add a format: a
-//! module with a `FORMAT`, and its name in the list.
+//! [`DrivingLog::open`] recognises a folder and reads calibrations, poses and boxes; photos and
+//! sweeps are opened when they are needed. [`DrivingLog::write_capture`] makes a folder of it that
+//! is reconstructed like any other capture. To add a format: a module with a `FORMAT`, and its name
+//! in the list.
 
 mod capture;
 mod files;
@@ -63,9 +65,11 @@ pub struct LogOptions {
     /// The log among several in a folder: a scene, a drive or a sequence. The first whose files are
     /// there, if nothing is said.
     pub scene: Option<String>,
-    /// The cameras, by the names that the log gives them; empty for those that take colour pictures of the scene.
+    /// The cameras, by the names that the log gives them; empty for those that take colour pictures
+    /// of the scene.
     pub cameras: Vec<String>,
-    /// Every so many pictures of each camera are taken; 0 for as few as [`LogOptions::most_pictures`] asks for.
+    /// Every so many pictures of each camera are taken; 0 for as few as
+    /// [`LogOptions::most_pictures`] asks for.
     pub stride: usize,
     /// Seconds of the log that are read, from its start; all of it if nothing is said.
     pub seconds: Option<u32>,
@@ -127,7 +131,8 @@ pub struct LogCamera {
     pub size: (u32, u32),
     /// Focal lengths, px.
     pub focal: [f64; 2],
-    /// Principal point from the corner of the first pixel, px. Logs count from its middle; 0.5 has been added.
+    /// Principal point from the corner of the first pixel, px. Logs count from its middle; 0.5 has
+    /// been added.
     pub center: [f64; 2],
     /// The distortion of its lens.
     pub distortion: Distortion,
@@ -339,7 +344,8 @@ fn moved(pose: RigidPose, origin: DVec3) -> RigidPose {
 
 /// A place that is so many metres east and north of another, degrees.
 fn displaced([latitude, longitude]: [f64; 2], east: f64, north: f64) -> [f64; 2] {
-    // WGS 84's equatorial radius; over a city the difference to the ellipsoid is below 0.5 % of the way.
+    // WGS 84's equatorial radius; over a city the difference to the ellipsoid is below 0.5 % of the
+    // way.
     const RADIUS: f64 = 6_378_137.0;
     let shift = dvec3(east, north, 0.0) / RADIUS;
     let longitude = longitude + (shift.x / latitude.to_radians().cos().max(1e-6)).to_degrees();

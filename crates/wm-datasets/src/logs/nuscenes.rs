@@ -1,8 +1,9 @@
 //! nuScenes (Caesar et al. 2020): one scene of a version's tables.
 //!
-//! Tables are read record by record, and only the records of the scene are kept: `sample_data.json` of the whole set is over a gigabyte.
-//! Pictures and sweeps between key frames are taken, too. Poses are of the record's own time; sweeps are, as the devkit has them, in the
-//! axes of that time. Times are microseconds.
+//! Tables are read record by record, and only the records of the scene are kept: `sample_data.json`
+//! of the whole set is over a gigabyte. Pictures and sweeps between key frames are taken, too.
+//! Poses are of the record's own time; sweeps are, as the devkit has them, in the axes of that
+//! time. Times are microseconds.
 
 use super::files::{fault, folders_in, name_of, pose_of_quaternion, read_table, shown};
 use super::records::{Candidate, Records, choose};

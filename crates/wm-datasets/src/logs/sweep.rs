@@ -13,7 +13,8 @@ use wm_scene::FormatError;
 /// Farthest that a point may be from its lidar, m.
 const FARTHEST: f64 = 1000.0;
 
-/// The classes of SemanticKITTI that move: car, bicyclist, person, motorcyclist, on rails, bus, truck, other vehicle.
+/// The classes of SemanticKITTI that move: car, bicyclist, person, motorcyclist, on rails, bus,
+/// truck, other vehicle.
 const MOVING: std::ops::RangeInclusive<u16> = 252..=259;
 
 /// A sweep of a lidar, in a file.
@@ -69,7 +70,8 @@ pub(super) enum SweepRecords {
 pub(super) enum SweepMotion {
     /// All points are in the axes of one time.
     Still(RigidPose),
-    /// The lidar turns counterclockwise and begins and ends behind it; each point is in the axes of its own time.
+    /// The lidar turns counterclockwise and begins and ends behind it; each point is in the axes of
+    /// its own time.
     Turning {
         /// The vehicle's poses.
         track: Arc<EgoTrack>,
@@ -88,7 +90,8 @@ pub(super) struct SweepPoints {
 }
 
 impl LogSweep {
-    /// Reads the points. Those that are not finite, at the lidar itself or farther than a kilometre from it are left out.
+    /// Reads the points. Those that are not finite, at the lidar itself or farther than a kilometre
+    /// from it are left out.
     ///
     /// # Errors
     /// The file is missing or damaged.

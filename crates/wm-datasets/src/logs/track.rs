@@ -92,7 +92,8 @@ pub struct LogBox {
 }
 
 impl LogTrack {
-    /// A track of boxes in any order. It moves if one of its boxes goes faster than 0.5 m/s, or by its category.
+    /// A track of boxes in any order. It moves if one of its boxes goes faster than 0.5 m/s, or by
+    /// its category.
     #[must_use]
     pub fn new(id: String, category: String, mut boxes: Vec<LogBox>) -> Self {
         boxes.sort_by_key(|own| own.timestamp);
@@ -101,7 +102,8 @@ impl LogTrack {
         Self { id, category, is_mover, boxes }
     }
 
-    /// The box at a time, ns: interpolated between boxes at most a second apart, and held for a quarter of a second at both ends.
+    /// The box at a time, ns: interpolated between boxes at most a second apart, and held for a
+    /// quarter of a second at both ends.
     #[must_use]
     pub fn at(&self, time: i64) -> Option<LogBox> {
         let size = self.boxes.iter().min_by_key(|own| own.timestamp.abs_diff(time))?.size;
@@ -119,7 +121,8 @@ impl LogBox {
         own.cmple(0.5 * (1.0 + more) * self.size).all()
     }
 
-    /// The corners of the box, world axes, its sides longer by a share. Bits of the index: beyond the middle along x, y, z.
+    /// The corners of the box, world axes, its sides longer by a share. Bits of the index: beyond
+    /// the middle along x, y, z.
     #[must_use]
     pub fn corners(&self, more: f64) -> [DVec3; 8] {
         let half = 0.5 * (1.0 + more) * self.size;

@@ -64,7 +64,8 @@ impl FfmpegSink {
         })
     }
 
-    /// Ends the input, waits, and returns how it ended and what it said; `None` if it has ended before.
+    /// Ends the input, waits, and returns how it ended and what it said; `None` if it has ended
+    /// before.
     fn end(&mut self) -> Option<(io::Result<ExitStatus>, String)> {
         let Running { mut child, planes, messages } = self.running.take()?;
         drop(planes);
@@ -131,8 +132,8 @@ impl VideoSink for FfmpegSink {
 impl Drop for FfmpegSink {
     fn drop(&mut self) {
         if let Some(mut running) = self.running.take() {
-            // Not asked to finish: it must not go on with half a video. If it cannot be stopped it has
-            // ended by itself.
+            // Not asked to finish: it must not go on with half a video. If it cannot be stopped it
+            // has ended by itself.
             let _ = running.child.kill();
             let _ = running.child.wait();
         }

@@ -33,8 +33,9 @@ impl FrameRate {
             .then_some(rate)
     }
 
-    /// The fraction meant by a decimal number: a whole number, n * 1000/1001 as in television (23.976,
-    /// 29.97, 59.94) if it is one above 9 within 0.005, else thousandths. `None` as in [`FrameRate::new`].
+    /// The fraction meant by a decimal number: a whole number, n * 1000/1001 as in television
+    /// (23.976, 29.97, 59.94) if it is one above 9 within 0.005, else thousandths. `None` as in
+    /// [`FrameRate::new`].
     #[must_use]
     pub fn from_hz(hz: f64) -> Option<Self> {
         if !(0.001..=1000.0).contains(&hz) {

@@ -1,13 +1,14 @@
 //! The built-in encoder: OpenH264 into [`mp4`](super::mp4).
 //!
-//! Without a bitrate every frame is quantised alike, with [`QUALITY_QP`]: the file is as large as the
-//! picture needs, flat air costs next to nothing, and the dither of the planes survives, so that fog
-//! stays smooth. With a bitrate OpenH264's own rate control runs; its keyframes are coarser than the
-//! frames before them (QP 22 at best), which shows faintly in fog every two seconds.
+//! Without a bitrate every frame is quantised alike, with [`QUALITY_QP`]: the file is as large as
+//! the picture needs, flat air costs next to nothing, and the dither of the planes survives, so
+//! that fog stays smooth. With a bitrate OpenH264's own rate control runs; its keyframes are
+//! coarser than the frames before them (QP 22 at best), which shows faintly in fog every two
+//! seconds.
 //!
-//! Switched off, since each would spoil fog: background detection (keeps old pixels where the picture
-//! changes slowly), adaptive quantisation (coarser in flat air), denoising (removes the dither). One
-//! thread, so that the same frames give the same bytes on any number of cores.
+//! Switched off, since each would spoil fog: background detection (keeps old pixels where the
+//! picture changes slowly), adaptive quantisation (coarser in flat air), denoising (removes the
+//! dither). One thread, so that the same frames give the same bytes on any number of cores.
 
 use std::path::Path;
 
@@ -99,8 +100,8 @@ impl VideoSink for H264Sink {
                 }
                 Err(error) => error,
             };
-            // Above about 8 bits a pixel, which is noise, a frame does not fit its buffer, and it is
-            // of no use after that. A coarser one goes on with a keyframe.
+            // Above about 8 bits a pixel, which is noise, a frame does not fit its buffer, and it
+            // is of no use after that. A coarser one goes on with a keyframe.
             self.coarser += COARSER;
             if QUALITY_QP + self.coarser > RATE_QPS.1 {
                 return Err(failed(self.mp4.target(), frame, &error.to_string()));
@@ -163,8 +164,8 @@ fn config(settings: &VideoSettings, coarser: u8) -> EncoderConfig {
         config
     };
     match settings.bitrate {
-        // The mode that does not count bits, with one QP to choose from. The bitrate, one bit a pixel,
-        // only sets the level that is promised to decoders.
+        // The mode that does not count bits, with one QP to choose from. The bitrate, one bit a
+        // pixel, only sets the level that is promised to decoders.
         None => config
             .rate_control_mode(RateControlMode::Bufferbased)
             .qp(QpRange::new(QUALITY_QP + coarser, QUALITY_QP + coarser))

@@ -28,8 +28,8 @@ const KEYFRAME_SECONDS: f64 = 2.0;
 /// The H.264 encoder of a video.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum VideoEncoder {
-    /// OpenH264, built into this program: Constrained Baseline profile. The same frames give the same
-    /// bytes.
+    /// OpenH264, built into this program: Constrained Baseline profile. The same frames give the
+    /// same bytes.
     #[default]
     Builtin,
     /// The program `ffmpeg` with libx264, from PATH: High profile, files about a third the size.

@@ -2,12 +2,13 @@
 //!
 //! - `avc1`: parameter sets out of band in `avcC`, samples of NAL units behind lengths of 4 bytes.
 //! - `colr` (nclx): BT.709, limited range, as the stream itself says.
-//! - A clock that the frame rate divides exactly, one duration for all samples, a table of keyframes.
+//! - A clock that the frame rate divides exactly, one duration for all samples, a table of
+//!   keyframes.
 //! - `moov` before `mdat`, so that playing starts before the file is there in full.
 //!
-//! The table comes first but is known last: samples go to a temporary file, of which 4 bytes a sample
-//! stay in memory, and are copied behind the finished table. A file needs twice its size on the disk
-//! for that moment.
+//! The table comes first but is known last: samples go to a temporary file, of which 4 bytes a
+//! sample stay in memory, and are copied behind the finished table. A file needs twice its size on
+//! the disk for that moment.
 
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::num::NonZeroU32;
@@ -124,8 +125,8 @@ impl Mp4Writer {
         }
         .encode_to_vec()?;
         let mut moov = self.movie(sets, tags)?;
-        // The table's length does not depend on the offsets in it, only on their width; what precedes
-        // the samples stays far below 1 GiB.
+        // The table's length does not depend on the offsets in it, only on their width; what
+        // precedes the samples stays far below 1 GiB.
         let wide = self.length > u64::from(u32::MAX) - (1 << 30);
         self.set_offsets(&mut moov, 0, wide);
         let box_size = BoxSize::with_payload_size(MdatBox::TYPE, self.length);
@@ -248,7 +249,8 @@ impl Mp4Writer {
     }
 }
 
-/// The description of the samples for decoders: `avcC` from the parameter sets, then colour and square pixels.
+/// The description of the samples for decoders: `avcC` from the parameter sets, then colour and
+/// square pixels.
 fn sample_entry(sets: &ParameterSets) -> shiguredo_mp4::Result<Avc1Box> {
     let config = H264SampleEntryConfig { length_size: LengthSize::FourBytes };
     let mut entry =

@@ -10,15 +10,15 @@
 //!
 //! Chroma is the mean of two rows and of (1, 2, 1)/4 over three columns, which puts it where H.264
 //! expects it unless told otherwise: on the left column of its two, between its two rows. All is
-//! computed in f32 and quantised once, dithered, since an encoder cannot undo contours that were made
-//! before it. sRGB's curve differs a little from the one BT.709 names; players show BT.709 video on
-//! sRGB screens without converting, so it is passed through, as is usual.
+//! computed in f32 and quantised once, dithered, since an encoder cannot undo contours that were
+//! made before it. sRGB's curve differs a little from the one BT.709 names; players show BT.709
+//! video on sRGB screens without converting, so it is passed through, as is usual.
 //!
 //! The dither has one offset for 4x4 pixels of a plane, aligned with the blocks that H.264
 //! transforms. A pattern that changes from pixel to pixel is all high frequencies, and no encoder
 //! keeps half a step there: what comes out are the contours again, now with square corners. A block
-//! that is one step brighter is one coefficient, the first, of four steps: it costs least and is lost
-//! last.
+//! that is one step brighter is one coefficient, the first, of four steps: it costs least and is
+//! lost last.
 
 use crate::PictureSize;
 use crate::color::{Dither, byte, unit};
@@ -120,8 +120,8 @@ fn convert_row(rgb: &[f32], luma: &mut [u8], cb: &mut [f32], cr: &mut [f32], off
     }
 }
 
-/// Filters the sum of two rows, whose first place is free for the column left of the picture, to half
-/// the width and quantises.
+/// Filters the sum of two rows, whose first place is free for the column left of the picture, to
+/// half the width and quantises.
 fn halve_row(sums: &mut [f32], out: &mut [u8], offsets: &[f32]) {
     sums[0] = sums[1];
     for ((out, triple), offset) in out.iter_mut().zip(sums.windows(3).step_by(2)).zip(offsets) {
@@ -189,8 +189,8 @@ mod tests {
 
     #[test]
     fn chroma_is_sited_on_the_left() {
-        // A ramp of blue along x and y: the filter is symmetric around its site, so that the value is
-        // that of the site exactly, up to rounding.
+        // A ramp of blue along x and y: the filter is symmetric around its site, so that the value
+        // is that of the site exactly, up to rounding.
         let size = PictureSize::new(64, 16);
         let blue = |x: f32, y: f32| (x + y) / 100.0;
         let rgb: Vec<f32> =

@@ -3,7 +3,8 @@ use crate::testing::{self, Files, Named, gap, noise, npy, pth, safetensors, said
 use std::path::Path;
 use std::sync::LazyLock;
 
-/// The photos of `fixtures/make_clip.py`, whose network takes squares of 84 px and gives 48 numbers.
+/// The photos of `fixtures/make_clip.py`, whose network takes squares of 84 px and gives 48
+/// numbers.
 const PHOTOS: [&str; 2] = ["wide", "tall"];
 const SIDE: usize = 84;
 
@@ -33,10 +34,10 @@ fn the_square_in_the_middle_is_that_of_the_reference() {
     }
 }
 
-/// From the photo's file to the embedding. Three norms a block and two more keep what goes through near 1, and each of
-/// some 20 sums one after the other, of up to 588 products in f32, errs by 2^-24 sqrt(588) = 1.4e-6 of its size: together
-/// by sqrt(20) times that, 6.5e-6, of a component that is about 1 / sqrt(48). GELU by erf in place of the sigmoid is off by
-/// 1e-3.
+/// From the photo's file to the embedding. Three norms a block and two more keep what goes through
+/// near 1, and each of some 20 sums one after the other, of up to 588 products in f32, errs by
+/// 2^-24 sqrt(588) = 1.4e-6 of its size: together by sqrt(20) times that, 6.5e-6, of a component
+/// that is about 1 / sqrt(48). GELU by erf in place of the sigmoid is off by 1e-3.
 #[test]
 fn embeddings_are_those_of_the_reference() {
     for name in PHOTOS {

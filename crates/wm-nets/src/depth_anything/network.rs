@@ -1,4 +1,5 @@
-//! From a normalised photo to disparity: DINOv2's blocks, four of whose outputs the head puts together (DPT).
+//! From a normalised photo to disparity: DINOv2's blocks, four of whose outputs the head puts
+//! together (DPT).
 
 use super::photo::PATCH;
 use crate::ops::{Convolution, Enlarge, Image, Linear, Norm, Then};
@@ -107,8 +108,9 @@ impl Head {
 }
 
 impl Fusion {
-    /// `smaller` was made as large as `image`. What comes out is to be resized: the order of this and of the
-    /// product does not matter but for the work, since the weights of a resized pixel add up to 1.
+    /// `smaller` was made as large as `image`. What comes out is to be resized: the order of this
+    /// and of the product does not matter but for the work, since the weights of a resized pixel
+    /// add up to 1.
     fn apply(&self, smaller: Option<Image>, image: &Image) -> Image {
         let sum = match (smaller, &self.added) {
             (Some(mut smaller), Some(added)) => {

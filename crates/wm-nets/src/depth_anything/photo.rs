@@ -1,8 +1,9 @@
-//! From a photo to what the network takes, as Hugging Face's image processor for it does (`DPTImageProcessor`
-//! of transformers, on Pillow): resized in 8 bit, then each channel with ImageNet's mean and deviation taken out.
+//! From a photo to what the network takes, as Hugging Face's image processor for it does
+//! (`DPTImageProcessor` of transformers, on Pillow): resized in 8 bit, then each channel with
+//! ImageNet's mean and deviation taken out.
 //!
-//! Newer versions of transformers resize by torchvision where it is installed, which differs from Pillow by one level of
-//! 255 in about one value of 250.
+//! Newer versions of transformers resize by torchvision where it is installed, which differs from
+//! Pillow by one level of 255 in about one value of 250.
 
 use super::DisparityError;
 use crate::ops::Image;
@@ -15,12 +16,13 @@ pub const PATCH: usize = 14;
 const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 
-/// Width and height that the network takes of a photo, px: the one of its sides that has to change less becomes
-/// `side`, so the longer one of a small photo; both are rounded to whole patches, halves to the even one.
+/// Width and height that the network takes of a photo, px: the one of its sides that has to change
+/// less becomes `side`, so the longer one of a small photo; both are rounded to whole patches,
+/// halves to the even one.
 ///
 /// # Errors
-/// [`DisparityError`] if the photo is below a patch, or so long that the network would see it out of proportion or need
-/// more memory than [`LONGEST`](super::LONGEST) allows.
+/// [`DisparityError`] if the photo is below a patch, or so long that the network would see it out
+/// of proportion or need more memory than [`LONGEST`](super::LONGEST) allows.
 pub fn size(width: usize, height: usize, side: usize) -> Result<(usize, usize), DisparityError> {
     if width.min(height) < PATCH {
         return Err(DisparityError::Small { width, height });
@@ -34,8 +36,8 @@ pub fn size(width: usize, height: usize, side: usize) -> Result<(usize, usize), 
     Ok((patches(width) as usize * PATCH, patches(height) as usize * PATCH))
 }
 
-/// A photo, `[H, W, 3]`, 0-1, display-referred, at another size and normalised. What is not in 0-1 is clamped,
-/// NaN is 0.
+/// A photo, `[H, W, 3]`, 0-1, display-referred, at another size and normalised. What is not in 0-1
+/// is clamped, NaN is 0.
 pub fn normalized(rgb: &[f32], (width, height): (usize, usize), to: (usize, usize)) -> Image {
     let levels: Vec<u8> = rgb.par_iter().map(|value| (255.0 * value).round() as u8).collect();
     let levels = resized(levels, (width, height), to);

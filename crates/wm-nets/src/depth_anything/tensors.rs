@@ -1,4 +1,5 @@
-//! The published files: their networks' sizes, the names of their tensors, and what is made of them.
+//! The published files: their networks' sizes, the names of their tensors, and what is made of
+//! them.
 
 use super::network::{Backbone, Fusion, Head, Network, ResidualUnit};
 use super::photo::PATCH;
@@ -61,7 +62,8 @@ impl Architecture {
         let of = |name: &str, axis: usize| length(naming.name(name), axis);
         let channels = length(naming.patches("weight"), 0)?;
         let is_there = |block: &usize| weights.shape(&naming.block(*block, "norm1.weight")).is_some();
-        // The largest published one has 40; one that is missing between others is named when it is read.
+        // The largest published one has 40; one that is missing between others is named when it is
+        // read.
         let blocks = (0..64).rev().find(is_there).map_or(0, |last| last + 1);
         let heads = match config.heads {
             Some(heads) if heads > 0 && channels % heads == 0 => heads,
@@ -97,8 +99,9 @@ impl Architecture {
         }
     }
 
-    /// After which blocks the head takes the features: for V1 the last four, for V2 as the backbone's `out_indices`
-    /// are in the published `config.json` (and `intermediate_layer_idx` of the original `dpt.py`, from 0).
+    /// After which blocks the head takes the features: for V1 the last four, for V2 as the
+    /// backbone's `out_indices` are in the published `config.json` (and `intermediate_layer_idx` of
+    /// the original `dpt.py`, from 0).
     pub fn taps(&self, version: Version) -> [usize; 4] {
         let last = self.blocks;
         match (version, last) {
@@ -139,7 +142,8 @@ impl Config {
         })
     }
 
-    /// Returns the reason in the file's name or its `config.json` against the use of a file, if there is one.
+    /// Returns the reason in the file's name or its `config.json` against the use of a file, if
+    /// there is one.
     pub fn contradiction(
         &self,
         file: &Path,

@@ -56,9 +56,10 @@ fn photos_are_resized_and_normalised_as_by_the_reference() {
     }
 }
 
-/// From the photo's file to the disparity. A value goes through about 100 sums one after the other, of up to 588
-/// products in f32; those err by 2^-24 sqrt(588) = 1.4e-6 of their size each, and together by sqrt(100) times
-/// that, 1.4e-5 of the range, if nothing is amplified. GELU by tanh, the nearest thing to it, is off by 1e-4.
+/// From the photo's file to the disparity. A value goes through about 100 sums one after the other,
+/// of up to 588 products in f32; those err by 2^-24 sqrt(588) = 1.4e-6 of their size each, and
+/// together by sqrt(100) times that, 1.4e-5 of the range, if nothing is amplified. GELU by tanh,
+/// the nearest thing to it, is off by 1e-4.
 #[test]
 fn disparity_is_that_of_the_reference() {
     for ((_, version), network) in VERSIONS.iter().zip(&*NETWORKS) {

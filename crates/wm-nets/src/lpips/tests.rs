@@ -2,8 +2,9 @@ use super::*;
 use crate::testing::{Files, Named, noise, pth, safetensors};
 use std::sync::LazyLock;
 
-/// Weights that neither kill nor blow up what goes through: stream 3 i of [`noise`] times `sqrt(6 / (in k k))` for
-/// the weights of convolution i, stream 3 i + 1 times 0.1 for its biases, stream 3 i + 2 in 0-1 for its head.
+/// Weights that neither kill nor blow up what goes through: stream 3 i of [`noise`] times
+/// `sqrt(6 / (in k k))` for the weights of convolution i, stream 3 i + 1 times 0.1 for its biases,
+/// stream 3 i + 2 in 0-1 for its head.
 fn made_up() -> Vec<Named> {
     let stream = |stream: usize, (name, shape): (String, Vec<usize>), value: &dyn Fn(f64) -> f64| {
         let count = shape.iter().product::<usize>() as u64;
@@ -47,18 +48,19 @@ fn noisy(stream: u64, size: (usize, usize)) -> Vec<f32> {
     picture_with(0.02, stream, size)
 }
 
-/// The package lpips 0.1.4 with torchvision's AlexNet, in f64, `normalize=True`, gives these distances for the
-/// made-up weights and pictures: picture(100) against picture(110), noisy(100) and plain 0.5.
+/// The package lpips 0.1.4 with torchvision's AlexNet, in f64, `normalize=True`, gives these
+/// distances for the made-up weights and pictures: picture(100) against picture(110), noisy(100)
+/// and plain 0.5.
 const PUBLISHED: [((usize, usize), [f64; 3]); 3] = [
     ((31, 31), [0.869_379_993_503, 0.003_363_154_980_04, 1.357_570_380_53]),
     ((64, 48), [0.898_378_658_649, 0.002_883_871_364_36, 1.330_830_306]),
     ((97, 53), [0.887_862_878_519, 0.003_311_065_656_66, 1.295_084_797_05]),
 ];
 
-/// A feature is a sum of at most 3456 products in f32, off by about sqrt(3456) 2^-24 of its size, and
-/// what five layers add is independent: sqrt(5) times that, 8e-6 of the features' length. With weights up to 1 the
-/// distance d of a layer is the square of a length, so off by 2 sqrt(d) 8e-6, and the sum of five such
-/// roots is at most sqrt(5 d).
+/// A feature is a sum of at most 3456 products in f32, off by about sqrt(3456) 2^-24 of its size,
+/// and what five layers add is independent: sqrt(5) times that, 8e-6 of the features' length. With
+/// weights up to 1 the distance d of a layer is the square of a length, so off by 2 sqrt(d) 8e-6,
+/// and the sum of five such roots is at most sqrt(5 d).
 fn tolerance(distance: f64) -> f64 {
     2.0 * 8e-6 * (5.0 * distance).sqrt()
 }

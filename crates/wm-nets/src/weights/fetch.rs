@@ -1,10 +1,12 @@
 //! Published weights from the network, into a folder where they are found again.
 //!
-//! A download is kept in `NAME.part` until it is whole: as long as the server said, with the expected checksum if
-//! there is one, and a file of weights by its header. Only then it gets its name. A download that broke off
-//! goes on where it ended, if the server still has the same file (its `ETag`, kept in `NAME.part.etag`).
+//! A download is kept in `NAME.part` until it is whole: as long as the server said, with the
+//! expected checksum if there is one, and a file of weights by its header. Only then it gets its
+//! name. A download that broke off goes on where it ended, if the server still has the same file
+//! (its `ETag`, kept in `NAME.part.etag`).
 //!
-//! Nothing here asks. Who calls it has told the user what is fetched from where, and under which licence it stands.
+//! Nothing here asks. Who calls it has told the user what is fetched from where, and under which
+//! licence it stands.
 
 #[cfg(test)]
 mod tests;
@@ -145,8 +147,8 @@ pub enum FetchFault {
     },
 }
 
-/// The user's folder for what can be had again: `XDG_CACHE_HOME` or the platform's, and this program's name;
-/// `None` where the system knows no home.
+/// The user's folder for what can be had again: `XDG_CACHE_HOME` or the platform's, and this
+/// program's name; `None` where the system knows no home.
 #[must_use]
 pub fn cache_folder() -> Option<PathBuf> {
     let of = |variable: &str| std::env::var_os(variable).map(PathBuf::from).filter(|path| path.is_absolute());
@@ -163,12 +165,12 @@ pub fn cache_folder() -> Option<PathBuf> {
     folder.map(|folder| folder.join("weather-magician"))
 }
 
-/// The path of a file in `folder`, which is fetched if it is not there; the folder is made. Proxies are those of
-/// the environment. `progress` is called at the start and after each block.
+/// The path of a file in `folder`, which is fetched if it is not there; the folder is made. Proxies
+/// are those of the environment. `progress` is called at the start and after each block.
 ///
 /// # Errors
-/// [`FetchError`] if it cannot be fetched or written, or is not what was expected. There is no file of
-/// its name then, but for one that was there.
+/// [`FetchError`] if it cannot be fetched or written, or is not what was expected. There is no file
+/// of its name then, but for one that was there.
 pub fn fetch(
     source: &DownloadSource,
     folder: &Path,

@@ -1,8 +1,8 @@
 //! Files of weights: tensors by name, out of one file or several.
 //!
-//! A file is believed in nothing. What its header says is compared with its length, and a tensor with the
-//! shape that the network needs, before anything is allocated for it; of a large file only those tensors are
-//! read that are asked for.
+//! A file is believed in nothing. What its header says is compared with its length, and a tensor
+//! with the shape that the network needs, before anything is allocated for it; of a large file only
+//! those tensors are read that are asked for.
 
 #[cfg(feature = "fetch")]
 pub mod fetch;
@@ -142,8 +142,9 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// Opens files and reads their headers: safetensors, or what `torch.save` writes of a `state_dict()`.
-    /// `advice` is said where a tensor is missing or of another shape: which files have them.
+    /// Opens files and reads their headers: safetensors, or what `torch.save` writes of a
+    /// `state_dict()`. `advice` is said where a tensor is missing or of another shape: which files
+    /// have them.
     ///
     /// # Errors
     /// [`WeightsError`] with the file that cannot be read, is of another format or damaged.
@@ -168,7 +169,8 @@ impl Weights {
     /// A tensor as f32, from the first file that has it. Half and double precision are converted.
     ///
     /// # Errors
-    /// [`WeightsError`] if no file has it, or it has another shape, is no float, or holds NaN or infinity.
+    /// [`WeightsError`] if no file has it, or it has another shape, is no float, or holds NaN or
+    /// infinity.
     pub fn tensor(&mut self, name: &str, shape: &[usize]) -> Result<Tensor, WeightsError> {
         let Some(weighed) = self.files.iter_mut().find(|file| file.entries.contains_key(name)) else {
             return Err(WeightsError {

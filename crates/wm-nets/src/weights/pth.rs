@@ -1,10 +1,9 @@
-//! Reads the files that `torch.save` writes of a `state_dict()` since PyTorch 1.6: a zip archive, uncompressed, with a
-//! pickle
-//! that says which part of which entry is which tensor.
+//! Reads the files that `torch.save` writes of a `state_dict()` since PyTorch 1.6: a zip archive,
+//! uncompressed, with a pickle that says which part of which entry is which tensor.
 //!
-//! A pickle is a program for a stack machine. Here it can build tuples, dictionaries and names, and nothing
-//! that it names is ever called. Values are kept once and meant by their number, so that the memory is
-//! bounded by the pickle's length, whatever refers to what.
+//! A pickle is a program for a stack machine. Here it can build tuples, dictionaries and names, and
+//! nothing that it names is ever called. Values are kept once and meant by their number, so that
+//! the memory is bounded by the pickle's length, whatever refers to what.
 
 use super::{Entry, MAX_HEADER, WeightsFault, zip};
 use candle_core::DType;
@@ -142,8 +141,8 @@ impl Machine {
         Ok(items.iter().filter_map(tensor).collect())
     }
 
-    /// One instruction; `None` if something that it needs is not there, false if it is none of those
-    /// that lists of tensors are made of.
+    /// One instruction; `None` if something that it needs is not there, false if it is none of
+    /// those that lists of tensors are made of.
     fn step(&mut self, code: u8, bytes: &mut Bytes<'_>) -> Option<bool> {
         match code {
             // The version.

@@ -19,7 +19,8 @@ pub fn entries(file: &mut File, length: u64) -> Result<HashMap<String, Entry>, W
     }
     let mut json = Vec::new();
     file.take(header).read_to_end(&mut json)?;
-    // Reading it also checks that each range is as long as its shape takes and follows the one before.
+    // Reading it also checks that each range is as long as its shape takes and follows the one
+    // before.
     let metadata: Metadata = serde_json::from_slice(&json).map_err(|error| damaged(&error))?;
     let start = 8 + header;
     let whole = start.checked_add(metadata.data_len() as u64);

@@ -1,4 +1,5 @@
-//! The directory of a zip archive whose entries are uncompressed and that is below 4 GiB, as PyTorch's are.
+//! The directory of a zip archive whose entries are uncompressed and that is below 4 GiB, as
+//! PyTorch's are.
 //!
 //! Read here since the crate `zip` allocates what the archive's end claims.
 

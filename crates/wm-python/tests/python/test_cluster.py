@@ -120,7 +120,8 @@ def test_inputs_are_the_files_that_a_plan_names(tmp_path):
         "shared/lens.toml",
         "shared/rig.toml",
     ]
-    # By way of a store they come to the same names on a node, each fetched once by however many workers.
+    # By way of a store they come to the same names on a node, each fetched once by however many
+    # workers.
     store, cache, fetched = SetStore("memory://inputs/set"), NodeCache(tmp_path / "cache"), []
     digest = store.put_inputs(inputs)
     fetch = store.fetch
@@ -223,7 +224,8 @@ def test_tasks_of_any_kind_run_and_their_faults_are_told_in_a_line(cluster):
     assert outcome.not_begun and 3 <= len(outcome.failures) <= 7
 
 
-# Stands for the program: writes a plan of three blocks, trains them and joins them; block 1 is killed the first time.
+# Stands for the program: writes a plan of three blocks, trains them and joins them; block 1 is
+# killed the first time.
 TRAINING = """
 import json, os, pathlib, signal, sys
 run, step = pathlib.Path(sys.argv[sys.argv.index("--run-folder") + 1]), sys.argv[-1]

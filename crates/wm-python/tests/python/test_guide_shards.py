@@ -17,7 +17,8 @@ ROOT = HERE.parents[3]
 sys.path.insert(0, str(HERE))
 from cluster_place import tree_hash, write_place  # noqa: E402
 
-# Runs the tasks of a job one after the other, and jobs that depend on it if all of its tasks ended well.
+# Runs the tasks of a job one after the other, and jobs that depend on it if all of its tasks ended
+# well.
 SBATCH = r"""
 import os, pathlib, re, subprocess, sys
 script = pathlib.Path(sys.argv[-1])
@@ -44,7 +45,8 @@ for index in range(first, last + 1):
 print(id if "parsable" in options else f"Submitted batch job {id}")
 """
 
-# A cluster whose volume is the folder DATA: `apply` runs the pods of a job, `wait` looks whether all ended well.
+# A cluster whose volume is the folder DATA: `apply` runs the pods of a job, `wait` looks whether
+# all ended well.
 KUBECTL = r"""
 import os, pathlib, shutil, subprocess, sys, yaml
 data, jobs = os.environ["DATA"], pathlib.Path(".jobs")

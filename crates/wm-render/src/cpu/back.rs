@@ -28,7 +28,8 @@ pub(crate) struct Features {
 }
 
 impl Features {
-    /// The sums that a pass needs: its outputs, and depth where particles or a pixel effect read it.
+    /// The sums that a pass needs: its outputs, and depth where particles or a pixel effect read
+    /// it.
     pub fn of(pass: &DrawPass<'_>) -> Self {
         let asked = pass.config.outputs;
         let effects =
@@ -131,8 +132,8 @@ impl Back<'_> {
         *stats += done;
     }
 
-    /// Adds the weights of all records to `weights`, one a record, in [`WEIGHT_UNITS`]: whole numbers, whose sum does not hang on the order of the
-    /// threads.
+    /// Adds the weights of all records to `weights`, one a record, in [`WEIGHT_UNITS`]: whole
+    /// numbers, whose sum does not hang on the order of the threads.
     pub fn weigh(&self, weights: &[AtomicU32]) {
         (0..self.grid.tiles()).into_par_iter().with_min_len(RUN).for_each(|index| {
             let columns = self.grid.columns as usize;
@@ -191,8 +192,8 @@ impl Back<'_> {
 }
 
 /// Blends one tile with `features` sums (3, 4, 7, or 1: see
-/// [`Channels::Depth`](crate::differentiable::Channels)) and perhaps the median depth. One function for
-/// all callers, since every form of it is compiled for every path.
+/// [`Channels::Depth`](crate::differentiable::Channels)) and perhaps the median depth. One function
+/// for all callers, since every form of it is compiled for every path.
 pub fn blend(
     path: SimdPath,
     (features, median): (usize, MedianDepth),
@@ -241,8 +242,9 @@ pub fn inside((column, row): (usize, usize), (width, height): (usize, usize)) ->
     (0..PATCHES).map(|patch| u32::from(within(patch)) << patch).sum()
 }
 
-/// Makes pixels of a blended patch of a tile, and writes them into `rows`, in which the tile begins at
-/// column `offset`. `narrow` is the path that moves pixels. One function for all callers, as [`blend`].
+/// Makes pixels of a blended patch of a tile, and writes them into `rows`, in which the tile begins
+/// at column `offset`. `narrow` is the path that moves pixels. One function for all callers, as
+/// [`blend`].
 pub fn finish(
     narrow: SimdPath,
     composite: &Composite<'_>,

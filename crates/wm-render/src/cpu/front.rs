@@ -105,7 +105,8 @@ pub(crate) struct Front<'a> {
     shading: Shading,
     sky_splats: SkySplats,
     grid: TileGrid,
-    /// The plane below which nothing is drawn ([`DrawPass::cut`]): its normal, and its height above the camera.
+    /// The plane below which nothing is drawn ([`DrawPass::cut`]): its normal, and its height above
+    /// the camera.
     cut: Option<[f32; 4]>,
     /// Normal of the surface that splits the blend, if the pass has one ([`DrawPass::surface`]).
     split: Option<[f32; 3]>,
@@ -165,7 +166,8 @@ impl<'a> Front<'a> {
                 for (group, to) in seen.chunks_exact_mut(GROUP).take(groups).enumerate() {
                     let from = &source[scratch.names[group] * GROUP..][..GROUP];
                     let mask = scratch.projected[group].mask;
-                    // Lanes out of view repeat one in view: their own gains are not needed, and would be fetched from memory.
+                    // Lanes out of view repeat one in view: their own gains are not needed, and
+                    // would be fetched from memory.
                     let first = from[(mask.trailing_zeros() & 15) as usize];
                     for lane in 0..GROUP {
                         to[lane] = if mask >> lane & 1 == 1 { from[lane] } else { first };
@@ -289,8 +291,8 @@ impl Default for ClusterScratch {
 }
 
 impl ClusterScratch {
-    /// Changes the light on the splats of the groups in view by their gains, which are in the same order; `cluster` are the groups of
-    /// their cluster.
+    /// Changes the light on the splats of the groups in view by their gains, which are in the same
+    /// order; `cluster` are the groups of their cluster.
     #[inline(always)]
     fn relight<S: Lanes>(&mut self, simd: S, cluster: &[SplatGroup], groups: usize) {
         for (group, shade) in self.shade[..groups].iter_mut().enumerate() {

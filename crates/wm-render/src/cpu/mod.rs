@@ -1,9 +1,9 @@
 //! The CPU back end: the stages in order over threads.
 //!
 //! Two parallel sweeps a frame. `front` runs over clusters of splats in model order: cull, project,
-//! shade, intersect, all while 256 splats are in the first cache. Then the lists of the tiles are laid
-//! out and filled. `back` runs over tiles: sort, blend, finish, each tile in the first cache. No
-//! value depends on which thread did what, so the bytes are the same for any number of threads.
+//! shade, intersect, all while 256 splats are in the first cache. Then the lists of the tiles are
+//! laid out and filled. `back` runs over tiles: sort, blend, finish, each tile in the first cache.
+//! No value depends on which thread did what, so the bytes are the same for any number of threads.
 
 mod back;
 mod differentiable;
@@ -216,8 +216,8 @@ impl CpuRenderer {
     }
 }
 
-/// Makes a list at least `count` long, a little more if it has to grow. What was in it is lost: the old list is freed first, as both at a time
-/// would be the largest part of a frame's memory.
+/// Makes a list at least `count` long, a little more if it has to grow. What was in it is lost: the
+/// old list is freed first, as both at a time would be the largest part of a frame's memory.
 fn grow<T>(list: &mut Vec<T>, count: usize, new: impl FnMut() -> T) {
     if list.len() < count {
         *list = Vec::new();

@@ -68,7 +68,8 @@ fn frames_are_alike(backend: Backend) {
     let sets = [SetView::plain(set)];
     plain.render(&DrawPass::new(&sets, &camera, &config), &mut want).unwrap();
     let near = |got: &[f32], want: &[f32], scale: f32| {
-        // Scales are activated in another precision: the odd splat falls on the other side of a cut.
+        // Scales are activated in another precision: the odd splat falls on the other side of a
+        // cut.
         let off = got.iter().zip(want).filter(|(a, b)| (*a - *b).abs() > 1e-4 * scale).count();
         assert!(got.len() == want.len() && off * 1000 <= want.len(), "{off} of {}", want.len());
     };
@@ -127,7 +128,8 @@ fn through_air(backend: Backend) {
         ..RenderConfig::default()
     };
     let (mut want, camera, sets) = (Frame::default(), camera(333, 217), [SetView::plain(set)]);
-    // The background of training is there in place of what no splat covers, and no air is before it.
+    // The background of training is there in place of what no splat covers, and no air is before
+    // it.
     let hooks = Hooks { medium: Some(&air), ..Hooks::default() };
     plain.render(&DrawPass { hooks, ..DrawPass::new(&sets, &camera, &settings) }, &mut want).unwrap();
     let far = |a: &[f32], b: &[f32], by: f32| a.iter().zip(b).filter(|(a, b)| (*a - *b).abs() > by).count();

@@ -1,5 +1,5 @@
-// What all stages share. Names in capitals are constants of the Rust code, written before this text by
-// `gpu::source`; `View` mirrors `gpu::uniforms::view`.
+// What all stages share. Names in capitals are constants of the Rust code, written before this text
+// by `gpu::source`; `View` mirrors `gpu::uniforms::view`.
 
 struct View {
     // Rows of the rotation from world to view.
@@ -27,12 +27,14 @@ struct View {
     entry_capacity: u32,
     // Falling particles.
     drops: u32,
-    // The haze of the photos that are learnt from: its light, linear, and its extinction a scene unit times log2(e).
+    // The haze of the photos that are learnt from: its light, linear, and its extinction a scene
+    // unit times log2(e).
     airlight: vec3<f32>,
     extinction: f32,
     // A normal and a height above the camera: splats below are not drawn. A normal of 0 draws all.
     cut: vec4<f32>,
-    // Normal of the surface that splits the blend, and 1 where there is one; 2 where depths of records stand for their splats.
+    // Normal of the surface that splits the blend, and 1 where there is one; 2 where depths of
+    // records stand for their splats.
     split_normal: vec3<f32>,
     split: u32,
 }

@@ -126,7 +126,8 @@ fn kind_of(info: &wgpu::AdapterInfo) -> AdapterKind {
 
 fn ranked() -> Vec<Adapter> {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    // Sizes of dispatches are made by our own shaders within the limits: no pass before each to check them.
+    // Sizes of dispatches are made by our own shaders within the limits: no pass before each to
+    // check them.
     descriptor.flags.remove(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
     let instance = wgpu::Instance::new(descriptor);
     let mut adapters = ready(instance.enumerate_adapters(wgpu::Backends::all())).unwrap_or_default();
@@ -134,9 +135,11 @@ fn ranked() -> Vec<Adapter> {
     adapters
 }
 
-/// Returns true if there may be a real GPU. Asking every driver takes time, and some of them print to stderr.
+/// Returns true if there may be a real GPU. Asking every driver takes time, and some of them print
+/// to stderr.
 fn may_have_hardware() -> bool {
-    // Linux has a file for each: of the kernel's own drivers, NVIDIA's, Windows' below it, Adreno's, Mali's.
+    // Linux has a file for each: of the kernel's own drivers, NVIDIA's, Windows' below it,
+    // Adreno's, Mali's.
     let files = ["dri", "nvidiactl", "dxg", "kgsl-3d0", "mali0"];
     !cfg!(target_os = "linux") || files.iter().any(|file| Path::new("/dev").join(file).exists())
 }

@@ -1,4 +1,5 @@
-//! The GPU back end of training: stored parameters to pictures, and from a loss's derivative by these to gradients.
+//! The GPU back end of training: stored parameters to pictures, and from a loss's derivative by
+//! these to gradients.
 //!
 //! | pass | stage | programs |
 //! |---|---|---|
@@ -136,7 +137,8 @@ impl GpuDifferentiable {
         &self.gpu
     }
 
-    /// The times of the last step by the GPU's clock: of backward passes and moves those before the last forward pass.
+    /// The times of the last step by the GPU's clock: of backward passes and moves those before the
+    /// last forward pass.
     pub(super) fn step_clock(&self) -> Option<StepClock> {
         let seconds = |stage| self.clock.as_ref().map_or(0.0, |clock| clock.seconds(&self.ticks, stage));
         let lists = [Stage::Project, Stage::Sort, Stage::Intersect];
@@ -150,8 +152,9 @@ impl GpuDifferentiable {
         })
     }
 
-    /// Reads back the derivative that the last comparison left: by colour `[H, W, 3]`, coverage `[H, W]`, depth `[H, W]`
-    /// and normal `[H, W, 3]`, one after another. Steps have no need of it; tests look at it.
+    /// Reads back the derivative that the last comparison left: by colour `[H, W, 3]`, coverage
+    /// `[H, W]`, depth `[H, W]` and normal `[H, W, 3]`, one after another. Steps have no need of
+    /// it; tests look at it.
     ///
     /// # Errors
     /// [`RenderError`] if the device fails.

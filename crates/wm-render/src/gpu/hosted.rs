@@ -1,5 +1,5 @@
-//! The CPU's part of a GPU's frame: attributes of splats, backgrounds that are no single colour, gathering particles,
-//! and pixel effects on the picture that came back.
+//! The CPU's part of a GPU's frame: attributes of splats, backgrounds that are no single colour,
+//! gathering particles, and pixel effects on the picture that came back.
 
 use super::source::TILE_SIDE;
 use crate::attributes::{Attribute, AttributeBlock, SplatAttributes};
@@ -12,7 +12,8 @@ use crate::stages::composite::background::{BackgroundScratch, BackgroundView};
 use crate::stages::composite::gpu::BackgroundForm;
 use rayon::prelude::*;
 
-/// The attributes of splats with these indices in the loaded set, whole groups of sixteen, as `activated.wgsl` has them.
+/// The attributes of splats with these indices in the loaded set, whole groups of sixteen, as
+/// `activated.wgsl` has them.
 pub(crate) fn attributes(attributes: &dyn SplatAttributes, source: &[u32]) -> Vec<f32> {
     const BLOCKS: usize = 16;
     const SPLATS: usize = AttributeBlock::SPLATS;

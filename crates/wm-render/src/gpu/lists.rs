@@ -62,8 +62,8 @@ pub(crate) fn front(
     }
 }
 
-/// Records to the lists of `tiles` tiles: tiles and what they list, sorted. The order by depth stays in `room`, see
-/// [`order`].
+/// Records to the lists of `tiles` tiles: tiles and what they list, sorted. The order by depth
+/// stays in `room`, see [`order`].
 pub(crate) fn lists<'r>(
     recorder: &mut Recorder<'_>,
     room: &'r Room,

@@ -1,10 +1,11 @@
 //! The GPU back end: the stages of the CPU's, in WGSL, on any adapter that wgpu drives.
 //!
-//! The draw passes of a plan are one submission ([`crate::plan`]), or two if the CPU gathers particles or paints a
-//! detailed sky for one of them, which it does while the GPU draws the first splats. The GPU counts by itself what is in view and what touches the tiles, and sizes its own
-//! dispatches by it; nothing is read back before the pictures are. Lists have room for what the frames before needed and
-//! some more. Where that is not enough they are cut off, the counts say so when they come back with the picture, and the
-//! frame is made again with more room.
+//! The draw passes of a plan are one submission ([`crate::plan`]), or two if the CPU gathers
+//! particles or paints a detailed sky for one of them, which it does while the GPU draws the first
+//! splats. The GPU counts by itself what is in view and what touches the tiles, and sizes its own
+//! dispatches by it; nothing is read back before the pictures are. Lists have room for what the
+//! frames before needed and some more. Where that is not enough they are cut off, the counts say so
+//! when they come back with the picture, and the frame is made again with more room.
 //!
 //! | pass | stage | programs |
 //! |---|---|---|
@@ -15,14 +16,15 @@
 //! | fall | [`particles`](crate::stages::particles) | a workgroup a drop, sums of whole numbers |
 //! | composite | [`composite`](crate::stages::composite) | background, particles |
 //!
-//! Everything is summed in an order that is fixed, so a frame is the same, byte by byte, each time on one adapter. Ties
-//! in depth are broken as on the CPU, since splats are in the same order.
+//! Everything is summed in an order that is fixed, so a frame is the same, byte by byte, each time
+//! on one adapter. Ties in depth are broken as on the CPU, since splats are in the same order.
 //!
-//! Rays from anywhere ([`GpuRaySplats`], stage [`rays`](crate::stages::rays)) find their splats as tiles do, packet by packet, and are no frame.
+//! Rays from anywhere ([`GpuRaySplats`], stage [`rays`](crate::stages::rays)) find their splats as
+//! tiles do, packet by packet, and are no frame.
 //!
-//! Hooks: the air runs on the GPU if it has a [`WgslSource`](crate::hooks::WgslSource); otherwise the frame is refused.
-//! Attributes of splats, backgrounds of several colours and pixel effects are still computed by the CPU, and uploaded or
-//! applied to the picture that came back.
+//! Hooks: the air runs on the GPU if it has a [`WgslSource`](crate::hooks::WgslSource); otherwise
+//! the frame is refused. Attributes of splats, backgrounds of several colours and pixel effects are
+//! still computed by the CPU, and uploaded or applied to the picture that came back.
 
 #[cfg(any(test, feature = "testing"))]
 mod air;

@@ -70,7 +70,8 @@ impl GpuModel {
                 first_splat: (first * CLUSTER) as u32,
                 blocks: count as u32,
             });
-            // What waits to be copied goes with the first submission: not all of a large scene at once.
+            // What waits to be copied goes with the first submission: not all of a large scene at
+            // once.
             gpu.queue.submit([]);
         }
         gpu.check()?;
@@ -83,8 +84,8 @@ impl GpuModel {
         })
     }
 
-    /// The buffer of attributes of this revision, if it has been asked for before: a light that changes in each frame takes no memory of
-    /// its own. `numbers` makes them.
+    /// The buffer of attributes of this revision, if it has been asked for before: a light that
+    /// changes in each frame takes no memory of its own. `numbers` makes them.
     pub fn kept_attributes(
         &self,
         gpu: &Gpu,
@@ -100,7 +101,8 @@ impl GpuModel {
         if kept.last.replace(revision) != Some(revision) {
             return Ok(None);
         }
-        // A buffer of its own: the last one may still be read by passes that are about to be submitted.
+        // A buffer of its own: the last one may still be read by passes that are about to be
+        // submitted.
         let buffer = upload(gpu, "attributes of splats", &numbers())?;
         kept.uploaded = Some((revision, buffer.clone()));
         Ok(Some(buffer))

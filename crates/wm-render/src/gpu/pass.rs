@@ -55,7 +55,8 @@ fn rasterize_of<'r>(room: &'r Room, entries: &'r wgpu::Buffer) -> Rasterize<'r> 
 }
 
 impl<'a> GpuPass<'a> {
-    /// Uploads what is known of a pass before it is drawn. `transient` are its splats that no set holds, one a set.
+    /// Uploads what is known of a pass before it is drawn. `transient` are its splats that no set
+    /// holds, one a set.
     pub fn new(
         (gpu, memory): (&Gpu, &mut Memory),
         path: SimdPath,
@@ -123,7 +124,8 @@ impl<'a> GpuPass<'a> {
         })
     }
 
-    /// Puts the indices of splats as they were loaded in the place of those of the model, where the pass gives splats instead of depths.
+    /// Puts the indices of splats as they were loaded in the place of those of the model, where the
+    /// pass gives splats instead of depths.
     pub fn name_splats(&self, frame: &mut Frame) {
         if self.pass.config.outputs.median_depth != MedianDepth::Splat {
             return;
@@ -141,8 +143,8 @@ impl<'a> GpuPass<'a> {
         self.sets.iter().map(|(model, ..)| model.source.len()).sum()
     }
 
-    /// Returns true if the CPU gathers particles or paints a background for it, which takes about as long as the GPU
-    /// takes for the splats.
+    /// Returns true if the CPU gathers particles or paints a background for it, which takes about
+    /// as long as the GPU takes for the splats.
     pub fn is_hosted(&self) -> bool {
         self.background.0 == BackgroundForm::Picture || !self.pass.particles().is_empty()
     }
@@ -227,7 +229,8 @@ impl<'a> GpuPass<'a> {
         }
     }
 
-    /// Uploads the surface to where blending reads it. No other pass that is submitted with this one may have one.
+    /// Uploads the surface to where blending reads it. No other pass that is submitted with this
+    /// one may have one.
     pub fn upload_surface(&self, gpu: &Gpu, room: &Room) {
         let Some(surface) = self.pass.surface else { return };
         // Where there is none, everything is before it.
@@ -249,7 +252,8 @@ impl<'a> GpuPass<'a> {
         rasterize.record(recorder, self.tiles(), sums, self.pass.surface.is_some(), &room.counters);
     }
 
-    /// Records the commands up to the weights of the records in view, which are in the room of their counts of tiles then.
+    /// Records the commands up to the weights of the records in view, which are in the room of
+    /// their counts of tiles then.
     pub fn record_weights(&self, recorder: &mut Recorder<'_>, room: &Room) {
         recorder.encoder().clear_buffer(&room.counters, 0, None);
         let pieces = self.pieces(recorder);
@@ -261,8 +265,8 @@ impl<'a> GpuPass<'a> {
         rasterize_of(room, listed.1).record_weights(recorder, self.tiles(), &room.counts);
     }
 
-    /// The weights of the splats, set after set and as they were loaded: `blocks` are those of the room with their masks, `units` the
-    /// weights of those in view.
+    /// The weights of the splats, set after set and as they were loaded: `blocks` are those of the
+    /// room with their masks, `units` the weights of those in view.
     pub fn weights_of(&self, blocks: &[u32], units: &[u32], weights: &mut Vec<f32>) {
         weights.clear();
         let mut blocks = blocks.chunks_exact(BLOCK_WORDS as usize);
@@ -284,7 +288,8 @@ impl<'a> GpuPass<'a> {
         }
     }
 
-    /// Records the commands that put the background behind the splats and the particles before them.
+    /// Records the commands that put the background behind the splats and the particles before
+    /// them.
     pub fn record_composite(&self, recorder: &mut Recorder<'_>, room: &Room) {
         if self.particles != ParticleBlend::None {
             recorder.encoder().clear_buffer(&room.falling, 0, None);
@@ -305,8 +310,8 @@ impl<'a> GpuPass<'a> {
         composite.record(recorder, self.pixels(), *form, self.particles);
     }
 
-    /// The pictures that come back, in the order of [`super::readback::Returned`], of no bytes where they are not
-    /// wanted.
+    /// The pictures that come back, in the order of [`super::readback::Returned`], of no bytes
+    /// where they are not wanted.
     pub fn pictures<'r>(&self, room: &'r Room) -> [Source<'r>; 7] {
         let plane = 4 * u64::from(self.pixels());
         let bytes = |wanted: bool, channels: u64| if wanted { channels * plane } else { 0 };

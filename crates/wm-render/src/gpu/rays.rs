@@ -25,16 +25,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::BufferUsages;
 use wm_scene::Splats;
 
-/// Entries of packets' lists that are held at once, at most, unless there are more splats: 256 MiB with the room to sort them. Packets
-/// that have more together are traced one part after the other.
+/// Entries of packets' lists that are held at once, at most, unless there are more splats: 256 MiB
+/// with the room to sort them. Packets that have more together are traced one part after the other.
 const MOST_ENTRIES: u32 = 1 << 24;
 /// Packets that are traced at once, at most: a million rays.
 const MOST_PACKETS: u32 = 1 << 14;
-/// Angles from the middle of a packet to its rays, at most, radians. Few rays to all sides, or a packet where the curve that orders rays jumps,
-/// would have lists of most splats. The narrower ones are for lists that are still too long; in the last each packet is one ray.
+/// Angles from the middle of a packet to its rays, at most, radians. Few rays to all sides, or a
+/// packet where the curve that orders rays jumps, would have lists of most splats. The narrower
+/// ones are for lists that are still too long; in the last each packet is one ray.
 const WIDEST: [f64; 4] = [0.2, 0.05, 0.01, 0.0];
-/// Entries of one packet that a GPU in software walks, at most: Mesa's ends all loops of a thread after 65,535 turns, of which blending takes
-/// three an entry.
+/// Entries of one packet that a GPU in software walks, at most: Mesa's ends all loops of a thread
+/// after 65,535 turns, of which blending takes three an entry.
 const LONGEST_IN_SOFTWARE: u32 = 20_000;
 /// Bytes of coefficients of colour that are uploaded at once.
 const COLOR_BYTES: u64 = 64 << 20;
@@ -102,7 +103,8 @@ impl fmt::Debug for GpuRaySplats {
 }
 
 impl GpuRaySplats {
-    /// Uploads the splats for which `is_met` returns true, such as those that are no sky, each with a value for [`RayOutputs::value`]. Uses the threads of the current pool.
+    /// Uploads the splats for which `is_met` returns true, such as those that are no sky, each with
+    /// a value for [`RayOutputs::value`]. Uses the threads of the current pool.
     ///
     /// # Errors
     /// [`GpuError`] if the GPU has no room, or one array is larger than it binds.
@@ -131,7 +133,8 @@ impl GpuRaySplats {
             let bytes: &[u8] = bytemuck::cast_slice(&numbers);
             let sh = gpu.buffer("colours for rays", bytes.len() as u64, WRITTEN)?;
             gpu.write(&sh, 0, bytes);
-            // What waits to be copied goes with the first submission: not all of a large scene at once.
+            // What waits to be copied goes with the first submission: not all of a large scene at
+            // once.
             gpu.queue.submit([]);
             let first = colors.last().map_or(0, |last| last.first + last.count);
             colors.push(ColorPiece { first, count: piece.len() as u32, sh });
@@ -154,7 +157,8 @@ impl GpuRaySplats {
         Self { most_entries, ..self }
     }
 
-    /// Traces rays, as [`RaySplats::trace`](crate::RaySplats::trace) does. Equal from call to call on one adapter.
+    /// Traces rays, as [`RaySplats::trace`](crate::RaySplats::trace) does. Equal from call to call
+    /// on one adapter.
     ///
     /// # Errors
     /// [`GpuError`] if the GPU has no room, or fails.
@@ -249,7 +253,8 @@ impl GpuRaySplats {
         all
     }
 
-    /// Traces some packets with the room that there is; returns the entries that room is needed for, and those of the longest list.
+    /// Traces some packets with the room that there is; returns the entries that room is needed
+    /// for, and those of the longest list.
     fn attempt(
         &self,
         working: &mut Working,

@@ -28,7 +28,8 @@ pub(crate) struct Counted {
 /// A part of a buffer: from an offset on, so many bytes.
 pub(crate) type Source<'a> = (&'a wgpu::Buffer, u64, u64);
 
-/// The results that several passes send back together: of each its counts, its times and its pictures.
+/// The results that several passes send back together: of each its counts, its times and its
+/// pictures.
 pub(crate) struct WayBack {
     staging: wgpu::Buffer,
     /// The start of those of each pass, and the end of all.
@@ -125,8 +126,9 @@ impl Returned {
         Counted { visible, entries, walked }
     }
 
-    /// Takes what the next pass sent: its pictures, whose arrays have their sizes, and its times. `hidden` takes the
-    /// expected depth where the frame has none and something on the CPU needs it.
+    /// Takes what the next pass sent: its pictures, whose arrays have their sizes, and its times.
+    /// `hidden` takes the expected depth where the frame has none and something on the CPU needs
+    /// it.
     pub fn take(
         &mut self,
         frame: &mut Frame,
@@ -240,7 +242,8 @@ pub(crate) fn wait(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), G
         let _ = told.send(result);
     });
     gpu.finish()?;
-    // Another thread that polls the same device may have taken it upon itself to tell, and be about to.
+    // Another thread that polls the same device may have taken it upon itself to tell, and be about
+    // to.
     match mapped.recv_timeout(Duration::from_secs(10)) {
         Ok(Ok(())) => Ok(()),
         Ok(Err(error)) => Err(GpuError::Refused(error.to_string())),

@@ -94,7 +94,8 @@ impl Clock {
 /// Number and resource of each binding.
 pub(crate) type Bindings<'a> = Vec<(u32, BindingResource<'a>)>;
 
-/// `first` and, at the numbers that follow its last, whole buffers in the order in which the shader declares them.
+/// `first` and, at the numbers that follow its last, whole buffers in the order in which the shader
+/// declares them.
 pub(crate) fn with_buffers<'a, const N: usize>(
     mut first: Bindings<'a>,
     buffers: [&'a wgpu::Buffer; N],
@@ -136,7 +137,8 @@ impl<'a> Recorder<'a> {
         self.clock.map(|clock| &clock.times)
     }
 
-    /// The dispatches that follow are of this stage; each stage begins once before [`Self::tell_times`].
+    /// The dispatches that follow are of this stage; each stage begins once before
+    /// [`Self::tell_times`].
     pub fn begin(&mut self, stage: Stage) {
         self.pass = None;
         self.stages.push(stage);

@@ -23,8 +23,8 @@ use std::sync::Arc;
 use web_time::Instant;
 use wm_scene::Splats;
 
-/// Bytes of pictures that come back together, at most, unless one pass alone has more: what waits on the way back is
-/// in memory twice.
+/// Bytes of pictures that come back together, at most, unless one pass alone has more: what waits
+/// on the way back is in memory twice.
 const MOST_TOGETHER: u64 = 256 << 20;
 
 /// The GPU back end. It keeps its working memory from frame to frame.
@@ -81,7 +81,8 @@ impl GpuRenderer {
         self.room.as_ref()
     }
 
-    /// Carries out a plan, as [`RenderBackend::execute`] does, and lets others work while the GPU does.
+    /// Carries out a plan, as [`RenderBackend::execute`] does, and lets others work while the GPU
+    /// does.
     ///
     /// # Errors
     /// As of [`RenderBackend::execute`].
@@ -106,9 +107,9 @@ impl GpuRenderer {
         Ok(stats)
     }
 
-    /// Runs passes whose pictures come back together: the draw passes in one submission, or in two where the CPU has
-    /// work of its own for them, which it does while the GPU draws the first splats. Then everything that works on
-    /// finished pictures, in order.
+    /// Runs passes whose pictures come back together: the draw passes in one submission, or in two
+    /// where the CPU has work of its own for them, which it does while the GPU draws the first
+    /// splats. Then everything that works on finished pictures, in order.
     async fn run(
         &mut self,
         passes: &[FramePass<'_>],
@@ -230,8 +231,8 @@ impl GpuRenderer {
     }
 }
 
-/// Takes the pictures of the draw passes out of what came back, and carries out what works on finished pictures, in
-/// order.
+/// Takes the pictures of the draw passes out of what came back, and carries out what works on
+/// finished pictures, in order.
 fn take(
     passes: &[FramePass<'_>],
     work: &[GpuPass<'_>],

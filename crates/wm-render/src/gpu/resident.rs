@@ -1,5 +1,5 @@
-//! Splats that learn on the GPU: they stay there with what the optimiser remembers, and only pictures and a loss's
-//! derivatives by these cross over.
+//! Splats that learn on the GPU: they stay there with what the optimiser remembers, and only
+//! pictures and a loss's derivatives by these cross over.
 
 use super::buffers::{Growing, READ_BACK, WRITTEN};
 use super::device::Gpu;

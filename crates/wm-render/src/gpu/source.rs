@@ -1,4 +1,5 @@
-//! The programs of the GPU: each stage puts its own together, and the constants of the Rust code come before them.
+//! The programs of the GPU: each stage puts its own together, and the constants of the Rust code
+//! come before them.
 
 use crate::attributes::Attribute;
 use crate::differentiable::Channels;
@@ -39,7 +40,8 @@ pub const SORT_BLOCK: u32 = WORKGROUP * SORT_ROUNDS;
 pub const BLOCK_WORDS: u32 = 1 + WORKGROUP / 32;
 /// Words of the counters, see `Counters` in `common.wgsl`.
 pub const COUNTER_WORDS: u64 = 5;
-/// The first word of the sizes of a dispatch over the splats in view, among those that the GPU finds.
+/// The first word of the sizes of a dispatch over the splats in view, among those that the GPU
+/// finds.
 pub const VISIBLE_GROUPS: u32 = 0;
 /// Of their sort.
 pub const VISIBLE_SORT: u32 = 3;

@@ -1,5 +1,5 @@
-//! Splats in stored form on the GPU: as they learn, in their own order, in pieces that one binding holds, with what is
-//! remembered of them where they learn there.
+//! Splats in stored form on the GPU: as they learn, in their own order, in pieces that one binding
+//! holds, with what is remembered of them where they learn there.
 
 mod rearranged;
 
@@ -20,7 +20,8 @@ use std::ops::Range;
 use wgpu::BufferUsages;
 use wm_scene::{Group, Splats, sh};
 
-/// Numbers of `known` in `optimize.wgsl` a splat. Steps are exact in them: there are fewer than 2^24.
+/// Numbers of `known` in `optimize.wgsl` a splat. Steps are exact in them: there are fewer than
+/// 2^24.
 const KNOWN: usize = 4;
 const USAGE: BufferUsages = READ_BACK.union(BufferUsages::COPY_DST);
 
@@ -55,7 +56,8 @@ struct Field<A> {
     row: usize,
 }
 
-/// A set of arrays of parameters, or of something of their shape: means, quats, scales, opacities, colours.
+/// A set of arrays of parameters, or of something of their shape: means, quats, scales, opacities,
+/// colours.
 type Arrays<A> = [A; 5];
 
 /// The rows of `geometry.wgsl`, but for the last.
@@ -273,7 +275,8 @@ impl StoredModel {
                 },
                 piece: piece(range, rest),
             });
-            // What waits to be copied goes with the first submission: not all of a large scene at once.
+            // What waits to be copied goes with the first submission: not all of a large scene at
+            // once.
             gpu.queue.submit([]);
         }
         Ok(())

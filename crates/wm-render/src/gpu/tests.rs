@@ -15,7 +15,8 @@ use crate::testing::{
 use std::sync::Arc;
 use wm_scene::{Camera, Splats};
 
-/// A GPU of a test's own with all that the adapter has, or with little, and bindings that hold no more than that.
+/// A GPU of a test's own with all that the adapter has, or with little, and bindings that hold no
+/// more than that.
 fn own_gpu(most_binding: Option<u64>) -> Arc<Gpu> {
     let all = || Gpu::open(&GpuConfig { choice: AdapterChoice::Any, ..GpuConfig::default() }).unwrap();
     most_binding.map_or_else(all, small_gpu)
@@ -69,7 +70,8 @@ fn room_that_is_too_small_grows_and_the_frame_is_whole() {
     assert_alike(&one, &two);
 }
 
-/// Two pictures of one scene, on two back ends: what may be off is a splat at a cut, or two at one depth.
+/// Two pictures of one scene, on two back ends: what may be off is a splat at a cut, or two at one
+/// depth.
 fn assert_alike(one: &Frame, two: &Frame) {
     let off: Vec<f64> = one.rgb.iter().zip(&two.rgb).map(|(a, b)| f64::from((a - b).abs())).collect();
     let count = off.len() as f64;

@@ -94,8 +94,8 @@ impl Capacity {
         self.entries = self.entries.max(total.max(65_536).min(limit.entries));
     }
 
-    /// Grows to what a frame needed, and a quarter more where that fits; whether it had to. Entries are counted of the
-    /// splats that had room, so both may have to grow one after the other.
+    /// Grows to what a frame needed, and a quarter more where that fits; whether it had to. Entries
+    /// are counted of the splats that had room, so both may have to grow one after the other.
     pub fn grow(&mut self, visible: u32, entries: u32, most_binding: u64, each: ItemBytes) -> bool {
         let (before, limit) = (*self, Self::limit(most_binding, each));
         let more = |has: u32, needs: u32, limit: u32| {
@@ -211,7 +211,8 @@ pub fn view(sight: &ViewParameters<'_>, blocks: u32, drops: u32, capacity: Capac
         .whole("split", if sight.median == MedianDepth::Splat { 2 } else { sight.split.is_some().into() })
 }
 
-/// `View` of lists of something else than tiles, which no camera sees: their number, blocks of what they list, and room.
+/// `View` of lists of something else than tiles, which no camera sees: their number, blocks of what
+/// they list, and room.
 #[must_use]
 pub fn view_of_lists(lists: u32, blocks: u32, capacity: Capacity) -> Uniform {
     let (fx, fy, cx, cy) = (1.0, 1.0, 0.5, 0.5);
@@ -337,7 +338,8 @@ pub fn training(background: [f32; 3], depth_alpha: DepthAlpha) -> Uniform {
         .whole("depth_detached", u32::from(depth_alpha == DepthAlpha::Detached))
 }
 
-/// `Comparison` of `photo.wgsl`, one a channel: `pixels` are those of the picture, `counted` what they count together.
+/// `Comparison` of `photo.wgsl`, one a channel: `pixels` are those of the picture, `counted` what
+/// they count together.
 #[must_use]
 pub fn comparison(comparison: &Comparison<'_>, pixels: u32, counted: f64, channel: u32) -> Uniform {
     let row = |row: usize| [0, 1, 2, 3].map(|k| comparison.exposure[4 * row + k]);
@@ -351,7 +353,8 @@ pub fn comparison(comparison: &Comparison<'_>, pixels: u32, counted: f64, channe
         .whole("channel", channel)
 }
 
-/// `Geometry` of `geometry.wgsl`: `pixels` are those of the picture; columns and number of the patches.
+/// `Geometry` of `geometry.wgsl`: `pixels` are those of the picture; columns and number of the
+/// patches.
 #[must_use]
 pub fn geometry(comparison: &Comparison<'_>, pixels: u32, patches: (u32, u32)) -> Uniform {
     let Comparison { believed, patches: plan, .. } = comparison;

@@ -1,9 +1,10 @@
 //! The referee of gradients: the formulas of the backward stages in f64, by brute force.
 //!
 //! A render is no smooth function: splats fall under the cut, clamps bite, the order changes. A
-//! gradient is that of the smooth piece at hand, so all decisions are taken once ([`Decisions`]) and
-//! kept: [`render`] under kept decisions is smooth, and [`gradients`] is its derivative, which tests
-//! check by finite differences. [`Decisions::steady`] tells the pixels where f32 decides alike.
+//! gradient is that of the smooth piece at hand, so all decisions are taken once ([`Decisions`])
+//! and kept: [`render`] under kept decisions is smooth, and [`gradients`] is its derivative, which
+//! tests check by finite differences. [`Decisions::steady`] tells the pixels where f32 decides
+//! alike.
 
 mod splat;
 #[cfg(test)]
@@ -395,7 +396,8 @@ fn pixel_gradients(
     }
 }
 
-/// The derivatives of the 16 basis functions of [`sh::basis`], taken as polynomials, at `direction`.
+/// The derivatives of the 16 basis functions of [`sh::basis`], taken as polynomials, at
+/// `direction`.
 #[must_use]
 pub fn basis_slopes(direction: [f64; 3]) -> [[f64; 3]; 16] {
     use sh::{C1, C2, C3};

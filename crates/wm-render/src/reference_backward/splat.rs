@@ -77,7 +77,8 @@ fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 impl Splat {
-    /// Projects and shades splat `i`; `None` where it is not drawn. Kept decisions are not taken anew.
+    /// Projects and shades splat `i`; `None` where it is not drawn. Kept decisions are not taken
+    /// anew.
     pub fn new(
         parameters: &Parameters,
         i: usize,
@@ -226,7 +227,8 @@ impl Splat {
             out.logit_opacities[i] = s0 * (1.0 - sigmoid(parameters.logit_opacities[i]));
         }
 
-        // The Gaussian's shape: W = P M with P = [[ux, 0], [vx, vy]], and C W with C from the moments.
+        // The Gaussian's shape: W = P M with P = [[ux, 0], [vx, vy]], and C W with C from the
+        // moments.
         let dilation = f64::from(DILATION);
         let whitened = |column: [f64; 2]| {
             let across = (0..3).map(|j| self.m[j][0] * cross(self.m[j], column)).sum::<f64>();

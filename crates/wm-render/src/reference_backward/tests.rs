@@ -13,8 +13,8 @@ fn random_loss(channels: Channels, seed: u64) -> RandomLoss {
     RandomLoss::new(channels, (SIZE.0 * SIZE.1) as usize, seed, |_| true)
 }
 
-/// The distance of the gradient by each array from central differences, L2, relative. What the rounding of
-/// the loss does to the differences is taken off.
+/// The distance of the gradient by each array from central differences, L2, relative. What the
+/// rounding of the loss does to the differences is taken off.
 fn against_differences(
     splats: &Splats,
     config: &ForwardConfig,

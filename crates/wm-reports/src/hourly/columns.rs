@@ -27,7 +27,8 @@ pub(super) enum Field {
     MeteostatCode,
 }
 
-/// Names, the unit that counts where none is given, and the range of values in the table's own unit (see [`scale`]).
+/// Names, the unit that counts where none is given, and the range of values in the table's own unit
+/// (see [`scale`]).
 const COLUMNS: &[(&[&str], Field, &str, [f64; 2])] = &[
     (&["time", "datetime", "valid_time"], Field::Time, "", [0.0, 0.0]),
     (&["date"], Field::Date, "", [0.0, 0.0]),
@@ -106,7 +107,8 @@ impl Column {
     pub(super) fn of(name: &str, unit: &str, has_snow_depth: bool) -> Option<Result<Self, String>> {
         let (_, mut field, mut usual, mut range) =
             *COLUMNS.iter().find(|(names, ..)| names.iter().any(|known| known.eq_ignore_ascii_case(name)))?;
-        // Meteostat once had the depth in mm as `snow`; since it has `snwd` that is fresh snow in cm.
+        // Meteostat once had the depth in mm as `snow`; since it has `snwd` that is fresh snow in
+        // cm.
         if name == "snow" && has_snow_depth {
             (field, usual, range) = (Field::Snowfall, "cm", [0.0, 5.0]);
         }

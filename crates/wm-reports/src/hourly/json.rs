@@ -1,4 +1,5 @@
-//! Tables as JSON, as Open-Meteo has them: an object `hourly` of lists of the same length, `hourly_units`, and the place.
+//! Tables as JSON, as Open-Meteo has them: an object `hourly` of lists of the same length,
+//! `hourly_units`, and the place.
 
 use super::WeatherTable;
 use super::csv::stem;

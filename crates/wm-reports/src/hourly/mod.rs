@@ -1,10 +1,13 @@
-//! Hours of weather: tables of Open-Meteo (JSON and CSV), of Meteostat (CSV), and any CSV with the same names of columns.
+//! Hours of weather: tables of Open-Meteo (JSON and CSV), of Meteostat (CSV), and any CSV with the
+//! same names of columns.
 //!
-//! A row says what is there at its time, and what fell in the hour before it. So a table of 24 rows is 24 hours that begin an
-//! hour before its first row; with `seconds_per_hour` of 1 it is a shot of 24 seconds. What falls is held over its hour, so
-//! that the sums of the table are those of the weather; everything else goes evenly from row to row.
+//! A row says what is there at its time, and what fell in the hour before it. So a table of 24 rows
+//! is 24 hours that begin an hour before its first row; with `seconds_per_hour` of 1 it is a shot
+//! of 24 seconds. What falls is held over its hour, so that the sums of the table are those of the
+//! weather; everything else goes evenly from row to row.
 //!
-//! Columns, by the names of Open-Meteo and of Meteostat, with the units that count where the file has none:
+//! Columns, by the names of Open-Meteo and of Meteostat, with the units that count where the file
+//! has none:
 //!
 //! | Open-Meteo | Meteostat | unit | becomes |
 //! |---|---|---|---|
@@ -109,7 +112,8 @@ impl WeatherTable {
         self.step * self.rows.len() as f64
     }
 
-    /// The row in whose step an instant lies, hours from the beginning; `None` before that and after the last row.
+    /// The row in whose step an instant lies, hours from the beginning; `None` before that and
+    /// after the last row.
     #[must_use]
     pub fn at_hours(&self, hours: f64) -> Option<&WeatherRow> {
         if !(0.0..=self.hours()).contains(&hours) {

@@ -30,8 +30,8 @@ pub(super) fn day_of_year(days_since: i64) -> i64 {
     days_since - days(date(days_since)[0], 1, 1) + 1
 }
 
-/// Seconds since 1970 of `2024-01-15T06:00`, with seconds and zone or without; true if it has a zone and so is UTC. A
-/// number is seconds since 1970, UTC.
+/// Seconds since 1970 of `2024-01-15T06:00`, with seconds and zone or without; true if it has a
+/// zone and so is UTC. A number is seconds since 1970, UTC.
 pub(super) fn parse(text: &str) -> Option<(i64, bool)> {
     let text = text.trim();
     if text.len() > 8 && text.bytes().all(|b| b.is_ascii_digit()) {

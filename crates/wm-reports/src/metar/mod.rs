@@ -40,7 +40,8 @@ pub struct MetarTime {
 /// The wind of a report.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MetarWind {
-    /// Direction it comes from, degrees from true north; `None` if it is variable or was not measured.
+    /// Direction it comes from, degrees from true north; `None` if it is variable or was not
+    /// measured.
     pub from: Option<f64>,
     /// Mean speed, m/s; `None` if it was not measured.
     pub speed: Option<f64>,
@@ -79,7 +80,8 @@ pub struct MetarVisibility {
 pub struct RunwayRange {
     /// The runway: `04L`.
     pub runway: String,
-    /// Least and greatest distance, m; the same where it does not vary. `None` if it was not measured.
+    /// Least and greatest distance, m; the same where it does not vary. `None` if it was not
+    /// measured.
     pub metres: Option<[f64; 2]>,
 }
 

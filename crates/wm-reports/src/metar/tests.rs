@@ -130,7 +130,8 @@ fn what_is_wrong_is_said_with_its_place() {
     }
 }
 
-/// The fixture's reports, decoded and as weathers; `tests/peers/metar.py` holds the fields against another decoder.
+/// The fixture's reports, decoded and as weathers; `tests/peers/metar.py` holds the fields against
+/// another decoder.
 #[test]
 fn reports_of_all_kinds_are_weathers() {
     let text = include_str!("../../fixtures/metar.txt");

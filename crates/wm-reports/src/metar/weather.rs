@@ -36,7 +36,8 @@ const SMALL_HAIL: [f64; 3] = [2.0, 8.0, 20.0];
 const PELLETS: [f64; 3] = [0.5, 2.0, 5.0];
 /// Wind that lifts snow, m/s.
 const LIFTS_SNOW: f64 = 8.0;
-/// Flashes a minute of light, moderate and heavy thunderstorms, and their distance, m; in the vicinity both differ.
+/// Flashes a minute of light, moderate and heavy thunderstorms, and their distance, m; in the
+/// vicinity both differ.
 const FLASHES: [f64; 3] = [4.0, 6.0, 10.0];
 const STORM: f64 = 3000.0;
 const STORM_NEARBY: [f64; 2] = [3.0, 12_000.0];

@@ -1,7 +1,8 @@
 //! Weather in plain words: `heavy rain, wind 40 km/h from the west, visibility 300 m, -2 C`.
 //!
-//! Commas, `and` and `with` part what is said. A word that is not known is an error with the nearest one: nothing is
-//! understood by guessing. Words for strength have rates of their own, which are marked as guesses.
+//! Commas, `and` and `with` part what is said. A word that is not known is an error with the
+//! nearest one: nothing is understood by guessing. Words for strength have rates of their own,
+//! which are marked as guesses.
 
 mod tokens;
 mod units;

@@ -1,4 +1,5 @@
-//! Lenses that are no pinholes: where a direction is seen in the picture, and the direction of a picture point.
+//! Lenses that are no pinholes: where a direction is seen in the picture, and the direction of a
+//! picture point.
 
 use super::{Camera, CameraError};
 use crate::capture::Distortion;
@@ -10,30 +11,33 @@ const EDGE: u32 = 64;
 /// Steps along the angle from the axis in which a fisheye is looked at for folds.
 const STEPS: u32 = 512;
 
-/// The projection of a lens, with the focal lengths, the principal point, the size and the pose of a [`Camera`].
+/// The projection of a lens, with the focal lengths, the principal point, the size and the pose of
+/// a [`Camera`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LensModel {
     /// A pinhole with distortion, OpenCV's model with k1, k2, p1, p2 and k3.
     Perspective(Distortion),
     /// OpenCV's fisheye (Kannala and Brandt 2006): a ray at an angle `t` from the axis is seen at
-    /// `t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)` focal lengths from the principal point. With zeros an equidistant lens.
+    /// `t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)` focal lengths from the principal point. With
+    /// zeros an equidistant lens.
     Fisheye {
         /// k1, k2, k3, k4.
         radial: [f64; 4],
         /// Largest angle from the axis that is shown, radians, up to half a turn.
         widest: f64,
     },
-    /// All directions, longitude along the picture and latitude down it: the middle is forward, the left and the right edge are behind.
-    /// Focal lengths and principal point are not used.
+    /// All directions, longitude along the picture and latitude down it: the middle is forward, the
+    /// left and the right edge are behind. Focal lengths and principal point are not used.
     Equirectangular,
 }
 
 impl LensModel {
-    /// An equidistant fisheye in a picture of this size that shows a circle of `degrees` across its shorter side, and nothing around it:
-    /// the lens, and a camera at the origin.
+    /// An equidistant fisheye in a picture of this size that shows a circle of `degrees` across its
+    /// shorter side, and nothing around it: the lens, and a camera at the origin.
     ///
     /// # Errors
-    /// [`CameraError`] if the size makes no picture or the angle is not above 0 and at most 360 degrees.
+    /// [`CameraError`] if the size makes no picture or the angle is not above 0 and at most 360
+    /// degrees.
     pub fn fisheye((width, height): (u32, u32), degrees: f64) -> Result<(Self, Camera), CameraError> {
         if !(degrees > 0.0 && degrees <= 360.0) {
             let expected = "a fisheye shows more than 0 and at most 360 degrees";
@@ -57,7 +61,8 @@ impl LensModel {
     /// Checks that no two directions are seen at one point of the picture.
     ///
     /// # Errors
-    /// [`CameraError::Lens`] with the angle at which the lens folds; [`CameraError`] if the camera itself is wrong.
+    /// [`CameraError::Lens`] with the angle at which the lens folds; [`CameraError`] if the camera
+    /// itself is wrong.
     pub fn check(&self, camera: &Camera) -> Result<(), CameraError> {
         camera.check()?;
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
@@ -108,8 +113,9 @@ impl LensModel {
         }
     }
 
-    /// The direction that is seen at a picture point (px; the centre of the top left pixel is at 0.5, 0.5): length 1, camera axes (x right,
-    /// y down, z forward). `None` where the lens shows nothing.
+    /// The direction that is seen at a picture point (px; the centre of the top left pixel is at
+    /// 0.5, 0.5): length 1, camera axes (x right, y down, z forward). `None` where the lens shows
+    /// nothing.
     #[must_use]
     pub fn ray(&self, camera: &Camera, [x, y]: [f64; 2]) -> Option<DVec3> {
         let (u, v) = ((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy);
@@ -135,7 +141,8 @@ impl LensModel {
         }
     }
 
-    /// The picture point, px, at which a direction in camera axes is seen; `None` where the lens does not see it.
+    /// The picture point, px, at which a direction in camera axes is seen; `None` where the lens
+    /// does not see it.
     #[must_use]
     pub fn project(&self, camera: &Camera, direction: DVec3) -> Option<[f64; 2]> {
         let DVec3 { x, y, z } = direction;
@@ -170,7 +177,8 @@ impl LensModel {
     }
 }
 
-/// Distance from the principal point, focal lengths, at which a fisheye shows an angle from its axis, and its derivative.
+/// Distance from the principal point, focal lengths, at which a fisheye shows an angle from its
+/// axis, and its derivative.
 fn radius_of([k1, k2, k3, k4]: &[f64; 4], angle: f64) -> (f64, f64) {
     let square = angle * angle;
     let radius = angle * (1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4))));
@@ -178,8 +186,8 @@ fn radius_of([k1, k2, k3, k4]: &[f64; 4], angle: f64) -> (f64, f64) {
     (radius, slope)
 }
 
-/// The angle from the axis that a fisheye shows at a distance from the principal point, focal lengths; `None` beyond half a turn and
-/// where the lens folds.
+/// The angle from the axis that a fisheye shows at a distance from the principal point, focal
+/// lengths; `None` beyond half a turn and where the lens folds.
 fn angle_of(radial: &[f64; 4], radius: f64) -> Option<f64> {
     // Newton's method, kept between two angles that show less and more.
     let (mut low, mut high) = (0.0, PI);
@@ -209,7 +217,8 @@ mod tests {
     #[test]
     fn known_points_of_lenses() {
         let (lens, camera) = LensModel::fisheye((640, 480), 180.0).unwrap();
-        // Half a turn across the height: what is straight up is at the upper edge, and the corners are dark.
+        // Half a turn across the height: what is straight up is at the upper edge, and the corners
+        // are dark.
         let up = lens.project(&camera, DVec3::NEG_Y).unwrap();
         assert_eq!((lens.ray(&camera, [1.0, 1.0]), lens.project(&camera, DVec3::NEG_Z)), (None, None));
         assert!((up[0] - 320.0).abs() < 1e-9 && up[1].abs() < 1e-9);

@@ -32,7 +32,8 @@ struct LensFile {
 }
 
 impl LensModel {
-    /// Reads a lens, with the size, the focal lengths and the principal point of its picture, from a TOML file:
+    /// Reads a lens, with the size, the focal lengths and the principal point of its picture, from
+    /// a TOML file:
     ///
     /// ```toml
     /// model = "OPENCV_FISHEYE"          # or OPENCV, EQUIRECTANGULAR
@@ -44,7 +45,8 @@ impl LensModel {
     /// ```
     ///
     /// # Errors
-    /// [`FormatError`] with line and column, if it is not TOML, has unknown keys, or its numbers make no lens.
+    /// [`FormatError`] with line and column, if it is not TOML, has unknown keys, or its numbers
+    /// make no lens.
     pub fn read(path: &Path) -> Result<(Self, Camera), FormatError> {
         let length = std::fs::metadata(path).map_err(|error| FormatError::reading(path, error))?.len();
         if length > MAX_BYTES {

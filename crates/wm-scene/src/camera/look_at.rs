@@ -40,7 +40,8 @@ impl LookAt {
         Self { size: (width, height), ..self }
     }
 
-    /// Sets the direction that is up in the picture, world axes, any length but 0; the scene's otherwise.
+    /// Sets the direction that is up in the picture, world axes, any length but 0; the scene's
+    /// otherwise.
     #[must_use]
     pub fn up(self, up: impl Into<DVec3>) -> Self {
         Self { up: Some(up.into()), ..self }
@@ -52,10 +53,12 @@ impl LookAt {
         Self { near: Some(units), ..self }
     }
 
-    /// The camera in a scene whose up is `up` and whose near plane is `near`, where this does not set them.
+    /// The camera in a scene whose up is `up` and whose near plane is `near`, where this does not
+    /// set them.
     ///
     /// # Errors
-    /// [`CameraError`] if the size, the field of view, the near plane or the directions make no camera.
+    /// [`CameraError`] if the size, the field of view, the near plane or the directions make no
+    /// camera.
     pub fn camera(&self, up: DVec3, near: f64) -> Result<Camera, CameraError> {
         let up = self.up.unwrap_or(up);
         let camera = Camera::looking(self.size, self.fov_y, self.eye, self.target, up)?;

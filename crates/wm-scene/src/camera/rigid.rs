@@ -4,16 +4,18 @@ use super::viewmat_of;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use thiserror::Error;
 
-/// Most by which an element of `R R^T` may differ from the identity for [`Camera::check`](super::Camera::check).
+/// Most by which an element of `R R^T` may differ from the identity for
+/// [`Camera::check`](super::Camera::check).
 ///
-/// Rotations come from files as `f32`, at most 2^-25 off an element, or with six decimals, at most 5e-7
-/// off. Rows of length 1 whose elements are off by `e` have lengths and products off by `2 sqrt(3) e` at
-/// most, 1.7e-6 for six decimals; a chain of six such rotations (scene, dataset and camera transforms of
-/// other programs) adds up to 1e-5. In a picture 1000 px wide this is 0.01 px.
+/// Rotations come from files as `f32`, at most 2^-25 off an element, or with six decimals, at most
+/// 5e-7 off. Rows of length 1 whose elements are off by `e` have lengths and products off by
+/// `2 sqrt(3) e` at most, 1.7e-6 for six decimals; a chain of six such rotations (scene, dataset
+/// and camera transforms of other programs) adds up to 1e-5. In a picture 1000 px wide this is 0.01
+/// px.
 pub const RIGID_TOLERANCE: f64 = 1e-5;
 
-/// Most by which an element of `R R^T` may differ in files that say what a matrix is: three decimals. Such a
-/// matrix is replaced by the nearest rotation.
+/// Most by which an element of `R R^T` may differ in files that say what a matrix is: three
+/// decimals. Such a matrix is replaced by the nearest rotation.
 const FILE_TOLERANCE: f64 = 1e-3;
 
 /// The reason why a matrix is not a rotation, or a pose is not rigid. Rows are numbered from 1.
@@ -46,7 +48,8 @@ pub enum PoseFault {
     LastRow([f64; 4]),
 }
 
-/// Checks that a 4x4 matrix is a rotation with a translation, each element within [`RIGID_TOLERANCE`].
+/// Checks that a 4x4 matrix is a rotation with a translation, each element within
+/// [`RIGID_TOLERANCE`].
 ///
 /// # Errors
 /// [`PoseFault`] says what is wrong with it.

@@ -1,8 +1,10 @@
-//! Bundler's `bundle.out`, version 0.3, with the names of its photos in a list; Metashape, RealityScan and others export it.
+//! Bundler's `bundle.out`, version 0.3, with the names of its photos in a list; Metashape,
+//! RealityScan and others export it.
 //!
-//! A camera is a focal length (px), k1 and k2, and camera_from_world with OpenGL axes (y up, looking along -z), which change signs here. The
-//! principal point is the middle of the photo, whose size is read from its header. A camera with a focal length of 0 was not
-//! registered. Points have a place, a colour, and where they were seen, from the middle of the photo with y up.
+//! A camera is a focal length (px), k1 and k2, and camera_from_world with OpenGL axes (y up,
+//! looking along -z), which change signs here. The principal point is the middle of the photo,
+//! whose size is read from its header. A camera with a focal length of 0 was not registered. Points
+//! have a place, a colour, and where they were seen, from the middle of the photo with y up.
 
 use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, Observation, SparsePoints, Want, header, places};
 use crate::{Camera, FormatError, Problem, camera::{rotation_of, viewmat_of}, error::{number, one_line}, source::Source};
@@ -222,7 +224,8 @@ mod tests {
 
     /// The first bytes of a PNG of 800 x 600 px.
     const PNG: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\x03\x20\0\0\x02\x58\x08\x02\0\0\0CRC_\0\0\0\0IDAT";
-    /// A camera at (0, 0, 5) that looks along -z, one that was not registered, and a point before the first.
+    /// A camera at (0, 0, 5) that looks along -z, one that was not registered, and a point before
+    /// the first.
     const WHOLE: &str = "# Bundle file v0.3\n2 1\n700 -0.1 0.01\n1 0 0\n0 1 0\n0 0 1\n0 0 -5\n0 0 0\n0 0 0\n0 0 0\n\
                          0 0 0\n0 0 0\n1 2 0\n10 20 30\n1 0 4 140 280\n";
 

@@ -5,8 +5,8 @@
 //! x' = x (1 + k1 r2 + k2 r2^2 + k3 r2^3) + 2 p1 x y + p2 (r2 + 2 x^2)
 //! y' = y (1 + k1 r2 + k2 r2^2 + k3 r2^3) + 2 p2 x y + p1 (r2 + 2 y^2)
 //! ```
-//! (Brown 1966), which is OpenCV's model with five coefficients. COLMAP calls it OPENCV, without k3; its SIMPLE_RADIAL and RADIAL have
-//! `p1 = p2 = 0`, too.
+//! (Brown 1966), which is OpenCV's model with five coefficients. COLMAP calls it OPENCV, without
+//! k3; its SIMPLE_RADIAL and RADIAL have `p1 = p2 = 0`, too.
 
 use crate::Camera;
 
@@ -248,7 +248,8 @@ mod tests {
                 let y = (py * f64::from(ideal.height) - ideal.cy) / ideal.fy;
                 let (u, v) = lens.distort(x, y);
                 let (u, v) = (u * photo.fx + photo.cx, v * photo.fy + photo.cy);
-                // Between two of the points looked at along an edge the curve may bend by this much.
+                // Between two of the points looked at along an edge the curve may bend by this
+                // much.
                 let slack = 0.05;
                 prop_assert!(u > -slack && u < 640.0 + slack && v > -slack && v < 480.0 + slack, "{u} {v}");
             }

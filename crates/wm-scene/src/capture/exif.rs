@@ -1,8 +1,9 @@
 //! EXIF of photos: orientation, position and time.
 //!
-//! Only times of which the time zone is stated are read: the GPS time, which is UTC, else the camera's clock with its offset.
-//! Photos from Mapillary have the time, and the position, in their description.
-//! A block of EXIF may hold any bytes: all offsets are checked, and what cannot be read is left out.
+//! Only times of which the time zone is stated are read: the GPS time, which is UTC, else the
+//! camera's clock with its offset. Photos from Mapillary have the time, and the position, in their
+//! description. A block of EXIF may hold any bytes: all offsets are checked, and what cannot be
+//! read is left out.
 
 use super::{Gps, header::Orientation};
 use serde::Deserialize;
@@ -34,7 +35,8 @@ const SECONDS_A_DAY: i64 = 86_400;
 /// Longest description that is read, bytes.
 const DESCRIPTION: usize = 8192;
 
-/// The JSON object that Mapillary's tools write into the description of a photo. They write numbers as strings.
+/// The JSON object that Mapillary's tools write into the description of a photo. They write numbers
+/// as strings.
 #[derive(Deserialize)]
 struct Mapillary {
     /// UTC, such as `2014_06_07_10_24_05_656`; the last part is milliseconds.

@@ -2,8 +2,8 @@
 //!
 //! Places on the ellipsoid become east, north and up in metres around the first of them; then the
 //! similarity `enu = s R x + t` is found that takes the cameras there (Horn 1987, the closed form
-//! with quaternions), first from three cameras at a time for one that most agree with (RANSAC), then
-//! from all of them with weights that let outliers fade (Geman and McClure).
+//! with quaternions), first from three cameras at a time for one that most agree with (RANSAC),
+//! then from all of them with weights that let outliers fade (Geman and McClure).
 
 use crate::jacobi::jacobi;
 use crate::survey::linear::{horizontals, outer};
@@ -29,8 +29,9 @@ pub struct GpsFit {
     pub up: DVec3,
     /// True north, level, world axes, length 1.
     pub north: DVec3,
-    /// The inverse covariance of `up` in world axes, 1/rad^2: how much a turn of it is resisted, by direction. Small along
-    /// the direction in which cameras on one line leave it open; zero if altitudes are missing.
+    /// The inverse covariance of `up` in world axes, 1/rad^2: how much a turn of it is resisted, by
+    /// direction. Small along the direction in which cameras on one line leave it open; zero if
+    /// altitudes are missing.
     pub information: DMat3,
     /// Median distance between the cameras and the positions of their photos, m.
     pub residual: f64,
@@ -52,7 +53,8 @@ const TRIALS: usize = 500;
 /// Least error that a place is thought to have, m.
 const FLOOR: f64 = 1.0;
 
-/// Distance from which a place is an outlier: in errors of the fit, and m at least, which no receiver is off under an open sky.
+/// Distance from which a place is an outlier: in errors of the fit, and m at least, which no
+/// receiver is off under an open sky.
 const OUTLIER: f64 = 10.0;
 const OUTLIER_METRES: f64 = 50.0;
 
@@ -71,7 +73,8 @@ impl Gps {
         (is_finite && (latitude != 0.0 || longitude != 0.0)).then_some(self)
     }
 
-    /// `None` if it is no place on Earth where photos are taken: not [`Self::stated`], or out of range.
+    /// `None` if it is no place on Earth where photos are taken: not [`Self::stated`], or out of
+    /// range.
     #[must_use]
     pub fn checked(self) -> Option<Self> {
         let Self { latitude, longitude, altitude } = self;
@@ -106,13 +109,14 @@ impl Gps {
         rows.transpose() * (self.ecef() - origin.ecef())
     }
 
-    /// The place so many metres east, north and up of `self`: the inverse of [`Self::enu_from`], to a
-    /// millimetre within some kilometres. Not for the poles.
+    /// The place so many metres east, north and up of `self`: the inverse of [`Self::enu_from`], to
+    /// a millimetre within some kilometres. Not for the poles.
     #[must_use]
     pub fn moved(&self, enu: DVec3) -> Self {
         const METRES_PER_DEGREE: f64 = 111_320.0;
         let mut place = *self;
-        // Newton's method with the derivative of a sphere: each round leaves less than a hundredth of the error.
+        // Newton's method with the derivative of a sphere: each round leaves less than a hundredth
+        // of the error.
         for _ in 0..6 {
             let left = enu - place.enu_from(self);
             place.latitude += left.y / METRES_PER_DEGREE;
@@ -134,8 +138,8 @@ pub fn fit(centers: &[DVec3], places: &[Option<Gps>]) -> Option<GpsFit> {
     fit_with_outliers(centers, places).0
 }
 
-/// [`fit`], and the indices of the photos whose places it leaves out: those that are no place on Earth, and those far from where
-/// the others put their cameras.
+/// [`fit`], and the indices of the photos whose places it leaves out: those that are no place on
+/// Earth, and those far from where the others put their cameras.
 ///
 /// # Panics
 /// If the lengths differ.
@@ -153,7 +157,8 @@ pub fn fit_with_outliers(centers: &[DVec3], places: &[Option<Gps>]) -> (Option<G
     (Some(fit), outliers)
 }
 
-/// The place nearest to the median of all along each axis: a stray one does not tell where east and up are.
+/// The place nearest to the median of all along each axis: a stray one does not tell where east and
+/// up are.
 fn middle(both: &[(DVec3, Gps)]) -> Option<Gps> {
     let all: Vec<DVec3> = both.iter().map(|(_, place)| place.ecef()).collect();
     let median = |axis: usize| {
@@ -239,7 +244,8 @@ fn extent_of(pairs: &[(DVec3, DVec3)]) -> f64 {
 }
 
 impl GpsFit {
-    /// Standard deviation of [`Self::up`] in the direction in which it is known least, radians; infinite if it is not known.
+    /// Standard deviation of [`Self::up`] in the direction in which it is known least, radians;
+    /// infinite if it is not known.
     #[must_use]
     pub fn up_error(&self) -> f64 {
         let (x, y) = horizontals(self.up);
@@ -293,7 +299,8 @@ impl Similarity {
         self.to + self.scale * (self.rotation * (point - self.from))
     }
 
-    /// The inverse covariance of up by the spread of the places, for an error of `residual` m; see [`GpsFit::information`].
+    /// The inverse covariance of up by the spread of the places, for an error of `residual` m; see
+    /// [`GpsFit::information`].
     fn information(&self, pairs: &[(DVec3, DVec3)], residual: f64) -> DMat3 {
         // A turn w moves the place p by w x p: places resist it by |w x p|^2.
         let spread = pairs.iter().fold(DMat3::ZERO, |sum, (_, to)| sum + outer(*to - self.to, 1.0));

@@ -1,18 +1,19 @@
 //! The ground under a walk: how high above it the cameras were held, in scene units.
 //!
-//! A person carries a camera at one height over the ground, so the ground is parallel to the path. What
-//! is up comes from three things together, weighted by how well each is known: the pictures' own up, their
-//! x axes (people do not roll cameras) and the path itself. Points are then counted by how far below the
-//! nearest cameras they lie, so that a street may rise and fall. The ground is the height with the most
-//! points under which there are next to none.
+//! A person carries a camera at one height over the ground, so the ground is parallel to the path.
+//! What is up comes from three things together, weighted by how well each is known: the pictures'
+//! own up, their x axes (people do not roll cameras) and the path itself. Points are then counted
+//! by how far below the nearest cameras they lie, so that a street may rise and fall. The ground is
+//! the height with the most points under which there are next to none.
 //!
-//! A row of window sills or the lower edge of what is seen of a wall is such a height too. So a point
-//! only counts as ground if it was seen past: lines of sight to things behind it run low over it, which
-//! none does through a wall. And where the cameras may have lain on their side (COLMAP keeps photos as
-//! they are stored), a wall may be taken for the ground: there is no result where another side is as near.
+//! A row of window sills or the lower edge of what is seen of a wall is such a height too. So a
+//! point only counts as ground if it was seen past: lines of sight to things behind it run low over
+//! it, which none does through a wall. And where the cameras may have lain on their side (COLMAP
+//! keeps photos as they are stored), a wall may be taken for the ground: there is no result where
+//! another side is as near.
 //!
-//! A result is reliable or absent: every limit below is a reason for no result. The method cannot tell
-//! a person from a drone that flies level and looks ahead.
+//! A result is reliable or absent: every limit below is a reason for no result. The method cannot
+//! tell a person from a drone that flies level and looks ahead.
 
 use super::Capture;
 use crate::survey::linear::{horizontals, outer, quantile};
@@ -24,48 +25,50 @@ pub const HELD_AT: f64 = 1.6;
 
 /// Fewest cameras; a plane through three does not tell how flat the path is.
 const MIN_CAMERAS: usize = 5;
-/// Median of the pitch up or down, degrees: facades are taken from below at some 12, what looks down more
-/// than this is a drone, or walks around a thing.
+/// Median of the pitch up or down, degrees: facades are taken from below at some 12, what looks
+/// down more than this is a drone, or walks around a thing.
 const MAX_PITCH: f64 = 15.0;
 /// Pitch of nine in ten cameras, degrees.
 const MAX_PITCHES: f64 = 30.0;
-/// Deviation of camera heights among neighbours, camera heights: arms up and down are within it, cranes
-/// and stairs are not.
+/// Deviation of camera heights among neighbours, camera heights: arms up and down are within it,
+/// cranes and stairs are not.
 const MAX_UNEVEN: f64 = 0.3;
-/// The largest distance of points from the path, camera heights: a fall of two in a hundred, as yards have for the
-/// rain, is an eighth of the height by then; nearer than 3 level pictures may show no ground.
+/// The largest distance of points from the path, camera heights: a fall of two in a hundred, as
+/// yards have for the rain, is an eighth of the height by then; nearer than 3 level pictures may
+/// show no ground.
 const REACH: f64 = 6.0;
 /// The largest error of a point's height from the uncertainty of up, camera heights.
 const MAX_TILT: f64 = 0.1;
-/// Half thickness of the ground, camera heights: kerbs and cobbles, and what up is off by. Once it is found,
-/// twice that is looked at, for its middle.
+/// Half thickness of the ground, camera heights: kerbs and cobbles, and what up is off by. Once it
+/// is found, twice that is looked at, for its middle.
 const SLAB: f64 = 0.15;
 /// Points below the ground for each on it: mismatches and mirrors; cellars and quays have more.
 const MAX_BELOW: f64 = 0.05;
-/// The largest distance from the path for that, camera heights: beyond its ends the ground may fall.
+/// The largest distance from the path for that, camera heights: beyond its ends the ground may
+/// fall.
 const BESIDE: f64 = 4.0;
 /// Fewest points that were seen past; by chance there are a few.
 const MIN_POINTS: usize = 20;
-/// Share of them among the points of the slab; of the foot of a wall it is near 0, of streets a third
-/// and more.
+/// Share of them among the points of the slab; of the foot of a wall it is near 0, of streets a
+/// third and more.
 const MIN_SHARE: f64 = 0.15;
 /// Share of the cameras under which they lie; the ground of a walk is seen all along.
 const MIN_SPREAD: f64 = 0.25;
-/// Range of the middle eight in ten of their heights, camera heights: 0.48 is no surface but points at all
-/// heights of the slab that is looked at, a cobbled street between its gutters has 0.34.
+/// Range of the middle eight in ten of their heights, camera heights: 0.48 is no surface but points
+/// at all heights of the slab that is looked at, a cobbled street between its gutters has 0.34.
 const MAX_RANGE: f64 = 0.4;
 /// Cameras that are this much farther from a point than the nearest tell its depth together, camera
 /// heights: over a few steps arms up and down even out, and a street that rises is followed.
 const TOGETHER: f64 = 1.5;
-/// Radius of the column under a camera in which nothing can lie higher than the ground, camera heights: the
-/// person stood there.
+/// Radius of the column under a camera in which nothing can lie higher than the ground, camera
+/// heights: the person stood there.
 const COLUMN: f64 = 0.4;
 /// Points in the columns that are passers-by and mismatches.
 const FEW: usize = 3;
 /// Another side that is nearer than this is as likely the ground, ratio.
 const APART: f64 = 2.0;
-/// Errors of what is known of up, radians: the mean of the pictures' ups (how much all are pitched alike),
-/// a picture's x axis.
+/// Errors of what is known of up, radians: the mean of the pictures' ups (how much all are pitched
+/// alike), a picture's x axis.
 const PITCHED: f64 = 0.15;
 const ROLLED: f64 = 0.026;
 /// Cameras that err independently in roll, and in how high they are held: neighbours err alike.
@@ -227,7 +230,8 @@ fn under(poses: &[Pose], seen: &Seen) -> Result<CaptureGround, CaptureGroundErro
             |d: &&Depth| d.aside <= COLUMN * height && d.down >= low * height && d.down <= high * height;
         depths.iter().filter(is_in).count()
     };
-    // Higher than the ground and lower than a hand: what is stood on, if the surface lies deeper than that.
+    // Higher than the ground and lower than a hand: what is stood on, if the surface lies deeper
+    // than that.
     let is_stood_on = in_column(0.1, 0.75) > FEW + in_column(1.0 - SLAB, 1.0 + SLAB) / 5;
     if !is_clear || is_stood_on {
         return Err(CaptureGroundError::Unclear);
@@ -260,7 +264,8 @@ fn upright(poses: &[Pose]) -> Result<(DVec3, DMat2), CaptureGroundError> {
     }
     let held = held.normalize();
     let (mut up, mut covariance) = (held, DMat2::IDENTITY);
-    // How uneven the path is weighs it, and is only known with up: it starts at a twentieth of its size.
+    // How uneven the path is weighs it, and is only known with up: it starts at a twentieth of its
+    // size.
     let least = (0.003f64).powi(2) * square / count;
     let mut variance = 0.0025 * square / count;
     for turn in 0..20 {
@@ -300,7 +305,8 @@ impl Depth {
         self.aside <= REACH * height && self.error <= MAX_TILT * height
     }
 
-    /// Returns true if it is on a ground `height` below the cameras, within the share `slab` of that.
+    /// Returns true if it is on a ground `height` below the cameras, within the share `slab` of
+    /// that.
     fn is_within(&self, slab: f64, height: f64) -> bool {
         (self.down - height).abs() <= slab * height
     }
@@ -352,8 +358,8 @@ impl Walk {
         DVec2::new(point.dot(self.x), point.dot(self.y))
     }
 
-    /// The cameras nearest to a place with their distances: a quarter of all, 3 to 6, the nearest first, and
-    /// all that are at most `reach` farther than the nearest.
+    /// The cameras nearest to a place with their distances: a quarter of all, 3 to 6, the nearest
+    /// first, and all that are at most `reach` farther than the nearest.
     fn around(&self, place: DVec2, reach: f64) -> Vec<(f64, usize)> {
         let count = (self.map.len() / 4).clamp(3, 6);
         let mut nearest: Vec<(f64, usize)> =
@@ -398,7 +404,8 @@ impl Walk {
         (off.sum::<f64>() / self.map.len() as f64).sqrt()
     }
 
-    /// Those of `slab` that two lines of sight run low over, on to things at least a camera height behind.
+    /// Those of `slab` that two lines of sight run low over, on to things at least a camera height
+    /// behind.
     fn seen_past(&self, slab: &[usize], seen: &Seen, height: f64) -> Vec<usize> {
         struct Line {
             from: DVec2,

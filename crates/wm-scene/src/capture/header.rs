@@ -28,7 +28,8 @@ pub struct PhotoHeader {
     pub orientation: Orientation,
     /// The position that it states; [`Gps::checked`] tells if photos are taken there.
     pub gps: Option<Gps>,
-    /// The time at which it was taken, seconds since 1970, UTC, years 1990 to 2099; `None` without a time zone.
+    /// The time at which it was taken, seconds since 1970, UTC, years 1990 to 2099; `None` without
+    /// a time zone.
     pub taken: Option<f64>,
 }
 

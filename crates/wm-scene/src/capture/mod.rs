@@ -70,8 +70,8 @@ pub struct CaptureOptions {
     pub model: Option<PathBuf>,
     /// The folder of the masks, relative to the data set.
     pub masks: Option<PathBuf>,
-    /// The folder of the photos as the camera wrote them, for position and time where the photos of the data set have lost
-    /// them; absolute, or relative to the current folder.
+    /// The folder of the photos as the camera wrote them, for position and time where the photos of
+    /// the data set have lost them; absolute, or relative to the current folder.
     pub originals: Option<PathBuf>,
 }
 
@@ -100,8 +100,8 @@ pub struct Capture {
 pub struct CaptureView {
     /// Its name: the path in the folder of the photos, with `/` between its parts.
     pub name: String,
-    /// The camera as it took the photo: the size of the photo that the model was made from, pose, and
-    /// what a pinhole of these intrinsics would show before the lens bends it.
+    /// The camera as it took the photo: the size of the photo that the model was made from, pose,
+    /// and what a pinhole of these intrinsics would show before the lens bends it.
     pub camera: Camera,
     /// The distortion of its lens.
     pub distortion: Distortion,
@@ -166,8 +166,8 @@ impl CaptureView {
         self.distortion.undistorted(&self.camera)
     }
 
-    /// Picture point (px) of a world point in the photo as it is, distortion included; `None` behind
-    /// the camera.
+    /// Picture point (px) of a world point in the photo as it is, distortion included; `None`
+    /// behind the camera.
     #[must_use]
     pub fn project(&self, point: DVec3) -> Option<(f64, f64)> {
         let camera = &self.camera;

@@ -1,8 +1,10 @@
 //! `reconstruction.json` of OpenSfM and OpenDroneMap.
 //!
-//! A list of reconstructions that do not know of each other, of which the one with most shots is taken. A shot is camera_from_world with
-//! the axes of [`Camera`]: a rotation as axis times angle, and a translation. Lengths of a camera are in units of the longer side
-//! of the photo, its principal point is measured from the middle. Of the projections perspective, simple_radial, radial and brown are read.
+//! A list of reconstructions that do not know of each other, of which the one with most shots is
+//! taken. A shot is camera_from_world with the axes of [`Camera`]: a rotation as axis times angle,
+//! and a translation. Lengths of a camera are in units of the longer side of the photo, its
+//! principal point is measured from the middle. Of the projections perspective, simple_radial,
+//! radial and brown are read.
 
 use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, SparsePoints, Want, places};
 use crate::{
@@ -183,7 +185,8 @@ mod tests {
         let camera = &view.camera;
         assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (3200.0, 3240.0, 2040.0, 1420.0));
         assert_eq!(view.distortion, Distortion::OpenCv { k1: -0.1, k2: 0.01, p1: 0.001, p2: 0.0, k3: 0.02 });
-        // A quarter turn about y takes the world's x to the camera's -z: it looks along the world's -x.
+        // A quarter turn about y takes the world's x to the camera's -z: it looks along the world's
+        // -x.
         assert!((camera.forward() - DVec3::NEG_X).length() < 1e-9);
         assert!((camera.viewmat.transform_point3(DVec3::ZERO) - DVec3::new(1.0, 2.0, 3.0)).length() < 1e-12);
         assert_eq!((capture.points.positions[0], capture.points.colors[0]), ([1.0, 2.0, 3.0], [10, 20, 255]));

@@ -1,4 +1,5 @@
-//! Place, north and time of a capture, as its photos state them: what the direction of the sun over it follows from.
+//! Place, north and time of a capture, as its photos state them: what the direction of the sun over
+//! it follows from.
 
 use super::Gps;
 use super::gps::{GpsFit, fit_with_outliers};
@@ -47,7 +48,8 @@ const MOST_OUTLIERS: f64 = 0.25;
 const LEAST_TIMED: f64 = 0.5;
 /// Largest error of north, radians: 3 degrees.
 const MOST_ERROR: f64 = 0.052;
-/// Error of the positions' own up below which they tell it, and largest angle between it and up then, radians: 10 degrees.
+/// Error of the positions' own up below which they tell it, and largest angle between it and up
+/// then, radians: 10 degrees.
 const OWN_UP: f64 = 0.175;
 /// That angle in errors, if this is more.
 const OTHER_UP: f64 = 3.0;
@@ -59,9 +61,11 @@ const INDEPENDENT: f64 = 8.0;
 const MOMENT: f64 = 60.0;
 
 impl CaptureSite {
-    /// Finds place, north and time of cameras (centres `[V]`, world axes) from the positions and times of their photos (`[V]` each).
+    /// Finds place, north and time of cameras (centres `[V]`, world axes) from the positions and
+    /// times of their photos (`[V]` each).
     ///
-    /// Nothing is found if more than a quarter of the positions are far from the others or no places on Earth: such EXIF is made up.
+    /// Nothing is found if more than a quarter of the positions are far from the others or no
+    /// places on Earth: such EXIF is made up.
     ///
     /// # Panics
     /// If the lengths differ.
@@ -117,7 +121,8 @@ impl CaptureTime {
 }
 
 impl CapturePlace {
-    /// North by the level positions alone: heights may be missing, and a straight walk leaves the tilt of a fit in space open.
+    /// North by the level positions alone: heights may be missing, and a straight walk leaves the
+    /// tilt of a fit in space open.
     fn of(both: &[(DVec3, Gps)], space: &GpsFit, up: DVec3) -> Option<Self> {
         let up = up.try_normalize()?;
         let error = space.up_error();
@@ -158,7 +163,8 @@ fn middle(places: impl Iterator<Item = Gps>) -> Option<Gps> {
     })
 }
 
-/// The similarity of the plane that takes points to positions, with weights that let outliers fade (Geman and McClure).
+/// The similarity of the plane that takes points to positions, with weights that let outliers fade
+/// (Geman and McClure).
 struct LevelFit {
     /// The turn, as a unit complex number.
     turn: DVec2,

@@ -49,9 +49,11 @@ impl fmt::Display for UpEvidence {
     }
 }
 
-/// Error of GPS up below which it is taken as it is, degrees; above, the cameras' habits have a say.
+/// Error of GPS up below which it is taken as it is, degrees; above, the cameras' habits have a
+/// say.
 const GPS_ALONE: f64 = 3.0;
-/// Elevation of the lowest sky with up known exactly, degrees: the horizon of hills and of the sea lies near 0.
+/// Elevation of the lowest sky with up known exactly, degrees: the horizon of hills and of the sea
+/// lies near 0.
 const LOWEST_SKY: f64 = -2.0;
 /// Largest angle by which a doubtful up lowers that, degrees.
 const MOST_DOUBT: f64 = 20.0;
@@ -89,7 +91,8 @@ impl CaptureUp {
     }
 }
 
-/// Up by positions and a habit together, and how far apart the two are (squared, in standard deviations).
+/// Up by positions and a habit together, and how far apart the two are (squared, in standard
+/// deviations).
 fn filled(gps: &GpsFit, habit: &Habit, evidence: UpEvidence) -> (f64, CaptureUp) {
     let (x, y) = horizontals(habit.up);
     let known = DMat2::from_cols(

@@ -1,7 +1,9 @@
-//! Files in memory that stand for those of a disk, where there is none: what a page in a browser fetched.
+//! Files in memory that stand for those of a disk, where there is none: what a page in a browser
+//! fetched.
 //!
-//! Code that draws must not wait for a network. It reads what is here, does without what is not, and notes the paths that it looked
-//! for: whoever fetches takes that list, inserts the files, and draws again.
+//! Code that draws must not wait for a network. It reads what is here, does without what is not,
+//! and notes the paths that it looked for: whoever fetches takes that list, inserts the files, and
+//! draws again.
 
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
@@ -99,13 +101,15 @@ pub fn want(path: &Path) {
     }
 }
 
-/// Takes the paths that were looked for and not there since the last call, in the order in which they were looked for.
+/// Takes the paths that were looked for and not there since the last call, in the order in which
+/// they were looked for.
 #[must_use]
 pub fn take_wanted() -> Vec<PathBuf> {
     std::mem::take(&mut store().wanted)
 }
 
-/// Removes files, the first ones first, until no more than `most` bytes are left, and returns true if that is so then.
+/// Removes files, the first ones first, until no more than `most` bytes are left, and returns true
+/// if that is so then.
 pub fn keep_within(most: u64, spare: &[PathBuf]) -> bool {
     let mut store = store();
     for path in spare {

@@ -1,4 +1,5 @@
-//! The one way in which files of scenes are read: from the disk, or where there is none from those that were fetched.
+//! The one way in which files of scenes are read: from the disk, or where there is none from those
+//! that were fetched.
 
 use super::fetched;
 use std::{
@@ -38,7 +39,8 @@ fn not_fetched() -> io::Error {
 /// Reads a whole file.
 ///
 /// # Errors
-/// Those of the system; [`ErrorKind::NotFound`] of a file that was not fetched, which is noted as wanted.
+/// Those of the system; [`ErrorKind::NotFound`] of a file that was not fetched, which is noted as
+/// wanted.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     match place_of(path) {
         Place::Disk => fs::read(path),

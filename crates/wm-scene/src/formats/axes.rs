@@ -1,12 +1,14 @@
 //! Axes of formats: the one place where they are turned.
 //!
-//! A [`Scene`] has the axes of a 3DGS PLY: those of the COLMAP model that it was trained on, mostly x right, y
-//! down, z forward; which way is up is in its metadata or found. Formats that prescribe y up are half a turn away from that, so that
-//! signs change and nothing else: what others' converters do too, which is why files fit each other.
+//! A [`Scene`] has the axes of a 3DGS PLY: those of the COLMAP model that it was trained on, mostly
+//! x right, y down, z forward; which way is up is in its metadata or found. Formats that prescribe
+//! y up are half a turn away from that, so that signs change and nothing else: what others'
+//! converters do too, which is why files fit each other.
 //!
-//! Half a turn D about an axis takes a splat's covariance R S S' R' to (D R D) S S' (D R D)', since D commutes with
-//! the diagonal S: its quaternion changes signs as its mean does. Every basis function of [`crate::sh`] is even or odd in each
-//! of x, y and z, so its coefficient keeps or changes its sign.
+//! Half a turn D about an axis takes a splat's covariance R S S' R' to (D R D) S S' (D R D)', since
+//! D commutes with the diagonal S: its quaternion changes signs as its mean does. Every basis
+//! function of [`crate::sh`] is even or odd in each of x, y and z, so its coefficient keeps or
+//! changes its sign.
 
 use crate::{Scene, Splats, camera::viewmat_of, sh};
 use glam::{DMat3, DVec3};

@@ -89,7 +89,8 @@ impl Read for Gunzip<'_> {
     }
 }
 
-/// Bytes that may be unpacked where `packed` are given: scenes shrink two to twenty times, bombs a thousand times.
+/// Bytes that may be unpacked where `packed` are given: scenes shrink two to twenty times, bombs a
+/// thousand times.
 pub fn unpacked_limit(packed: u64) -> u64 {
     (64 << 20) + packed.saturating_mul(100)
 }

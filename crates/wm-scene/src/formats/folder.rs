@@ -59,8 +59,8 @@ pub fn scene_file(path: &Path) -> Result<PathBuf, FormatError> {
 
 /// The views of `cameras.json` in the folder of a training, in its order; none if it is not there.
 ///
-/// The principal point is in the middle of the picture unless `cx` and `cy` say otherwise, which only
-/// some programs write.
+/// The principal point is in the middle of the picture unless `cx` and `cy` say otherwise, which
+/// only some programs write.
 ///
 /// # Errors
 /// [`FormatError`] with line and column, if it is not JSON or a camera cannot be used.
@@ -117,9 +117,9 @@ pub fn read_cameras(path: &Path) -> Result<Vec<SceneView>, FormatError> {
     Ok(cameras_in(path)?.unwrap_or_default())
 }
 
-/// Reads the views of the scene file `file`, which was given as `path`: the first there is of the `cameras.json` of a folder
-/// that was given, the views beside the file, and the `cameras.json` of the training that it lies in; then those of the file
-/// that it leads to as a symbolic link.
+/// Reads the views of the scene file `file`, which was given as `path`: the first there is of the
+/// `cameras.json` of a folder that was given, the views beside the file, and the `cameras.json` of
+/// the training that it lies in; then those of the file that it leads to as a symbolic link.
 pub(super) fn views_of(path: &Path, file: &Path) -> Result<Vec<SceneView>, FormatError> {
     let mut candidates = Vec::new();
     if file != path {
@@ -137,7 +137,8 @@ pub(super) fn views_of(path: &Path, file: &Path) -> Result<Vec<SceneView>, Forma
     Ok(Vec::new())
 }
 
-/// Returns the folder of the training that a scene file lies in: that above `point_cloud/iteration_<n>/point_cloud.ply`.
+/// Returns the folder of the training that a scene file lies in: that above
+/// `point_cloud/iteration_<n>/point_cloud.ply`.
 fn training_of(file: &Path) -> Option<&Path> {
     let is_named = |path: &Path, name: &str| path.file_name().is_some_and(|found| found == name);
     let iteration = file.parent().filter(|_| is_named(file, "point_cloud.ply"))?;

@@ -1,8 +1,10 @@
-//! `.ksplat` of GaussianSplats3D: sections of splats, at level 0 as floats, at 1 and 2 in buckets about a centre.
+//! `.ksplat` of GaussianSplats3D: sections of splats, at level 0 as floats, at 1 and 2 in buckets
+//! about a centre.
 //!
 //! # Layout
-//! A header of 4096 bytes, a header of 1024 bytes for each section, then the sections. A section has the lengths of its buckets that are not
-//! full, the centres of all its buckets, and its splats.
+//! A header of 4096 bytes, a header of 1024 bytes for each section, then the sections. A section
+//! has the lengths of its buckets that are not full, the centres of all its buckets, and its
+//! splats.
 //!
 //! | level | mean | scales | quaternion wxyz | rgb and opacity | SH to degree 2 |
 //! |---|---|---|---|---|---|
@@ -10,8 +12,9 @@
 //! | 1 | 3 16-bit steps from the bucket's centre | 3 halves | 4 halves | 4 bytes | halves |
 //! | 2 | as 1 | as 1 | as 1 | 4 bytes | bytes over a range in the header |
 //!
-//! SH are degree by degree, in each all of red, then green, then blue. Level 1 is written, in a section for
-//! each power of two in the widths of its buckets, so that a sky does not coarsen what is near.
+//! SH are degree by degree, in each all of red, then green, then blue. Level 1 is written, in a
+//! section for each power of two in the widths of its buckets, so that a sky does not coarsen what
+//! is near.
 
 use super::{
     Axes, Kept, Loses, SceneFormat, Writer,

@@ -1,18 +1,21 @@
 //! Scene files: one module a format, one line a format in the list below.
 //!
-//! Readers recognise a format by the first bytes of a file, and by its name where it has no mark of its own; writers
-//! choose it by the name alone. A format converts activations and quantisation itself and says which [`Axes`] it has, so that a [`Scene`] is the same
-//! whatever it came from. To add one: a module with a `FORMAT`, and its name in the list.
+//! Readers recognise a format by the first bytes of a file, and by its name where it has no mark of
+//! its own; writers choose it by the name alone. A format converts activations and quantisation
+//! itself and says which [`Axes`] it has, so that a [`Scene`] is the same whatever it came from. To
+//! add one: a module with a `FORMAT`, and its name in the list.
 //!
-//! [`SceneFormat::loses`] states the losses of a format; metadata for which it has no room is put beside it.
+//! [`SceneFormat::loses`] states the losses of a format; metadata for which it has no room is put
+//! beside it.
 //!
-//! A scene may also be a folder that a 3DGS training wrote, or of SOG images ([`folder`]), and any scene file may have
-//! a TOML file of metadata beside it ([`sidecar`]) and the photographed views in a JSON file. Where a scene file is a symbolic
-//! link, files beside it are looked for beside the link, then beside the file that it leads to.
+//! A scene may also be a folder that a 3DGS training wrote, or of SOG images ([`folder`]), and any
+//! scene file may have a TOML file of metadata beside it ([`sidecar`]) and the photographed views
+//! in a JSON file. Where a scene file is a symbolic link, files beside it are looked for beside the
+//! link, then beside the file that it leads to.
 //!
 //! # Memory
-//! A reader allocates by what it has read, or by a count that the length of the file has confirmed. What is packed may unpack to
-//! a hundred times its length at most.
+//! A reader allocates by what it has read, or by a count that the length of the file has confirmed.
+//! What is packed may unpack to a hundred times its length at most.
 
 pub mod axes;
 mod beside;
@@ -57,8 +60,8 @@ formats! { ply, ply::compressed, spz, sog::bundle, sog::folder, sog::levels, glt
 pub struct SceneFormat {
     /// Its name in messages.
     pub name: &'static str,
-    /// The extensions of its files, without dot, lower case, that of new files first. An extension that is a whole name, such as
-    /// `meta.json`, names a folder's main file.
+    /// The extensions of its files, without dot, lower case, that of new files first. An extension
+    /// that is a whole name, such as `meta.json`, names a folder's main file.
     pub extensions: &'static [&'static str],
     /// A description in one line.
     pub about: &'static str,
@@ -166,8 +169,9 @@ pub enum GltfSplats {
     Floats,
     /// As SPZ in `KHR_gaussian_splatting_compression_spz_2`.
     Spz,
-    /// The same as CesiumJS reads it (1.140): the numbers in the SPZ are in the axes of glTF, where the draft asks for those of SPZ. Such
-    /// files state no kernel and no colour space, by which they are told.
+    /// The same as CesiumJS reads it (1.140): the numbers in the SPZ are in the axes of glTF, where
+    /// the draft asks for those of SPZ. Such files state no kernel and no colour space, by which
+    /// they are told.
     SpzCesium,
 }
 
@@ -224,8 +228,8 @@ pub fn read_scene_and_format(
     Ok((scene, format))
 }
 
-/// Reads a scene from a stream: bytes in memory, a pipe. `name` is its name in messages, `length` its
-/// bytes in all; with it, a count in a header can be checked before memory is taken.
+/// Reads a scene from a stream: bytes in memory, a pipe. `name` is its name in messages, `length`
+/// its bytes in all; with it, a count in a header can be checked before memory is taken.
 ///
 /// # Errors
 /// [`FormatError`] if the content cannot be used.
@@ -274,8 +278,9 @@ pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), FormatError> {
 
 /// Writes a scene in the format of the name of `path`, whole or not at all.
 ///
-/// Metadata for which the format has no room goes into a sidecar beside it; otherwise a sidecar beside `path` is left as
-/// it is, and wins when the scene is read. Views have no room in any format ([`folder::write_cameras`] puts them beside it).
+/// Metadata for which the format has no room goes into a sidecar beside it; otherwise a sidecar
+/// beside `path` is left as it is, and wins when the scene is read. Views have no room in any
+/// format ([`folder::write_cameras`] puts them beside it).
 ///
 /// # Errors
 /// [`FormatError`] if no format has the extension, the scene cannot be stored, or the output cannot
@@ -299,7 +304,8 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: &WriteOptions) -> R
     Ok(())
 }
 
-/// Writes the files of a scene beside each other in the folder of `path`, which is made if it is not there.
+/// Writes the files of a scene beside each other in the folder of `path`, which is made if it is
+/// not there.
 ///
 /// # Errors
 /// [`FormatError`] if `write` fails or the system refuses.
@@ -349,7 +355,8 @@ pub fn endings() -> String {
     FORMATS.iter().filter_map(written).collect::<Vec<_>>().join(", ")
 }
 
-/// The format whose ending the name of `path` has; of several the longest, so that `a.compressed.ply` is no plain PLY.
+/// The format whose ending the name of `path` has; of several the longest, so that
+/// `a.compressed.ply` is no plain PLY.
 fn by_extension(path: &Path) -> Option<&'static SceneFormat> {
     let endings = FORMATS.iter().flat_map(|f| f.extensions.iter().map(move |e| (f, *e)));
     let fitting = endings.filter(|(_, ending)| has_ending(path, ending));

@@ -1,9 +1,11 @@
-//! Packing that several formats share: rounding, quaternions by their smallest three, colours and opacities in bytes.
+//! Packing that several formats share: rounding, quaternions by their smallest three, colours and
+//! opacities in bytes.
 
 use crate::{sh, splats::logit};
 use std::sync::LazyLock;
 
-/// `value` of `[0, 1]` as a whole number of `0..=most`, rounded; what is outside is moved to the end, NaN to 0.
+/// `value` of `[0, 1]` as a whole number of `0..=most`, rounded; what is outside is moved to the
+/// end, NaN to 0.
 pub fn unorm(value: f32, most: u32) -> u32 {
     (value * most as f32 + 0.5).clamp(0.0, most as f32) as u32
 }
@@ -45,8 +47,8 @@ pub fn unit(q: [f32; 4]) -> [f32; 4] {
     if length.is_finite() && length > 1e-15 { q.map(|v| v / length) } else { [1.0, 0.0, 0.0, 0.0] }
 }
 
-/// Place of the largest component of a unit quaternion, and the others in their order, of the sign that makes
-/// the largest positive; each is within `1 / sqrt(2)`.
+/// Place of the largest component of a unit quaternion, and the others in their order, of the sign
+/// that makes the largest positive; each is within `1 / sqrt(2)`.
 pub fn smallest_three(q: [f32; 4]) -> (usize, [f32; 3]) {
     let mut largest = 0;
     for k in 1..4 {

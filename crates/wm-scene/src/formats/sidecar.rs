@@ -19,12 +19,12 @@ pub fn sidecar_path(scene_file: &Path) -> PathBuf {
     name.into()
 }
 
-/// Reads the metadata beside a scene file, or, if there is none, beside the file that it leads to as a symbolic link; `None` if
-/// there is none there either.
+/// Reads the metadata beside a scene file, or, if there is none, beside the file that it leads to
+/// as a symbolic link; `None` if there is none there either.
 ///
 /// # Errors
-/// [`FormatError`] with line and column, if it is not TOML, has unknown keys or values that cannot be
-/// used.
+/// [`FormatError`] with line and column, if it is not TOML, has unknown keys or values that cannot
+/// be used.
 pub fn read(scene_file: &Path) -> Result<Option<Metadata>, FormatError> {
     for place in places(scene_file) {
         let path = sidecar_path(&place);

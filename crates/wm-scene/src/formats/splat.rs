@@ -1,9 +1,10 @@
 //! `.splat` of antimatter15's viewer: 32 bytes a splat and nothing else.
 //!
 //! # Layout
-//! Mean and scales (standard deviations, not their logarithm) as six floats, red, green, blue and opacity as bytes, and the quaternion wxyz as four
-//! bytes b that mean (b - 128) / 128. There is no header: the name says what it is, and the length must be a multiple of 32. Its
-//! writers put what counts most first.
+//! Mean and scales (standard deviations, not their logarithm) as six floats, red, green, blue and
+//! opacity as bytes, and the quaternion wxyz as four bytes b that mean (b - 128) / 128. There is no
+//! header: the name says what it is, and the length must be a multiple of 32. Its writers put what
+//! counts most first.
 
 use super::{
     ANY_SCALE, Axes, Kept, Loses, SceneFormat, Writer,

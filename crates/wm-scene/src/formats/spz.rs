@@ -14,10 +14,11 @@
 //! | quaternions | 32 bits | place (xyzw) of the largest, then sign and 9 bits of each other over 1/sqrt(2); versions 1 and 2: x, y, z as bytes, 127.5 is 0 |
 //! | SH | 1 byte each | (b - 128) / 128, coefficient by coefficient, channels innermost |
 //!
-//! Written SH are rounded to 7 bits at degree 1 and 6 above, so that they pack better; Niantic's writer rounds to 5 and 4, which shows (36 dB
-//! against 41 on a street of SH degree 3). Its fixed 12
-//! fractional bits are too coarse for small scenes and too few before the point for large ones: they are chosen by extent here.
-//! The axes are y up, z back (RUB), unless a record of Adobe's extension names others.
+//! Written SH are rounded to 7 bits at degree 1 and 6 above, so that they pack better; Niantic's
+//! writer rounds to 5 and 4, which shows (36 dB against 41 on a street of SH degree 3). Its fixed
+//! 12 fractional bits are too coarse for small scenes and too few before the point for large ones:
+//! they are chosen by extent here. The axes are y up, z back (RUB), unless a record of Adobe's
+//! extension names others.
 
 use super::{
     Axes, Kept, Loses, SceneFormat, SpzVersion, WriteOptions, Writer,
@@ -304,7 +305,8 @@ fn coarse_steps(splats: &Splats, fractional_bits: u8) -> Option<String> {
     origin::coarse_line(splats, |_| step, ADVICE)
 }
 
-/// Fractional bits with which 24 hold every mean, finer than the usual for small scenes: half of all steps to the farthest at most.
+/// Fractional bits with which 24 hold every mean, finer than the usual for small scenes: half of
+/// all steps to the farthest at most.
 fn fractional_bits(splats: &Splats) -> u8 {
     let farthest =
         splats.means.as_flattened().iter().filter(|v| v.is_finite()).fold(0f32, |a, v| a.max(v.abs()));
@@ -395,7 +397,8 @@ impl Read for Column<'_> {
     }
 }
 
-/// A Zstandard frame. Only SH repeat themselves: in other columns looking for matches saves 3 % and takes two thirds of the time.
+/// A Zstandard frame. Only SH repeat themselves: in other columns looking for matches saves 3 % and
+/// takes two thirds of the time.
 fn zstd(column: Column) -> Vec<u8> {
     if column.number == SH_COLUMN {
         return compress_to_vec(column, CompressionLevel::Fastest);

@@ -1,4 +1,5 @@
-//! The files of a scene in levels as SOG bundles: one file in place of a folder, where each file is a request.
+//! The files of a scene in levels as SOG bundles: one file in place of a folder, where each file is
+//! a request.
 
 use super::LevelIndex;
 use crate::{
@@ -22,10 +23,12 @@ fn bundle_of(name: &str) -> String {
 }
 
 impl LevelIndex {
-    /// Writes a file of [`Self::files`], or the environment, as a SOG bundle below `folder`, which gets the folders that its name has.
+    /// Writes a file of [`Self::files`], or the environment, as a SOG bundle below `folder`, which
+    /// gets the folders that its name has.
     ///
     /// # Errors
-    /// [`FormatError`] if it or one of its pictures is not there, its `meta.json` is damaged, or the bundle cannot be written.
+    /// [`FormatError`] if it or one of its pictures is not there, its `meta.json` is damaged, or
+    /// the bundle cannot be written.
     pub fn write_bundle(&self, name: &str, folder: &Path) -> Result<(), FormatError> {
         let main = below(self.path(), name).map_err(|problem| FormatError::whole(self.path(), problem))?;
         let whole = |problem| FormatError::whole(&main, problem);
@@ -51,7 +54,8 @@ impl LevelIndex {
         })
     }
 
-    /// Writes this index to `main` with the names of the bundles in place of those of the files. All else of it stays as it is.
+    /// Writes this index to `main` with the names of the bundles in place of those of the files.
+    /// All else of it stays as it is.
     ///
     /// # Errors
     /// [`FormatError`] if it cannot be read again or written.

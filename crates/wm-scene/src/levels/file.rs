@@ -6,7 +6,8 @@ use crate::{
 };
 use std::path::{Path, PathBuf};
 
-/// A decoded file of a [`super::LevelIndex`]: 28 bytes a splat, and its palette. Splats are made of any run of it.
+/// A decoded file of a [`super::LevelIndex`]: 28 bytes a splat, and its palette. Splats are made of
+/// any run of it.
 pub struct LevelFile {
     path: PathBuf,
     pictures: SogPictures,

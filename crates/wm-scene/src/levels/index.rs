@@ -31,7 +31,8 @@ pub struct LevelIndex {
     main: PathBuf,
     /// Number of levels, 1 to [`MAX_LEVELS`].
     pub levels: u32,
-    /// The names of the files, below the folder of the index: the `meta.json` of one SOG each, or a SOG bundle.
+    /// The names of the files, below the folder of the index: the `meta.json` of one SOG each, or a
+    /// SOG bundle.
     pub files: Vec<String>,
     /// The file with the splats that are always drawn, such as the sky.
     pub environment: Option<String>,
@@ -48,8 +49,8 @@ pub struct LevelLeaf {
     pub low: [f32; 3],
     /// Greatest coordinates.
     pub high: [f32; 3],
-    /// Its levels, the finest first, at least one, each of one splat or more. A level that has as many splats and the same error as the one
-    /// before is left out.
+    /// Its levels, the finest first, at least one, each of one splat or more. A level that has as
+    /// many splats and the same error as the one before is left out.
     pub runs: Vec<LevelRun>,
 }
 
@@ -64,12 +65,14 @@ pub struct LevelRun {
     pub offset: u64,
     /// Number of splats.
     pub count: u64,
-    /// The error of the leaf's pictures at this level, 0 or more: see [`crate::levels`]. `None` where the index states none.
+    /// The error of the leaf's pictures at this level, 0 or more: see [`crate::levels`]. `None`
+    /// where the index states none.
     pub error: Option<f32>,
 }
 
 impl LevelLeaf {
-    /// The run for a level: of a leaf that lacks it, that of the finest coarser level, else of the coarsest.
+    /// The run for a level: of a leaf that lacks it, that of the finest coarser level, else of the
+    /// coarsest.
     #[must_use]
     pub fn at_level(&self, level: u32) -> Option<&LevelRun> {
         self.runs.get(self.position_at(level)?)
@@ -150,7 +153,8 @@ impl RawNode {
         if let Some(pair) = runs.windows(2).find(|pair| pair[0].level == pair[1].level) {
             return Err(fault(format!("a leaf of lod-meta.json has level {} twice", pair[0].level)));
         }
-        // A level that is the one before again stands there for programs that draw nothing of a leaf at levels that it lacks.
+        // A level that is the one before again stands there for programs that draw nothing of a
+        // leaf at levels that it lacks.
         runs.dedup_by(|run, finer| {
             run.count == finer.count && run.error.is_some() && run.error == finer.error
         });
@@ -162,7 +166,8 @@ impl RawNode {
 }
 
 impl LevelIndex {
-    /// Reads a `lod-meta.json`, and the TOML file of metadata beside it, whose values win. The files that it names are not opened.
+    /// Reads a `lod-meta.json`, and the TOML file of metadata beside it, whose values win. The
+    /// files that it names are not opened.
     ///
     /// # Errors
     /// [`FormatError`] if it cannot be read, or contradicts itself.
@@ -245,7 +250,8 @@ impl LevelIndex {
         &self.main
     }
 
-    /// Number of splats of a level, with those of leaves that lack it at another level; without the environment.
+    /// Number of splats of a level, with those of leaves that lack it at another level; without the
+    /// environment.
     #[must_use]
     pub fn count_of_level(&self, level: u32) -> u64 {
         self.leaves
@@ -272,7 +278,8 @@ impl LevelIndex {
         self.read_named(&self.files[file])
     }
 
-    /// The files on which file `file` of [`Self::files`] waits, where scenes are made of files that are fetched; none if it can be read.
+    /// The files on which file `file` of [`Self::files`] waits, where scenes are made of files that
+    /// are fetched; none if it can be read.
     ///
     /// # Panics
     /// If there are fewer files.
@@ -296,8 +303,8 @@ impl LevelIndex {
         self.paths_of(name).into_iter().filter(|path| files::is_lacking(path)).collect()
     }
 
-    /// The paths of file `file` of [`Self::files`] as far as they are known: its bundle, or its `meta.json` and once
-    /// that was fetched its pictures.
+    /// The paths of file `file` of [`Self::files`] as far as they are known: its bundle, or its
+    /// `meta.json` and once that was fetched its pictures.
     ///
     /// # Panics
     /// If there are fewer files.
@@ -317,7 +324,8 @@ impl LevelIndex {
         std::iter::once(path).chain(pictures).collect()
     }
 
-    /// Reads the splats that are always drawn, as those of the sky: infinitely far for weather; none if there is no such file.
+    /// Reads the splats that are always drawn, as those of the sky: infinitely far for weather;
+    /// none if there is no such file.
     ///
     /// # Errors
     /// [`FormatError`] if it is not there or damaged.

@@ -1,8 +1,9 @@
 //! Scenes in levels of detail: leaves in space, each a run of splats in a file at every level.
 //!
-//! The files are a streamed SOG of PlayCanvas, version 1: `lod-meta.json` lists the leaves, and folders beside it hold the splats of many
-//! leaves at one level each. [`LevelIndex`] is what `lod-meta.json` says; [`LevelFile`] is one such folder, decoded. A SOG bundle may
-//! stand for a folder: pages fetch it with one request.
+//! The files are a streamed SOG of PlayCanvas, version 1: `lod-meta.json` lists the leaves, and
+//! folders beside it hold the splats of many leaves at one level each. [`LevelIndex`] is what
+//! `lod-meta.json` says; [`LevelFile`] is one such folder, decoded. A SOG bundle may stand for a
+//! folder: pages fetch it with one request.
 //!
 //! ```text
 //! lod-meta.json = {

@@ -28,7 +28,8 @@ fn some(dice: &mut Dice, middle: [f32; 3], count: usize) -> Splats {
     splats
 }
 
-/// Leaves on a row, of 40, 20 and 10 splats; the fourth has one level, the fifth lacks the middle one.
+/// Leaves on a row, of 40, 20 and 10 splats; the fourth has one level, the fifth lacks the middle
+/// one.
 fn leaves() -> Vec<NewLeaf> {
     let mut dice = Dice::new(7);
     let leaf = |number: usize| {
@@ -375,8 +376,8 @@ fn damaged_files_are_told() {
     assert!(said().starts_with("DIR/0_1/meta.json: SOG: \"meta.json\" cannot be read"), "{}", said());
 }
 
-/// Checks a tile and those below it, whose axes are moved by `above`; gives the splats of tiles that have none below, in the axes of the
-/// Earth.
+/// Checks a tile and those below it, whose axes are moved by `above`; gives the splats of tiles
+/// that have none below, in the axes of the Earth.
 fn walked(folder: &Path, tile: &Value, above: DMat4, error: f64) -> Vec<DVec3> {
     let transform = tile.get("transform").map_or(DMat4::IDENTITY, |v| {
         DMat4::from_cols_array(&serde_json::from_value::<[f64; 16]>(v.clone()).unwrap())
@@ -432,7 +433,8 @@ fn tiles_stand_where_the_scene_does() {
         DMat4::IDENTITY,
         tileset["geometricError"].as_f64().unwrap() + 1.0,
     );
-    // At the equator of longitude 0 up is x, east y, north z; a unit is half a metre, and -y = 4 on the ground.
+    // At the equator of longitude 0 up is x, east y, north z; a unit is half a metre, and -y = 4 on
+    // the ground.
     let middles = |k: usize| {
         let mut all: Vec<f64> =
             index.leaves.iter().map(|leaf| 0.5 * f64::from(leaf.low[k] + leaf.high[k])).collect();

@@ -1,16 +1,17 @@
 //! A scene in levels as 3D Tiles 1.1, for CesiumJS and others.
 //!
-//! `tileset.json` has a binary tree of tiles; beside it, `tiles/<number>.glb` has the splats of each as SPZ in glTF
-//! (`KHR_gaussian_splatting_compression_spz_2`), as CesiumJS reads it. A leaf of the index is a tile with its finest splats. A tile above has the splats of its
-//! leaves at the level that is as many steps coarser as it is above them, and is replaced by the tiles below it: where levels halve, each
-//! tile has about as many splats as a leaf. Above the coarsest level tiles are empty. The splats that are always drawn are in the root,
-//! to which the rest is added.
+//! `tileset.json` has a binary tree of tiles; beside it, `tiles/<number>.glb` has the splats of
+//! each as SPZ in glTF (`KHR_gaussian_splatting_compression_spz_2`), as CesiumJS reads it. A leaf
+//! of the index is a tile with its finest splats. A tile above has the splats of its leaves at the
+//! level that is as many steps coarser as it is above them, and is replaced by the tiles below it:
+//! where levels halve, each tile has about as many splats as a leaf. Above the coarsest level tiles
+//! are empty. The splats that are always drawn are in the root, to which the rest is added.
 //!
 //! Tiles stand on the globe where the scene's place is known, else about the middle of the scene; a
 //! local origin of the scene is noted in `asset.extras.origin`, in the scene's units and axes.
 //!
-//! Lengths are metres where the scene's scale is known, else scene units. A tile's own axes are x east, y north, z up, with the middle of
-//! its box as origin.
+//! Lengths are metres where the scene's scale is known, else scene units. A tile's own axes are x
+//! east, y north, z up, with the middle of its box as origin.
 
 use super::{
     LevelFile, LevelIndex, LevelLeaf,
@@ -44,7 +45,8 @@ impl Default for TileOptions {
     }
 }
 
-/// The tiles of a scene in levels, to be written in any order and on any threads, and then their `tileset.json`.
+/// The tiles of a scene in levels, to be written in any order and on any threads, and then their
+/// `tileset.json`.
 pub struct TilePlan<'a> {
     index: &'a LevelIndex,
     main: PathBuf,
@@ -82,15 +84,18 @@ struct Content {
 /// Decoded files that are kept while tiles are written; tiles beside each other share them.
 const KEPT: usize = 8;
 
-/// Geometric error of a tile in distances between its splats: at the 16 pixels of error that CesiumJS allows, splats are 2 pixels apart
-/// when their tile is replaced. The distance is the diagonal of a leaf over the root of its splats' number, as on a surface.
+/// Geometric error of a tile in distances between its splats: at the 16 pixels of error that
+/// CesiumJS allows, splats are 2 pixels apart when their tile is replaced. The distance is the
+/// diagonal of a leaf over the root of its splats' number, as on a surface.
 const ERROR_OF_SPACING: f64 = 8.0;
 
 impl<'a> TilePlan<'a> {
-    /// Plans the tiles of `index`, for a `main` that is called `tileset.json`. Makes its folder, and removes the file `main` if it is there.
+    /// Plans the tiles of `index`, for a `main` that is called `tileset.json`. Makes its folder,
+    /// and removes the file `main` if it is there.
     ///
     /// # Errors
-    /// [`FormatError`] if the index states no boxes, the environment cannot be read, or the folder cannot be made.
+    /// [`FormatError`] if the index states no boxes, the environment cannot be read, or the folder
+    /// cannot be made.
     pub fn new(index: &'a LevelIndex, main: &Path, options: TileOptions) -> Result<Self, FormatError> {
         let fault = |problem| FormatError::whole(main, problem);
         let boxes: Vec<Extent> = index.leaves.iter().map(|leaf| (leaf.low, leaf.high)).collect();
@@ -135,10 +140,12 @@ impl<'a> TilePlan<'a> {
         &self.notes
     }
 
-    /// Writes the files of some tiles, of those from 0 to [`Self::len`]. Neighbours share what is read for them.
+    /// Writes the files of some tiles, of those from 0 to [`Self::len`]. Neighbours share what is
+    /// read for them.
     ///
     /// # Errors
-    /// [`FormatError`] if a file of the levels is not there or damaged, or one of the tiles cannot be written.
+    /// [`FormatError`] if a file of the levels is not there or damaged, or one of the tiles cannot
+    /// be written.
     ///
     /// # Panics
     /// If there are fewer tiles.
@@ -266,7 +273,8 @@ impl<'a> TilePlan<'a> {
         value
     }
 
-    /// A box in the axes of a tile whose origin is a point of the scene: its middle, then half of each side.
+    /// A box in the axes of a tile whose origin is a point of the scene: its middle, then half of
+    /// each side.
     fn volume(&self, extent: Extent, origin: DVec3) -> [f64; 12] {
         let [low, high] = [extent.0, extent.1].map(|v| DVec3::from(v.map(f64::from)));
         let center = tile_from_scene() * (0.5 * (low + high) - origin) * self.metres;
@@ -320,7 +328,8 @@ impl Tile {
     }
 }
 
-/// For each level of each leaf, its stated error against the mean of all leaves at that level, 1/2 to 2; 1 where it is not known.
+/// For each level of each leaf, its stated error against the mean of all leaves at that level, 1/2
+/// to 2; 1 where it is not known.
 fn loss_weights(leaves: &[LevelLeaf]) -> Vec<Vec<f64>> {
     let most = leaves.iter().map(|leaf| leaf.runs.len()).max().unwrap_or(0);
     let error = |leaf: &LevelLeaf, level: usize| Some(f64::from(leaf.runs.get(level)?.error?));
@@ -336,12 +345,14 @@ fn loss_weights(leaves: &[LevelLeaf]) -> Vec<Vec<f64>> {
     leaves.iter().map(|leaf| (0..leaf.runs.len()).map(|level| weight(leaf, level)).collect()).collect()
 }
 
-/// The axes of tiles from those of a PLY: glTF's, as formats are turned to them, with y up put to z as 3D Tiles do.
+/// The axes of tiles from those of a PLY: glTF's, as formats are turned to them, with y up put to z
+/// as 3D Tiles do.
 fn tile_from_scene() -> DMat3 {
     DMat3::from_cols(DVec3::NEG_X, DVec3::NEG_Z, DVec3::NEG_Y)
 }
 
-/// The point of the scene that is the root's origin, the root's transform, and what was guessed for it.
+/// The point of the scene that is the root's origin, the root's transform, and what was guessed for
+/// it.
 fn placed(metadata: &Metadata, boxes: &[Extent]) -> (DVec3, DMat4, Vec<String>) {
     let mut notes = Vec::new();
     let median = |k: usize| {

@@ -28,10 +28,12 @@ use std::{
 /// Options of writing a scene in levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LevelWriteOptions {
-    /// Splats of a level from which on a file is written, at least 1. A file has fewer than this and the largest leaf together.
+    /// Splats of a level from which on a file is written, at least 1. A file has fewer than this
+    /// and the largest leaf together.
     pub splats_per_file: usize,
-    /// Levels that every leaf gets, 0 to [`MAX_LEVELS`]: where it has fewer, its coarsest splats are written again. Other programs draw
-    /// nothing of a leaf at a level that is coarser than its own.
+    /// Levels that every leaf gets, 0 to [`MAX_LEVELS`]: where it has fewer, its coarsest splats
+    /// are written again. Other programs draw nothing of a leaf at a level that is coarser than its
+    /// own.
     pub levels: usize,
     /// The rasterisation that every file states.
     pub rasterization: Option<Rasterization>,
@@ -46,16 +48,18 @@ impl Default for LevelWriteOptions {
 /// A leaf to be written.
 #[derive(Clone, Debug, Default)]
 pub struct NewLeaf {
-    /// Its splats at each level, the finest first, 1 to [`MAX_LEVELS`] of them, in any order. A level without splats is left out.
+    /// Its splats at each level, the finest first, 1 to [`MAX_LEVELS`] of them, in any order. A
+    /// level without splats is left out.
     pub levels: Vec<Splats>,
-    /// The error of each level, 0 or more and finite; none if they are not known. An error less than that of a finer level is written as
-    /// that.
+    /// The error of each level, 0 or more and finite; none if they are not known. An error less
+    /// than that of a finer level is written as that.
     pub errors: Vec<f32>,
 }
 
 /// A writer of a scene in levels: leaves in, jobs out that write files, and the index at the end.
 ///
-/// It holds the splats of files that are not full, at most one a level. The index comes last: a write that was stopped leaves none.
+/// It holds the splats of files that are not full, at most one a level. The index comes last: a
+/// write that was stopped leaves none.
 ///
 /// ```
 /// # use wm_scene::{Metadata, Splats, levels::{LevelIndex, LevelWriteOptions, LevelWriter, NewLeaf}};
@@ -117,16 +121,17 @@ pub struct LevelEnd {
     index: OwnIndex,
 }
 
-/// Splats for an entry of the palette of SH. Files are small: a palette as large as that of one file for a whole scene would be most of
-/// their bytes, and of the time to read them.
+/// Splats for an entry of the palette of SH. Files are small: a palette as large as that of one
+/// file for a whole scene would be most of their bytes, and of the time to read them.
 const SPLATS_PER_ENTRY: usize = 8;
 
 impl LevelWriter {
-    /// Starts the scene whose index is `main`, a path that ends in `lod-meta.json`. Makes its folder, and removes an index that is there
-    /// with the files that it names.
+    /// Starts the scene whose index is `main`, a path that ends in `lod-meta.json`. Makes its
+    /// folder, and removes an index that is there with the files that it names.
     ///
     /// # Errors
-    /// [`FormatError`] if the name is another, the folder cannot be made or an old file cannot be removed.
+    /// [`FormatError`] if the name is another, the folder cannot be made or an old file cannot be
+    /// removed.
     pub fn create(main: &Path, options: LevelWriteOptions) -> Result<Self, FormatError> {
         let fault = |problem| FormatError::whole(main, problem);
         if main.file_name().is_none_or(|name| name != "lod-meta.json") {
@@ -150,8 +155,8 @@ impl LevelWriter {
     /// Adds a leaf; gives the files that became full. A leaf without splats is left out.
     ///
     /// # Errors
-    /// [`FormatError`] if there are too many levels, arrays do not fit each other, a splat has a number that is not finite, or an error
-    /// is not a number of 0 or more; nothing is added then.
+    /// [`FormatError`] if there are too many levels, arrays do not fit each other, a splat has a
+    /// number that is not finite, or an error is not a number of 0 or more; nothing is added then.
     pub fn add(&mut self, mut leaf: NewLeaf) -> Result<Vec<LevelFileJob>, FormatError> {
         let number = self.leaves.len();
         let extent = extent_of(&leaf).map_err(|problem| {
@@ -214,10 +219,12 @@ impl LevelWriter {
         LevelFileJob { path: self.main.with_file_name(name), scene }
     }
 
-    /// Ends the scene: `environment` has the splats that are always drawn, such as the sky, `metadata` is what the index states.
+    /// Ends the scene: `environment` has the splats that are always drawn, such as the sky,
+    /// `metadata` is what the index states.
     ///
     /// # Errors
-    /// [`FormatError`] if there is no leaf, a value of the metadata is out of range, or the environment cannot be stored.
+    /// [`FormatError`] if there is no leaf, a value of the metadata is out of range, or the
+    /// environment cannot be stored.
     pub fn finish(
         mut self,
         environment: Option<Splats>,

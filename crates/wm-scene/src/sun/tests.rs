@@ -5,9 +5,9 @@ fn degrees(latitude: f64, longitude: f64, time: f64) -> (f64, f64) {
     (sun.azimuth.to_degrees(), sun.elevation.to_degrees())
 }
 
-/// Example of NREL's report on the algorithm (Reda and Andreas 2004, table A5.1): Golden, Colorado, 17 October 2003,
-/// 12:30:30, UTC-7: azimuth 194.34024, zenith 50.11162, at 820 hPa and 1,830 m; the air of sea level lifts the sun by
-/// 0.003 degrees more.
+/// Example of NREL's report on the algorithm (Reda and Andreas 2004, table A5.1): Golden, Colorado,
+/// 17 October 2003, 12:30:30, UTC-7: azimuth 194.34024, zenith 50.11162, at 820 hPa and 1,830 m;
+/// the air of sea level lifts the sun by 0.003 degrees more.
 #[test]
 fn position_is_that_of_the_nrel_example() {
     let (azimuth, elevation) = degrees(39.742_476, -105.178_6, 1_066_419_030.0);
@@ -15,9 +15,10 @@ fn position_is_that_of_the_nrel_example() {
     assert!((elevation - (90.0 - 50.111_62) - 0.003).abs() < 0.002, "{elevation}");
 }
 
-/// Meeus, Astronomical Algorithms, example 25.b: declination -7 degrees 47' 1.74" on 13 October 1992, 0:00 dynamical
-/// time. Seen from the pole that is the elevation, less a parallax of 0.0024 degrees; the sun is down, so there is no
-/// refraction. The minute between dynamical and universal time is 0.0003 degrees.
+/// Meeus, Astronomical Algorithms, example 25.b: declination -7 degrees 47' 1.74" on 13 October
+/// 1992, 0:00 dynamical time. Seen from the pole that is the elevation, less a parallax of 0.0024
+/// degrees; the sun is down, so there is no refraction. The minute between dynamical and universal
+/// time is 0.0003 degrees.
 #[test]
 fn elevation_at_the_pole_is_the_declination() {
     let (_, elevation) = degrees(90.0, 0.0, 718_934_400.0);
@@ -25,7 +26,8 @@ fn elevation_at_the_pole_is_the_declination() {
     assert!((elevation - expected).abs() < 0.001, "{elevation}");
 }
 
-/// 20 June 2024, 20:51 UTC, is the solstice. Its highest sun of the day over a latitude is in the south at 90 - latitude
+/// 20 June 2024, 20:51 UTC, is the solstice. Its highest sun of the day over a latitude is in the
+/// south at 90 - latitude
 /// + 23.44 degrees, or in the north where that is beyond the zenith.
 #[test]
 fn noon_of_the_june_solstice_is_at_its_height() {
@@ -41,7 +43,8 @@ fn noon_of_the_june_solstice_is_at_its_height() {
     }
 }
 
-/// The built-in street: 52.0907 N, 5.1214 E, 30 May 2024, 8:56 UTC; its x axis points east and its y axis north.
+/// The built-in street: 52.0907 N, 5.1214 E, 30 May 2024, 8:56 UTC; its x axis points east and its
+/// y axis north.
 #[test]
 fn sun_of_the_built_in_street_is_found() {
     let sun = SunPosition::at(52.0907, 5.1214, 1_717_059_360.0).unwrap();

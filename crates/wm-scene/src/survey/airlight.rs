@@ -1,7 +1,7 @@
 //! The airlight: the colour that fog has where nothing is seen through it any more.
 //!
-//! In daylight it is about the mean radiance of the sky near the horizon. Where a scene has a sky, its
-//! splats say it; where not, the brightest surfaces give a measure of the daylight.
+//! In daylight it is about the mean radiance of the sky near the horizon. Where a scene has a sky,
+//! its splats say it; where not, the brightest surfaces give a measure of the daylight.
 
 use super::linear::quantile;
 use super::sample::SurveySample;
@@ -15,11 +15,13 @@ use glam::DVec3;
 const MOST: f64 = 0.9;
 /// Darkest airlight without a sky: a shady courtyard does not make a dark fog.
 const LEAST: f64 = 0.35;
-/// Brightest airlight without a sky: what is white in the sun is brighter than fog in the light that fog lets through.
+/// Brightest airlight without a sky: what is white in the sun is brighter than fog in the light
+/// that fog lets through.
 const MOST_WITHOUT_SKY: f64 = 0.62;
 /// Colour of daylight fog without a sky: a touch of blue.
 const TINT: [f64; 3] = [0.97, 1.0, 1.05];
-/// Most blue against red. A clear sky is blue above; fog is lit by it and by the sun, and white at the horizon.
+/// Most blue against red. A clear sky is blue above; fog is lit by it and by the sun, and white at
+/// the horizon.
 const BLUEST: f64 = 1.1;
 /// Upper edges of the bands above the horizon that are tried, as sines: 20 and 40 degrees, all.
 const BANDS: [f64; 3] = [0.342, 0.643, 1.0];
@@ -112,10 +114,11 @@ fn from_sky(
 
 /// The airlight under a sky, linear RGB; `None` without patches of any weight.
 ///
-/// The mean radiance within 20 degrees of the horizon, of higher bands where too little is seen there; at most 0.9
-/// of display white, and no bluer than daylight fog is. What lies below the horizon counts only where nothing
-/// lies above it; what is far darker than the rest is taken for no sky. A blue sky has a sun, which lights fog as it
-/// lights the brightest surfaces: their luminance is `sunlit`, 0 where none is known.
+/// The mean radiance within 20 degrees of the horizon, of higher bands where too little is seen
+/// there; at most 0.9 of display white, and no bluer than daylight fog is. What lies below the
+/// horizon counts only where nothing lies above it; what is far darker than the rest is taken for
+/// no sky. A blue sky has a sun, which lights fog as it lights the brightest surfaces: their
+/// luminance is `sunlit`, 0 where none is known.
 #[must_use]
 pub fn airlight_of_sky(mut patches: Vec<SkyPatch>, sunlit: f64) -> Option<[f64; 3]> {
     // A shell may close under the ground, where it has no light of its own.
@@ -132,7 +135,8 @@ pub fn airlight_of_sky(mut patches: Vec<SkyPatch>, sunlit: f64) -> Option<[f64; 
     mean.map(|mean| whitened(mean, sunlit))
 }
 
-/// The colour with no more blue than daylight fog has: the light of the sky with as much of the sun's as that takes.
+/// The colour with no more blue than daylight fog has: the light of the sky with as much of the
+/// sun's as that takes.
 fn whitened(rgb: [f64; 3], sunlit: f64) -> [f64; 3] {
     let [red, _, blue] = rgb;
     let grey = luminance(rgb).max(sunlit);

@@ -1,4 +1,5 @@
-//! Facts that are set by hand: up and the ground from points of the ground, the scale from a known length.
+//! Facts that are set by hand: up and the ground from points of the ground, the scale from a known
+//! length.
 //!
 //! The geometry of a scene stays as it is; its metadata say how it stands.
 
@@ -11,8 +12,8 @@ use crate::Scene;
 use glam::DVec3;
 use thiserror::Error;
 
-/// Height of the triangle of three points over its longest side, as a share of that side, from which its plane is told: a
-/// point that is 1 % of the side off tilts it by 11 degrees there.
+/// Height of the triangle of three points over its longest side, as a share of that side, from
+/// which its plane is told: a point that is 1 % of the side off tilts it by 11 degrees there.
 const FLATTEST: f64 = 0.05;
 /// Share of the cameras on one side of the ground from which that side is up.
 const MOST_CAMERAS: f64 = 0.8;
@@ -20,7 +21,8 @@ const MOST_CAMERAS: f64 = 0.8;
 const MOST_SPLATS: f64 = 2.0;
 /// Share of the scene's radius within which a splat belongs to the ground itself.
 const GROUND: f64 = 0.02;
-/// An up that turned by more than this is another one: what was found along the old one is found anew. Degrees.
+/// An up that turned by more than this is another one: what was found along the old one is found
+/// anew. Degrees.
 const TURNED: f64 = 5.0;
 
 /// Facts about a scene that its user sets.
@@ -152,7 +154,8 @@ fn check_point(point: DVec3) -> Result<(), AlignError> {
     if point.abs().cmplt(DVec3::splat(1e100)).all() { Ok(()) } else { Err(AlignError::Point(point)) }
 }
 
-/// Normal of the plane through three points (scene units), length 1; its side follows from the order of the points.
+/// Normal of the plane through three points (scene units), length 1; its side follows from the
+/// order of the points.
 ///
 /// # Errors
 /// [`AlignError::Point`], [`AlignError::Same`] or [`AlignError::Line`] if they make no plane.
@@ -233,9 +236,10 @@ pub struct Aligned {
 
 /// Sets facts of a scene by hand: writes them into its metadata, as sure.
 ///
-/// The splats and the cameras stay. Three points of the ground give up on the side of the cameras, else of most splats. What
-/// was found along another up, the height of the ground and the light near the horizon, is found anew, unless it is given. North
-/// becomes level again ([`crate::Metadata::level_north`]). About 200 ms for 850,000 splats on one core.
+/// The splats and the cameras stay. Three points of the ground give up on the side of the cameras,
+/// else of most splats. What was found along another up, the height of the ground and the light
+/// near the horizon, is found anew, unless it is given. North becomes level again
+/// ([`crate::Metadata::level_north`]). About 200 ms for 850,000 splats on one core.
 ///
 /// # Errors
 /// [`AlignError`] if a value cannot be used; the scene is as it was then.

@@ -1,9 +1,9 @@
 //! The ground: its height along up, and the plane through it.
 //!
 //! The ground is the lowest large, dense, level surface near the middle of the scene. Splats that
-//! face up or down are counted by height, by how much surface they stand for and over how many cells
-//! of a grid they lie. The lowest height with a fair share of the best counts of both is the ground:
-//! floaters below it have no surface, a cellar or a pond has few cells.
+//! face up or down are counted by height, by how much surface they stand for and over how many
+//! cells of a grid they lie. The lowest height with a fair share of the best counts of both is the
+//! ground: floaters below it have no surface, a cellar or a pond has few cells.
 
 use super::linear::{eigen, horizontals, outer, quantile};
 use super::sample::{SurveyPoint, SurveySample};
@@ -100,7 +100,8 @@ pub fn is_there(sample: &SurveySample, up: DVec3, height: f64) -> bool {
     share(&below, &|_| 1.0) < HOLLOW && share(&level, &|point| point.area) > least
 }
 
-/// Height of the ground along `up` below the cameras of `views`, scene units; `None` if there is none.
+/// Height of the ground along `up` below the cameras of `views`, scene units; `None` if there is
+/// none.
 pub fn below(sample: &SurveySample, up: DVec3, views: &[SceneView]) -> Option<f64> {
     level(sample, up, ceiling(views, up)).filter(|height| is_there(sample, up, *height))
 }

@@ -1,8 +1,8 @@
 //! Up from the poses of photos, by the habits of people who take them.
 //!
-//! People hold cameras upright: on the mean to about 6 degrees in pitch, and to about 1.5 degrees in roll. A drone that
-//! surveys an area looks straight down while it flies back and forth in a level plane; its pictures' up is then a level
-//! direction and says nothing.
+//! People hold cameras upright: on the mean to about 6 degrees in pitch, and to about 1.5 degrees
+//! in roll. A drone that surveys an area looks straight down while it flies back and forth in a
+//! level plane; its pictures' up is then a level direction and says nothing.
 
 use super::linear::{eigen, outer};
 use crate::Camera;
@@ -28,19 +28,21 @@ pub enum HabitKind {
     LookingDown,
 }
 
-/// Standard deviation of up by the habit [`HabitKind::Upright`] and [`HabitKind::LookingDown`], degrees: neighbouring
-/// photos err alike.
+/// Standard deviation of up by the habit [`HabitKind::Upright`] and [`HabitKind::LookingDown`],
+/// degrees: neighbouring photos err alike.
 const ERRORS: [f64; 2] = [12.0, 8.0];
 /// Most that one habit counts against a direction, nats: habits have exceptions.
 const MOST: f64 = 5.0;
 /// Length of the mean view direction above which all look one way: 20 degrees about it.
 const ONE_WAY: f64 = 0.94;
-/// Angle between view directions and the normal of the plane of the cameras, at most, as a cosine: 35 degrees.
+/// Angle between view directions and the normal of the plane of the cameras, at most, as a cosine:
+/// 35 degrees.
 const FACING: f64 = 0.82;
 /// Thickness of that plane, and its width against its length, as ratios of standard deviations.
 const FLAT: f64 = 0.25;
 const WIDE: f64 = 0.25;
-/// Share of captures that scan a plane at right angles to it and are no survey from the air: facades, paintings.
+/// Share of captures that scan a plane at right angles to it and are no survey from the air:
+/// facades, paintings.
 const FACADES: f64 = 0.15;
 /// Fewest cameras that make a plane.
 const FEWEST: usize = 6;
@@ -75,8 +77,8 @@ pub fn fit(up: DVec3, habits: &[Habit]) -> f64 {
 
 /// Up as upright cameras have it; `None` if they do not tell.
 ///
-/// The mean of the pictures' ups is known to some degrees; the direction to which all x axes are level is known better
-/// the more ways they look.
+/// The mean of the pictures' ups is known to some degrees; the direction to which all x axes are
+/// level is known better the more ways they look.
 fn held(cameras: &[Camera]) -> Option<DVec3> {
     let count = cameras.len() as f64;
     let (mut mean, mut moments) = (DVec3::ZERO, DMat3::ZERO);
@@ -99,7 +101,8 @@ fn held(cameras: &[Camera]) -> Option<DVec3> {
     Some((axis * level + mean * upright).normalize())
 }
 
-/// Up of cameras that all look at right angles to the plane in which they lie, to its far side; `None` if they do not.
+/// Up of cameras that all look at right angles to the plane in which they lie, to its far side;
+/// `None` if they do not.
 fn looking_down(cameras: &[Camera]) -> Option<DVec3> {
     let count = cameras.len() as f64;
     if cameras.len() < FEWEST {

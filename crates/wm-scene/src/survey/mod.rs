@@ -1,9 +1,9 @@
-//! Facts about a place that a bare splat file does not state: up, ground, scale, the light of the air, its
-//! middle and size, and which splats are the sky.
+//! Facts about a place that a bare splat file does not state: up, ground, scale, the light of the
+//! air, its middle and size, and which splats are the sky.
 //!
 //! For each value the best source wins: given by hand, the scene's own metadata, the photographed
-//! views, an estimate from the splats, and last an assumption. The source is kept with the value. All
-//! estimates come from a fixed sample of the splats, so they are the same every time.
+//! views, an estimate from the splats, and last an assumption. The source is kept with the value.
+//! All estimates come from a fixed sample of the splats, so they are the same every time.
 
 mod airlight;
 mod align;
@@ -55,15 +55,18 @@ pub struct Survey {
     pub north: Option<DVec3>,
     /// The origin of north and of the place on Earth, where the metadata state it.
     pub north_source: Option<String>,
-    /// Latitude and longitude of the middle of the photos, degrees, WGS 84, where the metadata state them.
+    /// Latitude and longitude of the middle of the photos, degrees, WGS 84, where the metadata
+    /// state them.
     pub location: Option<[f64; 2]>,
-    /// The middle of the time in which they were taken, seconds since 1970, UTC, where the metadata state it.
+    /// The middle of the time in which they were taken, seconds since 1970, UTC, where the metadata
+    /// state it.
     pub captured: Option<f64>,
     /// The sun when the photos were taken, where the metadata state it, or north, place and time.
     pub sun: Option<SurveyedSun>,
     /// The reason why these give no sun.
     pub sun_fault: Option<SunFault>,
-    /// Elevation of the sun when the photos were taken, radians, 0 to pi/2, where place and time are known and north is not.
+    /// Elevation of the sun when the photos were taken, radians, 0 to pi/2, where place and time
+    /// are known and north is not.
     pub sun_elevation: Option<f64>,
     /// Height of the ground along `up`, scene units, near the middle of the scene.
     pub ground: Sourced<f64>,
@@ -73,8 +76,8 @@ pub struct Survey {
     pub scale_source: Option<String>,
     /// Mean radiance of the sky near the horizon, linear RGB, 1 = display white.
     pub airlight: Sourced<[f64; 3]>,
-    /// Brightness of a white card on level ground in the open as the photos would show it, linear, 1 = display white; `None` where
-    /// nobody states it.
+    /// Brightness of a white card on level ground in the open as the photos would show it, linear,
+    /// 1 = display white; `None` where nobody states it.
     pub white_card: Option<f64>,
     /// The kind of sky that the place was captured under.
     pub captured_sky: CapturedSky,
@@ -271,7 +274,8 @@ impl Survey {
         }
     }
 
-    /// The values to write with the scene: all but what is assumed, so that a later survey asks again.
+    /// The values to write with the scene: all but what is assumed, so that a later survey asks
+    /// again.
     #[must_use]
     pub fn metadata(&self) -> Metadata {
         fn known<T: Copy>(sourced: &Sourced<T>) -> Option<T> {

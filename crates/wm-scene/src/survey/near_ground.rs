@@ -6,7 +6,8 @@ use super::sky::SkyRegion;
 use crate::{Splats, quat};
 use glam::{DMat3, DVec3};
 
-/// Radii of the round in which the ground under a point is looked for, the next where one has too little of it, m.
+/// Radii of the round in which the ground under a point is looked for, the next where one has too
+/// little of it, m.
 const ROUNDS: [f64; 4] = [2.5, 5.0, 10.0, 20.0];
 /// Splats of the ground that tell its height.
 const LEAST: usize = 40;
@@ -14,34 +15,36 @@ const LEAST: usize = 40;
 const LEVEL: f64 = 0.8;
 /// Least height of an eye over the ground, m.
 const EYE: f64 = 0.2;
-/// Thickness of the layers in which surface is counted, m, and the share of the best layer's surface with which a lower one is the
-/// ground.
+/// Thickness of the layers in which surface is counted, m, and the share of the best layer's
+/// surface with which a lower one is the ground.
 const LAYER: f64 = 0.1;
 const FAIR: f64 = 0.35;
-/// Distances from the plane beyond which a splat is none of the ground, m, from one fit to the next.
+/// Distances from the plane beyond which a splat is none of the ground, m, from one fit to the
+/// next.
 const THICKNESS: [f64; 5] = [0.3, 0.2, 0.12, 0.08, 0.08];
 /// Steepest ground that is followed, height over way.
 const STEEPEST: f64 = 0.4;
-/// Lowest and highest place of the visible ground over the plane of the level splats, m, and how much farther up it may be, of the radius
-/// of the round.
+/// Lowest and highest place of the visible ground over the plane of the level splats, m, and how
+/// much farther up it may be, of the radius of the round.
 const SEEN: [f64; 2] = [-0.3, 0.35];
 const SEEN_FAR: f64 = 0.02;
 /// Places along the radius of a round at which the visible ground is looked for.
 const PLACES: f64 = 8.0;
-/// Distance from the point within which the ground is that of the feet, m, the distance between the places there where it is looked for, m,
-/// and the least number of them that tell it.
+/// Distance from the point within which the ground is that of the feet, m, the distance between the
+/// places there where it is looked for, m, and the least number of them that tell it.
 const FEET: f64 = 0.5;
 const FEET_STEP: f64 = 0.1;
 const FEW_PLACES: usize = 30;
-/// Most that the ground at the feet may be above or below that of the whole round, of the radius of the round: no plane is as uneven as a
-/// lawn, and plants and kerbs are no ground.
+/// Most that the ground at the feet may be above or below that of the whole round, of the radius of
+/// the round: no plane is as uneven as a lawn, and plants and kerbs are no ground.
 const UNEVEN: f64 = 0.06;
 
 /// The splats of a scene in which the ground under a point is found.
 #[derive(Clone, Debug, Default)]
 pub struct NearGround {
     axes: DMat3,
-    /// The level splats: distances along both level axes and height along up, scene units, and area, square units.
+    /// The level splats: distances along both level axes and height along up, scene units, and
+    /// area, square units.
     points: Vec<[f32; 4]>,
     /// All splats as seen from above.
     covers: Vec<Cover<f32>>,
@@ -113,9 +116,10 @@ impl NearGround {
         Self { axes, points, covers }
     }
 
-    /// Height along up, scene units, of the ground straight under a point of the scene: of the plane that fits the lowest large level
-    /// surface around, moved to where that is seen from above: large splats lie below what a capture shows of its ground.
-    /// `None` where there is none within 20 m.
+    /// Height along up, scene units, of the ground straight under a point of the scene: of the
+    /// plane that fits the lowest large level surface around, moved to where that is seen from
+    /// above: large splats lie below what a capture shows of its ground. `None` where there is none
+    /// within 20 m.
     #[must_use]
     pub fn height_under(&self, eye: DVec3, metres_per_unit: f64) -> Option<f64> {
         let [x, y, top] = (self.axes * eye).to_array();
@@ -137,7 +141,8 @@ impl NearGround {
     }
 }
 
-/// Returns a splat as seen from above, in scene units. `axes` are the two level axes and up, in rows.
+/// Returns a splat as seen from above, in scene units. `axes` are the two level axes and up, in
+/// rows.
 fn cover_from_above(splats: &Splats, index: usize, axes: DMat3) -> Cover<f32> {
     let turn = quat::to_matrix(splats.quats[index].map(f64::from));
     let scales = splats.log_scales[index].map(|scale| f64::from(scale).exp());
@@ -153,8 +158,9 @@ fn cover_from_above(splats: &Splats, index: usize, axes: DMat3) -> Cover<f32> {
     }
 }
 
-/// Returns the height of the visible ground over a plane in its middle, m: the median at the feet if there is enough of it and it agrees with
-/// the median of the whole round, else that one; 0 if no ground is seen.
+/// Returns the height of the visible ground over a plane in its middle, m: the median at the feet
+/// if there is enough of it and it agrees with the median of the whole round, else that one; 0 if
+/// no ground is seen.
 fn seen_over(plane: [f64; 3], covers: &[Cover<f64>], radius: f64) -> f64 {
     let heights = [SEEN[0], SEEN[1] + SEEN_FAR * radius];
     let whole = seen_at(plane, covers, heights, radius, radius / PLACES);
@@ -165,8 +171,9 @@ fn seen_over(plane: [f64; 3], covers: &[Cover<f64>], radius: f64) -> f64 {
     feet.filter(|feet| (feet - whole).abs() < UNEVEN * radius).unwrap_or(whole)
 }
 
-/// Returns the heights over a plane, between two of them, at which the ground is seen, m, at places `step` apart within a distance of the middle, m: there
-/// the splats above have stopped half of the light from above. Places where less is stopped have none.
+/// Returns the heights over a plane, between two of them, at which the ground is seen, m, at places
+/// `step` apart within a distance of the middle, m: there the splats above have stopped half of the
+/// light from above. Places where less is stopped have none.
 fn seen_at(plane: [f64; 3], covers: &[Cover<f64>], heights: [f64; 2], distance: f64, step: f64) -> Vec<f64> {
     let mut near: Vec<(f64, &Cover<f64>)> = covers
         .iter()
@@ -193,7 +200,8 @@ fn seen_at(plane: [f64; 3], covers: &[Cover<f64>], heights: [f64; 2], distance: 
     places.iter().filter_map(seen).collect()
 }
 
-/// Height in the middle of the ground among points `[x, y, height, area]`, m, and its slopes along both axes.
+/// Height in the middle of the ground among points `[x, y, height, area]`, m, and its slopes along
+/// both axes.
 fn plane_of(points: &[[f64; 4]]) -> Option<[f64; 3]> {
     if points.len() < LEAST {
         return None;
@@ -261,7 +269,8 @@ mod tests {
         assert_eq!(plane_of(&points[..30]), None);
     }
 
-    /// Paving as captures have it: small splats that are seen, any way up, and large level ones up to 0.3 m below them.
+    /// Paving as captures have it: small splats that are seen, any way up, and large level ones up
+    /// to 0.3 m below them.
     #[test]
     fn the_ground_is_where_it_is_seen() {
         let mut place = synthetic::Builder::new(5);
@@ -282,7 +291,8 @@ mod tests {
         }
     }
 
-    /// A coarse capture: its splats are wider than the feet, and others lie below those that are seen.
+    /// A coarse capture: its splats are wider than the feet, and others lie below those that are
+    /// seen.
     #[test]
     fn wide_splats_show_the_ground() {
         let mut place = synthetic::Builder::new(7);
@@ -298,7 +308,8 @@ mod tests {
         assert!((height - 0.15).abs() < 0.03, "{height}");
     }
 
-    /// A coarser one: its few level splats lie half a metre below the ground that is seen, whose splats are tilted.
+    /// A coarser one: its few level splats lie half a metre below the ground that is seen, whose
+    /// splats are tilted.
     #[test]
     fn tilted_splats_show_the_ground_far_over_level_ones() {
         let mut place = synthetic::Builder::new(8);
@@ -317,7 +328,8 @@ mod tests {
         assert!((height - 0.55).abs() < 0.03, "{height}");
     }
 
-    /// A lawn with a hollow of 8 cm: at the feet it is as deep as there, and a bush there is no ground.
+    /// A lawn with a hollow of 8 cm: at the feet it is as deep as there, and a bush there is no
+    /// ground.
     #[test]
     fn the_ground_at_the_feet_is_that_of_a_hollow() {
         let lawn = |x: f64, y: f64| -0.08 * (-(x * x + y * y) / 2.0).exp();

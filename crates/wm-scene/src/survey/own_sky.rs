@@ -8,7 +8,8 @@ use glam::DVec3;
 
 /// Distance from which splats may be sky, in radii that hold 95 % of the rest of the scene.
 const FAR: f64 = 1.5;
-/// Sine of the lowest elevation of a sky: 6 degrees below the horizon, so that no gap opens above a scene's end.
+/// Sine of the lowest elevation of a sky: 6 degrees below the horizon, so that no gap opens above a
+/// scene's end.
 const LOWEST: f64 = -0.105;
 /// Share of the sky that photos looked at, below which it is made up: the cameras look down.
 const LEAST_SEEN: f64 = 0.02;
@@ -54,11 +55,12 @@ impl SkyChange {
 impl OwnSky {
     /// Treats the sky of a scene; `given` are facts that win over the scene's own, such as up.
     ///
-    /// A dropped sky takes its light with it: the scene's airlight is forgotten, and comes from the weather. To rebuild it,
-    /// up is found without the sky, unless it is known. What was labelled as sky or looks like a shell of sky stays one where it
-    /// is beyond 1.5 radii of the rest and at most 6 degrees below the horizon. What is below is left out, what is nearer
-    /// belongs to the scene. If next to no photo looks at what stays, it is made up and left out too. About 200 ms for
-    /// 850,000 splats.
+    /// A dropped sky takes its light with it: the scene's airlight is forgotten, and comes from the
+    /// weather. To rebuild it, up is found without the sky, unless it is known. What was labelled
+    /// as sky or looks like a shell of sky stays one where it is beyond 1.5 radii of the rest and
+    /// at most 6 degrees below the horizon. What is below is left out, what is nearer belongs to
+    /// the scene. If next to no photo looks at what stays, it is made up and left out too. About
+    /// 200 ms for 850,000 splats.
     pub fn apply(self, scene: &mut Scene, given: &Metadata) -> SkyChange {
         let is_sky = |splats: &Splats, region: SkyRegion| -> Vec<bool> {
             (0..splats.len()).map(|index| region.holds(splats, index)).collect()
@@ -113,7 +115,8 @@ fn keep(scene: &mut Scene, is_kept: impl Fn(usize) -> bool) {
     }
 }
 
-/// Decides for each splat what it is. Writes up into the scene's metadata as it is found without the sky.
+/// Decides for each splat what it is. Writes up into the scene's metadata as it is found without
+/// the sky.
 fn fates(scene: &mut Scene, given: &Metadata, before: &[bool]) -> Vec<Fate> {
     let at = |index: usize| DVec3::from_array(scene.splats.means[index].map(f64::from));
     let shell = find(&scene.splats);

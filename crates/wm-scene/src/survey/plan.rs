@@ -1,8 +1,9 @@
 //! The plumb direction by the plan of a place: seen along it, walls are lines.
 //!
-//! High walls tell it by where they are, far better than by the normals of their splats, which a training leaves biased by a degree
-//! or two. Points of upright surfaces are moved to one height along each direction that may be plumb. Where walls stand along it, their
-//! points meet in few cells of a level grid, and the sum of the squares of what cells hold is the greatest.
+//! High walls tell it by where they are, far better than by the normals of their splats, which a
+//! training leaves biased by a degree or two. Points of upright surfaces are moved to one height
+//! along each direction that may be plumb. Where walls stand along it, their points meet in few
+//! cells of a level grid, and the sum of the squares of what cells hold is the greatest.
 
 use super::linear::{horizontals, quantile};
 use super::sample::{SurveySample, strided};
@@ -12,13 +13,15 @@ use glam::{DVec2, DVec3, Vec2};
 const MOST: usize = 8000;
 /// Cosine between the normal of an upright surface and up.
 const UPRIGHT: f64 = 0.35;
-/// Share of the points, the nearest to the middle, that are looked at: strays would make the grid large.
+/// Share of the points, the nearest to the middle, that are looked at: strays would make the grid
+/// large.
 const NEAR: f64 = 0.9;
 /// Directions that are compared: roughly, then finely about the best.
 const ROUGH: Grid = Grid { degrees: 1.0, steps: 4, cells: 150.0 };
 const FINE: Grid = Grid { degrees: 0.4, steps: 3, cells: 250.0 };
-/// Sum of squares of the best direction over the median, from which on high walls are there. Measured: 1.25 of tower blocks, 1.01 to 1.1 where
-/// there are low walls or none, and then the best direction is chance.
+/// Sum of squares of the best direction over the median, from which on high walls are there.
+/// Measured: 1.25 of tower blocks, 1.01 to 1.1 where there are low walls or none, and then the best
+/// direction is chance.
 const STANDS_OUT: f64 = 1.15;
 
 /// Finds the plumb direction within some 5 degrees of `up`; `None` where there are no high walls.
@@ -54,7 +57,8 @@ pub(super) fn plumb(sample: &SurveySample, up: DVec3) -> Option<DVec3> {
     Some((up + axes.0 * tilt.x + axes.1 * tilt.y).normalize())
 }
 
-/// Tilts about a middle one: their distance, degrees, the steps to each side, and the cells across the place at which they are compared.
+/// Tilts about a middle one: their distance, degrees, the steps to each side, and the cells across
+/// the place at which they are compared.
 #[derive(Clone, Copy)]
 struct Grid {
     degrees: f64,
@@ -76,8 +80,8 @@ struct Plan {
 }
 
 impl Plan {
-    /// The sum of the squares of what the cells of a level grid hold, with `cells` across the place, of points that are moved to one height
-    /// along a tilt, units a unit of height.
+    /// The sum of the squares of what the cells of a level grid hold, with `cells` across the
+    /// place, of points that are moved to one height along a tilt, units a unit of height.
     fn sharpness(&self, tilt: DVec2, cells: f64) -> f64 {
         let scale = (0.5 * cells / self.reach) as f32;
         let tilt = tilt.as_vec2() * scale;
@@ -85,7 +89,8 @@ impl Plan {
         let side = (1.2 * cells) as usize + 2;
         let (middle, last) = (0.5 * side as f32, (side - 1) as f32);
         let mut held = vec![0.0f32; side * side];
-        // The sum grows with each share that a cell receives, so that cells need not be looked at again.
+        // The sum grows with each share that a cell receives, so that cells need not be looked at
+        // again.
         let mut sum = 0.0;
         for PlanPoint { place, height, weight } in &self.points {
             let at = *place * scale - tilt * *height + middle;

@@ -100,8 +100,8 @@ impl Survey {
         [up, ground, scale].into_iter().flatten().collect()
     }
 
-    /// A line that names the facts that weather stands on and that are likely, not sure: such a fact may be some degrees, or a
-    /// sixth of a length, off.
+    /// A line that names the facts that weather stands on and that are likely, not sure: such a
+    /// fact may be some degrees, or a sixth of a length, off.
     #[must_use]
     pub fn likely_facts(&self) -> Option<String> {
         let is_likely = |confidence: Confidence| confidence == Confidence::Likely;
@@ -176,7 +176,8 @@ impl UpEstimate {
         })
     }
 
-    /// Says by how much the ground falls and the walls lean, in one line; `None` where neither was found.
+    /// Says by how much the ground falls and the walls lean, in one line; `None` where neither was
+    /// found.
     fn slopes(&self) -> Option<String> {
         let ground = self.ground_normal.map(|normal| {
             let fall = normal.reject_from_normalized(self.up) / normal.dot(self.up);

@@ -58,8 +58,8 @@ impl SurveySample {
         Self { points, stands_for: splats.len().div_ceil(MOST).max(1), center, radius }
     }
 
-    /// Length, width and height (along `up`) of the box that holds all but 1 % of the points to each
-    /// side, scene units.
+    /// Length, width and height (along `up`) of the box that holds all but 1 % of the points to
+    /// each side, scene units.
     pub fn extent(&self, up: DVec3) -> [f64; 3] {
         let (x, y) = horizontals(up);
         let mut size = [x, y, up].map(|axis| {

@@ -2,8 +2,8 @@
 //!
 //! Reconstructions put the sky on a shell far outside everything else. A shell is taken for the sky
 //! where all of this holds, and nothing is labelled otherwise:
-//! - there is a gap: a spherical layer about the scene's middle, at least half as thick again as its
-//!   inner radius, with next to nothing in it;
+//! - there is a gap: a spherical layer about the scene's middle, at least half as thick again as
+//!   its inner radius, with next to nothing in it;
 //! - the shell begins beyond three times the radius that holds 90 % of what is inside;
 //! - its splats are much larger than those inside;
 //! - seen from the middle they cover a wide piece of the heavens: stray splats are too few for it,
@@ -84,8 +84,8 @@ impl SkyRegion {
     }
 }
 
-/// Gives the splats of the sky their group, if no splat has it yet and there is a sky shell; returns
-/// how many there were.
+/// Gives the splats of the sky their group, if no splat has it yet and there is a sky shell;
+/// returns how many there were.
 ///
 /// A sky is a shell of large splats far outside the rest, above or all around; distant buildings
 /// are not taken for it. About 40 ns a splat.
@@ -116,8 +116,8 @@ pub(super) fn find(splats: &Splats) -> SkyRegion {
         return SkyRegion::None;
     }
     let layers = Layers::of(splats, center, unit);
-    // From outside in, each shell on its own: a row of far houses stays with the scene where the sky is
-    // farther still. What floats in a gap goes to the nearer side.
+    // From outside in, each shell on its own: a row of far houses stays with the scene where the
+    // sky is farther still. What floats in a gap goes to the nearer side.
     let (mut sky, mut outer) = (None, f64::INFINITY);
     for gap in layers.gaps().into_iter().rev() {
         let radius = (layers.radius(gap.start) * layers.radius(gap.end)).sqrt();
@@ -208,7 +208,8 @@ fn is_sky(splats: &Splats, center: DVec3, shell: Range<f64>) -> bool {
             continue;
         }
         far.push(sizes[2]);
-        // An ellipse of two standard deviations, in areas of a cell: 4 pi s s / r^2 / (4 pi / CELLS).
+        // An ellipse of two standard deviations, in areas of a cell: 4 pi s s / r^2 / (4 pi /
+        // CELLS).
         let share = (sizes[1] + sizes[2]).exp() * splats.opacity(index) / squared * CELLS as f64;
         let nearest = |a: &usize, b: &usize| cells[*a].dot(offset).total_cmp(&cells[*b].dot(offset));
         filled[(0..CELLS).max_by(nearest).unwrap_or(0)] += share.min(ONE);

@@ -18,7 +18,8 @@ pub struct SurveyedSun {
     pub elevation: f64,
     /// Its source, such as "from the time and the GPS of 24 photos, met within 1.1 m".
     pub source: String,
-    /// Confidence in the direction: no more than in up, and likely if the photos took more than ten minutes.
+    /// Confidence in the direction: no more than in up, and likely if the photos took more than ten
+    /// minutes.
     pub confidence: Confidence,
 }
 
@@ -56,8 +57,9 @@ fn position(facts: &Metadata) -> Result<Option<SunPosition>, SunFault> {
     Ok(Some(position))
 }
 
-/// The elevation of the sun above the horizon when the photos were taken, radians, 0 to pi/2. It needs no north. `None` if place or
-/// time is not known, the photos took too long, or the sun was below the horizon.
+/// The elevation of the sun above the horizon when the photos were taken, radians, 0 to pi/2. It
+/// needs no north. `None` if place or time is not known, the photos took too long, or the sun was
+/// below the horizon.
 pub(super) fn elevation(facts: &Metadata) -> Option<f64> {
     Some(position(facts).ok()??.elevation)
 }

@@ -1,7 +1,8 @@
-//! The side from which a sun would light most of what a capture shows: for weathers that say how high their sun stands and not where.
+//! The side from which a sun would light most of what a capture shows: for weathers that say how
+//! high their sun stands and not where.
 //!
-//! Rays go from a few surfaces near the ground and the cameras towards suns all around, through cells that hold as much surface as
-//! closes half of them.
+//! Rays go from a few surfaces near the ground and the cameras towards suns all around, through
+//! cells that hold as much surface as closes half of them.
 
 use super::linear::horizontals;
 use super::sample::{SurveyPoint, SurveySample, strided};
@@ -15,11 +16,13 @@ const ELEVATIONS: [f64; 3] = [8.0, 25.0, 45.0];
 const AROUND: usize = 24;
 /// Cells across the radius of the place.
 const CELLS: f64 = 28.0;
-/// Cells along each side of the cube that is looked at: a ray goes two radii from a surface, which is within some radii of the middle.
+/// Cells along each side of the cube that is looked at: a ray goes two radii from a surface, which
+/// is within some radii of the middle.
 const SIDE: usize = 200;
 /// Surface in a cell that stops the sun, of the area of its side.
 const CLOSED: f64 = 0.5;
-/// Height above the ground, and distance from the middle of the cameras, up to which surfaces are looked at, radii of the place.
+/// Height above the ground, and distance from the middle of the cameras, up to which surfaces are
+/// looked at, radii of the place.
 const LOW: f64 = 0.12;
 const NEAR: f64 = 0.7;
 /// Most surfaces that are looked at.
@@ -32,8 +35,9 @@ const SAME: f64 = 0.03;
 /// The directions from which suns of several elevations light most of a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunnySide {
-    /// For each of [`ELEVATIONS`]: the level direction towards the sun (world axes, length 1), and the share of the surface that it
-    /// reaches, 0-1; `None` where no side is better than the others.
+    /// For each of [`ELEVATIONS`]: the level direction towards the sun (world axes, length 1), and
+    /// the share of the surface that it reaches, 0-1; `None` where no side is better than the
+    /// others.
     sides: [Option<(DVec3, f64)>; 3],
 }
 
@@ -41,8 +45,8 @@ impl SunnySide {
     /// No side is better than the others.
     pub const NONE: Self = Self { sides: [None; 3] };
 
-    /// Finds the sunny side of a scene by sampled splats, up, the height of the ground along up (scene units), and the cameras of its
-    /// photos.
+    /// Finds the sunny side of a scene by sampled splats, up, the height of the ground along up
+    /// (scene units), and the cameras of its photos.
     pub(super) fn of(sample: &SurveySample, up: DVec3, ground: f64, views: &[SceneView]) -> Self {
         let cell = sample.radius / CELLS;
         if sample.points.is_empty() || !(cell.is_finite() && cell > 0.0) {
@@ -54,7 +58,8 @@ impl SunnySide {
             count => centers.iter().sum::<DVec3>() / count as f64,
         };
         let cells = Cells { first: middle - DVec3::splat(0.5 * SIDE as f64 * cell), cell };
-        // Each sampled splat stands for several, and covers pi times the product of its standard deviations.
+        // Each sampled splat stands for several, and covers pi times the product of its standard
+        // deviations.
         let stands_for = PI * sample.stands_for as f64;
         let mut surface: Vec<(usize, f64)> = sample
             .points
@@ -103,8 +108,9 @@ impl SunnySide {
         Self { sides }
     }
 
-    /// Returns the level direction (world axes, length 1) towards a sun of an elevation, degrees, that lights most of the place, and
-    /// the share of the surface near the ground that it lights, 0-1; `None` where no side is better than the others.
+    /// Returns the level direction (world axes, length 1) towards a sun of an elevation, degrees,
+    /// that lights most of the place, and the share of the surface near the ground that it lights,
+    /// 0-1; `None` where no side is better than the others.
     #[must_use]
     pub fn towards(&self, elevation: f64) -> Option<(DVec3, f64)> {
         let away = |k: &usize| (ELEVATIONS[*k] - elevation).abs();
@@ -140,7 +146,8 @@ mod tests {
     use crate::{Metadata, Scene};
     use glam::DVec3;
 
-    /// A court of 24 m between walls of 20 m, open towards `open`: 0 for +x, a quarter turn for each more; 4 for none.
+    /// A court of 24 m between walls of 20 m, open towards `open`: 0 for +x, a quarter turn for
+    /// each more; 4 for none.
     fn court(open: usize) -> Survey {
         let mut place = Builder::new(5);
         place.block(DVec3::new(0.0, 0.0, -0.2), DVec3::new(24.0, 24.0, 0.2), 0.4, [0.5; 3]);

@@ -34,8 +34,8 @@ fn views(eyes: &[(DVec3, DVec3)]) -> Vec<SceneView> {
     eyes.iter().map(camera).map(Result::unwrap).enumerate().map(view).collect()
 }
 
-/// Up in the garden: 11 planes of facades, their rows of windows and plumb edges, and 9 pieces of paving, fitted by hand, are 0.4 degrees
-/// about it. The scene is 1.5 degrees off its z axis.
+/// Up in the garden: 11 planes of facades, their rows of windows and plumb edges, and 9 pieces of
+/// paving, fitted by hand, are 0.4 degrees about it. The scene is 1.5 degrees off its z axis.
 fn garden_up() -> DVec3 {
     DVec3::new(0.019, 0.018, 1.0).normalize()
 }
@@ -113,7 +113,8 @@ fn made_up_places_can_lie_any_way() {
     }
 }
 
-/// A place that is aligned to an axis roughly stands as its walls do, and one that is aligned well stands on the axis.
+/// A place that is aligned to an axis roughly stands as its walls do, and one that is aligned well
+/// stands on the axis.
 #[test]
 fn no_axis_overrules_walls() {
     let mut place = Builder::new(3);
@@ -159,7 +160,8 @@ fn high_walls_tell_up_by_where_they_stand() {
     }
 }
 
-/// A figure without ground: the splats tell nothing, so up is what most programs write, and said to be a guess.
+/// A figure without ground: the splats tell nothing, so up is what most programs write, and said to
+/// be a guess.
 #[test]
 fn a_figure_on_nothing_stands_as_programs_write_it() {
     // Feet at y = 0.9, as programs with y down have it: legs, trunk, arms, head.
@@ -275,8 +277,8 @@ fn level_cameras_bound_the_roll_of_sloping_ground() {
 
 #[test]
 fn photographers_hold_their_cameras_level() {
-    // A plane through the points of the road, and one through those of the facade, which is plumb. The
-    // castle was photographed from below: the mean of the ups alone is 11 degrees off.
+    // A plane through the points of the road, and one through those of the facade, which is plumb.
+    // The castle was photographed from below: the mean of the ups alone is 11 degrees off.
     let (road, facade) = (DVec3::new(-0.003, -1.0, 0.001), DVec3::new(0.231, -0.159, -0.960));
     let found = |name: &str| {
         let views = crate::capture::read_views(&data(&format!("photos/{name}"))?).unwrap();

@@ -1,18 +1,20 @@
 //! Finds the direction that is up.
 //!
-//! Directions that could be up are collected: the world axes, those that much surface faces, the axes
-//! of the scene's extent, the middle of the sky. Each is rated by a sum of evidence in nats (natural
-//! logarithms of odds), both ways round:
+//! Directions that could be up are collected: the world axes, those that much surface faces, the
+//! axes of the scene's extent, the middle of the sky. Each is rated by a sum of evidence in nats
+//! (natural logarithms of odds), both ways round:
 //! - ground: much surface faces it at one height near its lower end, with nothing below;
 //! - alone: there is no such surface at its upper end, as there is where walls face each other;
-//! - open: the scene is dense at the ground and thins out upwards, while between two walls it is even;
+//! - open: the scene is dense at the ground and thins out upwards, while between two walls it is
+//!   even;
 //! - thin: places are wider than high;
 //! - sky: the shell lies above;
 //! - cameras: by the habits of who took the photos ([`super::habits`]), which weigh most;
 //! - prior: programs write scenes with an axis up, most often that of cameras with y down.
 //!
-//! The best is refined: the plane of the ground, plumb walls where much is built, cameras that were held upright, and a world
-//! axis near by each tell up with an error of their own, and the most likely direction is taken. No axis overrules what is seen.
+//! The best is refined: the plane of the ground, plumb walls where much is built, cameras that were
+//! held upright, and a world axis near by each tell up with an error of their own, and the most
+//! likely direction is taken. No axis overrules what is seen.
 
 use super::habits::{self, Habit, HabitKind};
 use super::linear::{direction, eigen, horizontals, outer, quantile};
@@ -30,7 +32,8 @@ const RATED: usize = 8000;
 const PEAK: f64 = 0.978;
 /// A world axis within this angle of what is seen is meant, degrees.
 const SAME_AXIS: f64 = 0.4;
-/// Angle between what is seen and the nearest world axis, degrees, up to which a program may have aligned the scene to that.
+/// Angle between what is seen and the nearest world axis, degrees, up to which a program may have
+/// aligned the scene to that.
 const NEAR_AXIS: f64 = 6.0;
 /// Cameras held within this of up told it, as a cosine: 20 degrees.
 const AGREE: f64 = 0.94;
@@ -39,18 +42,22 @@ const LAYERS: usize = 64;
 
 /// Standard deviation of the roll of a camera that is held upright, degrees.
 const ROLL: f64 = 2.0;
-/// Standard deviations of up, degrees, as told by surfaces that face it, by the plane of the ground where no wall stands on it, and
-/// where walls do and it is therefore no slope (paving falls by 1 to 2 % so that it drains), by walls, and by the axis of a format.
+/// Standard deviations of up, degrees, as told by surfaces that face it, by the plane of the ground
+/// where no wall stands on it, and where walls do and it is therefore no slope (paving falls by 1
+/// to 2 % so that it drains), by walls, and by the axis of a format.
 const SURFACES: f64 = 3.0;
 const LONE_GROUND: f64 = 2.0;
 const GROUND: f64 = 1.0;
 const WALLS: f64 = 0.4;
 const AXIS: f64 = 2.0;
-/// Angle between the plumb directions by the plan of walls and by their normals, degrees, from which on the normals are biased.
+/// Angle between the plumb directions by the plan of walls and by their normals, degrees, from
+/// which on the normals are biased.
 const BIASED: f64 = 0.8;
-/// Angle between what surfaces and upright cameras tell, degrees, from which on the surfaces are taken for rough.
+/// Angle between what surfaces and upright cameras tell, degrees, from which on the surfaces are
+/// taken for rough.
 const APART: f64 = 4.0;
-/// Angle between the directions that walls and ground tell, degrees, from which on the ground is a slope.
+/// Angle between the directions that walls and ground tell, degrees, from which on the ground is a
+/// slope.
 const SLOPE: f64 = 2.5;
 /// Neighbouring photos that are rolled alike, and the most that count as independent.
 const ALIKE: f64 = 4.0;
@@ -60,8 +67,8 @@ const RIVAL: f64 = 0.966;
 /// Lead over the best rival, nats, from which up is sure, and from which it is likely.
 const SURE: f64 = 4.0;
 const LIKELY: f64 = 1.5;
-/// Evidence of ground, nats, below which there is none: a tenth of the surfaces. The other evidence is noise then, as of an object
-/// that was cut out.
+/// Evidence of ground, nats, below which there is none: a tenth of the surfaces. The other evidence
+/// is noise then, as of an object that was cut out.
 const GROUNDLESS: f64 = -3.3;
 /// Length of the mean direction of the sky from which it tells up.
 const SKY: f64 = 0.2;
@@ -151,14 +158,15 @@ pub fn estimate(
     }
     let surfaces = refined(sample, &rated, first, 0.97, plan::plumb);
     let apart = halves_apart(sample, first);
-    // The halves are told by normals: where the plan of high walls shows that those are biased, they say nothing.
+    // The halves are told by normals: where the plan of high walls shows that those are biased,
+    // they say nothing.
     let deviation =
         if surfaces.is_by_plan { surfaces.deviation } else { surfaces.deviation.max(0.5 * apart) };
     let surfaces = Refined { deviation, ..surfaces };
     let up = on_ground(sample, views, levelled(&surfaces, &cameras, &habits));
     let agree = habits.iter().any(|habit| habit.up.dot(up) > AGREE);
-    // Cameras that say something else are a doubt, however clear the splats are; and where there is no ground, nor sky
-    // nor cameras, the rest is noise.
+    // Cameras that say something else are a doubt, however clear the splats are; and where there is
+    // no ground, nor sky nor cameras, the rest is noise.
     let confidence = match lead {
         _ if is_object => Confidence::Guess,
         // What a photo shows from the front lies on its back then, as on a ground.
@@ -178,8 +186,9 @@ pub fn estimate(
     })
 }
 
-/// The most likely up by the surfaces, the rolls of cameras that were held upright, and a world axis near by: a few rough or
-/// sloping surfaces tilt the first by degrees, nobody holds all cameras aslant, and many scenes were aligned.
+/// The most likely up by the surfaces, the rolls of cameras that were held upright, and a world
+/// axis near by: a few rough or sloping surfaces tilt the first by degrees, nobody holds all
+/// cameras aslant, and many scenes were aligned.
 fn levelled(surfaces: &Refined, cameras: &[Camera], habits: &[Habit]) -> DVec3 {
     let up = surfaces.up;
     let precision = |degrees: f64| degrees.to_radians().powi(-2);
@@ -207,8 +216,8 @@ fn levelled(surfaces: &Refined, cameras: &[Camera], habits: &[Habit]) -> DVec3 {
     along_axis((up - (known.inverse() * off).reject_from_normalized(up)).normalize())
 }
 
-/// Angle between the ups to which two halves of the scene are refined from the same `first`, degrees: the error of what surfaces
-/// tell. The scene is cut across where it is longest.
+/// Angle between the ups to which two halves of the scene are refined from the same `first`,
+/// degrees: the error of what surfaces tell. The scene is cut across where it is longest.
 fn halves_apart(sample: &SurveySample, first: DVec3) -> f64 {
     let level = |point: &SurveyPoint| (point.at - sample.center).reject_from_normalized(first);
     let near = |point: &&SurveyPoint| level(point).length() < sample.radius;
@@ -224,8 +233,8 @@ fn halves_apart(sample: &SurveySample, first: DVec3) -> f64 {
     up(1.0).angle_between(up(-1.0)).to_degrees()
 }
 
-/// Points by which directions are rated: each stands for the same area, so that strays, which are faint,
-/// count little.
+/// Points by which directions are rated: each stands for the same area, so that strays, which are
+/// faint, count little.
 fn rated(sample: &SurveySample) -> Vec<SurveyPoint> {
     let total: f64 = sample.points.iter().map(|p| p.area).sum();
     if total <= 0.0 {
@@ -264,8 +273,8 @@ struct Refined {
     is_by_plan: bool,
 }
 
-/// `up` turned to the surfaces that face it, to the plane of the ground and to the walls, if they are
-/// within `limit` (a cosine) of it. `by_plan` finds the plumb direction of high walls.
+/// `up` turned to the surfaces that face it, to the plane of the ground and to the walls, if they
+/// are within `limit` (a cosine) of it. `by_plan` finds the plumb direction of high walls.
 fn refined(
     sample: &SurveySample,
     rated: &[SurveyPoint],
@@ -278,11 +287,12 @@ fn refined(
     let plane = ground::level(sample, start, None).and_then(|height| ground::plane(sample, start, height));
     let ground = plane.filter(|normal| normal.dot(up) > limit);
     let level = ground.unwrap_or(start);
-    // Plumb walls do not stand on steep ground: beyond 8 degrees it is something else that was found.
+    // Plumb walls do not stand on steep ground: beyond 8 degrees it is something else that was
+    // found.
     let is_near = |plumb: &DVec3| plumb.dot(level) > 0.99;
     let normals = walls(sample, level).filter(is_near);
-    // Where little is built, what the plan tells is chance; that of low walls tells less than their normals, and that of high ones shows
-    // whether those are biased.
+    // Where little is built, what the plan tells is chance; that of low walls tells less than their
+    // normals, and that of high ones shows whether those are biased.
     let plan = normals.and_then(|normals| {
         let shows_bias = |plan: &DVec3| plan.angle_between(normals).to_degrees() >= BIASED;
         by_plan(sample, level).filter(is_near).filter(shows_bias)
@@ -300,7 +310,8 @@ fn refined(
     Refined { up, deviation, ground, walls, is_by_plan: plan.is_some() }
 }
 
-/// The direction that walls have in them by their normals, near `up`; `None` where there are few, or all are parallel.
+/// The direction that walls have in them by their normals, near `up`; `None` where there are few,
+/// or all are parallel.
 fn walls(sample: &SurveySample, up: DVec3) -> Option<DVec3> {
     let mut plumb = up;
     let total: f64 = sample.points.iter().map(|p| p.area).sum();
@@ -331,8 +342,8 @@ fn walls(sample: &SurveySample, up: DVec3) -> Option<DVec3> {
     Some(plumb)
 }
 
-/// Returns the world axis near `up` if there is a ground along that and none along `up`: then the surfaces are too rough to tell
-/// more. Else returns `up`.
+/// Returns the world axis near `up` if there is a ground along that and none along `up`: then the
+/// surfaces are too rough to tell more. Else returns `up`.
 fn on_ground(sample: &SurveySample, views: &[SceneView], up: DVec3) -> DVec3 {
     let axis = nearest_axis(up);
     let is_near = axis.angle_between(up).to_degrees() < NEAR_AXIS;
@@ -352,8 +363,8 @@ fn along_axis(up: DVec3) -> DVec3 {
     if up.angle_between(axis).to_degrees() < SAME_AXIS { axis } else { up }
 }
 
-/// The middle of the sky's splats as seen from the scene's: length 0 if it is all around or there is
-/// none, 0.5 for a half sphere.
+/// The middle of the sky's splats as seen from the scene's: length 0 if it is all around or there
+/// is none, 0.5 for a half sphere.
 fn heaven(splats: &Splats, sample: &SurveySample, sky: &SkyRegion) -> DVec3 {
     let mut indices = sky.indices(splats);
     indices = strided(indices.len(), 5000).map(|i| indices[i]).collect();

@@ -32,8 +32,8 @@ pub fn rolled(camera: Camera, roll: f64) -> Camera {
     Camera { viewmat: DMat4::from_rotation_z(roll) * camera.viewmat, ..camera }
 }
 
-/// The capture of `points` by `cameras`, turned, scaled and moved (`p -> turn * (scale p) + shift`); `sees`
-/// tells whether nothing lies between an eye and a point.
+/// The capture of `points` by `cameras`, turned, scaled and moved
+/// (`p -> turn * (scale p) + shift`); `sees` tells whether nothing lies between an eye and a point.
 #[must_use]
 pub fn taken_if(
     cameras: &[Camera],

@@ -73,7 +73,8 @@ impl LidarSweep {
     /// Writes the points in the format of the name's extension, see [`crate::formats`].
     ///
     /// # Errors
-    /// [`SensorError`] if the format is unknown, the points do not fit it, or the file cannot be written.
+    /// [`SensorError`] if the format is unknown, the points do not fit it, or the file cannot be
+    /// written.
     pub fn save(&self, path: &Path) -> Result<(), SensorError> {
         match PointFormat::of(path)? {
             PointFormat::Ply => self.records(path, &ply_header(self), record),

@@ -1,11 +1,12 @@
 //! Cells of range, azimuth and velocity: what comes into each, and which of them are detected.
 //!
-//! A scatterer has its power in the cells around it, by a response of 1.44 cells at half power in each direction (a Gaussian like the main lobe
-//! of a Hann window; side lobes are left out). A cell's power is `|sqrt(S) + n|^2` with the power `S` of surfaces, which add up, and a complex
+//! A scatterer has its power in the cells around it, by a response of 1.44 cells at half power in
+//! each direction (a Gaussian like the main lobe of a Hann window; side lobes are left out). A
+//! cell's power is `|sqrt(S) + n|^2` with the power `S` of surfaces, which add up, and a complex
 //! normal number `n` of noise and rain: alone they are distributed exponentially, as speckle is.
 //!
-//! A detection is a cell that no neighbour exceeds and that is above `N (P^(-1/N) - 1)` times the mean of `N` cells around it (cell averaging),
-//! where `P` is the share of false alarms.
+//! A detection is a cell that no neighbour exceeds and that is above `N (P^(-1/N) - 1)` times the
+//! mean of `N` cells around it (cell averaging), where `P` is the share of false alarms.
 
 use super::model::RadarModel;
 use std::f64::consts::{LN_2, TAU};
@@ -16,7 +17,8 @@ const RESPONSE: f64 = 1.44;
 const REACH: f64 = 2.0;
 /// Cells of azimuth to each side whose rays come into one.
 pub(super) const SIDE: usize = 2;
-/// Cells to each side, of range and of velocity, that are averaged, and those next to the middle that are not.
+/// Cells to each side, of range and of velocity, that are averaged, and those next to the middle
+/// that are not.
 const TRAINING: [usize; 2] = [8, 16];
 const GUARD: [usize; 2] = [2, 3];
 /// Power below which a cell is not looked at, of the threshold in noise.
@@ -164,7 +166,8 @@ impl<'a> PowerCube<'a> {
         found
     }
 
-    /// The neighbour of a cell that lies `by` cells on in direction `k`, if there is one. Velocities go round.
+    /// The neighbour of a cell that lies `by` cells on in direction `k`, if there is one.
+    /// Velocities go round.
     fn neighbour(&self, cell: [usize; 3], k: usize, by: i64) -> Option<[usize; 3]> {
         let count = self.count[k] as i64;
         let place = cell[k] as i64 + by;
@@ -173,7 +176,8 @@ impl<'a> PowerCube<'a> {
         (k == 2 || (0..count).contains(&place)).then_some(next)
     }
 
-    /// Returns true if none of the 26 cells around it has more power, or as much and comes before it.
+    /// Returns true if none of the 26 cells around it has more power, or as much and comes before
+    /// it.
     fn is_peak(&self, cell: [usize; 3]) -> bool {
         let own = self.power(cell);
         let exceeds = |other: [usize; 3]| {
@@ -214,7 +218,8 @@ impl<'a> PowerCube<'a> {
         (sum / count.max(1) as f64, count.max(1))
     }
 
-    /// The place and the power of a peak between cells: by parabolas through the logarithms of three, which a Gaussian's are.
+    /// The place and the power of a peak between cells: by parabolas through the logarithms of
+    /// three, which a Gaussian's are.
     fn between(&self, cell: [usize; 3]) -> ([f64; 3], f64) {
         let log = |cell: [usize; 3]| f64::from(self.power(cell)).max(1e-6).ln();
         let middle = log(cell);

@@ -1,7 +1,8 @@
 //! Automotive radar in the same weather: plausible, not validated.
 //!
-//! A fan of rays meets the splats of a place; each hit has an RCS by the angle of its surface, guessed for all materials alike. The radar equation, with the
-//! attenuation of the rain, makes powers of them in cells of range, azimuth and velocity; rain and noise add speckle, and a
+//! A fan of rays meets the splats of a place; each hit has an RCS by the angle of its surface,
+//! guessed for all materials alike. The radar equation, with the attenuation of the rain, makes
+//! powers of them in cells of range, azimuth and velocity; rain and noise add speckle, and a
 //! threshold that goes by the cells around makes detections. Fog and dry snow do nothing.
 //!
 //! # Types to know
@@ -44,8 +45,9 @@
 //! ```
 //!
 //! # Limits
-//! RCS is of an order of magnitude: there are no materials, no corners that reflect back, no polarisation and no multipath. Nothing moves but the sensor
-//! and the rain. Side lobes, interference, saturation, spray and a wet cover of the antenna are left out.
+//! RCS is of an order of magnitude: there are no materials, no corners that reflect back, no
+//! polarisation and no multipath. Nothing moves but the sensor and the rain. Side lobes,
+//! interference, saturation, spray and a wet cover of the antenna are left out.
 
 mod cells;
 pub mod formats;

@@ -21,7 +21,8 @@ const ACROSS: f64 = 4.0;
 /// Radars.
 const KIND: SensorKind = SensorKind { name: "radar", presets: RADAR_PRESETS, most_bytes: MOST_BYTES };
 
-/// A kind of radar: an array of antennas whose beams are made by computing, with chirps that give range and velocity at once.
+/// A kind of radar: an array of antennas whose beams are made by computing, with chirps that give
+/// range and velocity at once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RadarModel {
     /// Its name.
@@ -42,7 +43,8 @@ pub struct RadarModel {
     pub velocity: f64,
     /// Width of a cell, m/s.
     pub velocity_cell: f64,
-    /// Range at which a target of 10 m^2 in the middle of a cell and of the beam in clear air has the power that detection asks for in noise, m.
+    /// Range at which a target of 10 m^2 in the middle of a cell and of the beam in clear air has
+    /// the power that detection asks for in noise, m.
     pub reference_range: f64,
     /// Share of the cells of nothing but noise that are above the threshold.
     pub false_alarms: f64,
@@ -90,7 +92,8 @@ impl RadarModel {
         Self::of(&KIND.find(name)?)
     }
 
-    /// The model of a text in TOML; `name` is its name where the text has none, and stands in errors.
+    /// The model of a text in TOML; `name` is its name where the text has none, and stands in
+    /// errors.
     ///
     /// # Errors
     /// [`SensorError::Model`] if it makes no radar.
@@ -124,7 +127,8 @@ impl RadarModel {
         1.0 / self.rate
     }
 
-    /// Cells in range, azimuth and velocity. Those of range begin at 0; of velocity they are an even number.
+    /// Cells in range, azimuth and velocity. Those of range begin at 0; of velocity they are an
+    /// even number.
     #[must_use]
     pub fn cells(&self) -> [usize; 3] {
         let [low, high] = self.azimuth;
@@ -164,14 +168,15 @@ impl RadarModel {
         (velocity + self.velocity).rem_euclid(2.0 * self.velocity) - self.velocity
     }
 
-    /// Power that detection asks for in noise, of that of the noise: `-ln` of the share of false alarms.
+    /// Power that detection asks for in noise, of that of the noise: `-ln` of the share of false
+    /// alarms.
     #[must_use]
     pub fn threshold(&self) -> f64 {
         -self.false_alarms.ln()
     }
 
-    /// Power over that of the noise of a target of an RCS (m^2) at a range (m) in clear air, in the middle of the beam: by the radar
-    /// equation it falls with the fourth power.
+    /// Power over that of the noise of a target of an RCS (m^2) at a range (m) in clear air, in the
+    /// middle of the beam: by the radar equation it falls with the fourth power.
     #[must_use]
     pub fn power(&self, rcs: f64, range: f64) -> f64 {
         self.threshold() * rcs / REFERENCE_TARGET * (self.reference_range / range).powi(4)

@@ -3,7 +3,8 @@
 /// Frequencies for which there are numbers, GHz.
 pub const BAND: [f64; 2] = [24.0, 81.0];
 
-/// ITU-R P.838-3, vertical polarisation: a, b and c of each term of `log10 k`, then its slope and its constant in `log10 f`.
+/// ITU-R P.838-3, vertical polarisation: a, b and c of each term of `log10 k`, then its slope and
+/// its constant in `log10 f`.
 const K_TERMS: [[f64; 3]; 4] = [
     [-3.80595, 0.56934, 0.81061],
     [-3.44965, -0.22911, 0.51059],
@@ -21,8 +22,8 @@ const ALPHA_TERMS: [[f64; 3]; 5] = [
 ];
 const ALPHA_LINE: [f64; 2] = [-0.053739, 0.83433];
 
-/// Attenuation by rain at a frequency, GHz, one way: k and alpha of `k R^alpha` dB/km with the rate R in mm/h (ITU-R P.838-3, vertical
-/// polarisation).
+/// Attenuation by rain at a frequency, GHz, one way: k and alpha of `k R^alpha` dB/km with the rate
+/// R in mm/h (ITU-R P.838-3, vertical polarisation).
 ///
 /// ```
 /// let [k, alpha] = wm_sensors::radar::rain_coefficients(76.5);
@@ -47,14 +48,15 @@ pub fn rain_attenuation(frequency: f64, rate: f64) -> f64 {
 
 /// Rates of the table of clutter, mm/h.
 const RATES: [f64; 6] = [1.0, 2.5, 10.0, 25.0, 50.0, 100.0];
-/// RCS of rain, m^2/m^3, at 24 and at 76.5 GHz: by Mie's theory over the sizes of drops of Marshall and Palmer.
+/// RCS of rain, m^2/m^3, at 24 and at 76.5 GHz: by Mie's theory over the sizes of drops of Marshall
+/// and Palmer.
 const CLUTTER: [(f64, [f64; 6]); 2] = [
     (24.0, [3.8e-6, 1.5e-5, 1.1e-4, 3.7e-4, 8.5e-4, 1.9e-3]),
     (76.5, [8.8e-5, 1.9e-4, 5.5e-4, 1.0e-3, 1.6e-3, 2.5e-3]),
 ];
 
-/// RCS of rain of a rate, mm/h, in a volume, m^2/m^3: between the lines and columns of the table by logarithms; rates beyond it
-/// go on as between the last two, frequencies do not.
+/// RCS of rain of a rate, mm/h, in a volume, m^2/m^3: between the lines and columns of the table by
+/// logarithms; rates beyond it go on as between the last two, frequencies do not.
 #[must_use]
 pub fn rain_reflectivity(frequency: f64, rate: f64) -> f64 {
     if rate <= 0.0 {

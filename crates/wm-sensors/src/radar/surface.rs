@@ -1,12 +1,14 @@
-//! Surfaces for a radar. Nothing is known of their material, so their geometry has to do, with constants that are guessed.
+//! Surfaces for a radar. Nothing is known of their material, so their geometry has to do, with
+//! constants that are guessed.
 //!
-//! The RCS of a surface is in proportion to the area that it shows the radar, `r^2 dOmega` of a ray; the factor is `sigma0 / cos(theta)`
-//! with the RCS `sigma0` of an area of the surface itself and the angle of incidence `theta`. It is the sum of
+//! The RCS of a surface is in proportion to the area that it shows the radar, `r^2 dOmega` of a
+//! ray; the factor is `sigma0 / cos(theta)` with the RCS `sigma0` of an area of the surface itself
+//! and the angle of incidence `theta`. It is the sum of
 //!
-//! - a rough part, the same for all angles: 0.02 of level ground (-17 dB; asphalt at 80 degrees has a `sigma0` of some -25 dB), 0.3 of all else
-//!   (-5 dB: walls, plants and cars alike);
-//! - facets that mirror (geometric optics): `0.15 exp(-tan^2(theta) / m^2) / (m^2 cos^5(theta))` with `m = 0.2`, so that a wall that faces the
-//!   radar is 11 dB brighter than one that does not.
+//! - a rough part, the same for all angles: 0.02 of level ground (-17 dB; asphalt at 80 degrees has
+//!   a `sigma0` of some -25 dB), 0.3 of all else (-5 dB: walls, plants and cars alike);
+//! - facets that mirror (geometric optics): `0.15 exp(-tan^2(theta) / m^2) / (m^2 cos^5(theta))`
+//!   with `m = 0.2`, so that a wall that faces the radar is 11 dB brighter than one that does not.
 
 /// Cosine between up and the normal of level ground.
 const LEVEL: f64 = 0.9;
@@ -16,7 +18,8 @@ const ROUGH: [f64; 2] = [0.02, 0.3];
 const FACETS: f64 = 0.15;
 const SLOPE: f64 = 0.2;
 
-/// RCS for each area that a surface shows, by the cosine of the angle of incidence, 0-1, and the cosine between its normal and up.
+/// RCS for each area that a surface shows, by the cosine of the angle of incidence, 0-1, and the
+/// cosine between its normal and up.
 #[must_use]
 pub fn surface_backscatter(cosine: f64, upward: f64) -> f64 {
     let rough = ROUGH[usize::from(upward.abs() < LEVEL)];

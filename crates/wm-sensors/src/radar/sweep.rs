@@ -1,11 +1,14 @@
 //! One sweep of a radar through a scene in rain.
 //!
-//! Rays fill the field of view and the beam, at random places of a grid, at most 0.2 degrees apart and four or more in the width of a cell. Each that meets a
-//! surface is a [`Scatterer`] of the RCS `gamma r^2 dOmega` ([`super::surface_backscatter`]), with the power of the radar
-//! equation less the attenuation of the rain, there and back. A surface at a flat angle is spread over the range that the ray's width covers of it.
-//! The whole sweep is measured at its start; the sensor's motion is in the velocities alone.
+//! Rays fill the field of view and the beam, at random places of a grid, at most 0.2 degrees apart
+//! and four or more in the width of a cell. Each that meets a surface is a [`Scatterer`] of the RCS
+//! `gamma r^2 dOmega` ([`super::surface_backscatter`]), with the power of the radar equation less
+//! the attenuation of the rain, there and back. A surface at a flat angle is spread over the range
+//! that the ray's width covers of it. The whole sweep is measured at its start; the sensor's motion
+//! is in the velocities alone.
 //!
-//! Every random number is a function of (seed, sensor, sweep, cell or ray), so that any sweep can be made alone, on any number of threads.
+//! Every random number is a function of (seed, sensor, sweep, cell or ray), so that any sweep can
+//! be made alone, on any number of threads.
 
 use super::cells::{self, PowerCube, RainClutter, SIDE, Scatterer};
 use super::model::{REFERENCE_TARGET, RadarModel};
@@ -88,13 +91,15 @@ pub struct RadarDetection {
     pub range: f32,
     /// Azimuth from x forward towards y left, radians.
     pub azimuth: f32,
-    /// Elevation above the plane of x and y, radians: the mean by power of the surfaces in the cell, 0 of rain and of noise.
+    /// Elevation above the plane of x and y, radians: the mean by power of the surfaces in the
+    /// cell, 0 of rain and of noise.
     pub elevation: f32,
     /// Radial velocity, m/s, below 0 of what comes nearer; folded into the radar's span.
     pub velocity: f32,
     /// Radial velocity over the ground, m/s: without that of the sensor itself.
     pub ground_velocity: f32,
-    /// Radar cross section by the power, dB over 1 m^2; what rain takes on the way is missing in it.
+    /// Radar cross section by the power, dB over 1 m^2; what rain takes on the way is missing in
+    /// it.
     pub rcs: f32,
     /// Power over the mean of the cells around it, dB.
     pub snr: f32,
@@ -318,7 +323,8 @@ impl FanView<'_> {
         }
     }
 
-    /// The rain in a cell of azimuth: `eta (pi/4) r^2 az el dr` in front of what its rays meet, and under no roof.
+    /// The rain in a cell of azimuth: `eta (pi/4) r^2 az el dr` in front of what its rays meet, and
+    /// under no roof.
     fn clutter(&self, sector: usize, fan: &[FanRay], kept: f64) -> RainClutter {
         let model = self.model;
         let weather = self.scene.weather;
@@ -369,7 +375,8 @@ impl FanView<'_> {
         RainClutter { powers, shares }
     }
 
-    /// The detection of a cell, with the mean power and the elevation of the surfaces in it, and the mean power of rain.
+    /// The detection of a cell, with the mean power and the elevation of the surfaces in it, and
+    /// the mean power of rain.
     fn detection(
         &self,
         found: &cells::DetectedCell,

@@ -136,7 +136,8 @@ fn rain_sends_back_what_its_table_says() {
         let random = RandomStream::new(1, 2u64, 3);
         let sectors = view.sectors(&random);
         let [_, azimuths, velocities] = radar.cells();
-        // Cells of 10 to 30 m in all azimuths: their mean over the noise, against the radar equation written out.
+        // Cells of 10 to 30 m in all azimuths: their mean over the noise, against the radar
+        // equation written out.
         let (mut found, mut asked, mut moment) = (0.0, 0.0, 0.0);
         for (azimuth, sector) in sectors.iter().enumerate() {
             let row = powers(&radar, azimuth, sector.scatterers.iter(), &sector.clutter, &random);

@@ -16,8 +16,8 @@ pub(super) const FIELD: f64 = 0.03;
 /// A row of far trees: its ends, their number and mean height, m.
 pub(super) type TreeRow = (DVec2, DVec2, u32, f64);
 
-/// Builds all of it around a place that covers the rectangle from `low` to `high`; `near` are the rows of
-/// trees at its borders.
+/// Builds all of it around a place that covers the rectangle from `low` to `high`; `near` are the
+/// rows of trees at its borders.
 pub(super) fn build(b: &mut Builder, p: &Palette, (low, high): (DVec2, DVec2), near: &[TreeRow]) {
     let field = b.paint(Material::Field, 0x7F8A55, 0x979E66);
     let wood = b.paint(Material::Wood, 0x4E5E46, 0x6E7A58);

@@ -1,7 +1,8 @@
 //! Builds places out of primitives.
 //!
-//! Here are the tools: frames of reference, blocks, posts. `street` and `park` say what stands where and call
-//! the rest; nearly every other file builds one kind of thing, in a frame of its own.
+//! Here are the tools: frames of reference, blocks, posts. `street` and `park` say what stands
+//! where and call the rest; nearly every other file builds one kind of thing, in a frame of its
+//! own.
 
 mod facade;
 mod far;

@@ -14,8 +14,8 @@ const STROLL: f64 = 1.3;
 /// Distance between people on a pavement, m.
 const PEOPLE: f64 = 9.0;
 
-/// The traffic around a car at `at` on a road along y, `time` seconds after the first photo: a van ahead, cars
-/// the other way, people on both sides and one who crosses.
+/// The traffic around a car at `at` on a road along y, `time` seconds after the first photo: a van
+/// ahead, cars the other way, people on both sides and one who crosses.
 pub(crate) fn traffic(b: &mut Builder, at: DVec2, time: f64, ground: &dyn Fn(DVec2) -> f64, seed: u64) {
     let paints = Paints::new(b);
     let on = |x: f64, y: f64, ahead: f64| {

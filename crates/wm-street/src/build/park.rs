@@ -1,8 +1,9 @@
 //! The plan of the park: what stands where.
 //!
-//! A road runs along y with its middle at x = 0. West of it are a hill and a wood, east of it a pond and a
-//! level lawn; gravel paths lead around both. The mesh of the terrain is one lawn; [`GroundCover`] lays the
-//! road, the paths, the litter of the wood and the mud of the shore over it.
+//! A road runs along y with its middle at x = 0. West of it are a hill and a wood, east of it a
+//! pond and a level lawn; gravel paths lead around both. The mesh of the terrain is one lawn;
+//! [`GroundCover`] lays the road, the paths, the litter of the wood and the mud of the shore over
+//! it.
 
 use super::palette::Palette;
 use super::terrain::{self, HALF, HILL, LAWN, POND, WATER, height};
@@ -140,7 +141,8 @@ fn buildings(b: &mut Builder, p: &Palette) {
     );
 }
 
-/// A frame beside a path at a share of its length, to its left (`side` -1) or right, that looks at the path.
+/// A frame beside a path at a share of its length, to its left (`side` -1) or right, that looks at
+/// the path.
 fn beside(path: &[DVec2], share: f64, side: f64, off: f64) -> Frame {
     let (point, ahead) = along(path, share);
     let right = DVec2::new(ahead.y, -ahead.x) * side;

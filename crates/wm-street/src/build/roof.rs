@@ -5,8 +5,8 @@ use super::{Builder, Frame, faces};
 use crate::paint::PaintId;
 use glam::DVec3;
 
-/// A roof of two slopes. In its frame the ridge runs along x from 0 to `length`, the slopes rise over
-/// y from 0 to `span`; walls end at `eaves`, m.
+/// A roof of two slopes. In its frame the ridge runs along x from 0 to `length`, the slopes rise
+/// over y from 0 to `span`; walls end at `eaves`, m.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Roof {
     pub length: f64,

@@ -1,8 +1,9 @@
 //! The plan of the street: what stands where.
 //!
-//! The carriageway runs along y with its middle at x = 0, from behind the first houses to the church.
-//! From the middle outwards: asphalt, a gutter of setts, the kerb, the pavement, then plots. A plot's
-//! frame has its origin on the pavement's outer edge, x to the right and y away from the street.
+//! The carriageway runs along y with its middle at x = 0, from behind the first houses to the
+//! church. From the middle outwards: asphalt, a gutter of setts, the kerb, the pavement, then
+//! plots. A plot's frame has its origin on the pavement's outer edge, x to the right and y away
+//! from the street.
 
 use super::houses::{PORCH, porch_frame};
 use super::palette::Palette;

@@ -37,7 +37,8 @@ impl Fall {
                 let (least, slope) = (0.8, 4.1 * rate.powf(-0.21));
                 Law { number: 8000.0 / slope * (-slope * least).exp(), least, slope }
             }
-            // Flakes of 2 mm and above, 0.05 g/cm^3 at 2 mm: numbers that carry the rate at 1.1 m/s.
+            // Flakes of 2 mm and above, 0.05 g/cm^3 at 2 mm: numbers that carry the rate at 1.1
+            // m/s.
             Self::Snow => Law { number: 220.0 * rate.powf(0.8), least: 2.0, slope: 0.55 },
         }
     }
@@ -50,7 +51,8 @@ impl Fall {
         }
     }
 
-    /// Adds what falls to linear light `[H, W]` with the view depth of each pixel (0 in the sky), m.
+    /// Adds what falls to linear light `[H, W]` with the view depth of each pixel (0 in the sky),
+    /// m.
     pub(super) fn draw(
         self,
         light: &mut [DVec3],
@@ -90,7 +92,8 @@ impl Fall {
                 streak(&mut cover, camera, depth, (from, to), 1e-3 * diameter);
             }
         }
-        // Drops show the sky behind them upside down; flakes are white in the light from all around.
+        // Drops show the sky behind them upside down; flakes are white in the light from all
+        // around.
         let color = match self {
             Self::Rain => horizon * 0.92,
             Self::Snow => horizon * 0.98 + 0.12,
@@ -101,7 +104,8 @@ impl Fall {
     }
 }
 
-/// Adds the time that a ball of `diameter` m covers each pixel on its way, as a share of the exposure.
+/// Adds the time that a ball of `diameter` m covers each pixel on its way, as a share of the
+/// exposure.
 fn streak(cover: &mut [f64], camera: &Camera, depth: &[f64], (from, to): (DVec3, DVec3), diameter: f64) {
     let project = |p: DVec3| (camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy);
     let ((x0, y0), (x1, y1)) = (project(from), project(to));

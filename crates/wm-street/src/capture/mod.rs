@@ -1,8 +1,9 @@
-//! Captures as people bring them home: flights, walks and drives through a built-in place, and the truth beside them.
+//! Captures as people bring them home: flights, walks and drives through a built-in place, and the
+//! truth beside them.
 //!
-//! The model is what structure from motion gives: cameras and points in arbitrary axes and an arbitrary unit, points
-//! where there is texture, noise and some mismatches. Photos carry EXIF with the time and a noisy position. What is
-//! wrong with them is chosen by [`CaptureFlaws`].
+//! The model is what structure from motion gives: cameras and points in arbitrary axes and an
+//! arbitrary unit, points where there is texture, noise and some mismatches. Photos carry EXIF with
+//! the time and a noisy position. What is wrong with them is chosen by [`CaptureFlaws`].
 //!
 //! ```text
 //! made-up.txt                  what it is
@@ -16,8 +17,8 @@
 //! truth/movers/00000.npy ...   the share of the pixel that shows what passes by, 0-1 (drives)
 //! truth/clean/00000.png ...    the photo without movers, weather and flaws
 //! ```
-//! Depth, normals and the rest are those of the photo's moment, movers included. Everything is a function of the
-//! place, the settings and the seed, and the same for any number of threads.
+//! Depth, normals and the rest are those of the photo's moment, movers included. Everything is a
+//! function of the place, the settings and the seed, and the same for any number of threads.
 
 mod exif;
 mod fall;
@@ -50,9 +51,11 @@ use wm_scene::{Camera, FormatError, Problem};
 /// The way in which a capture is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CaptureKind {
-    /// A drone on parallel lines 50 m up that looks straight down, within some degrees; 75 % overlap.
+    /// A drone on parallel lines 50 m up that looks straight down, within some degrees; 75 %
+    /// overlap.
     Nadir,
-    /// A drone on a ring that looks inwards, 45 degrees down; every third photo 20, so that it sees the horizon.
+    /// A drone on a ring that looks inwards, 45 degrees down; every third photo 20, so that it sees
+    /// the horizon.
     Oblique,
     /// Somebody who walks along a path with a phone: rolled, pitched and shaken.
     Walk,
@@ -81,7 +84,8 @@ impl CaptureKind {
         }
     }
 
-    /// Standard deviation of the positions in EXIF, m: of each photo along level axes, and of the altitude of all.
+    /// Standard deviation of the positions in EXIF, m: of each photo along level axes, and of the
+    /// altitude of all.
     fn gps_noise(self) -> (f64, f64) {
         match self {
             Self::Nadir | Self::Oblique => (1.0, 2.0),
@@ -135,8 +139,8 @@ impl CaptureSettings {
 pub const TRUTH: &str = "truth.json";
 const ABOUT: &str = "Photos of a built-in place of Weather-Magician, ray-cast, as a real capture leaves them: the model's axes and\n\
     unit are arbitrary. truth.json says what they are; truth/, where it is, holds exact maps of each photo.\n";
-/// Rays for the light of a pixel that has one ray, and of each of several: the noise that they leave is that of a
-/// sensor.
+/// Rays for the light of a pixel that has one ray, and of each of several: the noise that they
+/// leave is that of a sensor.
 const LIGHT: Budget = Budget { sun: 1, sky: 3 };
 const SHARE: Budget = Budget { sun: 1, sky: 1 };
 
@@ -158,10 +162,11 @@ pub(crate) struct Taken {
     pub moving: f64,
 }
 
-/// Writes a capture to a folder, which is created if needed, and returns it as it is read from there.
+/// Writes a capture to a folder, which is created if needed, and returns it as it is read from
+/// there.
 ///
-/// `progress` receives the number of finished photos and returns false to stop; then the result is `None`. Rows
-/// are cast on all threads.
+/// `progress` receives the number of finished photos and returns false to stop; then the result is
+/// `None`. Rows are cast on all threads.
 ///
 /// # Errors
 /// [`FormatError`] if a file cannot be written or the size makes no camera.
@@ -241,8 +246,8 @@ fn air(place: &Place, settings: &CaptureSettings) -> Option<Air> {
     settings.flaws.haze.map(|mor| Air { mor, airlight: place.horizon() })
 }
 
-/// Takes photo `index` and writes it with its maps; gives its facts and, for each pixel, whether a mover hides
-/// the place there.
+/// Takes photo `index` and writes it with its maps; gives its facts and, for each pixel, whether a
+/// mover hides the place there.
 fn take(
     place: &Place,
     folder: &Path,

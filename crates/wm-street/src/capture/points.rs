@@ -1,5 +1,5 @@
-//! The sparse points of a capture, as structure from motion leaves them: where there is texture, from noisy sightings,
-//! and some of them wrong.
+//! The sparse points of a capture, as structure from motion leaves them: where there is texture,
+//! from noisy sightings, and some of them wrong.
 
 use super::{CaptureSettings, air};
 use crate::dataset::sees;
@@ -17,10 +17,11 @@ const NOISE: f64 = 0.5;
 const MISMATCHES: f64 = 0.02;
 /// The share of the photos that show a point in which it is found.
 const FOUND: f64 = 0.75;
-/// The largest angle between two rays under which a point still looks alike, and the largest ratio of distances.
+/// The largest angle between two rays under which a point still looks alike, and the largest ratio
+/// of distances.
 const ALIKE: (f64, f64) = (0.7, 2.5);
-/// The least angle between two rays of a point, radians, and the largest mean error of one, px: those of others are
-/// dropped.
+/// The least angle between two rays of a point, radians, and the largest mean error of one, px:
+/// those of others are dropped.
 const KEPT: (f64, f64) = (0.02, 3.0);
 /// Batches of candidates, each as many as points are asked for.
 const BATCHES: u64 = 16;
@@ -35,8 +36,8 @@ struct Candidate {
     error: f64,
 }
 
-/// Points in world axes, and which each camera sees where. `masks` says of each camera's pixels whether a mover
-/// hides the place there.
+/// Points in world axes, and which each camera sees where. `masks` says of each camera's pixels
+/// whether a mover hides the place there.
 pub(super) fn points(
     place: &Place,
     cameras: &[Camera],

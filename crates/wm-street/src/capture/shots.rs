@@ -57,7 +57,8 @@ fn kept(count: u32, few: Option<u32>) -> Vec<u32> {
         .collect()
 }
 
-/// The pose of a camera, degrees: the heading from north to the east, upwards, and the head tilted to the right.
+/// The pose of a camera, degrees: the heading from north to the east, upwards, and the head tilted
+/// to the right.
 #[derive(Clone, Copy)]
 struct Attitude {
     heading: f64,

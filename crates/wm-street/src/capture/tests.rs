@@ -44,8 +44,8 @@ fn stated(truth: &serde_json::Value) -> Similarity {
     }
 }
 
-/// Every pixel of every photo, put back into the place by the exported cameras and the stated axes, is where the place
-/// has a surface of that label, or sky.
+/// Every pixel of every photo, put back into the place by the exported cameras and the stated axes,
+/// is where the place has a surface of that label, or sky.
 #[test]
 fn exported_cameras_and_maps_agree_with_the_place() {
     for (place, kind) in [
@@ -110,7 +110,8 @@ fn positions_in_exif_fit_the_cameras_through_the_stated_axes() {
     assert!((ratio - 1.0).abs() < 0.08, "{ratio}");
 }
 
-/// The survey of a small flight over the park with these lies of EXIF, by what its photos state alone, and its truth.
+/// The survey of a small flight over the park with these lies of EXIF, by what its photos state
+/// alone, and its truth.
 fn surveyed(exif: Vec<ExifFault>) -> (Metadata, Survey, serde_json::Value) {
     let folder = tempdir().unwrap();
     let flaws = CaptureFlaws { exif, ..CaptureFlaws::default() };
@@ -317,8 +318,8 @@ fn blur_keeps_light_and_reaches_as_far_as_it_says() {
     );
 }
 
-/// The time in EXIF is one at which the sun stands where the shadows say, to half a degree (low-precision formulas of
-/// the Astronomical Almanac).
+/// The time in EXIF is one at which the sun stands where the shadows say, to half a degree
+/// (low-precision formulas of the Astronomical Almanac).
 #[test]
 fn the_sun_stands_there_at_that_time() {
     let days = sky::TIME as f64 / 86_400.0 + 2_440_587.5 - 2_451_545.0;

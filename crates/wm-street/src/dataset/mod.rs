@@ -1,4 +1,5 @@
-//! Perfect captures of a built-in place: a data set as COLMAP leaves it, in metres, and the truth beside it.
+//! Perfect captures of a built-in place: a data set as COLMAP leaves it, in metres, and the truth
+//! beside it.
 //!
 //! ```text
 //! made-up.txt                 what it is
@@ -30,8 +31,8 @@ use wm_scene::{
 /// The positions from which the photos are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CameraRoute {
-    /// Forward along the place's walk, in three lanes in turn: a single line of cameras that look where they go
-    /// sees what is ahead from one side alone.
+    /// Forward along the place's walk, in three lanes in turn: a single line of cameras that look
+    /// where they go sees what is ahead from one side alone.
     #[default]
     Walk,
     /// Around the middle of the place, from above.
@@ -99,7 +100,8 @@ pub const MARK: &str = "made-up.txt";
 const ABOUT: &str = "Photos of a built-in place of Weather-Magician, ray-cast; poses and points are exact, in metres.\n\
     truth/, where it is: depth (view z, m), normal (world axes) and sky of each pixel's centre.\n";
 
-/// The lanes of the walk: to the right of its middle, m; above eye level, m; turned to the right, degrees.
+/// The lanes of the walk: to the right of its middle, m; above eye level, m; turned to the right,
+/// degrees.
 const LANES: [(f64, f64, f64); 3] = [(0.0, 0.0, 0.0), (-0.9, 0.5, 10.0), (0.9, -0.3, -10.0)];
 /// Of surfaces that lie this much farther than a point, m, the point is in front.
 const SLACK: f64 = 0.02;
@@ -132,10 +134,11 @@ pub fn cameras(place: &Place, options: &DatasetOptions) -> Result<Vec<Camera>, C
     (0..count).map(camera).collect()
 }
 
-/// Writes a data set to a folder, which is created if needed, and returns the capture that it holds.
+/// Writes a data set to a folder, which is created if needed, and returns the capture that it
+/// holds.
 ///
-/// `progress` receives the number of finished photos and returns false to stop; then the result is `None`. Rows
-/// are cast on all threads.
+/// `progress` receives the number of finished photos and returns false to stop; then the result is
+/// `None`. Rows are cast on all threads.
 ///
 /// # Errors
 /// [`FormatError`] if a file cannot be written or the size makes no camera.
@@ -189,7 +192,8 @@ pub fn write(
     Ok(Some(capture))
 }
 
-/// Makes a folder and the file [`MARK`] in it, before any photo: without the file the photos are taken for somebody else's.
+/// Makes a folder and the file [`MARK`] in it, before any photo: without the file the photos are
+/// taken for somebody else's.
 pub(crate) fn mark(folder: &Path, about: &str) -> Result<(), FormatError> {
     fs::create_dir_all(folder).map_err(|e| FormatError::whole(folder, Problem::Write(e.into())))?;
     write_atomically(&folder.join(MARK), |out| Ok(out.write_all(about.as_bytes())?))
@@ -225,8 +229,8 @@ fn points(place: &Place, cameras: &[Camera], most: usize) -> (SparsePoints, Vec<
     (points, observations)
 }
 
-/// The position at which a camera sees a point, px; `None` if it does not. What is less than `slack` m before a point
-/// does not hide it.
+/// The position at which a camera sees a point, px; `None` if it does not. What is less than
+/// `slack` m before a point does not hide it.
 pub(crate) fn sees(place: &Place, camera: &Camera, point: DVec3, slack: f64) -> Option<[f32; 2]> {
     let (x, y, _) = camera.project(point)?;
     let is_inside = x > 0.0 && y > 0.0 && x < f64::from(camera.width) && y < f64::from(camera.height);

@@ -1,8 +1,9 @@
-//! Cells of the ground: a place is cut into as many as there are blocks, and each photo joins the blocks that it shows.
+//! Cells of the ground: a place is cut into as many as there are blocks, and each photo joins the
+//! blocks that it shows.
 //!
-//! The cells are leaves of a tree of cuts across the longer side, each at the median of the photos, so that blocks have about equal
-//! numbers of photos. A photo lies where the median of the points that it shows does. Cells at the rim have no outer border, so
-//! every splat lies in one cell.
+//! The cells are leaves of a tree of cuts across the longer side, each at the median of the photos,
+//! so that blocks have about equal numbers of photos. A photo lies where the median of the points
+//! that it shows does. Cells at the rim have no outer border, so every splat lies in one cell.
 
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -24,14 +25,16 @@ pub const FEWEST: usize = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GroundAxes {
-    /// The first axis along the ground, world axes, length 1: the direction in which the photos reach farthest.
+    /// The first axis along the ground, world axes, length 1: the direction in which the photos
+    /// reach farthest.
     pub x: [f64; 3],
     /// The second axis along the ground, world axes, length 1.
     pub y: [f64; 3],
 }
 
 impl GroundAxes {
-    /// Returns the axes of a ground with this up, the first along the direction in which `points` reach farthest.
+    /// Returns the axes of a ground with this up, the first along the direction in which `points`
+    /// reach farthest.
     #[must_use]
     pub fn of(up: DVec3, points: &[DVec3]) -> Self {
         let (mut x, mut y) = up.any_orthonormal_pair();
@@ -81,7 +84,8 @@ impl GroundCell {
         })
     }
 
-    /// Returns the cell with its borders moved outwards by a share of its size; sides without a border are as far as the `places`.
+    /// Returns the cell with its borders moved outwards by a share of its size; sides without a
+    /// border are as far as the `places`.
     fn grown(&self, places: &[DVec2]) -> Self {
         let mut grown = *self;
         for axis in 0..2 {
@@ -138,8 +142,9 @@ pub struct PlacedPhoto<'a> {
     pub seen: &'a [u32],
 }
 
-/// Returns the photos, as indices, that join a block: those of whose points its reach holds enough, and others as long as they show points
-/// of its core that too few of those show. `in_core` and `in_reach` say of each point whether it is there.
+/// Returns the photos, as indices, that join a block: those of whose points its reach holds enough,
+/// and others as long as they show points of its core that too few of those show. `in_core` and
+/// `in_reach` say of each point whether it is there.
 #[must_use]
 pub fn joining(
     photos: &[PlacedPhoto<'_>],
@@ -225,7 +230,8 @@ mod tests {
         assert!(DVec3::from_array(axes.y).dot(DVec3::Z).abs() < 1e-12);
     }
 
-    /// Ten photos in a row, each of the 30 points about it; what only photos from afar show is learnt too.
+    /// Ten photos in a row, each of the 30 points about it; what only photos from afar show is
+    /// learnt too.
     #[test]
     fn photos_join_what_they_show() {
         let mut seen: Vec<Vec<u32>> = (0..10).map(|photo| (photo * 10..photo * 10 + 30).collect()).collect();
@@ -240,7 +246,8 @@ mod tests {
             (0..120).map(|point| cell.holds(DVec2::new(f64::from(point), 0.0))).collect()
         };
         let own = joining(&photos, &core, &holds(&core), &holds(&reach));
-        // The border is at 60 and the reach ends at 69: photo 6 shows 9 of 30 points in it, photo 7 none.
+        // The border is at 60 and the reach ends at 69: photo 6 shows 9 of 30 points in it, photo 7
+        // none.
         assert_eq!(own, [0, 1, 2, 3, 4, 5, 6, 9]);
         let none: Vec<PlacedPhoto<'_>> =
             (0..10).map(|i| PlacedPhoto { place: place(i), seen: &[] }).collect();

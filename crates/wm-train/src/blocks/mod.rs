@@ -1,17 +1,20 @@
-//! Training in blocks: a place that is too large for one training is cut into cells of the ground, and each cell is trained by
-//! itself, on any machine, with the photos that show it.
+//! Training in blocks: a place that is too large for one training is cut into cells of the ground,
+//! and each cell is trained by itself, on any machine, with the photos that show it.
 //!
 //! Three steps, which may be separate processes:
-//! 1. The plan ([`BlockPlan`], `blocks.json` in the run folder): the cells, their photos and configurations, and what all trainings share:
-//!    priors, the brightness of photos, haze and the sky ([`BlockTraining::open`]).
-//! 2. The trainings, one a block ([`BlockTraining::train`]), each in a folder of its own (`block-000`). A training that was stopped or killed
-//!    continues from its checkpoint and ends in the same bytes; its marker is written last, and a block with a whole marker is not trained
+//! 1. The plan ([`BlockPlan`], `blocks.json` in the run folder): the cells, their photos and
+//!    configurations, and what all trainings share: priors, the brightness of photos, haze and the
+//!    sky ([`BlockTraining::open`]).
+//! 2. The trainings, one a block ([`BlockTraining::train`]), each in a folder of its own
+//!    (`block-000`). A training that was stopped or killed continues from its checkpoint and ends
+//!    in the same bytes; its marker is written last, and a block with a whole marker is not trained
 //!    again.
-//! 3. The join ([`BlockTraining::join`]): splats outside the core of their block are dropped, the shared sky is added, and up, ground and
-//!    scale are found as in a single training.
+//! 3. The join ([`BlockTraining::join`]): splats outside the core of their block are dropped, the
+//!    shared sky is added, and up, ground and scale are found as in a single training.
 //!
-//! A block learns all that its photos show, not only what lies in its core: what surrounds it is learnt too, and dropped at the join.
-//! So photos near a border are explained on both sides of it, and both sides meet there.
+//! A block learns all that its photos show, not only what lies in its core: what surrounds it is
+//! learnt too, and dropped at the join. So photos near a border are explained on both sides of it,
+//! and both sides meet there.
 
 mod cells;
 mod error;
@@ -52,11 +55,13 @@ pub struct BlockTraining {
 }
 
 impl BlockTraining {
-    /// Reads the plan in the run folder, or makes it: opens the data set, finds priors, brightness, haze and sky of all photos, and cuts
-    /// the ground. `options` are those of a training of the whole; their run folder, `folder`, is that of all blocks.
+    /// Reads the plan in the run folder, or makes it: opens the data set, finds priors, brightness,
+    /// haze and sky of all photos, and cuts the ground. `options` are those of a training of the
+    /// whole; their run folder, `folder`, is that of all blocks.
     ///
     /// # Errors
-    /// [`BlockError`] says what is wrong with the data set or the options, or that the plan in the folder is of other ones.
+    /// [`BlockError`] says what is wrong with the data set or the options, or that the plan in the
+    /// folder is of other ones.
     pub fn open(
         dataset: &Path,
         options: &SessionOptions,

@@ -1,4 +1,5 @@
-//! The plan of a training in blocks: cells, their photos and configurations, and what all trainings share.
+//! The plan of a training in blocks: cells, their photos and configurations, and what all trainings
+//! share.
 
 use super::cells::{self, FEWEST, GroundAxes, GroundCell, PlacedPhoto};
 use super::{BlockError, SKY};
@@ -20,7 +21,8 @@ use wm_scene::formats::write_scene;
 
 /// The version of the plan's format.
 const VERSION: u32 = 1;
-/// Photos of a block where their number is not given, about: the preset `best` takes 75 steps for each of 400.
+/// Photos of a block where their number is not given, about: the preset `best` takes 75 steps for
+/// each of 400.
 const PHOTOS: usize = 400;
 
 /// The number of blocks.
@@ -239,7 +241,8 @@ impl BlockPlan {
     }
 }
 
-/// Returns the configuration of a block's training: that of a training of its photos, with a seed of its own.
+/// Returns the configuration of a block's training: that of a training of its photos, with a seed
+/// of its own.
 fn config_of(
     options: &SessionOptions,
     block: usize,
@@ -369,7 +372,8 @@ fn up(whole: &WholeSession, places: &[usize]) -> DVec3 {
     whole.up().unwrap_or_else(held).try_normalize().unwrap_or(DVec3::Z)
 }
 
-/// Returns the median of the points that a photo shows, axis by axis; `None` if it shows none that is finite.
+/// Returns the median of the points that a photo shows, axis by axis; `None` if it shows none that
+/// is finite.
 fn middle(points: &[DVec3], seen: &[u32]) -> Option<DVec3> {
     let finite = || seen.iter().map(|point| points[*point as usize]).filter(|point| point.is_finite());
     let along = |axis: usize| {

@@ -39,7 +39,8 @@ pub struct TrainedBlock {
 }
 
 impl BlockTraining {
-    /// Returns what is known of a block that is trained; `None` if it is not, or its splats are damaged.
+    /// Returns what is known of a block that is trained; `None` if it is not, or its splats are
+    /// damaged.
     #[must_use]
     pub fn trained(&self, block: usize) -> Option<TrainedBlock> {
         let folder = self.block_folder(block);
@@ -54,11 +55,12 @@ impl BlockTraining {
         is_whole.then_some(marker)
     }
 
-    /// Trains a block, if it is not trained yet: from its checkpoint, if it has one. The splats of its core are written into its folder, and
-    /// the marker after them.
+    /// Trains a block, if it is not trained yet: from its checkpoint, if it has one. The splats of
+    /// its core are written into its folder, and the marker after them.
     ///
     /// # Errors
-    /// [`BlockError`] if there is no such block, its training ends early or its folder cannot be written to.
+    /// [`BlockError`] if there is no such block, its training ends early or its folder cannot be
+    /// written to.
     pub fn train(&self, block: usize, observer: &mut dyn TrainObserver) -> Result<TrainedBlock, BlockError> {
         let last = self.plan.blocks.len() - 1;
         let planned = self.plan.blocks.get(block).ok_or(BlockError::NoBlock { block, last })?;

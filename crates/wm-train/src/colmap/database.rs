@@ -1,8 +1,9 @@
-//! What photos share, from the database of a run: the names of its photos and the points that each two share.
+//! What photos share, from the database of a run: the names of its photos and the points that each
+//! two share.
 //!
-//! It is an SQLite file (<https://sqlite.org/fileformat2.html>), of which two tables are read: `images`, and
-//! `two_view_geometries` with a row for each pair of photos. Only their pages are read: features make it large. What cannot be
-//! understood gives nothing.
+//! It is an SQLite file (<https://sqlite.org/fileformat2.html>), of which two tables are read:
+//! `images`, and `two_view_geometries` with a row for each pair of photos. Only their pages are
+//! read: features make it large. What cannot be understood gives nothing.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -40,7 +41,8 @@ impl SharedPoints {
         Some(Self { names: names.collect(), pairs: pairs.collect() })
     }
 
-    /// Returns the photos that share the most points with the photo `name`, the best first, without those that share none.
+    /// Returns the photos that share the most points with the photo `name`, the best first, without
+    /// those that share none.
     pub fn of(&self, name: &str) -> Vec<(String, u32)> {
         let Some((id, _)) = self.names.iter().find(|(_, found)| *found == name) else { return Vec::new() };
         let others = self.pairs.iter().filter_map(|(a, b, points)| match (a == id, b == id) {

@@ -1,8 +1,9 @@
 //! A capture from a plain folder of photos, by the COLMAP or the pycolmap that is installed.
 //!
-//! Four steps run one after another: features, matches, cameras, and photos without distortion. Each is a command of COLMAP
-//! (`feature_extractor`, a matcher, `mapper`, `image_undistorter`), or a run of Python with a script for pycolmap. Everything
-//! they write, and all they say, lies in one folder:
+//! Four steps run one after another: features, matches, cameras, and photos without distortion.
+//! Each is a command of COLMAP (`feature_extractor`, a matcher, `mapper`, `image_undistorter`), or
+//! a run of Python with a script for pycolmap. Everything they write, and all they say, lies in one
+//! folder:
 //! ```text
 //! colmap.log       the commands and what they said
 //! find_cameras.py  the script for pycolmap
@@ -239,7 +240,8 @@ const LOG: &str = "colmap.log";
 /// The file that says that a run is complete.
 const DONE: &str = "done";
 
-/// Makes a capture of the photos in a folder and those below it; everything goes to the folder `run`.
+/// Makes a capture of the photos in a folder and those below it; everything goes to the folder
+/// `run`.
 ///
 /// `progress` is called often. When `is_stopped` says so the command that runs is ended.
 ///
@@ -303,7 +305,8 @@ pub fn reconstruct(
     Ok(made)
 }
 
-/// Returns the line that tells these photos from others: their folder, names, sizes and times of change.
+/// Returns the line that tells these photos from others: their folder, names, sizes and times of
+/// change.
 fn title(photos: &Path, files: &[PathBuf]) -> String {
     let mut sum: u64 = 0xcbf2_9ce4_8422_2325;
     for file in files {
@@ -354,7 +357,8 @@ fn enough_photos_in(folder: &Path) -> Result<Vec<PathBuf>, ColmapError> {
     Err(ColmapError::FewPhotos { folder: folder.into(), found })
 }
 
-/// Returns the sizes of photos, px; `None` for one whose header cannot be read, which COLMAP leaves out.
+/// Returns the sizes of photos, px; `None` for one whose header cannot be read, which COLMAP leaves
+/// out.
 fn sizes_of(files: &[PathBuf]) -> Result<Vec<Option<(u32, u32)>>, ColmapError> {
     let size = |file: &PathBuf| read_header(file).ok().map(|header| (header.width, header.height));
     let sizes: Vec<Option<(u32, u32)>> = files.par_iter().map(size).collect();

@@ -85,7 +85,8 @@ impl Lines {
     }
 }
 
-/// Returns true for an error line: glog's begin with E or F and the date; older versions write ERROR.
+/// Returns true for an error line: glog's begin with E or F and the date; older versions write
+/// ERROR.
 fn is_error(line: &str) -> bool {
     let mut start = line.chars();
     let is_logged =

@@ -20,8 +20,8 @@ pub(super) struct Runner<'a> {
 }
 
 impl<'a> Runner<'a> {
-    /// Opens the folder of a run for photos, of which `title` is a line that tells them from others. Keeps what an earlier run for
-    /// the same photos found.
+    /// Opens the folder of a run for photos, of which `title` is a line that tells them from
+    /// others. Keeps what an earlier run for the same photos found.
     pub fn new(
         program: PathBuf,
         folder: PathBuf,

@@ -11,7 +11,8 @@ use tempfile::{TempDir, tempdir};
 use wm_scene::capture::{self, CaptureOptions};
 
 /// Stands in for COLMAP: writes its arguments to `calls`, says what the real one says, and copies a
-/// model of three photos. `$1` is the command; `BREAK` in the folder of the photos names one that fails.
+/// model of three photos. `$1` is the command; `BREAK` in the folder of the photos names one that
+/// fails.
 const FAKE: &str = r#"#!/bin/sh
 here=$(dirname "$0")
 if [ "$2" = "-h" ]; then echo "  --HELP_OPTION.use_gpu arg (=1)"; exit 1; fi
@@ -235,7 +236,8 @@ fn pycolmap_makes_the_same_capture() {
     );
 }
 
-/// With the pycolmap of this machine, if there is one: photos of nothing, of which no camera can be found.
+/// With the pycolmap of this machine, if there is one: photos of nothing, of which no camera can be
+/// found.
 #[test]
 fn the_pycolmap_that_is_installed_is_understood() {
     let python = ["python3", "python"].iter().find_map(|name| on_path(name));

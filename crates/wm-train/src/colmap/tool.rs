@@ -20,8 +20,8 @@ pub(super) const SCRIPT: &str = include_str!("find_cameras.py");
 pub(super) const SCRIPT_NAME: &str = "find_cameras.py";
 
 impl CameraTool {
-    /// Returns the program that the environment variable `COLMAP` names, else the first COLMAP on `PATH`, else the first Python
-    /// on `PATH` that can import pycolmap.
+    /// Returns the program that the environment variable `COLMAP` names, else the first COLMAP on
+    /// `PATH`, else the first Python on `PATH` that can import pycolmap.
     #[must_use]
     pub fn find() -> Option<Self> {
         if let Some(given) = std::env::var_os("COLMAP").filter(|given| !given.is_empty()) {
@@ -101,8 +101,8 @@ impl StepCommands {
             CameraTool::Colmap(_) => {
                 let mut command = self.colmap("feature_extractor");
                 command.arg("--database_path").arg(database).arg("--image_path").arg(photos);
-                // OPENCV holds the lenses of phones and cameras; one camera for all makes it certain, but is only
-                // allowed for photos of one size.
+                // OPENCV holds the lenses of phones and cameras; one camera for all makes it
+                // certain, but is only allowed for photos of one size.
                 let single = if has_one_camera { "1" } else { "0" };
                 command.args(["--ImageReader.camera_model", "OPENCV", "--ImageReader.single_camera", single]);
                 command.args([&self.gpu_options[0], self.use_gpu]);
@@ -174,8 +174,8 @@ impl StepCommands {
     }
 }
 
-/// Returns COLMAP's options that say whether the GPU is used: they changed with COLMAP 3.13, and a name that is not known
-/// ends a command.
+/// Returns COLMAP's options that say whether the GPU is used: they changed with COLMAP 3.13, and a
+/// name that is not known ends a command.
 fn gpu_options(program: &Path) -> Result<[String; 2], ColmapError> {
     let output = Command::new(program).args(["feature_extractor", "-h"]).stdin(Stdio::null()).output();
     let output = output.map_err(|reason| ColmapError::Start { program: program.to_owned(), reason })?;

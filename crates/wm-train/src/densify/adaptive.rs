@@ -1,9 +1,10 @@
 //! Adaptive density control as published (Kerbl et al. 2023).
 //!
-//! Splats whose mean screen-space gradient, over the steps that saw them, is above a threshold mark places with too
-//! little detail: a small splat is cloned, a large one is split in two, sampled from itself and smaller by 1.6.
-//! Transparent splats are removed, later also huge ones, in the image or in space. Opacities are reset now and then,
-//! so that only splats that are needed recover.
+//! Splats whose mean screen-space gradient, over the steps that saw them, is above a threshold mark
+//! places with too little detail: a small splat is cloned, a large one is split in two, sampled
+//! from itself and smaller by 1.6. Transparent splats are removed, later also huge ones, in the
+//! image or in space. Opacities are reset now and then, so that only splats that are needed
+//! recover.
 //!
 //! Departure: a hard limit on the number of splats; those with the largest gradients come first.
 

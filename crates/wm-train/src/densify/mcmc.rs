@@ -1,17 +1,19 @@
 //! Splats as samples of a Markov chain (Kheradmand et al. 2024).
 //!
-//! The number of splats only grows, by a share each time, up to a fixed budget. Dead splats (transparent
-//! ones) move to where live ones are, and new ones are born there, chosen by opacity; those that come to
-//! share a place share its opacity and size so that the picture stays as it was: of n in one place each has
-//! `o' = 1 - (1 - o)^(1/n)` and the scales times
-//! `o / sum_{i=1..n} sum_{k=0..i-1} C(i-1, k) (-1)^k o'^(k+1) / sqrt(k+1)`. Noise along each splat's own
-//! shape explores, as long as it is nearly transparent. Opacities and sizes are pulled down a little.
+//! The number of splats only grows, by a share each time, up to a fixed budget. Dead splats
+//! (transparent ones) move to where live ones are, and new ones are born there, chosen by opacity;
+//! those that come to share a place share its opacity and size so that the picture stays as it was:
+//! of n in one place each has `o' = 1 - (1 - o)^(1/n)` and the scales times
+//! `o / sum_{i=1..n} sum_{k=0..i-1} C(i-1, k) (-1)^k o'^(k+1) / sqrt(k+1)`. Noise along each
+//! splat's own shape explores, as long as it is nearly transparent. Opacities and sizes are pulled
+//! down a little.
 //!
-//! Other than published: neither the noise nor the pull on sizes depends on the scene's unit; noise moves a splat by its own size at
-//! most, or large ones would leave the scene for good; splats that no photo has in view any more are dead,
-//! since nothing pulls on their opacity; as long as splats are born none grows wider than a share of its distance from the middle of
-//! the place, or of the scene's extent, since one that fills gaps all over a photo stands in the way of every other view;
-//! the sky's splats take no part.
+//! Other than published: neither the noise nor the pull on sizes depends on the scene's unit; noise
+//! moves a splat by its own size at most, or large ones would leave the scene for good; splats that
+//! no photo has in view any more are dead, since nothing pulls on their opacity; as long as splats
+//! are born none grows wider than a share of its distance from the middle of the place, or of the
+//! scene's extent, since one that fills gaps all over a photo stands in the way of every other
+//! view; the sky's splats take no part.
 
 use super::{Densified, DensifyStrategy, DensifyTime, Population, Pulls};
 use crate::check::{COUNT, ConfigValue, SHARE, WEIGHT};
@@ -25,14 +27,15 @@ use wm_scene::splats::logit;
 const MOST_AT_ONE: usize = 51;
 /// Splats above this opacity have no noise: the gate is below 1e-4 there.
 const NOISY: f64 = 0.1;
-/// Extent of a scene, scene units, in which [`McmcConfig::noise`] and [`McmcConfig::scale`] are those of the
-/// publication: its scenes were of about this one.
+/// Extent of a scene, scene units, in which [`McmcConfig::noise`] and [`McmcConfig::scale`] are
+/// those of the publication: its scenes were of about this one.
 const USUAL_EXTENT: f64 = 5.0;
-/// Epochs after which what no photo has in view is dead: one epoch's last step and the next one's first
-/// can be nearly two apart.
+/// Epochs after which what no photo has in view is dead: one epoch's last step and the next one's
+/// first can be nearly two apart.
 const LOST_AFTER: u32 = 2;
 
-/// Largest standard deviation, in distances from the middle of the place, or in extents where that is more.
+/// Largest standard deviation, in distances from the middle of the place, or in extents where that
+/// is more.
 const WIDEST: f64 = 0.1;
 
 /// Constants of the chain.
@@ -143,8 +146,8 @@ impl DensifyStrategy for McmcConfig {
     }
 }
 
-/// `wanted` live splats, each as likely as it is opaque, none of `dead` (ascending) nor of the sky. None
-/// where nothing lives.
+/// `wanted` live splats, each as likely as it is opaque, none of `dead` (ascending) nor of the sky.
+/// None where nothing lives.
 fn sample(population: &Population, dead: &[usize], wanted: usize, random: Random, first: u64) -> Vec<usize> {
     let mut total = 0.0;
     let mut next = 0;
@@ -281,8 +284,9 @@ mod tests {
         assert!((pull(30.0) - pull(1.0)).abs() < 1e-12);
     }
 
-    /// n splats of the shared form, blended, have the alpha of the one at the centre, and nearly its
-    /// integral: the formula makes the integrals over the picture's plane equal in one dimension.
+    /// n splats of the shared form, blended, have the alpha of the one at the centre, and nearly
+    /// its integral: the formula makes the integrals over the picture's plane equal in one
+    /// dimension.
     #[test]
     fn a_shared_place_looks_as_it_did() {
         for (opacity, many) in [(0.5, 2), (0.9, 3), (0.3, 5), (0.99, 2)] {
@@ -328,7 +332,8 @@ mod tests {
         assert_eq!(moved, [3]);
     }
 
-    /// A far splat moves as far in units of the scene as a near one, and no splat farther than its size.
+    /// A far splat moves as far in units of the scene as a near one, and no splat farther than its
+    /// size.
     #[test]
     fn noise_knows_no_unit_and_keeps_splats_at_home() {
         let config = McmcConfig::for_steps(30_000, 50);

@@ -1,7 +1,8 @@
 //! Densification: the strategies that add, move and remove splats during a training, one per file.
 //!
-//! A strategy is a serialisable struct of parameters that implements [`DensifyStrategy`]. To add one, write its file
-//! and one line in the list `strategies!` below; configuration files, checks, `--densify` and the trainer follow.
+//! A strategy is a serialisable struct of parameters that implements [`DensifyStrategy`]. To add
+//! one, write its file and one line in the list `strategies!` below; configuration files, checks,
+//! `--densify` and the trainer follow.
 
 pub mod adaptive;
 pub mod fixed;
@@ -35,8 +36,8 @@ pub trait DensifyStrategy {
         ScreenGradients::Ignore
     }
 
-    /// Returns weights on opacities and scales that are added to the loss. `extent` is the size of the scene, scene
-    /// units.
+    /// Returns weights on opacities and scales that are added to the loss. `extent` is the size of
+    /// the scene, scene units.
     fn terms(&self, _extent: f64) -> SplatTerms {
         SplatTerms::default()
     }
@@ -46,13 +47,14 @@ pub trait DensifyStrategy {
         false
     }
 
-    /// Adds, moves and removes splats after a step; called only where [`Self::is_due`] returns true.
+    /// Adds, moves and removes splats after a step; called only where [`Self::is_due`] returns
+    /// true.
     fn apply(&self, _time: &DensifyTime, _population: &mut Population) -> Densified {
         Densified::default()
     }
 
-    /// Returns the noise that is added to means after every step, if any. `rate` is the step length of means and
-    /// `extent` the size of the scene, both in scene units.
+    /// Returns the noise that is added to means after every step, if any. `rate` is the step length
+    /// of means and `extent` the size of the scene, both in scene units.
     fn noise(&self, _rate: f64, _extent: f64, _random: Random) -> Option<Noise> {
         None
     }
@@ -71,7 +73,8 @@ pub struct DensifyTime {
     pub random: Random,
 }
 
-/// The choice of whether screen-space gradients of splats are summed between two changes of the population.
+/// The choice of whether screen-space gradients of splats are summed between two changes of the
+/// population.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ScreenGradients {
     /// They are summed.
@@ -82,7 +85,8 @@ pub enum ScreenGradients {
 
 macro_rules! strategies {
     ($($(#[$doc:meta])* $variant:ident($config:ty) = $name:literal,)+) => {
-        /// The densification strategy of a training with its parameters. In JSON the key `strategy` holds its name.
+        /// The densification strategy of a training with its parameters. In JSON the key `strategy`
+        /// holds its name.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(tag = "strategy")]
         pub enum Densify {
@@ -93,8 +97,8 @@ macro_rules! strategies {
             /// The names of all strategies.
             pub const NAMES: &[&str] = &[$($name),+];
 
-            /// Returns the strategy called `name` with its usual parameters for a training of `steps` steps and at
-            /// most `max_splats` splats; `None` if there is no such strategy.
+            /// Returns the strategy called `name` with its usual parameters for a training of
+            /// `steps` steps and at most `max_splats` splats; `None` if there is no such strategy.
             #[must_use]
             pub fn named(name: &str, steps: u32, max_splats: usize) -> Option<Self> {
                 match name {
@@ -117,11 +121,11 @@ macro_rules! strategies {
 strategies! {
     /// The number of splats stays as it was at the start.
     Fixed(fixed::FixedConfig) = "fixed",
-    /// Adaptive density control (Kerbl et al. 2023): clones and splits splats with large screen-space gradients, prunes
-    /// transparent ones, resets opacities.
+    /// Adaptive density control (Kerbl et al. 2023): clones and splits splats with large
+    /// screen-space gradients, prunes transparent ones, resets opacities.
     Adaptive(adaptive::AdaptiveConfig) = "adaptive",
-    /// Splats as samples (Kheradmand et al. 2024): a fixed budget, dead splats move to where they are needed, noise
-    /// explores.
+    /// Splats as samples (Kheradmand et al. 2024): a fixed budget, dead splats move to where they
+    /// are needed, noise explores.
     Mcmc(mcmc::McmcConfig) = "mcmc",
 }
 
@@ -161,7 +165,8 @@ pub struct Population {
     pub pulls: Pulls,
     /// The last step that had each in view, or that made it, `[N]`.
     pub seen: Vec<u32>,
-    /// The origin of each splat, of a population whose moments and coefficients above degree 0 stay on a device.
+    /// The origin of each splat, of a population whose moments and coefficients above degree 0 stay
+    /// on a device.
     origins: Option<Origins>,
 }
 

@@ -1,7 +1,7 @@
 //! Compares a scene with the photos of a data set, and with ground-truth maps where there are some.
 //!
-//! [`evaluate`] renders every photo's view over black, in the air of the photos, and scores it; [`TruthMaps`] finds and reads
-//! maps of depth, normals and sky.
+//! [`evaluate`] renders every photo's view over black, in the air of the photos, and scores it;
+//! [`TruthMaps`] finds and reads maps of depth, normals and sky.
 
 mod truth;
 
@@ -40,7 +40,8 @@ pub enum ExposureFit {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EvaluationAir {
-    /// The haze in which the scene's photos were taken, if its metadata states one: the photos to compare with show it too.
+    /// The haze in which the scene's photos were taken, if its metadata states one: the photos to
+    /// compare with show it too.
     #[default]
     Photos,
     /// Clear air.
@@ -137,7 +138,8 @@ pub struct EvaluatedPhoto<'a> {
 
 /// Receives the progress of [`evaluate`] and can stop it; `()` is the silent observer.
 pub trait EvaluationObserver {
-    /// Called before every photo. [`ControlFlow::Break`] ends the evaluation with [`EvaluationError::Stopped`].
+    /// Called before every photo. [`ControlFlow::Break`] ends the evaluation with
+    /// [`EvaluationError::Stopped`].
     fn proceed(&mut self) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
@@ -187,7 +189,8 @@ pub enum EvaluationError {
 /// `set` names the splats of `scene` in `renderer`.
 ///
 /// # Errors
-/// [`EvaluationError`] if a photo or map cannot be read, the renderer fails, no photo is left, or none shows a splat.
+/// [`EvaluationError`] if a photo or map cannot be read, the renderer fails, no photo is left, or
+/// none shows a splat.
 pub fn evaluate(
     renderer: &mut AnyRenderer,
     set: SetId,

@@ -16,7 +16,8 @@ use wm_scene::survey::{FactSource, Survey};
 /// The folders of ground-truth maps and the meaning of their numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TruthOptions {
-    /// Folder of depth maps, one per photo and named after it; `None` takes `truth/depth` in the data set if it exists.
+    /// Folder of depth maps, one per photo and named after it; `None` takes `truth/depth` in the
+    /// data set if it exists.
     pub depth: Option<PathBuf>,
     /// Folder of normal maps; `None` takes `truth/normal` if it exists.
     pub normal: Option<PathBuf>,
@@ -206,8 +207,8 @@ impl TruthMaps {
         self.depth.is_none() && self.normal.is_none() && self.sky.is_none()
     }
 
-    /// Reads the maps of a photo, at the size of `camera`. Pixels that `mask`, `[H, W]`, leaves out are not known in
-    /// any map.
+    /// Reads the maps of a photo, at the size of `camera`. Pixels that `mask`, `[H, W]`, leaves out
+    /// are not known in any map.
     ///
     /// # Errors
     /// [`TruthError`] if a map cannot be read, has another shape than the photo, or has no unit.

@@ -1,10 +1,12 @@
 //! The ground that the haze hides, from where it begins to the horizon.
 //!
-//! Photos that look down into endless haze show ground, but none of its texture: neither the reconstruction nor stereo has
-//! points there. A training that must cover these pixels has nothing but what stands before them, and blows it up into white
-//! curtains at distances where the haze is still thin. So nothing is claimed of these pixels while the scene learns
-//! ([`without_hidden`]), and its sky reaches as far down as they do ([`FarGround::lowest`]). In the finished scene level ground lies
-//! there, of the mean colour of what is known. It does not learn: of what haze hides, steps of the optimiser are a random walk.
+//! Photos that look down into endless haze show ground, but none of its texture: neither the
+//! reconstruction nor stereo has points there. A training that must cover these pixels has nothing
+//! but what stands before them, and blows it up into white curtains at distances where the haze is
+//! still thin. So nothing is claimed of these pixels while the scene learns ([`without_hidden`]),
+//! and its sky reaches as far down as they do ([`FarGround::lowest`]). In the finished scene level
+//! ground lies there, of the mean colour of what is known. It does not learn: of what haze hides,
+//! steps of the optimiser are a random walk.
 
 use super::PhotoHaze;
 use super::settle::{mean_color, nearest};
@@ -21,13 +23,15 @@ use wm_scene::{Camera, Group, Splats};
 const HIDDEN: f64 = 0.1;
 /// Transmittance at which the ground begins: under what photos show of it.
 const BEGINS: f64 = 0.2;
-/// Most distance from the level of the ground of splats that tell its colour, in heights of the cameras.
+/// Most distance from the level of the ground of splats that tell its colour, in heights of the
+/// cameras.
 const LEVEL: f64 = 0.1;
 /// Rank of the ground's height among points: below are strays, above is what stands on it.
 const RANK: f64 = 0.15;
 /// Ratio of the radii of two rings.
 const RATIO: f64 = 1.15;
-/// Radius of the last ring in heights of the cameras over the ground: a quarter of a degree below the horizon.
+/// Radius of the last ring in heights of the cameras over the ground: a quarter of a degree below
+/// the horizon.
 const LAST: f64 = 250.0;
 /// Standard deviation of splats in distances to their neighbours, and their opacity: no gaps.
 const SCALE: f64 = 0.7;
@@ -38,7 +42,8 @@ const THICKNESS: f64 = 0.03;
 const FARTHEST: f64 = 16.0;
 /// Room below the edge where the ground begins, sine: the sky has no gap there.
 const ROOM: f64 = 0.05;
-/// Difference from the light of endless haze up to which a pixel shows nothing else, display-referred.
+/// Difference from the light of endless haze up to which a pixel shows nothing else,
+/// display-referred.
 const SAME: f64 = 0.03;
 
 /// The ground beyond what photos show through the haze.
@@ -57,7 +62,8 @@ pub struct FarGround<'a> {
 }
 
 impl<'a> FarGround<'a> {
-    /// Returns the ground under `cameras`, of which `points` tell the height; `None` if the cameras are not above it.
+    /// Returns the ground under `cameras`, of which `points` tell the height; `None` if the cameras
+    /// are not above it.
     #[must_use]
     pub fn new(cameras: &'a [Camera], points: &SparsePoints, up: DVec3, haze: &PhotoHaze) -> Option<Self> {
         let center = cameras.iter().map(Camera::center).sum::<DVec3>() / cameras.len().max(1) as f64;
@@ -80,8 +86,8 @@ impl<'a> FarGround<'a> {
         (-highest / self.hidden - ROOM).max(-1.0)
     }
 
-    /// Adds it to a finished scene of `extent` units, in the mean colour of the ground that the cameras show, or of all that they show
-    /// where they show none.
+    /// Adds it to a finished scene of `extent` units, in the mean colour of the ground that the
+    /// cameras show, or of all that they show where they show none.
     pub fn add(&self, splats: &mut Splats, extent: f64, haze: &PhotoHaze) {
         let of = |counts: &dyn Fn(DVec3) -> bool| mean_color(splats, self.cameras, &haze.air(), counts);
         let level = self.up.dot(self.center) - self.height;
@@ -118,7 +124,8 @@ impl<'a> FarGround<'a> {
     }
 }
 
-/// Returns a photo's prior with no claim of what stands where the photo shows the light of endless haze and the depth is not known.
+/// Returns a photo's prior with no claim of what stands where the photo shows the light of endless
+/// haze and the depth is not known.
 #[must_use]
 pub fn without_hidden(prior: &Prior, photo: &Photo, haze: &PhotoHaze) -> Prior {
     let mut prior = prior.clone();

@@ -1,10 +1,12 @@
 //! The fit of the haze's law to tracks.
 //!
 //! A point of the clear colour `J` seen from the distance `d` in photo p has the light
-//! `y = e_p (J exp(-beta d) + B (1 - exp(-beta d)) / beta)`: Koschmieder's law with the light `B` that the air adds a unit of
-//! length and the gain `e_p` of the photo. It is linear in `J` and `B`, and stays one law for `beta` of 0 and below, so that
-//! clear air is nothing special to the fit. Gauss and Newton's steps are taken on `beta`, `B` and the gains, with each point's
-//! colour eliminated; residuals are in display-referred units, in which noise is about even, and weighted by Cauchy's function.
+//! `y = e_p (J exp(-beta d) + B (1 - exp(-beta d)) / beta)`: Koschmieder's law with the light `B`
+//! that the air adds a unit of length and the gain `e_p` of the photo. It is linear in `J` and `B`,
+//! and stays one law for `beta` of 0 and below, so that clear air is nothing special to the fit.
+//! Gauss and Newton's steps are taken on `beta`, `B` and the gains, with each point's colour
+//! eliminated; residuals are in display-referred units, in which noise is about even, and weighted
+//! by Cauchy's function.
 
 use super::sightings::{PointTrack, Sighting};
 
@@ -12,7 +14,8 @@ use super::sightings::{PointTrack, Sighting};
 const HEAD: usize = 4;
 /// Brightest clear colour, linear light: white in the sun beside a sky that is exposed well.
 const BRIGHTEST: f64 = 1.5;
-/// Residuals, in standard deviations, that count for half: windows that show several distances have larger ones.
+/// Residuals, in standard deviations, that count for half: windows that show several distances have
+/// larger ones.
 const CAUCHY: f64 = 1.0;
 /// Standard deviation of logarithms of gains before anything is seen.
 const GAINS: f64 = 0.3;

@@ -1,10 +1,11 @@
 //! Haze in which photos were taken: measured before the training, and taken out of the scene.
 //!
-//! Photos taken in haze show `I = J t + A (1 - t)` in linear light, `t = exp(-beta d)`, with the clear colour J of a surface at
-//! the distance d along the ray and the light A of endless haze (Koschmieder's law). A training on them that knows nothing of
-//! it learns I, from which no clear day can be made. But points of the reconstruction are seen from several distances, and how
-//! their colours change with these tells `beta` and A ([`PhotoHaze::measured`]). Splats are then drawn through such air while they
-//! learn ([`wm_render::EvenAir`]), so that they learn J.
+//! Photos taken in haze show `I = J t + A (1 - t)` in linear light, `t = exp(-beta d)`, with the
+//! clear colour J of a surface at the distance d along the ray and the light A of endless haze
+//! (Koschmieder's law). A training on them that knows nothing of it learns I, from which no clear
+//! day can be made. But points of the reconstruction are seen from several distances, and how their
+//! colours change with these tells `beta` and A ([`PhotoHaze::measured`]). Splats are then drawn
+//! through such air while they learn ([`wm_render::EvenAir`]), so that they learn J.
 
 mod far_ground;
 mod fit;
@@ -40,7 +41,8 @@ const NEARNESS: f32 = 0.95;
 const MOST_PHOTOS: usize = 300;
 /// Share of the sightings that are nearer than those that tell how far surfaces look.
 const FAR: f64 = 0.7;
-/// Share of the extinction by which cameras that compress bright light shift it, about: 7 to 10 % in three made-up captures.
+/// Share of the extinction by which cameras that compress bright light shift it, about: 7 to 10 %
+/// in three made-up captures.
 const CURVE: f64 = 0.08;
 /// Parts of which one is left out in turn to find the error.
 const PARTS: usize = 10;
@@ -58,18 +60,21 @@ pub struct PhotoHaze {
     pub extinction: f64,
     /// Its standard deviation; `None` if it was given.
     pub error: Option<f64>,
-    /// Extinction a scene unit with which such air looks as photos show the haze: cameras compress what is bright, endless haze above
-    /// all, so thinner haze of their light must be denser to look as bright as theirs.
+    /// Extinction a scene unit with which such air looks as photos show the haze: cameras compress
+    /// what is bright, endless haze above all, so thinner haze of their light must be denser to
+    /// look as bright as theirs.
     pub shown: f64,
     /// Light of endless haze as photos show it, linear RGB, 1 = display white.
     pub airlight: [f64; 3],
 }
 
 impl PhotoHaze {
-    /// Measures the haze of the photos `places`, and their gains; `None` if there is none, or nothing proves it.
+    /// Measures the haze of the photos `places`, and their gains; `None` if there is none, or
+    /// nothing proves it.
     ///
-    /// `horizon` is the sky just above the horizon, linear RGB: the light of endless haze, if photos show it. Without it the light is
-    /// fitted too, which tells less of the extinction: thick haze of little light dims as thin haze of much light does.
+    /// `horizon` is the sky just above the horizon, linear RGB: the light of endless haze, if
+    /// photos show it. Without it the light is fitted too, which tells less of the extinction:
+    /// thick haze of little light dims as thin haze of much light does.
     #[must_use]
     pub fn measured(
         capture: &Capture,
@@ -82,8 +87,8 @@ impl PhotoHaze {
         Some((evidence.haze, evidence.gains))
     }
 
-    /// Haze of this extinction a scene unit, with the light of `horizon`, or that fits the photos `places` best, and their gains; `None`
-    /// if they share too few points.
+    /// Haze of this extinction a scene unit, with the light of `horizon`, or that fits the photos
+    /// `places` best, and their gains; `None` if they share too few points.
     #[must_use]
     pub fn given(
         capture: &Capture,
@@ -131,8 +136,8 @@ impl PhotoHaze {
         (-self.shown * distance).exp()
     }
 
-    /// Returns the colour (sRGB) of a surface that a photo shows as `rgb` through a length of haze that lets the share
-    /// `transmittance` of its light through, as far as it can be told.
+    /// Returns the colour (sRGB) of a surface that a photo shows as `rgb` through a length of haze
+    /// that lets the share `transmittance` of its light through, as far as it can be told.
     #[must_use]
     pub fn clear_color(&self, rgb: [u8; 3], transmittance: f64) -> [u8; 3] {
         // Of less the noise would be drawn.
@@ -144,7 +149,8 @@ impl PhotoHaze {
         })
     }
 
-    /// Takes the haze out of the colours of the points of `capture`, which are means over the photos that show them.
+    /// Takes the haze out of the colours of the points of `capture`, which are means over the
+    /// photos that show them.
     pub fn clear_points(&self, capture: &Capture, points: &mut SparsePoints) {
         let mut kept = vec![(0.0f64, 0u32); points.len()];
         for (view, observed) in capture.views.iter().zip(&capture.observations) {
@@ -163,11 +169,13 @@ impl PhotoHaze {
     }
 }
 
-/// Residuals with haze over those without, at most: what else changes colours with distance leaves more.
+/// Residuals with haze over those without, at most: what else changes colours with distance leaves
+/// more.
 const LEFT: f64 = 0.85;
 /// Standard deviations that extinction is above 0, at least.
 const SURE: f64 = 4.0;
-/// Optical depth of what is farthest, at least: less haze can hardly be seen, and is not worth being wrong about.
+/// Optical depth of what is farthest, at least: less haze can hardly be seen, and is not worth
+/// being wrong about.
 const DEEP: f64 = 0.15;
 /// Least light of the haze over the median of what photos show: haze that darkens all is none.
 const LIGHT: f64 = 0.5;
@@ -217,7 +225,8 @@ impl Evidence {
             && TWOFOLD * shown > extinction
     }
 
-    /// Weighs the points that the photos `places` share; `None` if they are too few. A known extinction is kept.
+    /// Weighs the points that the photos `places` share; `None` if they are too few. A known
+    /// extinction is kept.
     fn of_photos(capture: &Capture, photos: &Photos, places: &[usize], known: Known) -> Option<Self> {
         let step = places.len().div_ceil(MOST_PHOTOS).max(1);
         let some: Vec<usize> = places.iter().copied().step_by(step).collect();
@@ -285,10 +294,12 @@ impl Evidence {
     }
 }
 
-/// Returns the fit, of which the light is known, to the farthest sightings; the fit itself if these are too few.
+/// Returns the fit, of which the light is known, to the farthest sightings; the fit itself if these
+/// are too few.
 ///
-/// Cameras compress bright light, and the more haze there is before a surface the brighter it is: the extinction that photos show
-/// grows with the distance. What is far suffers from a wrong one, and near points are most of the tracks.
+/// Cameras compress bright light, and the more haze there is before a surface the brighter it is:
+/// the extinction that photos show grows with the distance. What is far suffers from a wrong one,
+/// and near points are most of the tracks.
 fn far_fit(fit: &HazeFit, tracks: &[PointTrack], unit: f64, distances: &[f64]) -> HazeFit {
     let from = distances[(FAR * distances.len() as f64) as usize] as f32;
     let far = |track: &PointTrack| {
@@ -303,7 +314,8 @@ fn far_fit(fit: &HazeFit, tracks: &[PointTrack], unit: f64, distances: &[f64]) -
     fit.clone().fitted(&far.iter().collect::<Vec<_>>(), unit, Free::All)
 }
 
-/// Returns the gains of a fit, display-referred; photos of even exposure would leave residuals of `even`.
+/// Returns the gains of a fit, display-referred; photos of even exposure would leave residuals of
+/// `even`.
 fn gains(fit: &HazeFit, even: f64) -> PhotoGains {
     let logs: Vec<f64> = fit.gains.iter().map(|gain| gain / DISPLAY).collect();
     let count = logs.len().max(1) as f64;
@@ -313,7 +325,8 @@ fn gains(fit: &HazeFit, even: f64) -> PhotoGains {
     PhotoGains { gains, spread, differences: [even, fit.sigma] }
 }
 
-/// Returns the standard deviation of the extinction of a fit, from those that it has without each part of the tracks.
+/// Returns the standard deviation of the extinction of a fit, from those that it has without each
+/// part of the tracks.
 fn error(fit: &HazeFit, tracks: &[PointTrack], parts: &[usize], unit: f64) -> f64 {
     let without = |part: usize| {
         let rest = tracks.iter().zip(parts).filter(|(_, own)| **own != part);

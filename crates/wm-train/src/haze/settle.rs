@@ -1,8 +1,9 @@
 //! Colours of splats of which the haze let photos show little.
 //!
-//! If the air lets a hundredth of a surface's light through, its clear colour is the photos' noise times a hundred, and the
-//! steps of the optimiser, whose length does not depend on that of gradients, make a random walk of it. Such colours are drawn
-//! towards the mean of those that are known, as far as noise outweighs what colours differ by.
+//! If the air lets a hundredth of a surface's light through, its clear colour is the photos' noise
+//! times a hundred, and the steps of the optimiser, whose length does not depend on that of
+//! gradients, make a random walk of it. Such colours are drawn towards the mean of those that are
+//! known, as far as noise outweighs what colours differ by.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -10,12 +11,14 @@ use wm_render::EvenAir;
 use wm_scene::sh::C0;
 use wm_scene::{Camera, Group, Splats};
 
-/// Noise of photos and of what is learnt from them, over the spread of clear colours: at this transmittance they weigh the same.
+/// Noise of photos and of what is learnt from them, over the spread of clear colours: at this
+/// transmittance they weigh the same.
 const NOISE: f64 = 0.2;
 /// Transmittance from which colours are known.
 const KNOWN: f64 = 0.3;
 
-/// Draws the colours of splats that all of `cameras` see through much air towards the mean of the others.
+/// Draws the colours of splats that all of `cameras` see through much air towards the mean of the
+/// others.
 pub fn settle(splats: &mut Splats, cameras: &[Camera], air: &EvenAir) {
     let shown = transmittances(splats, cameras, air);
     let Some(mean) = mean_of_known(splats, &shown, &|_| true) else { return };
@@ -33,8 +36,8 @@ pub fn settle(splats: &mut Splats, cameras: &[Camera], air: &EvenAir) {
     }
 }
 
-/// Returns the mean colour (display-referred) of the splats at places that count of which `cameras` show the colour; `None` if there are
-/// none.
+/// Returns the mean colour (display-referred) of the splats at places that count of which `cameras`
+/// show the colour; `None` if there are none.
 pub fn mean_color(
     splats: &Splats,
     cameras: &[Camera],
@@ -62,8 +65,8 @@ fn mean_of_known(splats: &Splats, shown: &[f64], counts: &dyn Fn(DVec3) -> bool)
     (weights > 0.0).then(|| sum.map(|sum| sum / weights))
 }
 
-/// Returns the share of each splat's light that arrives at the nearest camera that has it in view; of one that none has in view, at
-/// the nearest of all.
+/// Returns the share of each splat's light that arrives at the nearest camera that has it in view;
+/// of one that none has in view, at the nearest of all.
 fn transmittances(splats: &Splats, cameras: &[Camera], air: &EvenAir) -> Vec<f64> {
     let of = |index: usize| {
         let at = place(splats, index);
@@ -80,7 +83,8 @@ fn transmittances(splats: &Splats, cameras: &[Camera], air: &EvenAir) -> Vec<f64
     (0..splats.len()).into_par_iter().map(of).collect()
 }
 
-/// Returns the distance of a place from the nearest of those cameras that count; infinity if none does.
+/// Returns the distance of a place from the nearest of those cameras that count; infinity if none
+/// does.
 pub fn nearest(cameras: &[Camera], at: DVec3, counts: impl Fn(&Camera) -> bool) -> f64 {
     let distances = cameras.iter().filter(|camera| counts(camera)).map(|camera| camera.center().distance(at));
     distances.fold(f64::INFINITY, f64::min)

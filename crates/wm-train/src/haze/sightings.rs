@@ -1,8 +1,8 @@
 //! Colours of the reconstruction's points as photos show them, in linear light.
 //!
-//! A point lies where there is texture, and from afar a pixel shows more of what is around it: colours of pixels would fade
-//! with distance in the clearest air. So a point's colour is the mean over a window that is as large in the scene in all of
-//! its photos.
+//! A point lies where there is texture, and from afar a pixel shows more of what is around it:
+//! colours of pixels would fade with distance in the clearest air. So a point's colour is the mean
+//! over a window that is as large in the scene in all of its photos.
 
 use crate::photos::{Photo, Photos};
 use crate::priors::points::inside;
@@ -31,7 +31,8 @@ pub struct PointTrack {
     pub sightings: Vec<Sighting>,
 }
 
-/// Half the side of the window in the photo in which it is smallest, px: larger ones show surfaces at more distances.
+/// Half the side of the window in the photo in which it is smallest, px: larger ones show surfaces
+/// at more distances.
 const SMALLEST: f64 = 1.0;
 /// Most of it, px: what is seen from so near is left out.
 const LARGEST: f64 = 16.0;
@@ -45,7 +46,8 @@ const BRIGHTEST: f32 = 0.96;
 static LIGHT: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|byte| srgb_decode(byte as f64 / 255.0) as f32));
 
-/// Returns the tracks of the points that at least two of the photos `places` show, by the observations of the capture.
+/// Returns the tracks of the points that at least two of the photos `places` show, by the
+/// observations of the capture.
 #[must_use]
 pub fn tracks(capture: &Capture, photos: &Photos, places: &[usize]) -> Vec<PointTrack> {
     let levels: Vec<u8> = places.iter().map(|place| photos.level_within(*place, SIDE)).collect();
@@ -134,7 +136,8 @@ impl Sums {
         Self { width, height, sums }
     }
 
-    /// The mean over the window about a point; `None` if it is not inside, is masked, crushed or clipped.
+    /// The mean over the window about a point; `None` if it is not inside, is masked, crushed or
+    /// clipped.
     fn mean(&self, [x, y]: [f64; 2], half: f64) -> Option<[f32; 3]> {
         let (left, right) = ((x - half).round(), (x + half).round());
         let (top, bottom) = ((y - half).round(), (y + half).round());

@@ -1,10 +1,11 @@
 //! Depth against a prior that was fitted to the scene's units.
 //!
-//! `mean rho(ln(D d))` with the expected depth D and the prior's inverse depth d: relative, so that near and far
-//! count alike and a surface through which a little of the far sky shines weighs as what it is for fog. `rho` is
-//! `sqrt(x^2 + tau^2) - tau`, linear from `tau` on: strays of the prior pull no harder than others. `tau` is how far
-//! off the prior is itself: the residual of its fit over d, and 1 % at least. The derivative is exact, so transparency
-//! does not lower it. Pixels of the sky, and those covered by less than half, do not count.
+//! `mean rho(ln(D d))` with the expected depth D and the prior's inverse depth d: relative, so that
+//! near and far count alike and a surface through which a little of the far sky shines weighs as
+//! what it is for fog. `rho` is `sqrt(x^2 + tau^2) - tau`, linear from `tau` on: strays of the
+//! prior pull no harder than others. `tau` is how far off the prior is itself: the residual of its
+//! fit over d, and 1 % at least. The derivative is exact, so transparency does not lower it. Pixels
+//! of the sky, and those covered by less than half, do not count.
 
 use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};

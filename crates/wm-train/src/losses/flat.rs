@@ -1,9 +1,10 @@
 //! Flat splats, so that the shortest axis is one and stays it.
 //!
-//! A normal that is the shortest axis jumps when two axes are of nearly equal length. The pull is on the ratio of the
-//! shortest scale to the middle one: `mean min(1, s_1 / s_2 - r)`, above a ratio r that is flat enough, by which the
-//! shortest gets shorter and the middle one longer. So the axis that is shortest once is kept apart from the
-//! others: before another takes its place, loss has to push against this.
+//! A normal that is the shortest axis jumps when two axes are of nearly equal length. The pull is
+//! on the ratio of the shortest scale to the middle one: `mean min(1, s_1 / s_2 - r)`, above a
+//! ratio r that is flat enough, by which the shortest gets shorter and the middle one longer. So
+//! the axis that is shortest once is kept apart from the others: before another takes its place,
+//! loss has to push against this.
 
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;

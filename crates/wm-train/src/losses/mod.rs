@@ -1,7 +1,8 @@
 //! The loss: terms, one per file, that compare renders with photos and priors.
 //!
-//! The trainer names no term. It renders what the terms read, adds up what they say, and goes one step.
-//! A term may ask for a render of its own, with other opacities and only some parameters learning.
+//! The trainer names no term. It renders what the terms read, adds up what they say, and goes one
+//! step. A term may ask for a render of its own, with other opacities and only some parameters
+//! learning.
 
 mod beliefs;
 mod depth;
@@ -82,7 +83,8 @@ pub struct LossInput<'a> {
     pub path: SimdPath,
 }
 
-/// Derivatives of the loss by the pixels of a frame; empty where nothing was rendered, or a device has them.
+/// Derivatives of the loss by the pixels of a frame; empty where nothing was rendered, or a device
+/// has them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LossGradients {
     /// `[H, W, 3]`.
@@ -163,7 +165,8 @@ pub trait LossTerm: Send {
         Channels::Color
     }
 
-    /// Returns where the term can be computed; adds to `comparison` what a device needs beside weights.
+    /// Returns where the term can be computed; adds to `comparison` what a device needs beside
+    /// weights.
     fn reads(&self, _step: u32, _truth: &TrainPhoto<'_>, _comparison: &mut Comparison<'_>) -> Reads {
         Reads::Frame
     }
@@ -173,10 +176,12 @@ pub trait LossTerm: Send {
         None
     }
 
-    /// Returns the value of the term before weighting, and adds `weight` times its derivative to `out`.
+    /// Returns the value of the term before weighting, and adds `weight` times its derivative to
+    /// `out`.
     fn add(&mut self, input: &LossInput<'_>, weight: f64, out: &mut LossGradients) -> f64;
 
-    /// Adds the weight of the term to those that act on the splats themselves, whatever the picture shows.
+    /// Adds the weight of the term to those that act on the splats themselves, whatever the picture
+    /// shows.
     fn splat_terms(&self, _: f64, _: &mut SplatTerms) {}
 }
 
@@ -272,8 +277,8 @@ mod tests {
                     };
                     let step = 1e-2;
                     let found = 3.0 * (at(step) - at(-step)) / (2.0 * f64::from(step));
-                    // Second differences of steps of 1e-2, and f32 in the terms; the mean inverse depth of `Smooth` is a
-                    // constant of its derivative.
+                    // Second differences of steps of 1e-2, and f32 in the terms; the mean inverse
+                    // depth of `Smooth` is a constant of its derivative.
                     let off = (found - f64::from(wanted[i])).abs();
                     assert!(
                         off < 2e-3 + 0.02 * found.abs(),

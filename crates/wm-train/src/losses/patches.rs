@@ -1,13 +1,15 @@
 //! The relative depth of patches (Li et al. 2024, DNGaussian; `eq:hs depth loss`).
 //!
-//! Rendered and believed inverse depth, each without the mean of its patch, are compared over patches whose size is
-//! drawn anew each time: divided by their deviation over the whole photo (global) and over the patch (local),
-//! `(x - m_P) / (s + 0.01 s_I)` with `s` that of the photo or of the patch. That of the photo is taken for a constant.
-//! A difference below the margin counts as none. So neither scale nor shift of the prior matters, nor how both
-//! drift over the photo. Inverse depth instead of depth: the prior's is linear in it, and the sky is 0.
+//! Rendered and believed inverse depth, each without the mean of its patch, are compared over
+//! patches whose size is drawn anew each time: divided by their deviation over the whole photo
+//! (global) and over the patch (local), `(x - m_P) / (s + 0.01 s_I)` with `s` that of the photo or
+//! of the patch. That of the photo is taken for a constant. A difference below the margin counts as
+//! none. So neither scale nor shift of the prior matters, nor how both drift over the photo.
+//! Inverse depth instead of depth: the prior's is linear in it, and the sky is 0.
 //!
-//! The hard pass gives every splat the same high opacity and moves means alone; the soft one changes opacities alone.
-//! Each is a render of its own, with alpha taken for a constant. Where less than half is covered nothing counts.
+//! The hard pass gives every splat the same high opacity and moves means alone; the soft one
+//! changes opacities alone. Each is a render of its own, with alpha taken for a constant. Where
+//! less than half is covered nothing counts.
 
 use super::grid::Grid;
 use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
@@ -269,8 +271,9 @@ mod tests {
         x[17] = f64::NAN;
         for (local, margin) in [(0.0, 0.0), (0.7, 0.0), (0.3, 0.2)] {
             let (_, slope) = loss(&x, &y, local, margin);
-            // The photo's deviation is a constant of the derivative: kept by moving pixels in pairs is not enough, so
-            // it is held by comparing with the loss of values that are scaled back.
+            // The photo's deviation is a constant of the derivative: kept by moving pixels in pairs
+            // is not enough, so it is held by comparing with the loss of values that are scaled
+            // back.
             let known: Vec<f64> = x.iter().copied().filter(|v| !v.is_nan()).collect();
             let (_, all) = moments(known.iter().copied());
             for i in [0, 5, 40, 77, 107] {

@@ -1,7 +1,7 @@
 //! Smooth inverse depth where the photo is smooth (Godard et al. 2017).
 //!
-//! The mean over neighbouring pixels of `|r_i - r_j| / mean(r) exp(-|I_i - I_j| / 0.1)` with `r = 1 / D`. An option: it
-//! rounds what is there, and helps where nothing else says anything.
+//! The mean over neighbouring pixels of `|r_i - r_j| / mean(r) exp(-|I_i - I_j| / 0.1)` with
+//! `r = 1 / D`. An option: it rounds what is there, and helps where nothing else says anything.
 
 use super::{LossGradients, LossInput, LossTerm, Reads, TrainPhoto};
 use crate::config::TrainConfig;

@@ -1,10 +1,11 @@
 //! Coverage: what stands in front of the sky covers its pixels whole, and nothing covers the sky's.
 //!
-//! `mean max(|A - S| - 0.05, 0)` with the coverage A by all splats but the sky's, from a render of its own, and S, 1 where the
-//! prior has the place and 0 where it has the sky. Opacities learn from it and nothing else: shapes would be blown up over
-//! what no splat covers yet. On the border between them, which the prior leaves open and which is
-//! finer in the photo than in it, S is where the photo's colour lies on the way from the sky's to the place's beside it;
-//! other pixels that it does not know do not count. Without it the sky is painted on splats that drift before it, or
+//! `mean max(|A - S| - 0.05, 0)` with the coverage A by all splats but the sky's, from a render of
+//! its own, and S, 1 where the prior has the place and 0 where it has the sky. Opacities learn from
+//! it and nothing else: shapes would be blown up over what no splat covers yet. On the border
+//! between them, which the prior leaves open and which is finer in the photo than in it, S is where
+//! the photo's colour lies on the way from the sky's to the place's beside it; other pixels that it
+//! does not know do not count. Without it the sky is painted on splats that drift before it, or
 //! stand out over roofs, which fog lights up, and shines through walls.
 
 use super::{LossGradients, LossInput, LossTerm, OwnRender, Reads, TrainPhoto};
@@ -110,8 +111,8 @@ enum Matte {
 
 /// The distance up to which neighbours of a cell count, cells of the prior: the width of a border.
 const BESIDE: usize = 2;
-/// Least distance of the colours of sky and place, and how far off the line between them a pixel's may lie as a share
-/// of it.
+/// Least distance of the colours of sky and place, and how far off the line between them a pixel's
+/// may lie as a share of it.
 const APART: f32 = 0.12;
 const OFF_LINE: f32 = 0.5;
 
@@ -142,8 +143,8 @@ impl Matte {
         if dot(way, way) > APART * APART { Self::Between(sky, way) } else { Self::Neither }
     }
 
-    /// The place's share of a colour, 0-1; `None` if it is neither of the two nor between them, such as a wire
-    /// before the sky that is finer than the prior.
+    /// The place's share of a colour, 0-1; `None` if it is neither of the two nor between them,
+    /// such as a wire before the sky that is finer than the prior.
     fn share(&self, rgb: [f32; 3]) -> Option<f32> {
         let (sky, way) = match *self {
             Self::Sky(sky) => (sky, None),
@@ -186,7 +187,8 @@ mod tests {
     use wm_render::simd::SimdPath;
     use wm_scene::Camera;
 
-    /// Twice as fine as the prior: blue sky over a brown roof whose edge lies within the prior's border.
+    /// Twice as fine as the prior: blue sky over a brown roof whose edge lies within the prior's
+    /// border.
     #[test]
     fn border_and_wires_are_as_fine_as_the_photo() {
         let (width, height) = (8u32, 16u32);

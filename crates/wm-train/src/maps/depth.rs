@@ -50,14 +50,15 @@ impl FromStr for DepthForm {
 }
 
 impl DepthKind {
-    /// View z of each pixel's centre, scene units, `[H, W]` of the map; 0 where it is not known, infinite in
-    /// the sky.
+    /// View z of each pixel's centre, scene units, `[H, W]` of the map; 0 where it is not known,
+    /// infinite in the sky.
     ///
-    /// Not known are values that are negative, NaN, or 0 but for disparity. `camera` may have another size: it
-    /// is resized.
+    /// Not known are values that are negative, NaN, or 0 but for disparity. `camera` may have
+    /// another size: it is resized.
     ///
     /// # Errors
-    /// [`MapFault::NoScale`] for a relative one, [`MapFault::Channels`] if it has not one number a pixel.
+    /// [`MapFault::NoScale`] for a relative one, [`MapFault::Channels`] if it has not one number a
+    /// pixel.
     pub fn to_view_z(&self, map: &Map, camera: &Camera) -> Result<Vec<f32>, MapFault> {
         let DepthMapScale::UnitsPerStep(scale) = self.scale else { return Err(MapFault::NoScale) };
         let mut values = map.grey()?;

@@ -45,7 +45,8 @@ use wm_scene::camera::MAX_SIDE;
 pub const MAX_VALUES: u64 = 1 << 28;
 /// Longest file that is read, bytes.
 const MAX_FILE: u64 = 1 << 31;
-/// Most bytes that one byte of a compressed file can stand for: deflate reaches 1032, LZW of 12 bits 1365.
+/// Most bytes that one byte of a compressed file can stand for: deflate reaches 1032, LZW of 12
+/// bits 1365.
 const MAX_RATIO: u64 = 2000;
 /// Of maps so small the ratio says nothing: bytes.
 const SMALL: u64 = 1 << 20;
@@ -124,8 +125,8 @@ impl Map {
         Err(MapFault::Aspect { width, height, photo_width, photo_height })
     }
 
-    /// The values as shares of what the file can hold, `[H, W, C]`: counts over the highest count, floats
-    /// as they are.
+    /// The values as shares of what the file can hold, `[H, W, C]`: counts over the highest count,
+    /// floats as they are.
     #[must_use]
     pub fn shares(&self) -> Vec<f32> {
         match self.stored {
@@ -148,8 +149,8 @@ impl Map {
         self.values.iter().step_by(self.channels as usize).map(share).collect()
     }
 
-    /// The one number of each pixel, `[H, W]`. Grey that was saved as colour is grey, and transparency is
-    /// not looked at.
+    /// The one number of each pixel, `[H, W]`. Grey that was saved as colour is grey, and
+    /// transparency is not looked at.
     ///
     /// # Errors
     /// [`MapFault::Channels`] if the channels differ.
@@ -202,12 +203,12 @@ impl Format {
 
 /// Reads a map; the format is told by the content.
 ///
-/// Of an EXR file the channels are, in this order: Z alone where there is no X beside it; N.X, N.Y, N.Z; X, Y, Z;
-/// R, G, B; Y; else the first.
+/// Of an EXR file the channels are, in this order: Z alone where there is no X beside it; N.X, N.Y,
+/// N.Z; X, Y, Z; R, G, B; Y; else the first.
 ///
 /// # Errors
-/// [`MapError`] if the file is missing, damaged, too large, or of another kind. Sizes are believed only if the
-/// file is long enough for them.
+/// [`MapError`] if the file is missing, damaged, too large, or of another kind. Sizes are believed
+/// only if the file is long enough for them.
 pub fn read_map(path: &Path) -> Result<Map, MapError> {
     let fault = |fault| MapError { path: path.into(), fault };
     let bytes = read_file(path).map_err(fault)?;
@@ -236,8 +237,8 @@ fn read_file(path: &Path) -> Result<Vec<u8>, MapFault> {
     Ok(bytes)
 }
 
-/// Refuses a size before anything is allocated for it: `sample` bytes for each number, out of a file of
-/// `length` bytes.
+/// Refuses a size before anything is allocated for it: `sample` bytes for each number, out of a
+/// file of `length` bytes.
 fn check_size(
     (width, height): (u64, u64),
     channels: u64,

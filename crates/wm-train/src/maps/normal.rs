@@ -38,8 +38,8 @@ impl FromStr for NormalAxes {
 impl NormalAxes {
     /// Normals in world axes, length 1, `[H, W, 3]` of the map; 0 where there is none.
     ///
-    /// Counts stand for `2 v - 1` with v their share of the highest count, floats for themselves. Where a
-    /// number is not finite or the vector has no length, there is none.
+    /// Counts stand for `2 v - 1` with v their share of the highest count, floats for themselves.
+    /// Where a number is not finite or the vector has no length, there is none.
     ///
     /// # Errors
     /// [`MapFault::Channels`] if there are fewer than three.

@@ -1,8 +1,8 @@
 //! Maps in another size.
 //!
-//! Pixel centres lie at half integers, so that the corners of old and new picture meet. A new pixel that any
-//! number which is not finite has a share in is not finite itself: infinite if all of them are, else NaN. A
-//! depth between a wall and a hole would be no depth of either.
+//! Pixel centres lie at half integers, so that the corners of old and new picture meet. A new pixel
+//! that any number which is not finite has a share in is not finite itself: infinite if all of them
+//! are, else NaN. A depth between a wall and a hole would be no depth of either.
 
 use super::Map;
 

@@ -1,4 +1,5 @@
-//! Maps as TIFF: floats, or counts of 8 or 16 bits, in strips or tiles. The first picture of a file.
+//! Maps as TIFF: floats, or counts of 8 or 16 bits, in strips or tiles. The first picture of a
+//! file.
 
 use super::{Map, MapFault, Stored, check_size, words};
 use std::io::Cursor;

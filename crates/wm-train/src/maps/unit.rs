@@ -14,8 +14,8 @@ pub enum DepthUnit {
 }
 
 impl DepthUnit {
-    /// The unit of a map: the one that is given, else what the file says, else metres for floats; `None` for counts that
-    /// do not say.
+    /// The unit of a map: the one that is given, else what the file says, else metres for floats;
+    /// `None` for counts that do not say.
     #[must_use]
     pub fn of(given: Option<Self>, map: &Map) -> Option<Self> {
         let said = given.or(map.metres_per_step.map(Self::Metres));

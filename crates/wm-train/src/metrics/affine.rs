@@ -1,12 +1,14 @@
-//! Pictures freed of the exposure of their photo: the affine change of colour that brings them nearest to it.
+//! Pictures freed of the exposure of their photo: the affine change of colour that brings them
+//! nearest to it.
 
 use glam::{DMat4, DVec4};
 
-/// Pulls towards no change, as a share of the pixels: a picture of one colour has many best changes.
+/// Pulls towards no change, as a share of the pixels: a picture of one colour has many best
+/// changes.
 const PULL: f64 = 1e-6;
 
-/// `rgb`, `[H, W, 3]`, changed by the matrix and offset, one for all pixels, that bring it nearest to `photo` in
-/// least squares; with a mask, `[H, W]`, over the pixels that count. Not clamped.
+/// `rgb`, `[H, W, 3]`, changed by the matrix and offset, one for all pixels, that bring it nearest
+/// to `photo` in least squares; with a mask, `[H, W]`, over the pixels that count. Not clamped.
 ///
 /// # Panics
 /// If the sizes differ.

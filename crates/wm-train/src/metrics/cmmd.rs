@@ -1,14 +1,14 @@
-//! CMMD: how far the look of one collection of pictures is from that of another (Jayasumana et al. 2024, "Rethinking
-//! FID: towards a better evaluation metric for image generation").
+//! CMMD: how far the look of one collection of pictures is from that of another (Jayasumana et al.
+//! 2024, "Rethinking FID: towards a better evaluation metric for image generation").
 //!
 //! Pictures become embeddings of unit length by CLIP ViT-L/14 at 336 px. With the kernel
-//! `k(x, y) = exp(-|x - y|^2 / (2 sigma^2))`, `sigma = 10`, the distance is the squared maximum mean discrepancy
-//! `1000 (mean k(x, x') + mean k(y, y') - 2 mean k(x, y))` over all pairs, those of a picture with itself too (the
-//! biased V-statistic, Gretton et al. 2012, eq. 5), as the published program has it. 0 for equal collections; lower is
-//! nearer.
+//! `k(x, y) = exp(-|x - y|^2 / (2 sigma^2))`, `sigma = 10`, the distance is the squared maximum
+//! mean discrepancy `1000 (mean k(x, x') + mean k(y, y') - 2 mean k(x, y))` over all pairs, those
+//! of a picture with itself too (the biased V-statistic, Gretton et al. 2012, eq. 5), as the
+//! published program has it. 0 for equal collections; lower is nearer.
 //!
-//! That program adds up kernels, which are all within 2 % of 1, in f32. Here `1 - k` is added up in f64, so that nothing
-//! is lost where they cancel.
+//! That program adds up kernels, which are all within 2 % of 1, in f32. Here `1 - k` is added up in
+//! f64, so that nothing is lost where they cancel.
 
 use rayon::prelude::*;
 use std::path::Path;
@@ -19,7 +19,8 @@ use wm_scene::{FormatError, npy};
 const SIGMA: f64 = 10.0;
 /// Makes numbers of it that people can read.
 const SCALE: f64 = 1000.0;
-/// Rows that a thread takes at a time, and rows that they are compared with while those are in the cache.
+/// Rows that a thread takes at a time, and rows that they are compared with while those are in the
+/// cache.
 const ROWS: usize = 32;
 /// The largest deviation of an embedding's length from 1: half precision leaves 1e-3.
 const SLACK: f64 = 5e-3;
@@ -80,7 +81,8 @@ impl Embeddings {
     /// Embeddings `[N, width]`.
     ///
     /// # Errors
-    /// [`EmbeddingFault`] if there are none, or a row is not finite or not of length 1 within 0.5 %.
+    /// [`EmbeddingFault`] if there are none, or a row is not finite or not of length 1 within 0.5
+    /// %.
     ///
     /// # Panics
     /// If the values are no whole rows.
@@ -171,8 +173,8 @@ pub struct Collection {
 pub struct Cmmd {
     /// The distance as published.
     pub value: f64,
-    /// The part that comes from the collections being small: what the pairs of an image with itself add, in the mean
-    /// the distance of two collections of these sizes that show the same.
+    /// The part that comes from the collections being small: what the pairs of an image with itself
+    /// add, in the mean the distance of two collections of these sizes that show the same.
     pub bias: f64,
 }
 
@@ -191,8 +193,8 @@ impl Collection {
 
     /// The distance from another collection.
     ///
-    /// Takes N M D multiplications and no memory beyond a number a block of rows. Runs on the threads of the current
-    /// rayon pool; their number does not change the result.
+    /// Takes N M D multiplications and no memory beyond a number a block of rows. Runs on the
+    /// threads of the current rayon pool; their number does not change the result.
     ///
     /// # Panics
     /// If their widths differ.
@@ -217,7 +219,8 @@ fn mean_gap(x: &Embeddings, y: &Embeddings) -> f64 {
     total(sums) / (x.count() as f64 * y.count() as f64)
 }
 
-/// The mean of `1 - k` over all pairs of one collection. Blocks of rows meet each other once and count twice.
+/// The mean of `1 - k` over all pairs of one collection. Blocks of rows meet each other once and
+/// count twice.
 fn own_gap(x: &Embeddings) -> f64 {
     let sums = x.blocks().map(|(index, rows)| {
         let later = x.values.chunks(ROWS * x.width).skip(index + 1);
@@ -320,7 +323,8 @@ mod tests {
         println!("{found:.7}, published {in_f32:.7} in f32 and {in_f64:.7} in f64");
         // What f32 leaves of the number itself.
         assert!((found / f64::from(in_f64) - 1.0).abs() < 1e-7, "{found} for {in_f64}");
-        // Kernels just below 1 and the mean of them are rounded to 2^-24 each, and there are four means of them.
+        // Kernels just below 1 and the mean of them are rounded to 2^-24 each, and there are four
+        // means of them.
         assert!(
             (found - f64::from(in_f32)).abs() < 1000.0 * 4.0 * 2.0 * 0.5f64.powi(24),
             "{found} for {in_f32}"

@@ -4,7 +4,8 @@ use super::depth::is_known;
 
 /// Coverage by splats that counts as a surface: where the median depth begins.
 pub const COVERED: f32 = 0.5;
-/// A depth is in front of another or behind it if it differs by more than this share of the true one.
+/// A depth is in front of another or behind it if it differs by more than this share of the true
+/// one.
 pub const SLACK: f32 = 0.05;
 
 /// Lost surfaces, over the pixels whose true depth is known; shares are 0-1.
@@ -26,9 +27,9 @@ impl SurfaceLost {
     }
 }
 
-/// Returns the shares of surfaces in `truth` that are lost, given the `coverage` and `median_depth` of all splats but
-/// the sky's,
-/// each `[H, W]`, in the unit of `truth`. `None` where no truth is known.
+/// Returns the shares of surfaces in `truth` that are lost, given the `coverage` and `median_depth`
+/// of all splats but the sky's, each `[H, W]`, in the unit of `truth`. `None` where no truth is
+/// known.
 ///
 /// # Panics
 /// If the sizes differ.
@@ -52,8 +53,9 @@ pub fn surface_lost(coverage: &[f32], median_depth: &[f32], truth: &[f32]) -> Op
     (pixels > 0).then(|| SurfaceLost { pixels, open: share(open), behind: share(behind) })
 }
 
-/// Share of the sky's pixels that are covered by more than a half by splats that are not the sky's, 0-1; `sky`
-/// and `coverage` are `[H, W]`, `sky` above 0.5 in the sky. `None` where there is no sky.
+/// Share of the sky's pixels that are covered by more than a half by splats that are not the sky's,
+/// 0-1; `sky` and `coverage` are `[H, W]`, `sky` above 0.5 in the sky. `None` where there is no
+/// sky.
 ///
 /// # Panics
 /// If the sizes differ.

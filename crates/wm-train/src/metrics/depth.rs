@@ -9,7 +9,8 @@ pub struct DepthErrors {
     pub abs_rel: f64,
     /// The median of the same.
     pub median_rel: f64,
-    /// Share of pixels where max(depth / truth, truth / depth) is below 1.25, 0-1. One without depth is not.
+    /// Share of pixels where max(depth / truth, truth / depth) is below 1.25, 0-1. One without
+    /// depth is not.
     pub delta: f64,
     /// Share of pixels without depth, 0-1.
     pub missing: f64,
@@ -18,8 +19,8 @@ pub struct DepthErrors {
 /// The ratio that depth within delta differs by (Eigen et al. 2014, section 4.1).
 pub const DELTA: f32 = 1.25;
 
-/// Errors of `depth`, `[H, W]`, 0 where there is none, against `truth`, `[H, W]` in the same unit, where that is
-/// above 0 and finite. `None` where it is nowhere.
+/// Errors of `depth`, `[H, W]`, 0 where there is none, against `truth`, `[H, W]` in the same unit,
+/// where that is above 0 and finite. `None` where it is nowhere.
 ///
 /// # Panics
 /// If the sizes differ.

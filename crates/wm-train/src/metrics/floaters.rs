@@ -1,8 +1,8 @@
 //! Splats that hang in the air: in front of the true surface, where the photos saw through.
 //!
-//! The centre of a splat is projected into every view. It is in front if it is nearer than the true depth
-//! there by more than [`SLACK`]; of the pixel and its eight neighbours the nearest
-//! surface counts, since a centre near a silhouette falls on either side of it. The sky is infinitely far.
+//! The centre of a splat is projected into every view. It is in front if it is nearer than the true
+//! depth there by more than [`SLACK`]; of the pixel and its eight neighbours the nearest surface
+//! counts, since a centre near a silhouette falls on either side of it. The sky is infinitely far.
 //! Where the truth is not known nothing is said.
 //!
 //! Only splats of opacity above 0.1 that are not the sky's are looked at.
@@ -22,8 +22,8 @@ pub struct FloaterShare {
     pub splats: usize,
     /// Those of them that are in front of a surface in any view.
     pub floaters: usize,
-    /// The share of the splats in view that is in front, each weighted by opacity times its area in the image and
-    /// without those behind the surface, over all views, 0-1.
+    /// The share of the splats in view that is in front, each weighted by opacity times its area in
+    /// the image and without those behind the surface, over all views, 0-1.
     pub weighted: f64,
 }
 
@@ -64,8 +64,8 @@ impl<'a> Floaters<'a> {
         Self { splats, rasterization, seen: vec![Seen::Nowhere; splats.len()], weights: [0.0; 2] }
     }
 
-    /// Adds a view; `truth` is its true depth, `[H, W]`, view z in scene units: 0 where it is not known, infinite
-    /// in the sky. The same for any number of threads.
+    /// Adds a view; `truth` is its true depth, `[H, W]`, view z in scene units: 0 where it is not
+    /// known, infinite in the sky. The same for any number of threads.
     ///
     /// # Panics
     /// If `truth` is not of the camera's size.

@@ -1,4 +1,5 @@
-//! Metrics of images against photos, of geometry against ground truth, and of collections of images, one per file.
+//! Metrics of images against photos, of geometry against ground truth, and of collections of
+//! images, one per file.
 
 mod affine;
 mod cmmd;

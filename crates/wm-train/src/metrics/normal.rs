@@ -23,8 +23,8 @@ pub fn angle(a: &[f32], b: &[f32]) -> Option<f32> {
     (lengths > 0.0).then(|| (dot(a, b) / lengths).clamp(-1.0, 1.0).acos().to_degrees() as f32)
 }
 
-/// Angles between `normals` and `truth`, both `[H, W, 3]` in the same axes, where `truth` is not 0. `None`
-/// where it is nowhere.
+/// Angles between `normals` and `truth`, both `[H, W, 3]` in the same axes, where `truth` is not 0.
+/// `None` where it is nowhere.
 ///
 /// # Panics
 /// If the sizes differ.

@@ -1,8 +1,9 @@
 //! Sharpness of a picture beside its photo.
 
-/// Returns the mean length of the gradients of the picture `x` over that of the photo `y`, both `[H, W, 3]` of `width` px: below 1
-/// where the picture is smoother. Gradients are differences of luma (Rec. 601) to the next pixel in the row and in the column. With a
-/// mask, `[H, W]`, over the pixels that count together with both of these neighbours. `None` if the photo is even.
+/// Returns the mean length of the gradients of the picture `x` over that of the photo `y`, both
+/// `[H, W, 3]` of `width` px: below 1 where the picture is smoother. Gradients are differences of
+/// luma (Rec. 601) to the next pixel in the row and in the column. With a mask, `[H, W]`, over the
+/// pixels that count together with both of these neighbours. `None` if the photo is even.
 ///
 /// # Panics
 /// If the sizes differ.
@@ -36,7 +37,8 @@ fn mean_gradient(rgb: &[f32], mask: Option<&[f32]>, width: usize) -> f64 {
 mod tests {
     use super::*;
 
-    /// A ramp of `step` from column to column, 4x3 px, with an edge in the last column of the first row.
+    /// A ramp of `step` from column to column, 4x3 px, with an edge in the last column of the first
+    /// row.
     fn ramp(step: f32) -> Vec<f32> {
         (0..12).flat_map(|at| [if at == 3 { 9.0 } else { step * (at % 4) as f32 }; 3]).collect()
     }

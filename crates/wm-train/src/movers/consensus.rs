@@ -1,4 +1,5 @@
-//! The verdict on each pixel of a photo: others that see the same surface show its colour, or another.
+//! The verdict on each pixel of a photo: others that see the same surface show its colour, or
+//! another.
 
 use super::view::{MoverView, SCALES};
 use crate::photo_warp::PhotoWarp;
@@ -104,8 +105,8 @@ impl<'a> Judge<'a> {
         Self { views, others, cells }
     }
 
-    /// The verdicts on the pixels of a photo, `[H, W]`; pixels in `masks`, of all photos, say nothing about others. Empty masks hold
-    /// none.
+    /// The verdicts on the pixels of a photo, `[H, W]`; pixels in `masks`, of all photos, say
+    /// nothing about others. Empty masks hold none.
     pub fn photo(&self, index: usize, masks: &[Vec<bool>]) -> Vec<PixelVerdict> {
         let view = &self.views[index];
         let (width, height) = view.size();
@@ -121,7 +122,8 @@ impl<'a> Judge<'a> {
         (0..width * height).map(verdict).collect()
     }
 
-    /// The verdict on a pixel at that of some inverse depths, NaN for none, at which most others see a surface.
+    /// The verdict on a pixel at that of some inverse depths, NaN for none, at which most others
+    /// see a surface.
     fn pixel(&self, index: usize, at: (usize, usize), depths: [f32; 3], masks: &[Vec<bool>]) -> PixelVerdict {
         let mut best = Opinion::default();
         for disparity in depths.into_iter().filter(|disparity| !disparity.is_nan()) {
@@ -195,7 +197,8 @@ fn inside(view: &MoverView, point: Option<(f32, f32, f32)>) -> Option<(f32, f32,
     point.filter(|(u, v, _)| *u >= 1.0 && *v >= 1.0 && *u < width as f32 - 1.0 && *v < height as f32 - 1.0)
 }
 
-/// Inverse depths in each cell of a photo as others see it: the two on which most agree, NaN where there are none.
+/// Inverse depths in each cell of a photo as others see it: the two on which most agree, NaN where
+/// there are none.
 fn gathered(views: &[MoverView], view: &MoverView, others: &[Other]) -> Vec<[f32; 2]> {
     let (width, height) = view.size();
     let columns = width.div_ceil(CELL);
@@ -220,7 +223,8 @@ fn gathered(views: &[MoverView], view: &MoverView, others: &[Other]) -> Vec<[f32
     cells
 }
 
-/// The two inverse depths on which most of the others agree, of entries with ascending inverse depth.
+/// The two inverse depths on which most of the others agree, of entries with ascending inverse
+/// depth.
 fn clusters(cell: &[(u32, f32, u32)]) -> [f32; 2] {
     let mut best: [(u32, f32); 2] = [(0, f32::NAN); 2];
     let width = |disparity: f32| CLUSTER * disparity + 1e-9;

@@ -1,13 +1,15 @@
 //! Movers: people, cars and other things that were somewhere else when the next photo was taken.
 //!
-//! No network knows them here, and no residual of a training that is half done. They are found before a training, by
-//! disagreement. Stereo knows the depth of what stands still: what moves finds no partner in other photos. Its depth, filled
-//! in over the gaps, is therefore the scene behind the movers. By it each pixel of a photo is carried over into the others, and where
-//! several of these see the same surface and agree on its colour, but the photo does not, the photo shows something else. A
-//! pixel near which stereo found partners of its colour stands still. What differs here in one direction and beside it in the other is texture
-//! that is out of place.
+//! No network knows them here, and no residual of a training that is half done. They are found
+//! before a training, by disagreement. Stereo knows the depth of what stands still: what moves
+//! finds no partner in other photos. Its depth, filled in over the gaps, is therefore the scene
+//! behind the movers. By it each pixel of a photo is carried over into the others, and where
+//! several of these see the same surface and agree on its colour, but the photo does not, the photo
+//! shows something else. A pixel near which stereo found partners of its colour stands still. What
+//! differs here in one direction and beside it in the other is texture that is out of place.
 //!
-//! - [`view`]: photos at the size of the search, with the filled depth and what misregistration may do to colours.
+//! - [`view`]: photos at the size of the search, with the filled depth and what misregistration may
+//!   do to colours.
 //! - [`consensus`]: the verdict on each pixel.
 //! - [`shape`]: masks from verdicts.
 //! - [`sheet`]: the picture of the masks.
@@ -33,9 +35,11 @@ const SHORTEST: u32 = 128;
 const FEWEST: usize = 5;
 /// Rounds; from the second on, movers that were found say nothing about other photos.
 const ROUNDS: usize = 3;
-/// Share of the pixels of the median photo that stereo must know, or what is between is too doubtful.
+/// Share of the pixels of the median photo that stereo must know, or what is between is too
+/// doubtful.
 const LEAST_MEDIAN: f32 = 0.12;
-/// Share of the median photo's pixels that stereo must know of a photo, or its depth is too doubtful to judge by.
+/// Share of the median photo's pixels that stereo must know of a photo, or its depth is too
+/// doubtful to judge by.
 const LEAST_KNOWN: f32 = 0.4;
 /// Least share of the pixels about which photos agree, for masks to be believed.
 const LEAST_JUDGED: f64 = 0.25;

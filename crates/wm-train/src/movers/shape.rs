@@ -6,16 +6,19 @@ use crate::pieces::{beside, pieces};
 
 /// Difference of colour that is no error.
 const STRONG: f32 = 0.12;
-/// Least pixels of a mover that differ, as a share of the photo, and of those the share that differs strongly.
+/// Least pixels of a mover that differ, as a share of the photo, and of those the share that
+/// differs strongly.
 const LEAST_AREA: f64 = 0.003;
 const LEAST_STRONG: f64 = 0.2;
-/// Radius of the square about a pixel in which differences have one direction, px, and the share of them that has.
+/// Radius of the square about a pixel in which differences have one direction, px, and the share of
+/// them that has.
 const ONE_WAY: (usize, f32) = (2, 0.8);
 /// Pixels in the square about one that must be set with it, before and after it grows.
 const SUPPORT: [usize; 2] = [5, 4];
 /// Radius of the gaps that are closed, px.
 const CLOSE: usize = 2;
-/// Largest differences of colour along which a mover grows: to the next pixel, and to that where it began.
+/// Largest differences of colour along which a mover grows: to the next pixel, and to that where it
+/// began.
 const STEP: f32 = 0.04;
 const FAR: f32 = 0.12;
 /// Share of the pixels around one that stereo may know where a mover grows.
@@ -50,7 +53,8 @@ pub fn mask(verdicts: &[PixelVerdict], view: &MoverView) -> Vec<bool> {
     dilated(&moves, width, RIM)
 }
 
-/// The pixels that differ, and about which most do in one direction: misplaced texture is brighter here and darker there.
+/// The pixels that differ, and about which most do in one direction: misplaced texture is brighter
+/// here and darker there.
 fn one_way(verdicts: &[PixelVerdict], width: usize) -> Vec<bool> {
     let (radius, least) = ONE_WAY;
     let height = verdicts.len() / width;
@@ -72,7 +76,8 @@ fn one_way(verdicts: &[PixelVerdict], width: usize) -> Vec<bool> {
     (0..verdicts.len()).map(differs).collect()
 }
 
-/// Grows movers over pixels of their colour about which nothing is known: others rarely see the ground below a car.
+/// Grows movers over pixels of their colour about which nothing is known: others rarely see the
+/// ground below a car.
 fn grow(moves: &mut [bool], verdicts: &[PixelVerdict], view: &MoverView) {
     let (width, colors) = (view.size().0, &view.scales[0].mean);
     let apart = |a: usize, b: usize| {
@@ -114,7 +119,8 @@ fn supported(of: &[bool], width: usize, support: usize) -> Vec<bool> {
     of.iter().zip(counts).map(|(set, count)| *set && count >= support).collect()
 }
 
-/// Sets what lies between pixels that are set. Outside of the photo counts as set: its border cuts movers off.
+/// Sets what lies between pixels that are set. Outside of the photo counts as set: its border cuts
+/// movers off.
 fn closed(of: &[bool], width: usize) -> Vec<bool> {
     let unset: Vec<bool> = dilated(of, width, CLOSE).into_iter().map(|set| !set).collect();
     dilated(&unset, width, CLOSE).into_iter().map(|unset| !unset).collect()
@@ -137,7 +143,8 @@ pub fn shares(of: &[bool], width: usize, radius: usize) -> Vec<f32> {
         .collect()
 }
 
-/// The number of pixels that are set in the square of `radius` about each; outside of the photo none are.
+/// The number of pixels that are set in the square of `radius` about each; outside of the photo
+/// none are.
 fn counts(of: &[bool], width: usize, radius: usize) -> Vec<usize> {
     let height = of.len() / width;
     let near = |at: usize, count: usize| at.saturating_sub(radius)..(at + radius + 1).min(count);

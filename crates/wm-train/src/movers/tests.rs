@@ -10,7 +10,8 @@ fn wall(x: f64, z: f64, gain: f32) -> [f32; 3] {
     [value(0.0), value(1.0), value(2.0)]
 }
 
-/// Eight photos of a wall; stereo knows every fourth row of it but for `red`, a disc before it that moves against the cameras.
+/// Eight photos of a wall; stereo knows every fourth row of it but for `red`, a disc before it that
+/// moves against the cameras.
 fn views(red: bool, gain: impl Fn(usize) -> f32) -> Vec<MoverView> {
     let view = |index: usize| {
         let eye = DVec3::new(0.3 * index as f64 - 1.0, 0.0, 0.0);

@@ -1,4 +1,5 @@
-//! Photos at the size of the search: the scene's depth, and colours at several scales, each with the range of those beside it.
+//! Photos at the size of the search: the scene's depth, and colours at several scales, each with
+//! the range of those beside it.
 
 use super::shape::shares;
 use wm_scene::Camera;
@@ -9,9 +10,11 @@ pub const SCALES: usize = 4;
 const BESIDE: usize = 4;
 /// Radius of that in which there must be none for a mover to reach a pixel by its colour alone.
 const AROUND: usize = 6;
-/// Largest difference of the colours of one surface: the background beside a leg says nothing about the leg.
+/// Largest difference of the colours of one surface: the background beside a leg says nothing about
+/// the leg.
 const SAME: f32 = 0.2;
-/// Share of the pixels about one that stereo must know for its own depth to be believed: strays do not count.
+/// Share of the pixels about one that stereo must know for its own depth to be believed: strays do
+/// not count.
 const DENSE: f32 = 0.04;
 
 /// Half the width of the rows and columns in which a gap has to have known depth on both sides, px.
@@ -26,7 +29,8 @@ pub struct Scale {
     pub height: usize,
     /// Mean colour of each pixel.
     pub mean: Vec<[f32; 3]>,
-    /// Least and largest colours of the pixel and those beside it: the choice that an error of a pixel leaves.
+    /// Least and largest colours of the pixel and those beside it: the choice that an error of a
+    /// pixel leaves.
     pub range: Vec<[[f32; 3]; 2]>,
 }
 
@@ -48,8 +52,8 @@ pub struct MoverView {
 }
 
 impl MoverView {
-    /// Makes a view of colours `[H, W]` without the photo's exposure and of inverse depth from stereo, 0 in the sky and NaN where
-    /// it is not known.
+    /// Makes a view of colours `[H, W]` without the photo's exposure and of inverse depth from
+    /// stereo, 0 in the sky and NaN where it is not known.
     ///
     /// # Panics
     /// If the arrays have not the size of the camera.
@@ -167,15 +171,16 @@ fn shares_alike(of: &[bool], colors: &[[f32; 3]], width: usize, radius: usize) -
     (0..of.len()).map(share).collect()
 }
 
-/// One scale of inverse depths that are being filled: each with its weight, 0 or 1 where it is not known or known.
+/// One scale of inverse depths that are being filled: each with its weight, 0 or 1 where it is not
+/// known or known.
 struct Layer {
     width: usize,
     height: usize,
     cells: Vec<(f32, f32)>,
 }
 
-/// Fills what is not known (NaN) from what is known around it, near before far. The inverse depth of a plane is linear in the
-/// picture, so that walls and roads stay nearly flat.
+/// Fills what is not known (NaN) from what is known around it, near before far. The inverse depth
+/// of a plane is linear in the picture, so that walls and roads stay nearly flat.
 fn filled(known: &[f32], width: usize) -> Vec<f32> {
     let cell = |disparity: &f32| if disparity.is_nan() { (0.0, 0.0) } else { (*disparity, 1.0) };
     let cells: Vec<(f32, f32)> = known.iter().map(cell).collect();
@@ -197,8 +202,8 @@ fn filled(known: &[f32], width: usize) -> Vec<f32> {
     layers[0].cells.iter().zip(is_between).map(value).collect()
 }
 
-/// The pixels that have known depth to the left and to the right, and above and below: beyond its border the scene may go on in any
-/// way.
+/// The pixels that have known depth to the left and to the right, and above and below: beyond its
+/// border the scene may go on in any way.
 fn enclosed(known: &[f32], width: usize) -> Vec<bool> {
     let height = known.len() / width;
     // The first and the last that is known in each row, and in each column.

@@ -1,4 +1,5 @@
-//! JPEG and PNG to 8-bit RGB, as stored: colour profiles are not looked at, sRGB is taken for granted.
+//! JPEG and PNG to 8-bit RGB, as stored: colour profiles are not looked at, sRGB is taken for
+//! granted.
 
 use std::{
     io::Cursor,
@@ -65,11 +66,11 @@ fn jpeg(bytes: &[u8]) -> Result<Decoded, String> {
     Ok(Decoded { width: width as u32, height: height as u32, rgb, alpha: None })
 }
 
-/// Returns true if a JPEG has its end marker. Decoders fill up what is missing with grey, so that half a photo
-/// would be taken for a whole one.
+/// Returns true if a JPEG has its end marker. Decoders fill up what is missing with grey, so that
+/// half a photo would be taken for a whole one.
 ///
-/// It is looked for behind the header, which may hold a whole JPEG as a preview, and backwards, since
-/// some programs append data of their own. Entropy-coded data cannot contain it.
+/// It is looked for behind the header, which may hold a whole JPEG as a preview, and backwards,
+/// since some programs append data of their own. Entropy-coded data cannot contain it.
 fn is_whole(bytes: &[u8]) -> bool {
     const START_OF_SCAN: u8 = 0xda;
     let mut at = 2;

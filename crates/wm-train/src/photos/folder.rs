@@ -4,8 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use wm_scene::FormatError;
 
-/// The photos in a folder and those below it, by their names (`.jpg`, `.jpeg`, `.png`), sorted; and how many other files
-/// there are.
+/// The photos in a folder and those below it, by their names (`.jpg`, `.jpeg`, `.png`), sorted; and
+/// how many other files there are.
 ///
 /// # Errors
 /// [`FormatError`] with the folder that cannot be read.

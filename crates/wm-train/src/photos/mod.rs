@@ -265,8 +265,9 @@ impl Photos {
         self.shared.entries[index].lens.distortion != Distortion::None
     }
 
-    /// A map over the stored photo `index`, of any size, as a map of `size` over the photo that [`Self::get`] gives.
-    /// Beside holes, which are values that are not finite, the nearest value stands.
+    /// A map over the stored photo `index`, of any size, as a map of `size` over the photo that
+    /// [`Self::get`] gives. Beside holes, which are values that are not finite, the nearest value
+    /// stands.
     ///
     /// # Errors
     /// [`MapFault::Aspect`] if the map has not the shape of the photo.
@@ -296,7 +297,8 @@ impl Photos {
         (0..16).take_while(|level| least >> level >= shortest.max(1)).last().unwrap_or(0)
     }
 
-    /// The lowest level at which no side of photo `index` is longer than `longest` px, as far as sides stay 16 px long.
+    /// The lowest level at which no side of photo `index` is longer than `longest` px, as far as
+    /// sides stay 16 px long.
     ///
     /// # Panics
     /// If there is no such photo.
@@ -307,8 +309,8 @@ impl Photos {
         (0..8).find(|level| side >> level <= longest).unwrap_or(8).min(self.last_level(16))
     }
 
-    /// Photo `index` with sides divided by `2^level`: `2^level` px wide blocks averaged, what is left
-    /// over at the right and the bottom cut off. Waits until it is decoded.
+    /// Photo `index` with sides divided by `2^level`: `2^level` px wide blocks averaged, what is
+    /// left over at the right and the bottom cut off. Waits until it is decoded.
     ///
     /// # Errors
     /// [`PhotoError`] if it is damaged, or gone.
@@ -321,7 +323,8 @@ impl Photos {
         self.shared.get((index, level))
     }
 
-    /// Has photo `index` decoded in the background, so that [`Self::get`] need not wait for it later.
+    /// Has photo `index` decoded in the background, so that [`Self::get`] need not wait for it
+    /// later.
     pub fn prefetch(&self, index: usize, level: u8) {
         let key = (index, level);
         if self.loaders.is_empty() || index >= self.len() || self.shared.cache.is_under_way(key) {
@@ -348,7 +351,8 @@ impl Photos {
         &self.gps
     }
 
-    /// Returns the time of each view of the capture, `[V]`, seconds since 1970, UTC, where its photo says it with a time zone.
+    /// Returns the time of each view of the capture, `[V]`, seconds since 1970, UTC, where its
+    /// photo says it with a time zone.
     #[must_use]
     pub fn taken(&self) -> &[Option<f64>] {
         &self.taken

@@ -92,8 +92,8 @@ pub(super) fn reduced_camera(camera: &Camera, level: u8) -> Camera {
 /// `fits` may refuse its size before it is decoded.
 ///
 /// # Errors
-/// [`PhotoError`] if it cannot be read, does not decode, or is refused ([`PhotoFault::Unreadable`] with the words of
-/// `fits`).
+/// [`PhotoError`] if it cannot be read, does not decode, or is refused ([`PhotoFault::Unreadable`]
+/// with the words of `fits`).
 pub fn read_picture(
     path: &Path,
     fits: &dyn Fn(u32, u32) -> Result<(), String>,

@@ -20,8 +20,8 @@ pub(super) fn resize<const N: usize>(pixels: &[u8], from: (u32, u32), to: (u32, 
     let rows = Spans::of(from.1, to.1);
     let new_width = to.0 as usize * N;
     let mut out = Vec::with_capacity(new_width * to.1 as usize);
-    // The row that is summed up, and one old row made narrower: f32 holds sums of this many bytes to
-    // far less than half a step.
+    // The row that is summed up, and one old row made narrower: f32 holds sums of this many bytes
+    // to far less than half a step.
     let (mut sum, mut narrow) = (vec![0f32; new_width], vec![0f32; new_width]);
     let mut narrowed = None;
     for span in &rows.spans {
@@ -115,8 +115,8 @@ impl Spans {
     }
 }
 
-/// A picture of `N` channels with sides divided by `2^level`, blocks of whole pixels averaged; what is
-/// left over at the right and the bottom is cut off, so that pixels keep their borders.
+/// A picture of `N` channels with sides divided by `2^level`, blocks of whole pixels averaged; what
+/// is left over at the right and the bottom is cut off, so that pixels keep their borders.
 pub(super) fn reduce<const N: usize>(pixels: &[u8], size: (u32, u32), level: u8) -> Vec<u8> {
     let (width, block) = (size.0 as usize, 1usize << level);
     let (new_width, new_height) = (width >> level, size.1 as usize >> level);

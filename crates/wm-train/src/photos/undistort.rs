@@ -16,8 +16,9 @@ struct Corners {
     dy: f32,
 }
 
-/// Calls `take` for every pixel of `ideal`, row by row, with the point of `photo` at which the lens shows the ray of its
-/// centre. Pixel centres are at halves; beyond the outer ones the border is continued.
+/// Calls `take` for every pixel of `ideal`, row by row, with the point of `photo` at which the lens
+/// shows the ray of its centre. Pixel centres are at halves; beyond the outer ones the border is
+/// continued.
 #[inline(always)]
 fn for_each_pixel(ideal: &Camera, photo: &Camera, distortion: &Distortion, mut take: impl FnMut(Corners)) {
     let (width, height) = (photo.width as usize, photo.height as usize);
@@ -44,8 +45,8 @@ fn for_each_pixel(ideal: &Camera, photo: &Camera, distortion: &Distortion, mut t
 
 /// Returns the undistorted image of a photo of `N` channels, `[H, W, N]` of [`Lens::ideal`].
 ///
-/// The photo is sampled linearly between four pixels. A photo that is reduced is reduced before this: where the lens
-/// changes the scale by some per cent nothing aliases then.
+/// The photo is sampled linearly between four pixels. A photo that is reduced is reduced before
+/// this: where the lens changes the scale by some per cent nothing aliases then.
 pub(super) fn undistort<const N: usize>(pixels: &[u8], lens: &Lens) -> Vec<u8> {
     let Lens { photo, ideal, distortion } = lens;
     let width = photo.width as usize;
@@ -63,10 +64,12 @@ pub(super) fn undistort<const N: usize>(pixels: &[u8], lens: &Lens) -> Vec<u8> {
     out
 }
 
-/// Returns a map over the photo of [`Lens::photo`], of any size, as one over the image of [`Lens::ideal`] of `size`.
+/// Returns a map over the photo of [`Lens::photo`], of any size, as one over the image of
+/// [`Lens::ideal`] of `size`.
 ///
-/// Between four finite values it is linear, unless `filter` is [`Filter::Nearest`]; beside holes the nearest value is
-/// taken. Where the map is reduced by means, a pixel with a part of a hole is a hole.
+/// Between four finite values it is linear, unless `filter` is [`Filter::Nearest`]; beside holes
+/// the nearest value is taken. Where the map is reduced by means, a pixel with a part of a hole is
+/// a hole.
 pub(super) fn undistort_map(map: &Map, lens: &Lens, size: (u32, u32), filter: Filter) -> Map {
     let ideal = lens.ideal.resized(size.0, size.1);
     // Reduced before, as photos are, but to pixels as large as the pinhole's.
@@ -156,8 +159,9 @@ mod tests {
                     worst = worst.max((f64::from(*found) - expected).abs());
                 }
             }
-            // Linear interpolation of a sine of amplitude 100 and 40 / 250 radians a pixel is off by
-            // at most 100 (0.16)^2 / 8 = 0.32 along each axis; half a step each for two roundings.
+            // Linear interpolation of a sine of amplitude 100 and 40 / 250 radians a pixel is off
+            // by at most 100 (0.16)^2 / 8 = 0.32 along each axis; half a step each for two
+            // roundings.
             assert!(worst < 2.0, "{worst}");
         }
     }
@@ -183,7 +187,8 @@ mod tests {
         }
         let map = Map::new(160, 120, 1, values);
         for (filter, size, mean) in [
-            // The linear one is off where the lens bends; nearest by a quarter of a pixel in each of x and y.
+            // The linear one is off where the lens bends; nearest by a quarter of a pixel in each
+            // of x and y.
             (Filter::Bilinear, (160, 120), 2e-4),
             (Filter::Area, (50, 40), 1e-3),
             (Filter::Nearest, (160, 120), 3e-3),
@@ -208,8 +213,8 @@ mod tests {
                     sum += (found - expected).abs() / found_count;
                 }
             }
-            // Half a pixel in x and y beside holes; at each of two borders of the hole a pixel a row, or two where
-            // blocks are averaged.
+            // Half a pixel in x and y beside holes; at each of two borders of the hole a pixel a
+            // row, or two where blocks are averaged.
             let pixel = if filter == Filter::Area { 0.02 } else { 0.008 };
             assert!(worst < pixel && sum < mean && wrong <= 4 * size.1, "{filter:?}: {worst} {sum} {wrong}");
         }

@@ -59,7 +59,8 @@ impl FileMaps {
     /// Reads the maps of photo `place` with this name; `None` if it has none.
     ///
     /// # Errors
-    /// [`MapError`] if a map cannot be read, is of another shape than the photo, or holds what it should not.
+    /// [`MapError`] if a map cannot be read, is of another shape than the photo, or holds what it
+    /// should not.
     ///
     /// # Panics
     /// If there is no such photo.
@@ -137,8 +138,8 @@ impl DepthFiles {
     }
 }
 
-/// The size in which maps of a photo are kept: that of the first, if it is not too large and its pixels are those of the
-/// picture, else one of the picture's shape.
+/// The size in which maps of a photo are kept: that of the first, if it is not too large and its
+/// pixels are those of the picture, else one of the picture's shape.
 fn size_of(map: &Map, camera: &Camera, most: u32, is_bent: bool) -> (u32, u32) {
     let pixels = map.pixels().min(most as usize);
     if pixels == map.pixels() && !is_bent {
@@ -147,7 +148,8 @@ fn size_of(map: &Map, camera: &Camera, most: u32, is_bent: bool) -> (u32, u32) {
     shrunk((camera.width, camera.height), pixels)
 }
 
-/// A size of the same shape with at most `most` pixels, or a few more where sides are rounded; 1 px a side at least.
+/// A size of the same shape with at most `most` pixels, or a few more where sides are rounded; 1 px
+/// a side at least.
 #[must_use]
 pub fn shrunk((width, height): (u32, u32), most: usize) -> (u32, u32) {
     let scale = (most as f64 / (f64::from(width) * f64::from(height))).sqrt().min(1.0);

@@ -1,7 +1,7 @@
 //! Scale and shift of relative inverse depth, so that it fits the points of the reconstruction.
 //!
-//! `1 / z = scale d + shift`. Robust: of many pairs of points the line that most points follow (RANSAC), then least
-//! squares over those, weighted by how far off each is (Huber), a few times.
+//! `1 / z = scale d + shift`. Robust: of many pairs of points the line that most points follow
+//! (RANSAC), then least squares over those, weighted by how far off each is (Huber), a few times.
 
 use crate::random::{Purpose, Random};
 use thiserror::Error;
@@ -10,12 +10,14 @@ use thiserror::Error;
 pub const FEWEST: usize = 20;
 /// Pairs that are tried.
 const TRIES: u64 = 300;
-/// A point follows the line that is off by at most this share of the median inverse depth or of its own.
+/// A point follows the line that is off by at most this share of the median inverse depth or of its
+/// own.
 const NEAR: f64 = 0.1;
 /// Least share of points that follow, and largest residual, of a fit that is believed.
 const FOLLOW: f64 = 0.5;
 const RESIDUAL: f64 = 0.15;
-/// The largest share of the spread about one depth that a fit with a shift may leave: noise leaves all of it.
+/// The largest share of the spread about one depth that a fit with a shift may leave: noise leaves
+/// all of it.
 const LEFT: f64 = 0.8;
 
 /// The unknowns of a fit.
@@ -179,7 +181,8 @@ mod tests {
     use proptest::prelude::*;
     use wm_scene::random::uniform;
 
-    /// Points 3 to 60 units away under a relative depth of `scale` and `shift`, a share of them anywhere.
+    /// Points 3 to 60 units away under a relative depth of `scale` and `shift`, a share of them
+    /// anywhere.
     fn pairs(count: u64, scale: f64, shift: f64, strays: f64, noise: f64) -> Vec<[f64; 2]> {
         let pair = |i: u64| {
             let u = |k: u64| uniform(9, 8 * i + k);

@@ -1,5 +1,6 @@
-//! Priors on disk: `priors.json`, and for each photo `disparity/NAME.npy` `[H, W]`, `normal/NAME.npy` `[H, W, 3]` and
-//! `sky/NAME.png` (0 the place, 255 the sky, 128 unknown), what there is of them.
+//! Priors on disk: `priors.json`, and for each photo `disparity/NAME.npy` `[H, W]`,
+//! `normal/NAME.npy` `[H, W, 3]` and `sky/NAME.png` (0 the place, 255 the sky, 128 unknown), what
+//! there is of them.
 
 use super::fit::Fit;
 use super::{Prior, SkyClass};
@@ -307,7 +308,8 @@ fn read_classes(path: &Path, size: (u32, u32)) -> Result<Vec<SkyClass>, String> 
 }
 
 impl PriorsWriter {
-    /// Begins in a folder, which is made. An index that is there stands until the first photo is added.
+    /// Begins in a folder, which is made. An index that is there stands until the first photo is
+    /// added.
     ///
     /// # Errors
     /// [`FormatError`] if the folder cannot be written to.
@@ -323,7 +325,8 @@ impl PriorsWriter {
     /// Goes on with what [`Self::pause`] left, or with what is done but for photos that came later.
     ///
     /// # Errors
-    /// [`PriorsError`] if nothing was begun in the folder, or from another source, or it cannot be written to.
+    /// [`PriorsError`] if nothing was begun in the folder, or from another source, or it cannot be
+    /// written to.
     pub fn resumed(folder: &Path, source: &str) -> Result<Self, PriorsError> {
         let begun = match read_index(&folder.join(UNFINISHED))? {
             Some(begun) => Some(begun),
@@ -435,8 +438,8 @@ impl PriorsWriter {
         Ok(self.index)
     }
 
-    /// Gives up, since there is nothing to keep. The folder goes too, if it is empty; an index of before stays if nothing
-    /// was added.
+    /// Gives up, since there is nothing to keep. The folder goes too, if it is empty; an index of
+    /// before stays if nothing was added.
     pub fn abandon(self) {
         // What cannot be removed does no harm.
         let _ = remove(&self.folder.join(UNFINISHED)).and_then(|()| fs::remove_dir(&self.folder));

@@ -1,8 +1,10 @@
-//! Priors: depth, normals and sky of photos that are known or estimated before training, one source per file.
+//! Priors: depth, normals and sky of photos that are known or estimated before training, one source
+//! per file.
 //!
 //! - [`photos`]: from the photos themselves, by [`stereo`].
 //! - [`files`]: from maps in files.
-//! - [`given`]: what a source says of a photo, made a prior; [`relative`]: its depth, fitted to the points.
+//! - [`given`]: what a source says of a photo, made a prior; [`relative`]: its depth, fitted to the
+//!   points.
 //! - [`sky`]: which pixels are the sky.
 //! - [`folder`]: priors on disk.
 
@@ -24,8 +26,8 @@ pub const FOLDER: &str = "priors";
 
 use serde::{Deserialize, Serialize};
 
-/// Depth, normals and sky of one photo; arrays `[H, W]` of a size of their own, over the whole photo, or empty where there
-/// is no prior.
+/// Depth, normals and sky of one photo; arrays `[H, W]` of a size of their own, over the whole
+/// photo, or empty where there is no prior.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Prior {
     /// Width, px.
@@ -34,7 +36,8 @@ pub struct Prior {
     pub height: u32,
     /// Inverse view z, 1 / scene unit; 0 in the sky, NaN where it is not known.
     pub disparity: Vec<f32>,
-    /// The error of `disparity`: the median of its absolute differences from the points, 1 / scene unit.
+    /// The error of `disparity`: the median of its absolute differences from the points, 1 / scene
+    /// unit.
     pub sigma: f32,
     /// World axes, towards the camera, length 1; 0 where it is not known.
     pub normal: Vec<[f32; 3]>,

@@ -1,7 +1,8 @@
 //! Normals out of inverse depth (`N_pseudo` in the paper).
 //!
-//! Of the plane `1 / z = a x + b y + c` that fits the pixels around best. Inverse depth is linear over a plane's
-//! picture, so this is exact on planes; over a window of some pixels noise of the depth is averaged.
+//! Of the plane `1 / z = a x + b y + c` that fits the pixels around best. Inverse depth is linear
+//! over a plane's picture, so this is exact on planes; over a window of some pixels noise of the
+//! depth is averaged.
 
 use wm_scene::Camera;
 
@@ -10,8 +11,9 @@ const JUMP: f32 = 0.05;
 /// Share of a window that must be known.
 const KNOWN: f64 = 0.4;
 
-/// Normals, `[H, W, 3]`, world axes, towards the camera, of inverse depth `[H, W]`, from windows of `2 radius + 1` px;
-/// 0 where too little is known and in the sky. `camera` has the size of the picture.
+/// Normals, `[H, W, 3]`, world axes, towards the camera, of inverse depth `[H, W]`, from windows of
+/// `2 radius + 1` px; 0 where too little is known and in the sky. `camera` has the size of the
+/// picture.
 #[must_use]
 pub fn normals(inverse: &[f32], camera: &Camera, radius: usize) -> Vec<[f32; 3]> {
     let (width, height) = (camera.width as usize, camera.height as usize);
@@ -77,7 +79,8 @@ mod tests {
             let mut inverse = Vec::new();
             for pixel in 0..2400u32 {
                 let ray = camera.ray(f64::from(pixel % 60) + 0.5, f64::from(pixel / 60) + 0.5);
-                // The plane through the origin; view z of the point is that of its offset from the camera.
+                // The plane through the origin; view z of the point is that of its offset from the
+                // camera.
                 let t = -normal.dot(camera.center()) / normal.dot(ray);
                 let z = camera.viewmat.transform_point3(camera.center() + ray * t).z;
                 let noise = 1.0 + 0.002 * (uniform(4, pixel.into()) - 0.5);
@@ -91,7 +94,8 @@ mod tests {
                 worst = worst.max(n.angle_between(normal).to_degrees());
                 count += 1;
             }
-            // Noise of 0.06 % (standard deviation) over 49 px at steps of a 40th of the distance: 0.4 degrees.
+            // Noise of 0.06 % (standard deviation) over 49 px at steps of a 40th of the distance:
+            // 0.4 degrees.
             assert!(count > 400 && worst < 1.5, "{count} {worst}");
         }
         assert_eq!(normals(&[f32::NAN; 2400], &camera, 2), vec![[0.0; 3]; 2400]);

@@ -32,8 +32,9 @@ pub enum PhotoPriorsError {
     Write(#[from] FormatError),
 }
 
-/// Makes the priors of the photos `places` and adds them to `writer`. With `up` there is no sky below the horizon. Photos whose depth cannot be told still have a
-/// sky. `progress` is told how many of `2 places` passes are done, and says whether to go on: `None` if not.
+/// Makes the priors of the photos `places` and adds them to `writer`. With `up` there is no sky
+/// below the horizon. Photos whose depth cannot be told still have a sky. `progress` is told how
+/// many of `2 places` passes are done, and says whether to go on: `None` if not.
 ///
 /// # Errors
 /// [`PhotoPriorsError`] if a photo is damaged or a file cannot be written.
@@ -105,11 +106,12 @@ pub fn write(
 /// The time between two calls of `progress` in [`write_folder`] while no pass ends.
 const POLL: Duration = Duration::from_millis(100);
 
-/// Estimates the priors of the photos `places` on the threads of `pool` and writes them as a folder of priors.
+/// Estimates the priors of the photos `places` on the threads of `pool` and writes them as a folder
+/// of priors.
 ///
-/// `progress` is called on the calling thread with the number of passes that are done, of two a photo. If it returns
-/// [`ControlFlow::Break`], the work stops, no index is written, and the result is `None`. The caller must not be a thread
-/// of `pool` itself, which it would block.
+/// `progress` is called on the calling thread with the number of passes that are done, of two a
+/// photo. If it returns [`ControlFlow::Break`], the work stops, no index is written, and the result
+/// is `None`. The caller must not be a thread of `pool` itself, which it would block.
 ///
 /// # Errors
 /// [`PhotoPriorsError`] if a photo is damaged or a file cannot be written.
@@ -174,7 +176,8 @@ fn shows(photo: &Photo, at: (f64, f64, f64), color: [u8; 3]) -> bool {
         .any(|row| beside(column, photo.width).any(|column| is_same((row * photo.width + column) as usize)))
 }
 
-/// Fills unknown inverse depth in and beside the pixels of points: `(x, y)` px and view z, nearer ones first.
+/// Fills unknown inverse depth in and beside the pixels of points: `(x, y)` px and view z, nearer
+/// ones first.
 fn add_points(disparity: &mut [f32], width: usize, points: &[(f64, f64, f64)]) {
     let height = disparity.len() / width;
     let is_known: Vec<bool> = disparity.iter().map(|v| !v.is_nan()).collect();

@@ -13,7 +13,8 @@ pub fn has_tracks(capture: &Capture) -> bool {
     capture.observations.iter().any(|seen| !seen.is_empty())
 }
 
-/// Returns, for each of `places` (indices in `photos`), the points that the photo shows, as indices into the capture's.
+/// Returns, for each of `places` (indices in `photos`), the points that the photo shows, as indices
+/// into the capture's.
 ///
 /// If the capture does not say which, these are the points in its image that no other points stand
 /// before.

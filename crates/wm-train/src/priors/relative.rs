@@ -48,8 +48,8 @@ const FEWEST_PIXELS: usize = 2;
 /// The error of depth of a known scale where there are no points, as a share.
 const OFF: f64 = 0.02;
 
-/// Fits `relative` to `points` and finds normals. `camera` is the photo's at any size. Without a fit where the scale is known
-/// and too few points are there to check it.
+/// Fits `relative` to `points` and finds normals. `camera` is the photo's at any size. Without a
+/// fit where the scale is known and too few points are there to check it.
 ///
 /// # Errors
 /// [`FitError`] if it cannot be fitted.
@@ -91,7 +91,8 @@ pub fn prior(
     Ok((prior, found))
 }
 
-/// Relative values with the inverse depths of the points that are seen there, as [`fit`] takes them.
+/// Relative values with the inverse depths of the points that are seen there, as [`fit`] takes
+/// them.
 ///
 /// # Panics
 /// If the map has no pixel.

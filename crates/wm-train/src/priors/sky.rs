@@ -1,10 +1,11 @@
 //! Classifies the pixels of a photo: surely sky, surely not, or unknown.
 //!
-//! From a photo alone: what is connected with the top border through smooth pixels of a sky's colours (blue, or pale and
-//! bright), has no depth and no point of the reconstruction. Depth from windows reaches over the edges of what is near, so
-//! the sky grows as far as that into what has its colours. Holes in it that could be clouds are filled. What has
-//! such colours and is not reached cannot be told: white walls, gaps in crowns. From inverse depth instead of colours
-//! where that is there for every pixel, as networks give it: below 2 % of its range.
+//! From a photo alone: what is connected with the top border through smooth pixels of a sky's
+//! colours (blue, or pale and bright), has no depth and no point of the reconstruction. Depth from
+//! windows reaches over the edges of what is near, so the sky grows as far as that into what has
+//! its colours. Holes in it that could be clouds are filled. What has such colours and is not
+//! reached cannot be told: white walls, gaps in crowns. From inverse depth instead of colours where
+//! that is there for every pixel, as networks give it: below 2 % of its range.
 
 use super::SkyClass;
 use glam::DVec3;
@@ -32,11 +33,13 @@ pub struct SkyInput<'a> {
     pub rgb: &'a [u8],
     /// Width, px.
     pub width: usize,
-    /// Relative inverse depth of every pixel, `[H, W]`, the farther the less; `None` where there is none.
+    /// Relative inverse depth of every pixel, `[H, W]`, the farther the less; `None` where there is
+    /// none.
     pub far: Option<&'a [f32]>,
     /// Pixels with a depth, `[H, W]`: no sky. Empty where none is known.
     pub has_depth: &'a [bool],
-    /// Pixels that look below the horizon, `[H, W]`: no sky, whatever their colour. Empty where up is not known.
+    /// Pixels that look below the horizon, `[H, W]`: no sky, whatever their colour. Empty where up
+    /// is not known.
     pub below: &'a [bool],
     /// The image points of points of the reconstruction, px.
     pub points: &'a [[f32; 2]],
@@ -101,8 +104,9 @@ pub fn classify(input: &SkyInput<'_>) -> Vec<SkyClass> {
     classes
 }
 
-/// The pixels of a picture of `width` by `height` px by `camera` that look too far below the horizon for a sky, `[H, W]`;
-/// empty if `up` is not known. The picture may have another size than the camera.
+/// The pixels of a picture of `width` by `height` px by `camera` that look too far below the
+/// horizon for a sky, `[H, W]`; empty if `up` is not known. The picture may have another size than
+/// the camera.
 #[must_use]
 pub fn below_horizon(camera: &Camera, width: usize, height: usize, up: Option<&CaptureUp>) -> Vec<bool> {
     let Some(up) = up else { return Vec::new() };
@@ -150,7 +154,8 @@ fn neighbours(pixel: usize, width: usize, pixels: usize) -> impl Iterator<Item =
     .flatten()
 }
 
-/// Adds to `reached` what is at most `most` `smooth` steps within `could_be` away from the pixels `from`.
+/// Adds to `reached` what is at most `most` `smooth` steps within `could_be` away from the pixels
+/// `from`.
 fn flood(
     width: usize,
     could_be: &[bool],
@@ -171,8 +176,8 @@ fn flood(
     }
 }
 
-/// Fills pieces of what was not reached that `could_be` the sky throughout and that only the sky and the upper border
-/// surround.
+/// Fills pieces of what was not reached that `could_be` the sky throughout and that only the sky
+/// and the upper border surround.
 fn fill_holes(width: usize, could_be: &[bool], reached: &mut [bool]) {
     let mut is_done = reached.to_vec();
     let height = reached.len() / width;
@@ -251,8 +256,8 @@ mod tests {
         let walled = classify(&input(&rgb, &[[10.5, 6.5]]));
         assert_eq!(walled[6 * 40 + 10], SkyClass::Place);
         assert_ne!(walled[5 * 40 + 8], SkyClass::Sky);
-        // Depth that reaches over the wall's edge into the sky, and depth of something as blue as it that does not
-        // stand at an edge.
+        // Depth that reaches over the wall's edge into the sky, and depth of something as blue as
+        // it that does not stand at an edge.
         let has_depth: Vec<bool> = (0..40 * 32).map(|i| (11..30).contains(&(i / 40))).collect();
         let fattened = classify(&SkyInput { has_depth: &has_depth, ..input(&rgb, &[]) });
         assert!(fattened[..19 * 40] == classes[..19 * 40]);

@@ -1,4 +1,5 @@
-//! Opens the data set of a session, with COLMAP's help if there are only photos, and with ffmpeg's if there is only a video.
+//! Opens the data set of a session, with COLMAP's help if there are only photos, and with ffmpeg's
+//! if there is only a video.
 
 use super::SessionOptions;
 use super::error::SessionError;
@@ -130,14 +131,16 @@ impl TrainData {
         confirmed_pixels(&self.set.capture.points, &self.cameras())
     }
 
-    /// Returns the brightness of the training photos beside each other; `None` if they share too few points.
+    /// Returns the brightness of the training photos beside each other; `None` if they share too
+    /// few points.
     pub fn gains(&self) -> Option<&PhotoGains> {
         let Dataset { capture, photos, places } = &self.set;
         self.gains.get_or_init(|| photo_gains(capture, photos, places)).as_ref()
     }
 
-    /// Returns the gains that the photos' own exposures begin with; `None` where all photos begin with the same. `in_haze` are the
-    /// gains of photos in haze, which changes brightness with distance.
+    /// Returns the gains that the photos' own exposures begin with; `None` where all photos begin
+    /// with the same. `in_haze` are the gains of photos in haze, which changes brightness with
+    /// distance.
     pub fn first_exposures<'a>(
         &'a self,
         mode: ExposureMode,
@@ -145,14 +148,15 @@ impl TrainData {
     ) -> Option<&'a PhotoGains> {
         match mode {
             ExposureMode::Auto => in_haze.or_else(|| self.gains()).filter(|gains| gains.differ()),
-            // A training keeps the mean of its exposures, and the parts must agree on how bright the scene is.
+            // A training keeps the mean of its exposures, and the parts must agree on how bright
+            // the scene is.
             ExposureMode::Photo if self.is_part => in_haze.or_else(|| self.gains()),
             ExposureMode::Photo | ExposureMode::Shared => None,
         }
     }
 
-    /// Returns by what each held-out photo is brighter in red, green and blue than the training photos are in the mean, by the
-    /// points that they share; 1 where these are too few.
+    /// Returns by what each held-out photo is brighter in red, green and blue than the training
+    /// photos are in the mean, by the points that they share; 1 where these are too few.
     pub fn held_out_gains(&self) -> &[[f32; 3]] {
         let Dataset { capture, photos, places } = &self.set;
         self.held_out_gains.get_or_init(|| {
@@ -207,7 +211,8 @@ impl TrainData {
     }
 }
 
-/// Returns the number of pixels of the photos of `cameras` that confirm what two others show, by points of the reconstruction.
+/// Returns the number of pixels of the photos of `cameras` that confirm what two others show, by
+/// points of the reconstruction.
 pub(super) fn confirmed_pixels(points: &SparsePoints, cameras: &[Camera]) -> u64 {
     let pixels: f64 = cameras.iter().map(|camera| f64::from(camera.width) * f64::from(camera.height)).sum();
     (confirmed_share(overlap(points, cameras)) * pixels) as u64

@@ -27,10 +27,11 @@ pub enum Resume {
     /// It starts anew; a folder that holds a training is refused.
     #[default]
     Never,
-    /// It continues from the checkpoint, or starts anew if the training in the folder was ended before its first one. The folder
-    /// must have been begun.
+    /// It continues from the checkpoint, or starts anew if the training in the folder was ended
+    /// before its first one. The folder must have been begun.
     Always,
-    /// It starts anew and replaces a training in the folder. The old checkpoint stays until the first new one is written.
+    /// It starts anew and replaces a training in the folder. The old checkpoint stays until the
+    /// first new one is written.
     Overwrite,
 }
 
@@ -153,8 +154,9 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Opens the metrics: anew, or after the lines up to `step`. Of a finished training (`steps`) the last
-    /// evaluation is left out, since it is made again. The old lines are there until the new file is.
+    /// Opens the metrics: anew, or after the lines up to `step`. Of a finished training (`steps`)
+    /// the last evaluation is left out, since it is made again. The old lines are there until the
+    /// new file is.
     pub fn metrics(&self, step: u32, steps: u32) -> Result<Metrics, SessionError> {
         let Self::Kept { path, .. } = self else { return Ok(Metrics(None)) };
         let path = path.join("metrics.jsonl");
@@ -178,8 +180,8 @@ impl RunFolder {
     }
 }
 
-/// Returns true if the files of a training were begun in a folder: it is empty, or holds one that is written before the
-/// first checkpoint.
+/// Returns true if the files of a training were begun in a folder: it is empty, or holds one that
+/// is written before the first checkpoint.
 fn is_begun(folder: &Path) -> bool {
     let Ok(entries) = fs::read_dir(folder) else { return false };
     let mut names = entries.filter_map(|entry| Some(entry.ok()?.file_name())).peekable();
@@ -231,7 +233,8 @@ pub enum ConfigFileError {
 }
 
 impl TrainConfig {
-    /// Reads a configuration from a JSON file, such as the `config.json` of a run folder, and checks it.
+    /// Reads a configuration from a JSON file, such as the `config.json` of a run folder, and
+    /// checks it.
     ///
     /// # Errors
     /// [`ConfigFileError`] says what is wrong with the file.

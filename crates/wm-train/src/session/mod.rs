@@ -1,8 +1,9 @@
 //! A training from photos to a scene, in one call.
 //!
-//! [`Session`] takes a data set and options, opens the photos (with COLMAP's help if there are no cameras), estimates
-//! priors, trains, and returns a [`Scene`]. What happens on the way goes to a [`TrainObserver`]: progress, warnings,
-//! scores of held-out photos, images. With a run folder the session writes checkpoints and metrics and can be resumed.
+//! [`Session`] takes a data set and options, opens the photos (with COLMAP's help if there are no
+//! cameras), estimates priors, trains, and returns a [`Scene`]. What happens on the way goes to a
+//! [`TrainObserver`]: progress, warnings, scores of held-out photos, images. With a run folder the
+//! session writes checkpoints and metrics and can be resumed.
 //!
 //! ```no_run
 //! use wm_train::{Preset, Session};
@@ -79,8 +80,8 @@ use wm_scene::{Metadata, Scene};
 /// The priors of a training: depth, normals and sky of its photos.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum PriorSource {
-    /// The folder `priors` in the data set if it exists, else they are estimated from the photos, if these are not
-    /// very many.
+    /// The folder `priors` in the data set if it exists, else they are estimated from the photos,
+    /// if these are not very many.
     #[default]
     Auto,
     /// They are estimated from the photos.
@@ -120,8 +121,8 @@ pub struct SessionOptions {
     pub device: Device,
     /// Threads and SIMD path of the CPU's work.
     pub cpu: CpuConfig,
-    /// The part of the data set that is learnt, in place of `held_out` and all other photos; `None` learns all of it. See
-    /// [`crate::blocks`].
+    /// The part of the data set that is learnt, in place of `held_out` and all other photos; `None`
+    /// learns all of it. See [`crate::blocks`].
     pub part: Option<Arc<TrainPart>>,
 }
 
@@ -148,7 +149,8 @@ impl Default for SessionOptions {
 
 /// A training from photos to a scene.
 ///
-/// Equal photos, options and SIMD path give the same scene, byte for byte, also if the training was stopped and resumed.
+/// Equal photos, options and SIMD path give the same scene, byte for byte, also if the training was
+/// stopped and resumed.
 pub struct Session {
     dataset: PathBuf,
     options: SessionOptions,
@@ -157,8 +159,9 @@ pub struct Session {
 }
 
 impl Session {
-    /// Returns a session with the usual options for a data set: a folder with a COLMAP model, a `transforms.json` or
-    /// another capture, or a folder of photos where COLMAP is installed. Nothing is read yet.
+    /// Returns a session with the usual options for a data set: a folder with a COLMAP model, a
+    /// `transforms.json` or another capture, or a folder of photos where COLMAP is installed.
+    /// Nothing is read yet.
     #[must_use]
     pub fn new(dataset: impl Into<PathBuf>) -> Self {
         Self { dataset: dataset.into(), options: SessionOptions::default(), metric: None, backend: None }
@@ -251,14 +254,14 @@ impl Session {
     /// Trains to the end and returns the scene.
     ///
     /// # Errors
-    /// [`SessionError`] says what is wrong with the data set, the options or the run folder, or why the training ended
-    /// early.
+    /// [`SessionError`] says what is wrong with the data set, the options or the run folder, or why
+    /// the training ended early.
     pub fn run(self, observer: &mut dyn TrainObserver) -> Result<Scene, SessionError> {
         self.prepare(observer)?.run(observer)
     }
 
-    /// Does everything before the first step: opens the data set and the run folder, opens or estimates priors, and
-    /// makes the splats to start with.
+    /// Does everything before the first step: opens the data set and the run folder, opens or
+    /// estimates priors, and makes the splats to start with.
     ///
     /// # Errors
     /// [`SessionError`] as for [`Self::run`].

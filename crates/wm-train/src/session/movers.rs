@@ -12,9 +12,9 @@ use crate::priors::{Prior, Priors, photos};
 use std::sync::Arc;
 use wm_scene::files::write_atomically;
 
-/// Searches the training photos for movers, by the depth that stereo found, and makes the priors forget them. Returns a mask
-/// for each photo, or none if there are no movers: a function of photos and priors, so that a training that is resumed has
-/// the same.
+/// Searches the training photos for movers, by the depth that stereo found, and makes the priors
+/// forget them. Returns a mask for each photo, or none if there are no movers: a function of photos
+/// and priors, so that a training that is resumed has the same.
 pub(super) fn search(
     config: &TrainConfig,
     options: &SessionOptions,
@@ -56,7 +56,8 @@ pub(super) fn search(
     Ok(masks)
 }
 
-/// The prior's inverse depth at the size of a photo; where the user's mask leaves the photo out it is not known.
+/// The prior's inverse depth at the size of a photo; where the user's mask leaves the photo out it
+/// is not known.
 fn stereo(prior: &Prior, photo: &Photo) -> Vec<f32> {
     let middle = |at: u32, pixels: u32, of: u32| ((2 * at + 1) * of / (2 * pixels)) as usize;
     let pixel = |x: u32, y: u32| {

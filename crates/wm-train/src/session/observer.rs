@@ -21,11 +21,11 @@ pub type ObserverError = Box<dyn Error + Send + Sync>;
 
 /// Receives the progress of a [`Session`](super::Session) and can stop it.
 ///
-/// Every method has a default that does nothing, so an observer implements only what it needs; `()` is the silent
-/// observer. All calls come from the thread that runs the session.
+/// Every method has a default that does nothing, so an observer implements only what it needs; `()`
+/// is the silent observer. All calls come from the thread that runs the session.
 pub trait TrainObserver {
-    /// Called between two pieces of work. [`ControlFlow::Break`] saves what was learnt and ends the session with
-    /// [`SessionError::Stopped`](super::SessionError::Stopped).
+    /// Called between two pieces of work. [`ControlFlow::Break`] saves what was learnt and ends the
+    /// session with [`SessionError::Stopped`](super::SessionError::Stopped).
     fn proceed(&mut self) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
@@ -59,8 +59,8 @@ pub trait TrainObserver {
     /// Called after a checkpoint with steps that are done was written.
     fn on_checkpoint(&mut self, _path: &Path, _step: u32) {}
 
-    /// Returns the camera of an image that the observer wants now. `photo` is the camera of the photo that
-    /// [`TrainStart::photo`] names.
+    /// Returns the camera of an image that the observer wants now. `photo` is the camera of the
+    /// photo that [`TrainStart::photo`] names.
     fn wants_image(&mut self, _moment: ImageMoment, _photo: &Camera) -> Option<Camera> {
         None
     }
@@ -203,7 +203,8 @@ pub enum TrainNotice {
     },
     /// Priors were estimated from the photos.
     PriorsMade(PriorsSummary),
-    /// The points of the reconstruction are brighter in some photos than in others, so every photo has an exposure of its own.
+    /// The points of the reconstruction are brighter in some photos than in others, so every photo
+    /// has an exposure of its own.
     ExposuresDiffer {
         /// Root mean square of the logarithms of the photos' gains.
         spread: f64,
@@ -226,7 +227,8 @@ pub enum TrainNotice {
     },
     /// The photos were taken in haze, and the scene will be without it.
     Haze {
-        /// Its meteorological optical range, as [`Metadata::haze`](wm_scene::Metadata::haze) says it.
+        /// Its meteorological optical range, as [`Metadata::haze`](wm_scene::Metadata::haze) says
+        /// it.
         range: String,
     },
     /// Not every photo has priors.
@@ -245,7 +247,8 @@ pub enum TrainNotice {
         /// Steps that are done.
         step: u32,
     },
-    /// The training in the run folder was ended before its first checkpoint, and starts from its first step.
+    /// The training in the run folder was ended before its first checkpoint, and starts from its
+    /// first step.
     StartsAgain {
         /// The run folder.
         folder: PathBuf,

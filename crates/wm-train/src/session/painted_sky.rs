@@ -1,10 +1,12 @@
 //! Splats that training put before the sky and painted in its colours.
 //!
-//! They fill what the sky's own splats leave to be explained. In a scene they would stay blue under other weather, be lit
-//! up by fog and bear snow, so they are given to the group of the sky: pictures as captured stay the same.
+//! They fill what the sky's own splats leave to be explained. In a scene they would stay blue under
+//! other weather, be lit up by fog and bear snow, so they are given to the group of the sky:
+//! pictures as captured stay the same.
 //!
-//! For each splat its blending weights are added up over the pixels of all photos where priors have the sky, and where they
-//! have the place. The sums are derivatives of colours, so a backward pass gives them for all splats at once.
+//! For each splat its blending weights are added up over the pixels of all photos where priors have
+//! the sky, and where they have the place. The sums are derivatives of colours, so a backward pass
+//! gives them for all splats at once.
 
 use super::error::SessionError;
 use super::scene::PriorView;
@@ -19,8 +21,8 @@ use wm_scene::{Group, Rasterization, Splats};
 const IN_SKY: f64 = 0.65;
 /// Least weight in the sky, px over all photos: of less the colour is chance.
 const LEAST: f64 = 0.5;
-/// Largest distance of a splat's colour from that of the photos where it is drawn in the sky, a channel, 0-1: wires and twigs
-/// that priors take for the sky are further.
+/// Largest distance of a splat's colour from that of the photos where it is drawn in the sky, a
+/// channel, 0-1: wires and twigs that priors take for the sky are further.
 const SAME: f64 = 0.2;
 
 /// The weights of one splat over the photos, px.
@@ -32,7 +34,8 @@ struct Drawn {
     color: [f64; 3],
 }
 
-/// Gives the splats before the sky that have its colours to the group of the sky, and returns their number.
+/// Gives the splats before the sky that have its colours to the group of the sky, and returns their
+/// number.
 pub(super) fn label_painted_sky(
     splats: &mut Splats,
     views: &[PriorView],

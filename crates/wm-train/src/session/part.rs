@@ -10,15 +10,16 @@ use std::collections::{HashMap, HashSet};
 use wm_scene::capture::{Capture, Observation, SparsePoints};
 use wm_scene::{Group, Splats};
 
-/// A part of a data set, and what its training shares with those of the other parts: brightness, haze and sky, of which each part
-/// alone would come to numbers of its own.
+/// A part of a data set, and what its training shares with those of the other parts: brightness,
+/// haze and sky, of which each part alone would come to numbers of its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainPart {
     /// Names of the photos to learn from.
     pub photos: Vec<String>,
     /// Names of the photos to measure on.
     pub held_out: Vec<String>,
-    /// The brightness of `photos` beside all others of the data set, one gain each; `None` if the points do not tell it.
+    /// The brightness of `photos` beside all others of the data set, one gain each; `None` if the
+    /// points do not tell it.
     pub gains: Option<PhotoGains>,
     /// The haze of all photos, and the gains of `photos` in it.
     pub haze: Option<(PhotoHaze, PhotoGains)>,
@@ -27,7 +28,8 @@ pub struct TrainPart {
 }
 
 impl TrainPart {
-    /// Returns the capture with the photos of this part alone, and with the points that its training photos show.
+    /// Returns the capture with the photos of this part alone, and with the points that its
+    /// training photos show.
     pub(super) fn capture(&self, whole: &Capture) -> Result<Capture, SessionError> {
         let known: HashSet<&str> = whole.views.iter().map(|view| view.name.as_str()).collect();
         let names = || self.photos.iter().chain(&self.held_out);
@@ -82,8 +84,8 @@ impl TrainPart {
     }
 }
 
-/// Returns the capture with the views that `is_kept` keeps by their names, and with the points that those of them show that
-/// `is_taught` names too.
+/// Returns the capture with the views that `is_kept` keeps by their names, and with the points that
+/// those of them show that `is_taught` names too.
 pub(super) fn capture_of(
     whole: &Capture,
     is_kept: impl Fn(&str) -> bool,

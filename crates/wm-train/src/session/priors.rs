@@ -51,7 +51,8 @@ pub(super) fn open(
     }
     let photos = &data.set.photos;
     if options.dataset.bad == BadPhotos::Skip {
-        // The training names them when it meets them. Stereo takes them from the cache in this size.
+        // The training names them when it meets them. Stereo takes them from the cache in this
+        // size.
         let level = stereo::level(photos, &places, &StereoOptions::default());
         places.retain(|place| photos.get(*place, level).is_ok());
     }

@@ -1,4 +1,5 @@
-//! Makes the scene of a training: splats of the sky at the start, and at the end what cameras tell of the place.
+//! Makes the scene of a training: splats of the sky at the start, and at the end what cameras tell
+//! of the place.
 
 use super::SessionOptions;
 use super::data::TrainData;
@@ -24,11 +25,12 @@ use wm_scene::color::srgb_decode;
 use wm_scene::survey::{Confidence, Survey, label_sky};
 use wm_scene::{Camera, Metadata, Scene, Splats};
 
-/// The ground under a walk and the scene's up belong together if their cosine is above this: 15 degrees, so that steep
-/// streets pass.
+/// The ground under a walk and the scene's up belong together if their cosine is above this: 15
+/// degrees, so that steep streets pass.
 const SAME_GROUND: f64 = 0.966;
-/// Weight of that ground's normal against up as the splats tell it: it is within a quarter of a degree where the ground is
-/// level and off by its slope elsewhere; splats of a drive may be off by 6 degrees, all to one side.
+/// Weight of that ground's normal against up as the splats tell it: it is within a quarter of a
+/// degree where the ground is level and off by its slope elsewhere; splats of a drive may be off by
+/// 6 degrees, all to one side.
 const GROUND_SHARE: f64 = 0.7;
 /// Error of up by GPS below which it is not asked of the splats, degrees.
 const MEASURED: f64 = 3.0;
@@ -88,7 +90,8 @@ pub(super) fn start(
     Ok(splats)
 }
 
-/// Returns the splats of the sky over the whole data set, which begin a training and stay as they are.
+/// Returns the splats of the sky over the whole data set, which begin a training and stay as they
+/// are.
 pub(super) fn sky(
     config: &TrainConfig,
     data: &TrainData,
@@ -118,7 +121,8 @@ fn far_ground<'a>(
     FarGround::new(cameras, &data.set.capture.points, data.up?.up, haze?)
 }
 
-/// A photo's camera and prior, and the photo in about the size of the prior: its pixels are means of the photo's.
+/// A photo's camera and prior, and the photo in about the size of the prior: its pixels are means
+/// of the photo's.
 pub(super) struct PriorView {
     pub(super) camera: Camera,
     pub(super) prior: Arc<Prior>,
@@ -127,7 +131,8 @@ pub(super) struct PriorView {
     pub(super) gain: [f32; 3],
 }
 
-/// Returns the photos that have priors; of thousands some hundred, which show all of the place that can be seen.
+/// Returns the photos that have priors; of thousands some hundred, which show all of the place that
+/// can be seen.
 fn prior_views(
     data: &TrainData,
     priors: &Priors,
@@ -145,7 +150,8 @@ fn prior_views(
     Ok(views)
 }
 
-/// Adds the sky where the priors say that photos show it; haze of a place is seen as sky down to the sine `lowest`.
+/// Adds the sky where the priors say that photos show it; haze of a place is seen as sky down to
+/// the sine `lowest`.
 fn add_sky(
     splats: &mut Splats,
     data: &TrainData,
@@ -170,7 +176,8 @@ fn add_sky(
     start::add_sky(splats, &photos, &data.set.capture.points, extent, count as usize);
 }
 
-/// Returns the haze of the training photos, as the configuration has it, and their gains; tells the observer of it.
+/// Returns the haze of the training photos, as the configuration has it, and their gains; tells the
+/// observer of it.
 pub(super) fn haze(
     mode: HazeMode,
     data: &TrainData,
@@ -217,10 +224,12 @@ const LOW_PIXELS: usize = 200;
 /// Display-referred skies from here on are clipped.
 const CLIPPED: f64 = 0.97;
 
-/// Rank of the sky's colour among them: what priors take for sky is far trees and houses too, which are darker.
+/// Rank of the sky's colour among them: what priors take for sky is far trees and houses too, which
+/// are darker.
 const SKY_RANK: f64 = 0.8;
 
-/// Returns the colour of the sky just above the horizon, linear RGB, where photos show it and are not clipped.
+/// Returns the colour of the sky just above the horizon, linear RGB, where photos show it and are
+/// not clipped.
 fn horizon(data: &TrainData, priors: &Priors) -> Result<Option<[f64; 3]>, SessionError> {
     let Some(up) = data.up.filter(|_| priors.has_sky()) else { return Ok(None) };
     let mut shown: [Vec<u8>; 3] = Default::default();
@@ -248,8 +257,8 @@ fn horizon(data: &TrainData, priors: &Priors) -> Result<Option<[f64; 3]>, Sessio
     Ok(sky.iter().all(|v| *v < CLIPPED).then(|| sky.map(srgb_decode)))
 }
 
-/// Returns the scene of trained splats: with the sky labelled, the photos' cameras, and in its metadata what they and
-/// the splats tell of up, ground and scale.
+/// Returns the scene of trained splats: with the sky labelled, the photos' cameras, and in its
+/// metadata what they and the splats tell of up, ground and scale.
 pub(super) fn finish(
     mut splats: Splats,
     config: &TrainConfig,
@@ -368,8 +377,8 @@ struct FoundScale {
     confidence: Confidence,
 }
 
-/// Returns metres per scene unit and where they are from: the height of the cameras if that is given, else where photos
-/// say that they were taken, else the height at which people hold cameras.
+/// Returns metres per scene unit and where they are from: the height of the cameras if that is
+/// given, else where photos say that they were taken, else the height at which people hold cameras.
 fn scale(
     data: &TrainData,
     camera_height: Option<f64>,

@@ -10,8 +10,8 @@ pub trait PerceptualMetric {
     /// Returns the shortest side that images may have, px.
     fn smallest_side(&self) -> u32;
 
-    /// Returns the distance of a rendered image from its photo, both `[H, W, 3]`, 0-1, display-referred. Pixels that
-    /// `mask`, `[H, W]`, leaves out count as equal.
+    /// Returns the distance of a rendered image from its photo, both `[H, W, 3]`, 0-1,
+    /// display-referred. Pixels that `mask`, `[H, W]`, leaves out count as equal.
     fn distance(&self, image: &[f32], photo: &[f32], mask: Option<&[f32]>, width: usize) -> f64;
 }
 

@@ -43,9 +43,11 @@ pub(super) struct Backend {
     pub failures: Receiver<String>,
 }
 
-/// A training that is ready to run or under way; [`Session::prepare`](super::Session::prepare) makes it.
+/// A training that is ready to run or under way; [`Session::prepare`](super::Session::prepare)
+/// makes it.
 ///
-/// [`Self::run`] does everything; the other methods are its parts, for programs with a loop of their own.
+/// [`Self::run`] does everything; the other methods are its parts, for programs with a loop of
+/// their own.
 pub struct Training {
     trainer: Trainer,
     failures: Receiver<String>,
@@ -156,7 +158,8 @@ impl Training {
         let start = TrainStart { step, steps, photo, extent };
         observer.on_start(&start).map_err(SessionError::Observer)?;
         if let Some(path) = folder.checkpoint().filter(|_| !folder.resumes()) {
-            // From now on the folder holds this training, and no other whose files were there before.
+            // From now on the folder holds this training, and no other whose files were there
+            // before.
             write_checkpoint(&path, &mut trainer, &data)?;
         }
         folder.write_config(trainer.config())?;
@@ -193,7 +196,8 @@ impl Training {
         self.scene(observer)
     }
 
-    /// Takes all steps that are left, with their evaluations, images and checkpoints, and reports the end.
+    /// Takes all steps that are left, with their evaluations, images and checkpoints, and reports
+    /// the end.
     ///
     /// # Errors
     /// [`SessionError`] as for [`Self::run`].
@@ -297,7 +301,8 @@ impl Training {
         scene::finish(splats, config, &self.data, &self.options, self.priors.as_ref(), haze, observer)
     }
 
-    /// Returns the splats as they are now, of which nothing is labelled yet but the sky that the training began with.
+    /// Returns the splats as they are now, of which nothing is labelled yet but the sky that the
+    /// training began with.
     ///
     /// # Errors
     /// [`SessionError`] if the device fails.
@@ -346,8 +351,8 @@ impl Training {
         Ok(report.loss)
     }
 
-    /// Returns the photo of a step and its index among the training photos: in place of a damaged one the next that
-    /// is not, so that a training that is resumed takes the same way.
+    /// Returns the photo of a step and its index among the training photos: in place of a damaged
+    /// one the next that is not, so that a training that is resumed takes the same way.
     fn photo_at(
         &mut self,
         step: u32,
@@ -410,8 +415,9 @@ impl Training {
         Ok(priors.get(self.data.set.name(place), &self.data.set.photos.camera(place, 0))?)
     }
 
-    /// Returns the gain with which a photo is compared. Where each photo has an exposure of its own a held-out one learns none:
-    /// the points that it shares with others tell its gain. In haze they do not, since haze changes their brightness too.
+    /// Returns the gain with which a photo is compared. Where each photo has an exposure of its own
+    /// a held-out one learns none: the points that it shares with others tell its gain. In haze
+    /// they do not, since haze changes their brightness too.
     fn gain(&self, place: usize) -> [f32; 3] {
         let at = self.data.held_out.iter().position(|held_out| *held_out == place);
         at.filter(|_| self.trainer.has_exposures() && self.haze.is_none())

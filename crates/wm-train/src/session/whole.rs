@@ -1,4 +1,5 @@
-//! A whole data set, of which trainings learn parts: what they share is found before them, and what the place is after them.
+//! A whole data set, of which trainings learn parts: what they share is found before them, and what
+//! the place is after them.
 
 use super::data::{TrainData, confirmed_pixels};
 use super::error::SessionError;
@@ -25,8 +26,8 @@ pub(crate) struct WholeSession {
 }
 
 impl WholeSession {
-    /// Opens a data set with its photos and priors; what is made for it lies in the run folder, and is taken from there if it is
-    /// there already.
+    /// Opens a data set with its photos and priors; what is made for it lies in the run folder, and
+    /// is taken from there if it is there already.
     pub fn open(
         dataset: &Path,
         options: &SessionOptions,

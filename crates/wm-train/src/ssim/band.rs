@@ -16,8 +16,8 @@ pub(super) struct Band {
     zeros: Vec<f32>,
 }
 
-/// Returns the starts of vectors of `lanes` that cover `wide` values: the last one ends where they end. With the
-/// lanes that are new in it.
+/// Returns the starts of vectors of `lanes` that cover `wide` values: the last one ends where they
+/// end. With the lanes that are new in it.
 #[inline(always)]
 fn groups(wide: usize, lanes: usize) -> impl Iterator<Item = (usize, usize)> {
     let whole = wide / lanes * lanes;
@@ -25,7 +25,8 @@ fn groups(wide: usize, lanes: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..whole).step_by(lanes).map(|at| (at, 0)).chain(last)
 }
 
-/// The rows that the windows of [`TOGETHER`] rows from `first` on read; zeros for those beyond the picture.
+/// The rows that the windows of [`TOGETHER`] rows from `first` on read; zeros for those beyond the
+/// picture.
 #[inline(always)]
 fn reached<'a>(picture: &'a [f32], first: usize, rows: usize, zeros: &'a [f32]) -> [&'a [f32]; REACHED] {
     let wide = zeros.len();
@@ -90,7 +91,8 @@ impl Band {
         }
     }
 
-    /// Slopes of the [`TOGETHER`] rows from `first` on, as far as there are any, and their sums of `S`.
+    /// Slopes of the [`TOGETHER`] rows from `first` on, as far as there are any, and their sums of
+    /// `S`.
     #[inline(always)]
     fn slopes<S: Lanes>(
         &mut self,
@@ -161,7 +163,8 @@ impl Band {
         }
     }
 
-    /// Adds the derivative of the rows from `first` on, [`TOGETHER`] of them or as many as `gradient` has.
+    /// Adds the derivative of the rows from `first` on, [`TOGETHER`] of them or as many as
+    /// `gradient` has.
     #[inline(always)]
     fn gradient<S: Lanes>(
         &mut self,

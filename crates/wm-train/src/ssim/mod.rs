@@ -1,14 +1,14 @@
 //! Structural similarity of pictures, and its derivative.
 //!
-//! SSIM as published (Wang et al. 2004): a Gaussian window of 11 px and standard deviation 1.5, applied as
-//! rows and columns, zero beyond the border; constants 0.01^2 and 0.03^2 for values 0-1; the mean over
-//! all pixels and channels. With the windowed means `m`, and `e` of products,
+//! SSIM as published (Wang et al. 2004): a Gaussian window of 11 px and standard deviation 1.5,
+//! applied as rows and columns, zero beyond the border; constants 0.01^2 and 0.03^2 for values 0-1;
+//! the mean over all pixels and channels. With the windowed means `m`, and `e` of products,
 //! `S = (2 mx my + c1)(2 (exy - mx my) + c2) / ((mx^2 + my^2 + c1)(exx - mx^2 + eyy - my^2 + c2))`.
 //!
 //! The derivative by `x` is that of `S` by `mx`, `exx` and `exy`, windowed again:
-//! `W dS/dmx + 2 x W dS/dexx + y W dS/dexy`. Every row of pixels is summed alike wherever bands of rows
-//! begin, so bytes do not depend on threads. Pictures are interleaved, `[H, W, 3]`: a window along a row
-//! takes every third value.
+//! `W dS/dmx + 2 x W dS/dexx + y W dS/dexy`. Every row of pixels is summed alike wherever bands of
+//! rows begin, so bytes do not depend on threads. Pictures are interleaved, `[H, W, 3]`: a window
+//! along a row takes every third value.
 //!
 //! A band goes down its rows a few at a time. Their windows share the rows that they read, and the
 //! derivatives of `S` stay in the second cache until the windows of those above have used them.
@@ -81,10 +81,12 @@ impl Ssim {
         self.sum(x, y, width, None, None) / x.len() as f64
     }
 
-    /// The mean similarity over the pixels that count by `mask`, `[H, W]` with values 0-1; 1 if none does.
+    /// The mean similarity over the pixels that count by `mask`, `[H, W]` with values 0-1; 1 if
+    /// none does.
     ///
-    /// Beyond the mask both pictures are black, as beyond the border: what lies there does not matter, every
-    /// pixel that counts is compared, and a mask of a rectangle gives what the rectangle alone would.
+    /// Beyond the mask both pictures are black, as beyond the border: what lies there does not
+    /// matter, every pixel that counts is compared, and a mask of a rectangle gives what the
+    /// rectangle alone would.
     ///
     /// # Panics
     /// If the sizes differ or are no rows of `width`.
@@ -98,7 +100,8 @@ impl Ssim {
         self.sum(&within(mask, x), &within(mask, y), width, Some(mask), None) / (CHANNELS as f64 * counted)
     }
 
-    /// The mean similarity, and `scale` times its derivative by each value of `x` added to `gradient`.
+    /// The mean similarity, and `scale` times its derivative by each value of `x` added to
+    /// `gradient`.
     ///
     /// # Panics
     /// If the sizes differ or are no rows of `width`.
@@ -136,7 +139,8 @@ impl Ssim {
         let mut sums = vec![0.0; rows];
         let (scale, gradient) = gradient.unwrap_or((0.0, &mut []));
         let gradients = gradient.chunks_mut(BAND * line).map(Some).chain(std::iter::repeat_with(|| None));
-        // Each thread takes the next band as soon as it is done with one, with memory that it keeps.
+        // Each thread takes the next band as soon as it is done with one, with memory that it
+        // keeps.
         let waiting = Mutex::new((0..).step_by(BAND).zip(sums.chunks_mut(BAND)).zip(gradients));
         self.bands.resize_with(rayon::current_num_threads(), Band::default);
         self.bands.par_iter_mut().with_max_len(1).for_each(|band| {

@@ -1,8 +1,8 @@
-//! The splats that a training starts with: at the points of the reconstruction, or anywhere in view where there are
-//! none.
+//! The splats that a training starts with: at the points of the reconstruction, or anywhere in view
+//! where there are none.
 //!
-//! They are made as published (Kerbl et al. 2023): round, of the mean distance (root mean square) to the three nearest
-//! neighbours, of the point's colour.
+//! They are made as published (Kerbl et al. 2023): round, of the mean distance (root mean square)
+//! to the three nearest neighbours, of the point's colour.
 
 mod sky;
 

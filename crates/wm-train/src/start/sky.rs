@@ -1,8 +1,8 @@
 //! The sky: splats on a far half sphere, in the colours that photos show there.
 //!
-//! Models have no points in the sky. Without it the sky is painted on whatever drifts there, near and far, and fog would take it
-//! for what it is painted on. These splats do not learn, since they would learn what stands before them while that is still
-//! transparent.
+//! Models have no points in the sky. Without it the sky is painted on whatever drifts there, near
+//! and far, and fog would take it for what it is painted on. These splats do not learn, since they
+//! would learn what stands before them while that is still transparent.
 
 use crate::priors::SkyClass;
 use glam::DVec3;
@@ -14,7 +14,8 @@ use wm_scene::{Camera, Group, Splats};
 
 /// Radius of the sky in extents, at least.
 const RADIUS: f64 = 20.0;
-/// Sine of the height at which it begins: 5 degrees below the horizon, since up is known to some degrees.
+/// Sine of the height at which it begins: 5 degrees below the horizon, since up is known to some
+/// degrees.
 const BELOW: f64 = -0.09;
 /// Standard deviation of its splats in distances to their neighbours, and their opacity: no gaps.
 const SCALE: f64 = 0.7;
@@ -26,9 +27,11 @@ const LEAST_SEEN: f64 = 0.004;
 const CLIPPED: [f32; 2] = [0.95, 0.99];
 /// Weight of a clipped colour beside one that is not.
 const CLIPPED_WEIGHT: f32 = 0.05;
-/// Share of a photo's width and height over which its weight falls off to its border, so that no border shows.
+/// Share of a photo's width and height over which its weight falls off to its border, so that no
+/// border shows.
 const BORDER: f64 = 0.25;
-/// Standard deviations over which colours are smoothed: in distances to neighbours, and of what no photo shows, radians.
+/// Standard deviations over which colours are smoothed: in distances to neighbours, and of what no
+/// photo shows, radians.
 const FINE: f64 = 1.2;
 const COARSE: f64 = 0.3;
 /// Shares of the full weight of the surroundings at which half of a colour comes from a wider mean.
@@ -41,13 +44,15 @@ const SOURCES: usize = 1000;
 pub struct SkyPhotos<'a> {
     /// Cameras.
     pub cameras: &'a [Camera],
-    /// The class and colour (sRGB) of a picture point, given as shares of width and height, in photo `index`.
+    /// The class and colour (sRGB) of a picture point, given as shares of width and height, in
+    /// photo `index`.
     pub look: &'a (dyn Fn(usize, [f64; 2]) -> (SkyClass, [u8; 3]) + Sync),
     /// By what photo `index` is brighter in red, green and blue than the scene, display-referred.
     pub gain: &'a (dyn Fn(usize) -> [f32; 3] + Sync),
     /// The direction against gravity, world axes, length 1.
     pub up: DVec3,
-    /// The sine of the height down to which photos show endless haze, which looks like sky; `None` without haze.
+    /// The sine of the height down to which photos show endless haze, which looks like sky; `None`
+    /// without haze.
     pub lowest: Option<f64>,
 }
 
@@ -58,11 +63,13 @@ struct Shown {
     weight: f32,
 }
 
-/// Adds splats on a far half sphere about the scene, in group [`Group::Sky`], and returns their number.
+/// Adds splats on a far half sphere about the scene, in group [`Group::Sky`], and returns their
+/// number.
 ///
-/// Splats have the colour of the photos that show the sky there, in the scene's exposure. Other splats have the mean of what is seen
-/// around them, and farther off that of their height, so that no camera looks into nothing. `count` splats cover the half sphere about up (and a
-/// little below the horizon); nothing is added where photos show next to no sky.
+/// Splats have the colour of the photos that show the sky there, in the scene's exposure. Other
+/// splats have the mean of what is seen around them, and farther off that of their height, so that
+/// no camera looks into nothing. `count` splats cover the half sphere about up (and a little below
+/// the horizon); nothing is added where photos show next to no sky.
 pub fn add_sky(
     splats: &mut Splats,
     photos: &SkyPhotos<'_>,
@@ -131,7 +138,8 @@ fn shown(photos: &SkyPhotos<'_>, point: DVec3) -> Shown {
         let most = clipped.iter().fold(0.0, |a: f32, b| a.max(*b));
         let weight = border as f32 * (1.0 + most * (CLIPPED_WEIGHT - 1.0));
         for c in 0..3 {
-            // A clipped colour tells how bright the sky is at least: it is white in the scene's exposure too.
+            // A clipped colour tells how bright the sky is at least: it is white in the scene's
+            // exposure too.
             let own = color[c] / gain[c];
             sum[c] += weight * (own + clipped[c] * (own.max(1.0) - own)).min(1.0);
         }
@@ -144,7 +152,8 @@ fn shown(photos: &SkyPhotos<'_>, point: DVec3) -> Shown {
     }
 }
 
-/// Colours of all directions, which lie in the order of one axis: means over neighbours, wider where these show little.
+/// Colours of all directions, which lie in the order of one axis: means over neighbours, wider
+/// where these show little.
 fn smoothed(directions: &[DVec3], shown: &[Shown], spacing: f64, up: DVec3) -> Vec<[f32; 3]> {
     let by_height = ByHeight::new(directions.iter().zip(shown).map(|(d, shown)| (d.dot(up), *shown)));
     let step = directions.len().div_ceil(SOURCES);
@@ -234,7 +243,8 @@ mod tests {
         splats
     }
 
-    /// The colours of splats that `camera` shows, with the shares of its width and height where they are.
+    /// The colours of splats that `camera` shows, with the shares of its width and height where
+    /// they are.
     fn colors(splats: &Splats, camera: &Camera) -> Vec<([f64; 2], [f32; 3])> {
         let mut found = Vec::new();
         for i in 0..splats.len() {
@@ -280,7 +290,8 @@ mod tests {
         assert!(of(0.0, 0.35) > 0.75 && of(0.65, 1.0) < 0.04, "{} {}", of(0.0, 0.35), of(0.65, 1.0));
     }
 
-    /// Two photos beside each other of one sky, the right one twice as bright and clipped: no border, and the left one's colour.
+    /// Two photos beside each other of one sky, the right one twice as bright and clipped: no
+    /// border, and the left one's colour.
     #[test]
     fn exposures_leave_no_border() {
         let look = |index: usize, _: [f64; 2]| (SkyClass::Sky, [[90, 100, 115], [180, 200, 230]][index]);

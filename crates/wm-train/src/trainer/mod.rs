@@ -1,8 +1,9 @@
 //! The steps of a training: render, compare, derive, move.
 //!
-//! The trainer names no loss and knows no file. Its state after a number of steps is a pure function of
-//! configuration, photos and starting splats: random numbers are keyed by the step, no sum depends on
-//! threads. So a training that is broken off and gone on with ends in the same bytes.
+//! The trainer names no loss and knows no file. Its state after a number of steps is a pure
+//! function of configuration, photos and starting splats: random numbers are keyed by the step, no
+//! sum depends on threads. So a training that is broken off and gone on with ends in the same
+//! bytes.
 
 mod report;
 mod step;
@@ -65,7 +66,8 @@ pub struct TrainState {
 }
 
 impl Trainer {
-    /// Begins with `splats` in a scene of `extent` units that `photos` photos show, on the back end `renderer`.
+    /// Begins with `splats` in a scene of `extent` units that `photos` photos show, on the back end
+    /// `renderer`.
     #[must_use]
     pub fn new(
         config: TrainConfig,
@@ -103,13 +105,14 @@ impl Trainer {
         !self.state.exposures.changes.is_empty()
     }
 
-    /// Begins with these exposures of the photos, which go on learning. Without this photos have exposures of their own only
-    /// under [`ExposureMode::Photo`].
+    /// Begins with these exposures of the photos, which go on learning. Without this photos have
+    /// exposures of their own only under [`ExposureMode::Photo`].
     pub fn set_exposures(&mut self, exposures: Exposures) {
         self.state.exposures = exposures;
     }
 
-    /// Sets the haze through which photos show the scene: splats learn the colours that they have without it.
+    /// Sets the haze through which photos show the scene: splats learn the colours that they have
+    /// without it.
     pub fn set_air(&mut self, air: Option<EvenAir>) {
         self.air = air;
     }
@@ -143,8 +146,8 @@ impl Trainer {
         self.len() == 0
     }
 
-    /// The state after the steps so far. Where the device on which it is fails and there is another to go on with, these
-    /// are fewer steps than before.
+    /// The state after the steps so far. Where the device on which it is fails and there is another
+    /// to go on with, these are fewer steps than before.
     ///
     /// # Errors
     /// [`RenderError`] if the device fails.
@@ -156,7 +159,8 @@ impl Trainer {
         Ok(&self.state)
     }
 
-    /// Goes on with another device after `error`, from what is known here; gives the number of steps that are lost.
+    /// Goes on with another device after `error`, from what is known here; gives the number of
+    /// steps that are lost.
     fn go_back(&mut self, error: RenderError) -> Result<u32, RenderError> {
         if !error.is_of_gpu() {
             return Err(error);
@@ -168,7 +172,8 @@ impl Trainer {
         Ok(lost)
     }
 
-    /// The state as it is known here, after the steps before a device went ahead: what is left where it fails.
+    /// The state as it is known here, after the steps before a device went ahead: what is left
+    /// where it fails.
     pub fn known_state(&mut self) -> &TrainState {
         self.state.step = self.known;
         &self.state
@@ -203,8 +208,8 @@ impl Trainer {
         self.state.step >= self.config.steps
     }
 
-    /// The place in the list of photos of the one that step `step` (from 0) sees: each once an epoch, in an
-    /// order of its own.
+    /// The place in the list of photos of the one that step `step` (from 0) sees: each once an
+    /// epoch, in an order of its own.
     #[must_use]
     pub fn photo_at(&mut self, step: u32) -> usize {
         let count = self.photos as u32;
@@ -223,8 +228,8 @@ impl Trainer {
         schedule::level(&self.config, step, last_level)
     }
 
-    /// One step, on photo `photo` of `truth`. Where a device fails and there is another to go on with, it is no step, and
-    /// says what was lost.
+    /// One step, on photo `photo` of `truth`. Where a device fails and there is another to go on
+    /// with, it is no step, and says what was lost.
     ///
     /// # Errors
     /// [`RenderError`] if the camera cannot be rendered with, memory is short or the device fails.
@@ -236,7 +241,8 @@ impl Trainer {
         }
     }
 
-    /// Renders what has been learnt, over black, without any photo's exposure and without the photos' haze.
+    /// Renders what has been learnt, over black, without any photo's exposure and without the
+    /// photos' haze.
     ///
     /// # Errors
     /// [`RenderError`] if the camera cannot be rendered with, memory is short or the device fails.

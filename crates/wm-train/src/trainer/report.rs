@@ -13,14 +13,15 @@ pub struct StepReport {
     pub densified: Densified,
     /// Splats in view.
     pub visible: usize,
-    /// Steps that were lost with a device: the training goes on without it after those that are left.
+    /// Steps that were lost with a device: the training goes on without it after those that are
+    /// left.
     pub lost: u32,
     /// The times of its parts.
     pub times: StepTimes,
 }
 
-/// Wall time of the parts of a step, seconds. A GPU is told what to do and waited for where pictures are read: most of
-/// its time for a step is in the forward passes that follow.
+/// Wall time of the parts of a step, seconds. A GPU is told what to do and waited for where
+/// pictures are read: most of its time for a step is in the forward passes that follow.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepTimes {
     /// Rendering.

@@ -130,8 +130,8 @@ impl Trainer {
         Ok(report)
     }
 
-    /// Renders for the terms of `own`, or of the common render, and adds up what they say; the derivative is in the work,
-    /// or on the device where all of them can be found out there.
+    /// Renders for the terms of `own`, or of the common render, and adds up what they say; the
+    /// derivative is in the work, or on the device where all of them can be found out there.
     fn see(
         &mut self,
         truth: &TrainPhoto<'_>,
@@ -192,7 +192,8 @@ impl Trainer {
         Ok(Seen { visible, compared, forward })
     }
 
-    /// Adds to the gradients what terms take from renders of their own; equal renders are made once.
+    /// Adds to the gradients what terms take from renders of their own; equal renders are made
+    /// once.
     fn add_own_renders(
         &mut self,
         truth: &TrainPhoto<'_>,

@@ -111,7 +111,8 @@ impl LossTerm for Pull {
     }
 }
 
-/// One step with the configured losses off and a [`Pull`]: the splats before and after, calls, loss.
+/// One step with the configured losses off and a [`Pull`]: the splats before and after, calls,
+/// loss.
 fn pulled(weight: f64, own: Option<OwnRender>) -> (Splats, Splats, u32, StepReport) {
     let mut config = config(10);
     config.loss = LossConfig { l1: 0.0, ssim: 0.0, geometry: GeometryConfig::NONE };
@@ -196,7 +197,8 @@ fn losing(gpu_at: u32, config: &TrainConfig) -> (Trainer, Vec<(u32, u32)>) {
     (trainer, lost)
 }
 
-/// Splats come every five steps. After 20 the state is asked for: at 26 the six since are taken again.
+/// Splats come every five steps. After 20 the state is asked for: at 26 the six since are taken
+/// again.
 #[test]
 fn a_training_goes_on_without_its_gpu() {
     if Backend::gpu().is_none() {

@@ -16,7 +16,8 @@ fn number(within: std::ops::Range<f64>) -> impl Strategy<Value = f64> {
     prop_oneof![within.clone(), within.prop_map(|v| (v * 8.0).round() / 8.0), Just(-0.0), Just(1e-300)]
 }
 
-/// Weathers as pages have them: of a preset or of a few effects, with whole numbers, keyframes and texts.
+/// Weathers as pages have them: of a preset or of a few effects, with whole numbers, keyframes and
+/// texts.
 fn weathers() -> impl Strategy<Value = Value> {
     let preset = (0..PRESETS.len())
         .prop_map(|index| crate::state::weather_to_json(&Weather::preset(PRESETS[index].0).unwrap()));
@@ -460,7 +461,8 @@ fn hostile_links_are_refused_or_are_views() {
     assert!(total == 2000 && refused > 500 && invalid > 50 && views > 50, "{refused} {invalid} {views}");
 }
 
-/// `cargo test --release -p wm-viewer -- --ignored --nocapture hundred_thousand` prints what came of them.
+/// `cargo test --release -p wm-viewer -- --ignored --nocapture hundred_thousand` prints what came
+/// of them.
 #[test]
 #[ignore = "takes minutes without optimisation"]
 fn a_hundred_thousand_hostile_links() {

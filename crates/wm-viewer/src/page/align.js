@@ -1,6 +1,6 @@
-// The tool that sets facts of the scene by clicks: up and the ground from three points, the scale from two, lamps and lit windows,
-// and the sun of the photos from a point and the end of its shadow.
-// Fetched when it is opened.
+// The tool that sets facts of the scene by clicks: up and the ground from three points, the scale
+// from two, lamps and lit windows, and the sun of the photos from a point and the end of its
+// shadow. Fetched when it is opened.
 
 import * as backend from "./backend.js";
 import { axes, dot, sub } from "./camera.js";

@@ -1,15 +1,13 @@
-// The page's way to the program: a WebSocket for pictures and words, requests for the rest. The server serves this file as backend.js.
+// The page's way to the program: a WebSocket for pictures and words, requests for the rest. The
+// server serves this file as backend.js.
 //
-// The interface, which backend-static.js has too; every promise is rejected with an Error of one line:
-//   features                      what can be done here
-//   class Connection              ViewSender with `say`; pictures and words go to its listener
-//   parameters()                  effects, presets and facts of the scene
-//   file(kind, state)             {name, blob} of picture, weather, camera, command (points, scan)
-//   readWeather(text)             a weather file as JSON
-//   thumbnail(name)               address of a preset's picture
-//   linkOf(state), stateOf(text)  fragment of an address, and the state that it opens
-//   surface(question), facts(change)                           with features.align
-//   beginVideo(asked), video(id), stopVideo(id), videoFile(id) with features.video
+// The interface, which backend-static.js has too; every promise is rejected with an Error of one
+// line: features what can be done here class Connection ViewSender with `say`; pictures and words
+// go to its listener parameters() effects, presets and facts of the scene file(kind, state) {name,
+// blob} of picture, weather, camera, command (points, scan) readWeather(text) a weather file as
+// JSON thumbnail(name) address of a preset's picture linkOf(state), stateOf(text) fragment of an
+// address, and the state that it opens surface(question), facts(change) with features.align
+// beginVideo(asked), video(id), stopVideo(id), videoFile(id) with features.video
 
 import { ViewSender } from "./connection.js";
 import { enter } from "./login.js";

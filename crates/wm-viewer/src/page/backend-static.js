@@ -1,20 +1,25 @@
-// The page's way to a renderer in the browser: a worker with the player in WebAssembly. An exported site has this file as backend.js.
-// The interface is described in backend-server.js.
+// The page's way to a renderer in the browser: a worker with the player in WebAssembly. An exported
+// site has this file as backend.js. The interface is described in backend-server.js.
 //
-// A site is a folder on any static host: index.html, the page's files, player.js, player_bg.wasm, poster.jpg, video.mp4 (optional)
-// and place/. Its policy (CSP, a meta element of index.html):
-//   default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; style-src 'self';
-//   img-src 'self' blob: data:; media-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'
+// A site is a folder on any static host: index.html, the page's files, player.js, player_bg.wasm,
+// poster.jpg, video.mp4 (optional) and place/. Its policy (CSP, a meta element of index.html):
+// default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; style-src 'self';
+// img-src 'self' blob: data:; media-src 'self'; connect-src 'self'; base-uri 'none'; form-action
+// 'none'
 //
-// A site in a single file, which also opens from file://: index.html changed by plain replacement of text:
+// A site in a single file, which also opens from file://: index.html changed by plain replacement
+// of text:
 //   1. `<link rel="stylesheet" href="./style.css">` becomes `<style>` with the text of style.css.
 //   2. each `"./icon.svg"` becomes `"data:image/svg+xml;base64,..."`.
 //   3. `<script type="module" src="./main.js"></script>` is taken away.
-//   4. before `</body>` comes, for every file of the site other than index.html, style.css and icon.svg,
-//      `<script type="application/octet-stream;base64" data-name="place/scene.sog">BASE64</script>`, names as in the folder (backend.js,
-//      main.js, player.js, player_bg.wasm, poster.jpg, ...), then `<script>` with the text of single.js, which makes Blob URLs of the modules.
-// Its policy: default-src 'none'; script-src 'sha256-(of the text between <script> and </script>)' blob: 'wasm-unsafe-eval';
-//   worker-src blob:; style-src 'unsafe-inline'; img-src blob: data:; media-src blob:; connect-src blob: data:; base-uri 'none'; form-action 'none'
+//   4. before `</body>` comes, for every file of the site other than index.html, style.css and
+//      icon.svg,
+//      `<script type="application/octet-stream;base64" data-name="place/scene.sog">BASE64</script>`,
+//      names as in the folder (backend.js, main.js, player.js, player_bg.wasm, poster.jpg, ...),
+//      then `<script>` with the text of single.js, which makes Blob URLs of the modules. Its
+//      policy: default-src 'none'; script-src 'sha256-(of the text between <script> and </script>)'
+//      blob: 'wasm-unsafe-eval'; worker-src blob:; style-src 'unsafe-inline'; img-src blob: data:;
+//      media-src blob:; connect-src blob: data:; base-uri 'none'; form-action 'none'
 
 import { ViewSender } from "./connection.js";
 

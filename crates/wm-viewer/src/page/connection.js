@@ -1,4 +1,5 @@
-// When a view is told: once a picture of the screen while something changes, and once more when it stops.
+// When a view is told: once a picture of the screen while something changes, and once more when it
+// stops.
 
 import { Store } from "./store.js";
 

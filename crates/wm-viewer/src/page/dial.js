@@ -1,5 +1,5 @@
-// The sun on a dial: the sky from above, north up, the zenith in the middle and the horizon as a ring. What is outside of the ring is
-// below the horizon.
+// The sun on a dial: the sky from above, north up, the zenith in the middle and the horizon as a
+// ring. What is outside of the ring is below the horizon.
 
 import { h } from "./dom.js";
 import { Store } from "./store.js";

@@ -1,5 +1,6 @@
-// The token that lets this page into the program. It comes from the fragment of the address, which reaches no server and no log, or
-// is typed into a form; the program answers with a cookie that no script can read.
+// The token that lets this page into the program. It comes from the fragment of the address, which
+// reaches no server and no log, or is typed into a form; the program answers with a cookie that no
+// script can read.
 
 import { h } from "./dom.js";
 

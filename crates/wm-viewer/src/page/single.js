@@ -1,5 +1,6 @@
-// A site in a single file: gives the files that the document holds, and starts its modules from Blob URLs. A classic script, as
-// module files cannot be imported from file://. The scheme is described in backend-static.js.
+// A site in a single file: gives the files that the document holds, and starts its modules from
+// Blob URLs. A classic script, as module files cannot be imported from file://. The scheme is
+// described in backend-static.js.
 
 /** @typedef {{has: (name: string) => boolean, bytes: (name: string) => Uint8Array | null, url: (name: string) => string}} Files */
 

@@ -1,8 +1,12 @@
-// The renderer of an exported site, in a worker: a classic one without static imports, as Chromium starts no other from file://. It is told views and answers questions in the words of the viewer's WebSocket.
+// The renderer of an exported site, in a worker: a classic one without static imports, as Chromium
+// starts no other from file://. It is told views and answers questions in the words of the viewer's
+// WebSocket.
 //
-// In:  {type: "open", device, base}, {type: "view", seq, moving, state}, {type: "pick", x, y}, {type: "thumbnails"},
+// In: {type: "open", device, base}, {type: "view", seq, moving, state}, {type: "pick", x, y},
+// {type: "thumbnails"},
 //      {type: "ask", id, what, body}, {type: "fetched", id, bytes}
-// Out: {type: "frame", head, pixels}, {type: "answer", id, ok, text?, bytes?, name?, kind?}, {type: "fetch", id, name},
+// Out: {type: "frame", head, pixels}, {type: "answer", id, ok, text?, bytes?, name?, kind?}, {type:
+// "fetch", id, name},
 //      loading, ready, failed, status, error, picked, thumbnail
 
 /** @type {any} The player; null until it is open. */

@@ -1,15 +1,17 @@
 //! The share of the fall that each node gets, by its direction and by the wind along the ground.
 //!
 //! # The fall
-//! The fall that reaches a node, as a share of what falls on open level ground: the mean over several directions about that of
-//! the fall of whether anything is in the way ([`Shelter`]), since flakes do not all come the same way, the less the
-//! more the wind blows; and more where a slope faces the wind: `1 - grad h . v`, with v the slope of the fall.
+//! The fall that reaches a node, as a share of what falls on open level ground: the mean over
+//! several directions about that of the fall of whether anything is in the way ([`Shelter`]), since
+//! flakes do not all come the same way, the less the more the wind blows; and more where a slope
+//! faces the wind: `1 - grad h . v`, with v the slope of the fall.
 //!
 //! # The wind
-//! From a threshold on the wind takes snow up and carries it along the ground. A carried amount goes over the nodes
-//! with the wind: it takes more from crests and windward slopes, and leaves more in lee slopes and in the shadow of
-//! edges, behind which the air is still for some four times their height (15 degrees, as in Werner's model of dunes,
-//! 1995). On a plain it leaves what it takes.
+//! From a threshold on the wind takes snow up and carries it along the ground. A carried amount
+//! goes over the nodes with the wind: it takes more from crests and windward slopes, and leaves
+//! more in lee slopes and in the shadow of edges, behind which the air is still for some four times
+//! their height (15 degrees, as in Werner's model of dunes, 1995). On a plain it leaves what it
+//! takes.
 
 use super::ground::{GroundGrid, STEEP};
 use crate::dome::{from_level, level_axes, to_level};
@@ -17,11 +19,14 @@ use crate::optics::Site;
 use crate::shelter::{FloaterMap, FloaterRule, Occluders, Shelter, ShelterOptions};
 use crate::threads::map;
 
-/// Spread of flakes about their mean direction, as a slope: in still air, and for each 1 of slope by wind.
+/// Spread of flakes about their mean direction, as a slope: in still air, and for each 1 of slope
+/// by wind.
 const SPREAD: [f64; 2] = [0.22, 0.3];
-/// Directions on a circle about the mean one: for the narrowest cells, which show soft edges, and for others.
+/// Directions on a circle about the mean one: for the narrowest cells, which show soft edges, and
+/// for others.
 const CIRCLE: [usize; 2] = [6, 4];
-/// Width of the cells in which obstacles are looked for, in those of the grid, on all rings but the innermost.
+/// Width of the cells in which obstacles are looked for, in those of the grid, on all rings but the
+/// innermost.
 const COARSER: f64 = 2.0;
 /// Height above a node from which obstacles are looked for, m.
 const ABOVE: f64 = 0.06;
@@ -61,8 +66,8 @@ fn falls(site: &Site, airflow: &Airflow, is_outer: bool) -> Vec<[f64; 3]> {
     circle.chain([[a, b]]).map(|way| from_level(&axes, [way[0], way[1], -1.0])).collect()
 }
 
-/// The maps of the directions in which flakes fall on each ground, from the inside out, by `occluders` with the options of
-/// each and by what floats over it.
+/// The maps of the directions in which flakes fall on each ground, from the inside out, by
+/// `occluders` with the options of each and by what floats over it.
 pub(super) fn maps(
     occluders: &Occluders,
     rings: &[(ShelterOptions, FloaterMap)],
@@ -73,7 +78,8 @@ pub(super) fn maps(
     let mut standing: Vec<Occluders> = Vec::new();
     for (options, floaters) in rings {
         let options = ShelterOptions { floaters: FloaterRule::Stop, ..*options };
-        // The mean over directions is soft: far off its edges need no narrow cells, and no narrow occluders.
+        // The mean over directions is soft: far off its edges need no narrow cells, and no narrow
+        // occluders.
         let next = match standing.last() {
             None => occluders.without(floaters).mapped(&options),
             Some(inner) => inner.without(floaters).mapped(&options).softened(COARSER),
@@ -91,7 +97,8 @@ pub(super) fn maps(
 }
 
 impl GroundGrid {
-    /// Finds the share of the fall that each node gets, by the maps of the directions in which flakes fall.
+    /// Finds the share of the fall that each node gets, by the maps of the directions in which
+    /// flakes fall.
     pub(super) fn find_shares(&mut self, maps: &[Shelter], site: &Site, airflow: &Airflow, threads: usize) {
         let nodes = self.len();
         let grid = self.places.axes();
@@ -180,8 +187,8 @@ impl GroundGrid {
         }
     }
 
-    /// Deposits what the wind brings to each node, or passes it on: `carried` is on its way to each node, and below `line`
-    /// (m) the air is still.
+    /// Deposits what the wind brings to each node, or passes it on: `carried` is on its way to each
+    /// node, and below `line` (m) the air is still.
     fn pass(&mut self, node: usize, gale: &Gale, carried: &mut [f32], line: &mut [f32]) {
         let [column, row] = self.place(node);
         let (height, is_still) = (self.height[node], line[node] > self.height[node] + BELOW);
@@ -229,7 +236,8 @@ impl GroundGrid {
         }
     }
 
-    /// Counts what does not stay where it falls, or is carried off the grid, as a share of the fall on a cell.
+    /// Counts what does not stay where it falls, or is carried off the grid, as a share of the fall
+    /// on a cell.
     fn lose(&mut self, node: usize, amount: f32) {
         if !self.is_elsewhere(node) {
             self.shed += f64::from(amount);
@@ -239,7 +247,8 @@ impl GroundGrid {
 
 /// A wind over the grid, line by line.
 struct Gale {
-    /// To the next line straight on and a cell aside, each with its share, so that the mean goes with the wind.
+    /// To the next line straight on and a cell aside, each with its share, so that the mean goes
+    /// with the wind.
     ways: [([i64; 2], f32); 2],
     /// Along columns and rows, length 1.
     unit: [f32; 2],

@@ -1,9 +1,9 @@
 //! The surfaces that snow can lie on, over a level grid.
 //!
-//! Layers of a level grid ([`HeightLayers`]): the first surface from above, and those below it. A *node* is a surface in a
-//! cell. Its slope is that of a plane through the nodes about it which no edge parts from it. A node whose neighbours
-//! are partly far above and partly far below is a piece of a wall and holds nothing; one whose neighbours are all below
-//! is the top of something narrow.
+//! Layers of a level grid ([`HeightLayers`]): the first surface from above, and those below it. A
+//! *node* is a surface in a cell. Its slope is that of a plane through the nodes about it which no
+//! edge parts from it. A node whose neighbours are partly far above and partly far below is a piece
+//! of a wall and holds nothing; one whose neighbours are all below is the top of something narrow.
 
 use super::exposure::Airflow;
 use crate::fused_surfaces::FusedSurfaces;
@@ -19,7 +19,8 @@ const FAR_CELL: f64 = 0.4;
 const FAR_CELLS: usize = 350_000;
 /// Height above and below it within which a surface belongs to it, m.
 const ON_FLOOR: f32 = 0.15;
-/// Surfaces below each other that are looked for, and how far apart they are at least, m and cells: more than an edge.
+/// Surfaces below each other that are looked for, and how far apart they are at least, m and cells:
+/// more than an edge.
 const LAYERS: usize = 3;
 const GAP: f64 = 0.525;
 const GAP_CELLS: f64 = 1.8;
@@ -39,13 +40,14 @@ const WALL: [f32; 2] = [2.0 * STEEP[1], 0.0];
 const FIELD: i64 = 2;
 /// Rounds in which slopes are smoothed with their neighbours.
 const ROUNDS: usize = 8;
-/// Share of a field that must belong to a surface; to one whose splats stand upright, whose normals have a smaller cosine to
-/// up; and to one whose splats do not.
+/// Share of a field that must belong to a surface; to one whose splats stand upright, whose normals
+/// have a smaller cosine to up; and to one whose splats do not.
 const SURFACE: f32 = 0.3;
 const LEDGE: f32 = 0.7;
 const CROWN: f32 = 0.1;
 const UPRIGHT: f32 = 0.4;
-/// Largest area of a lump on a wall, m^2, but so many cells at least; and the share of it beside which something stands higher.
+/// Largest area of a lump on a wall, m^2, but so many cells at least; and the share of it beside
+/// which something stands higher.
 const LEDGE_AREA: f32 = 1.0;
 const LEDGE_CELLS: f32 = 6.0;
 const LEDGE_BELOW: f32 = 0.5;
@@ -61,15 +63,17 @@ const AROUND: [i64; 4] = [1, 2, 4, 8];
 const WAYS_ROUND: [[i64; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
 /// Distance to which a plain goes on about each of its nodes, m, but one cell at least.
 const PLAIN: f32 = 0.5;
-/// Distances and the drop by which crowns stand over what is about them, m, and of the directions of [`WAYS_ROUND`] in which they do the
-/// number from which a surface is that of leaves, with the cosine between up and the normals of its splats below which it is.
+/// Distances and the drop by which crowns stand over what is about them, m, and of the directions
+/// of [`WAYS_ROUND`] in which they do the number from which a surface is that of leaves, with the
+/// cosine between up and the normals of its splats below which it is.
 const ABOUT_CROWN: [f32; 4] = [0.5, 1.0, 2.0, 3.0];
 const CROWN_STANDS: f32 = 0.5;
 const LEAVES: [(usize, f32); 2] = [(3, 0.6), (5, 0.85)];
-/// Least standard deviation of the cosine between up and the normals of leaves. It is 0.29 where they point everywhere; on both sides
-/// of a roof the cosine is the same.
+/// Least standard deviation of the cosine between up and the normals of leaves. It is 0.29 where
+/// they point everywhere; on both sides of a roof the cosine is the same.
 const LEAVES_SPREAD: f32 = 0.15;
-/// Deepest that lies on leaves, m, and the shares of them that hold nothing and that hold all: snow lies on crowns in clumps.
+/// Deepest that lies on leaves, m, and the shares of them that hold nothing and that hold all: snow
+/// lies on crowns in clumps.
 const ON_LEAVES: f32 = 0.08;
 const CLUMPS: [f32; 2] = [0.25, 0.45];
 /// Mean flatness of splats from which that counts: 0 for balls to 1.
@@ -112,8 +116,8 @@ pub struct GroundGrid {
     /// True if that is known from a camera, and if any node's is.
     is_seen: Vec<bool>,
     is_scan: bool,
-    /// Amount that does not stay since the ground is too steep, or that is blown off the grid: a share of the fall on one
-    /// cell.
+    /// Amount that does not stay since the ground is too steep, or that is blown off the grid: a
+    /// share of the fall on one cell.
     pub shed: f64,
     /// Along [`WAYS`], where the node's surface goes on.
     beside: Vec<[u32; 4]>,
@@ -143,7 +147,8 @@ impl FarFloor {
         Self { places: grid.places().heightless(), floor: grid.floor().0 }
     }
 
-    /// Returns true if a point (world, scene units) lies in the level surface of its cell, as rough as that is captured.
+    /// Returns true if a point (world, scene units) lies in the level surface of its cell, as rough
+    /// as that is captured.
     pub fn holds(&self, point: [f64; 3]) -> bool {
         self.height(point).is_some_and(|above| above.abs() < ON_FLOOR)
     }
@@ -191,8 +196,8 @@ impl GroundGrid {
             && [self.cell, self.edge, self.shed as f32].into_iter().all(f32::is_finite)
     }
 
-    /// The surfaces of a scene, without what reaches them. What lies on an `inner` ground is that one's.
-    /// Returns what floats over it too.
+    /// The surfaces of a scene, without what reaches them. What lies on an `inner` ground is that
+    /// one's. Returns what floats over it too.
     pub(crate) fn of(
         scan: &FusedSurfaces<'_>,
         occluders: &Occluders,
@@ -236,7 +241,8 @@ impl GroundGrid {
             clumps: Vec::new(),
             places,
         };
-        // The whole cell: of one that reaches over the end of the inner ground the rest would be bare.
+        // The whole cell: of one that reaches over the end of the inner ground the rest would be
+        // bare.
         let is_inner = |node: usize| {
             let corner = |k: i64| {
                 let [column, row] = ground.place(node);
@@ -268,7 +274,8 @@ impl GroundGrid {
         (ground, floaters)
     }
 
-    /// Finds what falls on each node, and what becomes of it by the wind, by slopes and in the shade.
+    /// Finds what falls on each node, and what becomes of it by the wind, by slopes and in the
+    /// shade.
     pub(super) fn expose(
         &mut self,
         scan: &FusedSurfaces<'_>,
@@ -286,8 +293,8 @@ impl GroundGrid {
         self.find_shades(&scan.splats, threads);
     }
 
-    /// The lowest level surface of each cell that cameras see (any, where no photos were given) and its top, m; not a number where
-    /// there is none.
+    /// The lowest level surface of each cell that cameras see (any, where no photos were given) and
+    /// its top, m; not a number where there is none.
     pub(crate) fn floor(&self) -> (Vec<f32>, Vec<f32>) {
         let cells = self.size[0] * self.size[1];
         // Without photos normals say little.
@@ -414,7 +421,8 @@ impl GroundGrid {
         a.hypot(b) < LEVEL && (self.facing[node].is_nan() || self.facing[node] > UPRIGHT)
     }
 
-    /// Returns true if about it there is one surface alone, as far as something can stand on it or be its edge.
+    /// Returns true if about it there is one surface alone, as far as something can stand on it or
+    /// be its edge.
     pub(super) fn is_plain(&self, node: usize) -> bool {
         self.is_plain[node]
     }
@@ -441,8 +449,8 @@ impl GroundGrid {
             && around.all(|far| WAYS_ROUND.iter().all(|[x, y]| goes_on([far * x, far * y])))
     }
 
-    /// Returns true for leaves of a crown: a rough surface that stands over what is about it on several sides; on more of them if its
-    /// splats face up, as those of a table do.
+    /// Returns true for leaves of a crown: a rough surface that stands over what is about it on
+    /// several sides; on more of them if its splats face up, as those of a table do.
     fn is_of_crown(&self, node: usize) -> bool {
         if self.is_plain(node) || self.is_steep(node) {
             return false;
@@ -463,8 +471,8 @@ impl GroundGrid {
         LEAVES.into_iter().any(|(least, most)| sides >= least && faces_less(most))
     }
 
-    /// Finds the share of what leaves can hold that those of a node do; NaN where there are none. `spread` is how much its splats'
-    /// cosines with up differ: those of a steep roof are alike.
+    /// Finds the share of what leaves can hold that those of a node do; NaN where there are none.
+    /// `spread` is how much its splats' cosines with up differ: those of a steep roof are alike.
     fn clump(&self, node: usize, spread: f32) -> f32 {
         if spread < LEAVES_SPREAD || !self.is_of_crown(node) {
             return f32::NAN;
@@ -478,12 +486,14 @@ impl GroundGrid {
         !self.clumps[node].is_nan()
     }
 
-    /// Returns as much of a depth, m, as a node holds: leaves hold little, in clumps, and what is more falls through.
+    /// Returns as much of a depth, m, as a node holds: leaves hold little, in clumps, and what is
+    /// more falls through.
     pub(super) fn held(&self, node: usize, depth: f32) -> f32 {
         if self.is_crown(node) { depth.min(ON_LEAVES) * self.clumps[node] } else { depth }
     }
 
-    /// Returns true if something stands higher not far from it: then it is on the side of that, or below its top.
+    /// Returns true if something stands higher not far from it: then it is on the side of that, or
+    /// below its top.
     fn is_overlooked(&self, node: usize) -> bool {
         let ([column, row], height) = (self.place(node), self.height[node] + self.edge);
         AROUND.into_iter().flat_map(|far| WAYS_ROUND.map(|[x, y]| [far * x, far * y])).any(|[x, y]| {
@@ -492,8 +502,8 @@ impl GroundGrid {
         })
     }
 
-    /// Lets nothing lie on small surfaces beside which something stands higher: they are lumps that a training leaves on walls,
-    /// hedges and cars.
+    /// Lets nothing lie on small surfaces beside which something stands higher: they are lumps that
+    /// a training leaves on walls, hedges and cars.
     fn clear_ledges(&mut self, threads: usize) {
         let overlooked =
             map(self.len(), threads, |node| self.slope[node] != WALL && self.is_overlooked(node));
@@ -525,7 +535,8 @@ impl GroundGrid {
         self.is_inner[node]
     }
 
-    /// Takes the roughness of splats off level surfaces: the median of a node's height and of those about it.
+    /// Takes the roughness of splats off level surfaces: the median of a node's height and of those
+    /// about it.
     fn smooth(&self, node: usize) -> f32 {
         let [column, row] = self.place(node);
         let rough = ROUGH.max(ROUGH_CELLS * self.cell);
@@ -541,7 +552,8 @@ impl GroundGrid {
         near[count / 2]
     }
 
-    /// Returns the sums of values, each times the opacity, over the splats of the scene that are on each node's surface.
+    /// Returns the sums of values, each times the opacity, over the splats of the scene that are on
+    /// each node's surface.
     pub(super) fn sums_of_splats<const N: usize>(
         &self,
         splats: &Splats,
@@ -571,8 +583,9 @@ impl GroundGrid {
         sums
     }
 
-    /// Finds how far the splats of each node face up (or down, where the side is not known): the mean cosine of their normals over the
-    /// nodes beside each other, and its standard deviation; not numbers where none tells. In a scan a node's are those `of` its surface.
+    /// Finds how far the splats of each node face up (or down, where the side is not known): the
+    /// mean cosine of their normals over the nodes beside each other, and its standard deviation;
+    /// not numbers where none tells. In a scan a node's are those `of` its surface.
     fn find_facing(&self, scan: &FusedSurfaces<'_>, of: &[usize], threads: usize) -> (Vec<f32>, Vec<f32>) {
         let up = self.places.axes()[2];
         let cosine =
@@ -585,7 +598,8 @@ impl GroundGrid {
                 scales.sort_by(f32::total_cmp);
                 let is_seen = splat < scan.oriented;
                 let cosine = if is_seen { cosine(splat) } else { cosine(splat).abs() };
-                // Balls and rods look nowhere; but of what was seen from below nobody knows the top.
+                // Balls and rods look nowhere; but of what was seen from below nobody knows the
+                // top.
                 let flat = if cosine < CEILING { 1.0 } else { 1.0 - (scales[0] - scales[1]).exp() };
                 [flat * cosine, flat * cosine * cosine, flat]
             });
@@ -629,7 +643,8 @@ impl GroundGrid {
             moments.iter_mut().zip([x * x, x * y, y * y]).for_each(|(sum, value)| *sum += value);
         }
         let field = ((2 * FIELD + 1) * (2 * FIELD + 1)) as f32;
-        // A piece of a wall has what is above beside it and what is below, and is no ledge that looks up.
+        // A piece of a wall has what is above beside it and what is below, and is no ledge that
+        // looks up.
         let facing = self.facing[node];
         let is_piece = match (self.is_scan, self.is_seen[node]) {
             _ if facing < CEILING => true,
@@ -641,7 +656,8 @@ impl GroundGrid {
             (true, true) if !facing.is_nan() => self.is_overlooked(node),
             // Edges: wires and finials hold next to nothing.
             (true, true) => count < SURFACE * field || count < LEDGE * field && self.is_overlooked(node),
-            // What no camera sees is a surface only if it is a level one: pieces are haze, of the sky too.
+            // What no camera sees is a surface only if it is a level one: pieces are haze, of the
+            // sky too.
             (true, false) => count < WHOLE * field || facing < LEVEL_UNSEEN,
         };
         if is_piece {

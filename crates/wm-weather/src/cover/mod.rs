@@ -1,29 +1,32 @@
 //! Snow, dust and ash that lie.
 //!
 //! # How much lies where
-//! The fall reaches the surfaces of the scene ([`ground`]) by how open they are and by what the wind does with it
-//! ([`exposure`]), slides off what is too steep for it and lies below ([`settle`]), and melts. Depth is asked for as
-//! that on open level ground, or follows from what has fallen until then ([`snowpack`]). It melts slower in the shade,
-//! and later where more of it lies ([`thaw`]). All of it is kept account of: what fell is what lies, what has melted, and
-//! what is left on walls, falls through leaves or is blown away.
+//! The fall reaches the surfaces of the scene ([`ground`]) by how open they are and by what the
+//! wind does with it ([`exposure`]), slides off what is too steep for it and lies below
+//! ([`settle`]), and melts. Depth is asked for as that on open level ground, or follows from what
+//! has fallen until then ([`snowpack`]). It melts slower in the shade, and later where more of it
+//! lies ([`thaw`]). All of it is kept account of: what fell is what lies, what has melted, and what
+//! is left on walls, falls through leaves or is blown away.
 //!
 //! # Several
-//! Snow lies on sand: each slides and melts by itself on the bare ground, and the later is laid on top of the earlier,
-//! that is seen as far as the later does not cover it. The wind carries them all as it does the one that it takes up first.
+//! Snow lies on sand: each slides and melts by itself on the bare ground, and the later is laid on
+//! top of the earlier, that is seen as far as the later does not cover it. The wind carries them
+//! all as it does the one that it takes up first.
 //!
 //! # Over time
-//! The ground is found once a scene. On it what has slid is found for a ladder of depths, each 1.5 times the one before;
-//! between two of them depths are mixed. So a frame at any time can be had alone, and costs no sliding after
-//! the first.
+//! The ground is found once a scene. On it what has slid is found for a ladder of depths, each 1.5
+//! times the one before; between two of them depths are mixed. So a frame at any time can be had
+//! alone, and costs no sliding after the first.
 //!
 //! # How it is drawn
-//! As splats of its own on its own surface ([`surfels`]), opaque and lit as the place is (`shading.rs`); and the scene's
-//! splats that it buries are hidden, so that none shines through ([`Buried`]). Thin snow covers a share of the ground
-//! only, and what has melted leaves it wet until it has dried.
+//! As splats of its own on its own surface ([`surfels`]), opaque and lit as the place is
+//! (`shading.rs`); and the scene's splats that it buries are hidden, so that none shines through
+//! ([`Buried`]). Thin snow covers a share of the ground only, and what has melted leaves it wet
+//! until it has dried.
 //!
 //! # Departures from the paper
-//! The paper makes those splats white that face up, and fills planes between them with white ones: it snows under
-//! roofs, and white shows through what stands in front. That is [`crate::paper`]'s.
+//! The paper makes those splats white that face up, and fills planes between them with white ones:
+//! it snows under roofs, and white shows through what stands in front. That is [`crate::paper`]'s.
 
 pub mod exposure;
 pub mod ground;
@@ -58,7 +61,8 @@ use wm_scene::{Group, Splats};
 
 /// Depth below its ground to which a splat is buried with it, m: splats are that rough.
 const BURIED: f32 = 0.08;
-/// Largest height of a splat above its ground, m, and the largest depth below a plain of one that is replaced.
+/// Largest height of a splat above its ground, m, and the largest depth below a plain of one that
+/// is replaced.
 const ABOVE: f32 = 1.5;
 /// Height above and below other level ground within which a replaced splat belongs to it, m.
 const HAZE: [f32; 2] = [0.25, 0.3];
@@ -82,11 +86,13 @@ const KEPT: usize = 4;
 /// A cover to be laid out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoverRequest {
-    /// All that has come down on open level ground, m, as deep as it would lie at the instant had none melted.
+    /// All that has come down on open level ground, m, as deep as it would lie at the instant had
+    /// none melted.
     pub depth: f64,
     /// The remaining depths; `None` where nothing has melted.
     pub thaw: Option<Thaw>,
-    /// Depth that has come down wet, so that it sticks to walls where the wind throws it at them, m.
+    /// Depth that has come down wet, so that it sticks to walls where the wind throws it at them,
+    /// m.
     pub wet_fall: f64,
     /// Steepest that it lies, as a tangent.
     pub repose: f64,
@@ -189,7 +195,8 @@ impl LyingCover {
         Self { splats, buried: Buried::default(), settled: Vec::new(), melted: Vec::new() }
     }
 
-    /// The scene with what lies on it, as one set of splats: those of the scene keep their places, buried ones are transparent.
+    /// The scene with what lies on it, as one set of splats: those of the scene keep their places,
+    /// buried ones are transparent.
     #[must_use]
     pub fn over(&self, scene: &Splats) -> Splats {
         let mut out = scene.clone();
@@ -259,8 +266,9 @@ impl Cover {
             })
     }
 
-    /// Of a scene whose air carries what falls, on the surfaces of its scan. Cells are narrowest about a `path`, a line from
-    /// one end to the other (world, scene units), or about its middle where it is long.
+    /// Of a scene whose air carries what falls, on the surfaces of its scan. Cells are narrowest
+    /// about a `path`, a line from one end to the other (world, scene units), or about its middle
+    /// where it is long.
     #[must_use]
     pub fn of(
         splats: &Splats,
@@ -328,8 +336,8 @@ impl Cover {
         &self.rings
     }
 
-    /// Returns the share of the ground that covers hide at a point (world, scene units) of the ground, 0-1, by their `depths` on
-    /// each ring, m, as [`LyingCover::settled`] lists them.
+    /// Returns the share of the ground that covers hide at a point (world, scene units) of the
+    /// ground, 0-1, by their `depths` on each ring, m, as [`LyingCover::settled`] lists them.
     #[must_use]
     pub fn hides(&self, depths: &[Vec<f32>], point: [f64; 3]) -> f32 {
         let found = self.rings.iter().enumerate().find_map(|(ring, ground)| {
@@ -350,8 +358,8 @@ impl Cover {
         self.rings.iter().all(|ground| ground.share.iter().all(|share| *share <= 0.0))
     }
 
-    /// Lays out one cover. The depths of the ladder that it needs are kept for the next time; the result does not
-    /// depend on what was asked before.
+    /// Lays out one cover. The depths of the ladder that it needs are kept for the next time; the
+    /// result does not depend on what was asked before.
     #[must_use]
     pub fn lay(&mut self, asked: &CoverRequest) -> LyingCover {
         self.lay_all(std::slice::from_ref(asked))
@@ -361,7 +369,8 @@ impl Cover {
     #[must_use]
     pub fn lay_all(&mut self, asked: &[CoverRequest]) -> LyingCover {
         let layers: Vec<Vec<SettledLayer>> = asked.iter().map(|asked| self.left(asked)).collect();
-        // What is above a splat, from the lowest layer up, and how much of the ground all of it leaves seen.
+        // What is above a splat, from the lowest layer up, and how much of the ground all of it
+        // leaves seen.
         let (mut tops, mut seen) = (Vec::new(), Vec::new());
         let mut splats = Splats::with_capacity(0, 0);
         for (ring, ground) in self.rings.iter().enumerate() {
@@ -434,8 +443,8 @@ impl Cover {
         self.rings.iter().zip(settled).map(layer).collect()
     }
 
-    /// Returns the depths on each ring after sliding, for a depth on open level ground, m, the lowest of the ladder or more: mixed
-    /// of the two depths of it about that.
+    /// Returns the depths on each ring after sliding, for a depth on open level ground, m, the
+    /// lowest of the ladder or more: mixed of the two depths of it about that.
     fn slid(&mut self, depth: f64, repose: f64) -> Vec<Settled> {
         let above = (depth / LOWEST).log(RUNG).ceil().max(1.0) as i32;
         let [low, high] = [above - 1, above].map(|k| LOWEST * RUNG.powi(k));
@@ -482,7 +491,8 @@ fn about(path: [[f64; 3]; 2], reach: f64, site: &Site) -> [[f64; 3]; 2] {
     let [a, b] = path.map(DVec3::from_array);
     let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
     let [across, along, _] = level_axes(site.up).map(|axis| half.dot(DVec3::from_array(axis)).abs());
-    // Its rectangle is `LONGER` times the square about a point: (1 + s x) (1 + s y) with s the share that is taken.
+    // Its rectangle is `LONGER` times the square about a point: (1 + s x) (1 + s y) with s the
+    // share that is taken.
     let [x, y] = [across / reach, along / reach];
     // The root in a form that holds where the path runs along an axis, and is one point.
     let share =
@@ -513,7 +523,8 @@ fn spot(
     let rise = |k: usize| axis(k).iter().zip(&up).map(|(a, b)| a * b).sum::<f64>().abs() * metres_per_unit;
     let mut order = [0, 1, 2];
     order.sort_by(|a, b| scales[*b].total_cmp(&scales[*a]));
-    // Those that stand up reach as far as they are long; of those that lie only their thickness counts.
+    // Those that stand up reach as far as they are long; of those that lie only their thickness
+    // counts.
     let upright = (0..3).map(|k| rise(k).powi(2)).sum::<f64>().sqrt();
     let lies = rise(order[0]) < 0.35 * scales[order[0]] * metres_per_unit;
     let under = |at: [f64; 3]| {

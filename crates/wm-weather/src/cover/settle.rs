@@ -15,11 +15,13 @@ const HOLDS: f32 = 1.3;
 pub struct Settled {
     /// Depth, m, one a node of the ground.
     pub depth: Vec<f32>,
-    /// The amount on walls, where nothing can lie, and that falls through leaves, as a depth on one cell, m.
+    /// The amount on walls, where nothing can lie, and that falls through leaves, as a depth on one
+    /// cell, m.
     pub lost: f64,
 }
 
-/// Lets `fell` (m of depth a node) slide until no slope of its surface is steeper than `repose` (a tangent).
+/// Lets `fell` (m of depth a node) slide until no slope of its surface is steeper than `repose` (a
+/// tangent).
 #[must_use]
 pub fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled {
     let mut depth = fell.to_vec();

@@ -9,8 +9,8 @@ use wm_scene::color::{luminance, srgb_decode};
 const ROUNDS: usize = 6;
 
 impl GroundGrid {
-    /// Finds how lit each node is, 0 in the shade to 1 in the open: by the sky that it sees, and by how bright the scene
-    /// is about it beside what is as open.
+    /// Finds how lit each node is, 0 in the shade to 1 in the open: by the sky that it sees, and by
+    /// how bright the scene is about it beside what is as open.
     pub(super) fn find_shades(&mut self, splats: &Splats, threads: usize) {
         let mut light = self.light(splats, threads);
         for _ in 0..ROUNDS {
@@ -32,7 +32,8 @@ impl GroundGrid {
         self.shade = light.iter().zip(&self.open).map(shade).collect();
     }
 
-    /// The luminance of the splats that make up each surface, linear; not a number where none tells.
+    /// The luminance of the splats that make up each surface, linear; not a number where none
+    /// tells.
     fn light(&self, splats: &Splats, threads: usize) -> Vec<f32> {
         let bright = |index: usize| {
             let rgb = splats.base_color(index).map(|v| srgb_decode(v.max(0.0)));

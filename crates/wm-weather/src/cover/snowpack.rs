@@ -1,13 +1,15 @@
-//! Snow on open level ground over time: what has fallen, how it settles and melts, and how wet it leaves the ground.
+//! Snow on open level ground over time: what has fallen, how it settles and melts, and how wet it
+//! leaves the ground.
 //!
-//! New snow has the density `67.92 + 51.25 exp(T / 2.59)` kg/m^3 at an air of T degrees (Hedstrom and Pomeroy 1998), so
-//! that 1 mm/h of water is some 1 cm of snow an hour. It settles towards 300 kg/m^3 in 1 to 3 days: its volume goes there
-//! as `exp(-age / 36 h)`. It melts by 4 mm of water a day for each degree above 0 (2 to 6 are seen), on open ground; what
-//! that leaves where it melts slower or faster is kept beside it ([`super::thaw`]). Of a depth that is asked for what it
-//! grows by falls, and where it is asked to shrink all layers do.
+//! New snow has the density `67.92 + 51.25 exp(T / 2.59)` kg/m^3 at an air of T degrees (Hedstrom
+//! and Pomeroy 1998), so that 1 mm/h of water is some 1 cm of snow an hour. It settles towards 300
+//! kg/m^3 in 1 to 3 days: its volume goes there as `exp(-age / 36 h)`. It melts by 4 mm of water a
+//! day for each degree above 0 (2 to 6 are seen), on open ground; what that leaves where it melts
+//! slower or faster is kept beside it ([`super::thaw`]). Of a depth that is asked for what it grows
+//! by falls, and where it is asked to shrink all layers do.
 //!
-//! An instant is a sum of steps that always begin at the same times, so it does not depend on which instants were asked
-//! for before.
+//! An instant is a sum of steps that always begin at the same times, so it does not depend on which
+//! instants were asked for before.
 
 use super::surfels::coverage;
 use super::thaw::{MeltSample, OPEN, PACES, Thaw};
@@ -20,7 +22,8 @@ const SETTLES: f64 = 36.0;
 const DENSEST: f64 = 250.0;
 /// Water that melts, mm a degree and hour.
 const MELT: f64 = 4.0 / 24.0;
-/// Water that stays on the ground at most, that makes it quite wet, and what dries of it where it is bare, mm and mm/h.
+/// Water that stays on the ground at most, that makes it quite wet, and what dries of it where it
+/// is bare, mm and mm/h.
 const FILM: f64 = 0.5;
 const WET: f64 = 0.3;
 const DRIES: f64 = 0.15;
@@ -30,7 +33,8 @@ const FALLS: f64 = 0.3;
 const BEFORE: u32 = 256;
 const STEP: f64 = 1.0 / 16.0;
 const MOST: f64 = 65_536.0;
-/// Depth at which the steps in which what is left is told begin to widen, m: they are the finer the thinner it lies.
+/// Depth at which the steps in which what is left is told begin to widen, m: they are the finer the
+/// thinner it lies.
 const FINE: f64 = 0.01;
 
 /// The inputs of a snowpack.
@@ -99,7 +103,8 @@ impl SnowStock {
         self.loose = self.loose * part.settles + part.water * (1.0 / part.density - 1.0 / SETTLED);
     }
 
-    /// Of some mm that can melt as much does as there is, and wets the ground, that dries as far as it is bare.
+    /// Of some mm that can melt as much does as there is, and wets the ground, that dries as far as
+    /// it is bare.
     fn melt(&mut self, can: f64, hours: f64) {
         let melts = can.min(self.water);
         if melts > 0.0 {
@@ -127,7 +132,8 @@ impl SnowpackState {
         self.left.map_or(self.fell, |left| left[OPEN])
     }
 
-    /// Returns the remaining snow wherever something has melted, in steps too fine to be seen; `None` where nothing has.
+    /// Returns the remaining snow wherever something has melted, in steps too fine to be seen;
+    /// `None` where nothing has.
     #[must_use]
     pub fn thaw(&self) -> Option<Thaw> {
         let step = |depth: f64| FINE * (((1.0 + depth / FINE).log2() * 256.0).round() / 256.0).exp2() - FINE;
@@ -177,7 +183,8 @@ impl SnowpackState {
     }
 }
 
-/// Returns the share of snow that is wet enough to stick at a temperature, 0-1: from 1 below to 1 above 0.
+/// Returns the share of snow that is wet enough to stick at a temperature, 0-1: from 1 below to 1
+/// above 0.
 fn sticky(temperature: f64) -> f64 {
     (2.0 - 2.0 * (temperature.abs() - 0.5)).clamp(0.0, 1.0)
 }
@@ -189,7 +196,8 @@ impl Snowpack<'_> {
         self.pass_until(time, |_, _| {})
     }
 
-    /// The melt water until each of some rising times, s, the last of which is the end of the time that is looked at.
+    /// The melt water until each of some rising times, s, the last of which is the end of the time
+    /// that is looked at.
     #[must_use]
     pub fn melts(&self, times: &[f64]) -> Vec<MeltSample> {
         let Some(end) = times.last() else { return Vec::new() };
@@ -374,7 +382,8 @@ mod tests {
             };
             snow.at(time)
         };
-        // Some 8.1 mm fall; 5.5 mm can melt by 9 h. So 3 mm before the start and 1 h less of it are gone by then.
+        // Some 8.1 mm fall; 5.5 mm can melt by 9 h. So 3 mm before the start and 1 h less of it are
+        // gone by then.
         let (bare, again) = (at(9.0), at(10.1));
         println!("{:?} {:?} {:?} {:?}", bare.open(), shaded(&bare), again.open(), shaded(&again));
         assert!((bare.fell.water - 8.1).abs() < 1e-6);
@@ -409,7 +418,8 @@ mod tests {
             let before = (hours + time.min(0.0)).max(0.0) * rates[0];
             let fell = before + rate.integral(0.0, time.max(0.0));
             prop_assert!((pack.fell.water - fell).abs() < 1e-6 * fell.max(1.0), "{pack:?} {fell}");
-            // What is open melts by the degrees that there were, as far as it has any snow, and the slower the more is left.
+            // What is open melts by the degrees that there were, as far as it has any snow, and the
+            // slower the more is left.
             let warm: Vec<f64> = (0..1200).map(|k| 0.01 * f64::from(k) + 0.005).filter(|at| *at < time)
                 .map(|at| temperature.at(at).number().unwrap().max(0.0) * 0.01).collect();
             let can = MELT * (warm.iter().sum::<f64>() + temperatures[0].max(0.0) * (hours + time.min(0.0)).max(0.0));
@@ -442,7 +452,8 @@ mod tests {
                 // 5 mm/h of new snow, 8 degrees of melt, and some settling.
                 let most = (5.0 + 8.0 * MELT * pace) / 60.0;
                 prop_assert!((a.water - b.water).abs() <= most, "{a:?} {b:?}");
-                // Snow that falls at 3 degrees has 231 kg/m^3, at -8 degrees 70; of old snow a mm of water is that deep too.
+                // Snow that falls at 3 degrees has 231 kg/m^3, at -8 degrees 70; of old snow a mm
+                // of water is that deep too.
                 prop_assert!((a.depth() - b.depth()).abs() <= most / 67.0 + 0.001 * a.depth(), "{a:?} {b:?}");
                 prop_assert!((a.film - b.film).abs() <= most.max(DRIES / 60.0) + 1e-9, "{a:?} {b:?}");
             }

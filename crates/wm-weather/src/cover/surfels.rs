@@ -11,8 +11,8 @@ use wm_scene::{Group, Splats};
 
 /// Depth below which the ground shows between flakes, m.
 const DUSTING: f32 = 0.006;
-/// Standard deviation of a surfel along the surface, in cells: amid others, so wide that nothing is seen between them, and
-/// at an edge; how far off the middle it is at most; and through, m.
+/// Standard deviation of a surfel along the surface, in cells: amid others, so wide that nothing is
+/// seen between them, and at an edge; how far off the middle it is at most; and through, m.
 const WIDTH: [f64; 2] = [0.8, 0.55];
 const ASIDE: [f64; 2] = [0.2, 0.1];
 const THICKNESS: f64 = 0.004;
@@ -20,24 +20,24 @@ const THICKNESS: f64 = 0.004;
 pub(super) const OPAQUE: f64 = 0.985;
 /// Least depth that is drawn, m.
 const LEAST: f32 = 0.000_5;
-/// Height above its surface at which thin cover is drawn where it hides it, m, and the depth from which on it is drawn as deep as
-/// it is: it then hides what it lies on, however rough that is.
+/// Height above its surface at which thin cover is drawn where it hides it, m, and the depth from
+/// which on it is drawn as deep as it is: it then hides what it lies on, however rough that is.
 const LIFT: f32 = 0.012;
 const LIFTED: f32 = 0.05;
 /// The same at its edges, however deep: leaves and ridges are roughest, and stand out of it.
 const RIM: f32 = 0.018;
 /// From which cover on nothing is seen of what lies below.
 const HIDES: f32 = 0.995;
-/// Unevenness of the surface, m and as a slope, at most; and how far above the mean of it what is seen lies, as a share: of
-/// splats that overlap the uppermost.
+/// Unevenness of the surface, m and as a slope, at most; and how far above the mean of it what is
+/// seen lies, as a share: of splats that overlap the uppermost.
 const ROUGH: f64 = 0.004;
 const SEEN: f64 = 0.55;
 const TILT: f64 = 0.06;
 
 /// Nodes that one thread draws at a time.
 const PART: usize = 4096;
-/// Wet ground: height at which it is drawn, m, width, in cells, how much light it takes at most, and its own
-/// colour, sRGB.
+/// Wet ground: height at which it is drawn, m, width, in cells, how much light it takes at most,
+/// and its own colour, sRGB.
 const FILM: f64 = 0.004;
 const SPREADS: f64 = 0.55;
 const SOAKED: f64 = 0.38;
@@ -55,8 +55,9 @@ pub struct CoverMaterial {
 }
 
 impl CoverMaterial {
-    /// A material of this albedo by channel, no brighter than `most`, at a site; `shade` is the share of the light that is left in
-    /// the shade of the capture's sun. In the light of a weather it has its own colour everywhere, and that light falls on it.
+    /// A material of this albedo by channel, no brighter than `most`, at a site; `shade` is the
+    /// share of the light that is left in the shade of the capture's sun. In the light of a weather
+    /// it has its own colour everywhere, and that light falls on it.
     #[must_use]
     pub fn at(albedo: [f64; 3], shade: [f64; 3], most: f64, site: &Site) -> Self {
         if site.light == SiteLight::OfWeather {
@@ -68,7 +69,8 @@ impl CoverMaterial {
     }
 }
 
-/// Returns the share of the ground that a depth covers, 0-1: 0 where nothing is drawn, so that cover fades out.
+/// Returns the share of the ground that a depth covers, 0-1: 0 where nothing is drawn, so that
+/// cover fades out.
 #[must_use]
 pub fn coverage(depth: f32) -> f32 {
     (1.0 - (-depth.max(0.0) / DUSTING).exp()) * (depth / LEAST - 1.0).clamp(0.0, 1.0)
@@ -98,7 +100,8 @@ fn lift(depth: f32) -> f32 {
     LIFT * coverage(depth) * (1.0 - depth / LIFTED).max(0.0)
 }
 
-/// The surface of what lies on heights `base`: height of its top at each node, m; smoother than those the deeper it is.
+/// The surface of what lies on heights `base`: height of its top at each node, m; smoother than
+/// those the deeper it is.
 #[must_use]
 pub fn surface(ground: &GroundGrid, base: &[f32], depth: &[f32], threads: usize) -> Vec<f32> {
     let mut top: Vec<f32> = base.iter().zip(depth).map(|(height, depth)| height + depth).collect();
@@ -229,8 +232,8 @@ impl Painter<'_> {
         }
     }
 
-    /// Adds what wets a node, between what lies there. It is laid by the ground alone, so that it stays as it is when the
-    /// last of that goes.
+    /// Adds what wets a node, between what lies there. It is laid by the ground alone, so that it
+    /// stays as it is when the last of that goes.
     fn wet(&self, node: usize, splats: &mut Splats) {
         let Self { ground, layer: CoverLayer { depth, top, wet, .. }, axes, cell, .. } = *self;
         let soaked = SOAKED * f64::from(wet[node] * (1.0 - coverage(depth[node])));
@@ -260,7 +263,8 @@ impl Painter<'_> {
     }
 }
 
-/// A splat on a surface: at a place, with standard deviations along the surface and across it (world, scene units).
+/// A splat on a surface: at a place, with standard deviations along the surface and across it
+/// (world, scene units).
 pub(crate) fn surfel(
     at: [f64; 3],
     (normal, up): (DVec3, DVec3),

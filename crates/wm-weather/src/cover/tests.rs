@@ -131,7 +131,8 @@ fn ground_is_buried_across_the_end_of_a_ring() {
     assert!(near.len() > 150 && seen <= 2, "{seen} of {} splats are seen through 15 cm", near.len());
 }
 
-/// A tree stands on the yard: its leaves hold little, and with gaps between; the yard holds all. Nothing gets lost from the account.
+/// A tree stands on the yard: its leaves hold little, and with gaps between; the yard holds all.
+/// Nothing gets lost from the account.
 #[test]
 fn leaves_of_a_crown_hold_little_in_clumps() {
     let mut place = Builder::new(4);
@@ -159,7 +160,8 @@ fn leaves_of_a_crown_hold_little_in_clumps() {
     assert!(((lies + lost) / fell - 1.0).abs() < 1e-3, "{lies} + {lost} of {fell}");
 }
 
-/// A steep roof stands over the yard on both sides of its ridge, and faces away from up as much as leaves do.
+/// A steep roof stands over the yard on both sides of its ridge, and faces away from up as much as
+/// leaves do.
 #[test]
 fn a_steep_roof_is_no_crown() {
     let mut place = Builder::new(4);
@@ -180,8 +182,8 @@ fn a_steep_roof_is_no_crown() {
     assert!(high > 100 && leaves * 100 <= high, "{leaves} of leaves, {high} of the roof");
 }
 
-/// A lawn as a drone's photos leave it: splats up to a metre off the level that the cameras agree on, and wide ones far
-/// below. A post stands on it.
+/// A lawn as a drone's photos leave it: splats up to a metre off the level that the cameras agree
+/// on, and wide ones far below. A post stands on it.
 #[test]
 fn snow_closes_over_rough_ground_and_posts_stick_out() {
     let splat = |[x, y, z]: [f64; 3], scales: [f64; 3]| Splat {
@@ -233,7 +235,8 @@ fn snow_closes_over_rough_ground_and_posts_stick_out() {
     assert!((mean - share).abs() < 0.05, "{mean} of {share}");
 }
 
-/// Flat splats on the exact surfaces of the built-in street, as far as rays from above and from its views see them.
+/// Flat splats on the exact surfaces of the built-in street, as far as rays from above and from its
+/// views see them.
 fn street(place: &Place) -> Splats {
     let mut splats = Splats::with_capacity(0, 0);
     let mut add = |origin: DVec3, direction: DVec3, sigma: f64| {
@@ -340,7 +343,8 @@ fn the_street_is_covered_where_it_is_open() {
     assert!(floor.len() > 50 && deepest < 0.005);
 }
 
-/// A house in the middle of a yard: behind it, out of the wind, less lies than before it, and no more than fell lies in all.
+/// A house in the middle of a yard: behind it, out of the wind, less lies than before it, and no
+/// more than fell lies in all.
 #[test]
 fn the_lee_of_a_house_holds_less() {
     let mut place = Builder::new(1);
@@ -356,8 +360,8 @@ fn the_lee_of_a_house_holds_less() {
     assert!(windward > 0.09 && lee < 0.02 && (open / 0.1 - 1.0).abs() < 0.03, "{windward} {lee} {open}");
 }
 
-/// Mass is conserved: lying, melted, shed and blown away add up to the fall on the level area, counted apart from the
-/// cover.
+/// Mass is conserved: lying, melted, shed and blown away add up to the fall on the level area,
+/// counted apart from the cover.
 #[test]
 fn what_falls_is_what_lies() {
     let flows = [([0.0; 2], 0.0), ([0.5, 0.2], 0.0), ([0.4, -0.2], 0.5)];
@@ -438,7 +442,8 @@ fn wet_snow_sticks_to_the_windward_wall() {
     assert_eq!(on_walls([0.0, 0.0], 0.05), dry[1]);
 }
 
-/// Over a time in which it snows and thaws: what fell, from the rate, is what lies and what has melted.
+/// Over a time in which it snows and thaws: what fell, from the rate, is what lies and what has
+/// melted.
 #[test]
 fn water_is_kept_over_time() {
     let splats = porch();
@@ -523,7 +528,8 @@ fn hours(sets: &[&str]) -> crate::Weather {
     weather
 }
 
-/// The shade is bare later than the sun, but it does get bare, and new snow lies on both; in between nothing jumps.
+/// The shade is bare later than the sun, but it does get bare, and new snow lies on both; in
+/// between nothing jumps.
 #[test]
 fn the_shade_is_bare_later_and_new_snow_lies_again() {
     let splats = half_shaded();
@@ -597,8 +603,8 @@ fn water_is_kept_through_thaws() {
         let all: f64 = cover.rings()[0].share.iter().map(|share| f64::from(*share) * area * fell).sum();
         println!("{time} h: {lies:.1} kg lie, {melted:.1} melted, {shed:.1} shed of {all:.1}");
         assert!(((lies + melted + shed) / all - 1.0).abs() < 0.01, "{time}: {lies} {melted} {shed} {all}");
-        // Counted from the places: each loses by its own light what can melt, as far as it has any. Until then there were
-        // 26 degrees and hours, of which each melts 4 mm in a day.
+        // Counted from the places: each loses by its own light what can melt, as far as it has any.
+        // Until then there were 26 degrees and hours, of which each melts 4 mm in a day.
         if time == 8.0 {
             let ground = &cover.rings()[0];
             let melts = |node: usize| {

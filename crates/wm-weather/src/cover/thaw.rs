@@ -1,12 +1,14 @@
 //! Melting of snow at different paces in sun and shade.
 //!
-//! Where the share `s` of what falls on open level ground comes to lie, and `f` of what can melt there melts (the whole in
-//! the open, half in full shade), `s` times as much is left as of a pack on open level ground that melts `f / s` times as
-//! fast, its *pace*: both sides of the balance, what falls and what melts, are `s` times as much. So packs at some paces
-//! tell what is left at every place, in a drift in the shade as in a dusting in the sun, whatever has fallen and melted
+//! Where the share `s` of what falls on open level ground comes to lie, and `f` of what can melt
+//! there melts (the whole in the open, half in full shade), `s` times as much is left as of a pack
+//! on open level ground that melts `f / s` times as fast, its *pace*: both sides of the balance,
+//! what falls and what melts, are `s` times as much. So packs at some paces tell what is left at
+//! every place, in a drift in the shade as in a dusting in the sun, whatever has fallen and melted
 //! when. Each is a pure function of time without a jump, and so is what is mixed of two of them.
 
-/// Paces that are kept, from a deep drift in the shade to next to nothing in the sun; narrow where most places are.
+/// Paces that are kept, from a deep drift in the shade to next to nothing in the sun; narrow where
+/// most places are.
 pub const PACES: [f64; COUNT] = [
     0.0625, 0.09, 0.125, 0.18, 0.25, 0.3, 0.36, 0.43, 0.5, 0.55, 0.6, 0.67, 0.75, 0.82, 0.9, 1.0, 1.1, 1.25,
     1.5, 2.0, 3.0, 6.0,
@@ -57,13 +59,15 @@ impl Thaw {
         self.depth.iter().chain(&self.wet).all(|left| *left <= 0.0)
     }
 
-    /// Returns the depth where it melts the slowest, m: sliding uses it, since what has slid does not go back when it melts.
+    /// Returns the depth where it melts the slowest, m: sliding uses it, since what has slid does
+    /// not go back when it melts.
     #[must_use]
     pub fn deepest(&self) -> f64 {
         f64::from(self.depth[0])
     }
 
-    /// Returns the state of a place where `share` of the fall on open level ground came to lie, lit by `shade`, 0 to 1.
+    /// Returns the state of a place where `share` of the fall on open level ground came to lie, lit
+    /// by `shade`, 0 to 1.
     #[must_use]
     pub fn at(&self, share: f32, shade: f32) -> CoverState {
         if share <= 0.0 {
@@ -76,7 +80,8 @@ impl Thaw {
     }
 }
 
-/// The place of a pace among [`PACES`]: the next one above it, and the share of the way to that from the one below.
+/// The place of a pace among [`PACES`]: the next one above it, and the share of the way to that
+/// from the one below.
 fn place_of(pace: f32) -> (usize, f32) {
     let [first, last] = [PACES[0], PACES[COUNT - 1]].map(|pace| pace as f32);
     let pace = pace.clamp(first, last);
@@ -98,8 +103,9 @@ impl MeltSample {
     /// Nothing has fallen yet.
     pub const NONE: Self = Self { melted: [0.0; COUNT], bare: [1.0; COUNT] };
 
-    /// Returns what has melted, mm, and the bare share of the ground, at a place where `share` of the fall on open level ground
-    /// came to lie. A place that less falls on is taken to lie in the shade of what keeps the fall off: as much less melts there.
+    /// Returns what has melted, mm, and the bare share of the ground, at a place where `share` of
+    /// the fall on open level ground came to lie. A place that less falls on is taken to lie in the
+    /// shade of what keeps the fall off: as much less melts there.
     #[must_use]
     pub fn at(&self, share: f64) -> [f64; 2] {
         if share <= 0.0 {
@@ -147,7 +153,8 @@ mod tests {
         ) {
             let left = Thaw::of(0.1, melts, 1.0).at(share, shade);
             let own = (0.1 * share - melts as f32 * (0.5 + 0.5 * shade)).max(0.0);
-            // Paces lie up to a quarter apart about where the last of it melts, and farther for thin snow.
+            // Paces lie up to a quarter apart about where the last of it melts, and farther for
+            // thin snow.
             let apart = if share > 0.5 { 0.012 } else { 0.03 };
             prop_assert!(left.depth >= own - 1e-6 && left.depth - own < apart * share, "{left:?} {own}");
             // It does melt, within half as long again.

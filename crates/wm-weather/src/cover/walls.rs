@@ -1,8 +1,9 @@
 //! Wet snow that the wind throws against walls and trunks, and that sticks there.
 //!
-//! A surface that faces the wind meets as much more of the fall than level ground as the fall is slanted. Some of it
-//! sticks, up to a thickness at which it falls off by its weight. It is drawn on the splats of the scene that stand up, and
-//! is no part of what lies: what meets walls would have fallen in their lee.
+//! A surface that faces the wind meets as much more of the fall than level ground as the fall is
+//! slanted. Some of it sticks, up to a thickness at which it falls off by its weight. It is drawn
+//! on the splats of the scene that stand up, and is no part of what lies: what meets walls would
+//! have fallen in their lee.
 
 use super::Airflow;
 use super::surfels::{CoverMaterial, OPAQUE, coverage, lit, surfel};
@@ -21,7 +22,8 @@ const SLANT: f64 = 0.15;
 const UPRIGHT: f64 = 0.5;
 /// Least cosine between its normal and the wind.
 const FACING: f64 = 0.2;
-/// Least opacity, and the largest standard deviation, m, of a splat that shows a surface; how flat it is at least.
+/// Least opacity, and the largest standard deviation, m, of a splat that shows a surface; how flat
+/// it is at least.
 const SOLID: f64 = 0.4;
 const WIDEST: f64 = 0.6;
 const FLAT: f64 = 0.6;

@@ -49,9 +49,9 @@ const SKIES: [&[&str]; 9] = [
     &["sky.panorama=p", "sky.heading=-400", "sky.brightness=0.3", "sky.ground=#a0a0a0"],
 ];
 
-/// A sky by elevation is tabled: the clear one bends most, near the horizon, by 8e-4 of its range a step
-/// of the table, an eighth of which is lost between. A panorama is read at angles that are off by 1.2e-5:
-/// 5e-4 of one of its pixels here, times the 0.5 of its edge.
+/// A sky by elevation is tabled: the clear one bends most, near the horizon, by 8e-4 of its range a
+/// step of the table, an eighth of which is lost between. A panorama is read at angles that are off
+/// by 1.2e-5: 5e-4 of one of its pixels here, times the 0.5 of its edge.
 #[test]
 fn what_is_painted_is_what_the_referee_says() {
     for words in SKIES {
@@ -98,8 +98,8 @@ fn dome_of_light(zenith: f64, horizon: f64) -> Dome {
     Dome::new(look, None, 1.0, UP, SkySplats::Kept)
 }
 
-/// Nowhere a step: half a thousandth of a sphere's height changes no channel by more than 1 %, and the horizon
-/// of skies by elevation is the brighter side of nothing.
+/// Nowhere a step: half a thousandth of a sphere's height changes no channel by more than 1 %, and
+/// the horizon of skies by elevation is the brighter side of nothing.
 #[test]
 fn there_is_no_edge_at_the_horizon() {
     for words in SKIES.iter().filter(|words| !words.contains(&"sky.below=picture")) {

@@ -14,8 +14,8 @@ macro_rules! air {
         $crate::params! {
             /// The parameters of the effect.
             pub struct AirParams {
-                /// Meteorological optical range at the base height: the distance at which 5 % of the
-                /// light is left (WMO). Green light, where the colours differ.
+                /// Meteorological optical range at the base height: the distance at which 5 % of
+                /// the light is left (WMO). Green light, where the colours differ.
                 mor: f64 = ParamValue::Number($mor), 1.0 => f64::INFINITY, "m";
                 /// The same as Koschmieder's visual range (2 % of the light left); if given, it is
                 /// used and `mor` is not.

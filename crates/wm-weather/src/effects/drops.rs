@@ -1,6 +1,7 @@
 //! The common parameters of rain and snowfall, with different defaults.
 //!
-//! In fidelity `paper` only those whose names begin with `paper_` count, with `rate`, `airlight` and `seed`.
+//! In fidelity `paper` only those whose names begin with `paper_` count, with `rate`, `airlight`
+//! and `seed`.
 
 /// Declares the parameters of a kind of precipitation and its [`Effect`](super::Effect).
 macro_rules! drops {
@@ -27,13 +28,15 @@ macro_rules! drops {
                 rate: f64 = ParamValue::Number($rate), 0.0 => $most, "mm/h";
                 /// Exposure time: streaks are as long as the distance travelled in it.
                 exposure: f64 = ParamValue::Number(0.0166), 0.000_01 => 1.0, "s";
-                /// Factor on the diameters that are drawn; their number, speed and the air stay as they are.
+                /// Factor on the diameters that are drawn; their number, speed and the air stay as
+                /// they are.
                 size: f64 = ParamValue::Number(1.0), 0.1 => 10.0, "";
                 /// Factor on what they cover.
                 opacity: f64 = ParamValue::Number(1.0), 0.0 => 100.0, "";
                 /// Factor on their light.
                 brightness: f64 = ParamValue::Number(1.0), 0.0 => 10.0, "";
-                /// Their colour; `auto` is that of the surroundings: three quarters of the airlight.
+                /// Their colour; `auto` is that of the surroundings: three quarters of the
+                /// airlight.
                 color: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
                 /// Colour of an endless depth of it; `auto` takes the scene's sky near the horizon.
                 airlight: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
@@ -43,8 +46,8 @@ macro_rules! drops {
                 paper_number: Option<f64> = ParamValue::Auto, 0.0 => 4_000_000.0, "";
                 /// Fidelity `paper`: edge of the box about the camera that they fill.
                 paper_box: f64 = ParamValue::Number(24.0), 0.1 => 10_000.0, "m";
-                /// Fidelity `paper`: their fall speed; over time by keyframes: they have come as far as its
-                /// integral.
+                /// Fidelity `paper`: their fall speed; over time by keyframes: they have come as
+                /// far as its integral.
                 paper_speed: f64 = ParamValue::Number($speed), 0.0 => 1000.0, "m/s";
                 /// Fidelity `paper`: their colour as shown; `auto` is a light grey.
                 paper_color: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
@@ -55,21 +58,24 @@ macro_rules! drops {
                 paper_length: f64 = ParamValue::Number($length), 0.000_01 => 100.0, "m";
                 /// Fidelity `paper`: the same across; `auto` is a tenth of the length.
                 paper_width: Option<f64> = $width, 0.000_01 => 100.0, "m";
-                /// Fidelity `paper`: k, the number of sub-clouds that are rendered apart: a whole number.
+                /// Fidelity `paper`: k, the number of sub-clouds that are rendered apart: a whole
+                /// number.
                 paper_k: f64 = ParamValue::Number(4.0), 1.0 => 64.0, "";
-                /// Fidelity `paper`: L_sky, mean brightness of the sky as shown; `auto` takes the airlight.
+                /// Fidelity `paper`: L_sky, mean brightness of the sky as shown; `auto` takes the
+                /// airlight.
                 paper_l_sky: Option<f64> = ParamValue::Auto, 0.0 => 4.0, "";
-                /// Fidelity `paper`: least `L_sky - L` that counts; below 0 they darken what is brighter than
-                /// the sky.
+                /// Fidelity `paper`: least `L_sky - L` that counts; below 0 they darken what is
+                /// brighter than the sky.
                 paper_t_min: f64 = ParamValue::Number($t_min), -4.0 => 4.0, "";
                 /// Fidelity `paper`: greatest `L_sky - L` that counts.
                 paper_t_max: f64 = ParamValue::Number($t_max), -4.0 => 4.0, "";
-                /// Fidelity `paper`: t_D, up to where they are seen; `auto` is where they are 0.3 px wide.
+                /// Fidelity `paper`: t_D, up to where they are seen; `auto` is where they are 0.3
+                /// px wide.
                 paper_t_d: Option<f64> = ParamValue::Auto, 0.0 => 1e7, "m";
                 /// Fidelity `paper`: t_C, brightness as shown below which noise is left out.
                 paper_t_c: f64 = ParamValue::Number(0.02), 0.0 => 1.0, "";
-                /// Fidelity `paper`: depth that D_ref takes for 1; `auto` takes three times the radius of the
-                /// scene.
+                /// Fidelity `paper`: depth that D_ref takes for 1; `auto` takes three times the
+                /// radius of the scene.
                 paper_d_max: Option<f64> = ParamValue::Auto, 0.01 => 1e7, "m";
                 /// Fidelity `paper`: I_style of the light fog over the distance; 0 for none.
                 paper_fog: f64 = ParamValue::Number($fog), 0.0 => 1000.0, "";

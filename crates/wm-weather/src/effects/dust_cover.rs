@@ -1,7 +1,8 @@
 //! Dust cover: sand, dust or ash that lies, as deep as is asked for on open level ground.
 //!
-//! As snow that lies ([`super::snow_cover`]), with another colour, and sliding sooner: dry sand lies at 34 degrees at most,
-//! ash at 35 to 40. Where both are asked for the snow lies on it, and it is seen where there is none.
+//! As snow that lies ([`super::snow_cover`]), with another colour, and sliding sooner: dry sand
+//! lies at 34 degrees at most, ash at 35 to 40. Where both are asked for the snow lies on it, and
+//! it is seen where there is none.
 
 use crate::cover::{CoverRequest, CoverMaterial};
 use crate::effects::{Action, Effect, EffectRole, Need};
@@ -18,11 +19,13 @@ const CARRIES: f64 = 7.0;
 crate::params! {
     /// The parameters of the effect.
     pub struct DustCoverParams {
-        /// Depth on open level ground. Below some 1 cm the ground shows through. Over time by keyframes. Snow lies on it.
+        /// Depth on open level ground. Below some 1 cm the ground shows through. Over time by
+        /// keyframes. Snow lies on it.
         depth: f64 = ParamValue::Number(0.02), 0.0 => 10.0, "m";
         /// Steepest that it lies. Dry sand 34, ash 40.
         repose: f64 = ParamValue::Number(34.0), 5.0 => 80.0, "deg";
-        /// Colour of it: how much of the light it throws back, as sRGB. Sand #c2a577 (auto), Saharan dust #b07a48, ash
+        /// Colour of it: how much of the light it throws back, as sRGB. Sand #c2a577 (auto),
+        /// Saharan dust #b07a48, ash
         /// #5f5d5a.
         color: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
     }

@@ -1,8 +1,8 @@
 //! Flood: water that stands at one level, everywhere, so high over the ground at one place.
 //!
-//! [`crate::water`] computes where the water stands, what it mirrors and how it moves. The ground under it fades with its depth as a
-//! Secchi disc does. `wind.speed` makes waves, and drops of `rain` make rings. The paper has no flood; in fidelity `paper` it is drawn
-//! in the same way.
+//! [`crate::water`] computes where the water stands, what it mirrors and how it moves. The ground
+//! under it fades with its depth as a Secchi disc does. `wind.speed` makes waves, and drops of
+//! `rain` make rings. The paper has no flood; in fidelity `paper` it is drawn in the same way.
 
 use crate::effects::{Action, Effect, EffectRole};
 use crate::param::ParamValue;
@@ -11,17 +11,20 @@ use wm_render::hooks::Slot;
 crate::params! {
     /// The parameters of the effect.
     pub struct FloodParams {
-        /// Height of the water over the ground. Over time by keyframes: it rises and falls. At 0 or below there is none.
+        /// Height of the water over the ground. Over time by keyframes: it rises and falls. At 0 or
+        /// below there is none.
         level: f64 = ParamValue::Number(0.5), -100.0 => 1000.0, "m";
-        /// Height of the ground that `level` counts from, over the ground that the scene states. `auto`: of the ground under the camera,
-        /// at the start of a video or of a path.
+        /// Height of the ground that `level` counts from, over the ground that the scene states.
+        /// `auto`: of the ground under the camera, at the start of a video or of a path.
         ground: Option<f64> = ParamValue::Auto, -10_000.0 => 10_000.0, "m";
-        /// Secchi depth: how deep a white disc is still seen. 0.1 brown and muddy, 0.5 as most floods of rivers, 3 a clear lake, 10 and
-        /// more the clear sea.
+        /// Secchi depth: how deep a white disc is still seen. 0.1 brown and muddy, 0.5 as most
+        /// floods of rivers, 3 a clear lake, 10 and more the clear sea.
         secchi: f64 = ParamValue::Number(0.3), 0.02 => 60.0, "m";
-        /// Colour of the water's own light, sRGB; only its hue counts. `auto` for that of the clearness: brown to blue-green.
+        /// Colour of the water's own light, sRGB; only its hue counts. `auto` for that of the
+        /// clearness: brown to blue-green.
         tint: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
-        /// Open water that the wind blows over before it comes here: waves grow with it. 20 between houses, 1000 on a wide plain.
+        /// Open water that the wind blows over before it comes here: waves grow with it. 20 between
+        /// houses, 1000 on a wide plain.
         fetch: f64 = ParamValue::Number(50.0), 0.0 => 100_000.0, "m";
         /// Another pattern of waves for each number.
         seed: f64 = ParamValue::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";
@@ -33,7 +36,8 @@ crate::params! {
 pub struct Flood {
     /// Height over `ground`, m.
     pub level: f64,
-    /// Height of the ground that the level counts from, over that of the site, m; `None` for that of the site.
+    /// Height of the ground that the level counts from, over that of the site, m; `None` for that
+    /// of the site.
     pub ground: Option<f64>,
     /// Secchi depth, m.
     pub secchi: f64,

@@ -1,12 +1,14 @@
 //! Hail: white balls of ice of 5 to 50 mm, in their true number.
 //!
-//! Sizes: `N(D) = 115 L^3.63 exp(-L D)` a m^3 and mm (Cheng and English 1983), whose slope `L` follows from the rate and
-//! stays between 0.1 and 1 a mm, where it was measured; Federer and Waldvogel's (1975) mean of many storms is L = 0.42, some
-//! 20 mm/h of water. Below 10 mm/h the slope stays at 1 and all numbers fall with the rate.
+//! Sizes: `N(D) = 115 L^3.63 exp(-L D)` a m^3 and mm (Cheng and English 1983), whose slope `L`
+//! follows from the rate and stays between 0.1 and 1 a mm, where it was measured; Federer and
+//! Waldvogel's (1975) mean of many storms is L = 0.42, some 20 mm/h of water. Below 10 mm/h the
+//! slope stays at 1 and all numbers fall with the rate.
 //!
-//! Fall speed: that at which drag carries the weight of a ball, `sqrt(4 rho_i g D / (3 rho_a C_d))`, with C_d = 0.55 and ice
-//! of 900 kg/m^3 in air of 1.2 kg/m^3: 9.4 m/s at 5 mm, 13.4 at 10 mm, 30 at 50 mm (Matson and Huggins 1980 measured C_d from
-//! 0.5 to 0.9). Stones do not bounce. The paper has no hail: in its fidelity it falls in physical units.
+//! Fall speed: that at which drag carries the weight of a ball,
+//! `sqrt(4 rho_i g D / (3 rho_a C_d))`, with C_d = 0.55 and ice of 900 kg/m^3 in air of 1.2 kg/m^3:
+//! 9.4 m/s at 5 mm, 13.4 at 10 mm, 30 at 50 mm (Matson and Huggins 1980 measured C_d from 0.5 to
+//! 0.9). Stones do not bounce. The paper has no hail: in its fidelity it falls in physical units.
 
 use super::{Action, Effect, EffectContext, EffectRole, Need};
 use crate::optics::Site;
@@ -23,8 +25,8 @@ const DRAG: f64 = 0.55;
 const GRAVITY: f64 = 9.81;
 /// Diameter of a stone when melted, as a share of its own: the cube root of 0.9.
 const MELTED: f64 = 0.965_489_384_605_629_7;
-/// Rate, mm/h, at which the slope of the spectrum is 1 a mm, and the power of the slope that the rate goes with: the integral
-/// of the spectrum times mass and speed.
+/// Rate, mm/h, at which the slope of the spectrum is 1 a mm, and the power of the slope that the
+/// rate goes with: the integral of the spectrum times mass and speed.
 const UNIT_RATE: f64 = 9.58;
 const POWER: f64 = -0.87;
 
@@ -46,19 +48,21 @@ pub const HAIL: PrecipitationKind = PrecipitationKind {
     },
     extinction: None,
     shape: ParticleShape::Ball,
-    // Ice of albedo 0.85; an overcast sky, three times as bright straight up, lights a ball 1.4 times as much as one that is
-    // everywhere as bright as at the horizon.
+    // Ice of albedo 0.85; an overcast sky, three times as bright straight up, lights a ball 1.4
+    // times as much as one that is everywhere as bright as at the horizon.
     reflectance: 1.2,
 };
 
 crate::params! {
     /// The parameters of hail.
     pub struct HailParams {
-        /// Water equivalent of the ice that falls through a level plane. A shower of small hail 10, a hailstorm 50.
+        /// Water equivalent of the ice that falls through a level plane. A shower of small hail 10,
+        /// a hailstorm 50.
         rate: f64 = ParamValue::Number(20.0), 0.0 => 200.0, "mm/h";
         /// Exposure time: streaks are as long as the distance travelled in it.
         exposure: f64 = ParamValue::Number(0.0166), 0.000_01 => 1.0, "s";
-        /// Factor on the diameters that are drawn; their number, speed and the air stay as they are.
+        /// Factor on the diameters that are drawn; their number, speed and the air stay as they
+        /// are.
         size: f64 = ParamValue::Number(1.0), 0.1 => 10.0, "";
         /// Factor on the share of light that stones block.
         opacity: f64 = ParamValue::Number(1.0), 0.0 => 100.0, "";
@@ -133,7 +137,8 @@ mod tests {
         for rate in [1.0, 10.0, 20.0, 40.0, 70.0, 150.0] {
             let numbers = HAIL.densities(&classes, rate);
             assert!((flux(&classes, &numbers) / rate - 1.0).abs() < 1e-12);
-            // Cheng and English's own numbers beyond 5 mm, where their law is not stretched or cut off at 50 mm.
+            // Cheng and English's own numbers beyond 5 mm, where their law is not stretched or cut
+            // off at 50 mm.
             let [most, slope] = (HAIL.spectrum)(rate);
             let own = most / slope * (-slope * HAIL.diameters[0]).exp();
             let ratio = numbers.iter().sum::<f64>() / own;

@@ -1,7 +1,8 @@
 //! Lens: a wet, dirty glass before the camera, and light that scatters in it.
 //!
-//! [`crate::lens`] finds the drops and draws them over the finished picture. Depth, normals and labels stay those of the scene. In
-//! fidelity `paper` it is drawn in the same way: the paper has no lens.
+//! [`crate::lens`] finds the drops and draws them over the finished picture. Depth, normals and
+//! labels stay those of the scene. In fidelity `paper` it is drawn in the same way: the paper has
+//! no lens.
 
 use crate::effects::{Action, Effect, EffectContext, EffectRole};
 use crate::lens::{Glass, GlassRain, Rainfall};
@@ -12,14 +13,18 @@ use wm_render::hooks::Slot;
 crate::params! {
     /// The parameters of the effect.
     pub struct LensParams {
-        /// Distance of the glass from the lens's entrance pupil: 0.03 for drops on the front of a bare lens, 0.5 for a windscreen.
+        /// Distance of the glass from the lens's entrance pupil: 0.03 for drops on the front of a
+        /// bare lens, 0.5 for a windscreen.
         distance: f64 = ParamValue::Number(0.5), 0.005 => 1.0, "m";
-        /// Diameter of the aperture: 2.2 a phone, 6 a film camera at f/5.6. A drop is blurred by aperture over distance, radians.
+        /// Diameter of the aperture: 2.2 a phone, 6 a film camera at f/5.6. A drop is blurred by
+        /// aperture over distance, radians.
         aperture: f64 = ParamValue::Number(2.2), 0.0 => 50.0, "mm";
-        /// Tilt of the glass: 0 stands across the view, 30 has its top 30 degrees nearer to the camera, as a windscreen.
+        /// Tilt of the glass: 0 stands across the view, 30 has its top 30 degrees nearer to the
+        /// camera, as a windscreen.
         tilt: f64 = ParamValue::Number(30.0), -30.0 => 70.0, "deg";
-        /// Water that lands on the glass, over its own surface. `auto` is the flux of `rain` onto the tilted glass of a camera that looks
-        /// level, with `speed`; wind counts as its mean over all directions.
+        /// Water that lands on the glass, over its own surface. `auto` is the flux of `rain` onto
+        /// the tilted glass of a camera that looks level, with `speed`; wind counts as its mean
+        /// over all directions.
         rate: Option<f64> = ParamValue::Auto, 0.0 => 300.0, "mm/h";
         /// Speed of the glass along the view, which meets more drops; for `rate` `auto`.
         speed: f64 = ParamValue::Number(0.0), 0.0 => 100.0, "m/s";
@@ -27,11 +32,13 @@ crate::params! {
         rained_before: f64 = ParamValue::Number(20.0), 0.0 => 36_000.0, "s";
         /// Factor on the radii of drops; their number stays.
         size: f64 = ParamValue::Number(1.0), 0.1 => 5.0, "";
-        /// Contact angle of water on the glass: 20 clean, 55 as most glass, 80 waxed. Above 49 the rims of drops are dark.
+        /// Contact angle of water on the glass: 20 clean, 55 as most glass, 80 waxed. Above 49 the
+        /// rims of drops are dark.
         contact_angle: f64 = ParamValue::Number(55.0), 10.0 => 85.0, "deg";
         /// Radius from which a drop runs down the glass.
         runs_from: f64 = ParamValue::Number(2.2), 0.5 => 20.0, "mm";
-        /// Time in which a drop of 1 mm radius dries when nothing lands; larger ones take longer by the square of the radius.
+        /// Time in which a drop of 1 mm radius dries when nothing lands; larger ones take longer by
+        /// the square of the radius.
         drying: f64 = ParamValue::Number(300.0), 1.0 => 1_000_000.0, "s";
         /// Share of the glass that dirt covers.
         dirt: f64 = ParamValue::Number(0.0), 0.0 => 1.0, "";
@@ -39,7 +46,8 @@ crate::params! {
         dirt_transmittance: f64 = ParamValue::Number(0.6), 0.0 => 1.0, "";
         /// Share of light that dirt scatters into the view: a veil against bright sky.
         dirt_scatter: f64 = ParamValue::Number(0.25), 0.0 => 1.0, "";
-        /// Factor on the veil around bright sources, `10 E / angle^2` between 1 and 30 degrees (Vos): 1 is an eye's, a clean lens has 0.2.
+        /// Factor on the veil around bright sources, `10 E / angle^2` between 1 and 30 degrees
+        /// (Vos): 1 is an eye's, a clean lens has 0.2.
         veil: f64 = ParamValue::Number(0.0), 0.0 => 10.0, "";
         /// Seed of the random drops: a whole number.
         seed: f64 = ParamValue::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";

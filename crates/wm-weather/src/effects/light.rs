@@ -1,15 +1,18 @@
 //! Light: sun and sky over the place, in the place of those that it was captured in.
 //!
-//! A captured place lies in the light of its photos, with the shadows of their sun. This effect says what light it shall
-//! lie in; [`crate::light`] has how the light of each splat follows. The paper has no such thing.
+//! A captured place lies in the light of its photos, with the shadows of their sun. This effect
+//! says what light it shall lie in; [`crate::light`] has how the light of each splat follows. The
+//! paper has no such thing.
 //!
-//! Models `clear` and `night` bring sun and sky of their own ([`OpenLight`]), by the place of the sun: given, or that of a
-//! day and an hour at the place's latitude and longitude. The others keep the captured sun.
+//! Models `clear` and `night` bring sun and sky of their own ([`OpenLight`]), by the place of the
+//! sun: given, or that of a day and an hour at the place's latitude and longitude. The others keep
+//! the captured sun.
 //!
-//! Cloud cover `N` takes the beam `1 - N` of the sun, and brings the CIE's overcast sky as a share `N` of the sky. What
-//! floats in the air dims the beam by its own optical depth along it; what it takes comes back from all of the sky.
-//! Exposure follows the light of level ground in the open, not the frame: pans and zooms change no brightness. By
-//! night it stays behind, as a camera's does.
+//! Cloud cover `N` takes the beam `1 - N` of the sun, and brings the CIE's overcast sky as a share
+//! `N` of the sky. What floats in the air dims the beam by its own optical depth along it; what it
+//! takes comes back from all of the sky. Exposure follows the light of level ground in the open,
+//! not the frame: pans and zooms change no brightness. By night it stays behind, as a camera's
+//! does.
 
 use super::sky::{overcast_horizon, overcast_zenith};
 use crate::dome::{Dome, SkyAppearance, level_axes};
@@ -60,7 +63,8 @@ crate::words! {
         On = "on",
         /// None.
         Off = "off",
-        /// As `auto`; where the scene states none, those on its posts, and without posts a row along the path of the photos.
+        /// As `auto`; where the scene states none, those on its posts, and without posts a row
+        /// along the path of the photos.
         Path = "path",
     }
 }
@@ -78,40 +82,46 @@ crate::words! {
 crate::params! {
     /// The parameters of the effect.
     pub struct LightParams {
-        /// Light over the place: `auto` (clouds where rain or snow falls, the captured sun dimmed by fog and haze),
-        /// `captured` (that of the photos), `overcast`, `clear` (a sun at `sun_elevation`, or at `hour` and `day`) or `night`.
+        /// Light over the place: `auto` (clouds where rain or snow falls, the captured sun dimmed
+        /// by fog and haze), `captured` (that of the photos), `overcast`, `clear` (a sun at
+        /// `sun_elevation`, or at `hour` and `day`) or `night`.
         model: LightModel = ParamValue::Word("auto"), 0.0 => 0.0, "";
-        /// Cloud cover: the share of the sun's beam that is lost, and of the sky that is overcast; `auto` is the
-        /// model's. By the weather they gather in the 10 s before it falls.
+        /// Cloud cover: the share of the sun's beam that is lost, and of the sky that is overcast;
+        /// `auto` is the model's. By the weather they gather in the 10 s before it falls.
         clouds: Option<f64> = ParamValue::Auto, 0.0 => 1.0, "";
-        /// Exposure against one that brings level ground in the open to its captured brightness; `auto` is 0.3 EV darker
-        /// under full clouds, and 3.5 EV at 0.5 lx and less.
+        /// Exposure against one that brings level ground in the open to its captured brightness;
+        /// `auto` is 0.3 EV darker under full clouds, and 3.5 EV at 0.5 lx and less.
         exposure: Option<f64> = ParamValue::Auto, -10.0 => 10.0, "EV";
-        /// Elevation of the sun of model `clear`, below 0 under the horizon; `auto` is that of `hour`, and 45 without one.
+        /// Elevation of the sun of model `clear`, below 0 under the horizon; `auto` is that of
+        /// `hour`, and 45 without one.
         sun_elevation: Option<f64> = ParamValue::Auto, -90.0 => 90.0, "deg";
-        /// Azimuth of the sun of model `clear`, clockwise from north (from the scene's x axis where north is not known); `auto`
-        /// is that of `hour`, and without one where it lights most of the place: 180 if no side is better.
+        /// Azimuth of the sun of model `clear`, clockwise from north (from the scene's x axis where
+        /// north is not known); `auto` is that of `hour`, and without one where it lights most of
+        /// the place: 180 if no side is better.
         sun_azimuth: Option<f64> = ParamValue::Auto, -36_000.0 => 36_000.0, "deg";
         /// Hour of the day of model `clear`, in mean solar time: the sun is highest at about 12.
         hour: Option<f64> = ParamValue::Auto, -8_760.0 => 8_760.0, "h";
-        /// Day of the year for `hour`; `auto` is that of the photos, and 172 (21 June) where they do not say.
+        /// Day of the year for `hour`; `auto` is that of the photos, and 172 (21 June) where they
+        /// do not say.
         day: Option<f64> = ParamValue::Auto, 1.0 => 366.0, "";
         /// Latitude for `hour`; `auto` is that of the photos.
         latitude: Option<f64> = ParamValue::Auto, -90.0 => 90.0, "deg";
         /// Haziness of the clear sky: 2 very clear, 3 clear, 6 hazy.
         turbidity: f64 = ParamValue::Number(2.5), 1.0 => 10.0, "";
-        /// Light in the photos: `diffuse` says that no sun cast shadows in them, so that a new sun may; `auto` goes by what was
-        /// found.
+        /// Light in the photos: `diffuse` says that no sun cast shadows in them, so that a new sun
+        /// may; `auto` goes by what was found.
         photos: PhotoLight = ParamValue::Word("auto"), 0.0 => 0.0, "";
-        /// Glow of the sky by the lamps of towns, on level ground; `auto` is 0.06, and ten times that under clouds.
+        /// Glow of the sky by the lamps of towns, on level ground; `auto` is 0.06, and ten times
+        /// that under clouds.
         glow: Option<f64> = ParamValue::Auto, 0.0 => 100.0, "lx";
-        /// Lamps and lit windows, with models `clear` and `night`: `auto` (those that the scene states, when it gets dark), `on`, `off`,
-        /// or `path` (as `auto`; a scene that states none gets one on each post that is
-        /// found, or else a row along the path of its photos).
+        /// Lamps and lit windows, with models `clear` and `night`: `auto` (those that the scene
+        /// states, when it gets dark), `on`, `off`, or `path` (as `auto`; a scene that states none
+        /// gets one on each post that is found, or else a row along the path of its photos).
         lamps: LampChoice = ParamValue::Word("auto"), 0.0 => 0.0, "";
         /// Headlamps of the car that carries the camera.
         headlamps: Switch = ParamValue::Word("off"), 0.0 => 0.0, "";
-        /// Shadows of broken clouds that drift with the wind, with model `clear` and `clouds` between 0 and 1.
+        /// Shadows of broken clouds that drift with the wind, with model `clear` and `clouds`
+        /// between 0 and 1.
         cloud_shadows: Switch = ParamValue::Word("off"), 0.0 => 0.0, "";
     }
 }
@@ -190,7 +200,8 @@ pub struct LightChange {
     pub exposure: f64,
     /// Sun and sky of the weather's own; `None` where the captured sun stays.
     pub open: Option<Arc<OpenLight>>,
-    /// The sun whose shadows are cast, towards it, world axes; `None` where the captured one stays, and where no sun shines.
+    /// The sun whose shadows are cast, towards it, world axes; `None` where the captured one stays,
+    /// and where no sun shines.
     pub sun: Option<[f64; 3]>,
     /// The photos are said to have no shadows.
     pub is_diffuse: bool,
@@ -204,8 +215,8 @@ pub struct LightChange {
     pub has_cloud_shadows: bool,
 }
 
-/// Mean light of a place by night over that under its lamps, by which cameras expose, so that what is straight
-/// under a lamp is bright.
+/// Mean light of a place by night over that under its lamps, by which cameras expose, so that what
+/// is straight under a lamp is bright.
 const UNDER_LAMPS: f64 = 0.1;
 /// Illuminance of the road that headlamps light, by which cameras expose, lx.
 const HEADLAMP_LEVEL: f64 = 12.0;
@@ -350,7 +361,8 @@ impl LightParams {
     }
 }
 
-/// North and east, level, world axes; of a site whose north is not known, the axis that azimuths count from and the one clockwise of it.
+/// North and east, level, world axes; of a site whose north is not known, the axis that azimuths
+/// count from and the one clockwise of it.
 fn compass(site: &Site) -> [[f64; 3]; 2] {
     let [forward, right, _] = level_axes(site.up);
     site.earth.map_or([forward, right], |earth| [earth.north, cross(earth.north, site.up)])
@@ -405,7 +417,8 @@ impl LightChange {
         is_captured && self.exposure == 0.0 && !self.has_headlamps
     }
 
-    /// Display value of a white surface in an irradiance of one lux: that of the capture's level ground in the open is 1.
+    /// Display value of a white surface in an irradiance of one lux: that of the capture's level
+    /// ground in the open is 1.
     #[must_use]
     pub fn display(&self, site: &Site) -> f64 {
         let level = match &self.open {
@@ -508,7 +521,8 @@ mod tests {
         Site { earth: Some(place), ..SITE }
     }
 
-    /// At the summer solstice the sun over a latitude stands 90 - latitude + 23.4 degrees high in the south.
+    /// At the summer solstice the sun over a latitude stands 90 - latitude + 23.4 degrees high in
+    /// the south.
     #[test]
     fn the_hour_places_the_sun() {
         let open = change("model = 'clear'\nhour = 12", &utrecht()).open.unwrap();
@@ -547,8 +561,8 @@ mod tests {
         assert_eq!(fault("sun_elevation = { keys = [[0, 9], [5, -3]] }\ncloud_shadows = 'on'"), None);
     }
 
-    /// A white card on level ground, from noon into the night and into clouds: no step, and darker only when there is little
-    /// light.
+    /// A white card on level ground, from noon into the night and into clouds: no step, and darker
+    /// only when there is little light.
     #[test]
     fn exposure_follows_the_light_without_a_jump() {
         let card = |elevation: f64, clouds: f64| {

@@ -1,7 +1,7 @@
 //! Lightning: flashes that light the place and the clouds, in the lux that they have.
 //!
-//! By day little is seen of them; by night they are brighter than all else ([`crate::light::Storm`]). A frame gets the mean over
-//! its exposure. The paper has no such thing.
+//! By day little is seen of them; by night they are brighter than all else
+//! ([`crate::light::Storm`]). A frame gets the mean over its exposure. The paper has no such thing.
 
 use crate::effects::{Action, Effect, EffectRole, LightChange, Need};
 use crate::light::Storm;

@@ -4,15 +4,15 @@
 //!
 //! 1. exposure and temperature: `c_k 2^exposure w_k`, with the gains `w` of [`balance`];
 //! 2. saturation `s`: `Y + s (c - Y)`, with `Y` the luminance (ITU-R BT.709), and not below 0;
-//! 3. contrast `a`: `0.18 (c / 0.18)^a`, each channel by itself: log2 of the light about mid grey is scaled, so mid
-//!    grey and black stay.
+//! 3. contrast `a`: `0.18 (c / 0.18)^a`, each channel by itself: log2 of the light about mid grey
+//!    is scaled, so mid grey and black stay.
 //!
-//! Pixels are decoded from sRGB before and encoded after, without a limit at white. At its defaults it is no effect
-//! at all, so that not a byte changes.
+//! Pixels are decoded from sRGB before and encoded after, without a limit at white. At its defaults
+//! it is no effect at all, so that not a byte changes.
 //!
-//! The colour filter that the paper lays over rain and snow is exposure -0.5, saturation 0.7, contrast 0.85 and
-//! slightly cooler (temperature -0.2): part of them in fidelity `paper` ([`crate::paper::composite`]), else to be asked
-//! for.
+//! The colour filter that the paper lays over rain and snow is exposure -0.5, saturation 0.7,
+//! contrast 0.85 and slightly cooler (temperature -0.2): part of them in fidelity `paper`
+//! ([`crate::paper::composite`]), else to be asked for.
 
 use crate::effects::{Action, Effect, EffectRole};
 use crate::param::ParamValue;
@@ -30,11 +30,12 @@ crate::params! {
         exposure: f64 = ParamValue::Number(0.0), -10.0 => 10.0, "EV";
         /// Factor on the distance of colours from grey of the same luminance; 0 is without colour.
         saturation: f64 = ParamValue::Number(1.0), 0.0 => 4.0, "";
-        /// Factor on the distance of light from mid grey (0.18 in linear light), in log2; below 1 is flatter.
+        /// Factor on the distance of light from mid grey (0.18 in linear light), in log2; below 1
+        /// is flatter.
         contrast: f64 = ParamValue::Number(1.0), 0.1 => 4.0, "";
-        /// Shift of the white balance, above 0 warmer: red times 2 to the power of half of it and blue
-        /// divided by that, at the same luminance of grey. At 1 red has doubled against blue, about as if light of
-        /// 6500 K became one of 4500 K; at -1 one of 13000 K.
+        /// Shift of the white balance, above 0 warmer: red times 2 to the power of half of it and
+        /// blue divided by that, at the same luminance of grey. At 1 red has doubled against blue,
+        /// about as if light of 6500 K became one of 4500 K; at -1 one of 13000 K.
         temperature: f64 = ParamValue::Number(0.0), -1.0 => 1.0, "";
     }
 }
@@ -62,10 +63,12 @@ impl LookParams {
     }
 }
 
-/// Light that contrast leaves as it is: a surface that reflects 18 %, in the middle between black and white to the eye.
+/// Light that contrast leaves as it is: a surface that reflects 18 %, in the middle between black
+/// and white to the eye.
 const MID_GREY: f64 = 0.18;
 
-/// Gains of red, green and blue for a temperature of -1 to 1; grey keeps its luminance, and 0 gives exactly 1.
+/// Gains of red, green and blue for a temperature of -1 to 1; grey keeps its luminance, and 0 gives
+/// exactly 1.
 #[must_use]
 pub fn balance(temperature: f64) -> [f64; 3] {
     if temperature == 0.0 {

@@ -1,8 +1,8 @@
 //! The effects. One file each, one line in the list below.
 //!
-//! An effect says what it is, where in the render it acts, and what parameters it has; from the values
-//! of its parameters at one instant it makes what the renderer needs. It keeps no state: any instant
-//! can be asked for alone.
+//! An effect says what it is, where in the render it acts, and what parameters it has; from the
+//! values of its parameters at one instant it makes what the renderer needs. It keeps no state: any
+//! instant can be asked for alone.
 
 use crate::cover::CoverRequest;
 use crate::dome::Dome;
@@ -35,8 +35,8 @@ pub struct Effect {
     pub role: EffectRole,
     /// Data of the place that must be prepared before the effect is rendered in physical units.
     pub needs: &'static [Need],
-    /// The laws of what falls; `Some` for every effect whose role is [`EffectRole::Falls`], whose parameter `rate` is
-    /// then in mm/h of water, and for no other.
+    /// The laws of what falls; `Some` for every effect whose role is [`EffectRole::Falls`], whose
+    /// parameter `rate` is then in mm/h of water, and for no other.
     pub precipitation: Option<&'static PrecipitationKind>,
     /// The stage of the render at which it acts.
     pub slot: Slot,

@@ -1,9 +1,10 @@
 //! Rain: drops as long as their way during the exposure, in their true number.
 //!
 //! Marshall and Palmer's sizes, terminal speeds after Brandes, Garg and Nayar's photometry: see
-//! [`crate::particles`]. Classes (WMO): slight below 2.5 mm/h, moderate to 10, heavy to 50, violent above. Rain is plain in a
-//! short exposure and faint in a long one: a 2 mm drop at 1/60 s covers some 1 % of a pixel. Factors of size,
-//! opacity and brightness are there for pictures that are to show more than a camera would.
+//! [`crate::particles`]. Classes (WMO): slight below 2.5 mm/h, moderate to 10, heavy to 50, violent
+//! above. Rain is plain in a short exposure and faint in a long one: a 2 mm drop at 1/60 s covers
+//! some 1 % of a pixel. Factors of size, opacity and brightness are there for pictures that are to
+//! show more than a camera would.
 
 use super::drops::{drops, prelude::*};
 use crate::particles::RAIN;

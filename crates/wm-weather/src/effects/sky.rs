@@ -1,10 +1,12 @@
-//! Sky: what stands behind everything, for scenes that have none and for those whose sky is to be another.
+//! Sky: what stands behind everything, for scenes that have none and for those whose sky is to be
+//! another.
 //!
-//! It lies at infinity, is seen through the air as all else, and shows where no splat covers it. Formulas
-//! and directions: [`crate::dome`]; panoramas: [`crate::panorama`].
+//! It lies at infinity, is seen through the air as all else, and shows where no splat covers it.
+//! Formulas and directions: [`crate::dome`]; panoramas: [`crate::panorama`].
 //!
-//! Weather must not look at frames, so the airlight of fog, haze and smog is taken from this sky, near its horizon,
-//! where the scene has neither a sky nor an airlight of its own; and wherever the scene's sky is replaced.
+//! Weather must not look at frames, so the airlight of fog, haze and smog is taken from this sky,
+//! near its horizon, where the scene has neither a sky nor an airlight of its own; and wherever the
+//! scene's sky is replaced.
 //!
 //! The paper has no such thing.
 
@@ -55,32 +57,33 @@ crate::words! {
 crate::params! {
     /// The parameters of the effect.
     pub struct SkyParams {
-        /// Appearance of the sky: `clear` or `overcast` (CIE), `gradient` (the default of a scene without a sky);
-        /// `auto` takes the panorama if one is given, else the colour, else `clear`.
+        /// Appearance of the sky: `clear` or `overcast` (CIE), `gradient` (the default of a scene
+        /// without a sky); `auto` takes the panorama if one is given, else the colour, else
+        /// `clear`.
         model: Model = ParamValue::Word("auto"), 0.0 => 0.0, "";
         /// One colour all around.
         color: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
         /// Colour straight up; `auto` is the model's, white and more in an overcast sky.
         zenith: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
-        /// Colour at the horizon; `auto` is the model's: pale in a clear sky, a third of the light of the
-        /// zenith in an overcast one.
+        /// Colour at the horizon; `auto` is the model's: pale in a clear sky, a third of the light
+        /// of the zenith in an overcast one.
         horizon: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
-        /// Colour of the haze well below the horizon, where the scene has ended; `auto` is grey with
-        /// 60 % of the horizon's light, and `color` itself if there is one.
+        /// Colour of the haze well below the horizon, where the scene has ended; `auto` is grey
+        /// with 60 % of the horizon's light, and `color` itself if there is one.
         ground: Option<[f64; 3]> = ParamValue::Auto, 0.0 => 1.0, "";
-        /// Picture of all directions: equirectangular, PNG, JPEG or EXR (linear light), at most 8192x4096 px;
-        /// its path, from the folder of the weather file.
+        /// Picture of all directions: equirectangular, PNG, JPEG or EXR (linear light), at most
+        /// 8192x4096 px; its path, from the folder of the weather file.
         panorama: Option<ImageFile> = ParamValue::Auto, 0.0 => 0.0, "";
-        /// Direction of the middle of the panorama, clockwise seen from above; 0 is the scene's x axis,
-        /// laid level (its y axis where x is up).
+        /// Direction of the middle of the panorama, clockwise seen from above; 0 is the scene's x
+        /// axis, laid level (its y axis where x is up).
         heading: f64 = ParamValue::Number(0.0), -36_000.0 => 36_000.0, "deg";
         /// Lower half of a panorama: `haze` of the colours just above the horizon, or the lower
         /// half of the `picture`.
         below: Lower = ParamValue::Word("haze"), 0.0 => 0.0, "";
         /// Factor on its light.
         brightness: f64 = ParamValue::Number(1.0), 0.0 => 100.0, "";
-        /// Treatment of the scene's own sky, if it has one: `keep` draws it in front of this one, `replace` leaves
-        /// it out, and takes the airlight from this one whatever the scene says.
+        /// Treatment of the scene's own sky, if it has one: `keep` draws it in front of this one,
+        /// `replace` leaves it out, and takes the airlight from this one whatever the scene says.
         scene_sky: SceneSky = ParamValue::Word("keep"), 0.0 => 0.0, "";
     }
 }
@@ -98,8 +101,8 @@ pub const EFFECT: Effect = Effect {
     act_as_paper: None,
 };
 
-/// Zenith of an overcast sky, linear RGB: a touch of blue, and brighter than white, as where a picture is exposed
-/// for the ground. White is reached at 37 degrees.
+/// Zenith of an overcast sky, linear RGB: a touch of blue, and brighter than white, as where a
+/// picture is exposed for the ground. White is reached at 37 degrees.
 const OVERCAST: [f64; 3] = [1.32, 1.35, 1.40];
 /// The overcast zenith, linear RGB.
 pub(super) fn overcast_zenith() -> [f64; 3] {

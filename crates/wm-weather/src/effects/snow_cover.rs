@@ -1,7 +1,9 @@
-//! Snow cover: snow that lies, as deep as is asked for on open level ground, or as what has fallen is.
+//! Snow cover: snow that lies, as deep as is asked for on open level ground, or as what has fallen
+//! is.
 //!
 //! Spreading, sliding and drawing: [`crate::cover`]. Growth, settling and melting:
-//! [`crate::cover::snowpack`]. In fidelity `paper` it is [`PaperCover`]: no depth, and snow on all that looks up.
+//! [`crate::cover::snowpack`]. In fidelity `paper` it is [`PaperCover`]: no depth, and snow on all
+//! that looks up.
 
 use crate::cover::{CoverRequest, CoverMaterial, Snowpack};
 use crate::effects::{Action, Effect, EffectRole, Need};
@@ -10,32 +12,37 @@ use crate::param::ParamValue;
 use crate::weather::WeatherSample;
 use wm_render::hooks::Slot;
 
-/// Wind that carries dry and wet snow along the ground, m/s at 10 m, and the air in which it is wet, degrees Celsius.
+/// Wind that carries dry and wet snow along the ground, m/s at 10 m, and the air in which it is
+/// wet, degrees Celsius.
 const CARRIES: [f64; 2] = [7.7, 9.9];
 const WET: f64 = -1.0;
 
 crate::params! {
     /// The parameters of the effect.
     pub struct SnowCoverParams {
-        /// Depth on open level ground, less what melts. Below some 2 cm the ground shows between flakes. Over time by
-        /// keyframes: what it grows by is new snow; `auto` for what `snowfall.rate` has left: so many `hours` of it before the
-        /// start, and what has fallen since.
+        /// Depth on open level ground, less what melts. Below some 2 cm the ground shows between
+        /// flakes. Over time by keyframes: what it grows by is new snow; `auto` for what
+        /// `snowfall.rate` has left: so many `hours` of it before the start, and what has fallen
+        /// since.
         depth: Option<f64> = ParamValue::Number(0.1), 0.0 => 10.0, "m";
         /// For a depth of `auto`: how long it had snowed before time 0, as it does then.
         hours: f64 = ParamValue::Number(6.0), 0.0 => 1000.0, "h";
-        /// Temperature of the air. Above 0 snow melts, 4 mm of water a day and degree, half as fast in full shade, and leaves the
-        /// ground wet for some hours; between -1 and 1 it sticks to walls that the wind throws it at.
+        /// Temperature of the air. Above 0 snow melts, 4 mm of water a day and degree, half as fast
+        /// in full shade, and leaves the ground wet for some hours; between -1 and 1 it sticks to
+        /// walls that the wind throws it at.
         temperature: f64 = ParamValue::Number(-2.0), -40.0 => 40.0, "degC";
-        /// Density of new snow; 100 makes 1 cm of 1 mm of water. `auto` follows the temperature: 92 at -2 degrees. It settles
-        /// towards 300 in some days.
+        /// Density of new snow; 100 makes 1 cm of 1 mm of water. `auto` follows the temperature: 92
+        /// at -2 degrees. It settles towards 300 in some days.
         density: Option<f64> = ParamValue::Auto, 20.0 => 600.0, "kg/m^3";
-        /// Time lapse: seconds of falling, settling and melting in one of the shot; 3600 for an hour a second.
+        /// Time lapse: seconds of falling, settling and melting in one of the shot; 3600 for an
+        /// hour a second.
         lapse: f64 = ParamValue::Number(1.0), 0.0 => 1_000_000.0, "";
         /// Steepest that it lies. Dry snow 38 to 50, wet snow more.
         repose: f64 = ParamValue::Number(42.0), 5.0 => 80.0, "deg";
         /// Share of the light that it throws back: fresh snow 0.9, old 0.5.
         albedo: f64 = ParamValue::Number(0.9), 0.0 => 1.0, "";
-        /// Fidelity `paper`, as all that follow: least cosine between up and the normal of a splat that holds snow.
+        /// Fidelity `paper`, as all that follow: least cosine between up and the normal of a splat
+        /// that holds snow.
         paper_seed_cosine: f64 = ParamValue::Number(0.5), 0.0 => 1.0, "";
         /// Steepest plane that is filled.
         paper_fill_angle: f64 = ParamValue::Number(30.0), 0.0 => 90.0, "deg";

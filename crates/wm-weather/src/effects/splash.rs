@@ -1,7 +1,8 @@
 //! Splashes: crowns and droplets where rain hits wet ground and water.
 //!
-//! [`crate::splash`] computes which drops splash and how the droplets fly. The ground is that of `wetness`, and a `flood` is water everywhere; the
-//! drops are those of `rain`, with its exposure and its factors of size, opacity and brightness. The paper has no splashes.
+//! [`crate::splash`] computes which drops splash and how the droplets fly. The ground is that of
+//! `wetness`, and a `flood` is water everywhere; the drops are those of `rain`, with its exposure
+//! and its factors of size, opacity and brightness. The paper has no splashes.
 
 use crate::effects::{Action, Effect, EffectRole, Need};
 use crate::param::ParamValue;
@@ -11,8 +12,8 @@ use wm_render::hooks::Slot;
 crate::params! {
     /// The parameters of the effect.
     pub struct SplashParams {
-        /// Factor on the water that drops throw up. `auto` is 1, as in nature; 0 for none. Dry ground has no splashes, and neither has a
-        /// weather without `wetness` and `flood`.
+        /// Factor on the water that drops throw up. `auto` is 1, as in nature; 0 for none. Dry
+        /// ground has no splashes, and neither has a weather without `wetness` and `flood`.
         amount: Option<f64> = ParamValue::Auto, 0.0 => 20.0, "";
     }
 }

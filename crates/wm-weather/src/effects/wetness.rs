@@ -1,6 +1,8 @@
-//! Wetness: surfaces darken by the rain and the melt water that have reached them, and dry after it.
+//! Wetness: surfaces darken by the rain and the melt water that have reached them, and dry after
+//! it.
 //!
-//! [`crate::wetness`] computes how much water is where, and how it looks. In fidelity `paper` nothing gets wet.
+//! [`crate::wetness`] computes how much water is where, and how it looks. In fidelity `paper`
+//! nothing gets wet.
 
 use crate::dome::{from_level, level_axes};
 use crate::effects::snow_cover;
@@ -18,37 +20,41 @@ use wm_render::hooks::Slot;
 crate::params! {
     /// The parameters of the effect.
     pub struct WetnessParams {
-        /// Wetness of what rain reaches: at 0.5 pores are full of water, at 1 a film stands on the ground. `auto` goes by the rain so far,
-        /// with `rained_before`, by the snow of `snow_cover` that has melted, and by what has dried since.
+        /// Wetness of what rain reaches: at 0.5 pores are full of water, at 1 a film stands on the
+        /// ground. `auto` goes by the rain so far, with `rained_before`, by the snow of
+        /// `snow_cover` that has melted, and by what has dried since.
         amount: Option<f64> = ParamValue::Auto, 0.0 => 1.0, "";
-        /// Share of the water that the hollows of the ground can hold; `auto` goes by the rain so far, or by `amount` above 0.5 if that is
-        /// given.
+        /// Share of the water that the hollows of the ground can hold; `auto` goes by the rain so
+        /// far, or by `amount` above 0.5 if that is given.
         puddles: Option<f64> = ParamValue::Auto, 0.0 => 1.0, "";
-        /// Duration of the rain before time 0. With 0 the ground is dry when the rain of the weather begins.
+        /// Duration of the rain before time 0. With 0 the ground is dry when the rain of the
+        /// weather begins.
         rained_before: f64 = ParamValue::Number(10.0), 0.0 => 10_000.0, "min";
         /// Rain before time 0; `auto` is `rain.rate` at time 0.
         rate_before: Option<f64> = ParamValue::Auto, 0.0 => 300.0, "mm/h";
         /// Time between the end of that rain and time 0.
         stopped: f64 = ParamValue::Number(0.0), 0.0 => 10_000.0, "min";
-        /// Factor on how much surfaces darken: 1 for stone, concrete, asphalt and soil; less for paint and metal. Leaves have 0.3 times
-        /// of it.
+        /// Factor on how much surfaces darken: 1 for stone, concrete, asphalt and soil; less for
+        /// paint and metal. Leaves have 0.3 times of it.
         porosity: f64 = ParamValue::Number(1.0), 0.0 => 1.0, "";
-        /// Mean depth of the texture of the ground, which holds water before a film stands on it: asphalt 0.5 to 1, smooth stone 0.2.
+        /// Mean depth of the texture of the ground, which holds water before a film stands on it:
+        /// asphalt 0.5 to 1, smooth stone 0.2.
         texture: f64 = ParamValue::Number(0.8), 0.05 => 10.0, "mm";
-        /// Share of the water of roofs that falls from their eaves in drops: 1 where there are no gutters, 0 where these take it all. The drops are
-        /// drawn if `splash` is on.
+        /// Share of the water of roofs that falls from their eaves in drops: 1 where there are no
+        /// gutters, 0 where these take it all. The drops are drawn if `splash` is on.
         eaves: f64 = ParamValue::Number(0.0), 0.0 => 1.0, "";
-        /// Drying of wet ground when it does not rain; `auto` by Penman from `temperature`, `humidity`, `radiation` and the wind.
+        /// Drying of wet ground when it does not rain; `auto` by Penman from `temperature`,
+        /// `humidity`, `radiation` and the wind.
         drying: Option<f64> = ParamValue::Auto, 0.0 => 10.0, "mm/h";
         /// Temperature of the air.
         temperature: f64 = ParamValue::Number(15.0), -40.0 => 60.0, "degC";
         /// Relative humidity of the air after the rain.
         humidity: f64 = ParamValue::Number(0.75), 0.0 => 1.0, "";
-        /// Net radiation on the ground: 400 under bright clouds, 600 on a summer noon, -30 by night. `auto` is 150, with model `clear` of
-        /// `light` that of its sun, and -30 by night.
+        /// Net radiation on the ground: 400 under bright clouds, 600 on a summer noon, -30 by
+        /// night. `auto` is 150, with model `clear` of `light` that of its sun, and -30 by night.
         radiation: Option<f64> = ParamValue::Auto, -200.0 => 1200.0, "W/m^2";
-        /// Time lapse: seconds of wetting and drying in one of the shot; 60 for a minute a second. With snow that melts it must be that of
-        /// `snow_cover`.
+        /// Time lapse: seconds of wetting and drying in one of the shot; 60 for a minute a second.
+        /// With snow that melts it must be that of `snow_cover`.
         lapse: f64 = ParamValue::Number(1.0), 0.0 => 1_000_000.0, "";
     }
 }
@@ -66,7 +72,8 @@ pub const EFFECT: Effect = Effect {
     act_as_paper: Some(|_, site| Action::Wetness(Box::new(dry(site)))),
 };
 
-/// Net radiation where nothing says what it is, and by night, W/m^2; the share of the light of the sun and the sky that is left of it.
+/// Net radiation where nothing says what it is, and by night, W/m^2; the share of the light of the
+/// sun and the sky that is left of it.
 const RADIATION: f64 = 150.0;
 const NIGHT: f64 = -30.0;
 const NET: f64 = 0.65;
@@ -136,7 +143,8 @@ impl WetnessParams {
     }
 }
 
-/// Net radiation under a sun of this sine of elevation, W/m^2: Haurwitz's clear sky, less by clouds as Kasten and Czeplak found.
+/// Net radiation under a sun of this sine of elevation, W/m^2: Haurwitz's clear sky, less by clouds
+/// as Kasten and Czeplak found.
 fn global_radiation(sin: f64, clouds: f64) -> f64 {
     if sin <= 0.0 {
         return NIGHT;

@@ -1,7 +1,7 @@
 //! Wind: what carries rain and snow along.
 //!
-//! Formulas: [`crate::wind`]. One wind for all heights: drops take some metres to follow a change of wind, and those
-//! that are seen are near the ground. The paper moves its drops by hand.
+//! Formulas: [`crate::wind`]. One wind for all heights: drops take some metres to follow a change
+//! of wind, and those that are seen are near the ground. The paper moves its drops by hand.
 
 use crate::effects::{Action, Effect, EffectRole};
 use crate::param::ParamValue;
@@ -13,11 +13,11 @@ crate::params! {
     pub struct WindParams {
         /// Mean speed. Over time by keyframes: what falls drifts by its integral.
         speed: f64 = ParamValue::Number(5.0), 0.0 => 60.0, "m/s";
-        /// Direction it blows towards, clockwise seen from above; 0 is the scene's x axis, projected to the horizontal (its y axis where x
-        /// is up), as for `sky.heading`.
+        /// Direction it blows towards, clockwise seen from above; 0 is the scene's x axis,
+        /// projected to the horizontal (its y axis where x is up), as for `sky.heading`.
         direction: f64 = ParamValue::Number(90.0), -36_000.0 => 36_000.0, "deg";
-        /// Gusts: standard deviation of the speed as a share of it; half as much across. 0.15 over open
-        /// land, 0.25 and more between houses.
+        /// Gusts: standard deviation of the speed as a share of it; half as much across. 0.15 over
+        /// open land, 0.25 and more between houses.
         gusts: f64 = ParamValue::Number(0.2), 0.0 => 1.0, "";
         /// Seed of the random gusts: a whole number.
         seed: f64 = ParamValue::Number(0.0), 0.0 => 9_007_199_254_740_992.0, "";

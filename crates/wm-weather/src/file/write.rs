@@ -7,8 +7,8 @@ use crate::weather::{Fidelity, Weather};
 use std::fmt::Write;
 
 impl Weather {
-    /// The text of a file that is read as this weather, but for the pictures, whose paths are written as they are. Values
-    /// that are their defaults are left out.
+    /// The text of a file that is read as this weather, but for the pictures, whose paths are
+    /// written as they are. Values that are their defaults are left out.
     #[must_use]
     pub fn to_toml(&self) -> String {
         let mut text = format!("name = {}\n", quoted(&self.name));

@@ -1,7 +1,8 @@
 //! What stands behind the surfaces that cameras see.
 //!
-//! A wall seen at a slant is found in strips, since each camera places it by some decimetres elsewhere. Sunlight would fall
-//! through between them. But behind a wall is a house: what lies close behind a surface, and no camera sees through, is solid.
+//! A wall seen at a slant is found in strips, since each camera places it by some decimetres
+//! elsewhere. Sunlight would fall through between them. But behind a wall is a house: what lies
+//! close behind a surface, and no camera sees through, is solid.
 
 use super::cubes::Disc;
 use super::places::PlaceMap;
@@ -13,17 +14,20 @@ use wm_scene::{Group, Splats};
 
 /// Distance behind a surface, m.
 const BEHIND: f64 = 0.4;
-/// Standard deviation along the surface and distance to which it must be hidden around, m: the wide one is tried first.
+/// Standard deviation along the surface and distance to which it must be hidden around, m: the wide
+/// one is tried first.
 const SIZES: [[f64; 2]; 2] = [[0.35, 0.5], [0.15, 0.2]];
 /// Standard deviation through it, m.
 const THICKNESS: f64 = 0.1;
 /// Width of the cubes of which each has one for each way that its surfaces look, m.
 const CUBE: f64 = 0.2;
-/// Least cosine between up and what is ground, which has nothing behind it that stands in the way of light.
+/// Least cosine between up and what is ground, which has nothing behind it that stands in the way
+/// of light.
 const LEVEL: f64 = 0.7;
 const OPAQUE: f64 = 0.95;
 
-/// The splats behind discs where no camera sees through, as `is_hidden` says of a point (world, scene units).
+/// The splats behind discs where no camera sees through, as `is_hidden` says of a point (world,
+/// scene units).
 pub(super) fn behind(
     discs: &[Disc],
     is_hidden: &(dyn Fn(DVec3) -> bool + Sync),

@@ -1,8 +1,9 @@
 //! Averages what all cameras see in cubes: one disc for each.
 //!
-//! Depth is rough along the ray, so that views of one piece of ground lie above each other. Cubes are upright and twice as
-//! tall as the narrowest are wide: what lies above each other within that is one surface. The narrowest are half as wide as
-//! the field over which discs are levelled: narrower ones would not be seen, and cost more.
+//! Depth is rough along the ray, so that views of one piece of ground lie above each other. Cubes
+//! are upright and twice as tall as the narrowest are wide: what lies above each other within that
+//! is one surface. The narrowest are half as wide as the field over which discs are levelled:
+//! narrower ones would not be seen, and cost more.
 
 use super::photo_view::{PhotoView, Spot};
 use super::places::PlaceMap;

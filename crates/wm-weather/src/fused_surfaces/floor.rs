@@ -1,9 +1,10 @@
 //! The ground under a walk, which is parallel to it.
 //!
-//! The ground at one's feet is in one or two photos and has few marks, so that a training may leave it at any depth: it
-//! looks right in its photo from however far below. But where cameras were carried at one height the ground is that
-//! far below them, and nothing is seen below it. Where the photos do not tell that height, but the scene has a ground over
-//! which all cameras are as high, and most of what they see of it is not there, that is the floor.
+//! The ground at one's feet is in one or two photos and has few marks, so that a training may leave
+//! it at any depth: it looks right in its photo from however far below. But where cameras were
+//! carried at one height the ground is that far below them, and nothing is seen below it. Where the
+//! photos do not tell that height, but the scene has a ground over which all cameras are as high,
+//! and most of what they see of it is not there, that is the floor.
 
 use super::PhotoView;
 use crate::threads::map;
@@ -12,23 +13,26 @@ use wm_scene::Camera;
 
 /// Distance from the camera to which its floor is known, camera heights.
 const REACH: f64 = 6.0;
-/// How far about a camera the path tells its slope, camera heights, and the spreads of the cameras along a direction at which
-/// they tell nothing of its slope, and all of it.
+/// How far about a camera the path tells its slope, camera heights, and the spreads of the cameras
+/// along a direction at which they tell nothing of its slope, and all of it.
 const ABOUT: f64 = 4.0;
 const WAVERS: [f64; 2] = [0.75, 1.5];
 /// Distance from a camera to which floors are examined, in those.
 const SEEN: f64 = 5.0;
 /// Distance to which that of the whole place is known, camera heights: a court.
 const FAR: f64 = 40.0;
-/// How much the heights of cameras over it may differ, as a share, and how far most may look up or down, as a sine: more
-/// are no walk but a flight.
+/// How much the heights of cameras over it may differ, as a share, and how far most may look up or
+/// down, as a sine: more are no walk but a flight.
 const EVEN: f64 = 0.2;
 const PITCHED: f64 = 0.26;
-/// Share of the pixels that should show it and show what is below it, from which on a training has lost it.
+/// Share of the pixels that should show it and show what is below it, from which on a training has
+/// lost it.
 const LOST: f64 = 0.4;
-/// Height above the floor, camera heights, below which points belong to it: kerbs, cobbles and errors of depth.
+/// Height above the floor, camera heights, below which points belong to it: kerbs, cobbles and
+/// errors of depth.
 const SLAB: f64 = 0.15;
-/// The same of the ground of a whole place where a training has lost it: what it left instead stands off it.
+/// The same of the ground of a whole place where a training has lost it: what it left instead
+/// stands off it.
 const LOOSE: f64 = 0.25;
 
 /// A plane below a camera.
@@ -45,8 +49,8 @@ pub struct FloorPlane {
 }
 
 impl FloorPlane {
-    /// Below a camera of a walk at `center`, by the places of all of its cameras (world, scene units), which were carried
-    /// at a `height` over the ground.
+    /// Below a camera of a walk at `center`, by the places of all of its cameras (world, scene
+    /// units), which were carried at a `height` over the ground.
     #[must_use]
     pub fn below(center: DVec3, cameras: &[DVec3], up: DVec3, height: f64) -> Self {
         let axis = up.any_orthonormal_vector();
@@ -71,7 +75,8 @@ impl FloorPlane {
             (xx, xy, yy) = (xx + share * x * x, xy + share * x * y, yy + share * y * y);
             rises += share * z * DVec2::new(x, y);
         }
-        // Along the path and across it, each on its own: how far arms reach says nothing of a slope.
+        // Along the path and across it, each on its own: how far arms reach says nothing of a
+        // slope.
         let along = DVec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy));
         let slope = [along, along.perp()].iter().fold(DVec2::ZERO, |slope, way| {
             let spread = way.x * way.x * xx + 2.0 * way.x * way.y * xy + way.y * way.y * yy;
@@ -84,8 +89,8 @@ impl FloorPlane {
         Self { point: center + (rise - height) * up, normal, reach: REACH * height, slab: SLAB * height }
     }
 
-    /// Of a whole place, by its photos' `cameras` and the height of its `ground` along `up` (scene units); `None` where
-    /// those were not carried over it by a person.
+    /// Of a whole place, by its photos' `cameras` and the height of its `ground` along `up` (scene
+    /// units); `None` where those were not carried over it by a person.
     #[must_use]
     pub fn under(cameras: &[Camera], up: DVec3, ground: f64) -> Option<Self> {
         let middle = |values: &mut Vec<f64>| {
@@ -118,8 +123,8 @@ impl FloorPlane {
         below as f64 > LOST * (there + below) as f64
     }
 
-    /// Returns the distance along a ray (of length 1) to it, and the share of that over which the ray is in its slab; `None` if it is
-    /// not met, or where it is not known.
+    /// Returns the distance along a ray (of length 1) to it, and the share of that over which the
+    /// ray is in its slab; `None` if it is not met, or where it is not known.
     pub(super) fn met(&self, from: DVec3, ray: DVec3) -> Option<(f64, f64)> {
         let (above, falls) = ((from - self.point).dot(self.normal), -ray.dot(self.normal));
         let way = above / falls;
@@ -139,8 +144,8 @@ impl PhotoView {
         })
     }
 
-    /// Brings what is seen below the floors of a walk onto them, along its ray, what is not there at all, and what is a
-    /// little above.
+    /// Brings what is seen below the floors of a walk onto them, along its ray, what is not there
+    /// at all, and what is a little above.
     pub fn stop_at(&mut self, floors: &[FloorPlane]) {
         let (center, forward) = (self.camera.center(), self.camera.forward());
         let is_near = |floor: &&FloorPlane| {

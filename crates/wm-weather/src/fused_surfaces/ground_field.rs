@@ -1,14 +1,16 @@
 //! The ground of a place as a height field, where photos see it at a grazing angle.
 //!
-//! A few degrees above the ground a training finds its depth badly: it leaves upright pieces that look like far ground
-//! from the path, with gaps between. Their heights are still known to some decimetres, since an error of depth moves a point
-//! mostly along the ground. So heights are gathered from all views, fitted with a smooth surface that has bushes and
-//! posts above it, and pixels that show something close to that surface are put on it.
+//! A few degrees above the ground a training finds its depth badly: it leaves upright pieces that
+//! look like far ground from the path, with gaps between. Their heights are still known to some
+//! decimetres, since an error of depth moves a point mostly along the ground. So heights are
+//! gathered from all views, fitted with a smooth surface that has bushes and posts above it, and
+//! pixels that show something close to that surface are put on it.
 //!
 //! # The fit
-//! The surface is a sum of lattices of hat functions, each half as wide as the one before, each a weighted mean of what
-//! the coarser ones leave, drawn towards 0 where there are few points. It is fitted in rounds: points that lie off the
-//! last surface weigh less, those above it sooner than those below.
+//! The surface is a sum of lattices of hat functions, each half as wide as the one before, each a
+//! weighted mean of what the coarser ones leave, drawn towards 0 where there are few points. It is
+//! fitted in rounds: points that lie off the last surface weigh less, those above it sooner than
+//! those below.
 
 use super::FloorPlane;
 use super::photo_view::PhotoView;
@@ -22,7 +24,8 @@ const FINEST: f64 = 1.0;
 const NODES: usize = 512;
 /// Distance from the middle of the cameras to which there may be ground, m.
 const FAR: f64 = 400.0;
-/// Each so many pixels of a row and of a column give a point, and so many of those that are no farther apart than this, m.
+/// Each so many pixels of a row and of a column give a point, and so many of those that are no
+/// farther apart than this, m.
 const STRIDES: [usize; 2] = [2, 4];
 const DENSE: f64 = 0.1;
 /// Least cosine between a point's normal and up.
@@ -41,17 +44,18 @@ const UNEVEN: f64 = 0.4;
 const SUPPORTED: f32 = 4.0;
 /// Doubt of a height beside its spread: m, and for each metre of the lattice that supports it.
 const DOUBT: [f32; 2] = [0.05, 0.03];
-/// Largest doubt of a height that is used: m, and as a share of the camera's height if that is more.
+/// Largest doubt of a height that is used: m, and as a share of the camera's height if that is
+/// more.
 const MOST_DOUBT: [f64; 2] = [1.2, 0.1];
-/// Largest sine of the angle between a ray and the ground that counts as grazing, and the doubt, m, from which on pixels are
-/// put on the ground at any angle.
+/// Largest sine of the angle between a ray and the ground that counts as grazing, and the doubt, m,
+/// from which on pixels are put on the ground at any angle.
 const GRAZING: f64 = 0.25;
 const DOUBTFUL: f64 = 0.4;
-/// Distance from the surface, m, within which pixels of a walk or drive are put on it at any angle: errors of depth leave lumps as
-/// high as that on the ground.
+/// Distance from the surface, m, within which pixels of a walk or drive are put on it at any angle:
+/// errors of depth leave lumps as high as that on the ground.
 const LOW: f64 = 0.5;
-/// Half of the slab about the surface that belongs to it: in doubts, at least and at most, m, and the most as a share of the
-/// camera's height if that is more.
+/// Half of the slab about the surface that belongs to it: in doubts, at least and at most, m, and
+/// the most as a share of the camera's height if that is more.
 const SLAB: [f64; 4] = [2.0, 0.2, 0.6, 0.12];
 /// Steepest ground, as a tangent, that a ray may skip; and most steps of a ray.
 const STEEPEST: f64 = 0.5;
@@ -84,7 +88,8 @@ struct Lattice {
     side: usize,
     /// Spacing of the finest lattice over its own.
     scale: f32,
-    /// The value of each node, the weight that it was found with, and the mean square of what is left, m^2.
+    /// The value of each node, the weight that it was found with, and the mean square of what is
+    /// left, m^2.
     value: Vec<f32>,
     weight: Vec<f32>,
     spread: Vec<f32>,
@@ -105,7 +110,8 @@ fn about(side: usize, [x, y]: [f32; 2]) -> [(usize, f32); 4] {
 }
 
 impl Lattice {
-    /// A lattice over the square of the finest, of `finest` nodes a side, with a spacing `scale` times as wide.
+    /// A lattice over the square of the finest, of `finest` nodes a side, with a spacing `scale`
+    /// times as wide.
     fn new(finest: usize, scale: usize) -> Self {
         let side = (finest - 1).div_ceil(scale) + 1;
         let side = side.max(2);
@@ -150,8 +156,8 @@ impl GroundField {
         map(views.len(), threads, |index| views[index].clone().snapped_to(&field))
     }
 
-    /// Of what cameras see of a place; `None` where they see next to no level surface. Under cameras that were carried over it
-    /// at one height it is that far below them.
+    /// Of what cameras see of a place; `None` where they see next to no level surface. Under
+    /// cameras that were carried over it at one height it is that far below them.
     fn of(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Option<Self> {
         let level = level_matrix(up);
         let cameras: Vec<DVec3> =
@@ -181,7 +187,8 @@ impl GroundField {
         Some(Self { is_path: true, ..Self::fit(level, metres_per_unit, middle, &points, threads) })
     }
 
-    /// The height at which cameras (level axes, m) were carried by a person, m; `None` if they were not.
+    /// The height at which cameras (level axes, m) were carried by a person, m; `None` if they were
+    /// not.
     fn carried_at(&self, cameras: &[DVec3]) -> Option<f64> {
         let known = |camera: &&DVec3| {
             self.place(**camera).is_some_and(|place| self.mean(&self.doubt, place) < DOUBTFUL)
@@ -299,8 +306,9 @@ impl GroundField {
         Some((eye, self.above(eye)?))
     }
 
-    /// Puts a pixel on the ground that shows a point at `depth` along a ray of length 1 (world; scene units, 0 for nothing):
-    /// the distance to it. `None` for a pixel that shows something else or is known well.
+    /// Puts a pixel on the ground that shows a point at `depth` along a ray of length 1 (world;
+    /// scene units, 0 for nothing): the distance to it. `None` for a pixel that shows something
+    /// else or is known well.
     pub(super) fn snapped(&self, (eye, height): Eye, ray: DVec3, depth: f64) -> Option<f64> {
         let ray = self.level * ray;
         if ray.z > STEEPEST * ray.truncate().length() {

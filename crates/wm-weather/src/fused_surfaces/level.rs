@@ -97,8 +97,8 @@ impl Grid {
     }
 }
 
-/// Returns the mean of the discs within `reach` of one at `place`, nearer ones counting more; of those that face as it does if it
-/// has a normal.
+/// Returns the mean of the discs within `reach` of one at `place`, nearer ones counting more; of
+/// those that face as it does if it has a normal.
 #[inline(always)]
 fn surroundings<S: Simd>(simd: S, own: &Disc, place: DVec3, reach: f64, about: &[&[Block]]) -> Surroundings {
     let [x, y, z] = place.to_array().map(|v| v as f32);
@@ -132,7 +132,8 @@ fn surroundings<S: Simd>(simd: S, own: &Disc, place: DVec3, reach: f64, about: &
     Surroundings { weight, middle: DVec3::new(x, y, z), normal: DVec3::new(nx, ny, nz) }
 }
 
-/// Moves each disc along the mean normal of those about it onto the plane through their middle, and turns it so.
+/// Moves each disc along the mean normal of those about it onto the plane through their middle, and
+/// turns it so.
 pub(super) fn level(discs: &mut [Disc], metres_per_unit: f64, threads: usize) {
     let reach_of = |disc: &Disc| (FIELD / metres_per_unit).max(WIDTHS * disc.size);
     let mut reaches: Vec<f64> = discs.iter().map(reach_of).collect();

@@ -1,17 +1,19 @@
 //! The surfaces of a scene as the cameras of its photos see them.
 //!
-//! A trained scene looks right from where its photos were taken, and is rough or worse from anywhere else: a street of
-//! wide splats seen at a slant has holes from above and junk below, facades have lumps, and haze floats where no
-//! photo tells. What the cameras see is much better known. So what lies and what shelters is found on a scan: the
-//! depth that each camera sees (with at least half of the light stopped), as small discs with normals, all cameras'
-//! together.
+//! A trained scene looks right from where its photos were taken, and is rough or worse from
+//! anywhere else: a street of wide splats seen at a slant has holes from above and junk below,
+//! facades have lumps, and haze floats where no photo tells. What the cameras see is much better
+//! known. So what lies and what shelters is found on a scan: the depth that each camera sees (with
+//! at least half of the light stopped), as small discs with normals, all cameras' together.
 //!
 //! # How it is made
-//! Each pixel gives a place and, but at edges, a normal from the places about it. Those of all cameras are averaged in
-//! cubes as wide as pixels are apart there (`cubes.rs`), nearer views counting more, and none from where they would be
-//! metres apart; before that, ground at a grazing angle is put on the ground field of all views (`ground_field.rs`). What
-//! other cameras see through is dropped (`photo_view.rs`); and the discs are levelled onto the surface through those about them (`level.rs`), since depth
-//! is rough. The scene's own splats stay where no camera tells: those that none sees, and that not two see through.
+//! Each pixel gives a place and, but at edges, a normal from the places about it. Those of all
+//! cameras are averaged in cubes as wide as pixels are apart there (`cubes.rs`), nearer views
+//! counting more, and none from where they would be metres apart; before that, ground at a grazing
+//! angle is put on the ground field of all views (`ground_field.rs`). What other cameras see
+//! through is dropped (`photo_view.rs`); and the discs are levelled onto the surface through those
+//! about them (`level.rs`), since depth is rough. The scene's own splats stay where no camera
+//! tells: those that none sees, and that not two see through.
 
 mod backing;
 mod cubes;
@@ -42,7 +44,8 @@ use wm_scene::{Group, Splats};
 const CAMERAS: u32 = 2;
 /// Distance, m, that a disc must have been moved by to be asked for again.
 const MOVED: f64 = 0.02;
-/// Standard deviations of a disc along the surface, and of a ball, in cubes; through a disc, in those; and opacity.
+/// Standard deviations of a disc along the surface, and of a ball, in cubes; through a disc, in
+/// those; and opacity.
 const WIDE: [f64; 2] = [0.6, 0.4];
 const FLAT: f64 = 0.1;
 const OPAQUE: f64 = 0.95;
@@ -54,7 +57,8 @@ pub struct FusedSurfaces<'a> {
     pub splats: Cow<'a, Splats>,
     /// The first so many are discs whose third axis looks to where they were seen from.
     pub oriented: usize,
-    /// Splats that make the space behind the discs solid, such as the houses behind walls: they stop light and are not seen.
+    /// Splats that make the space behind the discs solid, such as the houses behind walls: they
+    /// stop light and are not seen.
     pub backing: Cow<'a, Splats>,
     /// The replacement of each splat of the scene; empty where no views were given.
     pub stand_ins: Vec<StandIn>,
@@ -99,8 +103,8 @@ impl<'a> FusedSurfaces<'a> {
         }
     }
 
-    /// What stands in the way of light: the discs that the cameras see and what is behind them, without the splats that no camera
-    /// confirms; all splats where there are no photos.
+    /// What stands in the way of light: the discs that the cameras see and what is behind them,
+    /// without the splats that no camera confirms; all splats where there are no photos.
     #[must_use]
     pub fn casters(&self) -> Cow<'_, Splats> {
         if self.oriented == 0 {
@@ -111,14 +115,16 @@ impl<'a> FusedSurfaces<'a> {
         Cow::Owned(casters)
     }
 
-    /// The places at which the splats of a scene are seen, world axes, scene units. Training leaves the ground of a walk at any depth:
-    /// its splats are where the camera nearest to each sees them on the ground that replaces them.
+    /// The places at which the splats of a scene are seen, world axes, scene units. Training leaves
+    /// the ground of a walk at any depth: its splats are where the camera nearest to each sees them
+    /// on the ground that replaces them.
     #[must_use]
     pub fn places<'s>(&'s self, splats: &'s Splats) -> &'s [[f32; 3]] {
         if self.places.is_empty() { &splats.means } else { &self.places }
     }
 
-    /// Fuses the surfaces that the cameras see and keeps the splats that none sees. Equal for any number of threads.
+    /// Fuses the surfaces that the cameras see and keeps the splats that none sees. Equal for any
+    /// number of threads.
     #[must_use]
     pub fn from_views(splats: &'a Splats, views: &[PhotoView], site: &Site, threads: usize) -> Self {
         if views.is_empty() {
@@ -139,7 +145,8 @@ impl<'a> FusedSurfaces<'a> {
             let mut free = map(discs.len(), threads, is_free).into_iter();
             discs.retain(|_| !free.next().unwrap_or(false));
         };
-        // Before they are levelled, since what is not there levels nothing; and what that has moved into the open.
+        // Before they are levelled, since what is not there levels nothing; and what that has moved
+        // into the open.
         carve(&mut discs, &|_, _| true);
         let before: Vec<DVec3> = discs.iter().map(|disc| disc.point).collect();
         level::level(&mut discs, metres_per_unit, threads);
@@ -209,7 +216,8 @@ impl Said {
         *floors += u32::from(floor);
     }
 
-    /// Returns true if cameras see through the point: several and more than see it, or to a floor no fewer than see it.
+    /// Returns true if cameras see through the point: several and more than see it, or to a floor
+    /// no fewer than see it.
     fn is_free(self) -> bool {
         if self.through_floor > 0 {
             return self.through > self.seen || self.through_floor >= self.seen;

@@ -22,8 +22,8 @@ pub(super) struct InverseDepths {
     stride: usize,
 }
 
-/// A plane for each of `LANES` pixels side by side: inverse depth at the pixel, and its slope along x and y. The inverse
-/// depth of a plane is linear in the picture.
+/// A plane for each of `LANES` pixels side by side: inverse depth at the pixel, and its slope along
+/// x and y. The inverse depth of a plane is linear in the picture.
 type Planes = [[f32; LANES]; 3];
 
 impl InverseDepths {
@@ -39,8 +39,8 @@ impl InverseDepths {
         Self { camera: view.camera, values, stride }
     }
 
-    /// The normals of a row of pixels, world axes, length 1, of either sign; `None` at edges and near the picture's border.
-    /// Those that are not wanted may be left out.
+    /// The normals of a row of pixels, world axes, length 1, of either sign; `None` at edges and
+    /// near the picture's border. Those that are not wanted may be left out.
     pub fn normals_of_row(
         &self,
         path: SimdPath,

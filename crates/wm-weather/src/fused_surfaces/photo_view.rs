@@ -8,12 +8,13 @@ use std::sync::Arc;
 use wm_render::simd::SimdPath;
 use wm_scene::Camera;
 
-/// Distance in front of the surface from which a point is seen through, as a share of the ray's length, and m.
+/// Distance in front of the surface from which a point is seen through, as a share of the ray's
+/// length, and m.
 const BEFORE: [f64; 2] = [0.1, 0.1];
 /// Distance from the visible surface within which a point is part of it, the same.
 const WITH: [f64; 2] = [0.04, 0.1];
-/// Least cosine between a ray and the normal for the distance between pixels along a surface; and how many places are taken
-/// of a pixel of a floor, which is known between pixels too.
+/// Least cosine between a ray and the normal for the distance between pixels along a surface; and
+/// how many places are taken of a pixel of a floor, which is known between pixels too.
 const GRAZING: f64 = 0.15;
 const MOST: f64 = 32.0;
 /// Places of a pixel of a floor in each cube, at least.
@@ -57,8 +58,8 @@ pub(super) struct Witness {
 }
 
 impl Witness {
-    /// Returns the evidence about a ball (world, scene units; radius 0 for a point). Where its middle is off the picture, the
-    /// nearest part of the picture that it reaches tells.
+    /// Returns the evidence about a ball (world, scene units; radius 0 for a point). Where its
+    /// middle is off the picture, the nearest part of the picture that it reaches tells.
     pub fn word_of_ball(&self, middle: DVec3, radius: f64, metres_per_unit: f64) -> Word {
         let Some((x, y, z)) = self.camera.project(middle) else { return Word::Nothing };
         let [width, height] = [self.camera.width, self.camera.height].map(f64::from);
@@ -100,8 +101,8 @@ pub(super) struct Spot {
 }
 
 impl PhotoView {
-    /// From where a camera is: view z of the surface in each pixel, scene units, `[H, W]`, 0 where there is none; and its
-    /// colour, display-referred, `[H, W, 3]`, grey where that is empty.
+    /// From where a camera is: view z of the surface in each pixel, scene units, `[H, W]`, 0 where
+    /// there is none; and its colour, display-referred, `[H, W, 3]`, grey where that is empty.
     #[must_use]
     pub fn new(camera: Camera, depth: Vec<f32>, rgb: Vec<f32>) -> Self {
         Self { camera, on: vec![0; depth.len()], depth, rgb, floors: Vec::new(), field: None }
@@ -114,7 +115,8 @@ impl PhotoView {
             0.0 => f32::INFINITY,
             depth => depth,
         };
-        // Of each pixel the one with the nearest surface of it and those about it, since edges are not exact.
+        // Of each pixel the one with the nearest surface of it and those about it, since edges are
+        // not exact.
         let nearer = |a: usize, b: usize| if depth(b) < depth(a) { b } else { a };
         let mut across: Vec<usize> = (0..width * height).collect();
         for (pixel, nearest) in across.iter_mut().enumerate() {
@@ -146,8 +148,8 @@ impl PhotoView {
         (depth > 0.0).then(|| self.camera.center() + self.camera.rotation().transpose() * local)
     }
 
-    /// The point of the ground (world, scene units) that is seen in the direction of a point, and the distance to that along the view
-    /// axis; `None` where another surface is seen.
+    /// The point of the ground (world, scene units) that is seen in the direction of a point, and
+    /// the distance to that along the view axis; `None` where another surface is seen.
     pub(super) fn on_ground(&self, point: DVec3) -> Option<(DVec3, f64)> {
         let (x, y, z) = self.camera.project(point)?;
         let (x, y) = (x.floor() as i64, y.floor() as i64);
@@ -173,8 +175,9 @@ impl PhotoView {
         self
     }
 
-    /// Calls `work` with points (world, scene units) whose normal is within a cosine of `up`, those of each so many pixels of a row
-    /// and of a column as `stride` says for the distance between them (scene units), and with that number.
+    /// Calls `work` with points (world, scene units) whose normal is within a cosine of `up`, those
+    /// of each so many pixels of a row and of a column as `stride` says for the distance between
+    /// them (scene units), and with that number.
     pub(super) fn each_level_point(
         &self,
         stride: impl Fn(f64) -> usize,
@@ -210,7 +213,8 @@ impl PhotoView {
         }
     }
 
-    /// Calls `work` with what is seen in each pixel that shows something, for cubes of `cube` (scene units) or more.
+    /// Calls `work` with what is seen in each pixel that shows something, for cubes of `cube`
+    /// (scene units) or more.
     pub(super) fn each_spot(&self, cube: f64, mut work: impl FnMut(Spot)) {
         let center = self.camera.center();
         let [width, height] = [self.camera.width, self.camera.height].map(i64::from);
@@ -232,7 +236,8 @@ impl PhotoView {
                 let slant = -floor.normal.dot(ray);
                 let places = (1.0 / slant).ceil().min(MOST);
                 let apart = (width / (slant * places)).max(width);
-                // People do not roll cameras, but hold them upright: floors go back along a column or a row.
+                // People do not roll cameras, but hold them upright: floors go back along a column
+                // or a row.
                 let across = self.camera.rotation() * floor.normal;
                 // Several in a cube say no more than one.
                 let taken = places.min((NARROW * width / (slant * cube)).ceil());

@@ -3,7 +3,8 @@
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// A map by whole numbers that say where something is. Nobody chooses them so that they collide, so that a plain hash does.
+/// A map by whole numbers that say where something is. Nobody chooses them so that they collide, so
+/// that a plain hash does.
 pub(crate) type PlaceMap<K, V> = HashMap<K, V, BuildHasherDefault<PlaceHasher>>;
 
 /// Mixes whole numbers by multiplication, as FxHash does.

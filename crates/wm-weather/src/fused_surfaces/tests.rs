@@ -153,7 +153,8 @@ fn arms_that_rise_to_one_side_are_no_slope() {
     }
 }
 
-/// A court that cameras look over from one height, left 2 m too low by a training: its wall is 30 m off.
+/// A court that cameras look over from one height, left 2 m too low by a training: its wall is 30 m
+/// off.
 #[test]
 fn the_ground_of_a_court_is_where_all_cameras_are_as_high() {
     let (height, off) = (1.6, 30.0);
@@ -198,8 +199,8 @@ fn a_flight_and_a_climb_are_no_walk() {
     assert_eq!(FloorPlane::under(&eyes.map(|eye| look(eye, 0.0)), DVec3::Z, 40.0), None, "ground above them");
 }
 
-/// A walk over rolling ground that beyond 10 m is lost in strips, and too near in others; a lump on the path, as errors of
-/// depth leave them; and a post beside it.
+/// A walk over rolling ground that beyond 10 m is lost in strips, and too near in others; a lump on
+/// the path, as errors of depth leave them; and a post beside it.
 #[test]
 fn ground_at_a_grazing_angle_is_closed_and_posts_stay() {
     let ground = |place: DVec3| 0.4 * (0.12 * place.y).sin() + 0.02 * place.x;
@@ -227,7 +228,8 @@ fn ground_at_a_grazing_angle_is_closed_and_posts_stay() {
     let views: Vec<PhotoView> =
         eyes.iter().map(|eye| view(camera(*eye, *eye + DVec3::new(0.0, 10.0, -0.8)), seen)).collect();
     let splats = Splats::with_capacity(0, 0);
-    // Square metres of ground 12 to 25 m before the last camera that have discs within 0.2 m of it; and discs of the post.
+    // Square metres of ground 12 to 25 m before the last camera that have discs within 0.2 m of it;
+    // and discs of the post.
     let found = |views: &[PhotoView]| {
         let scan = FusedSurfaces::from_views(&splats, views, &SITE, 2);
         let (mut closed, mut upright, mut lump) = (std::collections::BTreeSet::new(), 0, 0);

@@ -5,10 +5,12 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use wm_scene::random::{RandomSequence, bits};
 
-/// Sides of the cells in which sitting and running drops land, m. A slot of their clocks is as long as one lands in a cell.
+/// Sides of the cells in which sitting and running drops land, m. A slot of their clocks is as long
+/// as one lands in a cell.
 const CELL: f64 = 0.01;
 const RUN_CELL: f64 = 0.04;
-/// Share of the glass that all drops would cover which have landed in the time that is looked back. Older ones have become part of others.
+/// Share of the glass that all drops would cover which have landed in the time that is looked back.
+/// Older ones have become part of others.
 const COVERED: f64 = 0.35;
 /// Most running drops that are looked back for, a m^2.
 const MOST_RUNS: f64 = 4000.0;
@@ -86,7 +88,8 @@ impl Run {
         self.starts + (way + 0.8 / k * ((k * way + phase).sin() - phase.sin())) / self.speed
     }
 
-    /// Appends the points of its path that it has passed until an instant, every `step` metres from its start.
+    /// Appends the points of its path that it has passed until an instant, every `step` metres from
+    /// its start.
     fn follow(&self, step: f64, now: f64, path: &mut Vec<PathPoint>) {
         if now < self.starts {
             return;
@@ -179,8 +182,8 @@ impl Wiped {
     }
 }
 
-/// Landings of cells of one size: calls `take` with the place, the count of the clock and the random numbers of each that is between two
-/// counts, in the part `rows` of the cells' rows.
+/// Landings of cells of one size: calls `take` with the place, the count of the clock and the
+/// random numbers of each that is between two counts, in the part `rows` of the cells' rows.
 fn landings(
     (seed, cell): (u64, f64),
     columns: [i64; 2],
@@ -223,7 +226,8 @@ fn cells(from: f64, to: f64, cell: f64) -> [i64; 2] {
     [from, to].map(|v| (v / cell).floor() as i64)
 }
 
-/// Number of the latest small drops, a m^2, that are looked back for: older ones have become part of others.
+/// Number of the latest small drops, a m^2, that are looked back for: older ones have become part
+/// of others.
 fn small_span(rain: &GlassRain) -> f64 {
     if rain.area() > 0.0 { COVERED / rain.area() } else { f64::INFINITY }
 }
@@ -234,7 +238,8 @@ pub(super) fn looked_for(glass: &Glass) -> f64 {
     landed.small.min(small_span(&glass.rain)) + landed.running.min(MOST_RUNS)
 }
 
-/// The drops on a part of the glass, m, at its instant, in an order that does not depend on the part.
+/// The drops on a part of the glass, m, at its instant, in an order that does not depend on the
+/// part.
 #[must_use]
 pub fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
     let (rain, now) = (&glass.rain, glass.time);
@@ -372,7 +377,8 @@ pub fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
     found
 }
 
-/// Drops that land on a part of the glass, m, from one instant to another and do not run because they grew on it.
+/// Drops that land on a part of the glass, m, from one instant to another and do not run because
+/// they grew on it.
 #[cfg(test)]
 pub(super) fn count_landings(glass: &Glass, bounds: [[f64; 2]; 2], [from, to]: [f64; 2]) -> usize {
     let rain = &glass.rain;

@@ -37,7 +37,8 @@ impl Rainfall {
         Self { rate, wind: 0.0, speed: 0.0, tilt: 0.0, is_on_glass: true }
     }
 
-    /// Speed at which drops that fall at `fall` m/s meet the glass, along its normal, m/s: 0 where they miss it.
+    /// Speed at which drops that fall at `fall` m/s meet the glass, along its normal, m/s: 0 where
+    /// they miss it.
     fn meets(&self, fall: f64) -> f64 {
         if self.is_on_glass {
             return fall;
@@ -49,7 +50,8 @@ impl Rainfall {
     }
 }
 
-/// Radius of the foot, mm, of a drop of diameter 1 mm that sits at a contact angle, radians: both have the same volume.
+/// Radius of the foot, mm, of a drop of diameter 1 mm that sits at a contact angle, radians: both
+/// have the same volume.
 pub(super) fn foot(contact: f64) -> f64 {
     let (sin, cos) = contact.sin_cos();
     let cap = std::f64::consts::PI * (2.0 - 3.0 * cos + cos.powi(3)) / (3.0 * sin.powi(3));
@@ -93,9 +95,10 @@ pub struct GlassRain {
 }
 
 impl GlassRain {
-    /// The rain since `begin`, s, when the glass was dry. `breaks` are the instants between which it changes, ascending. `rainfall`
-    /// gives it at an instant, with whose value at `begin` it begins. Drops sit at the angle `contact`, radians, with feet `size` times
-    /// as wide, and run from the radius `runs_from`, m.
+    /// The rain since `begin`, s, when the glass was dry. `breaks` are the instants between which
+    /// it changes, ascending. `rainfall` gives it at an instant, with whose value at `begin` it
+    /// begins. Drops sit at the angle `contact`, radians, with feet `size` times as wide, and run
+    /// from the radius `runs_from`, m.
     #[must_use]
     pub fn new(
         begin: f64,
@@ -159,7 +162,8 @@ impl GlassRain {
         self.segment(time).landed_at(time)
     }
 
-    /// Drops that land a second and m^2 at an instant, and do not run because they grew on the glass.
+    /// Drops that land a second and m^2 at an instant, and do not run because they grew on the
+    /// glass.
     #[must_use]
     pub fn landing(&self, time: f64) -> f64 {
         let segment = self.segment(time);
@@ -191,7 +195,8 @@ impl GlassRain {
         if flux > 0.0 { segment.begin + (count - of(&segment.landed)) / flux } else { segment.begin }
     }
 
-    /// Radius, m, of a drop that lands at an instant with this share of drops below it; of those that sit or run.
+    /// Radius, m, of a drop that lands at an instant with this share of drops below it; of those
+    /// that sit or run.
     #[inline]
     pub(super) fn radius(&self, time: f64, share: f64, runs: bool) -> f64 {
         let table = &self.segment(time).radii[usize::from(runs)];
@@ -208,7 +213,8 @@ impl GlassRain {
         f64::from(radii.copied().fold(0.0, f32::max))
     }
 
-    /// Share of the running drops of an instant that grew on the glass instead of landing as large: those with the least share.
+    /// Share of the running drops of an instant that grew on the glass instead of landing as large:
+    /// those with the least share.
     #[cfg(test)]
     pub(super) fn grown(&self, time: f64) -> f64 {
         self.segment(time).grown

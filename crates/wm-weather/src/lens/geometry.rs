@@ -3,10 +3,12 @@
 use super::Glass;
 use wm_scene::Camera;
 
-/// Farthest part of the glass that counts, distances: beyond it a tilted plane is no windscreen any more.
+/// Farthest part of the glass that counts, distances: beyond it a tilted plane is no windscreen any
+/// more.
 const FARTHEST: f64 = 3.0;
 
-/// A glass as a camera sees it. Points of it are metres from the point on the view's axis, to the right and down along it.
+/// A glass as a camera sees it. Points of it are metres from the point on the view's axis, to the
+/// right and down along it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GlassView {
     distance: f64,
@@ -44,8 +46,8 @@ impl GlassView {
         view
     }
 
-    /// Returns this view, bounded to the part of the glass where a drop of `radius` metres is at least
-    /// `pixels` wide in the picture; `None` if there is no such part.
+    /// Returns this view, bounded to the part of the glass where a drop of `radius` metres is at
+    /// least `pixels` wide in the picture; `None` if there is no such part.
     #[must_use]
     pub fn part_with(&self, radius: f64, pixels: f64, camera: &Camera) -> Option<Self> {
         // Beyond this depth drops are smaller.

@@ -1,8 +1,9 @@
-//! Drops as a picture of their own: their light and their cover, as coarse as the aperture blurs them.
+//! Drops as a picture of their own: their light and their cover, as coarse as the aperture blurs
+//! them.
 //!
-//! Drops that touch are one surface: each adds `(1 - rho^2 / S^2)^2` about it, with `rho` its distance from the middle in radii,
-//! and water is where the sum is as great as on the rim of a single one. The slope is that of a cap for a single drop, and goes
-//! over where drops meet.
+//! Drops that touch are one surface: each adds `(1 - rho^2 / S^2)^2` about it, with `rho` its
+//! distance from the middle in radii, and water is where the sum is as great as on the rim of a
+//! single one. The slope is that of a cap for a single drop, and goes over where drops meet.
 
 use super::Glass;
 use super::drops::GlassDrop;
@@ -203,8 +204,9 @@ impl DropLayer {
         self.spans = spans;
     }
 
-    /// Writes the light and the cover along a row of a picture, between the columns of the layer that have drops. Returns the first of the
-    /// columns that are written; `None` where there are no drops.
+    /// Writes the light and the cover along a row of a picture, between the columns of the layer
+    /// that have drops. Returns the first of the columns that are written; `None` where there are
+    /// no drops.
     pub fn row(&self, y: usize, line: &mut Vec<[f32; 4]>) -> Option<usize> {
         let LayerScale { pixels: scale, margin, .. } = self.scale;
         let at = (y as f32 + 0.5) / scale as f32 - 0.5 + margin as f32;
@@ -225,8 +227,8 @@ impl DropLayer {
         Some(first)
     }
 
-    /// Appends each column below `width` that shows a drop, from left to right, with its light and its cover, from what [`Self::row`] wrote
-    /// from the column `start` of the layer on.
+    /// Appends each column below `width` that shows a drop, from left to right, with its light and
+    /// its cover, from what [`Self::row`] wrote from the column `start` of the layer on.
     pub fn columns(&self, line: &[[f32; 4]], width: usize, start: usize, seen: &mut Vec<(u32, [f32; 4])>) {
         let LayerScale { pixels: scale, margin, .. } = self.scale;
         let shift = if scale % 2 == 0 { 0.5 } else { 0.0 };
@@ -331,8 +333,8 @@ impl Optics<'_> {
         }
     }
 
-    /// Writes the light times cover, and the cover, of pixels with these sums that look along `(right + i step, down, 1)`; as many as there
-    /// are lanes, or fewer.
+    /// Writes the light times cover, and the cover, of pixels with these sums that look along
+    /// `(right + i step, down, 1)`; as many as there are lanes, or fewer.
     #[inline(always)]
     fn shade<S: Lanes>(
         &self,

@@ -1,12 +1,16 @@
-//! A wet glass before the camera: drops that land, refract, run and dry; dirt; and light that scatters.
+//! A wet glass before the camera: drops that land, refract, run and dry; dirt; and light that
+//! scatters.
 //!
-//! Nothing is simulated from frame to frame. Landings are Poisson events of hashed cells of the glass and of slots of a clock that
-//! counts drops ([`GlassRain`]); [`drops()`] finds those that are on the glass at an instant, in a bounded window of the past. Drops as large
-//! as [`Glass::runs_from`] run down a hashed path, wipe what is on it and leave small ones behind.
+//! Nothing is simulated from frame to frame. Landings are Poisson events of hashed cells of the
+//! glass and of slots of a clock that counts drops ([`GlassRain`]); [`drops()`] finds those that
+//! are on the glass at an instant, in a bounded window of the past. Drops as large as
+//! [`Glass::runs_from`] run down a hashed path, wipe what is on it and leave small ones behind.
 //!
-//! A drop is a cap of water on the outer side. It bends the view by Snell's law and so shows a wide picture upside down, from a small
-//! render of its own ([`wide_camera`], [`WideView`]); rims that reflect the light back inside are dark. [`LensEffect`] draws drops
-//! into a layer as coarse as the aperture blurs the glass, blurs it by the disc of the aperture, and lays it over the picture in linear light.
+//! A drop is a cap of water on the outer side. It bends the view by Snell's law and so shows a wide
+//! picture upside down, from a small render of its own ([`wide_camera`], [`WideView`]); rims that
+//! reflect the light back inside are dark. [`LensEffect`] draws drops into a layer as coarse as the
+//! aperture blurs the glass, blurs it by the disc of the aperture, and lays it over the picture in
+//! linear light.
 
 mod drops;
 mod effect;
@@ -77,8 +81,8 @@ impl Glass {
         ))
     }
 
-    /// The part of the glass where drops are large enough to be seen: its least and greatest corner, m from the point on the view's
-    /// axis. `None` if there is no such part.
+    /// The part of the glass where drops are large enough to be seen: its least and greatest
+    /// corner, m from the point on the view's axis. `None` if there is no such part.
     fn part_with_drops(&self, camera: &Camera) -> Option<[[f64; 2]; 2]> {
         if self.rain.is_dry(self.time) {
             return None;

@@ -41,8 +41,9 @@ fn area(drops: &[GlassDrop]) -> f64 {
     drops.iter().map(|drop| PI * drop.radius.powi(2)).sum()
 }
 
-/// Marshall and Palmer's drops of `rate` mm/h from 0.5 to 6 mm at the speeds of Brandes et al. (2002): the sum of `f(number, speed)` over the diameters, by
-/// numbers that give the rate. Typed anew.
+/// Marshall and Palmer's drops of `rate` mm/h from 0.5 to 6 mm at the speeds of Brandes et al.
+/// (2002): the sum of `f(number, speed)` over the diameters, by numbers that give the rate. Typed
+/// anew.
 fn rain_sum(rate: f64, f: impl Fn(f64) -> f64) -> f64 {
     let slope = 4.1 * rate.powf(-0.21);
     let steps = 20_000;
@@ -66,7 +67,8 @@ fn as_many_drops_land_as_the_flux_says() {
     let level = Rainfall { rate, wind: 0.0, speed: 0.0, tilt, is_on_glass: false };
     let cases = [
         (level, rain_sum(rate, |speed| speed * tilt.sin())),
-        // Rain that falls past an upright glass, with a wind from all sides, and against a glass that moves.
+        // Rain that falls past an upright glass, with a wind from all sides, and against a glass
+        // that moves.
         (Rainfall { wind, tilt: 0.0, ..level }, rain_sum(rate, |_| wind / PI)),
         (Rainfall { speed: 12.0, tilt: 0.0, ..level }, rain_sum(rate, |_| 12.0)),
         (Rainfall::onto_glass(10.0), rain_sum(10.0, |speed| speed)),

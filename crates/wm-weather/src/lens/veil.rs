@@ -16,7 +16,8 @@ const FIRST: f64 = std::f64::consts::SQRT_2;
 const AROUND: usize = 12;
 /// Radius of a ring, cells of its own grid.
 const RADIUS: f64 = 2.5;
-/// Share of light that each ring scatters: the integral of `10 / angle^2` a degree over an octave of angles.
+/// Share of light that each ring scatters: the integral of `10 / angle^2` a degree over an octave
+/// of angles.
 const OCTAVE: f64 = 20.0 * std::f64::consts::PI * std::f64::consts::LN_2 / (180.0 * 180.0)
     * std::f64::consts::PI
     * std::f64::consts::PI;
@@ -155,7 +156,8 @@ fn light_of_cells(picture: &Frame, cell: usize, width: usize) -> (usize, Vec<[f3
     (width, rows.concat())
 }
 
-/// The veil over each cell of a picture by the light of all, from rings about it on ever coarser grids.
+/// The veil over each cell of a picture by the light of all, from rings about it on ever coarser
+/// grids.
 fn veil((width, light): (usize, Vec<[f32; 3]>)) -> Vec<[f32; 3]> {
     let mut levels = vec![(width, light)];
     while levels.len() < RINGS {

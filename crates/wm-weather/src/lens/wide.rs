@@ -55,7 +55,8 @@ impl WideView {
         std::array::from_fn(|k| four.iter().map(|pixel| pixel[k]).sum::<f32>() / four.len() as f32)
     }
 
-    /// The light from a direction of the camera's axes, x right, y down, z ahead, of a cone `angle` radians wide.
+    /// The light from a direction of the camera's axes, x right, y down, z ahead, of a cone `angle`
+    /// radians wide.
     #[inline(always)]
     #[must_use]
     pub fn at(&self, [x, y, z]: [f32; 3], angle: f32) -> [f32; 4] {

@@ -1,11 +1,13 @@
 //! The light of a capture, split into sun and sky.
 //!
-//! 1. Surfaces with normals and colours: those that the photos' cameras see ([`FusedSurfaces`]); leaves have no normal.
+//! 1. Surfaces with normals and colours: those that the photos' cameras see ([`FusedSurfaces`]);
+//!    leaves have no normal.
 //! 2. Openness to the sky by maps of what stands in the way of 32 directions.
 //! 3. The sun: given, or found in the shadows, or none.
 //! 4. The ratio of sun to sky, a channel, from pairs of one material in light and shade.
-//! 5. Visibility of the sun: from the map where it is sure, and where it is not, such as along the edges of shadows, from the
-//!    colour: what makes the reflectance that of the sure surfaces of the same material around.
+//! 5. Visibility of the sun: from the map where it is sure, and where it is not, such as along the
+//!    edges of shadows, from the colour: what makes the reflectance that of the sure surfaces of
+//!    the same material around.
 //! 6. Each splat takes the light of the surface nearest to it.
 
 use super::irradiance::{SceneLight, SkyGradation, SurfaceLight};
@@ -39,12 +41,13 @@ pub(crate) const GREEN: f64 = 1.08;
 const EXTENTS: [f64; 2] = [0.01, 1e6];
 /// Distance between surfaces that are told apart, m.
 const THIN: f64 = 0.06;
-/// Reflectance of surfaces in the mean; the brightness of white cards up to which they count as 1, since bright places are no
-/// courtyards; and the most that is believed.
+/// Reflectance of surfaces in the mean; the brightness of white cards up to which they count as 1,
+/// since bright places are no courtyards; and the most that is believed.
 const MEAN_ALBEDO: f64 = 0.25;
 const USUAL: f64 = 1.5;
 const MOST_EXPOSURE: f64 = 3.0;
-/// Quantile of the ground's irradiance at which a white card is at most display white: in even light, and in that of a sun.
+/// Quantile of the ground's irradiance at which a white card is at most display white: in even
+/// light, and in that of a sun.
 const DARK_GROUND: [f64; 2] = [0.25, 0.75];
 /// Least cosine between up and the normal of ground.
 const LEVEL: f32 = 0.8;
@@ -54,15 +57,16 @@ const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun
 const WHOLE: i16 = 10_000;
 /// Cosine of the sun's incidence on leaves, which turn to all sides.
 const LEAVES: f64 = 0.5;
-/// Radius about a point over which the map is averaged, m, and radius within which all of it must be lit or all in shade to be
-/// believed, m: where more than [`AGREE`] of the pairs in sun and shade show it, and where fewer do.
+/// Radius about a point over which the map is averaged, m, and radius within which all of it must
+/// be lit or all in shade to be believed, m: where more than [`AGREE`] of the pairs in sun and
+/// shade show it, and where fewer do.
 const EXACT: [f32; 2] = [0.12, 0.3];
 const ROUGH: [f32; 2] = [0.35, 1.2];
 const AGREE: f64 = 0.7;
 /// The share below which the shadows are not those of this sun.
 const LEAST_AGREEMENT: f64 = 0.47;
-/// Share of the sun by which colours contradict the map, and the growth of the ratio of sun to sky without what they contradict
-/// above which they take patterns for shadows.
+/// Share of the sun by which colours contradict the map, and the growth of the ratio of sun to sky
+/// without what they contradict above which they take patterns for shadows.
 const CONTRADICTS: f32 = 0.2;
 const UNSTEADY: f64 = 1.5;
 /// Distance of the surfaces whose colours tell the light of each other, m.
@@ -81,7 +85,8 @@ pub const MOST_LEFT: f64 = 0.25;
 pub struct CaptureSun {
     /// Towards it, world axes, length 1.
     pub direction: [f64; 3],
-    /// Irradiance of a surface that faces it, over that of level ground under the whole sky, by channel.
+    /// Irradiance of a surface that faces it, over that of level ground under the whole sky, by
+    /// channel.
     pub ratio: [f64; 3],
     /// The share of the surfaces that look at it which see it.
     pub lit: f64,
@@ -103,7 +108,8 @@ pub struct KnownSun {
 pub struct CaptureLight {
     /// The sun; `None` of a capture in diffuse light.
     pub sun: Option<CaptureSun>,
-    /// The place was captured under clouds, as its sky says, or where that is burned out in the photos, the lack of any shadows.
+    /// The place was captured under clouds, as its sky says, or where that is burned out in the
+    /// photos, the lack of any shadows.
     pub is_overcast: bool,
     /// The result of the search for the sun, if it was not known.
     pub search: Option<FoundSun>,
@@ -111,7 +117,8 @@ pub struct CaptureLight {
     pub light: SceneLight,
     /// Means over all surfaces, by which light returns.
     mean: MeanSurface,
-    /// The brightness in which white things are drawn in an irradiance of 1, display values; 1 or more.
+    /// The brightness in which white things are drawn in an irradiance of 1, display values; 1 or
+    /// more.
     exposure: f64,
     /// The brightness of white cards as the photos would show them.
     card: WhiteCard,
@@ -125,14 +132,16 @@ struct SplatLight {
     /// Normal times 127; zero of leaves.
     normal: [i8; 3],
     open: [u8; 2],
-    /// The share of the sun times [`WHOLE`]; below 0 or above it beside the edges of shadows ([`sharpened_share`]).
+    /// The share of the sun times [`WHOLE`]; below 0 or above it beside the edges of shadows
+    /// ([`sharpened_share`]).
     sun: i16,
     /// A splat of the captured sky.
     is_sky: bool,
 }
 
 impl SplatLight {
-    /// The share of the sun that reaches the splat: 0-1, or a little beyond beside the edges of shadows.
+    /// The share of the sun that reaches the splat: 0-1, or a little beyond beside the edges of
+    /// shadows.
     fn sun_share(self) -> f32 {
         f32::from(self.sun) / f32::from(WHOLE)
     }
@@ -189,8 +198,9 @@ impl CaptureLight {
             && self.card.is_sound()
     }
 
-    /// Splits the light of a scene. `found` are its surfaces, `occluders` what stands in the way of light, `known` what
-    /// is known of the sun, `cameras` those of the photos. Equal for any number of threads.
+    /// Splits the light of a scene. `found` are its surfaces, `occluders` what stands in the way of
+    /// light, `known` what is known of the sun, `cameras` those of the photos. Equal for any number
+    /// of threads.
     #[must_use]
     pub fn split(
         splats: &Splats,
@@ -308,7 +318,8 @@ impl CaptureLight {
         }
     }
 
-    /// Returns true if the sun's shadows can be taken away: they were found, and little of them is left.
+    /// Returns true if the sun's shadows can be taken away: they were found, and little of them is
+    /// left.
     #[must_use]
     pub fn is_split(&self) -> bool {
         self.sun.is_some_and(|sun| sun.contrast_left <= MOST_LEFT)
@@ -385,8 +396,8 @@ impl CaptureLight {
         self.surface_beside(index, self.normal(index), up, Some(shadows))
     }
 
-    /// The geometry of the light on a small surface with this normal that sees what a splat sees. `shadows` are those of another
-    /// sun than the captured one.
+    /// The geometry of the light on a small surface with this normal that sees what a splat sees.
+    /// `shadows` are those of another sun than the captured one.
     #[must_use]
     pub(super) fn surface_beside(
         &self,
@@ -424,8 +435,8 @@ impl CaptureLight {
         self.exposure
     }
 
-    /// The light of a white card in an irradiance as the photos would show it, display values in linear light: the colour of a
-    /// surface over it is its reflectance.
+    /// The light of a white card in an irradiance as the photos would show it, display values in
+    /// linear light: the colour of a surface over it is its reflectance.
     #[must_use]
     pub fn white(&self, irradiance: f64) -> f64 {
         self.card.light(irradiance)
@@ -443,8 +454,8 @@ impl CaptureLight {
         self.splats[index].is_sky
     }
 
-    /// Returns true if another sun can shine on the place: it has no shadows, or is said to have none, or they can be taken
-    /// away.
+    /// Returns true if another sun can shine on the place: it has no shadows, or is said to have
+    /// none, or they can be taken away.
     #[must_use]
     pub fn takes_another_sun(&self, is_diffuse: bool) -> bool {
         self.is_split() || (self.sun.is_none() && (self.is_overcast || is_diffuse))
@@ -456,7 +467,8 @@ impl CaptureLight {
         self.sun.map_or(0.0, |sun| along(sun.direction, up))
     }
 
-    /// The mean irradiance of the surfaces under the light of another sun, without what they return to each other.
+    /// The mean irradiance of the surfaces under the light of another sun, without what they return
+    /// to each other.
     #[must_use]
     pub fn mean_in(&self, light: &SceneLight, shadows: &SunShadows) -> [f64; 3] {
         MeanSurface { sun: shadows.mean(), ..self.mean }.under(light)
@@ -474,10 +486,11 @@ fn direction_text(direction: [f64; 3]) -> String {
     format!("{x:.3}, {y:.3}, {z:.3}")
 }
 
-/// The brightness of a white card in an irradiance of 1, display values, from 1 to [`MOST_EXPOSURE`]: the median of what the surfaces
-/// say, since photos of a courtyard are exposed for its shade. If the light is not known, the median over the ground counts too: the
-/// ground may lie in a sun that the search missed. Ground as bright as the quantile [`DARK_GROUND`] shows the card at most as display
-/// white.
+/// The brightness of a white card in an irradiance of 1, display values, from 1 to
+/// [`MOST_EXPOSURE`]: the median of what the surfaces say, since photos of a courtyard are exposed
+/// for its shade. If the light is not known, the median over the ground counts too: the ground may
+/// lie in a sun that the search missed. Ground as bright as the quantile [`DARK_GROUND`] shows the
+/// card at most as display white.
 fn exposure(
     surfaces: &Surfaces,
     (light, is_known): (&SceneLight, bool),
@@ -513,7 +526,8 @@ fn surface_of(normal: Vec3, open: [f32; 2], seen: f32, up: Vec3, sun: Option<[f6
     SurfaceLight { incidence, sun: f64::from(seen), ..base }
 }
 
-/// The captured light: white on level ground in the open, since cameras balance white for what they see.
+/// The captured light: white on level ground in the open, since cameras balance white for what they
+/// see.
 fn captured_light(sun: Option<&CaptureSun>, site: &Site) -> SceneLight {
     let Some(sun) = sun else {
         return SceneLight { sun: [0.0; 3], sky: SkyGradation::overcast([1.0; 3]) };
@@ -526,7 +540,8 @@ fn captured_light(sun: Option<&CaptureSun>, site: &Site) -> SceneLight {
 /// Distance between surfaces that all other distances go with, m.
 const FINE: f32 = 0.1;
 
-/// The factor by which the surfaces are coarser than the distances of this module are meant for, 1 to 10.
+/// The factor by which the surfaces are coarser than the distances of this module are meant for, 1
+/// to 10.
 fn coarseness(surfaces: &Surfaces, site: &Site, threads: usize) -> f32 {
     let metres = site.metres_per_unit as f32;
     (surfaces.spacing(10.0 * FINE / metres, threads) * metres / FINE).clamp(1.0, 10.0)
@@ -556,8 +571,8 @@ fn mark_leaves(surfaces: &mut Surfaces, coarseness: f32, site: &Site, threads: u
     }
 }
 
-/// Gives level normals to ground without normals: a rough capture turns them to all sides, and as leaves the ground would count as
-/// lit by half. Lawns stay leaves.
+/// Gives level normals to ground without normals: a rough capture turns them to all sides, and as
+/// leaves the ground would count as lit by half. Lawns stay leaves.
 fn level_ground(surfaces: &mut Surfaces, floor: &FarFloor, site: &Site) {
     let up = Vec3::from_array(site.up.map(|v| v as f32));
     for i in 0..surfaces.len() {
@@ -653,7 +668,8 @@ impl Split {
             (sun, amounts, seen)
         };
         let first = told(by_map);
-        // The map without what colours contradict tells the ratio better, unless it gives way to them.
+        // The map without what colours contradict tells the ratio better, unless it gives way to
+        // them.
         let agreed: Vec<f32> = prior
             .iter()
             .zip(&first.2)
@@ -670,8 +686,9 @@ impl Split {
     }
 }
 
-/// The ratio of sun to sky by channel: the median over pairs of which one point is surely in the sun, and the other in shade, and
-/// which show it: where the geometry is rough, the map is wrong about many.
+/// The ratio of sun to sky by channel: the median over pairs of which one point is surely in the
+/// sun, and the other in shade, and which show it: where the geometry is rough, the map is wrong
+/// about many.
 fn sun_to_sky(
     surfaces: &Surfaces,
     pairs: &[Pair],
@@ -727,7 +744,8 @@ fn agreement(pairs: &[Pair], mapped: &[f32]) -> f64 {
     if all > 0.0 { agreed / all } else { 1.0 }
 }
 
-/// Spread of reflectance over pairs of light and shade, beyond that of pairs in one light, of the contrast before.
+/// Spread of reflectance over pairs of light and shade, beyond that of pairs in one light, of the
+/// contrast before.
 fn contrast_left(pairs: &[Pair], amounts: &[[f32; 2]], seen: &[f32]) -> f64 {
     let irradiance = |i: u32| {
         let [shade, sunny] = amounts[i as usize];

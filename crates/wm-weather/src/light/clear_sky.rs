@@ -1,21 +1,23 @@
-//! Clear and hazy skies with the sun in them, by the model of Hosek and Wilkie (2012), and the sun's beam.
+//! Clear and hazy skies with the sun in them, by the model of Hosek and Wilkie (2012), and the
+//! sun's beam.
 //!
 //! Radiance of a direction at zenith angle `t` and angle `g` to the sun, a channel:
 //!
 //! `L = R (1 + A e^(B / (cos t + 0.01))) (C + D e^(E g) + F cos^2 g + G X(H, g) + I cos^(1/2) t)`,
 //! `X(H, g) = (1 + cos^2 g) / (1 + H^2 - 2 H cos g)^(3/2)`.
 //!
-//! The coefficients A to I and the factor R are quintic Bezier curves over the cube root of the sun's elevation (as a
-//! share of 90 degrees), linear in turbidity between whole numbers and linear in the ground's albedo. The model was
-//! fitted to path-traced skies. Turbidity is the ratio of all vertical optical depth to that of pure air: 2 is very
-//! clear, 3 clear, 6 hazy, 10 very hazy.
+//! The coefficients A to I and the factor R are quintic Bezier curves over the cube root of the
+//! sun's elevation (as a share of 90 degrees), linear in turbidity between whole numbers and linear
+//! in the ground's albedo. The model was fitted to path-traced skies. Turbidity is the ratio of all
+//! vertical optical depth to that of pure air: 2 is very clear, 3 clear, 6 hazy, 10 very hazy.
 //!
-//! Unit of radiance: W/(m^2 sr), weighted by the CIE 1931 colour matching functions and given as linear RGB with the
-//! primaries and the white of sRGB (ITU-R BT.709). 683 lm/W times its luminance is cd/m^2. Irradiances are W/m^2
-//! weighted alike; 683 lm/W times their luminance is lux.
+//! Unit of radiance: W/(m^2 sr), weighted by the CIE 1931 colour matching functions and given as
+//! linear RGB with the primaries and the white of sRGB (ITU-R BT.709). 683 lm/W times its luminance
+//! is cd/m^2. Irradiances are W/m^2 weighted alike; 683 lm/W times their luminance is lux.
 //!
-//! The fit is weakest with the sun below 3 degrees (values fall below 0 at the horizon and are cut there), and above
-//! turbidity 7 (the light of the sky falls by up to 5 % where the sun comes close to the zenith).
+//! The fit is weakest with the sun below 3 degrees (values fall below 0 at the horizon and are cut
+//! there), and above turbidity 7 (the light of the sky falls by up to 5 % where the sun comes close
+//! to the zenith).
 
 use crate::optics::WAVELENGTHS;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -25,11 +27,13 @@ mod table;
 
 /// Highest turbidity of the published table; its rows begin at 1.
 const HAZIEST: f64 = 10.0;
-/// Samples along each of elevation and azimuth of half the sky. The error of the irradiance is below 0.4 %.
+/// Samples along each of elevation and azimuth of half the sky. The error of the irradiance is
+/// below 0.4 %.
 const SAMPLES: u32 = 48;
-/// Irradiance of the sun above the atmosphere, in the unit of the sky's irradiance: the solar spectrum that the model's
-/// skies were path-traced with (Preetham 1999) under the CIE 1931 colour matching functions. Its luminance is 129.9 klx;
-/// measured spectra have 133 klx (Darula, Kittler and Gueymard 2005).
+/// Irradiance of the sun above the atmosphere, in the unit of the sky's irradiance: the solar
+/// spectrum that the model's skies were path-traced with (Preetham 1999) under the CIE 1931 colour
+/// matching functions. Its luminance is 129.9 klx; measured spectra have 133 klx (Darula, Kittler
+/// and Gueymard 2005).
 const EXTRATERRESTRIAL: [f64; 3] = [201.8, 187.3, 183.7];
 
 /// A clear or hazy sky with the sun above the horizon.
@@ -41,8 +45,9 @@ pub struct ClearSky {
 }
 
 impl ClearSky {
-    /// The sky for an elevation of the sun (radians, 0 to pi/2), a turbidity (1 to 10) and an albedo of the ground
-    /// (0 to 1). Values outside the ranges are set to the nearest end; NaN counts as the lower end.
+    /// The sky for an elevation of the sun (radians, 0 to pi/2), a turbidity (1 to 10) and an
+    /// albedo of the ground (0 to 1). Values outside the ranges are set to the nearest end; NaN
+    /// counts as the lower end.
     #[must_use]
     pub fn new(sun_elevation: f64, turbidity: f64, ground_albedo: f64) -> Self {
         let sun_elevation = clamped(sun_elevation, 0.0, FRAC_PI_2);
@@ -53,9 +58,10 @@ impl ClearSky {
         Self { sun_elevation, turbidity, channels }
     }
 
-    /// Radiance of a direction, linear RGB in the unit of the module, without the solar disc; finite and at least 0.
-    /// `sin_elevation` is the sine of the direction's elevation, `cos_to_sun` the cosine of its angle to the sun, both
-    /// -1 to 1. A direction below the horizon has the radiance of the horizon above it.
+    /// Radiance of a direction, linear RGB in the unit of the module, without the solar disc;
+    /// finite and at least 0. `sin_elevation` is the sine of the direction's elevation,
+    /// `cos_to_sun` the cosine of its angle to the sun, both -1 to 1. A direction below the horizon
+    /// has the radiance of the horizon above it.
     #[must_use]
     pub fn radiance(&self, sin_elevation: f64, cos_to_sun: f64) -> [f64; 3] {
         let sin = clamped(sin_elevation, -1.0, 1.0);
@@ -69,14 +75,15 @@ impl ClearSky {
         self.channels.each_ref().map(|channel| channel.radiance(sin.max(0.0), cos_to_sun))
     }
 
-    /// Irradiance of a level surface by the sky alone, without the sun's beam, linear RGB in the unit of the module.
-    /// Deterministic: a fixed grid of directions that all weigh the same.
+    /// Irradiance of a level surface by the sky alone, without the sun's beam, linear RGB in the
+    /// unit of the module. Deterministic: a fixed grid of directions that all weigh the same.
     #[must_use]
     pub fn horizontal_irradiance(&self) -> [f64; 3] {
         self.level_and_upright_irradiance()[0]
     }
 
-    /// The same, and the irradiance of an upright surface, the mean over all sides that it may face.
+    /// The same, and the irradiance of an upright surface, the mean over all sides that it may
+    /// face.
     #[must_use]
     pub fn level_and_upright_irradiance(&self) -> [[f64; 3]; 2] {
         let (sin_sun, cos_sun) = self.sun_elevation.sin_cos();
@@ -99,18 +106,22 @@ impl ClearSky {
         [level, upright].map(|sum| sum.map(|v| v * PI / f64::from(SAMPLES * SAMPLES)))
     }
 
-    /// Irradiance of a surface that faces the sun, by the beam alone, linear RGB in the unit of the sky's irradiance:
-    /// the solar spectrum that the model was made with, times [`beam_transmittance`]. At the mean distance of the sun;
-    /// over a year it varies by 3.4 % either way.
+    /// Irradiance of a surface that faces the sun, by the beam alone, linear RGB in the unit of the
+    /// sky's irradiance: the solar spectrum that the model was made with, times
+    /// [`beam_transmittance`]. At the mean distance of the sun; over a year it varies by 3.4 %
+    /// either way.
     ///
-    /// Balance of sun and sky on level ground, luminance of beam over sky, ground albedo 0.2, against the clear sky of
-    /// the IES's illuminances (0.9 / 2.4 / 3.6 / 4.8 / 5.7 with the sun 10 / 20 / 30 / 45 / 60 degrees high):
+    /// Balance of sun and sky on level ground, luminance of beam over sky, ground albedo 0.2,
+    /// against the clear sky of the IES's illuminances (0.9 / 2.4 / 3.6 / 4.8 / 5.7 with the sun 10
+    /// / 20 / 30 / 45 / 60 degrees high):
     /// - turbidity 2: 0.90 / 2.23 / 3.37 / 4.80 / 5.87, within 8 %;
-    /// - turbidity 2.5: 0.66 / 1.82 / 2.85 / 4.16 / 5.15, within a factor of 1.2 from 45 degrees up and 1.4 from 10;
-    /// - turbidity 3: 0.48 / 1.49 / 2.42 / 3.60 / 4.52, within a factor of 1.4 from 45 degrees up and 1.9 from 10.
+    /// - turbidity 2.5: 0.66 / 1.82 / 2.85 / 4.16 / 5.15, within a factor of 1.2 from 45 degrees up
+    ///   and 1.4 from 10;
+    /// - turbidity 3: 0.48 / 1.49 / 2.42 / 3.60 / 4.52, within a factor of 1.4 from 45 degrees up
+    ///   and 1.9 from 10.
     ///
-    /// The sky alone is within 17 % of the IES's 0.8 + 15.5 sin^0.5 h klx at turbidity 2, and within 30 % at 3. Nothing
-    /// is scaled to fit.
+    /// The sky alone is within 17 % of the IES's 0.8 + 15.5 sin^0.5 h klx at turbidity 2, and
+    /// within 30 % at 3. Nothing is scaled to fit.
     #[must_use]
     pub fn sun_irradiance(&self) -> [f64; 3] {
         let transmittance = beam_transmittance(self.sun_elevation, self.turbidity);
@@ -118,14 +129,15 @@ impl ClearSky {
     }
 }
 
-/// Share of the sun's light that reaches the ground unscattered, by channel, 0 to 1: 0 with the sun below the horizon.
-/// Elevation of the sun in radians, up to pi/2; turbidity from 1 without an upper limit. Values beyond are set to the
-/// nearest end; a turbidity of NaN counts as 1.
+/// Share of the sun's light that reaches the ground unscattered, by channel, 0 to 1: 0 with the sun
+/// below the horizon. Elevation of the sun in radians, up to pi/2; turbidity from 1 without an
+/// upper limit. Values beyond are set to the nearest end; a turbidity of NaN counts as 1.
 ///
-/// `exp(-0.008735 m l^-4.08) exp(-beta m l^-1.3)` at the wavelengths `l` (um) of [`WAVELENGTHS`], `beta = 0.046 (T - 1)`,
-/// with the relative air mass `m = 1 / (cos z + 0.15 (93.885 - z)^-1.253)`, `z` the zenith angle in degrees (Kasten 1965;
-/// Preetham 1999). Ozone, water vapour and mixed gases are left out. Three wavelengths make the beam of a low sun less
-/// red than the same formula over the whole spectrum does, at turbidity 3: red 4 / 7 / 12 % too low and blue 9 / 20 / 49 %
+/// `exp(-0.008735 m l^-4.08) exp(-beta m l^-1.3)` at the wavelengths `l` (um) of [`WAVELENGTHS`],
+/// `beta = 0.046 (T - 1)`, with the relative air mass `m = 1 / (cos z + 0.15 (93.885 - z)^-1.253)`,
+/// `z` the zenith angle in degrees (Kasten 1965; Preetham 1999). Ozone, water vapour and mixed
+/// gases are left out. Three wavelengths make the beam of a low sun less red than the same formula
+/// over the whole spectrum does, at turbidity 3: red 4 / 7 / 12 % too low and blue 9 / 20 / 49 %
 /// too high at 47 / 20 / 10 degrees, luminance within 0.3 %.
 #[must_use]
 pub fn beam_transmittance(sun_elevation: f64, turbidity: f64) -> [f64; 3] {
@@ -152,7 +164,8 @@ struct Channel {
 }
 
 impl Channel {
-    /// Mixes the rows of the table: by `control` points of the elevation, by turbidity and by albedo, all in range.
+    /// Mixes the rows of the table: by `control` points of the elevation, by turbidity and by
+    /// albedo, all in range.
     fn new(channel: usize, control: &[f64; 6], turbidity: f64, albedo: f64) -> Self {
         let clearer = (turbidity as usize).clamp(1, HAZIEST as usize - 1);
         let share = turbidity - clearer as f64;

@@ -1,8 +1,9 @@
 //! Shadows of broken clouds that drift over a place.
 //!
-//! The field is a sum of waves over the level ground, of lengths of 0.5 to 2 km and random directions and phases, so that its
-//! values are normally distributed; where it is above the quantile of the cloud cover there is a cloud. The shadow of a point is
-//! that of the field where the ray to the sun meets the clouds' height. It is a function of the seed and of how far the air
+//! The field is a sum of waves over the level ground, of lengths of 0.5 to 2 km and random
+//! directions and phases, so that its values are normally distributed; where it is above the
+//! quantile of the cloud cover there is a cloud. The shadow of a point is that of the field where
+//! the ray to the sun meets the clouds' height. It is a function of the seed and of how far the air
 //! has come.
 
 use crate::dome::{level_axes, to_level};
@@ -17,7 +18,8 @@ const WAVES: u64 = 24;
 const LENGTHS: [f64; 2] = [500.0, 2_000.0];
 /// Height of the clouds above the ground, m.
 const HEIGHT: f64 = 1_000.0;
-/// Half the width of a shadow's edge, in standard deviations of the field: some 14 m where it is steep.
+/// Half the width of a shadow's edge, in standard deviations of the field: some 14 m where it is
+/// steep.
 const EDGE: f64 = 0.07;
 /// Spacing of the table, m, and its nodes along a side.
 const SPACING: f64 = 8.0;
@@ -26,8 +28,8 @@ const NODES: i64 = 65;
 /// The share of the sun's beam that clouds let through, about a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CloudShadows {
-    /// `[NODES, NODES]` by the place that the sun's ray has at the height of 0, along the level axes; the spacing is whole, so
-    /// that a node has the same value in any table that holds it.
+    /// `[NODES, NODES]` by the place that the sun's ray has at the height of 0, along the level
+    /// axes; the spacing is whole, so that a node has the same value in any table that holds it.
     table: Vec<f32>,
     /// Columns and rows, from world axes in scene units.
     axes: [Vec3; 2],
@@ -37,8 +39,9 @@ pub struct CloudShadows {
 }
 
 impl CloudShadows {
-    /// Of clouds that cover the share `clouds` (0-1) of the sky, under a sun towards `sun` (world axes, length 1), about the point
-    /// `center` (world axes, scene units). The air has come as far as `drift`, m, along the level axes.
+    /// Of clouds that cover the share `clouds` (0-1) of the sky, under a sun towards `sun` (world
+    /// axes, length 1), about the point `center` (world axes, scene units). The air has come as far
+    /// as `drift`, m, along the level axes.
     #[must_use]
     pub fn new(
         clouds: f64,
@@ -165,8 +168,8 @@ mod tests {
         }
     }
 
-    /// A shadow is where it was, moved by the wind; a point on a tower has that of the ground behind it; and tables about two
-    /// cameras agree.
+    /// A shadow is where it was, moved by the wind; a point on a tower has that of the ground
+    /// behind it; and tables about two cameras agree.
     #[test]
     fn shadows_drift_with_the_air_and_slant_with_the_sun() {
         let make = |drift: [f64; 2], center: [f64; 3]| {

@@ -1,8 +1,10 @@
-//! Light of the open sky by the place of the sun: day, twilight, night, and clouds before any of them.
+//! Light of the open sky by the place of the sun: day, twilight, night, and clouds before any of
+//! them.
 //!
-//! Irradiances are linear RGB whose luminance is in lux. With the sun above [`LOWEST_DAY`] they are those of
-//! [`ClearSky`]; below it, illuminance falls as it was measured under clear skies (Seidelmann 1992: 3.4 lx with the sun
-//! 6 degrees below the horizon, 0.008 at 12, 0.0006 at 18), and the glow of the sky about the place stays.
+//! Irradiances are linear RGB whose luminance is in lux. With the sun above [`LOWEST_DAY`] they are
+//! those of [`ClearSky`]; below it, illuminance falls as it was measured under clear skies
+//! (Seidelmann 1992: 3.4 lx with the sun 6 degrees below the horizon, 0.008 at 12, 0.0006 at 18),
+//! and the glow of the sky about the place stays.
 
 use super::clear_sky::ClearSky;
 use super::irradiance::{SceneLight, SkyGradation};
@@ -17,7 +19,8 @@ pub const LOWEST_DAY: f64 = 3.0;
 const TWILIGHT: [[f64; 2]; 4] = [[-0.8, 400.0], [-6.0, 3.4], [-12.0, 0.008], [-18.0, 0.0006]];
 /// Tint of the sky once the sun is 6 degrees below the horizon, luminance 1.
 const BLUE_HOUR: [f64; 3] = [0.75, 0.98, 1.93];
-/// Tint of the glow of a town's sky, luminance 1: lamps of 3,000 to 4,000 K, as a camera balances them.
+/// Tint of the glow of a town's sky, luminance 1: lamps of 3,000 to 4,000 K, as a camera balances
+/// them.
 const GLOW: [f64; 3] = [1.15, 0.97, 0.85];
 /// Share of a clear sky's light that the thickest clouds take (Kasten and Czeplak 1980).
 const CLOUDS: f64 = 0.75;
@@ -35,20 +38,23 @@ pub struct OpenLight {
     pub sin_sun: f64,
     /// Towards the brightest of the sky, which stays above the horizon.
     glow_center: [f64; 3],
-    /// The sky between the clouds; its radiances times `tint` are W/(m^2 sr), in the unit of [`ClearSky`].
+    /// The sky between the clouds; its radiances times `tint` are W/(m^2 sr), in the unit of
+    /// [`ClearSky`].
     clear: ClearSky,
     /// Factor on it: 1 by day, and the tint and the darkness of the twilight.
     tint: [f64; 3],
     /// Irradiances, lx.
     pub light: SceneLight,
-    /// The share of `light.sky` that is even grey, of clouds, of the glow of towns and of what took the beam away, lx.
+    /// The share of `light.sky` that is even grey, of clouds, of the glow of towns and of what took
+    /// the beam away, lx.
     overcast: [f64; 3],
 }
 
 impl OpenLight {
-    /// Under a sun at `elevation` (degrees, -90 to 90) over the `heading` (world axes, level, length 1), in air of this
-    /// turbidity (1-10). `clouds` is the cloud cover, 0-1, `depth` the optical depth of fog and the like straight up by
-    /// channel, `glow` the illuminance by the glow of towns, lx.
+    /// Under a sun at `elevation` (degrees, -90 to 90) over the `heading` (world axes, level,
+    /// length 1), in air of this turbidity (1-10). `clouds` is the cloud cover, 0-1, `depth` the
+    /// optical depth of fog and the like straight up by channel, `glow` the illuminance by the glow
+    /// of towns, lx.
     #[must_use]
     pub fn new(
         (heading, up): ([f64; 3], [f64; 3]),
@@ -112,8 +118,9 @@ impl OpenLight {
         luminance(self.light.irradiance(self.sin_sun))
     }
 
-    /// Radiance of the sky in a direction (world axes, length 1) at a sine of elevation, times pi: the irradiance of a level
-    /// surface under a whole sky of this radiance, linear RGB, lx. Below the horizon it is that of the horizon above.
+    /// Radiance of the sky in a direction (world axes, length 1) at a sine of elevation, times pi:
+    /// the irradiance of a level surface under a whole sky of this radiance, linear RGB, lx. Below
+    /// the horizon it is that of the horizon above.
     #[must_use]
     pub fn radiance(&self, direction: [f64; 3], sin: f64) -> [f64; 3] {
         let to_sun: f64 = (0..3).map(|k| direction[k] * self.glow_center[k]).sum();
@@ -124,8 +131,8 @@ impl OpenLight {
     }
 }
 
-/// Illuminance of level ground under a clear sky with the sun at an elevation (degrees) below [`LOWEST_DAY`], where it
-/// is `highest`, lx: a straight line of its logarithm between the rows.
+/// Illuminance of level ground under a clear sky with the sun at an elevation (degrees) below
+/// [`LOWEST_DAY`], where it is `highest`, lx: a straight line of its logarithm between the rows.
 fn twilight(elevation: f64, highest: f64) -> f64 {
     let mut above = [LOWEST_DAY, highest];
     for below in TWILIGHT {
@@ -138,9 +145,10 @@ fn twilight(elevation: f64, highest: f64) -> f64 {
     above[1]
 }
 
-/// The gradation by elevation with these irradiances of a clear sky on level ground and, in the mean over all sides, on upright
-/// walls; radiances times `factor`. Towards the zenith it falls to no less than the radiance there: below a low sun the red light of
-/// the sky is near the horizon, and a courtyard that sees the zenith alone would get none of it.
+/// The gradation by elevation with these irradiances of a clear sky on level ground and, in the
+/// mean over all sides, on upright walls; radiances times `factor`. Towards the zenith it falls to
+/// no less than the radiance there: below a low sun the red light of the sky is near the horizon,
+/// and a courtyard that sees the zenith alone would get none of it.
 fn gradation([level, upright]: [[f64; 3]; 2], zenith: [f64; 3], factor: [f64; 3]) -> SkyGradation {
     // pi (l + 2/3 r) on the level, (pi/2) l + (2/3) r upright, l + r at the zenith.
     let rise: [f64; 3] = std::array::from_fn(|k| {
@@ -162,7 +170,8 @@ mod tests {
         OpenLight::new(([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]), elevation, 2.5, clouds, [0.0; 3], 0.0)
     }
 
-    /// Published: 3.4 lx at the end of civil twilight; some 100 klx with a high sun, and a quarter of it under clouds.
+    /// Published: 3.4 lx at the end of civil twilight; some 100 klx with a high sun, and a quarter
+    /// of it under clouds.
     #[test]
     fn levels_are_the_published_ones_and_never_jump() {
         assert!((open(-6.0, 0.0).level() / 3.4 - 1.0).abs() < 0.05, "{}", open(-6.0, 0.0).level());
@@ -177,7 +186,8 @@ mod tests {
         }
     }
 
-    /// The radiances that are seen make the irradiance that surfaces get, within the error of sums over directions.
+    /// The radiances that are seen make the irradiance that surfaces get, within the error of sums
+    /// over directions.
     #[test]
     fn the_sky_that_is_seen_is_the_sky_that_lights() {
         for (elevation, clouds) in [(50.0, 0.0), (20.0, 0.4), (5.0, 0.0), (-4.0, 0.0), (30.0, 1.0)] {

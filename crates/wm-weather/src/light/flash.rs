@@ -1,9 +1,10 @@
 //! Flashes of lightning.
 //!
-//! A flash is 2 to 5 strokes, 40 to 60 ms apart, at one place. A stroke sends out some 10^6 J of light, which makes 5 lx s
-//! on level ground at 1 km and falls with the square of the distance; the cloud around it spreads it over some milliseconds. When
-//! and where they strike is drawn from the seed for each slot of time, so that any instant can be asked for alone. A frame gets
-//! the mean over its exposure.
+//! A flash is 2 to 5 strokes, 40 to 60 ms apart, at one place. A stroke sends out some 10^6 J of
+//! light, which makes 5 lx s on level ground at 1 km and falls with the square of the distance; the
+//! cloud around it spreads it over some milliseconds. When and where they strike is drawn from the
+//! seed for each slot of time, so that any instant can be asked for alone. A frame gets the mean
+//! over its exposure.
 
 use glam::Vec3;
 use wm_scene::random::uniform;
@@ -49,7 +50,8 @@ pub struct Storm {
 }
 
 impl Storm {
-    /// The flash that lights most of the exposure from `time` on, s, if there is any; `shutter` is the time of exposure, s.
+    /// The flash that lights most of the exposure from `time` on, s, if there is any; `shutter` is
+    /// the time of exposure, s.
     #[must_use]
     pub fn flash(&self, time: f64, shutter: f64) -> Option<Flash> {
         let mut strongest: Option<Flash> = None;
@@ -121,7 +123,8 @@ impl FlashLight {
         }
     }
 
-    /// Irradiance of a surface that sees a share `open` of its sky. A normal of zero is that of leaves.
+    /// Irradiance of a surface that sees a share `open` of its sky. A normal of zero is that of
+    /// leaves.
     #[inline]
     #[must_use]
     pub fn irradiance(&self, normal: Vec3, open: f32) -> Vec3 {
@@ -134,7 +137,8 @@ impl FlashLight {
         self.level * (open * (DIRECT * beam + (1.0 - DIRECT) * spread))
     }
 
-    /// The radiance that it adds to the sky in a direction (world axes, length 1), times pi, linear RGB.
+    /// The radiance that it adds to the sky in a direction (world axes, length 1), times pi, linear
+    /// RGB.
     #[must_use]
     pub fn sky(&self, direction: [f64; 3]) -> [f64; 3] {
         let direction = Vec3::from_array(direction.map(|v| v as f32));
@@ -153,7 +157,8 @@ mod tests {
 
     const STORM: Storm = Storm { rate: 12.0, distance: 2_000.0, seed: 4 };
 
-    /// The light of all frames is the same at any rate of frames, as long as each is exposed until the next.
+    /// The light of all frames is the same at any rate of frames, as long as each is exposed until
+    /// the next.
     #[test]
     fn the_light_of_a_minute_is_the_same_in_all_frames() {
         let sum = |rate: f64| {

@@ -14,7 +14,8 @@ use wm_scene::{Splats, sh};
 
 /// Most that the light on a splat grows.
 const MOST: f64 = 8.0;
-/// Most of the captured light's tint that is taken away, as a share: more turns former shadows neon.
+/// Most of the captured light's tint that is taken away, as a share: more turns former shadows
+/// neon.
 const TINT: f64 = 0.25;
 /// Least captured irradiance that light is divided by.
 const FAINT: f64 = 1e-3;
@@ -49,18 +50,21 @@ pub struct LightCasts<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightGains {
     gains: Vec<[f32; 3]>,
-    /// A bit a splat: those of the captured sky, and the factor on their opacity. Empty where that is 1, and where there is no sky.
+    /// A bit a splat: those of the captured sky, and the factor on their opacity. Empty where that
+    /// is 1, and where there is no sky.
     sky: Vec<u64>,
     sky_opacity: f32,
-    /// The splats on which light acts that changes from frame to frame; empty where there is no such light.
+    /// The splats on which light acts that changes from frame to frame; empty where there is no
+    /// such light.
     moving: Vec<MovingSplat>,
     /// Of the gains and the sky's opacity.
     revision: Revision,
 }
 
 impl LightGains {
-    /// The gains from the captured light to another. The sun stands where the capture's did, or where the shadows say. Where the
-    /// capture keeps its shadows all splats have the gain of level ground, tinted as what faces the sun, and the lamps add to it. `points` are the places of
+    /// The gains from the captured light to another. The sun stands where the capture's did, or
+    /// where the shadows say. Where the capture keeps its shadows all splats have the gain of level
+    /// ground, tinted as what faces the sun, and the lamps add to it. `points` are the places of
     /// the splats, if light acts on them that changes from frame to frame ([`MovingLight`]).
     #[must_use]
     pub fn new(
@@ -116,8 +120,8 @@ impl LightGains {
         Self::whole(gains, (sky, new.sky_opacity as f32), moving)
     }
 
-    /// The gains of splats that are placed on a captured scene, whose colours are those in an irradiance of 1. `moves` says that
-    /// light acts on them that changes from frame to frame.
+    /// The gains of splats that are placed on a captured scene, whose colours are those in an
+    /// irradiance of 1. `moves` says that light acts on them that changes from frame to frame.
     #[must_use]
     pub fn of_placed(
         capture: &CaptureLight,
@@ -171,8 +175,9 @@ impl LightGains {
         FrameGains { gains: self, moving: moving.filter(|_| !self.moving.is_empty()) }
     }
 
-    /// The splats in the changed light, for programs that know no gains. Each colour is changed as the renderer does it, seen from
-    /// where the spherical harmonics are neutral; these keep their share of it.
+    /// The splats in the changed light, for programs that know no gains. Each colour is changed as
+    /// the renderer does it, seen from where the spherical harmonics are neutral; these keep their
+    /// share of it.
     #[must_use]
     pub fn applied(&self, splats: &Splats) -> Splats {
         let mut relit = splats.clone();
@@ -269,8 +274,9 @@ impl Relit {
         add(self.sky, self.beam)
     }
 
-    /// The gain from one irradiance to the other. The tint of the captured light is taken away within limits, beyond them as far as
-    /// the new light has it too; that of the new light comes whole.
+    /// The gain from one irradiance to the other. The tint of the captured light is taken away
+    /// within limits, beyond them as far as the new light has it too; that of the new light comes
+    /// whole.
     fn gain(&self) -> [f32; 3] {
         let after = self.total();
         let [old, new] = [luminance(self.before).max(FAINT), luminance(after)];

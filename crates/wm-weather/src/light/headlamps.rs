@@ -1,16 +1,18 @@
-//! Headlamps of the car that carries the camera: low beams, whose light falls from beside the viewer, so that rain and fog
-//! are lit from there and shadows hardly show.
+//! Headlamps of the car that carries the camera: low beams, whose light falls from beside the
+//! viewer, so that rain and fog are lit from there and shadows hardly show.
 
 use super::lamps::{LampKind, LampLight, black_body};
 use crate::optics::Site;
 use glam::{DVec3, Vec3};
 use wm_scene::Camera;
 
-/// Luminous intensity of both in the middle of the beam, cd; a car's low beams have some 10,000 to 15,000 each there.
+/// Luminous intensity of both in the middle of the beam, cd; a car's low beams have some 10,000 to
+/// 15,000 each there.
 const INTENSITY: f64 = 22_000.0;
 /// Colour, K.
 const KELVIN: f64 = 5_000.0;
-/// Standard deviations of the beam to the sides and downwards, and where it is brightest, as tangents.
+/// Standard deviations of the beam to the sides and downwards, and where it is brightest, as
+/// tangents.
 const WIDE: f32 = 0.33;
 const DEEP: f32 = 0.11;
 const BRIGHTEST: f32 = -0.02;
@@ -39,7 +41,8 @@ pub struct Headlamps {
 }
 
 impl Headlamps {
-    /// On a car that heads where the camera looks. `display` is the value of a lux in the unit of the light.
+    /// On a car that heads where the camera looks. `display` is the value of a lux in the unit of
+    /// the light.
     #[must_use]
     pub fn of(camera: &Camera, display: f64, site: &Site) -> Self {
         let up = DVec3::from_array(site.up);
@@ -60,7 +63,8 @@ impl Headlamps {
         }
     }
 
-    /// The share of the intensity that goes along an offset, by its part forwards, to the right and up.
+    /// The share of the intensity that goes along an offset, by its part forwards, to the right and
+    /// up.
     #[inline]
     fn share(forward: f32, right: f32, up: f32) -> f32 {
         if forward <= 0.0 {
@@ -74,7 +78,8 @@ impl Headlamps {
         wide * (cut * (-0.5 * below).exp() + STRAY * (-2.0 * rise.abs()).exp())
     }
 
-    /// Irradiance of a surface (world axes, scene units), in the unit of the light. A normal of zero is that of leaves.
+    /// Irradiance of a surface (world axes, scene units), in the unit of the light. A normal of
+    /// zero is that of leaves.
     #[inline]
     #[must_use]
     pub fn irradiance(&self, point: Vec3, normal: Vec3) -> Vec3 {
@@ -123,7 +128,8 @@ mod tests {
                 .unwrap();
         let lamps = Headlamps::of(&camera, 1.0, &Site::PLAIN);
         let on = |x: f32, y: f32| lamps.irradiance(Vec3::new(x, y, 0.0), Vec3::Z).y;
-        // Tens of lux on an upright board 20 m ahead, few on the road, and next to nothing above the horizon.
+        // Tens of lux on an upright board 20 m ahead, few on the road, and next to nothing above
+        // the horizon.
         let board = |z: f32| lamps.irradiance(Vec3::new(21.2, 0.0, z), Vec3::NEG_X).y;
         assert!((20.0..70.0).contains(&board(0.2)), "{}", board(0.2));
         assert!(board(2.0) < 0.1 * board(0.2), "{}", board(2.0));

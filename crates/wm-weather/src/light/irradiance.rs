@@ -1,12 +1,14 @@
 //! The light of a place, and the irradiance of its surfaces.
 //!
-//! The sky's radiance goes linearly with the sine of the elevation `z`, `L = level + rise z`: exact for an even sky and for
-//! the CIE's overcast one. A plane at the angle `b` to the level receives of it, where nothing stands in the way,
+//! The sky's radiance goes linearly with the sine of the elevation `z`, `L = level + rise z`: exact
+//! for an even sky and for the CIE's overcast one. A plane at the angle `b` to the level receives
+//! of it, where nothing stands in the way,
 //!
 //! `level pi (1 + cos b) / 2 + rise (2/3) (sin b + (pi - b) cos b)`,
 //!
-//! of which a surface gets the two shares of [`SurfaceLight::open`]. What it does not see of the sky are other surfaces;
-//! they return a quarter of their mean irradiance. To that comes the sun, if it sees it.
+//! of which a surface gets the two shares of [`SurfaceLight::open`]. What it does not see of the
+//! sky are other surfaces; they return a quarter of their mean irradiance. To that comes the sun,
+//! if it sees it.
 
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -33,7 +35,8 @@ impl SkyGradation {
         Self { level: irradiance.map(|v| v / PI), rise: [0.0; 3] }
     }
 
-    /// The CIE's overcast sky, `L = Z (1 + 2 z) / 3`, with this irradiance on level ground: `(7 pi / 9) Z`.
+    /// The CIE's overcast sky, `L = Z (1 + 2 z) / 3`, with this irradiance on level ground:
+    /// `(7 pi / 9) Z`.
     #[must_use]
     pub fn overcast(irradiance: [f64; 3]) -> Self {
         let third = irradiance.map(|v| 3.0 * v / (7.0 * PI));
@@ -71,8 +74,9 @@ impl SceneLight {
         std::array::from_fn(|k| sky[k] + self.sun[k] * sin_sun.max(0.0))
     }
 
-    /// Irradiance of level ground, in the tint of surfaces that face the sun by half, or under a high sun of the ground itself. It is for
-    /// places whose parts are not told apart: a low sun lights little ground, but much of what a picture shows.
+    /// Irradiance of level ground, in the tint of surfaces that face the sun by half, or under a
+    /// high sun of the ground itself. It is for places whose parts are not told apart: a low sun
+    /// lights little ground, but much of what a picture shows.
     #[must_use]
     pub fn irradiance_as_seen(&self, sin_sun: f64) -> [f64; 3] {
         let level = self.irradiance(sin_sun);
@@ -95,7 +99,8 @@ impl SceneLight {
 pub struct SurfaceLight {
     /// Cosine of the angle between its normal and up.
     pub upright: f64,
-    /// The shares that it gets of the light of an even sky, and of one that is as bright as the sine of the elevation.
+    /// The shares that it gets of the light of an even sky, and of one that is as bright as the
+    /// sine of the elevation.
     pub open: [f64; 2],
     /// Cosine of the sun's incidence, 0 or more.
     pub incidence: f64,
@@ -148,7 +153,8 @@ mod tests {
         SurfaceLight { upright, open: [1.0; 2], incidence: 0.0, sun: 0.0 }
     }
 
-    /// Published: an upright plane under the CIE's overcast sky gets 0.396 of the light of a level one.
+    /// Published: an upright plane under the CIE's overcast sky gets 0.396 of the light of a level
+    /// one.
     #[test]
     fn planes_under_the_overcast_sky_get_the_published_shares() {
         let sky = SkyGradation::overcast([1.0; 3]);

@@ -1,17 +1,21 @@
 //! Lamps as a camera sees them: the lamps themselves, and their light in the air.
 //!
-//! Air of scattering `s` shows of a lamp of intensity `I`, at the distance `h` from a ray and abreast of it at `t0`,
+//! Air of scattering `s` shows of a lamp of intensity `I`, at the distance `h` from a ray and
+//! abreast of it at `t0`,
 //!
-//! `L = integral s I p(a) T(t) T(r) / r^2 dt = (1 / h) integral s I p(a) T(t) T(r) dphi`, `t = t0 + h tan phi`,
+//! `L = integral s I p(a) T(t) T(r) / r^2 dt = (1 / h) integral s I p(a) T(t) T(r) dphi`,
+//! `t = t0 + h tan phi`,
 //!
-//! with `r` from the lamp, `a` the angle of deflection and `p` the phase function of Henyey and Greenstein. The strong
-//! forward peak of fog is left in the beam (delta scaling): of `g = 0.85` a share `f = g^2` is not scattered at all, and the
-//! rest with `g' = g / (1 + g)`; so light that was scattered several times by small angles is still there. What lies in
-//! the shadow of something shows no light.
+//! with `r` from the lamp, `a` the angle of deflection and `p` the phase function of Henyey and
+//! Greenstein. The strong forward peak of fog is left in the beam (delta scaling): of `g = 0.85` a
+//! share `f = g^2` is not scattered at all, and the rest with `g' = g / (1 + g)`; so light that was
+//! scattered several times by small angles is still there. What lies in the shadow of something
+//! shows no light.
 //!
-//! The sum is a table over the picture, one column of nodes along the ray at each corner of the patches of pixels, linear
-//! between them. Every fourth corner is summed up; those between are too, unless the light around them is nearly even. A lamp is
-//! a disc that is blurred by the pixel, with all of its light.
+//! The sum is a table over the picture, one column of nodes along the ray at each corner of the
+//! patches of pixels, linear between them. Every fourth corner is summed up; those between are too,
+//! unless the light around them is nearly even. A lamp is a disc that is blurred by the pixel, with
+//! all of its light.
 
 use super::lamp_shadows::DepthCube;
 use super::lamps::{LampKind, LampLight};
@@ -31,34 +35,35 @@ const FOG: f32 = 0.85;
 /// Share that goes on as if it were not scattered, and the asymmetry of the rest.
 const FORWARD: f32 = FOG * FOG;
 const ASYMMETRY: f32 = FOG / (1.0 + FOG);
-/// Nodes along a ray: the eye, then from [`NEAREST`] on, each [`STEP`] times as far as the one before, the last for all that is
-/// farther.
+/// Nodes along a ray: the eye, then from [`NEAREST`] on, each [`STEP`] times as far as the one
+/// before, the last for all that is farther.
 const NODES: usize = 20;
 const NEAREST: f32 = 0.75;
 const STEP: f32 = 1.5;
-/// Distance of a patch from a lamp up to which it has a table of its own, patches, and the cells of that along a side: one cell is 3 % off at
-/// three patches from a lamp, two cells are 2 % off at two, and four at one.
+/// Distance of a patch from a lamp up to which it has a table of its own, patches, and the cells of
+/// that along a side: one cell is 3 % off at three patches from a lamp, two cells are 2 % off at
+/// two, and four at one.
 const FINE: [(i64, usize); 2] = [(2, 4), (3, 2)];
 const NEAR_PATCHES: i64 = FINE[1].0;
 /// Numbers of a column, for whole vectors.
 const COLUMN: usize = (3 * NODES).next_multiple_of(GROUP);
 /// Patches from corner to corner at which columns are summed up everywhere.
 const WIDEST: usize = 4;
-/// Share of the most light by which the columns around a corner differ at most where what is linear between them stands for it:
-/// within 1 % of light that falls off smoothly.
+/// Share of the most light by which the columns around a corner differ at most where what is linear
+/// between them stands for it: within 1 % of light that falls off smoothly.
 const EVEN: f32 = 0.3;
 /// Columns that are summed up at once, and patches near a lamp.
 const RUN: usize = 64;
 const TOGETHER: usize = 8;
-/// Share of the way from the end of an angle to its middle at which Gauss's node lies along the chord: for a small angle, and how
-/// much more it is for a right one.
+/// Share of the way from the end of an angle to its middle at which Gauss's node lies along the
+/// chord: for a small angle, and how much more it is for a right one.
 const GAUSS: [f32; 2] = [0.422_65, 0.016_6];
 /// Sine of half of an angle up to which its middle tells enough: within 0.5 %.
 const NARROW: f32 = 0.15;
 /// Least distance of a ray from a lamp, m.
 const CLOSEST: f32 = 0.05;
-/// Light that is left out, in units of display white: of a lamp, and of all of them in a row of pixels, which changes black by a
-/// fifteenth of a step of 8 bits.
+/// Light that is left out, in units of display white: of a lamp, and of all of them in a row of
+/// pixels, which changes black by a fifteenth of a step of 8 bits.
 const LEAST: f32 = 2e-4;
 const LEAST_IN_ROW: f32 = 2e-5;
 /// A surface that is nearer than a lamp by more than this hides it, m.
@@ -81,8 +86,9 @@ pub struct LampsOn<'a> {
 }
 
 impl LampsOn<'_> {
-    /// Radiance of a small particle of albedo 1 at an offset from the eye at `center` (world axes, scene units), averaged over its
-    /// face, linear RGB as it is displayed. `asymmetry` is that of Henyey and Greenstein's phase function.
+    /// Radiance of a small particle of albedo 1 at an offset from the eye at `center` (world axes,
+    /// scene units), averaged over its face, linear RGB as it is displayed. `asymmetry` is that of
+    /// Henyey and Greenstein's phase function.
     #[must_use]
     pub fn scattered(&self, center: Vec3, offset: Vec3, asymmetry: f32, metres_per_unit: f32) -> Vec3 {
         let mut sum = Vec3::ZERO;
@@ -187,8 +193,8 @@ impl LampGlow {
         self.table.clear();
     }
 
-    /// Adds the light of the air before each pixel of a patch, and what else is `added`. Each kind of table has vectors of its own:
-    /// one function of all of them takes the compiler minutes.
+    /// Adds the light of the air before each pixel of a patch, and what else is `added`. Each kind
+    /// of table has vectors of its own: one function of all of them takes the compiler minutes.
     fn add_glow(&self, path: SimdPath, pixels: &mut PixelBatch<'_>, added: Option<&AddedLight>) {
         let (column, row) = (pixels.x as usize / PATCH, pixels.y as usize / PATCH);
         match self.near[row * (self.columns - 1) + column].map(|at| &self.fine[at as usize]) {
@@ -207,7 +213,8 @@ impl LampGlow {
         }
     }
 
-    /// [`Self::add_glow`] by a table of `E` times `E` columns, evenly spread from edge to edge of the patch.
+    /// [`Self::add_glow`] by a table of `E` times `E` columns, evenly spread from edge to edge of
+    /// the patch.
     #[inline(always)]
     fn add_between<'a, S: Lanes, const E: usize>(
         &self,
@@ -275,8 +282,8 @@ impl LampGlow {
         }
     }
 
-    /// Finds the distance of each pixel's surface on the scale of the nodes (2.5 is half way between the nodes 2 and 3), and returns
-    /// the nodes that the patch needs.
+    /// Finds the distance of each pixel's surface on the scale of the nodes (2.5 is half way
+    /// between the nodes 2 and 3), and returns the nodes that the patch needs.
     #[inline(always)]
     fn node_places<S: Lanes>(
         &self,
@@ -400,7 +407,8 @@ impl Head {
         within(self.at[0], pixels.x) && within(self.at[1], pixels.y)
     }
 
-    /// The picture of a lamp; `None` of windows, which are surfaces, and of what is not in the picture.
+    /// The picture of a lamp; `None` of windows, which are surfaces, and of what is not in the
+    /// picture.
     fn of(light: &LampLight, display: f32, camera: &Camera, air: &Atmosphere, site: &Site) -> Option<Self> {
         if light.kind != LampKind::Ball {
             return None;
@@ -423,8 +431,8 @@ impl Head {
         let towards = (camera.center() - point) / length;
         let kept =
             air.evaluate_reference(camera.center().to_array(), (-towards).to_array(), length).transmittance;
-        // The light that reaches the camera goes to the pixels of its picture; each holds this solid angle, and a radiance of
-        // L is shown as pi L.
+        // The light that reaches the camera goes to the pixels of its picture; each holds this
+        // solid angle, and a radiance of L is shown as pi L.
         let solid_angle = (view.z / length).powi(3) / pixels;
         let distance = length * site.metres_per_unit;
         let share = f64::from(light.share(towards.as_vec3())) / (distance * distance);
@@ -474,7 +482,8 @@ impl<'a> GlowScene<'a> {
             let offset = (Vec3::from_array(light.at) - origin) * metres_per_unit;
             let extinction = air.extinction_at(light.at.map(f64::from)).map(|v| v as f32);
             let intensity = light.intensity.map(|v| v * PI as f32 * lamps.display);
-            // The most that it adds a metre from it, where half of what is scattered goes towards the eye.
+            // The most that it adds a metre from it, where half of what is scattered goes towards
+            // the eye.
             let kept = (-extinction[1] * (1.0 - FORWARD) * offset.length()).exp();
             let most = intensity[1] * extinction[1] * (1.0 - FORWARD) * 0.25 * kept;
             let is_seen = most > LEAST;
@@ -539,7 +548,8 @@ impl<'a> GlowScene<'a> {
         table
     }
 
-    /// Returns true for the corners of the patches that have tables of their own, `[rows, columns]`.
+    /// Returns true for the corners of the patches that have tables of their own,
+    /// `[rows, columns]`.
     fn corners_near_lamps(&self, [columns, rows]: [usize; 2]) -> Vec<bool> {
         let mut is_near = vec![false; columns * rows];
         for [column, row] in self.lights.iter().filter_map(|light| self.patch_of(light)) {
@@ -554,7 +564,8 @@ impl<'a> GlowScene<'a> {
         is_near
     }
 
-    /// Column and row of the patch that shows a lamp, in the picture or not; `None` for one behind the eye.
+    /// Column and row of the patch that shows a lamp, in the picture or not; `None` for one behind
+    /// the eye.
     fn patch_of(&self, light: &GlowLight<'_>) -> Option<[i64; 2]> {
         let z = light.offset.dot(self.axes[2]);
         (z > 0.1).then(|| {
@@ -565,7 +576,8 @@ impl<'a> GlowScene<'a> {
         })
     }
 
-    /// The columns of rays through these places of the picture, px, by some of the lights. Never inlined: it takes the compiler a minute.
+    /// The columns of rays through these places of the picture, px, by some of the lights. Never
+    /// inlined: it takes the compiler a minute.
     #[inline(never)]
     fn columns(&self, path: SimdPath, places: &[[f32; 2]], lights: &[GlowLight<'_>], out: &mut [Column]) {
         let view = self.air.seen_from(self.origin);
@@ -576,7 +588,8 @@ impl<'a> GlowScene<'a> {
         }
     }
 
-    /// [`Self::columns`] in vectors, in air that has `C` extinctions: one for all channels, or one each.
+    /// [`Self::columns`] in vectors, in air that has `C` extinctions: one for all channels, or one
+    /// each.
     #[inline(always)]
     fn columns_in<S: Lanes, const C: usize>(
         &self,
@@ -628,8 +641,8 @@ impl<'a> GlowScene<'a> {
         }
     }
 
-    /// The tables of the patches near the picture of a lamp: for each patch its place among them, and they. `table` is that of
-    /// the whole picture, `columns` wide.
+    /// The tables of the patches near the picture of a lamp: for each patch its place among them,
+    /// and they. `table` is that of the whole picture, `columns` wide.
     fn near_lamps(
         &self,
         table: &[Column],
@@ -829,8 +842,8 @@ fn each_point<S: Lanes>(
     simd.load(&values)
 }
 
-/// The column between four others, linear by the shares of the right ones and of the lower ones; `None` if they differ too much
-/// for it.
+/// The column between four others, linear by the shares of the right ones and of the lower ones;
+/// `None` if they differ too much for it.
 fn even_mean(columns: [&Column; 4], [across, down]: [f32; 2]) -> Option<Column> {
     let mut mean = [0.0; COLUMN];
     let mut uneven = f32::NEG_INFINITY;
@@ -844,8 +857,8 @@ fn even_mean(columns: [&Column; 4], [across, down]: [f32; 2]) -> Option<Column> 
     (uneven <= 0.0).then_some(mean)
 }
 
-/// Adds to a table of near lamps alone, with so many cells along its side, the light of all others: what the `corners` of
-/// the patch have of it, linear between them.
+/// Adds to a table of near lamps alone, with so many cells along its side, the light of all others:
+/// what the `corners` of the patch have of it, linear between them.
 #[inline(always)]
 fn add_others<S: Lanes>(simd: S, fine: &mut [Column], corners: [&Column; 4], cells: usize) {
     let last = fine.len() - 1;

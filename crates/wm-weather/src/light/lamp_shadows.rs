@@ -1,7 +1,8 @@
 //! The light of lamps on a place, with the shadows that they cast.
 //!
-//! Around each lamp the fused surfaces of the place are drawn on the six faces of a cube: what is behind the first of
-//! them is in its shadow. The ground under a lamp is a light of its own, since it returns a fifth.
+//! Around each lamp the fused surfaces of the place are drawn on the six faces of a cube: what is
+//! behind the first of them is in its shadow. The ground under a lamp is a light of its own, since
+//! it returns a fifth.
 
 use super::capture::CaptureLight;
 use super::lamps::{LampKind, LampLight, LampLights};
@@ -26,21 +27,25 @@ const SIDE: u32 = 128;
 const COARSE_SIDE: u32 = 48;
 /// Distance from a lamp within which nothing casts shadows, m: its head and its arm.
 const OWN: f64 = 0.45;
-/// Distances from a lamp between which surfaces tell whether it stands inside of something, m: nearer ones may be its lantern.
+/// Distances from a lamp between which surfaces tell whether it stands inside of something, m:
+/// nearer ones may be its lantern.
 const AROUND: [f64; 2] = [OWN, 1.2];
 /// Fewest surfaces that tell it, and the share that has it behind.
 const FEWEST: usize = 20;
 const ENCLOSED: f64 = 0.8;
-/// A surface this much behind what is seen is still the same surface: as a share of the distance, and m.
+/// A surface this much behind what is seen is still the same surface: as a share of the distance,
+/// and m.
 const SLACK: f32 = 0.02;
 const BEHIND: f64 = 0.12;
 /// Texels are of one surface if their distances differ by no more than this share.
 const SMOOTH: f32 = 0.4;
-/// Height by which surfaces are lifted along their normals before they look for a lamp, m: in multiples of the roughness of the
-/// ground, between these; and as a share of the distance. Rough ground that is lit at a low angle hides itself.
+/// Height by which surfaces are lifted along their normals before they look for a lamp, m: in
+/// multiples of the roughness of the ground, between these; and as a share of the distance. Rough
+/// ground that is lit at a low angle hides itself.
 const LIFT: [f32; 2] = [0.06, 0.8];
 const ROUGH: f32 = 2.5;
-/// Width of the columns in which the roughness of ground is found, m, and the fewest surfaces of one.
+/// Width of the columns in which the roughness of ground is found, m, and the fewest surfaces of
+/// one.
 const COLUMN: f64 = 0.5;
 const IN_COLUMN: usize = 4;
 /// Least cosine between up and the normal of ground.
@@ -86,8 +91,8 @@ impl LampShadows {
             && self.lift.is_finite()
     }
 
-    /// Lights a scene: `points` are the places of its splats, `surfaces` the fused surfaces, whose splats cast the shadows.
-    /// Equal for any number of threads.
+    /// Lights a scene: `points` are the places of its splats, `surfaces` the fused surfaces, whose
+    /// splats cast the shadows. Equal for any number of threads.
     ///
     /// # Errors
     /// [`RenderError`] if the shadows cannot be drawn.
@@ -147,7 +152,8 @@ impl LampShadows {
         &self.lamps
     }
 
-    /// The places of the lamps that stand inside of something, world axes, scene units: surfaces around them look away.
+    /// The places of the lamps that stand inside of something, world axes, scene units: surfaces
+    /// around them look away.
     pub fn enclosed(&self) -> impl Iterator<Item = [f32; 3]> {
         self.enclosed.iter().map(|index| self.lights[*index as usize].0.at)
     }
@@ -178,7 +184,8 @@ impl LampShadows {
             .map(|(light, cube)| (light, cube))
     }
 
-    /// Irradiance of a small surface at a point (world axes, scene units), linear RGB, lx. A normal of zero is that of leaves.
+    /// Irradiance of a small surface at a point (world axes, scene units), linear RGB, lx. A normal
+    /// of zero is that of leaves.
     #[must_use]
     pub fn irradiance(&self, point: Vec3, normal: Vec3) -> Vec3 {
         let mut sum = Vec3::ZERO;
@@ -203,7 +210,8 @@ impl LampShadows {
     }
 }
 
-/// The roughness of level ground, m: the median over columns of the standard deviation of the heights of its surfaces.
+/// The roughness of level ground, m: the median over columns of the standard deviation of the
+/// heights of its surfaces.
 fn roughness(surfaces: &Splats, site: &Site) -> f32 {
     let [east, north, up] = level_axes(site.up).map(DVec3::from_array);
     let mut heights: Vec<([i32; 3], f64)> = Vec::new();
@@ -248,7 +256,8 @@ fn is_behind(at: Vec3, points: &[[f32; 3]], capture: &CaptureLight, site: &Site)
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DepthCube {
     side: u32,
-    /// One over the distance along the face's axis, scene units; 0 where there is nothing: `[6, side, side]`.
+    /// One over the distance along the face's axis, scene units; 0 where there is nothing:
+    /// `[6, side, side]`.
     inverse: Vec<f32>,
     /// Scene units.
     behind: f32,
@@ -291,7 +300,8 @@ impl DepthCube {
         Ok(Self { side, inverse, behind: (BEHIND * near / OWN) as f32 })
     }
 
-    /// The face that an offset points to, its place on it in texels, and its distance along the face's axis.
+    /// The face that an offset points to, its place on it in texels, and its distance along the
+    /// face's axis.
     #[inline]
     fn locate(&self, offset: Vec3) -> (usize, [f32; 2], f32) {
         let size = offset.abs();
@@ -324,7 +334,8 @@ impl DepthCube {
         (inverse > 0.0).then(|| direction.length() / (depth * inverse))
     }
 
-    /// The share of the light that reaches a point at an offset from it (world axes, scene units), 0-1.
+    /// The share of the light that reaches a point at an offset from it (world axes, scene units),
+    /// 0-1.
     #[must_use]
     pub fn open(&self, offset: Vec3) -> f32 {
         let (face, [x, y], depth) = self.locate(offset);

@@ -1,4 +1,5 @@
-//! Lamps against formulas: what they light, what is in their shadows, and how they look through air.
+//! Lamps against formulas: what they light, what is in their shadows, and how they look through
+//! air.
 
 use super::lamp_glow::{LampGlow, LampsOn};
 use super::lamp_shadows::DepthCube;
@@ -57,7 +58,8 @@ fn lit(lamp: Lamp, splats: &Splats, threads: usize) -> (CaptureLight, LampShadow
     (capture, shadows)
 }
 
-/// Illuminance on the ground by the law of the inverse square, nothing behind the wall, and the same for any number of threads.
+/// Illuminance on the ground by the law of the inverse square, nothing behind the wall, and the
+/// same for any number of threads.
 #[test]
 fn a_lamp_lights_the_yard_up_to_the_shadow_of_its_wall() {
     let splats = yard();
@@ -135,8 +137,8 @@ fn camera() -> Camera {
         .unwrap()
 }
 
-/// Linear light that is added to each pixel of a black picture, `[height, width]`, green. `depth` is the view z of a
-/// surface that fills the picture.
+/// Linear light that is added to each pixel of a black picture, `[height, width]`, green. `depth`
+/// is the view z of a surface that fills the picture.
 fn added(glow: &LampGlow, camera: &Camera, depth: Option<f32>) -> Vec<f64> {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let mut picture = vec![0.0; width * height];

@@ -1,7 +1,7 @@
 //! Lamps and lit windows as sources of light.
 //!
-//! Intensities are candela by channel with luminance in cd, irradiances lux. A camera at night is balanced for the lamps
-//! about it: colours are those of black bodies beside one of [`BALANCE`].
+//! Intensities are candela by channel with luminance in cd, irradiances lux. A camera at night is
+//! balanced for the lamps about it: colours are those of black bodies beside one of [`BALANCE`].
 
 use super::headlamps::Headlamps;
 use glam::{DVec3, Vec3};
@@ -152,8 +152,8 @@ impl LampLight {
         if cos <= 0.0 { 0.0 } else { cos.powf(self.exponent) }
     }
 
-    /// Illuminance of level ground that it lights, lx: the mean over that ground, the lighter parts counting more. `height` is
-    /// that of the lamp above it, m.
+    /// Illuminance of level ground that it lights, lx: the mean over that ground, the lighter parts
+    /// counting more. `height` is that of the lamp above it, m.
     fn level(&self, height: f64, down: DVec3) -> f64 {
         let straight = luminance(self.intensity.map(f64::from)) * f64::from(self.share(down.as_vec3()))
             / (height * height);
@@ -207,8 +207,8 @@ impl LampLights {
         self.lights.iter().flat_map(each).collect()
     }
 
-    /// Illuminance of the lit ground, lx, to which a camera's exposure is set: the mean over the lamps of that under each. `ground`
-    /// is the height of the ground along `up`, scene units.
+    /// Illuminance of the lit ground, lx, to which a camera's exposure is set: the mean over the
+    /// lamps of that under each. `ground` is the height of the ground along `up`, scene units.
     #[must_use]
     pub fn level(&self, up: [f64; 3], ground: f64, metres_per_unit: f64) -> f64 {
         let up = DVec3::from_array(up);
@@ -223,7 +223,8 @@ impl LampLights {
     }
 }
 
-/// The colour of a black body, linear RGB of luminance 1, in a picture that is balanced for 4,000 K.
+/// The colour of a black body, linear RGB of luminance 1, in a picture that is balanced for 4,000
+/// K.
 #[must_use]
 pub fn black_body(kelvin: f64) -> [f64; 3] {
     let (own, white) = (unbalanced(kelvin), unbalanced(BALANCE));
@@ -232,8 +233,8 @@ pub fn black_body(kelvin: f64) -> [f64; 3] {
     rgb.map(|v| v / luminance)
 }
 
-/// Linear RGB of a black body: the cubic fit of the Planckian locus of Kim et al. (2002), 1,667 to 25,000 K; redder ones are taken
-/// for its end.
+/// Linear RGB of a black body: the cubic fit of the Planckian locus of Kim et al. (2002), 1,667 to
+/// 25,000 K; redder ones are taken for its end.
 fn unbalanced(kelvin: f64) -> [f64; 3] {
     let t = kelvin.clamp(1_667.0, 25_000.0);
     let cubic = |[a, b, c, d]: [f64; 4], v: f64| ((a * v + b) * v + c) * v + d;
@@ -271,7 +272,8 @@ mod tests {
         assert!(r > 1.4 && g < 1.0 && b < 0.4, "{r} {g} {b}");
         let [r, _, b] = black_body(8_000.0);
         assert!(r < 0.9 && b > 1.3, "{r} {b}");
-        // Published: a black body of 6,500 K has the chromaticity 0.3135, 0.3237 (Wyszecki and Stiles).
+        // Published: a black body of 6,500 K has the chromaticity 0.3135, 0.3237 (Wyszecki and
+        // Stiles).
         for (own, known) in unbalanced(6_500.0).into_iter().zip([1.0427, 0.9839, 1.0346]) {
             assert!((own / known - 1.0).abs() < 2e-3, "{own}, {known}");
         }

@@ -1,12 +1,14 @@
 //! The light of a place: how it fell when the place was captured, and how it falls under a weather.
 //!
-//! A captured colour is `c = rho E / pi`, with `rho` the reflectance and `E` the irradiance of its surface. Under another light
-//! it is `c' = c E' / E`: reflectance cancels, and texture stays. So what is found of a capture is not reflectance but how its
-//! light falls on each splat ([`CaptureLight`]): openness to the sky, and the share of the sun that it sees. Any light over the
-//! place ([`SceneLight`]) then gives each splat a gain ([`LightGains`]), which does not depend on the view.
+//! A captured colour is `c = rho E / pi`, with `rho` the reflectance and `E` the irradiance of its
+//! surface. Under another light it is `c' = c E' / E`: reflectance cancels, and texture stays. So
+//! what is found of a capture is not reflectance but how its light falls on each splat
+//! ([`CaptureLight`]): openness to the sky, and the share of the sun that it sees. Any light over
+//! the place ([`SceneLight`]) then gives each splat a gain ([`LightGains`]), which does not depend
+//! on the view.
 //!
-//! [`SunPosition`] says from which direction a place gets the sun at a time; [`ClearSky`] how much light comes from each direction
-//! of a clear sky then, and from the sun, both in one unit.
+//! [`SunPosition`] says from which direction a place gets the sun at a time; [`ClearSky`] how much
+//! light comes from each direction of a clear sky then, and from the sun, both in one unit.
 
 mod capture;
 mod clear_sky;

@@ -1,5 +1,5 @@
-//! Light that changes from frame to frame: headlamps of the camera's own car, flashes of lightning, and the shadows of
-//! clouds that drift.
+//! Light that changes from frame to frame: headlamps of the camera's own car, flashes of lightning,
+//! and the shadows of clouds that drift.
 
 use super::clouds::CloudShadows;
 use super::flash::FlashLight;

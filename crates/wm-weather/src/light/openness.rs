@@ -13,16 +13,16 @@ use std::f64::consts::TAU;
 
 /// Directions over the upper half, each with an equal part of it.
 const DIRECTIONS: usize = 32;
-/// Width of the blocks by which it is smoothed, m, the reach of their means in blocks, and the share of values that are no
-/// better than the one that counts.
+/// Width of the blocks by which it is smoothed, m, the reach of their means in blocks, and the
+/// share of values that are no better than the one that counts.
 const BLOCK: f64 = 0.5;
 const REACH: f32 = 1.5;
 const BETTER: f32 = 0.7;
 /// Width of the maps' cells, in those of the occluders.
 const COARSE: f64 = 2.0;
 
-/// The shares of [`SurfaceLight::open`] of each surface. What is no surface looks to all sides. Normals whose outside is not
-/// known are turned to the side that sees more of the sky.
+/// The shares of [`SurfaceLight::open`] of each surface. What is no surface looks to all sides.
+/// Normals whose outside is not known are turned to the side that sees more of the sky.
 pub(super) fn find(
     surfaces: &mut Surfaces,
     occluders: &Occluders,
@@ -61,8 +61,9 @@ struct Block {
     open: [f32; 2],
 }
 
-/// The same without the faults of rough captures: where sheets of one surface lie above each other, the lower ones see no sky.
-/// In each block the better values count, and surfaces take the mean of the blocks around them.
+/// The same without the faults of rough captures: where sheets of one surface lie above each other,
+/// the lower ones see no sky. In each block the better values count, and surfaces take the mean of
+/// the blocks around them.
 fn smoothed(surfaces: &Surfaces, open: &[[f32; 2]], site: &Site, threads: usize) -> Vec<[f32; 2]> {
     let width = (BLOCK / site.metres_per_unit) as f32;
     let reach = REACH * width;

@@ -1,8 +1,8 @@
 //! Surfaces that are placed on a captured scene: lying snow and dust, and targets of instruments.
 //!
-//! Each sees of the sun what the nearest splats of the scene see in the mean. Of the sky it sees what level ground about it sees in the
-//! mean: the ground of rough captures has holes, and sheets that hide each other. Its normal is its own, the shortest axis of its splat,
-//! turned up.
+//! Each sees of the sun what the nearest splats of the scene see in the mean. Of the sky it sees
+//! what level ground about it sees in the mean: the ground of rough captures has holes, and sheets
+//! that hide each other. Its normal is its own, the shortest axis of its splat, turned up.
 
 use super::capture::CaptureLight;
 use super::irradiance::SurfaceLight;
@@ -16,12 +16,13 @@ use wm_scene::{Splats, quat};
 
 /// Width of the cells by which the nearest splat of the scene is found, m.
 const CELL: f64 = 0.3;
-/// Most splats next to a surface that count, and the distance to them within which they count alike, in cells.
+/// Most splats next to a surface that count, and the distance to them within which they count
+/// alike, in cells.
 const MOST_BESIDE: usize = 6;
 const SOFTNESS: f32 = 0.5;
 
-/// Widths of the blocks of level ground, m, and the weight of each in that of the width before: wider ones tell where there are no
-/// narrow ones, and the open sky where there are none at all.
+/// Widths of the blocks of level ground, m, and the weight of each in that of the width before:
+/// wider ones tell where there are no narrow ones, and the open sky where there are none at all.
 const BLOCKS: [f64; 4] = [0.6, 1.8, 5.4, 16.2];
 const WIDER: f32 = 0.03;
 /// Least cosine between up and the normal of ground.
@@ -94,8 +95,8 @@ impl NearSplats {
         sums.map(|sum| (sum + level) / (weights + level))
     }
 
-    /// The splats next to a point with their shares, whose sum is 1: those of the cells about it, or else the first within two cells;
-    /// none in the open.
+    /// The splats next to a point with their shares, whose sum is 1: those of the cells about it,
+    /// or else the first within two cells; none in the open.
     fn near(&self, point: Vec3) -> Beside {
         let middle = (point / self.width).floor().as_ivec3();
         let at = |x: i32, y: i32, z: i32| self.cells.get(&(middle + IVec3::new(x, y, z))).copied();

@@ -20,14 +20,16 @@ pub(super) struct Surfaces {
     pub points: Vec<Vec3>,
     /// Length 1; zero of what is no surface, such as leaves.
     pub normals: Vec<Vec3>,
-    /// The first so many normals look to where the surfaces were seen from; of the others either side may be outside.
+    /// The first so many normals look to where the surfaces were seen from; of the others either
+    /// side may be outside.
     pub oriented: usize,
     /// Linear RGB, as captured.
     pub light: Vec<Vec3>,
 }
 
 impl Surfaces {
-    /// Those that the cameras of a place see; without photos its splats, flat ones with their normals.
+    /// Those that the cameras of a place see; without photos its splats, flat ones with their
+    /// normals.
     pub fn of(found: &FusedSurfaces<'_>) -> Self {
         let splats: &Splats = &found.splats;
         let known = if found.oriented > 0 { found.oriented } else { splats.len() };
@@ -77,7 +79,8 @@ impl Surfaces {
         self.points.len()
     }
 
-    /// Median distance from a surface to the nearest other, as far as `most`, scene units: what is finer is not known.
+    /// Median distance from a surface to the nearest other, as far as `most`, scene units: what is
+    /// finer is not known.
     pub fn spacing(&self, most: f32, threads: usize) -> f32 {
         median_spacing(&self.points, most, threads)
     }
@@ -114,7 +117,8 @@ pub(super) struct PointGrid {
 }
 
 impl PointGrid {
-    /// Of points in cells of this width, or of a millionth of their distance from the origin where that is more.
+    /// Of points in cells of this width, or of a millionth of their distance from the origin where
+    /// that is more.
     pub fn new(points: &[Vec3], width: f32) -> Self {
         let farthest = points.iter().map(|point| point.abs().max_element()).fold(0.0, f32::max);
         let width = width.max(1e-6 * farthest).max(f32::MIN_POSITIVE);

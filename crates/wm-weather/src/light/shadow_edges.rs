@@ -1,9 +1,11 @@
 //! The edges of shadows where colours show them.
 //!
-//! A map of what stands in the sun's way puts the edge of a shadow as far off as the geometry is. The colours show it exactly, but
-//! not what is shadow and what is a dark material. So surfaces near a mapped edge take that light, between full shade and full sun,
-//! with which their reflectance changes least from each to those beside it. With `c` the log of the colour and `s` that of the
-//! light, the sum of `|(c - s) - (c' - s')|` over neighbours is least: a convex problem, solved by reweighted averages.
+//! A map of what stands in the sun's way puts the edge of a shadow as far off as the geometry is.
+//! The colours show it exactly, but not what is shadow and what is a dark material. So surfaces
+//! near a mapped edge take that light, between full shade and full sun, with which their
+//! reflectance changes least from each to those beside it. With `c` the log of the colour and `s`
+//! that of the light, the sum of `|(c - s) - (c' - s')|` over neighbours is least: a convex
+//! problem, solved by reweighted averages.
 
 use super::places::{PointGrid, Surfaces};
 use super::sun_search::same_material;
@@ -20,23 +22,26 @@ const ALIKE: f32 = 0.9;
 const ROUNDS: usize = 300;
 /// Differences of logs below which a difference is as good as none.
 const SMALL: f32 = 0.03;
-/// The weight of the mapped light of a surface near an edge, in that of a neighbour: of surfaces that photos show, whose places are a
-/// little off, and of splats without photos.
+/// The weight of the mapped light of a surface near an edge, in that of a neighbour: of surfaces
+/// that photos show, whose places are a little off, and of splats without photos.
 const MAPPED: [f32; 2] = [0.01, 0.1];
-/// Least luminance and irradiance whose log is taken, and least gain by the sun with which a colour tells its share.
+/// Least luminance and irradiance whose log is taken, and least gain by the sun with which a colour
+/// tells its share.
 const DARKEST: f32 = 1e-4;
 const LEAST_GAIN: f32 = 1.05;
 /// Least difference between the sun's shares around a splat at the edge of a shadow.
 const EDGE: f32 = 0.5;
 /// Least difference between the sun's shares around a splat whose share is sharpened.
 const SHARP: f32 = 0.1;
-/// Standard deviations, in those of a splat, of the part that its colour is the mean of, and of what a picture of overlapping splats shows
-/// at its middle.
+/// Standard deviations, in those of a splat, of the part that its colour is the mean of, and of
+/// what a picture of overlapping splats shows at its middle.
 const OWN: f32 = 0.45;
 const BLENDED: f32 = 0.85;
-/// Least standard deviation across a flat splat, in the longest: it is not off what lies a little above it.
+/// Least standard deviation across a flat splat, in the longest: it is not off what lies a little
+/// above it.
 const FLAT: f32 = 0.5;
-/// The part of the difference between these two that is added to the share: all of it leaves bright flecks where the edge is not exactly known.
+/// The part of the difference between these two that is added to the share: all of it leaves bright
+/// flecks where the edge is not exactly known.
 const SHARPENED: f32 = 0.6;
 /// Least light of a sharpened splat, of that in full shade, and the largest share of the sun.
 const LEAST_LIGHT: f32 = 0.5;
@@ -61,7 +66,8 @@ struct Unsure {
 }
 
 impl ShadowEdges {
-    /// Finds the neighbours, up to `reach` (scene units) away, of the surfaces whose mapped light is not sure.
+    /// Finds the neighbours, up to `reach` (scene units) away, of the surfaces whose mapped light
+    /// is not sure.
     pub fn new(surfaces: &Surfaces, is_sure: &[bool], reach: f32, threads: usize) -> Self {
         let asked: Vec<usize> =
             (0..surfaces.len()).filter(|i| !is_sure[*i] && surfaces.normals[*i] != Vec3::ZERO).collect();
@@ -96,8 +102,8 @@ impl ShadowEdges {
         Self { unsure, neighbours, color: color.collect(), mapped }
     }
 
-    /// The share of the sun that each surface sees. `amounts` are its irradiances in shade and in full sun, `mapped` the share by the
-    /// map.
+    /// The share of the sun that each surface sees. `amounts` are its irradiances in shade and in
+    /// full sun, `mapped` the share by the map.
     pub fn shares(&self, amounts: &[[f32; 2]], mapped: &[f32], threads: usize) -> Vec<f32> {
         let of_share = |i: usize, share: f32| {
             let [shade, sunny] = amounts[i];
@@ -145,9 +151,10 @@ impl ShadowEdges {
     }
 }
 
-/// The share of the sun that a splat of this light (linear RGB) sees, if its place is at the edge of a shadow; `None` elsewhere.
-/// Training leaves splats some decimetres off what they show, but their colour says to which side they belong. `around` are the
-/// surfaces about it, `nearest` is the one that is nearest.
+/// The share of the sun that a splat of this light (linear RGB) sees, if its place is at the edge
+/// of a shadow; `None` elsewhere. Training leaves splats some decimetres off what they show, but
+/// their colour says to which side they belong. `around` are the surfaces about it, `nearest` is
+/// the one that is nearest.
 pub(super) fn edge_share<I: Iterator<Item = usize>>(
     surfaces: &Surfaces,
     amounts: &[[f32; 2]],
@@ -172,10 +179,11 @@ pub(super) fn edge_share<I: Iterator<Item = usize>>(
         .then(|| (((log_luminance(light) - sum / count).exp() - shade) / (sunny - shade)).clamp(low, high))
 }
 
-/// The share of the sun that explains the colour of a splat beside the edge of a shadow; `None` elsewhere. A picture shows the mean of
-/// overlapping splats. So a sharp edge in it needs splats that are brighter than full sun on one side and darker than full shade on the
-/// other: their shares lie above 1 and below 0. Shares of 0 to 1 leave dark and bright lines along the edge. `around` are the surfaces
-/// about the splat, `nearest` is the nearest of them.
+/// The share of the sun that explains the colour of a splat beside the edge of a shadow; `None`
+/// elsewhere. A picture shows the mean of overlapping splats. So a sharp edge in it needs splats
+/// that are brighter than full sun on one side and darker than full shade on the other: their
+/// shares lie above 1 and below 0. Shares of 0 to 1 leave dark and bright lines along the edge.
+/// `around` are the surfaces about the splat, `nearest` is the nearest of them.
 pub(super) fn sharpened_share<I: Iterator<Item = usize>>(
     surfaces: &Surfaces,
     amounts: &[[f32; 2]],
@@ -236,7 +244,8 @@ mod tests {
     const STEP: f32 = 0.1;
     const OFF: f32 = 0.4;
 
-    /// Textured ground whose shadow ends at x = 0, under a map that has it end elsewhere: the colours move it back.
+    /// Textured ground whose shadow ends at x = 0, under a map that has it end elsewhere: the
+    /// colours move it back.
     #[test]
     fn a_mapped_edge_moves_to_where_the_colours_show_it() {
         let amounts = [0.3, 1.0];
@@ -265,8 +274,9 @@ mod tests {
         assert!((0..surfaces.len()).all(|i| !is_sure[i] || shares[i] == mapped[i]));
     }
 
-    /// Ground of splats whose shadow ends between two rows: beside it the share goes past shade and sun, and the mean of what lies over a
-    /// row, as pictures show it, is less off the edge than that of plain shares. Far from the edge nothing changes.
+    /// Ground of splats whose shadow ends between two rows: beside it the share goes past shade and
+    /// sun, and the mean of what lies over a row, as pictures show it, is less off the edge than
+    /// that of plain shares. Far from the edge nothing changes.
     #[test]
     fn shares_are_sharpened_beside_an_edge() {
         let mut splats = Splats::with_capacity(1600, 0);

@@ -1,9 +1,11 @@
 //! The direction of the sun, found in the shadows of a capture.
 //!
-//! Pairs of points on level ground, of one material and a step or two apart, differ in brightness where one is in the sun and the
-//! other in the shade. For the sun's true direction the map of what stands in its way says which; for other directions it is
-//! wrong about many. Points near walls are darker in any light: only pairs that see as much of the sky as each other are
-//! asked. Dark patterns score alike whichever way the sun stands, so a direction must do better than all that are far from it.
+//! Pairs of points on level ground, of one material and a step or two apart, differ in brightness
+//! where one is in the sun and the other in the shade. For the sun's true direction the map of what
+//! stands in its way says which; for other directions it is wrong about many. Points near walls are
+//! darker in any light: only pairs that see as much of the sky as each other are asked. Dark
+//! patterns score alike whichever way the sun stands, so a direction must do better than all that
+//! are far from it.
 
 use super::places::{PointGrid, Surfaces};
 use crate::dome::{from_level, level_axes};
@@ -15,7 +17,8 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use wm_scene::random::{self, RandomStream};
 
-/// Distances between the points of a pair, m: narrow ones tell the direction finely, wide ones from afar.
+/// Distances between the points of a pair, m: narrow ones tell the direction finely, wide ones from
+/// afar.
 pub(super) const NARROW: [f32; 2] = [0.2, 0.6];
 pub(super) const WIDE: [f32; 2] = [0.6, 2.0];
 /// Least cosine between their normals: 10 degrees.
@@ -26,15 +29,16 @@ const SAME_COLOR: f32 = 0.08;
 const ASKED: usize = 60_000;
 /// Least cosine between up and the normal of level ground.
 pub(super) const LEVEL: f32 = 0.8;
-/// Log of the ratio of what two points get of an overcast sky with which they are no longer compared, and the share of that
-/// light that comes back from walls.
+/// Log of the ratio of what two points get of an overcast sky with which they are no longer
+/// compared, and the share of that light that comes back from walls.
 const UNLIKE: f32 = 0.15;
 const RETURNED: f32 = 0.2;
 /// Radius of the ground that must be in one light, m, for pairs of either width.
 const TELLS: f32 = 0.5;
 const TELLS_FINELY: f32 = 0.15;
-/// Logs of the ratio of two brightnesses: up to the first it is no evidence, since dirt, worn paint and the corners of walls differ
-/// as much, and from the second on it does not matter how large it is. In the sun it is mostly 0.7 to 1.5.
+/// Logs of the ratio of two brightnesses: up to the first it is no evidence, since dirt, worn paint
+/// and the corners of walls differ as much, and from the second on it does not matter how large it
+/// is. In the sun it is mostly 0.7 to 1.5.
 const CLEAR: [f32; 2] = [0.3, 0.8];
 /// Log of the ratio from which on a pair is one of light and shade: 1.3.
 pub(super) const SHADOW: f64 = 0.262;
@@ -43,7 +47,8 @@ const PRIOR: f64 = 20.0;
 /// Directions that are tried first: distance between them, and their elevations, degrees.
 const STEP: f64 = 9.0;
 const ELEVATIONS: [u32; 2] = [12, 75];
-/// Widths of the cells of maps, in those of the occluders: of a first ranking, of the search, and of its refinement.
+/// Widths of the cells of maps, in those of the occluders: of a first ranking, of the search, and
+/// of its refinement.
 const QUICK: f64 = 8.0;
 const COARSE: f64 = 4.0;
 const FINE: f64 = 1.0;
@@ -51,16 +56,17 @@ const FINE: f64 = 1.0;
 const KEPT: usize = 32;
 /// Cosine of the angle from which on a direction is another one: 25 degrees.
 const FAR: f64 = 0.906;
-/// Distance between the directions about the best that wide and then narrow pairs judge, degrees, the number of them to each side,
-/// and the shares of the best score above which they have a say.
+/// Distance between the directions about the best that wide and then narrow pairs judge, degrees,
+/// the number of them to each side, and the shares of the best score above which they have a say.
 const WIDE_STEP: f64 = 3.0;
 const NARROW_STEP: f64 = 1.0;
 const WIDE_RINGS: i32 = 3;
 const NARROW_RINGS: i32 = 2;
 const WEIGHED: f64 = 0.7;
 const FINELY_WEIGHED: f64 = 0.85;
-/// Least score of a sun, and how often it must be that of the best direction far from it. Suns that were there had 11.8 to 30; the
-/// best directions of 25 trainings whose ground shows no shadows of a sun had 4.1 to 9.4.
+/// Least score of a sun, and how often it must be that of the best direction far from it. Suns that
+/// were there had 11.8 to 30; the best directions of 25 trainings whose ground shows no shadows of
+/// a sun had 4.1 to 9.4.
 const LEAST_SCORE: f64 = 11.0;
 const EVIDENT: f64 = 1.15;
 /// Score below which there is no sun at all.
@@ -165,7 +171,8 @@ pub(super) struct GroundPair {
     weight: f32,
 }
 
-/// The pairs on level ground that see about as much of the sky as each other; `open` is what each surface sees of it.
+/// The pairs on level ground that see about as much of the sky as each other; `open` is what each
+/// surface sees of it.
 pub(super) fn ground_pairs(
     surfaces: &Surfaces,
     open: &[[f32; 2]],
@@ -182,7 +189,8 @@ pub(super) fn ground_pairs(
     weighed.filter(|pair| pair.weight > 0.0).collect()
 }
 
-/// The score of a direction: the evidence of the pairs of which it lights one point and not the other, over its deviation.
+/// The score of a direction: the evidence of the pairs of which it lights one point and not the
+/// other, over its deviation.
 fn score(
     (surfaces, pairs): (&Surfaces, &[GroundPair]),
     sun: [f64; 3],
@@ -228,9 +236,9 @@ pub(super) fn along(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|k| a[k] * b[k]).sum()
 }
 
-/// Looks for the sun by wide pairs, then by narrow ones, at `elevation` (radians) if that is known. `open` is what each surface sees
-/// of the sky. `None` if no ground tells.
-/// Under clouds no direction explains the shadows, and the best is no sun ([`FoundSun::is_sun`]).
+/// Looks for the sun by wide pairs, then by narrow ones, at `elevation` (radians) if that is known.
+/// `open` is what each surface sees of the sky. `None` if no ground tells. Under clouds no
+/// direction explains the shadows, and the best is no sun ([`FoundSun::is_sun`]).
 pub(super) fn find_sun(
     surfaces: &Surfaces,
     open: &[[f32; 2]],
@@ -258,7 +266,8 @@ pub(super) fn find_sun(
         tried.extend((0..around).map(|k| towards(site, elevation, azimuth(k))));
     }
     let tells = coarseness * TELLS;
-    // Quick maps rank the best directions among the first, at a third of the work of the maps that score them.
+    // Quick maps rank the best directions among the first, at a third of the work of the maps that
+    // score them.
     let quick = occluders.sketched(QUICK);
     let guesses = map(tried.len(), threads, |k| score((surfaces, &wide), tried[k], &quick, tells));
     let mut ranked: Vec<usize> = (0..tried.len()).collect();
@@ -311,8 +320,8 @@ fn about(direction: [f64; 3], degrees: f64, rings: i32) -> Vec<[f64; 3]> {
     steps.map(|[x, y]| (middle + x * axes[0] + y * axes[1]).normalize().to_array()).collect()
 }
 
-/// The mean of directions, weighted by what they score above a share of the best: shadows are told by few pairs, so that scores
-/// are rough.
+/// The mean of directions, weighted by what they score above a share of the best: shadows are told
+/// by few pairs, so that scores are rough.
 fn centred(around: &[[f64; 3]], scores: &[f64], weighed: f64) -> [f64; 3] {
     let best = scores.iter().copied().fold(0.0, f64::max);
     let weighted = around

@@ -1,7 +1,7 @@
 //! The shadows of a sun that stands elsewhere than when the place was captured.
 //!
-//! They come from one map of what stands in the sun's way, as fine as the surfaces of the scene are, and their edges are as wide as the
-//! sun makes them from where they are cast.
+//! They come from one map of what stands in the sun's way, as fine as the surfaces of the scene
+//! are, and their edges are as wide as the sun makes them from where they are cast.
 
 use super::capture::CaptureLight;
 use super::sun_search::sun_map;
@@ -11,7 +11,8 @@ use crate::threads::map;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// Limits of the width of a map's cells, in those of the occluders, which have the width of the surfaces' spacing between them.
+/// Limits of the width of a map's cells, in those of the occluders, which have the width of the
+/// surfaces' spacing between them.
 const CELLS: [f64; 2] = [0.25, 1.0];
 
 /// All that the shadows of any sun are made from, but for the light of the capture.
@@ -23,7 +24,8 @@ pub struct ShadowCasters {
 }
 
 impl ShadowCasters {
-    /// The places of the splats of a scene (world axes, scene units), and what stands between them and the sky.
+    /// The places of the splats of a scene (world axes, scene units), and what stands between them
+    /// and the sky.
     #[must_use]
     pub fn new(points: Vec<[f32; 3]>, occluders: &Occluders, threads: usize) -> Self {
         let fine = occluders.spacing(threads) / occluders.cell();
@@ -50,7 +52,8 @@ pub struct SunShadows {
 }
 
 impl SunShadows {
-    /// The shadows that `casters` cast on the splats of a scene. `direction` is towards the sun, world axes, length 1.
+    /// The shadows that `casters` cast on the splats of a scene. `direction` is towards the sun,
+    /// world axes, length 1.
     #[must_use]
     pub fn of(
         casters: &ShadowCasters,

@@ -17,8 +17,8 @@ use wm_scene::{Group, Splats};
 const STEP: f64 = 0.1;
 /// Half of the yard's width, m.
 const HALF: f64 = 8.0;
-/// Two walls, since the shadow of one is alike for many suns: the axis that each stands across and its place along that, the middle
-/// and half of its length, m.
+/// Two walls, since the shadow of one is alike for many suns: the axis that each stands across and
+/// its place along that, the middle and half of its length, m.
 const WALLS: [(usize, f64, f64, f64); 2] = [(0, 1.0, 0.0, 4.0), (1, 3.0, -3.5, 2.5)];
 /// Their height, m.
 const HIGH: f64 = 2.4;
@@ -35,7 +35,8 @@ fn is_lit(point: DVec3, sun: DVec3) -> bool {
     })
 }
 
-/// The yard with ground and wall of albedo 0.3 with some texture, in a light whose level irradiance brings a white card to 1.3.
+/// The yard with ground and wall of albedo 0.3 with some texture, in a light whose level irradiance
+/// brings a white card to 1.3.
 fn yard(light: &SceneLight) -> Splats {
     let mut splats = Splats::with_capacity(0, 0);
     let mut add = |point: DVec3, normal: DVec3, up: DVec3, key: u64| {
@@ -202,7 +203,8 @@ fn a_yard_under_clouds_has_no_sun() {
     assert!(light.report(site().up).starts_with("no sun"), "{}", light.report(site().up));
 }
 
-/// Dark patches no darker than dirt or the corners of walls are no evidence, even where a sun would cast them.
+/// Dark patches no darker than dirt or the corners of walls are no evidence, even where a sun would
+/// cast them.
 #[test]
 fn faint_patches_are_no_shadows() {
     for (ratio, is_sun) in [(0.35, false), (1.5, true)] {
@@ -212,7 +214,8 @@ fn faint_patches_are_no_shadows() {
     }
 }
 
-/// A white sky may be overexposed, and a grey one the clouds of a sunny day: both count as clouded only without shadows.
+/// A white sky may be overexposed, and a grey one the clouds of a sunny day: both count as clouded
+/// only without shadows.
 #[test]
 fn white_and_grey_skies_without_shadows_are_clouds() {
     for captured_sky in [CapturedSky::Burned, CapturedSky::Overcast] {

@@ -1,8 +1,9 @@
 //! Shadows of what no photo shows.
 //!
-//! Photos of a walk end above doors: the crown of a tree that throws a shadow on the road may be in none of them, and the map of
-//! what stands in the sun's way knows nothing of it. So where the photos do not show the way to the sun, the colours of level ground
-//! decide. Ground whose light is known tells which reflectances there are. Ground that in the sun would have a reflectance which
+//! Photos of a walk end above doors: the crown of a tree that throws a shadow on the road may be in
+//! none of them, and the map of what stands in the sun's way knows nothing of it. So where the
+//! photos do not show the way to the sun, the colours of level ground decide. Ground whose light is
+//! known tells which reflectances there are. Ground that in the sun would have a reflectance which
 //! hardly any of it has, and in the shade one that is common, lies in the shade.
 
 use super::places::{PointGrid, Surfaces};
@@ -12,31 +13,35 @@ use crate::threads::map;
 use glam::{DVec3, Vec3};
 use wm_scene::Camera;
 
-/// Heights above the ground at which it is asked whether photos show the way to the sun, m: those of crowns and eaves.
+/// Heights above the ground at which it is asked whether photos show the way to the sun, m: those
+/// of crowns and eaves.
 const HEIGHTS: [f64; 8] = [1.5, 3.0, 4.5, 6.0, 7.5, 9.0, 10.5, 12.0];
 /// The number of these that no photo shows from which on something may stand there.
 const UNSEEN: usize = 2;
 /// Greatest distance from which a photo shows what stands somewhere, m.
 const SHOWN: f64 = 60.0;
-/// Widths of the bins of reflectances: the log of the luminance, and the shares of red and green; and numbers of bins.
+/// Widths of the bins of reflectances: the log of the luminance, and the shares of red and green;
+/// and numbers of bins.
 const BINS: [f32; 3] = [0.12, 0.02, 0.02];
 const COUNTS: [usize; 3] = [64, 50, 50];
 /// Log of the least luminance of the bins.
 const DARKEST: f32 = -6.5;
 /// The share of such ground that lies in shade, before its colour is asked.
 const IN_SHADE: f32 = 0.2;
-/// The share of all ground in a bin of reflectances that is added to each, so that none is impossible.
+/// The share of all ground in a bin of reflectances that is added to each, so that none is
+/// impossible.
 const RARE: f32 = 2e-4;
 /// Most that one surface's colour says, as the log of odds.
 const MOST_SAID: f32 = 3.0;
-/// Radius within which surfaces decide together, m, and their mean log of odds from which on it is shade.
+/// Radius within which surfaces decide together, m, and their mean log of odds from which on it is
+/// shade.
 const TOGETHER: f32 = 0.3;
 const SHADE: f32 = 0.2;
 /// Surfaces in known light by which reflectances are told, at least.
 const LEAST_KNOWN: usize = 1000;
 
-/// Returns for each surface whether something that no photo shows may stand between it and the sun: it is level ground, and
-/// no camera shows a part of its way to the sun.
+/// Returns for each surface whether something that no photo shows may stand between it and the sun:
+/// it is level ground, and no camera shows a part of its way to the sun.
 pub(super) fn may_be_shaded(
     surfaces: &Surfaces,
     cameras: &[Camera],
@@ -121,9 +126,9 @@ pub(super) struct MappedLight<'a> {
     pub is_sure: &'a mut [bool],
 }
 
-/// Lets the colours of level ground say that it lies in the shade, where `may_be` says that the map may not know. `reflectance` is that
-/// of a surface if it is in full shade, and if it is in full sun, linear RGB. Within `around` (scene units) of the edges of such shade
-/// nothing is sure.
+/// Lets the colours of level ground say that it lies in the shade, where `may_be` says that the map
+/// may not know. `reflectance` is that of a surface if it is in full shade, and if it is in full
+/// sun, linear RGB. Within `around` (scene units) of the edges of such shade nothing is sure.
 pub(super) fn amend(
     surfaces: &Surfaces,
     may_be: &[bool],
@@ -205,7 +210,8 @@ mod tests {
         Surfaces { normals: vec![Vec3::Z; points.len()], oriented: points.len(), light, points }
     }
 
-    /// The surfaces that are found to lie in the shade. Of those with a positive y the way to the sun is not known.
+    /// The surfaces that are found to lie in the shade. Of those with a positive y the way to the
+    /// sun is not known.
     fn decide(surfaces: &Surfaces, threads: usize) -> Vec<bool> {
         let may_be: Vec<bool> = surfaces.points.iter().map(|point| point.y > 0.0).collect();
         let (mut shares, mut is_sure) = (vec![1.0; surfaces.len()], vec![true; surfaces.len()]);
@@ -215,7 +221,8 @@ mod tests {
         shares.into_iter().map(|share| share < 0.5).collect()
     }
 
-    /// The crown over the road is in no photo: its shadow is found on both materials, and the road beside the paving is none.
+    /// The crown over the road is in no photo: its shadow is found on both materials, and the road
+    /// beside the paving is none.
     #[test]
     fn shade_of_what_no_photo_shows_is_told_by_colour() {
         let is_shade = |point: Vec3| point.y > 1.0 && point.y < 4.0 && point.x.abs() < 2.5;
@@ -228,7 +235,8 @@ mod tests {
         assert!(decide(&ground(|_| true), 2).iter().all(|is_shaded| !is_shaded));
     }
 
-    /// A camera that looks level shows the way to a high sun over ground far ahead, not over that before its feet.
+    /// A camera that looks level shows the way to a high sun over ground far ahead, not over that
+    /// before its feet.
     #[test]
     fn only_ground_whose_way_to_the_sun_is_seen_is_known() {
         let surfaces = ground(|_| true);

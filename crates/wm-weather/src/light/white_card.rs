@@ -1,8 +1,10 @@
-//! The brightness that a white card would have in the photos, which turns colours into reflectances.
+//! The brightness that a white card would have in the photos, which turns colours into
+//! reflectances.
 //!
-//! Nobody held a card into the photos, so what is in them tells: each kind of surface has a usual reflectance, and the sky gives
-//! the light that falls. Every clue is a guess of the logarithm of the brightness with an error of its own; the most likely value
-//! counts, with less trust in clues that lie far from the others.
+//! Nobody held a card into the photos, so what is in them tells: each kind of surface has a usual
+//! reflectance, and the sky gives the light that falls. Every clue is a guess of the logarithm of
+//! the brightness with an error of its own; the most likely value counts, with less trust in clues
+//! that lie far from the others.
 
 use super::places::Surfaces;
 use super::quantile::quantile;
@@ -12,8 +14,9 @@ use serde::{Deserialize, Serialize};
 use wm_scene::Metadata;
 use wm_scene::color::luminance;
 
-/// Usual reflectances and the error of each, as a standard deviation of its logarithm: the median of ground that is not green, of
-/// walls, and of what is green, and the brightest twentieth of all that is not green.
+/// Usual reflectances and the error of each, as a standard deviation of its logarithm: the median
+/// of ground that is not green, of walls, and of what is green, and the brightest twentieth of all
+/// that is not green.
 const GROUND: [f64; 2] = [0.22, 0.4];
 const WALLS: [f64; 2] = [0.3, 0.6];
 const GREEN: [f64; 2] = [0.1, 0.5];
@@ -22,11 +25,13 @@ const BRIGHT: [f64; 2] = [0.6, 0.4];
 const GREENNESS: f32 = 1.06;
 /// Least share of the surfaces of a kind that tells.
 const LEAST_SHARE: f64 = 0.02;
-/// Brightness of a card on level ground over that of the sky near the horizon: under clouds (CIE overcast sky: 7/9 of the zenith,
-/// which is three times as bright as the horizon) and in an even sky; and the errors.
+/// Brightness of a card on level ground over that of the sky near the horizon: under clouds (CIE
+/// overcast sky: 7/9 of the zenith, which is three times as bright as the horizon) and in an even
+/// sky; and the errors.
 const BY_CLOUDS: [f64; 2] = [7.0 / 3.0, 0.5];
 const BY_SKY: [f64; 2] = [0.8, 0.6];
-/// Brightness of the sky from which on it may be burned out: it is brighter by an unknown factor then.
+/// Brightness of the sky from which on it may be burned out: it is brighter by an unknown factor
+/// then.
 const BURNED: f64 = 0.85;
 /// Least irradiance that is believed, over that of the open ground.
 const DARKEST: f64 = 0.01;
@@ -38,7 +43,8 @@ const BOUNDS: [f64; 2] = [0.3, 5.0];
 const LEVEL: f32 = 0.8;
 const UPRIGHT: f32 = 0.3;
 
-/// A guess of the logarithm of the brightness, with its standard deviation; `is_least` if it may well be more.
+/// A guess of the logarithm of the brightness, with its standard deviation; `is_least` if it may
+/// well be more.
 #[derive(Clone, Copy, Debug)]
 struct Clue {
     value: f64,
@@ -49,10 +55,12 @@ struct Clue {
 /// The brightness of white cards under a captured light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct WhiteCard {
-    /// Brightness of a card on level ground in the open, where the irradiance is 1, display values in linear light.
+    /// Brightness of a card on level ground in the open, where the irradiance is 1, display values
+    /// in linear light.
     open: f64,
-    /// Exponent of the irradiance, 0-1: 1 where colours go with the irradiance that was found, less where they do not, since what
-    /// stands in the way of the light, such as crowns without leaves, is not known well.
+    /// Exponent of the irradiance, 0-1: 1 where colours go with the irradiance that was found, less
+    /// where they do not, since what stands in the way of the light, such as crowns without leaves,
+    /// is not known well.
     trust: f64,
 }
 
@@ -60,8 +68,9 @@ impl WhiteCard {
     /// The card of a place of which nothing is known.
     pub const USUAL: Self = Self { open: 1.0, trust: 1.0 };
 
-    /// Finds the card of a capture. `irradiance` gives that of a surface over that of open ground, luminance; `sky_share` is the share
-    /// of the sky in the light of open ground, 0-1; `is_overcast` says that the place was captured under clouds.
+    /// Finds the card of a capture. `irradiance` gives that of a surface over that of open ground,
+    /// luminance; `sky_share` is the share of the sky in the light of open ground, 0-1;
+    /// `is_overcast` says that the place was captured under clouds.
     pub fn of(
         surfaces: &Surfaces,
         site: &Site,
@@ -141,8 +150,9 @@ impl WhiteCard {
     }
 }
 
-/// Returns the slope of the logarithm of light over that of irradiance, 0-1. An irradiance that hardly varies counts in full: one of
-/// variance [`EVEN`] with which no colour goes gets a slope of a half.
+/// Returns the slope of the logarithm of light over that of irradiance, 0-1. An irradiance that
+/// hardly varies counts in full: one of variance [`EVEN`] with which no colour goes gets a slope of
+/// a half.
 fn slope(logs: &[[f64; 2]]) -> f64 {
     let count = logs.len().max(1) as f64;
     let mean = [0, 1].map(|k| logs.iter().map(|log| log[k]).sum::<f64>() / count);

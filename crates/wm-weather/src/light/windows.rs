@@ -16,8 +16,8 @@ const WIDE: f64 = 0.42;
 /// Distance from the wall, m.
 const OFF: f64 = 0.03;
 
-/// Splats of lit windows, `display` the value of a white surface in a lux. Each room is a little brighter or darker, and lighter
-/// at the top, where its lamp hangs.
+/// Splats of lit windows, `display` the value of a white surface in a lux. Each room is a little
+/// brighter or darker, and lighter at the top, where its lamp hangs.
 #[must_use]
 pub fn window_splats(windows: &[LitWindow], display: f64, site: &Site) -> Splats {
     let mut splats = Splats::with_capacity(0, 0);

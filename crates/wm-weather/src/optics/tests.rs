@@ -53,11 +53,11 @@ fn atmospheres() -> Vec<Atmosphere> {
     .into()
 }
 
-/// f32 against f64 over distances to infinity, directions all round and near the horizon, colours from
-/// 0 to 3. Tolerance: optical depth errs by 2e-6 relative, and T changes by at most that times depth
-/// times T < 0.37; sRGB and back by 2e-6: in all 1e-5, a fortieth of an 8-bit step. Along an endless
-/// ray through a layer the depth goes with 1 / rise, the rise is a sum of f32 that errs by 1e-7, and
-/// the encoding multiplies what is dark by 12.92: 0.37 * 0.8 * 12.92 * 1e-7 / rise.
+/// f32 against f64 over distances to infinity, directions all round and near the horizon, colours
+/// from 0 to 3. Tolerance: optical depth errs by 2e-6 relative, and T changes by at most that times
+/// depth times T < 0.37; sRGB and back by 2e-6: in all 1e-5, a fortieth of an 8-bit step. Along an
+/// endless ray through a layer the depth goes with 1 / rise, the rise is a sum of f32 that errs by
+/// 1e-7, and the encoding multiplies what is dark by 12.92: 0.37 * 0.8 * 12.92 * 1e-7 / rise.
 fn agree(backend: Backend, atmosphere: &Atmosphere, seed: u64) {
     let uniform = |k: u64| wm_render::testing::uniform(seed, k);
     for origin in [[0.0f32, 0.0, 0.0], [4.0, -30.0, 60.0], [1.0, 2.0, -3.0]] {
@@ -100,8 +100,8 @@ fn agree(backend: Backend, atmosphere: &Atmosphere, seed: u64) {
     }
 }
 
-/// The primitives against f64, and what shading makes of them: white less black is the transmittance, up to two trips
-/// through the display's encoding.
+/// The primitives against f64, and what shading makes of them: white less black is the
+/// transmittance, up to two trips through the display's encoding.
 #[test]
 fn transmittance_and_airlight_agree_with_f64_and_with_colors() {
     let uniform = |k: u64| wm_scene::random::uniform(9, k);

@@ -2,16 +2,18 @@
 //!
 //! For each sub-cloud, the farthest first, with the composite `C` so far, all display-referred:
 //!
-//! - `L = (C_R + C_G + C_B) / 3`; `f_l = exp(clamp(L_sky - L, t_min, t_max)) - 1`. The printed formula has the two
-//!   bounds the wrong way round, which makes it a constant.
+//! - `L = (C_R + C_G + C_B) / 3`; `f_l = exp(clamp(L_sky - L, t_min, t_max)) - 1`. The printed
+//!   formula has the two bounds the wrong way round, which makes it a constant.
 //! - `m = (D_ref,n < D_ref) and (D_ref,n < t_D) and (L(C_noise) > t_C)`.
 //! - `C += f_l C_noise` where `m`.
 //!
-//! `D_ref = min(1, D_abs / d_max)` with `D_abs` the sum of weight times view z, not divided by the coverage, as in the
-//! paper. Of the picture what no splat covers counts as `d_max` away, as in [`PaperFog`](super::PaperFog); of the noise as
-//! nothing. So a thin part of a drop counts as nearer than it is: the faint edge of one behind a wall is seen before it.
+//! `D_ref = min(1, D_abs / d_max)` with `D_abs` the sum of weight times view z, not divided by the
+//! coverage, as in the paper. Of the picture what no splat covers counts as `d_max` away, as in
+//! [`PaperFog`](super::PaperFog); of the noise as nothing. So a thin part of a drop counts as
+//! nearer than it is: the faint edge of one behind a wall is seen before it.
 //!
-//! Last comes what the paper names in passing: a light fog over the distance, a small blur, a colour filter.
+//! Last comes what the paper names in passing: a light fog over the distance, a small blur, a
+//! colour filter.
 
 use super::fall::PaperFall;
 use crate::effects::ColorGrade;
@@ -22,7 +24,8 @@ use wm_render::simd::SimdPath;
 /// Below which a blur is none, px: its neighbours weigh less than half a step of 8 bits.
 const SHARP: f64 = 0.25;
 
-/// The steps of the paper's figure, `[H, W, 3]` each, display-referred: what lies between the clear picture and the last.
+/// The steps of the paper's figure, `[H, W, 3]` each, display-referred: what lies between the clear
+/// picture and the last.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PaperStages {
     /// The noise scene alone, over black.
@@ -66,7 +69,8 @@ impl PaperBlend {
         (self.sky - light).min(most).max(least).exp_m1()
     }
 
-    /// m, for depths as sums of weight times view z with the coverage of the picture, and the noise's colour.
+    /// m, for depths as sums of weight times view z with the coverage of the picture, and the
+    /// noise's colour.
     #[must_use]
     pub fn keeps(&self, (depth, alpha): (f64, f64), noise_depth: f64, noise: [f32; 3]) -> bool {
         let scene = ((depth + (1.0 - alpha) * self.d_max) / self.d_max).min(1.0);
@@ -118,8 +122,8 @@ pub fn add(blend: &PaperBlend, picture: &mut Frame, noise: &Frame, mut stages: O
     }
 }
 
-/// What follows the last sub-cloud: the fogs of all that falls, one blur as wide as all of theirs, the colour filter of the
-/// first, and `look`. The picture needs alpha and depth.
+/// What follows the last sub-cloud: the fogs of all that falls, one blur as wide as all of theirs,
+/// the colour filter of the first, and `look`. The picture needs alpha and depth.
 pub fn finish(falls: &[PaperFall], look: Option<&ColorGrade>, path: SimdPath, picture: &mut Frame) {
     let fogs: Vec<&dyn PixelEffect> = falls.iter().map(|fall| &fall.fog as &dyn PixelEffect).collect();
     apply(&fogs, path, picture);
@@ -162,7 +166,8 @@ fn apply(effects: &[&dyn PixelEffect], path: SimdPath, picture: &mut Frame) {
     }
 }
 
-/// A Gaussian blur of the colours as they are shown, standard deviation `sigma` px; beyond the edge the last pixel goes on.
+/// A Gaussian blur of the colours as they are shown, standard deviation `sigma` px; beyond the edge
+/// the last pixel goes on.
 fn blur(sigma: f64, picture: &mut Frame) {
     if sigma < SHARP {
         return;

@@ -1,26 +1,35 @@
-//! The paper's lying snow: Gaussians of snow where surfaces look up, and on small planes between them.
+//! The paper's lying snow: Gaussians of snow where surfaces look up, and on small planes between
+//! them.
 //!
 //! # As printed
-//! The normal of a Gaussian is its shortest axis; those that look up hold snow. About each, the plane of its k nearest
-//! neighbours is estimated, and random points are filled in uniformly within `r_plane = median(R) / (1 + 2 sigma)`, R
-//! the distances to the neighbours, where that plane is within 30 degrees of level. Outliers are filtered at the end.
-//! All that is left gets the scale, the opacity and the colour of snow.
+//! The normal of a Gaussian is its shortest axis; those that look up hold snow. About each, the
+//! plane of its k nearest neighbours is estimated, and random points are filled in uniformly within
+//! `r_plane = median(R) / (1 + 2 sigma)`, R the distances to the neighbours, where that plane is
+//! within 30 degrees of level. Outliers are filtered at the end. All that is left gets the scale,
+//! the opacity and the colour of snow.
 //!
 //! # Where the paper leaves it open
 //! - **Normals** have no sign: that of the two which looks up.
-//! - **Neighbours** are those that hold snow too: a wall does not tilt the plane of the floor before it. The plane is
-//!   the one of least squares. What is farther from it than the spacing does not lie on it, and fills nothing.
-//! - **`r_plane`.** As printed, 1 is added to a length: `sigma / mean(R)` is meant, which has no unit.
-//! - **How many points.** So many that they are half the median distance apart, and no more: points at random, each
-//!   kept if it is that far from all before it. The radius follows the density of the scene, and so does the spacing.
-//! - **Outliers** are those farther from their neighbours on average than the mean and two standard deviations of the
-//!   distances that these have to theirs, or with fewer than six near them. By the distances of all points, distant
-//!   ground would be one: it is many times sparser than what is near.
-//! - **The snow lies on** what it covers, by a share of the spacing: Gaussians of one depth are drawn in any order.
+//! - **Neighbours** are those that hold snow too: a wall does not tilt the plane of the floor
+//!   before it. The plane is the one of least squares. What is farther from it than the spacing
+//!   does not lie on it, and fills nothing.
+//! - **`r_plane`.** As printed, 1 is added to a length: `sigma / mean(R)` is meant, which has no
+//!   unit.
+//! - **How many points.** So many that they are half the median distance apart, and no more: points
+//!   at random, each kept if it is that far from all before it. The radius follows the density of
+//!   the scene, and so does the spacing.
+//! - **Outliers** are those farther from their neighbours on average than the mean and two standard
+//!   deviations of the distances that these have to theirs, or with fewer than six near them. By
+//!   the distances of all points, distant ground would be one: it is many times sparser than what
+//!   is near.
+//! - **The snow lies on** what it covers, by a share of the spacing: Gaussians of one depth are
+//!   drawn in any order.
 //!
-//! Snow lies under roofs too, it does not grow, and from low views the Gaussians under it show: so the paper has it.
+//! Snow lies under roofs too, it does not grow, and from low views the Gaussians under it show: so
+//! the paper has it.
 //!
-//! A pure function of the scene, the seed and the constants: neither the order of the splats nor threads change it.
+//! A pure function of the scene, the seed and the constants: neither the order of the splats nor
+//! threads change it.
 
 mod cells;
 
@@ -55,8 +64,8 @@ pub struct PaperCover {
     pub fill_angle: f64,
     /// Opacity below which a splat holds no snow, 0-1.
     pub least_opacity: f64,
-    /// Standard deviation above which a splat holds no snow, m, above 0. Nor is there snow of such: what is so sparse
-    /// is no surface.
+    /// Standard deviation above which a splat holds no snow, m, above 0. Nor is there snow of such:
+    /// what is so sparse is no surface.
     pub largest: f64,
     /// k: neighbours that a plane is estimated from, 3-64. A smaller scene has fewer.
     pub neighbours: usize,
@@ -64,15 +73,18 @@ pub struct PaperCover {
     pub spread: f64,
     /// Distance between snow Gaussians, median distances to the neighbours, above 0.
     pub spacing: f64,
-    /// Points tried in a disc as large as the spacing, above 0; a disc has 256 at most. The more, the fewer gaps.
+    /// Points tried in a disc as large as the spacing, above 0; a disc has 256 at most. The more,
+    /// the fewer gaps.
     pub darts: f64,
-    /// Standard deviations above the mean from which distances to the neighbours are an outlier's, 0 or more.
+    /// Standard deviations above the mean from which distances to the neighbours are an outlier's,
+    /// 0 or more.
     pub outlier_sigmas: f64,
     /// Neighbours within [`Self::outlier_radius`] that what stays has at least, 0-64.
     pub outlier_neighbours: usize,
     /// Radius in which they are counted, median distances between neighbours there, above 0.
     pub outlier_radius: f64,
-    /// Standard deviation of a snow Gaussian along its plane, spacings, above 0. At 0.7 hardly a gap is left.
+    /// Standard deviation of a snow Gaussian along its plane, spacings, above 0. At 0.7 hardly a
+    /// gap is left.
     pub size: f64,
     /// The same along its normal against that, 0-1.
     pub flatness: f64,
@@ -80,13 +92,13 @@ pub struct PaperCover {
     pub lift: f64,
     /// Opacity of a snow Gaussian, 0-1: high, so that what it covers does not show.
     pub opacity: f64,
-    /// Display-referred colour, 0-1: that of the albedo of fresh snow, 0.8-0.9 (Wiscombe and Warren 1980), under a
-    /// light of 1.
+    /// Display-referred colour, 0-1: that of the albedo of fresh snow, 0.8-0.9 (Wiscombe and Warren
+    /// 1980), under a light of 1.
     pub color: [f32; 3],
     /// The seed of the random filling.
     pub seed: u64,
-    /// Most snow Gaussians. Half are for those on splats: of more, equally likely ones are left out, and the others are
-    /// larger for it.
+    /// Most snow Gaussians. Half are for those on splats: of more, equally likely ones are left
+    /// out, and the others are larger for it.
     pub most: usize,
 }
 
@@ -138,10 +150,12 @@ struct Patch {
 }
 
 impl PaperCover {
-    /// The snow on a scene, scene units, world axes: flat Gaussians of group [`Group::Snow`] and SH degree 0, `[M]`, M
-    /// at most [`Self::most`]. Those of [`Group::Scene`] may hold snow; such with faults do not.
+    /// The snow on a scene, scene units, world axes: flat Gaussians of group [`Group::Snow`] and SH
+    /// degree 0, `[M]`, M at most [`Self::most`]. Those of [`Group::Scene`] may hold snow; such
+    /// with faults do not.
     ///
-    /// Empty where the site has no up or no scale, or the arrays of the scene do not fit each other.
+    /// Empty where the site has no up or no scale, or the arrays of the scene do not fit each
+    /// other.
     #[must_use]
     pub fn snow(&self, splats: &Splats, site: &Site) -> Splats {
         self.snow_on(splats, site, std::thread::available_parallelism().map_or(1, NonZero::get))
@@ -284,7 +298,8 @@ impl PaperCover {
         let k = self.neighbours.clamp(3, MOST_NEIGHBOURS);
         let least = self.outlier_neighbours.min(MOST_NEIGHBOURS);
         let near = Near::new(flakes, up);
-        // Mean and standard deviation of the distances to the neighbours, and the distance of the last that is needed.
+        // Mean and standard deviation of the distances to the neighbours, and the distance of the
+        // last that is needed.
         let own = map(flakes.len(), threads, |i| {
             let center = place(flakes[i].at);
             let distances: Vec<f64> =
@@ -326,8 +341,8 @@ fn place(at: [f32; 3]) -> DVec3 {
     DVec3::from_array(at.map(f64::from))
 }
 
-/// Along a Z curve, and of those in one place the one that looks up most. A search in that order finds most of the
-/// tree in the cache.
+/// Along a Z curve, and of those in one place the one that looks up most. A search in that order
+/// finds most of the tree in the cache.
 fn one_a_place(flakes: &[Flake]) -> Vec<Flake> {
     let low = flakes.iter().fold([f32::INFINITY; 3], |low, flake| [0, 1, 2].map(|k| low[k].min(flake.at[k])));
     let high =
@@ -386,8 +401,8 @@ fn median(sorted: &[f64]) -> f64 {
     0.5 * (middle(sorted.len().saturating_sub(1) / 2) + middle(sorted.len() / 2))
 }
 
-/// The plane of least squares through 0 and `around`, as a point on it and its normal, which looks up; `None` where
-/// they lie on a line.
+/// The plane of least squares through 0 and `around`, as a point on it and its normal, which looks
+/// up; `None` where they lie on a line.
 fn plane(around: &[DVec3], up: DVec3) -> Option<(DVec3, DVec3)> {
     let count = (around.len() + 1) as f64;
     let middle = around.iter().sum::<DVec3>() / count;
@@ -407,8 +422,8 @@ fn plane(around: &[DVec3], up: DVec3) -> Option<(DVec3, DVec3)> {
 
 /// Nearest neighbours among flakes.
 struct Near {
-    /// About one of them, with up between the axes: the tree halves along each axis in turn, and every third time
-    /// would halve a floor into an upper and a lower sheet.
+    /// About one of them, with up between the axes: the tree halves along each axis in turn, and
+    /// every third time would halve a floor into an upper and a lower sheet.
     points: Vec<[f32; 3]>,
     tree: Option<ImmutableKdTree<f32, 3>>,
 }

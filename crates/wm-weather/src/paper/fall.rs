@@ -1,16 +1,19 @@
 //! The paper's noise scene: rain and snow as Gaussians of their own in a box about the camera.
 //!
 //! # As printed
-//! Gaussians at random places, grey. A raindrop is one long Gaussian, a snowflake three at 60 degrees to each other. For
-//! a video each is displaced from frame to frame. The cloud is split into k sub-clouds of at most so many Gaussians
-//! each, so that seldom two of one cloud lie over one pixel.
+//! Gaussians at random places, grey. A raindrop is one long Gaussian, a snowflake three at 60
+//! degrees to each other. For a video each is displaced from frame to frame. The cloud is split
+//! into k sub-clouds of at most so many Gaussians each, so that seldom two of one cloud lie over
+//! one pixel.
 //!
 //! # Where the paper leaves it open
-//! - **The box.** A cube about the camera in which things leave on one side and come in on the other. They stand in the
-//!   world, so that a camera that moves goes by them. Of them the ball in it is seen: its corners would show as denser.
-//! - **Orientation.** The long axis of a drop lies along its velocity as the camera sees it: the random rotation is
-//!   about that axis, where it changes nothing. A flake lies in any plane.
-//! - **Displacement.** Fall speed times time, each by its own factor of 0.75 to 1.25, and the drift of the wind.
+//! - **The box.** A cube about the camera in which things leave on one side and come in on the
+//!   other. They stand in the world, so that a camera that moves goes by them. Of them the ball in
+//!   it is seen: its corners would show as denser.
+//! - **Orientation.** The long axis of a drop lies along its velocity as the camera sees it: the
+//!   random rotation is about that axis, where it changes nothing. A flake lies in any plane.
+//! - **Displacement.** Fall speed times time, each by its own factor of 0.75 to 1.25, and the drift
+//!   of the wind.
 //! - **Sub-clouds.** Slices of depth with the same number in each.
 //!
 //! All is a pure function of (seed, number of the thing, time).
@@ -156,7 +159,8 @@ impl PaperFall {
         seen
     }
 
-    /// The sub-clouds, the farthest first: slices of depth of as many things each, none of them empty.
+    /// The sub-clouds, the farthest first: slices of depth of as many things each, none of them
+    /// empty.
     #[must_use]
     pub fn sub_clouds(&self, before: &PaperFallContext<'_>) -> Vec<Splats> {
         let noise = self.noise(before);

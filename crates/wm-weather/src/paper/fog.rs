@@ -2,8 +2,9 @@
 //!
 //! `eq:style_intensity`: `alpha_style = min(1, 1 - exp(-I_style D_ref))`,
 //! `D_ref = min(1, D_abs / d_max)`, with `D_abs` the sum of weight times view z. `eq:fog style`:
-//! `C = C_fog alpha_style + C_render (1 - alpha_style)`. What no splat covers counts as `d_max` away,
-//! as the paper's sky hemisphere does. Since `D_ref` ends at 1, the sky gets `1 - exp(-I_style)`.
+//! `C = C_fog alpha_style + C_render (1 - alpha_style)`. What no splat covers counts as `d_max`
+//! away, as the paper's sky hemisphere does. Since `D_ref` ends at 1, the sky gets
+//! `1 - exp(-I_style)`.
 //!
 //! A pixel at a silhouette has one mean depth here, which draws a bright rim; the physical fidelity
 //! has none.

@@ -8,8 +8,8 @@
 //! | [`cover`] | III.E | lying snow: Gaussians added to the scene |
 //!
 //! Nothing is rendered here. Whoever has a renderer draws the picture, draws each cloud of
-//! [`fall::PaperFall::sub_clouds`] by itself over black, gives both to [`composite::add`], farthest first, and ends with
-//! [`composite::finish`].
+//! [`fall::PaperFall::sub_clouds`] by itself over black, gives both to [`composite::add`], farthest
+//! first, and ends with [`composite::finish`].
 
 pub mod composite;
 pub mod cover;

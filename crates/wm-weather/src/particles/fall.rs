@@ -1,9 +1,10 @@
 //! Precipitation at one instant in front of one camera.
 //!
-//! Photometry: a drop is a lens over 165 degrees, so that it shows the mean of what is around it, almost whatever lies
-//! behind (Garg and Nayar 2007); a flake scatters it. That radiance belongs to the site and the time, never to
-//! the frame. A drop hides a pixel for a part of the exposure: its Gaussian is as long as its way in it
-//! (`V T`, as a standard deviation over sqrt 12), and covers its area in all.
+//! Photometry: a drop is a lens over 165 degrees, so that it shows the mean of what is around it,
+//! almost whatever lies behind (Garg and Nayar 2007); a flake scatters it. That radiance belongs to
+//! the site and the time, never to the frame. A drop hides a pixel for a part of the exposure: its
+//! Gaussian is as long as its way in it (`V T`, as a standard deviation over sqrt 12), and covers
+//! its area in all.
 
 use super::field::{Cells, Points, ViewFrustum};
 use super::precipitation::{CUT, Precipitation};
@@ -58,7 +59,8 @@ pub struct FallingParticles<'a> {
     ranges: Option<Vec<f64>>,
 }
 
-/// The wind at an instant: how far the air has come since time 0, and how fast it goes, m and m/s along level axes.
+/// The wind at an instant: how far the air has come since time 0, and how fast it goes, m and m/s
+/// along level axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WindSample {
     /// m.
@@ -96,8 +98,8 @@ impl<'a> FallingParticles<'a> {
         }
     }
 
-    /// The same for a sensor that takes no picture: all particles of each class within `ranges` (m) are handed over, and none
-    /// stands for several, whatever the view's pixels.
+    /// The same for a sensor that takes no picture: all particles of each class within `ranges` (m)
+    /// are handed over, and none stands for several, whatever the view's pixels.
     #[must_use]
     pub fn within(mut self, ranges: &[f64]) -> Self {
         self.ranges = Some(ranges.iter().map(|range| range / FADE[0]).collect());
@@ -141,7 +143,8 @@ impl<'a> FallingParticles<'a> {
             ParticleShape::Ball => 0.0,
             ParticleShape::Flake => sway::farthest(),
         };
-        // As far as its Gaussian reaches: three standard deviations of a streak are less than its length.
+        // As far as its Gaussian reaches: three standard deviations of a streak are less than its
+        // length.
         let margin =
             speed * self.precipitation.look.exposure + 3.0 * kind.width * self.precipitation.look.size + sway;
         ViewFrustum {
@@ -194,8 +197,8 @@ impl Particles for FallingParticles<'_> {
 }
 
 impl FallingParticles<'_> {
-    /// Calls `visit` with each class and tier of which particles may be visible, with their region and
-    /// the edge of its cells, m.
+    /// Calls `visit` with each class and tier of which particles may be visible, with their region
+    /// and the edge of its cells, m.
     fn each_tier(&self, view: &ParticleView, mut visit: impl FnMut(usize, usize, &ViewFrustum, f64)) {
         for class in 0..self.precipitation.classes.len() {
             if self.precipitation.numbers[class] <= 0.0 {
@@ -258,7 +261,8 @@ struct Density {
 }
 
 impl Density {
-    /// Returns the farthest distance, m, at which particles above a threshold are drawn; `None` if none are.
+    /// Returns the farthest distance, m, at which particles above a threshold are drawn; `None` if
+    /// none are.
     fn reach(&self, threshold: f64) -> Option<f64> {
         let most = self.share * (1.0 + 0.5 * SOFT);
         let range = FADE[1] * self.range;
@@ -275,7 +279,8 @@ impl Density {
         (self.share * keep * fade * (1.0 + 0.5 * SOFT)) as f32
     }
 
-    /// Share of those like one at `metres` that are drawn, and how much of one of that threshold is there.
+    /// Share of those like one at `metres` that are drawn, and how much of one of that threshold is
+    /// there.
     #[inline(always)]
     fn at<S: Lanes>(&self, simd: S, metres: S::F, threshold: S::F) -> [S::F; 2] {
         let ratio = simd.set(self.merge as f32) / metres;
@@ -424,7 +429,8 @@ impl<'a> Brush<'a> {
             }
             let distance = squared::<S>(&at).sqrt();
             let [keep, there] = self.density.at(simd, distance, threshold);
-            // As far as its Gaussian reaches: three standard deviations of a streak are less than its length.
+            // As far as its Gaussian reaches: three standard deviations of a streak are less than
+            // its length.
             let spread = width * look.size as f32 / keep.sqrt();
             let margin = squared::<S>(&velocity).sqrt().mul_add(simd.set(look.exposure as f32), spread);
             let seen = near
@@ -533,7 +539,8 @@ impl<'a> Brush<'a> {
         light
     }
 
-    /// Makes three arms, in a plane that tumbles, of a flake of a group that is `width` scene units wide.
+    /// Makes three arms, in a plane that tumbles, of a flake of a group that is `width` scene units
+    /// wide.
     fn spread(&mut self, group: &mut ParticleGroup, lane: usize, width: f64) {
         if group.area[lane] <= 0.0 {
             return;

@@ -1,7 +1,8 @@
 //! A Poisson process in the whole of space, asked for by what a camera sees.
 //!
-//! Space is cut in cubes. What a cube holds follows from its key alone: points in the order of their thresholds, whose
-//! gaps are exponential, so that those below any threshold are a Poisson process of that density.
+//! Space is cut in cubes. What a cube holds follows from its key alone: points in the order of
+//! their thresholds, whose gaps are exponential, so that those below any threshold are a Poisson
+//! process of that density.
 
 use super::random::{pcg4d, uniform};
 use crate::dome::to_level;
@@ -22,8 +23,8 @@ pub struct Cells {
     pub thresholds: [f64; 2],
 }
 
-/// Points that a cube holds on the average, where that makes no cube too small or too large: cubes cut by
-/// the border of the view cost, and so do groups of points that are not filled.
+/// Points that a cube holds on the average, where that makes no cube too small or too large: cubes
+/// cut by the border of the view cost, and so do groups of points that are not filled.
 const TYPICAL: f64 = 24.0;
 /// Shortest and longest edge, m.
 const EDGES: [f64; 2] = [0.1, 16.0];
@@ -49,7 +50,8 @@ impl Cells {
         }
     }
 
-    /// The next points of a cube, in the order of their thresholds, after those that `points` holds.
+    /// The next points of a cube, in the order of their thresholds, after those that `points`
+    /// holds.
     #[inline(always)]
     pub fn next<S: Lanes>(&self, simd: S, cell: [i64; 3], points: &mut Points) {
         // Mean gap, of the natural logarithm's opposite and by log2.
@@ -73,8 +75,8 @@ impl Cells {
         points.count += GROUP as u32;
     }
 
-    /// Four more numbers of each of the points that [`Self::next`] gave last, from lane `first` on; `which` is any number
-    /// but 0.
+    /// Four more numbers of each of the points that [`Self::next`] gave last, from lane `first` on;
+    /// `which` is any number but 0.
     #[inline(always)]
     pub fn own<S: Lanes>(
         &self,
@@ -117,7 +119,8 @@ impl Points {
 /// The view of a camera up to a distance, in level axes and metres from its centre.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewFrustum {
-    /// Normals of planes through the camera, into the view, length 1: its four sides and the one that it looks along.
+    /// Normals of planes through the camera, into the view, length 1: its four sides and the one
+    /// that it looks along.
     pub planes: [[f64; 3]; 5],
     /// The camera's centre, m, where the process stands still.
     pub center: [f64; 3],
@@ -144,7 +147,8 @@ impl ViewFrustum {
         if low > high { 0..0 } else { index(low)..index(high) + 1 }
     }
 
-    /// Least and greatest coordinate along an axis of what is within, given intervals of those before it.
+    /// Least and greatest coordinate along an axis of what is within, given intervals of those
+    /// before it.
     fn bounds(&self, axis: usize, known: [Option<[f64; 2]>; 2]) -> (f64, f64) {
         let reach = self.range + self.margin;
         // Farthest that the ball goes where the others are nearest to 0.
@@ -194,7 +198,8 @@ impl ViewFrustum {
         slices.step_by(step as usize).map(of_slice).sum::<f64>() * step as f64
     }
 
-    /// Calls `visit` with each cube of a slice that may be within: its indices, and its first corner from the camera, m.
+    /// Calls `visit` with each cube of a slice that may be within: its indices, and its first
+    /// corner from the camera, m.
     pub fn each_cell(&self, edge: f64, slice: i64, mut visit: impl FnMut([i64; 3], [f64; 3])) {
         let from = |k: usize, index: i64| index as f64 * edge - self.center[k];
         let index = |k: usize, v: f64| ((self.center[k] + v) / edge).floor() as i64;
@@ -241,7 +246,8 @@ mod tests {
                 let wanted = (most - low) * 20.0 * cells.edge.powi(3);
                 let mean = counts.iter().sum::<f64>() / 4000.0;
                 let variance = counts.iter().map(|c| (c - mean).powi(2)).sum::<f64>() / 4000.0;
-                // A Poisson process: mean and variance are equal; four standard errors of 4,000 cubes.
+                // A Poisson process: mean and variance are equal; four standard errors of 4,000
+                // cubes.
                 assert!((mean - wanted).abs() < 4.0 * (wanted / 4000.0).sqrt(), "{tier}: {mean} {wanted}");
                 assert!((variance / wanted - 1.0).abs() < 0.1, "{tier}: {variance} {wanted}");
             }
@@ -296,7 +302,8 @@ mod tests {
             }
             let estimate = cone.cells(edge) / visited.len() as f64;
             assert!((0.8..4.0).contains(&estimate), "{estimate} times as many cubes as there are");
-            // And not many more: the cubes at the sides of a cone this narrow are about as many as those inside.
+            // And not many more: the cubes at the sides of a cone this narrow are about as many as
+            // those inside.
             let volume = 14f64.powi(3) * f64::from(seen) / f64::from(all);
             let cubes = visited.len() as f64 * edge.powi(3);
             assert!(cubes < 3.0 * volume, "{cubes} m^3 for {volume}");

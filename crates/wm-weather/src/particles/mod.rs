@@ -1,27 +1,29 @@
 //! Rain and snowfall as things in the world: each drop is where it is, whoever looks.
 //!
 //! # Where they are
-//! Drops are sorted into classes of diameter ([`spectrum`]), and all of one class fall at one speed and drift with one wind.
-//! So a class is a picture that does not change, only moves: a Poisson process in the whole of space, seen at
-//! `x - d(t)` with `d(t) = drift(t) - speed t up`. Space is cut in cells, and what a cell holds is a pure function
-//! of (seed, class, cell): nothing repeats, nothing wraps, no state is kept, any instant can be asked for alone,
-//! and two cameras see the same drops.
+//! Drops are sorted into classes of diameter ([`spectrum`]), and all of one class fall at one speed
+//! and drift with one wind. So a class is a picture that does not change, only moves: a Poisson
+//! process in the whole of space, seen at `x - d(t)` with `d(t) = drift(t) - speed t up`. Space is
+//! cut in cells, and what a cell holds is a pure function of (seed, class, cell): nothing repeats,
+//! nothing wraps, no state is kept, any instant can be asked for alone, and two cameras see the
+//! same drops.
 //!
 //! # How many
 //! Each drop has a threshold, and a cell's come in its order: a second Poisson process. Those below
-//! `density now / density of reference` are there, so a rate that changes adds drops or takes some away, fades the
-//! few near the threshold, and moves none. Diameter and class are a drop's own for all time.
+//! `density now / density of reference` are there, so a rate that changes adds drops or takes some
+//! away, fades the few near the threshold, and moves none. Diameter and class are a drop's own for
+//! all time.
 //!
 //! # Which are drawn
-//! Rain: up to the distance at which a drop is 0.3 px wide. Snow: the same, but from where flakes are smaller than 1.25 px,
-//! fewer are drawn, each for several: `(size / 1.25 px)^2` of them, each that wide, so that they keep cover and motion.
-//! Both end over a zone and not at once. What is not drawn is the air's ([`residual`]): together they follow
-//! one law at every distance.
+//! Rain: up to the distance at which a drop is 0.3 px wide. Snow: the same, but from where flakes
+//! are smaller than 1.25 px, fewer are drawn, each for several: `(size / 1.25 px)^2` of them, each
+//! that wide, so that they keep cover and motion. Both end over a zone and not at once. What is not
+//! drawn is the air's ([`residual`]): together they follow one law at every distance.
 //!
 //! # Departures from the paper
-//! Its drops are bound to random places of the scene, moved by hand from frame to frame, and rendered as splats
-//! over splats in k layers. Here they are in physical units and tested against depth one by one
-//! ([`wm_render::stages::particles`]).
+//! Its drops are bound to random places of the scene, moved by hand from frame to frame, and
+//! rendered as splats over splats in k layers. Here they are in physical units and tested against
+//! depth one by one ([`wm_render::stages::particles`]).
 
 pub mod fall;
 pub mod field;

@@ -1,4 +1,5 @@
-//! Falling particles near a sensor that takes no picture, such as a lidar: the same ones that cameras see.
+//! Falling particles near a sensor that takes no picture, such as a lidar: the same ones that
+//! cameras see.
 
 use super::fall::{DISC, FallingParticles, LINE, WindSample};
 use super::precipitation::{ParticleAppearance, Precipitation};
@@ -50,7 +51,8 @@ pub(crate) fn particles(
         fall.gather(path, view, part, &mut |group| {
             for particle in group.particles() {
                 let width = f64::from(particle.sigma) / DISC;
-                // One of the last below the density that is asked for is there by a half: it is there or not.
+                // One of the last below the density that is asked for is there by a half: it is
+                // there or not.
                 if f64::from(particle.area) < 0.5 * PI / 4.0 * width * width {
                     continue;
                 }
@@ -67,7 +69,8 @@ pub(crate) fn particles(
     found
 }
 
-/// The particles of one kind that a picture shows, with their velocity relative to the camera, scene units a second, world axes.
+/// The particles of one kind that a picture shows, with their velocity relative to the camera,
+/// scene units a second, world axes.
 pub(crate) fn drawn(
     path: SimdPath,
     seen: &Observer<'_>,
@@ -96,7 +99,8 @@ mod tests {
     use glam::DVec3;
     use wm_scene::Camera;
 
-    /// The drops of a camera's picture are found again, at the same place within a thousandth of a pixel.
+    /// The drops of a camera's picture are found again, at the same place within a thousandth of a
+    /// pixel.
     #[test]
     fn a_camera_sees_the_same_particles() {
         let eye = DVec3::new(3.0, -2.0, 1.5);

@@ -7,7 +7,8 @@ use crate::optics::AirLayer;
 /// Width at which drops end, px.
 pub(super) const CUT: f64 = 0.3;
 
-/// Share of the airlight that surroundings shine with: half of them sky, half ground of half its light.
+/// Share of the airlight that surroundings shine with: half of them sky, half ground of half its
+/// light.
 const SURROUNDINGS: f64 = 0.75;
 
 /// The appearance of precipitation and the camera's exposure.
@@ -116,7 +117,8 @@ impl Precipitation {
         class.width * self.look.size * pixels / CUT
     }
 
-    /// Returns the part that particles show in a view with `pixels` to a length of 1 at distance 1, and that the air must leave out.
+    /// Returns the part that particles show in a view with `pixels` to a length of 1 at distance 1,
+    /// and that the air must leave out.
     #[must_use]
     pub fn residual(&self, pixels: f64) -> Residual {
         let drawn = self.classes().map(|(class, number)| [number * class.area, self.range(class, pixels)]);

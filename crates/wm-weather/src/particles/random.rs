@@ -92,7 +92,8 @@ mod tests {
         [v[0][0], v[1][0], v[2][0], v[3][0]]
     }
 
-    /// Every bit of the four numbers in turns half of the time with any bit of what they are made of.
+    /// Every bit of the four numbers in turns half of the time with any bit of what they are made
+    /// of.
     #[test]
     fn one_bit_changes_half_of_all() {
         for path in SimdPath::available() {
@@ -108,7 +109,8 @@ mod tests {
                     changed[bit] += (0..4).map(|k| (before[k] ^ after[k]).count_ones()).sum::<u32>();
                 }
             }
-            // 65,536 bits a sum; those of the upper bits of what goes in reach the lower ones least.
+            // 65,536 bits a sum; those of the upper bits of what goes in reach the lower ones
+            // least.
             for (bit, count) in changed.into_iter().enumerate() {
                 let share = f64::from(count) / 65_536.0;
                 let least = if bit % 32 < 16 { 0.45 } else { 0.2 };

@@ -1,12 +1,14 @@
 //! Extinction of the air by drops that are not drawn one by one.
 //!
-//! The law for all of them is `sigma_t`. Of each class up to its own distance the drawn drops take their
-//! share; the air takes the rest, so that the optical depth of both over `s` metres is `sigma_t s`.
+//! The law for all of them is `sigma_t`. Of each class up to its own distance the drawn drops take
+//! their share; the air takes the rest, so that the optical depth of both over `s` metres is
+//! `sigma_t s`.
 
 use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::simd::Lanes;
 
-/// End of drawing, as shares of a class's distance: everything up to the first, nothing beyond the second.
+/// End of drawing, as shares of a class's distance: everything up to the first, nothing beyond the
+/// second.
 pub const FADE: [f64; 2] = [0.85, 1.15];
 /// Nearest that anything is drawn, m.
 pub const NEAREST: f64 = 0.1;

@@ -1,22 +1,25 @@
 //! Size spectra and fall speeds of precipitation.
 //!
-//! Rain: `N(D) = 8000 exp(-4.1 R^-0.21 D)` a m^3 and mm (Marshall and Palmer 1948), diameters 0.5 to 6 mm, at the
-//! terminal speed of Brandes et al. (2002), within 4 % of what Gunn and Kinzer measured. Snow: `N(D) = 2500 R^-0.94
-//! exp(-2.29 R^-0.45 D)` over the diameter of the melted flake (Sekhon and Srivastava 1970), 0.2 to 4 mm; the flake
-//! itself has the density 0.178 D^-0.922 g/cm^3 (Fabry and Szyrmer 1999) and falls at 0.8 D^0.16 m/s, D in mm.
-//! Both laws give back their own rate only within 20 %, so that numbers are scaled to give it exactly.
+//! Rain: `N(D) = 8000 exp(-4.1 R^-0.21 D)` a m^3 and mm (Marshall and Palmer 1948), diameters 0.5
+//! to 6 mm, at the terminal speed of Brandes et al. (2002), within 4 % of what Gunn and Kinzer
+//! measured. Snow: `N(D) = 2500 R^-0.94 exp(-2.29 R^-0.45 D)` over the diameter of the melted flake
+//! (Sekhon and Srivastava 1970), 0.2 to 4 mm; the flake itself has the density 0.178 D^-0.922
+//! g/cm^3 (Fabry and Szyrmer 1999) and falls at 0.8 D^0.16 m/s, D in mm. Both laws give back their
+//! own rate only within 20 %, so that numbers are scaled to give it exactly.
 
 use fearless_simd::SimdFloat;
 use std::f64::consts::PI;
 use wm_render::simd::Lanes;
 
-/// Least rate that counts, mm/h of water: a hundredth of a millimetre a year. Below it nothing falls.
+/// Least rate that counts, mm/h of water: a hundredth of a millimetre a year. Below it nothing
+/// falls.
 pub const LEAST_RATE: f64 = 1e-6;
 
-/// The laws of one kind of precipitation: its sizes, its fall speeds and the shape of its particles.
+/// The laws of one kind of precipitation: its sizes, its fall speeds and the shape of its
+/// particles.
 ///
-/// An effect that falls names its kind ([`crate::Effect::precipitation`]); the renderer and the instruments read these
-/// fields and know no kind by name.
+/// An effect that falls names its kind ([`crate::Effect::precipitation`]); the renderer and the
+/// instruments read these fields and know no kind by name.
 #[derive(Clone, Copy, Debug)]
 pub struct PrecipitationKind {
     /// The word for it in reports, as in "rain rate". No two kinds share it.
@@ -31,7 +34,8 @@ pub struct PrecipitationKind {
     pub classes: usize,
     /// Slope of the numbers over diameter within a class, 1/mm.
     pub class_slope: f64,
-    /// Rate, mm/h, at which the process of thresholds has density 1: any would do, most rates are near it.
+    /// Rate, mm/h, at which the process of thresholds has density 1: any would do, most rates are
+    /// near it.
     pub reference_rate: f64,
     /// Thresholds at which the lower tiers begin ([`Self::tier`]).
     pub tiers: &'static [f64],
@@ -39,8 +43,8 @@ pub struct PrecipitationKind {
     pub width: fn(f64) -> f64,
     /// Fall speed in still air, m/s, by the diameter when melted, mm.
     pub speed: fn(f64) -> f64,
-    /// `N0`, 1/(m^3 mm), and the slope, 1/mm, of the exponential spectrum over the diameter when melted, by the rate,
-    /// mm/h.
+    /// `N0`, 1/(m^3 mm), and the slope, 1/mm, of the exponential spectrum over the diameter when
+    /// melted, by the rate, mm/h.
     pub spectrum: fn(f64) -> [f64; 2],
     /// Extinction, 1/m, by the rate, mm/h; `None` for twice the cross-section of all particles.
     pub extinction: Option<fn(f64) -> f64>,
@@ -70,7 +74,8 @@ pub enum ClassSpacing {
 pub enum ParticleShape {
     /// Balls that fall straight: drops and hailstones.
     Ball,
-    /// Flakes of three arms that sway and tumble. Where they are narrower than 1.25 px, fewer and wider ones are drawn.
+    /// Flakes of three arms that sway and tumble. Where they are narrower than 1.25 px, fewer and
+    /// wider ones are drawn.
     Flake,
 }
 
@@ -115,7 +120,8 @@ fn flake_width(d: f64) -> f64 {
     (d.powi(3) / 0.178).powf(1.0 / 2.078)
 }
 
-/// Slope of the numbers over diameter within a class, 1/mm: between those of light and of heavy rain.
+/// Slope of the numbers over diameter within a class, 1/mm: between those of light and of heavy
+/// rain.
 const TYPICAL_SLOPE: f64 = 2.4;
 
 /// Drops of about one size.
@@ -161,7 +167,8 @@ impl SizeClass {
         within.mul_add(simd.set((high - low) as f32), simd.set(low as f32))
     }
 
-    /// Returns the position in the class, 0-1, of the drop that has this share of the class below it: small ones are more frequent.
+    /// Returns the position in the class, 0-1, of the drop that has this share of the class below
+    /// it: small ones are more frequent.
     #[inline]
     fn within(&self, share: f64) -> f64 {
         share * (1.0 - self.falls * (1.0 - share))
@@ -169,9 +176,9 @@ impl SizeClass {
 }
 
 impl PrecipitationKind {
-    /// Thresholds of tier `index`, from and up to. Each tier is a process of its own, in cubes of its own size, so that
-    /// where few are there few are asked for: of rain when it is light, of snow also when it is far away, since fewer
-    /// flakes then stand for all.
+    /// Thresholds of tier `index`, from and up to. Each tier is a process of its own, in cubes of
+    /// its own size, so that where few are there few are asked for: of rain when it is light, of
+    /// snow also when it is far away, since fewer flakes then stand for all.
     #[must_use]
     pub fn tier(&self, index: usize) -> [f64; 2] {
         let below = self.tiers;
@@ -246,9 +253,9 @@ impl PrecipitationKind {
         self.densities(classes, self.reference_rate)
     }
 
-    /// Extinction at `rate` mm/h, 1/m: twice the cross-section of all of them, as for all that is larger than light's
-    /// waves. Of rain `0.365e-3 R^0.63`, the same sum over Marshall and Palmer's law with its smaller drops; of snow the
-    /// sum over `classes`.
+    /// Extinction at `rate` mm/h, 1/m: twice the cross-section of all of them, as for all that is
+    /// larger than light's waves. Of rain `0.365e-3 R^0.63`, the same sum over Marshall and
+    /// Palmer's law with its smaller drops; of snow the sum over `classes`.
     #[must_use]
     pub fn sigma_t(&self, classes: &[SizeClass], rate: f64) -> f64 {
         if let Some(extinction) = self.extinction {

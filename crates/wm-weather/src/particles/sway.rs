@@ -8,7 +8,8 @@ use wm_render::simd::Lanes;
 /// Swaying by itself: speed sideways, m/s, and frequency, Hz, from and to.
 const SPEED: [f64; 2] = [0.15, 0.5];
 const RATE: [f64; 2] = [0.5, 1.5];
-/// Frequencies that flakes may have, as a power of 2: so few that turns of any time stay exact in 32 bits.
+/// Frequencies that flakes may have, as a power of 2: so few that turns of any time stay exact in
+/// 32 bits.
 const RATES: u32 = 12;
 
 /// A wave in which flakes near each other sway together.
@@ -23,8 +24,8 @@ struct Eddy {
 }
 
 impl Eddy {
-    /// Direction of the swaying: across the wave, since air does not compress. So flakes crowd nowhere, up to products of
-    /// two waves' slopes (7 % of the density, root mean square).
+    /// Direction of the swaying: across the wave, since air does not compress. So flakes crowd
+    /// nowhere, up to products of two waves' slopes (7 % of the density, root mean square).
     fn to(&self) -> [f64; 2] {
         [-self.from[1], self.from[0]]
     }
@@ -52,7 +53,8 @@ pub type SwayPhases = [f32; EDDIES.len()];
 /// Swaying at one instant of all flakes that fall alike.
 pub struct Sway {
     time: f64,
-    /// Turns of the slowest flake, and how many more those of the next frequency are: shares of 2^32.
+    /// Turns of the slowest flake, and how many more those of the next frequency are: shares of
+    /// 2^32.
     turns: [u32; 2],
 }
 
@@ -74,8 +76,8 @@ impl Sway {
         })
     }
 
-    /// Moves flakes from `at` (level axes, m) and adds to their velocities, m/s. `phases` are those of a place that they
-    /// are `from` away from, m; `own` are two numbers of each.
+    /// Moves flakes from `at` (level axes, m) and adds to their velocities, m/s. `phases` are those
+    /// of a place that they are `from` away from, m; `own` are two numbers of each.
     #[inline(always)]
     pub fn apply<S: Lanes>(
         &self,

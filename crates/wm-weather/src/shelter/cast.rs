@@ -28,11 +28,12 @@ const LOOKS: usize = 1 << 12;
 /// Splats that are projected at once.
 const CHUNK: usize = 1 << 14;
 
-/// A splat on the grid: with `d` from its mean to a cell's middle, in cells, and L L^T its filtered covariance,
-/// rows first, `w = L^-1 d`: `alpha = opacity exp(-|w|^2 / 2)`, depth `t + slope . w`.
+/// A splat on the grid: with `d` from its mean to a cell's middle, in cells, and L L^T its filtered
+/// covariance, rows first, `w = L^-1 d`: `alpha = opacity exp(-|w|^2 / 2)`, depth `t + slope . w`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Footprint {
-    /// Column and row of its mean, and its place in that cell: together exact far from the first corner.
+    /// Column and row of its mean, and its place in that cell: together exact far from the first
+    /// corner.
     cell: [i32; 2],
     place: [f32; 2],
     /// Of the mean, scene units from the origin.
@@ -55,7 +56,8 @@ pub(super) struct Footprints {
     rows: Vec<[u32; 2]>,
 }
 
-/// Projects occluders, and sorts those that cover a cell by the depth of their means, equal ones by index.
+/// Projects occluders, and sorts those that cover a cell by the depth of their means, equal ones by
+/// index.
 pub(super) fn project(all: &[Occluder], grid: &Grid, threads: usize) -> Footprints {
     // Floats in the order of integers: negative ones are turned round.
     let ordered = |t: f32| {
@@ -77,7 +79,8 @@ pub(super) fn project(all: &[Occluder], grid: &Grid, threads: usize) -> Footprin
     Footprints { all, rows }
 }
 
-/// Projects occluders, compiled for a SIMD path: square roots and rounding are single instructions there.
+/// Projects occluders, compiled for a SIMD path: square roots and rounding are single instructions
+/// there.
 #[inline(always)]
 fn project_each<S: Simd>(_: S, splats: &[Occluder], grid: &Grid, found: &mut Vec<(Footprint, [u32; 2])>) {
     for splat in splats {
@@ -153,7 +156,8 @@ impl Footprints {
 
     /// Those that reach cells which are clear, out of many that do not.
     pub fn over(&self, grid: &Grid, clear: &[f32]) -> Self {
-        // Clear cells above and left of each corner of a cell: any box holds some or none by four of them.
+        // Clear cells above and left of each corner of a cell: any box holds some or none by four
+        // of them.
         let width = grid.columns + 1;
         let mut sums = vec![0u32; width * (grid.rows + 1)];
         for (row, cells) in clear.chunks(grid.columns.max(1)).enumerate() {
@@ -181,7 +185,8 @@ impl Footprints {
     }
 }
 
-/// First and last of `count` cells whose middle is within `reach` of `at`, cells; `None` if none is.
+/// First and last of `count` cells whose middle is within `reach` of `at`, cells; `None` if none
+/// is.
 #[inline(always)]
 fn covered(at: f64, reach: f64, count: usize) -> Option<[u32; 2]> {
     let first = (at - reach - 0.5).ceil().max(0.0);
@@ -189,9 +194,9 @@ fn covered(at: f64, reach: f64, count: usize) -> Option<[u32; 2]> {
     (first <= last).then_some([first as u32, last as u32])
 }
 
-/// Fills in the cells that are clear: `clear` is what is left of the fall, 1 at the start, and less than stops it in
-/// cells that are done. `stops` comes with the distance that surfaces must be beyond, and leaves with that of the
-/// surface, or infinity.
+/// Fills in the cells that are clear: `clear` is what is left of the fall, 1 at the start, and less
+/// than stops it in cells that are done. `stops` comes with the distance that surfaces must be
+/// beyond, and leaves with that of the surface, or infinity.
 pub(super) fn cast(
     footprints: &Footprints,
     grid: &Grid,

@@ -1,12 +1,14 @@
 //! Lone pieces of the map high above all that is around them: floaters of the reconstruction.
 //!
-//! A piece is a set of cells, each within two cells and one metre of height of another. It is a floater where
+//! A piece is a set of cells, each within two cells and one metre of height of another. It is a
+//! floater where
 //! - nothing near it is higher, and everything near it is lower by the gap, at least a metre;
-//! - it is small: narrower (as the side of a square of its area) than a fifth of the gap, kept to 0.5-2 m;
+//! - it is small: narrower (as the side of a square of its area) than a fifth of the gap, kept to
+//!   0.5-2 m;
 //! - it is less than a fiftieth of all cells that stop anything.
 //!
-//! If it is a lamp on its post or a lone leaf and no fault, little is lost: narrow things keep little dry.
-//! Its cells are opened again, from half the gap below it, and find what stands there.
+//! If it is a lamp on its post or a lone leaf and no fault, little is lost: narrow things keep
+//! little dry. Its cells are opened again, from half the gap below it, and find what stands there.
 
 use super::Grid;
 use crate::threads::map;
@@ -35,7 +37,8 @@ struct Piece {
     deepest: f32,
 }
 
-/// Opens the cells of floaters again, with the distance below which they look on; whether there are any.
+/// Opens the cells of floaters again, with the distance below which they look on; whether there are
+/// any.
 pub(super) fn reopen(
     stops: &mut [f32],
     clear: &mut [f32],
@@ -51,7 +54,8 @@ pub(super) fn reopen(
         counts[*first as usize] += 1;
         covered += 1;
     }
-    // Most cells are in pieces that are too large whatever is near them: only the others are looked at.
+    // Most cells are in pieces that are too large whatever is near them: only the others are looked
+    // at.
     let cell = grid.cell * metres_per_unit;
     let is_small = |cells: u32| {
         f64::from(cells).sqrt() * cell < WIDTHS[1] && f64::from(cells) < MOST * f64::from(covered)
@@ -146,8 +150,8 @@ fn find_pieces(stops: &[f32], grid: &Grid, step: f32, threads: usize) -> Vec<u32
     firsts
 }
 
-/// Calls `visit` once with each pair of cells within the reach whose upper one is in these rows, and how far apart they
-/// are along the fall.
+/// Calls `visit` once with each pair of cells within the reach whose upper one is in these rows,
+/// and how far apart they are along the fall.
 fn pairs(stops: &[f32], grid: &Grid, [first, end]: [usize; 2], mut visit: impl FnMut(u32, u32, f32)) {
     let (columns, rows) = (grid.columns, grid.rows);
     for row in first..end.min(rows) {

@@ -4,7 +4,8 @@ use super::occluders::{FirstSurfaces, FloaterMap, count as thread_count};
 use super::{Grid, Occluders, cast, dot};
 use serde::{Deserialize, Serialize};
 
-/// A surface is where less of what comes from above is left: near the top of leaves and of what is not quite dense.
+/// A surface is where less of what comes from above is left: near the top of leaves and of what is
+/// not quite dense.
 const TOP: f32 = 0.75;
 
 /// Surfaces straight below each other on a level grid, the uppermost first.
@@ -12,15 +13,16 @@ const TOP: f32 = 0.75;
 pub struct HeightLayers {
     grid: Grid,
     metres_per_unit: f64,
-    /// Heights of each layer from the middle of the scene, m, `[rows, columns]`; negative infinity where there is none.
+    /// Heights of each layer from the middle of the scene, m, `[rows, columns]`; negative infinity
+    /// where there is none.
     heights: Vec<Vec<f32>>,
     /// The splats of those surfaces, in the same order; any where there is none.
     splats: Vec<Vec<u32>>,
 }
 
 impl Occluders {
-    /// The first `count` surfaces from above, each at least `gap` m and `cells` of the grid below the one
-    /// before; and what floats above the first.
+    /// The first `count` surfaces from above, each at least `gap` m and `cells` of the grid below
+    /// the one before; and what floats above the first.
     #[must_use]
     pub fn layers(
         &self,
@@ -89,7 +91,8 @@ impl HeightLayers {
         self.grid.cell * self.metres_per_unit
     }
 
-    /// Heights of each layer, m from the middle of the scene, row by row; negative infinity where there is none.
+    /// Heights of each layer, m from the middle of the scene, row by row; negative infinity where
+    /// there is none.
     #[must_use]
     pub fn heights(&self) -> &[Vec<f32>] {
         &self.heights
@@ -108,7 +111,8 @@ impl HeightLayers {
         [across, along, fall.map(|v| -v)]
     }
 
-    /// Returns the position of a point (world, scene units) on the grid, in columns and rows from its first corner and m of height.
+    /// Returns the position of a point (world, scene units) on the grid, in columns and rows from
+    /// its first corner and m of height.
     #[must_use]
     pub fn point(&self, [column, row]: [f64; 2], height: f64) -> [f64; 3] {
         let Grid { axes, origin, low, cell, .. } = &self.grid;

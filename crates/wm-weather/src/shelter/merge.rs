@@ -5,7 +5,8 @@ use super::{Occluders, axes_of, dot};
 use crate::fused_surfaces::places::PlaceMap;
 use std::f64::consts::TAU;
 
-/// Factor on the widths of what was merged: Gaussians of cubes side by side then close as their splats did.
+/// Factor on the widths of what was merged: Gaussians of cubes side by side then close as their
+/// splats did.
 const CLOSED: f64 = 1.5;
 /// Rows and columns of the entries of a covariance.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
@@ -13,7 +14,8 @@ const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 
 const MOST: f64 = 0.98;
 
 impl Occluders {
-    /// Its occluders with those of each cube of `width` metres as one, for maps whose cells are no finer than that.
+    /// Its occluders with those of each cube of `width` metres as one, for maps whose cells are no
+    /// finer than that.
     pub(super) fn merged(&self, width: f64) -> Vec<Occluder> {
         let width = (width / self.metres_per_unit) as f32;
         let cell = |it: &Occluder| it.mean.map(|v| (v / width).floor() as i32);
@@ -30,9 +32,9 @@ impl Occluders {
 }
 
 impl Occluders {
-    /// Its occluders with those of each cube of `width` metres as one that lets as much of a fall through as they do, for
-    /// falls that are nearly straight down and maps whose cells are twice as wide. Its opacity is an optical thickness,
-    /// which may be above 1.
+    /// Its occluders with those of each cube of `width` metres as one that lets as much of a fall
+    /// through as they do, for falls that are nearly straight down and maps whose cells are twice
+    /// as wide. Its opacity is an optical thickness, which may be above 1.
     pub(super) fn pooled(&self, width: f64) -> Vec<Occluder> {
         let width = (width / self.metres_per_unit) as f32;
         let [across, down, _] = axes_of(self.up.map(|v| -v));

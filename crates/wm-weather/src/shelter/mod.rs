@@ -1,31 +1,34 @@
 //! Maps of the places that surfaces above them shelter from rain and snow.
 //!
 //! # The map
-//! An orthographic grid perpendicular to the fall, over the scene without its sky and its outliers. Each cell
-//! holds how far along the fall the first surface stands that stops what falls, as a distance from a plane
-//! through the middle of the scene, or infinity where nothing does.
+//! An orthographic grid perpendicular to the fall, over the scene without its sky and its outliers.
+//! Each cell holds how far along the fall the first surface stands that stops what falls, as a
+//! distance from a plane through the middle of the scene, or infinity where nothing does.
 //!
-//! A splat projects along the fall to a 2D Gaussian of covariance `C = A S A^T`, with `S` its 3D covariance and
-//! `A` the two axes of the grid. A cell sees it through a filter of variance 0.3 cell^2, as a pixel does:
-//! `C' = C + 0.3 I`, its opacity times `sqrt(|C| / |C'|)`, so that a leaf smaller than a cell covers its own share
-//! of it. At a cell's middle, `d` from the splat's,
+//! A splat projects along the fall to a 2D Gaussian of covariance `C = A S A^T`, with `S` its 3D
+//! covariance and `A` the two axes of the grid. A cell sees it through a filter of variance 0.3
+//! cell^2, as a pixel does: `C' = C + 0.3 I`, its opacity times `sqrt(|C| / |C'|)`, so that a leaf
+//! smaller than a cell covers its own share of it. At a cell's middle, `d` from the splat's,
 //!
 //! `alpha = opacity sqrt(|C| / |C'|) exp(-d^T C'^-1 d / 2)`, nothing below 1/255,
 //!
-//! and the splats' `1 - alpha` multiply in order of the depths of their means. The first splat with which
-//! the product falls below a half is what stops: thin haze does not, many leaves together do.
+//! and the splats' `1 - alpha` multiply in order of the depths of their means. The first splat with
+//! which the product falls below a half is what stops: thin haze does not, many leaves together do.
 //! The distance is that of its own surface in the cell, the mean of its Gaussian along the ray,
-//! `t + c^T C'^-1 d` with `c` the covariance of depth and position: a large slanted splat stops where it is.
+//! `t + c^T C'^-1 d` with `c` the covariance of depth and position: a large slanted splat stops
+//! where it is.
 //!
 //! # What is left out
-//! Splats of the sky, faint ones, those with a standard deviation above a quarter of the scene, and lone pieces of
-//! the map high above all that is around them (`floaters.rs`): those cells look for the next surface below.
+//! Splats of the sky, faint ones, those with a standard deviation above a quarter of the scene, and
+//! lone pieces of the map high above all that is around them (`floaters.rs`): those cells look for
+//! the next surface below.
 //!
 //! # Queries
-//! A point is sheltered where the surface in its cell is above it by more than a margin, the larger of
-//! [`ShelterOptions::margin`] and 1.5 cells. So the ground does not shelter itself, nor do slopes: up to 71
-//! degrees where they are smooth (`tan = 3`, over half a cell), up to 60 where their splats scatter. A wall along
-//! the fall shelters what is in its own cell. Outside the grid nothing is known, and all is exposed.
+//! A point is sheltered where the surface in its cell is above it by more than a margin, the larger
+//! of [`ShelterOptions::margin`] and 1.5 cells. So the ground does not shelter itself, nor do
+//! slopes: up to 71 degrees where they are smooth (`tan = 3`, over half a cell), up to 60 where
+//! their splats scatter. A wall along the fall shelters what is in its own cell. Outside the grid
+//! nothing is known, and all is exposed.
 
 mod cast;
 mod floaters;
@@ -66,8 +69,9 @@ pub struct ShelterOptions {
     pub cell: f64,
     /// Most cells of the grid, up to 2^28; 4 bytes each, and some 30 while it is made.
     pub most_cells: usize,
-    /// The ends of a line (world, scene units) and how far from it across the fall the grid goes, m; `None` for the whole
-    /// scene. In scenes that reach far it keeps the cells narrow where cameras are.
+    /// The ends of a line (world, scene units) and how far from it across the fall the grid goes,
+    /// m; `None` for the whole scene. In scenes that reach far it keeps the cells narrow where
+    /// cameras are.
     pub focus: Option<([[f64; 3]; 2], f64)>,
     /// Share of the splats that the grid of a whole scene leaves out at each side, 0-0.5.
     pub outliers: f64,
@@ -164,8 +168,9 @@ impl Shelter {
             && self.query.size == [self.grid.columns, self.grid.rows].map(|cells| cells as f32)
     }
 
-    /// The map of `splats` for what falls along `fall` (world axes, of any length; straight down where it is zero
-    /// or not finite). `threads` at once, `None` for one a core; the map is the same for any number.
+    /// The map of `splats` for what falls along `fall` (world axes, of any length; straight down
+    /// where it is zero or not finite). `threads` at once, `None` for one a core; the map is the
+    /// same for any number.
     ///
     /// For several directions make [`Occluders`] once: they need no splats.
     ///
@@ -206,7 +211,8 @@ impl Shelter {
         [start[0] + along(&axes[0]), start[1] + along(&axes[1]), along(&axes[2])]
     }
 
-    /// Returns the distance along the fall from a point to the surface of its cell, scene units; infinite where there is none.
+    /// Returns the distance along the fall from a point to the surface of its cell, scene units;
+    /// infinite where there is none.
     #[inline]
     fn ahead(&self, point: [f32; 3]) -> f32 {
         let [u, v, t] = self.locate(point);
@@ -219,29 +225,32 @@ impl Shelter {
         }
     }
 
-    /// Returns true if the fall reaches `point` (world, scene units): no surface stands above it by more than
-    /// the margin. Points off the grid are exposed, and those that are no number.
+    /// Returns true if the fall reaches `point` (world, scene units): no surface stands above it by
+    /// more than the margin. Points off the grid are exposed, and those that are no number.
     #[inline]
     #[must_use]
     pub fn is_exposed(&self, point: [f32; 3]) -> bool {
         self.ahead(point) >= -self.query.margin
     }
 
-    /// Returns the distance that a particle at `point` (world, scene units) falls until a surface stops it, m: about 0 on a surface,
-    /// negative below one, infinite where nothing is known to stop it.
+    /// Returns the distance that a particle at `point` (world, scene units) falls until a surface
+    /// stops it, m: about 0 on a surface, negative below one, infinite where nothing is known to
+    /// stop it.
     #[inline]
     #[must_use]
     pub fn distance_to_surface(&self, point: [f32; 3]) -> f32 {
         self.ahead(point) * self.metres_per_unit as f32
     }
 
-    /// Returns the exposure of a point (world, scene units), 0-1, with soft edges: the share of the cells within `radius`
-    /// (m, at most 64 cells) of it, across the fall, that hold nothing above it, nearer ones counting more
-    /// (`1 - r^2 / radius^2`): it changes smoothly as the point moves, and is a half under a straight edge.
+    /// Returns the exposure of a point (world, scene units), 0-1, with soft edges: the share of the
+    /// cells within `radius` (m, at most 64 cells) of it, across the fall, that hold nothing above
+    /// it, nearer ones counting more (`1 - r^2 / radius^2`): it changes smoothly as the point
+    /// moves, and is a half under a straight edge.
     ///
-    /// What stands in another cell must be above the point by more than it is away, and the margin, so that slopes
-    /// up to 45 degrees do not shelter themselves, and low things have harder edges than high ones. A radius below
-    /// half a cell asks for the point's own cell. Visits about `4 (radius / cell)^2` cells.
+    /// What stands in another cell must be above the point by more than it is away, and the margin,
+    /// so that slopes up to 45 degrees do not shelter themselves, and low things have harder edges
+    /// than high ones. A radius below half a cell asks for the point's own cell. Visits about
+    /// `4 (radius / cell)^2` cells.
     #[must_use]
     pub fn exposure(&self, point: [f32; 3], radius: f32) -> f32 {
         let own = || if self.is_exposed(point) { 1.0 } else { 0.0 };
@@ -278,7 +287,8 @@ impl Shelter {
         if all > 0.0 { open / all } else { own() }
     }
 
-    /// Returns true if the map can be used for another direction of fall (world axes, of any length).
+    /// Returns true if the map can be used for another direction of fall (world axes, of any
+    /// length).
     #[must_use]
     pub fn holds(&self, fall: [f64; 3]) -> bool {
         unit(fall).is_some_and(|fall| dot(fall, self.grid.axes[2]) >= self.turn)
@@ -302,8 +312,8 @@ impl Shelter {
         [self.grid.columns, self.grid.rows]
     }
 
-    /// Returns the point at which a fall through the middle of a cell stops, world, scene units; `None` where nothing stops it, and
-    /// off the grid.
+    /// Returns the point at which a fall through the middle of a cell stops, world, scene units;
+    /// `None` where nothing stops it, and off the grid.
     #[must_use]
     pub fn surface(&self, column: usize, row: usize) -> Option<[f64; 3]> {
         let Grid { axes, origin, low, cell, columns, .. } = &self.grid;

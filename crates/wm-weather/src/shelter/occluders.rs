@@ -1,4 +1,5 @@
-//! The surfaces of a scene that may stop rain and snow, stored compactly, for maps in any direction.
+//! The surfaces of a scene that may stop rain and snow, stored compactly, for maps in any
+//! direction.
 
 use super::{FloaterRule, Grid, Shelter, ShelterOptions, axes_of, cast, dot, floaters, unit};
 use crate::light::median_spacing;
@@ -31,11 +32,13 @@ pub(super) struct FirstSurfaces {
     pub stops: Vec<f32>,
     /// Its splat; any where there is none.
     pub splats: Vec<u32>,
-    /// The cells that floaters were taken out of, and the distances beyond which they look on, the last of a cell last.
+    /// The cells that floaters were taken out of, and the distances beyond which they look on, the
+    /// last of a cell last.
     pub opened: Vec<(u32, f32)>,
 }
 
-/// What floats over a scene: what stands in an opened cell of a level map, above what it was opened for.
+/// What floats over a scene: what stands in an opened cell of a level map, above what it was opened
+/// for.
 #[derive(Clone, Debug)]
 pub struct FloaterMap {
     pub(super) grid: Grid,
@@ -128,7 +131,8 @@ impl Occluders {
         self.options.cell
     }
 
-    /// Median distance from one to the nearest other, m; that of the cells at most, which is also the answer for none.
+    /// Median distance from one to the nearest other, m; that of the cells at most, which is also
+    /// the answer for none.
     #[must_use]
     pub fn spacing(&self, threads: usize) -> f64 {
         let most = (self.options.cell / self.metres_per_unit) as f32;
@@ -136,7 +140,8 @@ impl Occluders {
         f64::from(median_spacing(&points, most, threads)) * self.metres_per_unit
     }
 
-    /// The same for maps of other cells, of another field and with another margin; what stops nothing stays so.
+    /// The same for maps of other cells, of another field and with another margin; what stops
+    /// nothing stays so.
     #[must_use]
     pub fn mapped(self, options: &ShelterOptions) -> Self {
         Self { options: *options, ..self }
@@ -148,7 +153,8 @@ impl Occluders {
         self.clone().mapped(&ShelterOptions { cell: times * self.options.cell, ..self.options })
     }
 
-    /// The same for quick maps whose cells are so many times as wide: of merged occluders, floaters among them.
+    /// The same for quick maps whose cells are so many times as wide: of merged occluders, floaters
+    /// among them.
     #[must_use]
     pub fn sketched(&self, times: f64) -> Self {
         let cell = times * self.options.cell;
@@ -156,8 +162,8 @@ impl Occluders {
         Self { all: self.merged(cell), ..*self }.mapped(&ShelterOptions { cell, floaters, ..self.options })
     }
 
-    /// The same for soft maps of falls that are nearly straight down, whose cells are so many times as wide; what floats stops
-    /// them too.
+    /// The same for soft maps of falls that are nearly straight down, whose cells are so many times
+    /// as wide; what floats stops them too.
     #[must_use]
     pub fn softened(&self, times: f64) -> Self {
         let cell = times * self.options.cell;
@@ -290,8 +296,8 @@ fn largest(splats: &Splats, index: usize) -> f64 {
     f64::from(a.max(b).max(c)).exp()
 }
 
-/// From the low quantile `outliers` of the lower ends to the high one of the upper ends, cut off at limits; and true if they
-/// cut anything off. Both ends are 0 if there are no bounds.
+/// From the low quantile `outliers` of the lower ends to the high one of the upper ends, cut off at
+/// limits; and true if they cut anything off. Both ends are 0 if there are no bounds.
 fn range_within(
     bounds: impl ExactSizeIterator<Item = [f64; 2]> + Clone,
     outliers: f64,

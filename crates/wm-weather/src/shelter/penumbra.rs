@@ -1,10 +1,12 @@
-//! The share of a far, round source of light that a surface sees: shadows whose edges are as wide as the source is, from where
-//! the shadow is cast.
+//! The share of a far, round source of light that a surface sees: shadows whose edges are as wide
+//! as the source is, from where the shadow is cast.
 //!
-//! Light comes along the fall of the map. A surface with a normal is a plane in the map: what stands before a cell of it by more than a
-//! margin shades it there, so that the surface does not shade itself however slanted it is, and shadows stay where they are. The mean distance
-//! of what shades it, within the widest penumbra, gives the radius of its own; the share of the cells within that radius that are
-//! open is the share of the source that it sees. A source of the angular diameter `w` makes an edge `w d` wide at the distance `d`.
+//! Light comes along the fall of the map. A surface with a normal is a plane in the map: what
+//! stands before a cell of it by more than a margin shades it there, so that the surface does not
+//! shade itself however slanted it is, and shadows stay where they are. The mean distance of what
+//! shades it, within the widest penumbra, gives the radius of its own; the share of the cells
+//! within that radius that are open is the share of the source that it sees. A source of the
+//! angular diameter `w` makes an edge `w d` wide at the distance `d`.
 
 use super::{MOST_RADIUS, Shelter};
 use glam::{Vec2, Vec3};
@@ -39,14 +41,16 @@ struct Receiver {
     t: f32,
     /// Change of that distance along columns and rows.
     slope: Vec2,
-    /// Distance before it at which something shades it, and growth of that a cell away, scene units.
+    /// Distance before it at which something shades it, and growth of that a cell away, scene
+    /// units.
     margin: f32,
     spread: f32,
 }
 
 impl Shelter {
-    /// Returns the share of a source in the direction that the fall comes from that a surface at `point` (world, scene units) sees, 0-1.
-    /// A normal of zero is that of leaves, which turn to all sides.
+    /// Returns the share of a source in the direction that the fall comes from that a surface at
+    /// `point` (world, scene units) sees, 0-1. A normal of zero is that of leaves, which turn to
+    /// all sides.
     #[must_use]
     pub fn lit(&self, point: Vec3, normal: Vec3, source: FarSource) -> f32 {
         let Some(receiver) = self.receiver(point, normal) else { return 1.0 };
@@ -56,7 +60,8 @@ impl Shelter {
         self.open_within(&receiver, radius.clamp(LEAST, widest.max(LEAST)))
     }
 
-    /// Returns true if nothing stands between a surface and where the fall comes from, by its own cell alone.
+    /// Returns true if nothing stands between a surface and where the fall comes from, by its own
+    /// cell alone.
     #[must_use]
     pub fn is_lit(&self, point: Vec3, normal: Vec3) -> bool {
         self.receiver(point, normal).is_none_or(|receiver| {
@@ -103,7 +108,8 @@ impl Shelter {
         })
     }
 
-    /// How far before a receiver's plane the first surface of a cell stands, scene units, if it shades it.
+    /// How far before a receiver's plane the first surface of a cell stands, scene units, if it
+    /// shades it.
     #[inline]
     fn shade(&self, receiver: &Receiver, column: i32, row: i32) -> Option<f32> {
         let [width, height] = [self.grid.columns, self.grid.rows].map(|v| v as i32);
@@ -125,7 +131,8 @@ impl Shelter {
             }
         };
         look(receiver.at);
-        // A spiral, alike for all points: where little is seen of an edge, its distance is told by few.
+        // A spiral, alike for all points: where little is seen of an edge, its distance is told by
+        // few.
         for k in 0..LOOKS {
             let share = (k as f32 + 0.5) / LOOKS as f32;
             let (sin, cos) = (2.399_963_2 * k as f32).sin_cos();
@@ -134,7 +141,8 @@ impl Shelter {
         (count > 0.0).then(|| sum / count)
     }
 
-    /// The share of the cells within a radius (cells) of a receiver that do not shade it, those across the rim by their part.
+    /// The share of the cells within a radius (cells) of a receiver that do not shade it, those
+    /// across the rim by their part.
     fn open_within(&self, receiver: &Receiver, radius: f32) -> f32 {
         let Vec2 { x: u, y: v } = receiver.at;
         let reach = radius + 0.5;

@@ -113,8 +113,8 @@ fn slopes_do_not_shelter_themselves() {
     }
 }
 
-/// With cells of a fifth of the radius, half a cell of the edge is `0.85 / 5 / 2` of the disc, and the splats
-/// there scatter by as much as a fifth of a cell: 0.1 and 0.04.
+/// With cells of a fifth of the radius, half a cell of the edge is `0.85 / 5 / 2` of the disc, and
+/// the splats there scatter by as much as a fifth of a cell: 0.1 and 0.04.
 #[test]
 fn exposure_is_a_half_under_an_edge() {
     let shelter = map(&table(), DOWN);
@@ -123,8 +123,8 @@ fn exposure_is_a_half_under_an_edge() {
         let at = |x: f64| f64::from(shelter.exposure(point(x, y, 0.02), 0.5));
         assert!((at(1.0) - 0.5).abs() < 0.14, "{y}: {}", at(1.0));
         assert_eq!((at(0.3), at(1.7)), (0.0, 1.0));
-        // It rises all the way, by little at a time: a millimetre is at most 0.85 * 0.001 / 0.5 of the disc,
-        // plus what one row of cells weighs more or less by its own move.
+        // It rises all the way, by little at a time: a millimetre is at most 0.85 * 0.001 / 0.5 of
+        // the disc, plus what one row of cells weighs more or less by its own move.
         for step in 0..1400 {
             let (here, next) = (at(0.3 + 0.001 * f64::from(step)), at(0.301 + 0.001 * f64::from(step)));
             assert!(next >= here - 1e-3 && next - here < 0.02, "{step}: {here} {next}");
@@ -138,8 +138,8 @@ fn exposure_is_a_half_under_an_edge() {
 }
 
 /// A layer of 400 balls of standard deviation 0.025 m over 4 m^2 has a mean coverage of
-/// `opacity 2 pi 0.025^2 400 / 4 = 0.39 opacity`: ten of leaves leave `e^-3.7`; haze has opacities below the
-/// least, or one layer.
+/// `opacity 2 pi 0.025^2 400 / 4 = 0.39 opacity`: ten of leaves leave `e^-3.7`; haze has opacities
+/// below the least, or one layer.
 #[test]
 fn haze_does_not_shelter_and_leaves_do() {
     let shelters = |opacity: f64, layers: u64| {
@@ -203,13 +203,14 @@ fn mess(seed: u64, count: u64) -> Splats {
     splats
 }
 
-/// Returns the possible stops of a cell, in f64 and from the formulas alone, over all splats: each distance at which the
-/// fall may fall below a half, given how far f32 may be off; with infinity if it may not.
+/// Returns the possible stops of a cell, in f64 and from the formulas alone, over all splats: each
+/// distance at which the fall may fall below a half, given how far f32 may be off; with infinity if
+/// it may not.
 ///
-/// A mean within 1.5 of the origin is off by 6e-8 of it, 3e-6 of the filter's width here (0.055 * 0.5); at the
-/// 3.3 standard deviations of the least alpha that is 1e-5 in the exponent, and rounding it adds 5e-6 (q = 11,
-/// some six operations). Near a half, the errors add up to less than twice that: 4e-5. A splat at the
-/// least alpha is there or not: its whole alpha more.
+/// A mean within 1.5 of the origin is off by 6e-8 of it, 3e-6 of the filter's width here (0.055 *
+/// 0.5); at the 3.3 standard deviations of the least alpha that is 1e-5 in the exponent, and
+/// rounding it adds 5e-6 (q = 11, some six operations). Near a half, the errors add up to less than
+/// twice that: 4e-5. A splat at the least alpha is there or not: its whole alpha more.
 fn referee(splats: &Splats, grid: &Grid, least_opacity: f64, middle: [f64; 2]) -> Vec<f64> {
     let [across, down, fall] = grid.axes.map(DVec3::from_array);
     let mut met: Vec<(f64, f64, f64)> = Vec::new();
@@ -301,7 +302,8 @@ fn cells_that_are_opened_again_meet_all_that_is_over_them() {
 
 #[test]
 fn pooled_occluders_let_as_much_through() {
-    // Leaves that stand alone, some to a cube. Much smaller ones are fainter in a wide cell than what is drawn.
+    // Leaves that stand alone, some to a cube. Much smaller ones are fainter in a wide cell than
+    // what is drawn.
     let mut splats = Splats::with_capacity(0, 0);
     for i in 0..1_600 {
         let draw = |k: u64| uniform(11, 4 * i + k);
@@ -357,8 +359,8 @@ fn a_place_turned_scaled_and_moved_has_the_same_shelter() {
         let [at, place] = [at, place].map(|p| point(p.x, p.y, p.z));
         different += usize::from(before.is_exposed(at) != after.is_exposed(place));
     }
-    // The cells of the two lie differently: points within a cell of an edge, 8 m of it over 36 m^2, and
-    // those at the margin under the table, 1 cm of 1.5 m over 4 m^2.
+    // The cells of the two lie differently: points within a cell of an edge, 8 m of it over 36 m^2,
+    // and those at the margin under the table, 1 cm of 1.5 m over 4 m^2.
     assert!(different < 120, "{different}");
 }
 
@@ -484,9 +486,10 @@ proptest! {
     }
 }
 
-/// The built-in street, whose surfaces are known: points about it are under a roof, an eave, a porch or a tree
-/// where a ray against the fall says so, and all rays from 0.25 m around it. Some lie under leaves that the splats
-/// scatter otherwise, and under backs that nobody sees, which have no splats.
+/// The built-in street, whose surfaces are known: points about it are under a roof, an eave, a
+/// porch or a tree where a ray against the fall says so, and all rays from 0.25 m around it. Some
+/// lie under leaves that the splats scatter otherwise, and under backs that nobody sees, which have
+/// no splats.
 #[test]
 fn roofs_of_the_street_shelter() {
     let place = wm_street::Street::builtin();
@@ -513,7 +516,8 @@ fn roofs_of_the_street_shelter() {
     assert!(wrong[0] * 250 < right[0] && wrong[1] * 60 < right[1], "{right:?} {wrong:?}");
 }
 
-/// Prints what a real scene takes: `cargo test --release -p wm-weather --lib shelter -- --ignored --nocapture`.
+/// Prints what a real scene takes:
+/// `cargo test --release -p wm-weather --lib shelter -- --ignored --nocapture`.
 #[test]
 #[ignore = "measures time"]
 fn time_of_a_real_scene() {

@@ -6,7 +6,8 @@ use wm_scene::random::{RandomSequence, mix};
 const DIAMETERS: [f64; 2] = [4.2e-3, 5.4e-3];
 /// Volume of a usual one, m^3.
 const VOLUME: f64 = 5.88e-8;
-/// Most drops a second of a piece of an eave, as from 5 m of roof in 85 mm/h: what is more is left out.
+/// Most drops a second of a piece of an eave, as from 5 m of roof in 85 mm/h: what is more is left
+/// out.
 const MOST: f64 = 200.0;
 /// Part of the seeds.
 const SEED: u64 = 0x4541_5645;
@@ -26,7 +27,8 @@ pub struct Drip {
     pub draws: RandomSequence,
 }
 
-/// Calls `take` with the drops of eave `number` that let go between two times, s, with their ages at `time`, where `flux` m^3/s fall.
+/// Calls `take` with the drops of eave `number` that let go between two times, s, with their ages
+/// at `time`, where `flux` m^3/s fall.
 pub fn each(number: u64, flux: f64, [from, to]: [f64; 2], time: f64, mut take: impl FnMut(Drip)) {
     let share = flux / VOLUME / MOST;
     if share <= 0.0 {

@@ -1,7 +1,8 @@
 //! The drops that have just fallen, on a tile that repeats.
 //!
-//! Those above 2 mm are those of the rings ([`crate::water::ripples`]); the others are a sequence of their own. Each drop has a rank: where fewer are
-//! wanted, those of the lowest ranks are taken, turned by a number of the tile so that no two tiles show the same ones.
+//! Those above 2 mm are those of the rings ([`crate::water::ripples`]); the others are a sequence
+//! of their own. Each drop has a rank: where fewer are wanted, those of the lowest ranks are taken,
+//! turned by a number of the tile so that no two tiles show the same ones.
 
 use crate::particles::Precipitation;
 use crate::water::ripples::{self, SIZE};
@@ -77,7 +78,8 @@ pub struct FallenDrops {
 }
 
 impl FallenDrops {
-    /// The drops of `rain` that hit from `since` s before `time` until `ahead` s after it. `seed` is that of the water.
+    /// The drops of `rain` that hit from `since` s before `time` until `ahead` s after it. `seed`
+    /// is that of the water.
     #[must_use]
     pub fn new(rain: &Precipitation, time: f64, [since, ahead]: [f64; 2], seed: u64) -> Self {
         let large = DropFlux::between(rain, [RINGS, f64::INFINITY]);
@@ -85,8 +87,9 @@ impl FallenDrops {
         let (all_large, all_small) = (large.total(), small.total());
         let rings = ripples::drawn_drops(rain.rate);
         let span = [time - since, time + ahead];
-        // Ripples draw a limited number of rings, and count large drops in finer steps than the classes of sizes: rings too many have no
-        // splash, and large drops without a ring splash with the others.
+        // Ripples draw a limited number of rings, and count large drops in finer steps than the
+        // classes of sizes: rings too many have no splash, and large drops without a ring splash
+        // with the others.
         let kept = (all_large / rings.max(1e-9)).min(1.0);
         let others = (all_large - rings).max(0.0) + all_small;
         let made = |key: u64, place: [f64; 2], at: f64, diameter: &dyn Fn(&mut RandomSequence) -> f64| {
@@ -134,7 +137,8 @@ impl FallenDrops {
         &self.drops
     }
 
-    /// Calls `visit` with the drops of the lowest `share` of the ranks, which begin at `turn`, and with the rank of each from there.
+    /// Calls `visit` with the drops of the lowest `share` of the ranks, which begin at `turn`, and
+    /// with the rank of each from there.
     pub fn each(&self, share: f64, turn: f64, mut visit: impl FnMut(&Fallen, f64)) {
         let from = |rank: f64| self.drops.partition_point(|drop| f64::from(drop.rank) < rank);
         let (begin, end) = (from(turn), turn + share);

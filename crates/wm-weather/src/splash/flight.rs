@@ -1,8 +1,9 @@
 //! Droplets in flight: ballistic, with the drag of the air.
 //!
-//! Up, drag is linear in the speed, with the coefficient of Schiller and Naumann at half the speed of the start; down, with that of the terminal
-//! speed. Both are solved exactly, so that any instant can be had alone. Heights and ranges are within 12 % of those under the full law, on average 4 %, for
-//! droplets of 0.1 to 0.5 mm and up to 4 m/s.
+//! Up, drag is linear in the speed, with the coefficient of Schiller and Naumann at half the speed
+//! of the start; down, with that of the terminal speed. Both are solved exactly, so that any
+//! instant can be had alone. Heights and ranges are within 12 % of those under the full law, on
+//! average 4 %, for droplets of 0.1 to 0.5 mm and up to 4 m/s.
 
 /// Gravity, m/s^2; densities of water and air, kg/m^3; viscosity of air, Pa s.
 const GRAVITY: f64 = 9.81;
@@ -26,7 +27,8 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// Of a droplet of `diameter` m that starts with `velocity`, m/s along two level axes and up, in air that moves with `air`, m/s.
+    /// Of a droplet of `diameter` m that starts with `velocity`, m/s along two level axes and up,
+    /// in air that moves with `air`, m/s.
     #[must_use]
     pub fn new(diameter: f64, velocity: [f64; 3], air: [f64; 2]) -> Self {
         let start = [velocity[0] - air[0], velocity[1] - air[1], velocity[2].max(0.0)];
@@ -45,7 +47,8 @@ impl Flight {
         self.top[1]
     }
 
-    /// Returns its place a time, s, after the start, m from there along two level axes and up; below height 0 it has landed.
+    /// Returns its place a time, s, after the start, m from there along two level axes and up;
+    /// below height 0 it has landed.
     #[must_use]
     pub fn at(&self, time: f64) -> [f64; 3] {
         let [up, down] = self.times;
@@ -78,7 +81,8 @@ impl Flight {
     }
 }
 
-/// Terminal speed of droplets of 0.1 to 0.5 mm, m/s: a line through what Gunn and Kinzer (1949) measured.
+/// Terminal speed of droplets of 0.1 to 0.5 mm, m/s: a line through what Gunn and Kinzer (1949)
+/// measured.
 fn terminal_speed(diameter: f64) -> f64 {
     (4500.0 * diameter - 0.18).max(0.05)
 }

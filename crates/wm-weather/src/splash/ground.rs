@@ -6,8 +6,8 @@ use crate::shelter::Shelter;
 use crate::water::ripples::SIZE;
 use crate::wetness::{Drainage, Eave, GroundMap, WetShares, WetState, WetSurfaces};
 
-/// Height of splashes over the ground, m: splats of the ground lie some centimetres higher or lower. The surface of puddles is drawn as much
-/// higher.
+/// Height of splashes over the ground, m: splats of the ground lie some centimetres higher or
+/// lower. The surface of puddles is drawn as much higher.
 const LIFT: f64 = 0.04;
 /// Depth of a flood and of open water, as drops feel it, m.
 const DEEP: f64 = 1.0;
@@ -99,8 +99,8 @@ pub struct SplashPlace {
 }
 
 impl<'a> SplashGround<'a> {
-    /// The ground of `surfaces` in a state of water; `texture` is the mean depth of its texture, mm, and `eaves` the share of the water of
-    /// roofs that falls from them.
+    /// The ground of `surfaces` in a state of water; `texture` is the mean depth of its texture,
+    /// mm, and `eaves` the share of the water of roofs that falls from them.
     #[must_use]
     pub fn new(
         surfaces: &'a WetSurfaces,
@@ -120,13 +120,15 @@ impl<'a> SplashGround<'a> {
         Self { ground, shares: &shares.ground, levels: state.levels(), tiles, origin, per_cell, sheds, films }
     }
 
-    /// The eaves from which water falls, with their numbers and the water that falls from each, m^3/s; none if none falls.
+    /// The eaves from which water falls, with their numbers and the water that falls from each,
+    /// m^3/s; none if none falls.
     pub(super) fn eaves(&self) -> impl Iterator<Item = (usize, &Eave, f64)> {
         let all = if self.sheds > 0.0 { &self.ground.eaves[..] } else { &[] };
         all.iter().enumerate().map(|(number, eave)| (number, eave, f64::from(eave.area) * self.sheds))
     }
 
-    /// The place on which the water of an eave falls, and the width of a cell: m along the level axes and up from the world's origin.
+    /// The place on which the water of an eave falls, and the width of a cell: m along the level
+    /// axes and up from the world's origin.
     pub(super) fn under(&self, eave: &Eave) -> ([f64; 3], f64) {
         let cell = 1.0 / self.per_cell;
         let [x, y] = eave.place.map(f64::from);
@@ -136,7 +138,8 @@ impl<'a> SplashGround<'a> {
         ([self.origin[0] + x * cell, self.origin[1] + y * cell, height], cell)
     }
 
-    /// Returns the ground or puddle at a place, m along the level axes; `None` where there is no ground.
+    /// Returns the ground or puddle at a place, m along the level axes; `None` where there is no
+    /// ground.
     fn at(&self, x: f64, y: f64) -> Option<SplashPlace> {
         let [columns, rows] = self.ground.size();
         let (u, v) = ((x - self.origin[0]) * self.per_cell, (y - self.origin[1]) * self.per_cell);
@@ -177,7 +180,8 @@ pub(super) struct Floor<'a> {
 }
 
 impl Floor<'_> {
-    /// Returns the ground or water at a place, m along the level axes; `None` where there is neither.
+    /// Returns the ground or water at a place, m along the level axes; `None` where there is
+    /// neither.
     pub fn at(&self, x: f64, y: f64) -> Option<SplashPlace> {
         let own = self.ground.and_then(|ground| ground.at(x, y));
         let Some(plane) = self.plane.filter(|plane| own.is_none_or(|own| own.height < *plane)) else {

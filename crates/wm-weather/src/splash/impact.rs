@@ -6,16 +6,18 @@
 const DENSITY: f64 = 1000.0;
 const TENSION: f64 = 0.073;
 const VISCOSITY: f64 = 1.1e-3;
-/// Film over the drop's diameter from which water counts as deep: splashes do not change any more (Mutchler and Hansen 1970).
+/// Film over the drop's diameter from which water counts as deep: splashes do not change any more
+/// (Mutchler and Hansen 1970).
 pub const DEEP: f64 = 3.0;
 /// Film over the drop's diameter at which it throws most (the same).
 const BEST: f64 = 1.0 / 3.0;
-/// Water that a drop far above the threshold throws from the best film, as a share of its own, and the factors on dry and on deep
-/// ground `[E]`.
+/// Water that a drop far above the threshold throws from the best film, as a share of its own, and
+/// the factors on dry and on deep ground `[E]`.
 const THROWN: f64 = 0.3;
 const FILMLESS: f64 = 0.5;
 const DEEPLESS: f64 = 0.4;
-/// Least and greatest diameter of droplets, m; smaller ones are more frequent (the share below `least + (greatest - least) u^2` is u).
+/// Least and greatest diameter of droplets, m; smaller ones are more frequent (the share below
+/// `least + (greatest - least) u^2` is u).
 pub const DROPLETS: [f64; 2] = [1e-4, 5e-4];
 /// Largest radius of a crown, diameters of the drop `[E]`.
 const WIDEST: f64 = 4.0;
@@ -26,7 +28,8 @@ const LIFE: f64 = 5.0;
 const LIVES: [f64; 2] = [0.005, 0.015];
 /// Share of its outline that a crown hides `[E]`: a thin sheet with thick rims and fingers.
 const HIDES: f64 = 0.5;
-/// Least diameter of drops that make a jet, m, its height and width in diameters `[E]`; so are its times.
+/// Least diameter of drops that make a jet, m, its height and width in diameters `[E]`; so are its
+/// times.
 const JETS_FROM: f64 = 1.5e-3;
 const JET: [f64; 2] = [4.0, 0.4];
 /// Age at which a jet rises, s.

@@ -31,8 +31,9 @@ const CROWN: f64 = impact::JET_FROM + impact::JET_LIFE;
 /// Width of a usual crown, m, and the width, px, below which fewer and wider ones are drawn.
 const USUAL: f64 = 0.006;
 const MERGE: f64 = 1.25;
-/// Width, px, below which droplets are drawn fewer and wider: less than that of crowns, else a cloud of droplets becomes a few grains. And the
-/// droplets of a drop of which one is to be drawn before fewer drops are asked for theirs.
+/// Width, px, below which droplets are drawn fewer and wider: less than that of crowns, else a
+/// cloud of droplets becomes a few grains. And the droplets of a drop of which one is to be drawn
+/// before fewer drops are asked for theirs.
 const DOT: f64 = 0.55;
 const MANY: f64 = 150.0;
 /// Most droplets that are drawn of one drop.
@@ -45,7 +46,8 @@ const SPEEDS: [f64; 2] = [0.08, 0.45];
 const ANGLES: [f64; 2] = [0.85, 1.4];
 /// Times at which they leave the crown, shares of its life.
 const LEAVES: [f64; 2] = [0.25, 0.75];
-/// Wind near the ground over that at 10 m, and the part of a drop's way along the ground that its droplets keep.
+/// Wind near the ground over that at 10 m, and the part of a drop's way along the ground that its
+/// droplets keep.
 const NEAR_GROUND: f64 = 0.3;
 const KEPT: f64 = 0.2;
 /// Most fingers of a crown, and the slope of its wall: outwards for a length of 1 upwards.
@@ -81,8 +83,9 @@ pub struct SplashParticles<'a> {
 }
 
 impl<'a> SplashParticles<'a> {
-    /// The splashes of `rain` at `time`, s, on a ground and on water at the height `plane` (m along up from the world's origin), before a camera that
-    /// moves with `velocity` (m/s, world axes). `seed` is that of the water.
+    /// The splashes of `rain` at `time`, s, on a ground and on water at the height `plane` (m along
+    /// up from the world's origin), before a camera that moves with `velocity` (m/s, world axes).
+    /// `seed` is that of the water.
     #[must_use]
     pub fn new(
         (splash, rain, seed): (Splash, &'a Precipitation, u64),
@@ -332,8 +335,8 @@ impl<'a> Brush<'a> {
         }
     }
 
-    /// Finds what a drop hits; `None` if it is not wanted there, nothing is hit, or it is `margin` m out of the picture. `keep` says by the distance
-    /// what share of the drops is wanted.
+    /// Finds what a drop hits; `None` if it is not wanted there, nothing is hit, or it is `margin`
+    /// m out of the picture. `keep` says by the distance what share of the drops is wanted.
     fn hit(
         &self,
         (drop, tile): (&Fallen, u64),
@@ -362,7 +365,8 @@ impl<'a> Brush<'a> {
         Some(Hit { at, distance, age: f64::from(drop.age), impact, draws, keep })
     }
 
-    /// The part of the exposure in which something is there that begins and ends at these ages of its drop: its beginning and end.
+    /// The part of the exposure in which something is there that begins and ends at these ages of
+    /// its drop: its beginning and end.
     fn seen(&self, age: f64, [begins, ends]: [f64; 2]) -> Option<[f64; 2]> {
         let half = 0.5 * self.exposure;
         let seen = [begins.max(age - half), ends.min(age + half)];
@@ -462,7 +466,8 @@ impl<'a> Brush<'a> {
         }
     }
 
-    /// Adds a particle: m from the camera along the level axes, standard deviations, m, and the area that it hides, m^2.
+    /// Adds a particle: m from the camera along the level axes, standard deviations, m, and the
+    /// area that it hides, m^2.
     fn add(&mut self, at: DVec3, sigma: f64, reach: [DVec3; 2], area: f64) {
         let units = &self.of.floor.units;
         let world = |v: DVec3| -> [f32; 3] {

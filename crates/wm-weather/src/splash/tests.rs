@@ -8,7 +8,8 @@ fn rain(rate: f64) -> Precipitation {
     Precipitation::new(&RAIN, rate, [0.5; 3], ParticleAppearance::default())
 }
 
-/// Marshall and Palmer's law, scaled to its rate, summed over fine steps: the flux of drops that `counts`, 1/(m^2 s).
+/// Marshall and Palmer's law, scaled to its rate, summed over fine steps: the flux of drops that
+/// `counts`, 1/(m^2 s).
 fn flux(rate: f64, counts: impl Fn(f64, f64) -> bool) -> f64 {
     let speed = |d: f64| -0.1021 + d * (4.932 + d * (-0.9551 + d * (0.07934 - d * 0.002362)));
     let steps = || (0..11_000).map(|i| 0.5 + 0.0005 * (f64::from(i) + 0.5));
@@ -50,7 +51,8 @@ fn as_many_drops_splash_as_the_sizes_of_the_rain_say() {
         {
             let wanted = wanted * area_time;
             println!("{rate} mm/h, {film} mm: {found} for {wanted:.0}");
-            // Three standard deviations of a Poisson count, and 1 % for classes of one speed; a tenth is far more.
+            // Three standard deviations of a Poisson count, and 1 % for classes of one speed; a
+            // tenth is far more.
             let allowed = 3.0 * wanted.sqrt() + 0.01 * wanted;
             assert!((found as f64 - wanted).abs() < allowed, "{rate} mm/h, {film} mm: {found} for {wanted}");
             assert!(allowed < 0.1 * wanted, "{rate} mm/h, {film} mm tells nothing");
@@ -66,7 +68,8 @@ fn water_is_thrown_by_the_film() {
         assert!(at(film).thrown() < best, "{film}");
     }
     assert_eq!(at(9e-3).thrown(), at(1.0).thrown());
-    // 2,013, 6,121 and 12,661 on 1, 1.5 and 2 mm, within the digits of surface tension and viscosity.
+    // 2,013, 6,121 and 12,661 on 1, 1.5 and 2 mm, within the digits of surface tension and
+    // viscosity.
     for (d, number) in [(1.0, 2013.0), (1.5, 6121.0), (2.0, 12_661.0)] {
         let impact = Impact { diameter: 1e-3 * d, speed: RAIN.fall_speed(d), film: 0.0 };
         assert!((2100.0 * impact.excess() / number - 1.0).abs() < 0.05, "{d}: {}", 2100.0 * impact.excess());

@@ -65,7 +65,8 @@ fn bad_keys_are_named() {
     assert_eq!(smooth, "at time 0 has the easing smooth: words hold");
 }
 
-/// Half the light between white and black is 188 of 255 when encoded, where half the encoded number is 128.
+/// Half the light between white and black is 188 of 255 when encoded, where half the encoded number
+/// is 128.
 #[test]
 fn colours_mix_in_linear_light() {
     let track = Track::parse(&COLOR, "0:#ffffff,2:#000000").unwrap();
@@ -139,9 +140,9 @@ fn tracks() -> impl Strategy<Value = Track> {
     })
 }
 
-/// The integral over one stretch without a break inside, by the rule of Simpson in three parts: exact for
-/// polynomials to the third degree, which all easings are. The ends are a ten-millionth inside, since a value
-/// may jump there: of 18 s and values below 100 that leaves 4e-4.
+/// The integral over one stretch without a break inside, by the rule of Simpson in three parts:
+/// exact for polynomials to the third degree, which all easings are. The ends are a ten-millionth
+/// inside, since a value may jump there: of 18 s and values below 100 that leaves 4e-4.
 fn simpson(track: &Track, from: f64, to: f64) -> f64 {
     let inset = 1e-7 * (to - from);
     let (from, to) = (from + inset, to - inset);
@@ -165,8 +166,9 @@ proptest! {
         prop_assert!(value >= a.min(b) && value <= a.max(b));
     }
 
-    /// Against sums over slices of 2 ms, each at its middle. A slice errs by its width cubed over 24 times the
-    /// second derivative, at most 6 * 100 / 0.05^2 within 3 s; and one slice a key by the jump there, 100.
+    /// Against sums over slices of 2 ms, each at its middle. A slice errs by its width cubed over
+    /// 24 times the second derivative, at most 6 * 100 / 0.05^2 within 3 s; and one slice a key by
+    /// the jump there, 100.
     #[test]
     fn integrals_are_fine_sums(track in tracks(), from in -4.0..20.0f64, length in 0.0..3.0f64) {
         let slices = 1500;

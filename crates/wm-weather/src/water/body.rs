@@ -4,11 +4,12 @@ use super::foam;
 
 /// `(c + K_d) Z` where a white disc goes out of sight at the Secchi depth `Z` (Tyler 1968).
 const SECCHI: f64 = 8.69;
-/// Share of `c + K_d` that is beam attenuation: the rest is that of daylight on its way down. Of turbid inland water.
+/// Share of `c + K_d` that is beam attenuation: the rest is that of daylight on its way down. Of
+/// turbid inland water.
 const BEAM: f64 = 0.75;
-/// Light that comes out of deep water over that of a white level board (water-leaving reflectance, pi L / E), linear RGB, by Secchi
-/// depth, m: brown floods and estuaries (Doxaran et al. 2002, Luo et al. 2018: 0.03 to 0.06 a sr in red where much is suspended),
-/// lakes and the sea.
+/// Light that comes out of deep water over that of a white level board (water-leaving reflectance,
+/// pi L / E), linear RGB, by Secchi depth, m: brown floods and estuaries (Doxaran et al. 2002, Luo
+/// et al. 2018: 0.03 to 0.06 a sr in red where much is suspended), lakes and the sea.
 const KINDS: [(f64, [f64; 3]); 6] = [
     (0.05, [0.19, 0.145, 0.08]),
     (0.1, [0.17, 0.135, 0.075]),
@@ -40,8 +41,9 @@ fn reflectance(secchi: f64) -> [f64; 3] {
 }
 
 impl WaterBody {
-    /// Water of a Secchi depth, m, under daylight that gives a white level board the radiance `white`, linear RGB. Its colour
-    /// is `tint` (linear RGB, the largest 1), or that of its clearness.
+    /// Water of a Secchi depth, m, under daylight that gives a white level board the radiance
+    /// `white`, linear RGB. Its colour is `tint` (linear RGB, the largest 1), or that of its
+    /// clearness.
     #[must_use]
     pub fn new(secchi: f64, tint: Option<[f64; 3]>, white: [f64; 3]) -> Self {
         let own = reflectance(secchi);
@@ -58,7 +60,8 @@ impl WaterBody {
         }
     }
 
-    /// The share of a bottom's light that is left after `path` metres in water, under water `depth` metres deep.
+    /// The share of a bottom's light that is left after `path` metres in water, under water `depth`
+    /// metres deep.
     #[inline(always)]
     #[must_use]
     pub fn left(&self, path: f32, depth: f32) -> f32 {
@@ -70,7 +73,8 @@ impl WaterBody {
 mod tests {
     use super::*;
 
-    /// Brown water is brightest in red, the sea in blue, and the more floats in it the brighter it is.
+    /// Brown water is brightest in red, the sea in blue, and the more floats in it the brighter it
+    /// is.
     #[test]
     fn the_colour_is_that_of_its_clearness() {
         let glow = |secchi: f64| WaterBody::new(secchi, None, [1.0; 3]).glow;

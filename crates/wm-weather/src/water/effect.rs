@@ -22,8 +22,8 @@ use wm_scene::Camera;
 
 /// Transmittance to the surface below which it is not seen.
 const HIDDEN: f32 = 1.0 / 512.0;
-/// Looks into a rough surface: standard deviations of the slope and their weights, normal distributions; and the width of each look
-/// over the standard deviation of the lobe's height.
+/// Looks into a rough surface: standard deviations of the slope and their weights, normal
+/// distributions; and the width of each look over the standard deviation of the lobe's height.
 struct Looks(&'static [(f32, f32)], f32);
 
 impl Looks {
@@ -37,7 +37,8 @@ impl Looks {
 const ONE: Looks = Looks(&[(0.0, 1.0)], 0.0);
 const FEW: Looks = Looks(&[(0.0, 0.62), (-1.62, 0.19), (1.62, 0.19)], 1.4);
 const MANY: Looks = Looks(&[(0.0, 0.399), (-1.0, 0.242), (1.0, 0.242), (-2.0, 0.058), (2.0, 0.058)], 0.9);
-/// Those of a film, which is looked into at few pixels: close enough that lamps are streaks and no blots.
+/// Those of a film, which is looked into at few pixels: close enough that lamps are streaks and no
+/// blots.
 const CLOSE: Looks = Looks(
     &[
         (0.0, 0.233),
@@ -52,32 +53,38 @@ const CLOSE: Looks = Looks(
     ],
     0.5,
 );
-/// Height of a lobe, standard deviations in px of the mirrored picture, below which one look is enough.
+/// Height of a lobe, standard deviations in px of the mirrored picture, below which one look is
+/// enough.
 const SHARP: f32 = 0.35;
 /// The same from which a few looks are too far apart.
 const TALL: f32 = 5.0;
-/// Slopes away from the eye, of the tangent of the view's elevation, from which crests hide what is behind them.
+/// Slopes away from the eye, of the tangent of the view's elevation, from which crests hide what is
+/// behind them.
 const HIDING: f32 = 0.7;
-/// Share of the light behind the surface that may be missing where the water's own light is left out.
+/// Share of the light behind the surface that may be missing where the water's own light is left
+/// out.
 const THIN: f32 = 1.0 / 256.0;
-/// Width of a look, px, over the standard deviation of the lobe across the view that it must have: a piece of a mirrored picture
-/// is a box and what is mixed between its pixels.
+/// Width of a look, px, over the standard deviation of the lobe across the view that it must have:
+/// a piece of a mirrored picture is a box and what is mixed between its pixels.
 const WIDE: f32 = 2.45;
 /// Height over a flood from which on water is not the flood's, m.
 const ABOVE: f32 = 0.01;
-/// Width over which the depth of what a lobe shows is averaged, of the lobe's height: far less than the lobe, whose lower end shows what stands
-/// before the water.
+/// Width over which the depth of what a lobe shows is averaged, of the lobe's height: far less than
+/// the lobe, whose lower end shows what stands before the water.
 const BLENDED: f32 = 1.0;
-/// Least distance to what a rough surface mirrors, of that to the surface: nearer things are mixed with what is beside them.
+/// Least distance to what a rough surface mirrors, of that to the surface: nearer things are mixed
+/// with what is beside them.
 const BESIDE: f32 = 0.03;
-/// Reciprocal of the view z, over that of the water, from which on things are nearer than the water and not mirrored in it.
+/// Reciprocal of the view z, over that of the water, from which on things are nearer than the water
+/// and not mirrored in it.
 const NEARER: f32 = 1.1;
 /// One over how free of its ground water is that counts as free.
 const FREE: f32 = 4.0;
 /// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
 const FAR: f32 = 1e5;
 
-/// Water as a picture pass: its picture is drawn with [`wm_render::DrawPass::surface`], its only input is the mirrored one.
+/// Water as a picture pass: its picture is drawn with [`wm_render::DrawPass::surface`], its only
+/// input is the mirrored one.
 pub struct WaterEffect<'a> {
     /// The water of the place.
     pub map: &'a WaterMap,
@@ -89,7 +96,8 @@ pub struct WaterEffect<'a> {
     pub motion: &'a WaterMotion,
     /// Its clearness and its own light.
     pub body: WaterBody,
-    /// The brightest light that it mirrors, linear ([`PreparedWeather::brightest`](crate::PreparedWeather::brightest)).
+    /// The brightest light that it mirrors, linear
+    /// ([`PreparedWeather::brightest`](crate::PreparedWeather::brightest)).
     pub white: f32,
     /// The camera of the picture.
     pub camera: &'a Camera,
@@ -115,7 +123,8 @@ struct Water {
 struct FoamPixels {
     /// Depth of a flood, m; infinite for other water.
     depth: [f32; GROUP],
-    /// Square of the slope, both axes together, and its variance along one axis that the pixel is too wide to show.
+    /// Square of the slope, both axes together, and its variance along one axis that the pixel is
+    /// too wide to show.
     slopes: [[f32; GROUP]; 2],
     /// Share that foam covers.
     share: [f32; GROUP],
@@ -148,9 +157,11 @@ struct Pixels {
 /// Numbers that are looked up at nodes every [`NODES`] pixels, and interpolated between them.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Looked {
-    /// The share of light that films reflect, and that light, linear RGB: too blurred to differ between nodes.
+    /// The share of light that films reflect, and that light, linear RGB: too blurred to differ
+    /// between nodes.
     Films,
-    /// One over the distance from rough water to what it mirrors, 1/m. Slopes and light are found at each pixel.
+    /// One over the distance from rough water to what it mirrors, 1/m. Slopes and light are found
+    /// at each pixel.
     Reach,
 }
 
@@ -195,7 +206,8 @@ impl LookNodes {
         Self { of, columns, nodes }
     }
 
-    /// Number `part` at sixteen pixels from pixel (`x`, `y`) on; NaN where not all nodes about them are known.
+    /// Number `part` at sixteen pixels from pixel (`x`, `y`) on; NaN where not all nodes about them
+    /// are known.
     #[inline(always)]
     fn at(&self, (x, y): (usize, usize), part: usize) -> [f32; GROUP] {
         let (column, row) = (x / NODES, y / NODES);
@@ -216,8 +228,8 @@ impl LookNodes {
         found
     }
 
-    /// Writes what sixteen pixels of films mirror, from pixel `at` on, where the nodes about them are known, and takes these pixels from those
-    /// that are looked into.
+    /// Writes what sixteen pixels of films mirror, from pixel `at` on, where the nodes about them
+    /// are known, and takes these pixels from those that are looked into.
     #[inline(always)]
     fn write(&self, at: (usize, usize), pixels: &mut Pixels, water: &mut Water) {
         let reflected = self.at(at, 0);
@@ -282,11 +294,13 @@ struct Row<'a> {
     alpha: &'a [f32],
 }
 
-/// Numbers that all pixels share: metres along level axes from the eye, heights from the mirror's plane.
+/// Numbers that all pixels share: metres along level axes from the eye, heights from the mirror's
+/// plane.
 struct Scene<'a> {
     of: &'a WaterEffect<'a>,
     mirrored: &'a MirroredPicture,
-    /// A ray through picture point (x, y), at view z 1: `axes[0] x + axes[1] y + axes[2]`, m along level axes.
+    /// A ray through picture point (x, y), at view z 1: `axes[0] x + axes[1] y + axes[2]`, m along
+    /// level axes.
     axes: [[f32; 3]; 3],
     /// Place of the eye along the two level axes, m.
     eye: [f64; 2],
@@ -498,8 +512,8 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// The light that comes through the water of a flood, and the rays to it, for the air: of as many of sixteen pixels as there are
-    /// lanes from `start` on.
+    /// The light that comes through the water of a flood, and the rays to it, for the air: of as
+    /// many of sixteen pixels as there are lanes from `start` on.
     #[inline(always)]
     fn through_flood<S: Lanes>(
         &self,
@@ -525,8 +539,8 @@ impl<'a> Scene<'a> {
             }
             way.store_slice(&mut rays.direction[k][own.clone()]);
         }
-        // Depth of the flood under the ray, and the way in it after the ray is bent. Other water is rain, and clear: it is shallow,
-        // and how deep splats lie under it says nothing.
+        // Depth of the flood under the ray, and the way in it after the ray is bent. Other water is
+        // rain, and clear: it is shallow, and how deep splats lie under it says nothing.
         let sine = (-toward[2]).max(simd.set(1e-4));
         let bottom = simd.load(&behind.bottom[start..]);
         let deep = ((bottom - z) * long * sine).max(zero);
@@ -542,7 +556,8 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Directions through picture points of a row, metres along level axes, of length 1; and the lengths that they have at view z 1, m.
+    /// Directions through picture points of a row, metres along level axes, of length 1; and the
+    /// lengths that they have at view z 1, m.
     #[inline(always)]
     fn toward<S: Lanes>(&self, simd: S, x: S::F, y: f32) -> ([S::F; 3], S::F) {
         let mut toward = [simd.set(0.0); 3];
@@ -611,7 +626,8 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Slopes of the surface and their variance, with those of the streams on slopes, at the wanted lanes of points from the eye, m.
+    /// Slopes of the surface and their variance, with those of the streams on slopes, at the wanted
+    /// lanes of points from the eye, m.
     #[inline(always)]
     fn with_rills<S: Lanes>(
         &self,
@@ -637,8 +653,9 @@ impl<'a> Scene<'a> {
         [simd.load(&east.0), simd.load(&north.0), simd.load(&variance.0)]
     }
 
-    /// The slopes of the water at points that have a bit in `wanted`, along the two level axes, and their variance along one axis in a
-    /// piece of the picture of such a side, px, logarithm to base 2. `still` are slopes that do not move.
+    /// The slopes of the water at points that have a bit in `wanted`, along the two level axes, and
+    /// their variance along one axis in a piece of the picture of such a side, px, logarithm to
+    /// base 2. `still` are slopes that do not move.
     #[inline(always)]
     fn slopes<S: Lanes>(
         &self,
@@ -653,7 +670,8 @@ impl<'a> Scene<'a> {
         if waves == 0 {
             return [simd.set(0.0); 3];
         }
-        // What a pixel sees of the surface is longer than wide; between both is what waves must be wider than.
+        // What a pixel sees of the surface is longer than wide; between both is what waves must be
+        // wider than.
         let [far, flat] = log2(simd, [point.distance, point.sine]);
         let width = flat.mul_add(simd.set(-0.75), far + (self.pixel + log_side));
         let [x, y, _] = point.hit;
@@ -664,7 +682,8 @@ impl<'a> Scene<'a> {
         [slopes[0] * free, slopes[1] * free, slopes[2] * free * free]
     }
 
-    /// Looks into the water at those of sixteen pixels that have any, as many of them as there are lanes from `start` on.
+    /// Looks into the water at those of sixteen pixels that have any, as many of them as there are
+    /// lanes from `start` on.
     #[inline(always)]
     fn look<S: Lanes>(&self, simd: S, start: usize, pixels: &Pixels, water: &mut Water) {
         let (zero, one) = (simd.set(0.0), simd.set(1.0));
@@ -691,8 +710,8 @@ impl<'a> Scene<'a> {
             far = is_known.select(far, self.reach(simd, &facet, point.distance, is_wet & !is_known));
         }
         let Facet { from, tilt, first, rough } = facet;
-        // A lobe as it is seen in the mirrored picture: two slopes tall, and as much narrower as a facet is met at less of an angle. Of
-        // what stands at the water it is a point.
+        // A lobe as it is seen in the mirrored picture: two slopes tall, and as much narrower as a
+        // facet is met at less of an angle. Of what stands at the water it is a point.
         let tall = self.lobe::<S>(rough, far, point.distance);
         let wide = tall * WIDE;
         let (is_sharp, is_low) = (tall.simd_lt(simd.set(SHARP)), tall.simd_lt(simd.set(TALL)));
@@ -740,8 +759,8 @@ impl<'a> Scene<'a> {
             sum += weight;
             seen += part;
             if is_close {
-                // Facets that are met at less of an angle throw light farther aside: of films, whose looks are close, that is wider than they
-                // are apart.
+                // Facets that are met at less of an angle throw light farther aside: of films,
+                // whose looks are close, that is wider than they are apart.
                 if k > 0 {
                     fineness = self.mirrored.fineness(simd, extent(cosine));
                 }
@@ -770,14 +789,16 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Height of the lobe of a rough surface in the mirrored picture, standard deviation in px, of what is so far from water at a distance, m.
+    /// Height of the lobe of a rough surface in the mirrored picture, standard deviation in px, of
+    /// what is so far from water at a distance, m.
     #[inline(always)]
     fn lobe<S: Lanes>(&self, rough: S::F, far: S::F, distance: S::F) -> S::F {
         rough * (2.0 * self.focal[1]) * far / (far + distance)
     }
 
-    /// Distances along reflected rays from points of the water to what is mirrored, m, found in the depth of the mirrored picture in two
-    /// steps. On a rough surface it is the mean, in the reciprocal, over the middle of the lobe: the depth of one point would jump at the
+    /// Distances along reflected rays from points of the water to what is mirrored, m, found in the
+    /// depth of the mirrored picture in two steps. On a rough surface it is the mean, in the
+    /// reciprocal, over the middle of the lobe: the depth of one point would jump at the
     /// silhouettes of what is mirrored, and with it the size of the lobe.
     #[inline(always)]
     fn reach<S: Lanes>(&self, simd: S, facet: &Facet<S>, distance: S::F, is_wet: S::M) -> S::F {
@@ -825,8 +846,8 @@ impl<'a> Scene<'a> {
         far
     }
 
-    /// Returns the share of its length, 0-1, by which an upright line leans to the side at points of the mirrored picture. Lobes lie along
-    /// upright lines.
+    /// Returns the share of its length, 0-1, by which an upright line leans to the side at points
+    /// of the mirrored picture. Lobes lie along upright lines.
     #[inline(always)]
     fn slant<S: Lanes>(&self, simd: S, at: [S::F; 2]) -> S::F {
         let mut lean = at;
@@ -874,7 +895,8 @@ struct Point<S: Lanes> {
 }
 
 impl<S: Lanes> Point<S> {
-    /// The points through picture points of a row, at view z `z`, scene units; harmless numbers where that is NaN.
+    /// The points through picture points of a row, at view z `z`, scene units; harmless numbers
+    /// where that is NaN.
     #[inline(always)]
     fn new(scene: &Scene<'_>, simd: S, (x, y): (S::F, f32), z: S::F) -> Self {
         let z = z.simd_eq(z).select(z, simd.set(1.0));
@@ -900,7 +922,8 @@ struct Facet<S: Lanes> {
 }
 
 impl<S: Lanes> Facet<S> {
-    /// Pieces about points with mean slopes along the two level axes, their variance, and slopes that do not move.
+    /// Pieces about points with mean slopes along the two level axes, their variance, and slopes
+    /// that do not move.
     #[inline(always)]
     fn new(scene: &Scene<'_>, simd: S, point: Point<S>, (slopes, still): ([S::F; 3], S::F)) -> Self {
         let [east, north, variance] = slopes;
@@ -931,7 +954,8 @@ struct Tilt<S: Lanes> {
 }
 
 impl<S: Lanes> Tilt<S> {
-    /// Directions reflected by slopes that are so much more along the view, above the horizon, and the cosines between them and the normal.
+    /// Directions reflected by slopes that are so much more along the view, above the horizon, and
+    /// the cosines between them and the normal.
     #[inline(always)]
     fn reflect(&self, simd: S, more: S::F) -> ([S::F; 3], S::F) {
         let Self { toward, along, beside, .. } = self;
@@ -952,8 +976,8 @@ impl<S: Lanes> Tilt<S> {
     }
 }
 
-/// Lanes by the looks that they need: the first mask that is set counts. Where none is, [`CLOSE`] of films goes over into [`MANY`] of free water,
-/// so that films end without an edge.
+/// Lanes by the looks that they need: the first mask that is set counts. Where none is, [`CLOSE`]
+/// of films goes over into [`MANY`] of free water, so that films end without an edge.
 struct Kinds<S: Lanes> {
     is_sharp: S::M,
     is_low: S::M,
@@ -1032,7 +1056,8 @@ fn clear(front: &mut [f32]) {
     }
 }
 
-/// Finds the foam on the water of a flood; as many of sixteen pixels as there are lanes from `start` on.
+/// Finds the foam on the water of a flood; as many of sixteen pixels as there are lanes from
+/// `start` on.
 #[inline(always)]
 fn find_foam<S: Lanes>(simd: S, start: usize, foam: &Foam, pixels: &mut FoamPixels) {
     let depth = simd.load(&pixels.depth[start..]);

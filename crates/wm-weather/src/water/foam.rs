@@ -1,8 +1,9 @@
 //! Foam that the wind makes on water that has depth.
 //!
-//! Breaking waves cover a share `3.84e-6 U^3.41` of open water (Monahan and O'Muircheartaigh 1980), less where the waves of a short
-//! fetch are less steep. At a shore all waves break where the depth is less than `H / 0.78` (McCowan 1894). Foam lies where the
-//! waves are steepest, so it moves with them. The share at the very edge is plausible and not measured.
+//! Breaking waves cover a share `3.84e-6 U^3.41` of open water (Monahan and O'Muircheartaigh 1980),
+//! less where the waves of a short fetch are less steep. At a shore all waves break where the depth
+//! is less than `H / 0.78` (McCowan 1894). Foam lies where the waves are steepest, so it moves with
+//! them. The share at the very edge is plausible and not measured.
 
 use super::waves::WindWaves;
 use fearless_simd::{SimdBase, SimdFloat};
@@ -16,8 +17,9 @@ const EDGE_SHARE: f32 = 0.5;
 const BREAKING_HEIGHT: f64 = 0.78;
 /// Winds between which waves begin to break, m/s.
 const BEGINS: [f64; 2] = [3.0, 7.0];
-/// Range of squared slopes over which foam grows from none to all, in mean squares of the slopes. A soft limit lets more through than a
-/// sharp one, by the factor `sinh(w / 2) / (w / 2)` for a range of w: its logarithm.
+/// Range of squared slopes over which foam grows from none to all, in mean squares of the slopes. A
+/// soft limit lets more through than a sharp one, by the factor `sinh(w / 2) / (w / 2)` for a range
+/// of w: its logarithm.
 const SOFTNESS: f32 = 1.5;
 const LET_THROUGH: f32 = 0.092;
 
@@ -35,8 +37,9 @@ pub struct Foam {
 }
 
 impl Foam {
-    /// Returns the foam of a wind of `speed` m/s that makes these waves; `None` for a wind that makes none. `other_slopes` is the mean square
-    /// of the slopes that rain makes, both axes together.
+    /// Returns the foam of a wind of `speed` m/s that makes these waves; `None` for a wind that
+    /// makes none. `other_slopes` is the mean square of the slopes that rain makes, both axes
+    /// together.
     #[must_use]
     pub fn new(waves: &WindWaves, speed: f64, other_slopes: f64) -> Option<Self> {
         let risen = ((speed - BEGINS[0]) / (BEGINS[1] - BEGINS[0])).clamp(0.0, 1.0);
@@ -53,15 +56,17 @@ impl Foam {
         })
     }
 
-    /// Returns the share of a pixel that foam covers, 0-1, on water of a depth, m. `square` is the square of the slope that the pixel shows, both
-    /// axes together, and `unseen` the variance of the slopes that it is too wide to show, along one axis.
+    /// Returns the share of a pixel that foam covers, 0-1, on water of a depth, m. `square` is the
+    /// square of the slope that the pixel shows, both axes together, and `unseen` the variance of
+    /// the slopes that it is too wide to show, along one axis.
     #[inline(always)]
     pub fn share<S: Lanes>(&self, simd: S, depth: S::F, square: S::F, unseen: S::F) -> S::F {
         let (zero, one) = (simd.set(0.0), simd.set(1.0));
         let shallow = (one - depth * (1.0 / self.deep)).max(zero);
         let mean = (shallow * shallow).mul_add(simd.set(self.edge - self.open), simd.set(self.open));
         let mean = mean.max(simd.set(1e-9)).min(one);
-        // The square of a random slope is above `limit` times its mean at the share exp(-limit) of all places.
+        // The square of a random slope is above `limit` times its mean at the share exp(-limit) of
+        // all places.
         let seen = (one - unseen * (2.0 / self.slopes)).max(simd.set(1e-3));
         let limit = log2(simd, [mean])[0].mul_add(simd.set(-std::f32::consts::LN_2), simd.set(LET_THROUGH));
         let over = square / (seen * self.slopes) - limit;

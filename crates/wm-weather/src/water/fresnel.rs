@@ -6,8 +6,9 @@ use wm_render::simd::Lanes;
 /// Refractive index of water for visible light.
 pub const WATER_INDEX: f32 = 1.333;
 
-/// The share of unpolarised light that a smooth water surface reflects, 0-1, for the cosine of the angle between the ray
-/// and the surface's normal: Fresnel's equations, exactly, for light that comes from the air.
+/// The share of unpolarised light that a smooth water surface reflects, 0-1, for the cosine of the
+/// angle between the ray and the surface's normal: Fresnel's equations, exactly, for light that
+/// comes from the air.
 #[inline(always)]
 #[must_use]
 pub fn fresnel(cosine: f32) -> f32 {

@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 /// Water on level nodes, in rows along the first level axis.
 ///
-/// Lengths are metres along [`level_axes`] from the world's origin; heights are metres along up from there.
+/// Lengths are metres along [`level_axes`] from the world's origin; heights are metres along up
+/// from there.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WaterGrid {
     /// The first node.
@@ -16,8 +17,8 @@ pub struct WaterGrid {
     step: f64,
     /// Nodes along the first axis, and along the second.
     size: [usize; 2],
-    /// As [`WaterNode`] lists them; the level is not a number where there is none. Nodes beside others go on from them, without water, so
-    /// that its edges are soft.
+    /// As [`WaterNode`] lists them; the level is not a number where there is none. Nodes beside
+    /// others go on from them, without water, so that its edges are soft.
     nodes: Vec<[f32; 4]>,
     /// Levels that hide something, lowest and highest.
     heights: Option<[f64; 2]>,
@@ -32,12 +33,14 @@ pub struct WaterGrid {
 pub struct WaterNode {
     /// Height of the surface, also where it hides nothing; NaN where there is none.
     pub level: f32,
-    /// Depth of water that stands, m; below 0 by as much as the ground is above its level. Between nodes it is interpolated, so that the
-    /// edge of a puddle is the curve where its level meets the ground.
+    /// Depth of water that stands, m; below 0 by as much as the ground is above its level. Between
+    /// nodes it is interpolated, so that the edge of a puddle is the curve where its level meets
+    /// the ground.
     pub depth: f32,
     /// Share of the ground that a film or a stream hides, 0-1.
     pub film: f32,
-    /// Slopes of the surface that do not move, such as those of a film on rough ground, rms along one axis, where no water stands.
+    /// Slopes of the surface that do not move, such as those of a film on rough ground, rms along
+    /// one axis, where no water stands.
     pub roughness: f32,
 }
 
@@ -54,7 +57,8 @@ pub(super) const HIDES: f32 = 0.004;
 /// Depth at nodes on dry ground that no puddle is beside, m.
 pub(super) const DRY: f32 = -HIDES;
 
-/// The share of the ground that water hides, and that under standing water alone, 0-1, by its depth, m, and the share under films.
+/// The share of the ground that water hides, and that under standing water alone, 0-1, by its
+/// depth, m, and the share under films.
 #[inline(always)]
 fn cover_of(depth: f32, film: f32) -> [f32; 2] {
     let stands = (depth * (1.0 / HIDES)).clamp(0.0, 1.0);
@@ -137,7 +141,8 @@ impl WaterMap {
         all.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
 
-    /// About the height below the eye that half of the water is above, m; `None` without any. With an endless surface it is that.
+    /// About the height below the eye that half of the water is above, m; `None` without any. With
+    /// an endless surface it is that.
     #[must_use]
     pub fn typical_height(&self, eye: f64) -> Option<f64> {
         if self.plane.is_some() {
@@ -148,7 +153,8 @@ impl WaterMap {
         levels[..below].get(below / 2).map(|level| f64::from(*level))
     }
 
-    /// The water at a place, metres along the level axes; `None` where none is known. It may hide nothing.
+    /// The water at a place, metres along the level axes; `None` where none is known. It may hide
+    /// nothing.
     #[must_use]
     pub fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
         higher(self.plane, self.grid.as_ref().and_then(|grid| grid.at(x, y)))
@@ -165,7 +171,8 @@ impl WaterGrid {
         Self { rills, ..self }
     }
 
-    /// The same where something lies on it: `hidden` is the share of the water at a node that is not seen, 0-1.
+    /// The same where something lies on it: `hidden` is the share of the water at a node that is
+    /// not seen, 0-1.
     #[must_use]
     pub fn hidden_by(self, hidden: impl Fn(usize) -> f32) -> Self {
         let nodes = (0..self.nodes.len()).map(|i| {
@@ -188,8 +195,8 @@ impl WaterGrid {
         Some((self.rills.as_ref()?, (self.origin, self.step, self.size)))
     }
 
-    /// Water on nodes in rows along the first level axis, of which `size` are along the two axes, `step` metres from each other
-    /// and from the first one at `origin`, metres.
+    /// Water on nodes in rows along the first level axis, of which `size` are along the two axes,
+    /// `step` metres from each other and from the first one at `origin`, metres.
     #[must_use]
     pub fn new(
         origin: [f64; 2],

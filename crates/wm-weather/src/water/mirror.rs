@@ -12,9 +12,11 @@ use wm_scene::Camera;
 
 /// Picture beyond the sides of the view that waves look into, as a share of its height.
 const MARGIN: f64 = 0.06;
-/// Splats whose centre is no higher above the water than this are not mirrored, m: those of a waterline are on both sides.
+/// Splats whose centre is no higher above the water than this are not mirrored, m: those of a
+/// waterline are on both sides.
 const WATERLINE: f64 = 0.01;
-/// Width of a box over that of a pixel of a halved picture with the same variance: binomial weights reach farther.
+/// Width of a box over that of a pixel of a halved picture with the same variance: binomial weights
+/// reach farther.
 const SMOOTH: f32 = 0.58;
 /// Distance from a whole level up to which a level counts as that.
 const SNAP: f32 = 0.25;
@@ -23,8 +25,9 @@ const TALLEST: usize = 4;
 
 /// A camera at the mirrored eye.
 ///
-/// A mirrored picture is no picture of any camera: left and right change places. So a proper camera draws it the wrong way
-/// round, and look-ups count its columns from the right. Points of the world are projected with it as with any other.
+/// A mirrored picture is no picture of any camera: left and right change places. So a proper camera
+/// draws it the wrong way round, and look-ups count its columns from the right. Points of the world
+/// are projected with it as with any other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MirrorView {
     /// The camera, at half size; at a quarter where only films mirror.
@@ -39,7 +42,8 @@ impl MirrorView {
     pub fn new(map: &WaterMap, surface: &WaterSurface, camera: &Camera) -> Self {
         let up = glam::DVec3::from_array(map.axes[2]);
         let height = surface.level / map.metres_per_unit;
-        // p -> p - 2 (up . p - height) up, then x -> -x in the view, so that it is a rotation again.
+        // p -> p - 2 (up . p - height) up, then x -> -x in the view, so that it is a rotation
+        // again.
         let turned = |v: glam::DVec3| v - 2.0 * up.dot(v) * up;
         let rotation = camera.rotation();
         let [x, y, z] = [0, 1, 2].map(|k| turned(rotation.row(k)));
@@ -66,15 +70,17 @@ impl MirrorView {
 
 /// A mirrored picture in linear light at every fineness, with the reciprocal of its depth.
 ///
-/// Rough water smears what it mirrors along the view far more than across, so that there are levels for each fineness across and
-/// for each along. Each row ends with its last pixel once more, and each level with its last row, so that look-ups need no edges.
+/// Rough water smears what it mirrors along the view far more than across, so that there are levels
+/// for each fineness across and for each along. Each row ends with its last pixel once more, and
+/// each level with its last row, so that look-ups need no edges.
 #[derive(Clone, Debug, Default)]
 pub struct MirroredPicture {
     /// Width and height of the finest level, px.
     size: [f32; 2],
     /// Number of times that both sides are halved, and once more.
     levels: usize,
-    /// First pixel and length of a row of each level: by the halvings of both sides, and for each by those of the height beyond them.
+    /// First pixel and length of a row of each level: by the halvings of both sides, and for each
+    /// by those of the height beyond them.
     places: Vec<[u32; 2]>,
     /// Red, green, blue, and the reciprocal of the view z.
     pixels: Vec<[f32; 4]>,
@@ -83,7 +89,8 @@ pub struct MirroredPicture {
 }
 
 impl MirroredPicture {
-    /// Makes all levels of a drawn picture with depth. What is brighter than `white`, linear, counts as that.
+    /// Makes all levels of a drawn picture with depth. What is brighter than `white`, linear,
+    /// counts as that.
     #[must_use]
     pub fn new(path: SimdPath, frame: &Frame, white: f32) -> Self {
         let whole = LinearPicture::of(path, frame);
@@ -134,7 +141,8 @@ impl MirroredPicture {
         for k in 0..2 {
             part[k] = ((part[k] - whole[k] - SNAP) * (1.0 / (1.0 - 2.0 * SNAP))).max(zero).min(one);
         }
-        // Between the corners of a triangle: the fine one, the coarse one, and the one that is coarser on the side that needs it more.
+        // Between the corners of a triangle: the fine one, the coarse one, and the one that is
+        // coarser on the side that needs it more.
         let is_tall = part[1].simd_ge(part[0]);
         let next = [(whole[0] + one).min(last), whole[1] + one];
         let corners = [whole, [is_tall.select(whole[0], next[0]), is_tall.select(next[1], whole[1])], next];
@@ -153,7 +161,8 @@ impl MirroredPicture {
         Fineness { scales, first, stride, shares: [Kept::of(simd, a), Kept::of(simd, b), Kept::of(simd, c)] }
     }
 
-    /// Adds the colours at points of the picture, px, times weights, to `sums`, for the lanes that have a bit in `wanted`.
+    /// Adds the colours at points of the picture, px, times weights, to `sums`, for the lanes that
+    /// have a bit in `wanted`.
     #[inline(always)]
     pub(super) fn add<S: Lanes>(
         &self,
@@ -187,12 +196,15 @@ impl MirroredPicture {
         }
     }
 
-    /// Adds the colours of several looks of one fineness, each at its points and with its weights; the first look is by the mean slope.
+    /// Adds the colours of several looks of one fineness, each at its points and with its weights;
+    /// the first look is by the mean slope.
     ///
-    /// Water mirrors nothing that is nearer than itself, but blurred pieces of the picture contain some of it. A look whose mean is nearer
-    /// counts less, and the single pixel at the first look takes its place.
+    /// Water mirrors nothing that is nearer than itself, but blurred pieces of the picture contain
+    /// some of it. A look whose mean is nearer counts less, and the single pixel at the first look
+    /// takes its place.
     ///
-    /// All looks of a pixel are made one after the other: they read the same levels, so that the processor predicts the branches.
+    /// All looks of a pixel are made one after the other: they read the same levels, so that the
+    /// processor predicts the branches.
     #[inline(always)]
     pub(super) fn add_all<S: Lanes>(
         &self,
@@ -277,7 +289,8 @@ impl MirroredPicture {
         }
     }
 
-    /// The mean reciprocals of the view z in pieces of the picture about points, px, for the lanes that have a bit in `wanted`; 0 for others.
+    /// The mean reciprocals of the view z in pieces of the picture about points, px, for the lanes
+    /// that have a bit in `wanted`; 0 for others.
     #[inline(always)]
     pub(super) fn mean_inverse_depth<S: Lanes>(
         &self,
@@ -294,7 +307,8 @@ impl MirroredPicture {
         simd.load(&found)
     }
 
-    /// The reciprocals of the view z at points of the picture, px: those of the pixels that hold them; 0 for lanes without a bit in `wanted`.
+    /// The reciprocals of the view z at points of the picture, px: those of the pixels that hold
+    /// them; 0 for lanes without a bit in `wanted`.
     #[inline(always)]
     pub(super) fn inverse_depth<S: Lanes>(&self, simd: S, points: [S::F; 2], wanted: u32) -> S::F {
         let mut within = points;
@@ -436,8 +450,8 @@ impl Spots {
     }
 }
 
-/// Binomial weights of the four pixels about one of a picture half as fine: the lamps of a night are so bright that the corners of a
-/// box would show.
+/// Binomial weights of the four pixels about one of a picture half as fine: the lamps of a night
+/// are so bright that the corners of a box would show.
 const WEIGHTS: [f32; 4] = [0.125, 0.375, 0.375, 0.125];
 
 /// A row of a picture with half of the rows, from the four about it.

@@ -1,13 +1,16 @@
-//! Water as a surface that reflects: where it stands, how it moves, and what is seen in it and through it.
+//! Water as a surface that reflects: where it stands, how it moves, and what is seen in it and
+//! through it.
 //!
-//! [`WaterMap`] says where water stands. A camera meets it in a [`WaterSurface`]: one distance a pixel, at which the
-//! renderer splits its blend ([`wm_render::DrawPass::surface`]). The scene is drawn once more from the eye that the plane
-//! of the water mirrors ([`MirrorView`]), and [`WaterEffect`] lays both together:
-//! `pixel = front + T_front [(1 - F) behind + F mirrored]`. The front stays in the encoding that splats are blended in, so
-//! that silhouettes keep their edges; the rest is computed in linear light.
+//! [`WaterMap`] says where water stands. A camera meets it in a [`WaterSurface`]: one distance a
+//! pixel, at which the renderer splits its blend ([`wm_render::DrawPass::surface`]). The scene is
+//! drawn once more from the eye that the plane of the water mirrors ([`MirrorView`]), and
+//! [`WaterEffect`] lays both together: `pixel = front + T_front [(1 - F) behind + F mirrored]`. The
+//! front stays in the encoding that splats are blended in, so that silhouettes keep their edges;
+//! the rest is computed in linear light.
 //!
-//! Waves of the wind and of drops are slopes on tiles that are fixed to the world ([`waves`], [`ripples`]), a pure function
-//! of time. What a pixel is too wide to show of them counts as roughness.
+//! Waves of the wind and of drops are slopes on tiles that are fixed to the world ([`waves`],
+//! [`ripples`]), a pure function of time. What a pixel is too wide to show of them counts as
+//! roughness.
 
 mod body;
 mod effect;

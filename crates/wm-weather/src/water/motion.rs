@@ -73,8 +73,8 @@ impl WaterMotion {
         self.foam.as_ref()
     }
 
-    /// Returns true if the water is so rough at some time of the shot that what it mirrors is seen in pieces. The same for a whole
-    /// shot, so that nothing changes at once when the wind rises.
+    /// Returns true if the water is so rough at some time of the shot that what it mirrors is seen
+    /// in pieces. The same for a whole shot, so that nothing changes at once when the wind rises.
     #[must_use]
     pub fn is_rough(&self) -> bool {
         self.is_rough
@@ -92,7 +92,8 @@ impl WaterMotion {
         self.running.is_some()
     }
 
-    /// Adds the slopes of streams at a place, metres along the two level axes, of a piece `width` metres wide.
+    /// Adds the slopes of streams at a place, metres along the two level axes, of a piece `width`
+    /// metres wide.
     #[inline]
     pub(super) fn add_rills(&self, place: [f64; 2], width: f32, sum: &mut Slope) {
         if let Some((grid, time)) = &self.running
@@ -102,15 +103,17 @@ impl WaterMotion {
         }
     }
 
-    /// The places of a point on the tiles, metres along the two level axes: shares of each tile, 0-1.
+    /// The places of a point on the tiles, metres along the two level axes: shares of each tile,
+    /// 0-1.
     #[must_use]
     pub fn phases(&self, point: [f64; 2]) -> Vec<[f32; 2]> {
         self.tiles.iter().map(|tile| point.map(|along| tile.phase(along))).collect()
     }
 
-    /// The slopes of pieces of the surface, by the logarithms to base 2 of their widths, m: at `points`, metres along the two level axes
-    /// from the point of `phases`. Lanes without a bit in `wanted` have none. Returns the two mean slopes, and their variance within the
-    /// piece along one axis.
+    /// The slopes of pieces of the surface, by the logarithms to base 2 of their widths, m: at
+    /// `points`, metres along the two level axes from the point of `phases`. Lanes without a bit in
+    /// `wanted` have none. Returns the two mean slopes, and their variance within the piece along
+    /// one axis.
     #[inline(always)]
     #[must_use]
     pub fn at<S: Lanes>(

@@ -6,23 +6,26 @@ use crate::dome::{level_axes, to_level};
 use crate::optics::Site;
 use crate::wetness::WaterState;
 
-/// Height of the surface over the water, m: splats of the ground under it lie some centimetres higher or lower.
+/// Height of the surface over the water, m: splats of the ground under it lie some centimetres
+/// higher or lower.
 const LIFT: f32 = 0.04;
-/// Cells beyond a puddle in which its level goes on, and the most that its depth is there, m: water that runs over there is gone.
+/// Cells beyond a puddle in which its level goes on, and the most that its depth is there, m: water
+/// that runs over there is gone.
 const BEYOND: usize = 2;
 const DRY_BESIDE: f32 = -0.001;
 /// Cells over which the edge of open water is softened.
 const EDGE: usize = 3;
-/// Slopes of damp asphalt, rms along one axis, and how fast a film levels them as it fills the texture: menisci close over it
-/// before its peaks are under water.
+/// Slopes of damp asphalt, rms along one axis, and how fast a film levels them as it fills the
+/// texture: menisci close over it before its peaks are under water.
 const ROUGH: f32 = 0.3;
 const LEVELS: f32 = 2.0;
 
 /// Depths of running water over which it becomes a stream of its own, mm.
 const RUNS: [f32; 2] = [0.5, 1.6];
 
-/// The surface of the water on a place; `texture` is the mean depth of the texture of its ground, mm. It is known on all ground, and hides
-/// as much of it as is wet. A film is the rougher the less it fills the texture.
+/// The surface of the water on a place; `texture` is the mean depth of the texture of its ground,
+/// mm. It is known on all ground, and hides as much of it as is wet. A film is the rougher the less
+/// it fills the texture.
 #[must_use]
 pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
     let axes = level_axes(site.up);
@@ -45,8 +48,8 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
         WaterNode {
             level: base + state.ground[at] + depths[at].max(0.0),
             depth: if seen < 1.0 { depths[at].min(seen * HIDES) } else { depths[at] },
-            // Ground whose pores are full mirrors too, as roughly as its grains lie. Between blades of grass and crumbs of soil
-            // nothing is seen of it.
+            // Ground whose pores are full mirrors too, as roughly as its grains lie. Between blades
+            // of grass and crumbs of soil nothing is seen of it.
             film: seen * (state.filled[at].max(state.pores[at]) * (1.0 - state.matte[at])).max(streams[at]),
             roughness: ROUGH * (-LEVELS * film).exp() * (1.0 - streams[at]),
         }
@@ -58,8 +61,9 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
     grid.with_rills(Rills::new(streams, state.ground.clone(), state.step, state.width))
 }
 
-/// Depths of standing water at each node, m, below 0 beside it. Levels go on beyond the cells of their puddles, where no water stands, so
-/// that the edge of the water is where they meet the ground.
+/// Depths of standing water at each node, m, below 0 beside it. Levels go on beyond the cells of
+/// their puddles, where no water stands, so that the edge of the water is where they meet the
+/// ground.
 fn depths(state: &WaterState) -> Vec<f32> {
     let (width, height) = (state.width, state.height);
     let mut levels = state.level.clone();
@@ -86,8 +90,8 @@ fn depths(state: &WaterState) -> Vec<f32> {
     softened(&depths, &levels, width)
 }
 
-/// Depths mixed with those of the nodes beside them where a level is known: the relief of the ground is as fine as nodes are, and the edge of a
-/// puddle would follow single nodes.
+/// Depths mixed with those of the nodes beside them where a level is known: the relief of the
+/// ground is as fine as nodes are, and the edge of a puddle would follow single nodes.
 fn softened(depths: &[f32], levels: &[f32], width: usize) -> Vec<f32> {
     const WEIGHTS: [f32; 3] = [1.0, 2.0, 1.0];
     let height = depths.len() / width;
@@ -125,7 +129,8 @@ fn open_share(state: &WaterState) -> Vec<f32> {
     (0..state.open.len()).map(|at| if state.open[at].is_finite() { own(at) } else { 0.0 }).collect()
 }
 
-/// Share of the ground under a stream at each node, 0-1, by the depth of the running water, smoothed over the nodes beside it.
+/// Share of the ground under a stream at each node, 0-1, by the depth of the running water,
+/// smoothed over the nodes beside it.
 fn streams(state: &WaterState) -> Vec<f32> {
     let own = |depth: f32| {
         let share = ((depth - RUNS[0]) / (RUNS[1] - RUNS[0])).clamp(0.0, 1.0);

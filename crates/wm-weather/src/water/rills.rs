@@ -1,8 +1,8 @@
 //! Thin streams of water on slopes, and the waves that run down them.
 //!
-//! A film that runs downhill breaks into waves whose crests lie across the slope. Their phase is the height of the ground, so
-//! that crests follow the ground and all waves run downhill, and bumps of the ground shift it; so a wave is a function of place
-//! and time alone.
+//! A film that runs downhill breaks into waves whose crests lie across the slope. Their phase is
+//! the height of the ground, so that crests follow the ground and all waves run downhill, and bumps
+//! of the ground shift it; so a wave is a function of place and time alone.
 
 use std::f64::consts::TAU;
 use wm_scene::random::uniform;
@@ -24,7 +24,8 @@ pub struct Rills {
     strength: Vec<f32>,
     /// Heights of the ground, m; not a number where there is none.
     ground: Vec<f32>,
-    /// Its rise uphill along the two level axes, of what is about a node; 0 where it is not known, and where nothing runs.
+    /// Its rise uphill along the two level axes, of what is about a node; 0 where it is not known,
+    /// and where nothing runs.
     uphill: Vec<[f32; 2]>,
     /// The mean of that under the streams.
     usual: f64,
@@ -71,7 +72,8 @@ impl Rills {
         })
     }
 
-    /// Adds the slopes of the waves at a place, m along the level axes, of a piece `width` m wide, at a time, s.
+    /// Adds the slopes of the waves at a place, m along the level axes, of a piece `width` m wide,
+    /// at a time, s.
     #[inline]
     pub(super) fn add(
         &self,
@@ -119,7 +121,8 @@ impl Rills {
     }
 }
 
-/// The rise of the ground about nodes near streams, over [`ABOUT`] nodes to each side: from one node to the next it has the ground's noise.
+/// The rise of the ground about nodes near streams, over [`ABOUT`] nodes to each side: from one
+/// node to the next it has the ground's noise.
 fn uphill(strength: &[f32], ground: &[f32], step: f32, columns: usize) -> Vec<[f32; 2]> {
     let mut uphill = vec![[0.0; 2]; ground.len()];
     let beside = [0, 1, columns - 1, columns, columns + 1];
@@ -168,7 +171,8 @@ mod tests {
         Rills::new(vec![1.0; 1600], ground, 0.1, 40).unwrap()
     }
 
-    /// On an even slope along x, waves have slopes along x alone, and what is seen comes back downhill.
+    /// On an even slope along x, waves have slopes along x alone, and what is seen comes back
+    /// downhill.
     #[test]
     fn waves_run_downhill() {
         let rills = tilted();

@@ -1,9 +1,11 @@
 //! Rings of rain drops on water.
 //!
-//! A drop makes a packet of waves of some 31 mm, which runs outwards at 0.25 m/s and decays. The rings of drops above 2
-//! mm are drawn one by one; those of smaller ones have run into each other and are a random field of the same waves. Slopes follow from
-//! the energy of drops, by the sizes and the speeds of the rain that falls, and the viscous decay of waves: rms 0.066 at 5 mm/h, 0.10 at
-//! 10 mm/h and 0.26 at 50 mm/h on deep water, less where water is shallow. Drops above 2 mm bring 45, 57 and 79 % of that.
+//! A drop makes a packet of waves of some 31 mm, which runs outwards at 0.25 m/s and decays. The
+//! rings of drops above 2 mm are drawn one by one; those of smaller ones have run into each other
+//! and are a random field of the same waves. Slopes follow from the energy of drops, by the sizes
+//! and the speeds of the rain that falls, and the viscous decay of waves: rms 0.066 at 5 mm/h, 0.10
+//! at 10 mm/h and 0.26 at 50 mm/h on deep water, less where water is shallow. Drops above 2 mm
+//! bring 45, 57 and 79 % of that.
 
 use super::fft::{Complex, SIDE};
 use super::tile::SlopeTile;
@@ -27,7 +29,8 @@ const DROPS: u64 = 0x5249_4e47;
 const BAND: f64 = 0.18;
 /// Least diameter of drops whose rings are drawn, mm.
 const LARGE: f64 = 2.0;
-/// Share of the energy of drops that waves get, the viscosity of water, m^2/s, and its density, kg/m^3.
+/// Share of the energy of drops that waves get, the viscosity of water, m^2/s, and its density,
+/// kg/m^3.
 const SHARE: f64 = 0.01;
 const VISCOSITY: f64 = 1e-6;
 const DENSITY: f64 = 1000.0;
@@ -44,7 +47,8 @@ const WIDTH: f64 = 0.016;
 const REACH: f64 = 2.6;
 /// Radius within which a ring does not grow higher inwards, m.
 const CORE: f64 = 0.012;
-/// Squared slopes of the band of old rings, summed over its waves: a constant that takes milliseconds.
+/// Squared slopes of the band of old rings, summed over its waves: a constant that takes
+/// milliseconds.
 static BAND_POWER: OnceLock<f64> = OnceLock::new();
 /// Most drops above 2 mm that are drawn, a m^2 and second.
 const MOST: f64 = 1200.0;
@@ -94,8 +98,8 @@ impl DropSums {
     }
 }
 
-/// Root mean square slope, both axes together, on water `depth` metres deep under rain of `rate` mm/h: on deep water that at which waves
-/// lose by viscosity what drops bring.
+/// Root mean square slope, both axes together, on water `depth` metres deep under rain of `rate`
+/// mm/h: on deep water that at which waves lose by viscosity what drops bring.
 #[must_use]
 pub fn slope_rms(rate: f64, depth: f64) -> f64 {
     // (depth, share), between by its logarithm.
@@ -146,8 +150,9 @@ pub(crate) fn drawn_drops(rate: f64) -> f64 {
     large_drops(rate).min(MOST)
 }
 
-/// The drops above 2 mm that fall on the tile at the times `from` to `to`, s: a fixed sequence of which the rain takes its share, so
-/// that a drop stays while the rate changes. The tile repeats on the whole plane.
+/// The drops above 2 mm that fall on the tile at the times `from` to `to`, s: a fixed sequence of
+/// which the rain takes its share, so that a drop stays while the rate changes. The tile repeats on
+/// the whole plane.
 pub(crate) fn large_drops_between(
     rate: f64,
     [from, to]: [f64; 2],
@@ -171,16 +176,19 @@ fn rings(rate: f64, time: f64, seed: u64) -> Vec<Ring> {
         .collect()
 }
 
-/// Slopes of the water under rain of `rate` mm/h at a time, s, with this root mean square over both axes.
+/// Slopes of the water under rain of `rate` mm/h at a time, s, with this root mean square over both
+/// axes.
 #[must_use]
 pub fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
     let variance = rms * rms;
     let drops = DropSums::of(rate);
     let flux = drops.large.min(MOST);
-    // Each large drop brings its energy to a ring; what the others bring, and large ones that are too many, is in the field.
+    // Each large drop brings its energy to a ring; what the others bring, and large ones that are
+    // too many, is in the field.
     let ringed = if flux > 0.0 { drops.large_power / drops.power * flux / drops.large } else { 0.0 };
     let cell = TAU / SIZE;
-    // Heights of a band of waves whose slopes have the variance that is left; numbers on the ring of wave vectors.
+    // Heights of a band of waves whose slopes have the variance that is left; numbers on the ring
+    // of wave vectors.
     let band = |k: [f64; 2]| (-0.5 * ((k[0].hypot(k[1]) / WAVE_NUMBER - 1.0) / BAND).powi(2)).exp();
     let sum = *BAND_POWER.get_or_init(|| {
         let half = SIDE as i64 / 2;
@@ -209,7 +217,8 @@ pub fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
     SlopeTile::new(SIZE, values.into_par_iter())
 }
 
-/// Factor on a ring's slopes by its age, s: it appears while its waves leave the point that was hit, decays, and goes softly.
+/// Factor on a ring's slopes by its age, s: it appears while its waves leave the point that was
+/// hit, decays, and goes softly.
 fn fading(age: f64) -> f64 {
     (-age / DECAY).exp() * (1.0 - age / LIFE).min(age / 0.05).clamp(0.0, 1.0)
 }

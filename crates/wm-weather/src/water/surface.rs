@@ -11,18 +11,21 @@ const FARTHEST: f64 = 1e6;
 const ABOVE: f64 = 0.05;
 /// Height by which a ray misses the water at the last of its steps, m, from which on it met none.
 const MISSED: f64 = 0.05;
-/// Steps by which a ray finds the level of the place that it hits, and its error at which it has found it, m.
+/// Steps by which a ray finds the level of the place that it hits, and its error at which it has
+/// found it, m.
 const STEPS: usize = 12;
 const EXACT: f64 = 1e-4;
 /// Pixels from node to node along which rays are followed.
 pub(super) const NODES: usize = 4;
-/// Steps of the water's grid between nodes of the picture, and differences of cover and of roughness, up to which both are
-/// interpolated between nodes too.
+/// Steps of the water's grid between nodes of the picture, and differences of cover and of
+/// roughness, up to which both are interpolated between nodes too.
 const NEAR: f32 = 1.0;
 const EVEN: [f32; 2] = [0.02, 0.01];
-/// Difference of the levels of nodes from which there is a step between them, m, and how much more that is a metre of their distance.
+/// Difference of the levels of nodes from which there is a step between them, m, and how much more
+/// that is a metre of their distance.
 const PLANE: [f32; 2] = [0.02, 0.08];
-/// Weight of a film in the level of the mirror, of which it shows nothing sharply, over that of still water.
+/// Weight of a film in the level of the mirror, of which it shows nothing sharply, over that of
+/// still water.
 const BLURRED: f32 = 0.02;
 /// Slopes that do not move, rms along one axis, above which nothing in the mirror has an edge.
 const BLURS: f32 = 0.1;
@@ -59,7 +62,8 @@ impl WaterSurface {
         self.stillest > FILM
     }
 
-    /// The water of a map in a camera's picture; `None` if the picture shows none, or the eye is not above it.
+    /// The water of a map in a camera's picture; `None` if the picture shows none, or the eye is
+    /// not above it.
     #[must_use]
     pub fn of(map: &WaterMap, camera: &Camera) -> Option<Self> {
         let metres = map.metres_per_unit;
@@ -95,7 +99,8 @@ impl WaterSurface {
         Some(found)
     }
 
-    /// A level surface, `below` metres below the eye. The camera's near plane does not cut water: it may lie closer.
+    /// A level surface, `below` metres below the eye. The camera's near plane does not cut water:
+    /// it may lie closer.
     fn of_plane(
         below: f64,
         ray: impl Fn(usize, usize) -> [f64; 3] + Sync,
@@ -116,8 +121,8 @@ impl WaterSurface {
         Self { depth, ..Self::default() }
     }
 
-    /// The water on ground that is not level. Rays are followed at nodes every few pixels; between four that meet the ground its
-    /// reciprocal depth is interpolated, which is exact on planes.
+    /// The water on ground that is not level. Rays are followed at nodes every few pixels; between
+    /// four that meet the ground its reciprocal depth is interpolated, which is exact on planes.
     fn of_ground(
         map: &WaterMap,
         (eye, typical): ([f64; 3], f64),
@@ -240,7 +245,8 @@ fn weighted_median(mut all: Vec<(f32, f32)>) -> Option<f32> {
     middle.map(|(level, _)| *level)
 }
 
-/// Numbers at the pixels of a row between four nodes, which is so much of their distance below the upper ones.
+/// Numbers at the pixels of a row between four nodes, which is so much of their distance below the
+/// upper ones.
 #[inline(always)]
 fn between([a, b, c, d]: [f32; 4], down: f32) -> [f32; NODES] {
     let (left, right) = (a + down * (c - a), b + down * (d - b));
@@ -286,8 +292,9 @@ fn spread([a, b, c, d]: [f32; 4]) -> f32 {
     a.max(b).max(c.max(d)) - a.min(b).min(c.min(d))
 }
 
-/// The point at which a ray meets the ground: its view z, scene units, and the water there, which may hide nothing. `ray` is a
-/// view z of 1, in metres along level axes from an eye of height `eye`; the search begins at the height `start`.
+/// The point at which a ray meets the ground: its view z, scene units, and the water there, which
+/// may hide nothing. `ray` is a view z of 1, in metres along level axes from an eye of height
+/// `eye`; the search begins at the height `start`.
 fn hit(view: &WaterView<'_>, eye: f64, ray: [f64; 3], start: f64) -> Option<(f32, WaterSample)> {
     if ray[2] >= 0.0 {
         return None;
@@ -296,7 +303,8 @@ fn hit(view: &WaterView<'_>, eye: f64, ray: [f64; 3], start: f64) -> Option<(f32
     let fall = -1.0 / ray[2];
     let mut level = start;
     let mut found = None;
-    // The ray is over the water at one of two heights, and under it at the other, each with how far.
+    // The ray is over the water at one of two heights, and under it at the other, each with how
+    // far.
     let (mut over, mut under) = (None, None);
     for step in 0..STEPS {
         let z = ((eye - level) * fall) as f32;
@@ -308,8 +316,8 @@ fn hit(view: &WaterView<'_>, eye: f64, ray: [f64; 3], start: f64) -> Option<(f32
         }
         *(if gap < 0.0 { &mut over } else { &mut under }) = Some((level, gap));
         level = match (over, under) {
-            // Where the ground is steeper than the ray, going to its height leads away from where they meet: between is by turns the middle,
-            // and where the line through both meets it.
+            // Where the ground is steeper than the ray, going to its height leads away from where
+            // they meet: between is by turns the middle, and where the line through both meets it.
             (Some((high, above)), Some((low, below))) if step % 2 == 0 => {
                 low + (high - low) * below / (below - above)
             }

@@ -69,7 +69,8 @@ fn wind_waves_grow_by_fetch() {
     assert!((w / std::f64::consts::TAU - 8.0).abs() < 0.1 && (w / WAVE_NUMBER - RING_SPEED).abs() < 0.005);
 }
 
-/// The two mean slopes of a piece of a surface, `width` metres wide about a point, and their variance within.
+/// The two mean slopes of a piece of a surface, `width` metres wide about a point, and their
+/// variance within.
 fn slope(motion: &WaterMotion, x: f64, y: f64, width: f32) -> [f32; 3] {
     #[inline(always)]
     fn first<S: Lanes>(simd: S, motion: &WaterMotion, phases: &[[f32; 2]], width: f32) -> [f32; 3] {
@@ -242,7 +243,8 @@ fn wet_ground_is_met_on_its_slope() {
     let map = WaterMap::of_grid(Some(Arc::new(grid)), &SITE);
     let dry = WaterMap::of_grid(Some(Arc::new(dry)), &SITE);
     for i in 0..width - 1 {
-        // Deeper than some millimetres water hides the ground, and is smooth; a film is rough, and lawn does not shine.
+        // Deeper than some millimetres water hides the ground, and is smooth; a film is rough, and
+        // lawn does not shine.
         let is_deep = stands(i) && LEVEL - state.ground[i] > 0.005;
         let bare = !stands(i) || state.ground[i] >= LEVEL;
         let [own, dry] = [&map, &dry].map(|map| map.at(along(i) + 1e-6, -3.95 + 1e-6).unwrap());
@@ -279,7 +281,8 @@ fn wet_ground_is_met_on_its_slope() {
     assert!(met > 3000, "{met}");
 }
 
-/// A point of the world is where its mirror image is, seen by the eye, with its columns counted from the right.
+/// A point of the world is where its mirror image is, seen by the eye, with its columns counted
+/// from the right.
 #[test]
 fn the_mirrored_eye_sees_mirror_images() {
     let map = WaterMap::flood(0.3, &SITE);

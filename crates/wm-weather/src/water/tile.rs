@@ -8,13 +8,14 @@ use wm_render::simd::Lanes;
 /// Halvings of a tile down to one node.
 const LEVELS: usize = SIDE.trailing_zeros() as usize + 1;
 
-/// Slopes of one instant, each level half as fine as the one before: slopes along the two axes and the sum of their
-/// squares.
+/// Slopes of one instant, each level half as fine as the one before: slopes along the two axes and
+/// the sum of their squares.
 #[derive(Clone, Debug)]
 pub struct SlopeTile {
     /// Side of the tile, m.
     size: f32,
-    /// All levels, finest first. Each row ends with its first node once more, and each level with its first row.
+    /// All levels, finest first. Each row ends with its first node once more, and each level with
+    /// its first row.
     nodes: Vec<[f32; 4]>,
 }
 
@@ -29,8 +30,8 @@ const FIRST: [usize; LEVELS] = {
     first
 };
 
-/// The factor on the slopes of nodes that gives the slopes mixed of them the variance of the nodes, from how alike nodes beside each
-/// other are. At most that of waves of three nodes.
+/// The factor on the slopes of nodes that gives the slopes mixed of them the variance of the nodes,
+/// from how alike nodes beside each other are. At most that of waves of three nodes.
 fn mixing_gain(nodes: &[[f32; 4]]) -> f32 {
     const MOST: f64 = 1.5;
     let product = |right: usize, down: usize| -> f64 {
@@ -81,9 +82,10 @@ impl SlopeTile {
         (along / f64::from(self.size)).rem_euclid(1.0) as f32
     }
 
-    /// The slopes of pieces of the surface about points: metres from a point whose [`Self::phase`] along both axes is `phase`, with the
-    /// logarithms to base 2 of their widths, m. Lanes without a bit in `wanted` have none. Returns the two mean slopes, and their
-    /// variance within the piece along one axis.
+    /// The slopes of pieces of the surface about points: metres from a point whose [`Self::phase`]
+    /// along both axes is `phase`, with the logarithms to base 2 of their widths, m. Lanes without
+    /// a bit in `wanted` have none. Returns the two mean slopes, and their variance within the
+    /// piece along one axis.
     #[inline(always)]
     pub fn at<S: Lanes>(
         &self,

@@ -1,9 +1,11 @@
 //! Waves that the wind makes on water of a limited fetch.
 //!
-//! JONSWAP's growth (Hasselmann and others 1973): `Hs = 0.0016 sqrt(g F / U^2) U^2 / g`, `Tp = 0.286 (g F / U^2)^(1/3) U /
-//! g`, for a wind `U` over a fetch `F`; the shape `S(w) ~ w^-5 exp(-1.25 (w / wp)^-4) 3.3^r`, and `2/pi cos^2` about the
-//! wind's heading. Over short fetches that is steeper than water is: slopes are at most those that Cox and Munk saw on open
-//! water. Waves go by the dispersion law of deep water with surface tension, `w^2 = g k + (tension / density) k^3`.
+//! JONSWAP's growth (Hasselmann and others 1973): `Hs = 0.0016 sqrt(g F / U^2) U^2 / g`,
+//! `Tp = 0.286 (g F / U^2)^(1/3) U / g`, for a wind `U` over a fetch `F`; the shape
+//! `S(w) ~ w^-5 exp(-1.25 (w / wp)^-4) 3.3^r`, and `2/pi cos^2` about the wind's heading. Over
+//! short fetches that is steeper than water is: slopes are at most those that Cox and Munk saw on
+//! open water. Waves go by the dispersion law of deep water with surface tension,
+//! `w^2 = g k + (tension / density) k^3`.
 
 use super::fft::{Complex, SIDE, transform};
 use super::tile::SlopeTile;
@@ -16,10 +18,12 @@ use wm_scene::random::uniform;
 pub(super) const GRAVITY: f64 = 9.81;
 /// Surface tension of water over its density, m^3/s^2.
 pub(super) const TENSION: f64 = 7.28e-5;
-/// Variance of slopes of open water, both axes together, and its growth with the wind, s/m (Cox and Munk 1954).
+/// Variance of slopes of open water, both axes together, and its growth with the wind, s/m (Cox and
+/// Munk 1954).
 const CALM: f64 = 0.003;
 const BY_WIND: f64 = 0.00512;
-/// Winds between which waves begin on still water, m/s: friction velocities of 0.03 and 0.1 m/s (Kahma and Donelan 1988).
+/// Winds between which waves begin on still water, m/s: friction velocities of 0.03 and 0.1 m/s
+/// (Kahma and Donelan 1988).
 const BEGINS: [f64; 2] = [1.0, 3.0];
 /// Shortest wave that the wind's spectrum has, rad/m: viscosity stills what is shorter.
 const SHORTEST: f64 = 400.0;
@@ -60,8 +64,9 @@ pub struct WindWaves {
 }
 
 impl WindWaves {
-    /// The waves of a mean wind, m/s along the two level axes, over so many metres of water; `None` for a wind that makes none.
-    /// `strongest` is the strongest wind of the shot, m/s, so that one tile serves all of it.
+    /// The waves of a mean wind, m/s along the two level axes, over so many metres of water; `None`
+    /// for a wind that makes none. `strongest` is the strongest wind of the shot, m/s, so that one
+    /// tile serves all of it.
     #[must_use]
     pub fn new(wind: [f64; 2], fetch: f64, strongest: f64) -> Option<Self> {
         let speed = wind[0].hypot(wind[1]);
@@ -128,7 +133,8 @@ impl WindWaves {
         0.5 * self.over_waves(0.0, |k, power| k * k * power)
     }
 
-    /// Mean square of the slopes of open water under a wind of `speed` m/s, both axes together (Cox and Munk 1954).
+    /// Mean square of the slopes of open water under a wind of `speed` m/s, both axes together (Cox
+    /// and Munk 1954).
     #[must_use]
     pub fn open_slopes(speed: f64) -> f64 {
         CALM + BY_WIND * speed
@@ -184,7 +190,8 @@ type FieldKey = [u64; 5];
 const MOST_KEPT: usize = 4;
 
 impl WaveField {
-    /// Waves on a tile of `size` metres. `amplitude` is the root of half the variance of heights that a wave vector (rad/m) brings, m.
+    /// Waves on a tile of `size` metres. `amplitude` is the root of half the variance of heights
+    /// that a wave vector (rad/m) brings, m.
     pub fn new(size: f64, seed: u64, amplitude: impl Fn([f64; 2]) -> f64 + Sync) -> Self {
         let (cell, half) = (TAU / size, SIDE as i64 / 2);
         let wave = |i: i64, j: i64| -> [f64; 2] {

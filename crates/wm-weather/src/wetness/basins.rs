@@ -1,7 +1,8 @@
 //! Depressions of the ground, how they fill and run over.
 //!
-//! A priority flood (Barnes, Lehman and Mulla 2014) raises water over the ground from where it can leave: every cell that it lifts lies in a
-//! depression, whose water runs over at one place, into the next depression or away. How much water comes to each is a matter of the ground that drains
+//! A priority flood (Barnes, Lehman and Mulla 2014) raises water over the ground from where it can
+//! leave: every cell that it lifts lies in a depression, whose water runs over at one place, into
+//! the next depression or away. How much water comes to each is a matter of the ground that drains
 //! into it, and its level follows from its volume by the heights of its cells.
 
 use std::cmp::Reverse;
@@ -10,7 +11,8 @@ use std::collections::BinaryHeap;
 /// No basin: water leaves.
 pub const NONE: u32 = u32::MAX;
 
-/// The four cells about a cell of a grid of `count` cells in rows of `columns`; `None` beyond its edge.
+/// The four cells about a cell of a grid of `count` cells in rows of `columns`; `None` beyond its
+/// edge.
 pub(super) fn beside(at: usize, columns: usize, count: usize) -> [Option<usize>; 4] {
     let x = at % columns;
     [
@@ -113,7 +115,8 @@ pub struct Basins {
     pub all: Vec<Basin>,
     /// The basin that each cell lies in, or [`NONE`].
     pub of: Vec<u32>,
-    /// The basin that each cell drains into, or [`NONE`] of cells whose water leaves and of those without ground.
+    /// The basin that each cell drains into, or [`NONE`] of cells whose water leaves and of those
+    /// without ground.
     pub drain: Vec<u32>,
 }
 
@@ -157,9 +160,10 @@ impl Basins {
             && (0..self.all.len()).all(is_sound)
     }
 
-    /// Finds the basins of a ground of `[rows, columns]` heights, m; not a number where there is none, of which `beyond` says what happens to water.
-    /// `relief` is what is added to it for the edges of water, m, and `cell` the width of a cell, m. `counts` says of a basin, by its
-    /// cells and its depth, whether water stands in it.
+    /// Finds the basins of a ground of `[rows, columns]` heights, m; not a number where there is
+    /// none, of which `beyond` says what happens to water. `relief` is what is added to it for the
+    /// edges of water, m, and `cell` the width of a cell, m. `counts` says of a basin, by its cells
+    /// and its depth, whether water stands in it.
     #[must_use]
     pub fn find(
         ground: &[f32],
@@ -238,8 +242,8 @@ impl Basins {
         Self { all, of, drain }
     }
 
-    /// Lets water come to the basins, m^3 each, and dry by a depth, m. `volumes` are theirs. What is too much runs over into the next
-    /// one. Returns what left, and what dried, m^3.
+    /// Lets water come to the basins, m^3 each, and dry by a depth, m. `volumes` are theirs. What
+    /// is too much runs over into the next one. Returns what left, and what dried, m^3.
     pub fn pass(&self, volumes: &mut [f64], came: &[f64], dries: f64) -> [f64; 2] {
         let (mut left, mut dried) = (0.0, 0.0);
         volumes.iter_mut().zip(came).for_each(|(volume, came)| *volume += came);

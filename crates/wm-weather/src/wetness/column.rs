@@ -1,13 +1,16 @@
 //! Water on a piece of ground over time.
 //!
-//! Rain fills pores, then the texture of the surface; what is more runs off. In an even rain of `I` mm/h on a slope `S` a length
-//! `L` m below its upper edge, water stands `d = 0.01485 MTD^0.11 L^0.43 I^0.59 S^-0.42 - MTD` mm above a texture of mean depth
-//! `MTD` mm (Gallaway 1971; below 0 it stands in the texture). So the store `s = d + MTD` runs off at the rate at which it would
-//! be even: `q = (s / k)^(1 / 0.59)` with `k` the factors of the formula. A part of the texture keeps its water, which only dries:
-//! with the pores 0.6 mm on level paving, of the 0.3 to 0.7 mm that tables of urban drainage state as its wetting loss. So paving
-//! shines after rain until it has dried. What dries is taken from the store first and from pores last.
+//! Rain fills pores, then the texture of the surface; what is more runs off. In an even rain of `I`
+//! mm/h on a slope `S` a length `L` m below its upper edge, water stands
+//! `d = 0.01485 MTD^0.11 L^0.43 I^0.59 S^-0.42 - MTD` mm above a texture of mean depth `MTD` mm
+//! (Gallaway 1971; below 0 it stands in the texture). So the store `s = d + MTD` runs off at the
+//! rate at which it would be even: `q = (s / k)^(1 / 0.59)` with `k` the factors of the formula. A
+//! part of the texture keeps its water, which only dries: with the pores 0.6 mm on level paving, of
+//! the 0.3 to 0.7 mm that tables of urban drainage state as its wetting loss. So paving shines
+//! after rain until it has dried. What dries is taken from the store first and from pores last.
 //!
-//! An instant is a sum of steps that begin at the same times whatever was asked for before, so any instant can be had alone.
+//! An instant is a sum of steps that begin at the same times whatever was asked for before, so any
+//! instant can be had alone.
 
 use crate::cover::MeltSample;
 
@@ -22,7 +25,8 @@ pub const PORES: f64 = 0.3;
 /// Rounds in which the store of a step is found, and the error at which they end, mm.
 const ROUNDS: usize = 12;
 const EXACT: f64 = 1e-10;
-/// Shares of the rain for which water is followed: the steps of the greatest, which driving rain on walls can have.
+/// Shares of the rain for which water is followed: the steps of the greatest, which driving rain on
+/// walls can have.
 pub(super) const SHARES: usize = 16;
 pub(super) const MOST_SHARE: f64 = 1.25;
 
@@ -98,8 +102,8 @@ impl RunOffLaw {
     }
 }
 
-/// The depth of water above a texture of mean depth `texture`, mm, in an even rain, mm/h; below 0 it stands in the texture. `length` m
-/// below the upper edge of a `slope`. Gallaway (1971).
+/// The depth of water above a texture of mean depth `texture`, mm, in an even rain, mm/h; below 0
+/// it stands in the texture. `length` m below the upper edge of a `slope`. Gallaway (1971).
 #[must_use]
 pub fn film_depth(texture: f64, length: f64, rain: f64, slope: f64) -> f64 {
     store_factor(texture, length, slope) * rain.powf(RAIN) - texture
@@ -154,7 +158,8 @@ impl Default for SnowStep {
 }
 
 impl SnowStep {
-    /// The snow between two instants. Where a share of the rain falls the same share of the snow does.
+    /// The snow between two instants. Where a share of the rain falls the same share of the snow
+    /// does.
     #[must_use]
     pub fn between(from: &MeltSample, to: &MeltSample) -> Self {
         let shares: [f64; SHARES] = std::array::from_fn(|k| share_of(k as f64));
@@ -189,7 +194,8 @@ pub struct WetColumn {
 }
 
 impl WetColumn {
-    /// Lets some hours pass, with `water` mm coming to the ground, of which `dries` mm can dry. Returns what ran off, mm.
+    /// Lets some hours pass, with `water` mm coming to the ground, of which `dries` mm can dry.
+    /// Returns what ran off, mm.
     fn pass(&mut self, law: RunOffLaw, hours: f64, [water, dries]: [f64; 2]) -> f64 {
         let can_dry = dries;
         let soaks = (PORES - self.pores) * (1.0 - (-water / PORES).exp());
@@ -331,7 +337,8 @@ mod tests {
         assert!(early.pores > 0.4 && early.film < 0.1 && early.depth == 0.0, "{early:?}");
         let mut columns = WetColumns::dry(0.8).after(&rain(50.0, 0.5, 0.0));
         assert!(columns.wet(Drainage::Level, 1.0).depth > 0.4);
-        // The film above the texture runs off within minutes; a third of the texture keeps its water until it has dried.
+        // The film above the texture runs off within minutes; a third of the texture keeps its
+        // water until it has dried.
         columns = columns.after(&rain(0.0, 0.5, 0.0));
         let after = columns.wet(Drainage::Level, 1.0);
         assert!((after.film - 0.35).abs() < 1e-6 && after.pores > 0.99, "{after:?}");

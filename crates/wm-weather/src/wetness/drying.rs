@@ -9,8 +9,9 @@ fn saturated(temperature: f64) -> f64 {
     6.112 * (17.62 * temperature / (243.12 + temperature)).exp()
 }
 
-/// Evaporation from wet ground, mm/h, 0 and more, by Penman (1948) with his function of the wind, `0.26 (1 + 0.54 u)` mm a day and hPa.
-/// Takes the temperature of the air, degrees Celsius, its relative humidity, 0-1, the wind, m/s, and the net radiation, W/m^2.
+/// Evaporation from wet ground, mm/h, 0 and more, by Penman (1948) with his function of the wind,
+/// `0.26 (1 + 0.54 u)` mm a day and hPa. Takes the temperature of the air, degrees Celsius, its
+/// relative humidity, 0-1, the wind, m/s, and the net radiation, W/m^2.
 #[must_use]
 pub fn penman(temperature: f64, humidity: f64, wind: f64, radiation: f64) -> f64 {
     let pressure = saturated(temperature);
@@ -24,7 +25,8 @@ pub fn penman(temperature: f64, humidity: f64, wind: f64, radiation: f64) -> f64
 mod tests {
     use super::*;
 
-    /// Published rates of wet pavements: 0.46 mm/h on a bright overcast day in spring, 0.9 on a dry summer noon, none on a humid night.
+    /// Published rates of wet pavements: 0.46 mm/h on a bright overcast day in spring, 0.9 on a dry
+    /// summer noon, none on a humid night.
     #[test]
     fn pavements_dry_at_the_published_rates() {
         let spring = penman(13.0, 0.55, 4.0, 370.0);

@@ -1,8 +1,9 @@
 //! Eaves of roofs: where water that runs off of them falls to the ground.
 //!
-//! A roof is what stands over the ground beside it and is even, as leaves are not. Its water runs as that of the ground does
-//! ([`run_off`](super::run_off)), to the cells from which it falls onto open ground. Most eaves have gutters, which no capture shows; so the share of
-//! the water that falls is asked for.
+//! A roof is what stands over the ground beside it and is even, as leaves are not. Its water runs
+//! as that of the ground does ([`run_off`](super::run_off)), to the cells from which it falls onto
+//! open ground. Most eaves have gutters, which no capture shows; so the share of the water that
+//! falls is asked for.
 
 use super::ground_map::neighbours;
 use super::run_off::gathered;
@@ -15,7 +16,8 @@ const HIGH: f32 = 1.8;
 const OPEN: f32 = 0.4;
 /// Distance to the ground whose height a roof is compared with, m.
 const FAR: f32 = 12.0;
-/// Cells to each side over which a roof must be even, the least share of them, and how uneven it may be, rms, m.
+/// Cells to each side over which a roof must be even, the least share of them, and how uneven it
+/// may be, rms, m.
 const ABOUT: i64 = 3;
 const LEAST: f64 = 0.4;
 const UNEVEN: f64 = 0.06;
@@ -38,8 +40,9 @@ pub struct Eave {
     pub area: f32,
 }
 
-/// Finds the eaves over a `ground` of smoothed heights, m, by the heights of what stands highest on it, `top`, m, both on cells `cell` m wide in rows of
-/// `columns`; not a number where there is none.
+/// Finds the eaves over a `ground` of smoothed heights, m, by the heights of what stands highest on
+/// it, `top`, m, both on cells `cell` m wide in rows of `columns`; not a number where there is
+/// none.
 #[must_use]
 pub fn eaves(top: &[f32], ground: &[f32], columns: usize, cell: f32) -> Vec<Eave> {
     let about = ground_about(top, ground, columns, (FAR / cell) as u32);
@@ -86,7 +89,8 @@ fn beyond(at: usize, [dx, dy]: [i64; 2], steps: usize, columns: usize, count: us
     is_in.then(|| y as usize * columns + x as usize)
 }
 
-/// The height of the open ground that is nearest to each cell; not a number where it is farther than so many cells.
+/// The height of the open ground that is nearest to each cell; not a number where it is farther
+/// than so many cells.
 fn ground_about(top: &[f32], ground: &[f32], columns: usize, far: u32) -> Vec<f32> {
     let mut about = vec![f32::NAN; ground.len()];
     let mut next = VecDeque::new();
@@ -153,7 +157,8 @@ mod tests {
     const COLUMNS: usize = 100;
     const CELL: f32 = 0.1;
 
-    /// A yard with a lean-to roof of 4 m by 6 m, whose lower edge is 3 m over the ground, at column 60, and a crown of leaves.
+    /// A yard with a lean-to roof of 4 m by 6 m, whose lower edge is 3 m over the ground, at column
+    /// 60, and a crown of leaves.
     fn yard(bumps: f32) -> (Vec<f32>, Vec<f32>) {
         let count = COLUMNS * COLUMNS;
         let ground = vec![0.0; count];

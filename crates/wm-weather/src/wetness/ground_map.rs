@@ -1,8 +1,8 @@
 //! The ground that water stands on: a level grid of smoothed heights, and its depressions.
 //!
-//! The geometry of a capture has noise of 1 to 3 cm, more than puddles are deep. So the ground is smoothed over half a metre,
-//! only depressions that survive count, and none of them where the ground slopes. Their edges come from
-//! `relief.rs`.
+//! The geometry of a capture has noise of 1 to 3 cm, more than puddles are deep. So the ground is
+//! smoothed over half a metre, only depressions that survive count, and none of them where the
+//! ground slopes. Their edges come from `relief.rs`.
 
 use super::basins::{self, Basins, Beyond, NONE};
 use super::eaves::{Eave, eaves};
@@ -22,21 +22,25 @@ const REACH: f64 = 32.0;
 /// Step from a cell to the next at which the ground ends, as a slope, and at least, m.
 const STEP: f32 = 0.5;
 const LEAST_STEP: f32 = 0.05;
-/// Standard deviation of the smoothing, m, and the share of the ground about a cell from which a gap counts as ground.
+/// Standard deviation of the smoothing, m, and the share of the ground about a cell from which a
+/// gap counts as ground.
 const SMOOTH: f32 = 0.25;
 const GAP: f32 = 0.3;
 /// Height of something that stands on the ground, m.
 const STANDS: f32 = 0.12;
-/// Least area of a ground, m^2; the share of its edge beside which it drops off that makes it the top of something, and by how much, m.
+/// Least area of a ground, m^2; the share of its edge beside which it drops off that makes it the
+/// top of something, and by how much, m.
 const LEAST: f64 = 6.0;
 const TOP: f32 = 0.3;
 const DROP: f32 = 0.2;
-/// Least depth and area of a puddle, m and m^2; the depth from which it is a hole of the capture; and the steepest ground that holds one.
+/// Least depth and area of a puddle, m and m^2; the depth from which it is a hole of the capture;
+/// and the steepest ground that holds one.
 const SHALLOWEST: f32 = 0.006;
 const SMALLEST: f64 = 0.12;
 const DEEPEST: f32 = 0.25;
 const STEEPEST: f32 = 0.035;
-/// Distance to the end of what the capture shows over which water fades, m, and to the border of the grid.
+/// Distance to the end of what the capture shows over which water fades, m, and to the border of
+/// the grid.
 const END: f32 = 0.6;
 const BORDER: f32 = 8.0;
 /// Slope of the ground as a whole up to which it is an error of an estimated up.
@@ -45,8 +49,9 @@ const TILT: f64 = 0.06;
 pub(super) const ON_GROUND: f32 = 0.15;
 /// Depth below the ground to which splats are seen through it, m.
 const UNDER: f32 = 3.0;
-/// Blue and red over green of lawns, green or dry, and of soil: all of the ground up to the first, none from the second on. Measured lawns have 0.5
-/// to 0.6 and 0.9 to 1.15, paving of stone 0.85 and more of blue, bricks 1.5 and more of red.
+/// Blue and red over green of lawns, green or dry, and of soil: all of the ground up to the first,
+/// none from the second on. Measured lawns have 0.5 to 0.6 and 0.9 to 1.15, paving of stone 0.85
+/// and more of blue, bricks 1.5 and more of red.
 const MATTE_BLUE: [f32; 2] = [0.63, 0.75];
 const MATTE_RED: [f32; 2] = [1.35, 1.5];
 /// Distance over which that slope is taken, m.
@@ -68,7 +73,8 @@ pub struct GroundMap {
     pub open: Vec<f32>,
     /// Eaves of roofs over it.
     pub eaves: Vec<Eave>,
-    /// Share of what is about each cell that the capture shows, 0-1: 0 where that ends, 1 where it goes on.
+    /// Share of what is about each cell that the capture shows, 0-1: 0 where that ends, 1 where it
+    /// goes on.
     pub seen: Vec<f32>,
     /// Share of each cell that is lawn or soil, 0-1.
     pub matte: Vec<f32>,
@@ -91,8 +97,9 @@ impl GroundMap {
             && self.basins.is_consistent(cells)
     }
 
-    /// Finds the ground of a scene about a `path` (world, scene units), without its open water. Where up is estimated, `is_up_known` is
-    /// false, and ground that slopes a little as a whole is taken for level.
+    /// Finds the ground of a scene about a `path` (world, scene units), without its open water.
+    /// Where up is estimated, `is_up_known` is false, and ground that slopes a little as a whole is
+    /// taken for level.
     #[must_use]
     pub fn of(
         scan: &FusedSurfaces<'_>,
@@ -183,27 +190,30 @@ impl GroundMap {
         self.places.axes()
     }
 
-    /// The point (world, scene units) at a place in columns and rows from the first corner, and a height above the tilt, m.
+    /// The point (world, scene units) at a place in columns and rows from the first corner, and a
+    /// height above the tilt, m.
     #[must_use]
     pub fn point(&self, place: [f64; 2], height: f64) -> [f64; 3] {
         self.places.point(place, height + tilted(self.tilt, place))
     }
 
-    /// Columns and rows of a point (world, scene units) from the first corner, and its height above the tilt, m.
+    /// Columns and rows of a point (world, scene units) from the first corner, and its height above
+    /// the tilt, m.
     #[must_use]
     pub fn locate(&self, point: [f64; 3]) -> ([f64; 2], f64) {
         let (place, height) = self.places.locate(point);
         (place, height - tilted(self.tilt, place))
     }
 
-    /// The share of the ground that is lower than a point (world, scene units), by the unevenness that no photo shows, 0-1.
+    /// The share of the ground that is lower than a point (world, scene units), by the unevenness
+    /// that no photo shows, 0-1.
     pub(super) fn lower_share(&self, point: [f64; 3]) -> f32 {
         let ([x, y], _) = self.locate(point);
         relief::lower_share(relief(x * self.cell(), y * self.cell()))
     }
 
-    /// Finds which cells are lawn or soil, by the mean reflectance of points (world, scene units) that lie on the ground, each with its
-    /// weight.
+    /// Finds which cells are lawn or soil, by the mean reflectance of points (world, scene units)
+    /// that lie on the ground, each with its weight.
     pub(super) fn find_matte(&mut self, points: impl Iterator<Item = ([f32; 3], f32, [f32; 3])>) {
         let [columns, _] = self.size();
         let mut sums = vec![[0.0f32; 3]; self.ground.len()];
@@ -224,15 +234,17 @@ impl GroundMap {
         self.matte = (0..sums.len()).map(of_cell).collect();
     }
 
-    /// Depth of a point (world, scene units) below the ground, m; 0 above it, where there is none, and deeper than [`UNDER`]. What a
-    /// rough capture has below its ground shows through it, and gets the rain that the ground gets.
+    /// Depth of a point (world, scene units) below the ground, m; 0 above it, where there is none,
+    /// and deeper than [`UNDER`]. What a rough capture has below its ground shows through it, and
+    /// gets the rain that the ground gets.
     pub(super) fn depth_below(&self, point: [f32; 3]) -> f32 {
         let (place, height) = self.locate(point.map(f64::from));
         let depth = self.places.cell_at(place).map(|at| self.ground[at] - height as f32);
         depth.filter(|depth| (0.0..UNDER).contains(depth)).unwrap_or(0.0)
     }
 
-    /// The middle of a cell at the height of its ground (world, scene units); `None` where there is none.
+    /// The middle of a cell at the height of its ground (world, scene units); `None` where there is
+    /// none.
     #[must_use]
     pub fn middle(&self, cell: usize) -> Option<[f64; 3]> {
         let [columns, _] = self.size();
@@ -247,7 +259,8 @@ impl GroundMap {
         tilted(self.tilt, [(cell % columns) as f64 + 0.5, (cell / columns) as f64 + 0.5]) as f32
     }
 
-    /// The basin at a place (columns, rows), and the height of the ground there with its relief, m; `None` where there is none.
+    /// The basin at a place (columns, rows), and the height of the ground there with its relief, m;
+    /// `None` where there is none.
     pub(super) fn basin_at(&self, [x, y]: [f64; 2]) -> Option<(u32, f32)> {
         let [columns, rows] = self.size();
         let [i, j] = [x - 0.5, y - 0.5].map(f64::floor);
@@ -272,8 +285,8 @@ impl GroundMap {
     }
 }
 
-/// The share of ground of this colour, linear RGB of any brightness, that counts as lawn or soil: they have little blue, but less red than
-/// bricks.
+/// The share of ground of this colour, linear RGB of any brightness, that counts as lawn or soil:
+/// they have little blue, but less red than bricks.
 fn matte_share([red, green, blue]: [f32; 3]) -> f32 {
     let fall = |value: f32, [full, none]: [f32; 2]| ((none - value) / (none - full)).clamp(0.0, 1.0);
     if green > 0.0 { fall(blue / green, MATTE_BLUE) * fall(red / green, MATTE_RED) } else { 0.0 }
@@ -302,8 +315,8 @@ impl PlaneFit {
         products.iter().zip(&mut self.products).for_each(|(v, sum)| *sum += v);
     }
 
-    /// The slopes along x and y, and the mean point. `None` for fewer than `least` points, and where the determinant of their
-    /// covariance is below `flattest`: they lie on a line.
+    /// The slopes along x and y, and the mean point. `None` for fewer than `least` points, and
+    /// where the determinant of their covariance is below `flattest`: they lie on a line.
     fn plane(&self, least: f64, flattest: f64) -> Option<([f64; 2], [f64; 3])> {
         let mean @ [mx, my, mh] = self.sums.map(|sum| sum / self.count);
         let [xx, xy, yy, xh, yh] = self.products.map(|sum| sum / self.count);
@@ -315,7 +328,8 @@ impl PlaneFit {
     }
 }
 
-/// The slope of the plane that most of the ground lies in, m a cell; 0 where that is too steep for an error of up.
+/// The slope of the plane that most of the ground lies in, m a cell; 0 where that is too steep for
+/// an error of up.
 fn tilt_of(floor: &[f32], columns: usize, cell: f64) -> [f64; 2] {
     let (mut tilt, mut off) = ([0.0; 2], 0.0);
     for trim in [f64::INFINITY, 0.4, 0.2, 0.15, 0.15] {
@@ -338,7 +352,8 @@ pub(super) fn neighbours(at: usize, columns: usize, count: usize) -> impl Iterat
     basins::beside(at, columns, count).into_iter().flatten()
 }
 
-/// Leaves connected level ground alone: what is small, or drops off along its edge, is the top of something.
+/// Leaves connected level ground alone: what is small, or drops off along its edge, is the top of
+/// something.
 fn keep_grounds(floor: &mut [f32], top: &[f32], columns: usize, cell: f32) {
     let step = LEAST_STEP.max(STEP * cell);
     let mut is_seen = vec![false; floor.len()];
@@ -411,7 +426,8 @@ fn smoothed(floor: &[f32], top: &[f32], columns: usize, cell: f32, threads: usiz
     })
 }
 
-/// The share of known cells about each cell, from 0 at a half of them to 1 at all; less towards the border of the grid.
+/// The share of known cells about each cell, from 0 at a half of them to 1 at all; less towards the
+/// border of the grid.
 fn seen_about(top: &[f32], columns: usize, cell: f32) -> Vec<f32> {
     let rows = top.len() / columns;
     let reach = (END / cell).ceil() as usize;

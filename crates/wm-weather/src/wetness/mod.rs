@@ -1,18 +1,20 @@
 //! Wet ground and walls: how much water is where, and how it looks.
 //!
 //! # How much water is where
-//! Rain fills pores, then the texture of surfaces, then it runs off ([`mod@column`]), into the depressions of the ground that
-//! fill and run over ([`basins`]). What dries is taken from films first and from puddles last ([`drying`]). Each surface gets the
-//! share of the rain that reaches it: by what stands above it in the slanted direction of the rain ([`crate::shelter`]), by its
-//! slope, and on walls by the wind ([`surfaces`]). The state at an instant is a sum of steps until then ([`timeline`]), and
-//! depends on nothing else. Snow that melts ([`crate::cover::snowpack`]) is water in the same steps: where a share of the rain
-//! falls the same share of the snow does.
+//! Rain fills pores, then the texture of surfaces, then it runs off ([`mod@column`]), into the
+//! depressions of the ground that fill and run over ([`basins`]). What dries is taken from films
+//! first and from puddles last ([`drying`]). Each surface gets the share of the rain that reaches
+//! it: by what stands above it in the slanted direction of the rain ([`crate::shelter`]), by its
+//! slope, and on walls by the wind ([`surfaces`]). The state at an instant is a sum of steps until
+//! then ([`timeline`]), and depends on nothing else. Snow that melts ([`crate::cover::snowpack`])
+//! is water in the same steps: where a share of the rain falls the same share of the snow does.
 //!
 //! # How it looks
-//! The light of each splat is multiplied by a factor a channel ([`optics`]): in the slot of the light, so that both compose. What
-//! a splat is wetted by is found once a direction of the rain; a frame looks up two numbers a splat. Steep surfaces mirror the
-//! sky's light too ([`SkySheen`]): as a part of the same factor, since what depends on the direction is gone from a wet splat, so
-//! that its light is known.
+//! The light of each splat is multiplied by a factor a channel ([`optics`]): in the slot of the
+//! light, so that both compose. What a splat is wetted by is found once a direction of the rain; a
+//! frame looks up two numbers a splat. Steep surfaces mirror the sky's light too ([`SkySheen`]): as
+//! a part of the same factor, since what depends on the direction is gone from a wet splat, so that
+//! its light is known.
 //!
 //! [`WaterState`] is the same water as a grid, to be drawn as a surface.
 
@@ -43,7 +45,8 @@ pub use surfaces::{WetGains, WetShares, WetSurfaces};
 pub struct WetRequest {
     /// Rain and drying until the instant.
     pub steps: Vec<WetStep>,
-    /// Wetness that is asked for, 0-1, in the place of what the steps give: pores are full at a half, and the texture at 1.
+    /// Wetness that is asked for, 0-1, in the place of what the steps give: pores are full at a
+    /// half, and the texture at 1.
     pub amount: Option<f64>,
     /// Share of the volume of puddles that is filled, 0-1, in the place of what has come to them.
     pub puddles: Option<f64>,
@@ -62,7 +65,8 @@ pub struct WetRequest {
 pub struct SlantedRain {
     /// The direction of fall, world axes, length 1.
     pub fall: [f64; 3],
-    /// The direction of the wind, world axes, times the rain on a wall that faces it over that on level ground.
+    /// The direction of the wind, world axes, times the rain on a wall that faces it over that on
+    /// level ground.
     pub driving: [f64; 3],
 }
 
@@ -78,7 +82,8 @@ impl WetRequest {
     }
 }
 
-/// Rain on a wall that faces the wind, m/s, over that on level ground, in a rain of `rate` mm/h: `2/9 v R^(8/9)` mm/h (ISO 15927-3).
+/// Rain on a wall that faces the wind, m/s, over that on level ground, in a rain of `rate` mm/h:
+/// `2/9 v R^(8/9)` mm/h (ISO 15927-3).
 #[must_use]
 pub fn driving_rain(wind: f64, rate: f64) -> f64 {
     if rate > 0.0 { 2.0 / 9.0 * wind * rate.powf(-1.0 / 9.0) } else { 0.0 }

@@ -1,9 +1,11 @@
 //! The look of wet surfaces: what is left of their light.
 //!
-//! Water in pores lengthens the path of light in the material: reflectance `A` becomes `A / (A + n^2 (1 - A))` (Angstrom 1925). Under a
-//! film, light that the surface throws back at steep angles is reflected down again: `0.934 * 0.525 A / (1 - 0.475 A)`, with the share
-//! 0.934 of daylight that gets into water, the share 0.525 of diffuse light that gets out of it, and 0.475 that does not (the form of
-//! Lekner and Dorf 1988). Both act on each channel, so that colours become more saturated by themselves.
+//! Water in pores lengthens the path of light in the material: reflectance `A` becomes
+//! `A / (A + n^2 (1 - A))` (Angstrom 1925). Under a film, light that the surface throws back at
+//! steep angles is reflected down again: `0.934 * 0.525 A / (1 - 0.475 A)`, with the share 0.934 of
+//! daylight that gets into water, the share 0.525 of diffuse light that gets out of it, and 0.475
+//! that does not (the form of Lekner and Dorf 1988). Both act on each channel, so that colours
+//! become more saturated by themselves.
 
 /// Square of the refractive index of water.
 const N2: f64 = 1.333 * 1.333;
@@ -15,7 +17,8 @@ pub const BACK: f64 = 0.475;
 /// Steps of reflectance.
 pub(super) const STEPS: usize = 256;
 
-/// The factor on the light of a surface of reflectance `albedo`, 0-1, whose pores are full of water.
+/// The factor on the light of a surface of reflectance `albedo`, 0-1, whose pores are full of
+/// water.
 #[must_use]
 pub fn pores_factor(albedo: f64) -> f64 {
     1.0 / (albedo + N2 * (1.0 - albedo))

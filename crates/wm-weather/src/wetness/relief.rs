@@ -1,5 +1,5 @@
-//! Unevenness of the ground that no photo shows: it gives puddles their outlines, and films and damp ground their patches, which are
-//! plausible and not surveyed.
+//! Unevenness of the ground that no photo shows: it gives puddles their outlines, and films and
+//! damp ground their patches, which are plausible and not surveyed.
 
 use std::sync::LazyLock;
 use wm_scene::random::uniform;
@@ -21,7 +21,8 @@ pub fn relief(x: f64, y: f64) -> f64 {
     sum
 }
 
-/// Shares of the ground over which water goes from none to full, of pores, which take it up from their sides, and of films.
+/// Shares of the ground over which water goes from none to full, of pores, which take it up from
+/// their sides, and of films.
 const SOAKED: f32 = 0.8;
 const FILLED: f32 = 0.3;
 
@@ -39,14 +40,15 @@ pub fn lower_share(height: f64) -> f32 {
     HEIGHTS.partition_point(|other| *other < height) as f32 / HEIGHTS.len() as f32
 }
 
-/// Returns the filled shares of pores and of the texture, 0-1, at a place with a share `lower` of the ground below it, where ground
-/// has these in the mean. Hollows fill first and dry last.
+/// Returns the filled shares of pores and of the texture, 0-1, at a place with a share `lower` of
+/// the ground below it, where ground has these in the mean. Hollows fill first and dry last.
 #[must_use]
 pub fn patchy([pores, film]: [f32; 2], lower: f32) -> [f32; 2] {
     [filled_from_below(pores, lower, SOAKED), filled_from_below(film, lower, FILLED)]
 }
 
-/// A ramp that falls from 1 to 0 over `width` of the shares of the ground, with a mean of `mean`, at the share `lower`.
+/// A ramp that falls from 1 to 0 over `width` of the shares of the ground, with a mean of `mean`,
+/// at the share `lower`.
 fn filled_from_below(mean: f32, lower: f32, width: f32) -> f32 {
     // The end of the ramp, which begins below 0 or ends above 1 if little or nearly all is filled.
     let end = if mean < 0.5 * width {

@@ -1,8 +1,9 @@
 //! Water that runs over sloping ground: how much of it comes together where.
 //!
-//! A priority flood over the ground with its relief gives each cell the cell that its water runs to. What runs off of all cells
-//! above it, times the share of the rain that they get, runs over a cell; it is as deep as Manning's formula for a wide sheet
-//! says, `d = (q n / sqrt(S))^0.6` for `q` m^2/s on a slope `S`.
+//! A priority flood over the ground with its relief gives each cell the cell that its water runs
+//! to. What runs off of all cells above it, times the share of the rain that they get, runs over a
+//! cell; it is as deep as Manning's formula for a wide sheet says, `d = (q n / sqrt(S))^0.6` for
+//! `q` m^2/s on a slope `S`.
 
 use super::basins::{Front, NONE, OrderedHeight};
 use super::surfaces::{WetShares, WetSurfaces};
@@ -45,7 +46,8 @@ impl RunOff {
         Self { slope: slope.collect(), area, cell: ground.cell() }
     }
 
-    /// Depth of the running water, mm, if `rate` mm/h run off of ground that gets all of the rain; 0 where none runs together.
+    /// Depth of the running water, mm, if `rate` mm/h run off of ground that gets all of the rain;
+    /// 0 where none runs together.
     #[must_use]
     pub fn depths(&self, rate: f64) -> Vec<f32> {
         if rate <= 0.0 {
@@ -66,8 +68,9 @@ impl RunOff {
 
 /// The area that drains over each cell of a grid of heights, m^2, each cell times its share.
 ///
-/// Water runs to the steepest lower neighbour, and out of hollows the way that the flood came in. The distance to slanted neighbours is drawn by
-/// chance between 1 and 2 cells, so that water keeps its direction in the mean (Fairfield and Leymarie 1991).
+/// Water runs to the steepest lower neighbour, and out of hollows the way that the flood came in.
+/// The distance to slanted neighbours is drawn by chance between 1 and 2 cells, so that water keeps
+/// its direction in the mean (Fairfield and Leymarie 1991).
 pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f64) -> Vec<f32> {
     let mut front: Front = Front::new();
     let mut is_reached: Vec<bool> = heights.iter().map(|height| height.is_nan()).collect();
@@ -79,7 +82,8 @@ pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f6
             front.push(Reverse((OrderedHeight(heights[at]), at as u32)));
         }
     }
-    // Cells in the order in which the flood passes them, and where it came from; nothing runs on from the edge.
+    // Cells in the order in which the flood passes them, and where it came from; nothing runs on
+    // from the edge.
     let mut passed: Vec<u32> = Vec::with_capacity(heights.len());
     let mut rank = vec![u32::MAX; heights.len()];
     let mut to = vec![NONE; heights.len()];
@@ -143,7 +147,8 @@ fn slope_at(ground: &[f32], at: usize, columns: usize, cell: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// A slope with a furrow down its middle: what falls on it runs together there, and leaves at its foot.
+    /// A slope with a furrow down its middle: what falls on it runs together there, and leaves at
+    /// its foot.
     #[test]
     fn water_runs_together_in_a_furrow() {
         let (columns, rows) = (21, 40);

@@ -1,20 +1,23 @@
 //! The sheen of wet walls and roofs: the sky that they mirror.
 //!
-//! A wet surface mirrors as much of the sky's light as Fresnel's equations say, in the mean over the slopes of its water, from
-//! the mirrored direction of the view, as far as nothing stands before the sky there. Level ground is [`crate::water`]'s; this is
-//! the light that steep surfaces add, a splat at a time: rough as they are, they show nothing of what they mirror but its light.
+//! A wet surface mirrors as much of the sky's light as Fresnel's equations say, in the mean over
+//! the slopes of its water, from the mirrored direction of the view, as far as nothing stands
+//! before the sky there. Level ground is [`crate::water`]'s; this is the light that steep surfaces
+//! add, a splat at a time: rough as they are, they show nothing of what they mirror but its light.
 
 use crate::water::fresnel;
 use glam::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Intervals of the sky's light by the sine of the elevation, of reflectance by the cosine of the view, and by how wet it is.
+/// Intervals of the sky's light by the sine of the elevation, of reflectance by the cosine of the
+/// view, and by how wet it is.
 const SINES: usize = 16;
 const COSINES: usize = 32;
 const FILMS: usize = 8;
 /// Directions around of which the sky's light is the mean.
 const AROUND: usize = 8;
-/// Slopes of a damp surface, rms along one axis; of a film they are as much less as it fills the texture, and more.
+/// Slopes of a damp surface, rms along one axis; of a film they are as much less as it fills the
+/// texture, and more.
 const DAMP: f32 = 0.25;
 /// The film, in depths of the texture, at which the table ends.
 const MOST_FILM: f32 = 4.0;
@@ -37,8 +40,8 @@ pub struct SkySheen {
 }
 
 impl SkySheen {
-    /// The sheen for an eye (world, scene units), with up (length 1) and the light of the sky in a direction (world axes, length
-    /// 1), linear RGB.
+    /// The sheen for an eye (world, scene units), with up (length 1) and the light of the sky in a
+    /// direction (world axes, length 1), linear RGB.
     #[must_use]
     pub fn new(eye: [f64; 3], axes: &[[f64; 3]; 3], sky: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
         let sky = std::array::from_fn(|i| {
@@ -61,8 +64,9 @@ impl SkySheen {
         Self { eye: single(eye), up: single(axes[2]), sky, reflectance }
     }
 
-    /// The light that a surface mirrors, linear RGB: at a `point` (scene units) with a `normal` (length 1, either side), with a
-    /// film, in depths of its texture, that sees no sky below `skyline` of [`skyline_of`].
+    /// The light that a surface mirrors, linear RGB: at a `point` (scene units) with a `normal`
+    /// (length 1, either side), with a film, in depths of its texture, that sees no sky below
+    /// `skyline` of [`skyline_of`].
     #[inline]
     pub(super) fn light(&self, point: Vec3, normal: Vec3, film: f32, skyline: u8) -> [f32; 3] {
         let way = (point - self.eye).normalize_or_zero();
@@ -97,8 +101,8 @@ fn slopes_of(film: f32) -> f32 {
     DAMP * (-film).exp()
 }
 
-/// The share of light that a rough surface reflects to a view that meets it at an angle of this cosine: the mean over its slopes
-/// along the view, each as far as it is seen.
+/// The share of light that a rough surface reflects to a view that meets it at an angle of this
+/// cosine: the mean over its slopes along the view, each as far as it is seen.
 fn mean_fresnel(cosine: f32, slopes: f32) -> f32 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
     let (mut sum, mut weights) = (0.0, 0.0);
@@ -112,9 +116,9 @@ fn mean_fresnel(cosine: f32, slopes: f32) -> f32 {
     sum / weights
 }
 
-/// The elevation up to which something stands before the sky that an upright surface looks at, in steps of [`SKYLINES`] to the
-/// zenith, by the share of the sky's light that reaches it, 0-1. Of an even sky behind a level skyline at `e` it gets `1 - (2 e +
-/// sin 2 e) / pi`.
+/// The elevation up to which something stands before the sky that an upright surface looks at, in
+/// steps of [`SKYLINES`] to the zenith, by the share of the sky's light that reaches it, 0-1. Of an
+/// even sky behind a level skyline at `e` it gets `1 - (2 e + sin 2 e) / pi`.
 pub(super) fn skyline_of(open: f64) -> u8 {
     let (mut low, mut high) = (0.0, FRAC_PI_2);
     for _ in 0..12 {
@@ -144,7 +148,8 @@ mod tests {
         assert!(mean_fresnel(1.0, DAMP) < 1.2 * fresnel(1.0));
     }
 
-    /// A wall that faces the first axis, seen from below at 60 degrees from its normal, shows the sky at the elevation of the view.
+    /// A wall that faces the first axis, seen from below at 60 degrees from its normal, shows the
+    /// sky at the elevation of the view.
     #[test]
     fn a_wall_shows_the_sky_that_lies_in_the_mirrored_direction() {
         let (wall, normal) = (Vec3::new(0.0, 0.0, 5.0), Vec3::X);

@@ -163,9 +163,11 @@ pub struct WaterState {
     pub filled: Vec<f32>,
     /// Filled share of the pores, 0-1.
     pub pores: Vec<f32>,
-    /// Depth of water that runs together on slopes, over the texture, mm; it is on its way, and no part of the films.
+    /// Depth of water that runs together on slopes, over the texture, mm; it is on its way, and no
+    /// part of the films.
     pub running: Vec<f32>,
-    /// Height of open water, such as a pool, m; not a number where there is none. It is no part of the budget.
+    /// Height of open water, such as a pool, m; not a number where there is none. It is no part of
+    /// the budget.
     pub open: Vec<f32>,
     /// Share of what is about each node that the capture shows, 0-1: water is drawn as much.
     pub seen: Vec<f32>,
@@ -175,7 +177,8 @@ pub struct WaterState {
     pub budget: WaterBudget,
 }
 
-/// Moves the water of nodes from bumps into hollows; the sums over the place stay. `rough` is `ground` with its relief, m.
+/// Moves the water of nodes from bumps into hollows; the sums over the place stay. `rough` is
+/// `ground` with its relief, m.
 fn move_into_hollows(wet: &mut [Wet], ground: &[f32], rough: &[f32]) {
     let [pores_before, film_before] = sums(wet);
     for (wet, (height, rough)) in wet.iter_mut().zip(ground.iter().zip(rough)) {
@@ -201,7 +204,8 @@ fn sums(wet: &[Wet]) -> [f64; 2] {
     [sum(|wet| wet.pores), sum(|wet| wet.film)]
 }
 
-/// A share of a node, 0-1, changed so that `count` nodes whose shares have the sum `now` get the sum `wanted`.
+/// A share of a node, 0-1, changed so that `count` nodes whose shares have the sum `now` get the
+/// sum `wanted`.
 fn balanced(share: f32, now: f64, wanted: f64, count: f64) -> f32 {
     let share = f64::from(share);
     let made = if now > wanted {
@@ -215,7 +219,8 @@ fn balanced(share: f32, now: f64, wanted: f64, count: f64) -> f32 {
 }
 
 impl WaterState {
-    /// The water of a place. Levels go on for a cell about each puddle, below its ground, so that edges can be found between nodes.
+    /// The water of a place. Levels go on for a cell about each puddle, below its ground, so that
+    /// edges can be found between nodes.
     #[must_use]
     pub fn of(surfaces: &WetSurfaces, shares: &WetShares, run_off: &RunOff, state: &WetState) -> Self {
         let ground = surfaces.ground();

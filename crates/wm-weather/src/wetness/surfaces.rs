@@ -1,4 +1,5 @@
-//! The surfaces that get wet: one a splat, with its reflectance, the rain that reaches it, and the puddle that it may lie under.
+//! The surfaces that get wet: one a splat, with its reflectance, the rain that reaches it, and the
+//! puddle that it may lie under.
 
 use super::SlantedRain;
 use super::basins::NONE;
@@ -29,7 +30,8 @@ const LEVEL: f32 = 0.85;
 /// Share of the rain that leaves get, which turn to all sides, and how porous they are.
 const LEAVES: f32 = 0.6;
 const LEAF_POROSITY: f32 = 0.3;
-/// Height above ground and distance from walls at which shelter is asked for, m: captured surfaces are rough.
+/// Height above ground and distance from walls at which shelter is asked for, m: captured surfaces
+/// are rough.
 const LIFT: f32 = 0.25;
 const OFF_WALL: f32 = 0.4;
 /// Radius about a point over which shelter is averaged, m: on the ground and on walls.
@@ -42,7 +44,8 @@ const WIDE: f64 = 0.3;
 const EDGE: f32 = 0.002;
 /// Least light of a surface over which the sky that it mirrors is a factor.
 const DARKEST: f64 = 2e-3;
-/// Steps of the share of the rain, and the classes: of level, steep and leafy surfaces, and of those that stay dry.
+/// Steps of the share of the rain, and the classes: of level, steep and leafy surfaces, and of
+/// those that stay dry.
 const SHARES: usize = 64;
 const DRY: u8 = 3 * SHARES as u8;
 const CLASSES: usize = DRY as usize + 1;
@@ -68,7 +71,8 @@ struct WetSplat {
     albedo: [u8; 3],
     /// The colour that does not depend on the direction, display-referred.
     color: [u8; 3],
-    /// Elevation up to which something hides the sky, by [`skyline_of`]; [`NO_SKY`] of what is not steep.
+    /// Elevation up to which something hides the sky, by [`skyline_of`]; [`NO_SKY`] of what is not
+    /// steep.
     skyline: u8,
     /// Share of the ground that is lower, in [`LOWER`] steps: hollows get wet first.
     lower: u8,
@@ -102,8 +106,8 @@ impl WetSurfaces {
             && self.ground.is_consistent(splats)
     }
 
-    /// Finds the surfaces of a scene, by its fused surfaces and its captured light, and the ground about a path (world, scene
-    /// units) without its open water.
+    /// Finds the surfaces of a scene, by its fused surfaces and its captured light, and the ground
+    /// about a path (world, scene units) without its open water.
     #[must_use]
     pub fn of(
         splats: &Splats,
@@ -235,7 +239,8 @@ impl WetSurfaces {
     }
 }
 
-/// The few bytes of a splat that every frame reads, in any order. Splats in puddles and steep ones need their [`WetSplat`] too.
+/// The few bytes of a splat that every frame reads, in any order. Splats in puddles and steep ones
+/// need their [`WetSplat`] too.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct WetLook {
     class: u8,
@@ -296,7 +301,8 @@ impl WetShares {
     }
 }
 
-/// The look of the wet splats of a scene at one instant: factors on their light, and fades ([`Attribute::Fade`]).
+/// The look of the wet splats of a scene at one instant: factors on their light, and fades
+/// ([`Attribute::Fade`]).
 #[derive(Clone, Debug)]
 pub struct WetGains<'a> {
     surfaces: &'a WetSurfaces,
@@ -316,7 +322,8 @@ pub struct WetGains<'a> {
 #[derive(Clone, Debug)]
 struct SheenGains {
     sky: SkySheen,
-    /// By the class of steep surfaces: the share that is wet, and the film in depths of the texture.
+    /// By the class of steep surfaces: the share that is wet, and the film in depths of the
+    /// texture.
     wet: [[f32; 2]; SHARES],
     /// One over the light of a display-referred value in 8 bits.
     inverse: Box<[f32; 256]>,
@@ -373,7 +380,8 @@ impl<'a> WetGains<'a> {
         Self { surfaces, shares, levels: state.levels(), strengths, deep, table, sheen: None }
     }
 
-    /// The same with the sky that steep surfaces mirror. `state` is the water, on a texture of mean depth `texture`, mm.
+    /// The same with the sky that steep surfaces mirror. `state` is the water, on a texture of mean
+    /// depth `texture`, mm.
     #[must_use]
     pub fn with_sheen(mut self, sky: SkySheen, state: &WetState, texture: f64) -> Self {
         let wet = std::array::from_fn(|bin| {
@@ -388,7 +396,8 @@ impl<'a> WetGains<'a> {
         self
     }
 
-    /// The sky that a steep splat mirrors, as an addition to the factors on its light; `None` for no mirrored sky.
+    /// The sky that a steep splat mirrors, as an addition to the factors on its light; `None` for
+    /// no mirrored sky.
     #[inline]
     fn mirrored(&self, index: usize, class: u8) -> Option<[f32; 3]> {
         let SheenGains { sky, wet, inverse } = self.sheen.as_ref()?;
@@ -429,7 +438,8 @@ impl<'a> WetGains<'a> {
         block.column_mut(Attribute::Fade)[..indices.len()].copy_from_slice(&fades[..indices.len()]);
     }
 
-    /// The strength of the change of a splat, and its reflectance; `None` for one that stays as it is.
+    /// The strength of the change of a splat, and its reflectance; `None` for one that stays as it
+    /// is.
     fn strength(&self, index: usize) -> Option<(Strength, [u8; 3])> {
         let look = self.shares.looks.get(index).filter(|look| look.class != DRY)?;
         Some((self.strength_of(index, look), look.albedo))
@@ -447,8 +457,9 @@ impl<'a> WetGains<'a> {
         strength.mix(self.deep, covered)
     }
 
-    /// Returns the shares of a splat's surface whose pores are full of water without a film, and that lie under a film, 0-1; `None`
-    /// for one that stays as it is. Both have the factor `porosity` of [`Self::new`].
+    /// Returns the shares of a splat's surface whose pores are full of water without a film, and
+    /// that lie under a film, 0-1; `None` for one that stays as it is. Both have the factor
+    /// `porosity` of [`Self::new`].
     #[must_use]
     pub fn shares(&self, index: usize) -> Option<[f32; 2]> {
         self.strength(index).map(|(strength, _)| [strength.pores, strength.film])

@@ -1,4 +1,5 @@
-//! The HTML report: one file without scripts or external resources, light or dark as the browser prefers.
+//! The HTML report: one file without scripts or external resources, light or dark as the browser
+//! prefers.
 
 mod panels;
 

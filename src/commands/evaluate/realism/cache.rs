@@ -1,5 +1,6 @@
-//! A cache of embeddings: an NPY file that any program reads, and beside it a JSON file with the pictures of its rows. A
-//! row is reused if the network and the picture's name, size and modification time are the same.
+//! A cache of embeddings: an NPY file that any program reads, and beside it a JSON file with the
+//! pictures of its rows. A row is reused if the network and the picture's name, size and
+//! modification time are the same.
 
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};

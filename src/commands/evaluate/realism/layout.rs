@@ -1,5 +1,5 @@
-//! The layout of pictures: a folder or an array of embeddings by itself, or a folder of a method with weathers and
-//! scenes.
+//! The layout of pictures: a folder or an array of embeddings by itself, or a folder of a method
+//! with weathers and scenes.
 
 use super::cache::UNFINISHED;
 use super::entries;
@@ -111,8 +111,8 @@ impl PictureSet {
     }
 }
 
-/// Returns the picture sets of a method's folder: `fog.npy`, or a folder `fog` with pictures, or with one folder or array
-/// per scene.
+/// Returns the picture sets of a method's folder: `fog.npy`, or a folder `fog` with pictures, or
+/// with one folder or array per scene.
 pub fn parts(folder: &Path) -> Result<Vec<(WeatherClass, PictureSet)>> {
     let mut found = Vec::new();
     for path in entries(folder)? {

@@ -1,5 +1,5 @@
-//! `evaluate --pictures` and `--paper`: similarity of pictures to photographs of real weather (CMMD), and
-//! the tables of the paper.
+//! `evaluate --pictures` and `--paper`: similarity of pictures to photographs of real weather
+//! (CMMD), and the tables of the paper.
 
 mod cache;
 mod collect;
@@ -48,8 +48,8 @@ const OF_SCENES: [&str; 10] = [
 /// The pictures that are compared.
 #[derive(Args, Clone, Debug)]
 pub struct RealismArgs {
-    /// Compare pictures with photographs by CMMD, instead of a scene with its photos: folders of pictures (JPEG, PNG) or
-    /// NPY files of embeddings, each compared with --real
+    /// Compare pictures with photographs by CMMD, instead of a scene with its photos: folders of
+    /// pictures (JPEG, PNG) or NPY files of embeddings, each compared with --real
     #[arg(
         long,
         value_name = "PICTURES",
@@ -60,8 +60,9 @@ pub struct RealismArgs {
         help_heading = "Realism"
     )]
     pub pictures: Vec<PathBuf>,
-    /// Make the paper's tables of CMMD and UVQ from these folders, one per method, beside the paper's own numbers; each
-    /// contains folders fog, rain and snow with pictures, or with one folder of pictures per scene (docs/guide/evaluate.md)
+    /// Make the paper's tables of CMMD and UVQ from these folders, one per method, beside the
+    /// paper's own numbers; each contains folders fog, rain and snow with pictures, or with one
+    /// folder of pictures per scene (docs/guide/evaluate.md)
     #[arg(
         long,
         value_name = "FOLDER",
@@ -70,14 +71,15 @@ pub struct RealismArgs {
         help_heading = "Realism"
     )]
     pub paper: Option<Vec<PathBuf>>,
-    /// Photographs of real weather: a folder or an NPY file; for --paper a folder with fog, rain and snow in it
+    /// Photographs of real weather: a folder or an NPY file; for --paper a folder with fog, rain
+    /// and snow in it
     #[arg(long, value_name = "PICTURES", help_heading = "Realism")]
     real: Option<PathBuf>,
     /// Scores from the UVQ program: CSV or JSON (docs/guide/evaluate.md)
     #[arg(long, value_name = "FILE", requires = "paper", help_heading = "Realism")]
     uvq: Vec<PathBuf>,
-    /// Keep embeddings in this folder, as NPY files: stopped work can be continued, and no picture is embedded
-    /// twice
+    /// Keep embeddings in this folder, as NPY files: stopped work can be continued, and no picture
+    /// is embedded twice
     #[arg(long, value_name = "FOLDER", requires = "real", help_heading = "Realism")]
     embeddings: Option<PathBuf>,
     /// Write the numbers to this CSV file
@@ -243,7 +245,8 @@ fn joined<'a>(mut parts: impl Iterator<Item = &'a Embeddings>) -> Collection {
     Collection::new(all)
 }
 
-/// A spinner, shown until it is dropped, while all pairs of pictures are compared; this takes a while for thousands of them.
+/// A spinner, shown until it is dropped, while all pairs of pictures are compared; this takes a
+/// while for thousands of them.
 struct ComparisonSpinner(indicatif::ProgressBar);
 
 impl ComparisonSpinner {

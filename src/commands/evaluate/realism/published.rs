@@ -23,7 +23,8 @@ pub const UVQ_METHODS: [(WeatherClass, &[&str]); 3] = [
     (Snow, &["Stable Diffusion", "ClimateNeRF", OURS]),
 ];
 
-/// Table III: `compression_content_distortion` of UVQ 1.0 by scene, in the order of [`UVQ_METHODS`]; higher is better.
+/// Table III: `compression_content_distortion` of UVQ 1.0 by scene, in the order of
+/// [`UVQ_METHODS`]; higher is better.
 pub const UVQ: [(&str, [f64; 9]); 6] = [
     ("Stump", [3.41, 3.56, 3.23, 4.43, 3.60, 3.81, 3.47, 3.62, 3.79]),
     ("Bicycle", [3.97, 4.12, 4.10, 4.23, 3.96, 4.20, 3.81, 3.94, 3.79]),

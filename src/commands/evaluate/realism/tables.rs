@@ -343,7 +343,8 @@ mod tests {
         ] {
             assert!(text.lines().any(|found| found == line), "{line}\n{text}");
         }
-        // The scene of the paper by its folder's name, one that the paper has not, and versions apart.
+        // The scene of the paper by its folder's name, one that the paper has not, and versions
+        // apart.
         let row = |start: &str| text.lines().find(|line| line.starts_with(start)).unwrap().to_owned();
         assert!(row("| SJTU main gate").ends_with(
             "| 3.63                     | 3.91                | 3.95                     | 3.88 |"

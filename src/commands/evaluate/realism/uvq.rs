@@ -1,6 +1,7 @@
-//! Scores of UVQ (Wang et al. 2021, "Rich features for perceptual quality assessment of UGC videos") from its own
-//! program: its networks are not run here. The paper's score is `compression_content_distortion` of version 1.0; version 1.5 is
-//! another network on another scale, and its scores go into tables of their own.
+//! Scores of UVQ (Wang et al. 2021, "Rich features for perceptual quality assessment of UGC
+//! videos") from its own program: its networks are not run here. The paper's score is
+//! `compression_content_distortion` of version 1.0; version 1.5 is another network on another
+//! scale, and its scores go into tables of their own.
 
 use super::layout::WeatherClass;
 use anyhow::{Context, Result, anyhow, bail};

@@ -10,7 +10,8 @@ use wm_scene::files::fetched;
 use wm_scene::formats::{DetailLevel, ReadOptions, read_scene};
 use wm_scene::levels::{LevelWriteOptions, LevelWriter, NewLeaf};
 
-/// The built-in street in leaves of 8 m and three levels, of which each leaves out every other splat of the one before.
+/// The built-in street in leaves of 8 m and three levels, of which each leaves out every other
+/// splat of the one before.
 fn street() -> (TempDir, PathBuf) {
     let scene = wm_street::Street::builtin().sampling(0.06).scene(&|_| true).unwrap();
     let folder = tempfile::tempdir().unwrap();
@@ -66,7 +67,8 @@ fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// With room for all splats the picture is that of the finest level as a whole, whatever was looked at before.
+/// With room for all splats the picture is that of the finest level as a whole, whatever was looked
+/// at before.
 #[test]
 fn a_cut_depends_on_the_camera_alone() {
     let (_folder, main) = street();
@@ -127,7 +129,8 @@ fn memory_is_bounded() {
     assert_eq!(stream.bytes(), 0);
 }
 
-/// A file that is missing or damaged is named, or by choice what it holds is drawn at a coarser level or not at all.
+/// A file that is missing or damaged is named, or by choice what it holds is drawn at a coarser
+/// level or not at all.
 #[test]
 fn damaged_files_are_named_or_left_out() {
     let (folder, main) = street();
@@ -164,7 +167,8 @@ fn damaged_files_are_named_or_left_out() {
     }
 }
 
-/// Weather that is prepared with few splats acts on all that are drawn: snow covers the street, and fog takes its far end.
+/// Weather that is prepared with few splats acts on all that are drawn: snow covers the street, and
+/// fog takes its far end.
 #[test]
 fn weather_acts_on_what_is_drawn() {
     let (_folder, main) = street();
@@ -217,7 +221,8 @@ impl Fetched {
     }
 }
 
-/// Whatever order files come in, a frame is drawn at any time, and is the same as from a disk once all is there.
+/// Whatever order files come in, a frame is drawn at any time, and is the same as from a disk once
+/// all is there.
 #[test]
 fn files_that_are_fetched_give_the_frames_of_a_disk() {
     let (folder, main) = street();

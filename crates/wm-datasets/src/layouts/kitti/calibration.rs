@@ -125,11 +125,12 @@ impl<'a> KittiRig<'a> {
         rigid_file(calibrated, &self.velodyne_from_rig())
     }
 
-    /// `calib_cam_to_cam.txt` of a day. Pictures are rectified as they are, so that `K`, `R` and `T` describe the same cameras as
-    /// `P_rect`, one by one.
+    /// `calib_cam_to_cam.txt` of a day. Pictures are rectified as they are, so that `K`, `R` and
+    /// `T` describe the same cameras as `P_rect`, one by one.
     pub(in super::super) fn cam_to_cam_file(&self, calibrated: &str) -> String {
         let mut text = format!("calib_time: {calibrated}\n");
-        // The distance of corners of the checkerboard that KITTI's cameras were calibrated with; there was none here.
+        // The distance of corners of the checkerboard that KITTI's cameras were calibrated with;
+        // there was none here.
         line(&mut text, "corner_dist", &[0.0]);
         for slot in 0..SLOTS.len() {
             let pose = self.camera_from_camera0(slot);

@@ -1,13 +1,18 @@
-//! Conventions that all layouts of the KITTI family share (Geiger et al. 2013, "Vision meets robotics: the KITTI dataset").
+//! Conventions that all layouts of the KITTI family share (Geiger et al. 2013, "Vision meets
+//! robotics: the KITTI dataset").
 //!
-//! - Velodyne and IMU: x forward, y left, z up; cameras: x right, y down, z forward; metres. The IMU is the rig.
-//! - `image_02` is the rig's first camera, `image_03` its second, `image_01` its third and `image_00` its fourth. What KITTI calls "camera 0,
-//!   rectified" are the axes of the fourth camera, or of the first in a rig of fewer: then `P2 = K [I | 0]`. Readers rely on `P0 = K [I | 0]`
-//!   (pykitti shifts its camera 0 by what `P0` says), so no other camera may be in `image_00`.
-//! - `P_k` is `K_k [R | t]` from these axes to the pixels of camera k. With cameras in a row along x it is KITTI's own `K [I | -b]`. With
-//!   turned cameras its left part is no intrinsic matrix: what multiplies points by `P_k` is right, what splits it into intrinsics and
-//!   a baseline (pykitti's `K_camk` and `T_camk_velo`) is right for cameras parallel to camera 0, as everywhere with KITTI. The raw
-//!   data has each camera's own `K`, `R` and `T` too.
+//! - Velodyne and IMU: x forward, y left, z up; cameras: x right, y down, z forward; metres. The
+//!   IMU is the rig.
+//! - `image_02` is the rig's first camera, `image_03` its second, `image_01` its third and
+//!   `image_00` its fourth. What KITTI calls "camera 0, rectified" are the axes of the fourth
+//!   camera, or of the first in a rig of fewer: then `P2 = K [I | 0]`. Readers rely on
+//!   `P0 = K [I | 0]` (pykitti shifts its camera 0 by what `P0` says), so no other camera may be in
+//!   `image_00`.
+//! - `P_k` is `K_k [R | t]` from these axes to the pixels of camera k. With cameras in a row along
+//!   x it is KITTI's own `K [I | -b]`. With turned cameras its left part is no intrinsic matrix:
+//!   what multiplies points by `P_k` is right, what splits it into intrinsics and a baseline
+//!   (pykitti's `K_camk` and `T_camk_velo`) is right for cameras parallel to camera 0, as
+//!   everywhere with KITTI. The raw data has each camera's own `K`, `R` and `T` too.
 //! - The centre of the first pixel is at (0, 0): half a pixel less than in [`crate::CameraInfo`].
 //! - All readings of a frame bear its number; readings between frames are left out.
 

@@ -9,13 +9,15 @@ const EARTH_RADIUS: f64 = 6_378_137.0;
 /// Gravity, which an accelerometer at rest reads, m/s^2.
 const GRAVITY: DVec3 = DVec3::new(0.0, 0.0, 9.806_65);
 
-/// One packet a frame, 30 numbers: latitude, longitude (degrees), altitude (m), roll, pitch, yaw (radians; yaw 0 is east, R = Rz Ry
-/// Rx), velocities to the north, the east, forward, left and up (m/s), accelerations along the rig's axes and along level ones (m/s^2,
-/// with gravity), turn rates in the same two (radians/s), two accuracies, and five integers: the state of the receiver (4: locked),
-/// satellites and three modes.
+/// One packet a frame, 30 numbers: latitude, longitude (degrees), altitude (m), roll, pitch, yaw
+/// (radians; yaw 0 is east, R = Rz Ry Rx), velocities to the north, the east, forward, left and up
+/// (m/s), accelerations along the rig's axes and along level ones (m/s^2, with gravity), turn rates
+/// in the same two (radians/s), two accuracies, and five integers: the state of the receiver (4:
+/// locked), satellites and three modes.
 ///
-/// Latitudes and longitudes are those from which KITTI's Mercator projection, whose scale is the cosine of the first frame's latitude,
-/// finds the poses again. The world's x is taken as east; a place without an origin is put to 0, 0, 0.
+/// Latitudes and longitudes are those from which KITTI's Mercator projection, whose scale is the
+/// cosine of the first frame's latitude, finds the poses again. The world's x is taken as east; a
+/// place without an origin is put to 0, 0, 0.
 pub(in super::super) fn oxts_lines(record: &ClipRecord, trajectory: &KittiTrajectory) -> Vec<String> {
     let frames = &trajectory.frames;
     let Some(first) = frames.first() else {
@@ -61,7 +63,8 @@ struct Place {
 }
 
 impl Place {
-    /// The place so many metres to the east and the north on a Mercator map that is true to scale here.
+    /// The place so many metres to the east and the north on a Mercator map that is true to scale
+    /// here.
     fn moved(self, by: DVec3) -> Self {
         let metres = EARTH_RADIUS * self.latitude.to_radians().cos();
         let north = self.latitude.to_radians().tan().asinh() + by.y / metres;

@@ -14,7 +14,8 @@ pub(in super::super) fn sequence_folder(clip: &ClipInfo) -> String {
     format!("sequences/{}", sequence_name(clip))
 }
 
-/// Writes `calib.txt` and `times.txt` of each sequence, what `poses` writes of it, and `splits.json`.
+/// Writes `calib.txt` and `times.txt` of each sequence, what `poses` writes of it, and
+/// `splits.json`.
 pub(in super::super) fn sequence_tables(
     rig: &KittiRig<'_>,
     clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,

@@ -34,7 +34,8 @@ fn spot(bytes: &[u8]) -> DVec3 {
     DVec3::new(value(0), value(1), value(2))
 }
 
-/// Checks that the spot has the pixels that the cameras of the set give it, where it is before them; returns the cameras' numbers.
+/// Checks that the spot has the pixels that the cameras of the set give it, where it is before
+/// them; returns the cameras' numbers.
 fn check_pixels(frame: u32, of: &dyn Fn(usize) -> DVec3) -> Vec<usize> {
     let set = testing::set();
     let readings = testing::readings(&set);

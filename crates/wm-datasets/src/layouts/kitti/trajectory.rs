@@ -22,7 +22,8 @@ impl KittiTrajectory {
         self.frames.iter().map(|frame| frame.timestamp(clip))
     }
 
-    /// Lines of `poses.txt`: the rows of `T_w_cam0`, 3x4; the world are the axes of camera 0 at the first frame.
+    /// Lines of `poses.txt`: the rows of `T_w_cam0`, 3x4; the world are the axes of camera 0 at the
+    /// first frame.
     pub(in super::super) fn pose_lines(&self, rig: &KittiRig<'_>) -> String {
         let poses = self.frames.iter().map(|frame| frame.world_from_rig.then(&rig.rig_from_camera0));
         let first = poses.clone().next().map_or(RigidPose::IDENTITY, |pose| pose.inverse());

@@ -1,12 +1,14 @@
 //! Messages of ROS 2 as CDR, little-endian, and their definitions.
 //!
-//! Four bytes say how the rest is encoded; alignment counts from behind them. A string is its length with the final zero, its
-//! bytes and a zero; a sequence its length and its elements; an array its elements alone.
+//! Four bytes say how the rest is encoded; alignment counts from behind them. A string is its
+//! length with the final zero, its bytes and a zero; a sequence its length and its elements; an
+//! array its elements alone.
 
 use crate::{CameraInfo, RigidPose};
 use wm_scene::LensModel;
 
-/// The type of a message: its name and what the definition of a message begins with, followed by those it is made of.
+/// The type of a message: its name and what the definition of a message begins with, followed by
+/// those it is made of.
 pub(super) struct MessageType {
     /// `package/msg/Type`.
     pub name: &'static str,
@@ -15,7 +17,8 @@ pub(super) struct MessageType {
 }
 
 impl MessageType {
-    /// The definition as `ros2msg`: parts are divided by a line of 80 `=`, and all but the first begin with their name.
+    /// The definition as `ros2msg`: parts are divided by a line of 80 `=`, and all but the first
+    /// begin with their name.
     pub(super) fn schema(&self) -> String {
         let mut text = String::new();
         for (index, (name, definition)) in self.definitions.iter().enumerate() {

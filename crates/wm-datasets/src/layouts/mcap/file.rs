@@ -1,9 +1,12 @@
-//! Files of MCAP in memory, as far as bags need them: chunks without compression, indexes, statistics and checksums.
+//! Files of MCAP in memory, as far as bags need them: chunks without compression, indexes,
+//! statistics and checksums.
 //!
-//! A file is eight bytes, records, and the same eight bytes. A record is its kind (u8), its length (u64) and its content. Numbers are
-//! little-endian; a string is its length (u32) and its bytes; a map the length of its bytes (u32) and pairs. Source: mcap.dev/spec.
+//! A file is eight bytes, records, and the same eight bytes. A record is its kind (u8), its length
+//! (u64) and its content. Numbers are little-endian; a string is its length (u32) and its bytes; a
+//! map the length of its bytes (u32) and pairs. Source: mcap.dev/spec.
 //!
-//! Written here since that is less than the 17 crates that the format's own library brings; tests read it by that library.
+//! Written here since that is less than the 17 crates that the format's own library brings; tests
+//! read it by that library.
 
 use std::collections::BTreeMap;
 
@@ -101,7 +104,8 @@ impl McapFile {
         id
     }
 
-    /// Writes a message of a channel; its time, ns since 1970, is both when it was sent and when it was logged.
+    /// Writes a message of a channel; its time, ns since 1970, is both when it was sent and when it
+    /// was logged.
     pub(super) fn message(&mut self, channel: u16, time: u64, data: &[u8]) {
         if self.chunk.records.len() > CHUNK {
             self.end_chunk();
@@ -269,7 +273,8 @@ mod tests {
         }
     }
 
-    /// Returns true if the library reads all records and finds the checksums of chunks, data and summary right.
+    /// Returns true if the library reads all records and finds the checksums of chunks, data and
+    /// summary right.
     fn has_good_checksums(mut bytes: &[u8]) -> bool {
         use ::mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
         use std::io::Read;

@@ -1,7 +1,8 @@
 //! Logs of ROS 2 as MCAP, which `ros2 bag play`, Foxglove, Rerun and Autoware open.
 //!
-//! `SPLIT/CLIP/` is a bag: a file `CLIP_N.mcap` for each block N and `metadata.yaml`. Files have the profile `ros2`, definitions of
-//! messages (`ros2msg`) and messages in CDR; they are in chunks of about 1 MiB, not compressed.
+//! `SPLIT/CLIP/` is a bag: a file `CLIP_N.mcap` for each block N and `metadata.yaml`. Files have
+//! the profile `ros2`, definitions of messages (`ros2msg`) and messages in CDR; they are in chunks
+//! of about 1 MiB, not compressed.
 //!
 //! | topic | type | |
 //! |---|---|---|
@@ -11,14 +12,17 @@
 //! | `/sensors/NAME/camera_info` | `sensor_msgs/msg/CameraInfo` | with each picture |
 //! | `/sensors/NAME/points` | `sensor_msgs/msg/PointCloud2` | a lidar's sweep or a radar's detections |
 //!
-//! - `map` is the world, z up; `base_link` the rig, x forward, y left and z up; both in metres. A sensor's frame has its name. Frames
-//!   of cameras are what ROS calls optical: x right, y down, z forward.
-//! - The first pixel's centre is at (0, 0) as in OpenCV, so `cx` and `cy` in K and P are 0.5 less than ours. Lenses are `plumb_bob`
-//!   (k1, k2, p1, p2, k3) or `equidistant` (k1 to k4).
-//! - Points have the 32 bytes of Autoware's `PointXYZIRCAEDT`: x y z f32, intensity u8, return_type u8 (the return's number from
-//!   0), channel u16 (the ring), azimuth (from x towards y) and elevation f32 rad, distance f32 m, time_stamp u32 ns since the
-//!   message's stamp, which is the start of the sweep.
-//! - Detections have x y z f32 m, velocity f32 m/s (below 0 of what comes nearer), rcs f32 dB over 1 m^2 and snr f32 dB.
+//! - `map` is the world, z up; `base_link` the rig, x forward, y left and z up; both in metres. A
+//!   sensor's frame has its name. Frames of cameras are what ROS calls optical: x right, y down, z
+//!   forward.
+//! - The first pixel's centre is at (0, 0) as in OpenCV, so `cx` and `cy` in K and P are 0.5 less
+//!   than ours. Lenses are `plumb_bob` (k1, k2, p1, p2, k3) or `equidistant` (k1 to k4).
+//! - Points have the 32 bytes of Autoware's `PointXYZIRCAEDT`: x y z f32, intensity u8, return_type
+//!   u8 (the return's number from 0), channel u16 (the ring), azimuth (from x towards y) and
+//!   elevation f32 rad, distance f32 m, time_stamp u32 ns since the message's stamp, which is the
+//!   start of the sweep.
+//! - Detections have x y z f32 m, velocity f32 m/s (below 0 of what comes nearer), rcs f32 dB over
+//!   1 m^2 and snr f32 dB.
 //! - `-` in names of sensors becomes `_`, which is all that ROS allows.
 //!
 //! Source: mcap.dev/spec, the message definitions of ROS 2 Humble, version 5 of rosbag2's metadata.

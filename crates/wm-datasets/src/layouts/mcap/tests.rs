@@ -35,12 +35,14 @@ fn the_spot_is_where_messages_say() {
             assert_eq!(data[..4], [0, 1, 0, 0]);
             *found.entry(message.channel.topic.clone()).or_insert(0) += 1;
             match message.channel.topic.as_str() {
-                // Count, time, "base_link" from 12 to 26, "front" from 28 to 38, the next multiple of 8.
+                // Count, time, "base_link" from 12 to 26, "front" from 28 to 38, the next multiple
+                // of 8.
                 "/tf_static" => rig = Some(pose_at(data, 4 + 40)),
                 // "map" from 12 to 20, "base_link" from 20 to 34.
                 "/tf" => world = Some(pose_at(data, 4 + 40)),
                 "/sensors/front/camera_info" => {
-                    // Header to 18, size from 20, model from 28 to 42, count on 44, five numbers from 48, K.
+                    // Header to 18, size from 20, model from 28 to 42, count on 44, five numbers
+                    // from 48, K.
                     let k = [0, 4, 2, 5].map(|place| f64_at(data, 4 + 88 + 8 * place));
                     let pose = world.unwrap().then(&rig.unwrap());
                     let spot = pose.inverse().point(SPOT);

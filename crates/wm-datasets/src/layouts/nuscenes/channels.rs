@@ -5,8 +5,9 @@ use glam::DVec3;
 
 /// The channel of each sensor.
 ///
-/// Cameras are named by the nearest of nuScenes' six directions, radars by the nearest of its five, if no other sensor of the kind has
-/// the same; the first lidar is `LIDAR_TOP`, which the devkit expects. All others have their own names.
+/// Cameras are named by the nearest of nuScenes' six directions, radars by the nearest of its five,
+/// if no other sensor of the kind has the same; the first lidar is `LIDAR_TOP`, which the devkit
+/// expects. All others have their own names.
 pub(super) fn channels(set: &SetInfo) -> Vec<String> {
     let seen: Vec<Option<&'static str>> = set.sensors.iter().map(direction).collect();
     let first_lidar = set.sensors.iter().position(|sensor| matches!(sensor.kind, SensorInfoKind::Lidar { .. }));

@@ -98,7 +98,8 @@ pub(super) fn radar(detections: &[DatasetDetection]) -> Vec<u8> {
         bytes.push(dyn_prop);
         bytes.extend((id as i16).to_le_bytes());
         bytes.extend([detection.rcs, vx, vy, vx_comp, vy_comp].into_iter().flat_map(f32::to_le_bytes));
-        // A valid measurement, its velocity not ambiguous (3), errors unknown, state valid (0), false alarm below 25 % (1), errors unknown.
+        // A valid measurement, its velocity not ambiguous (3), errors unknown, state valid (0),
+        // false alarm below 25 % (1), errors unknown.
         bytes.extend([1, 3, 0, 0, 0, 1, 0, 0]);
     }
     // nuScenes' own files have one byte more, and the devkit asserts that there is one.

@@ -195,7 +195,8 @@ struct Sample {
     timestamp: i64,
 }
 
-/// The samples of a clip; the time of each is that of its lidar, or of its first sensor where there is none.
+/// The samples of a clip; the time of each is that of its lidar, or of its first sensor where there
+/// is none.
 fn samples(set: &SetInfo, record: &ClipRecord) -> Vec<Sample> {
     let is_lidar = |sensor: usize| matches!(set.sensors[sensor].kind, SensorInfoKind::Lidar { .. });
     let mut samples: BTreeMap<u32, (bool, i64)> = BTreeMap::new();
@@ -245,7 +246,8 @@ fn pose_row(pose: &RigidPose) -> Value {
     json!({ "translation": pose.translation.to_array(), "rotation": [q.w, q.x, q.y, q.z] })
 }
 
-/// The weather in words. Names of places and weathers stay out, so that nobody finds "rain" in "train".
+/// The weather in words. Names of places and weathers stay out, so that nobody finds "rain" in
+/// "train".
 pub(super) fn description(weather: &WeatherInfo) -> String {
     let mut words = Vec::new();
     if weather.rain_rate > 0.0 {

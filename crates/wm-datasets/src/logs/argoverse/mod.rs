@@ -1,9 +1,10 @@
 //! Argoverse 2 sensor logs (Wilson et al. 2021).
 //!
-//! `calibration/{egovehicle_SE3_sensor,intrinsics}.feather`, `city_SE3_egovehicle.feather`, `annotations.feather`,
-//! `sensors/cameras/NAME/NS.jpg`, `sensors/lidar/NS.feather`. Sweeps are in the vehicle's axes at their time, their motion taken out.
-//! Pictures have been undistorted by its makers: k1, k2 and k3 of the intrinsics are those of the lens before, and are not used. Boxes are
-//! in the vehicle's axes at their time.
+//! `calibration/{egovehicle_SE3_sensor,intrinsics}.feather`, `city_SE3_egovehicle.feather`,
+//! `annotations.feather`, `sensors/cameras/NAME/NS.jpg`, `sensors/lidar/NS.feather`. Sweeps are in
+//! the vehicle's axes at their time, their motion taken out. Pictures have been undistorted by its
+//! makers: k1, k2 and k3 of the intrinsics are those of the lens before, and are not used. Boxes
+//! are in the vehicle's axes at their time.
 
 use super::files::{MOST_BINARY, fault, files_in, folders_in, name_of, pose_of_quaternion, read_bytes};
 use super::records::{Chosen, Records, choose_folder};
@@ -34,7 +35,8 @@ const CITIES: [(&str, [f64; 2]); 6] = [
     ("PIT", [40.44177902989321, -80.01294377242584]),
     ("WDC", [38.889377, -77.0355047439081]),
 ];
-/// Nanoseconds since 1970 before which no log was recorded: their times are those of the GPS or of a test.
+/// Nanoseconds since 1970 before which no log was recorded: their times are those of the GPS or of
+/// a test.
 const EARLIEST: i64 = 1_000_000_000_000_000_000;
 const POSES: &str = "city_SE3_egovehicle.feather";
 const INTRINSICS: &str = "calibration/intrinsics.feather";

@@ -1,13 +1,15 @@
 //! Depth of a picture from the points of a sweep, without what is hidden from the camera.
 //!
-//! The lidar stands higher than the cameras, and beside them: it sees over and past things. Such a point falls into the picture of what
-//! hides it, below its upper edge, or beside its side edges. A point is hidden if a nearer one lies a little above it in the picture, closer
-//! than the distance of two beams. Nearer points below it, and in its row, are the ground before it.
+//! The lidar stands higher than the cameras, and beside them: it sees over and past things. Such a
+//! point falls into the picture of what hides it, below its upper edge, or beside its side edges. A
+//! point is hidden if a nearer one lies a little above it in the picture, closer than the distance
+//! of two beams. Nearer points below it, and in its row, are the ground before it.
 
 use crate::logs::LogPoint;
 use wm_scene::Camera;
 
-/// Half the width of the window, and its height upwards, radians: 64 beams are 0.4 degrees apart, 32 are 1.3.
+/// Half the width of the window, and its height upwards, radians: 64 beams are 0.4 degrees apart,
+/// 32 are 1.3.
 const BESIDE: f64 = 0.006;
 const ABOVE: f64 = 0.014;
 /// A point is hidden by others that are nearer than this share of its distance, less this much, m.
@@ -85,7 +87,8 @@ impl LidarView {
         })
     }
 
-    /// View z, m, 0 where there is none, `[H, W]`; `None` if there is none at all. Each point also fills what is empty around it.
+    /// View z, m, 0 where there is none, `[H, W]`; `None` if there is none at all. Each point also
+    /// fills what is empty around it.
     pub(super) fn depth(&self) -> Option<Vec<f32>> {
         let (width, height) = (self.camera.width as usize, self.camera.height as usize);
         let mut map = vec![f32::INFINITY; width * height];

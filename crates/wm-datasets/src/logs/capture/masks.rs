@@ -1,7 +1,7 @@
 //! Masks of photos: what boxes of movers cover, and what the log's own masks say.
 //!
-//! A box before the camera is cut at a plane close to it; the convex hull of the corners in the ideal picture is cut to what the photo shows
-//! and then bent by the lens, edge by edge.
+//! A box before the camera is cut at a plane close to it; the convex hull of the corners in the
+//! ideal picture is cut to what the photo shows and then bent by the lens, edge by edge.
 
 use super::photo::read_grey;
 use crate::logs::files::fault;
@@ -67,7 +67,8 @@ impl MaskLens {
         mask.filter(|mask| mask.contains(&0))
     }
 
-    /// The outline of a box in the photo, px, from its corners in the camera's axes; fewer than three points if it is not seen.
+    /// The outline of a box in the photo, px, from its corners in the camera's axes; fewer than
+    /// three points if it is not seen.
     fn outline(&self, photo: &Camera, corners: &[DVec3; 8]) -> Vec<DVec2> {
         let mut points: Vec<DVec2> = Vec::with_capacity(20);
         let mut push = |p: DVec3| {

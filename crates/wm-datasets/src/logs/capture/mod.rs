@@ -109,7 +109,8 @@ pub struct LogCaptureSummary {
     pub unseen_points: usize,
     /// Tracks of movers, whose boxes are left out.
     pub movers: usize,
-    /// The mean intensity of the points of the sweeps, 0-1, as the lidar has it: not a reflectance, which grows with distance.
+    /// The mean intensity of the points of the sweeps, 0-1, as the lidar has it: not a reflectance,
+    /// which grows with distance.
     pub mean_intensity: Option<f64>,
     /// The world's origin in the log's own coordinates, m.
     pub origin: [f64; 3],
@@ -149,7 +150,8 @@ impl DrivingLog {
     /// Photos that cannot be decoded are warnings: reading the capture tells of them.
     ///
     /// # Errors
-    /// [`SetError::File`] if a sweep or a mask of the log cannot be read, or a file of the capture cannot be written.
+    /// [`SetError::File`] if a sweep or a mask of the log cannot be read, or a file of the capture
+    /// cannot be written.
     pub fn write_capture(
         &self,
         folder: &Path,

@@ -1,7 +1,9 @@
-//! Small logs of every format, for tests and for damage: a vehicle that drives past landmarks and behind another one.
+//! Small logs of every format, for tests and for damage: a vehicle that drives past landmarks and
+//! behind another one.
 //!
-//! The files are written from the formats' definitions, by matrices, and not by what the readers are made of; but for Feather, whose writer
-//! and reader are each held against other programs' files.
+//! The files are written from the formats' definitions, by matrices, and not by what the readers
+//! are made of; but for Feather, whose writer and reader are each held against other programs'
+//! files.
 
 use crate::feather::{FeatherColumn, feather, feather_packed};
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, dvec3};
@@ -25,7 +27,8 @@ const FOCAL: f64 = 50.0;
 /// The principal point, as logs count it: the middle of the first pixel is 0.
 const CENTER: [f64; 2] = [39.0, 28.0];
 
-/// The places of landmarks in a photo, px from the corner of the first pixel; `None` behind the camera.
+/// The places of landmarks in a photo, px from the corner of the first pixel; `None` behind the
+/// camera.
 pub type MiniPixels = Vec<Option<(f64, f64)>>;
 
 /// A log, and what is true of it.
@@ -43,7 +46,8 @@ pub struct MiniLog {
 /// A writer of a small log.
 pub type MiniWriter = fn(&Path) -> io::Result<MiniLog>;
 
-/// A writer for each format, in the order of [`super::LOG_FORMATS`], and one more for each form of drivestudio.
+/// A writer for each format, in the order of [`super::LOG_FORMATS`], and one more for each form of
+/// drivestudio.
 pub const MINI_LOGS: [(&str, MiniWriter); 6] = [
     ("KITTI raw", kitti_raw),
     ("KITTI odometry", kitti_odometry),

@@ -1,4 +1,5 @@
-//! The encoder ffmpeg, and ffmpeg as a judge of the built-in one; skipped where it is not installed.
+//! The encoder ffmpeg, and ffmpeg as a judge of the built-in one; skipped where it is not
+//! installed.
 
 use std::process::{Command, Stdio};
 
@@ -69,8 +70,8 @@ fn says_what_is_wrong_in_one_line_and_cleans_up() {
     let missing = ffmpeg::FfmpegSink::start("no-such-ffmpeg", &path, settings(size, "30"));
     let missing = missing.err().unwrap().to_string();
     assert!(missing.contains("install") && !missing.contains('\n'), "{missing}");
-    // Where there is a program `false`, it ends at once, without a word and without reading: the pipe
-    // breaks sooner or later.
+    // Where there is a program `false`, it ends at once, without a word and without reading: the
+    // pipe breaks sooner or later.
     if let Ok(mut sink) = ffmpeg::FfmpegSink::start("false", &path, settings(size, "30")) {
         let frame = foggy(size, 0.0);
         let broken = (0..100).find_map(|_| sink.frame(&frame).err());

@@ -26,8 +26,8 @@ fn noise(x: f32, y: f32) -> f32 {
     row(cell_y) * (1.0 - v) + row(cell_y + 1.0) * v
 }
 
-/// A plain with detail under fog that thins out towards the viewer, below a slowly changing glow: what
-/// an encoder must get right here. `[H, W, 3]`; `time` in seconds.
+/// A plain with detail under fog that thins out towards the viewer, below a slowly changing glow:
+/// what an encoder must get right here. `[H, W, 3]`; `time` in seconds.
 fn foggy(size: PictureSize, time: f32) -> Vec<f32> {
     let scale = 1.0 / size.height as f32;
     let pixel = |i: usize| {

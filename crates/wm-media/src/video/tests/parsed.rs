@@ -79,7 +79,8 @@ impl Parsed {
     }
 }
 
-/// The colour description of the sequence parameter set: present flags, full range, the three codes.
+/// The colour description of the sequence parameter set: present flags, full range, the three
+/// codes.
 pub fn vui_colour(sps: &[u8]) -> Vec<u32> {
     let mut bits = Vec::new();
     let mut zeros = 0;

@@ -13,7 +13,8 @@ from .runner import ClusterError
 LONGEST = 1000
 # Scenes of several files: the rest lies in the folder of the one that is named.
 FOLDERS_OF = (".json", ".gltf")
-# What each node makes for itself: a scene's prepared assets may be a hundred times as long as the scene.
+# What each node makes for itself: a scene's prepared assets may be a hundred times as long as the
+# scene.
 ASSETS = ".assets"
 
 

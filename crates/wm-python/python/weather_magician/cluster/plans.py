@@ -16,9 +16,11 @@ from .runner import ClusterError, Failure, Outcome, Resources, Task, connect, no
 from .store import DONE, OF_ONE_PROCESS, WORK, SetStore, is_url, marker_name
 from .work import BlockWork, RemoteSet, VerifyWork
 
-# Most CPUs of a task if nothing is said: threads of one frame wait for each other, and processes do not.
+# Most CPUs of a task if nothing is said: threads of one frame wait for each other, and processes do
+# not.
 MOST_CPUS = 4
-# Seconds until a file that another node wrote into a shared folder is seen here: NFS keeps what it knows for a minute.
+# Seconds until a file that another node wrote into a shared folder is seen here: NFS keeps what it
+# knows for a minute.
 SEEN = 70.0
 # Blocks of a task that compares hashes.
 VERIFIED = 20

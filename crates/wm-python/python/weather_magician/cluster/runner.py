@@ -31,7 +31,8 @@ LEAST_STORE = 80 << 20
 LOOK = 0.5
 # Seconds between two counts of the nodes.
 COUNT = 2.0
-# Seconds that tasks have to stop by themselves, each at its next step: then what they left is gone, or whole.
+# Seconds that tasks have to stop by themselves, each at its next step: then what they left is gone,
+# or whole.
 GRACE = 30.0
 
 

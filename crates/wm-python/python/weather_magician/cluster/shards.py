@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Callable, Iterator, Sequence
 
-# Wall seconds that a shard is to take: long beside what starting it takes, short beside what is lost when a node dies.
+# Wall seconds that a shard is to take: long beside what starting it takes, short beside what is
+# lost when a node dies.
 WANTED = 90.0
 
 

@@ -14,7 +14,8 @@ from .cache import NodeCache
 from .runner import ClusterError
 from .store import DONE, SetStore
 
-# Numbers of errors of the system that another attempt meets again: no such file, no permission, exists, no folder, a folder.
+# Numbers of errors of the system that another attempt meets again: no such file, no permission,
+# exists, no folder, a folder.
 LASTING = {2, 13, 17, 20, 21}
 
 

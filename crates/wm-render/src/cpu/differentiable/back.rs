@@ -82,8 +82,8 @@ impl<'a> Tiles<'a> {
         (self.camera.width as usize, self.camera.height as usize)
     }
 
-    /// Sorts and blends all tiles into `frame`. Entries then name records and pairs, and `kept` holds the
-    /// sums.
+    /// Sorts and blends all tiles into `frame`. Entries then name records and pairs, and `kept`
+    /// holds the sums.
     pub fn forward(
         &self,
         words: &[AtomicU32],
@@ -176,8 +176,8 @@ impl<'a> Tiles<'a> {
         stats.composite += blended.elapsed().as_secs_f64();
     }
 
-    /// Sums what the pixels pull on each pair of splat and tile. `places` tells the slot of each pair.
-    /// Returns the seconds it took.
+    /// Sums what the pixels pull on each pair of splat and tile. `places` tells the slot of each
+    /// pair. Returns the seconds it took.
     pub fn backward(
         &self,
         upstream: &Upstream<'_>,

@@ -168,7 +168,8 @@ impl<'a> Front<'a> {
     }
 }
 
-/// Puts those of the first `count` splats of a group that are of the sky at infinity, where the air leaves them alone.
+/// Puts those of the first `count` splats of a group that are of the sky at infinity, where the air
+/// leaves them alone.
 pub(crate) fn put_sky_far(groups: &[Group], indices: &[u32; GROUP], count: usize, shade: &mut ShadeGroup) {
     for lane in (0..count).filter(|lane| groups[indices[*lane] as usize] == Group::Sky) {
         shade.distance[lane] = f32::INFINITY;

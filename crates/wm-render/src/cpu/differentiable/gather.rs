@@ -136,8 +136,8 @@ impl Gather<'_> {
         parts.into_par_iter().map(part).sum()
     }
 
-    /// Derives the splats of one part. The kernels are entered one by one: in one piece they would take
-    /// the compiler minutes.
+    /// Derives the splats of one part. The kernels are entered one by one: in one piece they would
+    /// take the compiler minutes.
     fn part(&self, part: &Part, mut rows: Rows<'_>, stride: usize) {
         let mut scratch = Box::<Scratch>::default();
         let mut pairs = part.pairs.records().enumerate().peekable();

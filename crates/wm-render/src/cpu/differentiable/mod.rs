@@ -1,10 +1,11 @@
 //! The CPU back end for training: renders stored parameters that change with every step, and gives
 //! their gradients.
 //!
-//! The sweeps of a render, over the same stages, and three more back: over tiles, from pixels to slots
-//! ([`rasterize_backward`](crate::stages::rasterize_backward)); over splats in view, from slots to
-//! gradients. In the tile lists an entry names the pair of splat and tile; pairs are numbered splat by
-//! splat, so that a splat's slots are found and added in one order, whatever the threads did.
+//! The sweeps of a render, over the same stages, and three more back: over tiles, from pixels to
+//! slots ([`rasterize_backward`](crate::stages::rasterize_backward)); over splats in view, from
+//! slots to gradients. In the tile lists an entry names the pair of splat and tile; pairs are
+//! numbered splat by splat, so that a splat's slots are found and added in one order, whatever the
+//! threads did.
 
 mod back;
 mod front;
@@ -27,8 +28,8 @@ use std::sync::{Arc, Mutex};
 use web_time::Instant;
 use wm_scene::{Camera, Splats};
 
-/// The CPU back end of training. It holds no copy of the parameters, only its working memory and what the backward pass
-/// needs of the last forward pass.
+/// The CPU back end of training. It holds no copy of the parameters, only its working memory and
+/// what the backward pass needs of the last forward pass.
 pub struct CpuDifferentiable {
     path: SimdPath,
     pool: Arc<rayon::ThreadPool>,

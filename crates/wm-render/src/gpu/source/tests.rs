@@ -68,7 +68,8 @@ fn every_program_fits_small_adapters() {
     }
 }
 
-/// Nothing that is only read may be written, and the other way round: stages that run side by side rely on it.
+/// Nothing that is only read may be written, and the other way round: stages that run side by side
+/// rely on it.
 #[test]
 fn no_program_writes_the_splats() {
     // But those by which they learn.

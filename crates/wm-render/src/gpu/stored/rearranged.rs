@@ -1,4 +1,5 @@
-//! Splats that come and go while they learn on the GPU: what decides about them crosses over, the rest is moved there.
+//! Splats that come and go while they learn on the GPU: what decides about them crosses over, the
+//! rest is moved there.
 
 use super::{Part, StoredModel, USAGE, back, most_in_part, piece, shapes, skies, ungroup_shapes};
 use crate::gpu::buffers::{Growing, WRITTEN};

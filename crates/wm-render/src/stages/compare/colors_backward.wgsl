@@ -1,9 +1,10 @@
-// Adds the derivative of absolute differences, goes back through the exposure, and adds everything up: a few workgroups,
-// whose sums the CPU adds in their order.
+// Adds the derivative of absolute differences, goes back through the exposure, and adds everything
+// up: a few workgroups, whose sums the CPU adds in their order.
 
 @group(0) @binding(5) var<storage, read> sums: array<f32>;
 @group(0) @binding(6) var<storage, read_write> upstream: array<f32>;
-// `[COMPARE_GROUPS, 4]`: absolute differences and similarity; rows of the derivative by the exposure.
+// `[COMPARE_GROUPS, 4]`: absolute differences and similarity; rows of the derivative by the
+// exposure.
 @group(0) @binding(7) var<storage, read_write> totals: array<vec4<f32>>;
 
 @compute @workgroup_size(WORKGROUP)

@@ -1,4 +1,5 @@
-// What is rendered of a pixel's geometry and what is believed of it; mirrors `gpu::uniforms::geometry`.
+// What is rendered of a pixel's geometry and what is believed of it; mirrors
+// `gpu::uniforms::geometry`.
 
 struct Geometry {
     // Weights over how many values they are a mean of.

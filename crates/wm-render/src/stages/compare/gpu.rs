@@ -289,7 +289,8 @@ impl Comparer {
         Ok((photo.colors.clone(), beliefs, photo.counted))
     }
 
-    /// Lets go of photos that were not asked for the longest, so that there is room for so many bytes.
+    /// Lets go of photos that were not asked for the longest, so that there is room for so many
+    /// bytes.
     fn make_room(&mut self, bytes: u64) {
         while self.photos.values().map(Photo::bytes).sum::<u64>() + bytes > KEPT_BYTES {
             let Some(oldest) = self.photos.iter().min_by_key(|(_, photo)| photo.used) else { break };

@@ -1,37 +1,44 @@
-//! Losses of rendered pictures on the device that holds them: their distance from the photo and from the priors of its
-//! depth, normals and sky, and its derivative by the rendered pictures.
+//! Losses of rendered pictures on the device that holds them: their distance from the photo and
+//! from the priors of its depth, normals and sky, and its derivative by the rendered pictures.
 //!
-//! Contract of colours, with `c` the rendered colour of a pixel, `[M | b]` the photo's exposure, `x = M c + b`, `y` the photo
-//! and `m` its mask:
+//! Contract of colours, with `c` the rendered colour of a pixel, `[M | b]` the photo's exposure,
+//! `x = M c + b`, `y` the photo and `m` its mask:
 //!
-//! - `L1 = sum m |x - y| / (3 sum m)`, over pixels and channels; where both are equal there is no way to go.
-//! - `DSSIM = 1 - mean S(m x, m y)` over all pixels and channels, with the Gaussian [`WINDOW`] as rows and columns, zero
-//!   beyond the border (Wang et al. 2004). Windowed means `mx my exx + eyy exy` of it make
-//!   `S = (2 mx my + c1)(2 (exy - mx my) + c2) / ((mx^2 + my^2 + c1)(exx - mx^2 + eyy - my^2 + c2))`; its derivative by `x`
-//!   is `W dS/dmx + 2 x W dS/dexx + y W dS/dexy`, windowed again.
-//! - With `g` the derivative of their weighted sum by `x`, that by `c` is `M^T g`, and that by the exposure
-//!   `sum g [c, 1]^T`.
+//! - `L1 = sum m |x - y| / (3 sum m)`, over pixels and channels; where both are equal there is no
+//!   way to go.
+//! - `DSSIM = 1 - mean S(m x, m y)` over all pixels and channels, with the Gaussian [`WINDOW`] as
+//!   rows and columns, zero beyond the border (Wang et al. 2004). Windowed means
+//!   `mx my exx + eyy exy` of it make
+//!   `S = (2 mx my + c1)(2 (exy - mx my) + c2) / ((mx^2 + my^2 + c1)(exx - mx^2 + eyy - my^2 + c2))`;
+//!   its derivative by `x` is `W dS/dmx + 2 x W dS/dexx + y W dS/dexy`, windowed again.
+//! - With `g` the derivative of their weighted sum by `x`, that by `c` is `M^T g`, and that by the
+//!   exposure `sum g [c, 1]^T`.
 //!
-//! Contract of geometry, with the expected depth `D`, the coverage `A` and the normal `N` of a pixel that is covered
-//! (`A >= ` [`COVERED`], `D > 0`), the [`Belief`] in it, and a grid of G pixels:
+//! Contract of geometry, with the expected depth `D`, the coverage `A` and the normal `N` of a
+//! pixel that is covered (`A >= ` [`COVERED`], `D > 0`), the [`Belief`] in it, and a grid of G
+//! pixels:
 //!
-//! - `Depth = sum sqrt(o^2 + t^2) - t over G`, `o = ln(D d)` with the believed inverse depth `d > 0` and
-//!   `t = max(sigma / d, `[`EXACT`]`)`.
+//! - `Depth = sum sqrt(o^2 + t^2) - t over G`, `o = ln(D d)` with the believed inverse depth
+//!   `d > 0` and `t = max(sigma / d, `[`EXACT`]`)`.
 //! - `Normal = sum |N - M|^2 over G`.
 //! - `Coverage = sum max(|A - S| - `[`SLACK`]`, 0) over all pixels`, covered or not.
-//! - `Patches`: [`Patches`] of the grid, of `x = 1 / D` and `d >= 0`. With means and deviations of a patch's covered pixels, `s` the
-//!   deviation of all (global) or the patch's (local) and [`FLOOR`] of that of all added,
-//!   `o = (x - mean x) / s_x - (d - mean d) / s_d`; the mean of the squares of those above the margin, globally and, by its
-//!   share, locally. The deviation of all is a constant of the derivative; patches of fewer than [`FEWEST`] do not count.
-//! - `Smooth = sum exp(-|y_i - y_j| / `[`EDGE`]`) |x_i - x_j| over sum x`, over neighbouring covered pixels, with the mean of the
-//!   channels' differences; the sum below is a constant of the derivative.
+//! - `Patches`: [`Patches`] of the grid, of `x = 1 / D` and `d >= 0`. With means and deviations of
+//!   a patch's covered pixels, `s` the deviation of all (global) or the patch's (local) and
+//!   [`FLOOR`] of that of all added, `o = (x - mean x) / s_x - (d - mean d) / s_d`; the mean of the
+//!   squares of those above the margin, globally and, by its share, locally. The deviation of all
+//!   is a constant of the derivative; patches of fewer than [`FEWEST`] do not count.
+//! - `Smooth = sum exp(-|y_i - y_j| / `[`EDGE`]`) |x_i - x_j| over sum x`, over neighbouring
+//!   covered pixels, with the mean of the channels' differences; the sum below is a constant of the
+//!   derivative.
 //!
-//! The CPU's terms are the trainer's; this is for a device on which splats stay ([`Resident`](crate::Resident)).
+//! The CPU's terms are the trainer's; this is for a device on which splats stay
+//! ([`Resident`](crate::Resident)).
 //!
-//! Tolerance: photos, normals and coverage are kept as 16-bit fractions, off by at most 1.6e-5. Windowed squares about 1 less
-//! their means err by a few ulp, 1e-7, and are divided by at least `c2` = 9e-4: 1e-4 of `S` where a picture is flat, 1e-6 where
-//! it is not. Deviations of a patch are merged from those of its pixels, not differences of squares. Relative L2 of each
-//! derivative below 1e-4.
+//! Tolerance: photos, normals and coverage are kept as 16-bit fractions, off by at most 1.6e-5.
+//! Windowed squares about 1 less their means err by a few ulp, 1e-7, and are divided by at least
+//! `c2` = 9e-4: 1e-4 of `S` where a picture is flat, 1e-6 where it is not. Deviations of a patch
+//! are merged from those of its pixels, not differences of squares. Relative L2 of each derivative
+//! below 1e-4.
 
 #[cfg(feature = "gpu")]
 pub mod gpu;
@@ -61,8 +68,8 @@ pub const C2: f32 = 0.03 * 0.03;
 
 /// Least coverage of a pixel whose depth and normal count.
 pub const COVERED: f32 = 0.5;
-/// Difference from the believed coverage that counts as none: coverage comes near to 1 only slowly, and a pull that never ends makes
-/// splats large.
+/// Difference from the believed coverage that counts as none: coverage comes near to 1 only slowly,
+/// and a pull that never ends makes splats large.
 pub const SLACK: f32 = 0.05;
 /// Least `t` of believed depth.
 pub const EXACT: f32 = 0.01;
@@ -105,7 +112,8 @@ pub const NO_EXPOSURE: Exposure = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 
 /// The prior of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Belief {
-    /// Inverse view z, 1 / scene unit: 0 in the sky, below 0 where nothing is known or the pixel is not of the grid.
+    /// Inverse view z, 1 / scene unit: 0 in the sky, below 0 where nothing is known or the pixel is
+    /// not of the grid.
     pub disparity: f32,
     /// World axes, length 1; 0 as well.
     pub normal: [f32; 3],
@@ -123,7 +131,8 @@ impl Belief {
 pub struct Believed<'a> {
     /// The standard deviation of disparities, 1 / scene unit.
     pub sigma: f32,
-    /// Columns and rows of the grid, at most those of the photo: column `i` of `n` is at `(2 i + 1) width / (2 n)`.
+    /// Columns and rows of the grid, at most those of the photo: column `i` of `n` is at
+    /// `(2 i + 1) width / (2 n)`.
     pub grid: (u32, u32),
     /// `[H, W]`, asked for where the device does not have it.
     pub pixels: &'a (dyn Fn() -> Vec<Belief> + Sync),
@@ -143,7 +152,8 @@ pub struct Patches {
 /// A photo to compare with; without any weight.
 #[derive(Clone, Copy, Default)]
 pub struct Comparison<'a> {
-    /// Its number: of one size it always is the same photo, so that a device can keep it and what is believed of it.
+    /// Its number: of one size it always is the same photo, so that a device can keep it and what
+    /// is believed of it.
     pub photo: usize,
     /// `[H, W, 3]`, 0-1, display-referred.
     pub rgb: &'a [f32],

@@ -1,5 +1,5 @@
-// Mean and spread of rendered and believed inverse depths, merged in a fixed order without differences of squares (Chan et
-// al. 1983).
+// Mean and spread of rendered and believed inverse depths, merged in a fixed order without
+// differences of squares (Chan et al. 1983).
 
 struct Moments {
     count: f32,

@@ -2,8 +2,8 @@
 
 // See `grid_moments.wgsl`.
 @group(0) @binding(4) var<storage, read> of_groups: array<vec4<f32>>;
-// `[patches, 3]`: squares and count of global differences, of local ones; count and means; deviations that global and local
-// ones are divided by.
+// `[patches, 3]`: squares and count of global differences, of local ones; count and means;
+// deviations that global and local ones are divided by.
 @group(0) @binding(7) var<storage, read_write> of_patches: array<vec4<f32>>;
 
 @compute @workgroup_size(WORKGROUP)

@@ -1,5 +1,5 @@
-// Depth, normals and coverage against what is believed of each pixel: adds them up, and writes all derivatives by pictures
-// beside colours. A few workgroups, whose sums the CPU adds in their order.
+// Depth, normals and coverage against what is believed of each pixel: adds them up, and writes all
+// derivatives by pictures beside colours. A few workgroups, whose sums the CPU adds in their order.
 
 @group(0) @binding(4) var<storage, read> normal: array<f32>;
 @group(0) @binding(6) var<storage, read_write> upstream: array<f32>;

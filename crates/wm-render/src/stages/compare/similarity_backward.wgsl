@@ -1,4 +1,5 @@
-// From the slopes of one channel's similarity to the derivative of its weighted mean by the exposed picture.
+// From the slopes of one channel's similarity to the derivative of its weighted mean by the exposed
+// picture.
 
 @group(0) @binding(4) var<storage, read> slopes: array<f32>;
 // By colour, `[H, W, 3]`, and others behind.

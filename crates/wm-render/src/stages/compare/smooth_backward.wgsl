@@ -1,5 +1,6 @@
-// Differences of inverse depths of neighbours where the photo is smooth: their sum, and their derivative added to what is
-// there. Each pixel looks at its four neighbours, so that no two write to one place.
+// Differences of inverse depths of neighbours where the photo is smooth: their sum, and their
+// derivative added to what is there. Each pixel looks at its four neighbours, so that no two write
+// to one place.
 
 @group(0) @binding(4) var<storage, read> of_groups: array<f32>;
 // Colour and mask as 16-bit fractions.

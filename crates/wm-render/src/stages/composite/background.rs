@@ -1,4 +1,5 @@
-//! The background seen through the air: on coarse nodes of its own in each patch, or pixel by pixel.
+//! The background seen through the air: on coarse nodes of its own in each patch, or pixel by
+//! pixel.
 
 use crate::hooks::{Backdrop, Detail, GROUP, Medium, PATCH, PATCH_PIXELS, ShadeGroup};
 use crate::plan::{DrawPass, Shading};
@@ -157,7 +158,8 @@ impl<'a> BackgroundView<'a> {
         groups
     }
 
-    /// Nodes along a side of a patch, between which the background is mixed; `None` where there is one a pixel or more.
+    /// Nodes along a side of a patch, between which the background is mixed; `None` where there is
+    /// one a pixel or more.
     #[cfg(feature = "gpu")]
     #[must_use]
     pub fn nodes(&self) -> Option<usize> {

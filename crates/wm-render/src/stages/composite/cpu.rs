@@ -60,7 +60,8 @@ impl<'a> OutputRows<'a> {
     /// Channels of each array, in the order of [`Self::array`].
     pub const CHANNELS: [usize; 7] = [3, 1, 1, 1, 3, 4, FRONT];
 
-    /// Array number `index`: colour, alpha, depth, median depth, normal, particles, what is before the surface.
+    /// Array number `index`: colour, alpha, depth, median depth, normal, particles, what is before
+    /// the surface.
     pub fn array(&mut self, index: usize) -> &mut Vec<&'a mut [f32]> {
         match index {
             0 => &mut self.rgb,
@@ -100,11 +101,11 @@ pub struct Composite<'a> {
     pub effects: &'a [&'a dyn PixelEffect],
 }
 
-/// Finishes patch `(patch_x, patch_y)`: background, effects, division, output. `offset` is the patch's
-/// first column and row in the output rows, `LANES` the width of the path that blended.
+/// Finishes patch `(patch_x, patch_y)`: background, effects, division, output. `offset` is the
+/// patch's first column and row in the output rows, `LANES` the width of the path that blended.
 ///
-/// Plain loops that the compiler makes vectors of. It makes slower ones with AVX-512 than with AVX2, so
-/// the caller enters with the latter.
+/// Plain loops that the compiler makes vectors of. It makes slower ones with AVX-512 than with
+/// AVX2, so the caller enters with the latter.
 #[inline(always)]
 pub fn finish_patch<S: Lanes, const LANES: usize>(
     _: S,

@@ -1,5 +1,6 @@
-//! The background on the GPU. It is one colour, or a picture that the CPU paints and uploads: skies and panoramas have no
-//! form for the GPU yet. Pixel effects run on the CPU, on the picture that came back.
+//! The background on the GPU. It is one colour, or a picture that the CPU paints and uploads: skies
+//! and panoramas have no form for the GPU yet. Pixel effects run on the CPU, on the picture that
+//! came back.
 
 use crate::differentiable::Channels;
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};

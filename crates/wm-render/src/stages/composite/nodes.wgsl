@@ -1,5 +1,5 @@
-// A background that is mixed between NODES x NODES nodes of each patch, on its first and last edge and between:
-// `[patches, NODES, NODES, 3]`.
+// A background that is mixed between NODES x NODES nodes of each patch, on its first and last edge
+// and between: `[patches, NODES, NODES, 3]`.
 
 const PATCH: u32 = u32(TILE_SIDE);
 

@@ -18,8 +18,8 @@ crate::parity! {
     what_is_empty_is_zero => empty;
 }
 
-/// The nodes are within a tenth of an 8-bit step of the sky itself, but for the rows next to the horizon,
-/// whose kink it rounds off by the slope's change over one pixel.
+/// The nodes are within a tenth of an 8-bit step of the sky itself, but for the rows next to the
+/// horizon, whose kink it rounds off by the slope's change over one pixel.
 #[test]
 fn the_background_follows_the_sky() {
     let path = SimdPath::select(crate::simd::SimdChoice::Auto).unwrap();
@@ -43,8 +43,8 @@ fn the_background_follows_the_sky() {
     }
 }
 
-/// The background of each pixel of an empty picture, of nodes four, eight and a whole patch along its side: mixed of
-/// numbers about 1 by seven roundings.
+/// The background of each pixel of an empty picture, of nodes four, eight and a whole patch along
+/// its side: mixed of numbers about 1 by seven roundings.
 fn sky(backend: Backend) {
     let background = Background::Sky(SkyGradient::daylight([0.0, -1.0, 0.0]));
     let config = RenderConfig { background, ..RenderConfig::default() };

@@ -130,8 +130,8 @@ impl Pairs {
             let depth_bits = splat.depth.to_bits();
             let [first_x, last_x] = bounds.columns.map(u32::from);
             let [first_y, last_y] = bounds.rows.map(u32::from);
-            // Fields of 4x4 patches, two tiles each way, the first on an even patch. Most splats need
-            // one; there are no branches on what a field holds, since none could be predicted.
+            // Fields of 4x4 patches, two tiles each way, the first on an even patch. Most splats
+            // need one; there are no branches on what a field holds, since none could be predicted.
             let mut y = first_y & !1;
             loop {
                 let mut x = first_x & !1;
@@ -212,9 +212,9 @@ impl Pairs {
         self.keys[..self.len].iter().map(|key| record_of(*key))
     }
 
-    /// Like [`Self::scatter`], but what the keys name is the pair, numbered from `first`; what they would
-    /// have named goes to `words`, one a pair. The order of pairs is that of records, so the order of
-    /// keys is the same.
+    /// Like [`Self::scatter`], but what the keys name is the pair, numbered from `first`; what they
+    /// would have named goes to `words`, one a pair. The order of pairs is that of records, so the
+    /// order of keys is the same.
     pub fn scatter_numbered(&mut self, first: usize, lists: &[AtomicU64], words: &[AtomicU32]) {
         let words = &words[first..first + self.len];
         for (i, (tile, key)) in self.tiles[..self.len].iter().zip(&self.keys).enumerate() {

@@ -1,5 +1,6 @@
-// Which tiles each splat touches. One entry point counts them and then writes them: two would be compiled apart, and
-// might round apart. A splat's entries are row by row, so that what is summed over them is summed in one order.
+// Which tiles each splat touches. One entry point counts them and then writes them: two would be
+// compiled apart, and might round apart. A splat's entries are row by row, so that what is summed
+// over them is summed in one order.
 
 struct Task {
     // 0 to count, 1 to write.
@@ -20,8 +21,8 @@ struct Task {
 @group(0) @binding(7) var<storage, read_write> tiles: array<u32>;
 @group(0) @binding(8) var<storage, read_write> entries: array<u32>;
 
-// Whether alpha reaches 1/255 in the rectangle of a tile's pixel centres: the greatest alpha is on one of the two edges
-// that face the centre.
+// Whether alpha reaches 1/255 in the rectangle of a tile's pixel centres: the greatest alpha is on
+// one of the two edges that face the centre.
 fn touches(splat: Record, reach: f32, tile: vec2<f32>) -> bool {
     let low = tile * TILE_SIDE + 0.5 - splat.a.xy;
     let high = low + (TILE_SIDE - 1.0);

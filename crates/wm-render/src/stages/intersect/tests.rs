@@ -67,7 +67,8 @@ fn log2_alpha(r: &Record, x: f64, y: f64) -> f64 {
     f64::from(r.log2_opacity) - u * u - v * v
 }
 
-/// Records in view, and whether each is listed for each patch of 16x16 px: `[records][rows][columns]`.
+/// Records in view, and whether each is listed for each patch of 16x16 px:
+/// `[records][rows][columns]`.
 fn lists(backend: Backend, splats: &Splats) -> (Vec<Record>, Vec<bool>) {
     match backend {
         Backend::Cpu(path) => lists_of_cpu(path, splats),

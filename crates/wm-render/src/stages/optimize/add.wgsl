@@ -1,4 +1,5 @@
-// Adds the gradients of another render of the same view to those of a step, where both have the splat.
+// Adds the gradients of another render of the same view to those of a step, where both have the
+// splat.
 
 struct Learn {
     // 1 for what learns from it.

@@ -73,7 +73,8 @@ struct Piece<'a> {
     moments: [&'a mut [f32]; 2],
 }
 
-/// Takes step number `step` (from 1) along `gradients`. Arrays of gradients that are empty do not learn.
+/// Takes step number `step` (from 1) along `gradients`. Arrays of gradients that are empty do not
+/// learn.
 pub fn step(
     path: SimdPath,
     splats: &mut Splats,

@@ -86,7 +86,8 @@ pub(crate) fn optimize(
     recorder.dispatch(OptimizeProgram::Optimize, Groups::Direct(piece.blocks), bindings);
 }
 
-/// Adds the rows of another render to those of a step, as far as `learn`, the structure `Learn`, says.
+/// Adds the rows of another render to those of a step, as far as `learn`, the structure `Learn`,
+/// says.
 pub(crate) fn add(
     recorder: &mut Recorder<'_>,
     piece: &Piece<'_>,

@@ -2,19 +2,23 @@
 //!
 //! Contract, for the splats that a step has in view; others neither move nor forget:
 //!
-//! - Adam as published (Kingma and Ba 2014), with betas 0.9 and 0.999 and eps 1e-15: `m = b1 m + (1 - b1) g`,
-//!   `v = b2 v + (1 - b2) g^2`, `x -= rate (m / (1 - b1^t)) / (sqrt(v / (1 - b2^t)) + eps)`. The bias correction goes by
-//!   the step of training, t.
+//! - Adam as published (Kingma and Ba 2014), with betas 0.9 and 0.999 and eps 1e-15:
+//!   `m = b1 m + (1 - b1) g`, `v = b2 v + (1 - b2) g^2`,
+//!   `x -= rate (m / (1 - b1^t)) / (sqrt(v / (1 - b2^t)) + eps)`. The bias correction goes by the
+//!   step of training, t.
 //! - [`SplatTerms`] add to the gradients what pulls on splats whatever a picture shows.
-//! - The sky does not learn: nothing has a gradient there. It would learn what stands before it while that is still
-//!   transparent, and keep it.
+//! - The sky does not learn: nothing has a gradient there. It would learn what stands before it
+//!   while that is still transparent, and keep it.
 //! - [`Pulls`] grow by what the step pulled, and it is noted which step saw a splat last.
 //!
-//! On a GPU splats and moments stay where they learn ([`Resident`](crate::differentiable::Resident)), and what explores
-//! by noise does so there (`explore.wgsl`), by the same random numbers. Which splats come and go is decided by their
-//! [`Shapes`], which are read back; the rest of them, nine tenths, is moved where it is (`rearrange.wgsl`).
+//! On a GPU splats and moments stay where they learn
+//! ([`Resident`](crate::differentiable::Resident)), and what explores by noise does so there
+//! (`explore.wgsl`), by the same random numbers. Which splats come and go is decided by their
+//! [`Shapes`], which are read back; the rest of them, nine tenths, is moved where it is
+//! (`rearrange.wgsl`).
 //!
-//! Tolerance: some ulp of the step. Where a gradient is within its own error of 0 the first step may go either way.
+//! Tolerance: some ulp of the step. Where a gradient is within its own error of 0 the first step
+//! may go either way.
 
 pub mod cpu;
 #[cfg(feature = "gpu")]
@@ -153,15 +157,16 @@ impl Pulls {
     }
 }
 
-/// Weights of terms of the loss that are of the splats themselves: means over all of them, derived for those in view.
+/// Weights of terms of the loss that are of the splats themselves: means over all of them, derived
+/// for those in view.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SplatTerms {
     /// Of the opacity.
     pub opacity: f64,
     /// Of the scales.
     pub scale: f64,
-    /// Of `min(1, s_1 / s_2 - r)` with the shortest scale, the next and the ratio r that is flat enough ([`FLAT`]), by
-    /// which the shortest gets shorter and the next longer; not of the sky.
+    /// Of `min(1, s_1 / s_2 - r)` with the shortest scale, the next and the ratio r that is flat
+    /// enough ([`FLAT`]), by which the shortest gets shorter and the next longer; not of the sky.
     pub flatness: f64,
 }
 
@@ -181,7 +186,8 @@ pub struct Step {
 /// Noise by which splats that are nearly transparent explore.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// The seed of its random numbers, three normal ones a splat: see [`wm_scene::random::uniform`].
+    /// The seed of its random numbers, three normal ones a splat: see
+    /// [`wm_scene::random::uniform`].
     pub seed: u64,
     /// In units of a splat's variance.
     pub size: f64,
@@ -202,7 +208,8 @@ pub struct Learnt<'a> {
     pub seen: &'a [u32],
 }
 
-/// The numbers that decide which splats come and go, of splats that learn on a device: their shapes and gradients.
+/// The numbers that decide which splats come and go, of splats that learn on a device: their shapes
+/// and gradients.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shapes {
     /// Of degree 0: without the coefficients above, which stay there as moments do.

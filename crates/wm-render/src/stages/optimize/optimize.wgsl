@@ -1,5 +1,5 @@
-// Adam over the splats in view, with what pulls on splats whatever a picture shows: a thread a splat; see the contract
-// in `mod.rs`.
+// Adam over the splats in view, with what pulls on splats whatever a picture shows: a thread a
+// splat; see the contract in `mod.rs`.
 
 struct Step {
     rate_means: f32,
@@ -23,7 +23,8 @@ struct Step {
 
 @group(0) @binding(2) var<storage, read_write> splats: array<f32>;
 @group(0) @binding(3) var<storage, read_write> sh_rest: array<f32>;
-// First moments, then second ones, of each group: `[groups][2][SPLAT_ROWS][16]`, `[groups][2][sh_rows][16]`.
+// First moments, then second ones, of each group: `[groups][2][SPLAT_ROWS][16]`,
+// `[groups][2][sh_rows][16]`.
 @group(0) @binding(5) var<storage, read_write> moments: array<f32>;
 @group(0) @binding(6) var<storage, read_write> sh_moments: array<f32>;
 // See `project_backward.wgsl` and `shade_backward.wgsl`.

@@ -1,4 +1,5 @@
-// Rows of splats to where the splats are now: a thread a splat, from one piece of what was to one of what is.
+// Rows of splats to where the splats are now: a thread a splat, from one piece of what was to one
+// of what is.
 
 struct Move {
     // Splats of the piece before, among all.

@@ -64,8 +64,8 @@ fn renders(degree: u8) -> [ForwardConfig; 2] {
 
 const OTHER: Learn = Learn { sh: false, quats: false, ..Learn::ALL };
 
-/// Two steps, from two sides, whose gradients are the GPU's: of the CPU's own, those that are 0 but for rounding would
-/// decide by their sign where Adam goes.
+/// Two steps, from two sides, whose gradients are the GPU's: of the CPU's own, those that are 0 but
+/// for rounding would decide by their sign where Adam goes.
 fn learn_on_cpu(kept: &mut Kept, degree: u8) {
     let path = SimdPath::available()[0];
     let mut gpu = gpu_differentiable();

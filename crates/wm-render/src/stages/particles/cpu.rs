@@ -117,7 +117,8 @@ fn dot<S: Lanes>(a: &[S::F; 3], b: &[S::F; 3]) -> S::F {
     a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 
-/// The sixteen particles of a group in the picture: the numbers of each one in a row, and a bit for each that is in it.
+/// The sixteen particles of a group in the picture: the numbers of each one in a row, and a bit for
+/// each that is in it.
 #[inline(always)]
 fn project<S: Lanes>(simd: S, group: &ParticleGroup, view: &ParticleView, out: &mut [[f32; 16]; 16]) -> u32 {
     let mut seen = 0;
@@ -155,8 +156,8 @@ fn project<S: Lanes>(simd: S, group: &ParticleGroup, view: &ParticleView, out: &
         let mut xx = variance * dot::<S>(jx, jx);
         let mut xy = variance * dot::<S>(jx, jy);
         let mut yy = variance * dot::<S>(jy, jy);
-        // The determinant without cancellation: needles have next to none. `wedge` adds the squares of the
-        // areas that pairs of directions span.
+        // The determinant without cancellation: needles have next to none. `wedge` adds the squares
+        // of the areas that pairs of directions span.
         let [a, b] = [0, 1].map(|k| [dot::<S>(jx, &reach[k]), dot::<S>(jy, &reach[k])]);
         let mut det = xx * yy - xy * xy;
         for [rx, ry] in [a, b] {
@@ -181,7 +182,8 @@ fn project<S: Lanes>(simd: S, group: &ParticleGroup, view: &ParticleView, out: &
         }
         let peak = steeper.mul_add(simd.set(LOG2_E), log2(simd, [whole])[0]);
         let radius2 = ((peak - LEAST_LOG2) * (2.0 * LN_2)).max(simd.set(SHORTEST));
-        // What lies beyond falls off as the Gaussian does: to the least, or to that of the shortest radius.
+        // What lies beyond falls off as the Gaussian does: to the least, or to that of the shortest
+        // radius.
         let is_far = radius2.simd_gt(simd.set(SHORTEST));
         let beyond = is_far.select(simd.set(LEAST) / whole, (steeper + 1.0) * BEYOND_SHORTEST);
         let peak = (peak - log2(simd, [simd.set(1.0) - beyond])[0]).min(simd.set(MOST_LOG2));
@@ -354,8 +356,9 @@ impl Falling {
         });
         budget.check(Listed::Falling)?;
         let laying = Instant::now();
-        // Two counting sorts by one thread (atomics of several cost many times as much): of the lists, and of the drops
-        // by the first patch of each, so that those of one patch lie together.
+        // Two counting sorts by one thread (atomics of several cost many times as much): of the
+        // lists, and of the drops by the first patch of each, so that those of one patch lie
+        // together.
         self.bounds.clear();
         self.bounds.resize(patches + 2, 0);
         let mut homes = vec![0; patches + 1];
@@ -388,9 +391,10 @@ impl Falling {
         Ok(parts.iter().map(|part| part.seconds).sum::<f64>() + laying.elapsed().as_secs_f64())
     }
 
-    /// Draws what falls in patch `(column, row)` over its pixels: display-referred colour, row by row. `behind`: coverage
-    /// and sum of weight times view z, block by block as `path` blends. `apart`, if given, holds zeros, and takes the
-    /// linear light of what falls and its coverage, row by row.
+    /// Draws what falls in patch `(column, row)` over its pixels: display-referred colour, row by
+    /// row. `behind`: coverage and sum of weight times view z, block by block as `path` blends.
+    /// `apart`, if given, holds zeros, and takes the linear light of what falls and its coverage,
+    /// row by row.
     pub fn draw(
         &self,
         path: SimdPath,
@@ -415,14 +419,15 @@ impl Falling {
 /// Most blocks of a patch: of 8 pixels.
 const BLOCKS: usize = PATCH_PIXELS / 8;
 
-/// The particles of one patch, in whole numbers of an optical depth, block by block: a vector is four columns of some rows, as in
-/// [`crate::stages::rasterize`], since streaks are thin.
+/// The particles of one patch, in whole numbers of an optical depth, block by block: a vector is
+/// four columns of some rows, as in [`crate::stages::rasterize`], since streaks are thin.
 #[repr(C, align(64))]
 struct Sums {
-    /// Optical depth, and with it red, green and blue: four vectors a block. Each term has [`ROUND`]'s bits in it.
+    /// Optical depth, and with it red, green and blue: four vectors a block. Each term has
+    /// [`ROUND`]'s bits in it.
     sums: [u32; 4 * PATCH_PIXELS],
-    /// Column and row of each pixel, view z of the scene (infinite where there is none), and steps of an optical depth of
-    /// 1 behind it, of what it leaves open: four vectors a block.
+    /// Column and row of each pixel, view z of the scene (infinite where there is none), and steps
+    /// of an optical depth of 1 behind it, of what it leaves open: four vectors a block.
     pixels: [f32; 4 * PATCH_PIXELS],
     /// Terms in each block.
     terms: [u32; BLOCKS],

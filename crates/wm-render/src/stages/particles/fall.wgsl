@@ -1,4 +1,5 @@
-// The cover of falling particles, a workgroup each: whole numbers, added by atomics. See the contract in `mod.rs`.
+// The cover of falling particles, a workgroup each: whole numbers, added by atomics. See the
+// contract in `mod.rs`.
 
 const THREADS: u32 = 64u;
 

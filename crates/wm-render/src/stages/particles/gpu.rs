@@ -1,5 +1,5 @@
-//! Particles on the GPU: the CPU gathers and projects them, a workgroup adds up each drop's cover in whole numbers by
-//! atomics, so that no order counts.
+//! Particles on the GPU: the CPU gathers and projects them, a workgroup adds up each drop's cover
+//! in whole numbers by atomics, so that no order counts.
 
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};
 use crate::gpu::source::{StagePrograms, texts};
@@ -29,7 +29,8 @@ impl StagePrograms for ParticleProgram {
     }
 }
 
-/// Adds up the cover of `count` drops: before a scene of that coverage and expected depth, to sums that were 0.
+/// Adds up the cover of `count` drops: before a scene of that coverage and expected depth, to sums
+/// that were 0.
 pub(crate) fn fall(
     recorder: &mut Recorder<'_>,
     (drops, count): (&wgpu::Buffer, u32),

@@ -33,8 +33,8 @@ impl StagePrograms for PrefixSumProgram {
     }
 }
 
-/// Prefix sums of `sums` in place, by one of the two programs of `spine.wgsl`; counts and sizes of dispatches go to the
-/// other two.
+/// Prefix sums of `sums` in place, by one of the two programs of `spine.wgsl`; counts and sizes of
+/// dispatches go to the other two.
 pub(crate) fn spine(
     recorder: &mut Recorder<'_>,
     program: PrefixSumProgram,

@@ -15,7 +15,8 @@ const MOST: u32 = 0xffffffffu;
 // Whether a sum is so large that 256 of them may not fit a word.
 var<workgroup> too_many: atomic<u32>;
 
-// Makes `sums[stride * i]`, i < count, their exclusive prefix sums; returns the total, MOST if it is more than that.
+// Makes `sums[stride * i]`, i < count, their exclusive prefix sums; returns the total, MOST if it
+// is more than that.
 fn scan_sums(local: u32, count: u32, stride: u32) -> u32 {
     if local == 0u {
         atomicStore(&too_many, 0u);

@@ -1,5 +1,5 @@
-//! Stored parameters to the form that projection takes, sixteen splats at a time: for training, where
-//! they change with every step. Rendering activates a model once, in f64 (`cpu::model`).
+//! Stored parameters to the form that projection takes, sixteen splats at a time: for training,
+//! where they change with every step. Rendering activates a model once, in f64 (`cpu::model`).
 //!
 //! Tolerance: exponentials err by 5e-7 relative, so do scales and opacities.
 

@@ -39,7 +39,8 @@ pub struct ProjectedGroup {
     pub rows: [[u32; GROUP]; 2],
     /// World axes, towards the camera.
     pub normal: [[f32; GROUP]; 3],
-    /// Slopes of the reciprocal depth, packed by [`super::pack_slopes`]. Filled only if a surface splits the blend.
+    /// Slopes of the reciprocal depth, packed by [`super::pack_slopes`]. Filled only if a surface
+    /// splits the blend.
     pub slopes: [u32; GROUP],
     /// A bit for each splat that is in view.
     pub mask: u32,
@@ -192,8 +193,9 @@ pub fn factor<S: Lanes>(simd: S, geometry: &GroupGeometry<S>) -> [S::F; 3] {
     [ux, -(vy * (cov_xy / cov_xx)), vy]
 }
 
-/// Slopes of a splat's reciprocal depth over the picture, along x and y, 1/(scene units px). Its depth at a pixel is the view z at
-/// which it is densest along the ray, after it is flattened along `normal` about its centre; that of a flat splat is the depth of its plane.
+/// Slopes of a splat's reciprocal depth over the picture, along x and y, 1/(scene units px). Its
+/// depth at a pixel is the view z at which it is densest along the ray, after it is flattened along
+/// `normal` about its centre; that of a flat splat is the depth of its plane.
 #[inline(always)]
 fn reciprocal_slopes<S: Lanes>(
     simd: S,
@@ -202,7 +204,8 @@ fn reciprocal_slopes<S: Lanes>(
     normal: [f32; 3],
 ) -> [S::F; 2] {
     let zero = simd.set(0.0);
-    // Along the splat's own axes, of unit variance: columns, rows and view z of the picture, and the height.
+    // Along the splat's own axes, of unit variance: columns, rows and view z of the picture, and
+    // the height.
     let (mut deep, mut height) = ([zero; 3], [zero; 3]);
     for (row, to) in [(camera.rotation[2], &mut deep), (normal, &mut height)] {
         for k in 0..3 {
@@ -260,8 +263,8 @@ pub fn facing<S: Lanes>(simd: S, normal: &[S::F; 3], offset: &[S::F; 3]) -> S::F
     along.simd_gt(simd.set(0.0)).select(simd.set(-1.0), simd.set(1.0))
 }
 
-/// Projects one group. `visibility` is a factor on the opacity of each splat, `split` the normal of a surface that splits the blend; `shade`
-/// gets the rays.
+/// Projects one group. `visibility` is a factor on the opacity of each splat, `split` the normal of
+/// a surface that splits the blend; `shade` gets the rays.
 #[inline(always)]
 pub fn project_group<S: Lanes>(
     simd: S,
@@ -385,8 +388,8 @@ impl Record {
             }
             return records;
         }
-        // Each round of perfect shuffles turns the eight bits of (row, lane) by one place: four rounds
-        // swap rows and lanes.
+        // Each round of perfect shuffles turns the eight bits of (row, lane) by one place: four
+        // rounds swap rows and lanes.
         let mut rows = [simd.set(0.0); GROUP];
         for k in 0..GROUP {
             rows[k] = simd.load(columns[k]);
@@ -438,10 +441,10 @@ fn patch_of<S: Lanes>(simd: S, v: S::F, last: f32) -> S::U {
 /// Frustum test of clusters.
 ///
 /// A splat with mean at lateral offset `X` is drawn only if `X / z` is inside the picture's tangent
-/// `tan` by its extent: `X - z tan <= 3.33 s sqrt(1 + tc^2) + z e / f`, with `s` its largest standard
-/// deviation, 3.33 = sqrt(2 ln 255), `tc` the clamp of the Jacobian and `e = sqrt(2 ln 255 0.3)` px
-/// from the dilation. The left side less `z e / f` is linear in the mean, so its least value over the
-/// cluster's box is exact.
+/// `tan` by its extent: `X - z tan <= 3.33 s sqrt(1 + tc^2) + z e / f`, with `s` its largest
+/// standard deviation, 3.33 = sqrt(2 ln 255), `tc` the clamp of the Jacobian and
+/// `e = sqrt(2 ln 255 0.3)` px from the dilation. The left side less `z e / f` is linear in the
+/// mean, so its least value over the cluster's box is exact.
 #[derive(Clone, Copy, Debug)]
 pub struct ClusterCull {
     /// Outward normals: a point `d` from the camera centre is outside if `n . d` exceeds the slack.

@@ -1,8 +1,8 @@
 // A splat in the picture, as `cpu.rs` has it; see the contract in `mod.rs`.
 
 @group(0) @binding(0) var<uniform> view: View;
-// `[groups][SPLAT_ROWS][16]`: mean 3, quat 4, scale 3, opacity, coefficient 0 of the colour 3, 1 for sky. What form they
-// are in, `activated.wgsl` or `stored.wgsl` say.
+// `[groups][SPLAT_ROWS][16]`: mean 3, quat 4, scale 3, opacity, coefficient 0 of the colour 3, 1
+// for sky. What form they are in, `activated.wgsl` or `stored.wgsl` say.
 @group(0) @binding(2) var<storage, read> splats: array<f32>;
 
 fn number(splat: u32, row: u32) -> f32 {
@@ -91,7 +91,8 @@ fn factor_of(p: Projected) -> vec3<f32> {
     return vec3<f32>(SQRT_HALF_LOG2E / sqrt(p.cov.x), -(vy * (p.cov.y / p.cov.x)), vy);
 }
 
-// Slopes of the reciprocal depth over the picture, along x and y, of the splat flattened along the normal of the surface.
+// Slopes of the reciprocal depth over the picture, along x and y, of the splat flattened along the
+// normal of the surface.
 fn reciprocal_slopes(p: Projected) -> vec2<f32> {
     let height = p.scales * (view.split_normal * p.axes);
     let high = max(dot(height, height), 1e-30);

@@ -1,5 +1,6 @@
-//! Projection on the GPU: one pass finds the splats in view, a bit each; after prefix sums over blocks of 256 a second
-//! one writes their records in the order of the splats, so that nothing depends on which workgroup came first.
+//! Projection on the GPU: one pass finds the splats in view, a bit each; after prefix sums over
+//! blocks of 256 a second one writes their records in the order of the splats, so that nothing
+//! depends on which workgroup came first.
 
 use crate::gpu::recorder::{Bindings, Groups, Recorder};
 use crate::gpu::source::{COLOR, StagePrograms, texts};

@@ -1,12 +1,12 @@
 //! Splats to 2D Gaussians in the picture (EWA splatting, Zwicker et al. 2002, as 3DGS uses it).
 //!
-//! Contract, for a splat with mean `mu`, rotation `R` (from its quaternion), scales `s`, opacity `o`
-//! and a camera with rotation `W`, centre `c`:
+//! Contract, for a splat with mean `mu`, rotation `R` (from its quaternion), scales `s`, opacity
+//! `o` and a camera with rotation `W`, centre `c`:
 //!
 //! - `(X, Y, z) = W (mu - c)`; drawn only if `z > near`. Centre `(fx X / z + cx, fy Y / z + cy)`.
-//! - `M = J W R diag(s)`, `[2, 3]`, with `J` the Jacobian of the projection at `mu`, where `X / z` is
-//!   clamped to `[-cx / fx - margin, (width - cx) / fx + margin]`, margin = 0.3 width / (2 fx), and
-//!   `Y / z` likewise: outside it the linearisation explodes.
+//! - `M = J W R diag(s)`, `[2, 3]`, with `J` the Jacobian of the projection at `mu`, where `X / z`
+//!   is clamped to `[-cx / fx - margin, (width - cx) / fx + margin]`, margin = 0.3 width / (2 fx),
+//!   and `Y / z` likewise: outside it the linearisation explodes.
 //! - `cov2d = M M^T + 0.3 I` px^2. Its determinant is summed from the 2x2 minors of `M`
 //!   (Cauchy-Binet), all terms positive, so that needles lose no digits.
 //! - [`Rasterization::Antialiased`](wm_scene::Rasterization) multiplies `o` by
@@ -19,10 +19,10 @@
 //!   above 1e37 (f32 would overflow).
 //! - The normal is the shortest axis (the first of equal ones), turned towards the camera.
 //!
-//! Tolerance: each value is a sum of a few dozen products: relative 1e-5 (about 80 ulp) where they are
-//! of like magnitude. The entries of `M` err by 1e-6 of the longest axis times the focal length over
-//! z, which tells where a needle is seen along its axis. `u`, `v` at distance `d` px from the centre
-//! err by `d` times the error of `ux`, `vx`, `vy`.
+//! Tolerance: each value is a sum of a few dozen products: relative 1e-5 (about 80 ulp) where they
+//! are of like magnitude. The entries of `M` err by 1e-6 of the longest axis times the focal length
+//! over z, which tells where a needle is seen along its axis. `u`, `v` at distance `d` px from the
+//! centre err by `d` times the error of `ux`, `vx`, `vy`.
 //!
 //! The radius of culling a cluster is conservative: see `cpu::ClusterCull`.
 
@@ -37,10 +37,12 @@ use wm_scene::Camera;
 
 /// Variance added to both axes of the 2D Gaussian, px^2.
 pub const DILATION: f32 = 0.3;
-/// The same where slopes of depth are found, px^2: flat splats that are seen at a grazing angle are lines.
+/// The same where slopes of depth are found, px^2: flat splats that are seen at a grazing angle are
+/// lines.
 pub const SLOPE_DILATION: f32 = 0.02;
-/// Share of a splat's thickness along the normal of a surface that does not count for on which side of it the splat is, for those that lie
-/// along the surface; and the shares of a splat's whole variance along the normal up to which it lies, and from which it stands.
+/// Share of a splat's thickness along the normal of a surface that does not count for on which side
+/// of it the splat is, for those that lie along the surface; and the shares of a splat's whole
+/// variance along the normal up to which it lies, and from which it stands.
 pub const FLATTENING: f32 = 0.99;
 pub const LIES: f32 = 0.15;
 pub const STANDS: f32 = 0.3;
@@ -83,11 +85,13 @@ pub struct Record {
     pub slope_y: f32,
     /// The dx at which alpha is largest for dy = 1: `cov2d[x][y] / cov2d[y][y]`.
     pub slope_x: f32,
-    /// Index of the splat in its model; in a pass with a surface slopes of its depth, see [`pack_slopes`].
+    /// Index of the splat in its model; in a pass with a surface slopes of its depth, see
+    /// [`pack_slopes`].
     pub index: u32,
 }
 
-/// Packs slopes of the reciprocal depth along x and y, 1/(scene units px), into one word: the upper half of each number.
+/// Packs slopes of the reciprocal depth along x and y, 1/(scene units px), into one word: the upper
+/// half of each number.
 #[inline(always)]
 #[must_use]
 pub fn pack_slopes([x, y]: [f32; 2]) -> u32 {

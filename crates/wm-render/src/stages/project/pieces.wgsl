@@ -21,7 +21,8 @@ struct Chunk {
     fixed_log2_opacity: f32,
 }
 
-// What a block of 256 splats shows: how many, and after the scan how many are before it; a bit for each splat.
+// What a block of 256 splats shows: how many, and after the scan how many are before it; a bit for
+// each splat.
 struct Block {
     count: u32,
     mask: array<u32, 8>,

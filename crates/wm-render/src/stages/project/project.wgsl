@@ -1,4 +1,5 @@
-// The records of the splats in view, in the order of the splats, and the keys by which they are sorted.
+// The records of the splats in view, in the order of the splats, and the keys by which they are
+// sorted.
 
 @group(0) @binding(6) var<storage, read_write> records: array<Record>;
 @group(0) @binding(7) var<storage, read_write> depths: array<u32>;

@@ -1,4 +1,5 @@
-// Splats as training keeps them: stored parameters, activated where they are read, as `activate.rs` has it.
+// Splats as training keeps them: stored parameters, activated where they are read, as `activate.rs`
+// has it.
 
 // 1 / length of the stored quaternion; 0 where there is none.
 fn inverse_length_of(splat: u32) -> f32 {

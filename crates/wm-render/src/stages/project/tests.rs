@@ -125,7 +125,8 @@ fn check(backend: Backend, splats: &Splats, mode: Rasterization) {
         near("depth", out.depth, want.depth, 1e-6 * (6.0 + want.depth));
         let k = f64::from(SQRT_HALF_LOG2E);
         let given_x = yy - xy * xy / xx;
-        // Seen along its long axis, a needle's extent in the picture is a difference of large terms.
+        // Seen along its long axis, a needle's extent in the picture is a difference of large
+        // terms.
         let longest = splats.scales(model.source[i] as usize).into_iter().fold(0.0, f64::max);
         let noise = 1e-6 * camera.fx / want.depth * longest * want.distance / want.depth;
         let relative = 1e-5 + noise / xx.min(given_x).sqrt();

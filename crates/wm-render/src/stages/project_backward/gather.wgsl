@@ -1,4 +1,5 @@
-// Adds the slots of each splat in view, in the order of its tiles: a thread a number, sixteen splats at a time.
+// Adds the slots of each splat in view, in the order of its tiles: a thread a number, sixteen
+// splats at a time.
 
 // Numbers of a slot.
 const SLOT: u32 = 16u;

@@ -39,7 +39,8 @@ crate::parity! {
                 }
                 let tolerance = match hard {
                     Hard::Needle | Hard::NearPlane | Hard::Behind => 1e-3,
-                    // The centre's error, some ulp of up to 75 px, over a standard deviation of 0.5 px.
+                    // The centre's error, some ulp of up to 75 px, over a standard deviation of 0.5
+                    // px.
                     Hard::Tiny => 3e-4,
                     _ => 1e-5,
                 };
@@ -57,8 +58,8 @@ crate::parity! {
 fn check(backend: Backend, what: &str, splats: &Splats, config: &ForwardConfig, tolerance: f64) {
     let (got, want) = gradients_of(backend, splats, &camera(75, 53), config, 83);
     for (name, error) in gradient_errors(&got, &want) {
-        // Weights count pixels that are not steady too. What is no parameter's gradient may err twice as
-        // much, and the portable path, which rounds products before sums, five times.
+        // Weights count pixels that are not steady too. What is no parameter's gradient may err
+        // twice as much, and the portable path, which rounds products before sums, five times.
         let bound = match (name, backend) {
             ("weights", _) => 1e-3,
             (_, Backend::Cpu(path)) if path.choice() == SimdChoice::Portable => 5.0 * tolerance,

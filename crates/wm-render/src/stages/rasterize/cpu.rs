@@ -1,6 +1,6 @@
-//! Block-major blending: a tile is four patches, a patch is cut in blocks of one vector (4x4 px with
-//! 16 lanes, 4x2 px with 8). For a batch of splats an exact test gives the blocks that each touches;
-//! then each block walks its own splats with transmittance and sums in registers.
+//! Block-major blending: a tile is four patches, a patch is cut in blocks of one vector (4x4 px
+//! with 16 lanes, 4x2 px with 8). For a batch of splats an exact test gives the blocks that each
+//! touches; then each block walks its own splats with transmittance and sums in registers.
 
 use super::{LOG2_MAX_ALPHA, MIN_TRANSMITTANCE};
 use crate::frame::FRONT;
@@ -32,11 +32,13 @@ pub struct PatchSums {
     pub median: [f32; PATCH_PIXELS],
     /// Reciprocal view z of the surface; less than that of everything where there is none.
     pub surface: [f32; PATCH_PIXELS],
-    /// The sums that the surface splits, as in [`crate::Frame::front`]. While they are blended, those of blocks in `whole` are not filled.
+    /// The sums that the surface splits, as in [`crate::Frame::front`]. While they are blended,
+    /// those of blocks in `whole` are not filled.
     pub front: [[f32; PATCH_PIXELS]; FRONT],
     /// A bit for each block that the surface crosses at some pixel.
     crossed: u32,
-    /// A bit for each block in which all splats so far are before the surface: its front is all that is blended.
+    /// A bit for each block in which all splats so far are before the surface: its front is all
+    /// that is blended.
     whole: u32,
 }
 
@@ -44,7 +46,8 @@ pub struct PatchSums {
 pub type Surface<'a> = (&'a [f32], (usize, usize));
 
 impl PatchSums {
-    /// Reads the surface in one patch, in the order in which a SIMD path of so many lanes walks the blocks.
+    /// Reads the surface in one patch, in the order in which a SIMD path of so many lanes walks the
+    /// blocks.
     pub fn set_surface(&mut self, lanes: usize, surface: Surface<'_>, (patch_x, patch_y): (usize, usize)) {
         let (depths, (width, height)) = surface;
         let block_height = lanes / 4;
@@ -95,7 +98,8 @@ pub struct BlendScratch {
     pub patches: [PatchSums; PATCHES],
     batch: Batch,
     lists: Lists,
-    /// The sum of the weights of each splat of the tile's list over its pixels, filled where they are asked for.
+    /// The sum of the weights of each splat of the tile's list over its pixels, filled where they
+    /// are asked for.
     pub weights: Vec<f32>,
     /// Columns and rows of the tile that are in the picture: pixels beside it have no weights.
     pub weighed: (usize, usize),
@@ -140,7 +144,8 @@ pub(crate) struct Batch {
     pub corner: (f32, f32),
     /// The patches that each touches.
     pub touched: [u8; 256],
-    /// Slopes of the reciprocal view z of each, and its value at the tile's corner; filled where a surface splits the blend.
+    /// Slopes of the reciprocal view z of each, and its value at the tile's corner; filled where a
+    /// surface splits the blend.
     planes: [[f32; 3]; 256],
 }
 
@@ -186,9 +191,9 @@ impl Batch {
     }
 }
 
-/// Blends the splats of `keys` (sorted) over the tile whose first pixel is `(left, top)`. `C` features
-/// are summed: 3 colour, 4 and view z, 7 and normal. Patches without a bit in `inside` lie outside the
-/// picture. With `WEIGH` the sums of each splat's weights are left in the scratch.
+/// Blends the splats of `keys` (sorted) over the tile whose first pixel is `(left, top)`. `C`
+/// features are summed: 3 colour, 4 and view z, 7 and normal. Patches without a bit in `inside` lie
+/// outside the picture. With `WEIGH` the sums of each splat's weights are left in the scratch.
 ///
 /// Returns the number of splat-pixel pairs evaluated.
 #[inline(always)]
@@ -328,8 +333,8 @@ pub fn blend_tile<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: boo
     evaluated
 }
 
-/// Finds the blocks of a patch that its splats touch: `splats` of them are in `lists.patch`, and the
-/// patch begins at pixel `field`.
+/// Finds the blocks of a patch that its splats touch: `splats` of them are in `lists.patch`, and
+/// the patch begins at pixel `field`.
 #[inline(always)]
 pub(crate) fn mask_blocks<S: Lanes>(
     simd: S,
@@ -357,8 +362,9 @@ pub(crate) fn mask_blocks<S: Lanes>(
     }
 }
 
-/// Lists those of the first `len` entries of `masks` that hold `bit`: their positions, or what `names`
-/// says of them. Returns how many. Entries from `len` on to the next multiple of 64 hold no bit.
+/// Lists those of the first `len` entries of `masks` that hold `bit`: their positions, or what
+/// `names` says of them. Returns how many. Entries from `len` on to the next multiple of 64 hold no
+/// bit.
 #[inline(always)]
 pub(crate) fn list<S: Lanes>(
     simd: S,
@@ -430,8 +436,8 @@ const PACKED: [u64; 256] = {
     packed
 };
 
-/// log2 of the alphas, and the alphas, of a flight of splats at pixels `(px, py)` from the tile's corner.
-/// `LOOPED` chooses the exponential, see [`exp2_looped`]; the numbers are the same.
+/// log2 of the alphas, and the alphas, of a flight of splats at pixels `(px, py)` from the tile's
+/// corner. `LOOPED` chooses the exponential, see [`exp2_looped`]; the numbers are the same.
 #[inline(always)]
 pub(crate) fn alphas<S: Lanes, const LOOPED: bool>(
     simd: S,
@@ -457,8 +463,8 @@ pub(crate) fn alphas<S: Lanes, const LOOPED: bool>(
     (q, alpha)
 }
 
-/// Blends one block, whose first pixel centre is `corner` px from the tile's corner. Returns whether
-/// any pixel still takes light, and the number of splats walked.
+/// Blends one block, whose first pixel centre is `corner` px from the tile's corner. Returns
+/// whether any pixel still takes light, and the number of splats walked.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)] // One caller; the pieces have no noun of their own.
 fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, const WEIGH: bool>(
@@ -483,7 +489,8 @@ fn blend_block<S: Lanes, const C: usize, const MEDIAN: bool, const SPLIT: bool, 
     }
     let surface = if SPLIT { simd.load(&sums.surface[lanes.clone()]) } else { zero };
     let mut front = [zero; FRONT];
-    // All splats so far are before the surface: then the sums before it are all sums, and are not kept twice.
+    // All splats so far are before the surface: then the sums before it are all sums, and are not
+    // kept twice.
     let mut is_whole = SPLIT && sums.whole >> block & 1 == 1;
     if SPLIT && !is_whole {
         for c in 0..FRONT {

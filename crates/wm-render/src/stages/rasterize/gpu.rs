@@ -8,8 +8,8 @@ use crate::hooks::GROUP;
 use crate::renderer::{Geometry, MedianDepth, WEIGHT_UNITS};
 use std::borrow::Cow;
 
-/// Pictures of depths before that of the surface in the buffer of depths: expected and median depth. The sums of
-/// [`crate::Frame::front`] follow the surface.
+/// Pictures of depths before that of the surface in the buffer of depths: expected and median
+/// depth. The sums of [`crate::Frame::front`] follow the surface.
 pub const SURFACE_PLANE: u64 = 2;
 
 /// The programs of blending.
@@ -71,7 +71,8 @@ impl StagePrograms for RasterizeProgram {
     }
 }
 
-/// The buffers that `rasterize.wgsl` reads and writes. Pictures that are not wanted are not written, and may be small.
+/// The buffers that `rasterize.wgsl` reads and writes. Pictures that are not wanted are not
+/// written, and may be small.
 pub(crate) struct Rasterize<'a> {
     pub tile_offsets: &'a wgpu::Buffer,
     pub entries: &'a wgpu::Buffer,
@@ -99,7 +100,8 @@ impl Rasterize<'_> {
         self.dispatch(recorder, tiles, program, counters);
     }
 
-    /// Blends the sums of a step of training. Entries name pairs, and `names` has the record of each.
+    /// Blends the sums of a step of training. Entries name pairs, and `names` has the record of
+    /// each.
     pub fn record_sums(
         &self,
         recorder: &mut Recorder<'_>,

@@ -1,5 +1,6 @@
-// Front-to-back blending: a workgroup a tile, a thread a pixel. See the contract in `mod.rs`; depth and normal are
-// finished here, by the contract of the composite, but where training keeps the sums.
+// Front-to-back blending: a workgroup a tile, a thread a pixel. See the contract in `mod.rs`; depth
+// and normal are finished here, by the contract of the composite, but where training keeps the
+// sums.
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> tile_offsets: array<u32>;
@@ -8,8 +9,9 @@
 @group(0) @binding(3) var<storage, read> records: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> rgb: array<f32>;
 @group(0) @binding(5) var<storage, read_write> alpha: array<f32>;
-// Expected depths, then median depths, then the reciprocal depths of the surface (0 for none), then the sums that it splits, FRONT
-// numbers a pixel. They share a buffer, since portable adapters have eight storage buffers and no more.
+// Expected depths, then median depths, then the reciprocal depths of the surface (0 for none), then
+// the sums that it splits, FRONT numbers a pixel. They share a buffer, since portable adapters have
+// eight storage buffers and no more.
 @group(0) @binding(6) var<storage, read_write> depths: array<f32>;
 @group(0) @binding(7) var<storage, read_write> normal: array<f32>;
 

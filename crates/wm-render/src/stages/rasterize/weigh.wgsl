@@ -1,5 +1,6 @@
-// The weights of records, summed over the pixels: a workgroup a tile, a thread a pixel. What is blended is what `rasterize.wgsl` blends.
-// Sums are whole numbers: they do not depend on the order of the threads.
+// The weights of records, summed over the pixels: a workgroup a tile, a thread a pixel. What is
+// blended is what `rasterize.wgsl` blends. Sums are whole numbers: they do not depend on the order
+// of the threads.
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> tile_offsets: array<u32>;

@@ -1,7 +1,7 @@
-//! In two phases for a batch of splats. First block by block, as in blending: transmittance, what is to
-//! come and the derivatives by the sums stay in registers, and w and s of each splat at each pixel go to
-//! a scratch in the second cache. Then splat by splat: sixteen sums in registers over the blocks it
-//! touches. Both at once do not fit any register file.
+//! In two phases for a batch of splats. First block by block, as in blending: transmittance, what
+//! is to come and the derivatives by the sums stay in registers, and w and s of each splat at each
+//! pixel go to a scratch in the second cache. Then splat by splat: sixteen sums in registers over
+//! the blocks it touches. Both at once do not fit any register file.
 
 use super::{GradientSlot, NO_SLOT};
 use crate::differentiable::{DepthAlpha, ForwardConfig, Upstream};
@@ -19,11 +19,11 @@ use fearless_simd::{Select, SimdBase, SimdFloat, SimdMask};
 const BATCH: usize = 128;
 /// Lines of scratch a splat: w and s of the tile's pixels.
 const LINES: usize = 2 * PATCHES * PATCH_PIXELS / 16;
-/// From one splat's lines to the next's: not a power of two, or the splats of one block would fight for
-/// one set of the cache.
+/// From one splat's lines to the next's: not a power of two, or the splats of one block would fight
+/// for one set of the cache.
 const STRIDE: usize = LINES + 2;
-/// Rows of scratch: one for each splat of the batch and for the one that pads lists, and on to the next
-/// power of two, so that a masked index is proof enough that it is within.
+/// Rows of scratch: one for each splat of the batch and for the one that pads lists, and on to the
+/// next power of two, so that a masked index is proof enough that it is within.
 const ROWS: usize = 2 * BATCH;
 
 /// The pixels of one patch in block order, see [`crate::stages::rasterize::cpu::PatchSums`].
@@ -108,8 +108,8 @@ pub struct RenderedPictures<'a> {
     pub size: (usize, usize),
 }
 
-/// Sets up patch `patch` of the tile, whose first pixel is `(left, top)`. `kept` are the forward pass's sums
-/// in block order: alpha, then the features.
+/// Sets up patch `patch` of the tile, whose first pixel is `(left, top)`. `kept` are the forward
+/// pass's sums in block order: alpha, then the features.
 #[inline(always)]
 pub fn prepare_patch<S: Lanes>(
     simd: S,
@@ -219,11 +219,11 @@ fn load_run<const N: usize>(values: &[f32], first: usize, count: usize) -> [f32;
     run
 }
 
-/// Sums the pulls of the tile's pixels on the splats of `keys`, the sorted list of the forward pass.
-/// The tile's first pixel is `(left, top)`, its patches are prepared; `C` sums were blended.
+/// Sums the pulls of the tile's pixels on the splats of `keys`, the sorted list of the forward
+/// pass. The tile's first pixel is `(left, top)`, its patches are prepared; `C` sums were blended.
 ///
-/// Writes the slots one after another and to `places` the number of each key's slot, or [`NO_SLOT`].
-/// Returns how many slots there are.
+/// Writes the slots one after another and to `places` the number of each key's slot, or
+/// [`NO_SLOT`]. Returns how many slots there are.
 #[inline(always)]
 pub fn blend_tile_backward<S: Lanes, const C: usize>(
     simd: S,
@@ -318,8 +318,8 @@ fn weigh_patch<S: Lanes, const C: usize>(
     }
 }
 
-/// The first phase for one block: replays the blending and writes w and s of each splat. Returns whether
-/// any pixel still takes light, and the number of splats walked.
+/// The first phase for one block: replays the blending and writes w and s of each splat. Returns
+/// whether any pixel still takes light, and the number of splats walked.
 #[inline(always)]
 fn weigh_block<S: Lanes, const C: usize>(
     simd: S,
@@ -438,7 +438,8 @@ fn gather_splat<S: Lanes, const C: usize>(simd: S, scratch: &BackwardScratch, i:
     slot
 }
 
-/// Calls `f` with the line of scratch, patch, block and its column and row, for each block of splat `i`.
+/// Calls `f` with the line of scratch, patch, block and its column and row, for each block of splat
+/// `i`.
 #[inline(always)]
 fn each_block<S: Lanes>(
     scratch: &BackwardScratch,

@@ -1,5 +1,5 @@
-//! The derivative of blending on the GPU: a workgroup a tile. Each pair of splat and tile has its own slot, whose number
-//! the tile lists carry through their sort.
+//! The derivative of blending on the GPU: a workgroup a tile. Each pair of splat and tile has its
+//! own slot, whose number the tile lists carry through their sort.
 
 use crate::differentiable::Channels;
 use crate::gpu::recorder::{Groups, Recorder, with_buffers};
@@ -57,8 +57,8 @@ pub(crate) struct Kept<'a> {
     pub normal: &'a wgpu::Buffer,
 }
 
-/// Turns the derivatives by the pictures to those by the sums, see `upstream.wgsl`; `training` is the structure of that
-/// name.
+/// Turns the derivatives by the pictures to those by the sums, see `upstream.wgsl`; `training` is
+/// the structure of that name.
 pub(crate) fn by_sums(
     recorder: &mut Recorder<'_>,
     (pixels, channels): (u32, Channels),

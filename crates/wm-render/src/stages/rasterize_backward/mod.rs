@@ -8,17 +8,19 @@
 //! - `depth = D / A`: `v_D = v_depth / A`, `v_A -= v_D D / A` unless detached.
 //! - `normal = N / |N|`: `v_N = (v_n - (v_n . n) n) / |N|`.
 //!
-//! The forward pass is replayed front to back with one number a pixel, `R_i`, what is still to come:
-//! `D_i = sum_k v_k f_ik`, `R_0 = sum_k v_k O_k - v_A T`, `R_i = R_{i-1} - w_i D_i`. Then
-//! `dL/dalpha_i = T_i D_i - R_i / (1 - alpha_i)`, and `s_i = alpha_i dL/dalpha_i`, 0 where the clamp at
-//! 0.99 acts. The cut, the clamp and the stop fall as in the forward pass, since the same code decides.
+//! The forward pass is replayed front to back with one number a pixel, `R_i`, what is still to
+//! come: `D_i = sum_k v_k f_ik`, `R_0 = sum_k v_k O_k - v_A T`, `R_i = R_{i-1} - w_i D_i`. Then
+//! `dL/dalpha_i = T_i D_i - R_i / (1 - alpha_i)`, and `s_i = alpha_i dL/dalpha_i`, 0 where the
+//! clamp at 0.99 acts. The cut, the clamp and the stop fall as in the forward pass, since the same
+//! code decides.
 //!
-//! A [`GradientSlot`] holds a splat's sums over the pixels of one tile. Each pair of splat and tile has its
-//! own, and they are added in the order of the tiles: no atomics, and the same bytes for any number of
-//! threads. The moments are those of `(u, v)`, which are of order 1 for every shape of splat.
+//! A [`GradientSlot`] holds a splat's sums over the pixels of one tile. Each pair of splat and tile
+//! has its own, and they are added in the order of the tiles: no atomics, and the same bytes for
+//! any number of threads. The moments are those of `(u, v)`, which are of order 1 for every shape
+//! of splat.
 //!
-//! Tolerance: `R` by subtraction errs by `1e-7 |R_0|`, times at most 100 from `1 - alpha`; sums over a
-//! few hundred pixels by a few ulp. Relative L2 over the splats of a scene below 1e-5.
+//! Tolerance: `R` by subtraction errs by `1e-7 |R_0|`, times at most 100 from `1 - alpha`; sums
+//! over a few hundred pixels by a few ulp. Relative L2 over the splats of a scene below 1e-5.
 
 pub mod cpu;
 #[cfg(feature = "gpu")]

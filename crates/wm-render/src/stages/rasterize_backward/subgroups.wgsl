@@ -1,10 +1,12 @@
-// Sums of threads by subgroups, of any size from four on: those of a subgroup at once, then one subgroup after another.
+// Sums of threads by subgroups, of any size from four on: those of a subgroup at once, then one
+// subgroup after another.
 
 // Splats whose sums are added together.
 const TOGETHER: u32 = 4u;
 const MOST_SUBGROUPS: u32 = THREADS / MIN_SUBGROUP;
 
-// `[2, TOGETHER, QUARTERS, MOST_SUBGROUPS]`: while one half is added up the next sums go to the other.
+// `[2, TOGETHER, QUARTERS, MOST_SUBGROUPS]`: while one half is added up the next sums go to the
+// other.
 var<workgroup> of_subgroups: array<vec4<f32>, 2u * TOGETHER * QUARTERS * MOST_SUBGROUPS>;
 var<private> half: u32 = 0u;
 var<private> subgroup: u32;

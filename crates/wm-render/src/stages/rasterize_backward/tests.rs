@@ -21,8 +21,8 @@ fn check(backend: Backend, splats: &Splats, config: &ForwardConfig) {
         assert!(got.visible.is_sorted() && !got.is_empty());
         for (name, error) in gradient_errors(&got, &want) {
             eprintln!("{backend:?} {:?} {width}x{height}: {name} {error:.1e}", config.channels);
-            // Where the whole scene is three pixels wide, the rounding of the centres in px tells; and
-            // weights count pixels that are not steady too.
+            // Where the whole scene is three pixels wide, the rounding of the centres in px tells;
+            // and weights count pixels that are not steady too.
             let bound = if width == 3 { 5e-4 } else { 1e-5 };
             let bound = if name == "weights" { 2e-4 } else { bound };
             assert!(error < bound, "{backend:?}, {config:?}, {width}x{height}: {name} is off by {error:.1e}");
@@ -30,7 +30,8 @@ fn check(backend: Backend, splats: &Splats, config: &ForwardConfig) {
     }
 }
 
-/// By subgroups and without the same splats are pulled alike, but for the order in which threads are added.
+/// By subgroups and without the same splats are pulled alike, but for the order in which threads
+/// are added.
 #[cfg(feature = "gpu")]
 #[test]
 fn subgroups_add_up_the_same() {

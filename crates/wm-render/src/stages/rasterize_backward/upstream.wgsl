@@ -1,4 +1,5 @@
-// From the derivative of the loss by each pixel's pictures to that by its sums; see the contract in `mod.rs`.
+// From the derivative of the loss by each pixel's pictures to that by its sums; see the contract in
+// `mod.rs`.
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> training: Training;
@@ -7,7 +8,8 @@
 @group(0) @binding(3) var<storage, read> alpha: array<f32>;
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(5) var<storage, read> normal: array<f32>;
-// The derivatives by colour `[H, W, 3]`, alpha `[H, W]`, depth `[H, W]` and normal `[H, W, 3]`, one after another.
+// The derivatives by colour `[H, W, 3]`, alpha `[H, W]`, depth `[H, W]` and normal `[H, W, 3]`, one
+// after another.
 @group(0) @binding(6) var<storage, read> upstream: array<f32>;
 // `[H, W, 2]`: by colour and depth; by normal, and what is still to come.
 @group(0) @binding(7) var<storage, read_write> states: array<vec4<f32>>;

@@ -6,7 +6,8 @@
 @group(0) @binding(4) var<storage, read> features: array<f32>;
 // Direction and 1, or 0 for what pads a packet; offset of the origin from the middle of the group.
 @group(0) @binding(5) var<storage, read> rays: array<vec4<f32>>;
-// `[rays][4 + FEATURES]`, bits of floats: coverage, distance; then the splat; then the sums of values and of features.
+// `[rays][4 + FEATURES]`, bits of floats: coverage, distance; then the splat; then the sums of
+// values and of features.
 @group(0) @binding(6) var<storage, read_write> hits: array<u32>;
 @group(0) @binding(7) var<storage, read_write> counters: Counters;
 
@@ -119,7 +120,8 @@ fn blend(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_
     var splat = NO_SPLAT;
     if coverage >= LEAST_HIT {
         let half = select(LEAST_HIT, 0.5 * coverage, coverage < WHOLE);
-        // More than are kept are faint ones close to each other: the last that is kept stands for them.
+        // More than are kept are faint ones close to each other: the last that is kept stands for
+        // them.
         for (var k = 0u; k < min(kept_count, HITS); k++) {
             distance = bitcast<u32>(kept[k].distance);
             splat = kept[k].splat;

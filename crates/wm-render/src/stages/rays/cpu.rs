@@ -1,4 +1,5 @@
-//! Rays by packets: each splat finds the packets whose cones it touches, each packet walks its splats with all its rays side by side.
+//! Rays by packets: each splat finds the packets whose cones it touches, each packet walks its
+//! splats with all its rays side by side.
 
 use super::packets::{CHILDREN, Cone, Cones, PACKET, Packets, RayGroup};
 use super::{LEAST_HIT, RayHits, RayOutputs, Rays, THINNEST, WHOLE};
@@ -20,7 +21,8 @@ const BLOCK: usize = 4096;
 const CLUSTER: usize = 64;
 /// Slack of the test of a splat against a cone, of its distance.
 pub(super) const SLACK: f32 = 4e-6;
-/// Transmittance from which on a splat may be the hit: half of the least coverage of a hit is reached.
+/// Transmittance from which on a splat may be the hit: half of the least coverage of a hit is
+/// reached.
 pub(super) const SOONEST: f32 = 1.0 - 0.5 * LEAST_HIT;
 /// Splats that may be the hit that are kept a ray.
 pub(super) const HITS: usize = 16;
@@ -35,7 +37,8 @@ const DEEPEST: usize = 12;
 pub(super) struct RayRecord {
     pub(super) mean: [f32; 3],
     pub(super) log2_opacity: f32,
-    /// Rows of `M`, times sqrt(log2(e) / 2), so that `|a x b|^2 / |b|^2` is a power of two. The first is along the normal.
+    /// Rows of `M`, times sqrt(log2(e) / 2), so that `|a x b|^2 / |b|^2` is a power of two. The
+    /// first is along the normal.
     pub(super) rows: [[f32; 3]; 3],
     /// Distance from the mean beyond which alpha is below 1/255.
     pub(super) reach: f32,
@@ -55,7 +58,8 @@ impl RayRecord {
         let scales = splats.scales(index);
         let longest = scales.into_iter().fold(0.0, f64::max);
         let axes = quat::to_matrix(splats.quats[index].map(f64::from));
-        // A row is a column of R over its standard deviation. Their order is free, so the normal's comes first.
+        // A row is a column of R over its standard deviation. Their order is free, so the normal's
+        // comes first.
         let short = shortest_axis(splats.log_scales[index]);
         let rows = [short, (short + 1) % 3, (short + 2) % 3].map(|k| {
             let scale = f64::from(SQRT_HALF_LOG2E) / scales[k].max(THINNEST * longest);
@@ -246,11 +250,13 @@ impl BlockPairs {
 /// Lists of one bundle of packets.
 #[derive(Default)]
 struct Scratch {
-    /// The records of the bundle: copied, so that those of a packet come from the cache and not from all over the memory.
+    /// The records of the bundle: copied, so that those of a packet come from the cache and not
+    /// from all over the memory.
     records: Vec<RayRecord>,
     /// Their colours; empty unless asked.
     colors: Vec<[f32; 3]>,
-    /// Keys by packets, by distance from the middle once they are sorted. Their records are those of the bundle.
+    /// Keys by packets, by distance from the middle once they are sorted. Their records are those
+    /// of the bundle.
     keys: Vec<u64>,
     /// First key of each packet, and the end.
     starts: Vec<usize>,
@@ -313,7 +319,8 @@ fn cull<S: Lanes>(
     found: &mut Vec<(u32, u64)>,
 ) {
     let center = Vec3::from_array(group.center);
-    // The records of a cluster begin at the nodes that all of it may touch, two levels above the packets.
+    // The records of a cluster begin at the nodes that all of it may touch, two levels above the
+    // packets.
     let floor = usize::from(group.levels.len() > 1);
     let mut shared = Vec::new();
     for (at, record) in records.iter().enumerate() {
@@ -370,7 +377,8 @@ fn push_packets<S: Lanes>(
     }
 }
 
-/// Lists the nodes of a level of a group's tree that a sphere, given by its middle and its radius, may touch.
+/// Lists the nodes of a level of a group's tree that a sphere, given by its middle and its radius,
+/// may touch.
 #[inline(always)]
 fn nodes_at<S: Lanes>(
     simd: S,
@@ -450,8 +458,8 @@ struct Walk {
     color: [[f32; PACKET]; 3],
     normal: [[f32; PACKET]; 3],
     value: [f32; PACKET],
-    /// The splats at which a ray may be hit, in order: those that bring its transmittance below [`SOONEST`] until it is at
-    /// [`LEAST_HIT`] or below.
+    /// The splats at which a ray may be hit, in order: those that bring its transmittance below
+    /// [`SOONEST`] until it is at [`LEAST_HIT`] or below.
     hits: [[Hit; HITS]; PACKET],
     /// Their number; above [`HITS`] some are missing.
     hit_count: [u32; PACKET],
@@ -554,7 +562,8 @@ impl Walk {
         }
         let half = if coverage < WHOLE { 0.5 * coverage } else { LEAST_HIT };
         let kept = &self.hits[lane][..(self.hit_count[lane] as usize).min(HITS)];
-        // More than are kept are faint ones close to each other: the last that is kept stands for them.
+        // More than are kept are faint ones close to each other: the last that is kept stands for
+        // them.
         let hit = kept.iter().find(|hit| hit.after <= 1.0 - half).or(kept.last());
         hit.map(|hit| (hit.distance, hit.splat))
     }

@@ -1,5 +1,6 @@
-//! Rays on the GPU. The packets are the CPU's; splats find those whose cones they touch as splats of a frame find tiles: counted, sorted by
-//! distance, written, sorted by packet. A workgroup blends a packet, a thread a ray.
+//! Rays on the GPU. The packets are the CPU's; splats find those whose cones they touch as splats
+//! of a frame find tiles: counted, sorted by distance, written, sorted by packet. A workgroup
+//! blends a packet, a thread a ray.
 
 use super::cpu::{HITS, RayRecord, SLACK, SOONEST};
 use super::packets::{CHILDREN, PACKET};
@@ -216,7 +217,8 @@ impl RayBuffers<'_> {
         recorder.dispatch(RaysProgram::Sums, self.over_visible(), bindings);
     }
 
-    /// Finds the features of the records whose coefficients of colour are `sh`; `slot` is that of their `ColorPiece`.
+    /// Finds the features of the records whose coefficients of colour are `sh`; `slot` is that of
+    /// their `ColorPiece`.
     pub fn see(
         &self,
         recorder: &mut Recorder<'_>,
@@ -229,7 +231,8 @@ impl RayBuffers<'_> {
         recorder.dispatch(RaysProgram::Features(sums), self.over_visible(), bindings);
     }
 
-    /// Blends the lists of so many packets: their offsets and entries, their rays, and the results. Counters learn the length of the longest.
+    /// Blends the lists of so many packets: their offsets and entries, their rays, and the results.
+    /// Counters learn the length of the longest.
     pub fn blend(
         &self,
         recorder: &mut Recorder<'_>,

@@ -126,7 +126,8 @@ fn nothing_is_met_where_there_is_nothing() {
     assert_eq!(traced(&gpu, &broken, &one, ALL), missed);
 }
 
-/// Many packets, and rays to all sides side by side: the lists of as many splats would be too long for a GPU in software.
+/// Many packets, and rays to all sides side by side: the lists of as many splats would be too long
+/// for a GPU in software.
 #[test]
 fn many_packets_on_the_gpu_meet_what_the_cpus_meet() {
     let Some(gpu) = gpu() else { return };
@@ -139,7 +140,8 @@ fn many_packets_on_the_gpu_meet_what_the_cpus_meet() {
     let rays = Rays::from_one([0.0; 3], (0..12_000).map(ring).collect());
     let hits = traced(&gpu, &splats, &rays, RayOutputs::default());
     let cpu = RaySplats::new(&splats, |_| true).trace(&rays, RayOutputs::default(), SimdPath::widest());
-    // Both meet the tolerance of the contract against f64; a splat at the cut of 1/255 takes or leaves as much.
+    // Both meet the tolerance of the contract against f64; a splat at the cut of 1/255 takes or
+    // leaves as much.
     let off = hits.coverage.iter().zip(&cpu.coverage).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     let same = (0..rays.len()).filter(|ray| hits.splat[*ray] == cpu.splat[*ray]).count();
     println!("{same} of {} hits are the CPU's, coverage off by at most {off:.1e}", rays.len());
@@ -167,7 +169,8 @@ fn the_cpu_goes_on_where_the_gpu_is_lost() {
     assert!(matches!(refused, Err(GpuError::TooLarge { .. })));
 }
 
-/// A lidar's sweep through many splats on both, seconds of wall and of process: `cargo test ... -- --ignored --nocapture`.
+/// A lidar's sweep through many splats on both, seconds of wall and of process:
+/// `cargo test ... -- --ignored --nocapture`.
 #[test]
 #[ignore = "a measurement"]
 fn sweep_speed() {

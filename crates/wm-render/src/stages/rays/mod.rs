@@ -1,21 +1,27 @@
 //! Splats along any rays, each with its own origin: lidar, fisheye and rolling shutters.
 //!
-//! Contract, for a ray `o + t d` with `|d| = 1` and the splats `i` by the distance of their means from the middle of the origins
-//! of the ray's group (see [`packets::Packets`]), equal ones in an order that depends on the splats alone:
+//! Contract, for a ray `o + t d` with `|d| = 1` and the splats `i` by the distance of their means
+//! from the middle of the origins of the ray's group (see [`packets::Packets`]), equal ones in an
+//! order that depends on the splats alone:
 //!
-//! - `M = S^-1 R^T` with the rotation `R` and the standard deviations `S`, none below 1e-4 of the largest;
-//!   `a = M (o - mean)`, `b = M d`. The splat is densest at `t = -(a.b) / (b.b)`, where `q = |a x b|^2 / |b|^2`: unlike
-//!   `|a|^2 - (a.b)^2 / (b.b)` that is exact in single precision far from the splat. Those with `t <= 0` are skipped.
-//! - `alpha = min(0.99, opacity exp(-q / 2))`, skipped below 1/255; transmittance, weights and their end are those of
-//!   [`super::rasterize`]. No splat is widened: what is thinner than the distance between rays may lie between them.
-//! - Coverage is the sum of weights; colour, normal and value are `sum w f`. Colours are those of [`super::shade`] seen from the
-//!   middle of the group's origins, normals turn towards it, values are the caller's own.
-//! - The hit is the first splat with which the sum of weights reaches half of the coverage, and lies at its `t`; a coverage above
-//!   0.99 counts as 1. Below a coverage of 0.5 there is none. The expected distance would draw points behind edges. Where more than 16
-//!   splats bring the sum of weights from a quarter to a half, the last of them may stand for one before it.
+//! - `M = S^-1 R^T` with the rotation `R` and the standard deviations `S`, none below 1e-4 of the
+//!   largest; `a = M (o - mean)`, `b = M d`. The splat is densest at `t = -(a.b) / (b.b)`, where
+//!   `q = |a x b|^2 / |b|^2`: unlike `|a|^2 - (a.b)^2 / (b.b)` that is exact in single precision
+//!   far from the splat. Those with `t <= 0` are skipped.
+//! - `alpha = min(0.99, opacity exp(-q / 2))`, skipped below 1/255; transmittance, weights and
+//!   their end are those of [`super::rasterize`]. No splat is widened: what is thinner than the
+//!   distance between rays may lie between them.
+//! - Coverage is the sum of weights; colour, normal and value are `sum w f`. Colours are those of
+//!   [`super::shade`] seen from the middle of the group's origins, normals turn towards it, values
+//!   are the caller's own.
+//! - The hit is the first splat with which the sum of weights reaches half of the coverage, and
+//!   lies at its `t`; a coverage above 0.99 counts as 1. Below a coverage of 0.5 there is none. The
+//!   expected distance would draw points behind edges. Where more than 16 splats bring the sum of
+//!   weights from a quarter to a half, the last of them may stand for one before it.
 //!
-//! Tolerance against f64: `q` errs by about `1e-6 (1 + d / s)` with the distance `d` and the standard deviation `s` across the ray, so
-//! sums agree to 1e-4 within 1e4 standard deviations; cuts are steps, as in [`super::rasterize`].
+//! Tolerance against f64: `q` errs by about `1e-6 (1 + d / s)` with the distance `d` and the
+//! standard deviation `s` across the ray, so sums agree to 1e-4 within 1e4 standard deviations;
+//! cuts are steps, as in [`super::rasterize`].
 
 pub mod cpu;
 #[cfg(feature = "gpu")]

@@ -37,7 +37,8 @@ pub struct RayGroup {
 pub struct Cones {
     /// Axes.
     pub axis: [[f32; CHILDREN]; 3],
-    /// Cosine and sine of the half angles; a cosine far below 0 for cones of a half space and more, above 1 where there is no child.
+    /// Cosine and sine of the half angles; a cosine far below 0 for cones of a half space and more,
+    /// above 1 where there is no child.
     pub cos: [f32; CHILDREN],
     /// See `cos`.
     pub sin: [f32; CHILDREN],
@@ -61,7 +62,8 @@ impl Packets {
         Self::no_wider(rays, f64::INFINITY)
     }
 
-    /// The same groups, with packets of fewer rays where these would go more than an angle, radians, to a side of their middle.
+    /// The same groups, with packets of fewer rays where these would go more than an angle,
+    /// radians, to a side of their middle.
     #[must_use]
     pub fn no_wider(rays: &Rays, widest: f64) -> Self {
         let mut packets = Self { starts: vec![0], ..Self::default() };
@@ -127,8 +129,10 @@ impl Packets {
     }
 }
 
-/// Cuts directions along the curve into packets with their cones. Where the curve leaves the pattern and comes back elsewhere, two parts of
-/// it would share one wide cone, which all splats between them touch: a packet ends there, and where its half angle would be above `widest`, radians.
+/// Cuts directions along the curve into packets with their cones. Where the curve leaves the
+/// pattern and comes back elsewhere, two parts of it would share one wide cone, which all splats
+/// between them touch: a packet ends there, and where its half angle would be above `widest`,
+/// radians.
 fn cut(directions: &[Vec3], widest: f64) -> Vec<(Range<usize>, Cone)> {
     let about = |range: &Range<usize>| Cone::about(directions[range.clone()].iter().copied());
     let chunk = |packet: usize| packet * PACKET..directions.len().min((packet + 1) * PACKET);

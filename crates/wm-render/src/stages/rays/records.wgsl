@@ -1,5 +1,5 @@
-// Splats and packets of rays, as the programs of this stage share them. Names in capitals that `gpu::source` does not have are written
-// before this text by `gpu.rs`.
+// Splats and packets of rays, as the programs of this stage share them. Names in capitals that
+// `gpu::source` does not have are written before this text by `gpu.rs`.
 
 struct RayRecord {
     mean: vec3<f32>,

@@ -94,7 +94,8 @@ fn rays_meet_what_the_referee_meets() {
     }
 }
 
-/// Needles and flat splats, small ones far away, one that the origin lies in; and rays at all of them.
+/// Needles and flat splats, small ones far away, one that the origin lies in; and rays at all of
+/// them.
 pub(super) fn hard() -> (Splats, Rays) {
     let mut splats = random_splats(400, 0, 3);
     for index in 0..splats.len() {

@@ -1,5 +1,6 @@
-// The packets that each splat touches, as `cpu.rs` finds them. One entry point counts them and then writes them: two would be compiled
-// apart, and might round apart. It counts in the order of the records, and writes in the order of their distances.
+// The packets that each splat touches, as `cpu.rs` finds them. One entry point counts them and then
+// writes them: two would be compiled apart, and might round apart. It counts in the order of the
+// records, and writes in the order of their distances.
 
 struct Cone {
     axis: vec3<f32>,
@@ -17,7 +18,8 @@ struct Cone {
 @group(0) @binding(5) var<storage, read> order: array<u32>;
 // The number of packets that each record touches.
 @group(0) @binding(6) var<storage, read_write> counts: array<u32>;
-// While it counts, how many of a block of records touch any, in its first word; while it writes, the entries before each 256 of the order.
+// While it counts, how many of a block of records touch any, in its first word; while it writes,
+// the entries before each 256 of the order.
 @group(0) @binding(7) var<storage, read_write> sums: array<u32>;
 // Packet and record of each entry.
 @group(0) @binding(8) var<storage, read_write> packets: array<u32>;
@@ -29,14 +31,16 @@ fn size_of(level: u32) -> u32 {
     return (task.packets + each - 1u) / each;
 }
 
-// Walks the tree from left to right, without a stack: the children of cone `i` are those from CHILDREN i on. Writes the packets from `place`
-// on, as far as there is room, if this is asked for; returns their number.
+// Walks the tree from left to right, without a stack: the children of cone `i` are those from
+// CHILDREN i on. Writes the packets from `place` on, as far as there is room, if this is asked for;
+// returns their number.
 fn touched(name: u32, place: u32, room: u32) -> u32 {
     let record = records[name];
     let way = record.mean - task.center;
     let distance = length(way);
     let reach = record.reach + task.radius;
-    // Of a splat that holds the middle, which may be met in any direction. Phrased so that what is no number is tested nowhere else.
+    // Of a splat that holds the middle, which may be met in any direction. Phrased so that what is
+    // no number is tested nowhere else.
     let is_inside = !(distance > reach);
     let tangent = sqrt(max((distance + reach) * (distance - reach), 0.0));
     let slack = RAY_SLACK * distance;

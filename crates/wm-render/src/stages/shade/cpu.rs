@@ -91,9 +91,9 @@ pub fn relight_group<S: Lanes>(simd: S, gains: [&[f32; GROUP]; 3], shade: &mut S
     }
 }
 
-/// Brings the first `count` values (3 K) of sixteen splats' coefficients in rows, as [`shade_group`] takes
-/// them, coefficient 0 among them; rows beyond, up to a multiple of 16, hold nothing of use. `sh` is
-/// `[N, stride]`.
+/// Brings the first `count` values (3 K) of sixteen splats' coefficients in rows, as
+/// [`shade_group`] takes them, coefficient 0 among them; rows beyond, up to a multiple of 16, hold
+/// nothing of use. `sh` is `[N, stride]`.
 #[inline(always)]
 pub fn gather_rows<S: Lanes>(
     simd: S,
@@ -119,7 +119,8 @@ pub fn gather_rows<S: Lanes>(
     }
 }
 
-/// Changes the colours of `groups` to those seen from `origin` through the air, or to the shares of light.
+/// Changes the colours of `groups` to those seen from `origin` through the air, or to the shares of
+/// light.
 #[inline]
 pub fn through_air(
     path: SimdPath,

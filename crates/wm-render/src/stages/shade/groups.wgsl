@@ -1,4 +1,5 @@
-// The air alone, on groups of sixteen splats as `ShadeGroup` has them: distance, direction 3, colour 3.
+// The air alone, on groups of sixteen splats as `ShadeGroup` has them: distance, direction 3,
+// colour 3.
 @group(0) @binding(0) var<storage, read_write> groups: array<f32>;
 
 const GROUP_ROWS: u32 = 7u;

@@ -1,4 +1,5 @@
-// Colours of the splats in view: spherical harmonics. `[groups][sh_rows][16]`, three rows a coefficient.
+// Colours of the splats in view: spherical harmonics. `[groups][sh_rows][16]`, three rows a
+// coefficient.
 @group(0) @binding(5) var<storage, read> sh_rest: array<f32>;
 
 fn coefficient(splat: u32, k: u32) -> vec3<f32> {

@@ -21,8 +21,8 @@ impl Default for ShadeGradients {
     }
 }
 
-/// `sh` holds the coefficients in use, `[K, 3]` rows of sixteen splats seen in `directions`; `by_rgb` the
-/// derivatives by their colours.
+/// `sh` holds the coefficients in use, `[K, 3]` rows of sixteen splats seen in `directions`;
+/// `by_rgb` the derivatives by their colours.
 #[inline(always)]
 pub fn shade_backward_group<S: Lanes>(
     simd: S,

@@ -3,7 +3,8 @@
 // `[records][sh_used / 3 + 1][3]`
 @group(0) @binding(9) var<storage, read_write> by_sh: array<f32>;
 
-// Writes the derivative by coefficient `k`, whose basis function has this value; gives that by the direction.
+// Writes the derivative by coefficient `k`, whose basis function has this value; gives that by the
+// direction.
 fn learn(splat: u32, place: u32, k: u32, basis: f32, slopes: vec3<f32>, by: vec3<f32>) -> vec3<f32> {
     let at = place * (chunk.sh_used + 3u) + 3u * k;
     by_sh[at] = basis * by.x;
@@ -15,8 +16,8 @@ fn learn(splat: u32, place: u32, k: u32, basis: f32, slopes: vec3<f32>, by: vec3
     return slopes * dot(coefficient(splat, k), by);
 }
 
-// `by` are the derivatives by the colour of a splat seen along the unit vector `d`; gives those by `d`, not held to
-// the sphere.
+// `by` are the derivatives by the colour of a splat seen along the unit vector `d`; gives those by
+// `d`, not held to the sphere.
 fn shade_backward(splat: u32, place: u32, d: vec3<f32>, by: vec3<f32>) -> vec3<f32> {
     let none = vec3<f32>(0.0);
     var sum = learn(splat, place, 0u, C0, none, by);

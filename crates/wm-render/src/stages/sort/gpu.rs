@@ -1,6 +1,7 @@
-//! A radix sort on the GPU for keys of 32 bits with a value each, see `sort.wgsl`. It is stable, so splats in the order
-//! of their index come out in the order of the contract when they are sorted by depth, and entries in that order come
-//! out tile by tile, each tile's by depth, when they are sorted by tile.
+//! A radix sort on the GPU for keys of 32 bits with a value each, see `sort.wgsl`. It is stable, so
+//! splats in the order of their index come out in the order of the contract when they are sorted by
+//! depth, and entries in that order come out tile by tile, each tile's by depth, when they are
+//! sorted by tile.
 
 use crate::gpu::recorder::{Groups, Recorder};
 use crate::gpu::source::{DIGIT_BITS, DIGITS, StagePrograms, texts};
@@ -61,8 +62,8 @@ pub(crate) fn passes(bits: u32) -> u32 {
 }
 
 impl<'a> Sort<'a> {
-    /// Sorts; `slots` are those of the structures `Pass`, one a pass. Returns the sorted pairs: in the first place after
-    /// an even number of passes, else in the second.
+    /// Sorts; `slots` are those of the structures `Pass`, one a pass. Returns the sorted pairs: in
+    /// the first place after an even number of passes, else in the second.
     pub fn record(self, recorder: &mut Recorder<'_>, slots: std::ops::Range<usize>) -> Pairs<'a> {
         let [mut from, mut to] = self.pairs;
         for slot in slots {

@@ -1,5 +1,6 @@
-// Stable radix sort of (key, value) pairs by eight bits of the keys, least significant first: count, scan, scatter.
-// Three dispatches, none of whose workgroups waits for another, and no subgroups.
+// Stable radix sort of (key, value) pairs by eight bits of the keys, least significant first:
+// count, scan, scatter. Three dispatches, none of whose workgroups waits for another, and no
+// subgroups.
 
 struct Pass {
     // First of the eight bits.
@@ -78,7 +79,8 @@ fn scan_digits(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invoc
 
 // Where the next pair of each digit goes.
 var<workgroup> places: array<u32, DIGITS>;
-// `[8][DIGITS]`: a bit for each thread that holds the digit. Ranks from bits are those of the order of threads.
+// `[8][DIGITS]`: a bit for each thread that holds the digit. Ranks from bits are those of the order
+// of threads.
 var<workgroup> holders: array<atomic<u32>, 2048>;
 
 @compute @workgroup_size(WORKGROUP)

@@ -25,7 +25,8 @@ proptest! {
     }
 }
 
-/// The GPU's sort by keys of any bits: as a stable sort, for no pair and for those that end in the middle of a block.
+/// The GPU's sort by keys of any bits: as a stable sort, for no pair and for those that end in the
+/// middle of a block.
 #[cfg(feature = "gpu")]
 #[test]
 fn the_gpu_sorts_and_keeps_the_order_of_equal_keys() {

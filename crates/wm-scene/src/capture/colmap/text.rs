@@ -1,5 +1,5 @@
-//! `cameras.txt`, `images.txt` and `points3D.txt`: comments after `#`, a camera or a point a line, an
-//! image two lines.
+//! `cameras.txt`, `images.txt` and `points3D.txt`: comments after `#`, a camera or a point a line,
+//! an image two lines.
 
 use super::{MOST_PARAMETERS, 
     CaptureView, Cameras, Images, NumberedPoints, Observation, Places, SparsePoints, add_camera, add_point, cut, observation,
@@ -54,8 +54,8 @@ pub(super) fn count_images(source: &mut Source) -> Result<u64, FormatError> {
     Ok(count)
 }
 
-/// An image: number, qw qx qy qz, tx ty tz, camera, name, where the name may have spaces; then a line
-/// of 2D points, which may be empty.
+/// An image: number, qw qx qy qz, tx ty tz, camera, name, where the name may have spaces; then a
+/// line of 2D points, which may be empty.
 pub(super) fn read_images(
     source: &mut Source,
     cameras: &Cameras,

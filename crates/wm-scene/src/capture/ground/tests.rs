@@ -51,7 +51,8 @@ fn walk(dice: &mut Dice, walker: Walker) -> Vec<Camera> {
         .collect()
 }
 
-/// The capture of places without anything before them, turned, scaled and moved: `p -> turn * (scale p) + shift`.
+/// The capture of places without anything before them, turned, scaled and moved:
+/// `p -> turn * (scale p) + shift`.
 fn taken(cameras: &[Camera], places: &[DVec3], turn: DQuat, scale: f64) -> Capture {
     taken_if(cameras, places, turn, scale, |_, _| true)
 }
@@ -233,8 +234,8 @@ fn what_is_not_known_is_told() {
     assert_eq!(down, "the photos were not taken level: their middle looks down 31 degrees");
 }
 
-/// The street is 16.4 m a unit by what is known of it. The castle's yard is only seen 13 camera heights off
-/// and more: nothing is said.
+/// The street is 16.4 m a unit by what is known of it. The castle's yard is only seen 13 camera
+/// heights off and more: nothing is said.
 #[test]
 fn real_photos_are_right_or_nothing_is_said() {
     let capture = |name: &str| {

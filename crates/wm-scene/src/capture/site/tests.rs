@@ -19,7 +19,8 @@ struct Flight {
 }
 
 impl Flight {
-    /// Photos at `at` (east, north, up of `home`, m), 3 s apart, with positions that are up to 1 m off.
+    /// Photos at `at` (east, north, up of `home`, m), 3 s apart, with positions that are up to 1 m
+    /// off.
     fn over(home: Gps, at: impl Iterator<Item = DVec3>) -> Self {
         let mut flight = Self { centers: Vec::new(), places: Vec::new(), times: Vec::new() };
         for (index, enu) in at.enumerate() {

@@ -1,11 +1,11 @@
 //! `transforms.json`, as nerfstudio and instant-ngp write it.
 //!
 //! Cameras are world_from_camera with OpenGL axes (x right, y up, z backward); y and z change their
-//! signs here. Intrinsics stand once for all frames or in each. `ply_file_path` names the points, in
-//! the same axes as the frames. Where there is none, but the COLMAP model that the file was made from
-//! lies in `colmap/sparse/0`, its points are taken and moved by `applied_transform`, with which the
-//! cameras have been moved already. A scale (`aabb_scale`, `scale`, `offset`) is not applied.
-//! Where the file does not say how large the photos are, their headers are read.
+//! signs here. Intrinsics stand once for all frames or in each. `ply_file_path` names the points,
+//! in the same axes as the frames. Where there is none, but the COLMAP model that the file was made
+//! from lies in `colmap/sparse/0`, its points are taken and moved by `applied_transform`, with
+//! which the cameras have been moved already. A scale (`aabb_scale`, `scale`, `offset`) is not
+//! applied. Where the file does not say how large the photos are, their headers are read.
 
 #[cfg(test)]
 mod tests;

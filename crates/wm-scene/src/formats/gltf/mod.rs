@@ -1,9 +1,10 @@
 //! glTF 2.0 with `KHR_gaussian_splatting`: splats as a primitive of points, in activated form.
 //!
 //! # Layout
-//! Accessors of a primitive of mode POINTS: `POSITION`, and with the prefix `KHR_gaussian_splatting:` `ROTATION` (xyzw), `SCALE`
-//! (standard deviations), `OPACITY` (0-1) and `SH_DEGREE_l_COEF_n`. Drafts of the extension had logarithms in `SCALE`: they are told by a negative one.
-//! Nodes may turn, move and scale what they hold, alike in all directions.
+//! Accessors of a primitive of mode POINTS: `POSITION`, and with the prefix
+//! `KHR_gaussian_splatting:` `ROTATION` (xyzw), `SCALE` (standard deviations), `OPACITY` (0-1) and
+//! `SH_DEGREE_l_COEF_n`. Drafts of the extension had logarithms in `SCALE`: they are told by a
+//! negative one. Nodes may turn, move and scale what they hold, alike in all directions.
 //!
 //! Colours are sRGB or linear light, as the extension states; those of linear light become sRGB.
 //!

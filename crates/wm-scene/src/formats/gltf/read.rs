@@ -142,7 +142,8 @@ fn fault(what: impl Into<String>) -> Problem {
     Problem::Header(format!("glTF: {}", what.into()))
 }
 
-/// Reads a file in memory; buffers in other files are below the folder of its path, `main`. The scene has the axes of glTF.
+/// Reads a file in memory; buffers in other files are below the folder of its path, `main`. The
+/// scene has the axes of glTF.
 pub(super) fn read(file: &[u8], main: &Path) -> Result<Scene, Problem> {
     let (json, bin) = if file.starts_with(MAGIC) { chunks(file)? } else { (file, None) };
     let gltf: Gltf = serde_json::from_slice(files::without_byte_order_mark(json))
@@ -296,7 +297,8 @@ impl Reader<'_> {
         met: &mut [bool],
         read: &mut Placed,
     ) -> Result<(), Problem> {
-        // Each node is met once, so that what is below is a tree; deeper ones than the stack holds are refused.
+        // Each node is met once, so that what is below is a tree; deeper ones than the stack holds
+        // are refused.
         let mut waiting = vec![(index, *above)];
         while let Some((index, above)) = waiting.pop() {
             let node =

@@ -1,9 +1,10 @@
 //! The compressed PLY of PlayCanvas and SuperSplat: 16 bytes a splat, by chunks of 256.
 //!
 //! # Layout
-//! An element `chunk` with the ranges of 256 splats each: min_x .. max_z, min_scale_x .. max_scale_z (logarithm) and, in newer files,
-//! min_r .. max_b; an element `vertex` with four words a splat; an element `sh` with a byte for each coefficient
-//! above degree 0, all of red, then green, then blue.
+//! An element `chunk` with the ranges of 256 splats each: min_x .. max_z, min_scale_x ..
+//! max_scale_z (logarithm) and, in newer files, min_r .. max_b; an element `vertex` with four words
+//! a splat; an element `sh` with a byte for each coefficient above degree 0, all of red, then
+//! green, then blue.
 //!
 //! | word | bits from the highest | means |
 //! |---|---|---|
@@ -32,7 +33,8 @@ use crate::{
 };
 use std::fmt::Write as _;
 
-/// The entry of [`FORMATS`](crate::formats::FORMATS); the entry of the plain PLY reads it too, where comments hide what it is.
+/// The entry of [`FORMATS`](crate::formats::FORMATS); the entry of the plain PLY reads it too,
+/// where comments hide what it is.
 pub const FORMAT: SceneFormat = SceneFormat {
     name: "compressed PLY",
     extensions: &["compressed.ply"],
@@ -81,7 +83,8 @@ const RANGES: [&str; 18] = [
 /// The words of a splat.
 const WORDS: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
 
-/// Largest scale that is written, logarithm: one splat of a broken scene must not coarsen its chunk.
+/// Largest scale that is written, logarithm: one splat of a broken scene must not coarsen its
+/// chunk.
 const MAX_LOG_SCALE: f32 = 20.0;
 
 /// Returns true if the first bytes name a property that only a compressed PLY has.

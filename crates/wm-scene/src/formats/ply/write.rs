@@ -11,11 +11,13 @@ const BLOCK: usize = 1 << 20;
 /// Writes splats and metadata; views have no room in a PLY.
 ///
 /// The order is x y z nx ny nz f_dc f_rest opacity scale rot, all `float`, then `uchar group` if
-/// some splat is not [`Group::Scene`], and `ushort label` and `ushort instance` if splats have them. nx ny nz is the shortest axis. Reading gives every stored
-/// value back bit by bit (in ASCII, except for the payload of NaNs).
+/// some splat is not [`Group::Scene`], and `ushort label` and `ushort instance` if splats have
+/// them. nx ny nz is the shortest axis. Reading gives every stored value back bit by bit (in ASCII,
+/// except for the payload of NaNs).
 ///
 /// # Errors
-/// If the arrays do not fit each other, there is no splat, the metadata has a fault, or `out` fails.
+/// If the arrays do not fit each other, there is no splat, the metadata has a fault, or `out`
+/// fails.
 pub fn write(out: &mut dyn Write, scene: &Scene, encoding: PlyEncoding) -> Result<(), Problem> {
     let splats = &scene.splats;
     splats.check()?;

@@ -1,4 +1,5 @@
-//! SOG of PlayCanvas: splats as pixels of lossless WebP pictures beside a `meta.json`; as files of a folder or in one ZIP.
+//! SOG of PlayCanvas: splats as pixels of lossless WebP pictures beside a `meta.json`; as files of
+//! a folder or in one ZIP.
 //!
 //! # Layout
 //! Pixel i of every picture is splat i, row by row.
@@ -12,11 +13,12 @@
 //! | `shN` labels | rg | 16-bit index into a palette | the same |
 //! | `shN` centroids | rgb | the palette, 64 entries a row, a pixel a coefficient: index into 256 values | of one range |
 //!
-//! The levels of a `lod-meta.json` are runs of splats in several SOG folders below it; what is chosen is one level everywhere, with
-//! the splats of its environment.
+//! The levels of a `lod-meta.json` are runs of splats in several SOG folders below it; what is
+//! chosen is one level everywhere, with the splats of its environment.
 //!
-//! Version 2 is written. What is left to a writer is in `write.rs`: order, tables and the palette of SH (`palette.rs`), which axis is
-//! called which (`rotation.rs`), and how pictures are packed (`webp.rs`).
+//! Version 2 is written. What is left to a writer is in `write.rs`: order, tables and the palette
+//! of SH (`palette.rs`), which axis is called which (`rotation.rs`), and how pictures are packed
+//! (`webp.rs`).
 
 mod palette;
 pub(crate) mod read;

@@ -1,4 +1,5 @@
-//! Tables of 256 values and palettes of vectors that are near many of theirs: least squares, the same for the same values.
+//! Tables of 256 values and palettes of vectors that are near many of theirs: least squares, the
+//! same for the same values.
 
 /// A table of 256 values and what it makes of others.
 pub(super) struct Codebook {
@@ -18,7 +19,8 @@ const COARSE: usize = 16;
 const ROUNDS: usize = 30;
 
 impl Codebook {
-    /// A table for `values` of which errors count by `weight`: spread by their density at first, then Lloyd's rounds over a histogram.
+    /// A table for `values` of which errors count by `weight`: spread by their density at first,
+    /// then Lloyd's rounds over a histogram.
     pub fn of(values: impl Iterator<Item = f32> + Clone, weight: impl Fn(f64) -> f64) -> Self {
         let finite = || values.clone().filter(|v| v.is_finite());
         let (low, high) = finite().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
@@ -113,11 +115,13 @@ struct Cell {
 const SPLIT_ROUNDS: usize = 3;
 
 impl Palette {
-    /// A palette of at most `most` entries (65,536 at most) for vectors of `size` values, `[N, size]` flat, whose squared errors count by
-    /// `weights`, `[N]`, above 0; alike if there are none.
+    /// A palette of at most `most` entries (65,536 at most) for vectors of `size` values,
+    /// `[N, size]` flat, whose squared errors count by `weights`, `[N]`, above 0; alike if there
+    /// are none.
     ///
-    /// The set with the largest error is split in two, again and again: across its mean along the value that
-    /// varies most, then by a few rounds of two means. So each vector is looked at some log2(entries) times.
+    /// The set with the largest error is split in two, again and again: across its mean along the
+    /// value that varies most, then by a few rounds of two means. So each vector is looked at some
+    /// log2(entries) times.
     pub fn of(vectors: &[f32], size: usize, most: usize, weights: &[f32]) -> Self {
         let count = vectors.len() / size;
         let vector = |i: u32| &vectors[i as usize * size..][..size];
@@ -192,8 +196,8 @@ fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
     sums.iter().sum::<f32>() + a_end.iter().zip(b_end).map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
 }
 
-/// Puts the vectors of a cell that belong together beside each other and gives where the second part begins; `None` if
-/// they cannot be told apart.
+/// Puts the vectors of a cell that belong together beside each other and gives where the second
+/// part begins; `None` if they cannot be told apart.
 fn split<'a>(
     order: &mut [u32],
     cell: &Cell,
@@ -259,7 +263,8 @@ mod tests {
         assert!(worst < 0.01, "{worst}");
         let one = Codebook::of([3.0f32; 5].into_iter(), |_| 1.0);
         assert_eq!(one.values[usize::from(one.index(3.0))], 3.0);
-        // What counts more is nearer, and what hardly counts does no harm: of 50 units a thousandth is 0.2 off at most.
+        // What counts more is nearer, and what hardly counts does no harm: of 50 units a thousandth
+        // is 0.2 off at most.
         let wide = Codebook::of((0..=50_000).map(|i| i as f32 * 2e-3 - 50.0), f64::exp);
         let off = |v: f32| (wide.values[usize::from(wide.index(v))] - v).abs();
         assert!(

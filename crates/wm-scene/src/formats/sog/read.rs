@@ -281,7 +281,8 @@ fn read_with(files: Files, meta: &[u8]) -> Result<Scene, Problem> {
     Ok(Scene { splats, metadata, remarks, ..Scene::default() })
 }
 
-/// The decoded pictures of a SOG: 28 bytes a splat and its palette. Splats are made of any part of them.
+/// The decoded pictures of a SOG: 28 bytes a splat and its palette. Splats are made of any part of
+/// them.
 pub(crate) struct SogPictures {
     count: usize,
     means: Ranged,
@@ -351,7 +352,8 @@ impl SogPictures {
     /// The splats of a part.
     ///
     /// # Errors
-    /// If it is not there, or one of its splats has a rotation or an entry of the palette that is not known.
+    /// If it is not there, or one of its splats has a rotation or an entry of the palette that is
+    /// not known.
     pub fn splats(&self, part: Range<usize>) -> Result<Splats, Problem> {
         if part.start > part.end || part.end > self.count {
             return Err(fault("a part of it has splats that it lacks"));

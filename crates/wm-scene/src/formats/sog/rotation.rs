@@ -1,10 +1,11 @@
-//! Rotations in eight bits a component, and which axis of an ellipsoid is called which so that they round it best.
+//! Rotations in eight bits a component, and which axis of an ellipsoid is called which so that they
+//! round it best.
 
 use crate::formats::pack::{from_smallest_three, smallest_three, unit, unorm};
 use std::f32::consts::{FRAC_1_SQRT_2, SQRT_2};
 
-/// Turns that call axes differently: the quaternion (wxyz) to multiply by, and which axis is then called x, y, z. Half turns about an
-/// axis beside them would round alike.
+/// Turns that call axes differently: the quaternion (wxyz) to multiply by, and which axis is then
+/// called x, y, z. Half turns about an axis beside them would round alike.
 pub(in crate::formats) const NAMINGS: [([f32; 4], [usize; 3]); 6] = [
     ([1.0, 0.0, 0.0, 0.0], [0, 1, 2]),
     ([FRAC_1_SQRT_2, FRAC_1_SQRT_2, 0.0, 0.0], [0, 2, 1]),
@@ -38,8 +39,8 @@ impl Rounded {
 
     /// That whose rounding changes an ellipsoid least.
     ///
-    /// A turn by w about an axis shears what lies across it by w (a / b - b / a), where a and b are the scales there: between equal ones
-    /// nothing changes.
+    /// A turn by w about an axis shears what lies across it by w (a / b - b / a), where a and b are
+    /// the scales there: between equal ones nothing changes.
     pub fn best(quat: [f32; 4], log_scale: [f32; 3]) -> Self {
         let quat = unit(quat);
         let longest = log_scale.iter().copied().fold(f32::MIN, f32::max);
@@ -100,7 +101,8 @@ mod tests {
             let back = from_bytes(usize::from(largest - 252), [a, b, c]);
             let scales = log.map(|v| f64::from(v).exp());
             let renamed = rounded.axes().map(|axis| scales[axis]);
-            // Half a step of each component is 0.0028 of a quaternion, 0.0096 rad in all, of squares of 1 at most.
+            // Half a step of each component is 0.0028 of a quaternion, 0.0096 rad in all, of
+            // squares of 1 at most.
             let off = far(&covariance(unit(q), scales), &covariance(back, renamed));
             prop_assert!(off < 0.01, "{off}");
         }

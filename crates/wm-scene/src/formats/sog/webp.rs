@@ -1,9 +1,10 @@
 //! Lossless WebP (VP8L, RFC 9649) of pictures whose pixels are splats.
 //!
-//! Pixels beside each other are splats beside each other, rows mean nothing, and most of a byte is noise. So of what the format has this
-//! uses what helps there: differences from the pixel to the left or from green where they have less entropy, a Huffman code a channel, and
-//! runs. That is as small as what libwebp makes of the pictures of SOG, in a tenth of its time; the `image-webp` crate, whose encoder always
-//! subtracts green and the pixel above, makes a fifth more.
+//! Pixels beside each other are splats beside each other, rows mean nothing, and most of a byte is
+//! noise. So of what the format has this uses what helps there: differences from the pixel to the
+//! left or from green where they have less entropy, a Huffman code a channel, and runs. That is as
+//! small as what libwebp makes of the pictures of SOG, in a tenth of its time; the `image-webp`
+//! crate, whose encoder always subtracts green and the pixel above, makes a fifth more.
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
@@ -29,7 +30,8 @@ pub fn encode(pixels: &[Pixel], width: usize) -> Vec<u8> {
         bits.push(0b101, 3);
     }
     if change.from_left {
-        // A predictor, in blocks of 512 x 512, of which each has predictor 1: a picture of one colour, without colour cache.
+        // A predictor, in blocks of 512 x 512, of which each has predictor 1: a picture of one
+        // colour, without colour cache.
         bits.push(0b111_001, 6);
         bits.push(0, 1);
         bits.only_symbol(1);
@@ -268,7 +270,8 @@ fn tokens(lengths: &[u8]) -> Vec<Token> {
     tokens
 }
 
-/// Lengths of a Huffman code, `limit` at most, for two symbols or more; 0 for those that do not come.
+/// Lengths of a Huffman code, `limit` at most, for two symbols or more; 0 for those that do not
+/// come.
 fn code_lengths(counts: &[u64], limit: u8) -> Vec<u8> {
     let mut counts = counts.to_vec();
     loop {
@@ -349,7 +352,8 @@ mod tests {
 
     #[test]
     fn long_runs_and_rare_symbols_come_back() {
-        // Each value twice as often as the one before: a code that would be 20 bits long; and runs of every length of prefix.
+        // Each value twice as often as the one before: a code that would be 20 bits long; and runs
+        // of every length of prefix.
         let powers =
             (0..18u8).flat_map(|value| std::iter::repeat_n([value, 7, 255 - value, 255], 1 << value));
         let runs = (0..20_000usize).map(|i| [0, (i / 5000) as u8, 0, 252]);

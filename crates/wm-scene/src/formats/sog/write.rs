@@ -1,9 +1,11 @@
 //! Writing, version 2: what a writer may choose.
 //!
-//! - **Order**: along a Morton curve through the positions as they are stored, so that pixels beside each other have the same upper bytes.
-//! - **Tables**: of scales, errors count by the scale, since what is large is seen (7 dB of a street's pictures against equal weights).
-//! - **Axes**: an ellipsoid has six quaternions that differ by which axis is called which. The one is written whose rounding to bytes moves
-//!   the ellipsoid least (`rotation.rs`; 5 dB).
+//! - **Order**: along a Morton curve through the positions as they are stored, so that pixels
+//!   beside each other have the same upper bytes.
+//! - **Tables**: of scales, errors count by the scale, since what is large is seen (7 dB of a
+//!   street's pictures against equal weights).
+//! - **Axes**: an ellipsoid has six quaternions that differ by which axis is called which. The one
+//!   is written whose rounding to bytes moves the ellipsoid least (`rotation.rs`; 5 dB).
 
 use super::{
     Problem,
@@ -92,8 +94,9 @@ pub(super) fn files(scene: &Scene, file: &mut FileSink) -> Result<(), Problem> {
     files_with(scene, Arrangement::Morton, MAX_ENTRIES, &[], file)
 }
 
-/// Gives `file` the files of a scene in an order, with at most `entries` (65,536 at most) in the palette of SH, whose errors count by
-/// `weights`, a splat each, or alike if there are none; `meta.json` comes last.
+/// Gives `file` the files of a scene in an order, with at most `entries` (65,536 at most) in the
+/// palette of SH, whose errors count by `weights`, a splat each, or alike if there are none;
+/// `meta.json` comes last.
 pub(crate) fn files_with(
     scene: &Scene,
     arrangement: Arrangement,

@@ -121,7 +121,8 @@ fn directory(bytes: &[u8]) -> Option<Vec<Entry<'_>>> {
     Some(entries)
 }
 
-/// Writes an archive, file after file. Their time is the first that ZIP knows, so that equal scenes give equal bytes.
+/// Writes an archive, file after file. Their time is the first that ZIP knows, so that equal scenes
+/// give equal bytes.
 pub(crate) struct Writer<'a> {
     out: &'a mut dyn Write,
     central: Vec<u8>,

@@ -1,4 +1,5 @@
-//! Files that other programs write and this one does not: older versions, levels of detail, nodes that turn.
+//! Files that other programs write and this one does not: older versions, levels of detail, nodes
+//! that turn.
 
 use super::{round_trip::plausible, *};
 use crate::testing::data;

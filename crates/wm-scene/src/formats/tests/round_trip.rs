@@ -105,7 +105,8 @@ enum Names {
 }
 
 impl Names {
-    /// The turn from one unit quaternion to another, degrees, and which axis of the first each of the second is.
+    /// The turn from one unit quaternion to another, degrees, and which axis of the first each of
+    /// the second is.
     fn turn(self, p: [f32; 4], q: [f32; 4]) -> (f32, [usize; 3]) {
         let namings = if self == Self::Kept { &sog::NAMINGS[..1] } else { &sog::NAMINGS };
         let turns = namings.iter().map(|(turn, axes)| {
@@ -122,14 +123,16 @@ impl Names {
     }
 }
 
-/// The rounding of each format over [`plausible`]: half a step of what it stores, from the ranges there.
+/// The rounding of each format over [`plausible`]: half a step of what it stores, from the ranges
+/// there.
 fn rounding(name: &str) -> Errors {
     // Colours of 1.7 clip at 0 and 1 where they are stored as shown.
     let byte = 0.5 / 255.0 + 1e-6;
     match name {
         "PLY" => Errors { mean: 0.0, log_scale: 0.0, rotation: 1e-2, opacity: 0.0, color: 0.0, sh: 0.0 },
         "glTF" => Errors { mean: 0.0, log_scale: 1e-6, rotation: 1e-2, opacity: 1e-6, color: 0.0, sh: 0.0 },
-        // 1/2 step of a chunk's range, which is up to the scene's 60 units; colours by a chunk's range of up to 3.4.
+        // 1/2 step of a chunk's range, which is up to the scene's 60 units; colours by a chunk's
+        // range of up to 3.4.
         "compressed PLY" => Errors {
             mean: 30.0 / 1023.0,
             log_scale: 3.0 / 1023.0,
@@ -147,8 +150,9 @@ fn rounding(name: &str) -> Errors {
             color: 0.004,
             sh: 1.0 / 64.0,
         },
-        // Logarithm of 31 over 65535, times 31; codebooks of even values, that of scales coarser where they are small: density by the
-        // cube root of e^v over 6 units gives steps of 0.075 there, 0.1 with as few values; SH of few splats are an entry each.
+        // Logarithm of 31 over 65535, times 31; codebooks of even values, that of scales coarser
+        // where they are small: density by the cube root of e^v over 6 units gives steps of 0.075
+        // there, 0.1 with as few values; SH of few splats are an entry each.
         "SOG" | "SOG folder" => {
             Errors { mean: 0.0033, log_scale: 0.05, rotation: 1.1, opacity: byte, color: 0.008, sh: 0.02 }
         }

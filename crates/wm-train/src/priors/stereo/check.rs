@@ -13,7 +13,8 @@ const BACK: f32 = 1.5;
 const DEPTH: f32 = 0.02;
 /// Photos that must agree, where there are so many.
 const AGREE: usize = 2;
-/// Fewest pixels of a piece that is believed, and the share of the picture's: strays agree by chance.
+/// Fewest pixels of a piece that is believed, and the share of the picture's: strays agree by
+/// chance.
 const PIECE: usize = 30;
 /// Neighbouring pixels whose distances differ by less are of one piece.
 const JUMP: f32 = 0.05;
@@ -26,7 +27,8 @@ pub struct Other<'a> {
     pub planes: &'a PlaneMap,
     /// The way back into the first photo.
     pub back: PhotoWarp,
-    /// Third row of the rotation and translation there: view z of a point is `z (row . ray) + shift`.
+    /// Third row of the rotation and translation there: view z of a point is
+    /// `z (row . ray) + shift`.
     pub depth: ([f32; 3], f32),
 }
 

@@ -1,4 +1,5 @@
-//! Costs of planes: how well a plane through a pixel's surroundings explains what other photos show there.
+//! Costs of planes: how well a plane through a pixel's surroundings explains what other photos show
+//! there.
 
 use crate::photo_warp::PhotoWarp;
 
@@ -6,8 +7,8 @@ use crate::photo_warp::PhotoWarp;
 const OFFSETS: [f32; 5] = [-4.0, -2.0, 0.0, 2.0, 4.0];
 /// Samples of a window.
 const SAMPLES: usize = OFFSETS.len() * OFFSETS.len();
-/// Standard deviation of the weights in space, px, and in brightness (0-1): what differs in brightness is
-/// likely another surface.
+/// Standard deviation of the weights in space, px, and in brightness (0-1): what differs in
+/// brightness is likely another surface.
 const NEAR: f32 = 4.0;
 const ALIKE: f32 = 0.1;
 /// Standard deviation of brightness below which a window tells nothing: one step of 8 bits.
@@ -129,7 +130,8 @@ impl Window {
         if self.contrast == 0.0 {
             return UNTOLD;
         }
-        // The plane's homography, and its derivative at the pixel: over a window it is nearly affine.
+        // The plane's homography, and its derivative at the pixel: over a window it is nearly
+        // affine.
         let h: [[f32; 3]; 3] =
             [0, 1, 2].map(|k| [0, 1, 2].map(|c| source.warp.base[k][c] + source.warp.lift[k] * plane[c]));
         let at: [f32; 3] = [0, 1, 2].map(|k| h[k][0] * self.x + h[k][1] * self.y + h[k][2]);

@@ -1,12 +1,13 @@
-//! Depth and normals from the photos themselves: what several photos show of one place, where their cameras
-//! are known. No network and no weights.
+//! Depth and normals from the photos themselves: what several photos show of one place, where their
+//! cameras are known. No network and no weights.
 //!
-//! Each pixel has a plane, kept as inverse depth over the picture, `1 / z = a x + b y + c`, so that it is a
-//! homography into every other photo. PlaneMap begin at the points of the reconstruction or anywhere, spread
-//! to neighbours and are varied (PatchMatch: Barnes et al. 2009; as stereo: Bleyer et al. 2011; over a
-//! chessboard: Galliani et al. 2015). How well one fits is the normalised correlation of the window around the
-//! pixel, weighted by nearness in space and brightness, with what the two best other photos show. Half
-//! the size comes first. What is kept is where other photos' planes lead back to the same pixel.
+//! Each pixel has a plane, kept as inverse depth over the picture, `1 / z = a x + b y + c`, so that
+//! it is a homography into every other photo. PlaneMap begin at the points of the reconstruction or
+//! anywhere, spread to neighbours and are varied (PatchMatch: Barnes et al. 2009; as stereo: Bleyer
+//! et al. 2011; over a chessboard: Galliani et al. 2015). How well one fits is the normalised
+//! correlation of the window around the pixel, weighted by nearness in space and brightness, with
+//! what the two best other photos show. Half the size comes first. What is kept is where other
+//! photos' planes lead back to the same pixel.
 
 mod check;
 mod matching;
@@ -56,7 +57,8 @@ pub struct StereoMap {
     pub normal: Vec<[f32; 3]>,
 }
 
-/// Angles between two photos' rays to a point that are too small and too large to compare well, degrees.
+/// Angles between two photos' rays to a point that are too small and too large to compare well,
+/// degrees.
 const NARROW: f64 = 4.0;
 const WIDE: f64 = 35.0;
 /// A photo without any point in view, or without others, is left out.
@@ -72,9 +74,8 @@ const WINDOW: usize = 3;
 /// Within how many pixels a point of the reconstruction starts planes.
 const AROUND: isize = 12;
 
-/// Returns how often the sides of photos are halved: until the largest has no more pixels than the options allow, or
-/// the smallest
-/// would have sides too short.
+/// Returns how often the sides of photos are halved: until the largest has no more pixels than the
+/// options allow, or the smallest would have sides too short.
 #[must_use]
 pub fn level(photos: &Photos, places: &[usize], options: &StereoOptions) -> u8 {
     let cameras: Vec<Camera> = places.iter().map(|place| photos.camera(*place, 0)).collect();
@@ -86,8 +87,9 @@ pub fn level(photos: &Photos, places: &[usize], options: &StereoOptions) -> u8 {
     (0..8).find(is_enough).unwrap_or(0)
 }
 
-/// Maps of the photos `places` (places in `photos`), `None` for those that cannot be compared with others.
-/// `progress` is told the number of passes that are done, of two a photo, and says whether to go on.
+/// Maps of the photos `places` (places in `photos`), `None` for those that cannot be compared with
+/// others. `progress` is told the number of passes that are done, of two a photo, and says whether
+/// to go on.
 ///
 /// # Errors
 /// [`PhotoError`] if a photo is damaged.
@@ -365,7 +367,8 @@ mod tests {
         mix(mix(at(0.0, 0.0), at(1.0, 0.0), a), mix(at(0.0, 1.0), at(1.0, 1.0), a), b)
     }
 
-    /// The floor z = 0 and the wall y = 3 behind it, and nothing above: distance along a ray and colour.
+    /// The floor z = 0 and the wall y = 3 behind it, and nothing above: distance along a ray and
+    /// colour.
     fn cast(eye: DVec3, ray: DVec3) -> Option<(f64, f64)> {
         let (floor, wall) = (-eye.z / ray.z, (3.0 - eye.y) / ray.y);
         let t = if floor > 0.0 && (floor < wall || wall < 0.0) { floor } else { wall };

@@ -1,4 +1,5 @@
-//! PlaneMap for all pixels of one photo: good ones spread to their neighbours and are varied (PatchMatch).
+//! PlaneMap for all pixels of one photo: good ones spread to their neighbours and are varied
+//! (PatchMatch).
 
 use super::matching::{Plane, StereoImage, StereoSource, WORST, Window, inverse_depth};
 use wm_scene::random::uniform;
@@ -53,7 +54,8 @@ impl Reference<'_> {
         [(x - cx) / fx, (y - cy) / fy, 1.0]
     }
 
-    /// The plane through the point of inverse depth `inverse` behind (x, y) with the normal `normal`, camera axes.
+    /// The plane through the point of inverse depth `inverse` behind (x, y) with the normal
+    /// `normal`, camera axes.
     #[must_use]
     pub fn plane(&self, x: f32, y: f32, inverse: f32, normal: [f32; 3]) -> Option<Plane> {
         let ray = self.ray(x, y);
@@ -166,8 +168,8 @@ impl Reference<'_> {
         }
     }
 
-    /// One round over both colours of the chessboard; rounds count from 1. `reach` is how far planes are
-    /// varied, 1 for anything.
+    /// One round over both colours of the chessboard; rounds count from 1. `reach` is how far
+    /// planes are varied, 1 for anything.
     pub fn round(&self, found: &mut PlaneMap, round: u32, reach: f32, ask: Ask) {
         let (width, height) = (self.picture.width, self.picture.height);
         let mut order = Vec::new();

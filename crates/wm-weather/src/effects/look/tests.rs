@@ -42,10 +42,11 @@ fn changed(path: SimdPath, effects: &[&dyn PixelEffect], rgb: &mut [[f32; PATCH_
     }
 }
 
-/// Light errs by 2e-6 relative when decoded and multiplied, and saturation is a difference of two such: 2e-6 (1 + s)
-/// of the brightest channel, which moves the result between those of light that much darker and brighter. log2
-/// of light above 1e-7 errs by 3e-6, times contrast (4 at most) and ln 2, and the encoding takes it to the power
-/// of 1 / 2.4 with an error of 1e-6: 5e-6 of the result, or 1e-5 where the encoding is linear.
+/// Light errs by 2e-6 relative when decoded and multiplied, and saturation is a difference of two
+/// such: 2e-6 (1 + s) of the brightest channel, which moves the result between those of light that
+/// much darker and brighter. log2 of light above 1e-7 errs by 3e-6, times contrast (4 at most) and
+/// ln 2, and the encoding takes it to the power of 1 / 2.4 with an error of 1e-6: 5e-6 of the
+/// result, or 1e-5 where the encoding is linear.
 fn agree(path: SimdPath, grade: &ColorGrade, seed: u64) {
     let mut rgb = [[0.0f32; PATCH_PIXELS]; 3];
     for i in 0..PATCH_PIXELS {
@@ -152,7 +153,8 @@ fn it_acts_after_fog_over_pixels() {
     assert!((f64::from(rgb[0][0]) - want).abs() < 1e-5, "{}, want {want}", rgb[0][0]);
 }
 
-/// Light far above white under the strongest of looks: 6e4 encoded is 2^38 of light, 2^200 after it.
+/// Light far above white under the strongest of looks: 6e4 encoded is 2^38 of light, 2^200 after
+/// it.
 #[test]
 fn bright_light_stays_finite() {
     for path in SimdPath::available() {

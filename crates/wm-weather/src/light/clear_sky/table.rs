@@ -1,9 +1,10 @@
 //! Table of the clear sky: 3,600 published numbers, and their licence.
 //!
-//! Source: `ArHosekSkyModelData_RGB.h` of the sample implementation 1.4a (22 February 2013) by Lukas Hosek and
-//! Alexander Wilkie, Charles University in Prague, to "An Analytic Model for Full Spectral Sky-Dome Radiance" (ACM
-//! Transactions on Graphics 31(4), 2012), <https://cgg.mff.cuni.cz/projects/SkylightModelling/>. Only the numbers are
-//! theirs, in another order and as f32. They come under the 3-clause BSD licence:
+//! Source: `ArHosekSkyModelData_RGB.h` of the sample implementation 1.4a (22 February 2013) by
+//! Lukas Hosek and Alexander Wilkie, Charles University in Prague, to "An Analytic Model for Full
+//! Spectral Sky-Dome Radiance" (ACM Transactions on Graphics 31(4), 2012),
+//! <https://cgg.mff.cuni.cz/projects/SkylightModelling/>. Only the numbers are theirs, in another
+//! order and as f32. They come under the 3-clause BSD licence:
 //!
 //! ```text
 //! Copyright (c) 2012 - 2013, Lukas Hosek and Alexander Wilkie
@@ -33,8 +34,9 @@
 //! SOFTWARE, EVEN IF ADVISED OF THE POSSIBILITY OF SUCH DAMAGE.
 //! ```
 
-/// Nine coefficients A B C D E F G I H of the paper's formula, then the radiance factor, by channel (red, green, blue),
-/// ground albedo (0, 1), turbidity (1 to 10) and control point over the elevation of the sun.
+/// Nine coefficients A B C D E F G I H of the paper's formula, then the radiance factor, by channel
+/// (red, green, blue), ground albedo (0, 1), turbidity (1 to 10) and control point over the
+/// elevation of the sun.
 #[rustfmt::skip] // A control point a line.
 pub(super) static TABLE: [[[[[f32; 10]; 6]; 10]; 2]; 3] = [
     [

@@ -8,7 +8,8 @@ fn sky(degrees: f64, turbidity: f64, albedo: f64) -> ClearSky {
     ClearSky::new(degrees.to_radians(), turbidity, albedo)
 }
 
-/// Cosine between the sun and a direction of that sine of elevation, `azimuth` radians from the sun's.
+/// Cosine between the sun and a direction of that sine of elevation, `azimuth` radians from the
+/// sun's.
 fn cos_to_sun(sun_degrees: f64, sin: f64, azimuth: f64) -> f64 {
     let (sin_sun, cos_sun) = sun_degrees.to_radians().sin_cos();
     sin * sin_sun + (1.0 - sin * sin).max(0.0).sqrt() * cos_sun * azimuth.cos()
@@ -18,9 +19,9 @@ fn brightness(sky: &ClearSky) -> f64 {
     luminance(sky.horizontal_irradiance())
 }
 
-/// (Turbidity, albedo, radiance) at sine 0.55 and cosine 0.3 to the sun, which stands 10 degrees high, where all control
-/// points weigh something; by the authors' own program, version 1.4a. Every row of the table weighs 2.5 % or more in one
-/// of them.
+/// (Turbidity, albedo, radiance) at sine 0.55 and cosine 0.3 to the sun, which stands 10 degrees
+/// high, where all control points weigh something; by the authors' own program, version 1.4a. Every
+/// row of the table weighs 2.5 % or more in one of them.
 const EVERY_ROW: [(f64, f64, [f64; 3]); 20] = [
     (1.0, 0.0, [2.108_841_73, 3.581_080_86, 5.614_293_14]),
     (2.0, 0.0, [2.198_694_22, 3.714_200_62, 5.617_530_09]),
@@ -44,8 +45,9 @@ const EVERY_ROW: [(f64, f64, [f64; 3]); 20] = [
     (10.0, 1.0, [5.897_540_32, 6.113_228_36, 6.304_715_73]),
 ];
 
-/// ([turbidity, albedo, sun's elevation in degrees, sine of elevation, cosine to the sun], radiance), by the same
-/// program: between the rows, at the horizon, straight at the sun, with the sun at the zenith.
+/// ([turbidity, albedo, sun's elevation in degrees, sine of elevation, cosine to the sun],
+/// radiance), by the same program: between the rows, at the horizon, straight at the sun, with the
+/// sun at the zenith.
 const BETWEEN_ROWS: [([f64; 5], [f64; 3]); 7] = [
     ([2.5, 0.2, 47.0, 0.73, 0.9], [5.366_258_45, 8.204_641_49, 13.983_057_5]),
     ([3.3, 0.5, 5.0, 0.1, -0.4], [6.665_479_75, 6.975_599_37, 4.860_320_84]),
@@ -79,8 +81,8 @@ fn cie_clear(sin: f64, cos_to_sun: f64) -> f64 {
     gradation * (1.0 + 10.0 * ((-3.0 * angle).exp() - (-3.0 * FRAC_PI_2).exp()) + 0.45 * angle.cos().powi(2))
 }
 
-/// Root mean square of the logarithm of luminance over the CIE's, after the mean of it is taken out: from 10 degrees
-/// above the horizon to the zenith, from 15 degrees off the sun.
+/// Root mean square of the logarithm of luminance over the CIE's, after the mean of it is taken
+/// out: from 10 degrees above the horizon to the zenith, from 15 degrees off the sun.
 fn difference_from_cie(degrees: f64, turbidity: f64) -> f64 {
     let sky = sky(degrees, turbidity, 0.2);
     let (mut weights, mut sum, mut squares) = (0.0, 0.0, 0.0);
@@ -99,9 +101,10 @@ fn difference_from_cie(degrees: f64, turbidity: f64) -> f64 {
     (squares / weights - (sum / weights).powi(2)).sqrt()
 }
 
-/// The CIE's clear sky is nearest to turbidity 5: 11 to 14 % apart, from 15 to 60 degrees of sun. At 2.5, where there is
-/// more light near the horizon and less about the sun, 29 to 33 %. Skies that are too clear or too hazy for the CIE's
-/// differ by more than 24 %, so the test sees rows of the table that are in each other's place.
+/// The CIE's clear sky is nearest to turbidity 5: 11 to 14 % apart, from 15 to 60 degrees of sun.
+/// At 2.5, where there is more light near the horizon and less about the sun, 29 to 33 %. Skies
+/// that are too clear or too hazy for the CIE's differ by more than 24 %, so the test sees rows of
+/// the table that are in each other's place.
 #[test]
 fn shape_is_that_of_the_cie_clear_sky() {
     for degrees in [15.0, 30.0, 45.0, 60.0] {
@@ -141,8 +144,9 @@ fn below_the_horizon_is_the_horizon_above_it() {
     }
 }
 
-/// No step of half a degree or of a tenth of turbidity changes the sky's irradiance by more than 5 %, from 11 degrees of
-/// sun up. Below, the light itself grows faster, by up to 10 % from 5 degrees and 25 % from the first half degree.
+/// No step of half a degree or of a tenth of turbidity changes the sky's irradiance by more than 5
+/// %, from 11 degrees of sun up. Below, the light itself grows faster, by up to 10 % from 5 degrees
+/// and 25 % from the first half degree.
 #[test]
 fn irradiance_changes_without_jumps() {
     let change = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| (b[k] / a[k]).ln().abs()).fold(0.0, f64::max);
@@ -170,7 +174,8 @@ fn irradiance_changes_without_jumps() {
     }
 }
 
-/// More sun and more haze make a brighter sky, where the fit is good: up to turbidity 6 and 60 degrees, from 20.
+/// More sun and more haze make a brighter sky, where the fit is good: up to turbidity 6 and 60
+/// degrees, from 20.
 #[test]
 fn irradiance_grows_with_the_sun_and_with_haze() {
     for turbidity in [1.0, 2.0, 3.0, 4.5, 6.0] {

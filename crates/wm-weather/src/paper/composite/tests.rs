@@ -89,8 +89,8 @@ fn layers_are_added_to_the_running_composite() {
     assert!((f64::from(picture.rgb[0]) - 1.5 + 0.4 * 0.095_162_582).abs() < 1e-6 && picture.rgb[2] == 0.0);
 }
 
-/// Why the paper has sub-clouds: at a pixel where a near drop lies before a far one that the scene hides, the depth of
-/// both together hides the near one too.
+/// Why the paper has sub-clouds: at a pixel where a near drop lies before a far one that the scene
+/// hides, the depth of both together hides the near one too.
 #[test]
 fn one_cloud_loses_a_near_drop_before_a_far_one() {
     let camera = Camera::looking((32, 32), 40.0, DVec3::ZERO, DVec3::X, DVec3::Z).unwrap();

@@ -31,7 +31,8 @@ impl Cells {
         self.points.push(at);
     }
 
-    /// Returns true if no point is nearer than `spacing`, of those whose own is not less than half or more than twice as large.
+    /// Returns true if no point is nearer than `spacing`, of those whose own is not less than half
+    /// or more than twice as large.
     pub fn is_free(&self, at: [f32; 3], spacing: f64) -> bool {
         let level = level(spacing);
         (level - 1..=level + 1).all(|level| {

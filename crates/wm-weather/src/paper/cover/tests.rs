@@ -39,7 +39,8 @@ fn random_floor(count: u64) -> Splats {
     of((0..count).map(|i| flat([5.0 * uniform(7, 2 * i) as f32, 5.0 * uniform(7, 2 * i + 1) as f32, 0.0])))
 }
 
-/// Returns the coverage of the points (x, y) every 0.05 m from `from` to `to`, seen from above: mean and least.
+/// Returns the coverage of the points (x, y) every 0.05 m from `from` to `to`, seen from above:
+/// mean and least.
 fn covered(snow: &Splats, from: f64, to: f64) -> [f64; 2] {
     let steps = ((to - from) / 0.05) as usize;
     let alphas: Vec<f64> = (0..steps * steps)
@@ -102,7 +103,8 @@ fn a_wall_gets_none() {
     assert!(snow(&plain(DVec3::X, DVec3::Z)).is_empty());
 }
 
-/// A roof of 45 degrees is seeded, each seed where a splat is, and not filled; one of 20 degrees is.
+/// A roof of 45 degrees is seeded, each seed where a splat is, and not filled; one of 20 degrees
+/// is.
 #[test]
 fn steep_planes_are_not_filled() {
     let roof = |degrees: f64| {
@@ -158,7 +160,8 @@ fn neither_threads_nor_the_order_of_splats_count() {
     assert_ne!(PaperCover { seed: 1, ..cover }.snow(&splats, &SITE), one);
 }
 
-/// Scale, place and direction of the world's axes change only rounding, of which a few choices depend.
+/// Scale, place and direction of the world's axes change only rounding, of which a few choices
+/// depend.
 #[test]
 fn axes_and_units_do_not_count() {
     let splats = random_floor(1500);

@@ -74,7 +74,8 @@ fn it_fills_what_is_seen_of_the_box_evenly() {
     assert_eq!(within(10.0) as usize, noise.len());
 }
 
-/// Each goes down by its own share of the fall, and with the wind; an instant does not depend on those asked for before.
+/// Each goes down by its own share of the fall, and with the wind; an instant does not depend on
+/// those asked for before.
 #[test]
 fn things_fall_as_a_function_of_time() {
     let camera = camera();

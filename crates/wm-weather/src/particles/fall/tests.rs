@@ -30,7 +30,8 @@ fn camera(size: (u32, u32)) -> Camera {
     Camera::looking(size, 50.0, eye, eye + DVec3::new(1.0, 0.3, 0.05), DVec3::Z).unwrap()
 }
 
-/// The points of a cube below a threshold: where in it, 0-1, and the number that their size goes by.
+/// The points of a cube below a threshold: where in it, 0-1, and the number that their size goes
+/// by.
 #[inline(always)]
 fn points<S: Lanes>(simd: S, cells: &Cells, cell: [i64; 3], most: f32) -> Vec<([f64; 3], f64)> {
     let (mut points, mut found) = (cells.begin(), Vec::new());
@@ -84,8 +85,8 @@ fn drops_of(
     found
 }
 
-/// Every kind brings its rate into a gauge of 6 m by 6 m or more in 10 s: the drops that come past its height in that
-/// time.
+/// Every kind brings its rate into a gauge of 6 m by 6 m or more in 10 s: the drops that come past
+/// its height in that time.
 #[test]
 fn a_gauge_catches_what_is_asked() {
     let usual = [(&RAIN, vec![1.0, 10.0, 50.0]), (&SNOW, vec![0.5, 2.0, 5.0])];
@@ -112,7 +113,8 @@ fn a_gauge_catches_what_is_asked() {
     }
 }
 
-/// Kolmogorov and Smirnov's distance of 100,000 diameters from Marshall and Palmer's own law between its ends.
+/// Kolmogorov and Smirnov's distance of 100,000 diameters from Marshall and Palmer's own law
+/// between its ends.
 #[test]
 fn sizes_follow_the_law() {
     let mut worst: f64 = 0.0;
@@ -159,8 +161,9 @@ fn place(particle: &Particle, camera: &Camera) -> DVec3 {
     (camera.center() + DVec3::from_array(particle.offset.map(f64::from))) * SITE.metres_per_unit
 }
 
-/// Counts the drops of `first` that have one in `second` where they should be `step` s later, of those that still should be
-/// in view and are more than a faint rest; and how many there are of these.
+/// Counts the drops of `first` that have one in `second` where they should be `step` s later, of
+/// those that still should be in view and are more than a faint rest; and how many there are of
+/// these.
 fn followed(
     first: &[Particle],
     second: &[Particle],
@@ -183,7 +186,8 @@ fn followed(
         let inside = |camera: &Camera| {
             let seen = camera.project(at / SITE.metres_per_unit);
             let far = (at / SITE.metres_per_unit - camera.center()).length() * SITE.metres_per_unit;
-            // Those whose cover shows that they are whole: of a disc it is pi / 4 of the square of its width.
+            // Those whose cover shows that they are whole: of a disc it is pi / 4 of the square of
+            // its width.
             let width = f64::from(particle.sigma) / DISC;
             let whole = f64::from(particle.area) > 0.99 * PI / 4.0 * width * width;
             let size = width / (far / SITE.metres_per_unit) * camera.fx;
@@ -291,7 +295,8 @@ fn drops_and_air_together_are_the_law() {
             .map(|time| frame(&falling, &camera, f64::from(time) * 1.7, WindSample::default()))
             .collect();
         for metres in [1.0, 3.0, 8.0, 20.0] {
-            // Cover of the drops up to there as solid angle, over that of the picture, averaged over times.
+            // Cover of the drops up to there as solid angle, over that of the picture, averaged
+            // over times.
             let mut cover = 0.0;
             for particle in frames.iter().flatten() {
                 let offset = DVec3::from_array(particle.offset.map(f64::from));

@@ -75,7 +75,8 @@ fn other_table(name: &'static str) -> impl Strategy<Value = Option<Table>> {
     })
 }
 
-/// Names of the properties of a splat in the order of `[means, quats, log_scales, opacity, sh, group]`.
+/// Names of the properties of a splat in the order of
+/// `[means, quats, log_scales, opacity, sh, group]`.
 fn names(degree: u8) -> Vec<String> {
     let coefficients = crate::sh::coefficients(degree);
     let mut names: Vec<String> =
