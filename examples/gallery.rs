@@ -4,7 +4,7 @@
 //! The view is that of a photo of the scene, by its number; without one it is chosen.
 
 use weather_magician::view::{ViewOptions, choose::choose};
-use weather_magician::{Renderer, Scene, Weather};
+use weather_magician::{FrameRequest, Renderer, Scene, Weather};
 use wm_media::color::Dither;
 use wm_media::sheet::{SheetLayout, SheetPanel, sheet};
 use wm_media::{PictureSize, png};
@@ -49,7 +49,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (name, setting) in WEATHERS {
         let mut weather = Weather::preset(name)?;
         setting.map_or(Ok(()), |setting| weather.set_text(setting))?;
-        pictures.push((renderer.render(&mut place, &weather, &camera, 0.0)?.frame.rgb, name));
+        pictures
+            .push((renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.0))?.frame.rgb, name));
     }
     let panels: Vec<SheetPanel<'_>> = pictures.iter().map(|(rgb, label)| SheetPanel { rgb, label }).collect();
     let layout = SheetLayout::new(PictureSize::new(SIZE.0, SIZE.1), panels.len() as u32, COLUMNS);

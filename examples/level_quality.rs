@@ -18,8 +18,10 @@ use std::path::Path;
 use std::time::Instant;
 use weather_magician::levels::{LevelBudget, LevelBuilder, LevelOptions};
 use weather_magician::view::{ViewOptions, choose};
-use weather_magician::{Camera, LevelCounts, Metadata, PlaceOptions, Renderer, Scene};
-use wm_render::{Background, Frame, Geometry, Outputs};
+use weather_magician::{
+    Camera, FrameRequest, Layers, LevelCounts, Metadata, Picture, PlaceOptions, Renderer, Scene, Weather,
+};
+use wm_render::{Background, Frame};
 use wm_scene::Group;
 use wm_scene::formats::DetailLevel;
 use wm_scene::levels::LevelIndex;
@@ -67,28 +69,32 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut place = renderer.load_levels(LevelIndex::open(out)?, &options, &budget, false)?;
     let mut whole = renderer.load_with(all, &options)?;
     for place in [&mut place, &mut whole] {
-        place.config.outputs = Outputs { geometry: Geometry::Depth, ..Outputs::default() };
-        place.config.background = Background::Color([0.5; 3]);
+        place.background = Background::Color([0.5; 3]);
     }
-    let (mut truth, mut frame) = (Frame::default(), Frame::default());
+    let clear = Weather::clear();
+    let request = |camera: &Camera| FrameRequest {
+        layers: Layers::COLOR | Layers::DEPTH,
+        ..FrameRequest::new(&clear, camera, 0.0)
+    };
+    let (mut truth, mut picture) = (Picture::default(), Picture::default());
     for (number, camera) in cameras.iter().enumerate() {
-        renderer.render_clear(&mut whole, camera, &mut truth)?;
+        renderer.render_into(&mut whole, &request(camera), &mut truth, &mut ())?;
         let mut counts = LevelCounts::default();
         for is_shot in [false, true] {
             let shot = if is_shot { vec![*camera] } else { Vec::new() };
             place.set_shot(&shot);
             // Read and loaded by the first picture; the second has a camera that is a hair's
             // breadth away and looks again.
-            renderer.render_clear(&mut place, camera, &mut frame)?;
+            renderer.render_into(&mut place, &request(camera), &mut picture, &mut ())?;
             let again = Camera { near: camera.near * (1.0 + 1e-12), ..*camera };
             place.set_shot(&if is_shot { vec![again] } else { Vec::new() });
             let mut milliseconds = [0.0; 2];
             for time in &mut milliseconds {
                 let started = Instant::now();
-                renderer.render_clear(&mut place, &again, &mut frame)?;
+                renderer.render_into(&mut place, &request(&again), &mut picture, &mut ())?;
                 *time = 1e3 * started.elapsed().as_secs_f64();
             }
-            let (psnr, depth, alpha) = compare(&truth, &frame);
+            let (psnr, depth, alpha) = compare(&truth.frame, &picture.frame);
             counts = place.level_counts().unwrap_or_default();
             let [with, without] = milliseconds;
             println!(
@@ -100,8 +106,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             );
         }
         if let Some(folder) = std::env::var_os("PICTURES") {
-            save(&frame, &Path::new(&folder).join(format!("{number}-{}.png", counts.drawn)))?;
-            save(&truth, &Path::new(&folder).join(format!("{number}-all.png")))?;
+            save(&picture.frame, &Path::new(&folder).join(format!("{number}-{}.png", counts.drawn)))?;
+            save(&truth.frame, &Path::new(&folder).join(format!("{number}-all.png")))?;
         }
     }
     Ok(())

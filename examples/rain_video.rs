@@ -3,7 +3,7 @@
 
 use weather_magician::video::{FrameRate, VideoSettings};
 use weather_magician::view::{ViewOptions, moves};
-use weather_magician::{Camera, CameraMotion, Renderer, Weather};
+use weather_magician::{Camera, CameraMotion, Renderer, VideoFile, Weather};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut args = std::env::args().skip(1);
@@ -22,7 +22,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let motion = CameraMotion::Along { path, size: (320, 192) };
 
     let settings = VideoSettings::new(weather_magician::PictureSize::new(320, 192), FrameRate::default());
-    let report = renderer.render_video(&mut place, &weather, &motion, seconds, (&out, settings), &mut ())?;
+    let video = VideoFile { path: out.as_ref(), seconds, settings };
+    let report = renderer.render_video(&mut place, &weather, &motion, video, &mut ())?;
     println!("{out}: {} frames, {} bytes", report.frames, report.bytes);
     Ok(())
 }

@@ -2,7 +2,7 @@
 //! bad input against its message.
 
 use glam::DVec3;
-use weather_magician::{FrameOptions, Metadata, Picture, PreparedPlace, Renderer, Weather};
+use weather_magician::{FrameRequest, Metadata, Picture, PreparedPlace, Renderer, Weather};
 use wm_render::{CpuConfig, Device};
 use wm_scene::color::{srgb_decode, srgb_encode};
 use wm_scene::splats::Splat;
@@ -31,8 +31,8 @@ fn draw(
     (camera, time): (&Camera, f64),
 ) -> Picture {
     let mut picture = Picture::default();
-    let options = FrameOptions::new(time, *camera);
-    renderer.render_into(place, weather, &options, &mut picture, &mut ()).unwrap();
+    let request = FrameRequest::new(weather, camera, time);
+    renderer.render_into(place, &request, &mut picture, &mut ()).unwrap();
     picture
 }
 
@@ -170,10 +170,8 @@ fn an_eye_under_water_is_refused() {
     let camera = Street::dolly(0.1).camera((60, 40)).unwrap();
     let mut picture = Picture::default();
     let mut draw = |weather: &Weather| {
-        let options = FrameOptions::new(0.0, camera);
-        renderer
-            .render_into(&mut place, weather, &options, &mut picture, &mut ())
-            .map(|_| place.take_warnings())
+        let request = FrameRequest::new(weather, camera, 0.0);
+        renderer.render_into(&mut place, &request, &mut picture, &mut ()).map(|_| place.take_warnings())
     };
     let message = draw(&weather(&["flood.level=3"])).unwrap_err().to_string();
     assert!(

@@ -5,7 +5,10 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use weather_magician::{Camera, FrameOptions, LensModel, LensView, Picture, Renderer, Scene, Weather};
+use weather_magician::camera_model::{CameraModel, SensorCamera};
+use weather_magician::{
+    Camera, FrameCamera, FrameRequest, Layers, LensModel, LensView, Picture, Renderer, Scene, Weather,
+};
 use wm_scene::capture::Distortion;
 
 const SIZE: (u32, u32) = (144, 96);
@@ -81,14 +84,16 @@ fn both(camera: &Camera, lens: &LensView, weather_changes: &[&str]) -> [Picture;
     let metadata = yard_metadata(1.0);
     let scene = Scene { splats: yard().build(), metadata, ..Scene::default() };
     let mut place = renderer.load(scene).unwrap();
-    place.config.outputs.geometry = wm_render::Geometry::Depth;
     let mut weather = Weather::clear();
     weather_changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
-    let mut pictures = [Picture::default(), Picture::default()];
-    let options = FrameOptions::new(2.0, *camera);
-    renderer.render_into(&mut place, &weather, &options, &mut pictures[0], &mut ()).unwrap();
-    renderer.render_through(&mut place, &weather, (lens, &options), &mut pictures[1], &mut ()).unwrap();
-    pictures
+    let model = CameraModel { lens: Some(lens.clone()), ..CameraModel::default() };
+    let device = SensorCamera::new(model, (*camera).into());
+    let cameras: [FrameCamera<'_>; 2] = [camera.into(), (&device).into()];
+    cameras.map(|camera| {
+        let layers = Layers::COLOR | Layers::DEPTH;
+        let request = FrameRequest { layers, ..FrameRequest::new(&weather, camera, 2.0) };
+        renderer.render(&mut place, &request).unwrap()
+    })
 }
 
 /// A lens without distortion is a pinhole: its one side is the same picture with a margin.

@@ -6,7 +6,7 @@ mod common;
 use common::*;
 use glam::DVec3;
 use std::path::PathBuf;
-use weather_magician::{FrameOptions, Picture, Renderer, Weather};
+use weather_magician::{FrameRequest, Picture, Renderer, Weather};
 use wm_scene::color::luminance;
 use wm_scene::{Lamp, LitWindow, Metadata, Scene};
 
@@ -118,8 +118,8 @@ fn exposure_does_not_jump_from_sun_to_night() {
     }
     let mut picture = Picture::default();
     let mut mean = |time: f64| {
-        let options = FrameOptions::new(time, camera);
-        renderer.render_into(&mut place, &weather, &options, &mut picture, &mut ()).unwrap();
+        let request = FrameRequest::new(&weather, camera, time);
+        renderer.render_into(&mut place, &request, &mut picture, &mut ()).unwrap();
         let light = picture.frame.rgb_linear();
         let all = light.chunks_exact(3).map(|c| luminance([0, 1, 2].map(|k| f64::from(c[k]))));
         (all.sum::<f64>() / (light.len() / 3) as f64).log2()

@@ -1,7 +1,7 @@
 //! Compares the street's light as weather changes it with the same street under the sky that it is
 //! changed to.
 
-use weather_magician::{FrameOptions, Picture, Renderer, Weather};
+use weather_magician::{FrameRequest, Picture, Renderer, Weather};
 use wm_scene::color::{luminance, srgb_decode};
 use wm_scene::{Camera, Scene};
 use wm_street::{Lighting, Place, Street};
@@ -19,8 +19,8 @@ fn rendered(scene: Scene, weather: &Weather, cameras: &[Camera]) -> Vec<Picture>
     let mut place = renderer.load(scene).unwrap();
     let draw = |camera: &Camera| {
         let mut picture = Picture::default();
-        let options = FrameOptions::new(0.0, *camera);
-        renderer.render_into(&mut place, weather, &options, &mut picture, &mut ()).unwrap();
+        let request = FrameRequest::new(weather, camera, 0.0);
+        renderer.render_into(&mut place, &request, &mut picture, &mut ()).unwrap();
         picture
     };
     let pictures = cameras.iter().map(draw).collect();

@@ -13,10 +13,11 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use tempfile::TempDir;
+use weather_magician::camera_model::{CameraModel, SensorCamera};
 use weather_magician::lidar::ScanOptions;
 use weather_magician::view::{ViewOptions, path::CameraPath};
 use weather_magician::{
-    Camera, CameraMotion, FrameOptions, LensSpec, Metadata, MovingCamera, Patience, Picture, PlaceOptions,
+    Camera, CameraMotion, FrameRequest, LensSpec, Metadata, MovingCamera, Patience, Picture, PlaceOptions,
     PreparedPlace, Renderer, Scene, Weather,
 };
 use wm_media::color::Dither;
@@ -86,11 +87,8 @@ impl Stage {
     fn render(&mut self, weather: &Weather, time: f64, camera: MovingCamera) -> Outcome {
         self.prepare(weather)?;
         let mut picture = Picture::default();
-        let options = FrameOptions::new(time, camera);
-        self.renderer
-            .render_into(&mut self.place, weather, &options, &mut picture, &mut ())
-            .map(drop)
-            .map_err(text)
+        let request = FrameRequest::new(weather, camera, time);
+        self.renderer.render_into(&mut self.place, &request, &mut picture, &mut ()).map(drop).map_err(text)
     }
 }
 
@@ -144,7 +142,8 @@ pub fn render_scene(path: &Path) -> Outcome {
     let target = survey.center + survey.up.value.any_orthonormal_vector() * survey.radius.max(1e-3);
     let camera = Camera::looking(SIZE, 60.0, eye, target, survey.up.value).map_err(text)?;
     let weather = Weather::preset(draws.pick(&WEATHERS)).map_err(text)?;
-    let picture = renderer.render(&mut place, &weather, &camera, 2.0).map(drop).map_err(text);
+    let picture =
+        renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 2.0)).map(drop).map_err(text);
     renderer.unload(place).map_err(text)?;
     picture
 }
@@ -165,7 +164,7 @@ fn render_with_assets(folder: &Path, weather: &str) -> Outcome {
     let options = PlaceOptions { assets: Some(folder.to_path_buf()), ..PlaceOptions::default() };
     let mut place = renderer.load_with(court(), &options).map_err(text)?;
     let weather = Weather::preset(weather).map_err(text)?;
-    renderer.render(&mut place, &weather, &usual_camera()?, 60.0).map(drop).map_err(text)
+    renderer.render(&mut place, &FrameRequest::new(&weather, &usual_camera()?, 60.0)).map(drop).map_err(text)
 }
 
 /// Draws the place with damaged assets whose checksums are right, as a stranger can write them.
@@ -214,13 +213,10 @@ pub fn render_lens(path: &Path) -> Outcome {
     let lens = LensSpec::File(path.into()).view(Some(SIZE)).map_err(text)?;
     on_stage(|stage| {
         stage.prepare(&weather)?;
-        let options = FrameOptions::new(0.0, camera);
-        let mut picture = Picture::default();
-        stage
-            .renderer
-            .render_through(&mut stage.place, &weather, (&lens, &options), &mut picture, &mut ())
-            .map(drop)
-            .map_err(text)
+        let model = CameraModel { lens: Some(lens), ..CameraModel::default() };
+        let device = SensorCamera::new(model, camera.into());
+        let request = FrameRequest::new(&weather, &device, 0.0);
+        stage.renderer.render(&mut stage.place, &request).map(drop).map_err(text)
     })
 }
 

@@ -23,9 +23,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 use weather_magician::assets::{Assets, MissingAssets};
-use weather_magician::output::{ExtraPicture, PictureFormat, PictureStyle, outputs};
+use weather_magician::output::{PictureFormat, PictureStyle};
 use weather_magician::{
-    CameraMotion, FrameOptions, Patience, PlaceFacts, PreparedPlace, Progress, Renderer, picture_tags,
+    CameraMotion, FrameRequest, Patience, PictureLayer, PlaceFacts, PreparedPlace, Progress, Renderer,
+    picture_tags,
 };
 use wm_media::color::Dither;
 use wm_media::{PictureSize, video};
@@ -36,7 +37,6 @@ use wm_scene::Camera;
 use wm_viewer::encode::jpeg;
 use wm_viewer::lidar::SweepMemory;
 use wm_viewer::paint::{FrameReport, PaintOptions};
-use wm_viewer::state::ViewOutput;
 use wm_viewer::thumbnail::{self, ThumbnailShot, thumbnail_view};
 use wm_viewer::{View, ViewPainter};
 use wm_weather::Weather;
@@ -514,13 +514,9 @@ impl RenderWorker {
         let Self { renderer, place, painter, .. } = self;
         let picture = at_once(painter.render(renderer, place, view))?;
         let path = folder.path().join("picture.png");
-        match view.state.output.also() {
-            None => _ = style.write(picture, &path)?,
-            Some(ExtraPicture { kind, .. }) => {
-                let (width, height) = view.size();
-                let size = PictureSize::new(width, height);
-                style.write_one(kind, PictureFormat::Png, picture, size, &path)?;
-            }
+        match view.state.output.layer() {
+            PictureLayer::Color => _ = style.write(picture, &path)?,
+            layer => _ = style.write_layer(layer, PictureFormat::Png, picture, &path)?,
         }
         Ok(Download::open(&path, folder)?)
     }
@@ -529,7 +525,6 @@ impl RenderWorker {
         let (catalog, site) = (self.context.catalog(), self.place.site());
         let scene = catalog.words[0].to_string_lossy();
         PictureStyle {
-            metres_per_unit: site.metres_per_unit,
             tags: picture_tags(&scene, site, self.renderer.backend(), &view.weather, time, camera),
             ..PictureStyle::default()
         }
@@ -539,7 +534,7 @@ impl RenderWorker {
     /// there is only sky.
     fn surface_at(&mut self, view: &View, [x, y]: [f64; 2]) -> Result<Option<DVec3>> {
         let camera = view.camera();
-        let at = (x * f64::from(camera.width), y * f64::from(camera.height));
+        let at = [x * f64::from(camera.width), y * f64::from(camera.height)];
         Ok(self.renderer.surface_at(&self.place, &camera, at)?)
     }
 
@@ -630,12 +625,11 @@ impl RenderWorker {
         if !self.ensure_assets(&active.view.weather, &camera, time, AssetOwner::Video)? {
             return Ok(true);
         }
-        self.place.config.outputs = outputs(ViewOutput::Rgb.also().as_slice());
         let mut picture = active.writer.blank_picture();
         let camera = active.motion.at(time, self.place.site().metres_per_unit);
-        let options = FrameOptions::new(time, camera);
+        let request = FrameRequest::new(&active.view.weather, camera, time);
         let Self { renderer, place, .. } = self;
-        renderer.render_into(place, &active.view.weather, &options, &mut picture, &mut ())?;
+        renderer.render_into(place, &request, &mut picture, &mut ())?;
         active.next += 1;
         Ok(active.writer.push_frame(picture))
     }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
-use weather_magician::{FrameOptions, Picture, Renderer, Weather};
+use weather_magician::{FrameRequest, Picture, Renderer, Weather};
 use wm_scene::formats::write_scene;
 use wm_scene::synthetic::Builder;
 use wm_scene::{Camera, Metadata, Scene, Splats};
@@ -245,8 +245,8 @@ pub fn pictures(splats: Splats, camera: &Camera, time: f64, changes: &[&[&str]])
         let mut weather = Weather::clear();
         changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
         let mut picture = Picture::default();
-        let options = FrameOptions::new(time, *camera);
-        renderer.render_into(&mut place, &weather, &options, &mut picture, &mut ()).unwrap();
+        let request = FrameRequest::new(&weather, camera, time);
+        renderer.render_into(&mut place, &request, &mut picture, &mut ()).unwrap();
         picture
     };
     changes.iter().map(picture).collect()

@@ -9,13 +9,12 @@
 
 mod particles;
 
-use crate::place::{FrameContent, PreparedPlace};
-use crate::{FrameOptions, LensView, MovingCamera, Picture, Progress, Renderer, Result};
+use crate::place::{PinholeContent, PinholeShot, PreparedPlace};
+use crate::{LensView, MovingCamera, Picture, Progress, Renderer, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 use wm_render::Frame;
 use wm_scene::{Camera, LensModel};
-use wm_weather::Weather;
 
 pub use particles::particle_flow;
 
@@ -151,7 +150,7 @@ impl Around {
 
 /// The depth of the surface at each pixel of a frame with expected and median depth; 0 where there
 /// is none.
-fn surface_depth(frame: &Frame) -> Vec<f32> {
+fn depth_of_surfaces(frame: &Frame) -> Vec<f32> {
     let depth = |(expected, median): (&f32, &f32)| {
         if (expected - median).abs() < ONE_SURFACE * median { *expected } else { *median }
     };
@@ -204,59 +203,49 @@ pub fn scene_flow(from: &FlowView<'_>, to: &FlowView<'_>) -> SceneFlow {
 }
 
 impl Renderer {
-    /// Finds the flow of the scene between two frames, such as one and the next of a video, and
-    /// puts it into `picture`. The frames have the time, the camera and the lens of their own
-    /// pictures; what lies on the scene at each instant counts, and the surface of water.
-    ///
-    /// # Errors
-    /// As [`Self::render_into`].
-    pub fn render_flow(
-        &mut self,
-        place: &mut PreparedPlace,
-        weather: &Weather,
-        (lens, frames): (Option<&LensView>, [&FrameOptions<'_>; 2]),
-        picture: &mut Picture,
-        progress: &mut dyn Progress,
-    ) -> Result<()> {
-        let mut geometry =
-            |options: &FrameOptions<'_>| self.surfaces(place, weather, (lens, options), progress);
-        let depths = [geometry(frames[0])?, geometry(frames[1])?];
-        let cameras = frames.map(|options| {
-            let camera = &options.camera.camera;
+    /// Finds the flow of the scene between two frames by the depth of their surfaces: what lies on
+    /// the scene at each instant counts, and the surface of water.
+    pub(crate) fn flow(
+        &self,
+        lens: Option<&LensView>,
+        shots: [&PinholeShot<'_>; 2],
+        depths: [&[f32]; 2],
+    ) -> SceneFlow {
+        let cameras = shots.map(|shot| {
+            let camera = &shot.camera.camera;
             match lens {
                 None => *camera,
                 Some(lens) => Camera { viewmat: camera.viewmat, near: camera.near, ..*lens.intrinsics() },
             }
         });
         let view =
-            |k: usize| FlowView { camera: &cameras[k], lens: lens.map(LensView::lens), depth: &depths[k] };
-        picture.flow = self.backend().pool().install(|| scene_flow(&view(0), &view(1)));
-        Ok(())
+            |k: usize| FlowView { camera: &cameras[k], lens: lens.map(LensView::lens), depth: depths[k] };
+        self.backend().pool().install(|| scene_flow(&view(0), &view(1)))
     }
 
     /// Returns the depth of the surfaces in a frame without the scene's own sky, see
     /// [`FlowView::depth`].
-    pub(crate) fn surfaces(
+    pub(crate) async fn surface_depth(
         &mut self,
         place: &mut PreparedPlace,
-        weather: &Weather,
-        (lens, options): (Option<&LensView>, &FrameOptions<'_>),
+        lens: Option<&LensView>,
+        shot: &PinholeShot<'_>,
         progress: &mut dyn Progress,
     ) -> Result<Vec<f32>> {
-        let options = FrameOptions { content: FrameContent::Geometry, parts: &[], ..*options };
         // The sky of a reconstruction hangs some hundred metres away and shines through walls: it
         // is infinitely far.
-        let weather = &weather.clone().set("sky.scene_sky", "replace")?;
+        let weather = &shot.weather.clone().set("sky.scene_sky", "replace")?;
+        let shot = PinholeShot { weather, parts: &[], content: PinholeContent::Geometry, ..*shot };
         let mut picture = Picture::default();
         let Some(lens) = lens else {
-            self.render_into(place, weather, &options, &mut picture, progress)?;
-            return Ok(surface_depth(&picture.frame));
+            self.draw_pinhole(place, &shot, &mut picture, progress).await?;
+            return Ok(depth_of_surfaces(&picture.frame));
         };
         let mut sides = Vec::new();
-        for camera in lens.cameras(&options.camera.camera) {
-            let camera = MovingCamera { camera, ..options.camera };
-            self.render_into(place, weather, &FrameOptions { camera, ..options }, &mut picture, progress)?;
-            sides.push(surface_depth(&picture.frame));
+        for camera in lens.cameras(&shot.camera.camera) {
+            let own = PinholeShot { camera: MovingCamera { camera, ..shot.camera }, ..shot };
+            self.draw_pinhole(place, &own, &mut picture, progress).await?;
+            sides.push(depth_of_surfaces(&picture.frame));
         }
         let pixels = lens.intrinsics().width as usize * lens.intrinsics().height as usize;
         let distance = |pixel: usize| {

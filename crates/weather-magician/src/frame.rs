@@ -1,6 +1,7 @@
 //! Builds the plan of a frame from a prepared weather, and carries it out. All pictures of the
 //! library and of the program come from here.
 
+use crate::MovingCamera;
 use crate::picture::{Picture, WaterLayers};
 use std::sync::{Arc, Mutex, PoisonError};
 use wm_render::frame::srgb_encode;
@@ -22,46 +23,9 @@ use wm_weather::splash::SplashGround;
 use wm_weather::water::{MirrorView, WaterBody, WaterEffect, WaterGrid, WaterMap, WaterMotion, WaterSurface};
 use wm_weather::{Observer, PreparedWeather};
 
-/// A camera and how it moves.
-#[derive(Clone, Copy, Debug)]
-pub struct MovingCamera {
-    /// The camera.
-    pub camera: Camera,
-    /// m/s, world axes: particles are streaked by it.
-    pub velocity: [f64; 3],
-}
-
-/// Fastest camera, m/s: streaks of what falls, and the volume that they are drawn from, grow with
-/// the speed.
-const FASTEST: f64 = 1000.0;
-
-impl MovingCamera {
-    /// Checks that what falls can be drawn before the camera.
-    ///
-    /// # Errors
-    /// [`crate::Error::Unsupported`] if it is faster than 1000 m/s.
-    pub fn check_speed(&self) -> crate::Result<()> {
-        let speed = glam::DVec3::from_array(self.velocity).length();
-        if speed <= FASTEST {
-            return Ok(());
-        }
-        Err(crate::Error::Unsupported(format!(
-            "the camera moves at {speed:.4e} m/s: rain and snow can be drawn up to {FASTEST} m/s; check the times of the path and \
-             the metres per unit"
-        )))
-    }
-}
-
-impl From<Camera> for MovingCamera {
-    /// A camera at rest.
-    fn from(camera: Camera) -> Self {
-        Self { camera, velocity: [0.0; 3] }
-    }
-}
-
-/// The inputs of one frame.
+/// The inputs of the plan of one pinhole picture.
 #[derive(Clone, Copy)]
-pub struct FrameRequest<'a> {
+pub struct FrameInputs<'a> {
     /// The splat sets, drawn together.
     pub sets: &'a [SetView<'a>],
     /// The same with fewer splats, for what drops on the lens show and films and waves mirror;
@@ -89,9 +53,40 @@ pub struct FrameRequest<'a> {
     pub config: &'a RenderConfig,
     /// Parts of the picture that are rendered with it. The paper's rain and snow have none.
     pub parts: &'a [PicturePart],
+    /// True to keep the pictures between the clear one and the last in the paper's rain and snow.
+    /// With neither, they are the picture itself.
+    pub stages: bool,
 }
 
-impl FrameRequest<'_> {
+impl<'a> FrameInputs<'a> {
+    /// Splat sets in a weather, without a place: no roofs, lamps or water.
+    #[must_use]
+    pub fn of_sets(
+        sets: &'a [SetView<'a>],
+        weather: &'a PreparedWeather,
+        camera: &Camera,
+        config: &'a RenderConfig,
+    ) -> Self {
+        Self {
+            sets,
+            thinned: None,
+            elsewhere: sets,
+            weather,
+            camera: (*camera).into(),
+            whole: None,
+            shelter: None,
+            lamps: None,
+            splashes: None,
+            puddles: None,
+            threads: 1,
+            config,
+            parts: &[],
+            stages: false,
+        }
+    }
+}
+
+impl FrameInputs<'_> {
     /// Draws the frame into `picture`.
     ///
     /// # Errors
@@ -102,37 +97,20 @@ impl FrameRequest<'_> {
         memory: &mut Pictures,
         picture: &mut Picture,
     ) -> Result<Stats, RenderError> {
-        self.draw_stages(backend, memory, picture, None)
+        at_once(self.draw_async(backend, memory, picture))
     }
 
-    /// Draws the frame, and keeps what lies between the clear picture and the last in the paper's
-    /// rain and snow; with neither, `stages` holds the picture itself.
-    ///
-    /// # Errors
-    /// [`RenderError`] of the back end.
-    pub fn draw_stages(
-        &self,
-        backend: &mut dyn RenderBackend,
-        memory: &mut Pictures,
-        picture: &mut Picture,
-        stages: Option<&mut PaperStages>,
-    ) -> Result<Stats, RenderError> {
-        at_once(self.draw_async(backend, memory, picture, stages))
-    }
-
-    /// [`Self::draw_stages`] that in a browser lets the page work while a GPU draws.
+    /// [`Self::draw`] that in a browser lets the page work while a GPU draws.
     pub(crate) async fn draw_async(
         &self,
         backend: &mut dyn RenderBackend,
         memory: &mut Pictures,
         picture: &mut Picture,
-        stages: Option<&mut PaperStages>,
     ) -> Result<Stats, RenderError> {
-        let is_paper = !self.weather.paper_falls().is_empty() || stages.is_some();
-        if is_paper {
-            let draw = async |lens: Option<LensPass<'_>>| {
-                self.draw_as_paper(lens, backend, memory, picture, stages).await
-            };
+        picture.stages = PaperStages::default();
+        if !self.weather.paper_falls().is_empty() || self.stages {
+            let draw =
+                async |lens: Option<LensPass<'_>>| self.draw_as_paper(lens, backend, memory, picture).await;
             return self.with_lens(draw).await;
         }
         picture.water = WaterLayers::default();
@@ -162,19 +140,6 @@ impl FrameRequest<'_> {
 
     /// Draws coverage, expected and median depth alone. Water counts as a surface where it hides at
     /// least half of what lies behind it.
-    ///
-    /// # Errors
-    /// [`RenderError`] of the back end.
-    pub fn draw_geometry(
-        &self,
-        backend: &mut dyn RenderBackend,
-        memory: &mut Pictures,
-        picture: &mut Picture,
-    ) -> Result<Stats, RenderError> {
-        at_once(self.draw_geometry_async(backend, memory, picture))
-    }
-
-    /// [`Self::draw_geometry`] that in a browser lets the page work while a GPU draws.
     pub(crate) async fn draw_geometry_async(
         &self,
         backend: &mut dyn RenderBackend,
@@ -298,7 +263,6 @@ impl FrameRequest<'_> {
         backend: &mut dyn RenderBackend,
         memory: &mut Pictures,
         picture: &mut Picture,
-        stages: Option<&mut PaperStages>,
     ) -> Result<Stats, RenderError> {
         let (weather, observer) = (self.weather, self.observer());
         let camera = &self.camera.camera;
@@ -315,16 +279,16 @@ impl FrameRequest<'_> {
             .iter()
             .map(|fall| (weather.blend(fall, camera), weather.sub_clouds(fall, &observer)))
             .collect();
-        let begins = stages.is_some();
-        let stages = Mutex::new(stages);
+        let mut kept = PaperStages::default();
+        let stages = Mutex::new(self.stages.then_some(&mut kept));
         let begin = BeginStages(&stages);
         let overlays: Vec<Overlay<'_, '_>> =
             clouds.iter().map(|(blend, _)| Overlay { blend, stages: &stages }).collect();
         let finish = Finish(weather);
-        self.with_scene_pass(&config, async |pass: DrawPass<'_>| {
+        let draw = async |pass: DrawPass<'_>| -> Result<Stats, RenderError> {
             let mut plan = FramePlan::new();
             let color = plan.draw(pass);
-            if begins {
+            if self.stages {
                 plan.apply(&begin, color, &[]);
             }
             let mut noise: Option<PictureId> = None;
@@ -350,8 +314,10 @@ impl FrameRequest<'_> {
                 picture.frame.depth.clear();
             }
             Ok(stats)
-        })
-        .await
+        };
+        let stats = self.with_scene_pass(&config, draw).await?;
+        picture.stages = kept;
+        Ok(stats)
     }
 
     /// Calls `work` with the pass that draws the scene in its weather, whose hooks live as long as

@@ -5,7 +5,7 @@
 //! of which less than half is covered have none, 0.
 
 use crate::place::PreparedPlace;
-use crate::{LensView, Picture, Renderer, Result};
+use crate::{LensView, Renderer, Result};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use wm_render::{Differentiable, ForwardConfig, Frame, Gradients, Learn, RenderError, Upstream};
@@ -28,21 +28,17 @@ pub struct LabelLayers {
 }
 
 impl Renderer {
-    /// Draws the labels and the instances that the splats of a place have and puts them into
-    /// `picture`: those of the scene, without weather and what lies on it. Through a lens, the size
-    /// is that of the lens.
-    ///
-    /// # Errors
-    /// [`crate::Error`] if the camera or the place cannot be rendered with.
-    pub fn render_labels(
+    /// Draws the labels and the instances that the splats of a place have: those of the scene,
+    /// without weather and what lies on it. Through a lens, the size is that of the lens.
+    pub(crate) fn labels(
         &mut self,
         place: &PreparedPlace,
-        (lens, camera): (Option<&LensView>, &Camera),
-        picture: &mut Picture,
-    ) -> Result<()> {
+        lens: Option<&LensView>,
+        camera: &Camera,
+    ) -> Result<LabelLayers> {
         let mut frame = Frame::default();
         let mut draw = |camera: &Camera| -> Result<Vec<Option<u32>>> {
-            self.render_median_splats(place, camera, &mut frame)?;
+            place.draw_median_splats(self.backend_mut(), camera, &mut frame)?;
             Ok((0..frame.pixels()).map(|pixel| frame.median_splat(pixel)).collect())
         };
         let seen = match lens {
@@ -64,8 +60,7 @@ impl Renderer {
             let name = |splat: &Option<u32>| splat.map_or(0, |splat| names[splat as usize]);
             if names.is_empty() { Vec::new() } else { seen.iter().map(name).collect() }
         };
-        picture.labels = LabelLayers { label: of(LabelKind::Label), instance: of(LabelKind::Instance) };
-        Ok(())
+        Ok(LabelLayers { label: of(LabelKind::Label), instance: of(LabelKind::Instance) })
     }
 }
 

@@ -8,8 +8,8 @@
 //! towards its edges; they are sampled by cubic convolution.
 
 use crate::camera_model::PictureRect;
-use crate::place::PreparedPlace;
-use crate::{Error, FrameOptions, MovingCamera, Picture, Progress, Renderer, Result};
+use crate::place::{PinholeShot, PreparedPlace};
+use crate::{Error, MovingCamera, Picture, Progress, Renderer, Result};
 use glam::{DMat3, DMat4, DVec3, Vec4};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -17,7 +17,6 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use wm_render::Stats;
 use wm_scene::{Camera, LensModel};
-use wm_weather::Weather;
 
 /// Tangent of the angle from the axis up to which one pinhole picture shows all.
 const ONE_SIDE: f64 = 1.5;
@@ -233,7 +232,7 @@ impl LensView {
         let Some(one) = sides.first() else { return };
         let frame = &mut picture.frame;
         (frame.width, frame.height, frame.encoding) = (size.0, size.1, one.frame.encoding);
-        self.blend_colors(sides, (&mut frame.rgb, &mut frame.alpha));
+        self.blend_colors(sides, &mut frame.rgb, &mut frame.alpha);
         self.blend::<4>(sides, |side| &side.frame.particles, &mut frame.particles);
         self.nearest::<1>(sides, |side| &side.frame.depth, true, &mut frame.depth);
         self.nearest::<1>(sides, |side| &side.frame.median_depth, true, &mut frame.median_depth);
@@ -281,7 +280,7 @@ impl LensView {
     }
 
     /// Samples colours and coverage, which every side has, at once.
-    fn blend_colors(&self, sides: &[Picture], (rgb, alpha): (&mut Vec<f32>, &mut Vec<f32>)) {
+    fn blend_colors(&self, sides: &[Picture], rgb: &mut Vec<f32>, alpha: &mut Vec<f32>) {
         let (pixels, width) = (self.first.len() - 1, self.camera.width as usize);
         rgb.resize(3 * pixels, 0.0);
         alpha.resize(pixels, 0.0);
@@ -500,35 +499,34 @@ impl LensSpec {
 }
 
 impl Renderer {
-    /// Renders a frame through a lens into `picture`. The pose, the near plane and the velocity are
-    /// those of `options`, the size is that of the lens. Depths are distances from the eye.
+    /// Draws a picture of one instant: of a pinhole, or through a lens, whose size and intrinsics
+    /// count then. Depths through a lens are distances from the eye.
     ///
     /// # Errors
-    /// As [`Self::render_into`]; [`Error::Unsupported`] with drops on the lens, which are drawn on
-    /// pinhole pictures alone.
-    pub fn render_through(
+    /// [`Error::Unsupported`] with drops on a lens that is no pinhole; else those of the place and
+    /// the renderer.
+    pub(crate) async fn draw_through(
         &mut self,
         place: &mut PreparedPlace,
-        weather: &Weather,
-        (lens, options): (&LensView, &FrameOptions<'_>),
+        lens: Option<&LensView>,
+        shot: &PinholeShot<'_>,
         picture: &mut Picture,
         progress: &mut dyn Progress,
     ) -> Result<Stats> {
-        if weather.effects().any(|(effect, _)| effect.name == "lens") {
+        let Some(lens) = lens else { return self.draw_pinhole(place, shot, picture, progress).await };
+        if shot.weather.effects().any(|(effect, _)| effect.name == "lens") {
             let says = "drops on the lens are drawn for pinholes only: turn the effect `lens` off, or use no other lens";
             return Err(Error::Unsupported(says.into()));
         }
-        let cameras = lens.cameras(&options.camera.camera);
+        let cameras = lens.cameras(&shot.camera.camera);
         let mut sides = std::mem::take(&mut self.sides);
         sides.resize_with(cameras.len(), Picture::default);
         let mut stats = Stats::default();
         for ((camera, of), side) in cameras.into_iter().zip(&lens.sides).zip(&mut sides) {
             let Camera { viewmat, near, .. } = camera;
             let whole = Some(Camera { viewmat, near, ..of.whole });
-            let camera = MovingCamera { camera, ..options.camera };
-            let own = FrameOptions { camera, whole, ..*options };
-            let own = self.render_into(place, weather, &own, side, progress)?;
-            stats += own;
+            let own = PinholeShot { camera: MovingCamera { camera, ..shot.camera }, whole, ..*shot };
+            stats += self.draw_pinhole(place, &own, side, progress).await?;
         }
         let started = web_time::Instant::now();
         self.backend().pool().install(|| lens.sample(&sides, picture));

@@ -2,7 +2,7 @@
 //! hail, snowfall, lying snow and dust, with weather in physical units.
 //!
 //! ```
-//! use weather_magician::{Camera, Renderer, Scene, Weather};
+//! use weather_magician::{Camera, FrameRequest, Renderer, Scene, Weather};
 //!
 //! # let folder = tempfile::tempdir()?;
 //! # std::env::set_current_dir(&folder)?;
@@ -12,7 +12,8 @@
 //! let mut renderer = Renderer::auto()?;                         // a GPU where there is one, else the CPU
 //! let mut place = renderer.load(scene)?;                        // splats, survey, what weather must know
 //! let camera = Camera::look_at([4.0, -20.0, 1.6], [4.0, -30.0, 1.5]).fov_y(50.0).size(120, 80);
-//! let picture = renderer.render(&mut place, &weather, &camera, 0.0)?;   // time in seconds
+//! let request = FrameRequest::new(&weather, camera, 0.0);               // time in seconds
+//! let picture = renderer.render(&mut place, &request)?;
 //! picture.save("fog.png")?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -36,7 +37,9 @@
 //! | photos to a scene | [`train::Session`] |
 //! | assets that take seconds, on another thread | [`PreparedPlace::missing_assets`], [`assets`] |
 //! | up, ground and scale set by hand | [`Renderer::align`], [`Renderer::surface_at`] |
-//! | frames of splats of your own | [`frame::FrameRequest`] |
+//! | depth, normals, flow, labels | [`FrameRequest::layers`] |
+//! | a lens, a shutter, noise | [`camera_model::SensorCamera`] |
+//! | frames of splats of your own | [`frame::FrameInputs`] |
 //! | sweeps of a lidar in weather | [`Renderer::scan`], [`lidar`] |
 //! | sweeps of a radar in rain | [`Renderer::scan_radar`], [`radar`] |
 //! | data sets of many weathers, in the layouts of nuScenes, KITTI and others | [`batch`] |
@@ -57,7 +60,7 @@ pub mod flow;
 pub mod frame;
 pub mod labels;
 pub mod lamps;
-mod later_layers;
+mod layers;
 mod lens_view;
 pub mod levels;
 pub mod lidar;
@@ -74,7 +77,9 @@ mod place_water;
 mod progress;
 pub mod radar;
 pub mod reduce;
+mod render;
 mod renderer;
+mod request;
 pub mod rig;
 pub mod sequence;
 mod tags;
@@ -84,17 +89,16 @@ pub mod view;
 pub use bake::BakedScene;
 pub use convert::{CropBox, LengthScale, SceneChange};
 pub use error::{Error, Result};
-pub use frame::MovingCamera;
-pub use later_layers::LaterLayers;
+pub use layers::{Layers, PictureLayer};
 pub use lens_view::{LensSpec, LensView};
 pub use motion::{CameraMotion, Mount};
 pub use motion_spec::MotionSpec;
 pub use picture::Picture;
-pub use place::{
-    FrameContent, FrameOptions, LevelCounts, Patience, PlaceFacts, PlaceOptions, PlaceView, PreparedPlace,
-};
+pub use place::{LevelCounts, PlaceFacts, PlaceOptions, PreparedPlace};
 pub use progress::Progress;
 pub use renderer::Renderer;
+pub use request::{FrameCamera, FrameRequest, MovingCamera, NextFrame, Patience};
+pub use sequence::VideoFile;
 pub use tags::picture_tags;
 pub use wm_media::{PictureSize, video};
 pub use wm_render::{CpuConfig, Device};

@@ -1,6 +1,6 @@
 //! Cameras that move.
 
-use crate::frame::MovingCamera;
+use crate::MovingCamera;
 use crate::view::path::{CameraPath, PathKey};
 use glam::{DMat3, DMat4, DVec3};
 use wm_scene::Camera;

@@ -8,6 +8,7 @@ use std::path::Path;
 use wm_render::Frame;
 use wm_render::hooks::Particle;
 use wm_render::parts::PictureParts;
+use wm_weather::paper::PaperStages;
 
 /// A rendered frame, with the parts that were asked for.
 #[derive(Clone, Debug, Default)]
@@ -19,13 +20,19 @@ pub struct Picture {
     pub parts: PictureParts,
     /// The water that it shows, if that was asked for.
     pub water: WaterLayers,
-    /// The flow to the next frame, if [`crate::Renderer::render_flow`] found it.
+    /// The same view without any weather, `[H, W, 3]` in the encoding of the frame.
+    pub clear: Vec<f32>,
+    /// The depth of the surfaces, scene units, `[H, W]`, 0 in the sky; see
+    /// [`PictureLayer::SurfaceDepth`](crate::PictureLayer::SurfaceDepth).
+    pub surface_depth: Vec<f32>,
+    /// The flow to the next frame.
     pub flow: SceneFlow,
-    /// The flow of what falls to the next frame, `[H, W, 2]`, if
-    /// [`crate::Renderer::render_particle_flow`] found it.
+    /// The flow of what falls to the next frame, `[H, W, 2]`, px; NaN where nothing falls.
     pub particle_flow: Vec<f32>,
-    /// The labels, if [`crate::Renderer::render_labels`] drew them.
+    /// The labels of what is seen.
     pub labels: LabelLayers,
+    /// The steps of the paper's rain and snow.
+    pub stages: PaperStages,
     /// Metres in a unit of the frame's depth; 0 if nobody set it.
     pub metres_per_unit: f64,
     /// Names and values that are written into a file beside its pixels: the scene, the weather, the
@@ -95,11 +102,7 @@ impl Picture {
     /// [`crate::Error::Media`] if the file cannot be written; [`crate::Error::Unsupported`] for
     /// another extension.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
-        let style = PictureStyle {
-            metres_per_unit: self.metres_per_unit,
-            tags: self.tags.clone(),
-            ..PictureStyle::default()
-        };
+        let style = PictureStyle { tags: self.tags.clone(), ..PictureStyle::default() };
         style.write(self, path.as_ref()).map(drop)
     }
 }

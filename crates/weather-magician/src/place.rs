@@ -6,8 +6,7 @@ use crate::assets::{
     AssetCache, AssetDigest, AssetFile, AssetNeeds, AssetSource, AssetStore, Assets, MissingAssets,
     SurfaceViews, ViewDetail, WithoutSky, are_same_lamps, lock, photo_views, scene_digest,
 };
-use crate::frame::FrameRequest;
-use crate::frame::MovingCamera;
+use crate::frame::FrameInputs;
 use crate::lamps::PlaceLamps;
 use crate::levels::{DrawnAttributes, DrawnPart};
 use crate::picture::Picture;
@@ -15,7 +14,7 @@ use crate::place_light::{CoverLight, PlaceLight};
 use crate::place_water::{OnGround, PlaceWater};
 use crate::thinned::{ChosenAttributes, ThinnedSet, thin};
 use crate::view;
-use crate::{Error, Progress, Result};
+use crate::{Error, MovingCamera, Patience, Progress, Result};
 use glam::DVec3;
 pub use levels::LevelCounts;
 use levels::{DrawnSet, PlaceLevels};
@@ -29,28 +28,17 @@ use wm_render::{
 };
 use wm_scene::splats::LabelKind;
 use wm_scene::survey::{Aligned, Alignment, CapturedSky, FactSource, NearGround, Survey, align, label_sky};
-use wm_scene::{Camera, Lamp, LitWindow, LookAt, Metadata, Scene, Severity, Splats};
+use wm_scene::{Camera, Lamp, LitWindow, Metadata, Rasterization, Scene, Severity, Splats};
 use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
 use wm_weather::fused_surfaces::FusedSurfaces;
 use wm_weather::light::{CaptureLight, FrameGains, KnownSun, LampLights, LampShadows, LampsOn, SunShadows};
-use wm_weather::paper::{PaperCover, PaperStages};
+use wm_weather::paper::PaperCover;
 use wm_weather::shelter::Shelter;
 use wm_weather::water::WaterGrid;
 use wm_weather::wetness::{WaterState, WetGains, WetSurfaces};
 use wm_weather::{
     Daylight, EarthPlace, LampLevels, LampSource, PreparedWeather, Site, SiteLight, Weather, light_fault,
 };
-
-/// The treatment of assets that are not made yet.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Patience {
-    /// Every frame is as it must be: what is missing is made first.
-    #[default]
-    Whole,
-    /// Frames are drawn with what there is, for a camera that moves: snow may be missing or of
-    /// another instant, and roofs may not stop the rain.
-    Draft,
-}
 
 /// Options of [`crate::Renderer::load_with`].
 #[derive(Clone, Debug, Default)]
@@ -65,9 +53,18 @@ pub struct PlaceOptions {
     pub asset_digest: Option<AssetDigest>,
 }
 
-/// The passes of a frame that are drawn.
+/// The facts that a place was surveyed with.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PlaceFacts {
+    /// The metadata of the scene.
+    pub scene: Metadata,
+    /// Facts that win over those of the scene.
+    pub given: Metadata,
+}
+
+/// The passes of a pinhole picture that are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum FrameContent {
+pub(crate) enum PinholeContent {
     /// The whole picture.
     #[default]
     Picture,
@@ -79,74 +76,23 @@ pub enum FrameContent {
     Particles,
 }
 
-/// The facts that a place was surveyed with.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct PlaceFacts {
-    /// The metadata of the scene.
-    pub scene: Metadata,
-    /// Facts that win over those of the scene.
-    pub given: Metadata,
-}
-
-/// Options of a frame, apart from its weather.
-#[derive(Clone, Copy, Debug)]
-pub struct FrameOptions<'a> {
-    /// The instant of the weather, s.
+/// A pinhole picture of one instant: the unit that frames of all cameras consist of.
+#[derive(Clone, Copy)]
+pub(crate) struct PinholeShot<'a> {
+    pub weather: &'a Weather,
+    /// s.
     pub time: f64,
-    /// The camera and its velocity.
     pub camera: MovingCamera,
     /// The camera of the whole picture, where the camera shows a part of it: large splats are drawn
     /// as they are there.
     pub whole: Option<Camera>,
+    pub outputs: Outputs,
     /// Parts of the picture that are rendered with it.
     pub parts: &'a [PicturePart],
-    /// The treatment of missing assets.
+    /// Keep the steps of the paper's rain and snow.
+    pub stages: bool,
     pub patience: Patience,
-    /// The passes that are drawn.
-    pub content: FrameContent,
-}
-
-impl FrameOptions<'_> {
-    /// A whole frame without parts.
-    pub fn new(time: f64, camera: impl Into<MovingCamera>) -> Self {
-        Self {
-            time,
-            camera: camera.into(),
-            whole: None,
-            parts: &[],
-            patience: Patience::Whole,
-            content: FrameContent::Picture,
-        }
-    }
-}
-
-/// A view of a place.
-pub trait PlaceView {
-    /// The camera, with what the place decides: up, and the near plane.
-    ///
-    /// # Errors
-    /// [`Error::Camera`] if its numbers make no camera.
-    fn camera_at(&self, place: &PreparedPlace) -> Result<MovingCamera>;
-}
-
-impl PlaceView for Camera {
-    fn camera_at(&self, _: &PreparedPlace) -> Result<MovingCamera> {
-        Ok((*self).into())
-    }
-}
-
-impl PlaceView for MovingCamera {
-    fn camera_at(&self, _: &PreparedPlace) -> Result<MovingCamera> {
-        Ok(*self)
-    }
-}
-
-impl PlaceView for LookAt {
-    fn camera_at(&self, place: &PreparedPlace) -> Result<MovingCamera> {
-        let survey = place.survey();
-        let near = view::ViewOptions::default().near(survey);
-        Ok(self.camera(survey.up.value, near)?.into())
-    }
+    pub content: PinholeContent,
 }
 
 /// A scene in a renderer: its splats, what is known of the place, and what its weathers need.
@@ -163,8 +109,10 @@ pub struct PreparedPlace {
     given: Metadata,
     survey: Survey,
     site: Site,
-    /// The outputs of frames, and what stands behind them.
-    pub config: RenderConfig,
+    /// The background of frames. [`Self::auto_background`] is the usual one.
+    pub background: Background,
+    /// The rasterization of frames; that of the scene until it is changed.
+    pub rasterization: Rasterization,
     /// Labels and instances of the splats, which stay when splats are released.
     labels: [Arc<[u16]>; 2],
     /// The folder for prepared assets, if they are kept.
@@ -202,6 +150,17 @@ struct Lying {
     light: CoverLight,
     /// Depths, as [`LyingCover::settled`] lists them, m.
     depths: Vec<Vec<f32>>,
+}
+
+impl Lying {
+    /// Returns true if a weather lays something of this kind. In a draft it may be of another depth
+    /// or place than the weather asks for.
+    fn is_of(&self, prepared: &PreparedWeather) -> bool {
+        match &self.what {
+            LyingKey::Paper(_) => prepared.paper_cover().is_some(),
+            LyingKey::Physical(..) => prepared.paper_cover().is_none() && !prepared.cover().is_empty(),
+        }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -323,6 +282,7 @@ impl PreparedPlace {
         let site = site_of(&survey, &lamps);
         let own = || scene_digest(&scene, &survey, &backend.arithmetic());
         let digest = options.assets.as_ref().map(|_| options.asset_digest.unwrap_or_else(own));
+        let scene_rasterization = scene.metadata.rasterization.unwrap_or_default();
         let mut place = Self {
             renderer,
             set,
@@ -332,7 +292,8 @@ impl PreparedPlace {
             scene: Arc::new(scene),
             given: options.facts.clone(),
             site,
-            config: RenderConfig::default(),
+            background: Background::default(),
+            rasterization: scene_rasterization,
             assets: options.assets.clone(),
             given_digest: options.asset_digest,
             cache: AssetCache::new(options.assets.clone(), digest.unwrap_or_default()),
@@ -349,11 +310,7 @@ impl PreparedPlace {
             ground_doubt: survey.ground_warning(),
             survey,
         };
-        place.config = RenderConfig {
-            background: place.background(),
-            rasterization: place.scene.metadata.rasterization.unwrap_or_default(),
-            ..RenderConfig::default()
-        };
+        place.background = place.auto_background();
         Ok(place)
     }
 
@@ -471,7 +428,7 @@ impl PreparedPlace {
     /// Takes a survey of other facts, and forgets what was made along the old ones.
     fn renew(&mut self, backend: &mut AnyRenderer, survey: Survey) {
         self.clear_cover(backend);
-        let has_own_background = self.config.background != self.background();
+        let has_own_background = self.background != self.auto_background();
         self.given_digest = None;
         let digest = self.assets.as_ref().map(|_| scene_digest(&self.scene, &survey, &backend.arithmetic()));
         self.cache = AssetCache::new(self.assets.clone(), digest.unwrap_or_default());
@@ -488,7 +445,7 @@ impl PreparedPlace {
             levels.captured_sky = self.survey.captured_sky;
         }
         if !has_own_background {
-            self.config.background = self.background();
+            self.background = self.auto_background();
         }
     }
 
@@ -498,7 +455,7 @@ impl PreparedPlace {
         &self,
         backend: &mut AnyRenderer,
         camera: &Camera,
-        (x, y): (f64, f64),
+        [x, y]: [f64; 2],
     ) -> Result<Option<DVec3>> {
         self.check_splats()?;
         let is_inside =
@@ -517,7 +474,7 @@ impl PreparedPlace {
         let part =
             Camera { width: side, height: side, cx: fine.cx - x + middle, cy: fine.cy - y + middle, ..fine };
         let outputs = Outputs { median_depth: MedianDepth::On, ..Outputs::default() };
-        let config = RenderConfig { outputs, ..self.config };
+        let config = self.config(outputs);
         let without_sky = WithoutSky::of(&self.scene);
         let sets = [SetView::plain(self.set).with_attributes(Some(&without_sky))];
         let mut frame = Frame::default();
@@ -526,6 +483,11 @@ impl PreparedPlace {
             let ray = fine.ray(x, y);
             camera.center() + ray * (depth / ray.dot(camera.forward()))
         }))
+    }
+
+    /// The configuration of a pass with some outputs.
+    fn config(&self, outputs: Outputs) -> RenderConfig {
+        RenderConfig { outputs, background: self.background, rasterization: self.rasterization }
     }
 
     /// Takes the warnings that came up since the last call, one line each.
@@ -548,9 +510,9 @@ impl PreparedPlace {
         self.is_released = true;
     }
 
-    /// Returns the background for the splats: none if the scene has a sky, else a plain sky.
+    /// Returns the background that suits the splats: none if the scene has a sky, else a plain sky.
     #[must_use]
-    pub fn background(&self) -> Background {
+    pub fn auto_background(&self) -> Background {
         if self.survey.sky_splats > 0 {
             return Background::default();
         }
@@ -1073,45 +1035,45 @@ impl PreparedPlace {
         light_fault(weather, &self.site).map_or(Ok(()), |fault| Err(Error::Unsupported(fault)))
     }
 
-    /// Draws an instant of a weather; in a browser it lets the page work while a GPU draws.
+    /// Draws a pinhole picture of an instant; in a browser it lets the page work while a GPU draws.
     pub(crate) async fn draw(
         &mut self,
         backend: &mut AnyRenderer,
         memory: &mut Pictures,
-        weather: &Weather,
-        options: &FrameOptions<'_>,
-        (picture, stages): (&mut Picture, Option<&mut PaperStages>),
+        shot: &PinholeShot<'_>,
+        picture: &mut Picture,
         progress: &mut dyn Progress,
     ) -> Result<Stats> {
-        options.camera.camera.check()?;
+        let PinholeShot { weather, time, camera: MovingCamera { camera, .. }, .. } = shot;
+        let time = *time;
+        camera.check()?;
         self.check_light(weather)?;
-        let mut patience = options.patience;
+        let mut patience = shot.patience;
         if patience == Patience::Whole {
-            self.focus(backend, weather, &options.camera.camera)?;
+            self.focus(backend, weather, camera)?;
             // What is made of splats elsewhere is of no use once those here are fetched.
-            if !self.is_focused(weather, &options.camera.camera) {
+            if !self.is_focused(weather, camera) {
                 patience = Patience::Draft;
             }
         }
-        self.look(backend, options.whole.as_ref().unwrap_or(&options.camera.camera), options.patience)?;
-        let mut prepared = self.prepared_at(weather, options.time, &options.camera.camera);
+        self.look(backend, shot.whole.as_ref().unwrap_or(camera), shot.patience)?;
+        let mut prepared = self.prepared_at(weather, time, camera);
         // Before assets are made and kept.
         if !prepared.falling().is_empty() {
-            options.camera.check_speed()?;
+            shot.camera.check_speed()?;
         }
         if let Some(glass) = prepared.glass() {
-            glass.check(&options.camera.camera).map_err(Error::Unsupported)?;
+            glass.check(camera).map_err(Error::Unsupported)?;
         }
         if patience == Patience::Whole {
             let missing = self.lacking(weather, &prepared);
             if !missing.is_empty() {
                 self.prepare(backend, missing, progress)?;
                 // The light of the photos says more of the site.
-                prepared = self.prepared_at(weather, options.time, &options.camera.camera);
+                prepared = self.prepared_at(weather, time, camera);
             }
         }
-        self.check_water(weather, &prepared, &options.camera.camera)?;
-        self.clear_foreign_cover(backend, &prepared);
+        self.check_water(weather, &prepared, camera)?;
         if prepared.glass().is_some() || prepared.wetness().is_some() || prepared.flood().is_some() {
             self.make_thinned(backend)?;
         }
@@ -1124,20 +1086,15 @@ impl PreparedPlace {
             }
         });
         self.relight(&prepared, backend.threads());
-        let moving = prepared.moving_light(&options.camera.camera);
+        let moving = prepared.moving_light(camera);
         let light = self.light.gains(&prepared).map(|gains| gains.in_frame(moving.as_ref()));
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
-        let puddles =
-            find_puddles((&mut self.water, &mut self.store), self.lying.as_ref(), &prepared, &self.site);
-        let wet = self.water.gains(&prepared, Some(&options.camera.camera));
+        let lying = self.lying.as_ref().filter(|lying| lying.is_of(&prepared));
+        let puddles = find_puddles((&mut self.water, &mut self.store), lying, &prepared, &self.site);
+        let wet = self.water.gains(&prepared, Some(camera));
         let splashes = self.water.splash_ground(&prepared, &self.site);
-        let scene = SceneAttributes {
-            buried: self.lying.as_ref().map(|lying| &lying.buried),
-            light,
-            wet: wet.as_ref(),
-        };
-        let lying_light =
-            self.lying.as_ref().filter(|_| light.is_some()).and_then(|lying| lying.light.gains());
+        let scene = SceneAttributes { buried: lying.map(|lying| &lying.buried), light, wet: wet.as_ref() };
+        let lying_light = lying.filter(|_| light.is_some()).and_then(|lying| lying.light.gains());
         let lying_light = lying_light.map(|gains| gains.in_frame(moving.as_ref()));
         let lying_light = lying_light.as_ref().map(|light| light as &dyn SplatAttributes);
         let chosen = drawn.as_deref().map(|drawn| chosen_attributes(drawn, &scene));
@@ -1150,8 +1107,7 @@ impl PreparedPlace {
         };
         // Of a place in levels all that is held, for views from elsewhere, such as that of a
         // mirror.
-        let mut held =
-            with_cover(&parts, scene.is_changed(), self.lying.as_ref().map(|lying| (lying.set, lying_light)));
+        let mut held = with_cover(&parts, scene.is_changed(), lying.map(|lying| (lying.set, lying_light)));
         let windows = self.light.windows(&prepared, &self.scene, &self.site);
         held.extend(windows.as_ref().map(SetView::transient));
         let (own, others) = held.split_at(parts.len());
@@ -1172,7 +1128,8 @@ impl PreparedPlace {
             });
         let sources = self.light.sources(&prepared, &self.store, moving.as_ref(), &self.site);
         let lamps = sources.as_ref().map(|(lights, display)| LampsOn { lights, display: *display });
-        let request = FrameRequest {
+        let config = self.config(shot.outputs);
+        let inputs = FrameInputs {
             lamps: lamps.as_ref(),
             puddles: puddles.as_ref(),
             splashes: splashes.as_ref(),
@@ -1181,18 +1138,19 @@ impl PreparedPlace {
             thinned: thinned_sets.as_deref(),
             elsewhere: &held,
             weather: &prepared,
-            camera: options.camera,
-            whole: options.whole,
+            camera: shot.camera,
+            whole: shot.whole,
             shelter: shelter.as_deref(),
-            config: &self.config,
-            parts: options.parts,
+            config: &config,
+            parts: shot.parts,
+            stages: shot.stages,
         };
         picture.metres_per_unit = self.site.metres_per_unit;
-        Ok(match options.content {
-            FrameContent::Picture => request.draw_async(backend, memory, picture, stages).await?,
-            FrameContent::Geometry => request.draw_geometry_async(backend, memory, picture).await?,
-            FrameContent::Particles => {
-                picture.falling = request.particles(backend.path());
+        Ok(match shot.content {
+            PinholeContent::Picture => inputs.draw_async(backend, memory, picture).await?,
+            PinholeContent::Geometry => inputs.draw_geometry_async(backend, memory, picture).await?,
+            PinholeContent::Particles => {
+                picture.falling = inputs.particles(backend.path());
                 Stats::default()
             }
         })
@@ -1237,7 +1195,10 @@ impl PreparedPlace {
 
     /// Finds the gains of the light, if it changes and the capture's is known.
     fn relight(&mut self, prepared: &PreparedWeather, threads: usize) {
-        let lying = self.lying.as_mut().filter(|lying| matches!(lying.what, LyingKey::Physical(..)));
+        let lying = self
+            .lying
+            .as_mut()
+            .filter(|lying| matches!(lying.what, LyingKey::Physical(..)) && lying.is_of(prepared));
         let lying = lying.map(|lying| &mut lying.light);
         self.warnings.extend(self.light.relight(
             prepared,
@@ -1250,40 +1211,6 @@ impl PreparedPlace {
         self.warnings.extend(self.light.doubt_of_lamps(prepared));
     }
 
-    /// Takes away what lies where nothing does under this weather.
-    fn clear_foreign_cover(&mut self, backend: &mut AnyRenderer, prepared: &PreparedWeather) {
-        let Some(lying) = &self.lying else { return };
-        // Of a draft it may be another snow than the one that is asked for.
-        let is_wanted = match &lying.what {
-            LyingKey::Paper(_) => prepared.paper_cover().is_some(),
-            LyingKey::Physical(..) => prepared.paper_cover().is_none() && !prepared.cover().is_empty(),
-        };
-        if !is_wanted {
-            self.clear_cover(backend);
-        }
-    }
-
-    /// Draws the scene without any weather, and without what lies.
-    pub(crate) async fn draw_clear(
-        &mut self,
-        backend: &mut AnyRenderer,
-        camera: &Camera,
-        frame: &mut Frame,
-    ) -> Result<Stats> {
-        self.look(backend, camera, Patience::Whole)?;
-        let sets = match self.drawn_sets(backend, false) {
-            Some(drawn) => drawn,
-            None => {
-                let set = [SetView::plain(self.set)];
-                return Ok(backend.render_async(&DrawPass::new(&set, camera, &self.config), frame).await?);
-            }
-        };
-        let plain: Vec<SetView<'_>> = sets.iter().map(|part| SetView::plain(part.set)).collect();
-        let shown = shown_attributes(&sets, &plain);
-        let sets: Vec<SetView<'_>> = shown_views(&sets, &plain, &shown).collect();
-        Ok(backend.render_async(&DrawPass::new(&sets, camera, &self.config), frame).await?)
-    }
-
     /// Draws the splat that has the median depth at each pixel, without any weather: see
     /// [`Frame::median_splat`].
     pub(crate) fn draw_median_splats(
@@ -1293,7 +1220,7 @@ impl PreparedPlace {
         frame: &mut Frame,
     ) -> Result<Stats> {
         let outputs = Outputs { median_depth: MedianDepth::Splat, ..Outputs::default() };
-        let config = RenderConfig { outputs, ..self.config };
+        let config = self.config(outputs);
         Ok(backend.render(&DrawPass::new(&[SetView::plain(self.set)], camera, &config), frame)?)
     }
 

@@ -1,20 +1,17 @@
 //! The renderer of the library: a device, and the places that it holds.
 
 use crate::assets::{AssetSource, Assets, MissingAssets};
-use crate::frame::FrameRequest;
+use crate::frame::FrameInputs;
 use crate::levels::LevelBudget;
 use crate::picture::Picture;
-use crate::place::{FrameOptions, PlaceFacts, PlaceOptions, PlaceView, PreparedPlace, check_owner};
-use crate::tags::picture_tags;
+use crate::place::{PlaceFacts, PlaceOptions, PreparedPlace, check_owner};
 use crate::view;
 use crate::{CameraMotion, Error, Progress, Result};
 use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use wm_render::{
-    AnyRenderer, CpuConfig, Device, Frame, Pictures, RenderBackend, RenderError, Stats, at_once,
-};
+use wm_render::{AnyRenderer, CpuConfig, Device, Pictures, RenderBackend, RenderError, Stats};
 use wm_scene::formats::{ReadOptions, read_scene};
 use wm_scene::levels::LevelIndex;
 use wm_scene::survey::{Aligned, Alignment};
@@ -22,7 +19,6 @@ use wm_scene::{Camera, Lamp, LitWindow, Scene, Splats};
 use wm_weather::Weather;
 use wm_weather::cover::LyingCover;
 use wm_weather::light::CaptureLight;
-use wm_weather::paper::PaperStages;
 use wm_weather::wetness::WaterState;
 
 /// Renders places in weather, on a GPU or on the CPU. It keeps its working memory from frame to
@@ -32,6 +28,8 @@ pub struct Renderer {
     memory: Pictures,
     /// Pinhole pictures of the last frame through a lens: memory for the next one.
     pub(crate) sides: Vec<Picture>,
+    /// The last frame without weather: memory for the next one.
+    pub(crate) clear: Picture,
     id: u64,
 }
 
@@ -68,7 +66,7 @@ impl Renderer {
     fn on(backend: AnyRenderer) -> Self {
         static NEXT: AtomicU64 = AtomicU64::new(1);
         let id = NEXT.fetch_add(1, Ordering::Relaxed);
-        Self { backend, memory: Pictures::default(), sides: Vec::new(), id }
+        Self { backend, memory: Pictures::default(), sides: Vec::new(), clear: Picture::default(), id }
     }
 
     /// The number that tells it from other renderers.
@@ -85,6 +83,11 @@ impl Renderer {
     #[must_use]
     pub fn backend(&self) -> &AnyRenderer {
         &self.backend
+    }
+
+    /// The back end, and the memory of its pictures.
+    pub(crate) fn drawing(&mut self) -> (&mut AnyRenderer, &mut Pictures) {
+        (&mut self.backend, &mut self.memory)
     }
 
     /// The device in words.
@@ -204,7 +207,7 @@ impl Renderer {
         place.set_lamps(lamps, windows)
     }
 
-    /// Returns the point of the scene (scene units) that is seen at the point `(x, y)` (px) of a
+    /// Returns the point of the scene (scene units) that is seen at the point `[x, y]` (px) of a
     /// camera's picture, by the median depth without weather; `None` where less than half of the
     /// light is that of surfaces, such as in the sky.
     ///
@@ -214,7 +217,7 @@ impl Renderer {
         &mut self,
         place: &PreparedPlace,
         camera: &Camera,
-        at: (f64, f64),
+        at: [f64; 2],
     ) -> Result<Option<DVec3>> {
         check_owner(place, self.id)?;
         place.surface_at(&mut self.backend, camera, at)
@@ -230,83 +233,12 @@ impl Renderer {
         Ok(())
     }
 
-    /// Renders the instant `time` (seconds) of a weather. What the weather needs of the place and
-    /// is not there yet, such as the ground that snow lies on, is made first; that takes seconds
-    /// once.
-    ///
-    /// # Errors
-    /// [`crate::Error`] if the camera or the place cannot be rendered with.
-    pub fn render(
-        &mut self,
-        place: &mut PreparedPlace,
-        weather: &Weather,
-        view: &impl PlaceView,
-        time: f64,
-    ) -> Result<Picture> {
-        let options = FrameOptions::new(time, view.camera_at(place)?);
-        let mut picture = Picture::default();
-        self.render_into(place, weather, &options, &mut picture, &mut ())?;
-        picture.tags = picture_tags("", place.site(), &self.backend, weather, time, &options.camera.camera);
-        Ok(picture)
-    }
-
-    /// Renders a frame into `picture`, whose memory is used again, and returns what it took.
-    ///
-    /// # Errors
-    /// As [`Self::render`]; [`crate::Error::Stopped`] if `progress` asks to stop.
-    pub fn render_into(
-        &mut self,
-        place: &mut PreparedPlace,
-        weather: &Weather,
-        options: &FrameOptions<'_>,
-        picture: &mut Picture,
-        progress: &mut dyn Progress,
-    ) -> Result<Stats> {
-        at_once(self.render_async(place, weather, options, picture, progress))
-    }
-
-    /// [`Self::render_into`] for a program that must not wait: in a browser others work while the
-    /// GPU draws. Elsewhere the future is done when it is first polled.
-    ///
-    /// # Errors
-    /// As [`Self::render_into`].
-    pub async fn render_async(
-        &mut self,
-        place: &mut PreparedPlace,
-        weather: &Weather,
-        options: &FrameOptions<'_>,
-        picture: &mut Picture,
-        progress: &mut dyn Progress,
-    ) -> Result<Stats> {
-        check_owner(place, self.id)?;
-        let target = (picture, None);
-        place.draw(&mut self.backend, &mut self.memory, weather, options, target, progress).await
-    }
-
-    /// Renders a frame of the paper's fidelity, and keeps what lies between the clear picture and
-    /// the last.
-    ///
-    /// # Errors
-    /// As [`Self::render_into`].
-    pub fn render_stages(
-        &mut self,
-        place: &mut PreparedPlace,
-        weather: &Weather,
-        options: &FrameOptions<'_>,
-        (picture, stages): (&mut Picture, &mut PaperStages),
-        progress: &mut dyn Progress,
-    ) -> Result<Stats> {
-        check_owner(place, self.id)?;
-        let target = (picture, Some(stages));
-        at_once(place.draw(&mut self.backend, &mut self.memory, weather, options, target, progress))
-    }
-
     /// Draws a frame of splat sets of your own in a weather, by the same plan as [`Self::render`].
     ///
     /// # Errors
     /// [`crate::Error::Render`].
-    pub fn draw(&mut self, request: &FrameRequest<'_>, picture: &mut Picture) -> Result<Stats> {
-        Ok(request.draw(&mut self.backend, &mut self.memory, picture)?)
+    pub fn draw(&mut self, inputs: &FrameInputs<'_>, picture: &mut Picture) -> Result<Stats> {
+        Ok(inputs.draw(&mut self.backend, &mut self.memory, picture)?)
     }
 
     /// Takes the splats about a camera for those that a weather is prepared with, of a place in
@@ -324,48 +256,6 @@ impl Renderer {
     pub(crate) fn focus_along(&mut self, place: &mut PreparedPlace, motion: &CameraMotion) -> Result<()> {
         check_owner(place, self.id)?;
         place.focus_along(&mut self.backend, motion)
-    }
-
-    /// Renders the scene alone, without weather and without what lies.
-    ///
-    /// # Errors
-    /// As [`Self::render`].
-    pub fn render_clear(
-        &mut self,
-        place: &mut PreparedPlace,
-        camera: &Camera,
-        frame: &mut Frame,
-    ) -> Result<Stats> {
-        at_once(self.render_clear_async(place, camera, frame))
-    }
-
-    /// [`Self::render_clear`] for a program that must not wait, see [`Self::render_async`].
-    ///
-    /// # Errors
-    /// As [`Self::render`].
-    pub async fn render_clear_async(
-        &mut self,
-        place: &mut PreparedPlace,
-        camera: &Camera,
-        frame: &mut Frame,
-    ) -> Result<Stats> {
-        check_owner(place, self.id)?;
-        place.draw_clear(&mut self.backend, camera, frame).await
-    }
-
-    /// Draws the splat at the median depth of each pixel into `frame`, without weather and without
-    /// what lies: [`Frame::median_splat`] has its index in the scene.
-    ///
-    /// # Errors
-    /// As [`Self::render`].
-    pub fn render_median_splats(
-        &mut self,
-        place: &PreparedPlace,
-        camera: &Camera,
-        frame: &mut Frame,
-    ) -> Result<Stats> {
-        check_owner(place, self.id)?;
-        place.draw_median_splats(&mut self.backend, camera, frame)
     }
 
     /// Makes what a weather may need of the place at any time, so that no frame waits and

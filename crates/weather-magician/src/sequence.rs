@@ -3,9 +3,9 @@
 
 use crate::levels::shot_cameras;
 use crate::motion::CameraMotion;
-use crate::place::{FrameOptions, PreparedPlace};
+use crate::place::PreparedPlace;
 use crate::tags::picture_tags;
-use crate::{Error, Picture, Progress, Renderer, Result};
+use crate::{Error, FrameRequest, Picture, Progress, Renderer, Result};
 use std::path::Path;
 use std::sync::mpsc::{channel, sync_channel};
 use wm_media::PictureSize;
@@ -73,10 +73,21 @@ pub fn render_and_write<T: Default + Send, E: Send>(
     outcome
 }
 
+/// A video to write.
+#[derive(Clone, Debug)]
+pub struct VideoFile<'a> {
+    /// The MP4.
+    pub path: &'a Path,
+    /// Length, s.
+    pub seconds: f64,
+    /// Frame rate, encoder and tags; the size is that of the camera.
+    pub settings: VideoSettings,
+}
+
 impl Renderer {
-    /// Renders a video of `seconds` into the MP4 `path`: frame `i` shows the weather and the camera
-    /// at `i` over the frame rate of `settings`. The tags of `settings` are kept; the weather, the
-    /// camera and the renderer are added where there are none. A place in levels of detail that has
+    /// Renders a video into a file: frame `i` shows the weather and the camera at `i` over the frame
+    /// rate. The tags of the settings are kept; the weather, the camera and the renderer are added
+    /// where there are none. A place in levels of detail that has
     /// no shot ([`PreparedPlace::set_shot`]) is drawn from one cut for all frames.
     ///
     /// # Errors
@@ -87,17 +98,17 @@ impl Renderer {
         place: &mut PreparedPlace,
         weather: &Weather,
         motion: &CameraMotion,
-        seconds: f64,
-        (path, mut settings): (impl AsRef<Path>, VideoSettings),
+        video: VideoFile<'_>,
         progress: &mut dyn Progress,
     ) -> Result<VideoReport> {
+        let VideoFile { path, seconds, mut settings } = video;
         let (rate, scale) = (settings.frame_rate, place.site().metres_per_unit);
         let first = motion.camera(0.0);
         settings.size = PictureSize::new(first.width.max(1), first.height.max(1));
         if settings.tags.is_empty() {
             settings.tags = picture_tags("", place.site(), self.backend(), weather, 0.0, &first);
         }
-        let mut sink = create_video(path.as_ref(), settings)?;
+        let mut sink = create_video(path, settings)?;
         let frames: Vec<u32> = (0..rate.frames_within(seconds).max(1)).collect();
         let has_own_shot = place.has_levels() && !place.has_shot();
         if has_own_shot {
@@ -108,8 +119,8 @@ impl Renderer {
         self.prepare(place, weather, progress)?;
         let mut render = |index: u32, picture: &mut Picture| -> Result<()> {
             let time = rate.seconds(u64::from(index));
-            let options = FrameOptions::new(time, motion.at(time, scale));
-            self.render_into(place, weather, &options, picture, &mut ()).map(drop)
+            let request = FrameRequest::new(weather, motion.at(time, scale), time);
+            self.render_into(place, &request, picture, &mut ()).map(drop)
         };
         let mut write = |_: u32, picture: &Picture| -> Result<()> { Ok(sink.frame(&picture.frame.rgb)?) };
         let written = render_and_write(&frames, &mut render, &mut write, progress);

@@ -2,7 +2,7 @@
 //! facts.
 
 use glam::DVec3;
-use weather_magician::{Camera, Error, Metadata, PlaceOptions, Renderer, Scene, Weather};
+use weather_magician::{Camera, Error, FrameRequest, Metadata, PlaceOptions, Renderer, Scene, Weather};
 use wm_scene::Group;
 use wm_scene::splats::Splat;
 use wm_scene::survey::{Alignment, GivenGround};
@@ -53,13 +53,13 @@ fn the_point_under_a_click_is_on_the_surface() {
     for truth in [[-2.0, -4.0], [1.5, -5.0], [-3.0, 0.0], [0.3, 2.0], [2.5, -1.0]] {
         let truth = DVec3::new(truth[0], truth[1], 0.0);
         let (x, y, _) = camera.project(truth).unwrap();
-        let found = renderer.surface_at(&place, &camera, (x, y)).unwrap().expect("a surface");
+        let found = renderer.surface_at(&place, &camera, [x, y]).unwrap().expect("a surface");
         let share = found.distance(truth) / truth.distance(camera.center());
         assert!(share < 0.01, "{truth}: {found}, off by {:.2} %", 100.0 * share);
     }
     // The sky is none, although splats show it.
-    assert_eq!(renderer.surface_at(&place, &camera, (40.0, 20.0)).unwrap(), None);
-    assert_eq!(renderer.surface_at(&place, &camera, (-1.0, 900.0)).unwrap(), None);
+    assert_eq!(renderer.surface_at(&place, &camera, [40.0, 20.0]).unwrap(), None);
+    assert_eq!(renderer.surface_at(&place, &camera, [-1.0, 900.0]).unwrap(), None);
 }
 
 #[test]
@@ -70,19 +70,21 @@ fn pictures_are_those_of_a_scene_with_the_new_facts() {
     let mut renderer = Renderer::cpu().unwrap();
     let mut place = renderer.load_with(court(), &PlaceOptions::default()).unwrap();
     let start = place.facts();
-    let upside_down = renderer.render(&mut place, &weather, &camera, 0.0).unwrap();
+    let upside_down = renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.0)).unwrap();
 
     let points = [DVec3::new(-4.0, -4.0, 0.0), DVec3::new(5.0, -3.0, 0.0), DVec3::new(0.0, 4.0, 0.0)];
     let by = Alignment { ground: Some(GivenGround::Points(points)), ..Alignment::default() };
     let aligned = renderer.align(&mut place, &by).unwrap();
     assert!(aligned.after.up.value.angle_between(UP) < 1e-6 && *place.survey() == aligned.after);
-    let upright = renderer.render(&mut place, &weather, &camera, 0.0).unwrap();
+    let upright = renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.0)).unwrap();
     assert!(upright.frame.rgb != upside_down.frame.rgb);
     let fresh = Scene { metadata: place.facts().scene, ..court() };
     let mut other = Renderer::cpu().unwrap();
     let mut loaded = other.load(fresh).unwrap();
     assert_eq!(loaded.site(), place.site());
-    assert!(other.render(&mut loaded, &weather, &camera, 0.0).unwrap().frame == upright.frame);
+    assert!(
+        other.render(&mut loaded, &FrameRequest::new(&weather, &camera, 0.0)).unwrap().frame == upright.frame
+    );
 
     // Values that cannot be used change nothing.
     let line = Alignment {
@@ -93,7 +95,10 @@ fn pictures_are_those_of_a_scene_with_the_new_facts() {
     assert!(matches!(renderer.align(&mut place, &line), Err(Error::Align(_))));
     assert_eq!(place.facts(), facts);
     renderer.set_facts(&mut place, start).unwrap();
-    assert!(renderer.render(&mut place, &weather, &camera, 0.0).unwrap().frame == upside_down.frame);
+    assert!(
+        renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.0)).unwrap().frame
+            == upside_down.frame
+    );
 
     renderer.prepare(&mut place, &weather, &mut ()).unwrap();
     place.release_splats();

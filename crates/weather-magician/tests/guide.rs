@@ -3,8 +3,8 @@
 
 use std::path::Path;
 use weather_magician::assets::AssetCache;
-use weather_magician::output::{self, ExtraPicture, PictureStyle};
-use weather_magician::{Camera, FrameOptions, Picture, PlaceOptions, PlaceView, Renderer, Scene, Weather};
+use weather_magician::output::{LayerFile, PictureStyle, layers_of};
+use weather_magician::{Camera, FrameRequest, PlaceOptions, Renderer, Scene, Weather};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
@@ -52,16 +52,14 @@ fn the_blocks_run() -> Result<(), Box<dyn std::error::Error>> {
     let mut renderer = Renderer::auto()?; // a GPU if there is one, else the CPU
     let mut place = renderer.load(scene)?;
     let camera = Camera::look_at([4.0, -20.0, 1.6], [4.0, -30.0, 1.5]).fov_y(50.0).size(1200, 800);
-    let picture = renderer.render(&mut place, &weather, &camera, 0.0)?; // time in seconds
+    let picture = renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.0))?; // time in seconds
     picture.save("fog.png")?;
 
-    let also: Vec<ExtraPicture> = vec!["depth".parse()?, "transmittance.npy".parse()?];
-    place.config.outputs = output::outputs(&also);
-    let parts = output::parts(&also);
-    let options = FrameOptions { parts: &parts, ..FrameOptions::new(0.0, camera.camera_at(&place)?) };
-    let mut picture = Picture::default();
-    renderer.render_into(&mut place, &weather, &options, &mut picture, &mut ())?;
-    let style = PictureStyle { also, metres_per_unit: picture.metres_per_unit, ..Default::default() };
+    let also: Vec<LayerFile> = vec!["depth".parse()?, "transmittance.npy".parse()?];
+    let layers = layers_of(&also);
+    let request = FrameRequest { layers, ..FrameRequest::new(&weather, camera, 0.0) };
+    let picture = renderer.render(&mut place, &request)?;
+    let style = PictureStyle { also, ..Default::default() };
     style.write(&picture, "fog.png".as_ref())?;
     assert!(Path::new("fog.transmittance.npy").exists());
 
@@ -69,7 +67,7 @@ fn the_blocks_run() -> Result<(), Box<dyn std::error::Error>> {
     let assets = Some(AssetCache::folder_of("garden.ply".as_ref()));
     let options = PlaceOptions { assets, ..PlaceOptions::default() };
     let mut place = renderer.load_with(scene, &options)?;
-    renderer.render(&mut place, &Weather::preset("heavy-rain")?, &camera, 0.0)?;
+    renderer.render(&mut place, &FrameRequest::new(&Weather::preset("heavy-rain")?, &camera, 0.0))?;
     assert!(AssetCache::folder_of("garden.ply".as_ref()).exists());
     Ok(())
 }

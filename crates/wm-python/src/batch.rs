@@ -325,7 +325,7 @@ impl PyBatch {
         let layers = layers_of(layers)?;
         let (sample, set) = detached(py, |_| {
             self.with(|run| {
-                let options = SampleOptions { sensor, layers: layers.as_deref(), places };
+                let options = SampleOptions { sensor, layers, places };
                 Ok((run.sample(frame, &options)?, run.set.clone()))
             })
         })?;

@@ -9,13 +9,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::path::PathBuf;
 use weather_magician::PictureSize;
-use weather_magician::output::{ExtraPicture, LayerPlacement, PictureLayer, PictureStyle};
+use weather_magician::output::{LayerFile, LayerPlacement, PictureStyle};
+use weather_magician::{Layers, PictureLayer};
 use wm_media::color::{Dither, quantize_rgb8};
 use wm_media::png;
-use wm_render::parts::PicturePart;
-
-/// Layers without a place in a single frame: they need the next one too.
-const LATER: [PictureLayer; 3] = [PictureLayer::Flow, PictureLayer::FlowMask, PictureLayer::ParticleFlow];
 
 /// The outputs of a picture that were asked for.
 #[derive(Clone, Debug)]
@@ -24,8 +21,8 @@ pub struct PictureOutputs {
     rgb: bool,
     /// Linear light.
     rgb_linear: bool,
-    /// The others.
-    pub layers: Vec<ExtraPicture>,
+    /// The others, in the order in which they were asked for.
+    pub layers: Vec<PictureLayer>,
 }
 
 impl PictureOutputs {
@@ -38,18 +35,18 @@ impl PictureOutputs {
                 "rgb_linear" => outputs.rgb_linear = true,
                 _ => {
                     let wrong = |error: String| {
-                        let error = error.replace('-', "_").replace("use ", "use rgb, rgb_linear, ");
+                        let error = error.replace('-', "_").replace("use rgb,", "use rgb, rgb_linear,");
                         PyValueError::new_err(format!("outputs: {error}"))
                     };
                     if name.contains('.') {
                         return Err(PyValueError::new_err(format!("outputs: `{name}` is not an output")));
                     }
-                    let layer: ExtraPicture = name.replace('_', "-").parse().map_err(wrong)?;
-                    if LATER.contains(&layer.kind) {
+                    let layer: PictureLayer = name.replace('_', "-").parse().map_err(wrong)?;
+                    if layer.needs_next_frame() {
                         let says = "needs the next frame: use a plan with this layer, or `render --also`";
                         return Err(PyValueError::new_err(format!("outputs: {name} {says}")));
                     }
-                    if outputs.layers.iter().all(|other| other.kind != layer.kind) {
+                    if !outputs.layers.contains(&layer) {
                         outputs.layers.push(layer);
                     }
                 }
@@ -58,14 +55,9 @@ impl PictureOutputs {
         Ok(outputs)
     }
 
-    /// The parts that need renders of their own.
-    pub fn parts(&self) -> Vec<PicturePart> {
-        weather_magician::output::parts(&self.layers)
-    }
-
-    /// Returns true if labels are asked for.
-    pub fn labels(&self) -> bool {
-        !weather_magician::output::asked_labels(&self.layers).is_empty()
+    /// The layers to render; the colour is always one of them.
+    pub fn request(&self) -> Layers {
+        self.layers.iter().fold(Layers::COLOR, |layers, layer| layers | (*layer).into())
     }
 
     /// Memory for the outputs of `count` pictures.
@@ -87,10 +79,10 @@ impl PictureOutputs {
             rgb.try_reserve_exact(pixels.checked_mul(3).ok_or_else(memory)?).map_err(|_| memory())?;
         }
         let linear = if self.rgb_linear { room(3)? } else { Vec::new() };
-        let layers = self.layers.iter().filter(|layer| !is_name(layer.kind));
-        let layers = layers.map(|layer| Ok((layer.kind, room(layer.kind.channels().len())?)));
-        let names =
-            self.layers.iter().filter(|layer| is_name(layer.kind)).map(|layer| (layer.kind, Vec::new()));
+        let layers = self.layers.iter().filter(|layer| layer.label_kind().is_none());
+        let layers = layers.map(|layer| Ok((*layer, room(layer.channels().len())?)));
+        let names = self.layers.iter().filter(|layer| layer.label_kind().is_some());
+        let names = names.map(|layer| (*layer, Vec::new()));
         Ok(PictureStack {
             outputs: self.clone(),
             shape: [count, height as usize, width as usize],
@@ -100,11 +92,6 @@ impl PictureOutputs {
             names: names.collect(),
         })
     }
-}
-
-/// Returns true for layers of whole numbers.
-fn is_name(layer: PictureLayer) -> bool {
-    matches!(layer, PictureLayer::Label | PictureLayer::Instance)
 }
 
 /// The outputs of some pictures of one size, one after the other.
@@ -178,7 +165,7 @@ impl PyPicture {
         let was_asked = asked
             .layers
             .iter()
-            .all(|layer| self.outputs.layers.contains(layer) || layer.kind == PictureLayer::Alpha);
+            .all(|layer| self.outputs.layers.contains(layer) || *layer == PictureLayer::Alpha);
         if !was_asked {
             let says = format!("{name}: was not rendered; ask for it with outputs=[{name:?}]");
             return Err(PyKeyError::new_err(says));
@@ -189,7 +176,7 @@ impl PyPicture {
             stack.add(&self.picture);
             Ok(stack)
         })?;
-        let channels = if name.starts_with("rgb") { 3 } else { asked.layers[0].kind.channels().len() };
+        let channels = if name.starts_with("rgb") { 3 } else { asked.layers[0].channels().len() };
         let (height, width) = (frame.height as usize, frame.width as usize);
         let shape: Vec<usize> =
             if channels == 1 { vec![height, width] } else { vec![height, width, channels] };
@@ -250,9 +237,13 @@ impl PyPicture {
     fn save(&self, py: Python<'_>, path: PathBuf, layers: bool) -> PyResult<Vec<String>> {
         detached(py, |_| {
             let style = PictureStyle {
-                also: self.outputs.layers.clone(),
+                also: self
+                    .outputs
+                    .layers
+                    .iter()
+                    .map(|layer| LayerFile { layer: *layer, format: None })
+                    .collect(),
                 place: if layers { LayerPlacement::Layers } else { LayerPlacement::Beside },
-                metres_per_unit: self.picture.metres_per_unit,
                 tags: self.picture.tags.clone(),
                 ..PictureStyle::default()
             };

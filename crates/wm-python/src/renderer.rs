@@ -19,14 +19,12 @@ use weather_magician::assets::AssetCache;
 use weather_magician::levels::{LevelBudget, parse_memory};
 use weather_magician::lidar::{LidarModel, PointFrame, ReturnMode, ScanOptions, SubRays};
 use weather_magician::measure::{INSTRUMENTS, InstrumentRenderer, MeasureRequest, PlaceRenderer};
-use weather_magician::output::outputs;
 use weather_magician::video::{FrameRate, VideoSettings};
 use weather_magician::view::{ViewOptions, spec};
 use weather_magician::{
-    CameraMotion, CpuConfig, Device, FrameOptions, MotionSpec, MovingCamera, PictureSize, PlaceOptions,
-    PreparedPlace, Progress, picture_tags,
+    CameraMotion, CpuConfig, Device, FrameRequest, MotionSpec, MovingCamera, PictureSize, PlaceOptions,
+    PreparedPlace, Progress, VideoFile, picture_tags,
 };
-use wm_render::RenderConfig;
 use wm_scene::SceneView;
 use wm_scene::camera::FOV;
 
@@ -384,7 +382,8 @@ impl PyRenderer {
                     wm_scene::Camera { width, height, fx, fy, cx, cy, viewmat: viewmats[index], near };
                 camera.check()?;
                 let moving = MovingCamera { camera, velocity: velocities[index] };
-                open.draw(&weather, &FrameOptions::new(times[index], moving), &wanted, &mut reporter)?;
+                let request = FrameRequest::new(&weather, moving, times[index]);
+                open.draw(&FrameRequest { layers: wanted.request(), ..request }, &mut reporter)?;
                 stack.add(&open.picture);
             }
             reporter.reached("frames", count as u64, count as u64);
@@ -419,7 +418,9 @@ impl PyRenderer {
             let mut reporter = CallbackProgress::new(stop, None);
             // As the program's pictures: the best cut for it alone.
             open.place.set_shot(&[camera]);
-            let drawn = open.draw(&weather, &FrameOptions::new(time, moving), &wanted, &mut reporter);
+            let request =
+                FrameRequest { layers: wanted.request(), ..FrameRequest::new(&weather, moving, time) };
+            let drawn = open.draw(&request, &mut reporter);
             open.place.set_shot(&[]);
             drawn?;
             let mut picture = std::mem::take(&mut open.picture);
@@ -490,10 +491,9 @@ impl PyRenderer {
             let first = motion.camera(0.0);
             let mut settings = VideoSettings::new(PictureSize::new(first.width, first.height), rate);
             let OpenPlace { renderer, place, .. } = open;
-            place.config.outputs = outputs(&[]);
             settings.tags = picture_tags(&name, place.site(), renderer.backend(), &weather, 0.0, &first);
-            let target = (&path, settings);
-            let made = renderer.render_video(place, &weather, &motion, seconds, target, &mut reporter);
+            let video = VideoFile { path: path.as_ref(), seconds, settings };
+            let made = renderer.render_video(place, &weather, &motion, video, &mut reporter);
             reporter.outcome(made).map(drop)
         })
     }
@@ -642,7 +642,6 @@ impl PyRenderer {
             let pool = Arc::clone(&open.pool);
             let (open, readings) = Arc::clone(&pool).install(|| {
                 let camera = open.camera(&given, &options)?;
-                let config = open.place.config;
                 let mut field = PlaceRenderer::new(open.renderer, open.place, camera);
                 let request = MeasureRequest { weather: &weather, time, setting: &weather.name };
                 let mut readings = Vec::new();
@@ -658,8 +657,7 @@ impl PyRenderer {
                     readings.extend(found.readings.into_iter().map(|reading| (instrument.name, reading)));
                     reporter.advance(1);
                 }
-                let PlaceRenderer { renderer, mut place, .. } = field;
-                place.config = config;
+                let PlaceRenderer { renderer, place, .. } = field;
                 Ok((OpenPlace { renderer, place, picture: open.picture, pool }, readings))
             })?;
             *lent = Some(open);
@@ -684,22 +682,9 @@ impl PyRenderer {
 
 impl OpenPlace {
     /// Draws a frame into its memory.
-    fn draw(
-        &mut self,
-        weather: &wm_weather::Weather,
-        options: &FrameOptions<'_>,
-        wanted: &PictureOutputs,
-        reporter: &mut CallbackProgress<'_>,
-    ) -> Outcome<()> {
+    fn draw(&mut self, request: &FrameRequest<'_>, reporter: &mut CallbackProgress<'_>) -> Outcome<()> {
         let Self { renderer, place, picture, .. } = self;
-        place.config = RenderConfig { outputs: outputs(&wanted.layers), ..place.config };
-        let parts = wanted.parts();
-        let options = FrameOptions { parts: &parts, ..*options };
-        let drawn = renderer.render_into(place, weather, &options, picture, reporter);
-        reporter.outcome(drawn)?;
-        if wanted.labels() {
-            renderer.render_labels(place, (None, &options.camera.camera), picture)?;
-        }
-        Ok(())
+        let drawn = renderer.render_into(place, request, picture, reporter);
+        reporter.outcome(drawn).map(drop)
     }
 }

@@ -6,9 +6,8 @@ use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use weather_magician::batch::datasets::{Condition, DatasetPoint, SensorInfoKind, SetInfo};
-use weather_magician::batch::{
-    BatchSample, RandomPermutation, SampleData, SampleLayer, SampleValues, SplitClips,
-};
+use weather_magician::batch::{BatchSample, RandomPermutation, SampleData, SampleValues, SplitClips};
+use weather_magician::{Layers, PictureLayer};
 use wm_scene::random::bits;
 
 /// The conditions of clips, by their numbers.
@@ -17,9 +16,9 @@ pub fn conditions() -> [&'static str; 6] {
 }
 
 /// The layers of their names, with `_` or `-` between words.
-pub fn layers_of(names: Option<Vec<String>>) -> PyResult<Option<Vec<SampleLayer>>> {
+pub fn layers_of(names: Option<Vec<String>>) -> PyResult<Option<Layers>> {
     let layer = |name: &String| {
-        let layer = name.replace('_', "-").parse::<SampleLayer>();
+        let layer = name.replace('_', "-").parse::<PictureLayer>();
         layer.map_err(|says| PyValueError::new_err(format!("layers: {}", says.replace('-', "_"))))
     };
     names.map(|names| names.iter().map(layer).collect()).transpose()

@@ -4,13 +4,14 @@ use crate::encode::{join_columns, to_bytes};
 use crate::state::{Pose, View, ViewOutput, ViewState};
 use serde_json::{Map, Value, json};
 use weather_magician::lidar::PointOverlay;
-use weather_magician::output::{ExtraPicture, PictureLayer, outputs};
-use weather_magician::{FrameOptions, MovingCamera, Patience, Picture, PreparedPlace, Renderer, Result};
+use weather_magician::{
+    FrameRequest, Layers, MovingCamera, Patience, Picture, PictureLayer, PreparedPlace, Renderer, Result,
+};
 use wm_media::color::Dither;
 use wm_render::{Frame, Stats};
 use wm_scene::Camera;
 use wm_scene::survey::Survey;
-use wm_weather::{PreparedWeather, Site};
+use wm_weather::{PreparedWeather, Site, Weather};
 
 /// Depth that gets the middle colour, scene radii.
 const HALF_DEPTH: f64 = 0.3;
@@ -21,15 +22,14 @@ pub fn half_depth(survey: &Survey) -> f64 {
 }
 
 impl ViewOutput {
-    /// Returns the extra picture to render; `None` for the colour, which is always rendered.
-    pub fn also(self) -> Option<ExtraPicture> {
-        let kind = match self {
-            Self::Rgb => return None,
+    /// Returns the layer of the picture that is shown.
+    pub fn layer(self) -> PictureLayer {
+        match self {
+            Self::Rgb => PictureLayer::Color,
             Self::Depth => PictureLayer::Depth,
             Self::Normal => PictureLayer::Normal,
             Self::Alpha => PictureLayer::Alpha,
-        };
-        Some(ExtraPicture { kind, format: None })
+        }
     }
 }
 
@@ -50,7 +50,7 @@ pub struct PaintOptions {
 #[derive(Default)]
 pub struct ViewPainter {
     picture: Picture,
-    clear: Frame,
+    clear: Picture,
 }
 
 impl ViewPainter {
@@ -69,10 +69,12 @@ impl ViewPainter {
     ) -> Result<(Vec<u8>, Stats)> {
         let ViewState { time, output, divider, .. } = view.state;
         let PaintOptions { size, patience, dither } = options;
-        let depths =
-            [PictureLayer::Depth, PictureLayer::MedianDepth].map(|kind| ExtraPicture { kind, format: None });
-        let hides = if overlay.is_some() { &depths[..] } else { &[] };
-        place.config.outputs = outputs(&[output.also().as_slice(), hides].concat());
+        let mut layers = Layers::COLOR | output.layer().into();
+        if overlay.is_some() {
+            // They hide points.
+            layers |= Layers::DEPTH | Layers::MEDIAN_DEPTH;
+        }
+        let clear = Weather::clear();
         let camera = view.motion_for(size).at(time, place.site().metres_per_unit);
         let half = half_depth(place.survey());
         let shown = |frame: &Frame, camera: &Camera| {
@@ -87,13 +89,14 @@ impl ViewPainter {
         let (mut left, mut right, mut stats) = (Vec::new(), Vec::new(), Stats::default());
         if cut > 0 {
             let camera = crop_columns(&camera.camera, 0, cut);
-            stats += self.render_clear(renderer, place, &camera).await?;
-            left = shown(&self.clear, &camera);
+            let request = FrameRequest { layers, ..FrameRequest::new(&clear, camera, time) };
+            stats += renderer.render_async(place, &request, &mut self.clear, &mut ()).await?;
+            left = shown(&self.clear.frame, &camera);
         }
         if cut < size.0 {
             let camera = MovingCamera { camera: crop_columns(&camera.camera, cut, size.0 - cut), ..camera };
-            let options = FrameOptions { patience, ..FrameOptions::new(time, camera) };
-            stats += self.render_weather(renderer, place, view, &options).await?;
+            let request = FrameRequest { layers, patience, ..FrameRequest::new(&view.weather, camera, time) };
+            stats += renderer.render_async(place, &request, &mut self.picture, &mut ()).await?;
             right = shown(&self.picture.frame, &camera.camera);
         }
         Ok((join_columns((left, cut), (right, size.0 - cut)), stats))
@@ -110,9 +113,10 @@ impl ViewPainter {
         view: &View,
     ) -> Result<&Picture> {
         let time = view.state.time;
-        place.config.outputs = outputs(view.state.output.also().as_slice());
         let camera = view.motion().at(time, place.site().metres_per_unit);
-        self.render_weather(renderer, place, view, &FrameOptions::new(time, camera)).await?;
+        let layers = Layers::COLOR | view.state.output.layer().into();
+        let request = FrameRequest { layers, ..FrameRequest::new(&view.weather, camera, time) };
+        renderer.render_async(place, &request, &mut self.picture, &mut ()).await?;
         Ok(&self.picture)
     }
 
@@ -120,7 +124,7 @@ impl ViewPainter {
     /// there is nothing.
     ///
     /// # Errors
-    /// As [`Renderer::render_clear`].
+    /// As [`Renderer::render_into`].
     pub async fn pick(
         &mut self,
         renderer: &mut Renderer,
@@ -130,37 +134,16 @@ impl ViewPainter {
     ) -> Result<Option<[f64; 3]>> {
         let [width, height] = view.state.size.map(|side| (side / 4).max(1));
         let camera = view.motion_for((width, height)).camera(view.state.time);
-        place.config.outputs = outputs(ViewOutput::Depth.also().as_slice());
-        self.render_clear(renderer, place, &camera).await?;
+        let clear = Weather::clear();
+        let layers = Layers::COLOR | Layers::DEPTH;
+        let request = FrameRequest { layers, ..FrameRequest::new(&clear, camera, view.state.time) };
+        renderer.render_async(place, &request, &mut self.clear, &mut ()).await?;
         let [column, row] =
             [(x, width), (y, height)].map(|(share, side)| ((share * f64::from(side)) as u32).min(side - 1));
-        let depth = self.clear.depth[self.clear.index(column, row)];
+        let depth = self.clear.frame.depth[self.clear.frame.index(column, row)];
         let ray = camera.ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
         let reach = f64::from(depth) / ray.dot(camera.forward());
         Ok((depth > 0.0).then(|| (camera.center() + ray * reach).to_array()))
-    }
-
-    // Every frame of the painter is rendered by one of the following two.
-
-    /// Renders a frame of a view's weather into `picture`.
-    async fn render_weather(
-        &mut self,
-        renderer: &mut Renderer,
-        place: &mut PreparedPlace,
-        view: &View,
-        options: &FrameOptions<'_>,
-    ) -> Result<Stats> {
-        renderer.render_async(place, &view.weather, options, &mut self.picture, &mut ()).await
-    }
-
-    /// Renders a frame of the scene without weather into `clear`.
-    async fn render_clear(
-        &mut self,
-        renderer: &mut Renderer,
-        place: &mut PreparedPlace,
-        camera: &Camera,
-    ) -> Result<Stats> {
-        renderer.render_clear_async(place, camera, &mut self.clear).await
     }
 }
 

@@ -4,8 +4,8 @@ use crate::interrupt;
 use anyhow::{Result, ensure};
 use indicatif::ProgressBar;
 use std::time::Instant;
-use weather_magician::frame::FrameRequest;
-use weather_magician::{FrameOptions, Picture, PreparedPlace, Renderer};
+use weather_magician::frame::FrameInputs;
+use weather_magician::{FrameRequest, Picture, PreparedPlace, Renderer};
 use wm_render::{Geometry, MedianDepth, Outputs, RenderConfig, SetId, SetView, Stats};
 use wm_scene::Camera;
 use wm_weather::cover::CoverRequest;
@@ -225,26 +225,12 @@ impl<'a> BenchTarget<'a> {
     fn render(&mut self, case: &BenchCase, camera: &Camera, picture: &mut Picture) -> Result<Stats> {
         match self {
             Self::Sets { renderer, sets } => {
-                let request = FrameRequest {
-                    sets,
-                    thinned: None,
-                    elsewhere: sets,
-                    weather: &case.sky,
-                    whole: None,
-                    camera: (*camera).into(),
-                    shelter: None,
-                    lamps: None,
-                    puddles: None,
-                    splashes: None,
-                    threads: 1,
-                    config: &case.config,
-                    parts: &[],
-                };
-                Ok(renderer.draw(&request, picture)?)
+                let inputs = FrameInputs::of_sets(sets, &case.sky, camera, &case.config);
+                Ok(renderer.draw(&inputs, picture)?)
             }
             Self::Place { renderer, place } => {
-                let options = FrameOptions::new(1.0, *camera);
-                Ok(renderer.render_into(place, &case.weather, &options, picture, &mut ())?)
+                let request = FrameRequest::new(&case.weather, camera, 1.0);
+                Ok(renderer.render_into(place, &request, picture, &mut ())?)
             }
         }
     }

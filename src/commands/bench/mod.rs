@@ -217,7 +217,8 @@ impl LitScene {
         let facts = loaded.place.survey().metadata();
         let mut place =
             renderer.load_with(scene, &PlaceOptions { facts, assets: None, ..PlaceOptions::default() })?;
-        place.config = loaded.place.config;
+        place.background = loaded.place.background;
+        place.rasterization = loaded.place.rasterization;
         renderer.set_lamps(&mut place, lamps(camera, loaded.place.site()), Vec::new())?;
         for case in cases {
             renderer.prepare(&mut place, &case.weather, &mut Reporter::default())?;
@@ -240,8 +241,8 @@ fn lamps(camera: &Camera, site: &Site) -> Vec<Lamp> {
 
 /// Measures the cases, the threads and the SIMD paths of a scene.
 fn cases(loaded: &OpenScene) -> Result<Vec<BenchCase>> {
-    let config = loaded.place.config;
-    BenchCase::all(loaded.place.site(), |outputs| RenderConfig { outputs, ..config })
+    let PreparedPlace { background, rasterization, .. } = loaded.place;
+    BenchCase::all(loaded.place.site(), |outputs| RenderConfig { outputs, background, rasterization })
 }
 
 /// Renders cases in turns, each on the scene with the cover of its weather.

@@ -9,8 +9,9 @@ use anyhow::Result;
 use indicatif::ProgressBar;
 use serde::Serialize;
 use std::time::Instant;
+use weather_magician::camera_model::{CameraModel, SensorCamera};
 use weather_magician::lidar::{LidarModel, ScanOptions, SubRays};
-use weather_magician::{CameraMotion, FrameOptions, LensModel, LensView, Picture};
+use weather_magician::{CameraMotion, FrameRequest, LensModel, LensView, Picture};
 use wm_scene::Camera;
 use wm_weather::Weather;
 
@@ -166,16 +167,19 @@ fn pictures(
     let (mut pinhole, mut fisheye) = (Picture::default(), Picture::default());
     let mut times = [Vec::new(), Vec::new()];
     let OpenScene { renderer, place } = loaded;
-    let options = FrameOptions::new(1.0, camera);
+    let request = FrameRequest::new(weather, camera, 1.0);
+    let model = CameraModel { lens: Some(lens), ..CameraModel::default() };
+    let device = SensorCamera::new(model, camera.into());
+    let through = FrameRequest { camera: (&device).into(), ..request };
     for round in 0..rounds + WARM_UP {
         if interrupt::asked() {
             break;
         }
         let clock = Clock::start();
-        renderer.render_into(place, weather, &options, &mut pinhole, &mut ())?;
+        renderer.render_into(place, &request, &mut pinhole, &mut ())?;
         let first = clock.stop();
         let clock = Clock::start();
-        renderer.render_through(place, weather, (&lens, &options), &mut fisheye, &mut ())?;
+        renderer.render_into(place, &through, &mut fisheye, &mut ())?;
         let second = clock.stop();
         if round >= WARM_UP {
             times[0].push(first);

@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weather_magician::sequence::render_and_write;
 use weather_magician::view::spec;
-use weather_magician::{FrameOptions, Picture, picture_tags};
+use weather_magician::{FrameRequest, Picture, picture_tags};
 use wm_media::{PictureSize, color::Dither, png, sheet, video};
 use wm_scene::formats::{ReadOptions, read_scene, write_scene};
 use wm_scene::{Camera, Metadata, Scene};
@@ -287,7 +287,7 @@ fn draw_sheet(studio: &mut OpenScene, camera: &Camera, path: &Path) -> Result<()
         }
         let mut weather = Weather::find(name)?;
         change.map_or(Ok(()), |change| weather.set_text(change))?;
-        let picture = studio.renderer.render(&mut studio.place, &weather, camera, 0.0)?;
+        let picture = studio.renderer.render(&mut studio.place, &FrameRequest::new(&weather, camera, 0.0))?;
         pictures.push((picture.frame.rgb, label(&weather)));
         bar.inc(1);
     }
@@ -321,9 +321,9 @@ fn shoot(studio: &mut OpenScene, args: &DemoArgs, path: &Path) -> Result<()> {
     let all = rate.frames_within(args.seconds);
     let mut render = |index: u32, picture: &mut Picture| {
         let time = rate.seconds(u64::from(index));
-        let options = FrameOptions::new(time, film.view(time).camera(args.size())?);
+        let request = FrameRequest::new(&weather, film.view(time).camera(args.size())?, time);
         let OpenScene { renderer, place } = &mut *studio;
-        renderer.render_into(place, &weather, &options, picture, &mut Reporter::default())?;
+        renderer.render_into(place, &request, picture, &mut Reporter::default())?;
         Ok(())
     };
     let mut write = |_: u32, picture: &Picture| -> Result<()> { Ok(sink.frame(&picture.frame.rgb)?) };

@@ -10,11 +10,11 @@ use weather_magician::levels::shot_cameras;
 use weather_magician::sequence::render_and_write;
 use weather_magician::view::ViewOptions;
 use weather_magician::view::moves;
-use weather_magician::{CameraMotion, FrameOptions, Patience, Picture, picture_tags};
+use weather_magician::{CameraMotion, FrameRequest, Patience, Picture, picture_tags};
 use wm_media::PictureSize;
 use wm_media::color::{Dither, quantize_rgb8};
 use wm_media::video::{FrameRate, VideoSettings, create_video};
-use wm_render::{Frame, Outputs};
+use wm_render::Frame;
 use wm_scene::Camera;
 use wm_viewer::encode;
 use wm_viewer::thumbnail::{self, thumbnail_weather};
@@ -40,10 +40,9 @@ pub fn poster(
 ) -> Result<()> {
     let camera = resized(start, POSTER.0);
     let mut picture = Picture::default();
-    loaded.place.config.outputs = Outputs::default();
-    let options = FrameOptions::new(time, camera);
+    let request = FrameRequest::new(weather, camera, time);
     let OpenScene { renderer, place } = loaded;
-    renderer.render_into(place, weather, &options, &mut picture, &mut Reporter::default())?;
+    renderer.render_into(place, &request, &mut picture, &mut Reporter::default())?;
     loaded.warn();
     write(path, &jpeg(&picture.frame, POSTER.1)?)
 }
@@ -62,9 +61,9 @@ pub fn thumbnails(loaded: &mut OpenScene, start: &Camera, folder: &Path) -> Resu
         let missing = place.missing_assets(&weather, time);
         let is_similar = !missing.is_empty() && place.has_similar(&missing);
         let patience = if is_similar { Patience::Draft } else { Patience::Whole };
-        let options = FrameOptions { patience, ..FrameOptions::new(time, camera) };
+        let request = FrameRequest { patience, ..FrameRequest::new(&weather, camera, time) };
         // Such as a flood where the ground is not known.
-        if renderer.render_into(place, &weather, &options, &mut picture, &mut ()).is_ok() {
+        if renderer.render_into(place, &request, &mut picture, &mut ()).is_ok() {
             write(&folder.join(format!("{name}.jpg")), &jpeg(&picture.frame, thumbnail::QUALITY)?)?;
             names.push((*name).to_owned());
         }
@@ -109,13 +108,12 @@ pub fn video(
     let frames: Vec<u32> = (0..rate.frames_within(seconds).max(1)).collect();
     let at = |frame: u32| rate.seconds(u64::from(frame));
     place.set_shot(&shot_cameras(frames.len() as u32, |frame| motion.camera(at(frame)), false));
-    place.config.outputs = Outputs::default();
     let scale = place.site().metres_per_unit;
     let written = render_and_write(
         &frames,
         &mut |frame, picture: &mut Picture| -> Result<()> {
-            let options = FrameOptions::new(time + at(frame), motion.at(at(frame), scale));
-            renderer.render_into(place, weather, &options, picture, &mut ())?;
+            let request = FrameRequest::new(weather, motion.at(at(frame), scale), time + at(frame));
+            renderer.render_into(place, &request, picture, &mut ())?;
             Ok(())
         },
         &mut |_, picture| Ok(sink.frame(&picture.frame.rgb)?),

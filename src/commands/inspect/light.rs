@@ -6,7 +6,7 @@ use crate::scene::AssetFolder;
 use anyhow::{Context, Result};
 use std::path::Path;
 use weather_magician::view::{ViewOptions, choose};
-use weather_magician::{PlaceOptions, PreparedPlace, Renderer, Scene, Weather};
+use weather_magician::{FrameRequest, PlaceOptions, PreparedPlace, Renderer, Scene, Weather};
 use wm_media::{PictureSize, color::Dither, png, sheet};
 use wm_scene::{Camera, Metadata, Splats, sh};
 use wm_weather::light::CaptureLight;
@@ -38,7 +38,7 @@ fn draw(renderer: &mut Renderer, place: &mut PreparedPlace, light: &CaptureLight
     clouds.set_text("light.exposure=0")?;
     let mut panels = Vec::new();
     for (weather, label) in [(Weather::clear(), "as captured"), (clouds, "under clouds")] {
-        panels.push((renderer.render(place, &weather, &camera, 0.0)?.frame.rgb, label));
+        panels.push((renderer.render(place, &FrameRequest::new(&weather, &camera, 0.0))?.frame.rgb, label));
     }
     let shares = [
         (light.sun_shares().collect::<Vec<f32>>(), "white: in the sun of the photos"),
@@ -69,5 +69,5 @@ fn painted(
         splats.sh[index * stride..index * stride + 3].fill(sh::dc_of(f64::from(*share)) as f32);
     }
     let mut greys = renderer.load(Scene { splats, metadata: scene.metadata.clone(), ..Scene::default() })?;
-    Ok(renderer.render(&mut greys, &Weather::clear(), camera, 0.0)?.frame.rgb)
+    Ok(renderer.render(&mut greys, &FrameRequest::new(&Weather::clear(), camera, 0.0))?.frame.rgb)
 }

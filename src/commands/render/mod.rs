@@ -2,7 +2,6 @@
 
 pub mod camera;
 mod device;
-mod layers;
 mod manifest;
 mod pairs;
 mod range;
@@ -17,21 +16,22 @@ use crate::overwrite::OverwriteArgs;
 use crate::progress::Reporter;
 use crate::scene::{OpenScene, OwnSkyArgs, RunArgs, SceneArgs, print_warnings};
 use crate::weather::WeatherArgs;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use camera::{CameraArgs, CameraPlan};
 use clap::{Args, ValueEnum};
 use device::DeviceArgs;
 use range::FrameRange;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
-use weather_magician::camera_model::{CameraModel, SensorCamera, Shot};
-use weather_magician::output::{ExtraPicture, LayerPlacement, PictureFormat, PictureStyle, outputs, parts};
+use weather_magician::camera_model::{CameraModel, SensorCamera};
+use weather_magician::output::{LayerFile, LayerPlacement, PictureFormat, PictureStyle, layers_of};
 use weather_magician::view::moves::PathSpec;
 use weather_magician::view::spec::CameraSpec;
-use weather_magician::{Camera, FrameOptions, LaterLayers, Picture, PreparedPlace, Renderer, picture_tags};
+use weather_magician::{
+    Camera, FrameRequest, Layers, NextFrame, Picture, PictureLayer, PreparedPlace, Renderer, picture_tags,
+};
 use wm_media::png::DepthScale;
-use wm_render::parts::PicturePart;
-use wm_render::{Background, RenderConfig, Stats};
+use wm_render::{Background, Stats};
 use wm_scene::Rasterization;
 use wm_scene::files::check_writable;
 use wm_weather::Weather;
@@ -86,7 +86,7 @@ struct OutputArgs {
     /// snow and hail), label and instance (of a scene that has them, 0 for none: one more render);
     /// append .png, .exr or .npy, or .flo for flow, to choose another format than the colour's
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
-    also: Vec<ExtraPicture>,
+    also: Vec<LayerFile>,
     /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay,
     /// filtered and final; with --set fidelity=paper
     #[arg(long, help_heading = "Output")]
@@ -215,6 +215,15 @@ impl OutputTarget {
     }
 }
 
+/// The parts of a picture that the air changes.
+const AIR_LAYERS: Layers = Layers::TRANSMITTANCE.with(Layers::CLEAN).with(Layers::AIRLIGHT);
+/// Flow and labels.
+const LATER_LAYERS: Layers = Layers::FLOW
+    .with(Layers::FLOW_MASK)
+    .with(Layers::PARTICLE_FLOW)
+    .with(Layers::LABEL)
+    .with(Layers::INSTANCE);
+
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<()> {
     // Cheap checks come before the scene is read.
@@ -258,16 +267,20 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     if args.output.layers && !is_exr {
         bail!("--layers are those of an .exr: give --out a name that ends in .exr, or --frame-format exr");
     }
-    let asks_for_air = !parts(&args.output.also).is_empty();
+    let mut layers = layers_of(&args.output.also);
+    let asks_for_air = layers.without(AIR_LAYERS) != layers;
     if asks_for_air && weather.fidelity == wm_weather::Fidelity::Paper {
         bail!("--also transmittance, clean or airlight: {}", pairs::NO_AIR);
     }
     args.camera.check()?;
     let lens = args.camera.lens.as_ref().map(|lens| lens.view(args.camera.viewpoint.size)).transpose()?;
     let model = args.device.model(lens, &weather)?;
-    let later = layers::layers(&args.output.also, &model, &weather)?;
-    if args.output.stages && later != LaterLayers::default() {
-        bail!("--stages: shows neither flow nor labels; leave one of the two out");
+    layers.check(&model, &weather).context("--also")?;
+    if args.output.stages {
+        if layers.without(LATER_LAYERS) != layers {
+            bail!("--stages: shows neither flow nor labels; leave one of the two out");
+        }
+        layers |= Layers::PAPER_STAGES;
     }
     if let OutputTarget::Picture(path) = &target
         && args.camera.path.is_some()
@@ -292,20 +305,14 @@ pub fn run(args: &RenderArgs) -> Result<()> {
         loaded.place.set_shot(&plan.shot(args.camera.lens.is_some()));
     }
     let wanted = range::wanted(args.output.frames, args.output.frame_step, plan.frames)?;
-    let config = RenderConfig {
-        outputs: outputs(&args.output.also),
-        background: background(args.output.background, &loaded),
-        rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
-    };
+    args.output.set_drawing(&mut loaded.place);
     if weather.effects().any(|(effect, _)| effect.precipitation.is_some()) {
         // Before anything is made: a path may be too fast at any of its frames.
         let metres = loaded.place.site().metres_per_unit;
         wanted.iter().try_for_each(|index| plan.moving(plan.time(*index), metres).check_speed())?;
     }
-    let parts = parts(&args.output.also);
-    let mut job = RenderJob::new(loaded, config, weather, (plan, model), parts)?;
-    layers::check_labels(&args.output.also, &job.place, &args.scene.scene)?;
-    job.later = later;
+    let mut job = RenderJob::new(loaded, weather, plan, model, layers)?;
+    check_labels(layers, &job.place, &args.scene.scene)?;
     let rendered = match target {
         OutputTarget::Picture(path) => job.picture(&path, args),
         OutputTarget::Video(path) => sequence::video(&mut job, &wanted, &path, args),
@@ -353,41 +360,36 @@ struct RenderJob {
     plan: CameraPlan,
     /// The camera that takes the pictures.
     camera: SensorCamera,
-    /// Picture parts that need extra renders.
-    parts: Vec<PicturePart>,
-    /// Flow and labels.
-    later: LaterLayers,
+    layers: Layers,
 }
 
 impl RenderJob {
     /// Prepares the scene for the weather.
     fn new(
         mut loaded: OpenScene,
-        config: RenderConfig,
         weather: Weather,
-        (plan, model): (CameraPlan, CameraModel),
-        parts: Vec<PicturePart>,
+        plan: CameraPlan,
+        model: CameraModel,
+        layers: Layers,
     ) -> Result<Self> {
-        loaded.place.config = config;
         let weather = loaded.place.weather_of_shot(&weather, &plan.camera(plan.time(0)));
         loaded.prepare(&weather)?;
         let OpenScene { renderer, place } = loaded;
         let camera = SensorCamera::new(model, plan.motion().clone());
-        Ok(Self { renderer, place, weather, plan, camera, parts, later: LaterLayers::default() })
+        Ok(Self { renderer, place, weather, plan, camera, layers })
     }
 
     /// Renders the frame at `time`, seconds.
     fn render(&mut self, time: f64, picture: &mut Picture) -> Result<Stats> {
-        let Self { renderer, place, weather, camera, parts, plan, later } = self;
-        let shot = Shot { time, index: plan.index(time), parts };
-        let stats = renderer.expose(place, weather, camera, &shot, picture, &mut Reporter::default())?;
-        let metres = place.site().metres_per_unit;
-        let frame = FrameOptions::new(time, plan.moving(time, metres));
-        let (after, moving) = plan.next(time, metres);
-        let next = FrameOptions::new(after, moving);
-        let lens = camera.model.lens.as_ref();
-        later.render(renderer, (place, weather), lens, [&frame, &next], picture, &mut Reporter::default())?;
-        Ok(stats)
+        let Self { renderer, place, weather, camera, layers, plan } = self;
+        let (after, moving) = plan.next(time, place.site().metres_per_unit);
+        let request = FrameRequest {
+            index: plan.index(time),
+            layers: *layers,
+            next: Some(NextFrame { time: after, camera: moving }),
+            ..FrameRequest::new(weather, &*camera, time)
+        };
+        Ok(renderer.render_into(place, &request, picture, &mut Reporter::default())?)
     }
 
     /// Returns the camera at `time`, seconds, with the size and the intrinsics of the pictures.
@@ -402,12 +404,11 @@ impl RenderJob {
     fn picture(&mut self, path: &Path, args: &RenderArgs) -> Result<()> {
         let mut picture = Picture::default();
         let style = self.style(args, DepthScale::Auto, args.output.time());
-        let (stats, beside) = if args.output.stages {
-            stages::picture(self, &style, path, args.output.time(), &mut picture)?
-        } else {
-            let stats = self.render(args.output.time(), &mut picture)?;
-            (stats, style.write(&picture, path)?)
-        };
+        let stats = self.render(args.output.time(), &mut picture)?;
+        let mut beside = style.write(&picture, path)?;
+        if args.output.stages {
+            beside.extend(stages::write(&picture, &style, path)?);
+        }
         let frame = &picture.frame;
         println!(
             "{}: {}x{}, {}, {:.0} ms ({})",
@@ -440,19 +441,40 @@ impl RenderJob {
             also: args.output.also.clone(),
             place: if args.output.layers { LayerPlacement::Layers } else { LayerPlacement::Beside },
             dither: args.output.dither.into(),
-            metres_per_unit: site.metres_per_unit,
             depth_scale,
             tags,
         }
     }
 }
 
-fn background(choice: BackgroundChoice, loaded: &OpenScene) -> Background {
-    match choice {
-        BackgroundChoice::Color(color) => Background::Color(color),
-        BackgroundChoice::Auto => loaded.place.background(),
-        BackgroundChoice::Sky => Background::Sky(loaded.place.plain_sky()),
+impl OutputArgs {
+    /// Gives a place the background and the rasterization that are asked for.
+    fn set_drawing(&self, place: &mut PreparedPlace) {
+        place.background = match self.background {
+            BackgroundChoice::Color(color) => Background::Color(color),
+            BackgroundChoice::Auto => place.auto_background(),
+            BackgroundChoice::Sky => Background::Sky(place.plain_sky()),
+        };
+        place.rasterization = self.rasterization.unwrap_or(place.rasterization);
     }
+}
+
+/// Returns what frames depend on beside weather and camera, as text for a manifest.
+fn drawing_facts(place: &PreparedPlace, layers: Layers) -> String {
+    format!("{layers:?} {:?} {:?}", place.background, place.rasterization)
+}
+
+/// Returns an error if the splats of a place lack labels that are asked for.
+fn check_labels(layers: Layers, place: &PreparedPlace, scene: &Path) -> Result<()> {
+    let mut kinds = layers.iter().filter_map(PictureLayer::label_kind);
+    if let Some(kind) = kinds.find(|kind| place.labels(*kind).is_empty()) {
+        bail!(
+            "--also {}: the splats of {} have none; `weather-magician label` gives them by masks of the photos",
+            kind.name(),
+            scene.display()
+        );
+    }
+    Ok(())
 }
 
 fn target_of(args: &RenderArgs, weather: &Weather) -> Result<OutputTarget> {

@@ -1,6 +1,6 @@
 //! Data sets: every photo's view with and without a weather, and the maps that relate the two.
 
-use super::{RenderArgs, background, manifest};
+use super::{RenderArgs, manifest};
 use crate::interrupt::Interrupted;
 use crate::names::stem_of;
 use crate::progress::Reporter;
@@ -11,13 +11,13 @@ use serde_json::{Map, Value as Json, json};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::time::Instant;
-use weather_magician::output::{PictureFormat, PictureLayer, PictureStyle};
+use weather_magician::output::{PictureFormat, PictureStyle};
 use weather_magician::sequence::render_and_write;
 use weather_magician::view::spec;
-use weather_magician::{FrameOptions, MovingCamera, Picture, PreparedPlace, Renderer, picture_tags};
+use weather_magician::{
+    FrameRequest, Layers, MovingCamera, Picture, PictureLayer, PreparedPlace, Renderer, picture_tags,
+};
 use wm_media::PictureSize;
-use wm_render::parts::PicturePart;
-use wm_render::{Frame, Geometry, Outputs, ParticlePass, RenderConfig};
 use wm_scene::{Camera, SceneView};
 use wm_weather::{Fidelity, ParamValue, Weather};
 
@@ -82,12 +82,9 @@ impl PhotoView {
     }
 }
 
-/// The two pictures of one view.
-#[derive(Default)]
-struct FramePair {
-    clean: Frame,
-    weather: Picture,
-}
+/// The layers of a pair.
+const LAYERS: Layers =
+    Layers::COLOR.with(Layers::CLEAR).with(Layers::DEPTH).with(Layers::PARTICLES).with(Layers::TRANSMITTANCE);
 
 /// Runs `render --pairs`.
 pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
@@ -96,12 +93,7 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let mut loaded =
         OpenScene::with_sky(&args.scene, &args.run, args.camera.viewpoint.views.as_ref(), args.sky)?;
     let shots = shots(&mut loaded, args)?;
-    let config = RenderConfig {
-        outputs: Outputs { geometry: Geometry::Depth, particles: ParticlePass::On, ..Outputs::default() },
-        background: background(args.output.background, &loaded),
-        rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
-    };
-    loaded.place.config = config;
+    args.output.set_drawing(&mut loaded.place);
     let manifest = about((&loaded.renderer, &loaded.place), &shots, args, weather)?;
     manifest::keep(&folder, MANIFEST, &manifest, "pictures of another run")?;
     let weather = &match shots.first() {
@@ -121,27 +113,22 @@ pub fn run(args: &RenderArgs, weather: &Weather) -> Result<()> {
     let scene = args.scene.scene.display().to_string();
     let style = |weather: &Weather, camera: &Camera| PictureStyle {
         dither: args.output.dither.into(),
-        metres_per_unit: place.site().metres_per_unit,
         tags: picture_tags(&scene, place.site(), renderer.backend(), weather, time, camera),
         ..PictureStyle::default()
     };
     let styles: Vec<[PictureStyle; 2]> =
         shots.iter().map(|shot| [&clear, weather].map(|weather| style(weather, &shot.camera))).collect();
-    let mut render = |index: u32, pair: &mut FramePair| {
+    let mut render = |index: u32, picture: &mut Picture| {
         let camera = shots[index as usize].camera;
         let speed = args.camera.camera_speed.unwrap_or(0.0);
         let moving = MovingCamera { camera, velocity: (camera.forward() * speed).to_array() };
-        place.config.outputs = Outputs::default();
-        renderer.render_clear(&mut place, &camera, &mut pair.clean)?;
-        place.config.outputs = config.outputs;
-        let parts = &[PicturePart::Transmittance];
-        let options = FrameOptions { parts, ..FrameOptions::new(time, moving) };
-        renderer.render_into(&mut place, weather, &options, &mut pair.weather, &mut Reporter::default())?;
+        let request = FrameRequest { layers: LAYERS, ..FrameRequest::new(weather, moving, time) };
+        renderer.render_into(&mut place, &request, picture, &mut Reporter::default())?;
         Ok(())
     };
-    let mut write = |index: u32, pair: &FramePair| {
+    let mut write = |index: u32, picture: &Picture| {
         let index = index as usize;
-        write_pair(&folder, &shots[index], &styles[index], pair)
+        write_pair(&folder, &shots[index], &styles[index], picture)
     };
     let written = render_and_write(&missing, &mut render, &mut write, &mut Reporter::default())? as usize;
     print_warnings(&mut place);
@@ -263,7 +250,7 @@ fn write_pair(
     folder: &Path,
     shot: &PhotoView,
     [clear, style]: &[PictureStyle; 2],
-    pair: &FramePair,
+    picture: &Picture,
 ) -> Result<()> {
     let size = PictureSize::new(shot.camera.width, shot.camera.height);
     let paths = FOLDERS.map(|kind| folder.join(shot.file(kind)));
@@ -273,11 +260,11 @@ fn write_pair(
             .with_context(|| format!("cannot create the folder {}", parent.display()))?;
     }
     let [clean, weather, depth, transmittance, particles] = paths;
-    wm_media::png::write_rgb(&clean, &pair.clean.rgb, size, clear.dither, &clear.tags)?;
-    style.write(&pair.weather, &weather)?;
-    style.write_one(PictureLayer::Depth, PictureFormat::Npy, &pair.weather, size, &depth)?;
-    style.write_one(PictureLayer::Transmittance, PictureFormat::Npy, &pair.weather, size, &transmittance)?;
-    style.write_one(PictureLayer::Particles, PictureFormat::Png, &pair.weather, size, &particles)?;
+    wm_media::png::write_rgb(&clean, &picture.clear, size, clear.dither, &clear.tags)?;
+    style.write(picture, &weather)?;
+    style.write_layer(PictureLayer::Depth, PictureFormat::Npy, picture, &depth)?;
+    style.write_layer(PictureLayer::Transmittance, PictureFormat::Npy, picture, &transmittance)?;
+    style.write_layer(PictureLayer::Particles, PictureFormat::Png, picture, &particles)?;
     Ok(())
 }
 
@@ -337,7 +324,7 @@ fn about(
         "camera_speed": args.camera.camera_speed.unwrap_or(0.0),
         "simd": renderer.backend().path().to_string(),
         "device": renderer.backend().arithmetic(),
-        "config": format!("{:?}", place.config),
+        "drawing": super::drawing_facts(place, LAYERS),
         "dither": format!("{:?}", args.output.dither),
         "units": {
             "time": "s",

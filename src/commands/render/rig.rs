@@ -1,7 +1,7 @@
 //! Rigs: the pictures and sweeps of all sensors along one path, a folder each.
 
 use super::camera::MotionArgs;
-use super::{RenderArgs, background, layers, manifest};
+use super::{RenderArgs, check_labels, manifest};
 use crate::interrupt::{self, Interrupted};
 use crate::names::stem_of;
 use crate::progress::{self, Reporter};
@@ -11,14 +11,15 @@ use indicatif::ProgressBar;
 use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weather_magician::camera_model::{SensorCamera, Shot};
+use weather_magician::camera_model::SensorCamera;
 use weather_magician::lidar::{LidarSweep, ScanOptions};
-use weather_magician::output::{ExtraPicture, PictureFormat, PictureStyle, outputs, parts};
+use weather_magician::output::{LayerFile, PictureFormat, PictureStyle, layers_of};
 use weather_magician::radar::{RadarScanOptions, RadarSweep};
 use weather_magician::rig::{Rig, RigDevice, RigSensor};
-use weather_magician::{Camera, CameraMotion, Error, FrameOptions, LensView, Picture, picture_tags};
+use weather_magician::{
+    Camera, CameraMotion, Error, FrameRequest, LensView, NextFrame, Picture, picture_tags,
+};
 use wm_media::png::DepthScale;
-use wm_render::RenderConfig;
 use wm_weather::Weather;
 
 /// The file that describes the sensors and their files.
@@ -57,17 +58,13 @@ pub fn run(args: &RenderArgs, weather: &Weather, file: &Path) -> Result<()> {
     let duration = if base.duration() > 0.0 { base.duration() } else { DEFAULT_SECONDS };
     let (start, seconds) = (args.output.time(), args.output.seconds.unwrap_or(duration));
     let base = base.driven(start.max(0.0) + seconds, loaded.place.site().metres_per_unit)?;
-    loaded.place.config = RenderConfig {
-        outputs: outputs(&args.output.also),
-        background: background(args.output.background, &loaded),
-        rasterization: args.output.rasterization.unwrap_or(loaded.place.config.rasterization),
-    };
+    args.output.set_drawing(&mut loaded.place);
     let count: usize =
         rig.sensors.iter().map(|sensor| sensor.times(start, seconds).take(MOST + 1).count()).sum();
     if count > MOST {
         bail!("{}: more than {MOST} pictures and sweeps; give --seconds", file.display());
     }
-    layers::check_labels(&args.output.also, &loaded.place, &args.scene.scene)?;
+    check_labels(layers_of(&args.output.also), &loaded.place, &args.scene.scene)?;
     let weather = &loaded.place.weather_of_shot(weather, &base.camera(start));
     let mut job = RigJob { args, loaded, weather, base, folder, start, seconds, bar: ProgressBar::hidden() };
     manifest::keep(&job.folder, MANIFEST, &job.manifest(&rig)?, "files of another run")?;
@@ -122,9 +119,9 @@ fn check(args: &RenderArgs, weather: &Weather, rig: &Rig) -> Result<PathBuf> {
     for sensor in &rig.sensors {
         match &sensor.device {
             RigDevice::Camera { model, .. } => {
-                layers::layers(&output.also, model, weather)
-                    .with_context(|| format!("sensor \"{}\"", sensor.name))?;
-                model.check(weather).with_context(|| format!("sensor \"{}\"", sensor.name))?;
+                let named = || format!("sensor \"{}\"", sensor.name);
+                layers_of(&output.also).check(model, weather).context("--also").with_context(named)?;
+                model.check(weather).with_context(named)?;
             }
             RigDevice::Lidar { .. } if weather.fidelity == wm_weather::Fidelity::Paper => {
                 bail!("sensor \"{}\": a lidar needs --set fidelity=physical", sensor.name);
@@ -167,7 +164,7 @@ impl RigJob<'_> {
         let last = self.args.output.also.last().filter(|_| matches!(sensor.device, RigDevice::Camera { .. }));
         let is_there = |index: u32| {
             let file = self.file(sensor, index);
-            let other = |also: &ExtraPicture| PictureStyle::path_of(*also, format, &file).exists();
+            let other = |also: &LayerFile| PictureStyle::path_of(*also, format, &file).exists();
             file.exists() && last.is_none_or(other)
         };
         let all: Vec<(u32, f64)> = sensor.times(self.start, self.seconds).collect();
@@ -179,7 +176,7 @@ impl RigJob<'_> {
             RigDevice::Camera { model, .. } => {
                 let mut camera = SensorCamera::new((**model).clone(), motion);
                 camera.number = number as u32;
-                self.pictures(sensor, &mut camera, &missing)?;
+                self.pictures(sensor, &camera, &missing)?;
             }
             RigDevice::Lidar { .. } | RigDevice::Radar { .. } => {
                 self.sweeps(sensor, &motion, &missing, number)?;
@@ -188,34 +185,28 @@ impl RigJob<'_> {
         Ok((missing.len(), kept))
     }
 
-    fn pictures(
-        &mut self,
-        sensor: &RigSensor,
-        camera: &mut SensorCamera,
-        missing: &[(u32, f64)],
-    ) -> Result<()> {
-        let parts = parts(&self.args.output.also);
-        let later = layers::layers(&self.args.output.also, &camera.model, self.weather)?;
+    fn pictures(&mut self, sensor: &RigSensor, camera: &SensorCamera, missing: &[(u32, f64)]) -> Result<()> {
+        let layers = layers_of(&self.args.output.also);
         let scene = self.args.scene.scene.display().to_string();
         let mut picture = Picture::default();
         for (index, time) in missing {
             stop_if_asked()?;
-            let shot = Shot { time: *time, index: *index, parts: &parts };
             let OpenScene { renderer, place } = &mut self.loaded;
-            renderer.expose(place, self.weather, camera, &shot, &mut picture, &mut Reporter::default())?;
-            let metres = place.site().metres_per_unit;
-            let at = |time: f64| FrameOptions::new(time, camera.motion().at(time, metres));
-            let (frame, next) = (at(*time), at(*time + 1.0 / sensor.rate));
-            let lens = camera.model.lens.as_ref();
-            let progress = &mut Reporter::default();
-            later.render(renderer, (place, self.weather), lens, [&frame, &next], &mut picture, progress)?;
+            let after = *time + 1.0 / sensor.rate;
+            let next = camera.motion().at(after, place.site().metres_per_unit);
+            let request = FrameRequest {
+                index: *index,
+                layers,
+                next: Some(NextFrame { time: after, camera: next }),
+                ..FrameRequest::new(self.weather, camera, *time)
+            };
+            renderer.render_into(place, &request, &mut picture, &mut Reporter::default())?;
             let pose = camera.motion().camera(*time);
             let mut tags = picture_tags(&scene, place.site(), renderer.backend(), self.weather, *time, &pose);
             tags.push(("sensor".into(), sensor.name.clone()));
             let style = PictureStyle {
                 also: self.args.output.also.clone(),
                 dither: self.args.output.dither.into(),
-                metres_per_unit: place.site().metres_per_unit,
                 depth_scale: DepthScale::reaching(place.site().far),
                 tags,
                 ..PictureStyle::default()
@@ -287,7 +278,7 @@ impl RigJob<'_> {
             "weather": format!("{:?}", self.weather),
             "start": self.start,
             "seconds": self.seconds,
-            "config": format!("{:?}", place.config),
+            "drawing": super::drawing_facts(place, layers_of(&self.args.output.also)),
             "also": format!("{:?}", self.args.output.also),
             "dither": format!("{:?}", self.args.output.dither),
             "simd": renderer.backend().path().to_string(),

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 use weather_magician::Picture;
-use weather_magician::output::{ExtraPicture, LayerPlacement, PictureStyle};
+use weather_magician::output::{LayerFile, LayerPlacement, PictureStyle};
 use weather_magician::sequence::render_and_write;
 use wm_media::{PictureSize, png::DepthScale, video};
 
@@ -67,7 +67,7 @@ pub fn folder(job: &mut RenderJob, wanted: &[u32], folder: &Path, args: &RenderA
     // The colour is written first and the other pictures after it: a frame is complete if the last
     // one exists.
     let place = if args.output.layers { LayerPlacement::Layers } else { LayerPlacement::Beside };
-    let is_layer = |also: &ExtraPicture| place.is_layer(*also, args.output.frame_format);
+    let is_layer = |also: &LayerFile| place.is_layer(*also, args.output.frame_format);
     let last = |index: u32| match args.output.also.iter().rev().find(|also| !is_layer(also)) {
         Some(also) => PictureStyle::path_of(*also, args.output.frame_format, &name(index)),
         None => name(index),
@@ -130,7 +130,7 @@ fn about(job: &RenderJob, args: &RenderArgs) -> Result<Value> {
         "weather": format!("{:?}", job.weather),
         "site": format!("{:?}", job.place.site()),
         "camera": job.plan.fingerprint(),
-        "config": format!("{:?}", job.place.config),
+        "drawing": super::drawing_facts(&job.place, job.layers),
         "start": args.output.time(),
         "fps": job.plan.rate.to_string(),
         "frames": job.plan.frames,

@@ -1,14 +1,11 @@
 //! The steps of the paper's rain and snow, as pictures beside the final one.
 
-use super::{OutputTarget, RenderJob};
-use crate::progress::Reporter;
+use super::OutputTarget;
 use anyhow::{Result, bail};
 use std::path::{Path, PathBuf};
+use weather_magician::Picture;
 use weather_magician::output::{PictureStyle, beside};
-use weather_magician::{FrameOptions, Picture};
 use wm_media::{PictureSize, png};
-use wm_render::Stats;
-use wm_weather::paper::PaperStages;
 use wm_weather::{EffectRole, Fidelity, Weather};
 
 /// The names of the steps.
@@ -33,27 +30,15 @@ pub fn check(weather: &Weather, target: &OutputTarget) -> Result<()> {
     Ok(())
 }
 
-/// Renders and writes the picture at `time`, its steps and the other pictures that are requested;
-/// returns a line for each file but the picture.
-pub fn picture(
-    job: &mut RenderJob,
-    style: &PictureStyle,
-    path: &Path,
-    time: f64,
-    picture: &mut Picture,
-) -> Result<(Stats, Vec<String>)> {
-    let camera = job.plan.moving(time, job.place.site().metres_per_unit);
-    let (options, mut stages) = (FrameOptions::new(time, camera), PaperStages::default());
-    let RenderJob { renderer, place, weather, .. } = job;
-    let target = (&mut *picture, &mut stages);
-    let stats = renderer.render_stages(place, weather, &options, target, &mut Reporter::default())?;
-    let mut lines = style.write(picture, path)?;
-    let frame = &picture.frame;
+/// Writes the steps of a picture; returns a line for each file.
+pub fn write(picture: &Picture, style: &PictureStyle, path: &Path) -> Result<Vec<String>> {
+    let (frame, stages) = (&picture.frame, &picture.stages);
     let size = PictureSize::new(frame.width, frame.height);
     let steps = [&stages.noise, &stages.overlay, &stages.filtered, &frame.rgb];
+    let mut lines = Vec::new();
     for (path, rgb) in paths(path).into_iter().zip(steps) {
         png::write_rgb(&path, rgb, size, style.dither, &style.tags)?;
         lines.push(path.display().to_string());
     }
-    Ok((stats, lines))
+    Ok(lines)
 }

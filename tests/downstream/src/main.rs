@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 use weather_magician::train::Session;
-use weather_magician::{Camera, Renderer, Scene, Weather};
+use weather_magician::{Camera, FrameRequest, Renderer, Scene, Weather};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut args = std::env::args_os().skip(1).map(PathBuf::from);
@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("rain", Weather::clear().set("rain.rate", 30.0)?),
         ("snow", Weather::clear().set("snow_cover.depth", 0.1)?),
     ] {
-        let picture = renderer.render(&mut place, &weather, &camera, 0.0)?;
+        let picture = renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.0))?;
         picture.save(out.join(format!("{name}.png")))?;
     }
     let trained = Session::new(photos).steps(100).run(&mut ())?;

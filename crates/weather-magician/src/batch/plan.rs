@@ -3,19 +3,19 @@
 use super::weathers::{FindWeather, WeatherEntry, WeatherSource, meant};
 use crate::MotionSpec;
 use crate::levels::{LevelBudget, parse_memory};
-use crate::output::{ExtraPicture, PictureFormat, outputs, parts};
+use crate::output::{LayerFile, PictureFormat, layers_of};
 use crate::panorama_file::read_panorama;
 use crate::rig::Rig;
 use crate::view::moves::PathSpec;
 use crate::view::spec::CameraSpec;
-use crate::{Error, LaterLayers, Result};
+use crate::{Error, Layers, Result};
 use glam::DVec3;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
-use wm_datasets::{LAYOUTS, Layout};
+use wm_datasets::{LAYOUTS, LayerNeeds, Layout};
 use wm_scene::Metadata;
 use wm_scene::camera::FOV;
 use wm_weather::{Fidelity, Weather};
@@ -62,7 +62,7 @@ pub struct BatchPlan {
     /// The format of its pictures.
     pub picture: PictureFormat,
     /// Its pictures beside the colour.
-    pub also: Vec<ExtraPicture>,
+    pub also: Vec<LayerFile>,
     /// True if the same view without weather is written beside each of its pictures.
     pub pairs: bool,
     /// The names of the labels of splats, from 1.
@@ -266,42 +266,23 @@ impl BatchPlan {
         })
     }
 
-    /// The outputs that a camera's picture needs, for all layouts.
+    /// The layers that the plan's files and layouts have of a camera.
     #[must_use]
-    pub fn picture_needs(&self) -> PictureNeeds {
-        let layers = self.layouts.iter().map(|layout| layout.needs());
-        let mut needs = layers.fold(wm_datasets::LayerNeeds::default(), wm_datasets::LayerNeeds::or);
-        needs.clean |= self.pairs;
-        let mut also = self.also.clone();
-        let mut ask = |is_needed: bool, text: &str| {
-            if let Ok(one) = text.parse::<ExtraPicture>()
-                && is_needed
-                && also.iter().all(|other| other.kind != one.kind)
-            {
-                also.push(one);
+    pub fn layers(&self) -> Layers {
+        let mut layers = layers_of(&self.also);
+        let layouts = self.layouts.iter().map(|layout| layout.needs());
+        let needs = layouts.fold(LayerNeeds::default(), LayerNeeds::or);
+        for (layer, is_needed) in [
+            (Layers::CLEAR, needs.clean || self.pairs),
+            (Layers::SURFACE_DEPTH, needs.depth),
+            (Layers::FLOW | Layers::FLOW_MASK, needs.flow),
+        ] {
+            if is_needed {
+                layers |= layer;
             }
-        };
-        ask(needs.flow, "flow");
-        PictureNeeds {
-            outputs: outputs(&also),
-            parts: parts(&also),
-            later: LaterLayers::of(&also),
-            layers: needs,
         }
+        layers
     }
-}
-
-/// The outputs that a camera's picture needs.
-#[derive(Clone, Debug)]
-pub struct PictureNeeds {
-    /// Outputs of the render.
-    pub outputs: wm_render::Outputs,
-    /// Parts with renders of their own.
-    pub parts: Vec<wm_render::parts::PicturePart>,
-    /// Layers that are drawn later.
-    pub later: LaterLayers,
-    /// The layers that layouts need.
-    pub layers: wm_datasets::LayerNeeds,
 }
 
 /// Letters, digits, `-` and `_`, of a text; others become `-`.
@@ -381,7 +362,7 @@ impl PlanFile {
             None => PictureFormat::Png,
             Some(text) => text.parse().map_err(|says: String| PlanFault::new(None, "picture", says))?,
         };
-        let also = self.also.iter().map(|text| text.parse::<ExtraPicture>());
+        let also = self.also.iter().map(|text| text.parse::<LayerFile>());
         let also = also.collect::<Result<Vec<_>, _>>().map_err(|says| PlanFault::new(None, "also", says))?;
         let (layouts, writes_frames) = self.layouts()?;
         if let Some(key) = ["picture", "also", "pairs"]

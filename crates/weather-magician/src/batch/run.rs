@@ -2,7 +2,7 @@
 
 use super::clips::{BatchClips, BlockPart, PlannedBlock};
 use super::places::OpenPlaces;
-use super::plan::{BatchPlan, PictureNeeds, PlanScene};
+use super::plan::{BatchPlan, PlanScene};
 use super::set::{clip_of, place_of, readings_of, rig_of, set_of};
 use super::shots::{ActivePart, ReadingBuffer, ShotMemory, Shots};
 use super::store::{BatchStore, BlockFiles, BlockMarker, MarkedClip};
@@ -10,7 +10,7 @@ use super::writers::{BlockWriters, WriterTarget};
 use crate::levels::shot_cameras;
 use crate::rig::{Rig, RigDevice, RigSensor};
 use crate::sequence::render_and_write;
-use crate::{CameraMotion, Error, Progress, Renderer, Result};
+use crate::{CameraMotion, Error, Layers, Progress, Renderer, Result};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -28,7 +28,7 @@ pub struct BatchRun {
     pub rig: Rig,
     /// The same in the terms of data sets.
     pub set: SetInfo,
-    needs: PictureNeeds,
+    layers: Layers,
     pub(super) renderer: Renderer,
     /// The folder for prepared assets, by scene; `None` keeps none.
     pub(super) assets: fn(&Path) -> Option<PathBuf>,
@@ -75,10 +75,10 @@ impl BatchRun {
                 )));
             }
         }
-        let needs = plan.picture_needs();
+        let layers = plan.layers();
         for sensor in &rig.sensors {
             if let RigDevice::Camera { model, .. } = &sensor.device {
-                needs.later.check(model, &wm_weather::Weather::clear())?;
+                layers.check(model, &wm_weather::Weather::clear())?;
             }
         }
         Ok(Self {
@@ -86,7 +86,7 @@ impl BatchRun {
             clips,
             rig,
             set,
-            needs,
+            layers,
             renderer,
             assets,
             places: OpenPlaces::default(),
@@ -202,20 +202,13 @@ impl BatchRun {
     ) -> Result<Vec<MarkedClip>> {
         let parts: Vec<ActivePart> = parts.iter().map(|part| self.part(part, 1)).collect::<Result<_>>()?;
         let open = self.places.last_mut().ok_or(Error::Stopped)?;
-        open.place.config.outputs = self.needs.outputs;
         let steps: Vec<(usize, usize)> = (0..parts.len())
             .flat_map(|part| (0..parts[part].readings.len()).map(move |index| (part, index)))
             .collect();
         let mut memory = ShotMemory::default();
-        let mut shots = Shots::new(&self.rig, &self.needs, self.plan.seed, &mut memory);
-        let metres = open.place.site().metres_per_unit;
-        let target = WriterTarget {
-            plan: &self.plan,
-            set: &self.set,
-            rig: &self.rig,
-            metres,
-            clips: self.clips.clips(),
-        };
+        let mut shots = Shots::new(&self.rig, self.layers, self.plan.seed, &mut memory);
+        let target =
+            WriterTarget { plan: &self.plan, set: &self.set, rig: &self.rig, clips: self.clips.clips() };
         let mut writers = BlockWriters::new(target, &parts, files);
         let (renderer, place) = (&mut self.renderer, &mut open.place);
         let numbers: Vec<u32> = (0..steps.len() as u32).collect();

@@ -1,66 +1,13 @@
 //! One reading of a plan in memory: what its files would hold, without files.
 
-use super::plan::{BatchPlan, PictureNeeds};
 use super::run::BatchRun;
 use super::shots::{ReadingBuffer, Shots};
 use super::weathers::meant;
-use crate::output::{ExtraPicture, PictureLayer, outputs, parts};
 use crate::rig::RigDevice;
-use crate::{Error, LaterLayers, Result};
+use crate::{Error, Layers, PictureLayer, Result};
 use std::collections::BTreeMap;
-use std::fmt;
-use std::str::FromStr;
-use wm_datasets::{ClipInfo, DatasetDetection, DatasetPoint, LayerNeeds, ReadingInfo, SensorInfo};
+use wm_datasets::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo, SensorInfo};
 use wm_weather::Weather;
-
-/// A layer of a picture in a [`BatchSample`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SampleLayer {
-    /// `rgb`: the colour, 8 bits, sRGB.
-    Rgb,
-    /// `clear`: the same view without any weather, 8 bits, sRGB; the `NAME.clear.png` of `pairs`.
-    Clear,
-    /// `surface-depth`: depth of surfaces in m, as layouts with depth have it; 0 in the sky.
-    SurfaceDepth,
-    /// A layer of the plan's `also`, by its name there.
-    Picture(PictureLayer),
-}
-
-impl SampleLayer {
-    /// Those that are no layers of `also`.
-    const OWN: [(Self, &'static str); 3] =
-        [(Self::Rgb, "rgb"), (Self::Clear, "clear"), (Self::SurfaceDepth, "surface-depth")];
-
-    /// Returns its name.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Picture(layer) => layer.name(),
-            own => Self::OWN.iter().find(|(known, _)| *known == own).map_or("", |(_, name)| name),
-        }
-    }
-}
-
-impl fmt::Display for SampleLayer {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for SampleLayer {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        if let Some((own, _)) = Self::OWN.iter().find(|(_, name)| *name == text) {
-            return Ok(*own);
-        }
-        match text.parse::<ExtraPicture>() {
-            Ok(ExtraPicture { kind, format: None }) => Ok(Self::Picture(kind)),
-            Ok(_) => Err(format!("`{text}`: a layer in memory has no format; leave out the extension")),
-            Err(says) => Err(format!("{says}; or rgb, clear or surface-depth")),
-        }
-    }
-}
 
 /// The reading that is wanted of a frame.
 #[derive(Clone, Copy, Debug)]
@@ -69,7 +16,7 @@ pub struct SampleOptions<'a> {
     pub sensor: Option<&'a str>,
     /// The layers of a picture; `None` for those that the plan's files have. Lidars and radars have
     /// none.
-    pub layers: Option<&'a [SampleLayer]>,
+    pub layers: Option<Layers>,
     /// Most scenes that stay open, at least 1: frames of a scene that is open need not wait for it.
     pub places: usize,
 }
@@ -114,7 +61,7 @@ pub enum SampleData {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SampleArray {
     /// The layer.
-    pub layer: SampleLayer,
+    pub layer: PictureLayer,
     /// `[H, W]`, or `[H, W, C]`.
     pub shape: Vec<usize>,
     /// The values, in the order of rows, then columns, then channels.
@@ -130,52 +77,6 @@ pub enum SampleValues {
     Numbers(Vec<u16>),
     /// All else, as in the layer's `.npy`: metres, px, shares and linear light.
     Floats(Vec<f32>),
-}
-
-impl BatchPlan {
-    /// The layers that the plan's files have of a camera.
-    #[must_use]
-    pub fn sample_layers(&self) -> Vec<SampleLayer> {
-        let mut layers = vec![SampleLayer::Rgb];
-        let mut ask = |layer: SampleLayer| {
-            if !layers.contains(&layer) {
-                layers.push(layer);
-            }
-        };
-        self.also.iter().for_each(|also| ask(SampleLayer::Picture(also.kind)));
-        let needs = self.picture_needs().layers;
-        let flow = [PictureLayer::Flow, PictureLayer::FlowMask].map(SampleLayer::Picture);
-        let asked = [needs.clean, needs.depth, needs.flow, needs.flow];
-        for (layer, is_needed) in
-            [SampleLayer::Clear, SampleLayer::SurfaceDepth].into_iter().chain(flow).zip(asked)
-        {
-            if is_needed {
-                ask(layer);
-            }
-        }
-        layers
-    }
-}
-
-/// The passes and pictures that some layers need.
-fn needs_of(layers: &[SampleLayer]) -> PictureNeeds {
-    let also: Vec<ExtraPicture> = layers
-        .iter()
-        .filter_map(|layer| match layer {
-            SampleLayer::Picture(kind) => Some(ExtraPicture { kind: *kind, format: None }),
-            _ => None,
-        })
-        .collect();
-    PictureNeeds {
-        outputs: outputs(&also),
-        parts: parts(&also),
-        later: LaterLayers::of(&also),
-        layers: LayerNeeds {
-            clean: layers.contains(&SampleLayer::Clear),
-            depth: layers.contains(&SampleLayer::SurfaceDepth),
-            flow: false,
-        },
-    }
 }
 
 impl BatchRun {
@@ -206,22 +107,20 @@ impl BatchRun {
             );
             return Err(Error::Unsupported(says));
         };
-        let mut layers = options.layers.map_or_else(|| self.plan.sample_layers(), <[SampleLayer]>::to_vec);
-        layers.sort_unstable_by_key(|layer| layer.name());
-        layers.dedup();
-        let needs = needs_of(&layers);
+        let layers = options.layers.unwrap_or_else(|| self.plan.layers());
         if let RigDevice::Camera { model, .. } = &self.rig.sensors[sensor].device {
-            needs.later.check(model, &Weather::clear())?;
+            layers.check(model, &Weather::clear())?;
         }
         let open = self.places.last_mut().ok_or(Error::Stopped)?;
-        open.place.config.outputs = needs.outputs;
         self.sampled.clear_sweeps();
-        let mut shots = Shots::new(&self.rig, &needs, self.plan.seed, &mut self.sampled);
+        let mut shots = Shots::new(&self.rig, layers, self.plan.seed, &mut self.sampled);
         let mut buffer = ReadingBuffer::default();
         shots.take(&mut self.renderer, &mut open.place, (part.clip as usize, &active, 0), &mut buffer)?;
         let data = match &self.rig.sensors[sensor].device {
             RigDevice::Camera { .. } => {
-                let arrays = layers.iter().map(|layer| array_of(*layer, &mut buffer));
+                let mut layers: Vec<PictureLayer> = layers.iter().collect();
+                layers.sort_unstable_by_key(|layer| layer.name());
+                let arrays = layers.into_iter().map(|layer| array_of(layer, &mut buffer));
                 SampleData::Picture(arrays.collect::<Result<_>>()?)
             }
             RigDevice::Lidar { .. } => SampleData::Points(buffer.points),
@@ -265,26 +164,18 @@ impl BatchRun {
 }
 
 /// A layer of a reading, with the memory of the buffer where it can be taken.
-fn array_of(layer: SampleLayer, buffer: &mut ReadingBuffer) -> Result<SampleArray> {
+fn array_of(layer: PictureLayer, buffer: &mut ReadingBuffer) -> Result<SampleArray> {
     use std::mem::take;
     let (height, width) = (buffer.picture.frame.height as usize, buffer.picture.frame.width as usize);
     let picture = &mut buffer.picture;
-    let (values, channels) = match layer {
-        SampleLayer::Rgb => (SampleValues::Bytes(take(&mut buffer.rgb)), 3),
-        SampleLayer::Clear => (SampleValues::Bytes(take(&mut buffer.clean)), 3),
-        SampleLayer::SurfaceDepth => (SampleValues::Floats(take(&mut buffer.depth)), 1),
-        SampleLayer::Picture(PictureLayer::Label) => {
-            (SampleValues::Numbers(take(&mut picture.labels.label)), 1)
-        }
-        SampleLayer::Picture(PictureLayer::Instance) => {
-            (SampleValues::Numbers(take(&mut picture.labels.instance)), 1)
-        }
-        SampleLayer::Picture(PictureLayer::FlowMask) => {
-            (SampleValues::Bytes(take(&mut picture.flow.states)), 1)
-        }
-        SampleLayer::Picture(kind) => {
-            (SampleValues::Floats(picture.layer(kind).into_owned()), kind.channels().len())
-        }
+    let channels = layer.channels().len();
+    let values = match layer {
+        PictureLayer::Color => SampleValues::Bytes(take(&mut buffer.rgb)),
+        PictureLayer::Clear => SampleValues::Bytes(take(&mut buffer.clear)),
+        PictureLayer::Label => SampleValues::Numbers(take(&mut picture.labels.label)),
+        PictureLayer::Instance => SampleValues::Numbers(take(&mut picture.labels.instance)),
+        PictureLayer::FlowMask => SampleValues::Bytes(take(&mut picture.flow.states)),
+        _ => SampleValues::Floats(picture.layer(layer).into_owned()),
     };
     let shape = if channels == 1 { vec![height, width] } else { vec![height, width, channels] };
     let count = match &values {

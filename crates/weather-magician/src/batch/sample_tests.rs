@@ -1,8 +1,8 @@
 //! Tests of readings in memory: they are those of the files, in any order.
 
 use super::*;
-use crate::output::PictureLayer;
 use crate::{CpuConfig, Device, Renderer};
+use crate::{Layers, PictureLayer};
 use glam::DVec3;
 use std::path::Path;
 use wm_media::PictureSize;
@@ -101,7 +101,7 @@ fn run(plan: &BatchPlan) -> BatchRun {
     BatchRun::new(plan.clone(), renderer, |_| None).unwrap()
 }
 
-fn array(sample: &BatchSample, layer: SampleLayer) -> &SampleArray {
+fn array(sample: &BatchSample, layer: PictureLayer) -> &SampleArray {
     let SampleData::Picture(layers) = &sample.data else { panic!("a picture") };
     layers.iter().find(|array| array.layer == layer).unwrap()
 }
@@ -119,7 +119,7 @@ fn a_sample_has_the_bytes_of_the_files_in_any_order() {
     let mut alone = run(&plan);
     let two = SampleOptions::default();
     let one = SampleOptions { places: 1, ..two };
-    let depth = SampleLayer::Picture(PictureLayer::Depth);
+    let depth = PictureLayer::Depth;
     // Eight frames: two scenes, two weathers, two frames. To and fro between the scenes, the last
     // frame first.
     for (number, frame) in [7u64, 0, 5, 2].into_iter().enumerate() {
@@ -129,7 +129,7 @@ fn a_sample_has_the_bytes_of_the_files_in_any_order() {
         // The first picture of each frame: at 0.02 s and at 0.12 s.
         assert_eq!(u64::from(sample.reading.index), 2 * (frame % 2), "{frame}");
         assert!((sample.reading.time - 0.1 * (frame % 2) as f64 - 0.02).abs() < 1e-9);
-        for (layer, kind) in [(SampleLayer::Rgb, "png"), (SampleLayer::Clear, "clear.png")] {
+        for (layer, kind) in [(PictureLayer::Color, "png"), (PictureLayer::Clear, "clear.png")] {
             let SampleArray { shape, values: SampleValues::Bytes(bytes), .. } = array(&sample, layer) else {
                 panic!("{layer}");
             };
@@ -143,9 +143,8 @@ fn a_sample_has_the_bytes_of_the_files_in_any_order() {
         let ours = array(&sample, depth);
         assert!(ours.values == SampleValues::Floats(values) && ours.shape == shape, "frame {frame}");
         // Fewer layers change nothing of the others.
-        let bare =
-            alone.sample(frame, &SampleOptions { layers: Some(&[SampleLayer::Rgb]), ..options }).unwrap();
-        assert_eq!(array(&bare, SampleLayer::Rgb), array(&sample, SampleLayer::Rgb));
+        let bare = alone.sample(frame, &SampleOptions { layers: Some(Layers::COLOR), ..options }).unwrap();
+        assert_eq!(array(&bare, PictureLayer::Color), array(&sample, PictureLayer::Color));
     }
     let sweep = alone.sample(3, &SampleOptions { sensor: Some("top"), ..two }).unwrap();
     let SampleData::Points(points) = &sweep.data else { panic!("points") };
@@ -169,18 +168,18 @@ fn a_sample_has_the_bytes_of_the_files_in_any_order() {
         let fault = alone.sample(frame, &SampleOptions { sensor, ..two }).unwrap_err().to_string();
         assert!(fault.contains(says), "{fault}");
     }
-    let flow = [SampleLayer::Picture(PictureLayer::Flow)];
-    let fault = alone.sample(0, &SampleOptions { layers: Some(&flow), ..two }).unwrap_err().to_string();
+    let fault =
+        alone.sample(0, &SampleOptions { layers: Some(Layers::FLOW), ..two }).unwrap_err().to_string();
     assert!(fault.contains("layers flow and label are those of one instant"), "{fault}");
 }
 
 #[test]
 fn layers_are_known_by_their_names() {
     for name in ["rgb", "clear", "surface-depth", "median-depth", "flow-mask"] {
-        assert_eq!(name.parse::<SampleLayer>().unwrap().to_string(), name);
+        assert_eq!(name.parse::<PictureLayer>().unwrap().to_string(), name);
     }
-    assert!("depth.npy".parse::<SampleLayer>().unwrap_err().contains("leave out the extension"));
-    assert!("dept".parse::<SampleLayer>().unwrap_err().ends_with("or rgb, clear or surface-depth"));
+    assert!("depth.npy".parse::<PictureLayer>().unwrap_err().contains("leave out the extension"));
+    assert!("dept".parse::<PictureLayer>().unwrap_err().ends_with("instance or clear"));
 }
 
 #[test]

@@ -1,15 +1,14 @@
 //! Readings of the sensors of a plan: pictures, sweeps and detections.
 
 use super::clips::{BlockPart, PlannedClip};
-use super::plan::PictureNeeds;
 use super::set::{detections_of, points_of};
 use super::weathers::PlannedWeather;
-use crate::camera_model::{CameraModel, SensorCamera, Shot};
+use crate::camera_model::{CameraModel, SensorCamera};
 use crate::lidar::{LidarSweep, ScanOptions};
 use crate::motion::CameraMotion;
 use crate::radar::{RadarScanOptions, RadarSweep};
 use crate::rig::{Rig, RigDevice, RigSensor};
-use crate::{Error, FrameOptions, Picture, PreparedPlace, Renderer, Result};
+use crate::{Error, FrameRequest, Layers, NextFrame, Picture, PictureLayer, PreparedPlace, Renderer, Result};
 use std::collections::VecDeque;
 use wm_datasets::{ClipInfo, DatasetDetection, DatasetPoint, ReadingInfo};
 use wm_media::PictureSize;
@@ -52,7 +51,7 @@ pub struct ReadingBuffer {
     /// `[H, W, 3]`, sRGB.
     pub rgb: Vec<u8>,
     /// The same without weather, if it is needed.
-    pub clean: Vec<u8>,
+    pub clear: Vec<u8>,
     /// `[H, W]`, m, if it is needed.
     pub depth: Vec<f32>,
     /// The sweep of a lidar, and its points in the order of time.
@@ -70,24 +69,13 @@ pub struct ShotMemory {
     /// The part that the rest is of.
     part: usize,
     cameras: Vec<Option<SensorCamera>>,
-    /// The same cameras before the scene without weather.
-    clean_cameras: Vec<Option<SensorCamera>>,
-    /// Memory for further pictures of a reading.
-    spare: Picture,
     sweeps: Vec<VecDeque<LidarSweep>>,
     radars: Vec<VecDeque<RadarSweep>>,
 }
 
 impl Default for ShotMemory {
     fn default() -> Self {
-        Self {
-            part: usize::MAX,
-            cameras: Vec::new(),
-            clean_cameras: Vec::new(),
-            spare: Picture::default(),
-            sweeps: Vec::new(),
-            radars: Vec::new(),
-        }
+        Self { part: usize::MAX, cameras: Vec::new(), sweeps: Vec::new(), radars: Vec::new() }
     }
 }
 
@@ -102,7 +90,7 @@ impl ShotMemory {
 /// Takes the readings of a block one after the other.
 pub struct Shots<'a> {
     rig: &'a Rig,
-    needs: &'a PictureNeeds,
+    layers: Layers,
     seed: u64,
     memory: &'a mut ShotMemory,
 }
@@ -110,19 +98,18 @@ pub struct Shots<'a> {
 impl<'a> Shots<'a> {
     /// For a rig, with the seed of the plan.
     #[must_use]
-    pub fn new(rig: &'a Rig, needs: &'a PictureNeeds, seed: u64, memory: &'a mut ShotMemory) -> Self {
+    pub fn new(rig: &'a Rig, layers: Layers, seed: u64, memory: &'a mut ShotMemory) -> Self {
         let count = rig.sensors.len();
         memory.cameras.resize(count, None);
-        memory.clean_cameras.resize(count, None);
         memory.sweeps.resize_with(count, VecDeque::new);
         memory.radars.resize_with(count, VecDeque::new);
-        Self { rig, needs, seed, memory }
+        Self { rig, layers, seed, memory }
     }
 
     /// Takes reading `index` of a part.
     ///
     /// # Errors
-    /// Those of [`Renderer::expose`], [`Renderer::scan`] and [`Renderer::scan_radar`].
+    /// Those of [`Renderer::render`], [`Renderer::scan`] and [`Renderer::scan_radar`].
     pub fn take(
         &mut self,
         renderer: &mut Renderer,
@@ -133,7 +120,6 @@ impl<'a> Shots<'a> {
         if self.memory.part != number {
             self.memory.part = number;
             self.memory.cameras.fill(None);
-            self.memory.clean_cameras.fill(None);
             self.memory.clear_sweeps();
         }
         place.set_shot(&active.shot);
@@ -207,50 +193,30 @@ impl<'a> Shots<'a> {
         let sensor = &self.rig.sensors[info.sensor];
         let RigDevice::Camera { model, .. } = &sensor.device else { return Ok(()) };
         let metres = place.site().metres_per_unit;
-        let needs = self.needs;
         let new = || camera_of(sensor, model, (active, info), metres);
-        let camera = self.memory.cameras[info.sensor].get_or_insert_with(new);
+        let camera = &*self.memory.cameras[info.sensor].get_or_insert_with(new);
         let weather = &active.weather(place);
         let time = active.clip.weather.at + info.time;
         // Noise is another in each clip.
         let index = info.index ^ (bits(self.seed, active.clip.number) as u32) << 8;
-        let shot = Shot { time, index, parts: &needs.parts };
-        renderer.expose(place, weather, camera, &shot, &mut buffer.picture, &mut ())?;
-        let at = |time: f64| FrameOptions::new(time, camera.motion().at(time, metres));
-        let (frame, next) = (at(time), at(time + 1.0 / sensor.rate));
-        let lens = model.lens.as_ref();
-        let frames = [&frame, &next];
-        needs.later.render(renderer, (place, weather), lens, frames, &mut buffer.picture, &mut ())?;
-        let taken = &buffer.picture.frame;
-        let size = PictureSize::new(taken.width, taken.height);
-        buffer.rgb = quantize_rgb8(&taken.rgb, size, Dither::default());
-        if needs.layers.clean {
-            let clean = self.clean(renderer, place, (active, info), shot)?;
-            buffer.clean = quantize_rgb8(&clean, size, Dither::default());
-        }
-        if needs.layers.depth {
-            buffer.depth = renderer.surfaces(place, weather, (lens, &frame), &mut ())?;
-            buffer.depth.iter_mut().for_each(|depth| *depth = (f64::from(*depth) * metres) as f32);
-        }
+        let after = time + 1.0 / sensor.rate;
+        let next = NextFrame { time: after, camera: camera.motion().at(after, metres) };
+        let request = FrameRequest {
+            index,
+            layers: self.layers,
+            next: Some(next),
+            ..FrameRequest::new(weather, camera, time)
+        };
+        let picture = &mut buffer.picture;
+        renderer.render_into(place, &request, picture, &mut ())?;
+        let size = PictureSize::new(picture.frame.width, picture.frame.height);
+        let bytes = |rgb: &[f32]| match rgb {
+            [] => Vec::new(),
+            rgb => quantize_rgb8(rgb, size, Dither::default()),
+        };
+        (buffer.rgb, buffer.clear) = (bytes(&picture.frame.rgb), bytes(&picture.clear));
+        buffer.depth = picture.layer(PictureLayer::SurfaceDepth).into_owned();
         Ok(())
-    }
-
-    /// The same picture without any weather: with the sky and the light of the photos.
-    fn clean(
-        &mut self,
-        renderer: &mut Renderer,
-        place: &mut PreparedPlace,
-        (active, info): (&ActivePart, ReadingInfo),
-        shot: Shot<'_>,
-    ) -> Result<Vec<f32>> {
-        let sensor = &self.rig.sensors[info.sensor];
-        let RigDevice::Camera { model, .. } = &sensor.device else { return Ok(Vec::new()) };
-        let metres = place.site().metres_per_unit;
-        let new = || camera_of(sensor, model, (active, info), metres);
-        let camera = self.memory.clean_cameras[info.sensor].get_or_insert_with(new);
-        let shot = Shot { parts: &[], ..shot };
-        renderer.expose(place, &Weather::clear(), camera, &shot, &mut self.memory.spare, &mut ())?;
-        Ok(self.memory.spare.frame.rgb.clone())
     }
 }
 

@@ -27,8 +27,6 @@ pub struct WriterTarget<'a> {
     pub set: &'a SetInfo,
     /// The sensors.
     pub rig: &'a Rig,
-    /// The scale of the scene.
-    pub metres: f64,
     /// The number of clips of the set.
     pub clips: u64,
 }
@@ -128,7 +126,7 @@ impl<'a> BlockWriters<'a> {
         match &self.target.rig.sensors[info.sensor].device {
             RigDevice::Camera { .. } => ReadingData::Picture(PictureReading {
                 rgb: &buffer.rgb,
-                clean: some(&buffer.clean),
+                clean: some(&buffer.clear),
                 depth: (!buffer.depth.is_empty()).then_some(&buffer.depth[..]),
                 flow: Some(&buffer.picture.flow.vectors[..]).filter(|flow| !flow.is_empty()),
                 flow_states: some(&buffer.picture.flow.states),
@@ -140,14 +138,13 @@ impl<'a> BlockWriters<'a> {
 
     /// Writes the program's own files of a reading.
     fn own(&mut self, active: &ActivePart, info: &ReadingInfo, buffer: &ReadingBuffer) -> Result<()> {
-        let WriterTarget { plan, rig, metres, .. } = self.target;
+        let WriterTarget { plan, rig, .. } = self.target;
         let files = frame_files(plan, rig, (active.info.number, &active.info.name), info);
         let staged = self.files.path(&files[0])?;
         match &rig.sensors[info.sensor].device {
             RigDevice::Camera { .. } => {
                 let style = PictureStyle {
                     also: plan.also.clone(),
-                    metres_per_unit: metres,
                     depth_scale: DepthScale::reaching(FARTHEST),
                     ..PictureStyle::default()
                 };
@@ -155,7 +152,7 @@ impl<'a> BlockWriters<'a> {
                 if plan.pairs {
                     let frame = &buffer.picture.frame;
                     let size = PictureSize::new(frame.width, frame.height);
-                    write_rgb8(&self.files.path(&clear_path(&files[0]))?, &buffer.clean, size, &[])?;
+                    write_rgb8(&self.files.path(&clear_path(&files[0]))?, &buffer.clear, size, &[])?;
                 }
             }
             RigDevice::Lidar { .. } => buffer.sweep.iter().try_for_each(|sweep| sweep.save(&staged))?,

@@ -72,14 +72,18 @@ pub(super) struct LightMeter {
 impl LightMeter {
     /// The gain of an automatic exposure at `time`, s; `measure` returns the mean logarithm of the
     /// luminance at a time.
-    pub fn gain<E>(&mut self, time: f64, mut measure: impl FnMut(f64) -> Result<f64, E>) -> Result<f64, E> {
+    pub async fn gain<E>(
+        &mut self,
+        time: f64,
+        mut measure: impl AsyncFnMut(f64) -> Result<f64, E>,
+    ) -> Result<f64, E> {
         // A path and a weather begin at 0: what would be before is as at the beginning.
         let begin = if time >= 0.0 { 0 } else { i64::MIN };
         let last = (time / STEP).ceil() as i64;
         let first = ((time - MEMORY) / STEP).floor() as i64;
         for step in first.max(begin)..=last {
             if let Entry::Vacant(entry) = self.measured.entry(step) {
-                entry.insert(measure(step as f64 * STEP)?);
+                entry.insert(measure(step as f64 * STEP).await?);
             }
         }
         let (mut sum, mut total) = (0.0, 0.0);
@@ -101,11 +105,12 @@ impl LightMeter {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use wm_render::at_once;
 
     /// The gain for light that steps from one to another at a time.
     fn gain(meter: &mut LightMeter, time: f64) -> f64 {
-        let light = |at: f64| Ok::<f64, ()>(if at < 3.0 { 0.045f64.ln() } else { 0.18f64.ln() });
-        meter.gain(time, light).unwrap()
+        let light = async |at: f64| Ok::<f64, ()>(if at < 3.0 { 0.045f64.ln() } else { 0.18f64.ln() });
+        at_once(meter.gain(time, light)).unwrap()
     }
 
     #[test]

@@ -1,21 +1,21 @@
 //! Cameras as devices: a lens, a shutter, an exposure and the noise of a sensor.
 //!
 //! ```
-//! use weather_magician::camera_model::{CameraModel, ReadoutSide, SensorCamera, SensorNoise, Shot, Shutter};
-//! use weather_magician::{Camera, CameraMotion, LookAt, Picture, PlaceView, Renderer, Weather};
+//! use weather_magician::camera_model::{CameraModel, ReadoutSide, SensorCamera, SensorNoise, Shutter};
+//! use weather_magician::{Camera, CameraMotion, FrameCamera, FrameRequest, Renderer, Weather};
 //!
 //! # let scene = wm_street::Street::builtin().sampling(0.1).scene(&|_| true).unwrap();
 //! let mut renderer = Renderer::cpu()?;
 //! let mut place = renderer.load(scene)?;
-//! let view = Camera::look_at([4.0, -20.0, 1.8], [4.0, -30.0, 1.8]).size(96, 64).camera_at(&place)?;
+//! let look = Camera::look_at([4.0, -20.0, 1.8], [4.0, -30.0, 1.8]).size(96, 64);
+//! let view = FrameCamera::from(look).at(0.0, &place)?;
 //! // A car at 50 km/h, and a camera that reads its lines in 10 ms.
 //! let motion = CameraMotion::Still { camera: Box::new(view.camera), speed: 13.9 };
 //! let shutter = Shutter { exposure: 0.002, readout: 0.01, first: ReadoutSide::Top };
 //! let model = CameraModel { shutter, noise: Some(SensorNoise::default()), ..CameraModel::default() };
-//! let mut camera = SensorCamera::new(model, motion);
+//! let camera = SensorCamera::new(model, motion);
 //! let weather = Weather::preset("heavy-rain")?;
-//! let mut picture = Picture::default();
-//! renderer.expose(&mut place, &weather, &mut camera, &Shot::new(1.0, 0), &mut picture, &mut ())?;
+//! let picture = renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 1.0))?;
 //! assert_eq!(picture.frame.rgb.len(), 3 * 96 * 64);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -32,16 +32,14 @@ pub use shutter::{LONGEST, PictureRect, ReadoutSide, Shutter};
 
 use crate::lens_view::LensView;
 use crate::motion::CameraMotion;
-use crate::place::{FrameOptions, PreparedPlace};
-use crate::{Error, MovingCamera, Picture, Progress, Renderer, Result};
+use crate::place::{PinholeShot, PreparedPlace};
+use crate::{Error, MovingCamera, Patience, Picture, Progress, Renderer, Result};
 use exposure::LightMeter;
 use rayon::prelude::*;
-use shutter::ShutterSteps;
 use std::f64::consts::TAU;
-use std::sync::LazyLock;
-use wm_render::Stats;
+use std::sync::{LazyLock, Mutex, PoisonError};
 use wm_render::frame::ColorEncoding;
-use wm_render::parts::PicturePart;
+use wm_render::{Outputs, Stats};
 use wm_scene::color::{srgb_decode, srgb_encode};
 use wm_scene::{Camera, LensModel};
 use wm_weather::{Fidelity, Weather};
@@ -103,9 +101,37 @@ pub struct SensorCamera {
     /// Its number among the sensors of a rig: its noise depends on it.
     pub number: u32,
     motion: CameraMotion,
-    meter: LightMeter,
-    /// The weather that was metered.
-    metered: Weather,
+    meters: MeterMemory,
+}
+
+/// Brightness that was metered before, by weather: memory alone, since it follows from the camera,
+/// the place, the weather and the time.
+#[derive(Debug, Default)]
+struct MeterMemory(Mutex<Vec<(Weather, LightMeter)>>);
+
+/// Weathers that a camera remembers the brightness of: a picture, and the same without weather.
+const MAX_METERS: usize = 2;
+
+impl Clone for MeterMemory {
+    /// The copy may become another camera, so it remembers nothing.
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl MeterMemory {
+    /// Takes the meter of a weather out of the memory, or a new one.
+    fn take(&self, weather: &Weather) -> LightMeter {
+        let mut meters = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = meters.iter().position(|(metered, _)| metered == weather);
+        known.map(|index| meters.remove(index).1).unwrap_or_default()
+    }
+
+    fn put(&self, weather: &Weather, meter: LightMeter) {
+        let mut meters = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        meters.truncate(MAX_METERS - 1);
+        meters.insert(0, (weather.clone(), meter));
+    }
 }
 
 impl SensorCamera {
@@ -113,7 +139,7 @@ impl SensorCamera {
     /// the time of each frame, and drives while it is exposed.
     #[must_use]
     pub fn new(model: CameraModel, motion: CameraMotion) -> Self {
-        Self { model, number: 0, motion, meter: LightMeter::default(), metered: Weather::default() }
+        Self { model, number: 0, motion, meters: MeterMemory::default() }
     }
 
     /// Its way.
@@ -156,103 +182,62 @@ impl SensorCamera {
     }
 }
 
-/// One picture to take.
-#[derive(Clone, Copy, Debug)]
-pub struct Shot<'a> {
-    /// The time of its frame, s: of the middle of the exposure of its first line.
-    pub time: f64,
-    /// Its number: its noise depends on it.
-    pub index: u32,
-    /// Parts of the picture that are rendered with it.
-    pub parts: &'a [PicturePart],
-}
-
-impl Shot<'_> {
-    /// A picture without parts.
-    #[must_use]
-    pub fn new(time: f64, index: u32) -> Self {
-        Self { time, index, parts: &[] }
-    }
-}
-
 impl Renderer {
     /// Takes a picture with a camera: through its lens, over its exposure and readout, as bright as
-    /// its exposure says, with its noise.
+    /// its exposure says, with its noise. The pose is that of the camera at the time of the shot.
     ///
     /// Colours and falling particles are means over the exposure, in linear light. Depth and the
     /// other layers are those of the step in which the middle of a line's exposure lies, and are
     /// not changed by exposure and noise.
-    ///
-    /// # Errors
-    /// As [`Self::render_into`] and [`CameraModel::check`].
-    pub fn expose(
+    pub(crate) async fn expose(
         &mut self,
         place: &mut PreparedPlace,
-        weather: &Weather,
-        camera: &mut SensorCamera,
-        shot: &Shot<'_>,
+        camera: &SensorCamera,
+        index: u32,
+        shot: &PinholeShot<'_>,
         picture: &mut Picture,
         progress: &mut dyn Progress,
     ) -> Result<Stats> {
-        camera.model.check(weather)?;
-        let metres = place.site().metres_per_unit;
-        let view = camera.at(shot.time, 0.0, metres);
-        let mut stats = if camera.model.shutter.is_instant() {
-            let options = FrameOptions { parts: shot.parts, ..FrameOptions::new(shot.time, view) };
-            self.instant(place, weather, (camera.model.lens.as_ref(), &options), picture, progress)?
+        let SensorCamera { model, number, .. } = camera;
+        model.check(shot.weather)?;
+        let shot = PinholeShot { camera: camera.at(shot.time, 0.0, place.site().metres_per_unit), ..*shot };
+        let mut stats = if model.shutter.is_instant() {
+            self.draw_through(place, model.lens.as_ref(), &shot, picture, progress).await?
         } else {
-            let size = camera.size(&view.camera);
-            let speed = camera.speed(shot.time, metres);
-            let steps = camera.model.shutter.steps(speed, camera.model.shutter.lines(size));
-            self.over_steps(place, weather, camera, (shot, &steps, size), picture, progress)?
+            self.expose_steps(place, camera, &shot, picture, progress).await?
         };
         let started = web_time::Instant::now();
-        let gain = match camera.model.exposure {
+        let gain = match model.exposure {
             CameraExposure::Stops(stops) => stops.exp2(),
-            CameraExposure::Auto => self.metered_gain(place, weather, camera, shot.time, progress)?,
+            CameraExposure::Auto => self.metered_gain(place, camera, &shot, progress).await?,
         };
-        let SensorCamera { model, number, .. } = camera;
         self.backend().pool().install(|| {
             if gain != 1.0 {
                 brighten(picture, gain as f32);
             }
             if let Some(noise) = &model.noise {
-                noise.apply(&mut picture.frame, (*number, shot.index), gain);
+                noise.apply(&mut picture.frame, *number, index, gain);
             }
         });
         stats.wall += started.elapsed().as_secs_f64();
         Ok(stats)
     }
 
-    /// Renders one instant, through a lens if there is one.
-    fn instant(
-        &mut self,
-        place: &mut PreparedPlace,
-        weather: &Weather,
-        (lens, options): (Option<&LensView>, &FrameOptions<'_>),
-        picture: &mut Picture,
-        progress: &mut dyn Progress,
-    ) -> Result<Stats> {
-        match lens {
-            Some(lens) => self.render_through(place, weather, (lens, options), picture, progress),
-            None => self.render_into(place, weather, options, picture, progress),
-        }
-    }
-
     /// Renders the steps of an exposure, each with the lines that are exposed in it.
-    fn over_steps(
+    async fn expose_steps(
         &mut self,
         place: &mut PreparedPlace,
-        weather: &Weather,
         camera: &SensorCamera,
-        (shot, steps, size): (&Shot<'_>, &ShutterSteps, [u32; 2]),
+        shot: &PinholeShot<'_>,
         picture: &mut Picture,
         progress: &mut dyn Progress,
     ) -> Result<Stats> {
-        let shutter = camera.model.shutter;
+        let (model, metres) = (&camera.model, place.site().metres_per_unit);
+        let (shutter, size) = (model.shutter, camera.size(&shot.camera.camera));
+        let steps = shutter.steps(camera.speed(shot.time, metres), shutter.lines(size));
         // What falls is streaked over one step: the streaks of all steps follow each other.
-        let streaked = (shutter.exposure > 0.0).then(|| weather.exposed_for(steps.length));
-        let weather = streaked.as_ref().unwrap_or(weather);
+        let streaked = (shutter.exposure > 0.0).then(|| shot.weather.exposed_for(steps.length));
+        let weather = streaked.as_ref().unwrap_or(shot.weather);
         let mut exposed = ExposedPicture::new(size);
         let (mut stats, mut part) = (Stats::default(), Picture::default());
         for step in 0..steps.count {
@@ -264,19 +249,15 @@ impl Renderer {
                 return Err(Error::Stopped);
             }
             let rect = shutter.rect(size, &lines);
-            let moving = camera.at(shot.time, steps.time(step), place.site().metres_per_unit);
-            let lens = camera.model.lens.as_ref().map(|lens| lens.cut(&rect));
+            let moving = camera.at(shot.time, steps.time(step), metres);
+            let lens = model.lens.as_ref().map(|lens| lens.cut(&rect));
             let (own, whole) = match lens {
                 Some(_) => (moving, None),
                 None => (MovingCamera { camera: cut(&moving.camera, &rect), ..moving }, Some(moving.camera)),
             };
-            let options = FrameOptions {
-                whole,
-                parts: shot.parts,
-                ..FrameOptions::new(shot.time + steps.time(step), own)
-            };
-            let made = self.instant(place, weather, (lens.as_ref(), &options), &mut part, progress)?;
-            stats += made;
+            let time = shot.time + steps.time(step);
+            let step_shot = PinholeShot { weather, time, camera: own, whole, ..*shot };
+            stats += self.draw_through(place, lens.as_ref(), &step_shot, &mut part, progress).await?;
             let count = lines.end - lines.start;
             let share = |line: u32| steps.share(line, step) as f32;
             // The line of each row or column of the part.
@@ -286,7 +267,7 @@ impl Renderer {
             };
             let shares: Vec<f32> = (0..count).map(|k| share(line_at(k))).collect();
             let is_across = matches!(shutter.first, ReadoutSide::Left | ReadoutSide::Right);
-            self.backend().pool().install(|| exposed.add(&part, &rect, (&shares, is_across)));
+            self.backend().pool().install(|| exposed.add(&part, &rect, &shares, is_across));
         }
         let started = web_time::Instant::now();
         self.backend().pool().install(|| exposed.finish(picture));
@@ -296,22 +277,19 @@ impl Renderer {
     }
 
     /// The gain of an automatic exposure.
-    fn metered_gain(
+    async fn metered_gain(
         &mut self,
         place: &mut PreparedPlace,
-        weather: &Weather,
-        camera: &mut SensorCamera,
-        time: f64,
+        camera: &SensorCamera,
+        shot: &PinholeShot<'_>,
         progress: &mut dyn Progress,
     ) -> Result<f64> {
-        if camera.metered != *weather {
-            (camera.meter, camera.metered) = (LightMeter::default(), weather.clone());
-        }
-        let mut meter = std::mem::take(&mut camera.meter);
+        let mut meter = camera.meters.take(shot.weather);
         let mut picture = Picture::default();
         let is_pinhole = camera.model.lens.is_none();
-        let gain = meter.gain(time, |at| {
-            let mut moving = camera.at(at, 0.0, place.site().metres_per_unit);
+        let metres = place.site().metres_per_unit;
+        let measure = async |time: f64| {
+            let mut moving = camera.at(time, 0.0, metres);
             let whole = moving.camera;
             let height = (METERED * whole.height / whole.width.max(1)).clamp(1, 2 * METERED);
             moving.camera = if is_pinhole {
@@ -329,10 +307,19 @@ impl Renderer {
                     ..whole
                 }
             };
-            self.render_into(place, weather, &FrameOptions::new(at, moving), &mut picture, progress)?;
+            let shot = PinholeShot {
+                time,
+                camera: moving,
+                outputs: Outputs::default(),
+                parts: &[],
+                patience: Patience::Whole,
+                ..*shot
+            };
+            self.draw_pinhole(place, &shot, &mut picture, progress).await?;
             Ok::<f64, Error>(exposure::log_mean(&picture.frame))
-        });
-        camera.meter = meter;
+        };
+        let gain = meter.gain(shot.time, measure).await;
+        camera.meters.put(shot.weather, meter);
         gain
     }
 }
@@ -387,7 +374,7 @@ impl ExposedPicture {
 
     /// Adds one step of a part of the picture: the share of each of its rows, or columns if they
     /// are read `across`.
-    fn add(&mut self, part: &Picture, rect: &PictureRect, (shares, is_across): (&[f32], bool)) {
+    fn add(&mut self, part: &Picture, rect: &PictureRect, shares: &[f32], is_across: bool) {
         let first = rect.at[usize::from(!is_across)] as usize;
         // The other layers are those of the step that has most of a line.
         let news: Vec<bool> = shares

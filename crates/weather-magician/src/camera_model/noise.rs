@@ -62,7 +62,7 @@ impl SensorNoise {
 
     /// Adds the noise of frame `index` of the sensor `sensor` to a picture that was made `gain`
     /// times as bright as the base exposure: gains above 1 are more sensitivity.
-    pub(super) fn apply(&self, frame: &mut Frame, (sensor, index): (u32, u32), gain: f64) {
+    pub(super) fn apply(&self, frame: &mut Frame, sensor: u32, index: u32, gain: f64) {
         let electrons = self.full_well * BASE_ISO / (self.iso * gain.max(1.0));
         let top = f64::from((1u32 << self.bits) - 1);
         let random = RandomStream::new(random::bits(self.seed, u64::from(sensor)), PURPOSE, index);
@@ -124,7 +124,7 @@ mod tests {
         let noise = SensorNoise::default();
         for light in [0.0005, 0.003, 0.02, 0.3, 0.9] {
             let mut frame = grey(light, 200);
-            noise.apply(&mut frame, (0, 0), 1.0);
+            noise.apply(&mut frame, 0, 0, 1.0);
             let count = frame.rgb.len() as f64;
             let mean = frame.rgb.iter().map(|v| f64::from(*v)).sum::<f64>() / count;
             let variance = frame.rgb.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / count;
@@ -160,7 +160,7 @@ mod tests {
     fn frames_and_sensors_have_noise_of_their_own() {
         let made = |sensor, index| {
             let mut frame = grey(0.2, 16);
-            SensorNoise::default().apply(&mut frame, (sensor, index), 1.0);
+            SensorNoise::default().apply(&mut frame, sensor, index, 1.0);
             frame.rgb
         };
         assert_eq!(made(0, 0), made(0, 0));

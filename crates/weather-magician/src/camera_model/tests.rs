@@ -1,17 +1,20 @@
 use super::*;
-use crate::place::PlaceView;
-use wm_render::{Geometry, Outputs, ParticlePass};
+use crate::{FrameCamera, FrameRequest, Layers};
 
 /// The built-in street, thinned, and a camera on it.
 fn street() -> (Renderer, PreparedPlace, Camera) {
     let scene = wm_street::Street::builtin().sampling(0.06).scene(&|_| true).unwrap();
     let mut renderer = Renderer::cpu().unwrap();
-    let mut place = renderer.load(scene).unwrap();
-    place.config.outputs =
-        Outputs { geometry: Geometry::Depth, particles: ParticlePass::On, ..Outputs::default() };
+    let place = renderer.load(scene).unwrap();
     let view = Camera::look_at([4.0, -20.0, 1.8], [4.0, -30.0, 1.6]).size(120, 80);
-    let camera = view.camera_at(&place).unwrap().camera;
+    let camera = FrameCamera::from(view).at(0.0, &place).unwrap().camera;
     (renderer, place, camera)
+}
+
+/// A picture with depth and particles.
+fn request<'a>(weather: &'a Weather, camera: impl Into<FrameCamera<'a>>, time: f64) -> FrameRequest<'a> {
+    let layers = Layers::COLOR | Layers::DEPTH | Layers::PARTICLES;
+    FrameRequest { layers, ..FrameRequest::new(weather, camera, time) }
 }
 
 fn psnr(a: &[f32], b: &[f32]) -> f64 {
@@ -31,10 +34,8 @@ fn lines_of_a_rolling_shutter_are_those_of_pictures_of_their_times() {
         let shutter = Shutter { exposure: 0.0, readout: 0.03, first };
         let model = CameraModel { shutter, ..CameraModel::default() };
         let motion = CameraMotion::Still { camera: Box::new(camera), speed: 50.0 / 3.6 };
-        let mut sensor = SensorCamera::new(model, motion);
-        let mut picture = Picture::default();
-        let shot = Shot::new(2.0, 0);
-        renderer.expose(&mut place, &weather, &mut sensor, &shot, &mut picture, &mut ()).unwrap();
+        let sensor = SensorCamera::new(model, motion);
+        let picture = renderer.render(&mut place, &request(&weather, &sensor, 2.0)).unwrap();
         let lines = shutter.lines([120, 80]);
         let steps = shutter.steps(sensor.speed(2.0, metres), lines);
         assert!(steps.count > 5, "{}", steps.count);
@@ -43,9 +44,8 @@ fn lines_of_a_rolling_shutter_are_those_of_pictures_of_their_times() {
             assert!(
                 (whole.camera.center() - camera.center()).length() * metres > 0.4 * 13.8 * steps.time(step)
             );
-            let mut alone = Picture::default();
-            let options = FrameOptions::new(2.0 + steps.time(step), whole);
-            renderer.render_into(&mut place, &weather, &options, &mut alone, &mut ()).unwrap();
+            let alone = request(&weather, whole, 2.0 + steps.time(step));
+            let alone = renderer.render(&mut place, &alone).unwrap();
             let rect = shutter.rect([120, 80], &steps.lines(step));
             let of = |array: &[f32], n: usize| -> Vec<f32> {
                 let row = |y: u32| {
@@ -72,16 +72,14 @@ fn exposures_are_means_of_instants() {
     let shutter = Shutter { exposure: 0.02, ..Shutter::default() };
     let model = CameraModel { shutter, ..CameraModel::default() };
     let motion = CameraMotion::Still { camera: Box::new(camera), speed: 14.0 };
-    let mut sensor = SensorCamera::new(model, motion);
-    let mut picture = Picture::default();
-    renderer.expose(&mut place, &weather, &mut sensor, &Shot::new(0.5, 0), &mut picture, &mut ()).unwrap();
+    let sensor = SensorCamera::new(model, motion);
+    let picture = renderer.render(&mut place, &request(&weather, &sensor, 0.5)).unwrap();
     let mut mean = vec![0.0f64; picture.frame.rgb.len()];
     let count = 64;
     for k in 0..count {
         let after = (f64::from(k) + 0.5) / f64::from(count) * 0.02 - 0.01;
-        let mut one = Picture::default();
-        let options = FrameOptions::new(0.5 + after, sensor.at(0.5, after, metres));
-        renderer.render_into(&mut place, &weather, &options, &mut one, &mut ()).unwrap();
+        let one = request(&weather, sensor.at(0.5, after, metres), 0.5 + after);
+        let one = renderer.render(&mut place, &one).unwrap();
         one.frame
             .rgb_linear()
             .iter()
@@ -97,11 +95,9 @@ fn exposures_are_means_of_instants() {
     let covered = |picture: &Picture| -> f64 {
         picture.frame.particles.as_chunks::<4>().0.iter().map(|p| f64::from(p[3])).sum()
     };
-    renderer.expose(&mut place, &weather, &mut sensor, &Shot::new(0.5, 0), &mut picture, &mut ()).unwrap();
-    let over_steps = covered(&picture);
-    let options = FrameOptions::new(0.5, sensor.at(0.5, 0.0, metres));
-    renderer.render_into(&mut place, &weather, &options, &mut picture, &mut ()).unwrap();
-    let once = covered(&picture);
+    let over_steps = covered(&renderer.render(&mut place, &request(&weather, &sensor, 0.5)).unwrap());
+    let still = request(&weather, sensor.at(0.5, 0.0, metres), 0.5);
+    let once = covered(&renderer.render(&mut place, &still).unwrap());
     // In a step a drop that stands in a pixel is not quite opaque: 4 to 7 % of coverage, by larger
     // pictures; these show few drops.
     assert!((over_steps / once - 0.95).abs() < 0.1, "{over_steps} against {once}");
@@ -111,10 +107,10 @@ fn exposures_are_means_of_instants() {
 fn plain_models_change_no_byte() {
     let (mut renderer, mut place, camera) = street();
     let weather = Weather::preset("fog").unwrap();
-    let mut sensor = SensorCamera::new(CameraModel::default(), CameraMotion::from(camera));
-    let (mut by_model, mut plain) = (Picture::default(), Picture::default());
-    renderer.expose(&mut place, &weather, &mut sensor, &Shot::new(1.0, 3), &mut by_model, &mut ()).unwrap();
-    renderer.render_into(&mut place, &weather, &FrameOptions::new(1.0, camera), &mut plain, &mut ()).unwrap();
+    let sensor = SensorCamera::new(CameraModel::default(), CameraMotion::from(camera));
+    let by_model = FrameRequest { index: 3, ..FrameRequest::new(&weather, &sensor, 1.0) };
+    let by_model = renderer.render(&mut place, &by_model).unwrap();
+    let plain = renderer.render(&mut place, &FrameRequest::new(&weather, camera, 1.0)).unwrap();
     assert_eq!(by_model.frame, plain.frame);
 }
 
@@ -127,12 +123,8 @@ fn exposures_change_the_light() {
     weather.set_text("light.exposure=-2").unwrap();
     let mut take = |exposure: CameraExposure| {
         let model = CameraModel { exposure, ..CameraModel::default() };
-        let mut sensor = SensorCamera::new(model, CameraMotion::from(camera));
-        let mut picture = Picture::default();
-        renderer
-            .expose(&mut place, &weather, &mut sensor, &Shot::new(1.0, 0), &mut picture, &mut ())
-            .unwrap();
-        picture.frame
+        let sensor = SensorCamera::new(model, CameraMotion::from(camera));
+        renderer.render(&mut place, &FrameRequest::new(&weather, &sensor, 1.0)).unwrap().frame
     };
     let mean = exposure::log_mean(&take(CameraExposure::Auto)).exp();
     assert!((mean / 0.18 - 1.0).abs() < 0.1, "{mean}");

@@ -2,15 +2,14 @@
 //! instant.
 
 use super::FlowView;
-use crate::place::{FrameContent, PreparedPlace};
-use crate::{Error, FrameOptions, Picture, Renderer, Result};
+use crate::place::{PinholeContent, PinholeShot, PreparedPlace};
+use crate::{Picture, Progress, Renderer, Result};
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use wm_render::hooks::Particle;
 use wm_render::stages::particles as stage;
 use wm_scene::Camera;
-use wm_weather::Weather;
 
 /// Added to the diagonal of the covariance in the picture, px^2, and the greatest optical depth of
 /// one particle: as they are drawn.
@@ -171,35 +170,23 @@ pub fn particle_flow(
 }
 
 impl Renderer {
-    /// Finds the flow of what falls from one frame to the next and puts it into `picture`: of rain,
-    /// snow and hail as they are drawn, not of splashes. Particles go on with their velocity of the
-    /// first instant. The frames are those of pinholes.
-    ///
-    /// # Errors
-    /// As [`Self::render_into`]; [`Error::Unsupported`] for the fidelity of the paper, whose rain
-    /// has no motion.
-    pub fn render_particle_flow(
+    /// Finds the flow of what falls from one pinhole picture to the next: of rain, snow and hail as
+    /// they are drawn, not of splashes. Particles go on with their velocity of the first instant.
+    pub(crate) async fn particle_flow(
         &mut self,
         place: &mut PreparedPlace,
-        weather: &Weather,
-        [from, to]: [&FrameOptions<'_>; 2],
-        picture: &mut Picture,
-        progress: &mut dyn crate::Progress,
-    ) -> Result<()> {
-        if weather.fidelity == wm_weather::Fidelity::Paper {
-            let says = "rain and snow of fidelity paper have no flow: use fidelity physical";
-            return Err(Error::Unsupported(says.into()));
-        }
-        let depth = self.surfaces(place, weather, (None, from), progress)?;
-        let options = FrameOptions { content: FrameContent::Particles, parts: &[], ..*from };
-        let mut falling = Picture::default();
-        self.render_into(place, weather, &options, &mut falling, progress)?;
+        from: &PinholeShot<'_>,
+        to: &PinholeShot<'_>,
+        progress: &mut dyn Progress,
+    ) -> Result<Vec<f32>> {
+        let depth = self.surface_depth(place, None, from, progress).await?;
+        let shot = PinholeShot { content: PinholeContent::Particles, parts: &[], ..*from };
+        let mut picture = Picture::default();
+        self.draw_pinhole(place, &shot, &mut picture, progress).await?;
         let view = FlowView { camera: &from.camera.camera, lens: None, depth: &depth };
         let velocity = from.camera.velocity.map(|v| v / place.site().metres_per_unit);
         let next = (&to.camera.camera, to.time - from.time, velocity);
-        let found = self.backend().pool().install(|| particle_flow(&view, next, &falling.falling));
-        picture.particle_flow = found;
-        Ok(())
+        Ok(self.backend().pool().install(|| particle_flow(&view, next, &picture.falling)))
     }
 }
 

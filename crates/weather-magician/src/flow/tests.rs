@@ -1,10 +1,12 @@
 //! The flow of places that are known, by their own formulas.
 
 use super::*;
+use crate::{FrameRequest, Layers, NextFrame};
 use wm_render::{CpuConfig, Device};
 use wm_scene::capture::Distortion;
 use wm_scene::splats::Splat;
 use wm_scene::{Group, Scene, Splats};
+use wm_weather::Weather;
 
 const SIZE: (u32, u32) = (96, 72);
 
@@ -215,12 +217,14 @@ fn splats_have_the_flow_of_the_walls_that_they_are() {
         Renderer::new(&Device::Cpu, CpuConfig { threads: Some(2), ..CpuConfig::default() }, |_| {}).unwrap();
     let mut place = renderer.load(Scene { splats, ..Scene::default() }).unwrap();
     let (from, to) = (camera([0.0, 0.5, 0.0], [10.0, 0.5, 0.0]), camera([0.0; 3], [10.0, 0.0, 0.0]));
+    let weather = Weather::clear();
     let mut flow = |a: &Camera, b: &Camera| {
-        let frames = [a, b].map(|camera| FrameOptions::new(0.0, *camera));
-        let mut picture = Picture::default();
-        let pair = (None, [&frames[0], &frames[1]]);
-        renderer.render_flow(&mut place, &Weather::clear(), pair, &mut picture, &mut ()).unwrap();
-        picture.flow
+        let request = FrameRequest {
+            layers: Layers::FLOW,
+            next: Some(NextFrame { time: 0.0, camera: (*b).into() }),
+            ..FrameRequest::new(&weather, a, 0.0)
+        };
+        renderer.render(&mut place, &request).unwrap().flow
     };
     let found = flow(&from, &to);
     let edges = [&from, &to].map(|c| c.project(DVec3::new(4.0, 0.0, 0.0)).unwrap().0);

@@ -88,10 +88,9 @@ fn labels_are_those_of_brute_force() {
     let mut renderer = renderer();
     let mut place = renderer.load(Scene { splats: splats.clone(), ..Scene::default() }).unwrap();
     place.release_splats();
-    let mut picture = Picture::default();
-    renderer.render_labels(&place, (None, &camera()), &mut picture).unwrap();
+    let labels = renderer.labels(&place, None, &camera()).unwrap();
     let (mut none, mut seen) = (0, 0);
-    for (pixel, label) in picture.labels.label.iter().enumerate() {
+    for (pixel, label) in labels.label.iter().enumerate() {
         let at = (pixel as u32 % SIZE.0, pixel as u32 / SIZE.0);
         let blend = blended(&splats, &camera(), (f64::from(at.0) + 0.5, f64::from(at.1) + 0.5));
         let end = blend.last().map_or(1.0, |(_, weight, open)| open - weight);
@@ -102,7 +101,7 @@ fn labels_are_those_of_brute_force() {
         let median = blend.iter().rev().find(|(_, _, open)| *open > 0.5).filter(|_| end <= 0.5);
         let want = median.map_or(0, |(i, ..)| splats.labels[*i]);
         assert_eq!(*label, want, "{at:?}");
-        assert_eq!(picture.labels.instance[pixel], median.map_or(0, |(i, ..)| splats.instances[*i]));
+        assert_eq!(labels.instance[pixel], median.map_or(0, |(i, ..)| splats.instances[*i]));
         none += usize::from(want == 0);
         seen += usize::from(want > 0);
     }
@@ -173,16 +172,15 @@ fn edges_mix_no_labels() {
     }
     let mut renderer = renderer();
     let place = renderer.load(Scene { splats, ..Scene::default() }).unwrap();
-    let mut picture = Picture::default();
     let (fisheye, round) = LensModel::fisheye(SIZE, 180.0).unwrap();
     let fisheye = LensView::new(fisheye, &round).unwrap();
     for lens in [None, Some(&fisheye)] {
-        renderer.render_labels(&place, (lens, &camera()), &mut picture).unwrap();
-        let found: BTreeSet<u16> = picture.labels.label.iter().copied().collect();
+        let labels = renderer.labels(&place, lens, &camera()).unwrap();
+        let found: BTreeSet<u16> = labels.label.iter().copied().collect();
         assert_eq!(found, BTreeSet::from([0, 10, 30]));
         // y is to the left.
-        let row = &picture.labels.label[(SIZE.0 * SIZE.1 / 2) as usize..][..SIZE.0 as usize];
+        let row = &labels.label[(SIZE.0 * SIZE.1 / 2) as usize..][..SIZE.0 as usize];
         assert_eq!((row[SIZE.0 as usize / 2 - 3], row[SIZE.0 as usize / 2 + 2]), (30, 10));
-        assert!(picture.labels.instance.is_empty());
+        assert!(labels.instance.is_empty());
     }
 }

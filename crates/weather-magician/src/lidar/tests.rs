@@ -1,6 +1,6 @@
 use super::*;
 use crate::Camera;
-use crate::place::PlaceView;
+use crate::FrameCamera;
 use std::collections::HashMap;
 use wm_scene::reflectance::LabelReflectance;
 
@@ -10,7 +10,7 @@ fn place(renderer: &mut Renderer) -> (PreparedPlace, CameraMotion) {
     let place = renderer.load(scene).unwrap();
     let view = street.dolly(0.3).camera((120, 80)).unwrap();
     let at = Camera::look_at(view.center().to_array(), (view.center() + view.forward()).to_array());
-    let camera = at.camera_at(&place).unwrap().camera;
+    let camera = FrameCamera::from(at).at(0.0, &place).unwrap().camera;
     (place, CameraMotion::from(camera))
 }
 

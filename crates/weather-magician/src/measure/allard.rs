@@ -133,7 +133,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     for (metres, at) in &all {
         let fov = fov_of(0.5 * f64::from(SIDE) / PIXELS * RADIUS / metres);
         let camera = level.camera((SIDE, SIDE), fov, [0.0, 0.0, EYE], *at)?;
-        let picture = LightPicture::of(rig, (subject, &camera), &weather, request.time)?;
+        let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
         let pixel = 1.0 / (camera.fx * camera.fy);
         let sum = lamp_sum(&picture);
         if picture.brightest() < 1.0 {

@@ -13,11 +13,11 @@
 use super::expected::{self, MOR_DEPTH};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    COLOR, Finding, Instrument, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest,
-    MeasuredPicture, Reading, Tolerance, clear, median,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, Tolerance,
+    clear, median,
 };
-use crate::Picture;
 use crate::Result;
+use crate::{FrameRequest, Picture};
 use wm_scene::card::Card;
 use wm_scene::{Camera, Splats};
 use wm_weather::Weather;
@@ -119,9 +119,7 @@ impl Boards {
     ) -> Result<(Light, Picture)> {
         let mut pictures = [Picture::default(), Picture::default()];
         for (subject, picture) in [self.white, self.black].into_iter().zip(&mut pictures) {
-            let shot =
-                InstrumentShot { subject, camera: &self.camera, weather, time, outputs: COLOR, parts: &[] };
-            rig.draw(&shot, picture)?;
+            rig.draw(subject, &FrameRequest::new(weather, self.camera, time), picture)?;
         }
         let [white, black] = pictures.each_ref().map(|picture| patches(&picture.frame.rgb_linear()));
         let less = |(white, black): (&[f64; 3], &[f64; 3])| std::array::from_fn(|k| white[k] - black[k]);

@@ -121,7 +121,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let (before, stock) = if melted > 0.0 { (clear(), 0.0) } else { half(&weather, request.time)? };
     let fov = fov_of(WINDOW / HIGH);
     let camera = level.camera((400, 400), fov, [0.0, 0.0, HIGH], [0.0; 3])?;
-    let mut depths = |weather: &Weather| median_depth(rig, (subject, &camera), weather, request);
+    let mut depths = |weather: &Weather| median_depth(rig, subject, &camera, weather, request);
     let (less, more) = (depths(&before)?, depths(&weather)?);
     let (mut volume, mut area) = (0.0, 0.0);
     for (less, more) in less.iter().zip(&more) {
@@ -144,6 +144,6 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     });
     let camera = level.camera((480, 320), 45.0, [-8.0, -6.5, 4.5], [0.0, 0.0, 0.4])?;
     let what = if melted > 0.0 { "the level yard" } else { "the yard with its steep ridge" };
-    finding.pictures.push(shown(rig, (subject, &camera), &weather, request, what)?);
+    finding.pictures.push(shown(rig, subject, &camera, &weather, request, what)?);
     Ok(finding)
 }

@@ -16,13 +16,11 @@
 //! pixel far away holds several).
 
 use super::{
-    Finding, Instrument, InstrumentRenderer, InstrumentShot, MeasureRequest, MeasuredPicture, Reading,
-    ShotSubject, Tolerance, clear, expected, mean, median, painted,
+    AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, Reading, ShotSubject,
+    Tolerance, clear, expected, mean, median, painted,
 };
-use crate::Picture;
 use crate::Result;
-use wm_render::parts::PicturePart;
-use wm_render::{Geometry, MedianDepth, Outputs};
+use crate::{FrameRequest, Picture};
 use wm_scene::Camera;
 use wm_weather::{EffectRole, Weather};
 
@@ -75,14 +73,9 @@ struct Pair {
 
 impl View {
     fn new(rig: &mut dyn InstrumentRenderer, camera: Camera, weather: &Weather, time: f64) -> Result<Self> {
-        let outputs =
-            Outputs { geometry: Geometry::Depth, median_depth: MedianDepth::On, ..Outputs::default() };
         let mut picture = Picture::default();
-        let parts = &[PicturePart::Transmittance];
-        rig.draw(
-            &InstrumentShot { subject: ShotSubject::Place, camera: &camera, weather, time, outputs, parts },
-            &mut picture,
-        )?;
+        let request = FrameRequest { layers: AIR, ..FrameRequest::new(weather, camera, time) };
+        rig.draw(ShotSubject::Place, &request, &mut picture)?;
         let frame = &picture.frame;
         let sharp = |at: usize| {
             let (z, other) = (f64::from(frame.depth[at]), f64::from(frame.median_depth[at]));

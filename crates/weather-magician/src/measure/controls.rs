@@ -10,16 +10,15 @@
 use super::drops::{DropSample, MeasuredDrop};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest, MeasuredPicture,
-    PARTICLES, Reading, ShotSubject, Tolerance, clear, expected, mean, median, streaks,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, PARTICLES, Reading,
+    ShotSubject, Tolerance, clear, expected, mean, median, streaks,
 };
 use crate::Picture;
-use crate::{Error, Result};
+use crate::{Error, FrameRequest, Layers, Result};
 use wm_media::PictureSize;
 use wm_media::sheet::{SheetLayout, SheetPanel, sheet};
 use wm_render::Frame;
 use wm_render::frame::srgb_decode;
-use wm_render::parts::PicturePart;
 use wm_scene::Camera;
 use wm_weather::Weather;
 
@@ -120,7 +119,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let heading = LevelFrame::of(&rig.site()).heading(camera.rotation().row(0));
     let height = (f64::from(WIDTH) * f64::from(camera.height) / f64::from(camera.width)).round().max(1.0);
     let camera = camera.resized(WIDTH, height as u32);
-    let bare = draw(rig, &camera, (&clear(), request.time), &[])?;
+    let bare = draw(rig, &camera, &clear(), request.time, PARTICLES)?;
     let mut finding = Finding::default();
     let mut rows: Vec<(Frame, String)> = Vec::new();
     for control in &CONTROLS {
@@ -137,9 +136,11 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
                 weather.set_text(&direction)?;
             }
             weather.set_text(&change)?;
-            let parts: &[PicturePart] =
-                if control.seen == Seen::Lost { &[PicturePart::Transmittance] } else { &[] };
-            let picture = draw(rig, &camera, (&weather, request.time), parts)?;
+            let layers = match control.seen {
+                Seen::Lost => PARTICLES.with(Layers::TRANSMITTANCE),
+                _ => PARTICLES,
+            };
+            let picture = draw(rig, &camera, &weather, request.time, layers)?;
             let [value, error] = match measured(control.seen, &picture, &bare) {
                 Some(value) => [value, 0.0],
                 None => lean(rig, (&weather, request.time), heading)?,
@@ -202,14 +203,13 @@ fn short(value: f64) -> String {
 fn draw(
     rig: &mut dyn InstrumentRenderer,
     camera: &Camera,
-    (weather, time): (&Weather, f64),
-    parts: &[PicturePart],
+    weather: &Weather,
+    time: f64,
+    layers: Layers,
 ) -> Result<Picture> {
     let mut picture = Picture::default();
-    rig.draw(
-        &InstrumentShot { subject: ShotSubject::Place, camera, weather, time, outputs: PARTICLES, parts },
-        &mut picture,
-    )?;
+    let request = FrameRequest { layers, ..FrameRequest::new(weather, camera, time) };
+    rig.draw(ShotSubject::Place, &request, &mut picture)?;
     Ok(picture)
 }
 

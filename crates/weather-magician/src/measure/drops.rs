@@ -7,9 +7,9 @@
 //! of the renderer.
 
 use super::blobs::{BlobSplit, ParticleBlob, blobs};
-use super::{InstrumentRenderer, InstrumentShot, LevelFrame, MeasuredPicture, PARTICLES, expected};
-use crate::Picture;
+use super::{InstrumentRenderer, LevelFrame, MeasuredPicture, PARTICLES, expected};
 use crate::Result;
+use crate::{FrameRequest, Picture};
 use std::f64::consts::PI;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
@@ -203,10 +203,9 @@ impl SlabView {
             let camera = slab.camera(&level, eye, self.heading)?;
             let board = rig.set_up(slab.board(&level, &camera))?;
             let mut seen = |time: f64, picture: &mut Picture| -> Result<_> {
-                let (weather, outputs) = (&self.weather, PARTICLES);
-                let shot =
-                    InstrumentShot { subject: board, camera: &camera, weather, time, outputs, parts: &[] };
-                rig.draw(&shot, picture)?;
+                let request =
+                    FrameRequest { layers: PARTICLES, ..FrameRequest::new(&self.weather, camera, time) };
+                rig.draw(board, &request, picture)?;
                 Ok(blobs(&picture.frame.particles, slab.size as usize, self.opacity, slab.split))
             };
             let is_pair = index % slab.pairs == 0;

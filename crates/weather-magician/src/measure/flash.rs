@@ -79,7 +79,7 @@ struct Film<'a> {
 impl Film<'_> {
     /// Mean light of the card's picture, linear.
     fn light(&self, rig: &mut dyn InstrumentRenderer, weather: &Weather, time: f64) -> Result<f64> {
-        let picture = LightPicture::of(rig, (self.subject, &self.camera), weather, time)?;
+        let picture = LightPicture::of(rig, self.subject, &self.camera, weather, time)?;
         let middle = 0.5 * f64::from(SIDE);
         Ok(picture.patch((middle, middle), 4))
     }
@@ -181,9 +181,9 @@ fn brightest(
     let towards = |rig: &mut dyn InstrumentRenderer, fov: f64, direction: [f64; 3]| -> Result<_> {
         let target = std::array::from_fn(|k| eye[k] + direction[k]);
         let camera = level.camera((SKY, SKY), fov, eye, target)?;
-        let mut picture = LightPicture::of(rig, (subject, &camera), weather, time)?;
+        let mut picture = LightPicture::of(rig, subject, &camera, weather, time)?;
         // Without the light that the sky has anyway.
-        let dark = LightPicture::of(rig, (subject, &camera), calm, time)?;
+        let dark = LightPicture::of(rig, subject, &camera, calm, time)?;
         picture.rgb.iter_mut().zip(&dark.rgb).for_each(|(light, dark)| *light -= dark);
         Ok((camera, picture))
     };

@@ -82,7 +82,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let mut splats = Splats::default();
         card.paint(&mut splats, (24, 24), [srgb_encode(BOARD) as f32; 3]);
         let subject = rig.set_up(splats)?;
-        let picture = LightPicture::of(rig, (subject, &camera), &weather, request.time)?;
+        let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
         let middle = 0.5 * f64::from(SIDE);
         let measured = picture.patch((middle, middle), PATCH) / BOARD;
         let asked = reflectance(degrees.to_radians());

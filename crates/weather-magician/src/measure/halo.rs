@@ -118,12 +118,12 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let subject = rig.set_up_lit(card, vec![lamp])?;
 
     let above = level.camera((33, 33), 8.0, [at[0], at[1], HEIGHT - 0.5], middle)?;
-    let lit = LightPicture::of(rig, (subject, &above), &without_air, request.time)?;
+    let lit = LightPicture::of(rig, subject, &above, &without_air, request.time)?;
     // The irradiance in the picture's unit, of a white card, is `pi` times the radiance of one of
     // it.
     let intensity = lit.patch((16.5, 16.5), 3) / CARD * (BELOW * BELOW + RADIUS * RADIUS);
     let camera = level.camera(SIZE, FOV, [0.0, 0.0, HEIGHT], at)?;
-    let picture = LightPicture::of(rig, (subject, &camera), &weather, request.time)?;
+    let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
     let is_burned = lit.patch((16.5, 16.5), 3) > 0.95;
 
     let mut finding = Finding::default();

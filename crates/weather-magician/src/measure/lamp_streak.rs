@@ -155,8 +155,8 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let amount = format!("wetness.amount={}", 0.5 * (film + 1.0));
     let weather = request.with_light(&["light=off", "wetness.puddles=0", &amount])?;
     let camera = level.camera(SIZE, FIELD, [0.0, 0.0, EYE], TARGET)?;
-    let with = LightPicture::of(rig, (with, &camera), &weather, request.time)?;
-    let without = LightPicture::of(rig, (without, &camera), &weather, request.time)?;
+    let with = LightPicture::of(rig, with, &camera, &weather, request.time)?;
+    let without = LightPicture::of(rig, without, &camera, &weather, request.time)?;
     let measured = spread(&level, &camera, |(x, y), _| (with.light(x, y) - without.light(x, y)).max(0.0));
     let slopes = ROUGH * (-2.0 * film).exp();
     let asked = spread(&level, &camera, |_, ground| streak_at(ground, slopes));

@@ -1,8 +1,8 @@
 //! Lit targets: cards with the colours that photos of an overcast day show, and pictures of their
 //! light.
 
-use super::{COLOR, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest, ShotSubject};
-use crate::{Picture, Result};
+use super::{InstrumentRenderer, LevelFrame, MeasureRequest, ShotSubject};
+use crate::{FrameRequest, Picture, Result};
 use glam::{DMat3, DQuat};
 use wm_scene::color::{luminance, srgb_encode};
 use wm_scene::splats::{Splat, logit};
@@ -92,13 +92,13 @@ impl LightPicture {
     /// Draws a target by its light alone.
     pub fn of(
         rig: &mut dyn InstrumentRenderer,
-        (subject, camera): (ShotSubject, &Camera),
+        subject: ShotSubject,
+        camera: &Camera,
         weather: &Weather,
         time: f64,
     ) -> Result<Self> {
         let mut picture = Picture::default();
-        let shot = InstrumentShot { subject, camera, weather, time, outputs: COLOR, parts: &[] };
-        rig.draw(&shot, &mut picture)?;
+        rig.draw(subject, &FrameRequest::new(weather, camera, time), &mut picture)?;
         let frame = &picture.frame;
         let size = (frame.width as usize, frame.height as usize);
         Ok(Self { rgb: frame.rgb_linear(), alpha: frame.alpha.clone(), size, picture })

@@ -163,7 +163,7 @@ impl Boards {
         let mut out = [0.0; 2];
         for (out, (eye, at)) in out.iter_mut().zip([([flat[0], flat[1], 3.0], flat), (before, stood)]) {
             let camera = self.level.camera((33, 33), 8.0, eye, at)?;
-            let picture = LightPicture::of(rig, (self.subject, &camera), weather, time)?;
+            let picture = LightPicture::of(rig, self.subject, &camera, weather, time)?;
             *out = picture.patch((16.5, 16.5), 6) / WHITE;
         }
         Ok(out)
@@ -183,7 +183,7 @@ impl Boards {
         for side in sides {
             let target = std::array::from_fn(|k| eye[k] + side[k]);
             let camera = self.level.camera((SKY, SKY), 90.0, eye, target)?;
-            let picture = LightPicture::of(rig, (self.subject, &camera), weather, time)?;
+            let picture = LightPicture::of(rig, self.subject, &camera, weather, time)?;
             for y in 0..SKY as usize {
                 for x in 0..SKY as usize {
                     let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5).normalize();
@@ -264,7 +264,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let [x, y] = boards.heading;
     let eye = [11.0 * x - 3.0 * y, 11.0 * y + 3.0 * x, 4.0];
     let camera = boards.level.camera((480, 320), 50.0, eye, [0.0, 0.0, 0.6])?;
-    let shown = LightPicture::of(rig, (boards.subject, &camera), &weather, time)?;
+    let shown = LightPicture::of(rig, boards.subject, &camera, &weather, time)?;
     finding.pictures.push(MeasuredPicture::of(
         format!("{}: the boards, those to one side in the shade of discs", request.setting),
         &shown.picture.frame,

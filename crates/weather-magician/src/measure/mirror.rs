@@ -57,9 +57,9 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             let mut splats = Splats::default();
             card.paint(&mut splats, (6, 6), [1.0; 3]);
             let subject = rig.set_up(splats)?;
-            let with = LightPicture::of(rig, (subject, &camera), &weather, request.time)?;
+            let with = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
             let bare = rig.set_up(Splats::default())?;
-            let without = LightPicture::of(rig, (bare, &camera), &weather, request.time)?;
+            let without = LightPicture::of(rig, bare, &camera, &weather, request.time)?;
             let image = level.point([x, y, water - height]);
             let Some((u, v, _)) = camera.project(image) else { continue };
             let (mut sum, mut at) = (0.0, [0.0; 2]);

@@ -74,12 +74,11 @@ mod wet_card;
 pub use place_renderer::PlaceRenderer;
 
 use crate::lidar::{LidarModel, LidarSweep};
-use crate::{CameraMotion, Picture, Result};
+use crate::{CameraMotion, FrameRequest, Layers, Picture, Result};
 use glam::DVec3;
 use plot::Plot;
 use serde::Serialize;
-use wm_render::parts::PicturePart;
-use wm_render::{Frame, Geometry, MedianDepth, Outputs, ParticlePass, WaterPass};
+use wm_render::Frame;
 use wm_scene::{Camera, Lamp, Splats};
 use wm_weather::dome::level_axes;
 use wm_weather::wetness::WaterState;
@@ -266,23 +265,6 @@ pub enum ShotSubject {
     Target(usize),
 }
 
-/// A picture for an instrument.
-#[derive(Clone, Copy)]
-pub struct InstrumentShot<'a> {
-    /// The splats.
-    pub subject: ShotSubject,
-    /// The camera.
-    pub camera: &'a Camera,
-    /// The weather.
-    pub weather: &'a Weather,
-    /// The time, s.
-    pub time: f64,
-    /// The outputs beside the colour.
-    pub outputs: Outputs,
-    /// The parts of the picture.
-    pub parts: &'a [PicturePart],
-}
-
 /// A sweep for an instrument: one ray a pulse, and all returns.
 #[derive(Clone, Copy)]
 pub struct InstrumentScan<'a> {
@@ -363,7 +345,8 @@ pub trait InstrumentRenderer {
     ///
     /// # Errors
     /// [`crate::Error`] if the camera or the splats cannot be rendered.
-    fn draw(&mut self, shot: &InstrumentShot<'_>, picture: &mut Picture) -> Result<()>;
+    fn draw(&mut self, subject: ShotSubject, request: &FrameRequest<'_>, picture: &mut Picture)
+    -> Result<()>;
 
     /// Sweeps a lidar at the place or a lit target.
     ///
@@ -440,26 +423,12 @@ fn clear() -> Weather {
 }
 
 /// Colour and median depth: that of the surface, whatever little shines through it.
-const DEPTH: Outputs = Outputs {
-    geometry: Geometry::None,
-    median_depth: MedianDepth::On,
-    particles: ParticlePass::Off,
-    water: WaterPass::Off,
-};
+const SURFACES: Layers = Layers::COLOR.with(Layers::MEDIAN_DEPTH);
+/// Colour, both depths and the light that the air lets through.
+const AIR: Layers = SURFACES.with(Layers::DEPTH).with(Layers::TRANSMITTANCE);
 /// Colour and falling particles.
-const PARTICLES: Outputs = Outputs {
-    geometry: Geometry::None,
-    median_depth: MedianDepth::Off,
-    particles: ParticlePass::On,
-    water: WaterPass::Off,
-};
-/// Colour alone.
-const COLOR: Outputs = Outputs {
-    geometry: Geometry::None,
-    median_depth: MedianDepth::Off,
-    particles: ParticlePass::Off,
-    water: WaterPass::Off,
-};
+const PARTICLES: Layers = Layers::COLOR.with(Layers::PARTICLES);
+
 /// Returns the median; NaN if there are no values.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);

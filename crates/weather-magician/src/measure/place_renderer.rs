@@ -4,10 +4,11 @@
 //! their own: their light is split, their shadows are cast and their lamps shine by the code that
 //! does it for scenes.
 
-use super::{InstrumentRenderer, InstrumentScan, InstrumentShot, LevelFrame, ShadowReport, ShotSubject};
-use crate::frame::FrameRequest;
+use super::{InstrumentRenderer, InstrumentScan, LevelFrame, ShadowReport, ShotSubject};
+use crate::frame::FrameInputs;
+use crate::layers::LayerPasses;
 use crate::lidar::{LidarSweep, ReturnMode, ScanOptions, SubRays};
-use crate::{Error, FrameOptions, Picture, PreparedPlace, Renderer, Result};
+use crate::{Error, FrameRequest, Picture, PreparedPlace, Renderer, Result};
 use glam::DVec3;
 use wm_render::{Background, RenderBackend, RenderConfig, SetId, SetView};
 use wm_scene::{Camera, Lamp, Metadata, Scene, Splats};
@@ -50,19 +51,6 @@ impl PlaceRenderer {
     pub fn new(renderer: Renderer, place: PreparedPlace, camera: Camera) -> Self {
         Self { renderer, place, camera, targets: Vec::new() }
     }
-
-    /// Draws the place, or a target that is one.
-    fn draw_place(
-        renderer: &mut Renderer,
-        place: &mut PreparedPlace,
-        shot: &InstrumentShot<'_>,
-        picture: &mut Picture,
-    ) -> Result<()> {
-        place.config.outputs = shot.outputs;
-        let options = FrameOptions { parts: shot.parts, ..FrameOptions::new(shot.time, *shot.camera) };
-        renderer.render_into(place, shot.weather, &options, picture, &mut ())?;
-        Ok(())
-    }
 }
 
 impl PlainTarget {
@@ -91,6 +79,32 @@ impl PlainTarget {
             let lies = cover.lay_all(requests);
             *lying = Some((requests.to_vec(), backend.load(&lies.splats)?, lies.buried));
         }
+        Ok(())
+    }
+}
+
+impl PlainTarget {
+    /// Draws the target in the air of a place.
+    fn draw(
+        &mut self,
+        renderer: &mut Renderer,
+        place: &PreparedPlace,
+        request: &FrameRequest<'_>,
+        picture: &mut Picture,
+    ) -> Result<()> {
+        let site = place.site();
+        let weather = request.weather.at(request.time).prepare(site);
+        self.lay(renderer, site, &weather)?;
+        let Self { set, lying, .. } = self;
+        let buried = lying.as_ref().map(|(_, _, buried)| buried as &dyn wm_render::hooks::SplatAttributes);
+        let mut sets = vec![SetView::plain(*set).with_attributes(buried)];
+        sets.extend(lying.as_ref().map(|(_, set, _)| SetView::plain(*set)));
+        let background = Background::Color([0.0; 3]);
+        let passes = LayerPasses::of(request.layers);
+        let config = RenderConfig { outputs: passes.outputs, background, ..RenderConfig::default() };
+        let camera = request.camera.at(request.time, place)?.camera;
+        let inputs = FrameInputs::of_sets(&sets, &weather, &camera, &config);
+        renderer.draw(&FrameInputs { parts: &passes.parts, ..inputs }, picture)?;
         Ok(())
     }
 }
@@ -128,7 +142,7 @@ impl InstrumentRenderer for PlaceRenderer {
             ..Metadata::default()
         };
         let mut place = self.renderer.load(Scene { splats, metadata, ..Scene::default() })?;
-        place.config.background = Background::Color([0.0; 3]);
+        place.background = Background::Color([0.0; 3]);
         self.targets.push(Target::Lit(Box::new(place)));
         Ok(ShotSubject::Target(self.targets.len() - 1))
     }
@@ -189,42 +203,22 @@ impl InstrumentRenderer for PlaceRenderer {
         self.renderer.scan_once(place, scan.weather, scan.lidar, scan.motion, &options)
     }
 
-    fn draw(&mut self, shot: &InstrumentShot<'_>, picture: &mut Picture) -> Result<()> {
-        let target = match shot.subject {
-            ShotSubject::Place => {
-                return Self::draw_place(&mut self.renderer, &mut self.place, shot, picture);
-            }
-            ShotSubject::Target(index) => &mut self.targets[index],
+    fn draw(
+        &mut self,
+        subject: ShotSubject,
+        request: &FrameRequest<'_>,
+        picture: &mut Picture,
+    ) -> Result<()> {
+        let place = match subject {
+            ShotSubject::Place => &mut self.place,
+            ShotSubject::Target(index) => match &mut self.targets[index] {
+                Target::Lit(place) => &mut **place,
+                Target::Plain(target) => {
+                    return target.draw(&mut self.renderer, &self.place, request, picture);
+                }
+            },
         };
-        let target = match target {
-            Target::Plain(target) => target,
-            Target::Lit(place) => return Self::draw_place(&mut self.renderer, place, shot, picture),
-        };
-        let site = self.place.site();
-        let weather = shot.weather.at(shot.time).prepare(site);
-        target.lay(&mut self.renderer, site, &weather)?;
-        let PlainTarget { set, lying, .. } = &**target;
-        let buried = lying.as_ref().map(|(_, _, buried)| buried as &dyn wm_render::hooks::SplatAttributes);
-        let mut sets = vec![SetView::plain(*set).with_attributes(buried)];
-        sets.extend(lying.as_ref().map(|(_, set, _)| SetView::plain(*set)));
-        let background = Background::Color([0.0; 3]);
-        let config = RenderConfig { outputs: shot.outputs, background, ..RenderConfig::default() };
-        let request = FrameRequest {
-            sets: &sets,
-            thinned: None,
-            elsewhere: &sets,
-            weather: &weather,
-            whole: None,
-            camera: (*shot.camera).into(),
-            shelter: None,
-            lamps: None,
-            puddles: None,
-            splashes: None,
-            threads: 1,
-            config: &config,
-            parts: shot.parts,
-        };
-        self.renderer.draw(&request, picture)?;
+        self.renderer.render_into(place, request, picture, &mut ())?;
         Ok(())
     }
 }

@@ -12,14 +12,12 @@
 
 use super::plot::{Axis, Plot, Series};
 use super::{
-    Finding, Instrument, InstrumentRenderer, InstrumentShot, MeasureRequest, MeasuredPicture, Reading,
-    ShotSubject, Tolerance, clear, expected, median,
+    AIR, Finding, Instrument, InstrumentRenderer, MeasureRequest, MeasuredPicture, Reading, ShotSubject,
+    Tolerance, clear, expected, median,
 };
-use crate::Picture;
 use crate::Result;
+use crate::{FrameRequest, Picture};
 use glam::DVec3;
-use wm_render::parts::PicturePart;
-use wm_render::{Geometry, MedianDepth, Outputs};
 
 /// The instrument.
 pub const INSTRUMENT: Instrument = Instrument {
@@ -52,20 +50,16 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let site = rig.site();
     let [camera, _] = rig.views()?;
     let weather = request.with(&["rain=off", "snowfall=off", "snow_cover=off", "dust_cover=off"])?;
-    let outputs = Outputs { geometry: Geometry::Depth, median_depth: MedianDepth::On, ..Outputs::default() };
-    let parts = &[PicturePart::Transmittance];
     let mut picture = Picture::default();
-    let (subject, time) = (ShotSubject::Place, request.time);
-    rig.draw(
-        &InstrumentShot { subject, camera: &camera, weather: &weather, time, outputs, parts },
-        &mut picture,
-    )?;
+    let view = FrameRequest { layers: AIR, ..FrameRequest::new(&weather, camera, request.time) };
+    rig.draw(ShotSubject::Place, &view, &mut picture)?;
     let (frame, shares) = (&picture.frame, &picture.parts.transmittance);
     // Air that is as good as clear as far as the place goes, and takes all light from what is
     // endlessly far.
     let (mut thin, mut sky) = (clear(), Picture::default());
     thin.set_text(&format!("fog.mor={}", (THIN * site.far).max(1.0)))?;
-    rig.draw(&InstrumentShot { subject, camera: &camera, weather: &thin, time, outputs, parts }, &mut sky)?;
+    let thin_view = FrameRequest { weather: &thin, ..view };
+    rig.draw(ShotSubject::Place, &thin_view, &mut sky)?;
     let nearness = &sky.parts.transmittance;
     let airs = expected::airs(&weather, request.time);
     let up = DVec3::from_array(site.up);

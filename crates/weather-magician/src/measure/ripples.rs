@@ -268,7 +268,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let subjects = [rig.set_up(board(&level, water, false))?, rig.set_up(board(&level, water, true))?];
     let camera = level.camera((SIDE, SIDE), FIELD, [0.0, 0.0, water + EYE], [0.0, 0.0, water])?;
     let mut look = |has_light: bool, weather: &Weather, time: f64| -> Result<LightPicture> {
-        LightPicture::of(rig, (subjects[usize::from(has_light)], &camera), weather, time)
+        LightPicture::of(rig, subjects[usize::from(has_light)], &camera, weather, time)
     };
     // Water that reflects 2 % is so dark that the light of the air before it, of drops too small to
     // be seen, is a tenth of it.

@@ -51,7 +51,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     let camera = level.camera((SIDE, SIDE), FIELD, [0.0, 0.0, water + EYE], [0.0, 0.0, water])?;
     let middle = 0.5 * f64::from(SIDE);
     let bare = rig.set_up(Splats::default())?;
-    let without = LightPicture::of(rig, (bare, &camera), &weather, request.time)?;
+    let without = LightPicture::of(rig, bare, &camera, &weather, request.time)?;
     let (mut points, mut finding) = (Vec::new(), Finding::default());
     for share in DEPTHS {
         let depth = share * asked;
@@ -64,7 +64,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         let mut splats = Splats::default();
         card.paint(&mut splats, (24, 24), [srgb_encode(DISC) as f32; 3]);
         let subject = rig.set_up(splats)?;
-        let picture = LightPicture::of(rig, (subject, &camera), &weather, request.time)?;
+        let picture = LightPicture::of(rig, subject, &camera, &weather, request.time)?;
         let contrast = picture.patch((middle, middle), PATCH) - without.patch((middle, middle), PATCH);
         if contrast > 0.0 {
             points.push([depth, contrast.ln()]);

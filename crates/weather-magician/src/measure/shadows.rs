@@ -18,12 +18,11 @@
 use super::lit::{GROUND, LIGHT_ALONE};
 use super::plot::{Axis, Plot, Series};
 use super::{
-    DEPTH, Finding, Instrument, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest,
-    MeasuredPicture, Reading, ShadowReport, ShotSubject, Tolerance, clear, expected, fov_of, mean, median,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading, SURFACES,
+    ShadowReport, ShotSubject, Tolerance, clear, expected, fov_of, mean, median,
 };
-use crate::{Picture, Result};
+use crate::{FrameRequest, Layers, Picture, Result};
 use glam::{DQuat, DVec3};
-use wm_render::{Geometry, MedianDepth, Outputs};
 use wm_scene::Camera;
 use wm_scene::color::luminance;
 use wm_weather::{CapturedSky, Site, Weather};
@@ -127,7 +126,7 @@ impl FarView {
         // Without the sky, which stands between.
         let mut weather = clear();
         ["sky=overcast", "sky.scene_sky=replace"].iter().try_for_each(|change| weather.set_text(change))?;
-        let shot = PlaceShot::of(rig, &camera, &weather, (time, DEPTH))?;
+        let shot = PlaceShot::of(rig, &camera, &weather, time, SURFACES)?;
         Ok(Self { camera, depth: shot.frame.median_depth, metres_per_unit: site.metres_per_unit })
     }
 
@@ -163,11 +162,12 @@ impl PlaceShot {
         rig: &mut dyn InstrumentRenderer,
         camera: &Camera,
         weather: &Weather,
-        (time, outputs): (f64, Outputs),
+        time: f64,
+        layers: Layers,
     ) -> Result<Self> {
         let mut picture = Picture::default();
-        let subject = ShotSubject::Place;
-        rig.draw(&InstrumentShot { subject, camera, weather, time, outputs, parts: &[] }, &mut picture)?;
+        let request = FrameRequest { layers, ..FrameRequest::new(weather, camera, time) };
+        rig.draw(ShotSubject::Place, &request, &mut picture)?;
         let light = picture.frame.rgb_linear();
         Ok(Self { camera: *camera, frame: picture.frame, light })
     }
@@ -218,15 +218,14 @@ fn contrast(
     let [camera, _] = rig.views()?;
     let mut cloudy = request.with(&LIGHT_ALONE)?;
     cloudy.set_text("light.clouds=1")?;
-    let outputs =
-        Outputs { geometry: Geometry::DepthNormal, median_depth: MedianDepth::On, ..Outputs::default() };
+    let layers = SURFACES.with(Layers::NORMAL);
     let mut found: Vec<SeenPair> = Vec::new();
     let mut finding = Finding::default();
     for degrees in TURNS {
         let camera = turned(&camera, &site, degrees);
-        let captured = PlaceShot::of(rig, &camera, &clear(), (request.time, outputs))?;
+        let captured = PlaceShot::of(rig, &camera, &clear(), request.time, layers)?;
         let Some(seen) = seen_points(rig, &captured, &site, sun, request.time)? else { continue };
-        let relit = PlaceShot::of(rig, &camera, &cloudy, (request.time, DEPTH))?;
+        let relit = PlaceShot::of(rig, &camera, &cloudy, request.time, SURFACES)?;
         for [lit, shaded] in pairs(&captured, &seen, &site) {
             let ratio = |shot: &PlaceShot| {
                 (luminance(shot.rgb(lit)).max(1e-6) / luminance(shot.rgb(shaded)).max(1e-6)).ln()
@@ -408,8 +407,8 @@ fn control(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Re
     let [camera, _] = rig.views()?;
     let mut without = request.weather.clone();
     without.set_text("light=off")?;
-    let lit = PlaceShot::of(rig, &camera, request.weather, (request.time, DEPTH))?;
-    let plain = PlaceShot::of(rig, &camera, &without, (request.time, DEPTH))?;
+    let lit = PlaceShot::of(rig, &camera, request.weather, request.time, SURFACES)?;
+    let plain = PlaceShot::of(rig, &camera, &without, request.time, SURFACES)?;
     let sums = [&lit, &plain].map(|shot| shot.light.iter().map(|v| f64::from(*v)).sum::<f64>());
     let is_overcast = rig.site().captured_sky == CapturedSky::Overcast;
     let mut finding = Finding::default();

@@ -9,13 +9,13 @@
 //! 5 cm snow is drawn higher than it is, by up to 7 mm, so as to hide the ground; that is above the
 //! tolerance, and such depths are not swept.
 
-use super::{COLOR, mean};
 use super::{
-    DEPTH, Finding, Instrument, InstrumentRenderer, InstrumentShot, LevelFrame, MeasureRequest,
-    MeasuredPicture, Reading, ShotSubject, Tolerance, clear, expected,
+    Finding, Instrument, InstrumentRenderer, LevelFrame, MeasureRequest, MeasuredPicture, Reading,
+    ShotSubject, Tolerance, clear, expected,
 };
-use crate::Picture;
+use super::{SURFACES, mean};
 use crate::Result;
+use crate::{FrameRequest, Picture};
 use wm_scene::card::Card;
 use wm_scene::{Camera, Splats};
 
@@ -86,7 +86,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
     ] {
         let camera = down(eye)?;
         let mut z = |weather| -> Result<_> {
-            let depth = median_depth(rig, (subject, &camera), weather, request)?;
+            let depth = median_depth(rig, subject, &camera, weather, request)?;
             Ok(middle_depth(&level, &camera, &depth))
         };
         let measured = z(&clear())? - z(&weather)?;
@@ -101,36 +101,34 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         });
     }
     let camera = level.camera((480, 320), 45.0, [-7.0, -9.0, 4.5], [0.6, 0.0, 0.8])?;
-    finding.pictures.push(shown(rig, (subject, &camera), &weather, request, "the yard, with its roof")?);
+    finding.pictures.push(shown(rig, subject, &camera, &weather, request, "the yard, with its roof")?);
     Ok(finding)
 }
 
 /// The median depth of every pixel of a target.
 pub fn median_depth(
     rig: &mut dyn InstrumentRenderer,
-    (subject, camera): (ShotSubject, &Camera),
+    subject: ShotSubject,
+    camera: &Camera,
     weather: &wm_weather::Weather,
     request: &MeasureRequest<'_>,
 ) -> Result<Vec<f32>> {
     let mut picture = Picture::default();
-    let time = request.time;
-    let shot = InstrumentShot { subject, camera, weather, time, outputs: DEPTH, parts: &[] };
-    rig.draw(&shot, &mut picture)?;
+    let view = FrameRequest { layers: SURFACES, ..FrameRequest::new(weather, camera, request.time) };
+    rig.draw(subject, &view, &mut picture)?;
     Ok(picture.frame.median_depth)
 }
 
 /// A picture of a target.
 pub fn shown(
     rig: &mut dyn InstrumentRenderer,
-    (subject, camera): (ShotSubject, &Camera),
+    subject: ShotSubject,
+    camera: &Camera,
     weather: &wm_weather::Weather,
     request: &MeasureRequest<'_>,
     what: &str,
 ) -> Result<MeasuredPicture> {
     let mut picture = Picture::default();
-    rig.draw(
-        &InstrumentShot { subject, camera, weather, time: request.time, outputs: COLOR, parts: &[] },
-        &mut picture,
-    )?;
+    rig.draw(subject, &FrameRequest::new(weather, camera, request.time), &mut picture)?;
     Ok(MeasuredPicture::of(format!("{}: {what}", request.setting), &picture.frame))
 }

@@ -211,7 +211,7 @@ fn rod(
     let subject = rig.set_up_lit(splats, Vec::new())?;
     // From the side, where it covers half of a pixel row.
     let side = dial.level.camera((64, 256), 20.0, dial.at(-6.0, 0.0, ROD), dial.at(0.0, 0.0, ROD))?;
-    let picture = LightPicture::of(rig, (subject, &side), asked.weather, time)?;
+    let picture = LightPicture::of(rig, subject, &side, asked.weather, time)?;
     let column: Vec<f64> = (0..picture.size.1)
         .map(|y| mean((29..35).map(|x| f64::from(picture.alpha[y * picture.size.0 + x]))))
         .collect();
@@ -225,7 +225,7 @@ fn rod(
         dial.at(0.5 * reach, 0.0, high),
         dial.at(0.5 * reach, 0.0, 0.0),
     )?;
-    let picture = LightPicture::of(rig, (subject, &above), asked.weather, time)?;
+    let picture = LightPicture::of(rig, subject, &above, asked.weather, time)?;
     let seen = shadow(dial, &above, &picture, reach);
     let length = seen.map_or(f64::NAN, |seen| seen.length);
     let turn = seen.map_or(f64::NAN, |seen| seen.turn.to_degrees());
@@ -372,7 +372,7 @@ fn edge_at(
     // Upright would be in the wall; a little from beyond, so that up is up.
     let (eye, at) = (dial.at(along + 0.5, 0.0, 3.0), dial.at(along, 0.0, 0.0));
     let camera = dial.level.camera((240, 240), 28.0, eye, at)?;
-    let picture = LightPicture::of(rig, (subject, &camera), asked.weather, asked.request.time)?;
+    let picture = LightPicture::of(rig, subject, &camera, asked.weather, asked.request.time)?;
     let reach = 1.2 * SUN * metres;
     let bins = (2.0 * reach / STEP) as usize;
     let mut lines = vec![[0.0f64; 2]; bins];

@@ -7,11 +7,11 @@
 
 use super::place_renderer::PlaceRenderer;
 use super::{
-    Finding, INSTRUMENTS, InstrumentRenderer, InstrumentScan, InstrumentShot, MeasureRequest, ShadowReport,
-    ShotSubject, expected,
+    Finding, INSTRUMENTS, InstrumentRenderer, InstrumentScan, MeasureRequest, ShadowReport, ShotSubject,
+    expected,
 };
 use crate::lidar::LidarSweep;
-use crate::{Picture, Renderer, Result};
+use crate::{FrameCamera, FrameRequest, Picture, Renderer, Result};
 use glam::DVec3;
 use wm_scene::color::{srgb_decode, srgb_encode};
 use wm_scene::{Camera, Lamp, Splats, quat, sh};
@@ -475,19 +475,26 @@ impl InstrumentRenderer for Faulty {
         Ok(sweep)
     }
 
-    fn draw(&mut self, shot: &InstrumentShot<'_>, picture: &mut Picture) -> Result<()> {
-        let InstrumentShot { subject, camera, weather, time, .. } = *shot;
-        let requested = OwnedShot { subject, camera: *camera, weather: weather.clone(), time };
+    fn draw(
+        &mut self,
+        subject: ShotSubject,
+        request: &FrameRequest<'_>,
+        picture: &mut Picture,
+    ) -> Result<()> {
+        let FrameRequest { camera: FrameCamera::Pinhole(moving), weather, time, .. } = *request else {
+            panic!("instruments use pinholes");
+        };
+        let requested = OwnedShot { subject, camera: moving.camera, weather: weather.clone(), time };
         let drawn = self.fault.falsified(self.shots.len(), &requested);
         self.shots.push(requested);
         let (camera, weather, time) = (&drawn.camera, &drawn.weather, drawn.time);
-        let drawn_shot = InstrumentShot { camera, weather, time, ..*shot };
-        self.field.draw(&drawn_shot, picture)?;
+        let drawn_request = FrameRequest { camera: camera.into(), weather, time, ..*request };
+        self.field.draw(subject, &drawn_request, picture)?;
         if let Some(FalseLight { other, factor }) = self.fault.light(&drawn) {
             let mut beside = picture.frame.clone();
             if let Some(weather) = &other {
                 let mut second = Picture::default();
-                self.field.draw(&InstrumentShot { weather, ..drawn_shot }, &mut second)?;
+                self.field.draw(subject, &FrameRequest { weather, ..drawn_request }, &mut second)?;
                 beside = second.frame;
             }
             for (at, value) in picture.frame.rgb.iter_mut().enumerate() {

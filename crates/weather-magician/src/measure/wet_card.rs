@@ -88,7 +88,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
             let [x, y, _] = place(index);
             let camera = level.camera((33, 33), 8.0, [x, y, 3.0], place(index))?;
             let mut light = |weather| -> Result<f64> {
-                let picture = LightPicture::of(rig, (subject, &camera), weather, request.time)?;
+                let picture = LightPicture::of(rig, subject, &camera, weather, request.time)?;
                 Ok(picture.patch((16.5, 16.5), 6))
             };
             let measured = albedo * light(&weather)? / light(&dry)?;
@@ -112,7 +112,7 @@ fn read(rig: &mut dyn InstrumentRenderer, request: &MeasureRequest<'_>) -> Resul
         series: curves,
     });
     let camera = level.camera((480, 320), 50.0, [0.0, -8.0, 5.0], [0.0, 0.0, 0.0])?;
-    let shown = LightPicture::of(rig, (subject, &camera), &wet("wetness.amount=1")?, request.time)?;
+    let shown = LightPicture::of(rig, subject, &camera, &wet("wetness.amount=1")?, request.time)?;
     finding.pictures.push(MeasuredPicture::of(
         format!("{}: the boards under a film", request.setting),
         &shown.picture.frame,

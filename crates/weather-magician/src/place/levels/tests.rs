@@ -1,6 +1,6 @@
 use super::*;
 use crate::levels::{coverage, held_bytes};
-use crate::{Error, FrameOptions, Picture, Renderer};
+use crate::{Error, FrameRequest, Renderer};
 use glam::DVec3;
 use std::fs;
 use std::path::PathBuf;
@@ -60,7 +60,7 @@ fn load(main: &std::path::Path, splats: u64, repairs: bool) -> (Renderer, Prepar
 
 fn picture(renderer: &mut Renderer, place: &mut PreparedPlace, weather: &str, camera: Camera) -> Vec<f32> {
     let weather = Weather::preset(weather).unwrap();
-    renderer.render(place, &weather, &camera, 0.0).unwrap().frame.rgb
+    renderer.render(place, &FrameRequest::new(&weather, camera, 0.0)).unwrap().frame.rgb
 }
 
 fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
@@ -93,8 +93,8 @@ fn a_cut_depends_on_the_camera_alone() {
     assert_eq!(picture(&mut renderer, &mut place, "clear", here), alone);
     // Nor do drafts before it change it.
     let weather = Weather::clear();
-    let draft = FrameOptions { patience: Patience::Draft, ..FrameOptions::new(0.0, camera(-1.0, 40.0)) };
-    renderer.render_into(&mut place, &weather, &draft, &mut Picture::default(), &mut ()).unwrap();
+    let draft = FrameRequest::new(&weather, camera(-1.0, 40.0), 0.0);
+    renderer.render(&mut place, &FrameRequest { patience: Patience::Draft, ..draft }).unwrap();
     assert_eq!(picture(&mut renderer, &mut place, "clear", here), alone);
     // A shot of other cameras is another cut.
     place.set_shot(&[camera(1.0, -50.0)]);
@@ -176,11 +176,12 @@ fn weather_acts_on_what_is_drawn() {
     let here = camera(0.0, 20.0);
     let clear = picture(&mut renderer, &mut place, "clear", here);
     let weather = Weather::preset("snow-covered").unwrap();
-    let snow = renderer.render(&mut place, &weather, &here, 0.0).unwrap().frame.rgb;
+    let snow = renderer.render(&mut place, &FrameRequest::new(&weather, &here, 0.0)).unwrap().frame.rgb;
     // The same snow as of the whole scene.
     let whole = read_scene(&main, &ReadOptions::default()).unwrap();
     let mut of_whole = renderer.load(whole).unwrap();
-    let expected = renderer.render(&mut of_whole, &weather, &here, 0.0).unwrap().frame.rgb;
+    let expected =
+        renderer.render(&mut of_whole, &FrameRequest::new(&weather, &here, 0.0)).unwrap().frame.rgb;
     let difference = |a: &[f32], b: &[f32]| -> f32 {
         (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f32>() / a.len() as f32).sqrt()
     };
@@ -275,7 +276,7 @@ fn files_that_are_fetched_give_the_frames_of_a_disk() {
     let (mut renderer, mut place) = store.open(&small);
     let weather = Weather::clear();
     let error = loop {
-        let drawn = renderer.render(&mut place, &weather, &here, 0.0);
+        let drawn = renderer.render(&mut place, &FrameRequest::new(&weather, &here, 0.0));
         let wanted = fetched::take_wanted();
         if let Err(error) = drawn {
             break error.to_string();
