@@ -3,8 +3,8 @@
 mod levels;
 
 use crate::assets::{
-    AssetCache, AssetDigest, AssetFile, AssetNeeds, AssetSource, AssetStore, Assets, MissingAssets,
-    SurfaceViews, ViewDetail, WithoutSky, are_same_lamps, lock, photo_views, scene_digest,
+    AnyAsset, AssetCache, AssetDigest, AssetKey, AssetNeeds, AssetSource, AssetStore, Assets, Keep, LyingKey,
+    MissingAssets, SurfaceViews, ViewDetail, WithoutSky, lock, photo_views, scene_digest,
 };
 use crate::frame::FrameInputs;
 use crate::lamps::PlaceLamps;
@@ -29,16 +29,12 @@ use wm_render::{
 use wm_scene::splats::LabelKind;
 use wm_scene::survey::{Aligned, Alignment, CapturedSky, FactSource, NearGround, Survey, align, label_sky};
 use wm_scene::{Camera, Lamp, LitWindow, Metadata, Rasterization, Scene, Severity, Splats};
-use wm_weather::cover::{Airflow, Buried, Cover, CoverRequest, LyingCover};
-use wm_weather::fused_surfaces::FusedSurfaces;
-use wm_weather::light::{CaptureLight, FrameGains, KnownSun, LampLights, LampShadows, LampsOn, SunShadows};
-use wm_weather::paper::PaperCover;
+use wm_weather::cover::{Buried, Cover, LyingCover};
+use wm_weather::light::{CaptureLight, FrameGains, KnownSun, LampShadows, LampsOn};
 use wm_weather::shelter::Shelter;
 use wm_weather::water::WaterGrid;
-use wm_weather::wetness::{WaterState, WetGains, WetSurfaces};
-use wm_weather::{
-    Daylight, EarthPlace, LampLevels, LampSource, PreparedWeather, Site, SiteLight, Weather, light_fault,
-};
+use wm_weather::wetness::{WaterState, WetGains};
+use wm_weather::{Daylight, EarthPlace, LampLevels, PreparedWeather, Site, SiteLight, Weather, light_fault};
 
 /// Options of [`crate::Renderer::load_with`].
 #[derive(Clone, Debug, Default)]
@@ -161,12 +157,6 @@ impl Lying {
             LyingKey::Physical(..) => prepared.paper_cover().is_none() && !prepared.cover().is_empty(),
         }
     }
-}
-
-#[derive(Clone, Debug, PartialEq)]
-enum LyingKey {
-    Physical(Airflow, Vec<CoverRequest>),
-    Paper(PaperCover),
 }
 
 /// The attributes of the splats of a scene under a weather.
@@ -498,7 +488,7 @@ impl PreparedPlace {
     /// Frees the splats in the computer's memory: the renderer has its own. Afterwards only
     /// weathers that the place is prepared for can be rendered.
     pub fn release_splats(&mut self) {
-        if self.store.light.is_some() {
+        if self.store.has(&AssetKey::Light(())) {
             self.light.keep_points(&self.scene.splats);
         }
         let scene = Scene {
@@ -556,70 +546,58 @@ impl PreparedPlace {
     /// they are there or not; none if assets are not kept.
     #[must_use]
     pub fn asset_files(&self, weather: &Weather, time: f64) -> Vec<String> {
-        let (needs, prepared) = (AssetNeeds::of(weather, &self.site), self.prepare_weather(weather, time));
-        let mut files: Vec<AssetFile<'_>> =
-            prepared.fall().filter(|_| needs.shelter).map(AssetFile::Shelter).into_iter().collect();
-        if let Some(wet) = prepared.wetness().filter(|_| needs.wetness.is_some()) {
-            files.extend([AssetFile::Wet, AssetFile::Shelter(wet.rain.fall)]);
+        let prepared = self.prepare_weather(weather, time);
+        let mut keys = self.asset_keys(weather, &prepared);
+        if !prepared.cover().is_empty() {
+            // Snow is laid out on ground that is on disk.
+            keys.extend(AssetNeeds::of(weather, &self.site).cover.map(AssetKey::Cover));
         }
-        files.extend(needs.cover.filter(|_| !prepared.cover().is_empty()).map(AssetFile::Cover));
-        if let Some(change) = prepared.light().filter(|_| needs.light) {
-            let takes_sun =
-                self.store.light.as_ref().is_none_or(|capture| capture.takes_another_sun(change.is_diffuse));
-            let lamps = change.lamps.and_then(|(source, _)| self.light.lamps.get(source));
-            files.push(AssetFile::Light);
-            files.extend(change.sun.filter(|_| takes_sun).map(AssetFile::SunShadows));
-            files.extend(lamps.map(AssetFile::Lamps));
-        }
-        let mut names: Vec<String> = files.iter().filter_map(|file| self.cache.name(file)).collect();
+        let name = |key: &AssetKey| self.cache.name(&key.file()?);
+        let mut names: Vec<String> = keys.iter().filter_map(name).collect();
         names.sort();
         names.dedup();
         names
     }
 
+    /// The assets that an instant of a weather uses, in the order in which they are made.
+    fn asset_keys(&self, weather: &Weather, prepared: &PreparedWeather) -> Vec<AssetKey> {
+        let needs = AssetNeeds::of(weather, &self.site);
+        let wet = prepared.wetness().filter(|_| needs.wetness.is_some());
+        let mut keys = Vec::new();
+        let change = prepared.light();
+        // The surfaces that get wet are told by the light, which says more of the site too.
+        let tells_wet = wet.is_some() && !self.store.has(&AssetKey::Wet(()));
+        if needs.light && (change.is_some() || tells_wet) {
+            keys.push(AssetKey::Light(()));
+        }
+        if let Some(change) = change {
+            let capture = self.store.get::<CaptureLight>(());
+            let takes_sun = capture.is_none_or(|capture| capture.takes_another_sun(change.is_diffuse));
+            keys.extend(change.sun.filter(|_| takes_sun).map(AssetKey::SunShadows));
+            let lamps = change.lamps.and_then(|(source, _)| self.light.lamps.get(source));
+            keys.extend(lamps.cloned().map(AssetKey::Lamps));
+        }
+        if let Some(wet) = wet {
+            keys.extend([AssetKey::Shelter(wet.rain.fall), AssetKey::Wet(())]);
+        }
+        keys.extend(prepared.fall().filter(|_| needs.shelter).map(AssetKey::Shelter));
+        let requests = prepared.cover();
+        let lying = needs.cover.filter(|_| !requests.is_empty());
+        let lying = lying.map(|airflow| LyingKey::Physical(airflow, requests.to_vec()));
+        let lying = lying.into_iter().chain(needs.paper_cover.map(LyingKey::Paper));
+        keys.extend(lying.map(AssetKey::Lying));
+        keys
+    }
+
     /// The assets that a prepared instant of a weather needs and that are not made yet.
     fn lacking(&self, weather: &Weather, prepared: &PreparedWeather) -> MissingAssets {
-        let needs = AssetNeeds::of(weather, &self.site);
-        let fall = prepared.fall().filter(|fall| needs.shelter && !self.store.has_shelter(*fall));
-        let requests = prepared.cover();
-        let lying = needs.cover.filter(|_| !requests.is_empty()).map(|air| (air, requests.to_vec()));
-        let lying =
-            lying.filter(|(air, requests)| !self.is_laid(&LyingKey::Physical(*air, requests.clone())));
-        let wet = prepared.wetness().filter(|_| needs.wetness.is_some());
-        let has_wet = self.store.wet.is_some();
-        let wet_fall = wet.map(|wet| wet.rain.fall);
-        let wet_fall = wet_fall.filter(|wet| fall != Some(*wet) && !self.store.has_shelter(*wet));
-        let wants_light = prepared.light().is_some() || wet.is_some() && !has_wet;
-        MissingAssets {
-            light: needs.light && wants_light && self.store.light.is_none(),
-            wet: wet.is_some() && !has_wet,
-            wet_shelter: wet_fall,
-            sun: prepared
-                .light()
-                .and_then(|change| change.sun.filter(|sun| self.lacks_shadows(*sun, change.is_diffuse))),
-            occluders: (fall.is_some() || wet_fall.is_some()) && self.store.occluders.is_none(),
-            shelter: fall,
-            cover: needs.cover.filter(|air| lying.is_some() && !self.store.has_cover(air)),
-            lying,
-            paper_cover: needs.paper_cover.filter(|paper| !self.is_laid(&LyingKey::Paper(paper.clone()))),
-            casters: false,
-            lamps: prepared.light().and_then(|change| self.lacking_lamps(change.lamps?.0)),
-        }
+        let keys = self.asset_keys(weather, prepared);
+        MissingAssets::of(keys.into_iter().filter(|key| !self.is_laid(key)), &self.store)
     }
 
-    /// The lamps that a weather asks for, if there are any and their shadows are not known.
-    fn lacking_lamps(&self, source: LampSource) -> Option<LampLights> {
-        self.light.lamps.get(source).filter(|lamps| self.store.lamps(lamps).is_none()).cloned()
-    }
-
-    /// Returns true if the shadows of a sun are not known, and may be wanted.
-    fn lacks_shadows(&self, sun: [f64; 3], is_diffuse: bool) -> bool {
-        let may_be_wanted =
-            self.store.light.as_ref().is_none_or(|capture| capture.takes_another_sun(is_diffuse));
-        may_be_wanted && !self.store.has_shadows(sun)
-    }
-
-    fn is_laid(&self, what: &LyingKey) -> bool {
+    /// Returns true for what lies on the place as the renderer holds it.
+    fn is_laid(&self, key: &AssetKey) -> bool {
+        let AssetKey::Lying(what) = key else { return false };
         self.lying.as_ref().is_some_and(|lying| lying.what == *what)
     }
 
@@ -627,76 +605,32 @@ impl PreparedPlace {
     /// it.
     #[must_use]
     pub fn has_similar(&self, missing: &MissingAssets) -> bool {
-        let MissingAssets {
-            occluders,
-            shelter,
-            wet_shelter: _,
-            wet,
-            cover,
-            lying,
-            paper_cover,
-            light,
-            sun: _,
-            casters: _,
-            lamps: _,
-        } = missing;
-        let is_sheltered = shelter.is_none() || self.store.any_shelter().is_some();
-        !occluders
-            && is_sheltered
-            && !wet
-            && cover.is_none()
-            && lying.is_none()
-            && paper_cover.is_none()
-            && !light
+        missing.asked.iter().all(|key| match key {
+            AssetKey::Shelter(_) => self.store.last::<Shelter>().is_some(),
+            _ => key.drafts_do_without(),
+        })
     }
 
-    /// Takes from disk what is there, and crosses it off.
-    fn read_cached(&mut self, missing: &mut MissingAssets, threads: usize) {
-        // Asked for alone, they are kept for falls of directions that are not known yet.
-        if missing.occluders && (missing.wet_shelter.is_some() || missing.shelter.is_some()) {
-            for fall in [&mut missing.wet_shelter, &mut missing.shelter] {
-                let found = fall.and_then(|fall| self.cache.get::<Shelter>(&AssetFile::Shelter(fall)));
-                if let Some(shelter) = found.filter(Shelter::is_consistent) {
-                    self.store.add_shelter(fall.take().expect("was read"), Arc::new(shelter));
+    /// Takes an asset from disk, or what it is made of, and collects what is not there in `absent`.
+    fn read_cached(
+        &mut self,
+        key: &AssetKey,
+        threads: usize,
+        known: &mut AssetStore,
+        absent: &mut Vec<AssetKey>,
+    ) {
+        if self.store.has(key) || known.has(key) || absent.contains(key) {
+            return;
+        }
+        match key.read(&self.cache, self.scene.splats.len(), threads) {
+            Some(asset) if key.keep() == Keep::No => known.add(key.clone(), asset),
+            Some(asset) => self.take_asset(key.clone(), asset),
+            None => {
+                absent.push(key.clone());
+                for need in key.needs() {
+                    self.read_cached(&need, threads, known, absent);
                 }
             }
-            missing.occluders = missing.shelter.is_some() || missing.wet_shelter.is_some();
-        }
-        if missing.wet
-            && let Some(wet) = self.cache.get::<WetSurfaces>(&AssetFile::Wet)
-            && wet.is_consistent(self.scene.splats.len())
-        {
-            self.store.wet = Some(Arc::new(wet));
-            missing.wet = false;
-        }
-        if let Some(airflow) = missing.cover
-            && let Some(cover) = self.cache.get::<Cover>(&AssetFile::Cover(airflow))
-            && cover.is_consistent(self.scene.splats.len())
-        {
-            self.store.add_cover(airflow, Arc::new(Mutex::new(cover.with_threads(threads))));
-            missing.cover = None;
-        }
-        if missing.light
-            && let Some(light) = self.cache.get::<CaptureLight>(&AssetFile::Light)
-            && light.is_consistent(self.scene.splats.len())
-        {
-            self.set_light(Arc::new(light));
-            missing.light = false;
-        }
-        if let Some(sun) = missing.sun
-            && let Some(shadows) = self.cache.get::<SunShadows>(&AssetFile::SunShadows(sun))
-            && shadows.len() == self.scene.splats.len()
-        {
-            self.store.add_shadows(sun, Arc::new(shadows));
-            missing.sun = None;
-        }
-        if let Some(lamps) = &missing.lamps
-            && let Some(shadows) = self.cache.get::<LampShadows>(&AssetFile::Lamps(lamps))
-            && shadows.is_consistent(self.scene.splats.len())
-            && are_same_lamps(shadows.lamps(), lamps)
-        {
-            self.store.lamps = Some(Arc::new(shadows));
-            missing.lamps = None;
         }
     }
 
@@ -712,41 +646,32 @@ impl PreparedPlace {
                 "the weather gives a direction that is not a number (NaN): change its parameters".into(),
             ));
         }
-        self.read_cached(missing, backend.threads());
-        let needs_casters = self.store.casters.is_none() && (missing.casters || missing.sun.is_some());
-        let needs_surfaces = missing.cover.is_some()
-            || missing.light
-            || missing.wet
-            || needs_casters
-            || missing.lamps.is_some();
-        let surfaces =
-            needs_surfaces.then(|| self.cache.get::<FusedSurfaces<'static>>(&AssetFile::Surfaces)).flatten();
-        let surfaces = surfaces.filter(|found| found.is_consistent(self.scene.splats.len()));
+        let (mut known, mut absent) = (AssetStore::default(), Vec::new());
+        for key in &missing.asked {
+            self.read_cached(key, backend.threads(), &mut known, &mut absent);
+        }
+        *missing = MissingAssets::of(missing.asked.drain(..), &self.store);
         let mut views = SurfaceViews::default();
         if !self.scene.splats.is_empty() {
             let mut seen = |detail| photo_views(backend, self.set, &self.scene, &self.survey, detail);
-            if missing.occluders {
+            if absent.contains(&AssetKey::Occluders(())) {
                 views.shelter = seen(ViewDetail::SHELTER)?;
             }
-            if needs_surfaces && surfaces.is_none() {
+            if absent.contains(&AssetKey::Surfaces(())) {
                 views.cover = seen(ViewDetail::COVER)?;
             }
         }
-        let airflow = missing.lying.as_ref().map(|(airflow, _)| *airflow);
+        known.add_all(&self.store);
         Ok(AssetSource {
             scene: Arc::clone(&self.scene),
             views,
-            surfaces,
+            known,
             site: self.site,
             known_sun: KnownSun {
                 direction: self.survey.sun.as_ref().map(|sun| sun.direction.to_array()),
                 elevation: self.survey.sun_elevation,
             },
-            light: self.store.light.clone(),
-            casters: self.store.casters.clone(),
             threads: backend.threads(),
-            occluders: self.store.occluders.clone(),
-            cover: airflow.and_then(|airflow| self.store.cover(&airflow).cloned()),
             is_up_known: !matches!(self.survey.up.source, FactSource::Estimated | FactSource::Assumed),
             cache: self.cache.clone(),
             path: self.weather_path(),
@@ -755,7 +680,7 @@ impl PreparedPlace {
     }
 
     /// Takes the light of the capture. Shadows tell more than colours whether there were clouds.
-    fn set_light(&mut self, light: Arc<CaptureLight>) {
+    fn take_light(&mut self, light: &CaptureLight) {
         let by_shadows = match (light.is_overcast, self.site.captured_sky) {
             (true, _) => CapturedSky::Overcast,
             (false, CapturedSky::Overcast) if light.sun.is_some() => CapturedSky::Clear,
@@ -765,60 +690,35 @@ impl PreparedPlace {
         // In both: the site is made from the survey anew when lamps change.
         self.survey.captured_sky = by_shadows;
         self.site.captured_sky = by_shadows;
-        self.store.light = Some(light);
     }
 
     /// Takes assets that were made.
     pub(crate) fn insert(&mut self, backend: &mut AnyRenderer, assets: Assets) -> Result<()> {
-        let Assets {
-            occluders,
-            shelters,
-            wet,
-            cover,
-            lying,
-            paper_cover,
-            light,
-            shadows,
-            casters,
-            lamps,
-            scene_number,
-        } = assets;
-        if scene_number != self.scene_number {
+        if assets.scene_number != self.scene_number {
             return Ok(());
         }
-        self.store.wet = wet.or(self.store.wet.take());
-        if let Some(light) = light {
-            self.set_light(light);
-        }
-        if let Some(lamps) = lamps {
-            self.warnings.extend(lamps.enclosed().map(|[x, y, z]| {
-                format!("the lamp at {x:.2}, {y:.2}, {z:.2} stands inside of something: the surfaces around it look away from it")
-            }));
-            self.store.lamps = Some(lamps);
-        }
-        self.store.casters = casters.or(self.store.casters.take());
-        if let Some(shadows) = shadows {
-            self.store.add_shadows(shadows.direction(), shadows);
-        }
-        self.store.occluders = occluders.or(self.store.occluders.take());
-        for (fall, shelter) in shelters.into_iter().flatten() {
-            self.store.add_shelter(fall, shelter);
-        }
-        if let Some((airflow, cover)) = cover {
-            if lock(&cover).is_bare() {
-                self.warnings.push(
-                    "nothing can lie here: no surface looks up at the sky; give --up if up is wrong".into(),
-                );
+        for (key, asset) in assets.made {
+            match key {
+                AssetKey::Lying(what) => {
+                    if let Some(lying) = asset.downcast().ok().and_then(Arc::into_inner) {
+                        self.lay(backend, what, lying)?;
+                    }
+                }
+                key => {
+                    self.warnings.extend(doubts_of_asset(&asset));
+                    self.take_asset(key, asset);
+                }
             }
-            self.store.add_cover(airflow, cover);
-        }
-        if let Some((lying, (airflow, requests))) = lying {
-            self.lay(backend, LyingKey::Physical(airflow, requests), lying)?;
-        }
-        if let Some((paper, snow)) = paper_cover {
-            self.lay(backend, LyingKey::Paper(paper), LyingCover::on_top(snow))?;
         }
         Ok(())
+    }
+
+    /// Keeps an asset, and what it says of the place.
+    fn take_asset(&mut self, key: AssetKey, asset: AnyAsset) {
+        if let Some(light) = asset.downcast_ref::<CaptureLight>() {
+            self.take_light(light);
+        }
+        self.store.add(key, asset);
     }
 
     /// Loads what lies in the place of what lay before.
@@ -849,7 +749,7 @@ impl PreparedPlace {
             return Ok(());
         }
         self.warnings.append(&mut self.doubts);
-        if missing.cover.is_some() || missing.lying.is_some() || missing.paper_cover.is_some() {
+        if missing.asked.iter().any(|key| matches!(key, AssetKey::Cover(_) | AssetKey::Lying(_))) {
             self.warnings.extend(self.ground_doubt.take());
         }
         let source = self.asset_source(backend, &mut missing)?;
@@ -877,29 +777,27 @@ impl PreparedPlace {
         }
         let needs = AssetNeeds::of(weather, &self.site);
         self.prepare(backend, self.missing_assets(weather, 0.0), progress)?;
-        let cover = needs.cover.filter(|air| !self.store.has_cover(air));
-        let light = needs.light && self.store.light.is_none();
-        let casters = weather.moves_sun() && self.store.casters.is_none();
-        let lamps = weather.lamp_sources().into_iter().find_map(|source| self.lacking_lamps(source));
-        // Ground that is dry at first may get wet later.
-        let wet = needs.wetness.is_some() && self.store.wet.is_none();
-        let wet_shelter = needs.wetness.filter(|fall| !self.store.has_shelter(*fall));
-        let occluders = wet_shelter.is_some() && self.store.occluders.is_none();
-        let missing = MissingAssets {
-            occluders,
-            wet_shelter,
-            wet,
-            cover,
-            light,
-            casters,
-            lamps,
-            ..MissingAssets::default()
-        };
-        self.prepare(backend, missing, progress)?;
+        let mut keys = Vec::new();
+        if needs.light {
+            keys.push(AssetKey::Light(()));
+        }
+        if weather.moves_sun() {
+            keys.push(AssetKey::Casters(()));
+        }
+        let lamps = |source| Some(AssetKey::Lamps(self.light.lamps.get(source)?.clone()));
+        let lamps = weather.lamp_sources().into_iter().filter_map(lamps).find(|key| !self.store.has(key));
+        keys.extend(lamps);
+        if let Some(fall) = needs.wetness {
+            // Ground that is dry at first may get wet later.
+            keys.extend([AssetKey::Shelter(fall), AssetKey::Wet(())]);
+        }
+        keys.extend(needs.cover.map(AssetKey::Cover));
+        self.prepare(backend, MissingAssets::of(keys, &self.store), progress)?;
         // A fall that turns, or begins later, needs maps of other directions; those are made
         // without the splats.
-        let occluders = needs.shelter && !weather.is_constant() && self.store.occluders.is_none();
-        self.prepare(backend, MissingAssets { occluders, ..MissingAssets::default() }, progress)
+        let turns = needs.shelter && !weather.is_constant();
+        let occluders = turns.then_some(AssetKey::Occluders(()));
+        self.prepare(backend, MissingAssets::of(occluders, &self.store), progress)
     }
 
     /// Returns the water on the ground at an instant of a weather; `None` where nothing is wet.
@@ -913,7 +811,10 @@ impl PreparedPlace {
         time: f64,
         progress: &mut dyn Progress,
     ) -> Result<Option<WaterState>> {
-        self.prepare(backend, water_needs(self.missing_assets(weather, time)), progress)?;
+        let missing = self
+            .missing_assets(weather, time)
+            .only(|key| matches!(key, AssetKey::Light(()) | AssetKey::Wet(()) | AssetKey::Shelter(_)));
+        self.prepare(backend, missing, progress)?;
         let prepared = self.prepare_weather(weather, time);
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
         Ok(self.water.state())
@@ -925,16 +826,16 @@ impl PreparedPlace {
     pub(crate) fn for_sensors<R>(
         &mut self,
         backend: &mut AnyRenderer,
-        (weather, time): (&Weather, f64),
+        weather: &Weather,
+        time: f64,
         progress: &mut dyn Progress,
         scan: impl FnOnce(&rayon::ThreadPool, &PreparedWeather, Option<&Shelter>, Option<&WetGains<'_>>) -> R,
     ) -> Result<R> {
-        let missing = water_needs(self.missing_assets(weather, time));
-        // Light is of no use to them, but to tell the surfaces that get wet.
-        let light = missing.light && missing.wet;
-        let prepared =
-            self.prepare_sensors(backend, (weather, time), MissingAssets { light, ..missing }, progress)?;
-        let shelter = prepared.fall().and_then(|fall| self.store.shelter(fall).cloned());
+        // Light is of no use to them, but to tell the surfaces that get wet, which ask for it.
+        let missing = self.missing_assets(weather, time);
+        let missing = missing.only(|key| matches!(key, AssetKey::Wet(()) | AssetKey::Shelter(_)));
+        let prepared = self.prepare_sensors(backend, weather, time, missing, progress)?;
+        let shelter = prepared.fall().and_then(|fall| self.store.take_up::<Shelter>(fall));
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
         let wet = self.water.wetness(&prepared);
         Ok(scan(backend.pool(), &prepared, shelter.as_deref(), wet.as_ref()))
@@ -945,20 +846,17 @@ impl PreparedPlace {
     pub(crate) fn for_radars<R>(
         &mut self,
         backend: &mut AnyRenderer,
-        (weather, time): (&Weather, f64),
+        weather: &Weather,
+        time: f64,
         progress: &mut dyn Progress,
         scan: impl FnOnce(&rayon::ThreadPool, &PreparedWeather, Option<&Shelter>) -> R,
     ) -> Result<R> {
         let rains = self.prepare_weather(weather, time).rain_rate() > 0.0;
-        let all = self.missing_assets(weather, time);
-        let missing = MissingAssets {
-            occluders: rains && all.occluders,
-            shelter: all.shelter.filter(|_| rains),
-            ..MissingAssets::default()
-        };
-        let prepared = self.prepare_sensors(backend, (weather, time), missing, progress)?;
+        let missing = self.missing_assets(weather, time);
+        let missing = missing.only(|key| rains && matches!(key, AssetKey::Shelter(_)));
+        let prepared = self.prepare_sensors(backend, weather, time, missing, progress)?;
         let fall = prepared.fall().filter(|_| rains);
-        let shelter = fall.and_then(|fall| self.store.shelter(fall).cloned());
+        let shelter = fall.and_then(|fall| self.store.take_up::<Shelter>(fall));
         Ok(scan(backend.pool(), &prepared, shelter.as_deref()))
     }
 
@@ -966,7 +864,8 @@ impl PreparedPlace {
     fn prepare_sensors(
         &mut self,
         backend: &mut AnyRenderer,
-        (weather, time): (&Weather, f64),
+        weather: &Weather,
+        time: f64,
         missing: MissingAssets,
         progress: &mut dyn Progress,
     ) -> Result<PreparedWeather> {
@@ -1080,17 +979,15 @@ impl PreparedPlace {
         let wants_weather = self.levels.is_some() && AssetNeeds::of(weather, &self.site).any(weather);
         let drawn = self.drawn_sets(backend, wants_weather);
         let shelter = prepared.fall().and_then(|fall| match patience {
-            Patience::Whole => self.store.shelter(fall).cloned(),
-            Patience::Draft => {
-                self.store.shelter(fall).cloned().or_else(|| self.store.any_shelter().cloned())
-            }
+            Patience::Whole => self.store.take_up::<Shelter>(fall),
+            Patience::Draft => self.store.take_up::<Shelter>(fall).or_else(|| self.store.last()),
         });
         self.relight(&prepared, backend.threads());
         let moving = prepared.moving_light(camera);
         let light = self.light.gains(&prepared).map(|gains| gains.in_frame(moving.as_ref()));
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
         let lying = self.lying.as_ref().filter(|lying| lying.is_of(&prepared));
-        let puddles = find_puddles((&mut self.water, &mut self.store), lying, &prepared, &self.site);
+        let puddles = find_puddles(&mut self.water, &mut self.store, lying, &prepared, &self.site);
         let wet = self.water.gains(&prepared, Some(camera));
         let splashes = self.water.splash_ground(&prepared, &self.site);
         let scene = SceneAttributes { buried: lying.map(|lying| &lying.buried), light, wet: wet.as_ref() };
@@ -1239,9 +1136,9 @@ impl PreparedPlace {
         let requests = prepared.cover();
         let airflow = AssetNeeds::of(weather, &self.site).cover;
         let Some(airflow) = airflow.filter(|_| !requests.is_empty()) else { return Ok(None) };
-        let cover = Some(airflow).filter(|airflow| !self.store.has_cover(airflow));
-        self.prepare(backend, MissingAssets { cover, ..MissingAssets::default() }, progress)?;
-        Ok(self.store.cover(&airflow).map(|cover| lock(cover).lay_all(requests)))
+        let missing = MissingAssets::of([AssetKey::Cover(airflow)], &self.store);
+        self.prepare(backend, missing, progress)?;
+        Ok(self.store.take_up::<Mutex<Cover>>(airflow).map(|cover| lock(&cover).lay_all(requests)))
     }
 
     /// Returns the splats of the scene in the light of an instant of a weather, and wet; `None`
@@ -1258,17 +1155,7 @@ impl PreparedPlace {
             return Ok(None);
         }
         let missing = self.missing_assets(weather, time);
-        let MissingAssets { light, sun, lamps, wet, wet_shelter, shelter, occluders, .. } = missing;
-        let missing = MissingAssets {
-            light,
-            sun,
-            lamps,
-            wet,
-            wet_shelter,
-            shelter,
-            occluders,
-            ..MissingAssets::default()
-        };
+        let missing = missing.only(|key| !matches!(key, AssetKey::Lying(_)));
         self.prepare(backend, missing, progress)?;
         self.relight(&prepared, backend.threads());
         self.water.find(&prepared, &mut self.store, &self.site, backend.threads());
@@ -1285,9 +1172,9 @@ impl PreparedPlace {
         backend: &mut AnyRenderer,
         progress: &mut dyn Progress,
     ) -> Result<Arc<CaptureLight>> {
-        let light = self.store.light.is_none();
-        self.prepare(backend, MissingAssets { light, ..MissingAssets::default() }, progress)?;
-        self.store.light.clone().ok_or_else(|| Error::Unsupported("the light was not found".into()))
+        let missing = MissingAssets::of([AssetKey::Light(())], &self.store);
+        self.prepare(backend, missing, progress)?;
+        self.store.take_up(()).ok_or_else(|| Error::Unsupported("the light was not found".into()))
     }
 
     /// Takes the splats out of the renderer.
@@ -1303,22 +1190,29 @@ impl PreparedPlace {
     }
 }
 
-/// The part of what is missing that the water of an instant and the shelter of what falls need.
-fn water_needs(missing: MissingAssets) -> MissingAssets {
-    let MissingAssets { occluders, wet, wet_shelter, shelter, light, .. } = missing;
-    MissingAssets { occluders, wet, wet_shelter, shelter, light, ..MissingAssets::default() }
+/// The doubts that an asset raises about the place, one line each.
+fn doubts_of_asset(asset: &AnyAsset) -> Vec<String> {
+    if let Some(lamps) = asset.downcast_ref::<LampShadows>() {
+        let says = "stands inside of something: the surfaces around it look away from it";
+        let doubt = |[x, y, z]: [f32; 3]| format!("the lamp at {x:.2}, {y:.2}, {z:.2} {says}");
+        return lamps.enclosed().map(doubt).collect();
+    }
+    let bare = asset.downcast_ref::<Mutex<Cover>>().is_some_and(|cover| lock(cover).is_bare());
+    let says = "nothing can lie here: no surface looks up at the sky; give --up if up is wrong";
+    bare.then(|| says.into()).into_iter().collect()
 }
 
 /// Finds the surface of the water on the ground: not where snow or dust lies on it.
 fn find_puddles(
-    (water, store): (&mut PlaceWater, &mut AssetStore),
+    water: &mut PlaceWater,
+    store: &mut AssetStore,
     lying: Option<&Lying>,
     prepared: &PreparedWeather,
     site: &Site,
 ) -> Option<Arc<WaterGrid>> {
     let lying = lying.and_then(|lying| {
         let LyingKey::Physical(airflow, requests) = &lying.what else { return None };
-        Some(OnGround { requests, cover: store.cover(airflow)?, depths: &lying.depths })
+        Some(OnGround { requests, cover: store.take_up(*airflow)?, depths: &lying.depths })
     });
     // What is to lie and does not yet would be under the water.
     if lying.is_none() && !prepared.cover().is_empty() {

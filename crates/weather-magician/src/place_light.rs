@@ -6,8 +6,8 @@ use crate::lamps::PlaceLamps;
 use std::sync::Arc;
 use wm_scene::{Scene, Splats};
 use wm_weather::light::{
-    LampLight, LightCasts, LightGains, MovingLight, NearSplats, NewLight, PlacedSurfaces, ShadowedLight,
-    window_splats,
+    CaptureLight, LampLight, LampShadows, LightCasts, LightGains, MovingLight, NearSplats, NewLight,
+    PlacedSurfaces, ShadowedLight, SunShadows, window_splats,
 };
 use wm_weather::{CapturedSky, LampSource, PreparedWeather, Site};
 
@@ -107,15 +107,14 @@ impl PlaceLight {
         site: &Site,
         threads: usize,
     ) -> Option<String> {
-        let (change, capture) = (prepared.light()?, store.light.as_deref()?);
+        let (change, capture) = (prepared.light()?, store.get::<CaptureLight>(())?);
         let light = change.over(capture, site);
-        let shadows = change.sun.and_then(|sun| store.shadows(sun));
+        let shadows = change.sun.and_then(|sun| store.get::<SunShadows>(sun));
         let source = change.lamps.map(|(source, _)| source);
-        let lamps = source.and_then(|source| store.lamps(self.lamps.get(source)?));
+        let lamps = source.and_then(|source| store.get::<LampShadows>(self.lamps.get(source)?.clone()));
         let moves = prepared.moves_light();
         let key = RelitKey { light, sun: shadows.and(change.sun), lamps: lamps.and(source), moves };
-        let casts =
-            LightCasts { shadows: shadows.map(|shadows| &**shadows), lamps: lamps.map(|lamps| &**lamps) };
+        let casts = LightCasts { shadows, lamps };
         if moves || lying.is_some() {
             self.keep_points(splats);
         }
@@ -166,7 +165,8 @@ impl PlaceLight {
         let change = prepared.light()?;
         let mut lights = Vec::new();
         if let Some((source, share)) = change.lamps
-            && let Some(lamps) = self.lamps.get(source).and_then(|lamps| store.lamps(lamps))
+            && let Some(lamps) =
+                self.lamps.get(source).and_then(|lamps| store.get::<LampShadows>(lamps.clone()))
         {
             lights.extend(lamps.sources().map(|(light, cube)| {
                 let intensity = light.intensity.map(|v| v * share as f32);

@@ -1,9 +1,10 @@
 //! The water on a place in the weather that is drawn.
 
-use crate::assets::{AssetStore, SharedCover, lock};
-use std::sync::Arc;
+use crate::assets::{AssetStore, lock};
+use std::sync::{Arc, Mutex};
 use wm_scene::Camera;
-use wm_weather::cover::CoverRequest;
+use wm_weather::cover::{Cover, CoverRequest};
+use wm_weather::shelter::Shelter;
 use wm_weather::splash::{SplashGround, SplashTiles};
 use wm_weather::water::{WaterGrid, puddles};
 use wm_weather::wetness::{
@@ -29,7 +30,7 @@ pub(crate) struct OnGround<'a> {
     /// The covers, as they were asked for.
     pub requests: &'a [CoverRequest],
     /// The ground that they lie on.
-    pub cover: &'a SharedCover,
+    pub cover: Arc<Mutex<Cover>>,
     /// Their depths, as [`wm_weather::cover::LyingCover::settled`] lists them, m.
     pub depths: &'a [Vec<f32>],
 }
@@ -49,11 +50,13 @@ impl PlaceWater {
     /// Finds the water of a weather, if it wets anything and the surfaces are known.
     pub fn find(&mut self, prepared: &PreparedWeather, store: &mut AssetStore, site: &Site, threads: usize) {
         self.state = None;
-        let (Some(asked), Some(surfaces)) = (prepared.wetness(), store.wet.clone()) else { return };
-        let shelter = store.shelter(asked.rain.fall).cloned();
+        let (Some(asked), Some(surfaces)) = (prepared.wetness(), store.take_up::<WetSurfaces>(())) else {
+            return;
+        };
+        let shelter = store.take_up::<Shelter>(asked.rain.fall);
         let is_exact = shelter.is_some();
         // Of a draft it may be another one.
-        let shelter = shelter.or_else(|| store.any_shelter().cloned());
+        let shelter = shelter.or_else(|| store.last());
         let is_known = |reached: &Reached| {
             reached.shares.rain == asked.rain
                 && reached.is_exact == is_exact
@@ -104,7 +107,7 @@ impl PlaceWater {
         if !self.puddles.as_ref().is_some_and(is_known) {
             let mut grid = puddles(&self.state()?, asked.texture, site);
             if let (Some(lying), Some(reached)) = (lying, &self.reached) {
-                let (ground, cover) = (reached.surfaces.ground(), lock(lying.cover));
+                let (ground, cover) = (reached.surfaces.ground(), lock(&lying.cover));
                 grid = grid
                     .hidden_by(|at| ground.middle(at).map_or(0.0, |point| cover.hides(lying.depths, point)));
             }

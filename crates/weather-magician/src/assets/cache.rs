@@ -12,6 +12,7 @@
 //! 44  contents: postcard
 //! ```
 
+use super::kind::AssetFile;
 use super::packed::unpacked;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -24,8 +25,6 @@ use std::time::SystemTime;
 use wm_scene::files::{self, write_atomically};
 use wm_scene::survey::Survey;
 use wm_scene::{Metadata, Scene};
-use wm_weather::cover::Airflow;
-use wm_weather::light::LampLights;
 
 const MAGIC: &[u8; 8] = b"WMASSET1";
 const HEADER: usize = 44;
@@ -35,42 +34,6 @@ const EXTENSION: &str = "wmasset";
 const VERSION: u32 = 28;
 /// Bytes that the files of one scene take at most; the oldest go first.
 const MOST_BYTES: u64 = 1 << 30;
-
-/// A file of the cache.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum AssetFile<'a> {
-    /// The surfaces that the photos show.
-    Surfaces,
-    /// The shelter map of a direction of fall.
-    Shelter([f64; 3]),
-    /// The ground that something can lie on.
-    Cover(Airflow),
-    /// The light of the capture.
-    Light,
-    /// The shadows of a sun, by the direction towards it.
-    SunShadows([f64; 3]),
-    /// The light of lamps.
-    Lamps(&'a LampLights),
-    /// The surfaces that get wet.
-    Wet,
-}
-
-impl AssetFile<'_> {
-    /// The word its name begins with, and the numbers that tell it from others of its kind.
-    fn parts(&self) -> (&'static str, Vec<f64>) {
-        match self {
-            Self::Surfaces => ("surfaces", Vec::new()),
-            Self::Light => ("light", Vec::new()),
-            Self::Wet => ("wet", Vec::new()),
-            Self::SunShadows(sun) => ("sun", sun.to_vec()),
-            // They are of single precision: four digits name them, and who reads them compares the
-            // others.
-            Self::Lamps(lamps) => ("lamps", lamps.numbers().into_iter().map(four_digits).collect()),
-            Self::Shelter(fall) => ("shelter", fall.to_vec()),
-            Self::Cover(Airflow { slope, moved }) => ("cover", vec![slope[0], slope[1], *moved]),
-        }
-    }
-}
 
 /// A folder for the prepared assets of one scene, or none.
 #[derive(Clone, Debug, Default)]
@@ -149,7 +112,7 @@ impl AssetCache {
     }
 
     /// The name of the file of an asset; `None` if nothing is kept.
-    pub(crate) fn name(&self, file: &AssetFile<'_>) -> Option<String> {
+    pub(crate) fn name(&self, file: &AssetFile) -> Option<String> {
         Some(self.entry(file)?.0.file_name()?.to_str()?.to_owned())
     }
 
@@ -159,9 +122,9 @@ impl AssetCache {
     }
 
     /// The digest of everything that an asset is made from, and the path that it has.
-    fn entry(&self, file: &AssetFile<'_>) -> Option<(PathBuf, [u8; 32])> {
+    fn entry(&self, file: &AssetFile) -> Option<(PathBuf, [u8; 32])> {
         let folder = self.folder.as_ref()?;
-        let (name, numbers) = file.parts();
+        let AssetFile { word: name, numbers } = file;
         let mut hash = Sha256::new();
         hash.update(self.scene.0);
         hash.update(name);
@@ -173,7 +136,7 @@ impl AssetCache {
 
     /// Reads an asset; `None` if it is not there, is damaged or belongs to another state of the
     /// scene.
-    pub(crate) fn get<T: DeserializeOwned>(&self, file: &AssetFile<'_>) -> Option<T> {
+    pub(crate) fn get<T: DeserializeOwned>(&self, file: &AssetFile) -> Option<T> {
         let (path, digest) = self.entry(file)?;
         let bytes = files::read(&path).ok()?;
         let bytes = unpacked(&bytes)?;
@@ -190,12 +153,12 @@ impl AssetCache {
 
     /// Writes an asset. A folder that cannot be written to is no fault: the asset is made again
     /// next time.
-    pub(crate) fn put<T: Serialize>(&self, file: &AssetFile<'_>, asset: &T) {
+    pub(crate) fn put<T: Serialize>(&self, file: Option<AssetFile>, asset: &T) {
         // A browser has nothing to write to.
         if cfg!(target_arch = "wasm32") {
             return;
         }
-        let Some((path, digest)) = self.entry(file) else { return };
+        let Some((path, digest)) = file.and_then(|file| self.entry(&file)) else { return };
         let Some(folder) = &self.folder else { return };
         let mut bytes = vec![0; HEADER];
         bytes[..8].copy_from_slice(MAGIC);
@@ -215,11 +178,6 @@ impl AssetCache {
 /// system to system, and a browser reads what another computer has made.
 fn rounded(number: f64) -> i64 {
     (number * f64::from(1 << 30)).round() as i64
-}
-
-/// A number with the upper 13 bits of its mantissa.
-fn four_digits(number: f64) -> f64 {
-    f64::from_bits((number.to_bits() + (1 << 38)) & !((1 << 39) - 1))
 }
 
 /// Removes the oldest assets of a folder until the rest take `most` bytes or fewer.
@@ -288,17 +246,21 @@ mod tests {
         AssetCache::new(Some(folder.join("a.assets")), AssetDigest([7; 32]))
     }
 
+    fn file(direction: [f64; 3]) -> AssetFile {
+        AssetFile { word: "sun", numbers: direction.to_vec() }
+    }
+
     #[test]
     fn damaged_and_foreign_files_are_not_read() {
         let folder = tempfile::tempdir().unwrap();
-        let (cache, file) = (cache(folder.path()), AssetFile::Shelter([0.0, 0.0, -1.0]));
+        let (cache, file) = (cache(folder.path()), file([0.0, 0.0, -1.0]));
         assert_eq!(cache.get::<Vec<f32>>(&file), None);
         let asset = vec![1.5f32, f32::NEG_INFINITY, -0.0];
-        cache.put(&file, &asset);
+        cache.put(Some(file.clone()), &asset);
         assert_eq!(cache.get::<Vec<f32>>(&file), Some(asset.clone()));
         let other = AssetCache::new(cache.folder.clone(), AssetDigest([8; 32]));
         assert_eq!(other.get::<Vec<f32>>(&file), None);
-        assert_eq!(cache.get::<Vec<f32>>(&AssetFile::Shelter([0.0, 1.0, 0.0])), None);
+        assert_eq!(cache.get::<Vec<f32>>(&self::file([0.0, 1.0, 0.0])), None);
         let (path, _) = cache.entry(&file).unwrap();
         let whole = fs::read(&path).unwrap();
         for at in 0..whole.len() {
@@ -310,7 +272,7 @@ mod tests {
             assert_eq!(cache.get::<Vec<f32>>(&file), None, "cut at {at}");
         }
         // It is replaced.
-        cache.put(&file, &asset);
+        cache.put(Some(file.clone()), &asset);
         assert_eq!(cache.get::<Vec<f32>>(&file), Some(asset));
     }
 
@@ -319,16 +281,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let cache = cache(folder.path());
         let sun = [0.48, 0.6, 0.64];
-        cache.put(&AssetFile::SunShadows(sun), &1u8);
+        cache.put(Some(file(sun)), &1u8);
         let near = sun.map(|v: f64| v.next_up());
-        assert_eq!(cache.get::<u8>(&AssetFile::SunShadows(near)), Some(1));
-        assert_eq!(cache.get::<u8>(&AssetFile::SunShadows([0.48, 0.6, 0.640_001])), None);
-        for number in [0.0, 1.0, -1234.567, 3e-5] {
-            let near = f64::from((number as f32).next_down());
-            let is_near = |a: f64| (a - number).abs() <= 1.3e-4 * number.abs() + 1e-30;
-            assert!(is_near(four_digits(number)) && is_near(four_digits(near)), "{number}");
-        }
-        assert_eq!(four_digits(1.0f64.next_down()), 1.0);
+        assert_eq!(cache.get::<u8>(&file(near)), Some(1));
+        assert_eq!(cache.get::<u8>(&file([0.48, 0.6, 0.640_001])), None);
     }
 
     #[test]

@@ -181,7 +181,8 @@ impl Renderer {
                 };
                 let made = place.for_sensors(
                     self.backend_mut(),
-                    (weather, own.time),
+                    weather,
+                    own.time,
                     progress,
                     |pool, prepared, shelter, wet| {
                         let surfaces =

@@ -128,7 +128,7 @@ impl Renderer {
                 let scene = RadarScene { splats: &rays, weather: prepared, site: &site, shelter, path };
                 pool.install(|| radar_sweep(radar, &motion, &scene, &own))
             };
-            let made = place.for_radars(self.backend_mut(), (weather, own.time), progress, scan)?;
+            let made = place.for_radars(self.backend_mut(), weather, own.time, progress, scan)?;
             self.backend_mut().check_rays(&mut rays)?;
             take(made)?;
         }

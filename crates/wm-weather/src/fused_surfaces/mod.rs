@@ -103,6 +103,18 @@ impl<'a> FusedSurfaces<'a> {
         }
     }
 
+    /// The surfaces with splats of their own.
+    #[must_use]
+    pub fn into_owned(self) -> FusedSurfaces<'static> {
+        FusedSurfaces {
+            splats: Cow::Owned(self.splats.into_owned()),
+            backing: Cow::Owned(self.backing.into_owned()),
+            oriented: self.oriented,
+            stand_ins: self.stand_ins,
+            places: self.places,
+        }
+    }
+
     /// What stands in the way of light: the discs that the cameras see and what is behind them,
     /// without the splats that no camera confirms; all splats where there are no photos.
     #[must_use]

@@ -1,0 +1,50 @@
+//! The ground that snow and dust can lie on, by the airflow that carries them.
+
+use super::*;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use wm_weather::cover::{Airflow, Cover};
+use wm_weather::open_water::OpenWater;
+
+/// Airflows whose covers are kept.
+const MAX_AIRFLOWS: usize = 2;
+
+/// Locks a cover. A panic of another thread leaves it whole: its ladder of depths only grows.
+pub(crate) fn lock(cover: &Mutex<Cover>) -> MutexGuard<'_, Cover> {
+    cover.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Asset for Mutex<Cover> {
+    type Key = Airflow;
+
+    const WORK: &'static str = "finding what snow can lie on";
+    const KEEP: Keep = Keep::Last(MAX_AIRFLOWS);
+    // With what has slid when it was first used.
+    const FILE_COMES_LAST: bool = true;
+
+    fn needs(_: &Airflow) -> Vec<AssetKey> {
+        vec![AssetKey::Surfaces(()), AssetKey::OpenWater(())]
+    }
+
+    fn make(airflow: &Airflow, workshop: &Workshop<'_>) -> Result<Self> {
+        let source = workshop.source;
+        let surfaces = workshop.get::<SceneSurfaces>(());
+        let found = surfaces.of(source.splats()?);
+        let water = workshop.get::<OpenWater>(());
+        let (splats, site) = (source.splats()?, &source.site);
+        let cover = Cover::of(splats, &found, site, airflow, source.path(), source.threads);
+        Ok(Self::new(cover.off_water(&water)))
+    }
+
+    fn file(Airflow { slope, moved }: &Airflow) -> Option<AssetFile> {
+        Some(AssetFile { word: "cover", numbers: vec![slope[0], slope[1], *moved] })
+    }
+
+    fn read(airflow: &Airflow, cache: &AssetCache, splats: usize, threads: usize) -> Option<Self> {
+        let cover: Cover = cache.get(&Self::file(airflow)?)?;
+        cover.is_consistent(splats).then(|| Self::new(cover.with_threads(threads)))
+    }
+
+    fn write(&self, airflow: &Airflow, cache: &AssetCache) {
+        cache.put(Self::file(airflow), &*lock(self));
+    }
+}

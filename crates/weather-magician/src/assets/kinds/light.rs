@@ -1,0 +1,38 @@
+//! The light of the capture, split into sun and sky.
+
+use super::*;
+use wm_scene::Camera;
+use wm_weather::light::CaptureLight;
+
+impl Asset for CaptureLight {
+    type Key = ();
+
+    const WORK: &'static str = "splitting the light of the capture into sun and sky";
+    const KEEP: Keep = Keep::Last(1);
+
+    fn needs((): &()) -> Vec<AssetKey> {
+        vec![AssetKey::Surfaces(()), AssetKey::Standing(())]
+    }
+
+    fn make((): &(), workshop: &Workshop<'_>) -> Result<Self> {
+        let source = workshop.source;
+        let surfaces = workshop.get::<SceneSurfaces>(());
+        let found = surfaces.of(source.splats()?);
+        let standing = workshop.get::<StandingOccluders>(());
+        let cameras: Vec<Camera> = source.scene.views.iter().map(|view| view.camera).collect();
+        let (splats, sun, site) = (source.splats()?, source.known_sun, &source.site);
+        Ok(Self::split(splats, &found, &standing.0, sun, &cameras, site, source.threads))
+    }
+
+    fn file((): &()) -> Option<AssetFile> {
+        Some(AssetFile { word: "light", numbers: Vec::new() })
+    }
+
+    fn read(key: &(), cache: &AssetCache, splats: usize, _: usize) -> Option<Self> {
+        cache.get::<Self>(&Self::file(key)?).filter(|found| found.is_consistent(splats))
+    }
+
+    fn write(&self, key: &(), cache: &AssetCache) {
+        cache.put(Self::file(key), self);
+    }
+}

@@ -1,0 +1,47 @@
+//! The splats of snow or dust at one instant.
+
+use super::cover::lock;
+use super::*;
+use std::sync::Mutex;
+use wm_weather::cover::{Airflow, Cover, CoverRequest, LyingCover};
+use wm_weather::paper::PaperCover;
+
+/// The law that something lies by, and how much.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum LyingKey {
+    Physical(Airflow, Vec<CoverRequest>),
+    Paper(PaperCover),
+}
+
+impl Asset for LyingCover {
+    type Key = LyingKey;
+
+    const WORK: &'static str = "laying out the snow";
+    // The renderer keeps it.
+    const KEEP: Keep = Keep::IfAsked;
+
+    fn cost(key: &LyingKey) -> Cost {
+        match key {
+            LyingKey::Physical(..) => Cost::Quick,
+            LyingKey::Paper(_) => Cost::Slow,
+        }
+    }
+
+    fn needs(key: &LyingKey) -> Vec<AssetKey> {
+        match key {
+            LyingKey::Physical(airflow, _) => vec![AssetKey::Cover(*airflow)],
+            LyingKey::Paper(_) => Vec::new(),
+        }
+    }
+
+    fn make(key: &LyingKey, workshop: &Workshop<'_>) -> Result<Self> {
+        match key {
+            LyingKey::Physical(airflow, requests) => {
+                Ok(lock(&workshop.get::<Mutex<Cover>>(*airflow)).lay_all(requests))
+            }
+            LyingKey::Paper(paper) => {
+                Ok(Self::on_top(paper.snow(workshop.source.splats()?, &workshop.source.site)))
+            }
+        }
+    }
+}

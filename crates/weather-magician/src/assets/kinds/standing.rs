@@ -1,0 +1,30 @@
+//! What stands in the way of the sun: the surfaces that cast shadows, without what hangs in the air.
+
+use super::*;
+use wm_weather::shelter::{Occluders, ShelterOptions};
+
+/// Distance from the photos' path up to which the light is split finely, m.
+const LIGHT_REACH_M: f64 = 60.0;
+
+/// The surfaces that cast shadows.
+pub(crate) struct StandingOccluders(pub Occluders);
+
+impl Asset for StandingOccluders {
+    type Key = ();
+
+    const WORK: &'static str = "finding what casts shadows";
+    const KEEP: Keep = Keep::No;
+
+    fn needs((): &()) -> Vec<AssetKey> {
+        vec![AssetKey::Surfaces(())]
+    }
+
+    fn make((): &(), workshop: &Workshop<'_>) -> Result<Self> {
+        let source = workshop.source;
+        let surfaces = workshop.get::<SceneSurfaces>(());
+        let found = surfaces.of(source.splats()?);
+        let focus = Some((source.path(), LIGHT_REACH_M));
+        let options = ShelterOptions { focus, ..ShelterOptions::default() };
+        Ok(Self(Occluders::of(&found.casters(), &source.site, &options).standing(source.threads)))
+    }
+}

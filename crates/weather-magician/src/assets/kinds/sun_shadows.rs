@@ -1,0 +1,38 @@
+//! The shadows of a sun, by the direction towards it.
+
+use super::*;
+use wm_weather::light::{CaptureLight, ShadowCasters, SunShadows};
+
+/// Places of the sun whose shadows are kept.
+const MAX_SUNS: usize = 4;
+
+impl Asset for SunShadows {
+    type Key = [f64; 3];
+
+    const WORK: &'static str = "casting the shadows of the sun";
+    const KEEP: Keep = Keep::Last(MAX_SUNS);
+    const DRAFTS_DO_WITHOUT: bool = true;
+
+    fn needs(_: &[f64; 3]) -> Vec<AssetKey> {
+        vec![AssetKey::Light(()), AssetKey::Casters(())]
+    }
+
+    fn make(sun: &[f64; 3], workshop: &Workshop<'_>) -> Result<Self> {
+        let source = workshop.source;
+        let capture = workshop.get::<CaptureLight>(());
+        let casters = workshop.get::<ShadowCasters>(());
+        Ok(Self::of(&casters, &capture, *sun, &source.site, source.threads))
+    }
+
+    fn file(sun: &[f64; 3]) -> Option<AssetFile> {
+        Some(AssetFile { word: "sun", numbers: sun.to_vec() })
+    }
+
+    fn read(sun: &[f64; 3], cache: &AssetCache, splats: usize, _: usize) -> Option<Self> {
+        cache.get::<Self>(&Self::file(sun)?).filter(|found| found.len() == splats)
+    }
+
+    fn write(&self, sun: &[f64; 3], cache: &AssetCache) {
+        cache.put(Self::file(sun), self);
+    }
+}

@@ -1,0 +1,67 @@
+//! The surfaces that the photos show.
+
+use super::*;
+use std::ops::Deref;
+use wm_scene::Splats;
+use wm_weather::fused_surfaces::{FusedSurfaces, GroundField};
+
+/// The surfaces of a scene; without photos they are its splats themselves.
+pub(crate) struct SceneSurfaces(Option<FusedSurfaces<'static>>);
+
+/// The surfaces of a scene whose splats are at hand.
+pub(crate) enum SurfacesOf<'a> {
+    Fused(&'a FusedSurfaces<'static>),
+    Splats(FusedSurfaces<'a>),
+}
+
+impl<'a> Deref for SurfacesOf<'a> {
+    type Target = FusedSurfaces<'a>;
+
+    fn deref(&self) -> &FusedSurfaces<'a> {
+        match self {
+            Self::Fused(found) => found,
+            Self::Splats(found) => found,
+        }
+    }
+}
+
+impl SceneSurfaces {
+    pub fn of<'a>(&'a self, splats: &'a Splats) -> SurfacesOf<'a> {
+        match &self.0 {
+            Some(found) => SurfacesOf::Fused(found),
+            None => SurfacesOf::Splats(FusedSurfaces::from_splats(splats)),
+        }
+    }
+}
+
+impl Asset for SceneSurfaces {
+    type Key = ();
+
+    const WORK: &'static str = "finding the surfaces that the photos show";
+    const KEEP: Keep = Keep::No;
+
+    fn make((): &(), workshop: &Workshop<'_>) -> Result<Self> {
+        let source = workshop.source;
+        let (splats, site, threads) = (source.splats()?, &source.site, source.threads);
+        if source.views.cover.is_empty() {
+            return Ok(Self(None));
+        }
+        let on_ground = GroundField::snap(&source.views.cover, site.up, site.metres_per_unit, threads);
+        Ok(Self(Some(FusedSurfaces::from_views(splats, &on_ground, site, threads).into_owned())))
+    }
+
+    fn file((): &()) -> Option<AssetFile> {
+        Some(AssetFile { word: "surfaces", numbers: Vec::new() })
+    }
+
+    fn read(key: &(), cache: &AssetCache, splats: usize, _: usize) -> Option<Self> {
+        let found: FusedSurfaces<'static> = cache.get(&Self::file(key)?)?;
+        found.is_consistent(splats).then_some(Self(Some(found)))
+    }
+
+    fn write(&self, key: &(), cache: &AssetCache) {
+        if let Some(found) = &self.0 {
+            cache.put(Self::file(key), found);
+        }
+    }
+}

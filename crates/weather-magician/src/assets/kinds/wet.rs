@@ -1,0 +1,39 @@
+//! The surfaces that get wet.
+
+use super::*;
+use wm_weather::light::CaptureLight;
+use wm_weather::open_water::OpenWater;
+use wm_weather::wetness::WetSurfaces;
+
+impl Asset for WetSurfaces {
+    type Key = ();
+
+    const WORK: &'static str = "finding what gets wet";
+    const KEEP: Keep = Keep::Last(1);
+
+    fn needs((): &()) -> Vec<AssetKey> {
+        vec![AssetKey::Surfaces(()), AssetKey::Light(()), AssetKey::OpenWater(())]
+    }
+
+    fn make((): &(), workshop: &Workshop<'_>) -> Result<Self> {
+        let source = workshop.source;
+        let surfaces = workshop.get::<SceneSurfaces>(());
+        let found = surfaces.of(source.splats()?);
+        let capture = workshop.get::<CaptureLight>(());
+        let water = workshop.get::<OpenWater>(());
+        let about = (&*water, source.path(), source.is_up_known);
+        Ok(Self::of(source.splats()?, &found, &capture, about, &source.site, source.threads))
+    }
+
+    fn file((): &()) -> Option<AssetFile> {
+        Some(AssetFile { word: "wet", numbers: Vec::new() })
+    }
+
+    fn read(key: &(), cache: &AssetCache, splats: usize, _: usize) -> Option<Self> {
+        cache.get::<Self>(&Self::file(key)?).filter(|found| found.is_consistent(splats))
+    }
+
+    fn write(&self, key: &(), cache: &AssetCache) {
+        cache.put(Self::file(key), self);
+    }
+}
