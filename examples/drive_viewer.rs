@@ -3,9 +3,9 @@
 //!
 //! `cargo run --release --example drive_viewer -- 'http://127.0.0.1:8787/#token=...' [PAGES] [SECONDS] [PID of the viewer, for its CPU time and memory]`
 
-#[path = "../tests/viewer/running.rs"]
+#[path = "../tests/program/viewer/running.rs"]
 mod running;
-#[path = "../tests/viewer/socket.rs"]
+#[path = "../tests/program/viewer/socket.rs"]
 mod socket;
 
 use running::{address_and_token, mebibytes};

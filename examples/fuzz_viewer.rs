@@ -12,9 +12,9 @@
 mod damage;
 #[path = "fuzz_readers/edges.rs"]
 mod edges;
-#[path = "../tests/viewer/running.rs"]
+#[path = "../tests/program/viewer/running.rs"]
 mod running;
-#[path = "../tests/viewer/socket.rs"]
+#[path = "../tests/program/viewer/socket.rs"]
 mod socket;
 
 use damage::Draws;

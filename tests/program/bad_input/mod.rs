@@ -1,0 +1,126 @@
+//! Whatever is wrong with what the program is given: it says so in one line, with the name of the
+//! file and the place in it, and writes nothing.
+
+mod options;
+mod scenes;
+mod streams;
+mod weathers;
+
+use crate::process::{finish, refuses, said, wait};
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use tempfile::TempDir;
+use wm_scene::testing::data;
+
+/// Default options of the tests: a small picture of the small scene.
+const USUAL: [(&str, &str); 4] =
+    [("--size", "48x32"), ("--threads", "1"), ("--camera", "0,-6,2:0,0,2"), ("--out", "a.png")];
+
+/// The properties of a splat, in the order of [`Ply::rows`].
+const PROPERTIES: [&str; 14] = [
+    "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0",
+    "rot_1", "rot_2", "rot_3",
+];
+
+/// A PLY by its parts, to be spoilt.
+#[derive(Clone)]
+struct Ply {
+    count: String,
+    /// Type and name.
+    properties: Vec<String>,
+    rows: Vec<Vec<f32>>,
+}
+
+impl Ply {
+    /// A wall of 60 splats at x -1.5 to 1.2, y 0 to 1.5, z about 2.
+    fn sound() -> Self {
+        let row = |i: usize| {
+            let place = [(i % 10) as f32 * 0.3 - 1.5, (i / 10) as f32 * 0.3, 2.0 + 0.1 * (i % 7) as f32];
+            let look = [0.5, 0.1, -0.3, 3.0, -1.5, -1.5, -2.0, 1.0, 0.0, 0.0, 0.0];
+            [&place[..], &look].concat()
+        };
+        Self {
+            count: "60".into(),
+            properties: PROPERTIES.map(|name| format!("float {name}")).to_vec(),
+            rows: (0..60).map(row).collect(),
+        }
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let lines: String = self.properties.iter().map(|p| format!("property {p}\n")).collect();
+        let count = &self.count;
+        let header = format!(
+            "ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{lines}comment wm.up [0.0, 0.0, 1.0]\nend_header\n"
+        );
+        let values = self.rows.iter().flatten().flat_map(|v| v.to_le_bytes());
+        header.into_bytes().into_iter().chain(values).collect()
+    }
+}
+
+/// A folder with a sound scene `good.ply` in it, where the program runs.
+struct Place {
+    folder: TempDir,
+}
+
+impl Place {
+    fn new() -> Self {
+        let place = Self { folder: tempfile::tempdir().unwrap() };
+        place.put("good.ply", Ply::sound().bytes());
+        place
+    }
+
+    fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    fn put(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, content).unwrap();
+        path
+    }
+
+    fn command<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_weather-magician"));
+        command.args(args).current_dir(self.path()).stdin(Stdio::null());
+        command
+    }
+
+    fn run<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Output {
+        finish(&mut self.command(args))
+    }
+
+    /// Runs a command that must be refused with one line that holds each of `says`.
+    fn refused<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>, says: &[&str]) -> String {
+        self.refused_by(&mut self.command(args), says)
+    }
+
+    fn refused_by(&self, command: &mut Command, says: &[&str]) -> String {
+        // What the scene lacks and which camera was chosen may have been said before.
+        refuses(command, self.path(), says, &["warning: ", "camera: "])
+    }
+
+    /// `render SCENE` with `more` before what is usual.
+    fn render_refused(&self, scene: &str, more: &[&str], says: &[&str]) -> String {
+        self.refused(render(scene, more), says)
+    }
+
+    fn rendered(&self, scene: &str, more: &[&str]) -> Output {
+        let output = self.run(render(scene, more));
+        assert!(output.status.success(), "{more:?}: {}", said(&output));
+        output
+    }
+}
+
+/// The options of `render`: `more`, and what is usual where it says nothing.
+fn render<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let usual = USUAL.into_iter().filter(|(name, _)| !more.contains(name));
+    // The tests that render often to one file replace it.
+    ["render", scene, "--overwrite"]
+        .into_iter()
+        .chain(more.iter().copied())
+        .chain(usual.flat_map(|(a, b)| [a, b]))
+        .collect()
+}

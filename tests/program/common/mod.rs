@@ -1,0 +1,250 @@
+//! Helpers of the tests of rendered output: scenes of flat cards, the binary, readers of pictures.
+
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tempfile::TempDir;
+use weather_magician::{FrameRequest, Picture, Renderer, Weather};
+use wm_scene::formats::write_scene;
+use wm_scene::synthetic::Builder;
+use wm_scene::{Camera, Metadata, Scene, Splats};
+
+pub use wm_scene::card::Card;
+
+/// A step of an 8-bit picture.
+pub const STEP: f64 = 1.0 / 255.0;
+
+/// Display-referred colours of the cards.
+pub const WHITE: [f32; 3] = [1.0; 3];
+/// The other one.
+pub const BLACK: [f32; 3] = [0.0; 3];
+
+/// `-ln 0.05`: optical depth at the meteorological optical range (WMO No. 8), typed anew so that
+/// the tests do not borrow a constant from what they test.
+pub const MOR_DEPTH: f64 = 2.995_732_273_553_991;
+
+/// A command of the binary, ready to be given its arguments.
+pub fn binary() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_weather-magician"))
+}
+
+/// Runs the binary.
+///
+/// # Panics
+/// With all that it said, if it fails.
+pub fn run(arguments: &[String]) -> Output {
+    let output = binary().args(arguments).output().expect("the binary starts");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {}: {said}", output.status);
+    output
+}
+
+/// A folder for scenes and pictures that goes away with the value.
+pub struct Workshop {
+    folder: TempDir,
+}
+
+impl Workshop {
+    /// An empty one.
+    pub fn new() -> Self {
+        Self { folder: tempfile::tempdir().expect("a folder for the test") }
+    }
+
+    /// Returns the path of the file `name`.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a scene as PLY.
+    pub fn scene(&self, name: &str, splats: Splats, metadata: &Metadata) -> PathBuf {
+        let path = self.path(&format!("{name}.ply"));
+        let scene = Scene { splats, metadata: metadata.clone(), ..Scene::default() };
+        write_scene(&path, &scene).expect("the scene is written");
+        path
+    }
+
+    /// The arguments that render `scene` to `out` with further `options`, words apart by spaces.
+    pub fn words(&self, scene: &Path, view: &ViewArgs, out: &str, options: &str) -> Vec<String> {
+        let mut words = vec!["render".to_owned(), scene.display().to_string()];
+        words.extend(view.0.iter().cloned());
+        words.extend(["--overwrite".to_owned(), "--out".to_owned(), self.path(out).display().to_string()]);
+        words.extend(options.split_whitespace().map(str::to_owned));
+        words
+    }
+
+    /// Renders it and says where the output lies.
+    pub fn render(&self, scene: &Path, view: &ViewArgs, out: &str, options: &str) -> PathBuf {
+        run(&self.words(scene, view, out, options));
+        self.path(out)
+    }
+
+    /// Renders four seconds at two frames a second with the weather file `weather` and one thread,
+    /// then three of the frames alone with other numbers of threads.
+    ///
+    /// # Panics
+    /// If a frame alone is not that of the sequence, or if two of the three are equal.
+    pub fn check_frames_alone(&self, scene: &Path, view: &ViewArgs, weather: &Path) {
+        let shared = format!("--weather {} --assets off", weather.display());
+        let folder = self.render(scene, view, "all", &format!("{shared} --seconds 4 --fps 2 --threads 1"));
+        let mut different = std::collections::BTreeSet::new();
+        for (frame, threads) in [(1, 2), (4, 7), (7, 1)] {
+            let options = format!("{shared} --time {} --threads {threads}", f64::from(frame) / 2.0);
+            let alone = read_png(&self.render(scene, view, "alone.png", &options));
+            assert!(alone == read_png(&folder.join(format!("{frame:05}.png"))), "frame {frame}");
+            different.insert(format!("{:?}", alone.pixels));
+        }
+        assert_eq!(different.len(), 3);
+    }
+}
+
+/// A camera on the command line.
+#[derive(Clone)]
+pub struct ViewArgs(Vec<String>);
+
+impl ViewArgs {
+    /// The same without an option, such as `--fov`.
+    pub fn without(self, option: &str) -> Self {
+        Self(self.0.into_iter().filter(|word| !word.starts_with(option)).collect())
+    }
+
+    /// A path of keyframes in a file.
+    pub fn along(path: &Path, size: (u32, u32)) -> Self {
+        Self(vec![format!("--path={}", path.display()), format!("--size={}x{}", size.0, size.1)])
+    }
+}
+
+/// A look from `eye` at `target`, as a camera and as the options that ask for it.
+pub fn look(size: (u32, u32), fov: f64, eye: DVec3, target: DVec3, up: DVec3) -> (Camera, ViewArgs) {
+    let camera = Camera::looking(size, fov, eye, target, up).expect("a camera");
+    let point = |p: DVec3| format!("{},{},{}", p.x, p.y, p.z);
+    // Equal signs keep clap from reading a minus as an option.
+    let arguments = vec![
+        format!("--camera={}:{}", point(eye), point(target)),
+        format!("--size={}x{}", size.0, size.1),
+        format!("--fov={fov}"),
+    ];
+    (camera, ViewArgs(arguments))
+}
+
+/// A small yard for pictures of a place: ground, a house, trees, things on the ground; 5,000 splats
+/// within 20 m of the origin, z up, scene units. Without a sky.
+pub fn yard() -> Builder {
+    let mut place = Builder::new(11);
+    let tiles = |a: f64, b: f64| {
+        let odd = ((a * 10.0) as i32 + (b * 10.0) as i32) % 2 == 1;
+        if odd { [0.55, 0.53, 0.48] } else { [0.4, 0.42, 0.36] }
+    };
+    place.surface(DVec3::new(-12.0, -12.0, 0.0), DVec3::X * 24.0, DVec3::Y * 30.0, 0.6, tiles);
+    place.block(DVec3::new(4.0, 8.0, 0.0), DVec3::new(7.0, 5.0, 4.0), 0.4, [0.75, 0.68, 0.55]);
+    place.block(DVec3::new(-3.0, -2.0, 0.0), DVec3::new(1.2, 1.2, 1.2), 0.2, [0.7, 0.2, 0.15]);
+    place.ball(DVec3::new(1.5, -4.0, 0.6), 0.6, 0.12, [0.15, 0.3, 0.6]);
+    place.tree(DVec3::new(-6.0, 6.0, 0.0), 7.0, 400);
+    place.tree(DVec3::new(0.5, 15.0, 0.0), 6.0, 300);
+    place
+}
+
+/// Returns the camera of the yard: 12 m before its middle, over the ground and into the open.
+pub fn yard_look(size: (u32, u32)) -> (Camera, ViewArgs) {
+    look(size, 50.0, DVec3::new(0.5, -12.0, 1.8), DVec3::new(0.0, 4.0, 2.2), DVec3::Z)
+}
+
+/// Returns the metadata of the yard at a scale, without a colour of its air.
+pub fn yard_metadata(metres_per_unit: f64) -> Metadata {
+    Metadata {
+        metres_per_unit: Some(metres_per_unit),
+        up: Some(DVec3::Z),
+        ground: Some(0.0),
+        ..Metadata::default()
+    }
+}
+
+/// A picture in memory, the top row first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image<T> {
+    /// Width, px.
+    pub width: usize,
+    /// Height, px.
+    pub height: usize,
+    /// Row by row.
+    pub pixels: Vec<T>,
+}
+
+impl<T: Copy> Image<T> {
+    /// The pixel in column `x` of row `y`.
+    pub fn at(&self, x: usize, y: usize) -> T {
+        self.pixels[y * self.width + x]
+    }
+
+    /// The same picture with every pixel changed.
+    pub fn map<U>(&self, change: impl FnMut(T) -> U) -> Image<U> {
+        let pixels = self.pixels.iter().copied().map(change).collect();
+        Image { width: self.width, height: self.height, pixels }
+    }
+}
+
+/// One channel of an EXR: `R`, `G`, `B` in linear light, `A` alpha, `Z` depth in metres.
+pub fn read_channel(path: &Path, name: &str) -> Image<f64> {
+    let image = exr::prelude::read_first_flat_layer_from_file(path)
+        .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let layer = image.layer_data;
+    let channel = layer.channel_data.list.iter().find(|channel| channel.name.eq(name));
+    let channel = channel.unwrap_or_else(|| panic!("{} has no channel {name}", path.display()));
+    let pixels = channel.sample_data.values_as_f32().map(f64::from).collect();
+    Image { width: layer.size.width(), height: layer.size.height(), pixels }
+}
+
+/// The colours of an EXR, linear light.
+pub fn read_exr(path: &Path) -> Image<[f64; 3]> {
+    let [r, g, b] = ["R", "G", "B"].map(|name| read_channel(path, name));
+    let pixels = (0..r.pixels.len()).map(|i| [r.pixels[i], g.pixels[i], b.pixels[i]]).collect();
+    Image { width: r.width, height: r.height, pixels }
+}
+
+/// The bytes of an 8-bit RGB PNG.
+pub fn read_png(path: &Path) -> Image<[u8; 3]> {
+    let file = std::fs::File::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("a PNG");
+    let mut bytes = vec![0; reader.output_buffer_size().expect("a size")];
+    let info = reader.next_frame(&mut bytes).expect("a picture");
+    assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgb, png::BitDepth::Eight));
+    let pixels = bytes.as_chunks::<3>().0.to_vec();
+    Image { width: info.width as usize, height: info.height as usize, pixels }
+}
+
+/// sRGB, 0-1, to linear light: IEC 61966-2-1, typed anew so that the tests do not borrow the curve
+/// from what they test.
+pub fn decode(encoded: f64) -> f64 {
+    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Linear light to sRGB.
+pub fn encode(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// A PNG's colours in linear light.
+pub fn light_of(picture: &Image<[u8; 3]>) -> Image<[f64; 3]> {
+    picture.map(|rgb| rgb.map(|byte| decode(f64::from(byte) * STEP)))
+}
+
+/// The largest of some numbers; 0 if there are none.
+pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(0.0, f64::max)
+}
+
+/// Pictures of a place of one unit a metre, at an instant of clear weather with changes, each a
+/// list of settings.
+pub fn pictures(splats: Splats, camera: &Camera, time: f64, changes: &[&[&str]]) -> Vec<Picture> {
+    let mut renderer = Renderer::cpu().unwrap();
+    let mut place =
+        renderer.load(Scene { splats, metadata: yard_metadata(1.0), ..Scene::default() }).unwrap();
+    let picture = |changes: &&[&str]| {
+        let mut weather = Weather::clear();
+        changes.iter().try_for_each(|change| weather.set_text(change)).unwrap();
+        let mut picture = Picture::default();
+        let request = FrameRequest::new(&weather, camera, time);
+        renderer.render_into(&mut place, &request, &mut picture, &mut ()).unwrap();
+        picture
+    };
+    changes.iter().map(picture).collect()
+}

@@ -1,0 +1,145 @@
+//! Tests lying snow through the commands `render` and `bake`: it grows frame by frame, any frame
+//! alone is the same, and `bake` writes what `render` shows.
+
+use crate::common::*;
+use crate::process::refuses;
+
+/// A yard of some metres.
+fn place(workshop: &Workshop) -> (std::path::PathBuf, ViewArgs) {
+    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    (scene, yard_look((120, 80)).1)
+}
+
+/// Mean light of a picture's lower half.
+fn ground(picture: &Image<[u8; 3]>) -> f64 {
+    let light = light_of(picture);
+    let lower = &light.pixels[light.pixels.len() / 2..];
+    lower.iter().map(|rgb| rgb[1]).sum::<f64>() / lower.len() as f64
+}
+
+#[test]
+fn snow_grows_and_every_frame_is_the_same_alone() {
+    let workshop = Workshop::new();
+    let (scene, view) = place(&workshop);
+    let clear = read_png(&workshop.render(&scene, &view, "clear.png", ""));
+    let weather = "--set snow_cover.depth=0:0,2:0.2";
+    let folder = workshop.render(&scene, &view, "all", &format!("{weather} --seconds 2 --fps 4 --threads 1"));
+    let frame = |k: usize| read_png(&folder.join(format!("{k:05}.png")));
+    // Nothing lies at a depth of 0, nor before the first keyframe.
+    assert!(frame(0) == clear);
+    let before = format!("{weather} --time -5");
+    assert!(read_png(&workshop.render(&scene, &view, "before.png", &before)) == clear);
+    let light: Vec<f64> = (0..8).map(|k| ground(&frame(k))).collect();
+    println!("{light:.3?}");
+    assert!(light.windows(2).all(|pair| pair[1] > pair[0] - 0.01) && light[7] > light[0] + 0.1, "{light:?}");
+    for (k, threads) in [(3, 2), (7, 5)] {
+        let options = format!("{weather} --time {} --threads {threads}", f64::from(k) / 4.0);
+        assert!(read_png(&workshop.render(&scene, &view, "alone.png", &options)) == frame(k as usize), "{k}");
+    }
+}
+
+#[test]
+fn what_is_baked_is_what_is_rendered() {
+    let workshop = Workshop::new();
+    let (scene, view) = place(&workshop);
+    for asked in
+        ["snow_cover.depth=0.1", "dust_cover.depth=0.05", "snow_cover.depth=0.1 --set fidelity=paper"]
+    {
+        let live = read_png(&workshop.render(&scene, &view, "live.png", &format!("--set {asked}")));
+        let baked = workshop.path("baked.ply");
+        let words = format!("bake {} --set {asked} --overwrite -o {}", scene.display(), baked.display());
+        run(&words.split(' ').map(str::to_owned).collect::<Vec<_>>());
+        let again = read_png(&workshop.render(&baked, &view, "again.png", ""));
+        let squares = live.pixels.iter().zip(&again.pixels);
+        let squares = squares.flat_map(|(a, b)| (0..3).map(|k| (f64::from(a[k]) - f64::from(b[k])).powi(2)));
+        let mean = squares.sum::<f64>() / (3 * live.pixels.len()) as f64;
+        let psnr = 10.0 * (255.0 * 255.0 / mean.max(1e-9)).log10();
+        println!("{asked}: {psnr:.1} dB");
+        assert!(psnr > 45.0, "{asked}: {psnr} dB");
+    }
+}
+
+/// The paper has no dust: the physical one lies under its rain as well.
+#[test]
+fn dust_lies_under_the_papers_rain() {
+    let workshop = Workshop::new();
+    let (scene, view) = place(&workshop);
+    let light = |options: &str| {
+        let options = format!("--set fidelity=paper --set rain.rate=5 {options}");
+        ground(&read_png(&workshop.render(&scene, &view, "rain.png", &options)))
+    };
+    let (bare, dust) = (light(""), light("--set dust_cover.depth=0.1 --set dust_cover.color=#ffffff"));
+    assert!(dust > bare + 0.05, "{dust} {bare}");
+}
+
+/// Snow lies on sand, and where it is gone the sand is seen as if there had been none.
+#[test]
+fn sand_is_seen_where_no_snow_is() {
+    let workshop = Workshop::new();
+    let (scene, view) = place(&workshop);
+    let shown = |options: &str| {
+        let options = format!("--set dust_cover.depth=0.05 --set dust_cover.color=#400000 {options}");
+        read_png(&workshop.render(&scene, &view, "sand.png", &options))
+    };
+    let sand = shown("");
+    assert!(shown("--set snow_cover.depth=0") == sand);
+    let thaw = "--set snow_cover.depth=0.03 --set snow_cover.temperature=6 --set snow_cover.lapse=3600";
+    assert!(shown(&format!("{thaw} --time 200")) == sand);
+    let [bare, thin, deep] =
+        [sand, shown("--set snow_cover.depth=0.004"), shown("--set snow_cover.depth=0.2")]
+            .map(|picture| ground(&picture));
+    println!("{bare:.3} {thin:.3} {deep:.3}");
+    // Colours mix as they are encoded, so that half cover of white on dark is a tenth of its light.
+    assert!(thin > bare + 0.02 && deep > thin + 0.05, "{bare} {thin} {deep}");
+}
+
+#[test]
+fn there_must_be_something_to_bake() {
+    let workshop = Workshop::new();
+    let (scene, _) = place(&workshop);
+    let refused = |out: &str, words: &[&str], says: &str| {
+        let mut command = binary();
+        command.arg("bake").arg(&scene).arg("-o").arg(workshop.path(out)).args(words);
+        refuses(&mut command, &workshop.path(""), &[says], &[]);
+    };
+    refused("none.ply", &[], "nothing lies under the weather clear at 0 s");
+    refused("none.ply", &["--set", "snow_cover.depth=0"], "nothing lies under the weather");
+    refused("none.obj", &["--set", "snow_cover=on"], "use .ply, .compressed.ply, .spz,");
+
+    // Deeper than all, and before the start.
+    let deep = workshop.path("deep.ply");
+    let words = |depth: &str| {
+        let words = format!(
+            "bake {} --set snow_cover.depth={depth} --time -100 -o {}",
+            scene.display(),
+            deep.display()
+        );
+        words.split(' ').map(str::to_owned).collect::<Vec<_>>()
+    };
+    run(&words("10"));
+    let mut command = binary();
+    command.args(words("10.1"));
+    refuses(&mut command, &workshop.path(""), &["snow_cover.depth"], &[]);
+}
+
+/// Snow that has fallen since the start lies, and melts; and time before the start is no error.
+#[test]
+fn snow_falls_lies_and_melts() {
+    let workshop = Workshop::new();
+    let (scene, view) = place(&workshop);
+    let light = |time: f64| {
+        let sets = [
+            "snowfall.rate=0:3,4:3,4.1:0",
+            "snowfall.opacity=0",
+            "snow_cover.depth=auto",
+            "snow_cover.hours=1",
+            "snow_cover.lapse=3600",
+            "snow_cover.temperature=0:-2,5:-2,6:9",
+        ];
+        let sets = sets.map(|set| format!("--set {set}")).join(" ");
+        ground(&read_png(&workshop.render(&scene, &view, "snow.png", &format!("{sets} --time {time}"))))
+    };
+    let [before, start, snow, thaw, bare] = [-3.0, 0.0, 4.0, 13.0, 60.0].map(light);
+    println!("{before:.3} {start:.3} {snow:.3} {thaw:.3} {bare:.3}");
+    assert!(before < start && start <= snow + 0.01 && thaw < snow && (bare - before).abs() < 0.02);
+}

@@ -1,0 +1,126 @@
+//! The choice of a device, and that a GPU draws every weather as the CPU does.
+
+use crate::common::*;
+use wm_render::gpu::adapters;
+use wm_render::testing::Backend;
+use wm_scene::capture::colmap::write::ColmapStorage;
+use wm_scene::{Lamp, Metadata};
+use wm_street::{
+    Street,
+    dataset::{self, CameraRoute, DatasetOptions, GroundTruth},
+};
+
+const SIZE: (u32, u32) = (120, 80);
+
+#[test]
+fn devices_are_listed() {
+    let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
+    let said = String::from_utf8(run(&words(&["devices", "--device", "cpu"])).stdout).unwrap();
+    assert!(said.starts_with("cpu, ") && said.contains("--device cpu renders on: cpu, "), "{said}");
+    for listed in adapters() {
+        assert!(said.contains(&listed.name), "{said}");
+    }
+}
+
+#[test]
+fn a_device_that_is_not_there_is_one_line() {
+    for (device, reason) in [("gpu:no such one", "`no such one`"), ("tpu", "`tpu` is no device")] {
+        let output = binary().args(["devices", "--device", device]).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        // Drivers may have something to say before.
+        let last = said.trim_end().lines().last().unwrap_or_default();
+        assert!(!output.status.success() && last.starts_with("error: ") && last.contains(reason), "{said}");
+    }
+}
+
+/// Photos of the built-in street, on both devices: how near the ones that are held out are met, dB.
+#[test]
+fn a_training_ends_as_near_as_the_cpus() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let name = adapters().into_iter().find(|listed| listed.unfit.is_none()).unwrap().name;
+    let workshop = Workshop::new();
+    let options = DatasetOptions {
+        route: CameraRoute::Orbit,
+        count: 9,
+        size: (48, 32),
+        samples: 1,
+        points: 300,
+        storage: ColmapStorage::Binary,
+        truth: GroundTruth::Omit,
+    };
+    dataset::write(&Street::builtin(), &workshop.path("set"), &options, &mut |_| true).unwrap();
+    let psnr = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
+        let [set, out] = ["set", "scene.ply"].map(|name| workshop.path(name).display().to_string());
+        // Few steps: with more of them so few photos are learnt by heart, and no two ways of
+        // rounding end alike.
+        let words =
+            ["reconstruct", &set, "--no-assets", "--out", &out, "--device", &device, "--steps", "100"];
+        let more = [
+            "--max-splats",
+            "800",
+            "--sh-degree",
+            "1",
+            "--eval-every",
+            "3",
+            "--sky-splats",
+            "200",
+            "--overwrite",
+        ];
+        let words: Vec<String> = words.iter().chain(&more).map(|word| (*word).to_owned()).collect();
+        let said = String::from_utf8(run(&words).stdout).unwrap();
+        let is_on = if device == "cpu" { " s on cpu, " } else { " s on gpu, " };
+        assert!(said.contains(is_on), "{said}");
+        let mean = said.lines().find_map(|line| line.strip_prefix("held-out mean of 3: ")).unwrap();
+        mean.split(' ').next().unwrap().parse::<f64>().unwrap()
+    });
+    println!("{psnr:?} dB");
+    assert!((psnr[0] - psnr[1]).abs() < 0.2 && psnr[0] > 15.0, "{psnr:?}");
+}
+
+/// By the pictures' own numbers: what may be off is a splat at a cut.
+#[test]
+fn every_weather_is_the_cpus() {
+    if Backend::gpu().is_none() {
+        return;
+    }
+    let name = adapters().into_iter().find(|listed| listed.unfit.is_none()).unwrap().name;
+    let workshop = Workshop::new();
+    let (_, view) = yard_look(SIZE);
+    let lamp = Lamp { aim: Some([0.0, 0.0, -1.0]), ..Lamp::new([-1.5, 1.0, 4.0]) };
+    let facts = Metadata { lamps: Some(vec![lamp]), ..yard_metadata(1.0) };
+    let scene = workshop.scene("yard", yard().build(), &facts);
+    for weather in [
+        "",
+        "--set fog.mor=40",
+        "--set fog.mor=60 --set fog.scale_height=8 --set smog.mor=300",
+        "--set rain.rate=60 --set wind.speed=6",
+        "--set snowfall.rate=3 --set sky=overcast",
+        "--set snow_cover.depth=0.15",
+        "--set fog.mor=80 --set look.exposure=-0.5 --set look.saturation=0.6",
+        "--weather fog --set fidelity=paper",
+        "--set rain.rate=20 --set fidelity=paper",
+        "--set light.model=overcast",
+        "--set light.model=clear --set light.sun_elevation=30 --set light.photos=diffuse --set haze.mor=3000",
+        "--set light.model=night --set light.lamps=on --set light.exposure=-2 --set fog.mor=60",
+        "--set light.model=night --set light.lamps=on --set light.headlamps=on --set rain.rate=60 --set snow_cover.depth=0.1",
+        "--set light.model=night --set lightning.rate=120 --set lightning.distance=400 --set lightning.exposure=2",
+        "--set light.model=clear --set light.photos=diffuse --set light.clouds=0.5 --set light.cloud_shadows=on",
+        "--set lens.rate=20 --set lens.distance=0.1 --set lens.dirt=0.1",
+    ] {
+        let pictures = ["cpu".to_owned(), format!("gpu:{name}")].map(|device| {
+            let mut words = workshop.words(&scene, &view, "picture.exr", weather);
+            words.extend(["--device".to_owned(), device]);
+            run(&words);
+            read_exr(&workshop.path("picture.exr"))
+        });
+        let [cpu, gpu] = pictures.each_ref().map(|picture| picture.pixels.as_flattened());
+        let off: Vec<f64> = cpu.iter().zip(gpu).map(|(a, b)| (a - b).abs()).collect();
+        let (most, mean) =
+            (off.iter().copied().fold(0.0, f64::max), off.iter().sum::<f64>() / off.len() as f64);
+        println!("`{weather}`: mean {mean:.1e}, most {most:.1e}");
+        assert!(mean < 2e-5 && most < 0.02, "{weather}: {mean} {most}");
+        assert!(cpu != gpu || weather.is_empty(), "`{weather}`: one device drew both");
+    }
+}

@@ -1,0 +1,25 @@
+//! The viewer: its pictures, what it refuses, and its page in a real browser.
+
+mod align;
+mod axe;
+mod client;
+mod frames;
+mod lidar;
+mod links;
+mod page;
+mod running;
+mod security;
+mod site;
+mod socket;
+mod training;
+mod webdriver;
+
+use crate::common::{Workshop, yard, yard_metadata};
+use std::path::PathBuf;
+
+/// The yard as a scene file.
+fn yard_scene() -> (Workshop, PathBuf) {
+    let workshop = Workshop::new();
+    let scene = workshop.scene("yard", yard().build(), &yard_metadata(1.0));
+    (workshop, scene)
+}
