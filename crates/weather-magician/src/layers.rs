@@ -148,9 +148,6 @@ static ROWS: [Row; 19] = {
         row(P::Color, "rgb", RGB, Frame(PLAIN), F::Color, |p| p.frame.rgb.as_slice().into()),
         row(P::Depth, "depth", &["Z"], depth, F::Depth, |p| p.metres(&p.frame.depth)),
         row(P::MedianDepth, "median-depth", &["Z"], median, F::Depth, |p| p.metres(&p.frame.median_depth)),
-        row(P::SurfaceDepth, "surface-depth", &["Z"], Later(L::SurfaceDepth), F::Depth, |p| {
-            p.metres(&p.surface_depth)
-        }),
         row(P::Normal, "normal", &["X", "Y", "Z"], normal, F::Normal, |p| p.frame.normal.as_slice().into()),
         row(P::Alpha, "alpha", &["A"], Frame(PLAIN), alpha, |p| p.frame.alpha.as_slice().into()),
         row(P::Transmittance, "transmittance", RGB, transmittance, F::ColorShares, |p| {
@@ -173,6 +170,9 @@ static ROWS: [Row; 19] = {
         }),
         row(P::Label, "label", &["ID"], Later(L::Labels), F::Names, |p| numbers(&p.labels.label)),
         row(P::Instance, "instance", &["ID"], Later(L::Labels), F::Names, |p| numbers(&p.labels.instance)),
+        row(P::SurfaceDepth, "surface-depth", &["Z"], Later(L::SurfaceDepth), F::Depth, |p| {
+            p.metres(&p.surface_depth)
+        }),
         row(P::Clear, "clear", RGB, Later(L::Clear), F::Color, |p| p.clear.as_slice().into()),
     ]
 };

@@ -3,11 +3,12 @@
 use crate::layers::{LayerForm, Layers, PictureLayer};
 use crate::picture::Picture;
 use crate::{Error, Result};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use wm_media::color::Dither;
 use wm_media::{MediaError, PictureSize, exr, flow, png};
-use wm_render::frame::srgb_encode;
+use wm_render::frame::{ColorEncoding, srgb_decode, srgb_encode};
 use wm_scene::npy;
 
 /// A file format of pictures.
@@ -167,7 +168,7 @@ impl PictureStyle {
 
     /// The channels of an EXR layer.
     fn channels(layer: PictureLayer, picture: &Picture) -> Vec<(String, Vec<f32>)> {
-        let values = picture.layer(layer);
+        let values = linear_values(layer, picture);
         let channels = layer.channels();
         let of = |k: usize| values.iter().skip(k).step_by(channels.len()).copied().collect();
         channels.iter().enumerate().map(|(k, name)| (format!("{}.{name}", layer.name()), of(k))).collect()
@@ -193,6 +194,7 @@ impl PictureStyle {
         let values = picture.layer(layer);
         match format {
             PictureFormat::Npy => {
+                let values = linear_values(layer, picture);
                 let (height, width) = (size.height as usize, size.width as usize);
                 match layer.channels().len() {
                     1 => npy::write(path, &values, &[height, width])?,
@@ -287,6 +289,15 @@ impl PictureStyle {
     fn exr(&self, path: &Path, size: PictureSize, planes: exr::ExrPlanes<'_>) -> Result<(), MediaError> {
         exr::write_exr(path, planes, size, &self.tags)
     }
+}
+
+/// The values of a layer as files of floats have them: colours in linear light.
+fn linear_values(layer: PictureLayer, picture: &Picture) -> Cow<'_, [f32]> {
+    let values = picture.layer(layer);
+    if layer.form() != LayerForm::Color || picture.frame.encoding == ColorEncoding::Linear {
+        return values;
+    }
+    values.iter().map(|value| srgb_decode(f64::from(*value)) as f32).collect()
 }
 
 /// Returns `path` with `.kind.extension` for its extension: `a.png` and depth give `a.depth.png`.

@@ -52,11 +52,12 @@ fn the_blocks_run() -> Result<(), Box<dyn std::error::Error>> {
     let mut renderer = Renderer::auto()?; // a GPU if there is one, else the CPU
     let mut place = renderer.load(scene)?;
     let camera = Camera::look_at([4.0, -20.0, 1.6], [4.0, -30.0, 1.5]).fov_y(50.0).size(1200, 800);
-    let picture = renderer.render(&mut place, &FrameRequest::new(&weather, &camera, 0.0))?; // time in seconds
+    let request = FrameRequest::new(&weather, camera, 0.0); // time in seconds
+    let picture = renderer.render(&mut place, &request)?;
     picture.save("fog.png")?;
 
     let also: Vec<LayerFile> = vec!["depth".parse()?, "transmittance.npy".parse()?];
-    let layers = layers_of(&also);
+    let layers = layers_of(&also); // as Layers::COLOR | Layers::DEPTH | Layers::TRANSMITTANCE
     let request = FrameRequest { layers, ..FrameRequest::new(&weather, camera, 0.0) };
     let picture = renderer.render(&mut place, &request)?;
     let style = PictureStyle { also, ..Default::default() };

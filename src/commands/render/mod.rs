@@ -83,8 +83,10 @@ struct OutputArgs {
     /// share of a pixel), reflection (of a pixel's light), water-depth (metres), flow (optical flow
     /// of the scene to the frame 1/fps later, px: two renders without colour; .png is KITTI's),
     /// flow-mask (0 visible, 1 occluded, 2 outside, 3 unknown), particle-flow (of falling rain,
-    /// snow and hail), label and instance (of a scene that has them, 0 for none: one more render);
-    /// append .png, .exr or .npy, or .flo for flow, to choose another format than the colour's
+    /// snow and hail), label and instance (of a scene that has them, 0 for none: one more render),
+    /// surface-depth (metres, of surfaces without what falls: one more), clear (the view without
+    /// any weather: one more); append .png, .exr or .npy, or .flo for flow, to choose another
+    /// format than the colour's
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
     also: Vec<LayerFile>,
     /// Write the steps of the paper's rain and snow beside the picture, as PNG: noise, overlay,
