@@ -2,6 +2,11 @@
 //!
 //! JPEG and PNG, with the few tags of EXIF that matter here. Nothing is decoded: a block or two of
 //! the file are read, whatever its size.
+//!
+//! The segments and chunks are walked here, not by the crates imagesize and kamadak-exif: one walk
+//! finds both size and EXIF. imagesize takes a PNG's size from a fixed place, be it cut off or no
+//! picture, refuses JPEGs with padded markers, and goes on into the data of a picture without a
+//! frame header; kamadak-exif reads a whole PNG in search of EXIF. Neither has a limit.
 
 use super::{Gps, exif::Tags};
 use crate::{
