@@ -7,8 +7,9 @@ mod rigid;
 
 pub use lens::LensModel;
 pub use look_at::LookAt;
+use rigid::check_rigid;
 pub(crate) use rigid::viewmat_at;
-pub use rigid::{PoseFault, RIGID_TOLERANCE, check_rigid, rotation_of};
+pub use rigid::{PoseFault, rotation_of};
 
 use crate::values::FARTHEST;
 use glam::{DMat3, DMat4, DVec3};
@@ -40,7 +41,8 @@ pub struct Camera {
     pub cx: f64,
     /// Principal point, px from the top edge.
     pub cy: f64,
-    /// `camera_from_world`: a rotation and a translation, within [`RIGID_TOLERANCE`].
+    /// `camera_from_world`: a rotation and a translation; [`Camera::check`] tolerates errors of
+    /// 1e-5 in the products of its rows.
     pub viewmat: DMat4,
     /// Splats whose centre is nearer than this (view z, scene units) are not drawn.
     pub near: f64,

@@ -22,12 +22,10 @@ mod reading;
 use crate::error::{FormatError, Problem};
 use faults::Operation;
 pub(crate) use reading::{
-    BYTE_ORDER_MARK, LFS_REFUSED, LONGEST_MARK, is_lfs_pointer, open, refused_text, without_byte_order_mark,
+    BYTE_ORDER_MARK, LFS_REFUSED, LONGEST_MARK, is_file, is_folder, is_lacking, is_lfs_pointer, is_there, open,
+    read_if_there, refused_text, skip_byte_order_mark, without_byte_order_mark,
 };
-pub use reading::{
-    LARGE_TEXT, SMALL_TEXT, is_file, is_folder, is_lacking, is_there, read, read_if_there, read_text,
-    skip_byte_order_mark, text_of, want,
-};
+pub use reading::{LARGE_TEXT, SMALL_TEXT, read, read_text, text_of, want};
 use std::{
     collections::BTreeSet,
     ffi::{OsStr, OsString},
@@ -232,7 +230,7 @@ impl TempFile {
     ///
     /// # Errors
     /// The system's refusals.
-    pub fn flush_to_disk(&self) -> Result<(), WriteFault> {
+    pub(crate) fn flush_to_disk(&self) -> Result<(), WriteFault> {
         faults::check(Operation::Flush)?;
         Ok(self.file().sync_all()?)
     }

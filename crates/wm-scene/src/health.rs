@@ -77,7 +77,7 @@ pub struct Bounds {
 impl Bounds {
     /// Length of the diagonal, scene units.
     #[must_use]
-    pub fn diagonal(&self) -> f64 {
+    pub(crate) fn diagonal(&self) -> f64 {
         (0..3).map(|axis| (self.max[axis] - self.min[axis]).powi(2)).sum::<f64>().sqrt()
     }
 }
@@ -180,7 +180,7 @@ pub struct NonFiniteSplats {
     /// Number of all splats.
     pub splats: usize,
     /// Splats with at least one such number.
-    pub faulty: usize,
+    pub(crate) faulty: usize,
     /// Splats with each fault; zero quaternions are not counted, for they can be repaired in place.
     pub counts: FaultCounts,
 }

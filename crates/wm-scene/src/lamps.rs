@@ -46,19 +46,19 @@ impl Lamp {
 
     /// Colour of warm white light-emitting diodes, K.
     #[must_use]
-    pub const fn default_kelvin() -> f64 {
+    pub(crate) const fn default_kelvin() -> f64 {
         3_000.0
     }
 
     /// The beam of a flat lamp that shines by the cosine, degrees.
     #[must_use]
-    pub const fn default_beam() -> f64 {
+    pub(crate) const fn default_beam() -> f64 {
         120.0
     }
 
     /// Radius of the lit part of a lamp head, m.
     #[must_use]
-    pub const fn default_radius() -> f64 {
+    pub(crate) const fn default_radius() -> f64 {
         0.12
     }
 
@@ -141,7 +141,7 @@ impl LitWindow {
 
     /// Colour of living rooms, K.
     #[must_use]
-    pub const fn default_kelvin() -> f64 {
+    pub(crate) const fn default_kelvin() -> f64 {
         2_700.0
     }
 
@@ -198,7 +198,7 @@ impl LitWindow {
 }
 
 /// Most lamps, and most windows, of a place.
-pub const MOST_LAMPS: usize = 256;
+pub(crate) const MOST_LAMPS: usize = 256;
 
 /// The first fault of lamps and windows, in one line.
 pub(crate) fn fault(lamps: &[Lamp], windows: &[LitWindow]) -> Option<String> {

@@ -38,7 +38,7 @@ pub const fn coefficients(degree: u8) -> usize {
 
 /// The degree with `count` coefficients a channel, if there is one.
 #[must_use]
-pub fn degree_of(count: usize) -> Option<u8> {
+pub(crate) fn degree_of(count: usize) -> Option<u8> {
     (0..=MAX_DEGREE).find(|degree| coefficients(*degree) == count)
 }
 

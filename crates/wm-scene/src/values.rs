@@ -28,39 +28,39 @@ pub const MAX_LOG_SCALE: f32 = 30.0;
 
 /// The stored scale that stands for a flat axis in tables and ranges, which hold no infinity:
 /// 10^-13 units.
-pub const FLAT_LOG_SCALE: f32 = -30.0;
+pub(crate) const FLAT_LOG_SCALE: f32 = -30.0;
 
 /// Largest part of a quaternion, either sign: the square of its length stays within single
 /// precision.
-pub const LONGEST_QUAT: f32 = 1e15;
+pub(crate) const LONGEST_QUAT: f32 = 1e15;
 
 /// Largest coefficient of spherical harmonics, either sign: a light a million times as bright as
 /// white.
-pub const LARGEST_SH: f32 = 1e6;
+pub(crate) const LARGEST_SH: f32 = 1e6;
 
 /// The faults of one splat, array by array.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Faults {
+pub(crate) struct Faults {
     /// The mean is NaN, infinite or beyond [`FARTHEST`].
-    pub mean: bool,
+    pub(crate) mean: bool,
     /// A scale is NaN or above [`MAX_LOG_SCALE`].
-    pub scale: bool,
+    pub(crate) scale: bool,
     /// The opacity is NaN.
-    pub opacity: bool,
+    pub(crate) opacity: bool,
     /// The quaternion is NaN, infinite or beyond [`LONGEST_QUAT`].
-    pub quat: bool,
+    pub(crate) quat: bool,
     /// The quaternion is zero. It is drawn as no rotation, and only told.
-    pub zero_quat: bool,
+    pub(crate) zero_quat: bool,
     /// A colour coefficient is NaN, infinite or beyond [`LARGEST_SH`].
-    pub sh: bool,
+    pub(crate) sh: bool,
     /// All values are zero.
-    pub blank: bool,
+    pub(crate) blank: bool,
 }
 
 impl Faults {
     /// Returns true if the splat cannot be drawn.
     #[must_use]
-    pub fn is_fatal(self) -> bool {
+    pub(crate) fn is_fatal(self) -> bool {
         Self { zero_quat: false, ..self } != Self::default()
     }
 }
@@ -74,7 +74,7 @@ impl Splats {
 
     /// The faults of splat `index`.
     #[must_use]
-    pub fn faults(&self, index: usize) -> Faults {
+    pub(crate) fn faults(&self, index: usize) -> Faults {
         // NaN is within no limit.
         let within = |values: &[f32], most: f32| values.iter().all(|v| v.abs() <= most);
         let (mean, quat) = (&self.means[index], &self.quats[index]);

@@ -39,7 +39,7 @@ const MOST_TRIES: u32 = 1000;
 const COARSER: u8 = 6;
 
 /// Encodes frame by frame.
-pub struct H264Sink {
+pub(crate) struct H264Sink {
     settings: VideoSettings,
     encoder: Encoder,
     /// Added to all QPs so far.

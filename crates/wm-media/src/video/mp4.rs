@@ -30,7 +30,7 @@ use crate::{MediaError, PictureSize, Tags};
 
 /// Collects samples and becomes the file.
 #[derive(Debug)]
-pub struct Mp4Writer {
+pub(crate) struct Mp4Writer {
     size: PictureSize,
     rate: FrameRate,
     /// Samples one after the other, beside the final file.
@@ -45,11 +45,11 @@ pub struct Mp4Writer {
 
 /// NAL units that say how to decode the others, without start codes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ParameterSets {
+pub(crate) struct ParameterSets {
     /// Sequence parameter set.
-    pub sps: Vec<u8>,
+    pub(crate) sps: Vec<u8>,
     /// Picture parameter set.
-    pub pps: Vec<u8>,
+    pub(crate) pps: Vec<u8>,
 }
 
 impl Mp4Writer {

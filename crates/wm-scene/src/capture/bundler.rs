@@ -6,21 +6,17 @@
 //! whose size is read from its header. A camera with a focal length of 0 was not registered. Points
 //! have a place, a colour, and where they were seen, from the middle of the photo with y up.
 
-use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, Observation, SparsePoints, Want, header, places};
+use super::{Capture, CaptureOptions, CaptureView, Distortion, Observation, SparsePoints, Want, header, places};
 use crate::{Camera, FormatError, Problem, camera::{rotation_of, viewmat_of}, error::{number, one_line}, source::Source};
 use glam::{DMat3, DMat4, DVec3};
 use std::path::{Path, PathBuf};
-
-/// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: CaptureFormat =
-    CaptureFormat { name: "Bundler", about: "bundle.out of Bundler with its list of photos", read };
 
 /// The paths of the file within a data set, in the order in which they are tried.
 const FILES: [&str; 3] = ["bundle.out", "bundle/bundle.out", "bundle.rd.out"];
 /// The list of photos, beside it or in the data set; else any other file whose name ends in `.lst`.
 const LISTS: [&str; 5] = ["list.txt", "bundle.list.txt", "bundle.out.list.txt", "imagelist.lst", "imagelist.txt"];
 
-fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
+pub(super) fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
     let (path, folder) = if dataset.is_dir() {
         let known = FILES.iter().map(|name| dataset.join(name)).find(|file| file.is_file());
         // Any other name, if it says of itself what it is.

@@ -14,10 +14,10 @@ use std::ops::RangeInclusive;
 /// The tags of EXIF that are looked at.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Tags {
-    pub orientation: Orientation,
-    pub gps: Option<Gps>,
+    pub(crate) orientation: Orientation,
+    pub(crate) gps: Option<Gps>,
     /// Seconds since 1970, UTC.
-    pub taken: Option<f64>,
+    pub(crate) taken: Option<f64>,
 }
 
 /// A block of EXIF with the values of its tags.
@@ -51,7 +51,7 @@ struct Mapillary {
 
 impl Tags {
     /// Reads an EXIF block; broken blocks give what can be read of them.
-    pub fn parse(block: &[u8]) -> Self {
+    pub(crate) fn parse(block: &[u8]) -> Self {
         let read = ::exif::Reader::new().continue_on_error(true).read_raw(block.to_vec());
         let Ok(exif) = read.or_else(|error| error.distill_partial_result(drop)) else {
             return Self::default();

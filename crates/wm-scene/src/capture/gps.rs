@@ -32,7 +32,7 @@ pub struct GpsFit {
     /// The inverse covariance of `up` in world axes, 1/rad^2: how much a turn of it is resisted, by
     /// direction. Small along the direction in which cameras on one line leave it open; zero if
     /// altitudes are missing.
-    pub information: DMat3,
+    pub(crate) information: DMat3,
     /// Median distance between the cameras and the positions of their photos, m.
     pub residual: f64,
     /// Greatest distance between two places along an axis, m, outliers left out.
@@ -67,7 +67,7 @@ const INDEPENDENT: f64 = 8.0;
 impl Gps {
     /// `None` if it states no place: not finite, or the 0, 0 that cameras without reception write.
     #[must_use]
-    pub fn stated(self) -> Option<Self> {
+    pub(crate) fn stated(self) -> Option<Self> {
         let Self { latitude, longitude, .. } = self;
         let is_finite = latitude.is_finite() && longitude.is_finite();
         (is_finite && (latitude != 0.0 || longitude != 0.0)).then_some(self)
@@ -247,7 +247,7 @@ impl GpsFit {
     /// Standard deviation of [`Self::up`] in the direction in which it is known least, radians;
     /// infinite if it is not known.
     #[must_use]
-    pub fn up_error(&self) -> f64 {
+    pub(crate) fn up_error(&self) -> f64 {
         let (x, y) = horizontals(self.up);
         let [xx, xy, yy] =
             [x.dot(self.information * x), x.dot(self.information * y), y.dot(self.information * y)];

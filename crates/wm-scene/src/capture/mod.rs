@@ -3,20 +3,25 @@
 //!
 //! A format recognises its folders and reads a [`Capture`] from them: cameras with OpenCV axes, the
 //! distortion of their lenses, the points of the reconstruction, and the folder of the photos. The
-//! photos are opened only where a format does not state their size. To add
-//! a format: a module with a `FORMAT`, and its name in the list.
+//! photos are opened only where a format does not state their size. To add a format: a module with a
+//! `read`, and that in the list.
 
+mod bundler;
 mod checks;
+pub mod colmap;
 mod distortion;
 mod exif;
 mod foreign;
 pub mod gps;
 pub mod ground;
 pub mod header;
+mod opensfm;
 mod places;
+mod polycam;
 pub mod site;
 #[cfg(test)]
 mod tests;
+mod transforms;
 pub mod up;
 
 use crate::{Camera, FormatError, Problem, Remark, SceneView, origin};
@@ -32,27 +37,13 @@ pub use ground::{CaptureGround, CaptureGroundError};
 pub use site::CaptureSite;
 pub use up::CaptureUp;
 
-macro_rules! captures {
-    ($($name:ident),+ $(,)?) => {
-        $(pub mod $name;)+
+/// Reads the capture in a folder, or in a file for formats that are one; `None` if it has another
+/// format.
+type ReadCapture = fn(&Path, &CaptureOptions, Want) -> Result<Option<Capture>, FormatError>;
 
-        /// Every capture format, in the order in which they are tried.
-        pub const FORMATS: &[CaptureFormat] = &[$($name::FORMAT),+];
-    };
-}
-
-captures! { colmap, opensfm, bundler, transforms, polycam }
-
-/// A capture format.
-pub struct CaptureFormat {
-    /// Its name in messages.
-    pub name: &'static str,
-    /// A description in one line.
-    pub about: &'static str,
-    /// The capture in a folder (or a file, for formats that are one); `None` if it is not of
-    /// this format.
-    read: fn(&Path, &CaptureOptions, Want) -> Result<Option<Capture>, FormatError>,
-}
+/// The reader of each format, in the order in which they are tried.
+const READERS: [ReadCapture; 5] =
+    [colmap::read, opensfm::read, bundler::read, transforms::read, polycam::read];
 
 /// The part of a capture that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -312,8 +303,8 @@ fn read_as(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Captu
     if let Some(originals) = &options.originals {
         fs::read_dir(originals).map_err(|e| FormatError::reading(originals, e))?;
     }
-    for format in FORMATS {
-        if let Some(mut capture) = (format.read)(dataset, options, want)? {
+    for reader in READERS {
+        if let Some(mut capture) = reader(dataset, options, want)? {
             capture.sort();
             checks::clean(&mut capture)?;
             // Views are wanted as they are, to be put into scenes that have origins of their own.

@@ -6,7 +6,7 @@
 //! principal point is measured from the middle. Of the projections perspective, simple_radial,
 //! radial and brown are read.
 
-use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, SparsePoints, Want, places};
+use super::{Capture, CaptureOptions, CaptureView, Distortion, SparsePoints, Want, places};
 use crate::{
     Camera, FormatError, Problem, Remark,
     camera::viewmat_of,
@@ -21,10 +21,6 @@ use std::{
     io::BufReader,
     path::{Path, PathBuf},
 };
-
-/// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: CaptureFormat =
-    CaptureFormat { name: "OpenSfM", about: "reconstruction.json of OpenSfM or OpenDroneMap", read };
 
 /// The paths of the file within a data set, in the order in which they are tried.
 const FILES: [&str; 2] = ["reconstruction.json", "opensfm/reconstruction.json"];
@@ -102,7 +98,7 @@ impl Lens {
 /// The advice for a lens that is not read.
 const UNDISTORT: &str = "run `opensfm undistort` and give its folder, or reconstruct with the camera model radial";
 
-fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
+pub(super) fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
     let (path, folder) = if dataset.is_dir() {
         let Some(name) = FILES.iter().find(|name| dataset.join(name).is_file()) else { return Ok(None) };
         (dataset.join(name), dataset.to_path_buf())

@@ -6,14 +6,11 @@
 //! confidence and meshes are not read. There are no points.
 
 use super::transforms::viewmat;
-use super::{Capture, CaptureFormat, CaptureOptions, CaptureView, Distortion, Want, places};
+use super::{Capture, CaptureOptions, CaptureView, Distortion, Want, places};
 use crate::error::{json_fault, one_line};
 use crate::{Camera, FormatError, Problem, Remark, files};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
-
-/// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: CaptureFormat = CaptureFormat { name: "Polycam", about: "keyframes of Polycam's raw data", read };
 
 #[derive(Deserialize)]
 struct Shot {
@@ -43,7 +40,7 @@ struct Pose {
     t_23: f64,
 }
 
-fn read(dataset: &Path, options: &CaptureOptions, _want: Want) -> Result<Option<Capture>, FormatError> {
+pub(super) fn read(dataset: &Path, options: &CaptureOptions, _want: Want) -> Result<Option<Capture>, FormatError> {
     let folders = [dataset.join("keyframes"), dataset.to_path_buf()];
     let kinds = [("corrected_cameras", "corrected_images"), ("cameras", "images")];
     let mut found = None;

@@ -24,7 +24,7 @@ pub struct CapturePlace {
     /// True north, level, world axes, length 1.
     pub north: DVec3,
     /// Standard deviation of its azimuth, radians.
-    pub north_error: f64,
+    pub(crate) north_error: f64,
     /// The middle of the photos' positions.
     pub location: Gps,
     /// Photos whose positions agree.

@@ -11,8 +11,8 @@ use std::{
 
 /// A file that is open, and its length where that is known.
 pub(crate) struct Opened {
-    pub reader: Box<dyn Read>,
-    pub length: Option<u64>,
+    pub(crate) reader: Box<dyn Read>,
+    pub(crate) length: Option<u64>,
 }
 
 /// The disk or the store of fetched files, one of which has a path.
@@ -82,7 +82,7 @@ pub(crate) fn without_byte_order_mark(bytes: &[u8]) -> &[u8] {
 ///
 /// # Errors
 /// Errors of the reader; [`ErrorKind::InvalidData`] if the text is in UTF-16 or a Git LFS pointer.
-pub fn skip_byte_order_mark<R: BufRead>(mut reader: R) -> io::Result<R> {
+pub(crate) fn skip_byte_order_mark<R: BufRead>(mut reader: R) -> io::Result<R> {
     let bytes = reader.fill_buf()?;
     if let Some(refused) = refused_text(bytes) {
         return Err(io::Error::new(ErrorKind::InvalidData, refused));
@@ -159,7 +159,7 @@ pub fn text_of(bytes: Vec<u8>) -> io::Result<String> {
 ///
 /// # Errors
 /// Those of the system.
-pub fn read_if_there(path: &Path) -> io::Result<Option<Vec<u8>>> {
+pub(crate) fn read_if_there(path: &Path) -> io::Result<Option<Vec<u8>>> {
     match place_of(path) {
         Place::Disk => match fs::read(path) {
             Ok(bytes) => Ok(Some(bytes)),
@@ -195,7 +195,7 @@ pub(crate) fn open(path: &Path) -> io::Result<Opened> {
 ///
 /// # Errors
 /// As [`read`] where there is nothing.
-pub fn is_folder(path: &Path) -> io::Result<bool> {
+pub(crate) fn is_folder(path: &Path) -> io::Result<bool> {
     match place_of(path) {
         Place::Disk => Ok(fs::metadata(path)?.is_dir()),
         Place::Store(Some(_)) => Ok(false),
@@ -208,7 +208,7 @@ pub fn is_folder(path: &Path) -> io::Result<bool> {
 ///
 /// # Errors
 /// Those of the system; [`ErrorKind::NotFound`] of a file that was not fetched. Nothing is noted.
-pub fn is_file(path: &Path) -> io::Result<bool> {
+pub(crate) fn is_file(path: &Path) -> io::Result<bool> {
     match place_of(path) {
         Place::Disk => Ok(fs::metadata(path)?.is_file()),
         Place::Store(Some(_)) => Ok(true),
@@ -219,7 +219,7 @@ pub fn is_file(path: &Path) -> io::Result<bool> {
 
 /// Returns true if there is a file or a folder with a path. Nothing is noted.
 #[must_use]
-pub fn is_there(path: &Path) -> bool {
+pub(crate) fn is_there(path: &Path) -> bool {
     match place_of(path) {
         Place::Disk => path.exists(),
         Place::Store(file) => file.is_some() || fetched::is_folder(path),
@@ -228,7 +228,7 @@ pub fn is_there(path: &Path) -> bool {
 
 /// Returns true if a file has to be fetched before it can be read. Nothing is noted.
 #[must_use]
-pub fn is_lacking(path: &Path) -> bool {
+pub(crate) fn is_lacking(path: &Path) -> bool {
     matches!(place_of(path), Place::Store(None))
 }
 

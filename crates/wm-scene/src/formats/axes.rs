@@ -56,7 +56,7 @@ impl Axes {
 
     /// Signs of the 16 SH coefficients, from or to a PLY.
     #[must_use]
-    pub fn sh_signs(self) -> [f32; 16] {
+    pub(crate) fn sh_signs(self) -> [f32; 16] {
         // Evaluated where no basis function is 0.
         let direction = [0.3, 0.5, 0.7];
         let turned = self.vector(direction.map(|v| v as f32)).map(f64::from);

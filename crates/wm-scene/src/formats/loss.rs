@@ -6,34 +6,34 @@ use crate::{Group, Metadata, Scene, Splats, origin, sh};
 #[derive(Clone, Copy, Debug)]
 pub struct Loses {
     /// Highest SH degree that is kept.
-    pub sh_degree: u8,
+    pub(crate) sh_degree: u8,
     /// The group of each splat, such as sky and lying snow: [`Group`].
-    pub groups: Kept,
+    pub(crate) groups: Kept,
     /// The label and the instance of each splat.
-    pub labels: Kept,
+    pub(crate) labels: Kept,
     /// [`Metadata`].
-    pub metadata: Kept,
+    pub(crate) metadata: Kept,
     /// The rounding of numbers in words, with the largest error of each; empty if there is none.
-    pub rounding: &'static str,
+    pub(crate) rounding: &'static str,
     /// The order of the splats.
-    pub order: Kept,
+    pub(crate) order: Kept,
     /// Logarithms of scales that fit: smaller and larger ones become these.
-    pub log_scales: [f32; 2],
+    pub(crate) log_scales: [f32; 2],
     /// Returns a line on positions of a scene that are in steps wider than its splats in a file of
     /// the format.
-    pub coarse: fn(&Splats) -> Option<String>,
+    pub(crate) coarse: fn(&Splats) -> Option<String>,
 }
 
 /// The positions of a format that has them as f32.
 #[must_use]
-pub fn coarse_floats(splats: &Splats) -> Option<String> {
+pub(crate) fn coarse_floats(splats: &Splats) -> Option<String> {
     let step =
         |mean: [f32; 3]| mean.map(|v| origin::float_step(f64::from(v))).into_iter().fold(0.0, f64::max);
     origin::coarse_line(splats, step, "keep a local origin (--origin)")
 }
 
 /// The range of a format that holds scales of any size.
-pub const ANY_SCALE: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
+pub(crate) const ANY_SCALE: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
 
 /// The place where a format keeps something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,7 +48,7 @@ pub enum Kept {
 
 impl Loses {
     /// A format that loses nothing.
-    pub const NOTHING: Self = Self {
+    pub(crate) const NOTHING: Self = Self {
         sh_degree: 3,
         groups: Kept::Inside,
         labels: Kept::Inside,

@@ -33,7 +33,8 @@ use crate::{
     source::Source,
 };
 pub use axes::Axes;
-pub use loss::{ANY_SCALE, Kept, Loses, lost};
+use loss::ANY_SCALE;
+pub use loss::{Kept, Loses, lost};
 pub use sidecar::{sidecar_path, write_sidecar};
 use std::{
     io::{Read, Write},
@@ -101,8 +102,8 @@ enum Writer {
 
 /// A file of a scene that has several.
 pub(crate) struct NamedFile {
-    pub name: &'static str,
-    pub bytes: Vec<u8>,
+    pub(crate) name: &'static str,
+    pub(crate) bytes: Vec<u8>,
 }
 
 /// The receiver of such files, one after the other.
@@ -111,19 +112,17 @@ pub(crate) type FileSink<'a> = dyn FnMut(NamedFile) -> Result<(), Problem> + 'a;
 /// The facts about a file by which its format is recognised.
 pub(crate) struct Start<'a> {
     /// Its first bytes, at most [`SNIFFED`].
-    pub bytes: &'a [u8],
+    pub(crate) bytes: &'a [u8],
     /// Its name, or that of the stream.
-    pub path: &'a Path,
+    pub(crate) path: &'a Path,
 }
 
 /// Bytes at the start of a file that tell its format.
-pub const SNIFFED: usize = 4096;
+pub(crate) const SNIFFED: usize = 4096;
 
 /// Options of reading a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// The TOML file of metadata beside the scene file.
-    pub sidecar: Sidecar,
     /// The cameras in the folder of a training.
     pub views: Views,
     /// The level of detail, where a scene has several.
@@ -175,16 +174,6 @@ pub enum GltfSplats {
     SpzCesium,
 }
 
-/// The treatment of the TOML file beside a scene file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Sidecar {
-    /// Reads it; its values win over those in the scene file, key by key.
-    #[default]
-    Merge,
-    /// Ignores it.
-    Ignore,
-}
-
 /// The treatment of the cameras in the folder of a training, or beside a scene file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Views {
@@ -195,7 +184,8 @@ pub enum Views {
     Ignore,
 }
 
-/// Reads a scene: a file of any format in [`FORMATS`], or the folder of a 3DGS training.
+/// Reads a scene: a file of any format in [`FORMATS`], or the folder of a 3DGS training. Values of a
+/// sidecar win over those in the scene file, key by key.
 ///
 /// # Errors
 /// [`FormatError`] if the path, the content, the sidecar or the cameras cannot be used.
@@ -213,10 +203,7 @@ pub fn read_scene_and_format(
 ) -> Result<(Scene, &'static SceneFormat), FormatError> {
     // What is small and may be wrong comes before what is large.
     let file = folder::scene_file(path)?;
-    let sidecar = match options.sidecar {
-        Sidecar::Merge => sidecar::read(&file)?,
-        Sidecar::Ignore => None,
-    };
+    let sidecar = sidecar::read(&file)?;
     let views = match options.views {
         Views::Read => folder::views_of(path, &file)?,
         Views::Ignore => Vec::new(),
@@ -347,7 +334,7 @@ pub fn format_for(path: &Path) -> Result<&'static SceneFormat, FormatError> {
 
 /// The ending for new files of each format, for messages and help.
 #[must_use]
-pub fn endings() -> String {
+pub(crate) fn endings() -> String {
     let written = |f: &SceneFormat| {
         let ending = f.extensions.first()?;
         Some(if ending.contains(".json") { (*ending).to_owned() } else { format!(".{ending}") })

@@ -12,7 +12,7 @@ pub(super) enum BoxTree {
 impl BoxTree {
     /// The tree over `boxes`: each node has half of them, split across the longest side of their
     /// middles. `None` if there is none.
-    pub fn of(boxes: &[Extent]) -> Option<Self> {
+    pub(crate) fn of(boxes: &[Extent]) -> Option<Self> {
         let mut order: Vec<usize> = (0..boxes.len()).collect();
         (!boxes.is_empty()).then(|| Self::over(boxes, &mut order))
     }

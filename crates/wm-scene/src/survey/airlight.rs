@@ -29,7 +29,7 @@ const BANDS: [f64; 3] = [0.342, 0.643, 1.0];
 const ENOUGH: f64 = 0.04;
 
 /// The airlight, linear RGB, 1 = display white.
-pub fn estimate(splats: &Splats, sample: &SurveySample, sky: &SkyRegion, up: DVec3) -> [f64; 3] {
+pub(crate) fn estimate(splats: &Splats, sample: &SurveySample, sky: &SkyRegion, up: DVec3) -> [f64; 3] {
     let surfaces = from_surfaces(splats, sample);
     from_sky(splats, sample, sky, up, luminance(surfaces)).unwrap_or(surfaces)
 }

@@ -159,7 +159,7 @@ fn check_point(point: DVec3) -> Result<(), AlignError> {
 ///
 /// # Errors
 /// [`AlignError::Point`], [`AlignError::Same`] or [`AlignError::Line`] if they make no plane.
-pub fn ground_normal(points: [DVec3; 3]) -> Result<DVec3, AlignError> {
+pub(crate) fn ground_normal(points: [DVec3; 3]) -> Result<DVec3, AlignError> {
     points.into_iter().try_for_each(check_point)?;
     let [a, b, c] = points;
     let sides = [(a, b), (b, c), (c, a)];

@@ -33,7 +33,7 @@ const FAIR: f64 = 0.4;
 /// Height of the ground along `up`, scene units; `None` if nothing is level.
 ///
 /// `ceiling` bounds it from above, such as by cameras.
-pub fn level(sample: &SurveySample, up: DVec3, ceiling: Option<f64>) -> Option<f64> {
+pub(crate) fn level(sample: &SurveySample, up: DVec3, ceiling: Option<f64>) -> Option<f64> {
     let (x, y) = horizontals(up);
     let mut heights: Vec<f64> = sample.points.iter().map(|p| p.at.dot(up)).collect();
     let low = quantile(&mut heights, 0.002);
@@ -81,7 +81,7 @@ pub fn level(sample: &SurveySample, up: DVec3, ceiling: Option<f64>) -> Option<f
 /// Returns true if there is a ground at `height` along `up`: a plane of some width or much level
 /// surface, with next to nothing below it. The level parts of a trunk, a bust or a few splats are
 /// none.
-pub fn is_there(sample: &SurveySample, up: DVec3, height: f64) -> bool {
+pub(crate) fn is_there(sample: &SurveySample, up: DVec3, height: f64) -> bool {
     if sample.points.len() < super::HANDFUL {
         return false;
     }
@@ -102,7 +102,7 @@ pub fn is_there(sample: &SurveySample, up: DVec3, height: f64) -> bool {
 
 /// Height of the ground along `up` below the cameras of `views`, scene units; `None` if there is
 /// none.
-pub fn below(sample: &SurveySample, up: DVec3, views: &[SceneView]) -> Option<f64> {
+pub(crate) fn below(sample: &SurveySample, up: DVec3, views: &[SceneView]) -> Option<f64> {
     level(sample, up, ceiling(views, up)).filter(|height| is_there(sample, up, *height))
 }
 
@@ -113,7 +113,7 @@ fn ceiling(views: &[SceneView], up: DVec3) -> Option<f64> {
 }
 
 /// Height of the lowest points, where nothing is level; 0 if there are none.
-pub fn lowest(sample: &SurveySample, up: DVec3) -> f64 {
+pub(crate) fn lowest(sample: &SurveySample, up: DVec3) -> f64 {
     let mut heights: Vec<f64> = sample.points.iter().map(|p| p.at.dot(up)).collect();
     quantile(&mut heights, 0.02)
 }
@@ -163,7 +163,7 @@ fn median_height(sample: &SurveySample, up: DVec3, height: f64, reach: f64) -> f
 /// The plane of the ground about `height`, as its normal on the side of `up`.
 ///
 /// `None` where it is not reliable: too few points, too narrow, or too rough.
-pub fn plane(sample: &SurveySample, up: DVec3, height: f64) -> Option<DVec3> {
+pub(crate) fn plane(sample: &SurveySample, up: DVec3, height: f64) -> Option<DVec3> {
     let mut normal = up;
     let level: Vec<&SurveyPoint> = sample.points.iter().filter(|p| p.normal.dot(up).abs() >= LEVEL).collect();
     let mut origin = sample.center + up * (height - sample.center.dot(up));

@@ -10,18 +10,18 @@ use glam::{DMat3, DVec3};
 
 /// A direction that is up if photos were taken by this habit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Habit {
+pub(crate) struct Habit {
     /// The habit.
-    pub kind: HabitKind,
+    pub(crate) kind: HabitKind,
     /// Up, length 1.
-    pub up: DVec3,
+    pub(crate) up: DVec3,
     /// Natural logarithm of how likely the habit is, given the poses.
-    pub log_odds: f64,
+    pub(crate) log_odds: f64,
 }
 
 /// A habit of taking photos.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum HabitKind {
+pub(crate) enum HabitKind {
     /// Cameras are held upright.
     Upright,
     /// Cameras look straight down from a level plane.
@@ -50,14 +50,14 @@ const FEWEST: usize = 6;
 impl Habit {
     /// Standard deviation of its up, degrees.
     #[must_use]
-    pub fn error(&self) -> f64 {
+    pub(crate) fn error(&self) -> f64 {
         ERRORS[usize::from(self.kind == HabitKind::LookingDown)]
     }
 }
 
 /// The habits by which these photos may have been taken; empty if their poses tell nothing.
 #[must_use]
-pub fn habits(cameras: &[Camera]) -> Vec<Habit> {
+pub(crate) fn habits(cameras: &[Camera]) -> Vec<Habit> {
     let down = looking_down(cameras);
     let odds = if down.is_some() { [FACADES, 1.0 - FACADES] } else { [1.0, 0.0] };
     let upright = held(cameras).map(|up| Habit { kind: HabitKind::Upright, up, log_odds: odds[0].ln() });
@@ -67,7 +67,7 @@ pub fn habits(cameras: &[Camera]) -> Vec<Habit> {
 
 /// Logarithm of how well `up` fits the habits, at most 0; 0 without any.
 #[must_use]
-pub fn fit(up: DVec3, habits: &[Habit]) -> f64 {
+pub(crate) fn fit(up: DVec3, habits: &[Habit]) -> f64 {
     let one = |habit: &Habit| {
         let off = up.angle_between(habit.up).to_degrees() / habit.error();
         habit.log_odds - (0.5 * off * off).min(MOST)

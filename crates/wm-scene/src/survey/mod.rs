@@ -31,7 +31,7 @@ use std::fmt;
 use thiserror::Error;
 
 pub use airlight::{CapturedSky, SkyPatch, airlight_of_sky};
-pub use align::{AlignError, Aligned, Alignment, GivenGround, GivenScale, UpSide, align, ground_normal};
+pub use align::{AlignError, Aligned, Alignment, GivenGround, GivenScale, UpSide, align};
 pub use near_ground::NearGround;
 pub use own_sky::{OwnSky, SkyChange};
 pub use sky::{SkyRegion, label_sky};

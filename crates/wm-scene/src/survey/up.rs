@@ -86,23 +86,23 @@ const HALVES: f64 = 5.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UpEstimate {
     /// The direction against gravity, length 1.
-    pub up: DVec3,
+    pub(crate) up: DVec3,
     /// Its source: the cameras, the splats alone, or assumed where these tell next to nothing.
-    pub source: FactSource,
+    pub(crate) source: FactSource,
     /// The confidence in it.
-    pub confidence: Confidence,
+    pub(crate) confidence: Confidence,
     /// The evidence for it.
-    pub evidence: UpScore,
+    pub(crate) evidence: UpScore,
     /// The direction that is next best, if any, and its evidence.
-    pub rival: Option<(DVec3, UpScore)>,
+    pub(crate) rival: Option<(DVec3, UpScore)>,
     /// The normal of the ground, where a plane fits it.
-    pub ground_normal: Option<DVec3>,
+    pub(crate) ground_normal: Option<DVec3>,
     /// The direction along which walls stand, where there are some.
-    pub walls: Option<DVec3>,
+    pub(crate) walls: Option<DVec3>,
 }
 
 /// Finds up; `None` if nothing tells it.
-pub fn estimate(
+pub(crate) fn estimate(
     splats: &Splats,
     sample: &SurveySample,
     sky: &SkyRegion,
@@ -446,19 +446,19 @@ fn peak(rated: &[SurveyPoint], axis: DVec3, width: f64) -> DVec3 {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct UpScore {
     /// Much surface faces it at one height near its lower end.
-    pub ground: f64,
+    pub(crate) ground: f64,
     /// There is no such surface at its upper end.
-    pub alone: f64,
+    pub(crate) alone: f64,
     /// The scene is dense at the ground and thins out upwards.
-    pub open: f64,
+    pub(crate) open: f64,
     /// The scene is wider than high.
-    pub thin: f64,
+    pub(crate) thin: f64,
     /// The sky lies above.
-    pub sky: f64,
+    pub(crate) sky: f64,
     /// The cameras' habits.
-    pub cameras: f64,
+    pub(crate) cameras: f64,
     /// The prior probability by the axes of programs.
-    pub prior: f64,
+    pub(crate) prior: f64,
 }
 
 impl UpScore {

@@ -13,7 +13,7 @@ mod text;
 pub mod write;
 
 use super::{
-    Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, Observation, SparsePoints, Want, foreign::model_below, places,
+    Capture, CaptureOptions, CaptureView, Distortion, Observation, SparsePoints, Want, foreign::model_below, places,
 };
 use crate::{Camera, FormatError, Problem, Remark, camera::viewmat_of, source::Source};
 use glam::{DMat3, DMat4, DQuat, DVec3};
@@ -21,10 +21,6 @@ use std::{
     collections::{BTreeMap, HashMap},
     path::{Path, PathBuf},
 };
-
-/// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: CaptureFormat =
-    CaptureFormat { name: "COLMAP", about: "COLMAP model, binary or text", read };
 
 /// The folders below the given one that may hold a model, in the order in which they are tried.
 /// `*` stands for all folders, of which the one with most photos is taken.
@@ -105,7 +101,7 @@ const KINDS: [Kind; 2] = [
     },
 ];
 
-fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
+pub(super) fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
     let Some(Model { place, kind, remarks }) = choose_model(dataset, options)? else { return Ok(None) };
     let mut remarks = Vec::from_iter(remarks);
     let cameras = (kind.read_cameras)(&mut Source::open(&place.join(kind.cameras))?)?;

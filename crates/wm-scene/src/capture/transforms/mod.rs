@@ -10,7 +10,7 @@
 #[cfg(test)]
 mod tests;
 
-use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, SparsePoints, Want, header, places};
+use super::{Capture, CaptureOptions, CaptureView, Distortion, SparsePoints, Want, header, places};
 use crate::{
     Camera, FormatError, Problem, Remark, camera::{rotation_of, viewmat_at}, error::{json_fault, one_line}, file_index::{self, FileIndex, FileKind}, files, formats::ply::read_points,
 };
@@ -21,10 +21,6 @@ use std::{
     io::BufReader,
     path::{Path, PathBuf},
 };
-
-/// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: CaptureFormat =
-    CaptureFormat { name: "transforms.json", about: "nerfstudio or instant-ngp transforms.json", read };
 
 /// Names of the file, the likeliest first.
 const FILES: [&str; 2] = ["transforms.json", "transforms_train.json"];
@@ -126,7 +122,7 @@ impl Intrinsics {
 /// The advice for a lens that is not read.
 const UNDISTORT: &str = "undistort the photos with `colmap image_undistorter` and give its output";
 
-fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
+pub(super) fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
     let (path, folder) = if dataset.is_dir() {
         let Some(name) = FILES.iter().find(|name| dataset.join(name).is_file()) else { return Ok(None) };
         (dataset.join(name), dataset.to_path_buf())

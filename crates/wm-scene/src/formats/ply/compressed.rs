@@ -35,7 +35,7 @@ use std::fmt::Write as _;
 
 /// The entry of [`FORMATS`](crate::formats::FORMATS); the entry of the plain PLY reads it too,
 /// where comments hide what it is.
-pub const FORMAT: SceneFormat = SceneFormat {
+pub(crate) const FORMAT: SceneFormat = SceneFormat {
     name: "compressed PLY",
     extensions: &["compressed.ply"],
     about: "PlayCanvas compressed PLY, 16 bytes a splat",

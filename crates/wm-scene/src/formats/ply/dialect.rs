@@ -27,14 +27,14 @@ use std::num::NonZero;
 /// The parts of a splat that a file has, and in which form.
 #[derive(Debug)]
 pub(super) struct Dialect {
-    pub colors: Colors,
+    pub(crate) colors: Colors,
     /// Scales of a splat: 1 to 3, or 0 for points, which also have no opacity and no rotation.
-    pub scales: usize,
-    pub is_turned: bool,
-    pub is_filtered: bool,
+    pub(crate) scales: usize,
+    pub(crate) is_turned: bool,
+    pub(crate) is_filtered: bool,
     /// Coefficients above degree 0 of a channel in the file.
-    pub rest: usize,
-    pub sh_degree: u8,
+    pub(crate) rest: usize,
+    pub(crate) sh_degree: u8,
     /// Faces of a mesh of which only the corners are read.
     faces: u64,
 }
@@ -96,7 +96,7 @@ impl Dialect {
     ///
     /// # Errors
     /// [`Problem`] if they are those of no splats that can be drawn.
-    pub fn of(header: &Header, vertex: &Element) -> Result<Self, Problem> {
+    pub(crate) fn of(header: &Header, vertex: &Element) -> Result<Self, Problem> {
         let has = |name: &str| vertex.properties.iter().any(|p| p.name == name);
         let starts = |start: &str| vertex.properties.iter().find(|p| p.name.starts_with(start));
         if let Some(anchor) = starts("f_offset_").or_else(|| starts("f_anchor_feat")) {
@@ -146,7 +146,7 @@ impl Dialect {
 
     /// Makes the splats that the rows stand for, and says what was changed and what was passed
     /// over.
-    pub fn finish(&self, mut rows: Rows, vertex: &Element, kept: &[usize]) -> (Splats, Vec<Remark>) {
+    pub(crate) fn finish(&self, mut rows: Rows, vertex: &Element, kept: &[usize]) -> (Splats, Vec<Remark>) {
         let mut remarks = Vec::new();
         let splats = &mut rows.splats;
         if let Colors::Rgb { kind, .. } = self.colors {

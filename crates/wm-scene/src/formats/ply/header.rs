@@ -14,25 +14,25 @@ const MAX_HEADER: u64 = 1 << 20;
 /// The content of a header.
 #[derive(Debug)]
 pub(super) struct Header {
-    pub encoding: PlyEncoding,
-    pub elements: Vec<Element>,
-    pub metadata: Metadata,
+    pub(crate) encoding: PlyEncoding,
+    pub(crate) elements: Vec<Element>,
+    pub(crate) metadata: Metadata,
 }
 
 /// A table of the file.
 #[derive(Debug)]
 pub(super) struct Element {
-    pub name: String,
+    pub(crate) name: String,
     /// Rows that the header promises; not to be believed.
-    pub count: u64,
-    pub properties: Vec<Property>,
+    pub(crate) count: u64,
+    pub(crate) properties: Vec<Property>,
 }
 
 /// A column of a table.
 #[derive(Debug)]
 pub(super) struct Property {
-    pub name: String,
-    pub kind: Kind,
+    pub(crate) name: String,
+    pub(crate) kind: Kind,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,7 +70,7 @@ impl Scalar {
     }
 
     /// Bytes of one number.
-    pub fn size(self) -> usize {
+    pub(crate) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
@@ -92,12 +92,12 @@ impl Kind {
 
 impl Element {
     /// Fewest bytes of a binary row; all rows have it if there is no list.
-    pub fn min_size(&self) -> usize {
+    pub(crate) fn min_size(&self) -> usize {
         self.properties.iter().map(|p| p.kind.min_size()).sum()
     }
 
     /// Returns true if a row can have any length.
-    pub fn has_lists(&self) -> bool {
+    pub(crate) fn has_lists(&self) -> bool {
         self.properties.iter().any(|p| matches!(p.kind, Kind::List { .. }))
     }
 }
@@ -107,7 +107,7 @@ impl Header {
     ///
     /// # Errors
     /// With the line, if it is no header that can be understood.
-    pub fn parse(source: &mut Source) -> Result<Self, FormatError> {
+    pub(crate) fn parse(source: &mut Source) -> Result<Self, FormatError> {
         let mut encoding = None;
         let mut elements = Vec::new();
         let mut metadata = Metadata::default();

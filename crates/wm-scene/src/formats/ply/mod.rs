@@ -42,8 +42,8 @@ use crate::{
 };
 use header::Header;
 use layout::{Endian, Layout};
-pub use points::read_points;
-pub use write::write;
+pub(crate) use points::read_points;
+pub(crate) use write::write;
 
 /// The entry of [`FORMATS`](super::FORMATS).
 pub const FORMAT: SceneFormat = SceneFormat {
@@ -64,7 +64,7 @@ fn is_ply(start: &[u8]) -> bool {
 
 /// The encoding of the numbers in a PLY.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PlyEncoding {
+pub(crate) enum PlyEncoding {
     /// Binary, least significant byte first.
     #[default]
     BinaryLittleEndian,

@@ -18,7 +18,7 @@ const GREY: [u8; 3] = [128; 3];
 ///
 /// # Errors
 /// [`FormatError`] if the file is missing, cut off, or not a PLY with points.
-pub fn read_points(path: &Path) -> Result<(SparsePoints, Vec<Remark>), FormatError> {
+pub(crate) fn read_points(path: &Path) -> Result<(SparsePoints, Vec<Remark>), FormatError> {
     read_points_from(&mut Source::open(path)?)
 }
 

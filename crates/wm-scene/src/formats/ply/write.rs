@@ -18,7 +18,7 @@ const BLOCK: usize = 1 << 20;
 /// # Errors
 /// If the arrays do not fit each other, there is no splat, the metadata has a fault, or `out`
 /// fails.
-pub fn write(out: &mut dyn Write, scene: &Scene, encoding: PlyEncoding) -> Result<(), Problem> {
+pub(crate) fn write(out: &mut dyn Write, scene: &Scene, encoding: PlyEncoding) -> Result<(), Problem> {
     let splats = &scene.splats;
     splats.check()?;
     if splats.is_empty() {

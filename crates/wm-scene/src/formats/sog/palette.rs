@@ -3,7 +3,7 @@
 
 /// A table of 256 values and what it makes of others.
 pub(super) struct Codebook {
-    pub values: [f32; 256],
+    pub(crate) values: [f32; 256],
     low: f32,
     /// Bins a unit.
     scale: f32,
@@ -21,7 +21,7 @@ const ROUNDS: usize = 30;
 impl Codebook {
     /// A table for `values` of which errors count by `weight`: spread by their density at first,
     /// then Lloyd's rounds over a histogram.
-    pub fn of(values: impl Iterator<Item = f32> + Clone, weight: impl Fn(f64) -> f64) -> Self {
+    pub(crate) fn of(values: impl Iterator<Item = f32> + Clone, weight: impl Fn(f64) -> f64) -> Self {
         let finite = || values.clone().filter(|v| v.is_finite());
         let (low, high) = finite().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
@@ -82,7 +82,7 @@ impl Codebook {
     }
 
     /// Index of the value nearest to `v`; of NaN, some index.
-    pub fn index(&self, v: f32) -> u8 {
+    pub(crate) fn index(&self, v: f32) -> u8 {
         self.nearest[((v - self.low) * self.scale + 0.5).clamp(0.0, (BINS - 1) as f32) as usize]
     }
 }
@@ -96,9 +96,9 @@ fn border(centers: &[f64], i: usize, low: f32, scale: f32) -> usize {
 /// A palette of vectors, and the entry of each vector.
 pub(super) struct Palette {
     /// `[entries, size]` flat.
-    pub entries: Vec<f32>,
+    pub(crate) entries: Vec<f32>,
     /// `[N]`.
-    pub labels: Vec<u16>,
+    pub(crate) labels: Vec<u16>,
 }
 
 /// A set of vectors that shares an entry for now.
@@ -122,7 +122,7 @@ impl Palette {
     /// The set with the largest error is split in two, again and again: across its mean along the
     /// value that varies most, then by a few rounds of two means. So each vector is looked at some
     /// log2(entries) times.
-    pub fn of(vectors: &[f32], size: usize, most: usize, weights: &[f32]) -> Self {
+    pub(crate) fn of(vectors: &[f32], size: usize, most: usize, weights: &[f32]) -> Self {
         let count = vectors.len() / size;
         let vector = |i: u32| &vectors[i as usize * size..][..size];
         let weight = |i: u32| weights.get(i as usize).copied().unwrap_or(1.0);

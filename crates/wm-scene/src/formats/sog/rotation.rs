@@ -27,13 +27,13 @@ pub(super) fn from_bytes(largest: usize, bytes: [u8; 3]) -> [f32; 4] {
 #[derive(Clone, Copy)]
 pub(super) struct Rounded {
     /// Three components, and 252 and which is the fourth.
-    pub pixel: [u8; 4],
+    pub(crate) pixel: [u8; 4],
     naming: u8,
 }
 
 impl Rounded {
     /// The former axis of each of its axes.
-    pub fn axes(self) -> [usize; 3] {
+    pub(crate) fn axes(self) -> [usize; 3] {
         NAMINGS[usize::from(self.naming)].1
     }
 
@@ -41,7 +41,7 @@ impl Rounded {
     ///
     /// A turn by w about an axis shears what lies across it by w (a / b - b / a), where a and b are
     /// the scales there: between equal ones nothing changes.
-    pub fn best(quat: [f32; 4], log_scale: [f32; 3]) -> Self {
+    pub(crate) fn best(quat: [f32; 4], log_scale: [f32; 3]) -> Self {
         let quat = unit(quat);
         let longest = log_scale.iter().copied().fold(f32::MIN, f32::max);
         let [x, y, z] = log_scale.map(|v| (v - longest).exp().max(THIN));

@@ -9,12 +9,12 @@
 use std::{cmp::Reverse, collections::BinaryHeap};
 
 /// Most pixels of a side: one less than 14 bits say, since libwebp reads no more.
-pub const MAX_SIDE: usize = 16_383;
+pub(crate) const MAX_SIDE: usize = 16_383;
 
 type Pixel = [u8; 4];
 
 /// A picture of whole rows of `width` RGBA pixels, as a file.
-pub fn encode(pixels: &[Pixel], width: usize) -> Vec<u8> {
+pub(crate) fn encode(pixels: &[Pixel], width: usize) -> Vec<u8> {
     let height = pixels.len() / width;
     assert!(width * height == pixels.len() && (1..=MAX_SIDE).contains(&width.max(height)));
     let change = Change::best(pixels);
