@@ -38,7 +38,7 @@ pub(crate) static OFFSETS: LazyLock<[Vec<f32>; 3]> = LazyLock::new(|| {
     })
 });
 
-/// The same as `[SIDE, SIDE, 3]`, for interleaved pixels.
+/// [`OFFSETS`] as `[SIDE, SIDE, 3]`, for interleaved pixels.
 pub(crate) static INTERLEAVED: LazyLock<Vec<f32>> =
     LazyLock::new(|| (0..CELLS).flat_map(|cell| OFFSETS.each_ref().map(|channel| channel[cell])).collect());
 

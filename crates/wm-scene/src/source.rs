@@ -2,7 +2,7 @@
 
 use crate::{
     error::{FormatError, Location, Problem},
-    files::{self, BYTE_ORDER_MARK, LFS_REFUSED, LONGEST_MARK, is_lfs_pointer, refused_text},
+    files::{self, BYTE_ORDER_MARK, LFS_REFUSED, MARK_BYTES, is_lfs_pointer, refused_text},
 };
 use std::{
     io::{self, Read},
@@ -10,10 +10,10 @@ use std::{
 };
 
 /// Bytes read at once.
-const BLOCK: usize = 1 << 20;
+const BLOCK_BYTES: usize = 1 << 20;
 
 /// Longest line that is looked at, bytes; longer ones can only be skipped.
-pub(crate) const MAX_LINE: usize = 1 << 20;
+pub(crate) const MAX_LINE_BYTES: usize = 1 << 20;
 
 /// A byte stream with one block in memory, its position, and its length if that is known.
 pub(crate) struct Source<'a> {
@@ -47,7 +47,7 @@ impl<'a> Source<'a> {
     pub(crate) fn open(path: &Path) -> Result<Self, FormatError> {
         let opened = files::open(path).map_err(|e| FormatError::reading(path, e))?;
         let mut source = Self::new(path, opened.reader, opened.length);
-        source.fill(LONGEST_MARK)?;
+        source.fill(MARK_BYTES)?;
         if is_lfs_pointer(source.bytes()) {
             return Err(source.whole(Problem::Value(LFS_REFUSED.into())));
         }
@@ -56,13 +56,13 @@ impl<'a> Source<'a> {
 
     /// A stream of which `path` is the name in messages.
     pub(crate) fn new(path: &Path, reader: Box<dyn Read + 'a>, length: Option<u64>) -> Self {
-        let block = length.map_or(BLOCK, |l| l.clamp(256, BLOCK as u64) as usize);
+        let block = length.map_or(BLOCK_BYTES, |l| l.clamp(256, BLOCK_BYTES as u64) as usize);
         let buffer = vec![0; block];
         let path = path.into();
         Self { path, reader, length, buffer, start: 0, end: 0, offset: 0, lines: 0, ending: Ending::Newline }
     }
 
-    /// Its name in messages.
+    /// The name in messages.
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
@@ -115,7 +115,7 @@ impl<'a> Source<'a> {
         if self.offset > 0 {
             return Ok(());
         }
-        self.fill(LONGEST_MARK)?;
+        self.fill(MARK_BYTES)?;
         if let Some(refused) = refused_text(self.bytes()) {
             return Err(self.whole(Problem::Value(refused.into())));
         }
@@ -179,7 +179,7 @@ impl<'a> Source<'a> {
     /// The next line without its LF or CRLF; `None` at the end. The last line may lack its ending.
     ///
     /// # Errors
-    /// If reading fails or the line is longer than [`MAX_LINE`].
+    /// If reading fails or the line is longer than [`MAX_LINE_BYTES`].
     pub(crate) fn line(&mut self) -> Result<Option<&[u8]>, FormatError> {
         self.skip_byte_order_mark()?;
         let mut searched = 0;
@@ -190,9 +190,11 @@ impl<'a> Source<'a> {
                 break searched + found;
             }
             searched = bytes.len();
-            if searched > MAX_LINE {
+            if searched > MAX_LINE_BYTES {
                 self.lines += 1;
-                return Err(self.at_line(Problem::Value(format!("the line is longer than {MAX_LINE} bytes"))));
+                return Err(
+                    self.at_line(Problem::Value(format!("the line is longer than {MAX_LINE_BYTES} bytes")))
+                );
             }
             if !self.fill(searched + 1)? {
                 if searched == 0 {
@@ -249,7 +251,7 @@ impl<'a> Source<'a> {
     /// If reading fails or the word is longer than 256 bytes.
     pub(crate) fn word(&mut self) -> Result<Option<&[u8]>, FormatError> {
         self.skip_byte_order_mark()?;
-        const MAX_WORD: usize = 256;
+        const MAX_WORD_BYTES: usize = 256;
         loop {
             if !self.fill(1)? {
                 self.ending = Ending::EndOfFile;
@@ -276,7 +278,7 @@ impl<'a> Source<'a> {
                 break searched + found;
             }
             searched = bytes.len();
-            if searched > MAX_WORD {
+            if searched > MAX_WORD_BYTES {
                 break searched;
             }
             if !self.fill(searched + 1)? {
@@ -284,9 +286,9 @@ impl<'a> Source<'a> {
                 break searched;
             }
         };
-        if length > MAX_WORD {
+        if length > MAX_WORD_BYTES {
             self.lines += 1;
-            return Err(self.at_line(Problem::Value(format!("a word is longer than {MAX_WORD} bytes"))));
+            return Err(self.at_line(Problem::Value(format!("a word is longer than {MAX_WORD_BYTES} bytes"))));
         }
         let from = self.start;
         self.consume(length);

@@ -8,8 +8,8 @@
 //! | a coordinate that is NaN, infinite or beyond [`FARTHEST`] | a fault | |
 //! | a logarithm of a scale that is NaN or above [`MAX_LOG_SCALE`] | a fault | |
 //! | a logit that is NaN | a fault | |
-//! | a part of a quaternion that is NaN or beyond [`LONGEST_QUAT`] | a fault | |
-//! | a coefficient of colour that is NaN or beyond [`LARGEST_SH`] | a fault | |
+//! | a part of a quaternion that is NaN or beyond 1e15 | a fault | |
+//! | a coefficient of colour that is NaN or beyond 1e6 | a fault | |
 //! | a row of zeros: position, rotation, scales, opacity and colour | a fault: a row that was never filled | |
 //!
 //! A reader gives a splat with a fault as the file has it. [`Splats::check_finite`] refuses such
@@ -32,29 +32,29 @@ pub(crate) const FLAT_LOG_SCALE: f32 = -30.0;
 
 /// Largest part of a quaternion, either sign: the square of its length stays within single
 /// precision.
-pub(crate) const LONGEST_QUAT: f32 = 1e15;
+pub(crate) const MAX_QUAT: f32 = 1e15;
 
 /// Largest coefficient of spherical harmonics, either sign: a light a million times as bright as
 /// white.
-pub(crate) const LARGEST_SH: f32 = 1e6;
+pub(crate) const MAX_SH: f32 = 1e6;
 
 /// The faults of one splat, array by array.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Faults {
+pub struct Faults {
     /// The mean is NaN, infinite or beyond [`FARTHEST`].
-    pub(crate) mean: bool,
+    pub mean: bool,
     /// A scale is NaN or above [`MAX_LOG_SCALE`].
-    pub(crate) scale: bool,
+    pub scale: bool,
     /// The opacity is NaN.
-    pub(crate) opacity: bool,
-    /// The quaternion is NaN, infinite or beyond [`LONGEST_QUAT`].
-    pub(crate) quat: bool,
+    pub opacity: bool,
+    /// The quaternion is NaN, infinite or beyond [`MAX_QUAT`].
+    pub quat: bool,
     /// The quaternion is zero. It is drawn as no rotation, and only told.
-    pub(crate) zero_quat: bool,
-    /// A colour coefficient is NaN, infinite or beyond [`LARGEST_SH`].
-    pub(crate) sh: bool,
+    pub zero_quat: bool,
+    /// A colour coefficient is NaN, infinite or beyond [`MAX_SH`].
+    pub sh: bool,
     /// All values are zero.
-    pub(crate) blank: bool,
+    pub blank: bool,
 }
 
 impl Faults {
@@ -74,7 +74,7 @@ impl Splats {
 
     /// The faults of splat `index`.
     #[must_use]
-    pub(crate) fn faults(&self, index: usize) -> Faults {
+    pub fn faults(&self, index: usize) -> Faults {
         // NaN is within no limit.
         let within = |values: &[f32], most: f32| values.iter().all(|v| v.abs() <= most);
         let (mean, quat) = (&self.means[index], &self.quats[index]);
@@ -87,9 +87,9 @@ impl Splats {
             mean: !within(mean, FARTHEST),
             scale: !log_scale.iter().all(|v| *v <= MAX_LOG_SCALE),
             opacity: logit.is_nan(),
-            quat: !within(quat, LONGEST_QUAT),
+            quat: !within(quat, MAX_QUAT),
             zero_quat,
-            sh: !within(sh, LARGEST_SH),
+            sh: !within(sh, MAX_SH),
             blank: zero_quat && logit == 0.0 && is_zero(mean) && is_zero(log_scale) && is_zero(sh),
         }
     }
@@ -104,7 +104,7 @@ mod tests {
     fn the_table_is_kept() {
         let sound = Splat {
             mean: [FARTHEST, 2.0, -FARTHEST],
-            quat: [LONGEST_QUAT, 0.0, 0.0, 0.0],
+            quat: [MAX_QUAT, 0.0, 0.0, 0.0],
             log_scale: [MAX_LOG_SCALE, f32::NEG_INFINITY, -2.0],
             logit_opacity: f32::INFINITY,
             rgb: [0.25, 0.5, 0.75],

@@ -90,7 +90,7 @@ impl Yuv420 {
     /// Y `[H, W]`, Cb and Cr `[H/2, W/2]`.
     #[cfg(any(feature = "h264", test))]
     #[must_use]
-    pub fn planes(&self) -> [&[u8]; 3] {
+    pub(super) fn planes(&self) -> [&[u8]; 3] {
         let pixels = self.size.pixels();
         let (y, chroma) = self.bytes.split_at(pixels);
         let (cb, cr) = chroma.split_at(pixels / 4);

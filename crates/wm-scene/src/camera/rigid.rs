@@ -4,7 +4,7 @@ use super::viewmat_of;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use thiserror::Error;
 
-/// Most by which an element of `R R^T` may differ from the identity for
+/// Largest difference of an element of `R R^T` from the identity for
 /// [`Camera::check`](super::Camera::check).
 ///
 /// Rotations come from files as `f32`, at most 2^-25 off an element, or with six decimals, at most
@@ -14,7 +14,7 @@ use thiserror::Error;
 /// px.
 const RIGID_TOLERANCE: f64 = 1e-5;
 
-/// Most by which an element of `R R^T` may differ in files that say what a matrix is: three
+/// Largest such difference in files that state what a matrix is: three
 /// decimals. Such a matrix is replaced by the nearest rotation.
 const FILE_TOLERANCE: f64 = 1e-3;
 
@@ -29,7 +29,7 @@ pub enum PoseFault {
     Scaled {
         /// The row.
         row: usize,
-        /// Its length.
+        /// Length of the row.
         length: f64,
     },
     /// Two rows are not perpendicular.

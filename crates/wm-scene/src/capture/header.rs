@@ -12,7 +12,7 @@ use super::{Gps, exif::Tags};
 use crate::{
     FormatError, Problem,
     error::excerpt,
-    files::{LFS_REFUSED, LONGEST_MARK, is_lfs_pointer},
+    files::{LFS_REFUSED, MARK_BYTES, is_lfs_pointer},
 };
 use std::{
     fs::File,
@@ -109,7 +109,7 @@ impl Orientation {
 }
 
 /// Bytes read at once; most headers lie within.
-const BLOCK: usize = 16 << 10;
+const BLOCK_BYTES: usize = 16 << 10;
 
 /// Most segments or chunks before the picture: more is no photo.
 const MAX_PARTS: usize = 4096;
@@ -123,7 +123,8 @@ pub fn read_header(path: &Path) -> Result<PhotoHeader, FormatError> {
     if file.metadata().is_ok_and(|about| about.is_dir()) {
         return Err(FormatError::whole(path, Problem::Photo("it is a folder, no photo".into())));
     }
-    parse(&mut BufReader::with_capacity(BLOCK, file)).map_err(|problem| FormatError::whole(path, problem))
+    parse(&mut BufReader::with_capacity(BLOCK_BYTES, file))
+        .map_err(|problem| FormatError::whole(path, problem))
 }
 
 /// The header of a photo in memory.
@@ -131,7 +132,7 @@ pub fn read_header(path: &Path) -> Result<PhotoHeader, FormatError> {
 /// # Errors
 /// [`Problem`] as [`read_header`] has it.
 pub fn parse(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
-    let mut start = [0; LONGEST_MARK];
+    let mut start = [0; MARK_BYTES];
     let length = read_up_to(input, &mut start)?;
     let start = &start[..length];
     let kind = match start {

@@ -39,7 +39,7 @@ pub use up::CaptureUp;
 
 /// Reads the capture in a folder, or in a file for formats that are one; `None` if it has another
 /// format.
-type ReadCapture = fn(&Path, &CaptureOptions, Want) -> Result<Option<Capture>, FormatError>;
+type ReadCapture = fn(&Path, &CaptureOptions, ReadScope) -> Result<Option<Capture>, FormatError>;
 
 /// The reader of each format, in the order in which they are tried.
 const READERS: [ReadCapture; 5] =
@@ -47,7 +47,7 @@ const READERS: [ReadCapture; 5] =
 
 /// The part of a capture that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Want {
+enum ReadScope {
     Views,
     Everything,
 }
@@ -89,7 +89,7 @@ pub struct Capture {
 /// A photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CaptureView {
-    /// Its name: the path in the folder of the photos, with `/` between its parts.
+    /// Name: the path in the folder of the photos, with `/` between its parts.
     pub name: String,
     /// The camera as it took the photo: the size of the photo that the model was made from, pose,
     /// and what a pinhole of these intrinsics would show before the lens bends it.
@@ -124,7 +124,7 @@ pub struct SparsePoints {
 pub struct Observation {
     /// Index into [`SparsePoints`].
     pub point: u32,
-    /// Its position in the photo, px of [`CaptureView::camera`], distortion included.
+    /// Position in the photo, px of [`CaptureView::camera`], distortion included.
     pub xy: [f32; 2],
 }
 
@@ -273,7 +273,7 @@ pub fn folder_of(dataset: &Path) -> &Path {
 /// # Errors
 /// [`FormatError`] if it is missing, of no known format, or broken.
 pub fn read(dataset: &Path, options: &CaptureOptions) -> Result<Capture, FormatError> {
-    read_as(dataset, options, Want::Everything)
+    read_as(dataset, options, ReadScope::Everything)
 }
 
 /// Reads only the cameras of a capture, sorted by name, as photos without distortion have them, in
@@ -282,7 +282,7 @@ pub fn read(dataset: &Path, options: &CaptureOptions) -> Result<Capture, FormatE
 /// # Errors
 /// [`FormatError`] as for [`read`], and if the distortion of a camera cannot be undone.
 pub fn read_views(dataset: &Path) -> Result<Vec<SceneView>, FormatError> {
-    let capture = read_as(dataset, &CaptureOptions::default(), Want::Views)?;
+    let capture = read_as(dataset, &CaptureOptions::default(), ReadScope::Views)?;
     let ideal = capture.views.into_iter().map(|view| match view.undistorted() {
         Some(camera) => Ok(SceneView { name: view.name, camera }),
         None => Err(FormatError::whole(dataset, Problem::Value(folds(&view.name)))),
@@ -298,17 +298,17 @@ pub(crate) fn folds(name: &str) -> String {
     )
 }
 
-fn read_as(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Capture, FormatError> {
+fn read_as(dataset: &Path, options: &CaptureOptions, scope: ReadScope) -> Result<Capture, FormatError> {
     fs::metadata(dataset).map_err(|e| FormatError::reading(dataset, e))?;
     if let Some(originals) = &options.originals {
         fs::read_dir(originals).map_err(|e| FormatError::reading(originals, e))?;
     }
     for reader in READERS {
-        if let Some(mut capture) = reader(dataset, options, want)? {
+        if let Some(mut capture) = reader(dataset, options, scope)? {
             capture.sort();
             checks::clean(&mut capture)?;
             // Views are wanted as they are, to be put into scenes that have origins of their own.
-            if want == Want::Everything {
+            if scope == ReadScope::Everything {
                 capture.choose_origin();
             }
             return Ok(capture);

@@ -6,14 +6,14 @@
 //! principal point is measured from the middle. Of the projections perspective, simple_radial,
 //! radial and brown are read.
 
-use super::{Capture, CaptureOptions, CaptureView, Distortion, SparsePoints, Want, places};
+use super::{Capture, CaptureOptions, CaptureView, Distortion, ReadScope, SparsePoints, places};
 use crate::{
     Camera, FormatError, Problem, Remark,
     camera::viewmat_of,
     error::{excerpt, json_fault, one_line},
     files,
 };
-use glam::{DMat3, DMat4, DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
 use std::{
     collections::BTreeMap,
@@ -79,16 +79,10 @@ impl Lens {
         }
         let side = f64::from(self.width.max(self.height));
         let Some(fx) = self.focal_x.or(self.focal) else { return Err("it has no focal length".into()) };
-        let camera = Camera {
-            width: self.width,
-            height: self.height,
-            fx: fx * side,
-            fy: self.focal_y.unwrap_or(fx) * side,
-            cx: 0.5 * f64::from(self.width) + self.c_x * side,
-            cy: 0.5 * f64::from(self.height) + self.c_y * side,
-            viewmat: DMat4::IDENTITY,
-            near: Camera::DEFAULT_NEAR,
-        };
+        let focal = [fx * side, self.focal_y.unwrap_or(fx) * side];
+        let center =
+            [0.5 * f64::from(self.width) + self.c_x * side, 0.5 * f64::from(self.height) + self.c_y * side];
+        let camera = Camera::pinhole((self.width, self.height), focal, center);
         camera.check().map_err(|e| e.to_string())?;
         let lens = [self.k1, self.k2, self.p1, self.p2, self.k3];
         Ok((camera, Distortion::from_file(lens)?))
@@ -96,9 +90,14 @@ impl Lens {
 }
 
 /// The advice for a lens that is not read.
-const UNDISTORT: &str = "run `opensfm undistort` and give its folder, or reconstruct with the camera model radial";
+const UNDISTORT: &str =
+    "run `opensfm undistort` and give its folder, or reconstruct with the camera model radial";
 
-pub(super) fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
+pub(super) fn read(
+    dataset: &Path,
+    options: &CaptureOptions,
+    scope: ReadScope,
+) -> Result<Option<Capture>, FormatError> {
     let (path, folder) = if dataset.is_dir() {
         let Some(name) = FILES.iter().find(|name| dataset.join(name).is_file()) else { return Ok(None) };
         (dataset.join(name), dataset.to_path_buf())
@@ -116,7 +115,8 @@ pub(super) fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Resu
     let (parts, shots) = (all.len(), all.iter().map(|one| one.shots.len()).sum::<usize>());
     // Of equal ones the first.
     let largest = all.into_iter().rev().max_by_key(|one| one.shots.len()).filter(|one| !one.shots.is_empty());
-    let one = largest.ok_or_else(|| fault("there are no shots in it; reconstruct the capture again".into()))?;
+    let one =
+        largest.ok_or_else(|| fault("there are no shots in it; reconstruct the capture again".into()))?;
     let mut remarks = Vec::new();
     if shots > one.shots.len() {
         let text = format!(
@@ -144,7 +144,7 @@ pub(super) fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Resu
         views.push(CaptureView { name, camera, distortion, camera_id, file, mask: None, original: None });
     }
     let mut points = SparsePoints::default();
-    if want == Want::Everything {
+    if scope == ReadScope::Everything {
         for point in one.points.values() {
             points.push(point.coordinates, point.color.map(|v| v.clamp(0.0, 255.0) as u8), f32::NAN, 0);
         }
@@ -152,7 +152,15 @@ pub(super) fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Resu
     let (images, found) = places::find(&[&folder], options, &places::IMAGES, &mut views)?;
     remarks.extend(found);
     let observations = vec![Vec::new(); views.len()];
-    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
+    Ok(Some(Capture {
+        source: dataset.into(),
+        images,
+        views,
+        points,
+        observations,
+        remarks,
+        ..Capture::default()
+    }))
 }
 
 #[cfg(test)]

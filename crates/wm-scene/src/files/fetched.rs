@@ -10,7 +10,7 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Most paths that are noted; later ones are noted once the list was taken.
-const MOST_WANTED: usize = 4096;
+const MAX_WANTED: usize = 4096;
 
 /// Paths below it are of this store where there is a disk, too: for tests.
 pub const ROOT: &str = "fetched:";
@@ -41,7 +41,7 @@ impl Store {
     }
 
     fn want(&mut self, path: PathBuf) {
-        if self.wanted.len() < MOST_WANTED && !self.wanted.contains(&path) {
+        if self.wanted.len() < MAX_WANTED && !self.wanted.contains(&path) {
             self.wanted.push(path);
         }
     }
@@ -178,7 +178,7 @@ mod tests {
         assert_eq!((store().bytes, exists(&dir)), (held, false));
         assert_eq!(read_if_there(&bundle).unwrap(), None);
         assert_eq!(read(&bundle).unwrap_err().kind(), NotFound);
-        (0..MOST_WANTED + 9).for_each(|number| want(&root.join(number.to_string())));
-        assert_eq!(take_wanted().len(), MOST_WANTED);
+        (0..MAX_WANTED + 9).for_each(|number| want(&root.join(number.to_string())));
+        assert_eq!(take_wanted().len(), MAX_WANTED);
     }
 }

@@ -57,7 +57,7 @@ pub(crate) const LFS_REFUSED: &str = "a Git LFS pointer; get the file itself wit
 
 /// Bytes from the beginning of a file that tell how its text is encoded and whether it is a Git LFS
 /// pointer.
-pub(crate) const LONGEST_MARK: usize = 32;
+pub(crate) const MARK_BYTES: usize = 32;
 
 /// Returns true if a file begins as the text that Git LFS leaves in place of a file.
 pub(crate) fn is_lfs_pointer(start: &[u8]) -> bool {
@@ -82,7 +82,7 @@ pub(crate) fn without_byte_order_mark(bytes: &[u8]) -> &[u8] {
 ///
 /// # Errors
 /// Errors of the reader; [`ErrorKind::InvalidData`] if the text is in UTF-16 or a Git LFS pointer.
-pub(crate) fn skip_byte_order_mark<R: BufRead>(mut reader: R) -> io::Result<R> {
+pub fn skip_byte_order_mark<R: BufRead>(mut reader: R) -> io::Result<R> {
     let bytes = reader.fill_buf()?;
     if let Some(refused) = refused_text(bytes) {
         return Err(io::Error::new(ErrorKind::InvalidData, refused));
@@ -195,7 +195,7 @@ pub(crate) fn open(path: &Path) -> io::Result<Opened> {
 ///
 /// # Errors
 /// As [`read`] where there is nothing.
-pub(crate) fn is_folder(path: &Path) -> io::Result<bool> {
+pub fn is_folder(path: &Path) -> io::Result<bool> {
     match place_of(path) {
         Place::Disk => Ok(fs::metadata(path)?.is_dir()),
         Place::Store(Some(_)) => Ok(false),

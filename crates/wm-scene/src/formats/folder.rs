@@ -187,16 +187,10 @@ impl TryFrom<Raw> for Entry {
         let rotation = DMat3::from_cols(x, y, z);
         let rotation = rotation_of(&rotation)
             .map_err(|e| fault(&format!("its rotation is not a rotation matrix: {e}")))?;
-        let camera = Camera {
-            width: raw.width,
-            height: raw.height,
-            fx: raw.fx,
-            fy: raw.fy,
-            cx: raw.cx.unwrap_or(0.5 * f64::from(raw.width)),
-            cy: raw.cy.unwrap_or(0.5 * f64::from(raw.height)),
-            viewmat: viewmat_at(rotation, raw.position),
-            near: Camera::DEFAULT_NEAR,
-        };
+        let middle = |side: u32| 0.5 * f64::from(side);
+        let center = [raw.cx.unwrap_or(middle(raw.width)), raw.cy.unwrap_or(middle(raw.height))];
+        let pinhole = Camera::pinhole((raw.width, raw.height), [raw.fx, raw.fy], center);
+        let camera = Camera { viewmat: viewmat_at(rotation, raw.position), ..pinhole };
         camera.check().map_err(|e| fault(&e.to_string()))?;
         Ok(Self(SceneView { name: raw.img_name, camera }))
     }

@@ -17,11 +17,11 @@
 //! A reader allocates by what it has read, or by a count that the length of the file has confirmed.
 //! What is packed may unpack to a hundred times its length at most.
 
-pub mod axes;
+mod axes;
 mod beside;
 mod bytes;
 pub mod folder;
-pub mod loss;
+mod loss;
 mod pack;
 pub mod sidecar;
 
@@ -34,7 +34,7 @@ use crate::{
 };
 pub use axes::Axes;
 use loss::ANY_SCALE;
-pub use loss::{Kept, Loses, lost};
+pub use loss::{FormatLosses, Retention, lost};
 pub use sidecar::{sidecar_path, write_sidecar};
 use std::{
     io::{Read, Write},
@@ -48,18 +48,18 @@ macro_rules! formats {
     };
 }
 
-pub mod gltf;
-pub mod ksplat;
-pub mod ply;
-pub mod sog;
-pub mod splat;
-pub mod spz;
+mod gltf;
+mod ksplat;
+pub(crate) mod ply;
+pub(crate) mod sog;
+mod splat;
+mod spz;
 
 formats! { ply, ply::compressed, spz, sog::bundle, sog::folder, sog::levels, gltf, splat, ksplat }
 
 /// A scene format.
 pub struct SceneFormat {
-    /// Its name in messages.
+    /// Name in messages.
     pub name: &'static str,
     /// The extensions of its files, without dot, lower case, that of new files first. An extension
     /// that is a whole name, such as `meta.json`, names a folder's main file.
@@ -67,9 +67,9 @@ pub struct SceneFormat {
     /// A description in one line.
     pub about: &'static str,
     /// The axes of its files.
-    pub axes: Axes,
+    axes: Axes,
     /// The parts of a scene that it loses.
-    pub loses: Loses,
+    pub loses: FormatLosses,
     /// Recognises a file of this format by its first bytes.
     sniff: fn(&Start) -> bool,
     read: fn(&mut Source, &ReadOptions) -> Result<Scene, FormatError>,
@@ -79,11 +79,11 @@ pub struct SceneFormat {
 impl SceneFormat {
     /// The parts of a scene that it loses if it is written with `options`.
     #[must_use]
-    pub fn loses_with(&self, options: &WriteOptions) -> Loses {
+    pub fn loses_with(&self, options: &WriteOptions) -> FormatLosses {
         match options.gltf {
             GltfSplats::Spz if self.name == gltf::FORMAT.name => gltf::PACKED_LOSES,
             GltfSplats::SpzCesium if self.name == gltf::FORMAT.name => {
-                Loses { groups: Kept::Not, ..gltf::PACKED_LOSES }
+                FormatLosses { groups: Retention::Not, ..gltf::PACKED_LOSES }
             }
             _ => self.loses,
         }
@@ -111,9 +111,9 @@ pub(crate) type FileSink<'a> = dyn FnMut(NamedFile) -> Result<(), Problem> + 'a;
 
 /// The facts about a file by which its format is recognised.
 pub(crate) struct Start<'a> {
-    /// Its first bytes, at most [`SNIFFED`].
+    /// First bytes, at most [`SNIFFED`].
     pub(crate) bytes: &'a [u8],
-    /// Its name, or that of the stream.
+    /// Name, or that of the stream.
     pub(crate) path: &'a Path,
 }
 
@@ -168,7 +168,7 @@ pub enum GltfSplats {
     Floats,
     /// As SPZ in `KHR_gaussian_splatting_compression_spz_2`.
     Spz,
-    /// The same as CesiumJS reads it (1.140): the numbers in the SPZ are in the axes of glTF, where
+    /// As SPZ in the way that CesiumJS reads it (1.140): its numbers are in the axes of glTF, where
     /// the draft asks for those of SPZ. Such files state no kernel and no colour space, by which
     /// they are told.
     SpzCesium,
@@ -285,7 +285,7 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: &WriteOptions) -> R
         Writer::Nothing => {}
         Writer::Files(write) => write_files(path, |sink| write(scene, sink))?,
     }
-    if format.loses.metadata == Kept::Beside && scene.metadata != Default::default() {
+    if format.loses.metadata == Retention::Beside && scene.metadata != Default::default() {
         write_sidecar(path, &scene.metadata)?;
     }
     Ok(())

@@ -5,21 +5,21 @@ use super::sky::SkyRegion;
 use crate::Splats;
 use glam::DVec3;
 
-/// Most splats that are looked at closely. The error of a share or a quantile is about
-/// `1 / (2 sqrt(30000))` = 0.3 %, far below what any decision here turns on.
-const MOST: usize = 30_000;
+/// Most splats in a sample. The error of a share or a quantile is about `1 / (2 sqrt(30000))` = 0.3
+/// %, far below what any decision here depends on.
+const MAX_SPLATS: usize = 30_000;
 
-/// Fainter splats are haze of the reconstruction, not surface.
-const LEAST_OPACITY: f64 = 0.1;
+/// Least opacity of a surface: fainter splats are haze of the reconstruction.
+const MIN_OPACITY: f64 = 0.1;
 
 /// One splat that is no sky.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurveyPoint {
-    /// Its index in the splats.
+    /// Index in the splats.
     pub(crate) index: usize,
-    /// Its centre, scene units.
+    /// Centre, scene units.
     pub(crate) at: DVec3,
-    /// Its shortest axis, length 1, sign free.
+    /// Shortest axis, length 1, sign free.
     pub(crate) normal: DVec3,
     /// The surface that it stands for: its area times opacity times flatness, square units. Large
     /// ones are cut to the 95 % quantile, so that no single splat outvotes a surface.
@@ -42,7 +42,7 @@ pub(crate) struct SurveySample {
 impl SurveySample {
     /// Takes splats that can be seen and are no sky, at even steps of their index.
     pub(crate) fn of(splats: &Splats, sky: &SkyRegion) -> Self {
-        let mut points: Vec<SurveyPoint> = strided(splats.len(), MOST)
+        let mut points: Vec<SurveyPoint> = strided(splats.len(), MAX_SPLATS)
             .filter(|index| splats.is_sound(*index) && !sky.holds(splats, *index))
             .filter_map(|index| point(splats, index))
             .collect();
@@ -55,7 +55,7 @@ impl SurveySample {
         let center = center_of(&at);
         let mut distances: Vec<f64> = at.iter().map(|p| p.distance(center)).collect();
         let radius = quantile(&mut distances, 0.95);
-        Self { points, stands_for: splats.len().div_ceil(MOST).max(1), center, radius }
+        Self { points, stands_for: splats.len().div_ceil(MAX_SPLATS).max(1), center, radius }
     }
 
     /// Length, width and height (along `up`) of the box that holds all but 1 % of the points to
@@ -80,7 +80,7 @@ pub(crate) fn strided(count: usize, most: usize) -> impl Iterator<Item = usize> 
 /// The survey's point of a splat; `None` of one that is too faint.
 pub(crate) fn point(splats: &Splats, index: usize) -> Option<SurveyPoint> {
     let opacity = splats.opacity(index);
-    if opacity < LEAST_OPACITY {
+    if opacity < MIN_OPACITY {
         return None;
     }
     let mut scales = splats.scales(index);

@@ -10,9 +10,14 @@
 #[cfg(test)]
 mod tests;
 
-use super::{Capture, CaptureOptions, CaptureView, Distortion, SparsePoints, Want, header, places};
+use super::{Capture, CaptureOptions, CaptureView, Distortion, ReadScope, SparsePoints, header, places};
 use crate::{
-    Camera, FormatError, Problem, Remark, camera::{rotation_of, viewmat_at}, error::{json_fault, one_line}, file_index::{self, FileIndex, FileKind}, files, formats::ply::read_points,
+    Camera, FormatError, Problem, Remark,
+    camera::{rotation_of, viewmat_at},
+    error::{json_fault, one_line},
+    file_index::{self, FileIndex, FileKind},
+    files,
+    formats::ply::read_points,
 };
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
@@ -103,16 +108,8 @@ impl Intrinsics {
         let Some(fx) = fx.or(fy) else {
             return Err("it has no focal length: fl_x or camera_angle_x is needed".into());
         };
-        let camera = Camera {
-            width: size.0,
-            height: size.1,
-            fx,
-            fy: fy.unwrap_or(fx),
-            cx: self.cx.unwrap_or(0.5 * width),
-            cy: self.cy.unwrap_or(0.5 * height),
-            viewmat: glam::DMat4::IDENTITY,
-            near: Camera::DEFAULT_NEAR,
-        };
+        let center = [self.cx.unwrap_or(0.5 * width), self.cy.unwrap_or(0.5 * height)];
+        let camera = Camera::pinhole(size, [fx, fy.unwrap_or(fx)], center);
         camera.check().map_err(|e| e.to_string())?;
         let lens = [self.k1, self.k2, self.p1, self.p2, self.k3].map(|v| v.unwrap_or(0.0));
         Ok((camera, Distortion::from_file(lens)?))
@@ -122,7 +119,11 @@ impl Intrinsics {
 /// The advice for a lens that is not read.
 const UNDISTORT: &str = "undistort the photos with `colmap image_undistorter` and give its output";
 
-pub(super) fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
+pub(super) fn read(
+    dataset: &Path,
+    options: &CaptureOptions,
+    scope: ReadScope,
+) -> Result<Option<Capture>, FormatError> {
     let (path, folder) = if dataset.is_dir() {
         let Some(name) = FILES.iter().find(|name| dataset.join(name).is_file()) else { return Ok(None) };
         (dataset.join(name), dataset.to_path_buf())
@@ -133,8 +134,8 @@ pub(super) fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Resu
     };
     let file = File::open(&path).and_then(|file| files::skip_byte_order_mark(BufReader::new(file)));
     let file = file.map_err(|e| FormatError::reading(&path, e))?;
-    let transforms: Transforms =
-        serde_json::from_reader(file).map_err(|error| json_fault(&path, &error, "correct the file or export it again"))?;
+    let transforms: Transforms = serde_json::from_reader(file)
+        .map_err(|error| json_fault(&path, &error, "correct the file or export it again"))?;
     if transforms.frames.is_empty() {
         let problem = "there are no frames in it; export the capture again";
         return Err(FormatError::whole(&path, Problem::Value(problem.into())));
@@ -153,13 +154,21 @@ pub(super) fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Resu
         check_model(model).map_err(&fault)?;
         set_camera(view, frame, &transforms.shared, &images, &mut cameras, &fault)?;
     }
-    let points = match want {
-        Want::Views => SparsePoints::default(),
-        Want::Everything => points_of(&transforms, &folder, &path, &mut remarks)?,
+    let points = match scope {
+        ReadScope::Views => SparsePoints::default(),
+        ReadScope::Everything => points_of(&transforms, &folder, &path, &mut remarks)?,
     };
     remarks.extend(unused(&transforms, &path));
     let observations = vec![Vec::new(); views.len()];
-    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
+    Ok(Some(Capture {
+        source: dataset.into(),
+        images,
+        views,
+        points,
+        observations,
+        remarks,
+        ..Capture::default()
+    }))
 }
 
 impl Frame {
@@ -222,17 +231,25 @@ fn unused(transforms: &Transforms, path: &Path) -> Vec<Remark> {
     let mut remarks = Vec::new();
     let count = transforms.frames.iter().filter(|frame| frame.depth_file_path.is_some()).count();
     if count > 0 {
-        let text = format!("{} names depth maps of {count} photos, which are not read with it; `priors --depth FOLDER` reads them", path.display());
+        let text = format!(
+            "{} names depth maps of {count} photos, which are not read with it; `priors --depth FOLDER` reads them",
+            path.display()
+        );
         remarks.push(Remark::note("depth-unused", text));
     }
     if path.file_name().is_some_and(|name| name == FILES[1]) {
         let others = ["transforms_test.json", "transforms_val.json"];
-        let others: Vec<&str> = others.into_iter().filter(|name| path.with_file_name(name).is_file()).collect();
+        let others: Vec<&str> =
+            others.into_iter().filter(|name| path.with_file_name(name).is_file()).collect();
         if !others.is_empty() {
-            let text = format!("{} is read; {} passed over", path.display(), match others[..] {
-                [one] => format!("{one} is"),
-                _ => format!("{} are", others.join(" and ")),
-            });
+            let text = format!(
+                "{} is read; {} passed over",
+                path.display(),
+                match others[..] {
+                    [one] => format!("{one} is"),
+                    _ => format!("{} are", others.join(" and ")),
+                }
+            );
             remarks.push(Remark::note("other-models", text));
         }
     }
@@ -241,7 +258,9 @@ fn unused(transforms: &Transforms, path: &Path) -> Vec<Remark> {
 
 fn check_model(model: Option<&str>) -> Result<(), String> {
     match model {
-        None | Some("OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "PERSPECTIVE") => Ok(()),
+        None | Some("OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "PERSPECTIVE") => {
+            Ok(())
+        }
         Some(other) => {
             let other = crate::error::excerpt(other.as_bytes());
             Err(format!("its camera model {other} is not read; {UNDISTORT}"))
@@ -288,8 +307,10 @@ fn points_of(
     }
     // The frames are in the axes of this model, even where another one has more photos.
     let first = Path::new("sparse/0");
-    let options =
-        CaptureOptions { model: model.join(first).is_dir().then(|| first.into()), ..CaptureOptions::default() };
+    let options = CaptureOptions {
+        model: model.join(first).is_dir().then(|| first.into()),
+        ..CaptureOptions::default()
+    };
     let mut points = super::colmap::read_points(&model, &options)?;
     if let Some(rows) = &transforms.applied_transform {
         let &([a, b, c] | [a, b, c, _]) = rows.as_slice() else {

@@ -1,6 +1,6 @@
 //! The PLY header: elements, properties and the metadata in its comments.
 
-use super::PlyEncoding;
+use super::{PlyEncoding, layout::Endian};
 use crate::{
     Metadata, Rasterization,
     error::{FormatError, Problem, excerpt, one_line},
@@ -9,7 +9,7 @@ use crate::{
 use glam::DVec3;
 
 /// Longest header, bytes: what it declares is kept in memory.
-const MAX_HEADER: u64 = 1 << 20;
+const MAX_HEADER_BYTES: u64 = 1 << 20;
 
 /// The content of a header.
 #[derive(Debug)]
@@ -78,6 +78,27 @@ impl Scalar {
             Self::F64 => 8,
         }
     }
+
+    /// Reads the number at the beginning of `bytes`.
+    pub(crate) fn read(self, bytes: &[u8], endian: Endian) -> f64 {
+        let mut wide = [0; 8];
+        let size = self.size().min(bytes.len());
+        wide[..size].copy_from_slice(&bytes[..size]);
+        if endian == Endian::Big {
+            wide[..size].reverse();
+        }
+        let [a, b, c, d, ..] = wide;
+        match self {
+            Self::I8 => f64::from(a.cast_signed()),
+            Self::U8 => f64::from(a),
+            Self::I16 => f64::from(i16::from_le_bytes([a, b])),
+            Self::U16 => f64::from(u16::from_le_bytes([a, b])),
+            Self::I32 => f64::from(i32::from_le_bytes([a, b, c, d])),
+            Self::U32 => f64::from(u32::from_le_bytes([a, b, c, d])),
+            Self::F32 => f64::from(f32::from_le_bytes([a, b, c, d])),
+            Self::F64 => f64::from_le_bytes(wide),
+        }
+    }
 }
 
 impl Kind {
@@ -112,8 +133,8 @@ impl Header {
         let mut elements = Vec::new();
         let mut metadata = Metadata::default();
         loop {
-            if source.offset() > MAX_HEADER {
-                return Err(source.whole(Problem::HeaderTooLong(MAX_HEADER)));
+            if source.offset() > MAX_HEADER_BYTES {
+                return Err(source.whole(Problem::HeaderTooLong(MAX_HEADER_BYTES)));
             }
             let Some(line) = source.line()? else { return Err(source.whole(Problem::HeaderTruncated)) };
             match parse_line(line, &mut encoding, &mut elements, &mut metadata) {

@@ -32,13 +32,13 @@ pub(super) enum Array {
 /// A property that is kept.
 #[derive(Debug)]
 pub(super) struct Column {
-    /// Its place among the properties of the element.
+    /// Index among the properties of the element.
     pub(crate) property: usize,
-    /// Its byte in a binary row from which lists are left out.
+    /// Byte offset in a binary row from which lists are left out.
     offset: usize,
     scalar: Scalar,
     pub(crate) array: Array,
-    /// Its place among the values that the array has for one splat.
+    /// Index among the values that the array has for one splat.
     pub(crate) lane: usize,
 }
 
@@ -151,9 +151,15 @@ impl Layout {
     ///
     /// # Errors
     /// [`Problem`] names a label that is none.
-    pub(crate) fn scatter(&self, endian: Endian, rows: &[u8], first: usize, out: &mut Rows) -> Result<(), Problem> {
+    pub(crate) fn scatter(
+        &self,
+        endian: Endian,
+        rows: &[u8],
+        first: usize,
+        out: &mut Rows,
+    ) -> Result<(), Problem> {
         // Every column runs over the rows once: as many at a time as stay in the first cache.
-        let step = (PART / self.row_size).max(1);
+        let step = (PART_BYTES / self.row_size).max(1);
         let mut numbers = Vec::new();
         for (part, rows) in rows.chunks(step * self.row_size).enumerate() {
             let first = first + part * step;
@@ -221,7 +227,7 @@ fn name_of(number: f32) -> Option<u16> {
 }
 
 /// Bytes of rows that are scattered at a time.
-const PART: usize = 16 << 10;
+const PART_BYTES: usize = 16 << 10;
 
 /// The flat values of an array and how many it has for one splat.
 ///

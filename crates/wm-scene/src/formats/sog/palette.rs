@@ -14,7 +14,7 @@ pub(super) struct Codebook {
 /// Bins over the range of the values.
 const BINS: usize = 1 << 16;
 /// Bins that the first density is taken over.
-const COARSE: usize = 16;
+const COARSE_BINS: usize = 16;
 /// Rounds of improvement of a table, which hardly changes after.
 const ROUNDS: usize = 30;
 
@@ -42,7 +42,8 @@ impl Codebook {
             sum[bin + 1] = sum[bin] + weights[bin] * value(bin);
         }
         // Where values are d times as dense, the best table is cbrt(d) times as dense.
-        let density: Vec<f64> = weights.chunks(COARSE).map(|bins| bins.iter().sum::<f64>().cbrt()).collect();
+        let density: Vec<f64> =
+            weights.chunks(COARSE_BINS).map(|bins| bins.iter().sum::<f64>().cbrt()).collect();
         let step = density.iter().sum::<f64>() / 256.0;
         // The least value has an entry: scales that no other is near weigh next to nothing, but a
         // flat splat must not become thick.
@@ -54,7 +55,7 @@ impl Codebook {
                 && *density > 0.0
             {
                 let share = ((centers.len() as f64 + 0.5) * step - before) / density;
-                centers.push(value(((chunk as f64 + share) * COARSE as f64) as usize));
+                centers.push(value(((chunk as f64 + share) * COARSE_BINS as f64) as usize));
             }
             before += density;
         }
@@ -103,7 +104,7 @@ pub(super) struct Palette {
 
 /// A set of vectors that shares an entry for now.
 struct Cell {
-    /// Its vectors, as a range of the order.
+    /// First and end of its vectors in the order.
     first: usize,
     end: usize,
     mean: Vec<f32>,
