@@ -100,12 +100,12 @@ pub struct Histogram {
 impl Histogram {
     /// Empty bins from `min` to `max`.
     #[must_use]
-    pub fn new(min: f64, max: f64, bins: usize) -> Self {
+    pub(crate) fn new(min: f64, max: f64, bins: usize) -> Self {
         Self { min, max, counts: vec![0; bins], below: 0, above: 0 }
     }
 
     /// Counts a value.
-    pub fn add(&mut self, value: f64) {
+    pub(crate) fn add(&mut self, value: f64) {
         if value < self.min {
             self.below += 1;
         } else if value > self.max {

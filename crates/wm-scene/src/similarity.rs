@@ -26,7 +26,7 @@ impl Similarity {
 
     /// The transform that applies `other` first, then this one.
     #[must_use]
-    pub fn after(&self, other: &Self) -> Self {
+    pub(crate) fn after(&self, other: &Self) -> Self {
         Self {
             scale: self.scale * other.scale,
             rotation: self.rotation * other.rotation,
@@ -36,13 +36,13 @@ impl Similarity {
 
     /// Transforms a point.
     #[must_use]
-    pub fn point(&self, p: DVec3) -> DVec3 {
+    pub(crate) fn point(&self, p: DVec3) -> DVec3 {
         self.scale * (self.rotation * p) + self.translation
     }
 
     /// Transforms a camera: afterwards it sees the transformed scene as it saw the scene before.
     #[must_use]
-    pub fn camera(&self, camera: &Camera) -> Camera {
+    pub(crate) fn camera(&self, camera: &Camera) -> Camera {
         let rotation = camera.rotation() * self.rotation.transpose();
         let center = self.point(camera.center());
         let viewmat = viewmat_of(rotation, -(rotation * center));

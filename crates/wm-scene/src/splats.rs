@@ -139,7 +139,7 @@ impl Splats {
     }
 
     /// Makes it `count` splats, new ones with all values 0.
-    pub fn resize(&mut self, count: usize) {
+    pub(crate) fn resize(&mut self, count: usize) {
         let sh_size = count * self.sh_stride();
         self.means.resize(count, [0.0; 3]);
         self.quats.resize(count, [0.0; 4]);

@@ -7,7 +7,8 @@
 //! have a place, a colour, and where they were seen, from the middle of the photo with y up.
 
 use super::{
-    Capture, CaptureOptions, CaptureView, Distortion, Observation, ReadScope, SparsePoints, header, places,
+    Capture, CaptureOptions, CaptureView, Distortion, Observation, ReadScope, SparsePoints, find_main,
+    header, places,
 };
 use crate::{
     Camera, FormatError, Problem,
@@ -29,15 +30,13 @@ pub(super) fn read(
     options: &CaptureOptions,
     scope: ReadScope,
 ) -> Result<Option<Capture>, FormatError> {
-    let (path, folder) = if dataset.is_dir() {
-        let known = FILES.iter().map(|name| dataset.join(name)).find(|file| file.is_file());
-        // Any other name, if it says of itself what it is.
-        let named = || with_extension(dataset, "out").filter(|file| is_bundle(file));
-        let Some(file) = known.or_else(named) else { return Ok(None) };
-        (file, dataset.to_path_buf())
-    } else if dataset.extension().is_some_and(|extension| extension == "out") {
-        (dataset.to_path_buf(), dataset.parent().unwrap_or(Path::new("")).to_path_buf())
-    } else {
+    // Any other name, if it says of itself what it is.
+    let named = || {
+        let file = with_extension(dataset, "out").filter(|file| dataset.is_dir() && is_bundle(file))?;
+        Some((file, dataset.to_path_buf()))
+    };
+    let is_main = |path: &Path| path.extension().is_some_and(|extension| extension == "out");
+    let Some((path, folder)) = find_main(dataset, &FILES, is_main).or_else(named) else {
         return Ok(None);
     };
     let beside = path.parent().unwrap_or(&folder);

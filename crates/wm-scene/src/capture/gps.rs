@@ -28,7 +28,7 @@ pub struct GpsFit {
     /// The direction against gravity, world axes, length 1.
     pub up: DVec3,
     /// True north, level, world axes, length 1.
-    pub north: DVec3,
+    pub(crate) north: DVec3,
     /// The inverse covariance of `up` in world axes, 1/rad^2: how much a turn of it is resisted, by
     /// direction. Small along the direction in which cameras on one line leave it open; zero if
     /// altitudes are missing.
@@ -144,7 +144,7 @@ pub fn fit(centers: &[DVec3], places: &[Option<Gps>]) -> Option<GpsFit> {
 /// # Panics
 /// If the lengths differ.
 #[must_use]
-pub fn fit_with_outliers(centers: &[DVec3], places: &[Option<Gps>]) -> (Option<GpsFit>, Vec<usize>) {
+pub(crate) fn fit_with_outliers(centers: &[DVec3], places: &[Option<Gps>]) -> (Option<GpsFit>, Vec<usize>) {
     assert_eq!(centers.len(), places.len(), "a place (or none) a camera");
     let is_absurd = |index: &usize| places[*index].is_some_and(|place| place.checked().is_none());
     let mut outliers: Vec<usize> = (0..places.len()).filter(is_absurd).collect();

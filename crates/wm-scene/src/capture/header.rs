@@ -72,7 +72,7 @@ pub enum Orientation {
 impl Orientation {
     /// The orientation of EXIF's number; numbers that have none are upright.
     #[must_use]
-    pub fn from_number(number: u16) -> Self {
+    pub(crate) fn from_number(number: u16) -> Self {
         match number {
             2 => Self::Mirrored,
             3 => Self::Turned180,

@@ -24,10 +24,12 @@ mod tests;
 mod transforms;
 pub mod up;
 
-use crate::{Camera, FormatError, Problem, Remark, SceneView, origin};
+use crate::{Camera, FormatError, Problem, Remark, SceneView, error::json_fault, files, origin};
 use glam::DVec3;
+use serde::de::DeserializeOwned;
 use std::{
-    fs,
+    fs::{self, File},
+    io::BufReader,
     path::{Path, PathBuf},
 };
 
@@ -296,6 +298,26 @@ pub(crate) fn folds(name: &str) -> String {
         "the distortion of the camera of {name:?} folds over within the photo; reconstruct the capture again with \
          another camera model"
     )
+}
+
+/// The main file of a data set and the folder that the other files are relative to: the first of
+/// `names` that is in the folder `dataset`, or `dataset` itself if it is a file that `is_main` holds
+/// for. `None` if there is none.
+fn find_main(dataset: &Path, names: &[&str], is_main: impl Fn(&Path) -> bool) -> Option<(PathBuf, PathBuf)> {
+    if dataset.is_dir() {
+        let file = names.iter().map(|name| dataset.join(name)).find(|file| file.is_file())?;
+        return Some((file, dataset.to_path_buf()));
+    }
+    let parent = dataset.parent().unwrap_or(Path::new(""));
+    is_main(dataset).then(|| (dataset.to_path_buf(), parent.to_path_buf()))
+}
+
+/// Reads a file of JSON; its errors have line and column.
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, FormatError> {
+    let file = File::open(path).and_then(|file| files::skip_byte_order_mark(BufReader::new(file)));
+    let file = file.map_err(|error| FormatError::reading(path, error))?;
+    let advice = "correct the file or export it again";
+    serde_json::from_reader(file).map_err(|error| json_fault(path, &error, advice))
 }
 
 fn read_as(dataset: &Path, options: &CaptureOptions, scope: ReadScope) -> Result<Capture, FormatError> {

@@ -6,19 +6,18 @@
 //! principal point is measured from the middle. Of the projections perspective, simple_radial,
 //! radial and brown are read.
 
-use super::{Capture, CaptureOptions, CaptureView, Distortion, ReadScope, SparsePoints, places};
+use super::{
+    Capture, CaptureOptions, CaptureView, Distortion, ReadScope, SparsePoints, find_main, places, read_json,
+};
 use crate::{
     Camera, FormatError, Problem, Remark,
     camera::viewmat_of,
-    error::{excerpt, json_fault, one_line},
-    files,
+    error::{excerpt, one_line},
 };
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
 use std::{
     collections::BTreeMap,
-    fs::File,
-    io::BufReader,
     path::{Path, PathBuf},
 };
 
@@ -98,19 +97,9 @@ pub(super) fn read(
     options: &CaptureOptions,
     scope: ReadScope,
 ) -> Result<Option<Capture>, FormatError> {
-    let (path, folder) = if dataset.is_dir() {
-        let Some(name) = FILES.iter().find(|name| dataset.join(name).is_file()) else { return Ok(None) };
-        (dataset.join(name), dataset.to_path_buf())
-    } else if dataset.file_name().is_some_and(|name| name == FILES[0]) {
-        (dataset.to_path_buf(), dataset.parent().unwrap_or(Path::new("")).to_path_buf())
-    } else {
-        return Ok(None);
-    };
-    let file = File::open(&path).and_then(|file| files::skip_byte_order_mark(BufReader::new(file)));
-    let file = file.map_err(|e| FormatError::reading(&path, e))?;
-    let advice = "correct the file or export it again";
-    let all: Vec<Reconstruction> =
-        serde_json::from_reader(file).map_err(|error| json_fault(&path, &error, advice))?;
+    let is_main = |path: &Path| path.file_name().is_some_and(|name| name == FILES[0]);
+    let Some((path, folder)) = find_main(dataset, &FILES, is_main) else { return Ok(None) };
+    let all: Vec<Reconstruction> = read_json(&path)?;
     let fault = |what: String| FormatError::whole(&path, Problem::Value(one_line(&what)));
     let (parts, shots) = (all.len(), all.iter().map(|one| one.shots.len()).sum::<usize>());
     // Of equal ones the first.

@@ -11,35 +11,35 @@ use glam::{DVec2, DVec3};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CaptureSite {
     /// True north, and the place on Earth.
-    pub place: Option<CapturePlace>,
+    pub(crate) place: Option<CapturePlace>,
     /// The middle of the photos' positions, also where they do not tell north.
-    pub location: Option<Gps>,
+    pub(crate) location: Option<Gps>,
     /// The time of the photos.
-    pub time: Option<CaptureTime>,
+    pub(crate) time: Option<CaptureTime>,
 }
 
 /// North over a capture, and its place on Earth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CapturePlace {
     /// True north, level, world axes, length 1.
-    pub north: DVec3,
+    pub(crate) north: DVec3,
     /// Standard deviation of its azimuth, radians.
     pub(crate) north_error: f64,
     /// The middle of the photos' positions.
-    pub location: Gps,
+    pub(crate) location: Gps,
     /// Photos whose positions agree.
-    pub photos: usize,
+    pub(crate) photos: usize,
     /// Median distance between the cameras and the positions of their photos, m.
-    pub residual: f64,
+    pub(crate) residual: f64,
 }
 
 /// The time of a capture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CaptureTime {
     /// Median of the photos' times, seconds since 1970, UTC.
-    pub captured: f64,
+    pub(crate) captured: f64,
     /// Seconds between the first photo and the last.
-    pub span: f64,
+    pub(crate) span: f64,
 }
 
 /// Largest share of outliers with which the other positions are used.

@@ -33,25 +33,13 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Options of writing 3D Tiles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TileOptions {
-    /// SH above this degree are left out, 0 to 3.
-    pub sh_degree: u8,
-}
-
-impl Default for TileOptions {
-    fn default() -> Self {
-        Self { sh_degree: 3 }
-    }
-}
-
 /// The tiles of a scene in levels, to be written in any order and on any threads, and then their
 /// `tileset.json`.
 pub struct TilePlan<'a> {
     index: &'a LevelIndex,
     main: PathBuf,
-    options: TileOptions,
+    /// SH above this degree are left out.
+    sh_degree: u8,
     /// Metres a unit.
     metres: f64,
     /// The point of the scene that is the origin of the root, scene units.
@@ -91,13 +79,13 @@ const MAX_OPEN_FILES: usize = 8;
 const ERROR_PER_SPACING: f64 = 8.0;
 
 impl<'a> TilePlan<'a> {
-    /// Plans the tiles of `index`, for a `main` that is called `tileset.json`. Makes its folder,
-    /// and removes the file `main` if it is there.
+    /// Plans the tiles of `index`, for a `main` that is called `tileset.json`, without SH above
+    /// `sh_degree` (0 to 3). Makes its folder, and removes the file `main` if it is there.
     ///
     /// # Errors
     /// [`FormatError`] if the index states no boxes, the environment cannot be read, or the folder
     /// cannot be made.
-    pub fn new(index: &'a LevelIndex, main: &Path, options: TileOptions) -> Result<Self, FormatError> {
+    pub fn new(index: &'a LevelIndex, main: &Path, sh_degree: u8) -> Result<Self, FormatError> {
         let fault = |problem| FormatError::whole(main, problem);
         let boxes: Vec<Extent> = index.leaves.iter().map(LevelLeaf::extent).collect();
         if let Some(leaf) = boxes.iter().position(|extent| !extent.is_finite()) {
@@ -119,7 +107,7 @@ impl<'a> TilePlan<'a> {
         let (root, ..) = Tile::of(&tree, &index.leaves, &weights, metres, &mut contents);
         let (origin, transform, notes) = placed(&index.metadata, &boxes);
         let main = main.to_owned();
-        Ok(Self { index, main, options, metres, origin, transform, environment, root, contents, notes })
+        Ok(Self { index, main, sh_degree, metres, origin, transform, environment, root, contents, notes })
     }
 
     /// Number of files of tiles.
@@ -200,7 +188,7 @@ impl<'a> TilePlan<'a> {
 
     /// Splats in metres from `middle`.
     fn moved(&self, mut splats: Splats, middle: DVec3) -> Splats {
-        splats.limit_sh(self.options.sh_degree);
+        splats.limit_sh(self.sh_degree);
         for mean in &mut splats.means {
             let from = (DVec3::from(mean.map(f64::from)) - middle) * self.metres;
             *mean = from.as_vec3().to_array();

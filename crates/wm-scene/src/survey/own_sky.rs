@@ -30,13 +30,13 @@ pub enum OwnSky {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SkyChange {
     /// Splats of the sky before.
-    pub before: usize,
+    pub(crate) before: usize,
     /// Splats of the sky now.
-    pub sky: usize,
+    pub(crate) sky: usize,
     /// Splats that were left out.
-    pub dropped: usize,
+    pub(crate) dropped: usize,
     /// Splats that were sky and belong to the scene now.
-    pub returned: usize,
+    pub(crate) returned: usize,
 }
 
 impl SkyChange {

@@ -64,7 +64,7 @@ impl SkyRegion {
     }
 
     /// Returns true if splat `index` is part of it.
-    pub fn holds(&self, splats: &Splats, index: usize) -> bool {
+    pub(crate) fn holds(&self, splats: &Splats, index: usize) -> bool {
         match *self {
             Self::None => false,
             Self::Labelled => splats.groups[index] == Group::Sky,

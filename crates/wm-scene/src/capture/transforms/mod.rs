@@ -10,22 +10,20 @@
 #[cfg(test)]
 mod tests;
 
-use super::{Capture, CaptureOptions, CaptureView, Distortion, ReadScope, SparsePoints, header, places};
+use super::{
+    Capture, CaptureOptions, CaptureView, Distortion, ReadScope, SparsePoints, find_main, header, places,
+    read_json,
+};
 use crate::{
     Camera, FormatError, Problem, Remark,
     camera::{rotation_of, viewmat_at},
-    error::{json_fault, one_line},
+    error::one_line,
     file_index::{self, FileIndex, FileKind},
-    files,
     formats::ply::read_points,
 };
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
-use std::{
-    fs::File,
-    io::BufReader,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 /// Names of the file, the likeliest first.
 const FILES: [&str; 2] = ["transforms.json", "transforms_train.json"];
@@ -78,23 +76,18 @@ impl Intrinsics {
         // An angle of the frame wins over a focal length that all share.
         let has_focal = self.fl_x.or(self.camera_angle_x).is_some();
         let kept = |own: Option<f64>, shared: Option<f64>| own.or(if has_focal { None } else { shared });
-        Self {
-            fl_x: kept(self.fl_x, other.fl_x),
-            fl_y: kept(self.fl_y, other.fl_y),
-            camera_angle_x: kept(self.camera_angle_x, other.camera_angle_x),
-            camera_angle_y: kept(self.camera_angle_y, other.camera_angle_y),
-            cx: self.cx.or(other.cx),
-            cy: self.cy.or(other.cy),
-            w: self.w.or(other.w),
-            h: self.h.or(other.h),
-            k1: self.k1.or(other.k1),
-            k2: self.k2.or(other.k2),
-            k3: self.k3.or(other.k3),
-            k4: self.k4.or(other.k4),
-            p1: self.p1.or(other.p1),
-            p2: self.p2.or(other.p2),
-            is_fisheye: self.is_fisheye.or(other.is_fisheye),
+        macro_rules! or {
+            ($($field:ident)+) => {
+                Self {
+                    fl_x: kept(self.fl_x, other.fl_x),
+                    fl_y: kept(self.fl_y, other.fl_y),
+                    camera_angle_x: kept(self.camera_angle_x, other.camera_angle_x),
+                    camera_angle_y: kept(self.camera_angle_y, other.camera_angle_y),
+                    $($field: self.$field.or(other.$field)),+
+                }
+            };
         }
+        or!(cx cy w h k1 k2 k3 k4 p1 p2 is_fisheye)
     }
 
     fn camera(&self, size: (u32, u32)) -> Result<(Camera, Distortion), String> {
@@ -124,18 +117,10 @@ pub(super) fn read(
     options: &CaptureOptions,
     scope: ReadScope,
 ) -> Result<Option<Capture>, FormatError> {
-    let (path, folder) = if dataset.is_dir() {
-        let Some(name) = FILES.iter().find(|name| dataset.join(name).is_file()) else { return Ok(None) };
-        (dataset.join(name), dataset.to_path_buf())
-    } else if dataset.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
-        (dataset.to_path_buf(), dataset.parent().unwrap_or(Path::new("")).to_path_buf())
-    } else {
-        return Ok(None);
-    };
-    let file = File::open(&path).and_then(|file| files::skip_byte_order_mark(BufReader::new(file)));
-    let file = file.map_err(|e| FormatError::reading(&path, e))?;
-    let transforms: Transforms = serde_json::from_reader(file)
-        .map_err(|error| json_fault(&path, &error, "correct the file or export it again"))?;
+    let is_main =
+        |path: &Path| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+    let Some((path, folder)) = find_main(dataset, &FILES, is_main) else { return Ok(None) };
+    let transforms: Transforms = read_json(&path)?;
     if transforms.frames.is_empty() {
         let problem = "there are no frames in it; export the capture again";
         return Err(FormatError::whole(&path, Problem::Value(problem.into())));
