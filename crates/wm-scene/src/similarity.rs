@@ -36,13 +36,13 @@ impl Similarity {
 
     /// Transforms a point.
     #[must_use]
-    pub(crate) fn point(&self, p: DVec3) -> DVec3 {
+    pub fn point(&self, p: DVec3) -> DVec3 {
         self.scale * (self.rotation * p) + self.translation
     }
 
     /// Transforms a camera: afterwards it sees the transformed scene as it saw the scene before.
     #[must_use]
-    pub(crate) fn camera(&self, camera: &Camera) -> Camera {
+    pub fn camera(&self, camera: &Camera) -> Camera {
         let rotation = camera.rotation() * self.rotation.transpose();
         let center = self.point(camera.center());
         let viewmat = viewmat_of(rotation, -(rotation * center));

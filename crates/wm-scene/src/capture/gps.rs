@@ -144,7 +144,7 @@ pub fn fit(centers: &[DVec3], places: &[Option<Gps>]) -> Option<GpsFit> {
 /// # Panics
 /// If the lengths differ.
 #[must_use]
-pub(crate) fn fit_with_outliers(centers: &[DVec3], places: &[Option<Gps>]) -> (Option<GpsFit>, Vec<usize>) {
+pub fn fit_with_outliers(centers: &[DVec3], places: &[Option<Gps>]) -> (Option<GpsFit>, Vec<usize>) {
     assert_eq!(centers.len(), places.len(), "a place (or none) a camera");
     let is_absurd = |index: &usize| places[*index].is_some_and(|place| place.checked().is_none());
     let mut outliers: Vec<usize> = (0..places.len()).filter(is_absurd).collect();
