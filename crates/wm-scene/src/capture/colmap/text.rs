@@ -196,7 +196,6 @@ fn word_fault(source: &Source, problem: Problem) -> FormatError {
 }
 
 /// Locates a problem in a line of which all words were taken: without its end it is still the
-
 /// present one.
 fn words_fault(source: &Source, problem: Problem) -> FormatError {
     if source.is_cut() { word_fault(source, problem) } else { source.at_line(problem) }

@@ -148,7 +148,7 @@ fn points3d(
     match storage {
         ColmapStorage::Binary => out.write_all(&(points.len() as u64).to_le_bytes())?,
         ColmapStorage::Text => {
-            writeln!(out, "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)")?
+            writeln!(out, "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)")?;
         }
     }
     for (index, track) in tracks.iter().enumerate() {
