@@ -17,8 +17,8 @@ pub(crate) const FLO_UNKNOWN: f32 = 1e10;
 const KITTI_SCALE: f32 = 64.0;
 const KITTI_ZERO: f32 = 32768.0;
 
-/// Writes `vectors [H, W, 2]`, px, as Middlebury's `.flo`, little-endian: [`FLO_TAG`], width and
-/// height as i32, pairs of f32 row by row. The format has no room for tags.
+/// Writes `vectors [H, W, 2]`, px, as Middlebury's `.flo`, little-endian: `PIEH`, width and height
+/// as i32, pairs of f32 row by row. The format has no room for tags.
 ///
 /// # Errors
 /// The file cannot be written.

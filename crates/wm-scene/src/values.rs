@@ -47,11 +47,11 @@ pub struct Faults {
     pub scale: bool,
     /// The opacity is NaN.
     pub opacity: bool,
-    /// The quaternion is NaN, infinite or beyond [`MAX_QUAT`].
+    /// The quaternion is NaN, infinite or beyond 1e15.
     pub quat: bool,
     /// The quaternion is zero. It is drawn as no rotation, and only told.
     pub zero_quat: bool,
-    /// A colour coefficient is NaN, infinite or beyond [`MAX_SH`].
+    /// A colour coefficient is NaN, infinite or beyond 1e6.
     pub sh: bool,
     /// All values are zero.
     pub blank: bool,

@@ -73,8 +73,8 @@ impl Gps {
         (is_finite && (latitude != 0.0 || longitude != 0.0)).then_some(self)
     }
 
-    /// `None` if it is no place on Earth where photos are taken: not [`Self::stated`], or out of
-    /// range.
+    /// `None` if it is no place on Earth where photos are taken: not finite, the 0, 0 that cameras
+    /// without reception write, or out of range.
     #[must_use]
     pub fn checked(self) -> Option<Self> {
         let Self { latitude, longitude, altitude } = self;

@@ -41,7 +41,7 @@ impl Axes {
         [v[0] * s[0], v[1] * s[1], v[2] * s[2]]
     }
 
-    /// [`Self::vector`] in double precision.
+    /// A mean or any other vector, from or to a PLY, in double precision.
     #[must_use]
     pub fn direction(self, v: DVec3) -> DVec3 {
         v * DVec3::from_array(self.signs().map(f64::from))
