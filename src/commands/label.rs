@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weather_magician::labels::{LabelKind, LabelVotes, VotedLabels};
 use wm_scene::files::check_writable;
-use wm_scene::formats::{Kept, WriteOptions, format_for};
+use wm_scene::formats::{Retention, WriteOptions, format_for};
 use wm_scene::{Camera, Scene, capture};
 use wm_train::maps::{Filter, MapFolder, read_map};
 use wm_train::photos::PhotoSize;
@@ -75,7 +75,7 @@ impl From<KindArg> for LabelKind {
 /// Runs the command.
 pub fn run(args: &LabelArgs) -> Result<()> {
     let out = &args.out;
-    if format_for(out)?.loses.labels == Kept::Not {
+    if format_for(out)?.loses.labels == Retention::Not {
         bail!("{}: this format has no room for labels; give a name that ends in .ply", out.display());
     }
     check_writable(out)?;

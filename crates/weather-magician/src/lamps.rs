@@ -38,11 +38,11 @@ pub fn lamps_along_photos(scene: &Scene, survey: &Survey) -> Vec<Lamp> {
             _ => survey.ground.value,
         }
     };
-    let units = [SPACING, ASIDE, HEIGHT].map(|metres| metres / survey.metres_per_unit.value);
+    let [spacing, aside, height] =
+        [SPACING, ASIDE, HEIGHT].map(|metres| metres / survey.metres_per_unit.value);
     if !centers.is_empty() {
-        return along_path(&centers, up, ground, units);
+        return along_path(&centers, up, ground, spacing, aside, height);
     }
-    let [spacing, _, height] = units;
     let axes = level_axes(up.to_array()).map(DVec3::from_array);
     let around = (0..6).map(|k| {
         let (sin, cos) = (TAU * f64::from(k) / 6.0).sin_cos();

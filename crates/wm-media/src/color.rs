@@ -25,7 +25,7 @@ impl Dither {
         }
     }
 
-    /// The same of all three channels, three a pixel.
+    /// The offsets of [`Self::row`] for all three channels, three a pixel.
     fn row_interleaved(self, y: usize) -> &'static [f32] {
         const WIDTH: usize = 3 * dither::SIDE;
         match self {

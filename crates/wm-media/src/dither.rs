@@ -15,7 +15,7 @@
 use std::sync::LazyLock;
 
 /// Side of the pattern, pixels; it repeats after that.
-pub const SIDE: usize = 64;
+pub(crate) const SIDE: usize = 64;
 const CELLS: usize = SIDE * SIDE;
 /// Standard deviation of the filter that finds voids and clusters, pixels (Ulichney's choice).
 const SIGMA: f64 = 1.5;
@@ -24,7 +24,7 @@ const SIGMA: f64 = 1.5;
 ///
 /// That they keep away from 1/2 lets a value that is a multiple of the quantisation step, up to
 /// rounding errors of f32, come out as this multiple at every pixel.
-pub static OFFSETS: LazyLock<[Vec<f32>; 3]> = LazyLock::new(|| {
+pub(crate) static OFFSETS: LazyLock<[Vec<f32>; 3]> = LazyLock::new(|| {
     let ranks = void_and_cluster();
     // Shifts of one pattern by about a third of its side do not resemble each other, and equal
     // values in three channels then do not dither to grey noise.
@@ -38,8 +38,8 @@ pub static OFFSETS: LazyLock<[Vec<f32>; 3]> = LazyLock::new(|| {
     })
 });
 
-/// The same as `[SIDE, SIDE, 3]`, for interleaved pixels.
-pub static INTERLEAVED: LazyLock<Vec<f32>> =
+/// [`OFFSETS`] as `[SIDE, SIDE, 3]`, for interleaved pixels.
+pub(crate) static INTERLEAVED: LazyLock<Vec<f32>> =
     LazyLock::new(|| (0..CELLS).flat_map(|cell| OFFSETS.each_ref().map(|channel| channel[cell])).collect());
 
 /// Ranks 0..CELLS, `[SIDE, SIDE]`: pixels of rank below `n` are spread evenly for every `n`.

@@ -94,7 +94,7 @@ pub enum MediaError {
     Encode {
         /// The file to be written.
         path: PathBuf,
-        /// Its name.
+        /// Name of the encoder.
         encoder: &'static str,
         /// Index of the frame, from 0.
         frame: u64,

@@ -9,16 +9,16 @@ use std::io::Write;
 use std::path::Path;
 
 /// The first number of a `.flo` file: its bytes are `PIEH`.
-pub const FLO_TAG: f32 = 202_021.25;
+pub(crate) const FLO_TAG: f32 = 202_021.25;
 /// The vector of pixels without one in a `.flo` file: readers take what is above 1e9 px for
 /// unknown.
-pub const FLO_UNKNOWN: f32 = 1e10;
+pub(crate) const FLO_UNKNOWN: f32 = 1e10;
 /// Counts a pixel in KITTI's PNG, and the count of 0 px.
 const KITTI_SCALE: f32 = 64.0;
 const KITTI_ZERO: f32 = 32768.0;
 
-/// Writes `vectors [H, W, 2]`, px, as Middlebury's `.flo`, little-endian: [`FLO_TAG`], width and
-/// height as i32, pairs of f32 row by row. The format has no room for tags.
+/// Writes `vectors [H, W, 2]`, px, as Middlebury's `.flo`, little-endian: `PIEH`, width and height
+/// as i32, pairs of f32 row by row. The format has no room for tags.
 ///
 /// # Errors
 /// The file cannot be written.

@@ -5,7 +5,7 @@ use thiserror::Error;
 
 pub use jpeg_encoder::SamplingFactor;
 
-/// Why a picture could not be encoded as a JPEG.
+/// The reason why a picture could not be encoded as a JPEG.
 #[derive(Debug, Error)]
 pub enum JpegError {
     /// A side is longer than the format allows.
@@ -16,16 +16,17 @@ pub enum JpegError {
     Encode(#[from] EncodingError),
 }
 
-/// Encodes bytes `[H, W, 3]` as a JPEG with a quality of 1-100.
+/// Encodes bytes `[H, W, 3]` of a width and a height as a JPEG with a quality of 1-100.
 ///
 /// # Errors
 /// [`JpegError`] if a side is longer than 65,535 px.
 pub fn encode(
     rgb: &[u8],
-    (width, height): (u32, u32),
+    size: (u32, u32),
     quality: u8,
     sampling: SamplingFactor,
 ) -> Result<Vec<u8>, JpegError> {
+    let (width, height) = size;
     let side = |side: u32| u16::try_from(side).map_err(|_| JpegError::TooLarge(width, height));
     let mut out = Vec::with_capacity(rgb.len() / 8);
     let mut encoder = Encoder::new(&mut out, quality);

@@ -14,7 +14,7 @@ use super::color::{self, Dither};
 use super::{MediaError, PictureSize, Tags, write_file};
 
 /// Name of the tag that holds the scale of a depth picture.
-pub const DEPTH_SCALE_KEY: &str = "depth_metres_per_count";
+pub(crate) const DEPTH_SCALE_KEY: &str = "depth_metres_per_count";
 /// Name of the tag that says how normals are stored.
 const NORMAL_KEY: &str = "normal_encoding";
 

@@ -76,13 +76,14 @@ pub fn sheet(layout: &SheetLayout, panels: &[SheetPanel<'_>]) -> Vec<f32> {
             let start = ((top as usize + y) * size.width as usize + left as usize) * 3;
             rgb[start..start + row.len()].copy_from_slice(row);
         }
-        label(&mut rgb, size, (left, top), layout.panel, panel.label);
+        label(&mut rgb, size, left, top, layout.panel, panel.label);
     }
     rgb
 }
 
-/// Draws a label into the lower left corner of a picture; letters that do not fit are left out.
-fn label(rgb: &mut [f32], sheet: PictureSize, (left, top): (u32, u32), panel: PictureSize, text: &str) {
+/// Draws a label into the lower left corner of the picture at `left` and `top`, px; letters that do
+/// not fit are left out.
+fn label(rgb: &mut [f32], sheet: PictureSize, left: u32, top: u32, panel: PictureSize, text: &str) {
     let letters = LETTERS.iter().find(|(least, _)| panel.height >= *least);
     let height = letters.map_or(RasterHeight::Size16, |(_, height)| *height);
     let (high, wide) = (height.val() as u32, get_raster_width(FontWeight::Regular, height) as u32);

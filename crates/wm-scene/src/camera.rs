@@ -7,8 +7,9 @@ mod rigid;
 
 pub use lens::LensModel;
 pub use look_at::LookAt;
+use rigid::check_rigid;
 pub(crate) use rigid::viewmat_at;
-pub use rigid::{PoseFault, RIGID_TOLERANCE, check_rigid, rotation_of};
+pub use rigid::{PoseFault, rotation_of};
 
 use crate::values::FARTHEST;
 use glam::{DMat3, DMat4, DVec3};
@@ -19,7 +20,7 @@ use thiserror::Error;
 /// Largest picture side, px: keeps every tile count and pixel index inside 32 bits.
 pub const MAX_SIDE: u32 = 32_768;
 
-/// Most pixels of a picture: with all that is kept of each it still fits into 16 GiB.
+/// Most pixels of a picture, so that the buffers of one fit into 16 GiB.
 pub const MAX_PIXELS: u64 = 1 << 28;
 
 /// A pinhole camera with OpenCV axes: x right, y down, z forward.
@@ -40,7 +41,8 @@ pub struct Camera {
     pub cx: f64,
     /// Principal point, px from the top edge.
     pub cy: f64,
-    /// `camera_from_world`: a rotation and a translation, within [`RIGID_TOLERANCE`].
+    /// `camera_from_world`: a rotation and a translation; [`Camera::check`] tolerates errors of
+    /// 1e-5 in the products of its rows.
     pub viewmat: DMat4,
     /// Splats whose centre is nearer than this (view z, scene units) are not drawn.
     pub near: f64,
@@ -62,7 +64,7 @@ pub enum CameraError {
     Value {
         /// Name of the number.
         field: &'static str,
-        /// Its value.
+        /// Value of the number.
         value: f64,
         /// The condition that it does not meet.
         expected: &'static str,
@@ -98,10 +100,11 @@ fn brief(value: f64) -> String {
 /// Vertical fields of view of pinhole cameras, degrees. Beyond them a frame of rain or of a wide
 /// lens costs time and memory without bound.
 pub const FOV: RangeInclusive<f64> = 0.1..=170.0;
-/// Farthest point of a picture from its principal point, focal lengths: 89.7 degrees off the axis.
-const WIDEST: f64 = 200.0;
-/// Longest focal length, px: a pixel is a hundredth of an arc second wide.
-const LONGEST_FOCAL: f64 = 2e7;
+/// Largest distance of a point of the picture from the principal point, focal lengths: 89.7 degrees
+/// off the axis.
+const MAX_OFFSET_FOCALS: f64 = 200.0;
+/// Longest focal length, px, at which a pixel is a hundredth of an arc second wide.
+const MAX_FOCAL_PX: f64 = 2e7;
 
 impl Camera {
     /// Default near plane, scene units: that of the reference 3DGS viewers.
@@ -146,14 +149,21 @@ impl Camera {
     #[must_use]
     pub fn posed(size: (u32, u32), fov_y: f64, eye: DVec3, rotation: DMat3) -> Self {
         let focal = 0.5 * f64::from(size.1) / (0.5 * fov_y.to_radians()).tan();
+        let center = [0.5 * f64::from(size.0), 0.5 * f64::from(size.1)];
+        Self { viewmat: viewmat_at(rotation, eye), ..Self::pinhole(size, [focal; 2], center) }
+    }
+
+    /// A camera at the origin that looks along z, with the default near plane. The numbers, all in
+    /// px, are not checked.
+    pub(crate) fn pinhole(size: (u32, u32), focal: [f64; 2], center: [f64; 2]) -> Self {
         Self {
             width: size.0,
             height: size.1,
-            fx: focal,
-            fy: focal,
-            cx: 0.5 * f64::from(size.0),
-            cy: 0.5 * f64::from(size.1),
-            viewmat: viewmat_at(rotation, eye),
+            fx: focal[0],
+            fy: focal[1],
+            cx: center[0],
+            cy: center[1],
+            viewmat: DMat4::IDENTITY,
             near: Self::DEFAULT_NEAR,
         }
     }
@@ -186,7 +196,7 @@ impl Camera {
                 return Err(CameraError::Value { field, value, expected: "must be finite" });
             }
             let reach = value.abs().max((f64::from(side) - value).abs());
-            if focal > LONGEST_FOCAL || reach > WIDEST * focal {
+            if focal > MAX_FOCAL_PX || reach > MAX_OFFSET_FOCALS * focal {
                 let field = if field == "cx" { "fx" } else { "fy" };
                 let expected = "a focal length must keep the picture within 89.7 degrees of the axis and pixels wider than 0.01 arc seconds";
                 return Err(CameraError::Value { field, value: focal, expected });
@@ -257,7 +267,7 @@ impl Camera {
         (p.z > self.near).then(|| (self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy, p.z))
     }
 
-    /// The same view at another picture size: x and y are scaled apart, so nothing is cut off.
+    /// Scales the view to another picture size: x and y are scaled apart, so nothing is cut off.
     #[must_use]
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
@@ -272,7 +282,7 @@ impl Camera {
         }
     }
 
-    /// The same view at another picture size with square pixels kept: the vertical field of view
+    /// Fits the view to another picture size with square pixels kept: the vertical field of view
     /// stays, more or less is seen at the sides.
     #[must_use]
     pub fn refitted(&self, width: u32, height: u32) -> Self {

@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 /// A flat rectangle, opaque inside.
 #[derive(Clone, Copy, Debug)]
 pub struct Card {
-    /// Its middle, scene units.
+    /// Middle, scene units.
     pub center: DVec3,
     /// From the middle to an edge.
     pub u: DVec3,
@@ -41,14 +41,15 @@ impl Card {
         (self.center - camera.center()).dot(normal) / camera.ray(x, y).dot(normal)
     }
 
-    /// Adds the card to `splats` as a dense grid of `columns` by `rows` flat splats of a
-    /// display-referred colour, several sheets of them in one plane.
+    /// Adds the card to `splats` as a dense grid of `cells` (columns, rows) of flat splats
+    /// of a display-referred colour, several sheets of them in one plane.
     ///
-    /// Blending stops before the transmittance falls to 1e-4. Splats of opacity 1/2 halve it at most, so
-    /// that it ends at 1e-4 to 2e-4 and the card is opaque within that. A sheet adds -ln(1 - alpha) over its
-    /// splats, 2 pi 0.75^2 (1/2 + 1/16 + ...) = 2.05 in the mean, and more with the 0.3 px^2 by which the
-    /// renderer widens splats: five sheets exceed ln 1e4 = 9.2.
-    pub fn paint(&self, splats: &mut Splats, (columns, rows): (usize, usize), rgb: [f32; 3]) {
+    /// Blending stops before the transmittance falls to 1e-4. Splats of opacity 1/2 halve it at
+    /// most, so that it ends at 1e-4 to 2e-4 and the card is opaque within that. A sheet adds
+    /// -ln(1 - alpha) over its splats, 2 pi 0.75^2 (1/2 + 1/16 + ...) = 2.05 in the mean, and more
+    /// with the 0.3 px^2 by which the renderer widens splats: five sheets exceed ln 1e4 = 9.2.
+    pub fn paint(&self, splats: &mut Splats, cells: (usize, usize), rgb: [f32; 3]) {
+        let (columns, rows) = cells;
         let spacing = [2.0 * self.u.length() / columns as f64, 2.0 * self.v.length() / rows as f64];
         let z = self.u.cross(self.v).normalize();
         let x = self.u.normalize();

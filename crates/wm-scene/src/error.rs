@@ -160,7 +160,7 @@ pub enum Problem {
     /// A camera model with distortion.
     #[error("camera {camera} has the model {model}, {advice}")]
     CameraModel {
-        /// Its number in the file.
+        /// Number of the camera in the file.
         camera: u32,
         /// COLMAP's name of the model.
         model: String,

@@ -20,12 +20,12 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use thiserror::Error;
 
-/// Folders below this depth are not listed.
-const DEEPEST: usize = 16;
-/// Files beyond this number are not listed.
-const MOST: usize = 1 << 20;
-/// Longest extension of a name that is replaced by another, letters.
-const EXTENSION: usize = 5;
+/// Greatest depth of folders that are listed.
+const MAX_DEPTH: usize = 16;
+/// Most files that are listed.
+const MAX_FILES: usize = 1 << 20;
+/// Longest extension that is replaced by another, letters.
+const MAX_EXTENSION_LETTERS: usize = 5;
 
 /// The names that files of one kind have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,30 +40,23 @@ pub struct FileKind {
 
 impl FileKind {
     /// Photos. Folders of masks and maps are not looked into, whose files have the names of photos.
-    pub const PHOTO: Self = Self {
+    pub(crate) const PHOTO: Self = Self {
         extensions: &["jpg", "jpeg", "png"],
         endings: &[],
+        #[rustfmt::skip]
         skipped: &[
-            "mask",
-            "depth",
-            "normal",
-            "sky",
-            "segment",
-            "semantic",
-            "label",
-            "confidence",
-            "priors",
-            "truth",
+            "mask", "depth", "normal", "sky", "segment", "semantic", "label",
+            "confidence", "priors", "truth",
         ],
     };
     /// Masks.
-    pub const MASK: Self = Self {
+    pub(crate) const MASK: Self = Self {
         extensions: &["png", "jpg", "jpeg"],
         endings: &["_mask", ".mask", "-mask", "_masks"],
         skipped: &[],
     };
     /// Masks that lie among the photos, and are known by their endings.
-    pub const MASK_BESIDE: Self = Self { extensions: &[], ..Self::MASK };
+    pub(crate) const MASK_BESIDE: Self = Self { extensions: &[], ..Self::MASK };
 }
 
 /// The place of a file that was found, the nearest last.
@@ -93,7 +86,7 @@ struct Fit {
 
 /// A file that was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Found {
+pub struct FoundFile {
     /// The path: that of the folder, and the file's in it.
     pub path: PathBuf,
     /// The place in relation to the name.
@@ -125,17 +118,6 @@ pub enum Ambiguity {
         /// Another name.
         second: String,
     },
-}
-
-impl Ambiguity {
-    /// Returns the file that is meant by several names, or could be meant by one.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        match self {
-            Self::Files { first, .. } => first,
-            Self::Names { path, .. } => path,
-        }
-    }
 }
 
 /// The files of one kind in a folder and in those below it, by their names.
@@ -178,7 +160,7 @@ impl FileIndex {
     /// The paths of all files in the folder, sorted, with `/` between their parts. Hidden files and
     /// folders are left out.
     #[must_use]
-    pub fn files(&self) -> &[String] {
+    pub(crate) fn files(&self) -> &[String] {
         &self.listing().files
     }
 
@@ -186,8 +168,8 @@ impl FileIndex {
     ///
     /// # Errors
     /// [`Ambiguity`] if two files fit equally well.
-    pub fn find(&self, name: &str) -> Result<Option<Found>, Ambiguity> {
-        Ok(self.search(name)?.map(|(path, fit)| Found { path, place: fit.place }))
+    pub fn find(&self, name: &str) -> Result<Option<FoundFile>, Ambiguity> {
+        Ok(self.search(name)?.map(|(path, fit)| FoundFile { path, place: fit.place }))
     }
 
     /// Finds the files that names mean. A file has one name: if several names mean it, the one that
@@ -195,7 +177,7 @@ impl FileIndex {
     ///
     /// # Errors
     /// [`Ambiguity`] if two files fit a name equally well, or two names a file.
-    pub fn find_all(&self, names: &[&str]) -> Result<Vec<Option<Found>>, Ambiguity> {
+    pub(crate) fn find_all(&self, names: &[&str]) -> Result<Vec<Option<FoundFile>>, Ambiguity> {
         let mut found: Vec<Option<(PathBuf, Fit)>> =
             names.iter().map(|name| self.search(name)).collect::<Result<_, _>>()?;
         let mut best: HashMap<PathBuf, usize> = HashMap::new();
@@ -221,7 +203,10 @@ impl FileIndex {
                 }
             }
         }
-        Ok(found.into_iter().map(|found| found.map(|(path, fit)| Found { path, place: fit.place })).collect())
+        Ok(found
+            .into_iter()
+            .map(|found| found.map(|(path, fit)| FoundFile { path, place: fit.place }))
+            .collect())
     }
 
     fn search(&self, name: &str) -> Result<Option<(PathBuf, Fit)>, Ambiguity> {
@@ -341,7 +326,7 @@ fn fit(folders: &str, file: &str, own_stem: &str, found: &str, ending: Ending) -
 
 /// A path with `/` between its parts, without a scheme, a root, and parts that lead elsewhere.
 #[must_use]
-pub fn plain(name: &str) -> String {
+pub(crate) fn plain(name: &str) -> String {
     let name = name.trim().replace('\\', "/");
     let name = name.strip_prefix("file://").unwrap_or(&name);
     let parts: Vec<&str> = name.split('/').filter(|part| !matches!(*part, "" | "." | "..")).collect();
@@ -372,7 +357,7 @@ fn split(path: &str) -> (&str, &str) {
 fn extension(name: &str) -> Option<&str> {
     let (stem, extension) = split(name).1.rsplit_once('.')?;
     let is_one = extension.starts_with(|c: char| c.is_ascii_alphabetic())
-        && extension.len() <= EXTENSION
+        && extension.len() <= MAX_EXTENSION_LETTERS
         && extension.bytes().all(|b| b.is_ascii_alphanumeric());
     (is_one && !stem.is_empty()).then_some(extension)
 }
@@ -393,7 +378,7 @@ fn files_below(folder: &Path, skipped: &[&str]) -> Vec<String> {
         let Ok(entries) = fs::read_dir(&place) else { continue };
         for entry in entries.flatten() {
             let Ok(name) = entry.file_name().into_string() else { continue };
-            if name.starts_with(['.', '@']) || name == "__MACOSX" || files.len() >= MOST {
+            if name.starts_with(['.', '@']) || name == "__MACOSX" || files.len() >= MAX_FILES {
                 continue;
             }
             let Ok(kind) = entry.file_type() else { continue };
@@ -406,7 +391,7 @@ fn files_below(folder: &Path, skipped: &[&str]) -> Vec<String> {
             let lower = name.to_lowercase();
             let mut is_new =
                 || !kind.is_symlink() || fs::canonicalize(&path).is_ok_and(|to| visited.insert(to));
-            if depth < DEEPEST && !skipped.iter().any(|start| lower.starts_with(start)) && is_new() {
+            if depth < MAX_DEPTH && !skipped.iter().any(|start| lower.starts_with(start)) && is_new() {
                 open.push((path, format!("{prefix}{name}/"), depth + 1));
             }
         }

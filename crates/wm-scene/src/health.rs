@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 /// A splat below this opacity is never drawn: it changes no 8 bit picture.
-pub const LEAST_OPACITY: f64 = 1.0 / 255.0;
+pub const MIN_OPACITY: f64 = 1.0 / 255.0;
 
 /// A report on a set of splats; plain data, for people and programs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -27,9 +27,9 @@ pub struct Health {
     /// a 64 bit hash of the bits: wrong for one in 10^7 scenes of a million splats). Groups are not
     /// compared.
     pub duplicates: usize,
-    /// The same for the means alone.
+    /// Splats whose mean equals that of another, counted likewise.
     pub duplicate_means: usize,
-    /// Splats with an opacity below [`LEAST_OPACITY`].
+    /// Splats with an opacity below [`MIN_OPACITY`].
     pub invisible: usize,
     /// Splats with a standard deviation above the diagonal of `robust_bounds`, sky left out.
     pub oversized: usize,
@@ -45,7 +45,7 @@ pub struct Health {
     pub log10_scale: Histogram,
 }
 
-/// Number of splats with each of [`Faults`].
+/// Number of splats with each fault; see [`crate::values`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FaultCounts {
     /// The mean is NaN, infinite or absurdly far.
@@ -68,16 +68,16 @@ pub struct FaultCounts {
 /// A box along the world axes, scene units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bounds {
-    /// Its lowest corner.
+    /// Lowest corner.
     pub min: [f64; 3],
-    /// Its highest corner.
+    /// Highest corner.
     pub max: [f64; 3],
 }
 
 impl Bounds {
     /// Length of the diagonal, scene units.
     #[must_use]
-    pub fn diagonal(&self) -> f64 {
+    pub(crate) fn diagonal(&self) -> f64 {
         (0..3).map(|axis| (self.max[axis] - self.min[axis]).powi(2)).sum::<f64>().sqrt()
     }
 }
@@ -100,12 +100,12 @@ pub struct Histogram {
 impl Histogram {
     /// Empty bins from `min` to `max`.
     #[must_use]
-    pub fn new(min: f64, max: f64, bins: usize) -> Self {
+    pub(crate) fn new(min: f64, max: f64, bins: usize) -> Self {
         Self { min, max, counts: vec![0; bins], below: 0, above: 0 }
     }
 
     /// Counts a value.
-    pub fn add(&mut self, value: f64) {
+    pub(crate) fn add(&mut self, value: f64) {
         if value < self.min {
             self.below += 1;
         } else if value > self.max {
@@ -146,7 +146,7 @@ impl Health {
             *health.groups.entry(splats.groups[index]).or_default() += 1;
             let opacity = sigmoid(f64::from(splats.logit_opacities[index]));
             health.opacity.add(opacity);
-            health.invisible += usize::from(opacity < LEAST_OPACITY);
+            health.invisible += usize::from(opacity < MIN_OPACITY);
             if !faults.scale {
                 let [a, b, c] = splats.log_scales[index].map(f64::from);
                 let log_scale = a.max(b).max(c);
@@ -178,11 +178,11 @@ impl FaultCounts {
 #[error("{faulty} of {splats} splats hold NaN, infinite or absurd numbers ({})", self.arrays())]
 pub struct NonFiniteSplats {
     /// Number of all splats.
-    pub splats: usize,
+    pub(crate) splats: usize,
     /// Splats with at least one such number.
-    pub faulty: usize,
+    pub(crate) faulty: usize,
     /// Splats with each fault; zero quaternions are not counted, for they can be repaired in place.
-    pub counts: FaultCounts,
+    pub(crate) counts: FaultCounts,
 }
 
 impl NonFiniteSplats {
@@ -206,7 +206,7 @@ pub struct Repairs {
 }
 
 impl Splats {
-    /// Checks that every splat can be drawn: that it has none of the [`Faults`] but a zero
+    /// Checks that every splat can be drawn: that it has no fault ([`crate::values`]) but a zero
     /// quaternion.
     ///
     /// # Errors

@@ -17,7 +17,7 @@ use std::ops::RangeInclusive;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lamp {
-    /// Its place, world axes, scene units.
+    /// Position, world axes, scene units.
     pub at: [f64; 3],
     /// Luminous flux, lm, above 0.
     #[serde(default = "Lamp::default_lumens")]
@@ -46,19 +46,19 @@ impl Lamp {
 
     /// Colour of warm white light-emitting diodes, K.
     #[must_use]
-    pub const fn default_kelvin() -> f64 {
+    pub(crate) const fn default_kelvin() -> f64 {
         3_000.0
     }
 
     /// The beam of a flat lamp that shines by the cosine, degrees.
     #[must_use]
-    pub const fn default_beam() -> f64 {
+    pub(crate) const fn default_beam() -> f64 {
         120.0
     }
 
     /// Radius of the lit part of a lamp head, m.
     #[must_use]
-    pub const fn default_radius() -> f64 {
+    pub(crate) const fn default_radius() -> f64 {
         0.12
     }
 
@@ -141,7 +141,7 @@ impl LitWindow {
 
     /// Colour of living rooms, K.
     #[must_use]
-    pub const fn default_kelvin() -> f64 {
+    pub(crate) const fn default_kelvin() -> f64 {
         2_700.0
     }
 
@@ -170,7 +170,7 @@ impl LitWindow {
         })
     }
 
-    /// Its middle, and the vector out of it as long as its area, both in world axes, scene units.
+    /// The middle, and the outward normal as long as the area, both in world axes, scene units.
     #[must_use]
     pub fn middle_and_area(&self) -> (DVec3, DVec3) {
         let [corner, across, upwards] = [self.corner, self.across, self.upwards].map(DVec3::from_array);
@@ -198,13 +198,13 @@ impl LitWindow {
 }
 
 /// Most lamps, and most windows, of a place.
-pub const MOST_LAMPS: usize = 256;
+pub(crate) const MAX_LAMPS: usize = 256;
 
 /// The first fault of lamps and windows, in one line.
 pub(crate) fn fault(lamps: &[Lamp], windows: &[LitWindow]) -> Option<String> {
     for (name, count) in [("lamps", lamps.len()), ("windows", windows.len())] {
-        if count > MOST_LAMPS {
-            return Some(format!("{name}: {count} are too many; there may be {MOST_LAMPS}"));
+        if count > MAX_LAMPS {
+            return Some(format!("{name}: {count} are too many; there may be {MAX_LAMPS}"));
         }
     }
     let first = |name: &str, index: usize, fault: String| format!("{name}: number {}: {fault}", index + 1);
@@ -231,11 +231,13 @@ pub fn along_path(
     path: &[DVec3],
     up: DVec3,
     ground: impl Fn(DVec3) -> f64,
-    [spacing, aside, height]: [f64; 3],
+    spacing: f64,
+    aside: f64,
+    height: f64,
 ) -> Vec<Lamp> {
     let level: Vec<DVec3> = path.iter().map(|point| *point - up * up.dot(*point)).collect();
     let length: f64 = level.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
-    let count = (length / spacing).floor().clamp(0.0, (MOST_LAMPS - 1) as f64) as usize + 1;
+    let count = (length / spacing).floor().clamp(0.0, (MAX_LAMPS - 1) as f64) as usize + 1;
     // In the middle of what is left at both ends.
     let first = 0.5 * (length - spacing * (count - 1) as f64).max(0.0);
     let mut lamps = Vec::with_capacity(count);
@@ -296,13 +298,13 @@ mod tests {
     #[test]
     fn a_row_along_a_path_keeps_its_spacing() {
         let path = [DVec3::new(0.0, 0.0, 1.6), DVec3::new(60.0, 0.0, 1.7), DVec3::new(60.0, 45.0, 1.6)];
-        let lamps = along_path(&path, DVec3::Z, |_| 0.2, [25.0, 3.0, 6.0]);
+        let lamps = along_path(&path, DVec3::Z, |_| 0.2, 25.0, 3.0, 6.0);
         assert_eq!(lamps.len(), 5);
         assert!(lamps.iter().all(|lamp| (lamp.at[2] - 6.2).abs() < 1e-12));
         assert_eq!(lamps[0].at[..2], [2.5, -3.0]);
         assert_eq!(lamps[4].at[..2], [63.0, 42.5]);
         // One stands where nobody walked.
-        assert_eq!(along_path(&path[..1], DVec3::Z, |_| 0.0, [25.0, 3.0, 6.0]).len(), 1);
+        assert_eq!(along_path(&path[..1], DVec3::Z, |_| 0.0, 25.0, 3.0, 6.0).len(), 1);
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! Facts about a scene that weather needs and that splat files have no field for.
 
-use crate::lamps::{self, Lamp, LitWindow};
-use crate::reflectance::{self, LabelReflectance};
+mod fault;
+
+use crate::lamps::{Lamp, LitWindow};
+use crate::reflectance::LabelReflectance;
 use crate::survey::Confidence;
-use crate::values::FARTHEST;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
@@ -29,7 +30,7 @@ pub struct Metadata {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metres_per_unit: Option<f64>,
     /// The source of `metres_per_unit`, such as "the camera height of 1.6 m above the ground"; free
-    /// text, one line, at most [`Metadata::MAX_PROVENANCE`] bytes.
+    /// text, one line, at most 4096 bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale_source: Option<String>,
     /// Confidence in the scale; nothing if it is sure.
@@ -109,7 +110,7 @@ pub struct Metadata {
     /// The lamps of the place; an empty list says that there are none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lamps: Option<Vec<Lamp>>,
-    /// Its windows that are lit by night.
+    /// Windows of the place that are lit by night.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub windows: Option<Vec<LitWindow>>,
     /// Reflectances of its labels for lidars; other splats have that of their colour.
@@ -118,8 +119,7 @@ pub struct Metadata {
     /// The rasterisation with which the scene was trained.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rasterization: Option<Rasterization>,
-    /// The origin of the scene: file, program, capture; free text, one line, at most
-    /// [`Metadata::MAX_PROVENANCE`] bytes.
+    /// The origin of the scene: file, program, capture; free text, one line, at most 4096 bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub provenance: Option<String>,
 }
@@ -142,7 +142,7 @@ impl PhotoSun {
         (top - end).try_normalize().map(Self::Towards)
     }
 
-    /// The same sun with its direction changed.
+    /// Changes the direction, if there is a sun.
     #[must_use]
     pub fn map(self, change: impl FnOnce(DVec3) -> DVec3) -> Self {
         match self {
@@ -189,40 +189,17 @@ pub enum Rasterization {
 
 impl Metadata {
     /// The keys, in the order in which they are written.
-    pub const KEYS: [&str; 29] = [
-        "origin",
-        "metres_per_unit",
-        "scale_source",
-        "scale_confidence",
-        "up",
-        "up_source",
-        "up_confidence",
-        "north",
-        "north_source",
-        "location",
-        "captured",
-        "captured_span",
-        "sun",
-        "ground",
-        "ground_confidence",
-        "camera_height",
-        "airlight",
-        "white_card",
-        "haze_extinction",
-        "haze_extinction_error",
-        "haze_shown_extinction",
-        "haze_airlight",
-        "water",
-        "water_labels",
-        "lamps",
-        "windows",
-        "reflectances",
-        "rasterization",
-        "provenance",
+    #[rustfmt::skip]
+    const KEYS: [&str; 29] = [
+        "origin", "metres_per_unit", "scale_source", "scale_confidence", "up", "up_source",
+        "up_confidence", "north", "north_source", "location", "captured", "captured_span", "sun",
+        "ground", "ground_confidence", "camera_height", "airlight", "white_card", "haze_extinction",
+        "haze_extinction_error", "haze_shown_extinction", "haze_airlight", "water", "water_labels",
+        "lamps", "windows", "reflectances", "rasterization", "provenance",
     ];
 
     /// Largest coordinate of an origin, scene units.
-    pub const FARTHEST_ORIGIN: f64 = 1e12;
+    const FARTHEST_ORIGIN: f64 = 1e12;
 
     /// Scales that a scene can have, metres a unit.
     pub const SCALES: RangeInclusive<f64> = 1e-6..=1e6;
@@ -231,10 +208,10 @@ impl Metadata {
     pub const WHITE_CARDS: RangeInclusive<f64> = 0.1..=20.0;
 
     /// Most points of an outline.
-    pub const MOST_CORNERS: usize = 1000;
+    const MAX_OUTLINE_POINTS: usize = 1000;
 
     /// Longest provenance, bytes: it must fit into one header line.
-    pub const MAX_PROVENANCE: usize = 4096;
+    const MAX_PROVENANCE_BYTES: usize = 4096;
 
     /// Earliest and latest time of photos, seconds since 1970, UTC: the years 1800 to 3000.
     pub const TIMES: RangeInclusive<f64> = -5_364_662_400.0..=32_503_680_000.0;
@@ -255,7 +232,7 @@ impl Metadata {
     ///
     /// # Errors
     /// What is wrong with the value, in one line.
-    pub fn from_entry(key: &str, value: &str) -> Option<Result<Self, String>> {
+    pub(crate) fn from_entry(key: &str, value: &str) -> Option<Result<Self, String>> {
         Self::KEYS.contains(&key).then(|| {
             let metadata: Self = toml::from_str(&format!("{key} = {value}"))
                 .map_err(|e| format!("{key}: {}", crate::error::one_line(e.message())))?;
@@ -339,138 +316,14 @@ impl Metadata {
         let error = error.map_or_else(String::new, |error| format!(" +- {error:.decimals$}"));
         Some(format!("MOR {mor:.decimals$} {unit}{error}"))
     }
-
-    /// The first fault of a value, in one line; `None` if all can be used.
-    #[must_use]
-    pub fn fault(&self) -> Option<String> {
-        if let Some(origin) = self.origin
-            && !(origin.is_finite() && origin.abs().max_element() <= Self::FARTHEST_ORIGIN)
-        {
-            let most = Self::FARTHEST_ORIGIN;
-            return Some(format!("origin is {origin}: each coordinate must be finite and at most {most:e}"));
-        }
-        if let Some(value) = self.metres_per_unit
-            && !Self::SCALES.contains(&value)
-        {
-            return Some(format!("metres_per_unit is {value}: it must be 1e-6 to 1e6"));
-        }
-        if let Some(up) = self.up
-            && !(up.is_finite() && (up.length() - 1.0).abs() < 1e-3)
-        {
-            return Some(format!("up is {up}: it must have length 1"));
-        }
-        if let Some(north) = self.north
-            && !(north.is_finite() && (north.length() - 1.0).abs() < 1e-3)
-        {
-            return Some(format!("north is {north}: it must have length 1"));
-        }
-        if let Some([latitude, longitude]) = self.location
-            && !(latitude.abs() <= 90.0 && longitude.abs() <= 180.0)
-        {
-            return Some(format!(
-                "location is {latitude}, {longitude}: it must be a latitude of -90 to 90 and a longitude of -180 to 180 degrees"
-            ));
-        }
-        if let Some(time) = self.captured
-            && !Self::TIMES.contains(&time)
-        {
-            return Some(format!(
-                "captured is {time}: it must be seconds since 1970, in the years 1800 to 3000"
-            ));
-        }
-        if let Some(span) = self.captured_span
-            && !(span.is_finite() && span >= 0.0)
-        {
-            return Some(format!("captured_span is {span}: it must be finite and not below 0"));
-        }
-        if let Some(PhotoSun::Towards(sun)) = self.sun
-            && !(sun.is_finite() && (sun.length() - 1.0).abs() < 1e-3)
-        {
-            return Some(format!("sun is {sun}: it must have length 1"));
-        }
-        if let Some(ground) = self.ground
-            && (!ground.is_finite() || ground.abs() > FARTHEST.into())
-        {
-            return Some(format!("ground is {ground}: it must be finite and within 10^10 units of zero"));
-        }
-        if let Some(height) = self.camera_height
-            && !(height.is_finite() && height > 0.0)
-        {
-            return Some(format!("camera_height is {height}: it must be finite and above 0"));
-        }
-        for (key, light) in [("airlight", self.airlight), ("haze_airlight", self.haze_airlight)] {
-            if let Some(light) = light
-                && light.iter().any(|v| !(v.is_finite() && *v >= 0.0))
-            {
-                return Some(format!("{key} is {light:?}: each value must be finite and not below 0"));
-            }
-        }
-        if let Some(card) = self.white_card
-            && !Self::WHITE_CARDS.contains(&card)
-        {
-            let (least, most) = (Self::WHITE_CARDS.start(), Self::WHITE_CARDS.end());
-            return Some(format!("white_card is {card}: it must be {least} to {most}"));
-        }
-        let extinctions = [
-            ("haze_extinction", self.haze_extinction),
-            ("haze_shown_extinction", self.haze_shown_extinction),
-        ];
-        for (key, extinction) in extinctions {
-            if let Some(extinction) = extinction
-                && !(extinction.is_finite() && extinction > 0.0)
-            {
-                return Some(format!("{key} is {extinction}: it must be finite and above 0"));
-            }
-        }
-        if let Some(error) = self.haze_extinction_error
-            && !(error.is_finite() && error >= 0.0)
-        {
-            return Some(format!("haze_extinction_error is {error}: it must be finite and not below 0"));
-        }
-        for outline in self.water.iter().flatten() {
-            let is_near = outline.iter().flatten().all(|v| v.abs() <= f64::from(FARTHEST));
-            if !is_near || !(3..=Self::MOST_CORNERS).contains(&outline.len()) {
-                let most = Self::MOST_CORNERS;
-                return Some(format!("water: an outline must have 3 to {most} points of finite numbers"));
-            }
-        }
-        if self.water_labels.iter().flatten().any(|label| *label == 0) {
-            return Some("water_labels: 0 is what has no label; labels are 1 to 65535".into());
-        }
-        let (lamps, windows) = (self.lamps.as_deref(), self.windows.as_deref());
-        if let Some(fault) = lamps::fault(lamps.unwrap_or_default(), windows.unwrap_or_default()) {
-            return Some(fault);
-        }
-        if let Some(fault) = reflectance::fault(self.reflectances.as_deref().unwrap_or_default()) {
-            return Some(fault);
-        }
-        let texts = [
-            ("scale_source", &self.scale_source),
-            ("up_source", &self.up_source),
-            ("north_source", &self.north_source),
-            ("provenance", &self.provenance),
-        ];
-        for (key, text) in texts {
-            if text
-                .as_ref()
-                .is_some_and(|text| text.len() > Self::MAX_PROVENANCE || text.chars().any(char::is_control))
-            {
-                let limit = Self::MAX_PROVENANCE;
-                return Some(format!(
-                    "{key} must be one line of at most {limit} bytes, no control characters"
-                ));
-            }
-        }
-        None
-    }
 }
 
 /// The level part of `north`, length 1; `None` if it stands at more than 45 degrees.
 pub(crate) fn leveled(north: DVec3, up: DVec3) -> Option<DVec3> {
-    const LEAST: f64 = std::f64::consts::FRAC_1_SQRT_2;
+    const MIN_LEVEL_LENGTH: f64 = std::f64::consts::FRAC_1_SQRT_2;
     let (north, up) = (north.try_normalize()?, up.try_normalize()?);
     let level = north - up * up.dot(north);
-    (level.length() >= LEAST).then(|| level.normalize())
+    (level.length() >= MIN_LEVEL_LENGTH).then(|| level.normalize())
 }
 
 #[cfg(test)]

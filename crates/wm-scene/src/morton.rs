@@ -21,7 +21,7 @@ const CELLS: f32 = ((1 << 20) - 1) as f32;
 
 /// Indices of splats along a Morton curve through their means: neighbours in space become
 /// neighbours in the file. Means that are NaN come last.
-pub fn order(means: &[[f32; 3]]) -> Vec<u32> {
+pub(crate) fn order(means: &[[f32; 3]]) -> Vec<u32> {
     let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     for mean in means.iter().filter(|mean| mean.iter().all(|v| v.is_finite())) {
         for k in 0..3 {
@@ -47,7 +47,7 @@ pub fn order(means: &[[f32; 3]]) -> Vec<u32> {
 }
 
 /// Indices of splats by their numbers on a curve, of equals in their order.
-pub fn sorted(codes: impl Iterator<Item = u64>) -> Vec<u32> {
+pub(crate) fn sorted(codes: impl Iterator<Item = u64>) -> Vec<u32> {
     let mut keyed: Vec<(u64, u32)> = codes.zip(0..).collect();
     keyed.sort_unstable();
     keyed.into_iter().map(|(_, index)| index).collect()

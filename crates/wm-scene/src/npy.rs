@@ -11,9 +11,9 @@ use std::{
 };
 
 /// Longest header that is read, bytes.
-const MAX_HEADER: usize = 4096;
+const MAX_HEADER_BYTES: usize = 4096;
 /// Values that are written at once.
-const PART: usize = 4096;
+const PART_VALUES: usize = 4096;
 
 /// Writes `values` as little-endian f32 of `shape`, such as `[H, W]` or `[H, W, 3]`, the last axis
 /// fastest; whole or not at all.
@@ -28,8 +28,8 @@ pub fn write(path: &Path, values: &[f32], shape: &[usize]) -> Result<(), FormatE
     write_atomically(path, |out| {
         out.write_all(&header("<f4", shape))?;
         // Part by part: a copy of a part, not of the array.
-        let mut bytes = Vec::with_capacity(4 * PART.min(values.len()));
-        for part in values.chunks(PART) {
+        let mut bytes = Vec::with_capacity(4 * PART_VALUES.min(values.len()));
+        for part in values.chunks(PART_VALUES) {
             bytes.clear();
             bytes.extend(part.iter().flat_map(|value| value.to_le_bytes()));
             out.write_all(&bytes)?;
@@ -76,7 +76,7 @@ fn read_from(mut input: impl Read, length: u64) -> Result<(Vec<f32>, Vec<usize>)
     if magic != *b"\x93NUMPY" || major != 1 {
         return Err(fault("no NumPy array of version 1"));
     }
-    let size = usize::from(u16::from_le_bytes([low, high])).min(MAX_HEADER);
+    let size = usize::from(u16::from_le_bytes([low, high])).min(MAX_HEADER_BYTES);
     let mut text = vec![0; size];
     input.read_exact(&mut text).map_err(|_| fault("cut off in its header"))?;
     let text = String::from_utf8_lossy(&text).replace(' ', "");

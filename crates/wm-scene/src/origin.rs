@@ -11,36 +11,36 @@ use crate::similarity::Similarity;
 use crate::{Group, Metadata, Remark, Scene, SceneView, Splats};
 use glam::DVec3;
 
-/// Extents of a capture from zero beyond which its coordinates are far: steps of f32 are a 65,536th
-/// of its extent there.
-const FAR: f64 = 128.0;
-/// Extents of a scene from zero beyond which its coordinates are far, whatever the size of its
-/// splats.
-const FAR_OF_SPLATS: f64 = 1024.0;
-/// Extents from zero beyond which coordinates are far if steps of f32 there are wide against
-/// splats: nearer, an origin gains nothing.
-const FAR_OF_SMALL: f64 = 8.0;
-/// Widths of steps of f32 in a splat, below which it is small.
-const STEPS_OF_SPLAT: f64 = 16.0;
-/// Coordinates below this are never far, units.
-const NEAREST: f64 = 1000.0;
-/// Coordinates beyond this are no places but faults, units.
-const FARTHEST: f64 = 1e9;
-/// Positions that an origin is chosen by, at most.
-const SAMPLE: usize = 1 << 12;
+/// Distance from zero, in extents of a capture, beyond which its coordinates are far: steps of f32
+/// there are a 65,536th of its extent.
+const FAR_EXTENTS: f64 = 128.0;
+/// Distance from zero, in extents of a scene, beyond which its coordinates are far whatever the
+/// size of its splats.
+const FAR_SCENE_EXTENTS: f64 = 1024.0;
+/// Distance from zero, in extents, beyond which coordinates are far if steps of f32 there are wide
+/// against splats: nearer, an origin gains nothing.
+const FAR_SMALL_EXTENTS: f64 = 8.0;
+/// Steps of f32 in a splat, below which it counts as small.
+const STEPS_PER_SPLAT: f64 = 16.0;
+/// Least coordinate that may be far, units.
+const MIN_FAR_COORDINATE: f64 = 1000.0;
+/// Largest coordinate of a place, units: beyond lie faults.
+const MAX_COORDINATE: f64 = 1e9;
+/// Most positions by which an origin is chosen.
+const SAMPLE_SIZE: usize = 1 << 12;
 /// Share of the positions that is left out at each end of an axis.
-const STRAYS: f64 = 0.05;
-/// Share of the splats that are narrower than the steps of their positions, from which it is said.
+const STRAY_SHARE: f64 = 0.05;
+/// Least share of splats narrower than the steps of their positions that is reported.
 const COARSE_SHARE: f64 = 0.1;
-/// The widest step of a file, in steps of f32 at the same place, that is put down to the numbers of
-/// the file.
-const WIDEST_STEP: f64 = 2.0;
-/// The code of the remark on positions in steps that are wider than the splats.
+/// Widest step of a file, in steps of f32 at that place, that is attributed to the numbers of the
+/// file.
+const MAX_FILE_STEPS: f64 = 2.0;
+/// Code of the remark on positions in steps that are wider than the splats.
 pub(crate) const COARSE: &str = "coarse-positions";
 
 /// Width of a step of f32 at a coordinate.
 #[must_use]
-pub fn float_step(coordinate: f64) -> f64 {
+pub(crate) fn float_step(coordinate: f64) -> f64 {
     let coordinate = coordinate.abs() as f32;
     if coordinate.is_finite() {
         f64::from(coordinate.next_up()) - f64::from(coordinate)
@@ -56,8 +56,8 @@ pub fn float_step(coordinate: f64) -> f64 {
 /// The origin is rounded to a power of ten above the extent of the positions, a unit at least, so
 /// that captures and scenes of one place mostly have the same.
 #[must_use]
-pub fn choose(positions: &[DVec3], size: f64) -> Option<DVec3> {
-    let step = positions.len().div_ceil(SAMPLE).max(1);
+pub(crate) fn choose(positions: &[DVec3], size: f64) -> Option<DVec3> {
+    let step = positions.len().div_ceil(SAMPLE_SIZE).max(1);
     let finite: Vec<DVec3> = positions.iter().step_by(step).copied().filter(|p| p.is_finite()).collect();
     // One position has no extent that it could be far against.
     if finite.len() < 2 {
@@ -67,7 +67,7 @@ pub fn choose(positions: &[DVec3], size: f64) -> Option<DVec3> {
     for axis in 0..3 {
         let mut along: Vec<f64> = finite.iter().map(|p| p[axis]).collect();
         along.sort_unstable_by(f64::total_cmp);
-        let strays = (STRAYS * along.len() as f64) as usize;
+        let strays = (STRAY_SHARE * along.len() as f64) as usize;
         let (low, high) = (along[strays], along[along.len() - 1 - strays]);
         middle[axis] = along[along.len() / 2];
         extent = extent.max(0.5 * (high - low));
@@ -75,19 +75,19 @@ pub fn choose(positions: &[DVec3], size: f64) -> Option<DVec3> {
     let size = if size.is_finite() { size } else { 0.0 };
     let extent = extent.max(size);
     let far = middle.abs().max_element();
-    let is_small = size > 0.0 && STEPS_OF_SPLAT * far * f64::from(f32::EPSILON) > size;
+    let is_small = size > 0.0 && STEPS_PER_SPLAT * far * f64::from(f32::EPSILON) > size;
     let least = extent
         * match size > 0.0 {
-            true if is_small => FAR_OF_SMALL,
-            true => FAR_OF_SPLATS,
-            false => FAR,
+            true if is_small => FAR_SMALL_EXTENTS,
+            true => FAR_SCENE_EXTENTS,
+            false => FAR_EXTENTS,
         };
-    if !(NEAREST..=FARTHEST).contains(&far) || far <= least {
+    if !(MIN_FAR_COORDINATE..=MAX_COORDINATE).contains(&far) || far <= least {
         return None;
     }
     let grain = 10f64.powi(extent.max(1.0).log10().ceil() as i32);
     let of_axis =
-        |v: f64| if v.abs() > FAR_OF_SMALL * extent { (v / grain).round() * grain + 0.0 } else { 0.0 };
+        |v: f64| if v.abs() > FAR_SMALL_EXTENTS * extent { (v / grain).round() * grain + 0.0 } else { 0.0 };
     let origin = DVec3::from_array(middle.to_array().map(of_axis));
     (origin != DVec3::ZERO).then_some(origin)
 }
@@ -95,7 +95,7 @@ pub fn choose(positions: &[DVec3], size: f64) -> Option<DVec3> {
 /// The standard deviation of a usual splat: the median of that along the middle axis, units; 0 if
 /// no splat has a finite one.
 pub(crate) fn usual_size(splats: &Splats) -> f64 {
-    let step = splats.len().div_ceil(SAMPLE).max(1);
+    let step = splats.len().div_ceil(SAMPLE_SIZE).max(1);
     let scales = splats.log_scales.iter().step_by(step);
     let mut sizes: Vec<f64> =
         scales.map(|scale| middle_size(*scale)).filter(|size| size.is_finite()).collect();
@@ -116,7 +116,7 @@ pub(crate) fn wide(mean: [f32; 3]) -> DVec3 {
 
 /// Chooses the origin of splats; `None` if they are not far from zero.
 fn of_splats(splats: &Splats) -> Option<DVec3> {
-    let step = splats.len().div_ceil(SAMPLE).max(1);
+    let step = splats.len().div_ceil(SAMPLE_SIZE).max(1);
     let positions: Vec<DVec3> = splats.means.iter().step_by(step).map(|mean| wide(*mean)).collect();
     choose(&positions, usual_size(splats))
 }
@@ -162,7 +162,7 @@ pub(crate) fn settle(scene: &mut Scene) {
 /// A line on positions in steps that are wider than many of the splats; `None` if they are fine.
 /// `step` tells the step at a position, units, `advice` what to do.
 pub(crate) fn coarse_line(splats: &Splats, step: impl Fn([f32; 3]) -> f64, advice: &str) -> Option<String> {
-    let stride = splats.len().div_ceil(SAMPLE).max(1);
+    let stride = splats.len().div_ceil(SAMPLE_SIZE).max(1);
     let (mut all, mut narrow, mut widest) = (0u32, 0u32, 0.0f64);
     for index in (0..splats.len()).step_by(stride).filter(|i| splats.groups[*i] != Group::Sky) {
         let step = step(splats.means[index]);
@@ -195,7 +195,7 @@ fn digits(v: f64) -> String {
 /// their positions, none or one a splat. Returns it, or zero; [`settle`] does the rest.
 pub(crate) fn subtract_fine(splats: &mut Splats, residues: &[[f32; 3]], metadata: &Metadata) -> DVec3 {
     let fine = |(mean, residue): (&[f32; 3], &[f32; 3])| wide(*mean) + wide(*residue);
-    let step = splats.len().div_ceil(SAMPLE).max(1);
+    let step = splats.len().div_ceil(SAMPLE_SIZE).max(1);
     let positions: Vec<DVec3> = splats.means.iter().zip(residues).step_by(step).map(fine).collect();
     let chosen = if metadata.origin.is_none() { choose(&positions, usual_size(splats)) } else { None };
     let Some(origin) = chosen else { return DVec3::ZERO };
@@ -258,16 +258,16 @@ impl Scene {
 ///
 /// A step shows itself: all positions along an axis are multiples of it.
 fn file_step(splats: &Splats, by: DVec3) -> Option<f64> {
-    let stride = splats.len().div_ceil(SAMPLE).max(1);
+    let stride = splats.len().div_ceil(SAMPLE_SIZE).max(1);
     let step_along = |axis: usize| {
         let least = float_step(by[axis]);
         let along = splats.means.iter().step_by(stride).map(|mean| f64::from(mean[axis]) + by[axis]);
         let values: Vec<f64> = along.filter(|v| v.is_finite()).collect();
         // A few strays near zero have finer steps.
-        let most = (STRAYS * values.len() as f64) as usize;
+        let most = (STRAY_SHARE * values.len() as f64) as usize;
         let is_step = |step: f64| values.iter().filter(|v| (*v / step).fract() != 0.0).count() <= most;
         // Finer on this side of a power of two, coarser beyond.
-        [WIDEST_STEP, 1.0, 0.5].map(|steps| steps * least).into_iter().find(|step| is_step(*step))
+        [MAX_FILE_STEPS, 1.0, 0.5].map(|steps| steps * least).into_iter().find(|step| is_step(*step))
     };
     (0..3).filter(|axis| by[*axis] != 0.0).filter_map(step_along).max_by(f64::total_cmp)
 }

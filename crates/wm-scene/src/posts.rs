@@ -5,62 +5,70 @@ use crate::{Splats, quat};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeSet;
 
-/// Width of a cell, and height of a layer, m.
-const CELL: f64 = 0.15;
-const LAYER: f64 = 0.25;
-/// Layers above the ground that are looked at: 16 m.
+/// Width of a cell, m.
+const CELL_M: f64 = 0.15;
+/// Height of a layer, m.
+const LAYER_M: f64 = 0.25;
+/// Number of layers above the ground: 16 m.
 const LAYERS: usize = 64;
 /// Most cells of the grid: a larger place has its lamps on a map.
-const MOST_CELLS: usize = 8_000_000;
-/// Distance from the middle of the scene in which posts are looked for, radii of the scene.
-const ABOUT: f64 = 1.5;
-/// Least opacity of a splat that counts, and the standard deviation across its length, m, below
-/// which it may be of a post.
-const OPAQUE: f64 = 0.35;
-const THIN: f64 = 0.07;
-/// Standard deviation along a splat over that across it from which it has a direction, and the
-/// cosine of its angle to up.
-const LONG: f64 = 2.5;
-const UPRIGHT: f64 = 0.96;
-/// Longest standard deviation of a splat that counts, m, and the standard deviations to which
-/// splats reach.
-const LONGEST: f64 = 2.0;
-const REACH: f64 = 1.5;
-/// Height from which a post must be seen, m; how high it is at least and at most.
-const FROM: f64 = 0.75;
-const HEIGHTS: [f64; 2] = [2.7, 12.0];
-/// Layers that may be missing in a post between others, and the share of all layers that must be
-/// filled.
-const GAP: usize = 2;
-const FILLED: f64 = 0.8;
-/// Radius of a post, and of the round about its axis of whose splats it has the least share, m.
+const MAX_CELLS: usize = 8_000_000;
+/// Distance from the middle of the scene in which posts are searched, radii of the scene.
+const SEARCH_RADII: f64 = 1.5;
+/// Least opacity of a splat that counts.
+const MIN_OPACITY: f64 = 0.35;
+/// Largest standard deviation across the length of a splat of a post, m.
+const MAX_WIDTH_M: f64 = 0.07;
+/// Least ratio of the standard deviations along and across a splat that has a direction.
+const MIN_ELONGATION: f64 = 2.5;
+/// Least cosine of the angle between that direction and up.
+const MIN_UPRIGHT_COS: f64 = 0.96;
+/// Longest standard deviation of a splat that counts, m.
+const MAX_LENGTH_M: f64 = 2.0;
+/// Standard deviations to which splats reach.
+const REACH_DEVIATIONS: f64 = 1.5;
+/// Height from which a post must be visible, m.
+const MIN_VISIBLE_HEIGHT_M: f64 = 0.75;
+/// Least and greatest height of a post, m.
+const HEIGHTS_M: [f64; 2] = [2.7, 12.0];
+/// Most layers that may be missing in a post between others.
+const MAX_GAP_LAYERS: usize = 2;
+/// Least share of the layers of a post that are filled.
+const MIN_FILLED_SHARE: f64 = 0.8;
+/// Radius of a post, m.
+const RADIUS_M: f64 = 0.15;
+/// Radius of the surroundings of its axis, m.
+const SURROUND_RADIUS_M: f64 = 0.4;
+/// Least share of the splats in the surroundings that belong to the post, by weight.
+const MIN_SURROUND_SHARE: f64 = 0.6;
 /// Least distance between posts, m.
-const RADIUS: f64 = 0.15;
-const BESIDE: f64 = 0.4;
-const SHARE: f64 = 0.6;
-const APART: f64 = 0.6;
-/// Largest distance of the middles of a post's layers from its axis, median, m: lampposts of
+const MIN_DISTANCE_M: f64 = 0.6;
+/// Largest median distance of the middles of a post's layers from its axis, m: lampposts of
 /// captures have 4 to 9 mm, trunks, stakes and boughs 14 to 50 mm.
-const STRAIGHT: f64 = 0.0125;
+const MAX_CROOKEDNESS_M: f64 = 0.0125;
 /// Largest tangent of the angle between a post and up: 3.5 degrees, since up is rarely known better
 /// than by one.
-const LEAN: f64 = 0.061;
-/// Least number of splats and of layers of a post.
-const LEAST: usize = 20;
-const LEAST_LAYERS: usize = 6;
-/// A crown over a post: its distance from the axis at most, m, its heights over the top of the
-/// post, m, and the area of its splats over that of the space from the side.
-const CROWN: f64 = 1.0;
-const OVER: [f64; 2] = [0.25, 2.0];
-const DENSE: f64 = 0.3;
-/// A roof on a post: its heights over the top of the post, m, the least cosine between up and the
-/// normals of its splats, and their area over that of the round about the axis. Columns of a hall
-/// and frames of windows end at one.
-const ROOF: [f64; 2] = [-0.4, 2.0];
-const FLAT: f64 = 0.9;
-const ROOFED: f64 = 0.3;
-/// Distance of its light from the top of a post, m.
-const BELOW_TOP: f64 = 0.3;
+const MAX_LEAN: f64 = 0.061;
+/// Fewest splats of a post.
+const MIN_PIECES: usize = 20;
+/// Fewest layers of a post.
+const MIN_LAYERS: usize = 6;
+/// Largest distance of a crown or a roof from the axis, m.
+const CROWN_RADIUS_M: f64 = 1.0;
+/// Range of heights of a crown over the top of the post, m.
+const CROWN_HEIGHTS_M: [f64; 2] = [0.25, 2.0];
+/// Largest ratio of the area of splats in the space of a crown to the area of that space seen from
+/// the side.
+const MAX_CROWN_DENSITY: f64 = 0.3;
+/// Range of heights of a roof over the top of the post, m: columns of a hall and frames of windows
+/// end at one.
+const ROOF_HEIGHTS_M: [f64; 2] = [-0.4, 2.0];
+/// Least cosine between up and the normals of the splats of a roof.
+const MIN_LEVEL_COS: f64 = 0.9;
+/// Largest ratio of the area of such splats to that of the disc about the axis.
+const MAX_ROOF_COVER: f64 = 0.3;
+/// Distance of the lamp from the top of a post, m.
+const HEAD_DEPTH_M: f64 = 0.3;
 
 /// A thin thing that stands upright.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,13 +93,13 @@ struct Piece {
 impl Piece {
     /// The layers that the piece reaches, from the lowest to that above the highest.
     fn layers(&self) -> std::ops::Range<usize> {
-        let layer = |height: f64| (height / LAYER).clamp(0.0, LAYERS as f64) as usize;
+        let layer = |height: f64| (height / LAYER_M).clamp(0.0, LAYERS as f64) as usize;
         let range = layer(self.at.z - self.half)..layer(self.at.z + self.half) + 1;
         range.start..range.end.min(LAYERS)
     }
 }
 
-/// Thin splats over the cells of a level grid.
+/// ThinSplats splats over the cells of a level grid.
 struct Columns {
     low: DVec2,
     side: usize,
@@ -105,8 +113,8 @@ impl Columns {
     /// Puts pieces into the cells within a distance of a middle along both level axes, m; `None` if
     /// these were too many.
     fn new(middle: DVec2, distance: f64, pieces: &[Piece]) -> Option<Self> {
-        let side = 2.0 * distance / CELL + 1.0;
-        let is_possible = side * side <= MOST_CELLS as f64;
+        let side = 2.0 * distance / CELL_M + 1.0;
+        let is_possible = side * side <= MAX_CELLS as f64;
         if !is_possible {
             return None;
         }
@@ -114,7 +122,7 @@ impl Columns {
         let mut columns =
             Self { low: middle - distance, side, filled: vec![0; side * side], pieces: Vec::new() };
         for piece in pieces {
-            let at = (piece.at.truncate() - columns.low) / CELL;
+            let at = (piece.at.truncate() - columns.low) / CELL_M;
             let is_in = at.min_element() >= 0.0 && at.max_element() < side as f64;
             if is_in {
                 let cell = at.y as usize * side + at.x as usize;
@@ -133,17 +141,17 @@ impl Columns {
         near(row).map(move |row| row * side + near(column).start..row * side + near(column).end)
     }
 
-    /// The layer above the last of those that are filled from [`FROM`] on with small gaps.
+    /// The layer above the last of those that are filled from [`MIN_VISIBLE_HEIGHT_M`] on with small gaps.
     fn top(&self, cell: usize) -> usize {
         // Posts lean and are rough: a cell and those beside it are one.
         let layers = self.rows(cell, 1).flatten().fold(0, |layers, cell| layers | self.filled[cell]);
-        let first = (FROM / LAYER) as usize;
+        let first = (MIN_VISIBLE_HEIGHT_M / LAYER_M) as usize;
         let (mut top, mut missing) = (first, 0);
         for layer in first..LAYERS {
             missing = if layers >> layer & 1 == 1 { 0 } else { missing + 1 };
             match missing {
                 0 => top = layer + 1,
-                missing if missing > GAP => break,
+                missing if missing > MAX_GAP_LAYERS => break,
                 _ => {}
             }
         }
@@ -162,28 +170,31 @@ impl Columns {
 
     /// The axis of the post that ends at a layer above a cell; `None` if what is there is no post.
     fn post(&self, cell: usize, top: usize) -> Option<Axis> {
-        let height = top as f64 * LAYER;
-        let cells = (APART / CELL) as usize;
-        let near = self.near(cell, cells, [FROM, height]);
+        let height = top as f64 * LAYER_M;
+        let cells = (MIN_DISTANCE_M / CELL_M) as usize;
+        let near = self.near(cell, cells, [MIN_VISIBLE_HEIGHT_M, height]);
         // Cheaper than a fit: too few pieces, or too little of them in this cell and those beside
         // it.
-        let are_few = near.len() < LEAST;
-        if are_few || weight_of(&self.near(cell, 1, [FROM, height])) < 0.3 * SHARE * weight_of(&near) {
+        let are_few = near.len() < MIN_PIECES;
+        if are_few
+            || weight_of(&self.near(cell, 1, [MIN_VISIBLE_HEIGHT_M, height]))
+                < 0.3 * MIN_SURROUND_SHARE * weight_of(&near)
+        {
             return None;
         }
         let axis = Axis::through(&near)?;
         let within = |distance: f64| -> Vec<Piece> {
             near.iter().filter(|piece| axis.distance(piece.at) < distance).copied().collect()
         };
-        let own = within(RADIUS);
-        let layers = (FROM / LAYER) as usize..top;
+        let own = within(RADIUS_M);
+        let layers = (MIN_VISIBLE_HEIGHT_M / LAYER_M) as usize..top;
         let is_filled = |layer: &usize| own.iter().any(|piece| piece.layers().contains(layer));
         let filled = layers.clone().filter(is_filled).count();
-        let is_post = own.len() >= LEAST
-            && weight_of(&own) >= SHARE * weight_of(&within(BESIDE))
-            && filled as f64 >= FILLED * layers.len() as f64
-            && axis.slope.length() <= LEAN
-            && axis.crookedness(&own, layers)? <= STRAIGHT;
+        let is_post = own.len() >= MIN_PIECES
+            && weight_of(&own) >= MIN_SURROUND_SHARE * weight_of(&within(SURROUND_RADIUS_M))
+            && filled as f64 >= MIN_FILLED_SHARE * layers.len() as f64
+            && axis.slope.length() <= MAX_LEAN
+            && axis.crookedness(&own, layers)? <= MAX_CROOKEDNESS_M;
         is_post.then_some(axis)
     }
 }
@@ -224,7 +235,7 @@ impl Axis {
             let line = Self { foot, slope: DVec2::ZERO };
             pieces
                 .iter()
-                .map(|piece| piece.weight * (1.0 - line.distance(piece.at) / RADIUS).max(0.0))
+                .map(|piece| piece.weight * (1.0 - line.distance(piece.at) / RADIUS_M).max(0.0))
                 .sum::<f64>()
         };
         let anchors =
@@ -232,7 +243,7 @@ impl Axis {
         let foot = anchors.max_by(|a, b| about(*a).total_cmp(&about(*b)))?;
         let mut line = Self { foot, slope: DVec2::ZERO };
         // Least squares of those that are near the line, nearer each time.
-        for radius in [1.5, 1.0, 0.6, 0.6].map(|share| share * RADIUS) {
+        for radius in [1.5, 1.0, 0.6, 0.6].map(|share| share * RADIUS_M) {
             let own = pieces.iter().filter(|piece| line.distance(piece.at) < radius);
             let (mut sum, mut height, mut place) = (0.0, 0.0, DVec2::ZERO);
             for Piece { at, weight, .. } in own.clone() {
@@ -260,7 +271,7 @@ impl Axis {
     /// in few layers.
     fn crookedness(&self, pieces: &[Piece], layers: std::ops::Range<usize>) -> Option<f64> {
         let middle = |layer: usize| {
-            let in_layer = |piece: &&Piece| (piece.at.z / LAYER) as usize == layer;
+            let in_layer = |piece: &&Piece| (piece.at.z / LAYER_M) as usize == layer;
             let (mut sum, mut off) = (0.0, DVec2::ZERO);
             for piece in pieces.iter().filter(in_layer) {
                 (sum, off) = (sum + piece.weight, off + piece.weight * self.off(piece.at));
@@ -269,46 +280,46 @@ impl Axis {
         };
         let mut offs: Vec<f64> = layers.filter_map(middle).collect();
         offs.sort_by(f64::total_cmp);
-        (offs.len() >= LEAST_LAYERS).then(|| offs[offs.len() / 2])
+        (offs.len() >= MIN_LAYERS).then(|| offs[offs.len() / 2])
     }
 }
 
 /// The thin splats of a scene, in its level axes from its ground: long upright ones, or small ones
 /// of any direction.
-struct Thin {
+struct ThinSplats {
     long: Vec<Piece>,
     small: Vec<Piece>,
 }
 
-impl Thin {
+impl ThinSplats {
     fn of(splats: &Splats, survey: &Survey, level: impl Fn(DVec3) -> DVec3) -> Self {
         let metres = survey.metres_per_unit.value;
         let sky = SkyRegion::of(splats);
         let mut thin = Self { long: Vec::new(), small: Vec::new() };
         for index in 0..splats.len() {
             let at = level(DVec3::from_array(splats.means[index].map(f64::from)));
-            let is_low = (-1.0..LAYERS as f64 * LAYER).contains(&at.z);
-            let is_seen = || splats.is_sound(index) && splats.opacity(index) >= OPAQUE;
+            let is_low = (-1.0..LAYERS as f64 * LAYER_M).contains(&at.z);
+            let is_seen = || splats.is_sound(index) && splats.opacity(index) >= MIN_OPACITY;
             if !is_low || !is_seen() {
                 continue;
             }
             let scales = splats.scales(index).map(|scale| scale * metres);
             let longest = (0..3).fold(0, |best, k| if scales[k] > scales[best] { k } else { best });
             let (long, wide) = (scales[longest], scales[(longest + 1) % 3].max(scales[(longest + 2) % 3]));
-            if wide >= THIN || long >= LONGEST || sky.holds(splats, index) {
+            if wide >= MAX_WIDTH_M || long >= MAX_LENGTH_M || sky.holds(splats, index) {
                 continue;
             }
             let turn = quat::to_matrix(splats.quats[index].map(f64::from));
             let cosine = DVec3::from_array([0, 1, 2].map(|k| turn[k][longest])).dot(survey.up.value).abs();
             let piece = Piece {
                 at,
-                half: (REACH * long * cosine).max(0.5 * CELL),
+                half: (REACH_DEVIATIONS * long * cosine).max(0.5 * CELL_M),
                 weight: long.min(0.5) * splats.opacity(index),
             };
-            if long > LONG * wide && cosine > UPRIGHT {
+            if long > MIN_ELONGATION * wide && cosine > MIN_UPRIGHT_COS {
                 thin.long.push(piece);
             }
-            if long < THIN {
+            if long < MAX_WIDTH_M {
                 thin.small.push(piece);
             }
         }
@@ -327,15 +338,15 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
     let level =
         |point: DVec3| DVec3::new(point.dot(x), point.dot(y), point.dot(up) - survey.ground.value) * metres;
     let middle = level(survey.center).truncate();
-    let thin = Thin::of(splats, survey, level);
+    let thin = ThinSplats::of(splats, survey, level);
     let mut posts: Vec<(Axis, f64)> = Vec::new();
     // Posts of trained captures are of long splats, also amid leaves; those of made scenes are of
     // small ones.
     for pieces in [thin.long, thin.small] {
-        let Some(columns) = Columns::new(middle, ABOUT * survey.radius * metres, &pieces) else {
+        let Some(columns) = Columns::new(middle, SEARCH_RADII * survey.radius * metres, &pieces) else {
             return Vec::new();
         };
-        let is_high = |top: &usize| (HEIGHTS[0]..HEIGHTS[1]).contains(&(*top as f64 * LAYER));
+        let is_high = |top: &usize| (HEIGHTS_M[0]..HEIGHTS_M[1]).contains(&(*top as f64 * LAYER_M));
         let mut candidates: Vec<(usize, usize)> = (0..columns.filled.len())
             .filter(|cell| columns.filled[*cell] != 0)
             .map(|cell| (cell, columns.top(cell)))
@@ -349,18 +360,21 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
                 continue;
             }
             let Some(axis) = columns.post(cell, top) else { continue };
-            taken.extend(columns.rows(cell, (APART / CELL) as usize).flatten());
-            let height = top as f64 * LAYER;
-            let is_new = posts.iter().all(|post| post.0.distance(axis.at(height)) > APART);
+            taken.extend(columns.rows(cell, (MIN_DISTANCE_M / CELL_M) as usize).flatten());
+            let height = top as f64 * LAYER_M;
+            let is_new = posts.iter().all(|post| post.0.distance(axis.at(height)) > MIN_DISTANCE_M);
             if is_new {
                 posts.push((axis, height));
             }
         }
     }
-    let over = things_over(splats, survey, level, &posts);
-    let free = posts.iter().zip(over).filter(|(_, over)| over.crown < DENSE && over.roof < ROOFED);
+    let over = overheads(splats, survey, level, &posts);
+    let free = posts
+        .iter()
+        .zip(over)
+        .filter(|(_, over)| over.crown < MAX_CROWN_DENSITY && over.roof < MAX_ROOF_COVER);
     let post = |(axis, height): &(Axis, f64)| {
-        let at = axis.at(height - BELOW_TOP) / metres;
+        let at = axis.at(height - HEAD_DEPTH_M) / metres;
         Post { head: x * at.x + y * at.y + up * (survey.ground.value + at.z), height: *height }
     };
     free.map(|(found, _)| post(found)).collect()
@@ -368,7 +382,7 @@ pub fn find_posts(splats: &Splats, survey: &Survey) -> Vec<Post> {
 
 /// Areas of the splats over a post.
 #[derive(Clone, Copy, Default)]
-struct Over {
+struct Overhead {
     /// Area of all splats in the space of a crown, over the area of that space seen from the side.
     crown: f64,
     /// Area of the level splats in the space of a roof, over the area of that space seen from
@@ -377,33 +391,34 @@ struct Over {
 }
 
 /// Finds what is over posts, given by axis and height.
-fn things_over(
+fn overheads(
     splats: &Splats,
     survey: &Survey,
     level: impl Fn(DVec3) -> DVec3,
     posts: &[(Axis, f64)],
-) -> Vec<Over> {
+) -> Vec<Overhead> {
     let metres = survey.metres_per_unit.value;
-    let mut found = vec![Over::default(); posts.len()];
+    let mut found = vec![Overhead::default(); posts.len()];
     for index in 0..splats.len() {
         let at = level(DVec3::from_array(splats.means[index].map(f64::from)));
         for (over, (axis, height)) in found.iter_mut().zip(posts) {
-            let is_over = (ROOF[0]..ROOF[1]).contains(&(at.z - height)) && axis.distance(at) < CROWN;
-            let is_seen = || splats.is_sound(index) && splats.opacity(index) >= OPAQUE;
+            let is_over = (ROOF_HEIGHTS_M[0]..ROOF_HEIGHTS_M[1]).contains(&(at.z - height))
+                && axis.distance(at) < CROWN_RADIUS_M;
+            let is_seen = || splats.is_sound(index) && splats.opacity(index) >= MIN_OPACITY;
             if !is_over || !is_seen() {
                 continue;
             }
             let scales = splats.scales(index).map(|scale| scale * metres);
             let mut order = [0, 1, 2];
             order.sort_by(|a, b| scales[*a].total_cmp(&scales[*b]));
-            let area = std::f64::consts::PI * scales[order[1]] * scales[order[2]].min(LONGEST);
-            if (OVER[0]..OVER[1]).contains(&(at.z - height)) {
-                over.crown += area / (2.0 * CROWN * (OVER[1] - OVER[0]));
+            let area = std::f64::consts::PI * scales[order[1]] * scales[order[2]].min(MAX_LENGTH_M);
+            if (CROWN_HEIGHTS_M[0]..CROWN_HEIGHTS_M[1]).contains(&(at.z - height)) {
+                over.crown += area / (2.0 * CROWN_RADIUS_M * (CROWN_HEIGHTS_M[1] - CROWN_HEIGHTS_M[0]));
             }
             let turn = quat::to_matrix(splats.quats[index].map(f64::from));
             let normal = DVec3::from_array([0, 1, 2].map(|k| turn[k][order[0]]));
-            if normal.dot(survey.up.value).abs() > FLAT {
-                over.roof += area / (std::f64::consts::PI * CROWN * CROWN);
+            if normal.dot(survey.up.value).abs() > MIN_LEVEL_COS {
+                over.roof += area / (std::f64::consts::PI * CROWN_RADIUS_M * CROWN_RADIUS_M);
             }
         }
     }

@@ -31,9 +31,9 @@ use std::f64::consts::TAU;
 /// seeds in [`bits`].
 pub const SEED_FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
 /// The factor of indices in [`bits`].
-pub const INDEX_FACTOR: u64 = 0xd1b5_4a32_d192_ed03;
+pub(crate) const INDEX_FACTOR: u64 = 0xd1b5_4a32_d192_ed03;
 /// The factors of the two rounds of [`mix`].
-pub const MIX_FACTORS: [u64; 2] = [0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb];
+pub(crate) const MIX_FACTORS: [u64; 2] = [0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb];
 /// Multiplier and increment of the first step of [`pcg4d`] (Numerical Recipes).
 pub const PCG: [u32; 2] = [1_664_525, 1_013_904_223];
 

@@ -9,25 +9,27 @@ use std::collections::BTreeMap;
 pub struct LabelReflectance {
     /// The label, see [`crate::Splats::labels`]; 1 and above.
     pub label: u16,
-    /// Its diffuse reflectance, 0-1; retroreflectors have up to 100.
+    /// Diffuse reflectance, 0-1; retroreflectors have up to 100.
     pub reflectance: f64,
     /// The wavelength at which it holds, nm; nothing if it holds at all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelength: Option<f64>,
 }
 
-/// Farthest wavelength from a lidar's at which a reflectance with a wavelength holds, nm.
-const NEAR: f64 = 100.0;
+/// Largest difference from a lidar's wavelength at which a reflectance for a wavelength holds, nm.
+const MAX_WAVELENGTH_OFFSET_NM: f64 = 100.0;
 /// Most entries of a place.
-const MOST: usize = 1024;
+const MAX_ENTRIES: usize = 1024;
 
 /// The reflectance of each label for a lidar of a wavelength, nm: that whose wavelength is nearest
 /// and within 100 nm, else one without a wavelength. Of equal ones the last holds.
 #[must_use]
 pub fn by_label(entries: &[LabelReflectance], wavelength: f64) -> BTreeMap<u16, f64> {
     let away = |entry: &LabelReflectance| entry.wavelength.map(|own| (own - wavelength).abs());
-    let mut fitting: Vec<&LabelReflectance> =
-        entries.iter().filter(|entry| away(entry).is_none_or(|away| away <= NEAR)).collect();
+    let mut fitting: Vec<&LabelReflectance> = entries
+        .iter()
+        .filter(|entry| away(entry).is_none_or(|away| away <= MAX_WAVELENGTH_OFFSET_NM))
+        .collect();
     // The best comes last and replaces the others.
     let rank = |entry: &LabelReflectance| away(entry).unwrap_or(f64::INFINITY);
     fitting.sort_by(|a, b| rank(b).total_cmp(&rank(a)));
@@ -36,8 +38,8 @@ pub fn by_label(entries: &[LabelReflectance], wavelength: f64) -> BTreeMap<u16, 
 
 /// The first fault of entries, in one line.
 pub(crate) fn fault(entries: &[LabelReflectance]) -> Option<String> {
-    if entries.len() > MOST {
-        return Some(format!("reflectances: {} are too many; there may be {MOST}", entries.len()));
+    if entries.len() > MAX_ENTRIES {
+        return Some(format!("reflectances: {} are too many; there may be {MAX_ENTRIES}", entries.len()));
     }
     entries.iter().enumerate().find_map(|(index, entry)| {
         let LabelReflectance { label, reflectance, wavelength } = *entry;

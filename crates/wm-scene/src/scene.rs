@@ -46,7 +46,7 @@ pub struct Scene {
 pub struct SceneView {
     /// The photo's file name.
     pub name: String,
-    /// Its camera.
+    /// The camera.
     pub camera: Camera,
 }
 

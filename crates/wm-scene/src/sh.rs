@@ -30,6 +30,15 @@ pub const C3: [f64; 7] = [
     -0.590_043_589_926_643_5,
 ];
 
+/// Nodes (cosines of the polar angle) and weights of Gauss-Legendre quadrature: with eight even steps
+/// around they integrate products of two functions of degree 3 over the sphere exactly.
+pub(crate) const QUADRATURE: [(f64, f64); 4] = [
+    (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
+    (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
+    (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
+    (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
+];
+
 /// Number of coefficients a colour channel of `degree`: 1, 4, 9, 16.
 #[must_use]
 pub const fn coefficients(degree: u8) -> usize {
@@ -38,7 +47,7 @@ pub const fn coefficients(degree: u8) -> usize {
 
 /// The degree with `count` coefficients a channel, if there is one.
 #[must_use]
-pub fn degree_of(count: usize) -> Option<u8> {
+pub(crate) fn degree_of(count: usize) -> Option<u8> {
     (0..=MAX_DEGREE).find(|degree| coefficients(*degree) == count)
 }
 

@@ -26,7 +26,7 @@ impl Similarity {
 
     /// The transform that applies `other` first, then this one.
     #[must_use]
-    pub fn after(&self, other: &Self) -> Self {
+    pub(crate) fn after(&self, other: &Self) -> Self {
         Self {
             scale: self.scale * other.scale,
             rotation: self.rotation * other.rotation,
@@ -126,17 +126,10 @@ impl Similarity {
 /// The matrix by which a rotation mixes SH coefficients, `[new][old]`; between degrees it is 0.
 ///
 /// The rotated function is f(R' d), whose coefficients are integrals over the sphere of basis j
-/// times the turned basis k: polynomials of degree 6, which four Gauss-Legendre nodes in z and
-/// eight even ones around integrate exactly.
+/// times the turned basis k: polynomials of degree 6, which [`sh::QUADRATURE`] integrates exactly.
 fn sh_rotation(rotation: DMat3) -> [[f64; 16]; 16] {
-    const NODES: [(f64, f64); 4] = [
-        (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-        (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
-        (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
-        (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-    ];
     let mut matrix = [[0.0; 16]; 16];
-    for (z, weight) in NODES {
+    for (z, weight) in sh::QUADRATURE {
         let radius = (1.0 - z * z).sqrt();
         for step in 0..8 {
             let (sin, cos) = (f64::from(step) * std::f64::consts::FRAC_PI_4).sin_cos();

@@ -2,7 +2,7 @@
 
 use crate::{
     error::{FormatError, Location, Problem},
-    files::{self, BYTE_ORDER_MARK, LFS_REFUSED, LONGEST_MARK, is_lfs_pointer, refused_text},
+    files::{self, BYTE_ORDER_MARK, LFS_REFUSED, MARK_BYTES, is_lfs_pointer, refused_text},
 };
 use std::{
     io::{self, Read},
@@ -10,10 +10,10 @@ use std::{
 };
 
 /// Bytes read at once.
-const BLOCK: usize = 1 << 20;
+const BLOCK_BYTES: usize = 1 << 20;
 
 /// Longest line that is looked at, bytes; longer ones can only be skipped.
-pub(crate) const MAX_LINE: usize = 1 << 20;
+pub(crate) const MAX_LINE_BYTES: usize = 1 << 20;
 
 /// A byte stream with one block in memory, its position, and its length if that is known.
 pub(crate) struct Source<'a> {
@@ -44,10 +44,10 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If it cannot be opened, or is a Git LFS pointer.
-    pub fn open(path: &Path) -> Result<Self, FormatError> {
+    pub(crate) fn open(path: &Path) -> Result<Self, FormatError> {
         let opened = files::open(path).map_err(|e| FormatError::reading(path, e))?;
         let mut source = Self::new(path, opened.reader, opened.length);
-        source.fill(LONGEST_MARK)?;
+        source.fill(MARK_BYTES)?;
         if is_lfs_pointer(source.bytes()) {
             return Err(source.whole(Problem::Value(LFS_REFUSED.into())));
         }
@@ -55,30 +55,30 @@ impl<'a> Source<'a> {
     }
 
     /// A stream of which `path` is the name in messages.
-    pub fn new(path: &Path, reader: Box<dyn Read + 'a>, length: Option<u64>) -> Self {
-        let block = length.map_or(BLOCK, |l| l.clamp(256, BLOCK as u64) as usize);
+    pub(crate) fn new(path: &Path, reader: Box<dyn Read + 'a>, length: Option<u64>) -> Self {
+        let block = length.map_or(BLOCK_BYTES, |l| l.clamp(256, BLOCK_BYTES as u64) as usize);
         let buffer = vec![0; block];
         let path = path.into();
         Self { path, reader, length, buffer, start: 0, end: 0, offset: 0, lines: 0, ending: Ending::Newline }
     }
 
-    /// Its name in messages.
-    pub fn path(&self) -> &Path {
+    /// The name in messages.
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
     /// Bytes from here to the end, if the length is known.
-    pub fn remaining(&self) -> Option<u64> {
+    pub(crate) fn remaining(&self) -> Option<u64> {
         self.length.map(|length| length.saturating_sub(self.offset))
     }
 
     /// Offset of the next byte.
-    pub fn offset(&self) -> u64 {
+    pub(crate) fn offset(&self) -> u64 {
         self.offset
     }
 
     /// The bytes in memory from here on; [`Self::fill`] makes more.
-    pub fn bytes(&self) -> &[u8] {
+    pub(crate) fn bytes(&self) -> &[u8] {
         &self.buffer[self.start..self.end]
     }
 
@@ -86,7 +86,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails.
-    pub fn fill(&mut self, wanted: usize) -> Result<bool, FormatError> {
+    pub(crate) fn fill(&mut self, wanted: usize) -> Result<bool, FormatError> {
         if self.end - self.start >= wanted {
             return Ok(true);
         }
@@ -111,11 +111,11 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails, or the text is in UTF-16 or a Git LFS pointer.
-    pub fn skip_byte_order_mark(&mut self) -> Result<(), FormatError> {
+    pub(crate) fn skip_byte_order_mark(&mut self) -> Result<(), FormatError> {
         if self.offset > 0 {
             return Ok(());
         }
-        self.fill(LONGEST_MARK)?;
+        self.fill(MARK_BYTES)?;
         if let Some(refused) = refused_text(self.bytes()) {
             return Err(self.whole(Problem::Value(refused.into())));
         }
@@ -126,7 +126,7 @@ impl<'a> Source<'a> {
     }
 
     /// Steps over `count` bytes of [`Self::bytes`].
-    pub fn consume(&mut self, count: usize) {
+    pub(crate) fn consume(&mut self, count: usize) {
         assert!(count <= self.end - self.start, "{count} bytes consumed, fewer are there");
         self.start += count;
         self.offset += count as u64;
@@ -136,7 +136,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails.
-    pub fn skip(&mut self, count: u128) -> Result<u128, FormatError> {
+    pub(crate) fn skip(&mut self, count: u128) -> Result<u128, FormatError> {
         let mut left = count;
         while left > 0 && self.fill(1)? {
             let step = self.bytes().len().min(usize::try_from(left).unwrap_or(usize::MAX));
@@ -150,7 +150,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails.
-    pub fn take<const N: usize>(&mut self) -> Result<Option<[u8; N]>, FormatError> {
+    pub(crate) fn take<const N: usize>(&mut self) -> Result<Option<[u8; N]>, FormatError> {
         if !self.fill(N)? {
             return Ok(None);
         }
@@ -163,7 +163,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails or they do not fit into memory.
-    pub fn rest(&mut self) -> Result<Vec<u8>, FormatError> {
+    pub(crate) fn rest(&mut self) -> Result<Vec<u8>, FormatError> {
         let mut rest = Vec::new();
         // A length is that of a file: its bytes are there, unless it changes at this moment.
         let length = usize::try_from(self.remaining().unwrap_or(0)).unwrap_or(usize::MAX);
@@ -179,8 +179,8 @@ impl<'a> Source<'a> {
     /// The next line without its LF or CRLF; `None` at the end. The last line may lack its ending.
     ///
     /// # Errors
-    /// If reading fails or the line is longer than [`MAX_LINE`].
-    pub fn line(&mut self) -> Result<Option<&[u8]>, FormatError> {
+    /// If reading fails or the line is longer than [`MAX_LINE_BYTES`].
+    pub(crate) fn line(&mut self) -> Result<Option<&[u8]>, FormatError> {
         self.skip_byte_order_mark()?;
         let mut searched = 0;
         let length = loop {
@@ -190,9 +190,11 @@ impl<'a> Source<'a> {
                 break searched + found;
             }
             searched = bytes.len();
-            if searched > MAX_LINE {
+            if searched > MAX_LINE_BYTES {
                 self.lines += 1;
-                return Err(self.at_line(Problem::Value(format!("the line is longer than {MAX_LINE} bytes"))));
+                return Err(
+                    self.at_line(Problem::Value(format!("the line is longer than {MAX_LINE_BYTES} bytes")))
+                );
             }
             if !self.fill(searched + 1)? {
                 if searched == 0 {
@@ -210,7 +212,7 @@ impl<'a> Source<'a> {
     }
 
     /// Returns true if the line taken last has no ending: it may be a part of one.
-    pub fn is_cut(&self) -> bool {
+    pub(crate) fn is_cut(&self) -> bool {
         self.ending == Ending::EndOfFile
     }
 
@@ -218,7 +220,7 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails.
-    pub fn skip_line(&mut self) -> Result<Option<u64>, FormatError> {
+    pub(crate) fn skip_line(&mut self) -> Result<Option<u64>, FormatError> {
         self.skip_byte_order_mark()?;
         if !self.fill(1)? {
             return Ok(None);
@@ -247,9 +249,9 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// If reading fails or the word is longer than 256 bytes.
-    pub fn word(&mut self) -> Result<Option<&[u8]>, FormatError> {
+    pub(crate) fn word(&mut self) -> Result<Option<&[u8]>, FormatError> {
         self.skip_byte_order_mark()?;
-        const MAX_WORD: usize = 256;
+        const MAX_WORD_BYTES: usize = 256;
         loop {
             if !self.fill(1)? {
                 self.ending = Ending::EndOfFile;
@@ -276,7 +278,7 @@ impl<'a> Source<'a> {
                 break searched + found;
             }
             searched = bytes.len();
-            if searched > MAX_WORD {
+            if searched > MAX_WORD_BYTES {
                 break searched;
             }
             if !self.fill(searched + 1)? {
@@ -284,9 +286,9 @@ impl<'a> Source<'a> {
                 break searched;
             }
         };
-        if length > MAX_WORD {
+        if length > MAX_WORD_BYTES {
             self.lines += 1;
-            return Err(self.at_line(Problem::Value(format!("a word is longer than {MAX_WORD} bytes"))));
+            return Err(self.at_line(Problem::Value(format!("a word is longer than {MAX_WORD_BYTES} bytes"))));
         }
         let from = self.start;
         self.consume(length);
@@ -294,22 +296,22 @@ impl<'a> Source<'a> {
     }
 
     /// A problem with the whole stream.
-    pub fn whole(&self, problem: Problem) -> FormatError {
+    pub(crate) fn whole(&self, problem: Problem) -> FormatError {
         FormatError::whole(&self.path, problem)
     }
 
     /// A problem in the line of which [`Self::word`] gave the last word.
-    pub fn in_line(&self, problem: Problem) -> FormatError {
+    pub(crate) fn in_line(&self, problem: Problem) -> FormatError {
         FormatError::at(&self.path, Location::Line(self.lines + 1), problem)
     }
 
     /// A problem in the line that was taken last.
-    pub fn at_line(&self, problem: Problem) -> FormatError {
+    pub(crate) fn at_line(&self, problem: Problem) -> FormatError {
         FormatError::at(&self.path, Location::Line(self.lines), problem)
     }
 
     /// A problem at a byte.
-    pub fn at_byte(&self, byte: u64, problem: Problem) -> FormatError {
+    pub(crate) fn at_byte(&self, byte: u64, problem: Problem) -> FormatError {
         FormatError::at(&self.path, Location::Byte(byte), problem)
     }
 }

@@ -48,7 +48,7 @@ impl LabelKind {
     /// Both kinds.
     pub const ALL: [Self; 2] = [Self::Label, Self::Instance];
 
-    /// Its name: that of the property of a PLY.
+    /// The name of the property of a PLY.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -66,7 +66,7 @@ pub enum SplatsError {
     Length {
         /// Name of the array.
         array: &'static str,
-        /// Its length.
+        /// Length of the array.
         found: usize,
         /// The length that fits `means`.
         expected: usize,
@@ -139,7 +139,7 @@ impl Splats {
     }
 
     /// Makes it `count` splats, new ones with all values 0.
-    pub fn resize(&mut self, count: usize) {
+    pub(crate) fn resize(&mut self, count: usize) {
         let sh_size = count * self.sh_stride();
         self.means.resize(count, [0.0; 3]);
         self.quats.resize(count, [0.0; 4]);

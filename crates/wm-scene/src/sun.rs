@@ -75,7 +75,7 @@ impl SunPosition {
 
     /// Unit vector towards the sun, along east, north and up.
     #[must_use]
-    pub fn east_north_up(&self) -> [f64; 3] {
+    pub(crate) fn east_north_up(&self) -> [f64; 3] {
         let ((sin, cos), (up, level)) = (self.azimuth.sin_cos(), self.elevation.sin_cos());
         [level * sin, level * cos, up]
     }

@@ -226,7 +226,7 @@ pub fn aerial(seed: u64) -> Builder {
     place
 }
 
-/// The same place turned, scaled and moved: `p -> rotation * (scale p) + shift`.
+/// Turns, scales and moves a place: `p -> rotation * (scale p) + shift`.
 #[must_use]
 pub fn moved(splats: &Splats, rotation: DQuat, scale: f64, shift: DVec3) -> Splats {
     let mut out = splats.clone();

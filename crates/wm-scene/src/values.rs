@@ -8,8 +8,8 @@
 //! | a coordinate that is NaN, infinite or beyond [`FARTHEST`] | a fault | |
 //! | a logarithm of a scale that is NaN or above [`MAX_LOG_SCALE`] | a fault | |
 //! | a logit that is NaN | a fault | |
-//! | a part of a quaternion that is NaN or beyond [`LONGEST_QUAT`] | a fault | |
-//! | a coefficient of colour that is NaN or beyond [`LARGEST_SH`] | a fault | |
+//! | a part of a quaternion that is NaN or beyond 1e15 | a fault | |
+//! | a coefficient of colour that is NaN or beyond 1e6 | a fault | |
 //! | a row of zeros: position, rotation, scales, opacity and colour | a fault: a row that was never filled | |
 //!
 //! A reader gives a splat with a fault as the file has it. [`Splats::check_finite`] refuses such
@@ -28,15 +28,15 @@ pub const MAX_LOG_SCALE: f32 = 30.0;
 
 /// The stored scale that stands for a flat axis in tables and ranges, which hold no infinity:
 /// 10^-13 units.
-pub const FLAT_LOG_SCALE: f32 = -30.0;
+pub(crate) const FLAT_LOG_SCALE: f32 = -30.0;
 
 /// Largest part of a quaternion, either sign: the square of its length stays within single
 /// precision.
-pub const LONGEST_QUAT: f32 = 1e15;
+pub(crate) const MAX_QUAT: f32 = 1e15;
 
 /// Largest coefficient of spherical harmonics, either sign: a light a million times as bright as
 /// white.
-pub const LARGEST_SH: f32 = 1e6;
+pub(crate) const MAX_SH: f32 = 1e6;
 
 /// The faults of one splat, array by array.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,11 +47,11 @@ pub struct Faults {
     pub scale: bool,
     /// The opacity is NaN.
     pub opacity: bool,
-    /// The quaternion is NaN, infinite or beyond [`LONGEST_QUAT`].
+    /// The quaternion is NaN, infinite or beyond 1e15.
     pub quat: bool,
     /// The quaternion is zero. It is drawn as no rotation, and only told.
     pub zero_quat: bool,
-    /// A colour coefficient is NaN, infinite or beyond [`LARGEST_SH`].
+    /// A colour coefficient is NaN, infinite or beyond 1e6.
     pub sh: bool,
     /// All values are zero.
     pub blank: bool,
@@ -60,7 +60,7 @@ pub struct Faults {
 impl Faults {
     /// Returns true if the splat cannot be drawn.
     #[must_use]
-    pub fn is_fatal(self) -> bool {
+    pub(crate) fn is_fatal(self) -> bool {
         Self { zero_quat: false, ..self } != Self::default()
     }
 }
@@ -87,9 +87,9 @@ impl Splats {
             mean: !within(mean, FARTHEST),
             scale: !log_scale.iter().all(|v| *v <= MAX_LOG_SCALE),
             opacity: logit.is_nan(),
-            quat: !within(quat, LONGEST_QUAT),
+            quat: !within(quat, MAX_QUAT),
             zero_quat,
-            sh: !within(sh, LARGEST_SH),
+            sh: !within(sh, MAX_SH),
             blank: zero_quat && logit == 0.0 && is_zero(mean) && is_zero(log_scale) && is_zero(sh),
         }
     }
@@ -104,7 +104,7 @@ mod tests {
     fn the_table_is_kept() {
         let sound = Splat {
             mean: [FARTHEST, 2.0, -FARTHEST],
-            quat: [LONGEST_QUAT, 0.0, 0.0, 0.0],
+            quat: [MAX_QUAT, 0.0, 0.0, 0.0],
             log_scale: [MAX_LOG_SCALE, f32::NEG_INFINITY, -2.0],
             logit_opacity: f32::INFINITY,
             rgb: [0.25, 0.5, 0.75],

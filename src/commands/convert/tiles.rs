@@ -7,7 +7,8 @@ use anyhow::{Result, bail};
 use rayon::prelude::*;
 use std::path::Path;
 use wm_scene::formats::folder::scene_file;
-use wm_scene::levels::{LevelIndex, TileOptions, TilePlan};
+use wm_scene::levels::{LevelIndex, TilePlan};
+use wm_scene::sh::MAX_DEGREE;
 
 /// Tiles that are written one after the other on one thread, so that they share what is read for
 /// them.
@@ -42,8 +43,7 @@ pub(super) fn write(path: &Path, out: &Path, args: &ConvertArgs) -> Result<Strin
         );
     }
     let index = LevelIndex::open(&main)?;
-    let options = TileOptions { sh_degree: change.sh_degree.unwrap_or(TileOptions::default().sh_degree) };
-    let plan = TilePlan::new(&index, out, options)?;
+    let plan = TilePlan::new(&index, out, change.sh_degree.unwrap_or(MAX_DEGREE))?;
     let bar = progress::bar(plan.len() as u64, "tiles");
     let threads = args.run.threads.map_or(0, usize::from);
     let starts: Vec<usize> = (0..plan.len()).step_by(TOGETHER).collect();

@@ -19,7 +19,7 @@ use serde::{Deserialize, Deserializer};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 use wm_scene::FormatError;
-use wm_scene::file_index::{FileIndex, FileKind, FilePlace, Found};
+use wm_scene::file_index::{FileIndex, FileKind, FilePlace, FoundFile};
 use wm_scene::capture::Distortion;
 
 /// The entry of [`super::LOG_FORMATS`].
@@ -441,7 +441,7 @@ fn assemble(
         }
         let found = files.find(&record.filename).map_err(|e| fault(files.folder(), e.to_string()));
         let Some(found) = records.sound("names of files", found)? else { continue };
-        let Some(Found { path: file, place }) = found else {
+        let Some(FoundFile { path: file, place }) = found else {
             records.lost("pictures and sweeps of the scene have no file", 1);
             missing.get_or_insert_with(|| files.folder().join(&record.filename));
             continue;

@@ -19,7 +19,7 @@ use crate::{MediaError, PictureSize};
 const MESSAGES: u64 = 1 << 16;
 
 /// Passes frame by frame.
-pub struct FfmpegSink {
+pub(crate) struct FfmpegSink {
     settings: VideoSettings,
     yuv: Yuv420,
     output: TempFile,
@@ -40,7 +40,7 @@ impl FfmpegSink {
     ///
     /// # Errors
     /// ffmpeg is not on PATH; the file cannot be made.
-    pub fn create(path: &Path, settings: VideoSettings) -> Result<Self, MediaError> {
+    pub(crate) fn create(path: &Path, settings: VideoSettings) -> Result<Self, MediaError> {
         Self::start("ffmpeg", path, settings)
     }
 

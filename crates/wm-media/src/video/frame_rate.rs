@@ -54,7 +54,7 @@ impl FrameRate {
 
     /// Frames per second.
     #[must_use]
-    pub fn hz(self) -> f64 {
+    pub(crate) fn hz(self) -> f64 {
         f64::from(self.numerator) / f64::from(self.denominator)
     }
 

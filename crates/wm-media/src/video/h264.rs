@@ -27,7 +27,7 @@ use crate::{MediaError, PictureSize};
 /// Quantisation parameter without a bitrate. At 14 a coefficient's step is 3.25, and the dither's 4
 /// (one step of brightness in 4x4 pixels) survives it; from 18 on it does not, and contours appear.
 const QUALITY_QP: u8 = 14;
-/// Those that rate control may choose from; OpenH264 goes no lower than 12.
+/// Quantisation parameters that rate control may choose; OpenH264 goes no lower than 12.
 const RATE_QPS: (u8, u8) = (12, 44);
 /// Bits per second it takes for granted, within the highest level of H.264.
 const BITRATES: (f64, f64) = (10_000.0, 240e6);
@@ -39,7 +39,7 @@ const MOST_TRIES: u32 = 1000;
 const COARSER: u8 = 6;
 
 /// Encodes frame by frame.
-pub struct H264Sink {
+pub(crate) struct H264Sink {
     settings: VideoSettings,
     encoder: Encoder,
     /// Added to all QPs so far.
@@ -57,7 +57,7 @@ impl H264Sink {
     ///
     /// # Errors
     /// The size is beyond OpenH264; the file cannot be made.
-    pub fn create(path: &Path, settings: VideoSettings) -> Result<Self, MediaError> {
+    pub(super) fn create(path: &Path, settings: VideoSettings) -> Result<Self, MediaError> {
         let PictureSize { width, height } = settings.size;
         if width.max(height) > 3840 || width.min(height) > 2160 || width.min(height) < 16 {
             let limits = "16 to 3840x2160 or 2160x3840";

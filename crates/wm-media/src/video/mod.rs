@@ -39,7 +39,7 @@ pub enum VideoEncoder {
 /// The settings of a video.
 #[derive(Clone, Debug)]
 pub struct VideoSettings {
-    /// Of every frame; both sides even.
+    /// Size of every frame; both sides even.
     pub size: PictureSize,
     /// Frames per second.
     pub frame_rate: FrameRate,

@@ -30,7 +30,7 @@ use crate::{MediaError, PictureSize, Tags};
 
 /// Collects samples and becomes the file.
 #[derive(Debug)]
-pub struct Mp4Writer {
+pub(crate) struct Mp4Writer {
     size: PictureSize,
     rate: FrameRate,
     /// Samples one after the other, beside the final file.
@@ -45,11 +45,11 @@ pub struct Mp4Writer {
 
 /// NAL units that say how to decode the others, without start codes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ParameterSets {
+pub(crate) struct ParameterSets {
     /// Sequence parameter set.
-    pub sps: Vec<u8>,
+    pub(crate) sps: Vec<u8>,
     /// Picture parameter set.
-    pub pps: Vec<u8>,
+    pub(crate) pps: Vec<u8>,
 }
 
 impl Mp4Writer {
@@ -57,18 +57,18 @@ impl Mp4Writer {
     ///
     /// # Errors
     /// No temporary file can be made beside `target`.
-    pub fn create(target: &Path, size: PictureSize, rate: FrameRate) -> Result<Self, MediaError> {
+    pub(super) fn create(target: &Path, size: PictureSize, rate: FrameRate) -> Result<Self, MediaError> {
         let samples = BufWriter::with_capacity(1 << 18, temporary(target)?);
         Ok(Self { size, rate, samples, sizes: Vec::new(), keyframes: Vec::new(), length: 0 })
     }
 
     /// The name of the final file.
-    pub fn target(&self) -> &Path {
+    pub(super) fn target(&self) -> &Path {
         self.samples.get_ref().target()
     }
 
     /// Samples so far.
-    pub fn count(&self) -> u64 {
+    pub(super) fn count(&self) -> u64 {
         self.sizes.len() as u64
     }
 
@@ -76,7 +76,7 @@ impl Mp4Writer {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn sample(&mut self, bytes: &[u8], keyframe: bool) -> Result<(), MediaError> {
+    pub(super) fn sample(&mut self, bytes: &[u8], keyframe: bool) -> Result<(), MediaError> {
         self.samples.write_all(bytes).map_err(|source| MediaError::write(self.target(), source))?;
         self.sizes.push(u32::try_from(bytes.len()).expect("a frame below 4 GiB"));
         if keyframe {
@@ -91,7 +91,7 @@ impl Mp4Writer {
     ///
     /// # Errors
     /// No sample was added; it cannot be written.
-    pub fn finish(self, sets: &ParameterSets, tags: &Tags) -> Result<u64, MediaError> {
+    pub(super) fn finish(self, sets: &ParameterSets, tags: &Tags) -> Result<u64, MediaError> {
         let target = self.target().to_path_buf();
         let failed = |source: io::Error| MediaError::write(&target, source);
         let refused = |error: shiguredo_mp4::Error| MediaError::Format {

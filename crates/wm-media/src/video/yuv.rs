@@ -31,7 +31,7 @@ const CR_SCALE: f32 = 224.0 / 1.5748;
 
 /// One frame's planes and the means to fill them, allocated once.
 #[derive(Debug)]
-pub struct Yuv420 {
+pub(crate) struct Yuv420 {
     size: PictureSize,
     dither: Dither,
     /// Y `[H, W]`, then Cb and Cr, each `[H/2, W/2]`.
@@ -49,7 +49,7 @@ const BLOCK: usize = 4;
 impl Yuv420 {
     /// For frames of `size`, which has even sides.
     #[must_use]
-    pub fn new(size: PictureSize, dither: Dither) -> Self {
+    pub(crate) fn new(size: PictureSize, dither: Dither) -> Self {
         assert!(size.width.is_multiple_of(2) && size.height.is_multiple_of(2), "an odd side: {size:?}");
         let width = size.width as usize;
         let (cb, cr) = (vec![0.0; width + 1], vec![0.0; width + 1]);
@@ -58,7 +58,7 @@ impl Yuv420 {
     }
 
     /// Fills the planes from `rgb [H, W, 3]`, sRGB-encoded 0-1; what lies outside is clipped.
-    pub fn convert(&mut self, rgb: &[f32]) {
+    pub(crate) fn convert(&mut self, rgb: &[f32]) {
         let Self { size, dither, bytes, cb, cr, offsets: [y_offsets, cb_offsets, cr_offsets] } = self;
         size.expect("rgb", rgb, 3);
         let width = size.width as usize;
@@ -83,14 +83,14 @@ impl Yuv420 {
 
     /// All three planes, one after the other.
     #[must_use]
-    pub fn bytes(&self) -> &[u8] {
+    pub(crate) fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
     /// Y `[H, W]`, Cb and Cr `[H/2, W/2]`.
     #[cfg(any(feature = "h264", test))]
     #[must_use]
-    pub fn planes(&self) -> [&[u8]; 3] {
+    pub(super) fn planes(&self) -> [&[u8]; 3] {
         let pixels = self.size.pixels();
         let (y, chroma) = self.bytes.split_at(pixels);
         let (cb, cr) = chroma.split_at(pixels / 4);

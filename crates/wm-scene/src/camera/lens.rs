@@ -6,10 +6,10 @@ use crate::capture::Distortion;
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Points looked at along each side of a picture for folds of the lens.
-const EDGE: u32 = 64;
-/// Steps along the angle from the axis in which a fisheye is looked at for folds.
-const STEPS: u32 = 512;
+/// Points along each side of a picture at which the lens is checked for folds.
+const EDGE_SAMPLES: u32 = 64;
+/// Steps of the angle from the axis at which a fisheye is checked for folds.
+const ANGLE_STEPS: u32 = 512;
 
 /// The projection of a lens, with the focal lengths, the principal point, the size and the pose of
 /// a [`Camera`].
@@ -38,22 +38,15 @@ impl LensModel {
     /// # Errors
     /// [`CameraError`] if the size makes no picture or the angle is not above 0 and at most 360
     /// degrees.
-    pub fn fisheye((width, height): (u32, u32), degrees: f64) -> Result<(Self, Camera), CameraError> {
+    pub fn fisheye(size: (u32, u32), degrees: f64) -> Result<(Self, Camera), CameraError> {
+        let (width, height) = size;
         if !(degrees > 0.0 && degrees <= 360.0) {
             let expected = "a fisheye shows more than 0 and at most 360 degrees";
             return Err(CameraError::Value { field: "fov", value: degrees, expected });
         }
         let focal = f64::from(width.min(height)) / degrees.to_radians();
-        let camera = Camera {
-            width,
-            height,
-            fx: focal,
-            fy: focal,
-            cx: 0.5 * f64::from(width),
-            cy: 0.5 * f64::from(height),
-            viewmat: glam::DMat4::IDENTITY,
-            near: Camera::DEFAULT_NEAR,
-        };
+        let center = [0.5 * f64::from(width), 0.5 * f64::from(height)];
+        let camera = Camera::pinhole(size, [focal; 2], center);
         camera.check()?;
         Ok((Self::Fisheye { radial: [0.0; 4], widest: 0.5 * degrees.to_radians() }, camera))
     }
@@ -72,8 +65,8 @@ impl LensModel {
                 if let Some(bad) = distortion.coefficients().into_iter().find(|v| !v.is_finite()) {
                     return Err(CameraError::Lens(format!("a coefficient is {bad}: must be finite")));
                 }
-                for step in 0..=EDGE {
-                    let share = f64::from(step) / f64::from(EDGE);
+                for step in 0..=EDGE_SAMPLES {
+                    let share = f64::from(step) / f64::from(EDGE_SAMPLES);
                     for (x, y) in [(share, 0.0), (share, 1.0), (0.0, share), (1.0, share)] {
                         let (x, y) = (x * width, y * height);
                         if self.ray(camera, [x, y]).is_none() {
@@ -95,8 +88,8 @@ impl LensModel {
                     .max(corner(width, 0.0))
                     .max(corner(0.0, height))
                     .max(corner(width, height));
-                for step in 0..=STEPS {
-                    let angle = widest.min(PI) * f64::from(step) / f64::from(STEPS);
+                for step in 0..=ANGLE_STEPS {
+                    let angle = widest.min(PI) * f64::from(step) / f64::from(ANGLE_STEPS);
                     let (radius, slope) = radius_of(radial, angle);
                     if slope <= 0.0 {
                         return Err(CameraError::Lens(format!(
@@ -117,7 +110,8 @@ impl LensModel {
     /// 0.5, 0.5): length 1, camera axes (x right, y down, z forward). `None` where the lens shows
     /// nothing.
     #[must_use]
-    pub fn ray(&self, camera: &Camera, [x, y]: [f64; 2]) -> Option<DVec3> {
+    pub fn ray(&self, camera: &Camera, point: [f64; 2]) -> Option<DVec3> {
+        let [x, y] = point;
         let (u, v) = ((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy);
         match self {
             Self::Perspective(distortion) => {
@@ -179,7 +173,8 @@ impl LensModel {
 
 /// Distance from the principal point, focal lengths, at which a fisheye shows an angle from its
 /// axis, and its derivative.
-fn radius_of([k1, k2, k3, k4]: &[f64; 4], angle: f64) -> (f64, f64) {
+fn radius_of(radial: &[f64; 4], angle: f64) -> (f64, f64) {
+    let [k1, k2, k3, k4] = radial;
     let square = angle * angle;
     let radius = angle * (1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4))));
     let slope = 1.0 + square * (3.0 * k1 + square * (5.0 * k2 + square * (7.0 * k3 + square * 9.0 * k4)));

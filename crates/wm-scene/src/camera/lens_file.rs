@@ -5,7 +5,6 @@ use crate::capture::Distortion;
 use crate::error::{FormatError, Location, Problem, one_line};
 use crate::files;
 use crate::formats::sidecar::line_column;
-use glam::DMat4;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -81,17 +80,8 @@ fn parse(text: &str) -> Result<(LensModel, Camera), (Location, String)> {
         (None, false) => return Err((Location::Whole, "focal is missing: two lengths in px".into())),
         (Some(_), true) => return Err((of_key("focal"), "a panorama has no focal length".into())),
     };
-    let [cx, cy] = file.center.unwrap_or([half_width, half_height]);
-    let camera = Camera {
-        width,
-        height,
-        fx: focal[0],
-        fy: focal[1],
-        cx,
-        cy,
-        viewmat: DMat4::IDENTITY,
-        near: Camera::DEFAULT_NEAR,
-    };
+    let center = file.center.unwrap_or([half_width, half_height]);
+    let camera = Camera::pinhole((width, height), focal, center);
     let most = match file.model.as_str() {
         "OPENCV" => 5,
         "OPENCV_FISHEYE" => 4,

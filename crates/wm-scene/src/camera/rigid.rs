@@ -4,7 +4,7 @@ use super::viewmat_of;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use thiserror::Error;
 
-/// Most by which an element of `R R^T` may differ from the identity for
+/// Largest difference of an element of `R R^T` from the identity for
 /// [`Camera::check`](super::Camera::check).
 ///
 /// Rotations come from files as `f32`, at most 2^-25 off an element, or with six decimals, at most
@@ -12,9 +12,9 @@ use thiserror::Error;
 /// `2 sqrt(3) e` at most, 1.7e-6 for six decimals; a chain of six such rotations (scene, dataset
 /// and camera transforms of other programs) adds up to 1e-5. In a picture 1000 px wide this is 0.01
 /// px.
-pub const RIGID_TOLERANCE: f64 = 1e-5;
+const RIGID_TOLERANCE: f64 = 1e-5;
 
-/// Most by which an element of `R R^T` may differ in files that say what a matrix is: three
+/// Largest such difference in files that state what a matrix is: three
 /// decimals. Such a matrix is replaced by the nearest rotation.
 const FILE_TOLERANCE: f64 = 1e-3;
 
@@ -29,7 +29,7 @@ pub enum PoseFault {
     Scaled {
         /// The row.
         row: usize,
-        /// Its length.
+        /// Length of the row.
         length: f64,
     },
     /// Two rows are not perpendicular.
@@ -53,7 +53,7 @@ pub enum PoseFault {
 ///
 /// # Errors
 /// [`PoseFault`] says what is wrong with it.
-pub fn check_rigid(pose: &DMat4) -> Result<(), PoseFault> {
+pub(super) fn check_rigid(pose: &DMat4) -> Result<(), PoseFault> {
     if let Some(value) = pose.to_cols_array().into_iter().find(|value| !value.is_finite()) {
         return Err(PoseFault::NotFinite(value));
     }

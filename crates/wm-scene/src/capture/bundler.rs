@@ -6,35 +6,44 @@
 //! whose size is read from its header. A camera with a focal length of 0 was not registered. Points
 //! have a place, a colour, and where they were seen, from the middle of the photo with y up.
 
-use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, Observation, SparsePoints, Want, header, places};
-use crate::{Camera, FormatError, Problem, camera::{rotation_of, viewmat_of}, error::{number, one_line}, source::Source};
+use super::{
+    Capture, CaptureOptions, CaptureView, Distortion, Observation, ReadScope, SparsePoints, find_main,
+    header, places,
+};
+use crate::{
+    Camera, FormatError, Problem,
+    camera::{rotation_of, viewmat_of},
+    error::{number, one_line},
+    source::Source,
+};
 use glam::{DMat3, DMat4, DVec3};
 use std::path::{Path, PathBuf};
-
-/// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: CaptureFormat =
-    CaptureFormat { name: "Bundler", about: "bundle.out of Bundler with its list of photos", read };
 
 /// The paths of the file within a data set, in the order in which they are tried.
 const FILES: [&str; 3] = ["bundle.out", "bundle/bundle.out", "bundle.rd.out"];
 /// The list of photos, beside it or in the data set; else any other file whose name ends in `.lst`.
-const LISTS: [&str; 5] = ["list.txt", "bundle.list.txt", "bundle.out.list.txt", "imagelist.lst", "imagelist.txt"];
+const LISTS: [&str; 5] =
+    ["list.txt", "bundle.list.txt", "bundle.out.list.txt", "imagelist.lst", "imagelist.txt"];
 
-fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
-    let (path, folder) = if dataset.is_dir() {
-        let known = FILES.iter().map(|name| dataset.join(name)).find(|file| file.is_file());
-        // Any other name, if it says of itself what it is.
-        let named = || with_extension(dataset, "out").filter(|file| is_bundle(file));
-        let Some(file) = known.or_else(named) else { return Ok(None) };
-        (file, dataset.to_path_buf())
-    } else if dataset.extension().is_some_and(|extension| extension == "out") {
-        (dataset.to_path_buf(), dataset.parent().unwrap_or(Path::new("")).to_path_buf())
-    } else {
+pub(super) fn read(
+    dataset: &Path,
+    options: &CaptureOptions,
+    scope: ReadScope,
+) -> Result<Option<Capture>, FormatError> {
+    // Any other name, if it says of itself what it is.
+    let named = || {
+        let file = with_extension(dataset, "out").filter(|file| dataset.is_dir() && is_bundle(file))?;
+        Some((file, dataset.to_path_buf()))
+    };
+    let is_main = |path: &Path| path.extension().is_some_and(|extension| extension == "out");
+    let Some((path, folder)) = find_main(dataset, &FILES, is_main).or_else(named) else {
         return Ok(None);
     };
     let beside = path.parent().unwrap_or(&folder);
-    let lists = [beside, &folder].into_iter().flat_map(|place| LISTS.iter().map(move |name| place.join(name)));
-    let Some(list) = lists.into_iter().find(|list| list.is_file()).or_else(|| with_extension(beside, "lst")) else {
+    let lists =
+        [beside, &folder].into_iter().flat_map(|place| LISTS.iter().map(move |name| place.join(name)));
+    let Some(list) = lists.into_iter().find(|list| list.is_file()).or_else(|| with_extension(beside, "lst"))
+    else {
         let what = "the list of its photos, list.txt or imagelist.lst, is not beside it; export it too";
         return Err(FormatError::whole(&path, Problem::Value(what.into())));
     };
@@ -69,30 +78,29 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
             continue;
         };
         let photo = places::photo(&images, &view).ok_or_else(|| {
-            FormatError::whole(&images.join(&view.file), Problem::Photo("the photo is missing, whose size is needed".into()))
+            FormatError::whole(
+                &images.join(&view.file),
+                Problem::Photo("the photo is missing, whose size is needed".into()),
+            )
         })?;
         let size = header::read_header(&photo)?;
-        let (width, height) = (f64::from(size.width), f64::from(size.height));
-        view.camera = Camera {
-            width: size.width,
-            height: size.height,
-            fx: focal,
-            fy: focal,
-            cx: 0.5 * width,
-            cy: 0.5 * height,
-            viewmat,
-            near: Camera::DEFAULT_NEAR,
-        };
+        let center = [0.5 * f64::from(size.width), 0.5 * f64::from(size.height)];
+        view.camera = Camera { viewmat, ..Camera::pinhole((size.width, size.height), [focal; 2], center) };
         view.distortion = distortion;
         view.camera_id = index as u32 + 1;
-        let fault = |e: crate::CameraError| FormatError::whole(&path, Problem::Value(format!("camera {index}, {}: {e}", one_line(&view.name))));
+        let fault = |e: crate::CameraError| {
+            FormatError::whole(
+                &path,
+                Problem::Value(format!("camera {index}, {}: {e}", one_line(&view.name))),
+            )
+        };
         view.camera.check().map_err(fault)?;
         places_of.push(Some(views.len()));
         views.push(view);
     }
     let mut observations = vec![Vec::new(); views.len()];
     let mut points = SparsePoints::default();
-    if want == Want::Everything {
+    if scope == ReadScope::Everything {
         for _ in 0..point_count {
             words.point(&places_of, &views, &mut points, &mut observations)?;
         }
@@ -101,13 +109,22 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
         let what = "no photo is registered in it; reconstruct the capture again";
         return Err(FormatError::whole(&path, Problem::Value(what.into())));
     }
-    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
+    Ok(Some(Capture {
+        source: dataset.into(),
+        images,
+        views,
+        points,
+        observations,
+        remarks,
+        ..Capture::default()
+    }))
 }
 
 /// The only file in a folder with an extension.
 fn with_extension(folder: &Path, extension: &str) -> Option<PathBuf> {
     let entries = std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path());
-    let mut found = entries.filter(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension)));
+    let mut found =
+        entries.filter(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension)));
     found.next().filter(|_| found.next().is_none())
 }
 
@@ -180,11 +197,9 @@ impl Words<'_, '_> {
         // y and z of the camera change their signs.
         let flip = DVec3::new(1.0, -1.0, -1.0);
         let rotation = DMat3::from_cols(rows[0], -rows[1], -rows[2]).transpose();
-        let fault = |what: String| {
-            self.source.in_line(Problem::Value(format!("{what}; export it again")))
-        };
-        let distortion =
-            Distortion::from_file([k1, k2, 0.0, 0.0, 0.0]).map_err(|what| fault(format!("a camera: {what}")))?;
+        let fault = |what: String| self.source.in_line(Problem::Value(format!("{what}; export it again")));
+        let distortion = Distortion::from_file([k1, k2, 0.0, 0.0, 0.0])
+            .map_err(|what| fault(format!("a camera: {what}")))?;
         let rotation = rotation_of(&rotation)
             .map_err(|e| fault(format!("the rotation of a camera is not a rotation matrix: {e}")))?;
         Ok(Some((focal, distortion, viewmat_of(rotation, translation * flip))))
@@ -223,7 +238,8 @@ mod tests {
     use tempfile::{TempDir, tempdir};
 
     /// The first bytes of a PNG of 800 x 600 px.
-    const PNG: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\x03\x20\0\0\x02\x58\x08\x02\0\0\0CRC_\0\0\0\0IDAT";
+    const PNG: &[u8] =
+        b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\x03\x20\0\0\x02\x58\x08\x02\0\0\0CRC_\0\0\0\0IDAT";
     /// A camera at (0, 0, 5) that looks along -z, one that was not registered, and a point before
     /// the first.
     const WHOLE: &str = "# Bundle file v0.3\n2 1\n700 -0.1 0.01\n1 0 0\n0 1 0\n0 0 1\n0 0 -5\n0 0 0\n0 0 0\n0 0 0\n\
@@ -250,7 +266,10 @@ mod tests {
         let camera = Camera { ..view.camera };
         let (x, y, _) = camera.project(DVec3::new(1.0, 2.0, 0.0)).unwrap();
         let seen = capture.observations[0][0].xy;
-        assert!((x - f64::from(seen[0])).abs() < 1e-3 && (y - f64::from(seen[1])).abs() < 1e-3, "{x} {y} {seen:?}");
+        assert!(
+            (x - f64::from(seen[0])).abs() < 1e-3 && (y - f64::from(seen[1])).abs() < 1e-3,
+            "{x} {y} {seen:?}"
+        );
         assert_eq!((capture.points.colors[0], capture.points.track_lengths[0]), ([10, 20, 30], 1));
     }
 
@@ -280,8 +299,13 @@ mod tests {
             assert!(!message.contains('\n'), "{message}");
         }
         let folder = folder_with(&WHOLE.replace("0 0 1\n0 0 -5", "0 0 2\n0 0 -5"));
-        let say = |folder: &TempDir| capture::read(folder.path(), &CaptureOptions::default()).unwrap_err().to_string();
-        assert!(say(&folder).contains("the rotation of a camera is not a rotation matrix: row 3 has the length 2.0"));
+        let say = |folder: &TempDir| {
+            capture::read(folder.path(), &CaptureOptions::default()).unwrap_err().to_string()
+        };
+        assert!(
+            say(&folder)
+                .contains("the rotation of a camera is not a rotation matrix: row 3 has the length 2.0")
+        );
         let folder = folder_with(WHOLE);
         fs::remove_file(folder.path().join("a.png")).unwrap();
         assert!(say(&folder).contains("the photo is missing, whose size is needed"));

@@ -4,14 +4,14 @@ use super::{Capture, CaptureView, Observation, SparsePoints};
 use crate::{FormatError, Problem, Remark};
 use std::collections::HashSet;
 
-/// Farthest coordinate of a point or camera, scene units: a hundred times the Earth's radius in
+/// Largest coordinate of a point or camera, scene units: a hundred times the Earth's radius in
 /// millimetres.
-pub(super) const FARTHEST: f64 = 1e12;
-/// Points from which on one colour of all says that colours were not read as they were meant.
-const SUSPICIOUS: usize = 10;
+pub(super) const MAX_COORDINATE: f64 = 1e12;
+/// Fewest points whose equal colours are a sign that the colours were not read.
+const MIN_COLORED_POINTS: usize = 10;
 
-/// The shares of the longer side of a photo between which focal lengths lie.
-const FOCAL: std::ops::RangeInclusive<f64> = 1e-2..=1e4;
+/// Range of focal lengths, in longer sides of the photo.
+const FOCAL_RANGE: std::ops::RangeInclusive<f64> = 1e-2..=1e4;
 
 /// Leaves out points that are nowhere and photos that are there twice, and remarks on them and on
 /// colours that all points share.
@@ -27,7 +27,7 @@ pub(super) fn clean(capture: &mut Capture) -> Result<(), FormatError> {
     if absurd > 0 {
         capture.remarks.push(Remark::doubt(
             "absurd-points",
-            format!("{absurd} points are not finite or farther away than {FARTHEST:e} and are left out; look at the model"),
+            format!("{absurd} points are not finite or farther away than {MAX_COORDINATE:e} and are left out; look at the model"),
         ));
     }
     let mut known = HashSet::new();
@@ -52,20 +52,22 @@ pub(super) fn clean(capture: &mut Capture) -> Result<(), FormatError> {
 fn absurd(view: &CaptureView) -> Option<String> {
     let camera = &view.camera;
     let side = f64::from(camera.width.max(camera.height));
-    if let Some(focal) = [camera.fx, camera.fy].into_iter().find(|focal| !FOCAL.contains(&(focal / side))) {
+    if let Some(focal) =
+        [camera.fx, camera.fy].into_iter().find(|focal| !FOCAL_RANGE.contains(&(focal / side)))
+    {
         return Some(format!("has a focal length of {focal:e} px for {} px of width", camera.width));
     }
     if [camera.cx, camera.cy].iter().any(|v| v.abs() > 100.0 * side) {
         return Some(format!("has its principal point at ({:e}, {:e}) px", camera.cx, camera.cy));
     }
     let center = camera.center();
-    (center.abs().max_element() >= FARTHEST)
+    (center.abs().max_element() >= MAX_COORDINATE)
         .then(|| format!("is at ({:e}, {:e}, {:e})", center.x, center.y, center.z))
 }
 
 /// Returns the number of points that were left out.
 fn leave_out_absurd(points: &mut SparsePoints, observations: &mut [Vec<Observation>]) -> usize {
-    let is_sane = |position: &[f64; 3]| position.iter().all(|v| v.abs() < FARTHEST);
+    let is_sane = |position: &[f64; 3]| position.iter().all(|v| v.abs() < MAX_COORDINATE);
     let absurd = points.positions.iter().filter(|position| !is_sane(position)).count();
     if absurd > 0 {
         let mut places = vec![u32::MAX; points.len()];
@@ -88,7 +90,7 @@ fn leave_out_absurd(points: &mut SparsePoints, observations: &mut [Vec<Observati
 
 /// A doubt if all points have one colour.
 fn colors(points: &SparsePoints) -> Option<Remark> {
-    let [r, g, b] = *points.colors.first().filter(|_| points.len() >= SUSPICIOUS)?;
+    let [r, g, b] = *points.colors.first().filter(|_| points.len() >= MIN_COLORED_POINTS)?;
     let all = |is: fn(u8) -> bool| points.colors.iter().flatten().all(|v| is(*v));
     let what = if all(|v| v <= 1) {
         "black".into()

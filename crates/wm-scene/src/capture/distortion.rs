@@ -18,36 +18,37 @@ pub enum Distortion {
     None,
     /// Along the radius alone.
     Radial {
-        /// Of the radius squared.
+        /// Coefficient of the squared radius.
         k1: f64,
-        /// Of its fourth power.
+        /// Coefficient of its fourth power.
         k2: f64,
     },
     /// Radial and tangential.
     OpenCv {
-        /// Of the radius squared.
+        /// Coefficient of the squared radius.
         k1: f64,
-        /// Of its fourth power.
+        /// Coefficient of its fourth power.
         k2: f64,
-        /// Tangential, along y.
+        /// Tangential coefficient, along y.
         p1: f64,
-        /// Tangential, along x.
+        /// Tangential coefficient, along x.
         p2: f64,
-        /// Of the sixth power of the radius.
+        /// Coefficient of its sixth power.
         k3: f64,
     },
 }
 
-/// Points looked at along each edge of a photo.
-const EDGE: u32 = 128;
+/// Points along each edge of a photo at which distortion is inverted.
+const EDGE_SAMPLES: u32 = 128;
 
-/// The largest ratio between a side of the undistorted picture and that of the photo, either way.
-const MOST: f64 = 2.0;
+/// Largest ratio of a side of the undistorted picture to that of the photo.
+const MAX_SIDE_RATIO: f64 = 2.0;
 
 impl Distortion {
     /// The least general form of the coefficients k1, k2, p1, p2 and k3, in OpenCV's order.
     #[must_use]
-    pub fn of([k1, k2, p1, p2, k3]: [f64; 5]) -> Self {
+    pub fn of(coefficients: [f64; 5]) -> Self {
+        let [k1, k2, p1, p2, k3] = coefficients;
         if p1 != 0.0 || p2 != 0.0 || k3 != 0.0 {
             Self::OpenCv { k1, k2, p1, p2, k3 }
         } else if k1 != 0.0 || k2 != 0.0 {
@@ -150,8 +151,8 @@ impl Distortion {
             |px: f64, py: f64| self.undistort((px - camera.cx) / camera.fx, (py - camera.cy) / camera.fy);
         let (mut left, mut right) = (f64::NEG_INFINITY, f64::INFINITY);
         let (mut top, mut bottom) = (f64::NEG_INFINITY, f64::INFINITY);
-        for step in 0..=EDGE {
-            let share = f64::from(step) / f64::from(EDGE);
+        for step in 0..=EDGE_SAMPLES {
+            let share = f64::from(step) / f64::from(EDGE_SAMPLES);
             left = left.max(ideal(0.0, share * height)?.0);
             right = right.min(ideal(width, share * height)?.0);
             top = top.max(ideal(share * width, 0.0)?.1);
@@ -168,7 +169,7 @@ impl Distortion {
 /// lies from the first; what is left over goes to both ends.
 fn side(low: f64, high: f64, photo: f64) -> Option<(u32, f64)> {
     // A side that comes out as a whole number but for rounding keeps it.
-    let length = (high - low + 1e-6).floor().min(MOST * photo);
+    let length = (high - low + 1e-6).floor().min(MAX_SIDE_RATIO * photo);
     (length >= 1.0).then_some((length as u32, 0.5 * (length - high - low)))
 }
 

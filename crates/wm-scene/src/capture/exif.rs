@@ -2,38 +2,37 @@
 //!
 //! Only times of which the time zone is stated are read: the GPS time, which is UTC, else the
 //! camera's clock with its offset. Photos from Mapillary have the time, and the position, in their
-//! description. A block of EXIF may hold any bytes: all offsets are checked, and what cannot be
-//! read is left out.
+//! description. A block of EXIF may hold any bytes: what cannot be read is left out. The crate `exif`
+//! (kamadak-exif) reads the block: it checks all offsets and reads each directory once. It is given
+//! blocks of at most 64 KB, as its own search in files is without a limit.
 
 use super::{Gps, header::Orientation};
+use ::exif::{In, Tag, Value};
 use serde::Deserialize;
 use std::ops::RangeInclusive;
 
 /// The tags of EXIF that are looked at.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Tags {
-    pub orientation: Orientation,
-    pub gps: Option<Gps>,
+    pub(crate) orientation: Orientation,
+    pub(crate) gps: Option<Gps>,
     /// Seconds since 1970, UTC.
-    pub taken: Option<f64>,
+    pub(crate) taken: Option<f64>,
 }
 
-/// A TIFF structure in memory; offsets are from its start and are checked.
-struct Tiff<'a> {
-    bytes: &'a [u8],
-    is_little: bool,
-}
+/// A block of EXIF with the values of its tags.
+struct Block(::exif::Exif);
 
 /// Years of photos with EXIF; clocks that were never set count from 1970 or 1980.
 const YEARS: RangeInclusive<i64> = 1990..=2099;
 
 /// Largest offset of a time zone from UTC, hours.
-const MOST_OFFSET: i64 = 14;
+const MAX_OFFSET_H: i64 = 14;
 
 const SECONDS_A_DAY: i64 = 86_400;
 
 /// Longest description that is read, bytes.
-const DESCRIPTION: usize = 8192;
+const MAX_DESCRIPTION_BYTES: usize = 8192;
 
 /// The JSON object that Mapillary's tools write into the description of a photo. They write numbers
 /// as strings.
@@ -52,24 +51,20 @@ struct Mapillary {
 
 impl Tags {
     /// Reads an EXIF block; broken blocks give what can be read of them.
-    pub fn parse(bytes: &[u8]) -> Self {
-        let is_little = match bytes {
-            [b'I', b'I', 42, 0, ..] => true,
-            [b'M', b'M', 0, 42, ..] => false,
-            _ => return Self::default(),
+    pub(crate) fn parse(block: &[u8]) -> Self {
+        let read = ::exif::Reader::new().continue_on_error(true).read_raw(block.to_vec());
+        let Ok(exif) = read.or_else(|error| error.distill_partial_result(drop)) else {
+            return Self::default();
         };
-        let tiff = Tiff { bytes, is_little };
-        let mut tags = Self::default();
-        let Some(first) = tiff.u32(4) else { return tags };
-        if let Some(entry) = tiff.entry(first, 0x0112) {
-            tags.orientation = tiff.u16(entry + 8).map_or(Orientation::Upright, Orientation::from_number);
-        }
-        let directory = |tag| tiff.entry(first, tag).and_then(|entry| tiff.u32(entry + 8));
-        let (photo, gps) = (directory(0x8769), directory(0x8825));
-        tags.gps = gps.and_then(|directory| tiff.gps(directory));
-        let by_gps = gps.and_then(|directory| tiff.gps_time(directory));
-        tags.taken = by_gps.or_else(|| tiff.clock_time(photo?));
-        if let Some(mapillary) = tiff.text::<DESCRIPTION>(first, 0x010E).and_then(Mapillary::parse) {
+        let block = Block(exif);
+        let orientation = block
+            .value(Tag::Orientation)
+            .and_then(|value| u16::try_from(value.get_uint(0)?).ok())
+            .map_or(Orientation::Upright, Orientation::from_number);
+        let mut tags =
+            Self { orientation, gps: block.gps(), taken: block.gps_time().or_else(|| block.clock_time()) };
+        let description = block.text(Tag::ImageDescription);
+        if let Some(mapillary) = description.and_then(Mapillary::parse) {
             tags.gps = tags.gps.or_else(|| mapillary.gps());
             tags.taken = tags.taken.or_else(|| mapillary.taken());
         }
@@ -80,6 +75,9 @@ impl Tags {
 impl Mapillary {
     /// `None` if the description is any other text.
     fn parse(description: &[u8]) -> Option<Self> {
+        if description.len() > MAX_DESCRIPTION_BYTES {
+            return None;
+        }
         serde_json::from_slice(description).ok()
     }
 
@@ -108,92 +106,59 @@ impl Mapillary {
     }
 }
 
-impl Tiff<'_> {
-    fn at<const N: usize>(&self, offset: usize) -> Option<[u8; N]> {
-        self.bytes.get(offset..)?.first_chunk().copied()
+impl Block {
+    fn value(&self, tag: Tag) -> Option<&Value> {
+        Some(&self.0.get_field(tag, In::PRIMARY)?.value)
     }
 
-    fn u16(&self, offset: usize) -> Option<u16> {
-        let bytes = self.at(offset)?;
-        Some(if self.is_little { u16::from_le_bytes(bytes) } else { u16::from_be_bytes(bytes) })
-    }
-
-    fn u32(&self, offset: usize) -> Option<u32> {
-        let bytes = self.at(offset)?;
-        Some(if self.is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
-    }
-
-    /// The offset of the entry of a tag in a directory.
-    fn entry(&self, directory: u32, tag: u16) -> Option<usize> {
-        let start = directory as usize;
-        let count = usize::from(self.u16(start)?);
-        (0..count).map(|index| start + 2 + 12 * index).find(|at| self.u16(*at) == Some(tag))
-    }
-
-    /// The `N` rationals of a tag.
-    fn rationals<const N: usize>(&self, directory: u32, tag: u16) -> Option<[f64; N]> {
-        const RATIONAL: u16 = 5;
-        let entry = self.entry(directory, tag)?;
-        if self.u16(entry + 2)? != RATIONAL || (self.u32(entry + 4)? as usize) < N {
-            return None;
+    /// The text of a tag up to its first zero.
+    fn text(&self, tag: Tag) -> Option<&[u8]> {
+        match self.value(tag)? {
+            Value::Ascii(texts) => texts.first().map(Vec::as_slice),
+            _ => None,
         }
-        let place = self.u32(entry + 8)? as usize;
-        let mut values = [0.0; N];
-        for (index, value) in values.iter_mut().enumerate() {
-            let at = place.saturating_add(8 * index);
-            let (above, below) = (self.u32(at)?, self.u32(at.saturating_add(4))?);
-            *value = f64::from(above) / f64::from(below);
-        }
-        Some(values)
     }
 
-    /// The text of a tag, at most `N` bytes, up to its first zero.
-    fn text<const N: usize>(&self, directory: u32, tag: u16) -> Option<&[u8]> {
-        const TEXT: u16 = 2;
-        let entry = self.entry(directory, tag)?;
-        if self.u16(entry + 2)? != TEXT {
-            return None;
+    /// The first `N` rationals of a tag.
+    fn rationals<const N: usize>(&self, tag: Tag) -> Option<[f64; N]> {
+        match self.value(tag)? {
+            Value::Rational(values) => Some(values.first_chunk()?.map(|value| value.to_f64())),
+            _ => None,
         }
-        let count = self.u32(entry + 4)? as usize;
-        let place = if count <= 4 { entry + 8 } else { self.u32(entry + 8)? as usize };
-        let text = self.bytes.get(place..)?;
-        let text = &text[..text.len().min(count).min(N)];
-        text.split(|byte| *byte == 0).next()
     }
 
     /// GPSDateStamp and GPSTimeStamp, seconds since 1970, UTC.
-    fn gps_time(&self, directory: u32) -> Option<f64> {
-        let day = days(self.text::<11>(directory, 0x001D)?)?;
-        let [hour, minute, second] = self.rationals::<3>(directory, 7)?;
+    fn gps_time(&self) -> Option<f64> {
+        let day = days(self.text(Tag::GPSDateStamp)?)?;
+        let [hour, minute, second] = self.rationals(Tag::GPSTimeStamp)?;
         Some((day * SECONDS_A_DAY) as f64 + of_day(hour, minute, second)?)
     }
 
     /// DateTimeOriginal and OffsetTimeOriginal, seconds since 1970, UTC.
-    fn clock_time(&self, directory: u32) -> Option<f64> {
-        let text = self.text::<20>(directory, 0x9003)?;
-        let (date, time) = text.split_at_checked(10)?;
+    fn clock_time(&self) -> Option<f64> {
+        let (date, time) = self.text(Tag::DateTimeOriginal)?.split_at_checked(10)?;
         let [b' ', h1, h0, b':', m1, m0, b':', s1, s0] = *time else { return None };
         let [hour, minute, second] = [[h1, h0], [m1, m0], [s1, s0]].map(|two| number(&two));
         let local = of_day(hour? as f64, minute? as f64, second? as f64)?;
-        let offset = offset(self.text::<7>(directory, 0x9011)?)?;
+        let offset = offset(self.text(Tag::OffsetTimeOriginal)?)?;
         Some((days(date)? * SECONDS_A_DAY - offset) as f64 + local)
     }
 
-    fn gps(&self, directory: u32) -> Option<Gps> {
-        let first_byte = |tag| self.entry(directory, tag).and_then(|entry| self.at::<1>(entry + 8));
+    fn gps(&self) -> Option<Gps> {
         let angle = |reference, tag, negative| {
-            let [degrees, minutes, seconds] = self.rationals::<3>(directory, tag)?;
+            let [degrees, minutes, seconds] = self.rationals(tag)?;
             // Some writers leave the seconds 0/0 and put everything into the minutes.
             let seconds = if seconds.is_nan() { 0.0 } else { seconds };
             let angle = degrees + minutes / 60.0 + seconds / 3600.0;
-            Some(if first_byte(reference) == Some([negative]) { -angle } else { angle })
+            let is_negative = self.text(reference).is_some_and(|text| text.first() == Some(&negative));
+            Some(if is_negative { -angle } else { angle })
         };
-        let altitude = self
-            .rationals::<1>(directory, 6)
-            .map(|[metres]| if first_byte(5) == Some([1]) { -metres } else { metres });
+        let is_below_sea = self.value(Tag::GPSAltitudeRef).and_then(|value| value.get_uint(0)) == Some(1);
+        let altitude =
+            self.rationals(Tag::GPSAltitude).map(|[metres]| if is_below_sea { -metres } else { metres });
         Gps {
-            latitude: angle(1, 2, b'S')?,
-            longitude: angle(3, 4, b'W')?,
+            latitude: angle(Tag::GPSLatitudeRef, Tag::GPSLatitude, b'S')?,
+            longitude: angle(Tag::GPSLongitudeRef, Tag::GPSLongitude, b'W')?,
             altitude: altitude.filter(|metres| metres.is_finite()),
         }
         .stated()
@@ -238,7 +203,7 @@ fn offset(text: &[u8]) -> Option<i64> {
     let [sign @ (b'+' | b'-'), h1, h0, b':', m1, m0] = *text else { return None };
     let (hours, minutes) = (number(&[h1, h0])?, number(&[m1, m0])?);
     let seconds = 3600 * hours + 60 * minutes;
-    let is_zone = minutes < 60 && seconds <= 3600 * MOST_OFFSET;
+    let is_zone = minutes < 60 && seconds <= 3600 * MAX_OFFSET_H;
     is_zone.then_some(if sign == b'-' { -seconds } else { seconds })
 }
 

@@ -21,34 +21,29 @@ const fn named(name: &'static str, files: &'static [&'static str], advice: &'sta
     Foreign { name, files, begins: "", advice }
 }
 
-const WRITE: &str = "convert it to a COLMAP model or a transforms.json with the poses of its cameras";
+const CONVERT_ADVICE: &str =
+    "convert it to a COLMAP model or a transforms.json with the poses of its cameras";
+
+const RECORD3D_ADVICE: &str = "convert it with `ns-process-data record3d` of nerfstudio";
 
 const FOREIGN: [Foreign; 27] = [
-    named(
-        "an export of Record3D",
-        &["rgbd", "metadata.json"],
-        "convert it with `ns-process-data record3d` of nerfstudio",
-    ),
+    named("an export of Record3D", &["rgbd", "metadata.json"], RECORD3D_ADVICE),
     named(
         "an export of Record3D",
         &["exr_rgbd"],
         "give its folder to `ns-process-data record3d` of nerfstudio",
     ),
-    named(
-        "an export of Record3D",
-        &["rgb", "depth", "metadata.json"],
-        "convert it with `ns-process-data record3d` of nerfstudio",
-    ),
+    named("an export of Record3D", &["rgb", "depth", "metadata.json"], RECORD3D_ADVICE),
     named(
         "a capture of Record3D",
         &["*.r3d"],
         "export it and convert it with `ns-process-data record3d` of nerfstudio",
     ),
-    named("a scan of ScanNet", &["*.sens"], WRITE),
-    named("a scan of ScanNet", &["color", "pose", "intrinsic"], WRITE),
-    named("a scene of NSVF", &["rgb", "pose", "intrinsics.txt"], WRITE),
-    named("a scan of ARKitScenes", &["lowres_wide.traj"], WRITE),
-    named("a sequence of TUM RGB-D", &["groundtruth.txt", "rgb.txt"], WRITE),
+    named("a scan of ScanNet", &["*.sens"], CONVERT_ADVICE),
+    named("a scan of ScanNet", &["color", "pose", "intrinsic"], CONVERT_ADVICE),
+    named("a scene of NSVF", &["rgb", "pose", "intrinsics.txt"], CONVERT_ADVICE),
+    named("a scan of ARKitScenes", &["lowres_wide.traj"], CONVERT_ADVICE),
+    named("a sequence of TUM RGB-D", &["groundtruth.txt", "rgb.txt"], CONVERT_ADVICE),
     named("a project of Metashape", &["*.psx"], "export the cameras as COLMAP or Bundler"),
     Foreign {
         name: "the cameras of Metashape",
@@ -86,8 +81,8 @@ const FOREIGN: [Foreign; 27] = [
         "export it with `kapture_export_colmap.py`",
     ),
     named("a capture of LLFF", &["poses_bounds.npy"], "give the COLMAP model that its poses were made from"),
-    named("a data set of Mega-NeRF", &["coordinates.pt"], WRITE),
-    named("a data set of NeuS", &["cameras_sphere.npz"], WRITE),
+    named("a data set of Mega-NeRF", &["coordinates.pt"], CONVERT_ADVICE),
+    named("a data set of NeuS", &["cameras_sphere.npz"], CONVERT_ADVICE),
     named("a project of Pix4D", &["*calibrated_camera_parameters.txt"], "export it as Bundler"),
     named("an archive", &["*.zip"], "unpack it and give its folder"),
 ];
@@ -146,16 +141,16 @@ fn names_in(folder: &Path) -> Vec<String> {
 
 /// Returns true if a text is near the beginning of a file, ignoring case.
 fn begins_with(path: &Path, text: &str) -> bool {
-    const LOOKED: u64 = 512;
+    const SNIFFED_BYTES: u64 = 512;
     let mut start = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(LOOKED).read_to_end(&mut start));
+    let read = File::open(path).and_then(|file| file.take(SNIFFED_BYTES).read_to_end(&mut start));
     read.is_ok() && String::from_utf8_lossy(&start).to_lowercase().contains(text)
 }
 
 /// The first folder at most three levels below that has a COLMAP model, relative to `dataset`.
 pub(super) fn model_below(dataset: &Path) -> Option<PathBuf> {
     /// Folders that are looked into.
-    const MOST: usize = 1000;
+    const MAX_FOLDERS: usize = 1000;
     let mut level = vec![PathBuf::new()];
     let mut looked = 0;
     for _ in 0..3 {
@@ -167,7 +162,7 @@ pub(super) fn model_below(dataset: &Path) -> Option<PathBuf> {
                 let whole = dataset.join(&folder);
                 // A run folder has the model that the program made itself.
                 let is_run = folder.extension().is_some_and(|extension| extension == "run");
-                if whole.is_dir() && !is_run && looked < MOST {
+                if whole.is_dir() && !is_run && looked < MAX_FOLDERS {
                     let has = |kind: &str| {
                         ["cameras", "images"]
                             .iter()

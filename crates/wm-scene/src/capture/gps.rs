@@ -28,11 +28,11 @@ pub struct GpsFit {
     /// The direction against gravity, world axes, length 1.
     pub up: DVec3,
     /// True north, level, world axes, length 1.
-    pub north: DVec3,
+    pub(crate) north: DVec3,
     /// The inverse covariance of `up` in world axes, 1/rad^2: how much a turn of it is resisted, by
     /// direction. Small along the direction in which cameras on one line leave it open; zero if
     /// altitudes are missing.
-    pub information: DMat3,
+    pub(crate) information: DMat3,
     /// Median distance between the cameras and the positions of their photos, m.
     pub residual: f64,
     /// Greatest distance between two places along an axis, m, outliers left out.
@@ -41,50 +41,50 @@ pub struct GpsFit {
     pub photos: usize,
 }
 
-/// The least extent of the cameras, m: the error of a good receiver.
-const MIN_EXTENT: f64 = 10.0;
+/// Least extent of the cameras, m: the error of a good receiver.
+const MIN_EXTENT_M: f64 = 10.0;
 
-/// The least ratio of the extent to the residual.
-const MIN_RATIO: f64 = 4.0;
+/// Least ratio of the extent to the residual.
+const MIN_EXTENT_RATIO: f64 = 4.0;
 
-/// Triples that are tried.
+/// Triples of cameras that RANSAC tries.
 const TRIALS: usize = 500;
 
-/// Least error that a place is thought to have, m.
-const FLOOR: f64 = 1.0;
+/// Least error that a position is assumed to have, m.
+const MIN_ERROR_M: f64 = 1.0;
 
-/// Distance from which a place is an outlier: in errors of the fit, and m at least, which no
-/// receiver is off under an open sky.
-const OUTLIER: f64 = 10.0;
-const OUTLIER_METRES: f64 = 50.0;
+/// Least distance of an outlier, in residuals of the fit.
+const OUTLIER_RATIO: f64 = 10.0;
+/// Least distance of an outlier, m: no receiver errs as much under an open sky.
+const OUTLIER_DISTANCE_M: f64 = 50.0;
 
-/// Altitudes that photos are taken at, m above the sea: from the Dead Sea to balloons.
-const ALTITUDES: std::ops::RangeInclusive<f64> = -600.0..=50_000.0;
+/// Altitudes at which photos are taken, m above the sea: from the Dead Sea to balloons.
+const ALTITUDES_M: std::ops::RangeInclusive<f64> = -600.0..=50_000.0;
 
-/// Positions of one flight or walk err alike: no more than this many count as independent.
-const INDEPENDENT: f64 = 8.0;
+/// Most positions that count as independent: those of one flight or walk err alike.
+const MAX_INDEPENDENT: f64 = 8.0;
 
 impl Gps {
     /// `None` if it states no place: not finite, or the 0, 0 that cameras without reception write.
     #[must_use]
-    pub fn stated(self) -> Option<Self> {
+    pub(crate) fn stated(self) -> Option<Self> {
         let Self { latitude, longitude, .. } = self;
         let is_finite = latitude.is_finite() && longitude.is_finite();
         (is_finite && (latitude != 0.0 || longitude != 0.0)).then_some(self)
     }
 
-    /// `None` if it is no place on Earth where photos are taken: not [`Self::stated`], or out of
-    /// range.
+    /// `None` if it is no place on Earth where photos are taken: not finite, the 0, 0 that cameras
+    /// without reception write, or out of range.
     #[must_use]
     pub fn checked(self) -> Option<Self> {
         let Self { latitude, longitude, altitude } = self;
         let in_range = latitude.abs() <= 90.0 && longitude.abs() <= 180.0;
-        let is_high = altitude.is_some_and(|metres| !ALTITUDES.contains(&metres));
+        let is_high = altitude.is_some_and(|metres| !ALTITUDES_M.contains(&metres));
         self.stated().filter(|_| in_range && !is_high)
     }
 
     /// Earth-centred, earth-fixed, m.
-    fn ecef(&self) -> DVec3 {
+    pub(crate) fn ecef(&self) -> DVec3 {
         const RADIUS: f64 = 6_378_137.0;
         const FLATTENING: f64 = 1.0 / 298.257_223_563;
         const ECCENTRICITY2: f64 = FLATTENING * (2.0 - FLATTENING);
@@ -185,7 +185,7 @@ fn fit_checked(both: &[(DVec3, Gps)]) -> Option<(GpsFit, Vec<usize>)> {
     let level = |place: Gps| if is_flat { Gps { altitude: None, ..place } } else { place };
     let pairs: Vec<(DVec3, DVec3)> =
         both.iter().map(|(center, place)| (*center, level(*place).enu_from(&level(origin)))).collect();
-    if pairs.len() < 3 || !(MIN_EXTENT..f64::INFINITY).contains(&extent_of(&pairs)) {
+    if pairs.len() < 3 || !(MIN_EXTENT_M..f64::INFINITY).contains(&extent_of(&pairs)) {
         return None;
     }
     let mut best: Option<(f64, Similarity)> = None;
@@ -207,14 +207,14 @@ fn fit_checked(both: &[(DVec3, Gps)]) -> Option<(GpsFit, Vec<usize>)> {
     }
     let (_, mut fit) = best?;
     for _ in 0..20 {
-        let sigma = (1.5 * fit.residual(&pairs)).max(FLOOR);
+        let sigma = (1.5 * fit.residual(&pairs)).max(MIN_ERROR_M);
         let weighted = pairs.iter().map(|(from, to)| {
             let off = (fit.apply(*from) - *to).length() / sigma;
             (*from, *to, (1.0 + off * off).powi(-2))
         });
         fit = Similarity::of(weighted)?;
     }
-    let far = OUTLIER_METRES.max(OUTLIER * fit.residual(&pairs));
+    let far = OUTLIER_DISTANCE_M.max(OUTLIER_RATIO * fit.residual(&pairs));
     let is_outlier = |(from, to): &(DVec3, DVec3)| (fit.apply(*from) - *to).length() > far;
     let outliers: Vec<usize> = (0..pairs.len()).filter(|index| is_outlier(&pairs[*index])).collect();
     let pairs: Vec<(DVec3, DVec3)> = pairs.into_iter().filter(|pair| !is_outlier(pair)).collect();
@@ -222,8 +222,10 @@ fn fit_checked(both: &[(DVec3, Gps)]) -> Option<(GpsFit, Vec<usize>)> {
         return None;
     }
     let (residual, extent) = (fit.residual(&pairs), extent_of(&pairs));
-    let is_sound =
-        fit.scale.is_finite() && fit.scale > 0.0 && extent >= MIN_EXTENT && extent > MIN_RATIO * residual;
+    let is_sound = fit.scale.is_finite()
+        && fit.scale > 0.0
+        && extent >= MIN_EXTENT_M
+        && extent > MIN_EXTENT_RATIO * residual;
     let found = GpsFit {
         metres_per_unit: fit.scale,
         up: fit.rotation.transpose() * DVec3::Z,
@@ -247,7 +249,7 @@ impl GpsFit {
     /// Standard deviation of [`Self::up`] in the direction in which it is known least, radians;
     /// infinite if it is not known.
     #[must_use]
-    pub fn up_error(&self) -> f64 {
+    pub(crate) fn up_error(&self) -> f64 {
         let (x, y) = horizontals(self.up);
         let [xx, xy, yy] =
             [x.dot(self.information * x), x.dot(self.information * y), y.dot(self.information * y)];
@@ -306,9 +308,9 @@ impl Similarity {
         let spread = pairs.iter().fold(DMat3::ZERO, |sum, (_, to)| sum + outer(*to - self.to, 1.0));
         let trace = spread.col(0).x + spread.col(1).y + spread.col(2).z;
         let count = pairs.len() as f64;
-        let sigma = residual.max(FLOOR);
+        let sigma = residual.max(MIN_ERROR_M);
         let turns = (DMat3::from_diagonal(DVec3::splat(trace)) - spread)
-            * ((INDEPENDENT / count).min(1.0) / (sigma * sigma));
+            * ((MAX_INDEPENDENT / count).min(1.0) / (sigma * sigma));
         // Up is turned by w_x and w_y; a turn about itself, w_z, is left free.
         let [xz, yz, zz] = [turns.col(2).x, turns.col(2).y, turns.col(2).z.max(1e-12)];
         let (xx, xy, yy) =
@@ -327,7 +329,8 @@ impl Similarity {
 }
 
 /// Horn's rotation: the largest eigenvector of a symmetric 4 x 4 matrix of `sum a b^T`.
-fn horn_rotation([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]: [[f64; 3]; 3]) -> DMat3 {
+fn horn_rotation(product: [[f64; 3]; 3]) -> DMat3 {
+    let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = product;
     let matrix = [
         [xx + yy + zz, yz - zy, zx - xz, xy - yx],
         [yz - zy, xx - yy - zz, xy + yx, zx + xz],

@@ -21,65 +21,71 @@ use glam::{DMat2, DMat3, DVec2, DVec3};
 use thiserror::Error;
 
 /// Height above the ground at which people hold cameras, m: that of the eyes of an adult.
-pub const HELD_AT: f64 = 1.6;
+pub const CARRIED_HEIGHT_M: f64 = 1.6;
 
-/// Fewest cameras; a plane through three does not tell how flat the path is.
+/// Fewest cameras: a plane through three does not tell how flat the path is.
 const MIN_CAMERAS: usize = 5;
-/// Median of the pitch up or down, degrees: facades are taken from below at some 12, what looks
-/// down more than this is a drone, or walks around a thing.
-const MAX_PITCH: f64 = 15.0;
-/// Pitch of nine in ten cameras, degrees.
-const MAX_PITCHES: f64 = 30.0;
-/// Deviation of camera heights among neighbours, camera heights: arms up and down are within it,
-/// cranes and stairs are not.
-const MAX_UNEVEN: f64 = 0.3;
-/// The largest distance of points from the path, camera heights: a fall of two in a hundred, as
+/// Largest median pitch up or down, degrees: facades are photographed at some 12 degrees, drones
+/// and circles about an object look down more steeply than this.
+const MAX_MEDIAN_PITCH_DEG: f64 = 15.0;
+/// Largest pitch of nine in ten cameras, degrees.
+const MAX_PITCH_DEG: f64 = 30.0;
+/// Largest deviation of camera heights among neighbours, in camera heights: arms up and down are
+/// within it, cranes and stairs are not.
+const MAX_UNEVENNESS: f64 = 0.3;
+/// Largest distance of points from the path, in camera heights: a fall of two in a hundred, as
 /// yards have for the rain, is an eighth of the height by then; nearer than 3 level pictures may
 /// show no ground.
-const REACH: f64 = 6.0;
-/// The largest error of a point's height from the uncertainty of up, camera heights.
-const MAX_TILT: f64 = 0.1;
-/// Half thickness of the ground, camera heights: kerbs and cobbles, and what up is off by. Once it
-/// is found, twice that is looked at, for its middle.
-const SLAB: f64 = 0.15;
-/// Points below the ground for each on it: mismatches and mirrors; cellars and quays have more.
-const MAX_BELOW: f64 = 0.05;
-/// The largest distance from the path for that, camera heights: beyond its ends the ground may
-/// fall.
-const BESIDE: f64 = 4.0;
-/// Fewest points that were seen past; by chance there are a few.
+const MAX_ASIDE: f64 = 6.0;
+/// Largest error of a point's height from the uncertainty of up, in camera heights.
+const MAX_TILT_ERROR: f64 = 0.1;
+/// Half thickness of the ground, in camera heights: covers kerbs, cobbles and the error of up. Its
+/// middle is then searched in a slab twice as thick.
+const SLAB_HALF: f64 = 0.15;
+/// Most points below the ground for each point on it: mismatches and mirrors; cellars and quays
+/// have more.
+const MAX_BELOW_SHARE: f64 = 0.05;
+/// Largest distance from the path of points that count as below, in camera heights: beyond its ends
+/// the ground may fall.
+const MAX_ASIDE_BELOW: f64 = 4.0;
+/// Fewest ground points that were seen past; by chance there are a few.
 const MIN_POINTS: usize = 20;
-/// Share of them among the points of the slab; of the foot of a wall it is near 0, of streets a
-/// third and more.
-const MIN_SHARE: f64 = 0.15;
-/// Share of the cameras under which they lie; the ground of a walk is seen all along.
-const MIN_SPREAD: f64 = 0.25;
-/// Range of the middle eight in ten of their heights, camera heights: 0.48 is no surface but points
-/// at all heights of the slab that is looked at, a cobbled street between its gutters has 0.34.
-const MAX_RANGE: f64 = 0.4;
-/// Cameras that are this much farther from a point than the nearest tell its depth together, camera
-/// heights: over a few steps arms up and down even out, and a street that rises is followed.
-const TOGETHER: f64 = 1.5;
-/// Radius of the column under a camera in which nothing can lie higher than the ground, camera
-/// heights: the person stood there.
-const COLUMN: f64 = 0.4;
-/// Points in the columns that are passers-by and mismatches.
-const FEW: usize = 3;
-/// Another side that is nearer than this is as likely the ground, ratio.
-const APART: f64 = 2.0;
-/// Errors of what is known of up, radians: the mean of the pictures' ups (how much all are pitched
-/// alike), a picture's x axis.
-const PITCHED: f64 = 0.15;
-const ROLLED: f64 = 0.026;
-/// Cameras that err independently in roll, and in how high they are held: neighbours err alike.
-const INDEPENDENT: [f64; 2] = [4.0, 8.0];
-/// Most points, points of the slab, and lines of sight that are looked at.
-const MOST: [usize; 3] = [40_000, 400, 60_000];
+/// Least share of the points of the slab that were seen past: near 0 at the foot of a wall, a third
+/// and more on streets.
+const MIN_CLEAR_SHARE: f64 = 0.15;
+/// Least share of the cameras under which such points lie: the ground of a walk is seen all along.
+const MIN_CAMERA_SHARE: f64 = 0.25;
+/// Largest range of the middle eight in ten of the heights of such points, in camera heights:
+/// points at all heights of the slab have 0.48, a cobbled street between its gutters 0.34.
+const MAX_HEIGHT_RANGE: f64 = 0.4;
+/// Cameras at most this much farther from a point than the nearest one determine its depth
+/// together, in camera heights: over a few steps arms up and down even out, and a street that rises
+/// is followed.
+const SHARED_REACH: f64 = 1.5;
+/// Radius of the column under a camera in which nothing lies above the ground, in camera heights:
+/// the person stood there.
+const COLUMN_RADIUS: f64 = 0.4;
+/// Most points in the columns that are taken for passers-by and mismatches.
+const MAX_STRAY_POINTS: usize = 3;
+/// Least ratio of the distances of another side and of the ground: a nearer side is as likely the
+/// ground.
+const MIN_SIDE_RATIO: f64 = 2.0;
+/// Standard deviation of the mean of the pictures' ups, radians: how much all are pitched alike.
+const PITCH_ERROR_RAD: f64 = 0.15;
+/// Standard deviation of a picture's x axis from level, radians.
+const ROLL_ERROR_RAD: f64 = 0.026;
+/// Most cameras that count as independent in roll, and in height: neighbours err alike.
+const INDEPENDENT_ROLLS: f64 = 4.0;
+const INDEPENDENT_HEIGHTS: f64 = 8.0;
+/// Most points, points of the slab, and lines of sight that are sampled.
+const MAX_POINTS: usize = 40_000;
+const MAX_SLAB_POINTS: usize = 400;
+const MAX_LINES: usize = 60_000;
 
 /// The ground that the cameras of a walk stand over.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CaptureGround {
-    /// Its normal, away from it, world axes, length 1: up as the path has it, along slopes too.
+    /// The upward normal, world axes, length 1: perpendicular to the path, along slopes too.
     pub up: DVec3,
     /// Mean height of the cameras above it, scene units, above 0.
     pub height: f64,
@@ -124,8 +130,8 @@ struct Pose {
     forward: DVec3,
 }
 
-/// The points that were seen, and the camera and point of each line of sight.
-struct Seen {
+/// Points that were seen, and the indices of the camera and the point of each line of sight.
+struct SightLines {
     points: Vec<DVec3>,
     lines: Vec<(usize, usize)>,
 }
@@ -148,29 +154,29 @@ pub fn ground(capture: &Capture) -> Result<CaptureGround, CaptureGroundError> {
     if poses.len() < MIN_CAMERAS || !are_finite {
         return Err(CaptureGroundError::Few(poses.len()));
     }
-    let seen = Seen::of(capture);
+    let seen = SightLines::from_capture(capture);
     if seen.lines.is_empty() {
         return Err(CaptureGroundError::Blind);
     }
-    let found = under(&poses, &seen)?;
+    let found = ground_under(&poses, &seen)?;
     let turned = |turn: fn(&Pose) -> Pose| poses.iter().map(turn).collect::<Vec<_>>();
     for side in [
         turned(|p| Pose { right: -p.up, up: p.right, ..*p }),
         turned(|p| Pose { right: p.up, up: -p.right, ..*p }),
         turned(|p| Pose { right: -p.right, up: -p.up, ..*p }),
     ] {
-        if under(&side, &seen).is_ok_and(|other| other.height < APART * found.height) {
+        if ground_under(&side, &seen).is_ok_and(|other| other.height < MIN_SIDE_RATIO * found.height) {
             return Err(CaptureGroundError::Sides);
         }
     }
     Ok(found)
 }
 
-impl Seen {
+impl SightLines {
     /// Points that are finite, thinned out where there are very many, and their lines of sight.
-    fn of(capture: &Capture) -> Self {
+    fn from_capture(capture: &Capture) -> Self {
         let positions = &capture.points.positions;
-        let step = positions.len().div_ceil(MOST[0]).max(1);
+        let step = positions.len().div_ceil(MAX_POINTS).max(1);
         let (mut points, mut places) = (Vec::new(), vec![None; positions.len()]);
         for (index, position) in positions.iter().enumerate().step_by(step) {
             let point = DVec3::from_array(*position);
@@ -186,19 +192,19 @@ impl Seen {
             .enumerate()
             .flat_map(|(view, seen)| seen.iter().filter_map(move |one| Some((view, place(one.point)?))));
         let lines: Vec<(usize, usize)> = all.collect();
-        let step = lines.len().div_ceil(MOST[2]).max(1);
+        let step = lines.len().div_ceil(MAX_LINES).max(1);
         Self { points, lines: lines.into_iter().step_by(step).collect() }
     }
 }
 
-/// The same if the cameras were held upright.
-fn under(poses: &[Pose], seen: &Seen) -> Result<CaptureGround, CaptureGroundError> {
+/// Finds the ground of cameras that were held upright.
+fn ground_under(poses: &[Pose], seen: &SightLines) -> Result<CaptureGround, CaptureGroundError> {
     let (up, tilt) = upright(poses)?;
     let mut pitches: Vec<f64> =
         poses.iter().map(|p| p.forward.dot(up).clamp(-1.0, 1.0).asin().to_degrees()).collect();
     let middle = quantile(&mut pitches, 0.5);
     let mut sizes: Vec<f64> = pitches.iter().map(|pitch| pitch.abs()).collect();
-    if middle.abs() > MAX_PITCH || quantile(&mut sizes, 0.9) > MAX_PITCHES {
+    if middle.abs() > MAX_MEDIAN_PITCH_DEG || quantile(&mut sizes, 0.9) > MAX_PITCH_DEG {
         return Err(CaptureGroundError::Pitched(middle));
     }
     let walk = Walk::of(poses, up);
@@ -207,14 +213,14 @@ fn under(poses: &[Pose], seen: &Seen) -> Result<CaptureGround, CaptureGroundErro
     };
     // How far cameras are taken together is told by the height, which is roughly known without.
     let rough = lowest(&depths(0.0)).ok_or(CaptureGroundError::Unclear)?;
-    let depths = depths(TOGETHER * rough);
+    let depths = depths(SHARED_REACH * rough);
     let candidate = lowest(&depths).ok_or(CaptureGroundError::Unclear)?;
     let mut slab: Vec<usize> = (0..depths.len())
-        .filter(|i| depths[*i].counts(candidate) && depths[*i].is_within(2.0 * SLAB, candidate))
+        .filter(|i| depths[*i].counts(candidate) && depths[*i].is_within(2.0 * SLAB_HALF, candidate))
         .collect();
-    let step = slab.len().div_ceil(MOST[1]).max(1);
+    let step = slab.len().div_ceil(MAX_SLAB_POINTS).max(1);
     slab = slab.into_iter().step_by(step).collect();
-    let clear = walk.seen_past(&slab, seen, candidate);
+    let clear = walk.select_seen_past(&slab, seen, candidate);
     let mut below: Vec<f64> = clear.iter().map(|index| depths[*index].down).collect();
     let height = quantile(&mut below, 0.5);
     let range = quantile(&mut below, 0.9) - quantile(&mut below, 0.1);
@@ -222,21 +228,23 @@ fn under(poses: &[Pose], seen: &Seen) -> Result<CaptureGround, CaptureGroundErro
     cameras.sort_unstable();
     cameras.dedup();
     let is_clear = clear.len() >= MIN_POINTS
-        && clear.len() as f64 >= MIN_SHARE * slab.len() as f64
-        && cameras.len() as f64 >= MIN_SPREAD * poses.len() as f64
-        && range <= MAX_RANGE * height;
+        && clear.len() as f64 >= MIN_CLEAR_SHARE * slab.len() as f64
+        && cameras.len() as f64 >= MIN_CAMERA_SHARE * poses.len() as f64
+        && range <= MAX_HEIGHT_RANGE * height;
     let in_column = |low: f64, high: f64| {
-        let is_in =
-            |d: &&Depth| d.aside <= COLUMN * height && d.down >= low * height && d.down <= high * height;
+        let is_in = |d: &&Depth| {
+            d.aside <= COLUMN_RADIUS * height && d.down >= low * height && d.down <= high * height
+        };
         depths.iter().filter(is_in).count()
     };
     // Higher than the ground and lower than a hand: what is stood on, if the surface lies deeper
     // than that.
-    let is_stood_on = in_column(0.1, 0.75) > FEW + in_column(1.0 - SLAB, 1.0 + SLAB) / 5;
+    let is_stood_on =
+        in_column(0.1, 0.75) > MAX_STRAY_POINTS + in_column(1.0 - SLAB_HALF, 1.0 + SLAB_HALF) / 5;
     if !is_clear || is_stood_on {
         return Err(CaptureGroundError::Unclear);
     }
-    if walk.uneven() > MAX_UNEVEN * height {
+    if walk.uneven() > MAX_UNEVENNESS * height {
         return Err(CaptureGroundError::Uneven);
     }
     let center = poses.iter().map(|pose| pose.center).sum::<DVec3>() / poses.len() as f64;
@@ -250,7 +258,7 @@ fn upright(poses: &[Pose]) -> Result<(DVec3, DMat2), CaptureGroundError> {
     let (mut held, mut level, mut path) = (DVec3::ZERO, DMat3::ZERO, DMat3::ZERO);
     for pose in poses {
         held += pose.up / count;
-        level += outer(pose.right, INDEPENDENT[0] / count / ROLLED.powi(2));
+        level += outer(pose.right, INDEPENDENT_ROLLS / count / ROLL_ERROR_RAD.powi(2));
         path += outer(pose.center - center, 1.0);
     }
     let square = path.col(0).x + path.col(1).y + path.col(2).z;
@@ -272,9 +280,9 @@ fn upright(poses: &[Pose]) -> Result<(DVec3, DMat2), CaptureGroundError> {
         if turn > 0 {
             variance = (up.dot(path * up) / (count - 3.0).max(1.0)).max(least);
         }
-        let information = level + path * ((INDEPENDENT[1] / count).min(1.0) / variance);
+        let information = level + path * ((INDEPENDENT_HEIGHTS / count).min(1.0) / variance);
         let (x, y) = horizontals(up);
-        let prior = 1.0 / PITCHED.powi(2);
+        let prior = 1.0 / PITCH_ERROR_RAD.powi(2);
         let pull = information * up + (up - held) * prior;
         let (xx, xy, yy) =
             (x.dot(information * x) + prior, x.dot(information * y), y.dot(information * y) + prior);
@@ -289,11 +297,11 @@ fn upright(poses: &[Pose]) -> Result<(DVec3, DMat2), CaptureGroundError> {
 /// The position of a point relative to the path.
 #[derive(Clone, Copy)]
 struct Depth {
-    /// Its depth below the cameras around it, scene units.
+    /// Depth below the cameras around it, scene units.
     down: f64,
     /// Horizontal distance to the nearest camera, scene units.
     aside: f64,
-    /// The index of that camera.
+    /// Index of that camera.
     camera: usize,
     /// The standard deviation of `down` from the uncertainty of up, scene units.
     error: f64,
@@ -302,7 +310,7 @@ struct Depth {
 impl Depth {
     /// Returns true if it is near enough to count when the ground is `height` below the cameras.
     fn counts(&self, height: f64) -> bool {
-        self.aside <= REACH * height && self.error <= MAX_TILT * height
+        self.aside <= MAX_ASIDE * height && self.error <= MAX_TILT_ERROR * height
     }
 
     /// Returns true if it is on a ground `height` below the cameras, within the share `slab` of
@@ -325,10 +333,12 @@ fn lowest(depths: &[Depth]) -> Option<f64> {
     for height in heights.filter(|height| *height > 0.0) {
         let (mut at, mut below) = (0usize, 0usize);
         for depth in depths.iter().filter(|d| d.counts(height)) {
-            at += usize::from(depth.is_within(SLAB, height));
-            below += usize::from(depth.down > (1.0 + SLAB) * height && depth.aside <= BESIDE * height);
+            at += usize::from(depth.is_within(SLAB_HALF, height));
+            below += usize::from(
+                depth.down > (1.0 + SLAB_HALF) * height && depth.aside <= MAX_ASIDE_BELOW * height,
+            );
         }
-        let is_ground = at >= MIN_POINTS && below as f64 <= MAX_BELOW * at as f64;
+        let is_ground = at >= MIN_POINTS && below as f64 <= MAX_BELOW_SHARE * at as f64;
         if is_ground && best.is_none_or(|(most, _)| at > most) {
             best = Some((at, height));
         }
@@ -404,9 +414,9 @@ impl Walk {
         (off.sum::<f64>() / self.map.len() as f64).sqrt()
     }
 
-    /// Those of `slab` that two lines of sight run low over, on to things at least a camera height
-    /// behind.
-    fn seen_past(&self, slab: &[usize], seen: &Seen, height: f64) -> Vec<usize> {
+    /// Selects the points of `slab` over which two lines of sight run low, on to things at least a
+    /// camera height behind.
+    fn select_seen_past(&self, slab: &[usize], seen: &SightLines, height: f64) -> Vec<usize> {
         struct Line {
             from: DVec2,
             along: DVec2,

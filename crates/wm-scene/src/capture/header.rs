@@ -2,12 +2,17 @@
 //!
 //! JPEG and PNG, with the few tags of EXIF that matter here. Nothing is decoded: a block or two of
 //! the file are read, whatever its size.
+//!
+//! The segments and chunks are walked here, not by the crates imagesize and kamadak-exif: one walk
+//! finds both size and EXIF. imagesize takes a PNG's size from a fixed place, be it cut off or no
+//! picture, refuses JPEGs with padded markers, and goes on into the data of a picture without a
+//! frame header; kamadak-exif reads a whole PNG in search of EXIF. Neither has a limit.
 
 use super::{Gps, exif::Tags};
 use crate::{
     FormatError, Problem,
     error::excerpt,
-    files::{LFS_REFUSED, LONGEST_MARK, is_lfs_pointer},
+    files::{LFS_REFUSED, MARK_BYTES, is_lfs_pointer},
 };
 use std::{
     fs::File,
@@ -67,7 +72,7 @@ pub enum Orientation {
 impl Orientation {
     /// The orientation of EXIF's number; numbers that have none are upright.
     #[must_use]
-    pub fn from_number(number: u16) -> Self {
+    pub(crate) fn from_number(number: u16) -> Self {
         match number {
             2 => Self::Mirrored,
             3 => Self::Turned180,
@@ -104,7 +109,7 @@ impl Orientation {
 }
 
 /// Bytes read at once; most headers lie within.
-const BLOCK: usize = 16 << 10;
+const BLOCK_BYTES: usize = 16 << 10;
 
 /// Most segments or chunks before the picture: more is no photo.
 const MAX_PARTS: usize = 4096;
@@ -118,7 +123,8 @@ pub fn read_header(path: &Path) -> Result<PhotoHeader, FormatError> {
     if file.metadata().is_ok_and(|about| about.is_dir()) {
         return Err(FormatError::whole(path, Problem::Photo("it is a folder, no photo".into())));
     }
-    parse(&mut BufReader::with_capacity(BLOCK, file)).map_err(|problem| FormatError::whole(path, problem))
+    parse(&mut BufReader::with_capacity(BLOCK_BYTES, file))
+        .map_err(|problem| FormatError::whole(path, problem))
 }
 
 /// The header of a photo in memory.
@@ -126,7 +132,7 @@ pub fn read_header(path: &Path) -> Result<PhotoHeader, FormatError> {
 /// # Errors
 /// [`Problem`] as [`read_header`] has it.
 pub fn parse(input: &mut (impl Read + Seek)) -> Result<PhotoHeader, Problem> {
-    let mut start = [0; LONGEST_MARK];
+    let mut start = [0; MARK_BYTES];
     let length = read_up_to(input, &mut start)?;
     let start = &start[..length];
     let kind = match start {

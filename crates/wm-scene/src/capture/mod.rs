@@ -3,26 +3,33 @@
 //!
 //! A format recognises its folders and reads a [`Capture`] from them: cameras with OpenCV axes, the
 //! distortion of their lenses, the points of the reconstruction, and the folder of the photos. The
-//! photos are opened only where a format does not state their size. To add
-//! a format: a module with a `FORMAT`, and its name in the list.
+//! photos are opened only where a format does not state their size. To add a format: a module with a
+//! `read`, and that in the list.
 
+mod bundler;
 mod checks;
+pub mod colmap;
 mod distortion;
 mod exif;
 mod foreign;
 pub mod gps;
 pub mod ground;
 pub mod header;
+mod opensfm;
 mod places;
+mod polycam;
 pub mod site;
 #[cfg(test)]
 mod tests;
+mod transforms;
 pub mod up;
 
-use crate::{Camera, FormatError, Problem, Remark, SceneView, origin};
+use crate::{Camera, FormatError, Problem, Remark, SceneView, error::json_fault, files, origin};
 use glam::DVec3;
+use serde::de::DeserializeOwned;
 use std::{
-    fs,
+    fs::{self, File},
+    io::BufReader,
     path::{Path, PathBuf},
 };
 
@@ -32,31 +39,17 @@ pub use ground::{CaptureGround, CaptureGroundError};
 pub use site::CaptureSite;
 pub use up::CaptureUp;
 
-macro_rules! captures {
-    ($($name:ident),+ $(,)?) => {
-        $(pub mod $name;)+
+/// Reads the capture in a folder, or in a file for formats that are one; `None` if it has another
+/// format.
+type ReadCapture = fn(&Path, &CaptureOptions, ReadScope) -> Result<Option<Capture>, FormatError>;
 
-        /// Every capture format, in the order in which they are tried.
-        pub const FORMATS: &[CaptureFormat] = &[$($name::FORMAT),+];
-    };
-}
-
-captures! { colmap, opensfm, bundler, transforms, polycam }
-
-/// A capture format.
-pub struct CaptureFormat {
-    /// Its name in messages.
-    pub name: &'static str,
-    /// A description in one line.
-    pub about: &'static str,
-    /// The capture in a folder (or a file, for formats that are one); `None` if it is not of
-    /// this format.
-    read: fn(&Path, &CaptureOptions, Want) -> Result<Option<Capture>, FormatError>,
-}
+/// The reader of each format, in the order in which they are tried.
+const READERS: [ReadCapture; 5] =
+    [colmap::read, opensfm::read, bundler::read, transforms::read, polycam::read];
 
 /// The part of a capture that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Want {
+enum ReadScope {
     Views,
     Everything,
 }
@@ -98,7 +91,7 @@ pub struct Capture {
 /// A photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CaptureView {
-    /// Its name: the path in the folder of the photos, with `/` between its parts.
+    /// Name: the path in the folder of the photos, with `/` between its parts.
     pub name: String,
     /// The camera as it took the photo: the size of the photo that the model was made from, pose,
     /// and what a pinhole of these intrinsics would show before the lens bends it.
@@ -133,7 +126,7 @@ pub struct SparsePoints {
 pub struct Observation {
     /// Index into [`SparsePoints`].
     pub point: u32,
-    /// Its position in the photo, px of [`CaptureView::camera`], distortion included.
+    /// Position in the photo, px of [`CaptureView::camera`], distortion included.
     pub xy: [f32; 2],
 }
 
@@ -282,7 +275,7 @@ pub fn folder_of(dataset: &Path) -> &Path {
 /// # Errors
 /// [`FormatError`] if it is missing, of no known format, or broken.
 pub fn read(dataset: &Path, options: &CaptureOptions) -> Result<Capture, FormatError> {
-    read_as(dataset, options, Want::Everything)
+    read_as(dataset, options, ReadScope::Everything)
 }
 
 /// Reads only the cameras of a capture, sorted by name, as photos without distortion have them, in
@@ -291,7 +284,7 @@ pub fn read(dataset: &Path, options: &CaptureOptions) -> Result<Capture, FormatE
 /// # Errors
 /// [`FormatError`] as for [`read`], and if the distortion of a camera cannot be undone.
 pub fn read_views(dataset: &Path) -> Result<Vec<SceneView>, FormatError> {
-    let capture = read_as(dataset, &CaptureOptions::default(), Want::Views)?;
+    let capture = read_as(dataset, &CaptureOptions::default(), ReadScope::Views)?;
     let ideal = capture.views.into_iter().map(|view| match view.undistorted() {
         Some(camera) => Ok(SceneView { name: view.name, camera }),
         None => Err(FormatError::whole(dataset, Problem::Value(folds(&view.name)))),
@@ -307,17 +300,37 @@ pub(crate) fn folds(name: &str) -> String {
     )
 }
 
-fn read_as(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Capture, FormatError> {
+/// The main file of a data set and the folder that the other files are relative to: the first of
+/// `names` that is in the folder `dataset`, or `dataset` itself if it is a file that `is_main` holds
+/// for. `None` if there is none.
+fn find_main(dataset: &Path, names: &[&str], is_main: impl Fn(&Path) -> bool) -> Option<(PathBuf, PathBuf)> {
+    if dataset.is_dir() {
+        let file = names.iter().map(|name| dataset.join(name)).find(|file| file.is_file())?;
+        return Some((file, dataset.to_path_buf()));
+    }
+    let parent = dataset.parent().unwrap_or(Path::new(""));
+    is_main(dataset).then(|| (dataset.to_path_buf(), parent.to_path_buf()))
+}
+
+/// Reads a file of JSON; its errors have line and column.
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, FormatError> {
+    let file = File::open(path).and_then(|file| files::skip_byte_order_mark(BufReader::new(file)));
+    let file = file.map_err(|error| FormatError::reading(path, error))?;
+    let advice = "correct the file or export it again";
+    serde_json::from_reader(file).map_err(|error| json_fault(path, &error, advice))
+}
+
+fn read_as(dataset: &Path, options: &CaptureOptions, scope: ReadScope) -> Result<Capture, FormatError> {
     fs::metadata(dataset).map_err(|e| FormatError::reading(dataset, e))?;
     if let Some(originals) = &options.originals {
         fs::read_dir(originals).map_err(|e| FormatError::reading(originals, e))?;
     }
-    for format in FORMATS {
-        if let Some(mut capture) = (format.read)(dataset, options, want)? {
+    for reader in READERS {
+        if let Some(mut capture) = reader(dataset, options, scope)? {
             capture.sort();
             checks::clean(&mut capture)?;
             // Views are wanted as they are, to be put into scenes that have origins of their own.
-            if want == Want::Everything {
+            if scope == ReadScope::Everything {
                 capture.choose_origin();
             }
             return Ok(capture);

@@ -6,25 +6,20 @@
 //! principal point is measured from the middle. Of the projections perspective, simple_radial,
 //! radial and brown are read.
 
-use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, SparsePoints, Want, places};
+use super::{
+    Capture, CaptureOptions, CaptureView, Distortion, ReadScope, SparsePoints, find_main, places, read_json,
+};
 use crate::{
     Camera, FormatError, Problem, Remark,
     camera::viewmat_of,
-    error::{excerpt, json_fault, one_line},
-    files,
+    error::{excerpt, one_line},
 };
-use glam::{DMat3, DMat4, DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
 use std::{
     collections::BTreeMap,
-    fs::File,
-    io::BufReader,
     path::{Path, PathBuf},
 };
-
-/// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: CaptureFormat =
-    CaptureFormat { name: "OpenSfM", about: "reconstruction.json of OpenSfM or OpenDroneMap", read };
 
 /// The paths of the file within a data set, in the order in which they are tried.
 const FILES: [&str; 2] = ["reconstruction.json", "opensfm/reconstruction.json"];
@@ -83,16 +78,10 @@ impl Lens {
         }
         let side = f64::from(self.width.max(self.height));
         let Some(fx) = self.focal_x.or(self.focal) else { return Err("it has no focal length".into()) };
-        let camera = Camera {
-            width: self.width,
-            height: self.height,
-            fx: fx * side,
-            fy: self.focal_y.unwrap_or(fx) * side,
-            cx: 0.5 * f64::from(self.width) + self.c_x * side,
-            cy: 0.5 * f64::from(self.height) + self.c_y * side,
-            viewmat: DMat4::IDENTITY,
-            near: Camera::DEFAULT_NEAR,
-        };
+        let focal = [fx * side, self.focal_y.unwrap_or(fx) * side];
+        let center =
+            [0.5 * f64::from(self.width) + self.c_x * side, 0.5 * f64::from(self.height) + self.c_y * side];
+        let camera = Camera::pinhole((self.width, self.height), focal, center);
         camera.check().map_err(|e| e.to_string())?;
         let lens = [self.k1, self.k2, self.p1, self.p2, self.k3];
         Ok((camera, Distortion::from_file(lens)?))
@@ -100,27 +89,23 @@ impl Lens {
 }
 
 /// The advice for a lens that is not read.
-const UNDISTORT: &str = "run `opensfm undistort` and give its folder, or reconstruct with the camera model radial";
+const UNDISTORT: &str =
+    "run `opensfm undistort` and give its folder, or reconstruct with the camera model radial";
 
-fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
-    let (path, folder) = if dataset.is_dir() {
-        let Some(name) = FILES.iter().find(|name| dataset.join(name).is_file()) else { return Ok(None) };
-        (dataset.join(name), dataset.to_path_buf())
-    } else if dataset.file_name().is_some_and(|name| name == FILES[0]) {
-        (dataset.to_path_buf(), dataset.parent().unwrap_or(Path::new("")).to_path_buf())
-    } else {
-        return Ok(None);
-    };
-    let file = File::open(&path).and_then(|file| files::skip_byte_order_mark(BufReader::new(file)));
-    let file = file.map_err(|e| FormatError::reading(&path, e))?;
-    let advice = "correct the file or export it again";
-    let all: Vec<Reconstruction> =
-        serde_json::from_reader(file).map_err(|error| json_fault(&path, &error, advice))?;
+pub(super) fn read(
+    dataset: &Path,
+    options: &CaptureOptions,
+    scope: ReadScope,
+) -> Result<Option<Capture>, FormatError> {
+    let is_main = |path: &Path| path.file_name().is_some_and(|name| name == FILES[0]);
+    let Some((path, folder)) = find_main(dataset, &FILES, is_main) else { return Ok(None) };
+    let all: Vec<Reconstruction> = read_json(&path)?;
     let fault = |what: String| FormatError::whole(&path, Problem::Value(one_line(&what)));
     let (parts, shots) = (all.len(), all.iter().map(|one| one.shots.len()).sum::<usize>());
     // Of equal ones the first.
     let largest = all.into_iter().rev().max_by_key(|one| one.shots.len()).filter(|one| !one.shots.is_empty());
-    let one = largest.ok_or_else(|| fault("there are no shots in it; reconstruct the capture again".into()))?;
+    let one =
+        largest.ok_or_else(|| fault("there are no shots in it; reconstruct the capture again".into()))?;
     let mut remarks = Vec::new();
     if shots > one.shots.len() {
         let text = format!(
@@ -148,7 +133,7 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
         views.push(CaptureView { name, camera, distortion, camera_id, file, mask: None, original: None });
     }
     let mut points = SparsePoints::default();
-    if want == Want::Everything {
+    if scope == ReadScope::Everything {
         for point in one.points.values() {
             points.push(point.coordinates, point.color.map(|v| v.clamp(0.0, 255.0) as u8), f32::NAN, 0);
         }
@@ -156,7 +141,15 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     let (images, found) = places::find(&[&folder], options, &places::IMAGES, &mut views)?;
     remarks.extend(found);
     let observations = vec![Vec::new(); views.len()];
-    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
+    Ok(Some(Capture {
+        source: dataset.into(),
+        images,
+        views,
+        points,
+        observations,
+        remarks,
+        ..Capture::default()
+    }))
 }
 
 #[cfg(test)]

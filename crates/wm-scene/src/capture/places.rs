@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 pub(super) const IMAGES: [&str; 8] =
     ["images", "input", "rgb", "images_2", "images_4", "images_8", "photos", ""];
 
-/// Photos by which a folder is chosen.
-const SAMPLE: usize = 16;
+/// Number of photos by which a folder is chosen.
+const SAMPLE_PHOTOS: usize = 16;
 
 /// Returns the photo that a view names in `folder` or below.
 pub(super) fn photo(folder: &Path, view: &CaptureView) -> Option<PathBuf> {
@@ -114,7 +114,7 @@ fn none_in(folder: &Path, kind: &str, names: &[&str]) -> FormatError {
 /// The folder of photos that has most of the names; if none has any, the first that is there, so
 /// that the message about a missing photo names a sensible place.
 fn usual_images(roots: &[&Path], usual: &[&str], names: &[&str]) -> FileIndex {
-    let sample: Vec<&str> = names.iter().step_by(names.len() / SAMPLE + 1).copied().collect();
+    let sample: Vec<&str> = names.iter().step_by(names.len() / SAMPLE_PHOTOS + 1).copied().collect();
     let mut best: Option<(usize, FileIndex)> = None;
     for (up, root) in roots.iter().enumerate() {
         for name in usual {

@@ -6,14 +6,11 @@
 //! confidence and meshes are not read. There are no points.
 
 use super::transforms::viewmat;
-use super::{Capture, CaptureFormat, CaptureOptions, CaptureView, Distortion, Want, places};
+use super::{Capture, CaptureOptions, CaptureView, Distortion, ReadScope, places};
 use crate::error::{json_fault, one_line};
 use crate::{Camera, FormatError, Problem, Remark, files};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
-
-/// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: CaptureFormat = CaptureFormat { name: "Polycam", about: "keyframes of Polycam's raw data", read };
 
 #[derive(Deserialize)]
 struct Shot {
@@ -43,7 +40,11 @@ struct Pose {
     t_23: f64,
 }
 
-fn read(dataset: &Path, options: &CaptureOptions, _want: Want) -> Result<Option<Capture>, FormatError> {
+pub(super) fn read(
+    dataset: &Path,
+    options: &CaptureOptions,
+    _scope: ReadScope,
+) -> Result<Option<Capture>, FormatError> {
     let folders = [dataset.join("keyframes"), dataset.to_path_buf()];
     let kinds = [("corrected_cameras", "corrected_images"), ("cameras", "images")];
     let mut found = None;
@@ -58,21 +59,14 @@ fn read(dataset: &Path, options: &CaptureOptions, _want: Want) -> Result<Option<
     let mut views = Vec::with_capacity(files.len());
     for (index, path) in files.iter().enumerate() {
         let fault = |what: String| FormatError::whole(path, Problem::Value(one_line(&what)));
-        let text = files::read_text(path, files::SMALL_TEXT).map_err(|error| FormatError::reading(path, error))?;
+        let text =
+            files::read_text(path, files::SMALL_TEXT).map_err(|error| FormatError::reading(path, error))?;
         let shot: Shot = serde_json::from_str(&text)
             .map_err(|error| json_fault(path, &error, "export the raw data again"))?;
         let Pose { t_00, t_01, t_02, t_03, t_10, t_11, t_12, t_13, t_20, t_21, t_22, t_23 } = shot.pose;
         let rows = [[t_00, t_01, t_02, t_03], [t_10, t_11, t_12, t_13], [t_20, t_21, t_22, t_23]];
-        let camera = Camera {
-            width: shot.width,
-            height: shot.height,
-            fx: shot.fx,
-            fy: shot.fy,
-            cx: shot.cx,
-            cy: shot.cy,
-            viewmat: viewmat(&rows).map_err(fault)?,
-            near: Camera::DEFAULT_NEAR,
-        };
+        let pinhole = Camera::pinhole((shot.width, shot.height), [shot.fx, shot.fy], [shot.cx, shot.cy]);
+        let camera = Camera { viewmat: viewmat(&rows).map_err(fault)?, ..pinhole };
         camera.check().map_err(|error| fault(format!("{error}; export the raw data again")))?;
         let name = format!("{}.jpg", path.file_stem().unwrap_or_default().to_string_lossy());
         let file = PathBuf::from(&name);
@@ -89,7 +83,10 @@ fn read(dataset: &Path, options: &CaptureOptions, _want: Want) -> Result<Option<
     }
     let mut remarks = Vec::new();
     if images == kinds[1].1 {
-        let text = format!("{} has no corrected cameras: those of the device are read, which drift", dataset.display());
+        let text = format!(
+            "{} has no corrected cameras: those of the device are read, which drift",
+            dataset.display()
+        );
         remarks.push(Remark::note("device-poses", text));
     }
     let (images, found) = places::find(&[folder], options, &[images], &mut views)?;
@@ -134,7 +131,9 @@ mod tests {
         let capture = read().unwrap();
         let camera = capture.views[0].camera;
         assert!((camera.center() - DVec3::new(4.0, 5.0, 6.0)).length() < 1e-12);
-        assert!((camera.forward() - DVec3::NEG_Z).length() < 1e-12 && (camera.up() - DVec3::Y).length() < 1e-12);
+        assert!(
+            (camera.forward() - DVec3::NEG_Z).length() < 1e-12 && (camera.up() - DVec3::Y).length() < 1e-12
+        );
         assert_eq!(capture.photo(0), Some(folder.path().join("keyframes/images/1.jpg")));
         assert_eq!(capture.remarks[0].code, "device-poses");
         write("corrected_", &SHOT.replace("\"t_03\": 4", "\"t_03\": 7"));

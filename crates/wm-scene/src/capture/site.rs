@@ -11,54 +11,54 @@ use glam::{DVec2, DVec3};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CaptureSite {
     /// True north, and the place on Earth.
-    pub place: Option<CapturePlace>,
+    pub(crate) place: Option<CapturePlace>,
     /// The middle of the photos' positions, also where they do not tell north.
-    pub location: Option<Gps>,
+    pub(crate) location: Option<Gps>,
     /// The time of the photos.
-    pub time: Option<CaptureTime>,
+    pub(crate) time: Option<CaptureTime>,
 }
 
 /// North over a capture, and its place on Earth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CapturePlace {
     /// True north, level, world axes, length 1.
-    pub north: DVec3,
+    pub(crate) north: DVec3,
     /// Standard deviation of its azimuth, radians.
-    pub north_error: f64,
+    pub(crate) north_error: f64,
     /// The middle of the photos' positions.
-    pub location: Gps,
+    pub(crate) location: Gps,
     /// Photos whose positions agree.
-    pub photos: usize,
+    pub(crate) photos: usize,
     /// Median distance between the cameras and the positions of their photos, m.
-    pub residual: f64,
+    pub(crate) residual: f64,
 }
 
 /// The time of a capture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CaptureTime {
     /// Median of the photos' times, seconds since 1970, UTC.
-    pub captured: f64,
+    pub(crate) captured: f64,
     /// Seconds between the first photo and the last.
-    pub span: f64,
+    pub(crate) span: f64,
 }
 
-/// Largest share of positions far from the others with which the rest is believed.
-const MOST_OUTLIERS: f64 = 0.25;
+/// Largest share of outliers with which the other positions are used.
+const MAX_OUTLIER_SHARE: f64 = 0.25;
 /// Least share of the photos that state a time.
-const LEAST_TIMED: f64 = 0.5;
+const MIN_TIMED_SHARE: f64 = 0.5;
 /// Largest error of north, radians: 3 degrees.
-const MOST_ERROR: f64 = 0.052;
-/// Error of the positions' own up below which they tell it, and largest angle between it and up
-/// then, radians: 10 degrees.
-const OWN_UP: f64 = 0.175;
-/// That angle in errors, if this is more.
-const OTHER_UP: f64 = 3.0;
-/// Least error that a position is thought to have, m.
-const FLOOR: f64 = 1.0;
-/// Positions of one flight or walk err alike: no more than this many count as independent.
-const INDEPENDENT: f64 = 8.0;
-/// Longest capture whose span the metadata leave out, s: the sun moves by a quarter of a degree.
-const MOMENT: f64 = 60.0;
+const MAX_NORTH_ERROR_RAD: f64 = 0.052;
+/// Largest error of the positions' own up with which it is compared to up, and the largest angle
+/// between the two, radians: 10 degrees.
+const MAX_UP_ERROR_RAD: f64 = 0.175;
+/// Largest angle between the two in errors of the positions' own up, where that is more.
+const MAX_UP_ERRORS: f64 = 3.0;
+/// Least error that a position is assumed to have, m.
+const MIN_ERROR_M: f64 = 1.0;
+/// Most positions that count as independent: those of one flight or walk err alike.
+const MAX_INDEPENDENT: f64 = 8.0;
+/// Shortest span of time that the metadata state, s: the sun moves by a quarter of a degree.
+const MIN_SPAN_S: f64 = 60.0;
 
 impl CaptureSite {
     /// Finds place, north and time of cameras (centres `[V]`, world axes) from the positions and
@@ -74,7 +74,7 @@ impl CaptureSite {
         assert_eq!(centers.len(), times.len(), "a time (or none) a camera");
         let (fit, outliers) = fit_with_outliers(centers, places);
         let stated = places.iter().flatten().count();
-        if outliers.len() as f64 > MOST_OUTLIERS * stated as f64 {
+        if outliers.len() as f64 > MAX_OUTLIER_SHARE * stated as f64 {
             return Self::default();
         }
         let is_kept = |index: &usize| outliers.binary_search(index).is_err();
@@ -103,7 +103,7 @@ impl CaptureSite {
             && metadata.captured.is_none()
         {
             metadata.captured = Some(time.captured);
-            metadata.captured_span = Some(time.span).filter(|span| *span > MOMENT);
+            metadata.captured_span = Some(time.span).filter(|span| *span > MIN_SPAN_S);
         }
     }
 }
@@ -111,7 +111,7 @@ impl CaptureSite {
 impl CaptureTime {
     /// `None` if too few of the photos state a time.
     fn of(mut times: Vec<f64>, photos: usize) -> Option<Self> {
-        if times.is_empty() || (times.len() as f64) < LEAST_TIMED * photos as f64 {
+        if times.is_empty() || (times.len() as f64) < MIN_TIMED_SHARE * photos as f64 {
             return None;
         }
         let range = |(low, high): (f64, f64), time: &f64| (low.min(*time), high.max(*time));
@@ -126,7 +126,9 @@ impl CapturePlace {
     fn of(both: &[(DVec3, Gps)], space: &GpsFit, up: DVec3) -> Option<Self> {
         let up = up.try_normalize()?;
         let error = space.up_error();
-        if error < OWN_UP && up.angle_between(space.up) > OWN_UP.max(OTHER_UP * error) {
+        if error < MAX_UP_ERROR_RAD
+            && up.angle_between(space.up) > MAX_UP_ERROR_RAD.max(MAX_UP_ERRORS * error)
+        {
             return None;
         }
         let origin = both.get(both.len() / 2)?.1;
@@ -135,8 +137,8 @@ impl CapturePlace {
         let pairs: Vec<(DVec2, DVec2)> =
             both.iter().map(|(center, gps)| (level(center), gps.enu_from(&origin).truncate())).collect();
         let fit = LevelFit::of(&pairs)?;
-        let spread = fit.spread * (INDEPENDENT / pairs.len() as f64).min(1.0);
-        let north_error = fit.residual.max(FLOOR) / spread.sqrt();
+        let spread = fit.spread * (MAX_INDEPENDENT / pairs.len() as f64).min(1.0);
+        let north_error = fit.residual.max(MIN_ERROR_M) / spread.sqrt();
         // The direction that the turn takes to the second axis, which is north.
         let north = DVec2::new(fit.turn.x, -fit.turn.y).rotate(DVec2::Y);
         let found = Self {
@@ -146,7 +148,7 @@ impl CapturePlace {
             photos: both.len(),
             residual: space.residual,
         };
-        (north_error <= MOST_ERROR && found.north.is_finite()).then_some(found)
+        (north_error <= MAX_NORTH_ERROR_RAD && found.north.is_finite()).then_some(found)
     }
 }
 
@@ -199,7 +201,7 @@ impl LevelFit {
             let off: Vec<f64> =
                 pairs.iter().map(|(a, b)| (scale * turn.rotate(*a - from)).distance(*b - to)).collect();
             let residual = quantile(&mut off.clone(), 0.5);
-            let sigma = (1.5 * residual).max(FLOOR);
+            let sigma = (1.5 * residual).max(MIN_ERROR_M);
             weights = off.iter().map(|off| (1.0 + (off / sigma).powi(2)).powi(-2)).collect();
             found = Some(Self { turn, spread, residual });
         }

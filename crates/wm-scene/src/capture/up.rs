@@ -49,14 +49,14 @@ impl fmt::Display for UpEvidence {
     }
 }
 
-/// Error of GPS up below which it is taken as it is, degrees; above, the cameras' habits have a
-/// say.
-const GPS_ALONE: f64 = 3.0;
-/// Elevation of the lowest sky with up known exactly, degrees: the horizon of hills and of the sea
+/// Error of GPS up, degrees, below which it is used alone; above it, the habits of photographers
+/// are combined with it.
+const SURE_GPS_ERROR_DEG: f64 = 3.0;
+/// Elevation of the lowest sky if up is known exactly, degrees: the horizon of hills and of the sea
 /// lies near 0.
-const LOWEST_SKY: f64 = -2.0;
-/// Largest angle by which a doubtful up lowers that, degrees.
-const MOST_DOUBT: f64 = 20.0;
+const MIN_SKY_ELEVATION_DEG: f64 = -2.0;
+/// Largest angle by which a doubtful up lowers that elevation, degrees.
+const MAX_DOUBT_DEG: f64 = 20.0;
 
 impl CaptureUp {
     /// Finds up; `None` if nothing tells it.
@@ -75,7 +75,7 @@ impl CaptureUp {
         };
         let evidence = UpEvidence::Gps { photos: gps.photos, residual: gps.residual };
         let alone = Self { up: gps.up, error: gps.up_error().to_degrees(), evidence };
-        if alone.error < GPS_ALONE {
+        if alone.error < SURE_GPS_ERROR_DEG {
             return Some(alone);
         }
         // Of the habits the one that the positions contradict least fills in what they leave open.
@@ -87,7 +87,7 @@ impl CaptureUp {
     /// Sine of the elevation below which no photo can show the sky.
     #[must_use]
     pub fn lowest_sky(&self) -> f64 {
-        (LOWEST_SKY - (2.0 * self.error).min(MOST_DOUBT)).to_radians().sin()
+        (MIN_SKY_ELEVATION_DEG - (2.0 * self.error).min(MAX_DOUBT_DEG)).to_radians().sin()
     }
 }
 

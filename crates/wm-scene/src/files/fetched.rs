@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Paths that are noted at most; later ones are noted once the list was taken.
-pub const MOST_WANTED: usize = 4096;
+/// Most paths that are noted; later ones are noted once the list was taken.
+const MAX_WANTED: usize = 4096;
 
 /// Paths below it are of this store where there is a disk, too: for tests.
 pub const ROOT: &str = "fetched:";
@@ -41,7 +41,7 @@ impl Store {
     }
 
     fn want(&mut self, path: PathBuf) {
-        if self.wanted.len() < MOST_WANTED && !self.wanted.contains(&path) {
+        if self.wanted.len() < MAX_WANTED && !self.wanted.contains(&path) {
             self.wanted.push(path);
         }
     }
@@ -66,24 +66,12 @@ pub fn remove(path: &Path) {
     store().remove(&plain(path));
 }
 
-/// Returns true if a file is there.
-#[must_use]
-pub fn is_there(path: &Path) -> bool {
-    store().files.contains_key(&plain(path))
-}
-
 /// Returns true if there is a file below a path.
 pub(super) fn is_folder(path: &Path) -> bool {
     let (path, store) = (plain(path), store());
     let mut from = store.files.range(path.clone()..);
     // The path itself comes first, if it is a file.
     from.find(|(file, _)| **file != path).is_some_and(|(file, _)| file.starts_with(&path))
-}
-
-/// Bytes of all files.
-#[must_use]
-pub fn bytes() -> u64 {
-    store().bytes
 }
 
 /// The paths of all files below a folder, in order.
@@ -94,7 +82,7 @@ pub fn files_below(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Notes that a file is looked for, unless it is there or noted already.
-pub fn want(path: &Path) {
+pub(crate) fn want(path: &Path) {
     let (path, mut store) = (plain(path), store());
     if !store.files.contains_key(&path) {
         store.want(path);
@@ -153,7 +141,7 @@ mod tests {
         let error = read_scene(&bundle, &options).unwrap_err().to_string();
         assert!(error.ends_with("reading/a.sog: no such file or folder; check the path"), "{error}");
         assert_eq!(take_wanted(), std::slice::from_ref(&bundle));
-        let held = bytes();
+        let held = store().bytes;
         let fetch = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
         insert(&bundle, fetch("a.sog"));
         let expected = read_scene(&folder.path().join("a.sog"), &options).unwrap();
@@ -187,10 +175,10 @@ mod tests {
         for path in files_below(&root) {
             remove(&path);
         }
-        assert_eq!((bytes(), exists(&dir)), (held, false));
+        assert_eq!((store().bytes, exists(&dir)), (held, false));
         assert_eq!(read_if_there(&bundle).unwrap(), None);
         assert_eq!(read(&bundle).unwrap_err().kind(), NotFound);
-        (0..MOST_WANTED + 9).for_each(|number| want(&root.join(number.to_string())));
-        assert_eq!(take_wanted().len(), MOST_WANTED);
+        (0..MAX_WANTED + 9).for_each(|number| want(&root.join(number.to_string())));
+        assert_eq!(take_wanted().len(), MAX_WANTED);
     }
 }

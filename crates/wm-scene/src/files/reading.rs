@@ -11,8 +11,8 @@ use std::{
 
 /// A file that is open, and its length where that is known.
 pub(crate) struct Opened {
-    pub reader: Box<dyn Read>,
-    pub length: Option<u64>,
+    pub(crate) reader: Box<dyn Read>,
+    pub(crate) length: Option<u64>,
 }
 
 /// The disk or the store of fetched files, one of which has a path.
@@ -57,7 +57,7 @@ pub(crate) const LFS_REFUSED: &str = "a Git LFS pointer; get the file itself wit
 
 /// Bytes from the beginning of a file that tell how its text is encoded and whether it is a Git LFS
 /// pointer.
-pub(crate) const LONGEST_MARK: usize = 32;
+pub(crate) const MARK_BYTES: usize = 32;
 
 /// Returns true if a file begins as the text that Git LFS leaves in place of a file.
 pub(crate) fn is_lfs_pointer(start: &[u8]) -> bool {
@@ -159,7 +159,7 @@ pub fn text_of(bytes: Vec<u8>) -> io::Result<String> {
 ///
 /// # Errors
 /// Those of the system.
-pub fn read_if_there(path: &Path) -> io::Result<Option<Vec<u8>>> {
+pub(crate) fn read_if_there(path: &Path) -> io::Result<Option<Vec<u8>>> {
     match place_of(path) {
         Place::Disk => match fs::read(path) {
             Ok(bytes) => Ok(Some(bytes)),
@@ -208,7 +208,7 @@ pub fn is_folder(path: &Path) -> io::Result<bool> {
 ///
 /// # Errors
 /// Those of the system; [`ErrorKind::NotFound`] of a file that was not fetched. Nothing is noted.
-pub fn is_file(path: &Path) -> io::Result<bool> {
+pub(crate) fn is_file(path: &Path) -> io::Result<bool> {
     match place_of(path) {
         Place::Disk => Ok(fs::metadata(path)?.is_file()),
         Place::Store(Some(_)) => Ok(true),
@@ -219,7 +219,7 @@ pub fn is_file(path: &Path) -> io::Result<bool> {
 
 /// Returns true if there is a file or a folder with a path. Nothing is noted.
 #[must_use]
-pub fn is_there(path: &Path) -> bool {
+pub(crate) fn is_there(path: &Path) -> bool {
     match place_of(path) {
         Place::Disk => path.exists(),
         Place::Store(file) => file.is_some() || fetched::is_folder(path),
@@ -228,7 +228,7 @@ pub fn is_there(path: &Path) -> bool {
 
 /// Returns true if a file has to be fetched before it can be read. Nothing is noted.
 #[must_use]
-pub fn is_lacking(path: &Path) -> bool {
+pub(crate) fn is_lacking(path: &Path) -> bool {
     matches!(place_of(path), Place::Store(None))
 }
 

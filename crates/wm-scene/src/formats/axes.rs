@@ -10,13 +10,13 @@
 //! function of [`crate::sh`] is even or odd in each of x, y and z, so its coefficient keeps or
 //! changes its sign.
 
-use crate::{Scene, Splats, camera::viewmat_of, sh};
+use crate::{Metadata, Scene, Splats, camera::viewmat_of, sh};
 use glam::{DMat3, DVec3};
 
 /// The axes that a format's files have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {
-    /// Those of a 3DGS PLY.
+    /// The axes of a 3DGS PLY.
     Ply,
     /// y up, z back: half a turn about x from the PLY (SPZ calls it RUB).
     YUpZBack,
@@ -36,12 +36,12 @@ impl Axes {
 
     /// A mean or any other vector, from or to a PLY: half a turn is its own inverse.
     #[must_use]
-    pub fn vector(self, v: [f32; 3]) -> [f32; 3] {
+    pub(crate) fn vector(self, v: [f32; 3]) -> [f32; 3] {
         let s = self.signs();
         [v[0] * s[0], v[1] * s[1], v[2] * s[2]]
     }
 
-    /// [`Self::vector`] in double precision.
+    /// A mean or any other vector, from or to a PLY, in double precision.
     #[must_use]
     pub fn direction(self, v: DVec3) -> DVec3 {
         v * DVec3::from_array(self.signs().map(f64::from))
@@ -49,14 +49,14 @@ impl Axes {
 
     /// A quaternion (wxyz), from or to a PLY.
     #[must_use]
-    pub fn quat(self, q: [f32; 4]) -> [f32; 4] {
+    pub(crate) fn quat(self, q: [f32; 4]) -> [f32; 4] {
         let [x, y, z] = self.vector([q[1], q[2], q[3]]);
         [q[0], x, y, z]
     }
 
     /// Signs of the 16 SH coefficients, from or to a PLY.
     #[must_use]
-    pub fn sh_signs(self) -> [f32; 16] {
+    pub(crate) fn sh_signs(self) -> [f32; 16] {
         // Evaluated where no basis function is 0.
         let direction = [0.3, 0.5, 0.7];
         let turned = self.vector(direction.map(|v| v as f32)).map(f64::from);
@@ -65,22 +65,27 @@ impl Axes {
     }
 
     /// Turns a scene that was just read to the axes of a PLY: splats, metadata and views.
-    pub fn turn(self, scene: &mut Scene) {
+    pub(crate) fn turn(self, scene: &mut Scene) {
         if self == Self::Ply {
             return;
         }
         self.turn_splats(&mut scene.splats);
         let signs = DVec3::from_array(self.signs().map(f64::from));
         scene.moved_by = self.direction(scene.moved_by);
-        scene.metadata.origin = scene.metadata.origin.map(|origin| self.direction(origin));
-        scene.metadata.up = scene.metadata.up.map(|up| self.direction(up));
-        scene.metadata.north = scene.metadata.north.map(|north| self.direction(north));
-        scene.metadata.sun = scene.metadata.sun.map(|sun| sun.map(|towards| self.direction(towards)));
+        self.turn_facts(&mut scene.metadata);
         for view in &mut scene.views {
             let (rotation, center) = (view.camera.rotation(), view.camera.center() * signs);
             let rotation = rotation * DMat3::from_diagonal(signs);
             view.camera.viewmat = viewmat_of(rotation, -(rotation * center));
         }
+    }
+
+    /// Turns the directions and the origin in metadata, from or to a PLY.
+    pub(super) fn turn_facts(self, metadata: &mut Metadata) {
+        for vector in [&mut metadata.origin, &mut metadata.up, &mut metadata.north].into_iter().flatten() {
+            *vector = self.direction(*vector);
+        }
+        metadata.sun = metadata.sun.map(|sun| sun.map(|towards| self.direction(towards)));
     }
 
     fn turn_splats(self, splats: &mut Splats) {

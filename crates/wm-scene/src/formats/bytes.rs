@@ -6,7 +6,7 @@ use std::io::{self, Read};
 
 /// Bytes that are taken from the front.
 #[derive(Clone, Copy, Debug)]
-pub struct Bytes<'a> {
+pub(crate) struct Bytes<'a> {
     left: &'a [u8],
     /// The name of the part of the file, for messages.
     what: &'static str,
@@ -14,7 +14,7 @@ pub struct Bytes<'a> {
 
 impl<'a> Bytes<'a> {
     /// `what` names the part in messages about its end.
-    pub fn new(bytes: &'a [u8], what: &'static str) -> Self {
+    pub(crate) fn new(bytes: &'a [u8], what: &'static str) -> Self {
         Self { left: bytes, what }
     }
 
@@ -22,7 +22,7 @@ impl<'a> Bytes<'a> {
     ///
     /// # Errors
     /// If there are fewer.
-    pub fn take(&mut self, count: u64) -> Result<&'a [u8], Problem> {
+    pub(crate) fn take(&mut self, count: u64) -> Result<&'a [u8], Problem> {
         let split = usize::try_from(count).ok().and_then(|count| self.left.split_at_checked(count));
         let (taken, left) = split.ok_or_else(|| {
             let missing = count - self.left.len() as u64;
@@ -36,7 +36,7 @@ impl<'a> Bytes<'a> {
     ///
     /// # Errors
     /// If there are fewer.
-    pub fn array<const N: usize>(&mut self) -> Result<[u8; N], Problem> {
+    pub(crate) fn array<const N: usize>(&mut self) -> Result<[u8; N], Problem> {
         let mut array = [0; N];
         array.copy_from_slice(self.take(N as u64)?);
         Ok(array)
@@ -46,33 +46,33 @@ impl<'a> Bytes<'a> {
     ///
     /// # Errors
     /// If there are too few bytes.
-    pub fn u32(&mut self) -> Result<u32, Problem> {
+    pub(crate) fn u32(&mut self) -> Result<u32, Problem> {
         self.array().map(u32::from_le_bytes)
     }
 
     /// The bytes not taken.
-    pub fn rest(&self) -> &'a [u8] {
+    pub(crate) fn rest(&self) -> &'a [u8] {
         self.left
     }
 }
 
 /// Rows of `N` bytes.
-pub fn rows<const N: usize>(bytes: &[u8]) -> impl ExactSizeIterator<Item = &[u8; N]> {
+pub(crate) fn rows<const N: usize>(bytes: &[u8]) -> impl ExactSizeIterator<Item = &[u8; N]> {
     bytes.as_chunks::<N>().0.iter()
 }
 
 /// The 32-bit little-endian floats of a row.
-pub fn floats<const N: usize>(row: &[u8]) -> [f32; N] {
+pub(crate) fn floats<const N: usize>(row: &[u8]) -> [f32; N] {
     let mut numbers = row.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b));
     std::array::from_fn(|_| numbers.next().unwrap_or_default())
 }
 
 /// A reader of a gzip file, member after member.
-pub struct Gunzip<'a>(inflate::Reader<&'a [u8]>);
+pub(crate) struct Gunzip<'a>(inflate::Reader<&'a [u8]>);
 
 impl<'a> Gunzip<'a> {
     /// Reads the first member of `packed`.
-    pub fn new(packed: &'a [u8]) -> Self {
+    pub(crate) fn new(packed: &'a [u8]) -> Self {
         Self(inflate::Reader::new(sirocco::Format::Gzip, packed))
     }
 }
@@ -91,7 +91,7 @@ impl Read for Gunzip<'_> {
 
 /// Bytes that may be unpacked where `packed` are given: scenes shrink two to twenty times, bombs a
 /// thousand times.
-pub fn unpacked_limit(packed: u64) -> u64 {
+pub(crate) fn unpacked_limit(packed: u64) -> u64 {
     (64 << 20) + packed.saturating_mul(100)
 }
 
@@ -99,7 +99,7 @@ pub fn unpacked_limit(packed: u64) -> u64 {
 ///
 /// # Errors
 /// If there are fewer or they cannot be unpacked.
-pub fn unpack_exact(reader: &mut dyn Read, out: &mut [u8], what: &str) -> Result<(), Problem> {
+pub(crate) fn unpack_exact(reader: &mut dyn Read, out: &mut [u8], what: &str) -> Result<(), Problem> {
     reader.read_exact(out).map_err(|error| match error.kind() {
         io::ErrorKind::UnexpectedEof => {
             Problem::Cut(format!("{what}: it unpacks to less than its header says"))
@@ -115,7 +115,7 @@ pub fn unpack_exact(reader: &mut dyn Read, out: &mut [u8], what: &str) -> Result
 ///
 /// # Errors
 /// If `wanted` is above [`unpacked_limit`].
-pub fn check_unpacked(wanted: u64, packed: u64, what: &str) -> Result<(), Problem> {
+pub(crate) fn check_unpacked(wanted: u64, packed: u64, what: &str) -> Result<(), Problem> {
     if wanted <= unpacked_limit(packed) {
         return Ok(());
     }

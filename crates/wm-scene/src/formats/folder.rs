@@ -57,17 +57,6 @@ pub fn scene_file(path: &Path) -> Result<PathBuf, FormatError> {
     best.map(|(_, file)| file).ok_or_else(no_scene)
 }
 
-/// The views of `cameras.json` in the folder of a training, in its order; none if it is not there.
-///
-/// The principal point is in the middle of the picture unless `cx` and `cy` say otherwise, which
-/// only some programs write.
-///
-/// # Errors
-/// [`FormatError`] with line and column, if it is not JSON or a camera cannot be used.
-pub fn read_views(folder: &Path) -> Result<Vec<SceneView>, FormatError> {
-    read_cameras(&folder.join(CAMERAS))
-}
-
 /// The file of the views in the folder of a training.
 const CAMERAS: &str = "cameras.json";
 
@@ -109,14 +98,6 @@ fn entry(id: usize, view: &SceneView) -> serde_json::Value {
     })
 }
 
-/// The views of a `cameras.json`; none if it is not there.
-///
-/// # Errors
-/// [`FormatError`] with line and column, if it is not JSON or a camera cannot be used.
-pub fn read_cameras(path: &Path) -> Result<Vec<SceneView>, FormatError> {
-    Ok(cameras_in(path)?.unwrap_or_default())
-}
-
 /// Reads the views of the scene file `file`, which was given as `path`: the first there is of the
 /// `cameras.json` of a folder that was given, the views beside the file, and the `cameras.json` of
 /// the training that it lies in; then those of the file that it leads to as a symbolic link.
@@ -147,8 +128,14 @@ fn training_of(file: &Path) -> Option<&Path> {
     clouds.parent()
 }
 
-/// Reads a `cameras.json`; `None` if it is not there.
-fn cameras_in(path: &Path) -> Result<Option<Vec<SceneView>>, FormatError> {
+/// Reads a `cameras.json`, in its order; `None` if it is not there.
+///
+/// The principal point is in the middle of the picture unless `cx` and `cy` say otherwise, which
+/// only some programs write.
+///
+/// # Errors
+/// [`FormatError`] with line and column, if it is not JSON or a camera cannot be used.
+pub(super) fn cameras_in(path: &Path) -> Result<Option<Vec<SceneView>>, FormatError> {
     let read = files::read_if_there(path).map_err(|error| FormatError::reading(path, error))?;
     let Some(text) = read else { return Ok(None) };
     let entries: Result<Vec<Entry>, _> = serde_json::from_slice(files::without_byte_order_mark(&text));
@@ -200,16 +187,10 @@ impl TryFrom<Raw> for Entry {
         let rotation = DMat3::from_cols(x, y, z);
         let rotation = rotation_of(&rotation)
             .map_err(|e| fault(&format!("its rotation is not a rotation matrix: {e}")))?;
-        let camera = Camera {
-            width: raw.width,
-            height: raw.height,
-            fx: raw.fx,
-            fy: raw.fy,
-            cx: raw.cx.unwrap_or(0.5 * f64::from(raw.width)),
-            cy: raw.cy.unwrap_or(0.5 * f64::from(raw.height)),
-            viewmat: viewmat_at(rotation, raw.position),
-            near: Camera::DEFAULT_NEAR,
-        };
+        let middle = |side: u32| 0.5 * f64::from(side);
+        let center = [raw.cx.unwrap_or(middle(raw.width)), raw.cy.unwrap_or(middle(raw.height))];
+        let pinhole = Camera::pinhole((raw.width, raw.height), [raw.fx, raw.fy], center);
+        let camera = Camera { viewmat: viewmat_at(rotation, raw.position), ..pinhole };
         camera.check().map_err(|e| fault(&e.to_string()))?;
         Ok(Self(SceneView { name: raw.img_name, camera }))
     }

@@ -17,7 +17,7 @@
 //! is near.
 
 use super::{
-    Axes, Kept, Loses, SceneFormat, Writer,
+    Axes, FormatLosses, Retention, SceneFormat, Writer,
     bytes::{Bytes, floats, rows},
     has_ending,
     pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit},
@@ -27,19 +27,19 @@ use half::f16;
 use std::io::Write;
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: SceneFormat = SceneFormat {
+pub(super) const FORMAT: SceneFormat = SceneFormat {
     name: "ksplat",
     extensions: &["ksplat"],
     about: "GaussianSplats3D's .ksplat, levels 0 to 2, SH degree 0 to 2",
     axes: Axes::Ply,
-    loses: Loses {
+    loses: FormatLosses {
         sh_degree: 2,
-        groups: Kept::Not,
-        labels: Kept::Not,
-        metadata: Kept::Beside,
+        groups: Retention::Not,
+        labels: Retention::Not,
+        metadata: Retention::Beside,
         rounding: "positions 1/65534 of the range of 256 neighbours, scales and SH 1/2048 of their value, rotations 0.05 \
                    degrees, colours and opacities 1/510 of 0-1",
-        order: Kept::Not,
+        order: Retention::Not,
         log_scales: [-16.635_532, 11.09],
         coarse: super::loss::coarse_floats,
     },
@@ -51,16 +51,16 @@ pub const FORMAT: SceneFormat = SceneFormat {
     write: Writer::Stream(|out, scene, _| write(out, scene)),
 };
 
-const HEADER: u64 = 4096;
-const SECTION_HEADER: u64 = 1024;
+const HEADER_BYTES: u64 = 4096;
+const SECTION_HEADER_BYTES: u64 = 1024;
 /// Half the range of SH at level 2 where the header has none.
 const SH_RANGE: f32 = 1.5;
 /// Steps from the centre of a bucket to its side.
 const STEPS: u32 = 32767;
 /// The smallest half above 0.
-const LEAST: f32 = 5.960_464_5e-8;
+const MIN_HALF: f32 = 5.960_464_5e-8;
 /// Splats of a full bucket that is written.
-const BUCKET: usize = 256;
+const BUCKET_SPLATS: usize = 256;
 
 /// A number of a header.
 fn word(bytes: &[u8], at: usize) -> u32 {
@@ -88,7 +88,7 @@ impl Packing {
 
 fn read(file: &[u8]) -> Result<Scene, Problem> {
     let mut bytes = Bytes::new(file, "the .ksplat");
-    let header = bytes.take(HEADER)?;
+    let header = bytes.take(HEADER_BYTES)?;
     let ([major, minor], level) = ([header[0], header[1]], word(header, 20) & 0xffff);
     if major != 0 || minor == 0 {
         return Err(Problem::Header(format!(".ksplat version {major}.{minor} is not read, 0.1 is")));
@@ -102,8 +102,8 @@ fn read(file: &[u8]) -> Result<Scene, Problem> {
         _ => return Err(Problem::Header(format!(".ksplat level {level} is not read, 0 to 2 are"))),
     };
     let sections: Vec<&[u8]> = bytes
-        .take(u64::from(word(header, 4)) * SECTION_HEADER)?
-        .chunks_exact(SECTION_HEADER as usize)
+        .take(u64::from(word(header, 4)) * SECTION_HEADER_BYTES)?
+        .chunks_exact(SECTION_HEADER_BYTES as usize)
         .collect();
     let degrees = sections.iter().map(|s| word(s, 40) & 0xffff);
     let degree = match degrees.max().unwrap_or(0) {
@@ -204,7 +204,7 @@ fn read_section(
 struct Bucket<'a> {
     indices: &'a [u32],
     center: [f32; 3],
-    /// Of the cube that holds them.
+    /// Width of the cube that holds them.
     width: f32,
 }
 
@@ -230,7 +230,8 @@ impl<'a> Bucket<'a> {
 
 /// The buckets in the order of the file, those of a class together.
 fn buckets<'a>(splats: &Splats, order: &'a [u32]) -> Vec<Bucket<'a>> {
-    let mut buckets: Vec<Bucket> = order.chunks(BUCKET).map(|indices| Bucket::of(splats, indices)).collect();
+    let mut buckets: Vec<Bucket> =
+        order.chunks(BUCKET_SPLATS).map(|indices| Bucket::of(splats, indices)).collect();
     // The one that is not full was the last and stays the last of its class, as readers expect.
     buckets.sort_by_key(Bucket::class);
     buckets
@@ -244,7 +245,7 @@ fn write(out: &mut dyn Write, scene: &Scene) -> Result<(), Problem> {
     let order = morton::order(&splats.means);
     let buckets = buckets(splats, &order);
     let sections: Vec<&[Bucket]> = buckets.chunk_by(|a, b| a.class() == b.class()).collect();
-    let mut header = vec![0; HEADER as usize + sections.len() * SECTION_HEADER as usize];
+    let mut header = vec![0; HEADER_BYTES as usize + sections.len() * SECTION_HEADER_BYTES as usize];
     header[1] = 1;
     let mut put = |at: usize, word: u32| header[at..at + 4].copy_from_slice(&word.to_le_bytes());
     let section_count = sections.len() as u32;
@@ -255,24 +256,24 @@ fn write(out: &mut dyn Write, scene: &Scene) -> Result<(), Problem> {
     put(40, SH_RANGE.to_bits());
     for (number, section) in sections.iter().enumerate() {
         let room: usize = section.iter().map(|bucket| bucket.indices.len()).sum();
-        let partial = room % BUCKET;
+        let partial = room % BUCKET_SPLATS;
         let data = room as u64 * Packing::Halves.splat_size(degree);
         let stored = data + section.len() as u64 * 12 + u64::from(partial > 0) * 4;
         let words = [
             room as u32,
             room as u32,
-            BUCKET as u32,
+            BUCKET_SPLATS as u32,
             section.len() as u32,
             widest(section).to_bits(),
             12,
             STEPS,
             stored as u32,
-            (room / BUCKET) as u32,
+            (room / BUCKET_SPLATS) as u32,
             u32::from(partial > 0),
             u32::from(degree),
         ];
         for (i, word) in words.into_iter().enumerate() {
-            put(HEADER as usize + number * SECTION_HEADER as usize + 4 * i, word);
+            put(HEADER_BYTES as usize + number * SECTION_HEADER_BYTES as usize + 4 * i, word);
         }
     }
     out.write_all(&header)?;
@@ -289,7 +290,7 @@ fn write_section(
     degree: u8,
     section: &[Bucket],
 ) -> Result<(), Problem> {
-    let partial = section.iter().map(|bucket| bucket.indices.len()).sum::<usize>() % BUCKET;
+    let partial = section.iter().map(|bucket| bucket.indices.len()).sum::<usize>() % BUCKET_SPLATS;
     if partial > 0 {
         out.write_all(&(partial as u32).to_le_bytes())?;
     }
@@ -308,7 +309,7 @@ fn write_section(
             let mut half = |v: f32| bytes.extend(f16::from_f32(v).to_le_bytes());
             // Of no thickness is only what is flat: one that is too small for a half becomes the
             // least.
-            let scale = |v: f32| if v == f32::NEG_INFINITY { 0.0 } else { v.exp().max(LEAST) };
+            let scale = |v: f32| if v == f32::NEG_INFINITY { 0.0 } else { v.exp().max(MIN_HALF) };
             splats.log_scales[index].iter().for_each(|v| half(scale(*v)));
             unit(splats.quats[index]).into_iter().for_each(&mut half);
             let sh = splats.sh_of(index);

@@ -4,40 +4,40 @@ use crate::{Group, Metadata, Scene, Splats, origin, sh};
 
 /// The parts of a scene that a format keeps or loses.
 #[derive(Clone, Copy, Debug)]
-pub struct Loses {
+pub struct FormatLosses {
     /// Highest SH degree that is kept.
-    pub sh_degree: u8,
+    pub(crate) sh_degree: u8,
     /// The group of each splat, such as sky and lying snow: [`Group`].
-    pub groups: Kept,
+    pub(crate) groups: Retention,
     /// The label and the instance of each splat.
-    pub labels: Kept,
+    pub labels: Retention,
     /// [`Metadata`].
-    pub metadata: Kept,
+    pub(crate) metadata: Retention,
     /// The rounding of numbers in words, with the largest error of each; empty if there is none.
-    pub rounding: &'static str,
+    pub(crate) rounding: &'static str,
     /// The order of the splats.
-    pub order: Kept,
+    pub(crate) order: Retention,
     /// Logarithms of scales that fit: smaller and larger ones become these.
-    pub log_scales: [f32; 2],
+    pub(crate) log_scales: [f32; 2],
     /// Returns a line on positions of a scene that are in steps wider than its splats in a file of
     /// the format.
-    pub coarse: fn(&Splats) -> Option<String>,
+    pub(crate) coarse: fn(&Splats) -> Option<String>,
 }
 
 /// The positions of a format that has them as f32.
 #[must_use]
-pub fn coarse_floats(splats: &Splats) -> Option<String> {
+pub(crate) fn coarse_floats(splats: &Splats) -> Option<String> {
     let step =
         |mean: [f32; 3]| mean.map(|v| origin::float_step(f64::from(v))).into_iter().fold(0.0, f64::max);
     origin::coarse_line(splats, step, "keep a local origin (--origin)")
 }
 
 /// The range of a format that holds scales of any size.
-pub const ANY_SCALE: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
+pub(crate) const ANY_SCALE: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
 
 /// The place where a format keeps something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kept {
+pub enum Retention {
     /// In the file itself.
     Inside,
     /// In a file beside it.
@@ -46,15 +46,15 @@ pub enum Kept {
     Not,
 }
 
-impl Loses {
+impl FormatLosses {
     /// A format that loses nothing.
-    pub const NOTHING: Self = Self {
+    pub(crate) const NOTHING: Self = Self {
         sh_degree: 3,
-        groups: Kept::Inside,
-        labels: Kept::Inside,
-        metadata: Kept::Inside,
+        groups: Retention::Inside,
+        labels: Retention::Inside,
+        metadata: Retention::Inside,
         rounding: "",
-        order: Kept::Inside,
+        order: Retention::Inside,
         log_scales: ANY_SCALE,
         coarse: coarse_floats,
     };
@@ -66,13 +66,13 @@ impl Loses {
         if self.sh_degree < sh::MAX_DEGREE {
             lines.push(format!("SH above degree {}", self.sh_degree));
         }
-        if self.groups == Kept::Not {
+        if self.groups == Retention::Not {
             lines.push("which splats are sky or snow".into());
         }
-        if self.labels == Kept::Not {
+        if self.labels == Retention::Not {
             lines.push("labels and instances of splats".into());
         }
-        if self.metadata != Kept::Inside {
+        if self.metadata != Retention::Inside {
             lines.push("metadata (a .wm.toml beside it has it)".into());
         }
         if !self.rounding.is_empty() {
@@ -84,7 +84,7 @@ impl Loses {
 
 /// The losses of `scene` in a format, a line each.
 #[must_use]
-pub fn lost(loses: &Loses, scene: &Scene) -> Vec<String> {
+pub fn lost(loses: &FormatLosses, scene: &Scene) -> Vec<String> {
     let mut lines = Vec::new();
     let splats = &scene.splats;
     if splats.sh_degree > loses.sh_degree {
@@ -92,13 +92,13 @@ pub fn lost(loses: &Loses, scene: &Scene) -> Vec<String> {
             .push(format!("colour by direction: SH degree {} becomes {}", splats.sh_degree, loses.sh_degree));
     }
     let labelled = splats.groups.iter().filter(|group| **group != Group::Scene).count();
-    if loses.groups == Kept::Not && labelled > 0 {
+    if loses.groups == Retention::Not && labelled > 0 {
         lines.push(format!("the label of {labelled} splats of the sky or snow"));
     }
-    if loses.labels == Kept::Not && !(splats.labels.is_empty() && splats.instances.is_empty()) {
+    if loses.labels == Retention::Not && !(splats.labels.is_empty() && splats.instances.is_empty()) {
         lines.push("labels and instances of the splats".into());
     }
-    if loses.metadata == Kept::Not && scene.metadata != Metadata::default() {
+    if loses.metadata == Retention::Not && scene.metadata != Metadata::default() {
         lines.push("metadata".into());
     }
     let [least, most] = loses.log_scales;
@@ -111,7 +111,7 @@ pub fn lost(loses: &Loses, scene: &Scene) -> Vec<String> {
         ));
     }
     lines.extend((loses.coarse)(splats));
-    if loses.order == Kept::Not {
+    if loses.order == Retention::Not {
         lines.push("the order of the splats".into());
     }
     if !loses.rounding.is_empty() {

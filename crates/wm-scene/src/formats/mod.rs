@@ -17,11 +17,11 @@
 //! A reader allocates by what it has read, or by a count that the length of the file has confirmed.
 //! What is packed may unpack to a hundred times its length at most.
 
-pub mod axes;
+mod axes;
 mod beside;
 mod bytes;
 pub mod folder;
-pub mod loss;
+mod loss;
 mod pack;
 pub mod sidecar;
 
@@ -33,7 +33,8 @@ use crate::{
     source::Source,
 };
 pub use axes::Axes;
-pub use loss::{ANY_SCALE, Kept, Loses, lost};
+use loss::ANY_SCALE;
+pub use loss::{FormatLosses, Retention, lost};
 pub use sidecar::{sidecar_path, write_sidecar};
 use std::{
     io::{Read, Write},
@@ -47,18 +48,18 @@ macro_rules! formats {
     };
 }
 
-pub mod gltf;
-pub mod ksplat;
-pub mod ply;
-pub mod sog;
-pub mod splat;
-pub mod spz;
+mod gltf;
+mod ksplat;
+pub(crate) mod ply;
+pub(crate) mod sog;
+mod splat;
+mod spz;
 
 formats! { ply, ply::compressed, spz, sog::bundle, sog::folder, sog::levels, gltf, splat, ksplat }
 
 /// A scene format.
 pub struct SceneFormat {
-    /// Its name in messages.
+    /// Name in messages.
     pub name: &'static str,
     /// The extensions of its files, without dot, lower case, that of new files first. An extension
     /// that is a whole name, such as `meta.json`, names a folder's main file.
@@ -66,9 +67,9 @@ pub struct SceneFormat {
     /// A description in one line.
     pub about: &'static str,
     /// The axes of its files.
-    pub axes: Axes,
+    axes: Axes,
     /// The parts of a scene that it loses.
-    pub loses: Loses,
+    pub loses: FormatLosses,
     /// Recognises a file of this format by its first bytes.
     sniff: fn(&Start) -> bool,
     read: fn(&mut Source, &ReadOptions) -> Result<Scene, FormatError>,
@@ -78,11 +79,11 @@ pub struct SceneFormat {
 impl SceneFormat {
     /// The parts of a scene that it loses if it is written with `options`.
     #[must_use]
-    pub fn loses_with(&self, options: &WriteOptions) -> Loses {
+    pub fn loses_with(&self, options: &WriteOptions) -> FormatLosses {
         match options.gltf {
             GltfSplats::Spz if self.name == gltf::FORMAT.name => gltf::PACKED_LOSES,
             GltfSplats::SpzCesium if self.name == gltf::FORMAT.name => {
-                Loses { groups: Kept::Not, ..gltf::PACKED_LOSES }
+                FormatLosses { groups: Retention::Not, ..gltf::PACKED_LOSES }
             }
             _ => self.loses,
         }
@@ -101,8 +102,8 @@ enum Writer {
 
 /// A file of a scene that has several.
 pub(crate) struct NamedFile {
-    pub name: &'static str,
-    pub bytes: Vec<u8>,
+    pub(crate) name: &'static str,
+    pub(crate) bytes: Vec<u8>,
 }
 
 /// The receiver of such files, one after the other.
@@ -110,20 +111,18 @@ pub(crate) type FileSink<'a> = dyn FnMut(NamedFile) -> Result<(), Problem> + 'a;
 
 /// The facts about a file by which its format is recognised.
 pub(crate) struct Start<'a> {
-    /// Its first bytes, at most [`SNIFFED`].
-    pub bytes: &'a [u8],
-    /// Its name, or that of the stream.
-    pub path: &'a Path,
+    /// First bytes, at most [`SNIFFED`].
+    pub(crate) bytes: &'a [u8],
+    /// Name, or that of the stream.
+    pub(crate) path: &'a Path,
 }
 
 /// Bytes at the start of a file that tell its format.
-pub const SNIFFED: usize = 4096;
+pub(crate) const SNIFFED: usize = 4096;
 
 /// Options of reading a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// The TOML file of metadata beside the scene file.
-    pub sidecar: Sidecar,
     /// The cameras in the folder of a training.
     pub views: Views,
     /// The level of detail, where a scene has several.
@@ -169,20 +168,10 @@ pub enum GltfSplats {
     Floats,
     /// As SPZ in `KHR_gaussian_splatting_compression_spz_2`.
     Spz,
-    /// The same as CesiumJS reads it (1.140): the numbers in the SPZ are in the axes of glTF, where
+    /// As SPZ in the way that CesiumJS reads it (1.140): its numbers are in the axes of glTF, where
     /// the draft asks for those of SPZ. Such files state no kernel and no colour space, by which
     /// they are told.
     SpzCesium,
-}
-
-/// The treatment of the TOML file beside a scene file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Sidecar {
-    /// Reads it; its values win over those in the scene file, key by key.
-    #[default]
-    Merge,
-    /// Ignores it.
-    Ignore,
 }
 
 /// The treatment of the cameras in the folder of a training, or beside a scene file.
@@ -195,7 +184,8 @@ pub enum Views {
     Ignore,
 }
 
-/// Reads a scene: a file of any format in [`FORMATS`], or the folder of a 3DGS training.
+/// Reads a scene: a file of any format in [`FORMATS`], or the folder of a 3DGS training. Values of a
+/// sidecar win over those in the scene file, key by key.
 ///
 /// # Errors
 /// [`FormatError`] if the path, the content, the sidecar or the cameras cannot be used.
@@ -213,10 +203,7 @@ pub fn read_scene_and_format(
 ) -> Result<(Scene, &'static SceneFormat), FormatError> {
     // What is small and may be wrong comes before what is large.
     let file = folder::scene_file(path)?;
-    let sidecar = match options.sidecar {
-        Sidecar::Merge => sidecar::read(&file)?,
-        Sidecar::Ignore => None,
-    };
+    let sidecar = sidecar::read(&file)?;
     let views = match options.views {
         Views::Read => folder::views_of(path, &file)?,
         Views::Ignore => Vec::new(),
@@ -298,7 +285,7 @@ pub fn write_scene_with(path: &Path, scene: &Scene, options: &WriteOptions) -> R
         Writer::Nothing => {}
         Writer::Files(write) => write_files(path, |sink| write(scene, sink))?,
     }
-    if format.loses.metadata == Kept::Beside && scene.metadata != Default::default() {
+    if format.loses.metadata == Retention::Beside && scene.metadata != Default::default() {
         write_sidecar(path, &scene.metadata)?;
     }
     Ok(())
@@ -347,7 +334,7 @@ pub fn format_for(path: &Path) -> Result<&'static SceneFormat, FormatError> {
 
 /// The ending for new files of each format, for messages and help.
 #[must_use]
-pub fn endings() -> String {
+pub(crate) fn endings() -> String {
     let written = |f: &SceneFormat| {
         let ending = f.extensions.first()?;
         Some(if ending.contains(".json") { (*ending).to_owned() } else { format!(".{ending}") })

@@ -7,7 +7,7 @@
 //! counts most first.
 
 use super::{
-    ANY_SCALE, Axes, Kept, Loses, SceneFormat, Writer,
+    ANY_SCALE, Axes, FormatLosses, Retention, SceneFormat, Writer,
     bytes::{floats, rows},
     has_ending,
     pack::{byte_of_dc, byte_of_logit, dc_of_byte, logit_of_byte, unit},
@@ -20,18 +20,18 @@ use crate::{
 use std::io::Write;
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: SceneFormat = SceneFormat {
+pub(super) const FORMAT: SceneFormat = SceneFormat {
     name: "splat",
     extensions: &["splat"],
     about: "antimatter15's .splat, 32 bytes a splat, one colour from everywhere",
     axes: Axes::Ply,
-    loses: Loses {
+    loses: FormatLosses {
         sh_degree: 0,
-        groups: Kept::Not,
-        labels: Kept::Not,
-        metadata: Kept::Beside,
+        groups: Retention::Not,
+        labels: Retention::Not,
+        metadata: Retention::Beside,
         rounding: "rotations 1 degree, colours and opacities 1/510 of 0-1",
-        order: Kept::Inside,
+        order: Retention::Inside,
         log_scales: ANY_SCALE,
         coarse: super::loss::coarse_floats,
     },
@@ -41,13 +41,13 @@ pub const FORMAT: SceneFormat = SceneFormat {
 };
 
 /// Bytes of a splat.
-const ROW: usize = 32;
+const ROW_BYTES: usize = 32;
 
 fn read(source: &mut Source) -> Result<Scene, FormatError> {
-    let mut splats = Splats::with_capacity(source.remaining().unwrap_or(0) as usize / ROW, 0);
-    while source.fill(ROW)? {
-        let whole = source.bytes().len() / ROW * ROW;
-        for row in rows::<ROW>(&source.bytes()[..whole]) {
+    let mut splats = Splats::with_capacity(source.remaining().unwrap_or(0) as usize / ROW_BYTES, 0);
+    while source.fill(ROW_BYTES)? {
+        let whole = source.bytes().len() / ROW_BYTES * ROW_BYTES;
+        for row in rows::<ROW_BYTES>(&source.bytes()[..whole]) {
             let [x, y, z, a, b, c] = floats(row);
             splats.means.push([x, y, z]);
             splats.log_scales.push([a, b, c].map(f32::ln));
@@ -69,7 +69,7 @@ fn read(source: &mut Source) -> Result<Scene, FormatError> {
 fn write(out: &mut dyn Write, scene: &Scene) -> Result<(), Problem> {
     let splats = &scene.splats;
     for index in 0..splats.len() {
-        let mut row = [0; ROW];
+        let mut row = [0; ROW_BYTES];
         let numbers = splats.means[index].into_iter().chain(splats.log_scales[index].map(f32::exp));
         for (slot, number) in row.as_chunks_mut::<4>().0.iter_mut().zip(numbers) {
             *slot = number.to_le_bytes();

@@ -21,7 +21,7 @@
 //! extension names others.
 
 use super::{
-    Axes, Kept, Loses, SceneFormat, SpzVersion, WriteOptions, Writer,
+    Axes, FormatLosses, Retention, SceneFormat, SpzVersion, WriteOptions, Writer,
     bytes::{Bytes, Gunzip, check_unpacked, rows, unpack_exact},
     pack::{byte_of_logit, from_smallest_three, logit_of_byte, smallest_three, unit, unorm},
 };
@@ -38,19 +38,19 @@ use std::{
 };
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: SceneFormat = SceneFormat {
+pub(super) const FORMAT: SceneFormat = SceneFormat {
     name: "SPZ",
     extensions: &["spz"],
     about: "Niantic's SPZ, versions 1 to 4, gzip or Zstandard",
     axes: Axes::YUpZBack,
-    loses: Loses {
+    loses: FormatLosses {
         sh_degree: 3,
-        groups: Kept::Not,
-        labels: Kept::Not,
-        metadata: Kept::Beside,
+        groups: Retention::Not,
+        labels: Retention::Not,
+        metadata: Retention::Beside,
         rounding: "positions 2^-22 of the largest coordinate (2^-13 units in scenes wider than 1024), scales 3 %, rotations 0.25 degrees, opacities 1/510, colours 0.4 %, \
                    SH 1/128 (degree 1) and 1/64",
-        order: Kept::Inside,
+        order: Retention::Inside,
         log_scales: [-10.0, 5.937_5],
         coarse: |splats| coarse_steps(splats, fractional_bits(splats)),
     },
@@ -70,7 +70,7 @@ const EXTENDED: u8 = 2;
 /// The record `SPZ_ADOBE_coordinate_system`.
 const AXES_EXTENSION: u32 = 0xADBE_0003;
 /// The scale of the bytes of a colour.
-const COLOR: f32 = 0.15;
+const COLOR_SCALE: f32 = 0.15;
 /// Bits kept of SH of degree 1 to 3.
 const SH_BITS: [u32; 3] = [7, 6, 6];
 /// Fractional bits of Niantic's writer.
@@ -135,7 +135,7 @@ pub(super) fn read(file: &[u8]) -> Result<Scene, Problem> {
         }
     };
     let mut columns = Bytes::new(&body, "the SPZ");
-    let mut column = [&body[..0]; 6];
+    let mut column = [&body[..0]; COLUMNS];
     for (slot, size) in column.iter_mut().zip(header.columns()) {
         *slot = columns.take(header.count * size)?;
     }
@@ -182,7 +182,7 @@ fn read_zstd<'a>(
     let streams = file[15];
     let table = u64::from(bytes.u32()?);
     let mut bytes = Bytes::new(file, "the SPZ's table of streams");
-    let records = bytes.take(table)?.get(HEADER_SIZE as usize..).unwrap_or_default();
+    let records = bytes.take(table)?.get(HEADER_BYTES as usize..).unwrap_or_default();
     let axes = if header.flags & EXTENDED == 0 { FORMAT.axes } else { axes_of(records)? };
     let table = bytes.take(16 * u64::from(streams))?;
     let size = header.count * header.columns().iter().sum::<u64>();
@@ -201,7 +201,7 @@ fn read_zstd<'a>(
         }
         let packed = bytes.take(packed)?;
         if !column.is_empty() {
-            let decoder = StreamingDecoder::new_with_max_window_size(packed, WINDOW.max(unpacked));
+            let decoder = StreamingDecoder::new_with_max_window_size(packed, MAX_WINDOW_BYTES.max(unpacked));
             let mut decoder = decoder.map_err(|e| {
                 Problem::Header(format!("the SPZ's Zstandard stream cannot be unpacked ({e})"))
             })?;
@@ -232,10 +232,12 @@ fn axes_of(records: &[u8]) -> Result<Axes, Problem> {
     Ok(FORMAT.axes)
 }
 
-/// Window of a Zstandard stream that is allowed, bytes: that of the highest common level.
-const WINDOW: u64 = 128 << 20;
+/// Largest window of a Zstandard stream, bytes: that of the highest common level.
+const MAX_WINDOW_BYTES: u64 = 128 << 20;
 
-fn unpack(header: &Header, [means, opacities, colors, scales, quats, sh]: [&[u8]; 6]) -> Splats {
+/// Unpacks the columns, in the order of the format.
+fn unpack(header: &Header, columns: [&[u8]; COLUMNS]) -> Splats {
+    let [means, opacities, colors, scales, quats, sh] = columns;
     let degree = header.sh_degree.min(sh::MAX_DEGREE);
     let mut splats = Splats::zeroed(header.count as usize, degree);
     if header.version == 1 {
@@ -270,7 +272,7 @@ fn unpack(header: &Header, [means, opacities, colors, scales, quats, sh]: [&[u8]
     for (index, row) in rows::<3>(colors).enumerate() {
         let splat = &mut splats.sh[index * stride..][..stride];
         for (value, byte) in splat.iter_mut().zip(row) {
-            *value = (f32::from(*byte) / 255.0 - 0.5) / COLOR;
+            *value = (f32::from(*byte) / 255.0 - 0.5) / COLOR_SCALE;
         }
         for (value, byte) in splat[3..].iter_mut().zip(&sh[index * size..]) {
             *value = (f32::from(*byte) - 128.0) / 128.0;
@@ -327,13 +329,13 @@ fn sh_byte(value: f32, bits: u32) -> u8 {
 /// The bytes of a column, some splats at a time.
 struct Column<'a> {
     splats: &'a Splats,
-    /// Its index in the order of the format.
+    /// Index in the order of the format.
     number: usize,
     fractional_bits: u8,
     /// The first splat that is not in `bytes` yet.
     next: usize,
     bytes: Vec<u8>,
-    /// Those of `bytes` that are read.
+    /// Number of `bytes` that are read.
     read: usize,
 }
 
@@ -365,7 +367,7 @@ impl<'a> Column<'a> {
             1 => bytes.extend(splats.logit_opacities[part].iter().map(|logit| byte_of_logit(*logit))),
             2 => {
                 let colors = part.flat_map(|i| splats.sh_of(i)[..3].iter());
-                bytes.extend(colors.map(|v| unorm(v * COLOR + 0.5, 255) as u8));
+                bytes.extend(colors.map(|v| unorm(v * COLOR_SCALE + 0.5, 255) as u8));
             }
             3 => {
                 let scales = splats.log_scales[part].as_flattened().iter();
@@ -413,7 +415,7 @@ fn zstd(column: Column) -> Vec<u8> {
 }
 
 /// Bytes of a block of Zstandard, the most that it may have.
-const BLOCK: usize = 128 << 10;
+const BLOCK_BYTES: usize = 128 << 10;
 
 /// Finds no match in its block.
 #[derive(Default)]
@@ -421,7 +423,7 @@ struct NoMatches(Vec<u8>);
 
 impl Matcher for NoMatches {
     fn get_next_space(&mut self) -> Vec<u8> {
-        self.0.resize(BLOCK, 0);
+        self.0.resize(BLOCK_BYTES, 0);
         std::mem::take(&mut self.0)
     }
 
@@ -442,7 +444,7 @@ impl Matcher for NoMatches {
     fn reset(&mut self, _level: CompressionLevel) {}
 
     fn window_size(&self) -> u64 {
-        BLOCK as u64
+        BLOCK_BYTES as u64
     }
 }
 
@@ -463,7 +465,7 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
     header.extend(count.to_le_bytes());
     header.extend([splats.sh_degree, bits, flags, 0]);
     if options.spz == SpzVersion::V3 {
-        let mut packed = deflate::Writer::new(sirocco::Format::Gzip, deflate::Level::new(LEVEL), out);
+        let mut packed = deflate::Writer::new(sirocco::Format::Gzip, deflate::Level::new(GZIP_LEVEL), out);
         packed.write_all(&header)?;
         for number in 0..COLUMNS {
             io::copy(&mut Column::new(splats, number, bits), &mut packed)?;
@@ -474,8 +476,8 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
     // Without SH there is no stream of them, not an empty one.
     let columns = if splats.sh_degree > 0 { COLUMNS } else { COLUMNS - 1 };
     header[15] = columns as u8;
-    header.extend(HEADER_SIZE.to_le_bytes());
-    header.resize(HEADER_SIZE as usize, 0);
+    header.extend(HEADER_BYTES.to_le_bytes());
+    header.resize(HEADER_BYTES as usize, 0);
     let mut streams = Vec::new();
     for (number, size) in (0..columns).zip(sizes(version, splats.sh_degree)) {
         // Their lengths come before them.
@@ -492,9 +494,9 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
 }
 
 /// Level of gzip: the columns are too noisy for more, which takes a third longer and saves 2 %.
-const LEVEL: u8 = 3;
+const GZIP_LEVEL: u8 = 3;
 /// Columns of a file, of which the last is that of SH.
 const COLUMNS: usize = 6;
 const SH_COLUMN: usize = COLUMNS - 1;
 /// Bytes of the header of version 4.
-const HEADER_SIZE: u32 = 32;
+const HEADER_BYTES: u32 = 32;

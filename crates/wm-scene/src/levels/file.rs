@@ -22,14 +22,8 @@ impl LevelFile {
 
     /// Number of splats.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.pictures.len()
-    }
-
-    /// Returns true if there is no splat.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// The facts that it states.
@@ -40,7 +34,7 @@ impl LevelFile {
 
     /// Lines on what is odd in its `meta.json`.
     #[must_use]
-    pub fn remarks(&self) -> &[Remark] {
+    pub(crate) fn remarks(&self) -> &[Remark] {
         &self.pictures.remarks
     }
 

@@ -49,7 +49,7 @@ pub struct LevelLeaf {
     pub low: [f32; 3],
     /// Greatest coordinates.
     pub high: [f32; 3],
-    /// Its levels, the finest first, at least one, each of one splat or more. A level that has as
+    /// Levels, the finest first, at least one, each of one splat or more. A level that has as
     /// many splats and the same error as the one before is left out.
     pub runs: Vec<LevelRun>,
 }
@@ -71,6 +71,10 @@ pub struct LevelRun {
 }
 
 impl LevelLeaf {
+    pub(super) fn extent(&self) -> Extent {
+        Extent { low: self.low, high: self.high }
+    }
+
     /// The run for a level: of a leaf that lacks it, that of the finest coarser level, else of the
     /// coarsest.
     #[must_use]
@@ -132,11 +136,11 @@ struct RawRun {
 impl RawNode {
     /// Adds the leaves of this node, with `around` the box of the node above it.
     fn leaves(&self, around: Extent, index: &RawIndex, out: &mut Vec<LevelLeaf>) -> Result<(), Problem> {
-        let (low, high) = (self.bound.min.unwrap_or(around.0), self.bound.max.unwrap_or(around.1));
+        let (low, high) = (self.bound.min.unwrap_or(around.low), self.bound.max.unwrap_or(around.high));
         if (0..3).any(|k| low[k] > high[k]) {
             return Err(fault(format!("a box of lod-meta.json ends before it begins: {low:?} to {high:?}")));
         }
-        self.children.iter().try_for_each(|child| child.leaves((low, high), index, out))?;
+        self.children.iter().try_for_each(|child| child.leaves(Extent { low, high }, index, out))?;
         let errors = if index.has_errors == Value::Bool(true) { &self.errors[..] } else { &[] };
         let mut runs = Vec::new();
         // What has no splats is as good as missing.
@@ -204,7 +208,7 @@ impl LevelIndex {
             )));
         }
         let mut leaves = Vec::new();
-        raw.tree.leaves(([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]), &raw, &mut leaves)?;
+        raw.tree.leaves(Extent::ALL, &raw, &mut leaves)?;
         let index = Self {
             main: main.into(),
             levels: raw.levels,

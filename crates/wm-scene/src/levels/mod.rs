@@ -29,5 +29,5 @@ mod tests;
 
 pub use file::LevelFile;
 pub use index::{INDEX_NAME, LevelIndex, LevelLeaf, LevelRun, MAX_LEVELS};
-pub use tiles::{TileOptions, TilePlan};
+pub use tiles::TilePlan;
 pub use writer::{LevelEnd, LevelFileJob, LevelWriteOptions, LevelWriter, NewLeaf};

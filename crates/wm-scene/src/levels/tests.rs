@@ -1,6 +1,6 @@
 //! Scenes in levels, written and read.
 
-use super::{LevelFileJob, LevelIndex, LevelWriteOptions, LevelWriter, NewLeaf, TileOptions, TilePlan};
+use super::{LevelFileJob, LevelIndex, LevelWriteOptions, LevelWriter, NewLeaf, TilePlan};
 use crate::{
     FormatError, Metadata, Rasterization, Scene, Splats, formats::DetailLevel, morton, testing::Dice,
 };
@@ -417,7 +417,7 @@ fn tiles_stand_where_the_scene_does() {
     index.metadata.north = Some(DVec3::Z);
     index.metadata.ground = Some(4.0);
     let main = folder.path().join("tiles/tileset.json");
-    let plan = TilePlan::new(&index, &main, TileOptions::default()).unwrap();
+    let plan = TilePlan::new(&index, &main, 3).unwrap();
     assert_eq!(plan.notes().len(), 1);
     assert!(plan.write_tileset().is_err() && !main.exists());
     (0..plan.len()).rev().for_each(|tile| plan.write_tiles(tile..tile + 1).unwrap());

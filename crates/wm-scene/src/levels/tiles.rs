@@ -20,6 +20,7 @@ use super::{
 };
 use crate::{
     FormatError, Metadata, Problem, Scene, Splats,
+    capture::Gps,
     files::write_atomically,
     formats::{GltfSplats, WriteOptions, write_scene_with},
 };
@@ -32,25 +33,13 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Options of writing 3D Tiles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TileOptions {
-    /// SH above this degree are left out, 0 to 3.
-    pub sh_degree: u8,
-}
-
-impl Default for TileOptions {
-    fn default() -> Self {
-        Self { sh_degree: 3 }
-    }
-}
-
 /// The tiles of a scene in levels, to be written in any order and on any threads, and then their
 /// `tileset.json`.
 pub struct TilePlan<'a> {
     index: &'a LevelIndex,
     main: PathBuf,
-    options: TileOptions,
+    /// SH above this degree are left out.
+    sh_degree: u8,
     /// Metres a unit.
     metres: f64,
     /// The point of the scene that is the origin of the root, scene units.
@@ -67,13 +56,13 @@ struct Tile {
     extent: Extent,
     /// Error of the tile in place of those below it, metres.
     error: f64,
-    /// Its number among the contents.
+    /// Index among the contents.
     content: Option<usize>,
     children: Vec<Self>,
 }
 
 struct Content {
-    /// Its leaves.
+    /// Indices of its leaves.
     leaves: Vec<usize>,
     /// The position in the runs of each, or the last.
     level: usize,
@@ -81,32 +70,31 @@ struct Content {
     middle: DVec3,
 }
 
-/// Decoded files that are kept while tiles are written; tiles beside each other share them.
-const KEPT: usize = 8;
+/// Most decoded files that are kept while tiles are written; neighbouring tiles share them.
+const MAX_OPEN_FILES: usize = 8;
 
 /// Geometric error of a tile in distances between its splats: at the 16 pixels of error that
 /// CesiumJS allows, splats are 2 pixels apart when their tile is replaced. The distance is the
-/// diagonal of a leaf over the root of its splats' number, as on a surface.
-const ERROR_OF_SPACING: f64 = 8.0;
+/// diagonal of a leaf over the square root of its number of splats, as on a surface.
+const ERROR_PER_SPACING: f64 = 8.0;
 
 impl<'a> TilePlan<'a> {
-    /// Plans the tiles of `index`, for a `main` that is called `tileset.json`. Makes its folder,
-    /// and removes the file `main` if it is there.
+    /// Plans the tiles of `index`, for a `main` that is called `tileset.json`, without SH above
+    /// `sh_degree` (0 to 3). Makes its folder, and removes the file `main` if it is there.
     ///
     /// # Errors
     /// [`FormatError`] if the index states no boxes, the environment cannot be read, or the folder
     /// cannot be made.
-    pub fn new(index: &'a LevelIndex, main: &Path, options: TileOptions) -> Result<Self, FormatError> {
+    pub fn new(index: &'a LevelIndex, main: &Path, sh_degree: u8) -> Result<Self, FormatError> {
         let fault = |problem| FormatError::whole(main, problem);
-        let boxes: Vec<Extent> = index.leaves.iter().map(|leaf| (leaf.low, leaf.high)).collect();
-        let is_finite = |(low, high): &Extent| low.iter().chain(high).all(|v| v.is_finite());
-        if let Some(leaf) = boxes.iter().position(|extent| !is_finite(extent)) {
+        let boxes: Vec<Extent> = index.leaves.iter().map(LevelLeaf::extent).collect();
+        if let Some(leaf) = boxes.iter().position(|extent| !extent.is_finite()) {
             let what = format!("leaf {leaf} has no box, which tiles need; write the levels again");
             return Err(FormatError::whole(index.path(), Problem::Value(what)));
         }
         let tree = BoxTree::of(&boxes).ok_or_else(|| FormatError::whole(index.path(), Problem::NoSplats))?;
         let environment = index.read_environment()?.map(|scene| ellipsoids(&[scene.splats]));
-        let environment = environment.filter(is_finite);
+        let environment = environment.filter(Extent::is_finite);
         let folder = main.with_file_name("tiles");
         fs::create_dir_all(folder).map_err(|error| fault(error.into()))?;
         match fs::remove_file(main) {
@@ -119,7 +107,7 @@ impl<'a> TilePlan<'a> {
         let (root, ..) = Tile::of(&tree, &index.leaves, &weights, metres, &mut contents);
         let (origin, transform, notes) = placed(&index.metadata, &boxes);
         let main = main.to_owned();
-        Ok(Self { index, main, options, metres, origin, transform, environment, root, contents, notes })
+        Ok(Self { index, main, sh_degree, metres, origin, transform, environment, root, contents, notes })
     }
 
     /// Number of files of tiles.
@@ -185,7 +173,7 @@ impl<'a> TilePlan<'a> {
             match files.iter().position(|(file, _)| *file == run.file) {
                 Some(place) => files[place..].rotate_left(1),
                 None => {
-                    if files.len() >= KEPT {
+                    if files.len() >= MAX_OPEN_FILES {
                         files.remove(0);
                     }
                     files.push((run.file, self.index.read_file(run.file)?));
@@ -200,7 +188,7 @@ impl<'a> TilePlan<'a> {
 
     /// Splats in metres from `middle`.
     fn moved(&self, mut splats: Splats, middle: DVec3) -> Splats {
-        splats.limit_sh(self.options.sh_degree);
+        splats.limit_sh(self.sh_degree);
         for mean in &mut splats.means {
             let from = (DVec3::from(mean.map(f64::from)) - middle) * self.metres;
             *mean = from.as_vec3().to_array();
@@ -219,11 +207,11 @@ impl<'a> TilePlan<'a> {
             let path = self.main.with_file_name(uri(number));
             fs::metadata(&path).map_err(|error| FormatError::reading(&path, error))?;
         }
-        let whole = self.environment.map_or(self.root.extent, |extent| union(extent, self.root.extent));
+        let whole = self.environment.map_or(self.root.extent, |extent| extent.union(self.root.extent));
         let root = if self.environment.is_some() {
             let mut root = self.tile(&self.root, Some(self.origin));
             root["refine"] = json!("REPLACE");
-            let error = diagonal(whole, self.metres).max(self.root.error);
+            let error = (whole.diagonal() * self.metres).max(self.root.error);
             json!({
                 "transform": self.transform.to_cols_array(),
                 "boundingVolume": { "box": self.volume(whole, self.origin) },
@@ -247,7 +235,7 @@ impl<'a> TilePlan<'a> {
             "asset": { "version": "1.1", "extras": extras },
             "extensionsUsed": ["3DTILES_content_gltf"],
             "extensions": { "3DTILES_content_gltf": { "extensionsUsed": extensions, "extensionsRequired": extensions } },
-            "geometricError": diagonal(whole, self.metres).max(2.0 * self.root.error),
+            "geometricError": (whole.diagonal() * self.metres).max(2.0 * self.root.error),
             "root": root,
         });
         write_atomically(&self.main, |out| Ok(writeln!(out, "{tileset}")?))
@@ -255,7 +243,7 @@ impl<'a> TilePlan<'a> {
 
     /// A tile below one with the origin `above`, or the root.
     fn tile(&self, tile: &Tile, above: Option<DVec3>) -> Value {
-        let middle = above.map_or(self.origin, |_| middle(tile.extent));
+        let middle = above.map_or(self.origin, |_| tile.extent.middle());
         let mut value = json!({
             "boundingVolume": { "box": self.volume(tile.extent, middle) },
             "geometricError": tile.error,
@@ -276,7 +264,7 @@ impl<'a> TilePlan<'a> {
     /// A box in the axes of a tile whose origin is a point of the scene: its middle, then half of
     /// each side.
     fn volume(&self, extent: Extent, origin: DVec3) -> [f64; 12] {
-        let [low, high] = [extent.0, extent.1].map(|v| DVec3::from(v.map(f64::from)));
+        let [low, high] = [extent.low, extent.high].map(|v| DVec3::from(v.map(f64::from)));
         let center = tile_from_scene() * (0.5 * (low + high) - origin) * self.metres;
         let half = (tile_from_scene() * (0.5 * (high - low))).abs() * self.metres;
         let [x, y, z] = half.to_array();
@@ -295,8 +283,8 @@ impl Tile {
     ) -> (Self, usize, Vec<usize>) {
         match tree {
             BoxTree::Leaf(leaf) => {
-                let extent = (leaves[*leaf].low, leaves[*leaf].high);
-                contents.push(Content { leaves: vec![*leaf], level: 0, middle: middle(extent) });
+                let extent = leaves[*leaf].extent();
+                contents.push(Content { leaves: vec![*leaf], level: 0, middle: extent.middle() });
                 let content = Some(contents.len() - 1);
                 (Self { extent, error: 0.0, content, children: Vec::new() }, 0, vec![*leaf])
             }
@@ -313,14 +301,14 @@ impl Tile {
                         let (leaf, weights) = (&leaves[*leaf], &weights[*leaf]);
                         let level = level.min(leaf.runs.len() - 1);
                         let spacing =
-                            diagonal((leaf.low, leaf.high), metres) / (leaf.runs[level].count as f64).sqrt();
-                        ERROR_OF_SPACING * spacing * weights[level]
+                            leaf.extent().diagonal() * metres / (leaf.runs[level].count as f64).sqrt();
+                        ERROR_PER_SPACING * spacing * weights[level]
                     };
                     let error = below.iter().map(error).fold(least, f64::max);
-                    contents.push(Content { leaves: below.clone(), level, middle: middle(*extent) });
+                    contents.push(Content { leaves: below.clone(), level, middle: extent.middle() });
                     (Some(contents.len() - 1), error)
                 } else {
-                    (None, diagonal(*extent, metres).max(2.0 * least))
+                    (None, (extent.diagonal() * metres).max(2.0 * least))
                 };
                 (Self { extent: *extent, error, content, children }, level, below)
             }
@@ -356,7 +344,7 @@ fn tile_from_scene() -> DMat3 {
 fn placed(metadata: &Metadata, boxes: &[Extent]) -> (DVec3, DMat4, Vec<String>) {
     let mut notes = Vec::new();
     let median = |k: usize| {
-        let mut all: Vec<f64> = boxes.iter().map(|extent| middle(*extent)[k]).collect();
+        let mut all: Vec<f64> = boxes.iter().map(|extent| extent.middle()[k]).collect();
         all.sort_by(f64::total_cmp);
         all[all.len() / 2]
     };
@@ -393,19 +381,15 @@ fn placed(metadata: &Metadata, boxes: &[Extent]) -> (DVec3, DMat4, Vec<String>) 
     notes.push(format!(
         "the middle of the scene is put at {latitude:.6}, {longitude:.6} and {height} on the ellipsoid: neither is measured"
     ));
-    let ecef = ecef_from_enu(latitude.to_radians(), longitude.to_radians());
+    let ecef = ecef_from_enu(latitude, longitude);
     (origin, ecef * DMat4::from_mat3(enu_from_scene * tile_from_scene().transpose()), notes)
 }
 
-/// East, north and up at a place on the WGS 84 ellipsoid, in the axes of the Earth; radians.
+/// East, north and up at a place on the WGS 84 ellipsoid, in the axes of the Earth; degrees.
 fn ecef_from_enu(latitude: f64, longitude: f64) -> DMat4 {
-    const RADIUS: f64 = 6_378_137.0;
-    const FLATTENING: f64 = 1.0 / 298.257_223_563;
-    let eccentricity = FLATTENING * (2.0 - FLATTENING);
-    let ((sin, cos), (sin_east, cos_east)) = (latitude.sin_cos(), longitude.sin_cos());
-    let across = RADIUS / (1.0 - eccentricity * sin * sin).sqrt();
-    let place =
-        DVec3::new(across * cos * cos_east, across * cos * sin_east, across * (1.0 - eccentricity) * sin);
+    let place = Gps { latitude, longitude, altitude: None }.ecef();
+    let (sin, cos) = latitude.to_radians().sin_cos();
+    let (sin_east, cos_east) = longitude.to_radians().sin_cos();
     let east = DVec3::new(-sin_east, cos_east, 0.0);
     let up = DVec3::new(cos * cos_east, cos * sin_east, sin);
     DMat4::from_cols(east.extend(0.0), up.cross(east).extend(0.0), up.extend(0.0), place.extend(1.0))
@@ -413,17 +397,4 @@ fn ecef_from_enu(latitude: f64, longitude: f64) -> DMat4 {
 
 fn uri(number: usize) -> String {
     format!("tiles/{number}.glb")
-}
-
-fn middle((low, high): Extent) -> DVec3 {
-    DVec3::from_array(std::array::from_fn(|k| 0.5 * (f64::from(low[k]) + f64::from(high[k]))))
-}
-
-/// The diagonal of a box, metres.
-fn diagonal((low, high): Extent, metres: f64) -> f64 {
-    (0..3).map(|k| (f64::from(high[k]) - f64::from(low[k])).powi(2)).sum::<f64>().sqrt() * metres
-}
-
-fn union(a: Extent, b: Extent) -> Extent {
-    (std::array::from_fn(|k| a.0[k].min(b.0[k])), std::array::from_fn(|k| a.1[k].max(b.1[k])))
 }

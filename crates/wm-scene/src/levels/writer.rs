@@ -48,7 +48,7 @@ impl Default for LevelWriteOptions {
 /// A leaf to be written.
 #[derive(Clone, Debug, Default)]
 pub struct NewLeaf {
-    /// Its splats at each level, the finest first, 1 to [`MAX_LEVELS`] of them, in any order. A
+    /// Splats at each level, the finest first, 1 to [`MAX_LEVELS`] of them, in any order. A
     /// level without splats is left out.
     pub levels: Vec<Splats>,
     /// The error of each level, 0 or more and finite; none if they are not known. An error less
@@ -92,7 +92,7 @@ pub struct LevelWriter {
 /// The file of a level that is being filled.
 #[derive(Default)]
 struct Pending {
-    /// Its index in the names; not used while it has no splats.
+    /// Index in the names; not used while it has no splats.
     file: usize,
     /// Files of the level before it.
     before: usize,
@@ -118,7 +118,7 @@ pub struct LevelEnd {
     /// The last files.
     pub jobs: Vec<LevelFileJob>,
     main: PathBuf,
-    index: OwnIndex,
+    index: IndexJson,
 }
 
 /// Splats for an entry of the palette of SH. Files are small: a palette as large as that of one
@@ -261,11 +261,11 @@ impl LevelWriter {
         let levels = self.counts.len();
         let has_errors = self.leaves.iter().all(|leaf| !leaf.errors.is_empty());
         let node = |leaf: usize| self.leaves[leaf].node(levels, has_errors);
-        let index = OwnIndex {
+        let index = IndexJson {
             version: 1,
             asset: Asset { generator: concat!("weather-magician ", env!("CARGO_PKG_VERSION")) },
             count: self.counts.iter().sum(),
-            tree: OwnNode::of(&tree, &node),
+            tree: NodeJson::of(&tree, &node),
             counts: self.counts,
             levels,
             has_errors,
@@ -278,24 +278,6 @@ impl LevelWriter {
 }
 
 impl LevelFileJob {
-    /// The `meta.json` that it writes.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Number of splats.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.scene.splats.len()
-    }
-
-    /// Returns true if there is no splat.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.scene.splats.is_empty()
-    }
-
     /// Encodes and writes the file, and makes its folder.
     ///
     /// # Errors
@@ -386,7 +368,7 @@ pub(super) fn ellipsoids(sets: &[Splats]) -> Extent {
             }
         }
     }
-    (low.map(|v| outward(v, -1.0)), high.map(|v| outward(v, 1.0)))
+    Extent { low: low.map(|v| outward(v, -1.0)), high: high.map(|v| outward(v, 1.0)) }
 }
 
 /// Share of a splat's squared error in that of pictures: its opacity squared times its area, above 0.
@@ -411,12 +393,12 @@ fn outward(v: f64, sign: f64) -> f32 {
 }
 
 impl WrittenLeaf {
-    fn node(&self, levels: usize, has_errors: bool) -> OwnNode {
+    fn node(&self, levels: usize, has_errors: bool) -> NodeJson {
         let run =
-            |run: &LevelRun| (run.level, OwnRun { file: run.file, offset: run.offset, count: run.count });
+            |run: &LevelRun| (run.level, RunJson { file: run.file, offset: run.offset, count: run.count });
         // Levels that the leaf lacks have its last error.
         let error = |level: usize| Digits(self.errors[level.min(self.errors.len() - 1)]);
-        OwnNode {
+        NodeJson {
             bound: self.extent.into(),
             children: None,
             lods: Some(self.runs.iter().map(run).collect()),
@@ -427,7 +409,7 @@ impl WrittenLeaf {
 
 /// The content of an index as JSON.
 #[derive(Serialize)]
-struct OwnIndex {
+struct IndexJson {
     version: u32,
     asset: Asset,
     count: u64,
@@ -440,7 +422,7 @@ struct OwnIndex {
     environment: Option<String>,
     #[serde(rename = "filenames")]
     files: Vec<String>,
-    tree: OwnNode,
+    tree: NodeJson,
     #[serde(rename = "wm", skip_serializing_if = "Option::is_none")]
     metadata: Option<Metadata>,
 }
@@ -451,17 +433,17 @@ struct Asset {
 }
 
 #[derive(Serialize)]
-struct OwnNode {
-    bound: Bound,
+struct NodeJson {
+    bound: BoundJson,
     #[serde(skip_serializing_if = "Option::is_none")]
     children: Option<Box<[Self; 2]>>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    lods: Option<BTreeMap<u32, OwnRun>>,
+    lods: Option<BTreeMap<u32, RunJson>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     errors: Option<Vec<Digits>>,
 }
 
-impl OwnNode {
+impl NodeJson {
     fn of(tree: &BoxTree, leaf: &impl Fn(usize) -> Self) -> Self {
         match tree {
             BoxTree::Leaf(index) => leaf(*index),
@@ -476,21 +458,21 @@ impl OwnNode {
 }
 
 #[derive(Serialize)]
-struct OwnRun {
+struct RunJson {
     file: usize,
     offset: u64,
     count: u64,
 }
 
 #[derive(Serialize)]
-struct Bound {
+struct BoundJson {
     min: [Digits; 3],
     max: [Digits; 3],
 }
 
-impl From<Extent> for Bound {
-    fn from((low, high): Extent) -> Self {
-        Self { min: low.map(Digits), max: high.map(Digits) }
+impl From<Extent> for BoundJson {
+    fn from(extent: Extent) -> Self {
+        Self { min: extent.low.map(Digits), max: extent.high.map(Digits) }
     }
 }
 

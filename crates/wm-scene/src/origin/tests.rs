@@ -314,7 +314,7 @@ proptest! {
     ) {
         let positions: Vec<DVec3> = numbers.chunks_exact(3).map(|p| DVec3::new(p[0], p[1], p[2])).collect();
         if let Some(origin) = choose(&positions, size.abs()) {
-            prop_assert!(origin.is_finite() && origin.abs().max_element() <= 1.1 * FARTHEST);
+            prop_assert!(origin.is_finite() && origin.abs().max_element() <= 1.1 * MAX_COORDINATE);
         }
     }
 }

@@ -10,26 +10,26 @@ use crate::color::{luminance, srgb_decode};
 use crate::{Splats, sh};
 use glam::DVec3;
 
-/// Brightest airlight: a sky that photos burned out says "white or more", and fog at display white
-/// would show no shape and no snow before it.
-const MOST: f64 = 0.9;
+/// Brightest airlight: photos show a burned-out sky as "white or more", and fog at display white
+/// would show no shape and no snow in front of it.
+const MAX_AIRLIGHT: f64 = 0.9;
 /// Darkest airlight without a sky: a shady courtyard does not make a dark fog.
-const LEAST: f64 = 0.35;
-/// Brightest airlight without a sky: what is white in the sun is brighter than fog in the light
-/// that fog lets through.
-const MOST_WITHOUT_SKY: f64 = 0.62;
+const MIN_SURFACE_AIRLIGHT: f64 = 0.35;
+/// Brightest airlight without a sky: white surfaces in the sun are brighter than fog in the light
+/// that fog transmits.
+const MAX_SURFACE_AIRLIGHT: f64 = 0.62;
 /// Colour of daylight fog without a sky: a touch of blue.
-const TINT: [f64; 3] = [0.97, 1.0, 1.05];
-/// Most blue against red. A clear sky is blue above; fog is lit by it and by the sun, and white at
-/// the horizon.
-const BLUEST: f64 = 1.1;
+const FOG_TINT: [f64; 3] = [0.97, 1.0, 1.05];
+/// Largest ratio of blue to red. A clear sky is blue above; fog is lit by it and by the sun, and
+/// white at the horizon.
+const MAX_BLUE_RATIO: f64 = 1.1;
 /// Upper edges of the bands above the horizon that are tried, as sines: 20 and 40 degrees, all.
-const BANDS: [f64; 3] = [0.342, 0.643, 1.0];
-/// Share of the seen sky that a band needs.
-const ENOUGH: f64 = 0.04;
+const BAND_SINES: [f64; 3] = [0.342, 0.643, 1.0];
+/// Least share of the visible sky in a band.
+const MIN_BAND_SHARE: f64 = 0.04;
 
 /// The airlight, linear RGB, 1 = display white.
-pub fn estimate(splats: &Splats, sample: &SurveySample, sky: &SkyRegion, up: DVec3) -> [f64; 3] {
+pub(crate) fn estimate(splats: &Splats, sample: &SurveySample, sky: &SkyRegion, up: DVec3) -> [f64; 3] {
     let surfaces = from_surfaces(splats, sample);
     from_sky(splats, sample, sky, up, luminance(surfaces)).unwrap_or(surfaces)
 }
@@ -59,15 +59,16 @@ pub enum CapturedSky {
     Overcast,
 }
 
-/// Blue against red above which a piece of the sky is blue: overcast skies have 1.0 to 1.1 of it.
-const BLUE: f64 = 1.3;
-/// Share of the upper sky that is blue under a sun, clouds between.
-const LEAST_BLUE: f64 = 0.15;
-/// Sine of the elevation from which on a sky is blue if it is clear: 17 degrees.
-const UPPER: f64 = 0.3;
-/// Light of a channel that is burned out in photos, and the share of the sky that may be.
-const BURNED: f64 = 0.93;
-const MOST_BURNED: f64 = 0.5;
+/// Least ratio of blue to red of a blue piece of the sky: overcast skies have 1.0 to 1.1.
+const MIN_BLUE_RATIO: f64 = 1.3;
+/// Least share of the upper sky that is blue under a sun, between clouds.
+const MIN_BLUE_SHARE: f64 = 0.15;
+/// Sine of the elevation above which a clear sky is blue: 17 degrees.
+const UPPER_SKY_SINE: f64 = 0.3;
+/// Least light of a channel that is burned out in photos.
+const BURNED_LIGHT: f64 = 0.93;
+/// Largest share of the sky that may be burned out.
+const MAX_BURNED_SHARE: f64 = 0.5;
 
 /// Tells a clear sky from an overcast one by its colour.
 pub(super) fn captured_sky(
@@ -79,16 +80,16 @@ pub(super) fn captured_sky(
     let indices = sky.indices(splats).into_iter().filter(|index| splats.is_sound(*index));
     let patches = indices.map(|index| patch(splats, index, sample.center, up));
     let (mut all, mut burned, mut blue) = (0.0, 0.0, 0.0);
-    for SkyPatch { weight, rgb, .. } in patches.filter(|patch| patch.sin > UPPER) {
+    for SkyPatch { weight, rgb, .. } in patches.filter(|patch| patch.sin > UPPER_SKY_SINE) {
         all += weight;
-        burned += if rgb[0] >= BURNED { weight } else { 0.0 };
-        blue += if rgb[2] > BLUE * rgb[0] { weight } else { 0.0 };
+        burned += if rgb[0] >= BURNED_LIGHT { weight } else { 0.0 };
+        blue += if rgb[2] > MIN_BLUE_RATIO * rgb[0] { weight } else { 0.0 };
     }
-    if blue > LEAST_BLUE * all {
+    if blue > MIN_BLUE_SHARE * all {
         CapturedSky::Clear
     } else if all <= 0.0 {
         CapturedSky::Unknown
-    } else if burned > MOST_BURNED * all {
+    } else if burned > MAX_BURNED_SHARE * all {
         CapturedSky::Burned
     } else {
         CapturedSky::Overcast
@@ -130,8 +131,9 @@ pub fn airlight_of_sky(mut patches: Vec<SkyPatch>, sunlit: f64) -> Option<[f64; 
     let typical = median_luminance(&mut patches)?;
     patches.retain(|p| luminance(p.rgb) >= 0.65 * typical);
     let seen: f64 = patches.iter().map(|p| p.weight).sum();
-    let mean =
-        BANDS.into_iter().find_map(|band| mean(patches.iter().filter(|p| p.sin <= band), ENOUGH * seen));
+    let mean = BAND_SINES
+        .into_iter()
+        .find_map(|band| mean(patches.iter().filter(|p| p.sin <= band), MIN_BAND_SHARE * seen));
     mean.map(|mean| whitened(mean, sunlit))
 }
 
@@ -140,12 +142,12 @@ pub fn airlight_of_sky(mut patches: Vec<SkyPatch>, sunlit: f64) -> Option<[f64; 
 fn whitened(rgb: [f64; 3], sunlit: f64) -> [f64; 3] {
     let [red, _, blue] = rgb;
     let grey = luminance(rgb).max(sunlit);
-    if blue <= BLUEST * red {
+    if blue <= MAX_BLUE_RATIO * red {
         return rgb;
     }
     // The share of grey g at which (1 - g) blue + g grey is as often the red.
-    let over = blue - BLUEST * red;
-    let share = over / (over + (BLUEST - 1.0) * grey);
+    let over = blue - MAX_BLUE_RATIO * red;
+    let share = over / (over + (MAX_BLUE_RATIO - 1.0) * grey);
     rgb.map(|v| (1.0 - share) * v + share * grey)
 }
 
@@ -186,7 +188,7 @@ fn mean<'a>(patches: impl Iterator<Item = &'a SkyPatch>, least: f64) -> Option<[
         }
     }
     let mean = sum.map(|v| v / weight);
-    let scale = (MOST / luminance(mean).max(MOST)).min(1.0);
+    let scale = (MAX_AIRLIGHT / luminance(mean).max(MAX_AIRLIGHT)).min(1.0);
     (weight > 0.0 && weight >= least).then(|| mean.map(|v| v * scale))
 }
 
@@ -196,6 +198,6 @@ fn from_surfaces(splats: &Splats, sample: &SurveySample) -> [f64; 3] {
         luminance(sh::color(splats.sh_of(index), direction).map(|v| v.clamp(0.0, 1.0)))
     };
     let mut values: Vec<f64> = sample.points.iter().map(|p| displayed(p.index, p.at)).collect();
-    let bright = srgb_decode(quantile(&mut values, 0.95)).clamp(LEAST, MOST_WITHOUT_SKY);
-    TINT.map(|v| v * bright / luminance(TINT))
+    let bright = srgb_decode(quantile(&mut values, 0.95)).clamp(MIN_SURFACE_AIRLIGHT, MAX_SURFACE_AIRLIGHT);
+    FOG_TINT.map(|v| v * bright / luminance(FOG_TINT))
 }

@@ -4,7 +4,7 @@
 //! The geometry of a scene stays as it is; its metadata say how it stands.
 
 use super::linear::quantile;
-use super::report::{Short, origin};
+use super::report::{Decimal, origin};
 use super::sample::SurveySample;
 use super::sky::SkyRegion;
 use super::{ScaleError, Survey, known_distance};
@@ -12,18 +12,17 @@ use crate::Scene;
 use glam::DVec3;
 use thiserror::Error;
 
-/// Height of the triangle of three points over its longest side, as a share of that side, from
-/// which its plane is told: a point that is 1 % of the side off tilts it by 11 degrees there.
-const FLATTEST: f64 = 0.05;
-/// Share of the cameras on one side of the ground from which that side is up.
-const MOST_CAMERAS: f64 = 0.8;
-/// Least ratio of the splats above the ground to those below it with which splats tell up.
-const MOST_SPLATS: f64 = 2.0;
-/// Share of the scene's radius within which a splat belongs to the ground itself.
-const GROUND: f64 = 0.02;
-/// An up that turned by more than this is another one: what was found along the old one is found
-/// anew. Degrees.
-const TURNED: f64 = 5.0;
+/// Least ratio of the height of the triangle of three points to its longest side with which they
+/// determine a plane: an error of 1 % of the side tilts it by 11 degrees there.
+const MIN_TRIANGLE_RATIO: f64 = 0.05;
+/// Least share of the cameras on one side of the ground with which that side is up.
+const MIN_CAMERA_SHARE: f64 = 0.8;
+/// Least ratio of the splats above the ground to those below it with which splats determine up.
+const MIN_SPLAT_RATIO: f64 = 2.0;
+/// Half thickness of the ground, scene radii.
+const GROUND_HALF_RADII: f64 = 0.02;
+/// Largest turn of up, degrees, after which facts estimated along the old one are kept.
+const MAX_TURN_DEG: f64 = 5.0;
 
 /// Facts about a scene that its user sets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -41,7 +40,7 @@ pub struct Alignment {
 /// The ground as a user gives it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum GivenGround {
-    /// Its height along up, scene units.
+    /// Height along up, scene units.
     Height(f64),
     /// Three points of it, scene units. They also tell up, unless that is given.
     Points([DVec3; 3]),
@@ -84,7 +83,7 @@ pub enum AlignError {
     Line {
         /// The longest side of their triangle, scene units.
         length: f64,
-        /// Its height over that side, scene units.
+        /// Height of the triangle over that side, scene units.
         width: f64,
     },
     /// The metres per unit are not finite and above 0.
@@ -159,7 +158,7 @@ fn check_point(point: DVec3) -> Result<(), AlignError> {
 ///
 /// # Errors
 /// [`AlignError::Point`], [`AlignError::Same`] or [`AlignError::Line`] if they make no plane.
-pub fn ground_normal(points: [DVec3; 3]) -> Result<DVec3, AlignError> {
+pub(crate) fn ground_normal(points: [DVec3; 3]) -> Result<DVec3, AlignError> {
     points.into_iter().try_for_each(check_point)?;
     let [a, b, c] = points;
     let sides = [(a, b), (b, c), (c, a)];
@@ -174,7 +173,7 @@ pub fn ground_normal(points: [DVec3; 3]) -> Result<DVec3, AlignError> {
     let normal = ((b - a) / length).cross((c - a) / length);
     let width = normal.length();
     match normal.try_normalize() {
-        Some(normal) if width >= FLATTEST => Ok(normal),
+        Some(normal) if width >= MIN_TRIANGLE_RATIO => Ok(normal),
         _ => Err(AlignError::Line { length, width: width * length }),
     }
 }
@@ -198,15 +197,15 @@ impl UpSide {
         if !scene.views.is_empty() {
             let above = scene.views.iter().filter(|view| height(view.camera.center()) > 0.0).count();
             let share = above as f64 / scene.views.len() as f64;
-            if share >= MOST_CAMERAS || share <= 1.0 - MOST_CAMERAS {
+            if share >= MIN_CAMERA_SHARE || share <= 1.0 - MIN_CAMERA_SHARE {
                 return turned(share > 0.5, Self::Cameras);
             }
         }
         let sample = SurveySample::of(&scene.splats, &SkyRegion::of(&scene.splats));
-        let least = GROUND * sample.radius;
+        let least = GROUND_HALF_RADII * sample.radius;
         let count = |sign: f64| sample.points.iter().filter(|p| sign * height(p.at) > least).count() as f64;
         let (above, below) = (count(1.0), count(-1.0));
-        if above.max(below) > MOST_SPLATS * above.min(below) {
+        if above.max(below) > MIN_SPLAT_RATIO * above.min(below) {
             return turned(above > below, Self::Splats);
         }
         turned(normal.dot(before.up.value) >= 0.0, Self::Before)
@@ -263,7 +262,7 @@ pub fn align(scene: &mut Scene, by: &Alignment) -> Result<Aligned, AlignError> {
         (metadata.up, metadata.up_confidence) = (Some(up), None);
         metadata.up_source = up_source.map(Into::into);
         (metadata.ground, metadata.ground_confidence) = (None, None);
-        if turned > TURNED && before.sky_splats > 0 {
+        if turned > MAX_TURN_DEG && before.sky_splats > 0 {
             metadata.airlight = None;
         }
     }
@@ -285,7 +284,7 @@ pub fn align(scene: &mut Scene, by: &Alignment) -> Result<Aligned, AlignError> {
     let mut after = Survey::of(scene, &Default::default());
     if up.is_some() || by.ground.is_some() {
         scene.metadata = std::mem::take(&mut scene.metadata).or(after.metadata());
-        if (turned > TURNED || by.ground.is_some())
+        if (turned > MAX_TURN_DEG || by.ground.is_some())
             && kept.camera_height.is_some()
             && let Some(height) = camera_height(scene, &after).filter(|height| *height > 0.0)
         {
@@ -332,7 +331,7 @@ impl Aligned {
     /// Returns true if the scene has a sky that was made along another up.
     #[must_use]
     pub fn has_old_sky(&self) -> bool {
-        self.turned > TURNED && self.after.sky_splats > 0
+        self.turned > MAX_TURN_DEG && self.after.sky_splats > 0
     }
 
     /// One line for each fact that changed, old and new, for people.
@@ -340,7 +339,7 @@ impl Aligned {
     pub fn lines(&self) -> Vec<String> {
         let (before, after) = (&self.before, &self.after);
         let mut lines = Vec::new();
-        let point = |p: DVec3| p.to_array().map(|v| Short(v, 3).to_string()).join(", ");
+        let point = |p: DVec3| p.to_array().map(|v| Decimal(v, 3).to_string()).join(", ");
         if before.up != after.up || before.up_source != after.up_source {
             lines.push(format!(
                 "up: {} ({}) -> {} ({}), {:.1} degrees apart",
@@ -355,22 +354,22 @@ impl Aligned {
         if before.ground != after.ground {
             lines.push(format!(
                 "ground: {} units along up ({}) -> {} ({})",
-                Short(before.world_ground(), 3),
+                Decimal(before.world_ground(), 3),
                 origin(&before.ground, &None),
-                Short(after.world_ground(), 3),
+                Decimal(after.world_ground(), 3),
                 origin(&after.ground, &None)
             ));
         }
         if before.metres_per_unit != after.metres_per_unit || before.scale_source != after.scale_source {
             lines.push(format!(
                 "scale: 1 unit is {} m ({}) -> {} m ({})",
-                Short(before.metres_per_unit.value, 4),
+                Decimal(before.metres_per_unit.value, 4),
                 origin(&before.metres_per_unit, &before.scale_source),
-                Short(after.metres_per_unit.value, 4),
+                Decimal(after.metres_per_unit.value, 4),
                 origin(&after.metres_per_unit, &after.scale_source)
             ));
         }
-        let light = |survey: &Survey| survey.airlight.value.map(|v| Short(v, 2).to_string()).join(", ");
+        let light = |survey: &Survey| survey.airlight.value.map(|v| Decimal(v, 2).to_string()).join(", ");
         let (old, new) = (light(before), light(after));
         if old != new {
             lines.push(format!("airlight: {old} -> {new} linear (of the sky near the new horizon)"));

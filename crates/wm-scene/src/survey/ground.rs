@@ -10,36 +10,38 @@ use super::sample::{SurveyPoint, SurveySample};
 use crate::SceneView;
 use glam::{DMat3, DVec3};
 
-/// Layers of height a scene radius.
-const LAYERS: f64 = 200.0;
-/// Thickness of the surface that is looked for, layers to each side.
-const HALF: usize = 2;
-/// Cells of the grid a scene radius.
-const CELLS: f64 = 12.0;
-/// The largest angle between a normal and up: 25 degrees. Slopes and rough ground are wanted.
-const LEVEL: f64 = 0.906;
-/// Depth below the ground, scene radii, from which on a point is below it, and the share of those
-/// from which on it is none.
-const DEEP: f64 = 0.1;
-const HOLLOW: f64 = 0.15;
-/// Half the thickness of rough ground, scene radii, and the share of all surface with which it is
-/// one: of a plane, and of none.
-const RELIEF: f64 = 0.02;
-const LEAST: f64 = 0.01;
-const WIDE: f64 = 0.1;
-/// Share of the best surface, and of the best cells, that the ground has.
-const FAIR: f64 = 0.4;
+/// Layers of height per scene radius.
+const LAYERS_PER_RADIUS: f64 = 200.0;
+/// Half thickness of the ground surface, layers.
+const HALF_LAYERS: usize = 2;
+/// Cells of the grid per scene radius.
+const CELLS_PER_RADIUS: f64 = 12.0;
+/// Least cosine of the angle between a normal and up: 25 degrees, to include slopes and rough
+/// ground.
+const MIN_LEVEL_COS: f64 = 0.906;
+/// Depth below the ground beyond which a point is below it, scene radii.
+const DEEP_RADII: f64 = 0.1;
+/// Largest share of points below a ground.
+const MAX_BELOW_SHARE: f64 = 0.15;
+/// Half the thickness of rough ground, scene radii.
+const RELIEF_RADII: f64 = 0.02;
+/// Least share of all surface that lies on a ground with a plane.
+const MIN_PLANE_SHARE: f64 = 0.01;
+/// Least share of all surface that lies on a ground without a plane.
+const MIN_LEVEL_SHARE: f64 = 0.1;
+/// Least share of the best surface, and of the best number of cells, that the ground has.
+const MIN_FAIR_SHARE: f64 = 0.4;
 
 /// Height of the ground along `up`, scene units; `None` if nothing is level.
 ///
 /// `ceiling` bounds it from above, such as by cameras.
-pub fn level(sample: &SurveySample, up: DVec3, ceiling: Option<f64>) -> Option<f64> {
+pub(crate) fn level(sample: &SurveySample, up: DVec3, ceiling: Option<f64>) -> Option<f64> {
     let (x, y) = horizontals(up);
     let mut heights: Vec<f64> = sample.points.iter().map(|p| p.at.dot(up)).collect();
     let low = quantile(&mut heights, 0.002);
     let high = quantile(&mut heights, 0.998);
-    let step = sample.radius / LAYERS;
-    let count = ((high - low) / step).min(1e9) as usize + 2 * HALF + 1;
+    let step = sample.radius / LAYERS_PER_RADIUS;
+    let count = ((high - low) / step).min(1e9) as usize + 2 * HALF_LAYERS + 1;
     // A negative, zero or infinite radius has no layers.
     if !(step > 0.0 && count < 1 << 16) {
         return None;
@@ -51,14 +53,15 @@ pub fn level(sample: &SurveySample, up: DVec3, ceiling: Option<f64>) -> Option<f
         let layer = ((point.at.dot(up) - low) / step).clamp(0.0, (count - 1) as f64) as usize;
         let away = (offset.dot(x).powi(2) + offset.dot(y).powi(2)) / sample.radius.powi(2);
         let weight = point.area * (-2.0 * away).exp();
-        if point.normal.dot(up).abs() >= LEVEL {
+        if point.normal.dot(up).abs() >= MIN_LEVEL_COS {
             surface[layer] += weight;
-            let cell =
-                |axis: DVec3| (offset.dot(axis) / sample.radius * CELLS).floor().clamp(-1e9, 1e9) as i32;
+            let cell = |axis: DVec3| {
+                (offset.dot(axis) / sample.radius * CELLS_PER_RADIUS).floor().clamp(-1e9, 1e9) as i32
+            };
             cells.push((layer, cell(x), cell(y)));
         }
     }
-    let around = |layer: usize| layer.saturating_sub(HALF)..(layer + HALF + 1).min(count);
+    let around = |layer: usize| layer.saturating_sub(HALF_LAYERS)..(layer + HALF_LAYERS + 1).min(count);
     let surface: Vec<f64> = (0..count).map(|layer| surface[around(layer)].iter().sum()).collect();
     let cover = cover(&mut cells, count);
     let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
@@ -68,21 +71,23 @@ pub fn level(sample: &SurveySample, up: DVec3, ceiling: Option<f64>) -> Option<f
     }
     let allowed = |layer: usize| ceiling.is_none_or(|c| low + layer as f64 * step < c);
     let fair = |layer: &usize| {
-        surface[*layer] >= FAIR * most_surface && cover[*layer] >= FAIR * most_cover && allowed(*layer)
+        surface[*layer] >= MIN_FAIR_SHARE * most_surface
+            && cover[*layer] >= MIN_FAIR_SHARE * most_cover
+            && allowed(*layer)
     };
     let first = (0..count).find(fair).or_else(|| (0..count).find(|l| surface[*l] == most_surface))?;
     // The surface is met at its edge: the middle of it is the best layer just above.
-    let best = (first..(first + 2 * HALF + 1).min(count))
+    let best = (first..(first + 2 * HALF_LAYERS + 1).min(count))
         .max_by(|a, b| surface[*a].total_cmp(&surface[*b]).then(b.cmp(a)))?;
     let height = low + (best as f64 + 0.5) * step;
-    Some(median_height(sample, up, height, (HALF as f64 + 0.5) * step))
+    Some(median_height(sample, up, height, (HALF_LAYERS as f64 + 0.5) * step))
 }
 
 /// Returns true if there is a ground at `height` along `up`: a plane of some width or much level
 /// surface, with next to nothing below it. The level parts of a trunk, a bust or a few splats are
 /// none.
-pub fn is_there(sample: &SurveySample, up: DVec3, height: f64) -> bool {
-    if sample.points.len() < super::HANDFUL {
+pub(crate) fn is_there(sample: &SurveySample, up: DVec3, height: f64) -> bool {
+    if sample.points.len() < super::MIN_POINTS {
         return false;
     }
     let origin = sample.center + up * (height - sample.center.dot(up));
@@ -92,17 +97,18 @@ pub fn is_there(sample: &SurveySample, up: DVec3, height: f64) -> bool {
         let all: f64 = sample.points.iter().map(of).sum();
         sample.points.iter().filter(|point| is(point)).map(of).sum::<f64>() / all.max(f64::MIN_POSITIVE)
     };
-    let below = |point: &SurveyPoint| (point.at - origin).dot(normal) < -DEEP * sample.radius;
+    let below = |point: &SurveyPoint| (point.at - origin).dot(normal) < -DEEP_RADII * sample.radius;
     let level = |point: &SurveyPoint| {
-        point.normal.dot(up).abs() >= LEVEL && (point.at.dot(up) - height).abs() < RELIEF * sample.radius
+        point.normal.dot(up).abs() >= MIN_LEVEL_COS
+            && (point.at.dot(up) - height).abs() < RELIEF_RADII * sample.radius
     };
-    let least = if plane.is_some() { LEAST } else { WIDE };
-    share(&below, &|_| 1.0) < HOLLOW && share(&level, &|point| point.area) > least
+    let least = if plane.is_some() { MIN_PLANE_SHARE } else { MIN_LEVEL_SHARE };
+    share(&below, &|_| 1.0) < MAX_BELOW_SHARE && share(&level, &|point| point.area) > least
 }
 
 /// Height of the ground along `up` below the cameras of `views`, scene units; `None` if there is
 /// none.
-pub fn below(sample: &SurveySample, up: DVec3, views: &[SceneView]) -> Option<f64> {
+pub(crate) fn below(sample: &SurveySample, up: DVec3, views: &[SceneView]) -> Option<f64> {
     level(sample, up, ceiling(views, up)).filter(|height| is_there(sample, up, *height))
 }
 
@@ -113,7 +119,7 @@ fn ceiling(views: &[SceneView], up: DVec3) -> Option<f64> {
 }
 
 /// Height of the lowest points, where nothing is level; 0 if there are none.
-pub fn lowest(sample: &SurveySample, up: DVec3) -> f64 {
+pub(crate) fn lowest(sample: &SurveySample, up: DVec3) -> f64 {
     let mut heights: Vec<f64> = sample.points.iter().map(|p| p.at.dot(up)).collect();
     quantile(&mut heights, 0.02)
 }
@@ -127,10 +133,12 @@ fn cover(cells: &mut Vec<(usize, i32, i32)>, count: usize) -> Vec<f64> {
     let mut last: Option<(usize, i32, i32)> = None;
     for &(layer, x, y) in cells.iter() {
         let from = match last {
-            Some((before, a, b)) if (a, b) == (x, y) => (before + HALF + 1).max(layer.saturating_sub(HALF)),
-            _ => layer.saturating_sub(HALF),
+            Some((before, a, b)) if (a, b) == (x, y) => {
+                (before + HALF_LAYERS + 1).max(layer.saturating_sub(HALF_LAYERS))
+            }
+            _ => layer.saturating_sub(HALF_LAYERS),
         };
-        for value in &mut cover[from.min(count)..(layer + HALF + 1).min(count)] {
+        for value in &mut cover[from.min(count)..(layer + HALF_LAYERS + 1).min(count)] {
             *value += 1.0;
         }
         last = Some((layer, x, y));
@@ -144,7 +152,7 @@ fn median_height(sample: &SurveySample, up: DVec3, height: f64, reach: f64) -> f
     let mut near: Vec<(f64, f64)> = sample
         .points
         .iter()
-        .filter(|p| p.normal.dot(up).abs() >= LEVEL && (p.at.dot(up) - height).abs() <= reach)
+        .filter(|p| p.normal.dot(up).abs() >= MIN_LEVEL_COS && (p.at.dot(up) - height).abs() <= reach)
         .map(|p| {
             let away = (p.at - sample.center).reject_from_normalized(up).length_squared();
             (p.at.dot(up), p.area * (-2.0 * away / sample.radius.powi(2)).exp())
@@ -163,9 +171,10 @@ fn median_height(sample: &SurveySample, up: DVec3, height: f64, reach: f64) -> f
 /// The plane of the ground about `height`, as its normal on the side of `up`.
 ///
 /// `None` where it is not reliable: too few points, too narrow, or too rough.
-pub fn plane(sample: &SurveySample, up: DVec3, height: f64) -> Option<DVec3> {
+pub(crate) fn plane(sample: &SurveySample, up: DVec3, height: f64) -> Option<DVec3> {
     let mut normal = up;
-    let level: Vec<&SurveyPoint> = sample.points.iter().filter(|p| p.normal.dot(up).abs() >= LEVEL).collect();
+    let level: Vec<&SurveyPoint> =
+        sample.points.iter().filter(|p| p.normal.dot(up).abs() >= MIN_LEVEL_COS).collect();
     let mut origin = sample.center + up * (height - sample.center.dot(up));
     // From thick to thin: what is a step at first, a kerb or a hedge, drops out.
     for thickness in [0.04, 0.03, 0.02, 0.02, 0.015, 0.015] {

@@ -10,18 +10,18 @@ use glam::{DMat3, DVec3};
 
 /// A direction that is up if photos were taken by this habit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Habit {
+pub(crate) struct Habit {
     /// The habit.
-    pub kind: HabitKind,
+    pub(crate) kind: HabitKind,
     /// Up, length 1.
-    pub up: DVec3,
+    pub(crate) up: DVec3,
     /// Natural logarithm of how likely the habit is, given the poses.
-    pub log_odds: f64,
+    pub(crate) log_odds: f64,
 }
 
 /// A habit of taking photos.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum HabitKind {
+pub(crate) enum HabitKind {
     /// Cameras are held upright.
     Upright,
     /// Cameras look straight down from a level plane.
@@ -30,36 +30,38 @@ pub enum HabitKind {
 
 /// Standard deviation of up by the habit [`HabitKind::Upright`] and [`HabitKind::LookingDown`],
 /// degrees: neighbouring photos err alike.
-const ERRORS: [f64; 2] = [12.0, 8.0];
-/// Most that one habit counts against a direction, nats: habits have exceptions.
-const MOST: f64 = 5.0;
-/// Length of the mean view direction above which all look one way: 20 degrees about it.
-const ONE_WAY: f64 = 0.94;
-/// Angle between view directions and the normal of the plane of the cameras, at most, as a cosine:
-/// 35 degrees.
-const FACING: f64 = 0.82;
-/// Thickness of that plane, and its width against its length, as ratios of standard deviations.
-const FLAT: f64 = 0.25;
-const WIDE: f64 = 0.25;
-/// Share of captures that scan a plane at right angles to it and are no survey from the air:
-/// facades, paintings.
-const FACADES: f64 = 0.15;
-/// Fewest cameras that make a plane.
-const FEWEST: usize = 6;
+const UP_ERRORS_DEG: [f64; 2] = [12.0, 8.0];
+/// Largest penalty of one habit against a direction, nats: habits have exceptions.
+const MAX_PENALTY_NATS: f64 = 5.0;
+/// Least length of the mean view direction with which all cameras look one way: 20 degrees about
+/// it.
+const MIN_MEAN_VIEW_LENGTH: f64 = 0.94;
+/// Least cosine of the angle between view directions and the normal of the plane of the cameras: 35
+/// degrees.
+const MIN_FACING_COS: f64 = 0.82;
+/// Largest thickness of that plane over its width, as a ratio of standard deviations.
+const MAX_FLATNESS: f64 = 0.25;
+/// Least width of that plane over its length, as a ratio of standard deviations.
+const MIN_WIDTH_RATIO: f64 = 0.25;
+/// Share of captures that scan a plane at right angles and are no survey from the air: facades,
+/// paintings.
+const FACADE_SHARE: f64 = 0.15;
+/// Fewest cameras that determine a plane.
+const MIN_CAMERAS: usize = 6;
 
 impl Habit {
     /// Standard deviation of its up, degrees.
     #[must_use]
-    pub fn error(&self) -> f64 {
-        ERRORS[usize::from(self.kind == HabitKind::LookingDown)]
+    pub(crate) fn error(&self) -> f64 {
+        UP_ERRORS_DEG[usize::from(self.kind == HabitKind::LookingDown)]
     }
 }
 
 /// The habits by which these photos may have been taken; empty if their poses tell nothing.
 #[must_use]
-pub fn habits(cameras: &[Camera]) -> Vec<Habit> {
+pub(crate) fn habits(cameras: &[Camera]) -> Vec<Habit> {
     let down = looking_down(cameras);
-    let odds = if down.is_some() { [FACADES, 1.0 - FACADES] } else { [1.0, 0.0] };
+    let odds = if down.is_some() { [FACADE_SHARE, 1.0 - FACADE_SHARE] } else { [1.0, 0.0] };
     let upright = held(cameras).map(|up| Habit { kind: HabitKind::Upright, up, log_odds: odds[0].ln() });
     let down = down.map(|up| Habit { kind: HabitKind::LookingDown, up, log_odds: odds[1].ln() });
     [upright, down].into_iter().flatten().collect()
@@ -67,10 +69,10 @@ pub fn habits(cameras: &[Camera]) -> Vec<Habit> {
 
 /// Logarithm of how well `up` fits the habits, at most 0; 0 without any.
 #[must_use]
-pub fn fit(up: DVec3, habits: &[Habit]) -> f64 {
+pub(crate) fn fit(up: DVec3, habits: &[Habit]) -> f64 {
     let one = |habit: &Habit| {
         let off = up.angle_between(habit.up).to_degrees() / habit.error();
-        habit.log_odds - (0.5 * off * off).min(MOST)
+        habit.log_odds - (0.5 * off * off).min(MAX_PENALTY_NATS)
     };
     habits.iter().map(one).reduce(f64::max).unwrap_or(0.0)
 }
@@ -105,7 +107,7 @@ fn held(cameras: &[Camera]) -> Option<DVec3> {
 /// `None` if they do not.
 fn looking_down(cameras: &[Camera]) -> Option<DVec3> {
     let count = cameras.len() as f64;
-    if cameras.len() < FEWEST {
+    if cameras.len() < MIN_CAMERAS {
         return None;
     }
     let forward: DVec3 = cameras.iter().map(|camera| camera.rotation().row(2)).sum::<DVec3>() / count;
@@ -113,8 +115,10 @@ fn looking_down(cameras: &[Camera]) -> Option<DVec3> {
     let spread =
         cameras.iter().fold(DMat3::ZERO, |sum, camera| sum + outer(camera.center() - center, 1.0 / count));
     let [(thin, normal), (narrow, _), (wide, _)] = eigen(spread);
-    let is_plane = narrow > WIDE * WIDE * wide && thin < FLAT * FLAT * narrow;
-    let facing = forward.length() > ONE_WAY && forward.normalize().dot(normal).abs() > FACING;
+    let is_plane =
+        narrow > MIN_WIDTH_RATIO * MIN_WIDTH_RATIO * wide && thin < MAX_FLATNESS * MAX_FLATNESS * narrow;
+    let facing =
+        forward.length() > MIN_MEAN_VIEW_LENGTH && forward.normalize().dot(normal).abs() > MIN_FACING_COS;
     // The plane's normal and the mean view direction err in different ways.
     let up = (-normal * normal.dot(forward).signum() - forward.normalize_or_zero()).normalize_or_zero();
     (is_plane && facing && up.is_finite()).then_some(up)

@@ -31,7 +31,7 @@ use std::fmt;
 use thiserror::Error;
 
 pub use airlight::{CapturedSky, SkyPatch, airlight_of_sky};
-pub use align::{AlignError, Aligned, Alignment, GivenGround, GivenScale, UpSide, align, ground_normal};
+pub use align::{AlignError, Aligned, Alignment, GivenGround, GivenScale, UpSide, align};
 pub use near_ground::NearGround;
 pub use own_sky::{OwnSky, SkyChange};
 pub use sky::{SkyRegion, label_sky};
@@ -100,7 +100,7 @@ pub struct Survey {
 pub struct Sourced<T> {
     /// The value.
     pub value: T,
-    /// Its source.
+    /// The source.
     pub source: FactSource,
     /// The confidence in it.
     pub confidence: Confidence,
@@ -161,10 +161,12 @@ impl<T> Sourced<T> {
         Self { value, source: FactSource::Assumed, confidence: Confidence::Guess }
     }
 
-    /// The given value, else that of the file with its confidence, else what `otherwise` finds.
+    /// Chooses the given value, else that of the file with the confidence noted there, else the one
+    /// that `otherwise` finds.
     fn first(
         given: Option<T>,
-        (file, noted): (Option<T>, Option<Confidence>),
+        file: Option<T>,
+        noted: Option<Confidence>,
         otherwise: impl FnOnce() -> Self,
     ) -> Self {
         let sure = Confidence::Sure;
@@ -178,10 +180,10 @@ impl<T> Sourced<T> {
     }
 }
 
-/// Points below which nothing is told of a place.
-const HANDFUL: usize = 100;
-/// Directions closer than this are one up: 1 degree, as a cosine.
-const SAME_UP: f64 = 0.999_85;
+/// Fewest points by which a place is surveyed.
+const MIN_POINTS: usize = 100;
+/// Least cosine between directions that count as one up: 1 degree.
+const SAME_UP_COS: f64 = 0.999_85;
 
 impl Survey {
     /// Surveys a scene; the values in `given` take precedence. A height of the ground in them is
@@ -199,7 +201,7 @@ impl Survey {
         let sky = SkyRegion::of(&scene.splats);
         let sample = SurveySample::of(&scene.splats, &sky);
         let mut up_estimate = None;
-        let mut up = Sourced::first(given.up, (file.up, file.up_confidence), || {
+        let mut up = Sourced::first(given.up, file.up, file.up_confidence, || {
             up_estimate = up::estimate(&scene.splats, &sample, &sky, &scene.views);
             match &up_estimate {
                 Some(found) => {
@@ -217,12 +219,12 @@ impl Survey {
         };
         let sun_elevation = sun::elevation(&facts).filter(|_| sun.is_none() && facts.sun.is_none());
         // A height along another direction is of no use.
-        if file.up.is_some_and(|other| other.normalize().dot(up.value) < SAME_UP) {
+        if file.up.is_some_and(|other| other.normalize().dot(up.value) < SAME_UP_COS) {
             file.ground = None;
         }
         let origin = file.origin_or_zero();
         let given_ground = given.ground.map(|height| height - up.value.dot(origin));
-        let ground = Sourced::first(given_ground, (file.ground, file.ground_confidence), || {
+        let ground = Sourced::first(given_ground, file.ground, file.ground_confidence, || {
             match ground::below(&sample, up.value, &scene.views) {
                 // No height is surer than the direction along which it is measured.
                 Some(value) => Sourced {
@@ -233,7 +235,7 @@ impl Survey {
                 None => Sourced::assumed(ground::lowest(&sample, up.value)),
             }
         });
-        let airlight = Sourced::first(given.airlight, (file.airlight, None), || {
+        let airlight = Sourced::first(given.airlight, file.airlight, None, || {
             let value = airlight::estimate(&scene.splats, &sample, &sky, up.value);
             match sample.points.is_empty() {
                 true => Sourced::assumed(value),
@@ -241,7 +243,7 @@ impl Survey {
             }
         });
         let metres_per_unit =
-            Sourced::first(given.metres_per_unit, (file.metres_per_unit, file.scale_confidence), || {
+            Sourced::first(given.metres_per_unit, file.metres_per_unit, file.scale_confidence, || {
                 Sourced::assumed(1.0)
             });
         Self {

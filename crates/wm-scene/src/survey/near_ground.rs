@@ -6,38 +6,37 @@ use super::sky::SkyRegion;
 use crate::{Splats, quat};
 use glam::{DMat3, DVec3};
 
-/// Radii of the round in which the ground under a point is looked for, the next where one has too
-/// little of it, m.
-const ROUNDS: [f64; 4] = [2.5, 5.0, 10.0, 20.0];
-/// Splats of the ground that tell its height.
-const LEAST: usize = 40;
+/// Radii about a point in which its ground is searched, the next where one has too little of it, m.
+const SEARCH_RADII_M: [f64; 4] = [2.5, 5.0, 10.0, 20.0];
+/// Fewest splats that determine the height of the ground.
+const MIN_SPLATS: usize = 40;
 /// Least cosine between up and the normal of ground.
-const LEVEL: f64 = 0.8;
+const MIN_LEVEL_COS: f64 = 0.8;
 /// Least height of an eye over the ground, m.
-const EYE: f64 = 0.2;
-/// Thickness of the layers in which surface is counted, m, and the share of the best layer's
-/// surface with which a lower one is the ground.
-const LAYER: f64 = 0.1;
-const FAIR: f64 = 0.35;
-/// Distances from the plane beyond which a splat is none of the ground, m, from one fit to the
-/// next.
-const THICKNESS: [f64; 5] = [0.3, 0.2, 0.12, 0.08, 0.08];
-/// Steepest ground that is followed, height over way.
-const STEEPEST: f64 = 0.4;
-/// Lowest and highest place of the visible ground over the plane of the level splats, m, and how
-/// much farther up it may be, of the radius of the round.
-const SEEN: [f64; 2] = [-0.3, 0.35];
-const SEEN_FAR: f64 = 0.02;
-/// Places along the radius of a round at which the visible ground is looked for.
-const PLACES: f64 = 8.0;
-/// Distance from the point within which the ground is that of the feet, m, the distance between the
-/// places there where it is looked for, m, and the least number of them that tell it.
-const FEET: f64 = 0.5;
-const FEET_STEP: f64 = 0.1;
-const FEW_PLACES: usize = 30;
-/// Most that the ground at the feet may be above or below that of the whole round, of the radius of
-/// the round: no plane is as uneven as a lawn, and plants and kerbs are no ground.
-const UNEVEN: f64 = 0.06;
+const MIN_EYE_HEIGHT_M: f64 = 0.2;
+/// Thickness of the layers in which surface is counted, m.
+const LAYER_M: f64 = 0.1;
+/// Least share of the best layer's surface with which a lower layer is the ground.
+const MIN_FAIR_SHARE: f64 = 0.35;
+/// Largest distances of ground splats from the plane, m, from one fit to the next.
+const FIT_DISTANCES_M: [f64; 5] = [0.3, 0.2, 0.12, 0.08, 0.08];
+/// Steepest ground that is followed, rise over run.
+const MAX_SLOPE: f64 = 0.4;
+/// Lowest and highest offset of the visible ground from the plane of the level splats, m.
+const VISIBLE_HEIGHTS_M: [f64; 2] = [-0.3, 0.35];
+/// Increase of the highest offset with the search radius.
+const VISIBLE_SLOPE: f64 = 0.02;
+/// Sampled places along a search radius at which the visible ground is determined.
+const PLACES_PER_RADIUS: f64 = 8.0;
+/// Radius about the point within which the ground is at the feet, m.
+const FEET_RADIUS_M: f64 = 0.5;
+/// Distance between sampled places there, m.
+const FEET_STEP_M: f64 = 0.1;
+/// Fewest sampled places that determine the ground at the feet.
+const MIN_FEET_PLACES: usize = 30;
+/// Largest offset of the ground at the feet from that of the whole disc, in search radii: a lawn is
+/// that uneven, plants and kerbs are no ground.
+const MAX_UNEVENNESS: f64 = 0.06;
 
 /// The splats of a scene in which the ground under a point is found.
 #[derive(Clone, Debug, Default)]
@@ -108,7 +107,9 @@ impl NearGround {
         };
         let (mut points, mut covers) = (Vec::new(), Vec::new());
         for index in (0..splats.len()).filter(|index| splats.is_sound(*index) && !sky.holds(splats, *index)) {
-            if let Some(point) = point(splats, index).filter(|point| point.normal.dot(up).abs() > LEVEL) {
+            if let Some(point) =
+                point(splats, index).filter(|point| point.normal.dot(up).abs() > MIN_LEVEL_COS)
+            {
                 points.push(placed(point.at, point.area));
             }
             covers.push(cover_from_above(splats, index, axes));
@@ -123,8 +124,8 @@ impl NearGround {
     #[must_use]
     pub fn height_under(&self, eye: DVec3, metres_per_unit: f64) -> Option<f64> {
         let [x, y, top] = (self.axes * eye).to_array();
-        ROUNDS.iter().find_map(|metres| {
-            let is_near = |[px, py, height]: [f64; 3]| px.hypot(py) < *metres && height < -EYE;
+        SEARCH_RADII_M.iter().find_map(|metres| {
+            let is_near = |[px, py, height]: [f64; 3]| px.hypot(py) < *metres && height < -MIN_EYE_HEIGHT_M;
             let away = |point: &[f32; 4]| {
                 let [px, py, height, area] = point.map(f64::from);
                 let [px, py, height] = [px - x, py - y, height - top].map(|v| v * metres_per_unit);
@@ -162,13 +163,13 @@ fn cover_from_above(splats: &Splats, index: usize, axes: DMat3) -> Cover<f32> {
 /// if there is enough of it and it agrees with the median of the whole round, else that one; 0 if
 /// no ground is seen.
 fn seen_over(plane: [f64; 3], covers: &[Cover<f64>], radius: f64) -> f64 {
-    let heights = [SEEN[0], SEEN[1] + SEEN_FAR * radius];
-    let whole = seen_at(plane, covers, heights, radius, radius / PLACES);
-    let feet = seen_at(plane, covers, heights, FEET, FEET_STEP);
-    let [whole, feet] = [(whole, 1), (feet, FEW_PLACES)]
+    let heights = [VISIBLE_HEIGHTS_M[0], VISIBLE_HEIGHTS_M[1] + VISIBLE_SLOPE * radius];
+    let whole = seen_at(plane, covers, heights, radius, radius / PLACES_PER_RADIUS);
+    let feet = seen_at(plane, covers, heights, FEET_RADIUS_M, FEET_STEP_M);
+    let [whole, feet] = [(whole, 1), (feet, MIN_FEET_PLACES)]
         .map(|(mut seen, least)| (seen.len() >= least).then(|| quantile(&mut seen, 0.5)));
     let whole = whole.unwrap_or(0.0);
-    feet.filter(|feet| (feet - whole).abs() < UNEVEN * radius).unwrap_or(whole)
+    feet.filter(|feet| (feet - whole).abs() < MAX_UNEVENNESS * radius).unwrap_or(whole)
 }
 
 /// Returns the heights over a plane, between two of them, at which the ground is seen, m, at places
@@ -203,11 +204,11 @@ fn seen_at(plane: [f64; 3], covers: &[Cover<f64>], heights: [f64; 2], distance: 
 /// Height in the middle of the ground among points `[x, y, height, area]`, m, and its slopes along
 /// both axes.
 fn plane_of(points: &[[f64; 4]]) -> Option<[f64; 3]> {
-    if points.len() < LEAST {
+    if points.len() < MIN_SPLATS {
         return None;
     }
     let low = points.iter().map(|point| point[2]).fold(f64::INFINITY, f64::min);
-    let layer = |height: f64| ((height - low) / LAYER).min(1e5) as usize;
+    let layer = |height: f64| ((height - low) / LAYER_M).min(1e5) as usize;
     let count = points.iter().map(|point| layer(point[2])).max()? + 2;
     let mut layers = vec![0.0; count];
     for [.., height, area] in points {
@@ -215,10 +216,10 @@ fn plane_of(points: &[[f64; 4]]) -> Option<[f64; 3]> {
     }
     let two = |at: usize| layers[at] + layers.get(at + 1).unwrap_or(&0.0);
     let best = (0..count).map(two).fold(0.0, f64::max);
-    let first = (0..count).find(|at| two(*at) >= FAIR * best)?;
+    let first = (0..count).find(|at| two(*at) >= MIN_FAIR_SHARE * best)?;
     // Height and slopes along both axes.
-    let mut plane = [low + (first as f64 + 1.0) * LAYER, 0.0, 0.0];
-    for thickness in THICKNESS {
+    let mut plane = [low + (first as f64 + 1.0) * LAYER_M, 0.0, 0.0];
+    for thickness in FIT_DISTANCES_M {
         let (mut known, mut sum, mut used) = (DMat3::ZERO, DVec3::ZERO, 0);
         for [x, y, height, area] in points {
             let off = (height - plane[0] - plane[1] * x - plane[2] * y) / thickness;
@@ -231,7 +232,7 @@ fn plane_of(points: &[[f64; 4]]) -> Option<[f64; 3]> {
             }
         }
         let fit = known.inverse() * sum;
-        let is_sound = used >= LEAST && fit.is_finite() && fit.y.hypot(fit.z) < STEEPEST;
+        let is_sound = used >= MIN_SPLATS && fit.is_finite() && fit.y.hypot(fit.z) < MAX_SLOPE;
         if !is_sound {
             return None;
         }

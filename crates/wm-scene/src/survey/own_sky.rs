@@ -6,13 +6,13 @@ use super::{Confidence, Survey};
 use crate::{Group, Metadata, Scene, Splats};
 use glam::DVec3;
 
-/// Distance from which splats may be sky, in radii that hold 95 % of the rest of the scene.
-const FAR: f64 = 1.5;
+/// Least distance of splats of a sky, in radii that hold 95 % of the rest of the scene.
+const MIN_SKY_RADII: f64 = 1.5;
 /// Sine of the lowest elevation of a sky: 6 degrees below the horizon, so that no gap opens above a
 /// scene's end.
-const LOWEST: f64 = -0.105;
-/// Share of the sky that photos looked at, below which it is made up: the cameras look down.
-const LEAST_SEEN: f64 = 0.02;
+const MIN_ELEVATION_SINE: f64 = -0.105;
+/// Least share of the sky that photos show: less of it is made up, as the cameras look down.
+const MIN_SEEN_SHARE: f64 = 0.02;
 
 /// The treatment of the splats that a scene has for a sky.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,13 +30,13 @@ pub enum OwnSky {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SkyChange {
     /// Splats of the sky before.
-    pub before: usize,
+    pub(crate) before: usize,
     /// Splats of the sky now.
-    pub sky: usize,
+    pub(crate) sky: usize,
     /// Splats that were left out.
-    pub dropped: usize,
+    pub(crate) dropped: usize,
     /// Splats that were sky and belong to the scene now.
-    pub returned: usize,
+    pub(crate) returned: usize,
 }
 
 impl SkyChange {
@@ -76,19 +76,22 @@ impl OwnSky {
                 (change.sky, change.dropped) = (0, was_sky);
             }
             Self::Rebuild => {
-                let fates = fates(scene, given, &before);
-                for (group, fate) in scene.splats.groups.iter_mut().zip(&fates) {
-                    match fate {
-                        Fate::Sky => *group = Group::Sky,
-                        Fate::Scene if *group == Group::Sky => *group = Group::Scene,
+                let decisions = decisions(scene, given, &before);
+                for (group, decision) in scene.splats.groups.iter_mut().zip(&decisions) {
+                    match decision {
+                        SkyDecision::Sky => *group = Group::Sky,
+                        SkyDecision::Scene if *group == Group::Sky => *group = Group::Scene,
                         _ => {}
                     }
                 }
-                let number = |fate| fates.iter().filter(|other| **other == fate).count();
-                let returned = before.iter().zip(&fates).filter(|(was, fate)| **was && **fate == Fate::Scene);
+                let number = |decision| decisions.iter().filter(|other| **other == decision).count();
+                let returned = before
+                    .iter()
+                    .zip(&decisions)
+                    .filter(|(was, decision)| **was && **decision == SkyDecision::Scene);
                 change.returned = returned.count();
-                (change.sky, change.dropped) = (number(Fate::Sky), number(Fate::Dropped));
-                keep(scene, |index| fates[index] != Fate::Dropped);
+                (change.sky, change.dropped) = (number(SkyDecision::Sky), number(SkyDecision::Dropped));
+                keep(scene, |index| decisions[index] != SkyDecision::Dropped);
             }
         }
         if change.line().is_some() {
@@ -101,7 +104,7 @@ impl OwnSky {
 
 /// The place of a splat after the sky was decided anew.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Fate {
+enum SkyDecision {
     Scene,
     Sky,
     Dropped,
@@ -117,7 +120,7 @@ fn keep(scene: &mut Scene, is_kept: impl Fn(usize) -> bool) {
 
 /// Decides for each splat what it is. Writes up into the scene's metadata as it is found without
 /// the sky.
-fn fates(scene: &mut Scene, given: &Metadata, before: &[bool]) -> Vec<Fate> {
+fn decisions(scene: &mut Scene, given: &Metadata, before: &[bool]) -> Vec<SkyDecision> {
     let at = |index: usize| DVec3::from_array(scene.splats.means[index].map(f64::from));
     let shell = find(&scene.splats);
     let is_candidate = |index: usize| {
@@ -142,15 +145,16 @@ fn fates(scene: &mut Scene, given: &Metadata, before: &[bool]) -> Vec<Fate> {
     let up = survey.up.value;
     let mut eye: DVec3 = views.iter().map(|view| view.camera.center()).sum();
     eye = if views.is_empty() { sample.center } else { eye / views.len() as f64 };
-    let mut fates: Vec<Fate> = (0..candidates.len())
+    let mut decisions: Vec<SkyDecision> = (0..candidates.len())
         .map(|index| match candidates[index] {
-            true if at(index).distance(sample.center) <= FAR * sample.radius => Fate::Scene,
-            true if (at(index) - eye).normalize_or_zero().dot(up) >= LOWEST => Fate::Sky,
-            true => Fate::Dropped,
-            false => Fate::Scene,
+            true if at(index).distance(sample.center) <= MIN_SKY_RADII * sample.radius => SkyDecision::Scene,
+            true if (at(index) - eye).normalize_or_zero().dot(up) >= MIN_ELEVATION_SINE => SkyDecision::Sky,
+            true => SkyDecision::Dropped,
+            false => SkyDecision::Scene,
         })
         .collect();
-    let sky: Vec<usize> = (0..fates.len()).filter(|index| fates[*index] == Fate::Sky).collect();
+    let sky: Vec<usize> =
+        (0..decisions.len()).filter(|index| decisions[*index] == SkyDecision::Sky).collect();
     let is_seen = |index: &usize| {
         views.iter().any(|view| {
             let (width, height) = (f64::from(view.camera.width), f64::from(view.camera.height));
@@ -161,8 +165,8 @@ fn fates(scene: &mut Scene, given: &Metadata, before: &[bool]) -> Vec<Fate> {
     // Some thousand tell the share.
     let few: Vec<usize> = sky.iter().copied().step_by(sky.len().div_ceil(4000).max(1)).collect();
     let seen = few.iter().filter(|index| is_seen(index)).count();
-    if !views.is_empty() && (seen as f64) < LEAST_SEEN * few.len() as f64 {
-        sky.iter().for_each(|index| fates[*index] = Fate::Dropped);
+    if !views.is_empty() && (seen as f64) < MIN_SEEN_SHARE * few.len() as f64 {
+        sky.iter().for_each(|index| decisions[*index] = SkyDecision::Dropped);
     }
     scene.views = views;
     if scene.metadata.up.is_none() && given.up.is_none() && survey.up.source != super::FactSource::Assumed {
@@ -170,7 +174,7 @@ fn fates(scene: &mut Scene, given: &Metadata, before: &[bool]) -> Vec<Fate> {
         let confidence = survey.up.confidence;
         scene.metadata.up_confidence = (confidence != Confidence::Sure).then_some(confidence);
     }
-    fates
+    decisions
 }
 
 #[cfg(test)]

@@ -9,20 +9,20 @@ use super::linear::{horizontals, quantile};
 use super::sample::{SurveySample, strided};
 use glam::{DVec2, DVec3, Vec2};
 
-/// Most points of upright surfaces that count.
-const MOST: usize = 8000;
-/// Cosine between the normal of an upright surface and up.
-const UPRIGHT: f64 = 0.35;
-/// Share of the points, the nearest to the middle, that are looked at: strays would make the grid
-/// large.
-const NEAR: f64 = 0.9;
-/// Directions that are compared: roughly, then finely about the best.
-const ROUGH: Grid = Grid { degrees: 1.0, steps: 4, cells: 150.0 };
-const FINE: Grid = Grid { degrees: 0.4, steps: 3, cells: 250.0 };
-/// Sum of squares of the best direction over the median, from which on high walls are there.
-/// Measured: 1.25 of tower blocks, 1.01 to 1.1 where there are low walls or none, and then the best
-/// direction is chance.
-const STANDS_OUT: f64 = 1.15;
+/// Most points of upright surfaces that are used.
+const MAX_POINTS: usize = 8000;
+/// Largest cosine between the normal of an upright surface and up.
+const MAX_UPRIGHT_COS: f64 = 0.35;
+/// Share of the points, the nearest to the middle, that are used: strays would make the grid large.
+const NEAR_SHARE: f64 = 0.9;
+/// Tilts that are compared at first.
+const ROUGH_GRID: Grid = Grid { degrees: 1.0, steps: 4, cells: 150.0 };
+/// Tilts that are compared about the best of those.
+const FINE_GRID: Grid = Grid { degrees: 0.4, steps: 3, cells: 250.0 };
+/// Least ratio of the sharpness of the best direction to the median with which there are high
+/// walls. Measured: 1.25 of tower blocks, 1.01 to 1.1 where there are low walls or none and the
+/// best direction is chance.
+const MIN_PEAK_RATIO: f64 = 1.15;
 
 /// Finds the plumb direction within some 5 degrees of `up`; `None` where there are no high walls.
 pub(super) fn plumb(sample: &SurveySample, up: DVec3) -> Option<DVec3> {
@@ -30,11 +30,11 @@ pub(super) fn plumb(sample: &SurveySample, up: DVec3) -> Option<DVec3> {
     let upright: Vec<_> = sample
         .points
         .iter()
-        .filter(|point| point.normal.dot(up).abs() < UPRIGHT && point.area > 0.0)
+        .filter(|point| point.normal.dot(up).abs() < MAX_UPRIGHT_COS && point.area > 0.0)
         .collect();
     let mut distances: Vec<f64> = upright.iter().map(|point| point.at.distance(sample.center)).collect();
-    let reach = quantile(&mut distances, NEAR);
-    let points: Vec<PlanPoint> = strided(upright.len(), MOST)
+    let reach = quantile(&mut distances, NEAR_SHARE);
+    let points: Vec<PlanPoint> = strided(upright.len(), MAX_POINTS)
         .map(|i| upright[i])
         .filter(|point| point.at.distance(sample.center) <= reach)
         .map(|point| {
@@ -48,12 +48,12 @@ pub(super) fn plumb(sample: &SurveySample, up: DVec3) -> Option<DVec3> {
         return None;
     }
     let plan = Plan { points, reach };
-    let rough = Compared::new(&plan, DVec2::ZERO, ROUGH);
-    if rough.best() < STANDS_OUT * rough.median() {
+    let rough = TiltComparison::new(&plan, DVec2::ZERO, ROUGH_GRID);
+    if rough.best() < MIN_PEAK_RATIO * rough.median() {
         return None;
     }
     let middle = rough.place_of_best();
-    let tilt = Compared::new(&plan, middle, FINE).middle_of_peak();
+    let tilt = TiltComparison::new(&plan, middle, FINE_GRID).middle_of_peak();
     Some((up + axes.0 * tilt.x + axes.1 * tilt.y).normalize())
 }
 
@@ -117,14 +117,15 @@ impl Plan {
 }
 
 /// The sharpness of a plan at tilts about a middle one.
-struct Compared {
+struct TiltComparison {
     tilts: Vec<DVec2>,
     sharpness: Vec<f64>,
 }
 
-impl Compared {
+impl TiltComparison {
     /// Compares tilts about `middle`, units a unit of height.
-    fn new(plan: &Plan, middle: DVec2, Grid { degrees, steps, cells }: Grid) -> Self {
+    fn new(plan: &Plan, middle: DVec2, grid: Grid) -> Self {
+        let Grid { degrees, steps, cells } = grid;
         let step = degrees.to_radians().tan();
         let row =
             |x: i32| (-steps..=steps).map(move |y| middle + DVec2::new(f64::from(x), f64::from(y)) * step);

@@ -1,6 +1,6 @@
 //! A survey in words, one line a value.
 
-use super::up::USUAL;
+use super::up::USUAL_UP;
 use super::{Confidence, FactSource, Sourced, Survey, UpEstimate, UpScore};
 use crate::Remark;
 use crate::origin::text_of;
@@ -11,9 +11,9 @@ impl Survey {
     /// One line a value with its source, for people.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
-        let [x, y, z] = self.up.value.to_array().map(|v| Short(v, 3));
+        let [x, y, z] = self.up.value.to_array().map(|v| Decimal(v, 3));
         let scale = self.metres_per_unit;
-        let [r, g, b] = self.airlight.value.map(|v| Short(v, 2));
+        let [r, g, b] = self.airlight.value.map(|v| Decimal(v, 2));
         let light = match (self.airlight.source, self.sky_splats) {
             (FactSource::Estimated, 0) => "estimated from the brightest splats, as there is no sky".into(),
             (FactSource::Estimated, _) => "estimated from the sky near the horizon".into(),
@@ -29,16 +29,20 @@ impl Survey {
                 FactSource::Assumed => {
                     format!(
                         "ground: none found; the lowest is {} units along up",
-                        Short(self.world_ground(), 3)
+                        Decimal(self.world_ground(), 3)
                     )
                 }
                 _ => format!(
                     "ground: {} units along up ({})",
-                    Short(self.world_ground(), 3),
+                    Decimal(self.world_ground(), 3),
                     origin(&self.ground, &None)
                 ),
             },
-            format!("scale: 1 unit is {} m ({})", Short(scale.value, 4), origin(&scale, &self.scale_source)),
+            format!(
+                "scale: 1 unit is {} m ({})",
+                Decimal(scale.value, 4),
+                origin(&scale, &self.scale_source)
+            ),
             format!("size: {} m", self.size()),
             format!("airlight: {r}, {g}, {b} linear ({light})"),
             sky,
@@ -64,14 +68,14 @@ impl Survey {
     #[must_use]
     pub fn up_warning(&self) -> Option<String> {
         (self.up.confidence == Confidence::Guess).then(|| {
-            let [x, y, z] = self.up.value.to_array().map(|v| Short(v, 3));
+            let [x, y, z] = self.up.value.to_array().map(|v| Decimal(v, 3));
             // As most programs write it, unless that is the guess.
             let rival = self.up_estimate.as_ref().and_then(|estimate| match estimate.rival {
-                _ if self.up.value.dot(USUAL) < 0.9 => Some(USUAL),
+                _ if self.up.value.dot(USUAL_UP) < 0.9 => Some(USUAL_UP),
                 rival => rival.map(|(rival, _)| rival),
             });
             let rival = rival.map(|rival| {
-                let [x, y, z] = rival.to_array().map(|v| Short(v, 3));
+                let [x, y, z] = rival.to_array().map(|v| Decimal(v, 3));
                 format!(", it may be {x},{y},{z}")
             });
             format!(
@@ -164,7 +168,7 @@ impl UpEstimate {
             .filter(|(_, lead)| lead.abs() >= 0.1)
             .map(|(name, lead)| format!("{name} {lead:+.1}"))
             .collect();
-        let [x, y, z] = rival.to_array().map(|v| Short(v, 3));
+        let [x, y, z] = rival.to_array().map(|v| Decimal(v, 3));
         let lead = self.evidence.sum() - other.sum();
         let parts = parts.join(", ");
         Some(match lead {
@@ -181,7 +185,7 @@ impl UpEstimate {
     fn slopes(&self) -> Option<String> {
         let ground = self.ground_normal.map(|normal| {
             let fall = normal.reject_from_normalized(self.up) / normal.dot(self.up);
-            let [x, y, z] = fall.normalize_or_zero().to_array().map(|v| Short(v, 2));
+            let [x, y, z] = fall.normalize_or_zero().to_array().map(|v| Decimal(v, 2));
             match 100.0 * fall.length() {
                 ..0.2 => "the ground is level".to_owned(),
                 percent => format!("the ground falls by {percent:.1} % towards {x}, {y}, {z}"),
@@ -196,9 +200,9 @@ impl UpEstimate {
 }
 
 /// A number and the largest number of its decimals; prints without trailing zeros and without -0.
-pub(super) struct Short(pub(super) f64, pub(super) usize);
+pub(super) struct Decimal(pub(super) f64, pub(super) usize);
 
-impl fmt::Display for Short {
+impl fmt::Display for Decimal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = format!("{:.*}", self.1, self.0);
         let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };

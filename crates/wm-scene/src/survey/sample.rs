@@ -5,44 +5,44 @@ use super::sky::SkyRegion;
 use crate::Splats;
 use glam::DVec3;
 
-/// Most splats that are looked at closely. The error of a share or a quantile is about
-/// `1 / (2 sqrt(30000))` = 0.3 %, far below what any decision here turns on.
-const MOST: usize = 30_000;
+/// Most splats in a sample. The error of a share or a quantile is about `1 / (2 sqrt(30000))` = 0.3
+/// %, far below what any decision here depends on.
+const MAX_SPLATS: usize = 30_000;
 
-/// Fainter splats are haze of the reconstruction, not surface.
-const LEAST_OPACITY: f64 = 0.1;
+/// Least opacity of a surface: fainter splats are haze of the reconstruction.
+const MIN_OPACITY: f64 = 0.1;
 
 /// One splat that is no sky.
 #[derive(Clone, Copy, Debug)]
-pub struct SurveyPoint {
-    /// Its index in the splats.
-    pub index: usize,
-    /// Its centre, scene units.
-    pub at: DVec3,
-    /// Its shortest axis, length 1, sign free.
-    pub normal: DVec3,
+pub(crate) struct SurveyPoint {
+    /// Index in the splats.
+    pub(crate) index: usize,
+    /// Centre, scene units.
+    pub(crate) at: DVec3,
+    /// Shortest axis, length 1, sign free.
+    pub(crate) normal: DVec3,
     /// The surface that it stands for: its area times opacity times flatness, square units. Large
     /// ones are cut to the 95 % quantile, so that no single splat outvotes a surface.
-    pub area: f64,
+    pub(crate) area: f64,
 }
 
 /// The sampled splats and where their middle is.
 #[derive(Clone, Debug)]
-pub struct SurveySample {
+pub(crate) struct SurveySample {
     /// The sampled splats, in their order.
-    pub points: Vec<SurveyPoint>,
+    pub(crate) points: Vec<SurveyPoint>,
     /// Splats of the scene for each that was looked at.
-    pub stands_for: usize,
+    pub(crate) stands_for: usize,
     /// The middle, scene units: see [`center_of`].
-    pub center: DVec3,
+    pub(crate) center: DVec3,
     /// Distance from the middle within which 95 % of the points are, scene units.
-    pub radius: f64,
+    pub(crate) radius: f64,
 }
 
 impl SurveySample {
     /// Takes splats that can be seen and are no sky, at even steps of their index.
-    pub fn of(splats: &Splats, sky: &SkyRegion) -> Self {
-        let mut points: Vec<SurveyPoint> = strided(splats.len(), MOST)
+    pub(crate) fn of(splats: &Splats, sky: &SkyRegion) -> Self {
+        let mut points: Vec<SurveyPoint> = strided(splats.len(), MAX_SPLATS)
             .filter(|index| splats.is_sound(*index) && !sky.holds(splats, *index))
             .filter_map(|index| point(splats, index))
             .collect();
@@ -55,12 +55,12 @@ impl SurveySample {
         let center = center_of(&at);
         let mut distances: Vec<f64> = at.iter().map(|p| p.distance(center)).collect();
         let radius = quantile(&mut distances, 0.95);
-        Self { points, stands_for: splats.len().div_ceil(MOST).max(1), center, radius }
+        Self { points, stands_for: splats.len().div_ceil(MAX_SPLATS).max(1), center, radius }
     }
 
     /// Length, width and height (along `up`) of the box that holds all but 1 % of the points to
     /// each side, scene units.
-    pub fn extent(&self, up: DVec3) -> [f64; 3] {
+    pub(crate) fn extent(&self, up: DVec3) -> [f64; 3] {
         let (x, y) = horizontals(up);
         let mut size = [x, y, up].map(|axis| {
             let mut along: Vec<f64> = self.points.iter().map(|p| p.at.dot(axis)).collect();
@@ -73,14 +73,14 @@ impl SurveySample {
 }
 
 /// Indices below `count` at even steps, about `most` of them.
-pub fn strided(count: usize, most: usize) -> impl Iterator<Item = usize> {
+pub(crate) fn strided(count: usize, most: usize) -> impl Iterator<Item = usize> {
     (0..count).step_by(count.div_ceil(most).max(1))
 }
 
 /// The survey's point of a splat; `None` of one that is too faint.
-pub fn point(splats: &Splats, index: usize) -> Option<SurveyPoint> {
+pub(crate) fn point(splats: &Splats, index: usize) -> Option<SurveyPoint> {
     let opacity = splats.opacity(index);
-    if opacity < LEAST_OPACITY {
+    if opacity < MIN_OPACITY {
         return None;
     }
     let mut scales = splats.scales(index);
@@ -97,7 +97,7 @@ pub fn point(splats: &Splats, index: usize) -> Option<SurveyPoint> {
 /// nearer three fifths. The origin if there are none.
 ///
 /// The geometric median turns with the scene, other than the median of each coordinate.
-pub fn center_of(points: &[DVec3]) -> DVec3 {
+pub(crate) fn center_of(points: &[DVec3]) -> DVec3 {
     let few: Vec<DVec3> = strided(points.len(), 5000).map(|i| points[i]).collect();
     let center = geometric_median(&few);
     let mut distances: Vec<f64> = few.iter().map(|p| p.distance(center)).collect();

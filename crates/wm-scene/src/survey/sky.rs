@@ -15,31 +15,31 @@ use crate::{Group, Splats};
 use glam::{DMat3, DVec3};
 use std::ops::Range;
 
-/// Layers a doubling of the radius.
-const LAYERS: f64 = 8.0;
-/// Layers in a gap, at least: a factor of 1.54 in radius.
-const GAP: usize = 5;
-/// Share of the splats beyond a gap that may float in it.
-const FLOATERS: f64 = 0.01;
+/// Layers per doubling of the radius.
+const LAYERS_PER_OCTAVE: f64 = 8.0;
+/// Fewest layers in a gap: a factor of 1.54 in radius.
+const MIN_GAP_LAYERS: usize = 5;
+/// Largest share of the splats beyond a gap that may float in it.
+const MAX_FLOATER_SHARE: f64 = 0.01;
 /// Largest share of the sky in all splats.
-const MOST: f64 = 0.5;
+const MAX_SKY_SHARE: f64 = 0.5;
 /// Fewest splats of a sky.
-const FEWEST: usize = 24;
-/// The inner radius of a sky, in radii that hold 90 % of what is inside.
-const BEGINS: f64 = 3.0;
-/// The least ratio of the size of sky splats to that of the splats inside.
-const LARGER: f64 = 3.0;
-/// Cells of the heavens in which a sky is looked for.
-const CELLS: usize = 256;
-/// Cells that a sky covers, at least: half a steradian.
-const FEWEST_CELLS: usize = 10;
-/// Share of a cell that splats fill to two standard deviations where it is covered.
-const COVERED: f64 = 0.5;
-/// Most of a cell that one splat fills, so that a few giant strays cover nothing.
-const ONE: f64 = 0.2;
-/// Smallest second moment of the covered cells about any plane through the middle: 1/3 for a
-/// half sphere, 0.01 for a ring 10 degrees high, 0.04 for one of 20 degrees.
-const LEAST_MOMENT: f64 = 0.05;
+const MIN_SPLATS: usize = 24;
+/// Least inner radius of a sky, in radii that hold 90 % of the splats inside.
+const MIN_RADIUS_RATIO: f64 = 3.0;
+/// Least ratio of the size of sky splats to that of the splats inside.
+const MIN_SIZE_RATIO: f64 = 3.0;
+/// Cells of equal solid angle over the sphere.
+const SKY_CELLS: usize = 256;
+/// Fewest cells that a sky covers: half a steradian.
+const MIN_CELLS: usize = 10;
+/// Least share of a covered cell that splats fill to two standard deviations.
+const COVERED_SHARE: f64 = 0.5;
+/// Largest share of a cell that one splat fills, so that a few giant strays cover nothing.
+const MAX_SPLAT_COVER: f64 = 0.2;
+/// Least second moment of the covered cells about any plane through the middle: 1/3 for a half
+/// sphere, 0.01 for a ring 10 degrees high, 0.04 for one of 20 degrees.
+const MIN_MOMENT: f64 = 0.05;
 
 /// The region of the sky's splats.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,7 +64,7 @@ impl SkyRegion {
     }
 
     /// Returns true if splat `index` is part of it.
-    pub fn holds(&self, splats: &Splats, index: usize) -> bool {
+    pub(crate) fn holds(&self, splats: &Splats, index: usize) -> bool {
         match *self {
             Self::None => false,
             Self::Labelled => splats.groups[index] == Group::Sky,
@@ -138,7 +138,7 @@ struct Layers {
 
 impl Layers {
     /// From 1/16 to 4096 times the middle distance; all others fall in the first and last layer.
-    const COUNT: usize = 16 * LAYERS as usize;
+    const COUNT: usize = 16 * LAYERS_PER_OCTAVE as usize;
     const FIRST: f64 = -4.0;
 
     fn of(splats: &Splats, center: DVec3, unit: f64) -> Self {
@@ -147,7 +147,7 @@ impl Layers {
         for index in 0..splats.len() {
             let squared = mean(splats, index).distance_squared(center) * scale;
             if squared.is_finite() {
-                let layer = ((0.5 * squared.log2() - Self::FIRST) * LAYERS).max(0.0) as usize;
+                let layer = ((0.5 * squared.log2() - Self::FIRST) * LAYERS_PER_OCTAVE).max(0.0) as usize;
                 counts[layer.min(Self::COUNT - 1)] += 1;
             }
         }
@@ -156,7 +156,7 @@ impl Layers {
 
     /// Inner radius of a layer, scene units.
     fn radius(&self, layer: usize) -> f64 {
-        self.unit * (layer as f64 / LAYERS + Self::FIRST).exp2()
+        self.unit * (layer as f64 / LAYERS_PER_OCTAVE + Self::FIRST).exp2()
     }
 
     /// The runs of all but empty layers with a sky's share of the splats beyond, from inside out.
@@ -169,14 +169,14 @@ impl Layers {
         let mut gaps = Vec::new();
         for end in 1..Self::COUNT {
             let beyond = total - inside[end];
-            if self.counts[end] == 0 || beyond < FEWEST || beyond as f64 > MOST * total as f64 {
+            if self.counts[end] == 0 || beyond < MIN_SPLATS || beyond as f64 > MAX_SKY_SHARE * total as f64 {
                 continue;
             }
-            let floaters = (FLOATERS * beyond as f64) as usize;
+            let floaters = (MAX_FLOATER_SHARE * beyond as f64) as usize;
             let start = (0..end).find(|start| inside[end] - inside[*start] <= floaters).unwrap_or(end);
             let begins = (0..end).find(|layer| inside[*layer] as f64 >= 0.9 * inside[start] as f64);
-            let far = begins.is_some_and(|layer| self.radius(end) > BEGINS * self.radius(layer));
-            if end - start >= GAP && far {
+            let far = begins.is_some_and(|layer| self.radius(end) > MIN_RADIUS_RATIO * self.radius(layer));
+            if end - start >= MIN_GAP_LAYERS && far {
                 gaps.push(start..end);
             }
         }
@@ -187,8 +187,8 @@ impl Layers {
 /// Returns true if the splats at the distances `shell` have the size and the spread of a sky.
 fn is_sky(splats: &Splats, center: DVec3, shell: Range<f64>) -> bool {
     let (mut near, mut far) = (Vec::new(), Vec::new());
-    let mut filled = [0.0; CELLS];
-    let cells: [DVec3; CELLS] = std::array::from_fn(|i| direction(i, CELLS));
+    let mut filled = [0.0; SKY_CELLS];
+    let cells: [DVec3; SKY_CELLS] = std::array::from_fn(|i| direction(i, SKY_CELLS));
     for index in 0..splats.len() {
         let offset = mean(splats, index) - center;
         let squared = offset.length_squared();
@@ -209,16 +209,17 @@ fn is_sky(splats: &Splats, center: DVec3, shell: Range<f64>) -> bool {
         }
         far.push(sizes[2]);
         // An ellipse of two standard deviations, in areas of a cell: 4 pi s s / r^2 / (4 pi /
-        // CELLS).
-        let share = (sizes[1] + sizes[2]).exp() * splats.opacity(index) / squared * CELLS as f64;
+        // SKY_CELLS).
+        let share = (sizes[1] + sizes[2]).exp() * splats.opacity(index) / squared * SKY_CELLS as f64;
         let nearest = |a: &usize, b: &usize| cells[*a].dot(offset).total_cmp(&cells[*b].dot(offset));
-        filled[(0..CELLS).max_by(nearest).unwrap_or(0)] += share.min(ONE);
+        filled[(0..SKY_CELLS).max_by(nearest).unwrap_or(0)] += share.min(MAX_SPLAT_COVER);
     }
-    if quantile(&mut far, 0.5) - quantile(&mut near, 0.5) < LARGER.ln() {
+    if quantile(&mut far, 0.5) - quantile(&mut near, 0.5) < MIN_SIZE_RATIO.ln() {
         return false;
     }
-    let covered = || cells.iter().zip(filled).filter(|(_, filled)| *filled >= COVERED).map(|(cell, _)| *cell);
+    let covered =
+        || cells.iter().zip(filled).filter(|(_, filled)| *filled >= COVERED_SHARE).map(|(cell, _)| *cell);
     let count = covered().count();
     let moments = covered().fold(DMat3::ZERO, |sum, cell| sum + outer(cell, 1.0 / count as f64));
-    count >= FEWEST_CELLS && eigen(moments)[0].0 >= LEAST_MOMENT
+    count >= MIN_CELLS && eigen(moments)[0].0 >= MIN_MOMENT
 }

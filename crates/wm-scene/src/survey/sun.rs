@@ -16,7 +16,7 @@ pub struct SurveyedSun {
     pub azimuth: Option<f64>,
     /// Elevation above the horizon, radians, 0 to pi/2.
     pub elevation: f64,
-    /// Its source, such as "from the time and the GPS of 24 photos, met within 1.1 m".
+    /// The source, such as "from the time and the GPS of 24 photos, met within 1.1 m".
     pub source: String,
     /// Confidence in the direction: no more than in up, and likely if the photos took more than ten
     /// minutes.
@@ -38,15 +38,15 @@ pub enum SunFault {
 }
 
 /// Longest capture whose sun has one direction, s: it moves by up to 7.5 degrees in this time.
-const LONGEST: f64 = 1800.0;
+const MAX_SPAN_S: f64 = 1800.0;
 /// Longest capture whose sun is sure, s: its ends are within 1.25 degrees of the middle.
-const SURE: f64 = 600.0;
+const SURE_SPAN_S: f64 = 600.0;
 
 /// The position of the sun at the place and the time of the photos; `None` if either is not known.
 fn position(facts: &Metadata) -> Result<Option<SunPosition>, SunFault> {
     let (Some([latitude, longitude]), Some(time)) = (facts.location, facts.captured) else { return Ok(None) };
     let span = facts.captured_span.unwrap_or(0.0);
-    if span > LONGEST {
+    if span > MAX_SPAN_S {
         return Err(SunFault::Long(span));
     }
     // Metadata have places and times for which it is defined.
@@ -81,7 +81,7 @@ impl SurveyedSun {
         let span = facts.captured_span.unwrap_or(0.0);
         let [along_east, along_north, along_up] = position.east_north_up();
         let east = north.cross(up.value);
-        let own = if span > SURE { Confidence::Likely } else { Confidence::Sure };
+        let own = if span > SURE_SPAN_S { Confidence::Likely } else { Confidence::Sure };
         let places = facts.north_source.as_deref().map(|text| format!("the time and {text}"));
         Ok(Some(Self {
             direction: (east * along_east + north * along_north + up.value * along_up).normalize(),
@@ -95,7 +95,7 @@ impl SurveyedSun {
         }))
     }
 
-    /// Of a direction that the metadata state.
+    /// Makes the sun of a direction that the metadata state.
     fn given(direction: DVec3, up: DVec3, north: Option<DVec3>) -> Result<Self, SunFault> {
         let elevation = direction.dot(up).clamp(-1.0, 1.0).asin();
         if elevation <= 0.0 {

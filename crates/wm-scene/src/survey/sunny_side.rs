@@ -11,31 +11,31 @@ use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
 /// Elevations of the suns that are tried, degrees: low, afternoon and noon.
-const ELEVATIONS: [f64; 3] = [8.0, 25.0, 45.0];
-/// Directions around.
-const AROUND: usize = 24;
-/// Cells across the radius of the place.
-const CELLS: f64 = 28.0;
-/// Cells along each side of the cube that is looked at: a ray goes two radii from a surface, which
-/// is within some radii of the middle.
-const SIDE: usize = 200;
-/// Surface in a cell that stops the sun, of the area of its side.
-const CLOSED: f64 = 0.5;
-/// Height above the ground, and distance from the middle of the cameras, up to which surfaces are
-/// looked at, radii of the place.
-const LOW: f64 = 0.12;
-const NEAR: f64 = 0.7;
-/// Most surfaces that are looked at.
-const MOST: usize = 200;
-/// Cells from a surface to where its ray starts: it does not shade itself.
-const CLEAR: f64 = 1.8;
-/// Difference of the shares of surface that sees a sun below which one side is as good as another.
-const SAME: f64 = 0.03;
+const ELEVATIONS_DEG: [f64; 3] = [8.0, 25.0, 45.0];
+/// Number of azimuths that are tried.
+const AZIMUTHS: usize = 24;
+/// Cells per radius of the place.
+const CELLS_PER_RADIUS: f64 = 28.0;
+/// Cells along each side of the cube: a ray goes two radii from a surface, which is within some
+/// radii of the middle.
+const SIDE_CELLS: usize = 200;
+/// Least surface in a cell that stops the sun, in areas of its side.
+const CLOSED_SHARE: f64 = 0.5;
+/// Largest height of sampled surfaces above the ground, radii of the place.
+const MAX_HEIGHT_RADII: f64 = 0.12;
+/// Largest distance of sampled surfaces from the middle of the cameras, radii of the place.
+const MAX_DISTANCE_RADII: f64 = 0.7;
+/// Most sampled surfaces.
+const MAX_SURFACES: usize = 200;
+/// Offset of the start of a ray from its surface, cells: a surface does not shade itself.
+const CLEARANCE_CELLS: f64 = 1.8;
+/// Least difference of the lit shares of the best and the worst side with which one is preferred.
+const MIN_SHARE_DIFFERENCE: f64 = 0.03;
 
 /// The directions from which suns of several elevations light most of a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunnySide {
-    /// For each of [`ELEVATIONS`]: the level direction towards the sun (world axes, length 1), and
+    /// For each of [`ELEVATIONS_DEG`]: the level direction towards the sun (world axes, length 1), and
     /// the share of the surface that it reaches, 0-1; `None` where no side is better than the
     /// others.
     sides: [Option<(DVec3, f64)>; 3],
@@ -48,7 +48,7 @@ impl SunnySide {
     /// Finds the sunny side of a scene by sampled splats, up, the height of the ground along up
     /// (scene units), and the cameras of its photos.
     pub(super) fn of(sample: &SurveySample, up: DVec3, ground: f64, views: &[SceneView]) -> Self {
-        let cell = sample.radius / CELLS;
+        let cell = sample.radius / CELLS_PER_RADIUS;
         if sample.points.is_empty() || !(cell.is_finite() && cell > 0.0) {
             return Self::NONE;
         }
@@ -57,7 +57,7 @@ impl SunnySide {
             0 => sample.center,
             count => centers.iter().sum::<DVec3>() / count as f64,
         };
-        let cells = Cells { first: middle - DVec3::splat(0.5 * SIDE as f64 * cell), cell };
+        let cells = Cells { first: middle - DVec3::splat(0.5 * SIDE_CELLS as f64 * cell), cell };
         // Each sampled splat stands for several, and covers pi times the product of its standard
         // deviations.
         let stands_for = PI * sample.stands_for as f64;
@@ -67,43 +67,44 @@ impl SunnySide {
             .filter_map(|p| Some((Cells::at(cells.place(p.at))?, p.area * stands_for)))
             .collect();
         surface.sort_by_key(|(index, _)| *index);
-        let mut closed = vec![false; SIDE * SIDE * SIDE];
+        let mut closed = vec![false; SIDE_CELLS * SIDE_CELLS * SIDE_CELLS];
         for cell_of in surface.chunk_by(|a, b| a.0 == b.0) {
             let area: f64 = cell_of.iter().map(|(_, area)| area).sum();
-            closed[cell_of[0].0] = area > CLOSED * cell * cell;
+            closed[cell_of[0].0] = area > CLOSED_SHARE * cell * cell;
         }
         let stops = |place: DVec3| Cells::at(place).is_some_and(|index| closed[index]);
         let is_near = |point: &&SurveyPoint| {
             let height = point.at.dot(up) - ground;
             let across = (point.at - middle).reject_from(up).length();
-            (-cell..LOW * sample.radius).contains(&height) && across < NEAR * sample.radius
+            (-cell..MAX_HEIGHT_RADII * sample.radius).contains(&height)
+                && across < MAX_DISTANCE_RADII * sample.radius
         };
         let near: Vec<&SurveyPoint> = sample.points.iter().filter(is_near).collect();
-        let seen: Vec<&SurveyPoint> = strided(near.len(), MOST).map(|i| near[i]).collect();
+        let seen: Vec<&SurveyPoint> = strided(near.len(), MAX_SURFACES).map(|i| near[i]).collect();
         let whole: f64 = seen.iter().map(|point| point.area).sum();
         if whole <= 0.0 {
             return Self::NONE;
         }
         let (east, north) = horizontals(up);
         let level = |k: usize| {
-            let (sin, cos) = (TAU * k as f64 / AROUND as f64).sin_cos();
+            let (sin, cos) = (TAU * k as f64 / AZIMUTHS as f64).sin_cos();
             north * cos + east * sin
         };
-        let steps = (2.0 * CELLS) as u32;
+        let steps = (2.0 * CELLS_PER_RADIUS) as u32;
         let lit = |towards: DVec3| {
             // A step is a cell.
             let sees = |point: &&&SurveyPoint| {
-                let start = cells.place(point.at) + (towards + up) * CLEAR;
+                let start = cells.place(point.at) + (towards + up) * CLEARANCE_CELLS;
                 !(0..steps).any(|step| stops(start + towards * f64::from(step)))
             };
             seen.iter().filter(sees).map(|point| point.area).sum::<f64>() / whole
         };
-        let sides = ELEVATIONS.map(|elevation| {
+        let sides = ELEVATIONS_DEG.map(|elevation| {
             let (sin, cos) = elevation.to_radians().sin_cos();
-            let shares: Vec<f64> = (0..AROUND).map(|k| lit(level(k) * cos + up * sin)).collect();
+            let shares: Vec<f64> = (0..AZIMUTHS).map(|k| lit(level(k) * cos + up * sin)).collect();
             let [worst, best] = [f64::min, f64::max].map(|of| shares.iter().copied().fold(shares[0], of));
             let at = shares.iter().position(|share| *share == best)?;
-            (best > worst + SAME).then(|| (level(at), best))
+            (best > worst + MIN_SHARE_DIFFERENCE).then(|| (level(at), best))
         });
         Self { sides }
     }
@@ -113,12 +114,12 @@ impl SunnySide {
     /// 0-1; `None` where no side is better than the others.
     #[must_use]
     pub fn towards(&self, elevation: f64) -> Option<(DVec3, f64)> {
-        let away = |k: &usize| (ELEVATIONS[*k] - elevation).abs();
-        (0..ELEVATIONS.len()).min_by(|a, b| away(a).total_cmp(&away(b))).and_then(|k| self.sides[k])
+        let away = |k: &usize| (ELEVATIONS_DEG[*k] - elevation).abs();
+        (0..ELEVATIONS_DEG.len()).min_by(|a, b| away(a).total_cmp(&away(b))).and_then(|k| self.sides[k])
     }
 }
 
-/// A cube of cells, [`SIDE`] along each side.
+/// A cube of cells, [`SIDE_CELLS`] along each side.
 struct Cells {
     /// The corner from which cells are counted, scene units.
     first: DVec3,
@@ -134,8 +135,8 @@ impl Cells {
 
     /// The index of the cell that holds a place, in cells; `None` outside.
     fn at(place: DVec3) -> Option<usize> {
-        let is_in = place.min_element() >= 0.0 && place.max_element() < SIDE as f64;
-        is_in.then(|| ((place.z as usize * SIDE) + place.y as usize) * SIDE + place.x as usize)
+        let is_in = place.min_element() >= 0.0 && place.max_element() < SIDE_CELLS as f64;
+        is_in.then(|| ((place.z as usize * SIDE_CELLS) + place.y as usize) * SIDE_CELLS + place.x as usize)
     }
 }
 

@@ -20,89 +20,101 @@ use super::habits::{self, Habit, HabitKind};
 use super::linear::{direction, eigen, horizontals, outer, quantile};
 use super::sample::{SurveyPoint, SurveySample, strided};
 use super::sky::SkyRegion;
-use super::{Confidence, FactSource, HANDFUL, ground, plan};
+use super::{Confidence, FactSource, MIN_POINTS, ground, plan};
 use crate::{Camera, SceneView, Splats};
 use glam::{DMat3, DVec3};
 
 /// Directions over the half sphere in which surfaces are counted: 7 degrees apart.
 const DIRECTIONS: usize = 400;
-/// Points that each candidate is rated by.
-const RATED: usize = 8000;
+/// Points by which each candidate is rated.
+const RATED_POINTS: usize = 8000;
 /// Half width of a peak of normals, as a cosine: 12 degrees.
-const PEAK: f64 = 0.978;
-/// A world axis within this angle of what is seen is meant, degrees.
-const SAME_AXIS: f64 = 0.4;
-/// Angle between what is seen and the nearest world axis, degrees, up to which a program may have
-/// aligned the scene to that.
-const NEAR_AXIS: f64 = 6.0;
-/// Cameras held within this of up told it, as a cosine: 20 degrees.
-const AGREE: f64 = 0.94;
+const PEAK_COS: f64 = 0.978;
+/// Largest angle from a world axis that is rounded to it, degrees.
+const SAME_AXIS_DEG: f64 = 0.4;
+/// Largest angle from the nearest world axis to which a program may have aligned the scene,
+/// degrees.
+const NEAR_AXIS_DEG: f64 = 6.0;
+/// Least cosine between the up of cameras and the estimate with which they agree: 20 degrees.
+const AGREEMENT_COS: f64 = 0.94;
 /// Layers of height by which a candidate is rated.
-const LAYERS: usize = 64;
+const HEIGHT_LAYERS: usize = 64;
 
 /// Standard deviation of the roll of a camera that is held upright, degrees.
-const ROLL: f64 = 2.0;
-/// Standard deviations of up, degrees, as told by surfaces that face it, by the plane of the ground
-/// where no wall stands on it, and where walls do and it is therefore no slope (paving falls by 1
-/// to 2 % so that it drains), by walls, and by the axis of a format.
-const SURFACES: f64 = 3.0;
-const LONE_GROUND: f64 = 2.0;
-const GROUND: f64 = 1.0;
-const WALLS: f64 = 0.4;
-const AXIS: f64 = 2.0;
-/// Angle between the plumb directions by the plan of walls and by their normals, degrees, from
-/// which on the normals are biased.
-const BIASED: f64 = 0.8;
-/// Angle between what surfaces and upright cameras tell, degrees, from which on the surfaces are
-/// taken for rough.
-const APART: f64 = 4.0;
-/// Angle between the directions that walls and ground tell, degrees, from which on the ground is a
-/// slope.
-const SLOPE: f64 = 2.5;
-/// Neighbouring photos that are rolled alike, and the most that count as independent.
-const ALIKE: f64 = 4.0;
-const INDEPENDENT: f64 = 8.0;
-/// Directions farther apart than this are rivals, as a cosine: 15 degrees.
-const RIVAL: f64 = 0.966;
-/// Lead over the best rival, nats, from which up is sure, and from which it is likely.
-const SURE: f64 = 4.0;
-const LIKELY: f64 = 1.5;
-/// Evidence of ground, nats, below which there is none: a tenth of the surfaces. The other evidence
-/// is noise then, as of an object that was cut out.
-const GROUNDLESS: f64 = -3.3;
-/// Length of the mean direction of the sky from which it tells up.
-const SKY: f64 = 0.2;
+const ROLL_ERROR_DEG: f64 = 2.0;
+/// Standard deviation of up by surfaces that face it, degrees.
+const SURFACE_ERROR_DEG: f64 = 3.0;
+/// Standard deviation of up by the plane of ground without walls, degrees.
+const LONE_GROUND_ERROR_DEG: f64 = 2.0;
+/// Standard deviation of up by the plane of ground with walls, which is therefore no slope,
+/// degrees: paving falls by 1 to 2 % so that it drains.
+const GROUND_ERROR_DEG: f64 = 1.0;
+/// Standard deviation of up by walls, degrees.
+const WALL_ERROR_DEG: f64 = 0.4;
+/// Standard deviation of up by the axis of a format, degrees.
+const AXIS_ERROR_DEG: f64 = 2.0;
+/// Least angle between the plumb directions by the plan of walls and by their normals with which
+/// the normals are biased, degrees.
+const MIN_BIAS_DEG: f64 = 0.8;
+/// Largest angle between the ups of surfaces and of upright cameras with which the surfaces are not
+/// taken for rough, degrees.
+const MAX_CAMERA_ANGLE_DEG: f64 = 4.0;
+/// Least angle between the ups of walls and of the ground with which the ground is a slope,
+/// degrees.
+const MIN_SLOPE_DEG: f64 = 2.5;
+/// Number of neighbouring photos that are rolled alike.
+const ALIKE_PHOTOS: f64 = 4.0;
+/// Most photos whose rolls count as independent.
+const MAX_INDEPENDENT: f64 = 8.0;
+/// Largest cosine between rival directions: 15 degrees.
+const RIVAL_COS: f64 = 0.966;
+/// Least lead over the best rival with which up is sure, nats.
+const SURE_LEAD_NATS: f64 = 4.0;
+/// Least lead over the best rival with which up is likely, nats.
+const LIKELY_LEAD_NATS: f64 = 1.5;
+/// Least evidence of ground, nats: a tenth of the surfaces. Without ground the other evidence is
+/// noise, as of an object that was cut out.
+const MIN_GROUND_NATS: f64 = -3.3;
+/// Least length of the mean direction of the sky with which it determines up.
+const MIN_SKY_LENGTH: f64 = 0.2;
 /// Up of an object without ground, and of a handful of splats: most programs write y down, as
 /// cameras of structure from motion have it.
-pub(super) const USUAL: DVec3 = DVec3::NEG_Y;
-/// Lead of another direction, nats, with which an object does not stand so.
-const AGAINST: f64 = 4.0;
-/// Nearness to an axis of programs, as a cosine, below which up is along another: 45 degrees.
-const ODD: f64 = 0.707;
+pub(super) const USUAL_UP: DVec3 = DVec3::NEG_Y;
+/// Lead of another direction over the usual up with which an object does not stand so, nats.
+const OBJECT_LEAD_NATS: f64 = 4.0;
+/// Least cosine between up and an axis of programs: 45 degrees.
+const ODD_AXIS_COS: f64 = 0.707;
 /// Largest angle between the ups of the two halves of a scene with which up is sure, degrees.
-const HALVES: f64 = 5.0;
+const MAX_HALVES_DEG: f64 = 5.0;
 
 /// Up as the scene has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UpEstimate {
     /// The direction against gravity, length 1.
-    pub up: DVec3,
-    /// Its source: the cameras, the splats alone, or assumed where these tell next to nothing.
-    pub source: FactSource,
+    pub(crate) up: DVec3,
+    /// The source: the cameras, the splats alone, or assumed where these tell next to nothing.
+    pub(crate) source: FactSource,
     /// The confidence in it.
-    pub confidence: Confidence,
+    pub(crate) confidence: Confidence,
     /// The evidence for it.
-    pub evidence: UpScore,
+    pub(crate) evidence: UpScore,
     /// The direction that is next best, if any, and its evidence.
-    pub rival: Option<(DVec3, UpScore)>,
+    pub(crate) rival: Option<(DVec3, UpScore)>,
     /// The normal of the ground, where a plane fits it.
-    pub ground_normal: Option<DVec3>,
+    pub(crate) ground_normal: Option<DVec3>,
     /// The direction along which walls stand, where there are some.
-    pub walls: Option<DVec3>,
+    pub(crate) walls: Option<DVec3>,
+}
+
+impl UpEstimate {
+    fn without_surfaces(up: DVec3, source: FactSource, confidence: Confidence) -> Self {
+        let evidence = UpScore::default();
+        Self { up, source, confidence, evidence, rival: None, ground_normal: None, walls: None }
+    }
 }
 
 /// Finds up; `None` if nothing tells it.
-pub fn estimate(
+pub(crate) fn estimate(
     splats: &Splats,
     sample: &SurveySample,
     sky: &SkyRegion,
@@ -110,22 +122,15 @@ pub fn estimate(
 ) -> Option<UpEstimate> {
     let cameras: Vec<_> = views.iter().map(|view| view.camera).collect();
     let habits = habits::habits(&cameras);
-    if sample.points.len() < HANDFUL || sample.radius <= 0.0 {
+    if sample.points.len() < MIN_POINTS || sample.radius <= 0.0 {
         let habit = habits.iter().max_by(|a, b| a.log_odds.total_cmp(&b.log_odds));
         let (up, source) = match habit {
             Some(habit) => (along_axis(habit.up), FactSource::Cameras),
             None if sample.points.is_empty() => return None,
-            None => (USUAL, FactSource::Assumed),
+            None => (USUAL_UP, FactSource::Assumed),
         };
-        return Some(UpEstimate {
-            up,
-            source,
-            confidence: if habits.len() == 1 { Confidence::Likely } else { Confidence::Guess },
-            evidence: UpScore::default(),
-            rival: None,
-            ground_normal: None,
-            walls: None,
-        });
+        let confidence = if habits.len() == 1 { Confidence::Likely } else { Confidence::Guess };
+        return Some(UpEstimate::without_surfaces(up, source, confidence));
     }
     let clues = Clues { heaven: heaven(splats, sample, sky), habits: &habits };
     let rated = rated(sample);
@@ -137,23 +142,19 @@ pub fn estimate(
     // Stable: of equals the first candidate stays first.
     scored.sort_by(|a, b| b.0.sum().total_cmp(&a.0.sum()));
     let (best, first) = *scored.first()?;
-    let rival = scored.iter().find(|(_, other)| other.dot(first) < RIVAL);
+    let rival = scored.iter().find(|(_, other)| other.dot(first) < RIVAL_COS);
     let lead = rival.map_or(f64::INFINITY, |(score, _)| best.sum() - score.sum());
     // Only the splats tell up.
-    let is_alone = clues.heaven.length() < SKY && habits.is_empty();
+    let is_alone = clues.heaven.length() < MIN_SKY_LENGTH && habits.is_empty();
     let stands = ground::below(sample, first, &[]).is_some();
-    let is_object = is_alone && (best.ground < GROUNDLESS || !stands);
-    let usual = evidence(sample, &rated, USUAL, clues);
-    let tells_little = lead < LIKELY && best.sum() - usual.sum() < AGAINST;
-    if is_object && (!stands || tells_little) && first.dot(USUAL) < RIVAL {
+    let is_object = is_alone && (best.ground < MIN_GROUND_NATS || !stands);
+    let usual = evidence(sample, &rated, USUAL_UP, clues);
+    let tells_little = lead < LIKELY_LEAD_NATS && best.sum() - usual.sum() < OBJECT_LEAD_NATS;
+    if is_object && (!stands || tells_little) && first.dot(USUAL_UP) < RIVAL_COS {
         return Some(UpEstimate {
-            up: USUAL,
-            source: FactSource::Assumed,
-            confidence: Confidence::Guess,
             evidence: usual,
             rival: Some((first, best)),
-            ground_normal: None,
-            walls: None,
+            ..UpEstimate::without_surfaces(USUAL_UP, FactSource::Assumed, Confidence::Guess)
         });
     }
     let surfaces = refined(sample, &rated, first, 0.97, plan::plumb);
@@ -164,15 +165,15 @@ pub fn estimate(
         if surfaces.is_by_plan { surfaces.deviation } else { surfaces.deviation.max(0.5 * apart) };
     let surfaces = Refined { deviation, ..surfaces };
     let up = on_ground(sample, views, levelled(&surfaces, &cameras, &habits));
-    let agree = habits.iter().any(|habit| habit.up.dot(up) > AGREE);
+    let agree = habits.iter().any(|habit| habit.up.dot(up) > AGREEMENT_COS);
     // Cameras that say something else are a doubt, however clear the splats are; and where there is
     // no ground, nor sky nor cameras, the rest is noise.
     let confidence = match lead {
         _ if is_object => Confidence::Guess,
         // What a photo shows from the front lies on its back then, as on a ground.
-        _ if is_alone && prior_axis(up) < ODD => Confidence::Guess,
-        _ if lead < LIKELY || !(agree || habits.is_empty()) => Confidence::Guess,
-        _ if lead < SURE || apart > HALVES || habits.len() > 1 => Confidence::Likely,
+        _ if is_alone && prior_axis(up) < ODD_AXIS_COS => Confidence::Guess,
+        _ if lead < LIKELY_LEAD_NATS || !(agree || habits.is_empty()) => Confidence::Guess,
+        _ if lead < SURE_LEAD_NATS || apart > MAX_HALVES_DEG || habits.len() > 1 => Confidence::Likely,
         _ => Confidence::Sure,
     };
     Some(UpEstimate {
@@ -193,25 +194,26 @@ fn levelled(surfaces: &Refined, cameras: &[Camera], habits: &[Habit]) -> DVec3 {
     let up = surfaces.up;
     let precision = |degrees: f64| degrees.to_radians().powi(-2);
     let held = match habits {
-        [Habit { kind: HabitKind::Upright, up: held, .. }] if held.dot(up) >= AGREE => Some(*held),
+        [Habit { kind: HabitKind::Upright, up: held, .. }] if held.dot(up) >= AGREEMENT_COS => Some(*held),
         _ => None,
     };
     let apart = held.map_or(0.0, |held| held.angle_between(up).to_degrees());
     // So far off the cameras, surfaces are rough: half of the difference is their error.
-    let deviation = if apart > APART { surfaces.deviation.max(0.5 * apart) } else { surfaces.deviation };
+    let deviation =
+        if apart > MAX_CAMERA_ANGLE_DEG { surfaces.deviation.max(0.5 * apart) } else { surfaces.deviation };
     let (mut known, mut off) = (DMat3::from_diagonal(DVec3::splat(precision(deviation))), DVec3::ZERO);
     if held.is_some() {
         let count = cameras.len() as f64;
-        let roll = (count / ALIKE).min(INDEPENDENT) / count * precision(ROLL);
+        let roll = (count / ALIKE_PHOTOS).min(MAX_INDEPENDENT) / count * precision(ROLL_ERROR_DEG);
         for right in cameras.iter().map(|camera| camera.rotation().row(0)) {
             known += outer(right, roll);
             off += right * (roll * right.dot(up));
         }
     }
     let axis = nearest_axis(up);
-    if axis.angle_between(up).to_degrees() < NEAR_AXIS {
-        known += DMat3::from_diagonal(DVec3::splat(precision(AXIS)));
-        off += (up - axis) * precision(AXIS);
+    if axis.angle_between(up).to_degrees() < NEAR_AXIS_DEG {
+        known += DMat3::from_diagonal(DVec3::splat(precision(AXIS_ERROR_DEG)));
+        off += (up - axis) * precision(AXIS_ERROR_DEG);
     }
     along_axis((up - (known.inverse() * off).reject_from_normalized(up)).normalize())
 }
@@ -240,10 +242,10 @@ fn rated(sample: &SurveySample) -> Vec<SurveyPoint> {
     if total <= 0.0 {
         return sample.points.clone();
     }
-    let (mut sum, mut rated) = (0.0, Vec::with_capacity(RATED));
+    let (mut sum, mut rated) = (0.0, Vec::with_capacity(RATED_POINTS));
     for point in &sample.points {
         sum += point.area;
-        while (rated.len() as f64 + 0.5) * total < sum * RATED as f64 {
+        while (rated.len() as f64 + 0.5) * total < sum * RATED_POINTS as f64 {
             rated.push(*point);
         }
     }
@@ -282,7 +284,7 @@ fn refined(
     limit: f64,
     by_plan: impl Fn(&SurveySample, DVec3) -> Option<DVec3>,
 ) -> Refined {
-    let facing = peak(rated, up, limit.max(PEAK));
+    let facing = peak(rated, up, limit.max(PEAK_COS));
     let start = if facing.dot(up) > limit { facing } else { up };
     let plane = ground::level(sample, start, None).and_then(|height| ground::plane(sample, start, height));
     let ground = plane.filter(|normal| normal.dot(up) > limit);
@@ -294,18 +296,18 @@ fn refined(
     // Where little is built, what the plan tells is chance; that of low walls tells less than their
     // normals, and that of high ones shows whether those are biased.
     let plan = normals.and_then(|normals| {
-        let shows_bias = |plan: &DVec3| plan.angle_between(normals).to_degrees() >= BIASED;
+        let shows_bias = |plan: &DVec3| plan.angle_between(normals).to_degrees() >= MIN_BIAS_DEG;
         by_plan(sample, level).filter(is_near).filter(shows_bias)
     });
     let walls = plan.or(normals);
     let (up, deviation) = match (walls, ground) {
-        (Some(plumb), Some(level)) if plumb.angle_between(level).to_degrees() < SLOPE => {
-            let [a, b] = [WALLS, GROUND].map(|degrees| degrees.powi(-2));
+        (Some(plumb), Some(level)) if plumb.angle_between(level).to_degrees() < MIN_SLOPE_DEG => {
+            let [a, b] = [WALL_ERROR_DEG, GROUND_ERROR_DEG].map(|degrees| degrees.powi(-2));
             ((plumb * a + level * b).normalize(), (a + b).powf(-0.5))
         }
-        (Some(plumb), _) => (plumb, WALLS),
-        (None, Some(level)) => (level, LONE_GROUND),
-        (None, None) => (start, SURFACES),
+        (Some(plumb), _) => (plumb, WALL_ERROR_DEG),
+        (None, Some(level)) => (level, LONE_GROUND_ERROR_DEG),
+        (None, None) => (start, SURFACE_ERROR_DEG),
     };
     Refined { up, deviation, ground, walls, is_by_plan: plan.is_some() }
 }
@@ -346,7 +348,7 @@ fn walls(sample: &SurveySample, up: DVec3) -> Option<DVec3> {
 /// surfaces are too rough to tell more. Else returns `up`.
 fn on_ground(sample: &SurveySample, views: &[SceneView], up: DVec3) -> DVec3 {
     let axis = nearest_axis(up);
-    let is_near = axis.angle_between(up).to_degrees() < NEAR_AXIS;
+    let is_near = axis.angle_between(up).to_degrees() < NEAR_AXIS_DEG;
     let stands = |up: DVec3| ground::below(sample, up, views).is_some();
     if is_near && !stands(up) && stands(axis) { axis } else { up }
 }
@@ -357,10 +359,10 @@ fn nearest_axis(up: DVec3) -> DVec3 {
     DVec3::AXES[longest] * up[longest].signum() + 0.0
 }
 
-/// The nearest world axis if it is within [`SAME_AXIS`], else `up`.
+/// The nearest world axis if it is within [`SAME_AXIS_DEG`], else `up`.
 fn along_axis(up: DVec3) -> DVec3 {
     let axis = nearest_axis(up);
-    if up.angle_between(axis).to_degrees() < SAME_AXIS { axis } else { up }
+    if up.angle_between(axis).to_degrees() < SAME_AXIS_DEG { axis } else { up }
 }
 
 /// The middle of the sky's splats as seen from the scene's: length 0 if it is all around or there
@@ -393,7 +395,7 @@ fn candidates(sample: &SurveySample, rated: &[SurveyPoint], clues: Clues<'_>) ->
         surface[nearest(&directions, |d| d.dot(point.normal).abs())] += 1.0;
     }
     let smooth = |d: &DVec3| -> f64 {
-        let near = directions.iter().zip(&surface).filter(|(e, _)| e.dot(*d).abs() > PEAK);
+        let near = directions.iter().zip(&surface).filter(|(e, _)| e.dot(*d).abs() > PEAK_COS);
         near.map(|(_, s)| s).sum()
     };
     let mut peaks: Vec<(f64, DVec3)> = directions.iter().map(|d| (smooth(d), *d)).collect();
@@ -406,14 +408,14 @@ fn candidates(sample: &SurveySample, rated: &[SurveyPoint], clues: Clues<'_>) ->
     };
     for (_, peak_axis) in peaks {
         if axes.len() < 8 {
-            add(&mut axes, peak(rated, peak_axis, PEAK), 0.94);
+            add(&mut axes, peak(rated, peak_axis, PEAK_COS), 0.94);
         }
     }
     let mut moments = DMat3::ZERO;
     for point in rated {
         let offset = point.at - sample.center;
         if offset.length() <= sample.radius {
-            moments += outer(offset, 1.0 / RATED as f64);
+            moments += outer(offset, 1.0 / RATED_POINTS as f64);
         }
     }
     for axis in DVec3::AXES.into_iter().chain(eigen(moments).map(|e| e.1)) {
@@ -446,25 +448,25 @@ fn peak(rated: &[SurveyPoint], axis: DVec3, width: f64) -> DVec3 {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct UpScore {
     /// Much surface faces it at one height near its lower end.
-    pub ground: f64,
+    pub(crate) ground: f64,
     /// There is no such surface at its upper end.
-    pub alone: f64,
+    pub(crate) alone: f64,
     /// The scene is dense at the ground and thins out upwards.
-    pub open: f64,
+    pub(crate) open: f64,
     /// The scene is wider than high.
-    pub thin: f64,
+    pub(crate) thin: f64,
     /// The sky lies above.
-    pub sky: f64,
+    pub(crate) sky: f64,
     /// The cameras' habits.
-    pub cameras: f64,
+    pub(crate) cameras: f64,
     /// The prior probability by the axes of programs.
-    pub prior: f64,
+    pub(crate) prior: f64,
 }
 
 impl UpScore {
     /// All together.
     #[must_use]
-    pub fn sum(&self) -> f64 {
+    pub(crate) fn sum(&self) -> f64 {
         self.ground + self.alone + self.open + self.thin + self.sky + self.cameras + self.prior
     }
 }
@@ -482,7 +484,7 @@ fn evidence(sample: &SurveySample, rated: &[SurveyPoint], up: DVec3, clues: Clue
     });
     let (across, along) = (across[0].max(across[1]), (high - low).max(1e-9 * sample.radius));
     // A thin scene's ground has some relief.
-    let step = (along / LAYERS as f64).max(sample.radius / 60.0);
+    let step = (along / HEIGHT_LAYERS as f64).max(sample.radius / 60.0);
     let ground = (surface(rated, up, low, step) + 0.01).ln();
     let ceiling = (surface(rated, -up, -high, step) + 0.01).ln();
     UpScore {
@@ -500,9 +502,9 @@ fn evidence(sample: &SurveySample, rated: &[SurveyPoint], up: DVec3, clues: Clue
 ///
 /// Heights are counted in layers of `step` from `low` on.
 fn surface(rated: &[SurveyPoint], up: DVec3, low: f64, step: f64) -> f64 {
-    let (mut level, mut mass) = ([0.0; LAYERS + 1], [0.0; LAYERS + 1]);
+    let (mut level, mut mass) = ([0.0; HEIGHT_LAYERS + 1], [0.0; HEIGHT_LAYERS + 1]);
     for point in rated {
-        let layer = ((point.at.dot(up) - low) / step).clamp(0.0, LAYERS as f64) as usize;
+        let layer = ((point.at.dot(up) - low) / step).clamp(0.0, HEIGHT_LAYERS as f64) as usize;
         mass[layer] += 1.0;
         if point.normal.dot(up).abs() > 0.94 {
             level[layer] += 1.0;
@@ -510,7 +512,7 @@ fn surface(rated: &[SurveyPoint], up: DVec3, low: f64, step: f64) -> f64 {
     }
     let count = rated.len() as f64;
     let (mut below, mut best) = (0.0, 0.0f64);
-    for layer in 0..LAYERS {
+    for layer in 0..HEIGHT_LAYERS {
         let clear = (1.0 - below / (0.15 * count)).max(0.0);
         best = best.max((level[layer] + level[layer + 1]) * clear);
         // What is in the layer itself or the one before is relief.

@@ -19,7 +19,7 @@ use glam::DVec3;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
-use wm_scene::capture::ground::{CaptureGround, CaptureGroundError, HELD_AT, ground};
+use wm_scene::capture::ground::{CARRIED_HEIGHT_M, CaptureGround, CaptureGroundError, ground};
 use wm_scene::capture::up::{CaptureUp, UpEvidence};
 use wm_scene::color::srgb_decode;
 use wm_scene::survey::{Confidence, Survey, label_sky};
@@ -401,6 +401,6 @@ fn scale(
     // People are tall and small, and a drone may fly as level as a person walks.
     given.or_else(by_gps).or_else(|| match camera_height {
         Some(_) => None,
-        None => by_height(HELD_AT, Confidence::Likely),
+        None => by_height(CARRIED_HEIGHT_M, Confidence::Likely),
     })
 }

@@ -12,7 +12,7 @@ use wm_render::stages::sort::cpu::sort;
 /// Variance of the filter through which a cell sees splats, cells^2: the renderer's of pixels.
 pub(super) const FILTER: f64 = wm_render::stages::project::DILATION as f64;
 /// Alphas below are nothing.
-pub(super) const LEAST_ALPHA: f64 = wm_scene::health::LEAST_OPACITY;
+pub(super) const LEAST_ALPHA: f64 = wm_scene::health::MIN_OPACITY;
 /// Default transmittance below which the fall counts as stopped.
 pub(super) const STOPPED: f32 = 0.5;
 /// Extent of the most opaque splat, standard deviations: `sqrt(2 ln 255)` and a little.

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use super::*;
 
 /// Returns true if the program can be started; prints a line if not.
-pub fn found(program: &str) -> bool {
+pub(super) fn found(program: &str) -> bool {
     let run = Command::new(program).arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status();
     let found = run.is_ok_and(|status| status.success());
     if !found {
@@ -16,7 +16,7 @@ pub fn found(program: &str) -> bool {
 }
 
 /// Values of the first video stream, in the order of `entries`.
-pub fn probe(path: &Path, entries: &[&str]) -> Vec<String> {
+pub(super) fn probe(path: &Path, entries: &[&str]) -> Vec<String> {
     entries
         .iter()
         .map(|entry| {
@@ -31,8 +31,8 @@ pub fn probe(path: &Path, entries: &[&str]) -> Vec<String> {
         .collect()
 }
 
-/// Its planes, all frames, if it decodes without a complaint.
-pub fn decode(path: &Path) -> Vec<u8> {
+/// The planes of all frames, if the video decodes without a complaint.
+pub(super) fn decode(path: &Path) -> Vec<u8> {
     let output = Command::new("ffmpeg")
         .args(["-v", "error", "-i"])
         .arg(path)

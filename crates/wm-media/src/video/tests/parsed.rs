@@ -10,15 +10,15 @@ use shiguredo_mp4::demux::{Input, Mp4FileDemuxer};
 use super::*;
 
 /// A file taken apart.
-pub struct Parsed {
-    pub bytes: Vec<u8>,
+pub(super) struct Parsed {
+    pub(super) bytes: Vec<u8>,
     /// Kinds and ranges of the boxes at the top.
-    pub boxes: Vec<(String, std::ops::Range<usize>)>,
-    pub moov: MoovBox,
+    pub(super) boxes: Vec<(String, std::ops::Range<usize>)>,
+    pub(super) moov: MoovBox,
 }
 
 impl Parsed {
-    pub fn open(path: &Path) -> Self {
+    pub(super) fn open(path: &Path) -> Self {
         let bytes = fs::read(path).unwrap();
         let mut boxes = Vec::new();
         let mut at = 0;
@@ -34,11 +34,11 @@ impl Parsed {
         Self { bytes, boxes, moov }
     }
 
-    pub fn table(&self) -> &StblBox {
+    pub(super) fn table(&self) -> &StblBox {
         &self.moov.trak_boxes[0].mdia_box.minf_box.stbl_box
     }
 
-    pub fn entry(&self) -> &Avc1Box {
+    pub(super) fn entry(&self) -> &Avc1Box {
         match &self.table().stsd_box.entries[..] {
             [SampleEntry::Avc1(entry)] => entry,
             other => panic!("{other:?}"),
@@ -46,7 +46,7 @@ impl Parsed {
     }
 
     /// Samples as the demuxer finds them.
-    pub fn samples(&self) -> Vec<&[u8]> {
+    pub(super) fn samples(&self) -> Vec<&[u8]> {
         let mut demuxer = Mp4FileDemuxer::new();
         demuxer.handle_input(Input { position: 0, data: &self.bytes });
         let mut samples = Vec::new();
@@ -57,7 +57,7 @@ impl Parsed {
     }
 
     /// All frames' planes, decoded by OpenH264.
-    pub fn decode(&self) -> Vec<[Vec<u8>; 3]> {
+    pub(super) fn decode(&self) -> Vec<[Vec<u8>; 3]> {
         let config = &self.entry().avcc_box;
         let mut decoder = Decoder::new().unwrap();
         let start = [[0, 0, 0, 1].as_slice(), &config.sps_list[0], &[0, 0, 0, 1], &config.pps_list[0]];
@@ -81,7 +81,7 @@ impl Parsed {
 
 /// The colour description of the sequence parameter set: present flags, full range, the three
 /// codes.
-pub fn vui_colour(sps: &[u8]) -> Vec<u32> {
+pub(super) fn vui_colour(sps: &[u8]) -> Vec<u32> {
     let mut bits = Vec::new();
     let mut zeros = 0;
     // Behind the header byte; an emulation prevention byte 3 follows two zeros.

@@ -1,13 +1,14 @@
 //! `cameras.bin`, `images.bin` and `points3D.bin`: little endian, no padding, a count first.
 
-use super::{MOST_PARAMETERS, 
-    Cameras, Images, MODELS, NumberedPoints, Places, SparsePoints, add_camera, add_point, cut, observation, parameters, value, view,
+use super::{
+    Cameras, Images, MAX_PARAMETERS, MODELS, NumberedPoints, Places, SparsePoints, add_camera, add_point,
+    cut, observation, parameters, value, view,
 };
 use crate::{FormatError, Problem, error::excerpt, source::Source};
 use std::collections::HashMap;
 
 /// Longest image name, bytes: that of a path.
-const MAX_NAME: usize = 4096;
+const MAX_NAME_BYTES: usize = 4096;
 
 /// Bytes of a 2D point: x, y, number of its 3D point.
 const POINT_SIZE: u128 = 24;
@@ -28,7 +29,7 @@ pub(super) fn read_cameras(source: &mut Source) -> Result<Cameras, FormatError> 
         let unknown = format!("number {}", number.cast_signed());
         let model = MODELS.get(number as usize).map_or(unknown.as_str(), |name| name);
         let length = parameters(id, model).map_err(|problem| record.source.at_byte(at, problem))?;
-        let mut values = [0.0; MOST_PARAMETERS];
+        let mut values = [0.0; MAX_PARAMETERS];
         for value in &mut values[..length] {
             *value = record.f64()?;
         }
@@ -94,7 +95,7 @@ pub(super) fn read_points(source: &mut Source) -> Result<NumberedPoints, FormatE
         if record.source.skip(u128::from(length) * TRACK_SIZE)? > 0 {
             return Err(record.cut());
         }
-        let added = add_point(&mut points, &mut places, id, position, color, (error, length));
+        let added = add_point(&mut points, &mut places, id, position, color, error, length);
         added.map_err(|problem| source.at_byte(at, problem))?;
     }
     Ok((points, places))
@@ -144,8 +145,12 @@ impl Record<'_, '_> {
         loop {
             match self.take()? {
                 [0] => break,
-                [byte] if name.len() < MAX_NAME => name.push(byte),
-                _ => return Err(self.source.at_byte(at, value(format!("a name is longer than {MAX_NAME} bytes")))),
+                [byte] if name.len() < MAX_NAME_BYTES => name.push(byte),
+                _ => {
+                    return Err(self
+                        .source
+                        .at_byte(at, value(format!("a name is longer than {MAX_NAME_BYTES} bytes"))));
+                }
             }
         }
         String::from_utf8(name).map_err(|error| {

@@ -13,18 +13,15 @@ mod text;
 pub mod write;
 
 use super::{
-    Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, Observation, SparsePoints, Want, foreign::model_below, places,
+    Capture, CaptureOptions, CaptureView, Distortion, Observation, ReadScope, SparsePoints,
+    foreign::model_below, places,
 };
 use crate::{Camera, FormatError, Problem, Remark, camera::viewmat_of, source::Source};
-use glam::{DMat3, DMat4, DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use std::{
     collections::{BTreeMap, HashMap},
     path::{Path, PathBuf},
 };
-
-/// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: CaptureFormat =
-    CaptureFormat { name: "COLMAP", about: "COLMAP model, binary or text", read };
 
 /// The folders below the given one that may hold a model, in the order in which they are tried.
 /// `*` stands for all folders, of which the one with most photos is taken.
@@ -105,12 +102,16 @@ const KINDS: [Kind; 2] = [
     },
 ];
 
-fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
+pub(super) fn read(
+    dataset: &Path,
+    options: &CaptureOptions,
+    scope: ReadScope,
+) -> Result<Option<Capture>, FormatError> {
     let Some(Model { place, kind, remarks }) = choose_model(dataset, options)? else { return Ok(None) };
     let mut remarks = Vec::from_iter(remarks);
     let cameras = (kind.read_cameras)(&mut Source::open(&place.join(kind.cameras))?)?;
     let file = place.join(kind.points);
-    let (points, indices) = if want == Want::Everything && file.is_file() {
+    let (points, indices) = if scope == ReadScope::Everything && file.is_file() {
         let (points, indices) = (kind.read_points)(&mut Source::open(&file)?)?;
         (points, Some(indices))
     } else {
@@ -127,7 +128,15 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
     let roots: Vec<&Path> = std::iter::once(dataset).chain(full.ancestors().skip(1).take(2)).collect();
     let (images, found) = places::find(&roots, options, &places::IMAGES, &mut views)?;
     remarks.extend(found);
-    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
+    Ok(Some(Capture {
+        source: dataset.into(),
+        images,
+        views,
+        points,
+        observations,
+        remarks,
+        ..Capture::default()
+    }))
 }
 
 /// Reads the points of a model alone.
@@ -182,7 +191,9 @@ fn choose_model(dataset: &Path, options: &CaptureOptions) -> Result<Option<Model
                 counted.push((count, place, kind));
             }
             // Of equal ones the first.
-            let Some(&(most, place, kind)) = counted.iter().rev().max_by_key(|(count, ..)| *count) else { continue };
+            let Some(&(most, place, kind)) = counted.iter().rev().max_by_key(|(count, ..)| *count) else {
+                continue;
+            };
             let name = |place: &Path| place.strip_prefix(dataset).unwrap_or(place).display().to_string();
             let others: Vec<String> = (counted.iter().filter(|(_, other, _)| *other != place))
                 .map(|(count, other, _)| format!("{} ({count} photos)", name(other)))
@@ -197,7 +208,11 @@ fn choose_model(dataset: &Path, options: &CaptureOptions) -> Result<Option<Model
                     _ => format!("{} are", others.join(", ")),
                 }
             );
-            return Ok(Some(Model { place: place.clone(), kind, remarks: Some(Remark::note("other-models", text)) }));
+            return Ok(Some(Model {
+                place: place.clone(),
+                kind,
+                remarks: Some(Remark::note("other-models", text)),
+            }));
         }
     }
     let Some(folder) = options.model.as_ref().filter(|_| dataset.is_dir()) else { return Ok(None) };
@@ -219,7 +234,7 @@ fn folders_in(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Most parameters of a camera model that is read.
-const MOST_PARAMETERS: usize = 12;
+const MAX_PARAMETERS: usize = 12;
 
 /// The number of parameters of a camera model that is read.
 ///
@@ -237,7 +252,9 @@ fn parameters(camera: u32, model: &str) -> Result<usize, Problem> {
             "whose distortion is not read; remove it with `colmap image_undistorter --image_path IMAGES \
              --input_path MODEL --output_path DATASET` and give DATASET"
         }
-        _ => "which is not known; PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV are read",
+        _ => {
+            "which is not known; PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV are read"
+        }
     };
     Err(Problem::CameraModel { camera, model: model.into(), advice })
 }
@@ -260,23 +277,15 @@ fn add_camera(
             ([fx, fy], [cx, cy], [k1, k2, p1, p2, k3])
         }
         ("FULL_OPENCV", _) => {
-            let advice = "has k4, k5 or k6, which are not read; undistort its photos with `colmap image_undistorter`";
+            let advice =
+                "has k4, k5 or k6, which are not read; undistort its photos with `colmap image_undistorter`";
             return Err(Problem::Value(format!("camera {id} {advice}")));
         }
         _ => return Err(value(format!("camera {id} has {} parameters", parameters.len()))),
     };
     // A side beyond 32 bits stays too long for the check.
     let side = |length: u64| u32::try_from(length).unwrap_or(u32::MAX);
-    let camera = Camera {
-        width: side(size.0),
-        height: side(size.1),
-        fx: focal[0],
-        fy: focal[1],
-        cx: center[0],
-        cy: center[1],
-        viewmat: DMat4::IDENTITY,
-        near: Camera::DEFAULT_NEAR,
-    };
+    let camera = Camera::pinhole((side(size.0), side(size.1)), focal, center);
     camera.check().map_err(|error| value(format!("camera {id}: {error}")))?;
     let distortion = Distortion::from_file(lens).map_err(|what| value(format!("camera {id}: {what}")))?;
     let intrinsics = Intrinsics { camera, distortion };
@@ -313,7 +322,8 @@ fn add_point(
     id: u64,
     position: [f64; 3],
     color: [u8; 3],
-    (error, track_length): (f64, u64),
+    error: f64,
+    track_length: u64,
 ) -> Result<(), Problem> {
     if !position.iter().all(|v| v.is_finite()) {
         return Err(value(format!("the position of point {id} is not finite")));

@@ -81,7 +81,10 @@ impl Model {
 fn small_model() -> Model {
     let pose = [0.5, 0.5, 0.5, 0.5, 1.0, 2.0, 3.0];
     Model {
-        cameras: vec![(7, 1, 1200, 800, vec![1000.0, 900.0, 600.5, 400.25]), (2, 0, 640, 480, vec![500.0, 320.0, 240.0])],
+        cameras: vec![
+            (7, 1, 1200, 800, vec![1000.0, 900.0, 600.5, 400.25]),
+            (2, 0, 640, 480, vec![500.0, 320.0, 240.0]),
+        ],
         images: vec![
             (4, pose, 7, "b two.jpg".into(), vec![(1.5, 2.5, 90), (3.0, 4.0, -1), (5.0, 6.0, 5)]),
             (1, [2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 2, "a.jpg".into(), vec![]),
@@ -106,7 +109,8 @@ fn folder_with(place: &str, extension: &str, files: &[Vec<u8>; 3]) -> TempDir {
 
 /// The files in memory, without a folder; without the third one 2D points are stepped over.
 fn read_model(kind: &Kind, files: &[&[u8]]) -> Result<(Images, SparsePoints), FormatError> {
-    let open = |name, bytes| Source::new(Path::new(name), Box::new(bytes), Some((bytes as &[u8]).len() as u64));
+    let open =
+        |name, bytes| Source::new(Path::new(name), Box::new(bytes), Some((bytes as &[u8]).len() as u64));
     let cameras = (kind.read_cameras)(&mut open(kind.cameras, files[0]))?;
     let (points, places) = match files.get(2) {
         Some(bytes) => {
@@ -139,7 +143,7 @@ fn a_model_is_found_in_every_place() {
             assert_eq!((a.camera.fx, a.camera.fy, a.camera.cx, a.camera.cy), (500.0, 500.0, 320.0, 240.0));
             assert_eq!((b.camera.fx, b.camera.fy, b.camera.cx, b.camera.cy), (1000.0, 900.0, 600.5, 400.25));
             assert_eq!((b.camera.width, b.camera.height), (1200, 800));
-            assert_eq!(a.camera.viewmat, DMat4::IDENTITY);
+            assert_eq!(a.camera.viewmat, glam::DMat4::IDENTITY);
             // This quaternion moves x to y, y to z and z to x.
             let seen = b.camera.viewmat.transform_point3(DVec3::new(10.0, 20.0, 30.0));
             assert!((seen - DVec3::new(31.0, 12.0, 23.0)).length() < 1e-12);
@@ -188,7 +192,8 @@ fn cameras_with_distortion_are_refused_by_name() {
         let expected = format!("cameras.txt, line 4: camera 2 has the model {name}, {reason}");
         assert_eq!(say(&KINDS[1], [&cameras, &images]), expected);
     }
-    let unknown = "which is not known; PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV are read";
+    let unknown =
+        "which is not known; PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV are read";
     let mut model = small_model();
     model.cameras[0].1 = u32::MAX;
     let expected = format!("cameras.bin, byte 8: camera 7 has the model number -1, {unknown}");
@@ -210,7 +215,10 @@ fn broken_binary_models_are_told() {
             "cameras.bin, byte 64: camera 2: camera fx is NaN: must be finite and above 0",
         ),
         (|m| m.cameras[1].0 = 7, "cameras.bin, byte 64: camera 7 appears twice"),
-        (|m| m.images[0].1[..4].fill(0.0), "images.bin, byte 8: the rotation of \"b two.jpg\" is not a quaternion"),
+        (
+            |m| m.images[0].1[..4].fill(0.0),
+            "images.bin, byte 8: the rotation of \"b two.jpg\" is not a quaternion",
+        ),
         (
             |m| m.images[1].1[4] = f64::INFINITY,
             "images.bin, byte 162: the image \"a.jpg\": camera viewmat is inf: must be finite",
@@ -228,7 +236,8 @@ fn broken_binary_models_are_told() {
     }
     let [cameras, mut images, _] = small_model().binary();
     images[72] = 0xff;
-    let expected = "images.bin, byte 72: the image name \"\\xff two.jpg\" is not UTF-8; export the model again";
+    let expected =
+        "images.bin, byte 72: the image name \"\\xff two.jpg\" is not UTF-8; export the model again";
     assert_eq!(say(&KINDS[0], [&cameras, &images]), expected);
 }
 
@@ -283,7 +292,10 @@ fn broken_text_models_have_their_line() {
     for (line, expected) in [
         ("1 PINHOLE 1200 800 1000 1000 600", format!("the camera has no further parameter; {again}")),
         ("1 PINHOLE 1200 800 1 1 1 1 1", format!("camera 1 has more than 4 parameters; {again}")),
-        ("x PINHOLE 1200 800 1 1 1 1", format!("\"x\" is not a number for the number of a camera; {correct}")),
+        (
+            "x PINHOLE 1200 800 1 1 1 1",
+            format!("\"x\" is not a number for the number of a camera; {correct}"),
+        ),
         ("1 PINHOLE 1200 8e2 1 1 1 1", format!("\"8e2\" is not a number for the height; {correct}")),
         ("1", format!("the camera has no model; {again}")),
     ] {
@@ -450,18 +462,24 @@ fn real_text_says_what_real_binary_says() {
     let options = CaptureOptions { model: Some("sparse_txt".into()), ..CaptureOptions::default() };
     let text = capture::read(&path, &options).unwrap();
     // Given itself, the folder of the model finds the photos above it.
-    assert_eq!(capture::read(&path.join("sparse/0"), &CaptureOptions::default()).unwrap().photo(0), binary.photo(0));
+    assert_eq!(
+        capture::read(&path.join("sparse/0"), &CaptureOptions::default()).unwrap().photo(0),
+        binary.photo(0)
+    );
     assert_eq!(binary.views.len(), text.views.len());
     for (a, b) in binary.views.iter().zip(&text.views) {
         assert!(a.name == b.name && a.camera.viewmat.abs_diff_eq(b.camera.viewmat, 1e-9));
         assert_eq!((a.camera.fx, a.camera.cy), (b.camera.fx, b.camera.cy));
     }
     // Points may stand in another order: they are told by their position.
-    let key = |capture: &Capture, at: u32| capture.points.positions[at as usize].map(|v| (v * 1e6).round() as i64);
+    let key =
+        |capture: &Capture, at: u32| capture.points.positions[at as usize].map(|v| (v * 1e6).round() as i64);
     for (a, b) in binary.observations.iter().zip(&text.observations) {
         let rows = |capture: &Capture, seen: &[Observation]| {
-            let mut rows: Vec<_> =
-                seen.iter().map(|o| (key(capture, o.point), o.xy.map(|v| (v * 100.0).round() as i64))).collect();
+            let mut rows: Vec<_> = seen
+                .iter()
+                .map(|o| (key(capture, o.point), o.xy.map(|v| (v * 100.0).round() as i64)))
+                .collect();
             rows.sort_unstable();
             rows
         };
@@ -478,7 +496,11 @@ fn lenses_are_read() {
         ("SIMPLE_RADIAL", "90 50 40 0.1", Distortion::Radial { k1: 0.1, k2: 0.0 }),
         ("SIMPLE_RADIAL", "90 50 40 0", Distortion::None),
         ("RADIAL", "90 50 40 0.1 -0.2", Distortion::Radial { k1: 0.1, k2: -0.2 }),
-        ("OPENCV", "90 90 50 40 .1 .2 .3 .4", Distortion::OpenCv { k1: 0.1, k2: 0.2, p1: 0.3, p2: 0.4, k3: 0.0 }),
+        (
+            "OPENCV",
+            "90 90 50 40 .1 .2 .3 .4",
+            Distortion::OpenCv { k1: 0.1, k2: 0.2, p1: 0.3, p2: 0.4, k3: 0.0 },
+        ),
         (
             "FULL_OPENCV",
             "90 90 50 40 .1 .2 .3 .4 .5 0 0 0",
@@ -509,7 +531,10 @@ fn observations_know_their_points() {
         let seen = |point, x, y| Observation { point, xy: [x, y] };
         assert_eq!(observations, [vec![seen(1, 1.5, 2.5), seen(0, 5.0, 6.0)], vec![]]);
         assert_eq!(points.positions, [[1.0, -2.0, 3.0], [4.0, 5.0, 6.0]]);
-        assert_eq!((&points.colors[..], &points.track_lengths[..]), (&[[1, 2, 3], [4, 5, 255]][..], &[1, 2][..]));
+        assert_eq!(
+            (&points.colors[..], &points.track_lengths[..]),
+            (&[[1, 2, 3], [4, 5, 255]][..], &[1, 2][..])
+        );
         assert!(points.errors[0] == 0.5 && points.errors[1].is_nan());
     }
 }
@@ -547,7 +572,8 @@ fn broken_points_have_their_line() {
 /// A capture as its files would give it.
 fn capture_of(model: &Model, lens: [f64; 5]) -> Capture {
     let files = model.binary();
-    let ((mut views, observations), points) = read_model(&KINDS[0], &[&files[0], &files[1], &files[2]]).unwrap();
+    let ((mut views, observations), points) =
+        read_model(&KINDS[0], &[&files[0], &files[1], &files[2]]).unwrap();
     for view in &mut views {
         view.distortion = Distortion::of(lens);
     }
@@ -560,7 +586,9 @@ fn capture_of(model: &Model, lens: [f64; 5]) -> Capture {
 
 #[test]
 fn what_is_written_comes_back() {
-    for lens in [[0.0; 5], [0.1, -0.02, 0.0, 0.0, 0.0], [0.1, 0.0, 0.01, 0.02, 0.0], [0.1, 0.0, 0.0, 0.0, -0.03]] {
+    for lens in
+        [[0.0; 5], [0.1, -0.02, 0.0, 0.0, 0.0], [0.1, 0.0, 0.01, 0.02, 0.0], [0.1, 0.0, 0.0, 0.0, -0.03]]
+    {
         let capture = capture_of(&small_model(), lens);
         for storage in [write::ColmapStorage::Binary, write::ColmapStorage::Text] {
             let folder = tempdir().unwrap();
@@ -573,7 +601,8 @@ fn what_is_written_comes_back() {
             for (a, b) in read.views.iter().zip(&capture.views) {
                 assert_eq!((&a.name, a.camera_id, a.distortion), (&b.name, b.camera_id, b.distortion));
                 assert!(a.camera.viewmat.abs_diff_eq(b.camera.viewmat, 1e-14));
-                let numbers = |v: &CaptureView| (v.camera.width, v.camera.fx, v.camera.fy, v.camera.cx, v.camera.cy);
+                let numbers =
+                    |v: &CaptureView| (v.camera.width, v.camera.fx, v.camera.fy, v.camera.cx, v.camera.cy);
                 assert_eq!(numbers(a), numbers(b));
             }
         }

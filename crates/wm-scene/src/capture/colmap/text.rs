@@ -1,9 +1,9 @@
 //! `cameras.txt`, `images.txt` and `points3D.txt`: comments after `#`, a camera or a point a line,
 //! an image two lines.
 
-use super::{MOST_PARAMETERS, 
-    CaptureView, Cameras, Images, NumberedPoints, Observation, Places, SparsePoints, add_camera, add_point, cut, observation,
-    parameters, value, view,
+use super::{
+    Cameras, CaptureView, Images, MAX_PARAMETERS, NumberedPoints, Observation, Places, SparsePoints,
+    add_camera, add_point, cut, observation, parameters, value, view,
 };
 use crate::{
     FormatError, Problem,
@@ -32,7 +32,7 @@ fn parse_camera(line: &[u8], cameras: &mut Cameras) -> Result<(), Problem> {
     let model = excerpt(next("model")?);
     let length = parameters(id, &model)?;
     let size = (number(next("width")?, "the width")?, number(next("height")?, "the height")?);
-    let mut values = [0.0; MOST_PARAMETERS];
+    let mut values = [0.0; MAX_PARAMETERS];
     for value in &mut values[..length] {
         *value = number(next("further parameter")?, "a camera parameter")?;
     }
@@ -91,7 +91,11 @@ fn read_observations(
     for count in 0u64.. {
         let Some(word) = source.word()? else {
             // Another image in its place is told by the number of words, since a point has three.
-            return if count.is_multiple_of(3) { Ok(()) } else { Err(words_fault(source, no_observations())) };
+            return if count.is_multiple_of(3) {
+                Ok(())
+            } else {
+                Err(words_fault(source, no_observations()))
+            };
         };
         let lane = (count % 3) as usize;
         let parsed = if lane < 2 {
@@ -138,7 +142,7 @@ pub(super) fn read_points(source: &mut Source) -> Result<NumberedPoints, FormatE
         let added = match count {
             0 => continue,
             8.. if count.is_multiple_of(2) => {
-                add_point(&mut points, &mut places, id, [x, y, z], color, (error, count / 2 - 4))
+                add_point(&mut points, &mut places, id, [x, y, z], color, error, count / 2 - 4)
             }
             8.. => Err(value("half an entry of the track is missing".into())),
             _ => Err(value("the point is not complete".into())),
@@ -181,17 +185,18 @@ fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
 
-/// A problem in the line taken last; in a last line without its end it is a cut.
+/// Locates a problem in the line taken last; in a last line without its end it is a cut.
 fn fault(source: &Source, problem: Problem) -> FormatError {
     source.at_line(if source.is_cut() { cut("the last line".into()) } else { problem })
 }
 
-/// The same for the word taken last.
+/// Locates a problem in the line of the word taken last, as [`fault`] does.
 fn word_fault(source: &Source, problem: Problem) -> FormatError {
     source.in_line(if source.is_cut() { cut("the last line".into()) } else { problem })
 }
 
-/// The same for a line of which all words were taken: without its end it is still the present one.
+/// Locates a problem in a line of which all words were taken: without its end it is still the
+/// present one.
 fn words_fault(source: &Source, problem: Problem) -> FormatError {
     if source.is_cut() { word_fault(source, problem) } else { source.at_line(problem) }
 }

@@ -138,11 +138,18 @@ fn images(out: &mut dyn Write, capture: &Capture, storage: ColmapStorage) -> Res
     Ok(())
 }
 
-fn points3d(out: &mut dyn Write, capture: &Capture, tracks: &[Track], storage: ColmapStorage) -> Result<(), Problem> {
+fn points3d(
+    out: &mut dyn Write,
+    capture: &Capture,
+    tracks: &[Track],
+    storage: ColmapStorage,
+) -> Result<(), Problem> {
     let points = &capture.points;
     match storage {
         ColmapStorage::Binary => out.write_all(&(points.len() as u64).to_le_bytes())?,
-        ColmapStorage::Text => writeln!(out, "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)")?,
+        ColmapStorage::Text => {
+            writeln!(out, "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)")?;
+        }
     }
     for (index, track) in tracks.iter().enumerate() {
         let id = index as u64 + 1;

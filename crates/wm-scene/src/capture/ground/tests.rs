@@ -242,7 +242,7 @@ fn real_photos_are_right_or_nothing_is_said() {
         data(&format!("photos/{name}")).map(|path| read(&path, &CaptureOptions::default()).unwrap())
     };
     if let Some(street) = capture("lund-street") {
-        let scale = HELD_AT / ground(&street).unwrap().height;
+        let scale = CARRIED_HEIGHT_M / ground(&street).unwrap().height;
         assert!((scale / 16.4 - 1.0).abs() < 0.3, "{scale}");
         let mut on_their_side = street;
         for view in &mut on_their_side.views {

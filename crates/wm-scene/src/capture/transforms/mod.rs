@@ -10,21 +10,20 @@
 #[cfg(test)]
 mod tests;
 
-use super::{Capture, CaptureOptions, CaptureView, Distortion, CaptureFormat, SparsePoints, Want, header, places};
+use super::{
+    Capture, CaptureOptions, CaptureView, Distortion, ReadScope, SparsePoints, find_main, header, places,
+    read_json,
+};
 use crate::{
-    Camera, FormatError, Problem, Remark, camera::{rotation_of, viewmat_at}, error::{json_fault, one_line}, file_index::{self, FileIndex, FileKind}, files, formats::ply::read_points,
+    Camera, FormatError, Problem, Remark,
+    camera::{rotation_of, viewmat_at},
+    error::one_line,
+    file_index::{self, FileIndex, FileKind},
+    formats::ply::read_points,
 };
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
-use std::{
-    fs::File,
-    io::BufReader,
-    path::{Path, PathBuf},
-};
-
-/// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: CaptureFormat =
-    CaptureFormat { name: "transforms.json", about: "nerfstudio or instant-ngp transforms.json", read };
+use std::path::{Path, PathBuf};
 
 /// Names of the file, the likeliest first.
 const FILES: [&str; 2] = ["transforms.json", "transforms_train.json"];
@@ -77,23 +76,18 @@ impl Intrinsics {
         // An angle of the frame wins over a focal length that all share.
         let has_focal = self.fl_x.or(self.camera_angle_x).is_some();
         let kept = |own: Option<f64>, shared: Option<f64>| own.or(if has_focal { None } else { shared });
-        Self {
-            fl_x: kept(self.fl_x, other.fl_x),
-            fl_y: kept(self.fl_y, other.fl_y),
-            camera_angle_x: kept(self.camera_angle_x, other.camera_angle_x),
-            camera_angle_y: kept(self.camera_angle_y, other.camera_angle_y),
-            cx: self.cx.or(other.cx),
-            cy: self.cy.or(other.cy),
-            w: self.w.or(other.w),
-            h: self.h.or(other.h),
-            k1: self.k1.or(other.k1),
-            k2: self.k2.or(other.k2),
-            k3: self.k3.or(other.k3),
-            k4: self.k4.or(other.k4),
-            p1: self.p1.or(other.p1),
-            p2: self.p2.or(other.p2),
-            is_fisheye: self.is_fisheye.or(other.is_fisheye),
+        macro_rules! or {
+            ($($field:ident)+) => {
+                Self {
+                    fl_x: kept(self.fl_x, other.fl_x),
+                    fl_y: kept(self.fl_y, other.fl_y),
+                    camera_angle_x: kept(self.camera_angle_x, other.camera_angle_x),
+                    camera_angle_y: kept(self.camera_angle_y, other.camera_angle_y),
+                    $($field: self.$field.or(other.$field)),+
+                }
+            };
         }
+        or!(cx cy w h k1 k2 k3 k4 p1 p2 is_fisheye)
     }
 
     fn camera(&self, size: (u32, u32)) -> Result<(Camera, Distortion), String> {
@@ -107,16 +101,8 @@ impl Intrinsics {
         let Some(fx) = fx.or(fy) else {
             return Err("it has no focal length: fl_x or camera_angle_x is needed".into());
         };
-        let camera = Camera {
-            width: size.0,
-            height: size.1,
-            fx,
-            fy: fy.unwrap_or(fx),
-            cx: self.cx.unwrap_or(0.5 * width),
-            cy: self.cy.unwrap_or(0.5 * height),
-            viewmat: glam::DMat4::IDENTITY,
-            near: Camera::DEFAULT_NEAR,
-        };
+        let center = [self.cx.unwrap_or(0.5 * width), self.cy.unwrap_or(0.5 * height)];
+        let camera = Camera::pinhole(size, [fx, fy.unwrap_or(fx)], center);
         camera.check().map_err(|e| e.to_string())?;
         let lens = [self.k1, self.k2, self.p1, self.p2, self.k3].map(|v| v.unwrap_or(0.0));
         Ok((camera, Distortion::from_file(lens)?))
@@ -126,19 +112,15 @@ impl Intrinsics {
 /// The advice for a lens that is not read.
 const UNDISTORT: &str = "undistort the photos with `colmap image_undistorter` and give its output";
 
-fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<Capture>, FormatError> {
-    let (path, folder) = if dataset.is_dir() {
-        let Some(name) = FILES.iter().find(|name| dataset.join(name).is_file()) else { return Ok(None) };
-        (dataset.join(name), dataset.to_path_buf())
-    } else if dataset.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
-        (dataset.to_path_buf(), dataset.parent().unwrap_or(Path::new("")).to_path_buf())
-    } else {
-        return Ok(None);
-    };
-    let file = File::open(&path).and_then(|file| files::skip_byte_order_mark(BufReader::new(file)));
-    let file = file.map_err(|e| FormatError::reading(&path, e))?;
-    let transforms: Transforms =
-        serde_json::from_reader(file).map_err(|error| json_fault(&path, &error, "correct the file or export it again"))?;
+pub(super) fn read(
+    dataset: &Path,
+    options: &CaptureOptions,
+    scope: ReadScope,
+) -> Result<Option<Capture>, FormatError> {
+    let is_main =
+        |path: &Path| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+    let Some((path, folder)) = find_main(dataset, &FILES, is_main) else { return Ok(None) };
+    let transforms: Transforms = read_json(&path)?;
     if transforms.frames.is_empty() {
         let problem = "there are no frames in it; export the capture again";
         return Err(FormatError::whole(&path, Problem::Value(problem.into())));
@@ -157,13 +139,21 @@ fn read(dataset: &Path, options: &CaptureOptions, want: Want) -> Result<Option<C
         check_model(model).map_err(&fault)?;
         set_camera(view, frame, &transforms.shared, &images, &mut cameras, &fault)?;
     }
-    let points = match want {
-        Want::Views => SparsePoints::default(),
-        Want::Everything => points_of(&transforms, &folder, &path, &mut remarks)?,
+    let points = match scope {
+        ReadScope::Views => SparsePoints::default(),
+        ReadScope::Everything => points_of(&transforms, &folder, &path, &mut remarks)?,
     };
     remarks.extend(unused(&transforms, &path));
     let observations = vec![Vec::new(); views.len()];
-    Ok(Some(Capture { source: dataset.into(), images, views, points, observations, remarks, ..Capture::default() }))
+    Ok(Some(Capture {
+        source: dataset.into(),
+        images,
+        views,
+        points,
+        observations,
+        remarks,
+        ..Capture::default()
+    }))
 }
 
 impl Frame {
@@ -226,17 +216,25 @@ fn unused(transforms: &Transforms, path: &Path) -> Vec<Remark> {
     let mut remarks = Vec::new();
     let count = transforms.frames.iter().filter(|frame| frame.depth_file_path.is_some()).count();
     if count > 0 {
-        let text = format!("{} names depth maps of {count} photos, which are not read with it; `priors --depth FOLDER` reads them", path.display());
+        let text = format!(
+            "{} names depth maps of {count} photos, which are not read with it; `priors --depth FOLDER` reads them",
+            path.display()
+        );
         remarks.push(Remark::note("depth-unused", text));
     }
     if path.file_name().is_some_and(|name| name == FILES[1]) {
         let others = ["transforms_test.json", "transforms_val.json"];
-        let others: Vec<&str> = others.into_iter().filter(|name| path.with_file_name(name).is_file()).collect();
+        let others: Vec<&str> =
+            others.into_iter().filter(|name| path.with_file_name(name).is_file()).collect();
         if !others.is_empty() {
-            let text = format!("{} is read; {} passed over", path.display(), match others[..] {
-                [one] => format!("{one} is"),
-                _ => format!("{} are", others.join(" and ")),
-            });
+            let text = format!(
+                "{} is read; {} passed over",
+                path.display(),
+                match others[..] {
+                    [one] => format!("{one} is"),
+                    _ => format!("{} are", others.join(" and ")),
+                }
+            );
             remarks.push(Remark::note("other-models", text));
         }
     }
@@ -245,7 +243,9 @@ fn unused(transforms: &Transforms, path: &Path) -> Vec<Remark> {
 
 fn check_model(model: Option<&str>) -> Result<(), String> {
     match model {
-        None | Some("OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "PERSPECTIVE") => Ok(()),
+        None | Some("OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "PERSPECTIVE") => {
+            Ok(())
+        }
         Some(other) => {
             let other = crate::error::excerpt(other.as_bytes());
             Err(format!("its camera model {other} is not read; {UNDISTORT}"))
@@ -292,8 +292,10 @@ fn points_of(
     }
     // The frames are in the axes of this model, even where another one has more photos.
     let first = Path::new("sparse/0");
-    let options =
-        CaptureOptions { model: model.join(first).is_dir().then(|| first.into()), ..CaptureOptions::default() };
+    let options = CaptureOptions {
+        model: model.join(first).is_dir().then(|| first.into()),
+        ..CaptureOptions::default()
+    };
     let mut points = super::colmap::read_points(&model, &options)?;
     if let Some(rows) = &transforms.applied_transform {
         let &([a, b, c] | [a, b, c, _]) = rows.as_slice() else {

@@ -142,7 +142,11 @@ fn masks_in_subfolders_are_found_without_their_path() {
         let capture = capture::read(folder.path(), &options).unwrap();
         let masks: Vec<_> = capture.views.iter().map(|view| view.mask.clone().unwrap()).collect();
         assert_eq!(masks, ["back", "front"].map(|side| folder.path().join(format!("masks/{side}/0.png"))));
-        assert!(capture.remarks[0].text.starts_with("masks of 2 of 2 photos are used"), "{:?}", capture.remarks);
+        assert!(
+            capture.remarks[0].text.starts_with("masks of 2 of 2 photos are used"),
+            "{:?}",
+            capture.remarks
+        );
     }
 }
 
@@ -163,7 +167,9 @@ fn a_photo_elsewhere_is_not_its_own_mask() {
 #[test]
 fn faults_are_told() {
     let frames = |inner: &str, pose: &str| {
-        format!(r#"{{"w": 640, "h": 480, {inner} "frames": [{{"file_path": "a.png", "transform_matrix": {pose}}}]}}"#)
+        format!(
+            r#"{{"w": 640, "h": 480, {inner} "frames": [{{"file_path": "a.png", "transform_matrix": {pose}}}]}}"#
+        )
     };
     let cure = "undistort the photos with `colmap image_undistorter` and give its output";
     let start = "DIR/transforms.json: the frame \"a.png\":";

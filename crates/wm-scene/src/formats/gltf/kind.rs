@@ -35,16 +35,8 @@ pub(super) fn interpret(extension: &Value, splats: &mut Splats) -> Vec<Remark> {
 /// Replaces SH of linear light by those of the sRGB colours that they show: the nearest ones of
 /// their degree over all directions.
 fn encode_colors(splats: &mut Splats) {
-    // Gauss's places for cosines, even steps around: exact for products of two functions of degree
-    // 3.
-    const PLACES: [(f64, f64); 4] = [
-        (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-        (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
-        (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
-        (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-    ];
     const AROUND: usize = 8;
-    let directions = PLACES.into_iter().flat_map(|(z, weight)| {
+    let directions = sh::QUADRATURE.into_iter().flat_map(|(z, weight)| {
         (0..AROUND).map(move |step| {
             let (sine, cosine) = (std::f64::consts::TAU * (step as f64 + 0.5) / AROUND as f64).sin_cos();
             let across = (1.0 - z * z).sqrt();

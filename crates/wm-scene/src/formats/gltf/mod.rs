@@ -22,18 +22,18 @@ mod kind;
 mod read;
 mod write;
 
-use super::{Axes, Loses, SceneFormat, Writer, has_ending};
+use super::{Axes, FormatLosses, SceneFormat, Writer, has_ending};
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: SceneFormat = SceneFormat {
+pub(super) const FORMAT: SceneFormat = SceneFormat {
     name: "glTF",
     extensions: &["glb"],
     about: "glTF 2.0 with KHR_gaussian_splatting (.glb, .gltf), as floats or SPZ",
     axes: Axes::YUpZForward,
-    loses: Loses {
-        labels: super::Kept::Not,
+    loses: FormatLosses {
+        labels: super::Retention::Not,
         rounding: "opacities and scales 1e-7 of their value",
-        ..Loses::NOTHING
+        ..FormatLosses::NOTHING
     },
     sniff: |start| start.bytes.starts_with(MAGIC) || has_ending(start.path, "gltf"),
     read: |source, _| {
@@ -45,8 +45,11 @@ pub const FORMAT: SceneFormat = SceneFormat {
 };
 
 /// The losses of a file whose splats are in an SPZ.
-pub(super) const PACKED_LOSES: Loses =
-    Loses { groups: super::Kept::Inside, metadata: super::Kept::Inside, ..super::spz::FORMAT.loses };
+pub(super) const PACKED_LOSES: FormatLosses = FormatLosses {
+    groups: super::Retention::Inside,
+    metadata: super::Retention::Inside,
+    ..super::spz::FORMAT.loses
+};
 
 const MAGIC: &[u8] = b"glTF";
 /// Types of chunks.

@@ -159,7 +159,7 @@ pub(super) fn read(file: &[u8], main: &Path) -> Result<Scene, Problem> {
     let buffers = buffers.collect::<Result<Vec<_>, _>>()?;
     let size = buffers.iter().map(|buffer| buffer.len() as u64).sum();
     let reader = Reader { gltf: &gltf, buffers, size };
-    let mut read = Placed { metadata: gltf.asset.extras.wm.clone(), ..Placed::default() };
+    let mut read = PlacedSplats { metadata: gltf.asset.extras.wm.clone(), ..PlacedSplats::default() };
     if let Some(root) = gltf.scenes.get(gltf.scene) {
         // A node may stand at one place of the tree only, so that none is met twice.
         let mut met = vec![false; gltf.nodes.len()];
@@ -179,7 +179,7 @@ pub(super) fn read(file: &[u8], main: &Path) -> Result<Scene, Problem> {
 
 /// The splats of primitives, as they are in them, with their places in the scene.
 #[derive(Default)]
-struct Placed {
+struct PlacedSplats {
     metadata: Metadata,
     remarks: Vec<Remark>,
     parts: Vec<(Splats, Similarity)>,
@@ -187,7 +187,7 @@ struct Placed {
     count: usize,
 }
 
-impl Placed {
+impl PlacedSplats {
     /// The scene, relative to the origin that the file states, else to one that suits its places: a
     /// node may stand far from zero, with splats near to it.
     fn scene(self) -> Scene {
@@ -216,7 +216,7 @@ impl Placed {
 /// Returns true if splats are read rightly of a file that requires an extension: it is of splats,
 /// or of what splats do not have, such as materials.
 fn is_read(extension: &str) -> bool {
-    const OF_OTHERS: [&str; 7] = [
+    const FOREIGN_PREFIXES: [&str; 7] = [
         "KHR_mesh_quantization",
         "KHR_materials_",
         "KHR_texture_",
@@ -225,7 +225,9 @@ fn is_read(extension: &str) -> bool {
         "EXT_instance_features",
         "EXT_structural_metadata",
     ];
-    extension == SPLATTING || is_spz(extension) || OF_OTHERS.iter().any(|start| extension.starts_with(start))
+    extension == SPLATTING
+        || is_spz(extension)
+        || FOREIGN_PREFIXES.iter().any(|start| extension.starts_with(start))
 }
 
 /// Returns true if this is a name of the extension of splats in an SPZ. Drafts had several:
@@ -280,7 +282,7 @@ fn read_buffer<'a>(buffer: &Buffer, bin: Option<&'a [u8]>, main: &Path) -> Resul
 }
 
 /// Fewest bytes of a splat in memory.
-const SPLAT_SIZE: u64 = 56;
+const MIN_SPLAT_BYTES: u64 = 56;
 
 struct Reader<'a> {
     gltf: &'a Gltf,
@@ -295,7 +297,7 @@ impl Reader<'_> {
         index: usize,
         above: &Similarity,
         met: &mut [bool],
-        read: &mut Placed,
+        read: &mut PlacedSplats,
     ) -> Result<(), Problem> {
         // Each node is met once, so that what is below is a tree; deeper ones than the stack holds
         // are refused.
@@ -319,7 +321,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn mesh(&self, mesh: &Mesh, place: &Similarity, read: &mut Placed) -> Result<(), Problem> {
+    fn mesh(&self, mesh: &Mesh, place: &Similarity, read: &mut PlacedSplats) -> Result<(), Problem> {
         for primitive in &mesh.primitives {
             let extension = primitive.extensions.get(SPLATTING);
             // An SPZ is in the extension; early drafts had it beside, or instead.
@@ -350,7 +352,7 @@ impl Reader<'_> {
             };
             add_new(&mut read.remarks, &interpret(extension, &mut splats));
             // Nodes may share a mesh, and meshes values: as many splats as a bomb wants.
-            let together = (read.count + splats.len()) as u64 * SPLAT_SIZE;
+            let together = (read.count + splats.len()) as u64 * MIN_SPLAT_BYTES;
             check_unpacked(together, self.size, "a glTF whose nodes share splats")?;
             read.count += splats.len();
             read.parts.push((splats, *place));

@@ -17,10 +17,10 @@ use std::io::Write;
 /// A value of a splat that is an attribute.
 struct Attribute {
     name: String,
-    what: What,
+    kind: AttributeKind,
 }
 
-enum What {
+enum AttributeKind {
     Position,
     /// Bytes, for programs that know no splats.
     Color,
@@ -33,32 +33,32 @@ enum What {
 
 impl Attribute {
     /// Type, component type and bytes of the accessor.
-    fn kind(&self) -> (&'static str, u32, u64) {
-        match self.what {
-            What::Position | What::Scale | What::Sh(_) => ("VEC3", FLOAT, 12),
-            What::Rotation => ("VEC4", FLOAT, 16),
-            What::Opacity | What::Group => ("SCALAR", FLOAT, 4),
-            What::Color => ("VEC4", UNSIGNED_BYTE, 4),
+    fn accessor_type(&self) -> (&'static str, u32, u64) {
+        match self.kind {
+            AttributeKind::Position | AttributeKind::Scale | AttributeKind::Sh(_) => ("VEC3", FLOAT, 12),
+            AttributeKind::Rotation => ("VEC4", FLOAT, 16),
+            AttributeKind::Opacity | AttributeKind::Group => ("SCALAR", FLOAT, 4),
+            AttributeKind::Color => ("VEC4", UNSIGNED_BYTE, 4),
         }
     }
 
     fn write(&self, splats: &Splats, index: usize, signs: &[f32; 16], out: &mut Vec<u8>) {
         let axes = FORMAT.axes;
         let mut floats = |values: &[f32]| values.iter().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
-        match self.what {
-            What::Position => floats(&axes.vector(splats.means[index])),
-            What::Rotation => {
+        match self.kind {
+            AttributeKind::Position => floats(&axes.vector(splats.means[index])),
+            AttributeKind::Rotation => {
                 let [w, x, y, z] = unit(axes.quat(splats.quats[index]));
                 floats(&[x, y, z, w]);
             }
-            What::Scale => floats(&splats.log_scales[index].map(f32::exp)),
-            What::Opacity => floats(&[sigmoid(f64::from(splats.logit_opacities[index])) as f32]),
-            What::Sh(k) => {
+            AttributeKind::Scale => floats(&splats.log_scales[index].map(f32::exp)),
+            AttributeKind::Opacity => floats(&[sigmoid(f64::from(splats.logit_opacities[index])) as f32]),
+            AttributeKind::Sh(k) => {
                 let sh = &splats.sh_of(index)[k * 3..];
                 floats(&[sh[0] * signs[k], sh[1] * signs[k], sh[2] * signs[k]]);
             }
-            What::Group => floats(&[f32::from(splats.groups[index] as u8)]),
-            What::Color => {
+            AttributeKind::Group => floats(&[f32::from(splats.groups[index] as u8)]),
+            AttributeKind::Color => {
                 out.extend(splats.sh_of(index)[..3].iter().map(|v| byte_of_dc(*v)));
                 out.push(byte_of_logit(splats.logit_opacities[index]));
             }
@@ -67,18 +67,20 @@ impl Attribute {
 }
 
 fn attributes(splats: &Splats) -> Vec<Attribute> {
-    let own = |name: &str, what| Attribute { name: attribute(name), what };
-    let plain = |name: &str, what| Attribute { name: name.into(), what };
+    let own = |name: &str, kind| Attribute { name: attribute(name), kind };
+    let plain = |name: &str, kind| Attribute { name: name.into(), kind };
     let mut all = vec![
-        plain("POSITION", What::Position),
-        plain("COLOR_0", What::Color),
-        own("ROTATION", What::Rotation),
-        own("SCALE", What::Scale),
-        own("OPACITY", What::Opacity),
+        plain("POSITION", AttributeKind::Position),
+        plain("COLOR_0", AttributeKind::Color),
+        own("ROTATION", AttributeKind::Rotation),
+        own("SCALE", AttributeKind::Scale),
+        own("OPACITY", AttributeKind::Opacity),
     ];
-    all.extend((0..splats.sh_stride() / 3).map(|k| Attribute { name: sh_attribute(k), what: What::Sh(k) }));
+    all.extend(
+        (0..splats.sh_stride() / 3).map(|k| Attribute { name: sh_attribute(k), kind: AttributeKind::Sh(k) }),
+    );
     if splats.groups.iter().any(|group| *group != Group::Scene) {
-        all.push(plain("_GROUP", What::Group));
+        all.push(plain("_GROUP", AttributeKind::Group));
     }
     all
 }
@@ -91,7 +93,7 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
     let mut all = attributes(splats);
     match options.gltf {
         GltfSplats::Floats => {
-            let sizes: Vec<u64> = all.iter().map(|a| a.kind().2 * splats.len() as u64).collect();
+            let sizes: Vec<u64> = all.iter().map(|a| a.accessor_type().2 * splats.len() as u64).collect();
             let binary = sizes.iter().sum();
             head(out, &document(scene, &all, &sizes, options.gltf), binary)?;
             let signs = FORMAT.axes.sh_signs();
@@ -99,7 +101,7 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
             for attribute in &all {
                 for index in 0..splats.len() {
                     attribute.write(splats, index, &signs, &mut bytes);
-                    if bytes.len() >= PART {
+                    if bytes.len() >= PART_BYTES {
                         out.write_all(&bytes)?;
                         bytes.clear();
                     }
@@ -112,7 +114,9 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
             let inner = WriteOptions { spz: SpzVersion::V3, ..*options };
             if options.gltf == GltfSplats::SpzCesium {
                 // It has the opacity and the first coefficients of SH in COLOR_0.
-                all.retain(|a| !matches!(a.what, What::Opacity | What::Sh(0) | What::Group));
+                all.retain(|a| {
+                    !matches!(a.kind, AttributeKind::Opacity | AttributeKind::Sh(0) | AttributeKind::Group)
+                });
                 let mut turned = scene.clone();
                 FORMAT.axes.turn(&mut turned);
                 spz::FORMAT.axes.turn(&mut turned);
@@ -124,7 +128,7 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
             packed.resize(packed.len().next_multiple_of(4), 0);
             // The groups, which an SPZ has no room for, come behind it.
             let mut groups = Vec::new();
-            if let Some(attribute) = all.iter().find(|a| matches!(a.what, What::Group)) {
+            if let Some(attribute) = all.iter().find(|a| matches!(a.kind, AttributeKind::Group)) {
                 let signs = FORMAT.axes.sh_signs();
                 (0..splats.len()).for_each(|index| attribute.write(splats, index, &signs, &mut groups));
             }
@@ -139,7 +143,7 @@ pub(super) fn write(out: &mut dyn Write, scene: &Scene, options: &WriteOptions) 
 }
 
 /// Bytes gathered before they are written.
-const PART: usize = 1 << 18;
+const PART_BYTES: usize = 1 << 18;
 
 /// Writes everything before the binary chunk's `length` bytes.
 fn head(out: &mut dyn Write, document: &Value, length: u64) -> Result<(), Problem> {
@@ -186,19 +190,19 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -
     let mut names = Map::new();
     let mut accessors = Vec::new();
     for (index, attribute) in all.iter().enumerate() {
-        let (kind, component, _) = attribute.kind();
+        let (kind, component, _) = attribute.accessor_type();
         let mut accessor = json!({ "componentType": component, "count": splats.len(), "type": kind });
-        match attribute.what {
-            What::Group if is_packed => accessor["bufferView"] = json!(1),
+        match attribute.kind {
+            AttributeKind::Group if is_packed => accessor["bufferView"] = json!(1),
             _ if !is_packed => accessor["bufferView"] = json!(index),
             _ => {}
         }
-        match attribute.what {
-            What::Position => {
+        match attribute.kind {
+            AttributeKind::Position => {
                 accessor["min"] = json!(low);
                 accessor["max"] = json!(high);
             }
-            What::Color => accessor["normalized"] = json!(true),
+            AttributeKind::Color => accessor["normalized"] = json!(true),
             _ => {}
         }
         names.insert(attribute.name.clone(), json!(index));
@@ -219,10 +223,7 @@ fn document(scene: &Scene, all: &[Attribute], sizes: &[u64], form: GltfSplats) -
         used.push(SPZ);
     }
     let mut metadata = scene.metadata.clone();
-    metadata.origin = metadata.origin.map(|origin| FORMAT.axes.direction(origin));
-    metadata.up = metadata.up.map(|up| FORMAT.axes.direction(up));
-    metadata.north = metadata.north.map(|north| FORMAT.axes.direction(north));
-    metadata.sun = metadata.sun.map(|sun| sun.map(|towards| FORMAT.axes.direction(towards)));
+    FORMAT.axes.turn_facts(&mut metadata);
     let mut asset = json!({
         "version": "2.0",
         "generator": concat!("weather-magician ", env!("CARGO_PKG_VERSION")),

@@ -1,7 +1,7 @@
 //! Binary bodies, both byte orders.
 
 use super::{
-    header::{Element, Header, Kind, Scalar},
+    header::{Element, Header, Kind},
     layout::{Endian, Layout, Rows},
 };
 use crate::{
@@ -9,11 +9,11 @@ use crate::{
     source::Source,
 };
 
-/// Splats that arrays begin with where nothing confirms their number.
-const FIRST: u64 = 1 << 10;
+/// Rows that arrays begin with where nothing confirms their number.
+const FIRST_ROWS: u64 = 1 << 10;
 
-/// Bytes of rows that are put together at once where they have lists.
-const REPACKED: usize = 1 << 20;
+/// Bytes of rows that are repacked at once where they have lists.
+const REPACKED_BYTES: usize = 1 << 20;
 
 /// Reads the splats that follow the header.
 ///
@@ -41,7 +41,7 @@ pub(super) fn read(
     }
 
     // The count is believed only where the length of the file has confirmed it.
-    let known = if source.remaining().is_some() { promised } else { promised.min(FIRST) };
+    let known = if source.remaining().is_some() { promised } else { promised.min(FIRST_ROWS) };
     let mut read = Rows::zeroed(known as usize, layout);
     let mut repacked = Vec::new();
     let mut done = 0;
@@ -49,7 +49,7 @@ pub(super) fn read(
         let row_size = layout.row_size;
         let rows = if vertex.has_lists() {
             repacked.clear();
-            let rows = (promised - done).min((REPACKED / row_size) as u64).max(1);
+            let rows = (promised - done).min((REPACKED_BYTES / row_size) as u64).max(1);
             for row in 0..rows {
                 if !walk(source, vertex, endian, &mut repacked)? {
                     let left = u128::from(promised - done - row - 1);
@@ -121,34 +121,18 @@ fn walk(
                 if !source.fill(count.size())? {
                     return Ok(false);
                 }
-                let Some(length) = integer(count, endian, source.bytes()) else {
+                let length = count.read(source.bytes(), endian);
+                if length < 0.0 {
                     let name = excerpt(element.name.as_bytes());
                     let what = format!("a list of the element {name} has a negative length");
                     return Err(source.at_byte(at, Problem::Value(format!("{what}; export the file again"))));
                 };
                 source.consume(count.size());
-                if source.skip(u128::from(length) * item.size() as u128)? > 0 {
+                if source.skip(length as u128 * item.size() as u128)? > 0 {
                     return Ok(false);
                 }
             }
         }
     }
     Ok(true)
-}
-
-/// The length that a list begins with; `None` if it is negative.
-fn integer(scalar: Scalar, endian: Endian, bytes: &[u8]) -> Option<u64> {
-    let mut wide = [0; 4];
-    let size = scalar.size().min(4);
-    wide[..size].copy_from_slice(&bytes[..size]);
-    if endian == Endian::Big {
-        wide[..size].reverse();
-    }
-    let [a, b, ..] = wide;
-    match scalar {
-        Scalar::I8 => u64::try_from(i8::from_le_bytes([a])).ok(),
-        Scalar::I16 => u64::try_from(i16::from_le_bytes([a, b])).ok(),
-        Scalar::I32 => u64::try_from(i32::from_le_bytes(wide)).ok(),
-        _ => Some(u64::from(u32::from_le_bytes(wide))),
-    }
 }

@@ -24,7 +24,7 @@ use crate::{
     Scene, Splats,
     error::{FormatError, Problem},
     formats::{
-        Axes, Kept, Loses, SceneFormat, Writer,
+        Axes, FormatLosses, Retention, SceneFormat, Writer,
         bytes::rows,
         pack::{byte_of_logit, from_smallest_three, logit_of_byte, ranged, smallest_three, unit, unorm},
     },
@@ -35,19 +35,19 @@ use std::fmt::Write as _;
 
 /// The entry of [`FORMATS`](crate::formats::FORMATS); the entry of the plain PLY reads it too,
 /// where comments hide what it is.
-pub const FORMAT: SceneFormat = SceneFormat {
+pub(crate) const FORMAT: SceneFormat = SceneFormat {
     name: "compressed PLY",
     extensions: &["compressed.ply"],
     about: "PlayCanvas compressed PLY, 16 bytes a splat",
     axes: Axes::Ply,
-    loses: Loses {
+    loses: FormatLosses {
         sh_degree: 3,
-        groups: Kept::Not,
-        labels: Kept::Not,
-        metadata: Kept::Inside,
+        groups: Retention::Not,
+        labels: Retention::Not,
+        metadata: Retention::Inside,
         rounding: "positions 1/4094 and scales 1/2046 of the range of 256 neighbours, rotations 0.25 degrees, colours and opacities \
                    1/510, SH 1/64",
-        order: Kept::Not,
+        order: Retention::Not,
         log_scales: [-MAX_LOG_SCALE, MAX_LOG_SCALE],
         coarse: crate::formats::loss::coarse_floats,
     },
@@ -57,28 +57,14 @@ pub const FORMAT: SceneFormat = SceneFormat {
 };
 
 /// Splats of a chunk.
-const CHUNK: usize = 256;
+const CHUNK_SPLATS: usize = 256;
 
 /// Ranges of a chunk, in the order of the file: least then largest of each.
+#[rustfmt::skip]
 const RANGES: [&str; 18] = [
-    "min_x",
-    "min_y",
-    "min_z",
-    "max_x",
-    "max_y",
-    "max_z",
-    "min_scale_x",
-    "min_scale_y",
-    "min_scale_z",
-    "max_scale_x",
-    "max_scale_y",
-    "max_scale_z",
-    "min_r",
-    "min_g",
-    "min_b",
-    "max_r",
-    "max_g",
-    "max_b",
+    "min_x", "min_y", "min_z", "max_x", "max_y", "max_z",
+    "min_scale_x", "min_scale_y", "min_scale_z", "max_scale_x", "max_scale_y", "max_scale_z",
+    "min_r", "min_g", "min_b", "max_r", "max_g", "max_b",
 ];
 /// The words of a splat.
 const WORDS: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
@@ -146,7 +132,7 @@ pub(super) fn read(source: &mut Source, header: Header) -> Result<Scene, FormatE
                 })?;
             }
             "vertex" if names[..] == WORDS && all(Scalar::U32) => {
-                if (chunks.len() as u64) < promised.div_ceil(CHUNK as u64) {
+                if (chunks.len() as u64) < promised.div_ceil(CHUNK_SPLATS as u64) {
                     let what = format!(
                         "{promised} splats need a chunk for each 256 before them, {} are there",
                         chunks.len()
@@ -159,7 +145,7 @@ pub(super) fn read(source: &mut Source, header: Header) -> Result<Scene, FormatE
                     if splats.len() <= index {
                         splats.resize((index + 1).max(2 * index).min(promised as usize));
                     }
-                    unpack(&mut splats, index, words, &chunks[index / CHUNK]);
+                    unpack(&mut splats, index, words, &chunks[index / CHUNK_SPLATS]);
                 })?;
                 splats.resize(promised as usize);
             }
@@ -215,7 +201,9 @@ fn rows_of(
     Ok(())
 }
 
-fn unpack(splats: &mut Splats, index: usize, [position, rotation, scale, color]: [u32; 4], chunk: &Chunk) {
+/// Unpacks the four [`WORDS`] of a splat.
+fn unpack(splats: &mut Splats, index: usize, words: [u32; 4], chunk: &Chunk) {
+    let [position, rotation, scale, color] = words;
     let part = |word: u32, shift: u32, bits: u32| {
         let most = (1 << bits) - 1;
         (word >> shift & most) as f32 / most as f32
@@ -249,14 +237,14 @@ fn write(out: &mut dyn std::io::Write, scene: &Scene) -> Result<(), Problem> {
     let splats = &scene.splats;
     let order = morton::order(&splats.means);
     out.write_all(header(scene)?.as_bytes())?;
-    let chunks: Vec<Chunk> = order.chunks(CHUNK).map(|indices| Chunk::of(splats, indices)).collect();
+    let chunks: Vec<Chunk> = order.chunks(CHUNK_SPLATS).map(|indices| Chunk::of(splats, indices)).collect();
     let mut bytes = Vec::with_capacity(chunks.len() * RANGES.len() * 4);
     for chunk in &chunks {
         let ranges = [chunk.mean, chunk.scale, chunk.color];
         bytes.extend(ranges.as_flattened().as_flattened().iter().flat_map(|v| v.to_le_bytes()));
     }
     out.write_all(&bytes)?;
-    for (chunk, indices) in chunks.iter().zip(order.chunks(CHUNK)) {
+    for (chunk, indices) in chunks.iter().zip(order.chunks(CHUNK_SPLATS)) {
         bytes.clear();
         for index in indices {
             bytes.extend(pack(splats, *index as usize, chunk).into_iter().flat_map(u32::to_le_bytes));
@@ -265,7 +253,7 @@ fn write(out: &mut dyn std::io::Write, scene: &Scene) -> Result<(), Problem> {
     }
     let rest = splats.sh_stride() / 3 - 1;
     if rest > 0 {
-        for indices in order.chunks(CHUNK) {
+        for indices in order.chunks(CHUNK_SPLATS) {
             bytes.clear();
             for index in indices {
                 let sh = &splats.sh_of(*index as usize)[3..];
@@ -282,7 +270,7 @@ fn header(scene: &Scene) -> Result<String, Problem> {
     let splats = &scene.splats;
     let mut text = format!("ply\nformat binary_little_endian 1.0\n{}", metadata_lines(&scene.metadata)?);
     // Writing to a string cannot fail.
-    let _ = writeln!(text, "element chunk {}", splats.len().div_ceil(CHUNK));
+    let _ = writeln!(text, "element chunk {}", splats.len().div_ceil(CHUNK_SPLATS));
     RANGES.iter().for_each(|name| _ = writeln!(text, "property float {name}"));
     let _ = writeln!(text, "element vertex {}", splats.len());
     WORDS.iter().for_each(|name| _ = writeln!(text, "property uint {name}"));

@@ -27,14 +27,14 @@ use std::num::NonZero;
 /// The parts of a splat that a file has, and in which form.
 #[derive(Debug)]
 pub(super) struct Dialect {
-    pub colors: Colors,
+    pub(crate) colors: Colors,
     /// Scales of a splat: 1 to 3, or 0 for points, which also have no opacity and no rotation.
-    pub scales: usize,
-    pub is_turned: bool,
-    pub is_filtered: bool,
+    pub(crate) scales: usize,
+    pub(crate) is_turned: bool,
+    pub(crate) is_filtered: bool,
     /// Coefficients above degree 0 of a channel in the file.
-    pub rest: usize,
-    pub sh_degree: u8,
+    pub(crate) rest: usize,
+    pub(crate) sh_degree: u8,
     /// Faces of a mesh of which only the corners are read.
     faces: u64,
 }
@@ -48,55 +48,31 @@ pub(super) enum Colors {
 }
 
 /// Names of the colours of vertices.
-const RGB: [[&str; 3]; 3] =
+const RGB_NAMES: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
 
-/// Beginnings of the names of properties that a splat is drawn from; a file without any of them has
+/// Prefixes of the names of properties from which a splat is drawn; a file without any of them has
 /// points.
-const OF_SPLATS: [&str; 5] = ["f_dc_", "f_rest_", "scale_", "rot_", "opacity"];
+const SPLAT_PREFIXES: [&str; 5] = ["f_dc_", "f_rest_", "scale_", "rot_", "opacity"];
 
-/// Beginnings of the names of properties that trainings add and no picture shows: normals,
-/// features, classes, measures.
-const UNSEEN: [&str; 28] = [
-    "nx",
-    "ny",
-    "nz",
-    "normal",
-    "semantic",
-    "language",
-    "obj_",
-    "ins_",
-    "feat",
-    "clip",
-    "dino",
-    "embed",
-    "id",
-    "index",
-    "class",
-    "seg",
-    "conf",
-    "quality",
-    "uncert",
-    "error",
-    "count",
-    "state",
-    "flag",
-    "intensity",
-    "alpha",
-    "level",
-    "view",
-    "grad",
+/// Prefixes of the names of properties that trainings add and no picture shows: normals, features,
+/// classes, measures.
+#[rustfmt::skip]
+const UNSEEN_PREFIXES: [&str; 28] = [
+    "nx", "ny", "nz", "normal", "semantic", "language", "obj_", "ins_", "feat", "clip", "dino",
+    "embed", "id", "index", "class", "seg", "conf", "quality", "uncert", "error", "count", "state",
+    "flag", "intensity", "alpha", "level", "view", "grad",
 ];
 
-/// Beginnings of the names of properties of scenes that move.
-const OF_TIME: [&str; 7] = ["trbf_", "motion_", "omega_", "rot_r_", "scale_t", "velocity", "time"];
+/// Prefixes of the names of properties of scenes that move.
+const TIME_PREFIXES: [&str; 7] = ["trbf_", "motion_", "omega_", "rot_r_", "scale_t", "velocity", "time"];
 
 impl Dialect {
     /// Recognises the dialect of the vertices of a file.
     ///
     /// # Errors
     /// [`Problem`] if they are those of no splats that can be drawn.
-    pub fn of(header: &Header, vertex: &Element) -> Result<Self, Problem> {
+    pub(crate) fn of(header: &Header, vertex: &Element) -> Result<Self, Problem> {
         let has = |name: &str| vertex.properties.iter().any(|p| p.name == name);
         let starts = |start: &str| vertex.properties.iter().find(|p| p.name.starts_with(start));
         if let Some(anchor) = starts("f_offset_").or_else(|| starts("f_anchor_feat")) {
@@ -106,7 +82,7 @@ impl Dialect {
                 excerpt(anchor.name.as_bytes())
             )));
         }
-        let is_points = OF_SPLATS.iter().all(|start| starts(start).is_none());
+        let is_points = SPLAT_PREFIXES.iter().all(|start| starts(start).is_none());
         let scales = if is_points {
             0
         } else if has("scale_0") && !has("scale_2") {
@@ -115,7 +91,7 @@ impl Dialect {
             // If one is missing, `Layout` says which.
             3
         };
-        let rgb = RGB.into_iter().find(|names| names.iter().all(|name| has(name)));
+        let rgb = RGB_NAMES.into_iter().find(|names| names.iter().all(|name| has(name)));
         let colors = match rgb {
             _ if starts("f_dc_").is_some() => Colors::Sh,
             Some(names) => Colors::Rgb { names, kind: scalar(vertex, names[0])? },
@@ -146,7 +122,7 @@ impl Dialect {
 
     /// Makes the splats that the rows stand for, and says what was changed and what was passed
     /// over.
-    pub fn finish(&self, mut rows: Rows, vertex: &Element, kept: &[usize]) -> (Splats, Vec<Remark>) {
+    pub(crate) fn finish(&self, mut rows: Rows, vertex: &Element, kept: &[usize]) -> (Splats, Vec<Remark>) {
         let mut remarks = Vec::new();
         let splats = &mut rows.splats;
         if let Colors::Rgb { kind, .. } = self.colors {
@@ -257,14 +233,14 @@ fn apply_filter(splats: &mut Splats, index: usize, filter: f64, axes: usize) {
     }
 }
 
-/// Neighbours that say how large a ball is.
+/// Neighbours that determine the size of a ball.
 const NEIGHBOURS: NonZero<usize> = NonZero::new(4).unwrap();
-/// Standard deviation of a ball in distances to its neighbours: no gaps in a surface.
-const BALL: f64 = 0.5;
-/// Largest ball in middle ones: a stray point is far from others, and no large thing.
-const LARGEST_BALL: f64 = 4.0;
+/// Standard deviation of a ball in distances to its neighbours: leaves no gaps in a surface.
+const BALL_SCALE: f64 = 0.5;
+/// Largest ratio of a ball to the median one: a stray point is far from others without being large.
+const MAX_BALL_RATIO: f64 = 4.0;
 /// Logit of the opacity of a ball.
-const SOLID: f32 = 4.0;
+const BALL_LOGIT: f32 = 4.0;
 
 /// Gives points the shape of splats.
 fn draw_as_balls(splats: &mut Splats) {
@@ -284,11 +260,11 @@ fn draw_as_balls(splats: &mut Splats) {
     let middle = if known.is_empty() { 1.0 } else { *known.select_nth_unstable_by(half, f64::total_cmp).1 };
     for (scales, distance) in splats.log_scales.iter_mut().zip(distances) {
         // Points that share a place are as large as the others.
-        let distance = if distance > 0.0 { distance.min(LARGEST_BALL * middle) } else { middle };
-        *scales = [(BALL * distance).ln() as f32; 3];
+        let distance = if distance > 0.0 { distance.min(MAX_BALL_RATIO * middle) } else { middle };
+        *scales = [(BALL_SCALE * distance).ln() as f32; 3];
     }
     splats.quats.fill([1.0, 0.0, 0.0, 0.0]);
-    splats.logit_opacities.fill(SOLID);
+    splats.logit_opacities.fill(BALL_LOGIT);
 }
 
 /// Says which properties are passed over: those that no picture shows, those of time, and those
@@ -300,7 +276,7 @@ fn about_properties(vertex: &Element, kept: &[usize]) -> Vec<Remark> {
         !kept.contains(index)
             && !is_usual
             && !p.name.starts_with("f_rest_")
-            && !RGB.as_flattened().contains(&p.name.as_str())
+            && !RGB_NAMES.as_flattened().contains(&p.name.as_str())
     });
     let is_integer = |p: &Property| !matches!(p.kind, Kind::Scalar(Scalar::F32 | Scalar::F64));
     let (mut unseen, mut of_time, mut unknown) = (Vec::new(), Vec::new(), Vec::new());
@@ -310,9 +286,9 @@ fn about_properties(vertex: &Element, kept: &[usize]) -> Vec<Remark> {
             list.iter().any(|start| name.starts_with(start))
         };
         // Whole numbers are names and counts.
-        let list = if starts(&OF_TIME) || other.name == "t" {
+        let list = if starts(&TIME_PREFIXES) || other.name == "t" {
             &mut of_time
-        } else if starts(&UNSEEN) || is_integer(other) {
+        } else if starts(&UNSEEN_PREFIXES) || is_integer(other) {
             &mut unseen
         } else {
             &mut unknown

@@ -1,6 +1,6 @@
 //! The PLY header: elements, properties and the metadata in its comments.
 
-use super::PlyEncoding;
+use super::{PlyEncoding, layout::Endian};
 use crate::{
     Metadata, Rasterization,
     error::{FormatError, Problem, excerpt, one_line},
@@ -9,30 +9,30 @@ use crate::{
 use glam::DVec3;
 
 /// Longest header, bytes: what it declares is kept in memory.
-const MAX_HEADER: u64 = 1 << 20;
+const MAX_HEADER_BYTES: u64 = 1 << 20;
 
 /// The content of a header.
 #[derive(Debug)]
 pub(super) struct Header {
-    pub encoding: PlyEncoding,
-    pub elements: Vec<Element>,
-    pub metadata: Metadata,
+    pub(crate) encoding: PlyEncoding,
+    pub(crate) elements: Vec<Element>,
+    pub(crate) metadata: Metadata,
 }
 
 /// A table of the file.
 #[derive(Debug)]
 pub(super) struct Element {
-    pub name: String,
+    pub(crate) name: String,
     /// Rows that the header promises; not to be believed.
-    pub count: u64,
-    pub properties: Vec<Property>,
+    pub(crate) count: u64,
+    pub(crate) properties: Vec<Property>,
 }
 
 /// A column of a table.
 #[derive(Debug)]
 pub(super) struct Property {
-    pub name: String,
-    pub kind: Kind,
+    pub(crate) name: String,
+    pub(crate) kind: Kind,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,12 +70,33 @@ impl Scalar {
     }
 
     /// Bytes of one number.
-    pub fn size(self) -> usize {
+    pub(crate) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
             Self::I32 | Self::U32 | Self::F32 => 4,
             Self::F64 => 8,
+        }
+    }
+
+    /// Reads the number at the beginning of `bytes`.
+    pub(crate) fn read(self, bytes: &[u8], endian: Endian) -> f64 {
+        let mut wide = [0; 8];
+        let size = self.size().min(bytes.len());
+        wide[..size].copy_from_slice(&bytes[..size]);
+        if endian == Endian::Big {
+            wide[..size].reverse();
+        }
+        let [a, b, c, d, ..] = wide;
+        match self {
+            Self::I8 => f64::from(a.cast_signed()),
+            Self::U8 => f64::from(a),
+            Self::I16 => f64::from(i16::from_le_bytes([a, b])),
+            Self::U16 => f64::from(u16::from_le_bytes([a, b])),
+            Self::I32 => f64::from(i32::from_le_bytes([a, b, c, d])),
+            Self::U32 => f64::from(u32::from_le_bytes([a, b, c, d])),
+            Self::F32 => f64::from(f32::from_le_bytes([a, b, c, d])),
+            Self::F64 => f64::from_le_bytes(wide),
         }
     }
 }
@@ -92,12 +113,12 @@ impl Kind {
 
 impl Element {
     /// Fewest bytes of a binary row; all rows have it if there is no list.
-    pub fn min_size(&self) -> usize {
+    pub(crate) fn min_size(&self) -> usize {
         self.properties.iter().map(|p| p.kind.min_size()).sum()
     }
 
     /// Returns true if a row can have any length.
-    pub fn has_lists(&self) -> bool {
+    pub(crate) fn has_lists(&self) -> bool {
         self.properties.iter().any(|p| matches!(p.kind, Kind::List { .. }))
     }
 }
@@ -107,13 +128,13 @@ impl Header {
     ///
     /// # Errors
     /// With the line, if it is no header that can be understood.
-    pub fn parse(source: &mut Source) -> Result<Self, FormatError> {
+    pub(crate) fn parse(source: &mut Source) -> Result<Self, FormatError> {
         let mut encoding = None;
         let mut elements = Vec::new();
         let mut metadata = Metadata::default();
         loop {
-            if source.offset() > MAX_HEADER {
-                return Err(source.whole(Problem::HeaderTooLong(MAX_HEADER)));
+            if source.offset() > MAX_HEADER_BYTES {
+                return Err(source.whole(Problem::HeaderTooLong(MAX_HEADER_BYTES)));
             }
             let Some(line) = source.line()? else { return Err(source.whole(Problem::HeaderTruncated)) };
             match parse_line(line, &mut encoding, &mut elements, &mut metadata) {

@@ -32,43 +32,43 @@ pub(super) enum Array {
 /// A property that is kept.
 #[derive(Debug)]
 pub(super) struct Column {
-    /// Its place among the properties of the element.
-    pub property: usize,
-    /// Its byte in a binary row from which lists are left out.
+    /// Index among the properties of the element.
+    pub(crate) property: usize,
+    /// Byte offset in a binary row from which lists are left out.
     offset: usize,
     scalar: Scalar,
-    pub array: Array,
-    /// Its place among the values that the array has for one splat.
-    pub lane: usize,
+    pub(crate) array: Array,
+    /// Index among the values that the array has for one splat.
+    pub(crate) lane: usize,
 }
 
 /// The rows of the vertex element.
 #[derive(Debug)]
 pub(super) struct Layout {
     /// Place of the vertex element in the header.
-    pub element: usize,
-    pub columns: Vec<Column>,
+    pub(crate) element: usize,
+    pub(crate) columns: Vec<Column>,
     /// Bytes of a binary row from which lists are left out.
-    pub row_size: usize,
-    pub dialect: Dialect,
+    pub(crate) row_size: usize,
+    pub(crate) dialect: Dialect,
     /// True if positions are finer than f32: in double precision, or text.
-    pub is_fine: bool,
+    pub(crate) is_fine: bool,
 }
 
 /// The rows of a file in arrays.
 #[derive(Debug)]
 pub(super) struct Rows {
-    pub splats: Splats,
+    pub(crate) splats: Splats,
     /// The 3D filter of each splat; empty if the file has none.
-    pub filters: Vec<f32>,
+    pub(crate) filters: Vec<f32>,
     /// The rounding error of each position in f32, if the file has double precision or text; else
     /// empty.
-    pub residues: Vec<[f32; 3]>,
+    pub(crate) residues: Vec<[f32; 3]>,
 }
 
 impl Rows {
     /// `count` rows of zeros.
-    pub fn zeroed(count: usize, layout: &Layout) -> Self {
+    pub(crate) fn zeroed(count: usize, layout: &Layout) -> Self {
         let filters = if layout.dialect.is_filtered { count } else { 0 };
         let residues = if layout.is_fine { count } else { 0 };
         Self {
@@ -79,7 +79,7 @@ impl Rows {
     }
 
     /// Makes room for `count` rows, doubling, but for no more than `promised`.
-    pub fn grow(&mut self, layout: &Layout, count: u64, promised: u64) {
+    pub(crate) fn grow(&mut self, layout: &Layout, count: u64, promised: u64) {
         if count <= self.splats.len() as u64 {
             return;
         }
@@ -99,7 +99,7 @@ impl Layout {
     ///
     /// # Errors
     /// [`Problem`] names what is missing.
-    pub fn of(header: &Header) -> Result<Self, Problem> {
+    pub(crate) fn of(header: &Header) -> Result<Self, Problem> {
         let element = header
             .elements
             .iter()
@@ -151,9 +151,15 @@ impl Layout {
     ///
     /// # Errors
     /// [`Problem`] names a label that is none.
-    pub fn scatter(&self, endian: Endian, rows: &[u8], first: usize, out: &mut Rows) -> Result<(), Problem> {
+    pub(crate) fn scatter(
+        &self,
+        endian: Endian,
+        rows: &[u8],
+        first: usize,
+        out: &mut Rows,
+    ) -> Result<(), Problem> {
         // Every column runs over the rows once: as many at a time as stay in the first cache.
-        let step = (PART / self.row_size).max(1);
+        let step = (PART_BYTES / self.row_size).max(1);
         let mut numbers = Vec::new();
         for (part, rows) in rows.chunks(step * self.row_size).enumerate() {
             let first = first + part * step;
@@ -183,7 +189,7 @@ impl Layout {
 
 impl Array {
     /// Returns true if it holds what a file holds: numbers that are kept as they are.
-    pub fn is_numbers(self) -> bool {
+    pub(crate) fn is_numbers(self) -> bool {
         !matches!(self, Self::Groups | Self::Names(_))
     }
 }
@@ -221,7 +227,7 @@ fn name_of(number: f32) -> Option<u16> {
 }
 
 /// Bytes of rows that are scattered at a time.
-const PART: usize = 16 << 10;
+const PART_BYTES: usize = 16 << 10;
 
 /// The flat values of an array and how many it has for one splat.
 ///

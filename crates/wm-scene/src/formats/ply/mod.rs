@@ -33,7 +33,7 @@ mod tests;
 mod text;
 mod write;
 
-use super::{Axes, Loses, ReadOptions, SceneFormat, Writer};
+use super::{Axes, FormatLosses, ReadOptions, SceneFormat, Writer};
 use crate::{
     Scene,
     error::{FormatError, Problem},
@@ -42,16 +42,16 @@ use crate::{
 };
 use header::Header;
 use layout::{Endian, Layout};
-pub use points::read_points;
-pub use write::write;
+pub(crate) use points::read_points;
+pub(crate) use write::write;
 
 /// The entry of [`FORMATS`](super::FORMATS).
-pub const FORMAT: SceneFormat = SceneFormat {
+pub(super) const FORMAT: SceneFormat = SceneFormat {
     name: "PLY",
     extensions: &["ply"],
     about: "3D Gaussian splatting PLY, binary or ASCII, SH degree 0 to 3",
     axes: Axes::Ply,
-    loses: Loses::NOTHING,
+    loses: FormatLosses::NOTHING,
     sniff: |start| is_ply(start.bytes) && !compressed::is_named(start.bytes),
     read,
     write: Writer::Stream(|out, scene, _| write(out, scene, PlyEncoding::default())),
@@ -64,7 +64,7 @@ fn is_ply(start: &[u8]) -> bool {
 
 /// The encoding of the numbers in a PLY.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PlyEncoding {
+pub(crate) enum PlyEncoding {
     /// Binary, least significant byte first.
     #[default]
     BinaryLittleEndian,
@@ -76,11 +76,10 @@ pub enum PlyEncoding {
 
 impl PlyEncoding {
     /// Every encoding.
-    pub const ALL: [Self; 3] = [Self::BinaryLittleEndian, Self::BinaryBigEndian, Self::Ascii];
+    const ALL: [Self; 3] = [Self::BinaryLittleEndian, Self::BinaryBigEndian, Self::Ascii];
 
-    /// Its name in the header.
-    #[must_use]
-    pub fn keyword(self) -> &'static str {
+    /// The name in the header.
+    fn keyword(self) -> &'static str {
         match self {
             Self::BinaryLittleEndian => "binary_little_endian",
             Self::BinaryBigEndian => "binary_big_endian",

@@ -3,6 +3,7 @@
 use super::{
     PlyEncoding,
     header::{Element, Header, Kind, Property, Scalar},
+    layout::Endian,
 };
 use crate::{FormatError, Problem, Remark, capture::SparsePoints, error::number, source::Source};
 use std::path::Path;
@@ -18,7 +19,7 @@ const GREY: [u8; 3] = [128; 3];
 ///
 /// # Errors
 /// [`FormatError`] if the file is missing, cut off, or not a PLY with points.
-pub fn read_points(path: &Path) -> Result<(SparsePoints, Vec<Remark>), FormatError> {
+pub(crate) fn read_points(path: &Path) -> Result<(SparsePoints, Vec<Remark>), FormatError> {
     read_points_from(&mut Source::open(path)?)
 }
 
@@ -41,8 +42,10 @@ fn read_points_from(source: &mut Source) -> Result<(SparsePoints, Vec<Remark>), 
     for done in 0..vertex.count {
         let is_there = match header.encoding {
             PlyEncoding::Ascii => text_row(source, vertex, &columns, &mut row)?,
-            PlyEncoding::BinaryLittleEndian => binary_row(source, vertex, &columns, true, &mut row)?,
-            PlyEncoding::BinaryBigEndian => binary_row(source, vertex, &columns, false, &mut row)?,
+            PlyEncoding::BinaryLittleEndian => {
+                binary_row(source, vertex, &columns, Endian::Little, &mut row)?
+            }
+            PlyEncoding::BinaryBigEndian => binary_row(source, vertex, &columns, Endian::Big, &mut row)?,
         };
         if !is_there {
             let what = format!("point {} of {}", done + 1, vertex.count);
@@ -173,7 +176,7 @@ fn binary_row(
     source: &mut Source,
     vertex: &Element,
     columns: &Columns,
-    is_little: bool,
+    endian: Endian,
     row: &mut [f64; 6],
 ) -> Result<bool, FormatError> {
     let size = vertex.min_size();
@@ -186,30 +189,11 @@ fn binary_row(
         let (own, rest) = bytes.split_at(scalar.size());
         bytes = rest;
         if let Some(lane) = lane {
-            row[*lane] = scalar_of(scalar, own, is_little);
+            row[*lane] = scalar.read(own, endian);
         }
     }
     source.consume(size);
     Ok(true)
-}
-
-/// The number of as many bytes as `scalar` has.
-fn scalar_of(scalar: Scalar, bytes: &[u8], is_little: bool) -> f64 {
-    let mut wide = [0; 8];
-    for (index, byte) in bytes.iter().enumerate() {
-        wide[if is_little { index } else { bytes.len() - 1 - index }] = *byte;
-    }
-    let [a, b, c, d, ..] = wide;
-    match scalar {
-        Scalar::I8 => f64::from(a.cast_signed()),
-        Scalar::U8 => f64::from(a),
-        Scalar::I16 => f64::from(i16::from_le_bytes([a, b])),
-        Scalar::U16 => f64::from(u16::from_le_bytes([a, b])),
-        Scalar::I32 => f64::from(i32::from_le_bytes([a, b, c, d])),
-        Scalar::U32 => f64::from(u32::from_le_bytes([a, b, c, d])),
-        Scalar::F32 => f64::from(f32::from_le_bytes([a, b, c, d])),
-        Scalar::F64 => f64::from_le_bytes(wide),
-    }
 }
 
 #[cfg(test)]

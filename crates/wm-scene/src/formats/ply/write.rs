@@ -6,7 +6,7 @@ use crate::{Group, Metadata, Scene, error::Problem};
 use std::{fmt::Write as _, io::Write};
 
 /// Bytes gathered before they are written.
-const BLOCK: usize = 1 << 20;
+const BLOCK_BYTES: usize = 1 << 20;
 
 /// Writes splats and metadata; views have no room in a PLY.
 ///
@@ -18,7 +18,7 @@ const BLOCK: usize = 1 << 20;
 /// # Errors
 /// If the arrays do not fit each other, there is no splat, the metadata has a fault, or `out`
 /// fails.
-pub fn write(out: &mut dyn Write, scene: &Scene, encoding: PlyEncoding) -> Result<(), Problem> {
+pub(crate) fn write(out: &mut dyn Write, scene: &Scene, encoding: PlyEncoding) -> Result<(), Problem> {
     let splats = &scene.splats;
     splats.check()?;
     if splats.is_empty() {
@@ -29,7 +29,7 @@ pub fn write(out: &mut dyn Write, scene: &Scene, encoding: PlyEncoding) -> Resul
 
     let rest = splats.sh_stride() / 3 - 1;
     let mut row: Vec<f32> = Vec::new();
-    let mut bytes = Vec::with_capacity(BLOCK);
+    let mut bytes = Vec::with_capacity(BLOCK_BYTES);
     for index in 0..splats.len() {
         let sh = splats.sh_of(index);
         row.clear();
@@ -70,7 +70,7 @@ pub fn write(out: &mut dyn Write, scene: &Scene, encoding: PlyEncoding) -> Resul
                 bytes.push(b'\n');
             }
         }
-        if bytes.len() + 2048 > BLOCK {
+        if bytes.len() + 2048 > BLOCK_BYTES {
             out.write_all(&bytes)?;
             bytes.clear();
         }

@@ -27,7 +27,7 @@ mod webp;
 pub(crate) mod write;
 pub(crate) mod zip;
 
-use super::{ANY_SCALE, Axes, Kept, Loses, ReadOptions, SceneFormat, Writer, has_ending};
+use super::{ANY_SCALE, Axes, FormatLosses, ReadOptions, Retention, SceneFormat, Writer, has_ending};
 use crate::{
     Scene,
     error::{FormatError, Problem},
@@ -42,24 +42,24 @@ pub(super) use {
 };
 
 /// The losses of SOG.
-const LOSES: Loses = Loses {
+const LOSES: FormatLosses = FormatLosses {
     sh_degree: 3,
-    groups: Kept::Not,
-    labels: Kept::Not,
-    metadata: Kept::Inside,
+    groups: Retention::Not,
+    labels: Retention::Not,
+    metadata: Retention::Inside,
     rounding: "positions 1/131070 of the scene's extent in logarithm (1 + their value), scales and colours to 256 values, rotations 1 \
                degree, opacities 1/510, SH to a palette of 65536",
-    order: Kept::Not,
+    order: Retention::Not,
     log_scales: ANY_SCALE,
     coarse: write::coarse_steps,
 };
 
 /// The bundle, one ZIP.
-pub mod bundle {
+pub(super) mod bundle {
     use super::*;
 
     /// The entry of [`FORMATS`](crate::formats::FORMATS).
-    pub const FORMAT: SceneFormat = SceneFormat {
+    pub(in crate::formats) const FORMAT: SceneFormat = SceneFormat {
         name: "SOG",
         extensions: &["sog"],
         about: "PlayCanvas SOG, versions 1 and 2, in one file",
@@ -80,11 +80,11 @@ pub mod bundle {
 }
 
 /// The folder, read and written by its `meta.json`.
-pub mod folder {
+pub(super) mod folder {
     use super::*;
 
     /// The entry of [`FORMATS`](crate::formats::FORMATS).
-    pub const FORMAT: SceneFormat = SceneFormat {
+    pub(in crate::formats) const FORMAT: SceneFormat = SceneFormat {
         name: "SOG folder",
         extensions: &["meta.json"],
         about: "PlayCanvas SOG, versions 1 and 2, as a folder: its meta.json",
@@ -101,11 +101,11 @@ pub mod folder {
 }
 
 /// Several levels of detail, read by their `lod-meta.json`.
-pub mod levels {
+pub(super) mod levels {
     use super::*;
 
     /// The entry of [`FORMATS`](crate::formats::FORMATS).
-    pub const FORMAT: SceneFormat = SceneFormat {
+    pub(in crate::formats) const FORMAT: SceneFormat = SceneFormat {
         name: "streamed SOG",
         extensions: &[],
         about: "PlayCanvas SOG with several levels of detail, as a folder: its lod-meta.json",

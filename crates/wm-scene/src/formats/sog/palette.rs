@@ -3,7 +3,7 @@
 
 /// A table of 256 values and what it makes of others.
 pub(super) struct Codebook {
-    pub values: [f32; 256],
+    pub(crate) values: [f32; 256],
     low: f32,
     /// Bins a unit.
     scale: f32,
@@ -14,14 +14,14 @@ pub(super) struct Codebook {
 /// Bins over the range of the values.
 const BINS: usize = 1 << 16;
 /// Bins that the first density is taken over.
-const COARSE: usize = 16;
+const COARSE_BINS: usize = 16;
 /// Rounds of improvement of a table, which hardly changes after.
 const ROUNDS: usize = 30;
 
 impl Codebook {
     /// A table for `values` of which errors count by `weight`: spread by their density at first,
     /// then Lloyd's rounds over a histogram.
-    pub fn of(values: impl Iterator<Item = f32> + Clone, weight: impl Fn(f64) -> f64) -> Self {
+    pub(crate) fn of(values: impl Iterator<Item = f32> + Clone, weight: impl Fn(f64) -> f64) -> Self {
         let finite = || values.clone().filter(|v| v.is_finite());
         let (low, high) = finite().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
@@ -42,7 +42,8 @@ impl Codebook {
             sum[bin + 1] = sum[bin] + weights[bin] * value(bin);
         }
         // Where values are d times as dense, the best table is cbrt(d) times as dense.
-        let density: Vec<f64> = weights.chunks(COARSE).map(|bins| bins.iter().sum::<f64>().cbrt()).collect();
+        let density: Vec<f64> =
+            weights.chunks(COARSE_BINS).map(|bins| bins.iter().sum::<f64>().cbrt()).collect();
         let step = density.iter().sum::<f64>() / 256.0;
         // The least value has an entry: scales that no other is near weigh next to nothing, but a
         // flat splat must not become thick.
@@ -54,7 +55,7 @@ impl Codebook {
                 && *density > 0.0
             {
                 let share = ((centers.len() as f64 + 0.5) * step - before) / density;
-                centers.push(value(((chunk as f64 + share) * COARSE as f64) as usize));
+                centers.push(value(((chunk as f64 + share) * COARSE_BINS as f64) as usize));
             }
             before += density;
         }
@@ -82,7 +83,7 @@ impl Codebook {
     }
 
     /// Index of the value nearest to `v`; of NaN, some index.
-    pub fn index(&self, v: f32) -> u8 {
+    pub(crate) fn index(&self, v: f32) -> u8 {
         self.nearest[((v - self.low) * self.scale + 0.5).clamp(0.0, (BINS - 1) as f32) as usize]
     }
 }
@@ -96,14 +97,14 @@ fn border(centers: &[f64], i: usize, low: f32, scale: f32) -> usize {
 /// A palette of vectors, and the entry of each vector.
 pub(super) struct Palette {
     /// `[entries, size]` flat.
-    pub entries: Vec<f32>,
+    pub(crate) entries: Vec<f32>,
     /// `[N]`.
-    pub labels: Vec<u16>,
+    pub(crate) labels: Vec<u16>,
 }
 
 /// A set of vectors that shares an entry for now.
 struct Cell {
-    /// Its vectors, as a range of the order.
+    /// First and end of its vectors in the order.
     first: usize,
     end: usize,
     mean: Vec<f32>,
@@ -122,7 +123,7 @@ impl Palette {
     /// The set with the largest error is split in two, again and again: across its mean along the
     /// value that varies most, then by a few rounds of two means. So each vector is looked at some
     /// log2(entries) times.
-    pub fn of(vectors: &[f32], size: usize, most: usize, weights: &[f32]) -> Self {
+    pub(crate) fn of(vectors: &[f32], size: usize, most: usize, weights: &[f32]) -> Self {
         let count = vectors.len() / size;
         let vector = |i: u32| &vectors[i as usize * size..][..size];
         let weight = |i: u32| weights.get(i as usize).copied().unwrap_or(1.0);

@@ -297,9 +297,9 @@ pub(crate) struct SogPictures {
     colors: Vec<[u8; 4]>,
     sh: Option<Shading>,
     /// The facts that it states about the scene.
-    pub metadata: Metadata,
+    pub(crate) metadata: Metadata,
     /// Lines on what is odd in its `meta.json`.
-    pub remarks: Vec<Remark>,
+    pub(crate) remarks: Vec<Remark>,
 }
 
 impl SogPictures {
@@ -345,7 +345,7 @@ impl SogPictures {
     }
 
     /// Number of splats.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.count
     }
 
@@ -354,7 +354,7 @@ impl SogPictures {
     /// # Errors
     /// If it is not there, or one of its splats has a rotation or an entry of the palette that is
     /// not known.
-    pub fn splats(&self, part: Range<usize>) -> Result<Splats, Problem> {
+    pub(crate) fn splats(&self, part: Range<usize>) -> Result<Splats, Problem> {
         if part.start > part.end || part.end > self.count {
             return Err(fault("a part of it has splats that it lacks"));
         }

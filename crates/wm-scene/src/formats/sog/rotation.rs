@@ -15,8 +15,9 @@ pub(in crate::formats) const NAMINGS: [([f32; 4], [usize; 3]); 6] = [
     ([0.5, -0.5, -0.5, -0.5], [2, 0, 1]),
 ];
 
-/// Axes this much thinner than the longest count as so thick: what is thinner is not seen.
-const THIN: f32 = 0.05;
+/// Least ratio of an axis to the longest one: thinner axes count as so thick, since the difference
+/// is not visible.
+const MIN_AXIS_RATIO: f32 = 0.05;
 
 /// The quaternion (wxyz) of which `bytes` are three components and the `largest` is the other.
 pub(super) fn from_bytes(largest: usize, bytes: [u8; 3]) -> [f32; 4] {
@@ -27,24 +28,24 @@ pub(super) fn from_bytes(largest: usize, bytes: [u8; 3]) -> [f32; 4] {
 #[derive(Clone, Copy)]
 pub(super) struct Rounded {
     /// Three components, and 252 and which is the fourth.
-    pub pixel: [u8; 4],
+    pub(crate) pixel: [u8; 4],
     naming: u8,
 }
 
 impl Rounded {
     /// The former axis of each of its axes.
-    pub fn axes(self) -> [usize; 3] {
+    pub(crate) fn axes(self) -> [usize; 3] {
         NAMINGS[usize::from(self.naming)].1
     }
 
-    /// That whose rounding changes an ellipsoid least.
+    /// Chooses the naming of axes whose rounding changes an ellipsoid least.
     ///
-    /// A turn by w about an axis shears what lies across it by w (a / b - b / a), where a and b are
-    /// the scales there: between equal ones nothing changes.
-    pub fn best(quat: [f32; 4], log_scale: [f32; 3]) -> Self {
+    /// A turn by w about an axis shears the ellipsoid across it by w (a / b - b / a), where a and b
+    /// are the scales there: between equal ones nothing changes.
+    pub(crate) fn best(quat: [f32; 4], log_scale: [f32; 3]) -> Self {
         let quat = unit(quat);
         let longest = log_scale.iter().copied().fold(f32::MIN, f32::max);
-        let [x, y, z] = log_scale.map(|v| (v - longest).exp().max(THIN));
+        let [x, y, z] = log_scale.map(|v| (v - longest).exp().max(MIN_AXIS_RATIO));
         let counts = [(y, z), (x, z), (x, y)].map(|(a, b)| (a / b - b / a).powi(2));
         let mut best = (f32::INFINITY, Self { pixel: [0; 4], naming: 0 });
         for (naming, (turn, axes)) in NAMINGS.iter().enumerate() {
@@ -66,7 +67,8 @@ impl Rounded {
 }
 
 /// The Hamilton product of quaternions (wxyz).
-pub(in crate::formats) fn product([a, b, c, d]: [f32; 4], [w, x, y, z]: [f32; 4]) -> [f32; 4] {
+pub(in crate::formats) fn product(left: [f32; 4], right: [f32; 4]) -> [f32; 4] {
+    let ([a, b, c, d], [w, x, y, z]) = (left, right);
     [
         a * w - b * x - c * y - d * z,
         a * x + b * w + c * z - d * y,

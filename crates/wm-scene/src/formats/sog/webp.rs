@@ -9,16 +9,16 @@
 use std::{cmp::Reverse, collections::BinaryHeap};
 
 /// Most pixels of a side: one less than 14 bits say, since libwebp reads no more.
-pub const MAX_SIDE: usize = 16_383;
+pub(crate) const MAX_SIDE: usize = 16_383;
 
 type Pixel = [u8; 4];
 
 /// A picture of whole rows of `width` RGBA pixels, as a file.
-pub fn encode(pixels: &[Pixel], width: usize) -> Vec<u8> {
+pub(crate) fn encode(pixels: &[Pixel], width: usize) -> Vec<u8> {
     let height = pixels.len() / width;
     assert!(width * height == pixels.len() && (1..=MAX_SIDE).contains(&width.max(height)));
-    let change = Change::best(pixels);
-    let residuals: Vec<Pixel> = (0..pixels.len()).map(|i| change.residual(pixels, width, i)).collect();
+    let prediction = Prediction::best(pixels);
+    let residuals: Vec<Pixel> = (0..pixels.len()).map(|i| prediction.residual(pixels, width, i)).collect();
 
     let mut bits = Bits::default();
     bits.push(0x2f, 8);
@@ -26,10 +26,10 @@ pub fn encode(pixels: &[Pixel], width: usize) -> Vec<u8> {
     bits.push(height as u32 - 1, 14);
     bits.push(u32::from(pixels.iter().any(|pixel| pixel[3] != 255)), 1);
     bits.push(0, 3); // version
-    if change.from_green {
+    if prediction.from_green {
         bits.push(0b101, 3);
     }
-    if change.from_left {
+    if prediction.from_left {
         // A predictor, in blocks of 512 x 512, of which each has predictor 1: a picture of one
         // colour, without colour cache.
         bits.push(0b111_001, 6);
@@ -41,7 +41,7 @@ pub fn encode(pixels: &[Pixel], width: usize) -> Vec<u8> {
     bits.push(0, 3);
 
     // Codes of green and runs, red, blue, alpha; distances are all the pixel to the left.
-    let mut counts = [vec![0; 256 + LENGTHS], vec![0; 256], vec![0; 256], vec![0; 256]];
+    let mut counts = [vec![0; 256 + LENGTH_SYMBOLS], vec![0; 256], vec![0; 256], vec![0; 256]];
     for run in runs(&residuals) {
         for (counts, channel) in counts.iter_mut().zip(CHANNELS) {
             counts[usize::from(run.pixel[channel])] += 1;
@@ -51,7 +51,7 @@ pub fn encode(pixels: &[Pixel], width: usize) -> Vec<u8> {
         }
     }
     let [green, red, blue, alpha] = counts.map(|counts| bits.code(&counts));
-    bits.only_symbol(LEFT);
+    bits.only_symbol(LEFT_SYMBOL);
     for Run { pixel: [r, g, b, a], again } in runs(&residuals) {
         bits.symbols(green[usize::from(g)], red[usize::from(r)]);
         bits.symbols(blue[usize::from(b)], alpha[usize::from(a)]);
@@ -66,11 +66,11 @@ pub fn encode(pixels: &[Pixel], width: usize) -> Vec<u8> {
 /// Channels in the order of their codes.
 const CHANNELS: [usize; 4] = [1, 0, 2, 3];
 /// Symbols of lengths of runs.
-const LENGTHS: usize = 24;
+const LENGTH_SYMBOLS: usize = 24;
 /// Longest run of one symbol.
-const LONGEST: usize = 4096;
+const MAX_RUN: usize = 4096;
 /// The symbol of the distance of one pixel to the left.
-const LEFT: u8 = 1;
+const LEFT_SYMBOL: u8 = 1;
 
 /// A file around the stream.
 fn container(stream: &[u8]) -> Vec<u8> {
@@ -86,22 +86,22 @@ fn container(stream: &[u8]) -> Vec<u8> {
 
 /// The prediction that is subtracted from pixels.
 #[derive(Clone, Copy, Debug)]
-struct Change {
+struct Prediction {
     /// Green, from red and blue.
     from_green: bool,
     /// The pixel to the left; above in the first column.
     from_left: bool,
 }
 
-impl Change {
-    /// That with the least entropy, but for runs.
+impl Prediction {
+    /// Chooses the prediction with the least entropy, but for runs.
     fn best(pixels: &[Pixel]) -> Self {
         let all = [(false, false), (true, false), (false, true), (true, true)]
             .map(|(from_green, from_left)| Self { from_green, from_left });
-        let cost = |change: &Self| -> f64 {
+        let cost = |prediction: &Self| -> f64 {
             let mut counts = [[0u32; 256]; 4];
             for pair in pixels.windows(2) {
-                let residual = change.of(pair[1], pair[0]);
+                let residual = prediction.subtract(pair[1], pair[0]);
                 (0..4).for_each(|k| counts[k][usize::from(residual[k])] += 1);
             }
             let bits = |count: &u32| f64::from(*count) * f64::from((*count).max(1)).log2();
@@ -109,12 +109,12 @@ impl Change {
         };
         // The first of equals, which unpacks fastest.
         all.into_iter()
-            .map(|change| (cost(&change), change))
+            .map(|prediction| (cost(&prediction), prediction))
             .reduce(|a, b| if b.0 < a.0 { b } else { a })
             .map_or(all[0], |best| best.1)
     }
 
-    fn of(self, pixel: Pixel, before: Pixel) -> Pixel {
+    fn subtract(self, pixel: Pixel, before: Pixel) -> Pixel {
         let plain = |[r, g, b, a]: Pixel| {
             if self.from_green { [r.wrapping_sub(g), g, b.wrapping_sub(g), a] } else { [r, g, b, a] }
         };
@@ -128,7 +128,7 @@ impl Change {
             _ if index.is_multiple_of(width) => pixels[index - width],
             _ => pixels[index - 1],
         };
-        self.of(pixels[index], before)
+        self.subtract(pixels[index], before)
     }
 }
 
@@ -143,7 +143,7 @@ fn runs(pixels: &[Pixel]) -> impl Iterator<Item = Run> {
     let mut left = pixels;
     std::iter::from_fn(move || {
         let (pixel, rest) = left.split_first()?;
-        let again = rest.iter().take(LONGEST).take_while(|next| *next == pixel).count();
+        let again = rest.iter().take(MAX_RUN).take_while(|next| *next == pixel).count();
         left = &rest[again..];
         Some(Run { pixel: *pixel, again })
     })
@@ -232,10 +232,10 @@ impl Bits {
         self.push(0, 1);
         self.push(19 - 4, 4);
         /// The order in which the format has the lengths of tokens.
-        const ORDER: [usize; 19] = [17, 18, 0, 1, 2, 3, 4, 5, 16, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
+        const TOKEN_ORDER: [usize; 19] = [17, 18, 0, 1, 2, 3, 4, 5, 16, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
         // An only token has length 1 here, and then takes no bits.
         let said = |token: usize| token_lengths[token].max(u8::from(token_counts[token] > 0));
-        ORDER.iter().for_each(|token| self.push(u32::from(said(*token)), 3));
+        TOKEN_ORDER.iter().for_each(|token| self.push(u32::from(said(*token)), 3));
         // Lengths of all symbols follow.
         self.push(0, 1);
         let code = canonical(&token_lengths);

@@ -37,7 +37,7 @@ pub(in crate::formats) struct Steps {
 }
 
 impl Steps {
-    pub fn for_means(means: &[[f32; 3]]) -> Self {
+    pub(crate) fn for_means(means: &[[f32; 3]]) -> Self {
         let (mut mins, mut maxs) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for mean in means {
             for k in 0..3 {
@@ -63,7 +63,7 @@ impl Steps {
         (0..3).map(along).fold(0.0, f64::max)
     }
 
-    pub fn of(&self, mean: [f32; 3]) -> [u16; 3] {
+    pub(crate) fn of(&self, mean: [f32; 3]) -> [u16; 3] {
         std::array::from_fn(|k| ranged(Self::curved(mean[k]), self.mins[k], self.maxs[k], 65_535) as u16)
     }
 }

@@ -47,7 +47,7 @@ impl<'a> Archive<'a> {
     ///
     /// # Errors
     /// If there is none, as at the end of a cut file.
-    pub fn new(bytes: &'a [u8]) -> Result<Self, Problem> {
+    pub(crate) fn new(bytes: &'a [u8]) -> Result<Self, Problem> {
         let entries = directory(bytes)
             .ok_or_else(|| Problem::Cut("the ZIP: its directory is not at the end".into()))?;
         Ok(Self { bytes, entries })
@@ -57,7 +57,7 @@ impl<'a> Archive<'a> {
     ///
     /// # Errors
     /// If it is packed in another way, cut or damaged.
-    pub fn file(&self, name: &str) -> Result<Option<Vec<u8>>, Problem> {
+    pub(crate) fn file(&self, name: &str) -> Result<Option<Vec<u8>>, Problem> {
         let Some(entry) = self.entries.iter().find(|entry| entry.name == name.as_bytes()) else {
             return Ok(None);
         };
@@ -133,7 +133,7 @@ pub(crate) struct Writer<'a> {
 
 impl<'a> Writer<'a> {
     /// Begins an archive.
-    pub fn new(out: &'a mut dyn Write) -> Self {
+    pub(crate) fn new(out: &'a mut dyn Write) -> Self {
         Self { out, central: Vec::new(), at: 0, count: 0 }
     }
 
@@ -141,7 +141,7 @@ impl<'a> Writer<'a> {
     ///
     /// # Errors
     /// If `out` fails or an archive cannot hold so much.
-    pub fn add(&mut self, name: &str, bytes: &[u8]) -> Result<(), Problem> {
+    pub(crate) fn add(&mut self, name: &str, bytes: &[u8]) -> Result<(), Problem> {
         /// 1980-01-01 00:00.
         const TIME: [u8; 4] = [0, 0, 0x21, 0];
         let size = bytes.len() as u64;
@@ -176,7 +176,7 @@ impl<'a> Writer<'a> {
     ///
     /// # Errors
     /// If `out` fails.
-    pub fn finish(self) -> Result<(), Problem> {
+    pub(crate) fn finish(self) -> Result<(), Problem> {
         self.out.write_all(&self.central)?;
         let count = self.count.to_le_bytes();
         let mut end = END.to_le_bytes().to_vec();

@@ -8,11 +8,9 @@ fn small(format: &SceneFormat) -> Option<(PathBuf, Vec<u8>, Scene)> {
     let folder = tempdir().unwrap();
     let path = folder.path().join(format!("a.{ending}"));
     write_scene(&path, &plausible(3, 1)).unwrap();
-    let (bytes, scene) = (
-        fs::read(&path).unwrap(),
-        read_scene(&path, &ReadOptions { sidecar: Sidecar::Ignore, ..Default::default() }),
-    );
-    Some((format!("a.{ending}").into(), bytes, scene.unwrap()))
+    let (name, bytes) = (PathBuf::from(format!("a.{ending}")), fs::read(&path).unwrap());
+    let scene = read_bytes(&name, &bytes).unwrap();
+    Some((name, bytes, scene))
 }
 
 fn read_bytes(name: &Path, bytes: &[u8]) -> Result<Scene, FormatError> {

@@ -63,7 +63,7 @@ struct Errors {
     /// Degrees.
     rotation: f32,
     opacity: f64,
-    /// Of the colour of degree 0 as it is shown.
+    /// Tolerance of the colour of degree 0 as it is shown.
     color: f32,
     sh: f32,
 }
@@ -187,12 +187,12 @@ fn every_format_gives_back_what_it_states() {
             assert_eq!(back.splats.len(), 700);
             assert_eq!(back.splats.sh_degree, degree.min(format.loses.sh_degree));
             let order = match format.loses.order {
-                Kept::Not if format.name == "ksplat" => ksplat::order(&scene.splats),
-                Kept::Not if format.name.starts_with("SOG") => {
+                Retention::Not if format.name == "ksplat" => ksplat::order(&scene.splats),
+                Retention::Not if format.name.starts_with("SOG") => {
                     let steps = sog::Steps::for_means(&scene.splats.means);
                     sog::order(&scene.splats.means.iter().map(|mean| steps.of(*mean)).collect::<Vec<_>>())
                 }
-                Kept::Not => morton::order(&scene.splats.means),
+                Retention::Not => morton::order(&scene.splats.means),
                 _ => (0..700).collect(),
             };
             let names = if format.name.starts_with("SOG") { Names::Lost } else { Names::Kept };

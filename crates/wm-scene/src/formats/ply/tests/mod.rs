@@ -25,7 +25,7 @@ fn read_bytes(bytes: &[u8]) -> Result<Scene, FormatError> {
     read_scene_from(Path::new("a.ply"), bytes, Some(bytes.len() as u64))
 }
 
-/// The same bytes with no length to check a count against.
+/// Reads the bytes with no length to check a count against.
 fn read_pipe(bytes: &[u8]) -> Result<Scene, FormatError> {
     read_scene_from(Path::new("a.ply"), bytes, None)
 }
