@@ -188,13 +188,9 @@ impl Panorama {
         }
     }
 
-    /// The same for one direction given along the axes, in f64.
-    pub(crate) fn reference(
-        &self,
-        pixel: f64,
-        [forward, right, up]: [f64; 3],
-        below: LowerHemisphere,
-    ) -> [f64; 3] {
+    /// Looks up one direction given along the axes, in f64.
+    pub(crate) fn reference(&self, pixel: f64, direction: [f64; 3], below: LowerHemisphere) -> [f64; 3] {
+        let [forward, right, up] = direction;
         let is_haze = below == LowerHemisphere::Haze && up < 0.0;
         let height = if is_haze { -up } else { up };
         let u = 0.5 + right.atan2(forward) / std::f64::consts::TAU;
@@ -212,7 +208,8 @@ impl Panorama {
 }
 
 /// A display-referred colour in steps; what is beyond is clipped, what is no number is 0.
-fn steps([r, g, b]: [f32; 3]) -> [u16; 4] {
+fn steps(rgb: [f32; 3]) -> [u16; 4] {
+    let [r, g, b] = rgb;
     [r, g, b, 0.0].map(|v| (v * STEPS).round() as u16)
 }
 

@@ -56,7 +56,7 @@ impl Fidelity {
 /// A weather: effects with their parameters over time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Weather {
-    /// Its name.
+    /// Name of the weather.
     pub name: String,
     /// A description in one line.
     pub about: String,
@@ -336,18 +336,19 @@ impl WeatherSample {
 }
 
 /// Speed of clouds over that of the wind at 10 m, and without any wind, m/s.
-const ALOFT: f64 = 1.6;
+const CLOUD_TO_WIND_SPEED: f64 = 1.6;
 const CLOUD_SPEED: f64 = 8.0;
 /// Depth of a flood, and of the water on wet ground, for the rings of drops, m.
-const DEEP: f64 = 1.0;
-const PUDDLE: f64 = 0.01;
+const FLOOD_DEPTH_M: f64 = 1.0;
+const PUDDLE_DEPTH_M: f64 = 0.01;
 /// Steps of the slope of what falls: the tangent of 3 degrees.
 const SLOPE: f64 = 0.052_4;
 /// Most that the wind slants the fall that shelter goes by, as a slope.
 const STEEPEST: f64 = 1.0;
 
 /// The sideways drift by a wind, m/s along [`level_axes`], for each metre of fall at `speed`, m/s.
-fn slant([x, y]: [f64; 2], speed: f64) -> [f64; 2] {
+fn slant(wind: [f64; 2], speed: f64) -> [f64; 2] {
+    let [x, y] = wind;
     let eased = 1f64.min(STEEPEST * speed / x.hypot(y));
     [x, y].map(|v| v * eased / speed)
 }
@@ -362,16 +363,16 @@ pub(crate) fn fall_of(wind: [f64; 2], speed: f64, up: [f64; 3]) -> [f64; 3] {
 }
 
 /// Fall speed of what lies later, m/s: that of flakes.
-const FLAKE: f64 = 1.0;
+const FLAKE_FALL_SPEED: f64 = 1.0;
 /// Share of what falls that a strong wind carries on along the ground.
-const MOVED: f64 = 0.6;
+const DRIFTING_SHARE: f64 = 0.6;
 
 /// From where a weather is seen.
 #[derive(Clone, Copy, Debug)]
 pub struct Observer<'a> {
     /// The camera.
     pub camera: &'a Camera,
-    /// Its velocity, m/s, world axes: what falls is streaked by it.
+    /// Velocity of the camera, m/s, world axes: what falls is streaked by it.
     pub velocity: [f64; 3],
     /// The map of sheltered places; `None` where it is not known.
     pub shelter: Option<&'a Shelter>,
@@ -441,8 +442,8 @@ pub struct PreparedWeather {
 
 impl PreparedWeather {
     /// The sky behind the scene, if the weather sets one.
-    #[must_use]
-    pub fn dome(&self) -> Option<&Dome> {
+    #[cfg(test)]
+    pub(crate) fn dome(&self) -> Option<&Dome> {
         self.dome.as_ref()
     }
 
@@ -480,7 +481,7 @@ impl PreparedWeather {
         let sun = change.open.as_ref().filter(|_| change.has_cloud_shadows).map(|open| open.sun);
         let clouds = sun.map(|sun| {
             // Clouds go faster than the air near the ground, and go on where no wind is asked for.
-            let [x, y] = self.wind_now.drift.map(|v| v * ALOFT);
+            let [x, y] = self.wind_now.drift.map(|v| v * CLOUD_TO_WIND_SPEED);
             let drift = if self.wind_now.mean == [0.0; 2] { [CLOUD_SPEED * self.time, 0.0] } else { [x, y] };
             let center = camera.center().to_array();
             CloudShadows::new(change.clouds, sun, drift, center, 0, &self.site)
@@ -514,7 +515,7 @@ impl PreparedWeather {
     /// replaces the ratios of extinction and backscatter of all that floats, sr.
     #[must_use]
     pub fn infrared_air(&self, wavelength: f64, lidar_ratio: Option<f64>) -> InfraredAir {
-        InfraredAir::new(&self.floating, &self.falling, (wavelength, lidar_ratio), &self.site)
+        InfraredAir::new(&self.floating, &self.falling, wavelength, lidar_ratio, &self.site)
     }
 
     /// Returns what falls in front of a view of a sensor that takes no picture, `after` seconds
@@ -525,16 +526,20 @@ impl PreparedWeather {
     pub fn near_particles(
         &self,
         path: SimdPath,
-        (view, shelter): (&ParticleView, Option<&Shelter>),
-        (after, duration): (f64, f64),
+        view: &ParticleView,
+        shelter: Option<&Shelter>,
+        after: f64,
+        duration: f64,
         reach: &dyn Fn(ParticleShape, f64) -> f64,
     ) -> Vec<NearParticle> {
         let [drift, wind] = [self.wind_now.drift, self.wind_now.wind];
         let drift = [0, 1].map(|k| drift[k] + wind[k] * after);
         let moved = WindSample { drift, ..self.wind_now };
-        let place = (&self.site, &self.air, shelter);
-        let at = (moved, self.time + after, duration);
-        self.falling.iter().flat_map(|kind| near::particles(path, view, kind, place, at, reach)).collect()
+        let time = self.time + after;
+        let of_kind = |kind| {
+            near::particles(path, view, kind, &self.site, &self.air, shelter, moved, time, duration, reach)
+        };
+        self.falling.iter().flat_map(of_kind).collect()
     }
 
     /// Returns the falling particles that a picture shows, as they are drawn, each with its
@@ -542,8 +547,8 @@ impl PreparedWeather {
     /// them.
     #[must_use]
     pub fn drawn_particles(&self, path: SimdPath, seen: &Observer<'_>) -> Vec<(Particle, [f64; 3])> {
-        let place = (&self.site, &self.air, self.wind_now, self.time);
-        self.falling.iter().flat_map(|kind| near::drawn(path, seen, kind, place)).collect()
+        let of_kind = |kind| near::drawn(path, seen, kind, &self.site, &self.air, self.wind_now, self.time);
+        self.falling.iter().flat_map(of_kind).collect()
     }
 
     /// The paper's rain and snow: overlaid on the picture that [`Self::with_hooks`] gives.
@@ -631,7 +636,7 @@ impl PreparedWeather {
         let rain = self.rain_rate();
         let (fetch, seed) = self.flood.map_or((0.0, 0), |flood| (flood.fetch, flood.seed));
         let (wind, time, strongest) = (self.wind_now.mean, self.time, self.strongest_wind);
-        let depth = if self.flood().is_some() { DEEP } else { PUDDLE };
+        let depth = if self.flood().is_some() { FLOOD_DEPTH_M } else { PUDDLE_DEPTH_M };
         let forces = WaterForces { wind, strongest, fetch, rain, depth, time, seed };
         WaterMotion::new(&forces).with_rills(puddles, time)
     }
@@ -676,8 +681,8 @@ impl PreparedWeather {
     #[must_use]
     pub fn airflow(&self) -> Airflow {
         let [x, y] = self.wind_now.mean;
-        let moved = MOVED * ((x.hypot(y) / self.carried).powi(3) - 1.0).clamp(0.0, 1.0);
-        Airflow { slope: self.slant(FLAKE), moved }
+        let moved = DRIFTING_SHARE * ((x.hypot(y) / self.carried).powi(3) - 1.0).clamp(0.0, 1.0);
+        Airflow { slope: self.slant(FLAKE_FALL_SPEED), moved }
     }
 
     /// Returns the paper's lying snow, if there is any: the same at all times.
@@ -688,8 +693,7 @@ impl PreparedWeather {
 
     /// Returns the sideways drift by the mean wind, for each metre of fall at `speed`, m/s, along
     /// [`level_axes`]: no more than 1, since eddies carry drops behind what a strong wind meets.
-    #[must_use]
-    pub fn slant(&self, speed: f64) -> [f64; 2] {
+    pub(crate) fn slant(&self, speed: f64) -> [f64; 2] {
         slant(self.wind_now.mean, speed)
     }
 
@@ -715,12 +719,17 @@ impl PreparedWeather {
         let seed = self.flood.map_or(0, |flood| flood.seed);
         let lamps = seen.lamps.filter(|lamps| !lamps.lights.is_empty());
         Some(SplashParticles::new(
-            (splash, rain, seed),
+            splash,
+            rain,
+            seed,
             &self.site,
             air,
-            (seen.shelter, lamps),
-            (seen.splashes, plane),
-            (self.wind_now, seen.velocity),
+            seen.shelter,
+            lamps,
+            seen.splashes,
+            plane,
+            self.wind_now,
+            seen.velocity,
             self.time,
         ))
     }
@@ -749,13 +758,13 @@ impl PreparedWeather {
         });
         pixels.extend(glow.as_ref().map(|glow| glow as &dyn PixelEffect));
         pixels.extend(grade.map(|grade| grade as &dyn PixelEffect));
-        let motion = (self.wind_now, seen.velocity);
+        let (wind, velocity) = (self.wind_now, seen.velocity);
         let falls: Vec<FallingParticles<'_>> = self
             .falling
             .iter()
             .map(|kind| {
                 let lamps = seen.lamps.filter(|lamps| !lamps.lights.is_empty());
-                FallingParticles::new(kind, &self.site, &air, (seen.shelter, lamps), motion, self.time)
+                FallingParticles::new(kind, &self.site, &air, seen.shelter, lamps, wind, velocity, self.time)
             })
             .collect();
         let splashes = self.splashes(seen, &air);

@@ -374,8 +374,8 @@ impl MissingAssets {
         });
         let wet = ground.as_ref().filter(|_| self.wet).zip(capture).map(|((found, water), capture)| {
             progress.begin("finding what gets wet", None);
-            let about = (water, path, is_up_known);
-            let wet = WetSurfaces::of(&scene.splats, found, capture, about, &site, threads);
+            let wet =
+                WetSurfaces::of(&scene.splats, found, capture, water, path, is_up_known, &site, threads);
             progress.end();
             cache.put(&AssetFile::Wet, &wet);
             Arc::new(wet)

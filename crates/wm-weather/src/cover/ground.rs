@@ -53,13 +53,13 @@ const LEDGE_CELLS: f32 = 6.0;
 const LEDGE_BELOW: f32 = 0.5;
 /// Cosine of the normal below which only the underside has been seen: the top is not known.
 const CEILING: f32 = -0.25;
-/// The same of what a camera saw that is too steep: 60 degrees.
+/// Cosine of the normal below which a surface that a camera saw is too steep: 60 degrees.
 const STEEP_SEEN: f32 = 0.5;
 /// The least of what none saw, and the share of a field that must belong to it.
 const LEVEL_UNSEEN: f32 = 0.7;
 const WHOLE: f32 = 0.9;
 /// Distance, cells, and directions in which higher surfaces are looked for.
-const AROUND: [i64; 4] = [1, 2, 4, 8];
+const LEDGE_DISTANCES_CELLS: [i64; 4] = [1, 2, 4, 8];
 const WAYS_ROUND: [[i64; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
 /// Distance to which a plain goes on about each of its nodes, m, but one cell at least.
 const PLAIN: f32 = 0.5;
@@ -68,7 +68,7 @@ const PLAIN: f32 = 0.5;
 /// cosine between up and the normals of its splats below which it is.
 const ABOUT_CROWN: [f32; 4] = [0.5, 1.0, 2.0, 3.0];
 const CROWN_STANDS: f32 = 0.5;
-const LEAVES: [(usize, f32); 2] = [(3, 0.6), (5, 0.85)];
+const CROWN_RINGS: [(usize, f32); 2] = [(3, 0.6), (5, 0.85)];
 /// Least standard deviation of the cosine between up and the normals of leaves. It is 0.29 where
 /// they point everywhere; on both sides of a roof the cosine is the same.
 const LEAVES_SPREAD: f32 = 0.15;
@@ -77,40 +77,40 @@ const LEAVES_SPREAD: f32 = 0.15;
 const ON_LEAVES: f32 = 0.08;
 const CLUMPS: [f32; 2] = [0.25, 0.45];
 /// Mean flatness of splats from which that counts: 0 for balls to 1.
-const KNOWN: f32 = 0.3;
+const MIN_FLATNESS: f32 = 0.3;
 /// Distance from a surface within which splats belong to it, m, but so many cells at least.
-const OWN: f32 = 0.12;
+const SURFACE_THICKNESS_M: f32 = 0.12;
 const OWN_CELLS: f32 = 0.3;
 /// The four ways from a cell.
 pub(super) const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 /// Splats that one thread takes at once.
 const CHUNK: usize = 1 << 12;
 /// No node.
-const NONE: u32 = u32::MAX;
+const NO_NODE: u32 = u32::MAX;
 
 /// Nodes, cell by cell in rows, the uppermost of a cell first.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct GroundGrid {
+pub(crate) struct GroundGrid {
     pub(super) places: HeightLayers,
     /// Columns and rows.
-    pub size: [usize; 2],
+    pub(crate) size: [usize; 2],
     /// Width of a cell, m.
-    pub cell: f32,
+    pub(crate) cell: f32,
     /// Height from which a step to the side is an edge and no slope, m.
     pub(super) edge: f32,
     /// The first node of each cell, and behind the last cell their number.
     start: Vec<u32>,
     cells: Vec<u32>,
     /// m.
-    pub height: Vec<f32>,
+    pub(crate) height: Vec<f32>,
     /// The plane through each node: its slope along columns and rows.
-    pub slope: Vec<[f32; 2]>,
+    pub(crate) slope: Vec<[f32; 2]>,
     /// Share of the fall that reaches it and stays at first, 0 and more.
-    pub share: Vec<f32>,
+    pub(crate) share: Vec<f32>,
     /// Share of the sky that it sees, 0-1.
-    pub open: Vec<f32>,
+    pub(crate) open: Vec<f32>,
     /// Light, 0 in the shade to 1 in the open.
-    pub shade: Vec<f32>,
+    pub(crate) shade: Vec<f32>,
     /// Mean cosine of the splats' normals with up; NaN where none is known.
     pub(super) facing: Vec<f32>,
     /// True if that is known from a camera, and if any node's is.
@@ -118,14 +118,15 @@ pub struct GroundGrid {
     is_scan: bool,
     /// Amount that does not stay since the ground is too steep, or that is blown off the grid: a
     /// share of the fall on one cell.
-    pub shed: f64,
+    pub(crate) shed: f64,
     /// Along [`WAYS`], where the node's surface goes on.
     beside: Vec<[u32; 4]>,
-    /// The same, or where what falls over its edge lands.
+    /// Along [`WAYS`], the next node of the surface, or the node on which what falls over its edge
+    /// lands.
     next: Vec<[u32; 4]>,
-    /// Those that an inner ground has.
+    /// True for nodes that an inner ground covers too.
     is_inner: Vec<bool>,
-    /// Those about which nothing stands higher and nothing drops off.
+    /// True for nodes about which nothing stands higher and nothing drops off.
     is_plain: Vec<bool>,
     /// Share of what leaves of crowns can hold that they do hold, 0-1; NaN where there are none.
     clumps: Vec<f32>,
@@ -140,7 +141,7 @@ pub(crate) struct FarFloor {
 
 impl FarFloor {
     /// Finds the level surfaces of a scene.
-    pub fn of(scan: &FusedSurfaces<'_>, site: &Site, threads: usize) -> Self {
+    pub(crate) fn of(scan: &FusedSurfaces<'_>, site: &Site, threads: usize) -> Self {
         let options = ShelterOptions { cell: FAR_CELL, most_cells: FAR_CELLS, ..ShelterOptions::default() };
         let occluders = Occluders::of(&scan.splats, site, &options);
         let (grid, _) = GroundGrid::of(scan, &occluders, None, threads);
@@ -149,7 +150,7 @@ impl FarFloor {
 
     /// Returns true if a point (world, scene units) lies in the level surface of its cell, as rough
     /// as that is captured.
-    pub fn holds(&self, point: [f64; 3]) -> bool {
+    pub(crate) fn holds(&self, point: [f64; 3]) -> bool {
         self.height(point).is_some_and(|above| above.abs() < ON_FLOOR)
     }
 
@@ -166,7 +167,7 @@ impl GroundGrid {
     pub(super) fn is_consistent(&self, splats: usize) -> bool {
         let nodes = self.height.len();
         let Some(cells) = self.size[0].checked_mul(self.size[1]) else { return false };
-        let is_node = |other: &u32| *other == NONE || (*other as usize) < nodes;
+        let is_node = |other: &u32| *other == NO_NODE || (*other as usize) < nodes;
         let lengths = [
             self.cells.len(),
             self.slope.len(),
@@ -325,15 +326,8 @@ impl GroundGrid {
     }
 
     /// Number of nodes.
-    #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.height.len()
-    }
-
-    /// Returns true if there is no surface at all.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.height.is_empty()
     }
 
     /// The nodes of a cell, the uppermost first.
@@ -375,7 +369,8 @@ impl GroundGrid {
     }
 
     /// Height of a node's surface at a place (columns, rows) in its cell, m.
-    pub(super) fn height_at(&self, node: usize, [x, y]: [f64; 2]) -> f32 {
+    pub(super) fn height_at(&self, node: usize, point: [f64; 2]) -> f32 {
+        let [x, y] = point;
         let ([column, row], [a, b]) = (self.place(node), self.slope[node]);
         if self.is_steep(node) {
             return self.height[node];
@@ -386,12 +381,12 @@ impl GroundGrid {
 
     /// The nodes beside it along [`WAYS`] on its surface: those that no edge parts from it.
     pub(super) fn beside(&self, node: usize) -> [Option<usize>; 4] {
-        self.beside[node].map(|other| (other != NONE).then_some(other as usize))
+        self.beside[node].map(|other| (other != NO_NODE).then_some(other as usize))
     }
 
-    /// The same; where the surface ends, what lies below.
+    /// The neighbours of a node on its own surface; where that ends, the node below.
     pub(super) fn next(&self, node: usize) -> [Option<usize>; 4] {
-        self.next[node].map(|other| (other != NONE).then_some(other as usize))
+        self.next[node].map(|other| (other != NO_NODE).then_some(other as usize))
     }
 
     /// The uppermost node of the next cell that is open to the sky and lies below a height, m.
@@ -442,7 +437,7 @@ impl GroundGrid {
             self.nodes_of(cell).next().is_some_and(|upper| (self.height[upper] - plane).abs() < self.edge)
         };
         let cells = (PLAIN / self.cell).max(1.0) as i64;
-        let mut around = AROUND.into_iter().filter(|far| *far <= cells);
+        let mut around = LEDGE_DISTANCES_CELLS.into_iter().filter(|far| *far <= cells);
         let is_uppermost = self.nodes_of(self.cells[node] as usize).start == node;
         is_uppermost
             && !self.is_steep(node)
@@ -468,7 +463,7 @@ impl GroundGrid {
         let sides = WAYS_ROUND.iter().filter(drops).count();
         // Surfaces without a known facing are leaves as well.
         let faces_less = |most: f32| self.facing[node].is_nan() || self.facing[node] < most;
-        LEAVES.into_iter().any(|(least, most)| sides >= least && faces_less(most))
+        CROWN_RINGS.into_iter().any(|(least, most)| sides >= least && faces_less(most))
     }
 
     /// Finds the share of what leaves can hold that those of a node do; NaN where there are none.
@@ -496,10 +491,12 @@ impl GroundGrid {
     /// below its top.
     fn is_overlooked(&self, node: usize) -> bool {
         let ([column, row], height) = (self.place(node), self.height[node] + self.edge);
-        AROUND.into_iter().flat_map(|far| WAYS_ROUND.map(|[x, y]| [far * x, far * y])).any(|[x, y]| {
-            let upper = self.cell_of(column + x, row + y).and_then(|cell| self.nodes_of(cell).next());
-            upper.is_some_and(|upper| self.height[upper] > height)
-        })
+        LEDGE_DISTANCES_CELLS.into_iter().flat_map(|far| WAYS_ROUND.map(|[x, y]| [far * x, far * y])).any(
+            |[x, y]| {
+                let upper = self.cell_of(column + x, row + y).and_then(|cell| self.nodes_of(cell).next());
+                upper.is_some_and(|upper| self.height[upper] > height)
+            },
+        )
     }
 
     /// Lets nothing lie on small surfaces beside which something stands higher: they are lumps that
@@ -560,7 +557,7 @@ impl GroundGrid {
         value: impl Fn(usize) -> [f32; N] + Sync,
         threads: usize,
     ) -> Vec<[f32; N]> {
-        let own = OWN.max(OWN_CELLS * self.cell);
+        let own = SURFACE_THICKNESS_M.max(OWN_CELLS * self.cell);
         let of = |index: usize| {
             if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
                 return None;
@@ -610,7 +607,7 @@ impl GroundGrid {
         for _ in 0..2 {
             sums = map(self.len(), threads, |node| self.mean_about(node, |other| Some(sums[other])));
         }
-        let least = if self.is_scan { KNOWN } else { 0.0 };
+        let least = if self.is_scan { MIN_FLATNESS } else { 0.0 };
         let known = |[sum, squares, weight]: [f32; 3]| {
             let mean = sum / weight;
             if weight > least {
@@ -678,5 +675,5 @@ impl GroundGrid {
 
 /// A node that there may be, as it is kept.
 fn number(node: Option<usize>) -> u32 {
-    node.map_or(NONE, |node| node as u32)
+    node.map_or(NO_NODE, |node| node as u32)
 }

@@ -48,7 +48,7 @@ fn yard(ground: &GroundGrid) -> f64 {
 
 /// Mean depth over a field of the uppermost surface between two heights.
 fn mean(cover: &Cover, lying: &LyingCover, x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> f64 {
-    let ground = &cover.rings()[0];
+    let ground = &cover.rings[0];
     let (mut sum, mut count) = (0.0, 0);
     for node in 0..lying.settled[0].depth.len() {
         let [column, row] = ground.place(node).map(|v| v as f64 + 0.5);
@@ -67,7 +67,7 @@ fn mean(cover: &Cover, lying: &LyingCover, x: [f64; 2], y: [f64; 2], z: [f64; 2]
 fn roofs_are_covered_and_what_is_below_is_bare() {
     let splats = porch();
     let mut cover = cover_of(&splats, &Airflow::default(), [5.0, 4.0, 0.0]);
-    let lying = cover.lay(&CoverRequest { depth: 0.1, repose: 0.84, ..ASKED });
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.84, ..ASKED }]);
     let open = mean(&cover, &lying, [1.0, 3.0], [1.0, 7.0], [-0.2, 0.2]);
     let roof = mean(&cover, &lying, [4.5, 6.5], [3.5, 5.5], [2.3, 2.7]);
     let below = mean(&cover, &lying, [5.0, 6.0], [4.0, 5.0], [-0.2, 0.2]);
@@ -75,7 +75,7 @@ fn roofs_are_covered_and_what_is_below_is_bare() {
     assert!((open / 0.1 - 1.0).abs() < 0.03 && (roof / 0.1 - 1.0).abs() < 0.03, "{open} {roof}");
     assert!(below < 0.005, "{below}");
     // What fell lies.
-    let fell: f64 = cover.rings()[0].share.iter().map(|v| f64::from(*v) * 0.1).sum();
+    let fell: f64 = cover.rings[0].share.iter().map(|v| f64::from(*v) * 0.1).sum();
     let lies: f64 = lying.settled[0].depth.iter().map(|v| f64::from(*v)).sum();
     assert!(
         ((lies + lying.settled[0].lost) / fell - 1.0).abs() < 1e-3,
@@ -93,7 +93,7 @@ fn a_pit_fills_to_its_rim() {
         place.surface(at, DVec3::X * wide, DVec3::Y * 8.0, 0.03, |_, _| [0.4; 3]);
     }
     let cover = cover_of(&place.build(), &Airflow::default(), [3.0, 4.0, 0.0]);
-    let ground = &cover.rings()[0];
+    let ground = &cover.rings[0];
     let z = |node: usize| {
         let at = ground.place(node).map(|v| v as f64 + 0.5);
         ground.places.point(at, f64::from(ground.height[node]))[2]
@@ -115,9 +115,9 @@ fn ground_is_buried_across_the_end_of_a_ring() {
     place.surface(DVec3::ZERO, DVec3::X * 34.0, DVec3::Y * 8.0, 0.2, |_, _| [0.4; 3]);
     let splats = place.build();
     let mut cover = cover_of(&splats, &Airflow::default(), [17.0, 4.0, 0.0]);
-    assert!(cover.rings().len() > 1, "the field fits one ring");
-    let lying = cover.lay(&CoverRequest { depth: 0.15, ..ASKED });
-    let places = &cover.rings()[0].places;
+    assert!(cover.rings.len() > 1, "the field fits one ring");
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.15, ..ASKED }]);
+    let places = &cover.rings[0].places;
     let ends = [0.0, places.size()[0] as f64].map(|column| places.point([column, 0.0], 0.0)[0] as f32);
     assert!(ends.iter().all(|end| (1.0..33.0).contains(end)), "{ends:?}");
     let at_an_end = |index: &usize| {
@@ -139,8 +139,8 @@ fn leaves_of_a_crown_hold_little_in_clumps() {
     place.surface(DVec3::ZERO, DVec3::X * 10.0, DVec3::Y * 8.0, 0.05, |_, _| [0.4; 3]);
     place.leaves(DVec3::new(5.0, 4.0, 2.5), 1.2, 6000, [0.1, 0.4, 0.1]);
     let mut cover = cover_of(&place.build(), &Airflow::default(), [5.0, 4.0, 0.0]);
-    let lying = cover.lay(&CoverRequest { depth: 0.3, ..ASKED });
-    let ground = &cover.rings()[0];
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.3, ..ASKED }]);
+    let ground = &cover.rings[0];
     let depths: Vec<f32> = (0..ground.len())
         .filter(|node| ground.is_crown(*node) && ground.share[*node] > 0.5)
         .map(|node| lying.settled[0].depth[node])
@@ -176,7 +176,7 @@ fn a_steep_roof_is_no_crown() {
         |_, _| [0.4; 3],
     );
     let cover = cover_of(&place.build(), &Airflow::default(), [6.0, 4.0, 0.0]);
-    let ground = &cover.rings()[0];
+    let ground = &cover.rings[0];
     let high = (0..ground.len()).filter(|node| ground.height[*node] > 0.6).count();
     let leaves = (0..ground.len()).filter(|node| ground.is_crown(*node)).count();
     assert!(high > 100 && leaves * 100 <= high, "{leaves} of leaves, {high} of the roof");
@@ -218,7 +218,13 @@ fn snow_closes_over_rough_ground_and_posts_stick_out() {
     let scan = FusedSurfaces::from_views(&splats, &views, &SITE, 2);
     let mut cover = Cover::of(&splats, &scan, &SITE, &Airflow::default(), [[0.0; 3]; 2], 2);
     let hidden = |cover: &mut Cover, depth: f64| -> Vec<f32> {
-        cover.lay(&CoverRequest { depth, ..ASKED }).buried.factors().iter().map(|seen| 1.0 - seen).collect()
+        cover
+            .lay_all(&[CoverRequest { depth, ..ASKED }])
+            .buried
+            .factors()
+            .iter()
+            .map(|seen| 1.0 - seen)
+            .collect()
     };
     let snow = hidden(&mut cover, 0.1);
     let far = |index: &usize| (splats.means[*index][0] - 1.5).hypot(splats.means[*index][1] - 1.5) > 1.0;
@@ -292,8 +298,8 @@ fn the_street_is_covered_where_it_is_open() {
     let place = Street::builtin();
     let splats = street(&place);
     let mut cover = cover_of(&splats, &Airflow::default(), [-5.0, 37.0, 0.0]);
-    let lying = cover.lay(&CoverRequest { depth: 0.1, repose: 0.9, ..ASKED });
-    let ground = &cover.rings()[0];
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.9, ..ASKED }]);
+    let ground = &cover.rings[0];
     // Depth on the surface of a point: within 6 cm of it in height.
     let depth = |at: DVec3| {
         let (place, height) = ground.places.locate(at.to_array());
@@ -353,7 +359,7 @@ fn the_lee_of_a_house_holds_less() {
     let splats = place.build();
     // 5 m/s, and flakes at 1 m/s: no flatter than 45 degrees, towards x.
     let mut cover = cover_of(&splats, &slanted([1.0, 0.0]), [7.0, 4.0, 0.0]);
-    let lying = cover.lay(&CoverRequest { depth: 0.1, repose: 0.84, ..ASKED });
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.84, ..ASKED }]);
     let side = |x: [f64; 2]| mean(&cover, &lying, x, [3.5, 4.5], [-0.2, 0.2]);
     let (windward, lee, open) = (side([3.6, 4.6]), side([7.3, 8.3]), side([1.0, 3.0]));
     println!("windward {windward:.4}, lee {lee:.4}, open {open:.4}");
@@ -369,9 +375,9 @@ fn what_falls_is_what_lies() {
         let (slope, moved) = flow;
         let splats = porch();
         let mut cover = cover_of(&splats, &Airflow { slope, moved }, [5.0, 4.0, 0.0]);
-        let lying =
-            cover.lay(&CoverRequest { thaw: (melted > 0.0).then(|| Thaw::of(0.1, melted, 0.0)), ..ASKED });
-        let ground = &cover.rings()[0];
+        let lying = cover
+            .lay_all(&[CoverRequest { thaw: (melted > 0.0).then(|| Thaw::of(0.1, melted, 0.0)), ..ASKED }]);
+        let ground = &cover.rings[0];
         let cell = f64::from(ground.cell).powi(2);
         let lies: f64 = lying.settled[0].depth.iter().map(|d| f64::from(*d) * cell).sum();
         let gone = lying.melted[0] * cell;
@@ -393,7 +399,7 @@ fn snow_drifts_behind_a_wall() {
     let side = |moved: f64, x: [f64; 2]| {
         let airflow = Airflow { slope: [0.3, 0.0], moved };
         let mut cover = cover_of(&splats, &airflow, [10.0, 3.0, 0.0]);
-        let lying = cover.lay(&ASKED);
+        let lying = cover.lay_all(&[ASKED]);
         mean(&cover, &lying, x, [2.5, 3.5], [-0.2, 0.2])
     };
     let (before, lee, far) = (side(0.5, [4.0, 6.0]), side(0.5, [9.0, 11.0]), side(0.5, [16.0, 18.0]));
@@ -422,7 +428,7 @@ fn wet_snow_sticks_to_the_windward_wall() {
     };
     let on_walls = |slope: [f64; 2], wet_fall: f64| {
         let mut cover = cover_of(&splats, &slanted(slope), [7.0, 4.0, 0.0]);
-        sides(&cover.lay(&CoverRequest { wet_fall, ..ASKED }).splats)
+        sides(&cover.lay_all(&[CoverRequest { wet_fall, ..ASKED }]).splats)
     };
     let [windward, lee] = on_walls([1.0, 0.0], 0.05);
     println!("{windward} on the windward wall, {lee} in the lee");
@@ -433,8 +439,8 @@ fn wet_snow_sticks_to_the_windward_wall() {
     let mut wide = splats.clone();
     wide.append(&far.build());
     let mut cover = cover_of(&wide, &slanted([1.0, 0.0]), [7.0, 4.0, 0.0]);
-    assert!(cover.rings().last().unwrap().cell > 0.5);
-    let [windward, lee] = sides(&cover.lay(&CoverRequest { wet_fall: 0.05, ..ASKED }).splats);
+    assert!(cover.rings.last().unwrap().cell > 0.5);
+    let [windward, lee] = sides(&cover.lay_all(&[CoverRequest { wet_fall: 0.05, ..ASKED }]).splats);
     assert!(windward > 300 && lee < 30, "{windward} {lee}");
     // Of dry snow hardly any is on walls, and without wind no more of wet.
     let dry = [on_walls([1.0, 0.0], 0.0), on_walls([0.0, 0.0], 0.0)];
@@ -463,12 +469,12 @@ fn water_is_kept_over_time() {
     // 2 h of 2 mm before, then up to 4 and down to 0, by hand.
     for (time, fell) in [(-1.0, 2.0), (0.0, 4.0), (4.0, 16.0), (6.0, 20.0), (9.0, 20.0)] {
         let sky = weather.at(time).prepare(&SITE);
-        let lying = cover.lay(&sky.cover()[0]);
-        let area = f64::from(cover.rings()[0].cell).powi(2);
+        let lying = cover.lay_all(&sky.cover()[..1]);
+        let area = f64::from(cover.rings[0].cell).powi(2);
         let water = |depth: f64| depth * area * 300.0;
         let lies = water(lying.settled[0].depth.iter().map(|d| f64::from(*d)).sum());
         let (melted, shed) = (water(lying.melted[0]), water(lying.settled[0].lost));
-        let fell = fell * yard(&cover.rings()[0]);
+        let fell = fell * yard(&cover.rings[0]);
         let all = (lies + melted + shed) / fell;
         println!("{time} s: {lies:.1} kg lie, {melted:.1} have melted, {shed:.1} slid off of {fell:.1}");
         assert!((all - 1.0).abs() < 0.01, "{time}: {all}");
@@ -479,7 +485,7 @@ fn water_is_kept_over_time() {
 #[test]
 fn nothing_lies_where_nothing_can() {
     let asked = CoverRequest { depth: 10.0, repose: 0.84, ..ASKED };
-    let lying = |splats: &Splats| cover_of(splats, &slanted([0.3, 0.0]), [0.0; 3]).lay(&asked);
+    let lying = |splats: &Splats| cover_of(splats, &slanted([0.3, 0.0]), [0.0; 3]).lay_all(&[asked]);
     let nothing = lying(&Splats::with_capacity(0, 0));
     assert!(nothing.splats.is_empty() && nothing.buried.factors().is_empty());
     // A wall, and a sky.
@@ -500,7 +506,7 @@ fn nothing_lies_where_nothing_can() {
 
 /// Mean depth of a layer over a strip of a yard.
 fn field(cover: &Cover, lying: &LyingCover, layer: usize, x: [f64; 2]) -> f64 {
-    let ground = &cover.rings()[0];
+    let ground = &cover.rings[0];
     let depth = &lying.settled[layer].depth;
     let is_in = |node: &usize| {
         let at = ground.point(*node);
@@ -535,7 +541,7 @@ fn the_shade_is_bare_later_and_new_snow_lies_again() {
     let splats = half_shaded();
     let mut cover = cover_of(&splats, &Airflow::default(), [6.0, 3.0, 0.0]);
     let shade = |from: f64, to: f64| {
-        let ground = &cover.rings()[0];
+        let ground = &cover.rings[0];
         let near = |node: &usize| (from..to).contains(&ground.point(*node)[0]);
         let nodes: Vec<usize> = (0..ground.len()).filter(near).collect();
         nodes.iter().map(|node| f64::from(ground.shade[*node])).sum::<f64>() / nodes.len() as f64
@@ -595,18 +601,18 @@ fn water_is_kept_through_thaws() {
         [(0.0, 4.0), (2.0, 12.0), (3.0, 14.0), (8.0, 14.0), (12.0, 14.0), (13.0, 16.0), (16.0, 28.0)]
     {
         let sky = weather.at(time).prepare(&SITE);
-        let lying = cover.lay(&sky.cover()[0]);
-        let area = f64::from(cover.rings()[0].cell).powi(2);
+        let lying = cover.lay_all(&sky.cover()[..1]);
+        let area = f64::from(cover.rings[0].cell).powi(2);
         let sum = |depth: &[f32]| depth.iter().map(|d| f64::from(*d)).sum::<f64>() * area * 300.0;
         let lies = sum(&lying.settled[0].depth);
         let [melted, shed] = [lying.melted[0], lying.settled[0].lost].map(|v| v * area * 300.0);
-        let all: f64 = cover.rings()[0].share.iter().map(|share| f64::from(*share) * area * fell).sum();
+        let all: f64 = cover.rings[0].share.iter().map(|share| f64::from(*share) * area * fell).sum();
         println!("{time} h: {lies:.1} kg lie, {melted:.1} melted, {shed:.1} shed of {all:.1}");
         assert!(((lies + melted + shed) / all - 1.0).abs() < 0.01, "{time}: {lies} {melted} {shed} {all}");
         // Counted from the places: each loses by its own light what can melt, as far as it has any.
         // Until then there were 26 degrees and hours, of which each melts 4 mm in a day.
         if time == 8.0 {
-            let ground = &cover.rings()[0];
+            let ground = &cover.rings[0];
             let melts = |node: usize| {
                 let can = 26.0 / 6.0 * f64::from(0.5 + 0.5 * ground.shade[node]);
                 can.min(fell * f64::from(ground.share[node])) * area
@@ -641,7 +647,7 @@ fn snow_lies_on_sand() {
     println!("sand and all: {counts:?}");
     assert_eq!((one, two, both), (1, 2, 2));
     assert!(counts[0].0 > 10_000 && counts[1].0 >= counts[0].0 && counts[2].0 < counts[0].0 / 10);
-    assert_eq!(bare.settled.len(), cover.rings().len());
+    assert_eq!(bare.settled.len(), cover.rings.len());
     // The snow is above the sand wherever it is drawn: both splats of a node are at one place.
     let heights = |lying: &LyingCover, is_sand: bool| -> Vec<f32> {
         let is = |rgb: &[f32]| (rgb[0] - rgb[2] > 0.2) == is_sand;
@@ -653,6 +659,6 @@ fn snow_lies_on_sand() {
     println!("sand at {low:.4} m, snow at {high:.4} m");
     assert!(high > low + 0.005 && high < low + 0.02);
     // Alone each is as it is without the other.
-    let alone = cover.lay(&weather(0.0).at(0.0).prepare(&SITE).cover()[0]);
+    let alone = cover.lay_all(&weather(0.0).at(0.0).prepare(&SITE).cover()[..1]);
     assert!(alone.splats == bare.splats && alone.buried == bare.buried);
 }

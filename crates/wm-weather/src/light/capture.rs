@@ -30,17 +30,17 @@ use wm_scene::color::luminance;
 use wm_scene::{Camera, Group, Splats};
 
 /// Distance within which a splat takes the light of a surface, m.
-const NEAR: f64 = 0.4;
-const FAR: f64 = 1.6;
+const NEAR_REACH_M: f64 = 0.4;
+const FAR_REACH_M: f64 = 1.6;
 /// Distance of the surfaces by which leaves are told, and the agreement of their normals, 0-1.
-const AROUND: f32 = 0.3;
+const LEAF_RADIUS_M: f32 = 0.3;
 const AGREED: f32 = 0.72;
 /// Excess of green over red and blue by which leaves and grass are told.
 pub(crate) const GREEN: f64 = 1.08;
 /// Least and greatest extent of a place whose light is split, m: others have a wrong scale.
 const EXTENTS: [f64; 2] = [0.01, 1e6];
 /// Distance between surfaces that are told apart, m.
-const THIN: f64 = 0.06;
+const SURFACE_SPACING_M: f64 = 0.06;
 /// Reflectance of surfaces in the mean; the brightness of white cards up to which they count as 1,
 /// since bright places are no courtyards; and the most that is believed.
 const MEAN_ALBEDO: f64 = 0.25;
@@ -56,7 +56,7 @@ const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun
 /// [`SplatLight::sun`] of a splat that sees all of the sun.
 const WHOLE: i16 = 10_000;
 /// Cosine of the sun's incidence on leaves, which turn to all sides.
-const LEAVES: f64 = 0.5;
+const LEAF_INCIDENCE: f64 = 0.5;
 /// Radius about a point over which the map is averaged, m, and radius within which all of it must
 /// be lit or all in shade to be believed, m: where more than [`AGREE`] of the pairs in sun and
 /// shade show it, and where fewer do.
@@ -78,7 +78,7 @@ const MOST_RATIO: f64 = 40.0;
 /// Least height of the sun that casts shadows by which the light is split, as a sine: 3 degrees.
 const LOWEST_SUN: f64 = 0.05;
 /// Contrast left across shadow edges, of that before, above which a capture keeps its shadows.
-pub const MOST_LEFT: f64 = 0.25;
+const MOST_LEFT: f64 = 0.25;
 
 /// The sun of a capture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -87,11 +87,11 @@ pub struct CaptureSun {
     pub direction: [f64; 3],
     /// Irradiance of a surface that faces it, over that of level ground under the whole sky, by
     /// channel.
-    pub ratio: [f64; 3],
+    pub(crate) ratio: [f64; 3],
     /// The share of the surfaces that look at it which see it.
-    pub lit: f64,
+    pub(crate) lit: f64,
     /// Contrast left across shadow edges after the split, of that before, 0-1.
-    pub contrast_left: f64,
+    pub(crate) contrast_left: f64,
 }
 
 /// Facts about the sun of the photos that are known before their shadows are asked.
@@ -112,7 +112,7 @@ pub struct CaptureLight {
     /// photos, the lack of any shadows.
     pub is_overcast: bool,
     /// The result of the search for the sun, if it was not known.
-    pub search: Option<FoundSun>,
+    pub(crate) search: Option<FoundSun>,
     /// The captured light; level ground in the open has an irradiance of luminance 1.
     pub light: SceneLight,
     /// Means over all surfaces, by which light returns.
@@ -161,7 +161,7 @@ struct MeanSurface {
 }
 
 impl MeanSurface {
-    /// Of surfaces, whose number is not 0.
+    /// Computes the mean over surfaces, of which there is at least one.
     fn of(surfaces: impl Iterator<Item = SurfaceLight>) -> Self {
         let unit = [1.0, 0.0, 0.0];
         let light = |sun: [f64; 3], level, rise| SceneLight { sun, sky: SkyGradation { level, rise } };
@@ -216,22 +216,23 @@ impl CaptureLight {
         if !(EXTENTS[0]..EXTENTS[1]).contains(&metres) {
             return Self::in_the_open(splats, site);
         }
-        let mut surfaces = fine.thinned((THIN / site.metres_per_unit) as f32);
+        let mut surfaces = fine.thinned((SURFACE_SPACING_M / site.metres_per_unit) as f32);
         let coarseness = coarseness(&surfaces, site, threads);
         let coarser = occluders.coarser(f64::from(coarseness));
         let occluders = if coarseness > 1.0 { &coarser } else { occluders };
         mark_leaves(&mut surfaces, coarseness, site, threads);
         level_ground(&mut surfaces, &FarFloor::of(found, site, threads), site);
         let open = openness::find(&mut surfaces, occluders, site, threads);
-        let [narrow, wide] = [sun_search::NARROW, sun_search::WIDE].map(|apart| {
+        let [narrow, wide] = [sun_search::NARROW_PAIR_M, sun_search::WIDE_PAIR_M].map(|apart| {
             sun_search::pairs(&surfaces, apart.map(|metres| coarseness * metres), site, threads)
         });
         // Under a grey sky a known sun may have shone or not: shadows tell.
         let is_asked = known.direction.is_none() || site.captured_sky == CapturedSky::Overcast;
         let search = is_asked.then(|| {
-            let casters = (occluders, coarseness);
-            let by = (site, known.elevation);
-            sun_search::find_sun(&surfaces, &open, [&narrow, &wide], casters, by, threads)
+            let elevation = known.elevation;
+            sun_search::find_sun(
+                &surfaces, &open, &narrow, &wide, occluders, coarseness, site, elevation, threads,
+            )
         });
         let search = search.flatten();
         let up = Vec3::from_array(site.up.map(|v| v as f32));
@@ -240,7 +241,7 @@ impl CaptureLight {
             .or_else(|| search.filter(|found| found.is_sun(site.up)).map(|found| found.direction));
         let sun = sun.filter(|sun| along(*sun, site.up) > LOWEST_SUN);
         let split = sun.and_then(|sun| {
-            Split::of(&surfaces, &open, &wide, (occluders, coarseness), (sun, cameras), site, threads)
+            Split::of(&surfaces, &open, &wide, occluders, coarseness, sun, cameras, site, threads)
         });
         let (capture_sun, seen, amounts) = match split {
             Some(split) => (Some(split.sun), split.seen, split.amounts),
@@ -258,7 +259,7 @@ impl CaptureLight {
             _ => false,
         };
         let is_known = capture_sun.is_some() || is_overcast;
-        let exposure = exposure(&surfaces, (&light, is_known), mean.under(&light), up, place);
+        let exposure = exposure(&surfaces, &light, is_known, mean.under(&light), up, place);
         let of_sky =
             capture_sun.map_or(1.0, |sun| 1.0 / (1.0 + luminance(sun.ratio) * along(sun.direction, site.up)));
         let under_light = mean.under(&light);
@@ -274,7 +275,7 @@ impl CaptureLight {
             })
             .collect();
         // What a training lost below its ground goes by the ground above it.
-        let grids = [NEAR, FAR].map(|metres| {
+        let grids = [NEAR_REACH_M, FAR_REACH_M].map(|metres| {
             let reach = (metres / site.metres_per_unit) as f32;
             (PointGrid::new(&surfaces.points, reach), reach)
         });
@@ -296,7 +297,7 @@ impl CaptureLight {
             let share = if is_trained {
                 edge_share(&surfaces, &amounts, &seen, nearest, around, light_of(splats, index))
             } else {
-                sharpened_share(&surfaces, &amounts, &seen, nearest, around, (splats, index))
+                sharpened_share(&surfaces, &amounts, &seen, nearest, around, splats, index)
             };
             share.map_or(own[nearest], |share| SplatLight { sun: share_number(share), ..own[nearest] })
         });
@@ -373,15 +374,8 @@ impl CaptureLight {
     }
 
     /// The number of splats.
-    #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.splats.len()
-    }
-
-    /// Returns true if it has no splats.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.splats.is_empty()
     }
 
     /// The geometry of the light on one splat.
@@ -391,14 +385,12 @@ impl CaptureLight {
     }
 
     /// The geometry of the light of another sun on one splat.
-    #[must_use]
-    pub fn surface_in(&self, index: usize, up: [f64; 3], shadows: &SunShadows) -> SurfaceLight {
+    pub(crate) fn surface_in(&self, index: usize, up: [f64; 3], shadows: &SunShadows) -> SurfaceLight {
         self.surface_beside(index, self.normal(index), up, Some(shadows))
     }
 
     /// The geometry of the light on a small surface with this normal that sees what a splat sees.
     /// `shadows` are those of another sun than the captured one.
-    #[must_use]
     pub(super) fn surface_beside(
         &self,
         index: usize,
@@ -413,8 +405,7 @@ impl CaptureLight {
         surface_of(normal, open.map(|v| f32::from(v) / 255.0), seen, up, direction)
     }
 
-    /// The same for one that sees all of the sky and of the sun.
-    #[must_use]
+    /// Light on a splat that sees all of the sky and of the sun.
     pub(super) fn surface_in_the_open(
         &self,
         normal: Vec3,
@@ -449,8 +440,7 @@ impl CaptureLight {
     }
 
     /// Returns true for a splat of the captured sky.
-    #[must_use]
-    pub fn is_sky(&self, index: usize) -> bool {
+    pub(crate) fn is_sky(&self, index: usize) -> bool {
         self.splats[index].is_sky
     }
 
@@ -462,15 +452,13 @@ impl CaptureLight {
     }
 
     /// Sine of the elevation of the captured sun; 0 without one.
-    #[must_use]
-    pub fn sin_sun(&self, up: [f64; 3]) -> f64 {
+    pub(crate) fn sin_sun(&self, up: [f64; 3]) -> f64 {
         self.sun.map_or(0.0, |sun| along(sun.direction, up))
     }
 
     /// The mean irradiance of the surfaces under the light of another sun, without what they return
     /// to each other.
-    #[must_use]
-    pub fn mean_in(&self, light: &SceneLight, shadows: &SunShadows) -> [f64; 3] {
+    pub(crate) fn mean_in(&self, light: &SceneLight, shadows: &SunShadows) -> [f64; 3] {
         MeanSurface { sun: shadows.mean(), ..self.mean }.under(light)
     }
 
@@ -493,7 +481,8 @@ fn direction_text(direction: [f64; 3]) -> String {
 /// card at most as display white.
 fn exposure(
     surfaces: &Surfaces,
-    (light, is_known): (&SceneLight, bool),
+    light: &SceneLight,
+    is_known: bool,
     mean: [f64; 3],
     up: Vec3,
     place: impl Fn(usize) -> SurfaceLight,
@@ -522,7 +511,7 @@ fn surface_of(normal: Vec3, open: [f32; 2], seen: f32, up: Vec3, sun: Option<[f6
     let base = openness::under_sky(normal, open, up);
     let Some(sun) = sun else { return base };
     let facing = f64::from(normal.dot(Vec3::from_array(sun.map(|v| v as f32))));
-    let incidence = if normal == Vec3::ZERO { LEAVES } else { facing.max(0.0) };
+    let incidence = if normal == Vec3::ZERO { LEAF_INCIDENCE } else { facing.max(0.0) };
     SurfaceLight { incidence, sun: f64::from(seen), ..base }
 }
 
@@ -549,7 +538,7 @@ fn coarseness(surfaces: &Surfaces, site: &Site, threads: usize) -> f32 {
 
 /// Takes the normals of leaves away: those about them turn to all sides.
 fn mark_leaves(surfaces: &mut Surfaces, coarseness: f32, site: &Site, threads: usize) {
-    let reach = coarseness * AROUND / site.metres_per_unit as f32;
+    let reach = coarseness * LEAF_RADIUS_M / site.metres_per_unit as f32;
     let grid = PointGrid::new(&surfaces.points, reach);
     let agreed = map(surfaces.len(), threads, |i| {
         let (own, mut sum, mut count) = (surfaces.normals[i], Vec3::ZERO, 0.0f32);
@@ -595,12 +584,18 @@ struct Split {
 
 impl Split {
     /// Splits the light of surfaces by a sun; `None` where no pair tells its strength.
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "the surfaces, what may shade them and the cameras that saw them"
+    )]
     fn of(
         surfaces: &Surfaces,
         open: &[[f32; 2]],
         pairs: &[Pair],
-        (occluders, coarseness): (&Occluders, f32),
-        (direction, cameras): ([f64; 3], &[Camera]),
+        occluders: &Occluders,
+        coarseness: f32,
+        direction: [f64; 3],
+        cameras: &[Camera],
         site: &Site,
         threads: usize,
     ) -> Option<Self> {
@@ -652,7 +647,7 @@ impl Split {
             };
             let mapped = MappedLight { shares: &mut prior, is_sure: &mut is_sure };
             let around = coarseness * around / site.metres_per_unit as f32;
-            unseen_casters::amend(surfaces, &may_be, mapped, reflectance, (around, site), threads);
+            unseen_casters::amend(surfaces, &may_be, mapped, reflectance, around, site, threads);
         }
         let prior = prior;
         let edges = ShadowEdges::new(surfaces, &is_sure, reach, threads);

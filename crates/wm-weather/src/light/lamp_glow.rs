@@ -19,7 +19,7 @@
 
 use super::lamp_shadows::DepthCube;
 use super::lamps::{LampKind, LampLight};
-use crate::optics::{AirView, Atmosphere, FAR, Site};
+use crate::optics::{AirView, Atmosphere, SKY_DISTANCE_M, Site};
 use crate::threads::map;
 use fearless_simd::{SimdBase, SimdFloat, SimdMask};
 use glam::Vec3;
@@ -35,10 +35,10 @@ const FOG: f32 = 0.85;
 /// Share that goes on as if it were not scattered, and the asymmetry of the rest.
 const FORWARD: f32 = FOG * FOG;
 const ASYMMETRY: f32 = FOG / (1.0 + FOG);
-/// Nodes along a ray: the eye, then from [`NEAREST`] on, each [`STEP`] times as far as the one
+/// Nodes along a ray: the eye, then from [`FIRST_NODE_M`] on, each [`STEP`] times as far as the one
 /// before, the last for all that is farther.
 const NODES: usize = 20;
-const NEAREST: f32 = 0.75;
+const FIRST_NODE_M: f32 = 0.75;
 const STEP: f32 = 1.5;
 /// Distance of a patch from a lamp up to which it has a table of its own, patches, and the cells of
 /// that along a side: one cell is 3 % off at three patches from a lamp, two cells are 2 % off at
@@ -51,23 +51,23 @@ const COLUMN: usize = (3 * NODES).next_multiple_of(GROUP);
 const WIDEST: usize = 4;
 /// Share of the most light by which the columns around a corner differ at most where what is linear
 /// between them stands for it: within 1 % of light that falls off smoothly.
-const EVEN: f32 = 0.3;
+const MAX_COLUMN_DIFFERENCE: f32 = 0.3;
 /// Columns that are summed up at once, and patches near a lamp.
-const RUN: usize = 64;
-const TOGETHER: usize = 8;
+const COLUMNS_AT_ONCE: usize = 64;
+const PATCHES_AT_ONCE: usize = 8;
 /// Share of the way from the end of an angle to its middle at which Gauss's node lies along the
 /// chord: for a small angle, and how much more it is for a right one.
 const GAUSS: [f32; 2] = [0.422_65, 0.016_6];
 /// Sine of half of an angle up to which its middle tells enough: within 0.5 %.
 const NARROW: f32 = 0.15;
 /// Least distance of a ray from a lamp, m.
-const CLOSEST: f32 = 0.05;
+const MIN_RAY_DISTANCE_M: f32 = 0.05;
 /// Light that is left out, in units of display white: of a lamp, and of all of them in a row of
 /// pixels, which changes black by a fifteenth of a step of 8 bits.
-const LEAST: f32 = 2e-4;
+const MIN_LIGHT: f32 = 2e-4;
 const LEAST_IN_ROW: f32 = 2e-5;
 /// A surface that is nearer than a lamp by more than this hides it, m.
-const HIDES: f32 = 0.6;
+const HIDING_DISTANCE_M: f32 = 0.6;
 /// Variance of the blur by a pixel, px^2.
 const PIXEL: f32 = 0.35;
 /// Standard deviations as far as a lamp's picture reaches.
@@ -89,17 +89,18 @@ impl LampsOn<'_> {
     /// Radiance of a small particle of albedo 1 at an offset from the eye at `center` (world axes,
     /// scene units), averaged over its face, linear RGB as it is displayed. `asymmetry` is that of
     /// Henyey and Greenstein's phase function.
-    #[must_use]
-    pub fn scattered(&self, center: Vec3, offset: Vec3, asymmetry: f32, metres_per_unit: f32) -> Vec3 {
+    pub(crate) fn scattered(&self, center: Vec3, offset: Vec3, asymmetry: f32, metres_per_unit: f32) -> Vec3 {
         let mut sum = Vec3::ZERO;
         let to_eye = -offset.normalize_or_zero();
         for (light, cube) in self.lights {
             let from_lamp = center + offset - Vec3::from_array(light.at);
             let metres = from_lamp * metres_per_unit;
-            let squared = metres.length_squared().max(CLOSEST * CLOSEST + light.radius * light.radius);
+            let squared = metres
+                .length_squared()
+                .max(MIN_RAY_DISTANCE_M * MIN_RAY_DISTANCE_M + light.radius * light.radius);
             let intensity = Vec3::from_array(light.intensity) * (PI as f32 * self.display);
             // At most some three times an even spread, but for what is nearly in front of the lamp.
-            if intensity.max_element() < LEAST * squared {
+            if intensity.max_element() < MIN_LIGHT * squared {
                 continue;
             }
             let direction = metres / squared.sqrt();
@@ -116,7 +117,7 @@ impl LampsOn<'_> {
 }
 
 /// The picture of lamps and of their light in the air, for one camera.
-pub struct LampGlow {
+pub(crate) struct LampGlow {
     /// Light of each column's nodes, linear RGB, `[rows, columns]`; empty in clear air.
     table: Vec<Column>,
     columns: usize,
@@ -151,13 +152,12 @@ struct Head {
 
 /// Distance of a node, m.
 fn node_distance(node: usize) -> f32 {
-    if node == 0 { 0.0 } else { NEAREST * STEP.powi(node as i32 - 1) }
+    if node == 0 { 0.0 } else { FIRST_NODE_M * STEP.powi(node as i32 - 1) }
 }
 
 impl LampGlow {
     /// Lamps seen by a camera through air. The table is the same for any number of threads.
-    #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         lamps: &LampsOn<'_>,
         camera: &Camera,
         air: &Atmosphere,
@@ -293,7 +293,7 @@ impl LampGlow {
     ) -> std::ops::RangeInclusive<usize> {
         let steps: [f32; GROUP] = std::array::from_fn(|lane| lane as f32 + 0.5);
         let (one, last) = (simd.set(1.0), simd.set((NODES - 1) as f32));
-        let scale = self.metres_per_unit / NEAREST;
+        let scale = self.metres_per_unit / FIRST_NODE_M;
         let (mut least, mut most) = (last, simd.set(0.0));
         for first in (0..PATCH_PIXELS).step_by(S::N) {
             let (x, y) = (first % PATCH, first / PATCH);
@@ -440,7 +440,7 @@ impl Head {
         let peak = std::array::from_fn(|k| (f64::from(light.intensity[k]) * per_candela * kept[k]) as f32);
         Some(Self {
             at: at.map(|v| v as f32),
-            hides: (view.z - f64::from(HIDES + light.radius) / site.metres_per_unit) as f32,
+            hides: (view.z - f64::from(HIDING_DISTANCE_M + light.radius) / site.metres_per_unit) as f32,
             exponent: (-0.5 / variance) as f32,
             reach: reach as f32,
             peak,
@@ -486,7 +486,7 @@ impl<'a> GlowScene<'a> {
             // the eye.
             let kept = (-extinction[1] * (1.0 - FORWARD) * offset.length()).exp();
             let most = intensity[1] * extinction[1] * (1.0 - FORWARD) * 0.25 * kept;
-            let is_seen = most > LEAST;
+            let is_seen = most > MIN_LIGHT;
             is_seen.then_some(GlowLight { light: *light, cube: *cube, offset, extinction, intensity })
         });
         Self {
@@ -501,11 +501,13 @@ impl<'a> GlowScene<'a> {
     }
 
     /// The columns at the corners of patches, `[rows, columns]`.
-    fn table(&self, [columns, rows]: [usize; 2], path: SimdPath, threads: usize) -> Vec<Column> {
+    fn table(&self, size: [usize; 2], path: SimdPath, threads: usize) -> Vec<Column> {
+        let [columns, rows] = size;
         let mut table = vec![[0.0; COLUMN]; columns * rows];
         let sum_up = |table: &mut [Column], corners: &[usize]| {
-            let found = map(corners.len().div_ceil(RUN), threads, |run| {
-                let corners = &corners[run * RUN..(run * RUN + RUN).min(corners.len())];
+            let found = map(corners.len().div_ceil(COLUMNS_AT_ONCE), threads, |run| {
+                let corners = &corners
+                    [run * COLUMNS_AT_ONCE..(run * COLUMNS_AT_ONCE + COLUMNS_AT_ONCE).min(corners.len())];
                 let place = |at: &usize| [at % columns, at / columns].map(|v| (v * PATCH) as f32);
                 let places: Vec<[f32; 2]> = corners.iter().map(place).collect();
                 let mut out = vec![[0.0; COLUMN]; corners.len()];
@@ -550,7 +552,8 @@ impl<'a> GlowScene<'a> {
 
     /// Returns true for the corners of the patches that have tables of their own,
     /// `[rows, columns]`.
-    fn corners_near_lamps(&self, [columns, rows]: [usize; 2]) -> Vec<bool> {
+    fn corners_near_lamps(&self, size: [usize; 2]) -> Vec<bool> {
+        let [columns, rows] = size;
         let mut is_near = vec![false; columns * rows];
         for [column, row] in self.lights.iter().filter_map(|light| self.patch_of(light)) {
             let within = |middle: i64, count: usize| {
@@ -582,9 +585,9 @@ impl<'a> GlowScene<'a> {
     fn columns(&self, path: SimdPath, places: &[[f32; 2]], lights: &[GlowLight<'_>], out: &mut [Column]) {
         let view = self.air.seen_from(self.origin);
         if view.is_grey() {
-            dispatch!(path, s => self.columns_in::<_, 1>(s, &view, (places, lights), out));
+            dispatch!(path, s => self.columns_in::<_, 1>(s, &view, places, lights, out));
         } else {
-            dispatch!(path, s => self.columns_in::<_, 3>(s, &view, (places, lights), out));
+            dispatch!(path, s => self.columns_in::<_, 3>(s, &view, places, lights, out));
         }
     }
 
@@ -595,7 +598,8 @@ impl<'a> GlowScene<'a> {
         &self,
         simd: S,
         view: &AirView<'_>,
-        (places, lights): (&[[f32; 2]], &[GlowLight<'_>]),
+        places: &[[f32; 2]],
+        lights: &[GlowLight<'_>],
         out: &mut [Column],
     ) {
         for first in (0..out.len()).step_by(S::N) {
@@ -675,7 +679,8 @@ impl<'a> GlowScene<'a> {
             }
         }
         // Several at once fill the vectors better.
-        let runs: Vec<_> = work.chunk_by(|a, b| a.2 == b.2).flat_map(|same| same.chunks(TOGETHER)).collect();
+        let runs: Vec<_> =
+            work.chunk_by(|a, b| a.2 == b.2).flat_map(|same| same.chunks(PATCHES_AT_ONCE)).collect();
         let fine = map(runs.len(), threads, |run| {
             let mut places: Vec<[f32; 2]> = Vec::new();
             for ([x, y], cells, _) in runs[run] {
@@ -722,7 +727,7 @@ impl<'a> GlowScene<'a> {
             x.mul_add(simd.set(v.x), y.mul_add(simd.set(v.y), z * v.z))
         };
         let abreast = dot(lamp.offset);
-        let least = CLOSEST.max(lamp.light.radius);
+        let least = MIN_RAY_DISTANCE_M.max(lamp.light.radius);
         let squared =
             (simd.set(lamp.offset.length_squared()) - abreast * abreast).max(simd.set(least * least));
         let h = squared.sqrt();
@@ -815,7 +820,7 @@ impl<'a> GlowScene<'a> {
     #[inline(always)]
     fn open<S: Lanes>(&self, simd: S, lamp: &GlowLight<'_>, direction: &[S::F; 3], metres: S::F) -> S::F {
         let Some(cube) = lamp.cube else { return simd.set(1.0) };
-        let metres = metres.min(simd.set(FAR as f32));
+        let metres = metres.min(simd.set(SKY_DISTANCE_M as f32));
         let per_metre = self.metres_per_unit.recip();
         let mut offset = *direction;
         for k in 0..3 {
@@ -844,13 +849,14 @@ fn each_point<S: Lanes>(
 
 /// The column between four others, linear by the shares of the right ones and of the lower ones;
 /// `None` if they differ too much for it.
-fn even_mean(columns: [&Column; 4], [across, down]: [f32; 2]) -> Option<Column> {
+fn even_mean(columns: [&Column; 4], position: [f32; 2]) -> Option<Column> {
+    let [across, down] = position;
     let mut mean = [0.0; COLUMN];
     let mut uneven = f32::NEG_INFINITY;
     for (at, mean) in mean.iter_mut().enumerate() {
         let [a, b, c, d] = columns.map(|column| column[at]);
         let (least, most) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
-        uneven = uneven.max(most - least - EVEN * most.max(LEAST));
+        uneven = uneven.max(most - least - MAX_COLUMN_DIFFERENCE * most.max(MIN_LIGHT));
         let [top, bottom] = [a + (b - a) * across, c + (d - c) * across];
         *mean = top + (bottom - top) * down;
     }
