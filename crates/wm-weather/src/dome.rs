@@ -10,7 +10,7 @@
 //!
 //! Below the horizon there is no edge: the horizon turns smoothly into the ground's haze, complete
 //! 30 degrees down. Scenes end before the horizon, and from above their end is seen against that. A
-//! panorama is haze there too ([`crate::panorama`]), unless its own lower half is asked for.
+//! panorama is haze there too ([`crate::panorama`]), unless its own lower half is requested.
 //!
 //! Directions: heading 0 is the scene's x axis laid level (its y axis if x is within 26 degrees of
 //! up), and headings turn clockwise seen from above.

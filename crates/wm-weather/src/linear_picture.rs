@@ -17,7 +17,7 @@ pub(crate) struct LinearPicture {
 
 impl LinearPicture {
     /// The colours of a drawn picture, with 0 as the fourth number.
-    pub(crate) fn of(path: SimdPath, frame: &Frame) -> Self {
+    pub(crate) fn new(path: SimdPath, frame: &Frame) -> Self {
         let (width, height) = (frame.width as usize, frame.height as usize);
         let mut pixels = vec![[0.0; 4]; width * height];
         let rows = pixels.par_chunks_mut(width).zip(frame.rgb.par_chunks(3 * width));

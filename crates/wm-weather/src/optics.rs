@@ -35,7 +35,7 @@ pub use wm_scene::survey::CapturedSky;
 const VISUAL_RANGE_DEPTH: f64 = 3.912_023_005_428_146;
 /// Wavelengths that stand for the display's primaries, nm.
 pub(crate) const WAVELENGTHS: [f64; 3] = [610.0, 550.0, 465.0];
-/// How far the sky and the background are, m: beyond any atmosphere, yet safe in f32.
+/// Distance of the sky and the background, m: beyond any atmosphere, yet safe in f32.
 pub(crate) const SKY_DISTANCE_M: f64 = 1e7;
 /// Longest path through a layer, m at its base density: finite, so that mean airlights stay
 /// numbers.
@@ -398,7 +398,7 @@ impl AirView<'_> {
     }
 }
 
-/// A layer as seen from one height, in f32.
+/// A layer relative to the height of a camera, in f32.
 struct LayerView {
     /// Extinction a metre, scaled so that transmittance is a power of two.
     sigma_t: [f32; 3],

@@ -9,7 +9,7 @@
 //! as sharp as the rows are.
 //!
 //! Below the horizon most panoramas show a ground of their own or nothing, and behind the end of a
-//! scene either is wrong. So that half is made of haze unless it is asked for
+//! scene either is wrong. So that half is made of haze unless it is requested
 //! ([`LowerHemisphere`]): within 3 degrees the mirrored sky turns into the mean of the strip above
 //! the horizon, at each heading its own.
 
@@ -235,7 +235,7 @@ impl Level {
     /// Half the size, each side rounded down; `linear` is the light of each step.
     fn halved(&self, linear: &[f32]) -> Self {
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
-        let (columns, rows) = (Shares::of(self.width, width), Shares::of(self.height, height));
+        let (columns, rows) = (Shares::new(self.width, width), Shares::new(self.height, height));
         let mut rgb = Vec::with_capacity(width * height);
         for y in 0..height {
             for x in 0..width {
@@ -321,7 +321,7 @@ struct Shares {
 }
 
 impl Shares {
-    fn of(long: usize, short: usize) -> Self {
+    fn new(long: usize, short: usize) -> Self {
         Self { ratio: long as f64 / short as f64 }
     }
 

@@ -8,7 +8,8 @@ use wm_scene::Camera;
 /// A place in metres with z up.
 pub(crate) const SITE: Site = Site::PLAIN;
 
-/// A camera's view of whatever is first along a ray: how far along it, with a direction of length 1.
+/// A camera's view of whatever is first along a ray: how far along it, with a direction of length
+/// 1.
 pub(crate) fn photo_view(camera: Camera, way: impl Fn(DVec3, DVec3) -> Option<f64>) -> PhotoView {
     let (center, forward) = (camera.center(), camera.forward());
     let pixel = |k: u32| {

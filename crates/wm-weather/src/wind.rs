@@ -4,7 +4,7 @@
 //! `S ~ 1 / (1 + 6 n)^(5/3)`, `n = f L / U`, along the wind and, half as strong, across. They are a
 //! pure function of time, and so is how far the air has come: each wave has its integral. Where
 //! speed or direction change over time it is the sum of Gauss-Legendre steps of at most a quarter
-//! of a second from 0 on, whatever frames are asked for.
+//! of a second from 0 on, whatever frames are requested.
 
 use crate::param::ParamValue;
 use crate::track::Track;

@@ -245,7 +245,7 @@ impl GroundGrid {
     }
 }
 
-/// A wind over the grid, line by line.
+/// The wind over the grid, line by line.
 struct WindField {
     /// To the next line straight on and a cell aside, each with its share, so that the mean goes
     /// with the wind.

@@ -3,7 +3,7 @@
 //! # How much lies where
 //! The fall reaches the surfaces of the scene ([`ground`]) by how open they are and by what the
 //! wind does with it ([`exposure`]), slides off what is too steep for it and lies below
-//! ([`settle`]), and melts. Depth is asked for as that on open level ground, or follows from what
+//! ([`settle`]), and melts. Depth is requested as that on open level ground, or follows from what
 //! has fallen until then ([`snowpack`]). It melts slower in the shade, and later where more of it
 //! lies ([`thaw`]). All of it is kept account of: what fell is what lies, what has melted, and what
 //! is left on walls, falls through leaves or is blown away.
@@ -70,7 +70,7 @@ const HAZE: [f32; 2] = [0.25, 0.3];
 /// Cells along a side of a ring, and how many times as wide those of the next ring are.
 const SIDE: f64 = 420.0;
 const RING_WIDTH_FACTOR: f64 = 4.0;
-/// Times as many cells a ring has along a path.
+/// Factor on the number of a ring's cells along a path.
 const PATH_LENGTH_FACTOR: f64 = 3.0;
 /// Rings at most.
 const RINGS: usize = 4;
@@ -81,7 +81,7 @@ const OUTLIERS: f64 = 0.000_5;
 /// The lowest depth of the ladder, m, and how many times as deep each next one is.
 const MIN_RUNG_DEPTH_M: f64 = 0.005;
 const RUNG_RATIO: f64 = 1.5;
-/// Rungs that are kept.
+/// Number of rungs kept.
 const MAX_RUNGS: usize = 4;
 
 /// A cover to be laid out.
@@ -226,7 +226,7 @@ impl LyingCover {
     }
 }
 
-/// Share of a splat below which nothing of it is seen: 1/255 of an opaque one.
+/// Visibility below which a splat is invisible: 1/255.
 const MIN_VISIBILITY: f32 = 1.0 / 255.0;
 
 impl Buried {
@@ -297,7 +297,7 @@ impl Cover {
                 ..ShelterOptions::default()
             };
             occluders = occluders.mapped(&options);
-            let (ground, floaters) = GroundGrid::of(scan, &occluders, rings.last(), threads);
+            let (ground, floaters) = GroundGrid::new(scan, &occluders, rings.last(), threads);
             let is_whole = ground.places.is_whole();
             rings.push(ground);
             above.push((options, floaters));
@@ -481,8 +481,8 @@ fn about(path: [[f64; 3]; 2], reach: f64, site: &Site) -> [[f64; 3]; 2] {
     let [a, b] = path.map(DVec3::from_array);
     let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
     let [across, along, _] = level_axes(site.up).map(|axis| half.dot(DVec3::from_array(axis)).abs());
-    // Its rectangle is `PATH_LENGTH_FACTOR` times the square about a point: (1 + s x) (1 + s y) with s the
-    // share that is taken.
+    // Its rectangle is `PATH_LENGTH_FACTOR` times the square about a point: (1 + s x) (1 + s y)
+    // with s the share that is taken.
     let [x, y] = [across / reach, along / reach];
     // The root in a form that holds where the path runs along an axis, and is one point.
     let share = 2.0 * (PATH_LENGTH_FACTOR - 1.0)

@@ -5,7 +5,7 @@
 //! and Pomeroy 1998), so that 1 mm/h of water is some 1 cm of snow an hour. It settles towards 300
 //! kg/m^3 in 1 to 3 days: its volume goes there as `exp(-age / 36 h)`. It melts by 4 mm of water a
 //! day for each degree above 0 (2 to 6 are seen), on open ground; what that leaves where it melts
-//! slower or faster is kept beside it ([`super::thaw`]). Of a depth that is asked for what it grows
+//! slower or faster is kept beside it ([`super::thaw`]). Of a depth that is requested what it grows
 //! by falls, and where it is asked to shrink all layers do.
 //!
 //! An instant is a sum of steps that always begin at the same times, so it does not depend on which
@@ -40,7 +40,7 @@ const FINE: f64 = 0.01;
 /// The inputs of a snowpack.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Snowpack<'a> {
-    /// Depth that is asked for, m, over time; `None` for what has fallen.
+    /// Depth that is requested, m, over time; `None` for what has fallen.
     pub(crate) depth: Option<&'a Track>,
     /// Water that falls as snow, mm/h, over time.
     pub(crate) rate: Option<&'a Track>,
@@ -218,11 +218,11 @@ impl Snowpack<'_> {
         let part = |time: f64, hours: f64, water: f64| {
             let temperature = number(self.temperature, time);
             let new = || (67.92 + 51.25 * (temperature / 2.59).exp()).min(DENSEST);
-            // What is asked for is as deep as it lies.
+            // What is requested is as deep as it lies.
             let settles = if self.depth.is_some() { 1.0 } else { (-hours / SETTLES).exp() };
             Part { hours, temperature, water, density: self.density.unwrap_or_else(new), settles }
         };
-        // What a depth that is asked for has grown or shrunk by; it falls at once, and then melts.
+        // What a depth that is requested has grown or shrunk by; it falls at once, and then melts.
         let mut depth = 0.0;
         let mut ask = |pack: &mut SnowpackState, track: &Track, time: f64| {
             let before = std::mem::replace(&mut depth, number(track, time));
@@ -314,7 +314,7 @@ mod tests {
         assert!((new.fell.depth() - (4.0 / SETTLED + loose)).abs() < 2e-4);
     }
 
-    /// A depth that is asked for, an hour a second.
+    /// A depth that is requested, an hour a second.
     fn asked(depth: &str, temperature: &str, time: f64) -> SnowpackState {
         let (depth, temperature) = (track("depth", depth), track("temperature", temperature));
         let (density, lapse) = (Some(100.0), 3600.0);

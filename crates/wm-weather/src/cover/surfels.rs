@@ -27,7 +27,7 @@ const LIFTED_DEPTH_M: f32 = 0.05;
 /// Height above its surface at which cover is drawn at its edges, m, however deep: leaves and
 /// ridges are roughest, and stand out of it.
 const RIM_LIFT_M: f32 = 0.018;
-/// From which cover on nothing is seen of what lies below.
+/// Coverage above which nothing below is visible.
 const OPAQUE_COVERAGE: f32 = 0.995;
 /// Unevenness of the surface, m and as a slope, at most; and how far above the mean of it what is
 /// seen lies, as a share: of splats that overlap the uppermost.

@@ -42,7 +42,7 @@ impl Thaw {
     /// Builds the state of a depth that fell at once, of which `melts` could have melted in the
     /// open since, m.
     #[cfg(test)]
-    pub(crate) fn of(depth: f64, melts: f64, wet: f64) -> Self {
+    pub(crate) fn new(depth: f64, melts: f64, wet: f64) -> Self {
         Self {
             depth: PACES.map(|pace| (depth - pace * melts).max(0.0) as f32),
             wet: PACES.map(|pace| if pace * melts > 0.0 { wet as f32 } else { 0.0 }),
@@ -131,7 +131,7 @@ mod tests {
     fn paces_rise_and_the_open_is_one_of_them() {
         assert!(PACES.windows(2).all(|pair| pair[0] < pair[1]));
         assert_eq!(PACES[OPEN], 1.0);
-        let thaw = Thaw::of(0.1, 0.04, 1.0);
+        let thaw = Thaw::new(0.1, 0.04, 1.0);
         assert!((thaw.at(1.0, 1.0).depth - 0.06).abs() < 1e-6);
         // In full shade half as much, and a drift of twice the depth loses no more than level snow.
         assert!((thaw.at(1.0, 0.0).depth - 0.08).abs() < 1e-6);
@@ -147,7 +147,7 @@ mod tests {
             shade in 0.0..1.0f32,
             melts in 0.0..0.5f64,
         ) {
-            let left = Thaw::of(0.1, melts, 1.0).at(share, shade);
+            let left = Thaw::new(0.1, melts, 1.0).at(share, shade);
             let own = (0.1 * share - melts as f32 * (0.5 + 0.5 * shade)).max(0.0);
             // Paces lie up to a quarter apart about where the last of it melts, and farther for
             // thin snow.

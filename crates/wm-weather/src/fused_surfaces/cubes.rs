@@ -22,7 +22,7 @@ const PIXELS: f64 = 1.5;
 const EDGE: f64 = 0.2;
 /// Parts of the cubes, each of which one thread takes together.
 const PARTS: usize = 8;
-/// Share of a cube's weight from which on narrower cubes inside it take its place.
+/// Share of a cube's weight from which narrower cubes inside it take its place.
 const NARROWER: f64 = 0.5;
 
 /// A piece of a surface.

@@ -21,12 +21,12 @@ const WAVERS: [f64; 2] = [0.75, 1.5];
 const EXAMINED_REACH: f64 = 5.0;
 /// Distance to which that of the whole place is known, camera heights: a court.
 const PLACE_REACH: f64 = 40.0;
-/// How much the heights of cameras over it may differ, as a share, and how far most may look up or
-/// down, as a sine: more are no walk but a flight.
+/// Largest spread of the cameras' heights above it, as a share, and largest sine of the pitch of
+/// most cameras: more is no walk but a flight.
 const MAX_HEIGHT_SPREAD: f64 = 0.2;
 const PITCHED: f64 = 0.26;
-/// Share of the pixels that should show it and show what is below it, from which on a training has
-/// lost it.
+/// Share of the pixels that should show the floor but show what is below it, above which a training
+/// has lost the floor.
 const LOST_FLOOR_SHARE: f64 = 0.4;
 /// Height above the floor, camera heights, below which points belong to it: kerbs, cobbles and
 /// errors of depth.

@@ -22,7 +22,7 @@ use std::sync::Arc;
 /// Width of the finest lattice, m, and nodes along a side at most.
 const FINEST: f64 = 1.0;
 const NODES: usize = 512;
-/// Distance from the middle of the cameras to which there may be ground, m.
+/// Largest distance of ground from the centre of the cameras, m.
 const MAX_GROUND_DISTANCE_M: f64 = 400.0;
 /// Each so many pixels of a row and of a column give a point, and so many of those that are no
 /// farther apart than this, m.
@@ -40,7 +40,7 @@ const FOOT: f32 = 16.0;
 /// Height of cameras that a person carries, m, and the share by which most differ in it at most.
 const CARRIED: std::ops::Range<f64> = 0.8..3.0;
 const MAX_HEIGHT_SPREAD: f64 = 0.4;
-/// Weight from which on a node of a lattice is supported by points.
+/// Weight from which a node of a lattice is supported by points.
 const SUPPORTED: f32 = 4.0;
 /// Doubt of a height beside its spread: m, and for each metre of the lattice that supports it.
 const DOUBT: [f32; 2] = [0.05, 0.03];
@@ -48,7 +48,7 @@ const DOUBT: [f32; 2] = [0.05, 0.03];
 /// more.
 const MOST_DOUBT: [f64; 2] = [1.2, 0.1];
 /// Largest sine of the angle between a ray and the ground that counts as grazing, and the doubt, m,
-/// from which on pixels are put on the ground at any angle.
+/// from which pixels are put on the ground at any angle.
 const GRAZING: f64 = 0.25;
 const DOUBTFUL: f64 = 0.4;
 /// Distance from the surface, m, within which pixels of a walk or drive are put on it at any angle:
@@ -159,14 +159,14 @@ impl GroundField {
     /// Puts what views show of the ground at a grazing angle onto the ground that all of them show.
     #[must_use]
     pub fn snap(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Vec<PhotoView> {
-        let Some(field) = Self::of(views, up, metres_per_unit, threads) else { return views.to_vec() };
+        let Some(field) = Self::new(views, up, metres_per_unit, threads) else { return views.to_vec() };
         let field = Arc::new(field);
         map(views.len(), threads, |index| views[index].clone().snapped_to(&field))
     }
 
     /// Builds the field from what cameras see; `None` where they see next to no level surface.
     /// Under cameras that were carried over it at one height it is that far below them.
-    fn of(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Option<Self> {
+    fn new(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Option<Self> {
         let level = level_matrix(up);
         let cameras: Vec<DVec3> =
             views.iter().map(|view| level * view.camera.center() * metres_per_unit).collect();

@@ -14,7 +14,7 @@ const FIELD: f64 = 0.3;
 const WIDTHS: f64 = 4.0;
 /// Least cosine between the normals of discs of one surface.
 const MIN_NORMAL_COSINE: f64 = 0.6;
-/// Length of the mean normal from which on it is that of edges too.
+/// Length of the mean normal from which it is that of edges too.
 const AGREED: f64 = 0.8;
 /// The number of rounds.
 const ROUNDS: usize = 3;
@@ -86,7 +86,7 @@ impl Grid {
             let own = discs[*index as usize];
             let Surroundings { weight, middle, normal } =
                 dispatch!(path, simd => surroundings(simd, &own, own.point - origin, self.reach, &about));
-            // Edges take the normal of what is about them, if that is of one mind.
+            // Edges take the normal of what is about them, if that is consistent.
             if weight == 0.0 || own.is_edge && normal.length() < AGREED * weight {
                 return own;
             }

@@ -27,7 +27,7 @@ pub(super) struct InverseDepths {
 type Planes = [[f32; LANES]; 3];
 
 impl InverseDepths {
-    pub(crate) fn of(view: &PhotoView) -> Self {
+    pub(crate) fn new(view: &PhotoView) -> Self {
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
         let stride = width + LANES;
         let mut values = vec![0.0; stride * height];

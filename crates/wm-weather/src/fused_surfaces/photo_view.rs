@@ -185,7 +185,7 @@ impl PhotoView {
         cosine: f64,
         mut work: impl FnMut(DVec3, usize),
     ) {
-        let (inverse_depths, path) = (InverseDepths::of(self), SimdPath::widest());
+        let (inverse_depths, path) = (InverseDepths::new(self), SimdPath::widest());
         let (width, widest) = (self.camera.width as usize, self.camera.widest_pixel());
         for y in 0..self.camera.height as usize {
             let stride_at = |x: usize| stride(f64::from(self.depth[y * width + x]) * widest);
@@ -218,7 +218,7 @@ impl PhotoView {
     pub(super) fn each_spot(&self, cube: f64, mut work: impl FnMut(Spot)) {
         let center = self.camera.center();
         let [width, height] = [self.camera.width, self.camera.height].map(i64::from);
-        let (inverse_depths, path) = (InverseDepths::of(self), SimdPath::widest());
+        let (inverse_depths, path) = (InverseDepths::new(self), SimdPath::widest());
         let mut normals = Vec::new();
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
             if x == 0 {

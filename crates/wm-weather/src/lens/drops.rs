@@ -14,9 +14,9 @@ const RUN_CELL: f64 = 0.04;
 const COVERED_SHARE: f64 = 0.35;
 /// Most running drops that are looked back for, a m^2.
 const MOST_RUNS: f64 = 4000.0;
-/// Part of its life in which a drop goes that becomes part of others.
+/// Share of its life over which a drop fades that merges into others.
 const FADING_SHARE: f64 = 0.03;
-/// Farthest that a drop runs, m.
+/// Largest distance that a drop runs, m.
 const MAX_RUN_M: f64 = 0.25;
 /// Mean way that a drop of the least running radius runs, m, and its mean speed, m/s.
 const MEAN_RUN_M: f64 = 0.08;
@@ -144,7 +144,7 @@ impl Sine {
     }
 }
 
-/// When running drops last passed the cells of the glass, s.
+/// Times at which running drops last passed each cell of the glass, s.
 struct WipeTimes {
     from: [f64; 2],
     cell: f64,

@@ -27,7 +27,7 @@ pub(super) const MIN_RADIUS_PX: f64 = 0.4;
 /// Radius, m, from which a drop sags, and how much.
 const HEAVY: f32 = 2.5e-3;
 const SAG: f32 = 0.22;
-/// Cover of a pixel below which no drop is seen in it.
+/// Coverage of a pixel below which drops in it are invisible.
 const MIN_COVER: f32 = 1.0 / 1024.0;
 /// Empty pixels before and after a row that is laid over the picture.
 const PADDING: usize = 2;

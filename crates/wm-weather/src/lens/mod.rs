@@ -2,8 +2,8 @@
 //! scatters.
 //!
 //! Nothing is simulated from frame to frame. Landings are Poisson events of hashed cells of the
-//! glass and of slots of a clock that counts drops ([`GlassRain`]); [`drops::drops`] finds those that
-//! are on the glass at an instant, in a bounded window of the past. Drops as large as
+//! glass and of slots of a clock that counts drops ([`GlassRain`]); [`drops::drops`] finds those
+//! that are on the glass at an instant, in a bounded window of the past. Drops as large as
 //! [`Glass::runs_from`] run down a hashed path, wipe what is on it and leave small ones behind.
 //!
 //! A drop is a cap of water on the outer side. It bends the view by Snell's law and so shows a wide

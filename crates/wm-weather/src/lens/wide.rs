@@ -29,7 +29,7 @@ pub(crate) struct WideView {
 impl WideView {
     /// Makes all levels of a drawn picture, which must be of [`wide_camera`].
     pub(crate) fn new(path: SimdPath, frame: &Frame) -> Self {
-        let mut levels = vec![LinearPicture::of(path, frame)];
+        let mut levels = vec![LinearPicture::new(path, frame)];
         while let Some(last) = levels.last().filter(|last| last.width > 2) {
             let (side, half) = (last.width, last.width / 2);
             let mut pixels = Vec::with_capacity(half * half);

@@ -111,7 +111,7 @@ pub(crate) struct FlashLight {
 
 impl FlashLight {
     /// Builds the light of a flash; a lux is `display`, and the axes are two level ones and up.
-    pub(crate) fn of(flash: &Flash, display: f64, axes: &[[f64; 3]; 3]) -> Self {
+    pub(crate) fn new(flash: &Flash, display: f64, axes: &[[f64; 3]; 3]) -> Self {
         let level = (1.0 - flash.sin * flash.sin).sqrt();
         let (sin, cos) = flash.azimuth.sin_cos();
         let direction = crate::dome::from_level(axes, [level * cos, level * sin, flash.sin]);

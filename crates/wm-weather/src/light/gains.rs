@@ -12,12 +12,12 @@ use wm_render::hooks::{Attribute, AttributeBlock, Revision, SplatAttributes};
 use wm_scene::color::{luminance, srgb_decode, srgb_encode};
 use wm_scene::{Splats, sh};
 
-/// Most that the light on a splat grows.
+/// Largest factor on the light of a splat.
 const MAX_GAIN: f64 = 8.0;
 /// Most of the captured light's tint that is taken away, as a share: more turns former shadows
 /// neon.
 const TINT: f64 = 0.25;
-/// Least captured irradiance that light is divided by.
+/// Lower clamp of the captured irradiance in divisions.
 const MIN_IRRADIANCE: f64 = 1e-3;
 
 /// The light that a captured place shall lie in.

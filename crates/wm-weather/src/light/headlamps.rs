@@ -43,7 +43,7 @@ pub struct Headlamps {
 impl Headlamps {
     /// On a car that heads where the camera looks. `display` is the value of a lux in the unit of
     /// the light.
-    pub(crate) fn of(camera: &Camera, display: f64, site: &Site) -> Self {
+    pub(crate) fn new(camera: &Camera, display: f64, site: &Site) -> Self {
         let up = DVec3::from_array(site.up);
         let ahead = camera.forward();
         let level = ahead - up * up.dot(ahead);
@@ -123,7 +123,7 @@ mod tests {
         let camera =
             Camera::looking((300, 200), 50.0, DVec3::new(0.0, 0.0, 1.2), DVec3::new(9.0, 0.0, 1.0), DVec3::Z)
                 .unwrap();
-        let lamps = Headlamps::of(&camera, 1.0, &Site::PLAIN);
+        let lamps = Headlamps::new(&camera, 1.0, &Site::PLAIN);
         let on = |x: f32, y: f32| lamps.irradiance(Vec3::new(x, y, 0.0), Vec3::Z).y;
         // Tens of lux on an upright board 20 m ahead, few on the road, and next to nothing above
         // the horizon.

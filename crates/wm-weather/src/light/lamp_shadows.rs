@@ -30,11 +30,10 @@ const LAMP_RADIUS_M: f64 = 0.45;
 /// Distances from a lamp between which surfaces tell whether it stands inside of something, m:
 /// nearer ones may be its lantern.
 const ENCLOSURE_DISTANCES_M: [f64; 2] = [LAMP_RADIUS_M, 1.2];
-/// Fewest surfaces that tell it, and the share that has it behind.
+/// Least number of surfaces that decide it, and the share of them that must have the lamp behind.
 const FEWEST: usize = 20;
 const ENCLOSED: f64 = 0.8;
-/// A surface this much behind what is seen is still the same surface: as a share of the distance,
-/// and m.
+/// Tolerance of the depth test: a share of the distance, and m.
 const SLACK: f32 = 0.02;
 const SLACK_M: f64 = 0.12;
 /// Texels are of one surface if their distances differ by no more than this share.
@@ -242,7 +241,7 @@ fn is_behind(at: Vec3, points: &[[f32; 3]], capture: &CaptureLight, site: &Site)
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DepthCube {
     side: u32,
-    /// One over the distance along the face's axis, scene units; 0 where there is nothing:
+    /// Reciprocal of the distance along the face's axis, scene units; 0 where there is nothing:
     /// `[6, side, side]`.
     inverse: Vec<f32>,
     /// Scene units.

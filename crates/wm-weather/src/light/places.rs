@@ -30,7 +30,7 @@ pub(super) struct Surfaces {
 impl Surfaces {
     /// Takes the surfaces that the cameras of a place see; without photos its splats, flat ones
     /// with their normals.
-    pub(crate) fn of(found: &FusedSurfaces<'_>) -> Self {
+    pub(crate) fn new(found: &FusedSurfaces<'_>) -> Self {
         let splats: &Splats = &found.splats;
         let known = if found.oriented > 0 { found.oriented } else { splats.len() };
         let drawn = (0..known).filter(|i| splats.groups[*i] != Group::Sky);

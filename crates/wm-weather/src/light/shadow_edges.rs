@@ -57,7 +57,7 @@ pub(super) struct ShadowEdges {
     mapped: f32,
 }
 
-/// A surface whose light the colours tell.
+/// A surface near the edge of a shadow, whose light is estimated from colours.
 struct EdgeSurface {
     index: u32,
     /// Range of its neighbours.

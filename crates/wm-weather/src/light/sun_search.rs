@@ -23,9 +23,9 @@ pub(super) const NARROW_PAIR_M: [f32; 2] = [0.2, 0.6];
 pub(super) const WIDE_PAIR_M: [f32; 2] = [0.6, 2.0];
 /// Least cosine between their normals: 10 degrees.
 const MIN_NORMAL_COSINE: f32 = 0.985;
-/// Most that their chromaticities differ.
+/// Largest difference of their chromaticities.
 const SAME_COLOR: f32 = 0.08;
-/// Points that are asked for a partner.
+/// Points for which partners are searched.
 const MAX_PAIR_POINTS: usize = 60_000;
 /// Least cosine between up and the normal of level ground.
 pub(super) const LEVEL: f32 = 0.8;
@@ -40,9 +40,9 @@ const NARROW_PAIR_GROUND_M: f32 = 0.15;
 /// and the corners of walls differ as much, and from the second on it does not matter how large it
 /// is. In the sun it is mostly 0.7 to 1.5.
 const CLEAR: [f32; 2] = [0.3, 0.8];
-/// Log of the ratio from which on a pair is one of light and shade: 1.3.
+/// Log of the luminance ratio above which a pair is one of light and shade: 1.3.
 pub(super) const SHADOW: f64 = 0.262;
-/// Pairs that count in all scores, so that few are no evidence.
+/// Pairs added to every score as a prior, so that few pairs are no evidence.
 const PRIOR: f64 = 20.0;
 /// Directions that are tried first: distance between them, and their elevations, degrees.
 const STEP: f64 = 9.0;
@@ -54,7 +54,7 @@ const COARSE_CELLS: f64 = 4.0;
 const FINE_CELLS: f64 = 1.0;
 /// Directions that the quick maps leave, of all and of those far from the best.
 const MAX_CANDIDATES: usize = 32;
-/// Cosine of the angle from which on a direction is another one: 25 degrees.
+/// Cosine of the angle beyond which two directions are distinct: 25 degrees.
 const OTHER_DIRECTION_COSINE: f64 = 0.906;
 /// Distance between the directions about the best that wide and then narrow pairs judge, degrees,
 /// the number of them to each side, and the shares of the best score above which they have a say.

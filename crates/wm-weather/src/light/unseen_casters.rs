@@ -16,7 +16,7 @@ use wm_scene::Camera;
 /// Heights above the ground at which it is asked whether photos show the way to the sun, m: those
 /// of crowns and eaves.
 const HEIGHTS: [f64; 8] = [1.5, 3.0, 4.5, 6.0, 7.5, 9.0, 10.5, 12.0];
-/// The number of these that no photo shows from which on something may stand there.
+/// Number of these heights unseen by all photos from which something may stand there.
 const MIN_UNSEEN_HEIGHTS: usize = 2;
 /// Greatest distance from which a photo shows what stands somewhere, m.
 const MAX_PHOTO_DISTANCE_M: f64 = 60.0;
@@ -26,18 +26,18 @@ const BINS: [f32; 3] = [0.12, 0.02, 0.02];
 const COUNTS: [usize; 3] = [64, 50, 50];
 /// Log of the least luminance of the bins.
 const DARKEST: f32 = -6.5;
-/// The share of such ground that lies in shade, before its colour is asked.
+/// Prior probability that such ground lies in shade.
 const IN_SHADE: f32 = 0.2;
 /// The share of all ground in a bin of reflectances that is added to each, so that none is
 /// impossible.
 const BIN_FLOOR: f32 = 2e-4;
-/// Most that one surface's colour says, as the log of odds.
+/// Largest log odds that one surface's colour contributes.
 const MAX_LOG_ODDS: f32 = 3.0;
-/// Radius within which surfaces decide together, m, and their mean log of odds from which on it is
+/// Radius within which surfaces decide together, m, and their mean log of odds from which it is
 /// shade.
 const DECISION_RADIUS_M: f32 = 0.3;
 const SHADE: f32 = 0.2;
-/// Surfaces in known light by which reflectances are told, at least.
+/// Least number of surfaces in known light for an estimate of reflectances.
 const LEAST_KNOWN: usize = 1000;
 
 /// Returns for each surface whether something that no photo shows may stand between it and the sun:
@@ -78,7 +78,7 @@ struct Reflectances {
 
 impl Reflectances {
     /// Counts known reflectances, linear RGB, of which there must be some.
-    fn of(known: &[Vec3]) -> Self {
+    fn new(known: &[Vec3]) -> Self {
         let mut counts = vec![0.0f32; COUNTS.iter().product()];
         known.iter().filter_map(|color| bin(*color)).for_each(|bin| counts[index(bin)] += 1.0);
         for axis in 0..3 {
@@ -149,7 +149,7 @@ pub(super) fn amend(
     if known.len() < LEAST_KNOWN {
         return;
     }
-    let common = Reflectances::of(&known);
+    let common = Reflectances::new(&known);
     let asked: Vec<usize> = (0..surfaces.len()).filter(|i| may_be[*i] && shares[*i] > 0.5).collect();
     let said = map(asked.len(), threads, |k| {
         let [shade, sunny] = reflectance(asked[k]).map(|color| common.share(color));

@@ -21,7 +21,7 @@ const GROUND: [f64; 2] = [0.22, 0.4];
 const WALLS: [f64; 2] = [0.3, 0.6];
 const GREEN: [f64; 2] = [0.1, 0.5];
 const BRIGHT: [f64; 2] = [0.6, 0.4];
-/// Excess of green over red and blue by which plants are told.
+/// Excess of green over red and blue by which plants are recognised.
 const GREENNESS: f32 = 1.06;
 /// Least share of the surfaces of a kind that tells.
 const LEAST_SHARE: f64 = 0.02;
@@ -30,12 +30,12 @@ const LEAST_SHARE: f64 = 0.02;
 /// sky; and the errors.
 const BY_CLOUDS: [f64; 2] = [7.0 / 3.0, 0.5];
 const BY_SKY: [f64; 2] = [0.8, 0.6];
-/// Brightness of the sky from which on it may be burned out: it is brighter by an unknown factor
+/// Brightness of the sky from which it may be burned out: it is brighter by an unknown factor
 /// then.
 const BURNED: f64 = 0.85;
-/// Least irradiance that is believed, over that of the open ground.
+/// Lower clamp of the irradiance, over that of open ground.
 const DARKEST: f64 = 0.01;
-/// Variance of the logarithm of the irradiance from which on it must show in the colours.
+/// Variance of the log irradiance above which it must show in the colours.
 const MIN_LOG_VARIANCE: f64 = 0.05;
 /// Bounds of the brightness of a card, display values.
 const BOUNDS: [f64; 2] = [0.3, 5.0];
@@ -43,8 +43,8 @@ const BOUNDS: [f64; 2] = [0.3, 5.0];
 const LEVEL: f32 = 0.8;
 const UPRIGHT: f32 = 0.3;
 
-/// A guess of the logarithm of the brightness, with its standard deviation; `is_least` if it may
-/// well be more.
+/// An estimate of the log brightness with its standard deviation; `is_least` if it is a lower
+/// bound.
 #[derive(Clone, Copy, Debug)]
 struct BrightnessGuess {
     value: f64,
@@ -71,7 +71,7 @@ impl WhiteCard {
     /// Finds the card of a capture. `irradiance` gives that of a surface over that of open ground,
     /// luminance; `sky_share` is the share of the sky in the light of open ground, 0-1;
     /// `is_overcast` says that the place was captured under clouds.
-    pub(crate) fn of(
+    pub(crate) fn new(
         surfaces: &Surfaces,
         site: &Site,
         sky_share: f64,
@@ -151,8 +151,8 @@ impl WhiteCard {
 }
 
 /// Returns the slope of the logarithm of light over that of irradiance, 0-1. An irradiance that
-/// hardly varies counts in full: one of variance [`MIN_LOG_VARIANCE`] with which no colour goes gets a slope of
-/// a half.
+/// hardly varies counts in full: one of variance [`MIN_LOG_VARIANCE`] with which no colour goes
+/// gets a slope of a half.
 fn slope(logs: &[[f64; 2]]) -> f64 {
     let count = logs.len().max(1) as f64;
     let mean = [0, 1].map(|k| logs.iter().map(|log| log[k]).sum::<f64>() / count);

@@ -21,7 +21,8 @@ use wm_render::Frame;
 use wm_render::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use wm_render::simd::SimdPath;
 
-/// Below which a blur is none, px: its neighbours weigh less than half a step of 8 bits.
+/// Least standard deviation of a blur, px: below it, neighbours weigh less than half a step of 8
+/// bits.
 const MIN_BLUR_PX: f64 = 0.25;
 
 /// The steps of the paper's figure, `[H, W, 3]` each, display-referred: what lies between the clear

@@ -313,7 +313,7 @@ struct Batch {
     distance: [f32; GROUP],
     /// Fade-in, 0-1.
     there: [f32; GROUP],
-    /// One over how many it stands for.
+    /// Reciprocal of the number of drops that it stands for.
     keep: [f32; GROUP],
     /// A number of its own.
     own: [u32; GROUP],

@@ -23,7 +23,7 @@ pub(crate) struct Cells {
     pub(crate) thresholds: [f64; 2],
 }
 
-/// Points that a cube holds on the average, where that makes no cube too small or too large: cubes
+/// Points that a cube holds on average, where that makes no cube too small or too large: cubes
 /// cut by the border of the view cost, and so do groups of points that are not filled.
 const MEAN_CUBE_POINTS: f64 = 24.0;
 /// Shortest and longest edge, m.

@@ -59,7 +59,7 @@ pub(crate) fn particles(
         fall.gather(path, view, part, &mut |group| {
             for particle in group.particles() {
                 let width = f64::from(particle.sigma) / DISC;
-                // One of the last below the density that is asked for is there by a half: it is
+                // One of the last below the density that is requested is there by a half: it is
                 // there or not.
                 if f64::from(particle.area) < 0.5 * PI / 4.0 * width * width {
                     continue;
@@ -145,7 +145,7 @@ mod tests {
         }
     }
 
-    /// A quarter of a second later the drops that are asked for then are those that fly on.
+    /// A quarter of a second later the drops that are requested then are those that fly on.
     #[test]
     fn particles_fly_on_with_their_velocity() {
         let eye = DVec3::new(3.0, -2.0, 1.5);

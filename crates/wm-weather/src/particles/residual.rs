@@ -10,7 +10,7 @@ use wm_render::simd::Lanes;
 /// End of drawing, as shares of a class's distance: everything up to the first, nothing beyond the
 /// second.
 pub(crate) const FADE: [f64; 2] = [0.85, 1.15];
-/// Nearest that anything is drawn, m.
+/// Least distance at which anything is drawn, m.
 pub(crate) const MIN_DISTANCE_M: f64 = 0.1;
 /// Nodes of the table, 8 equal steps for a factor of 2, from `2^FIRST` m to `2^LAST`.
 pub(crate) const NODES: usize = 8 * (LAST_LOG2 - FIRST_LOG2) as usize;
@@ -18,7 +18,7 @@ const FIRST_LOG2: i32 = -3;
 const LAST_LOG2: i32 = 17;
 /// The first node, m.
 pub(crate) const NEAREST_NODE: f32 = 0.125;
-/// Just before the last one, m: beyond it nothing more is drawn.
+/// Largest distance in the table, m, just below the last node: nothing is drawn beyond.
 pub(crate) const FARTHEST_NODE: f32 = 131_072.0 * (1.0 - f32::EPSILON);
 
 /// Returns the share of a class that is drawn at `distance`, in units of the class's own distance.

@@ -115,7 +115,8 @@ pub const SNOW: PrecipitationKind = PrecipitationKind {
     reflectance: 0.95,
 };
 
-/// Width of a flake, mm, by its diameter when melted, mm: its mass is that of the drop, 0.178 D^(3 - 0.922) = d^3.
+/// Width of a flake, mm, by its diameter when melted, mm: its mass is that of the drop, 0.178 D^(3
+/// - 0.922) = d^3.
 fn flake_width(d: f64) -> f64 {
     (d.powi(3) / 0.178).powf(1.0 / 2.078)
 }
@@ -176,7 +177,7 @@ impl SizeClass {
 
 impl PrecipitationKind {
     /// Thresholds of tier `index`, from and up to. Each tier is a process of its own, in cubes of
-    /// its own size, so that where few are there few are asked for: of rain when it is light, of
+    /// its own size, so that where few are there few are requested: of rain when it is light, of
     /// snow also when it is far away, since fewer flakes then stand for all.
     pub(crate) fn tier(&self, index: usize) -> [f64; 2] {
         let below = self.tiers;

@@ -84,14 +84,14 @@ pub(super) fn project(all: &[Occluder], grid: &Grid, threads: usize) -> Footprin
 #[inline(always)]
 fn project_each<S: Simd>(_: S, splats: &[Occluder], grid: &Grid, found: &mut Vec<(Footprint, [u32; 2])>) {
     for splat in splats {
-        found.extend(Footprint::of(splat, grid));
+        found.extend(Footprint::new(splat, grid));
     }
 }
 
 impl Footprint {
     /// The footprint and its rows; `None` if it covers no cell.
     #[inline(always)]
-    fn of(splat: &Occluder, grid: &Grid) -> Option<(Self, [u32; 2])> {
+    fn new(splat: &Occluder, grid: &Grid) -> Option<(Self, [u32; 2])> {
         let ([across, down, fall], cell) = (grid.axes, grid.cell);
         let [column, row] =
             [(across, grid.low[0]), (down, grid.low[1])].map(|(axis, low)| (splat.along(axis) - low) / cell);
@@ -214,7 +214,7 @@ pub(super) fn cast(
         if clear.iter().all(|left| *left < grid.stopped) {
             return;
         }
-        let mut band = Band::of(number * BAND, columns, grid.stopped, stops, clear, splats);
+        let mut band = Band::new(number * BAND, columns, grid.stopped, stops, clear, splats);
         for list in lists[number].chunks(LOOKS) {
             dispatch!(path, simd => band.cover(simd, footprints, list));
             if !band.is_open() {
@@ -243,7 +243,7 @@ struct Band {
 }
 
 impl Band {
-    fn of(first: usize, columns: usize, stopped: f32, stops: &[f32], clear: &[f32], splats: &[u32]) -> Self {
+    fn new(first: usize, columns: usize, stopped: f32, stops: &[f32], clear: &[f32], splats: &[u32]) -> Self {
         let stride = columns + LANES;
         // Nothing is open behind a row.
         Self {

@@ -51,7 +51,7 @@ impl Occluders {
             let weight = area(it) * f64::from(it.opacity);
             match pools.get_mut(place) {
                 Some(pool) => pool.add(it, weight),
-                None => pools.push(Pool::of(it, weight)),
+                None => pools.push(Pool::new(it, weight)),
             }
         }
         let merged = pools.into_iter().map(|pool| match pool.count {
@@ -76,7 +76,7 @@ struct Pool {
 }
 
 impl Pool {
-    fn of(it: &Occluder, weight: f64) -> Self {
+    fn new(it: &Occluder, weight: f64) -> Self {
         let mut pool = Self { first: *it, count: 0, weight: 0.0, mean: [0.0; 3], moments: [0.0; 6] };
         pool.add(it, weight);
         pool

@@ -145,20 +145,21 @@ impl Occluders {
         Self { options: *options, ..self }
     }
 
-    /// Makes maps with cells so many times as wide.
+    /// Makes maps with cells a number of times as wide.
     pub(crate) fn coarser(&self, times: f64) -> Self {
         self.clone().mapped(&ShelterOptions { cell: times * self.options.cell, ..self.options })
     }
 
-    /// Makes quick maps with cells so many times as wide: of merged occluders, floaters among them.
+    /// Makes quick maps with cells a number of times as wide: of merged occluders, floaters among
+    /// them.
     pub(crate) fn sketched(&self, times: f64) -> Self {
         let cell = times * self.options.cell;
         let floaters = FloaterRule::Stop;
         Self { all: self.merged(cell), ..*self }.mapped(&ShelterOptions { cell, floaters, ..self.options })
     }
 
-    /// Makes soft maps of falls that are nearly straight down, with cells so many times as wide;
-    /// what floats stops them too.
+    /// Makes soft maps of falls that are nearly straight down, with cells a number of times as
+    /// wide; what floats stops them too.
     pub(crate) fn softened(&self, times: f64) -> Self {
         let cell = times * self.options.cell;
         let floaters = FloaterRule::Stop;
@@ -169,9 +170,9 @@ impl Occluders {
         })
     }
 
-    /// Returns the map for what falls along `fall` (world axes, of any length; straight down where it
-    /// is zero or not finite). `threads` at once, `None` for one a core; the map is the same for any
-    /// number.
+    /// Returns the map for what falls along `fall` (world axes, of any length; straight down where
+    /// it is zero or not finite). `threads` at once, `None` for one a core; the map is the same for
+    /// any number.
     #[must_use]
     pub fn shelter(&self, fall: [f64; 3], threads: Option<usize>) -> Shelter {
         let threads = count(threads);

@@ -33,10 +33,10 @@ const USUAL: f64 = 0.006;
 const MERGE: f64 = 1.25;
 /// Width, px, below which droplets are drawn fewer and wider: less than that of crowns, else a
 /// cloud of droplets becomes a few grains. And the droplets of a drop of which one is to be drawn
-/// before fewer drops are asked for theirs.
+/// before fewer drops are requested theirs.
 const DOT: f64 = 0.55;
 const MIN_DRAWN_DROPLETS: f64 = 150.0;
-/// Most droplets that are drawn of one drop.
+/// Largest number of droplets drawn for one drop.
 const MAX_DRAWN_DROPLETS: f64 = 400.0;
 /// Farthest that a splash is from its drop, m.
 const REACH: f64 = 0.6;
@@ -207,7 +207,7 @@ struct Hit {
     age: f64,
     impact: Impact,
     draws: RandomSequence,
-    /// One over how many it stands for.
+    /// Reciprocal of the number of drops that it stands for.
     keep: f64,
 }
 

@@ -30,7 +30,7 @@ pub(crate) struct Foam {
     open: f32,
     /// Share that it covers at the edge of the water, 0-1.
     edge: f32,
-    /// Depth from which on waves do not break by the bottom, m.
+    /// Depth from which waves do not break by the bottom, m.
     deep: f32,
     /// Mean square of the slopes of the water, both axes together.
     slopes: f32,

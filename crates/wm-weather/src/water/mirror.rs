@@ -92,7 +92,7 @@ impl MirroredPicture {
     /// Makes all levels of a drawn picture with depth. What is brighter than `white`, linear,
     /// counts as that.
     pub(crate) fn new(path: SimdPath, frame: &Frame, white: f32) -> Self {
-        let whole = LinearPicture::of(path, frame);
+        let whole = LinearPicture::new(path, frame);
         let levels = Level::all(whole.width, whole.height);
         let mut pixels = vec![[0.0; 4]; levels[levels.len() - 1][TALLEST].end()];
         let finest = levels[0][0];
@@ -150,7 +150,7 @@ impl MirroredPicture {
         for (k, corner) in corners.iter().enumerate() {
             scales[k] = [fineness(simd, corner[0]), fineness(simd, corner[1])];
             let taller = (corner[1] - corner[0]).max(zero).min(simd.set(TALLEST as f32));
-            let place = LaneIndices::of(simd, corner[0].mul_add(simd.set((TALLEST + 1) as f32), taller));
+            let place = LaneIndices::new(simd, corner[0].mul_add(simd.set((TALLEST + 1) as f32), taller));
             for i in 0..S::N {
                 [first[k][i], stride[k][i]] = self.places[place.0[i] as usize];
             }
@@ -160,7 +160,7 @@ impl MirroredPicture {
             scales,
             first,
             stride,
-            shares: [LaneArray::of(simd, a), LaneArray::of(simd, b), LaneArray::of(simd, c)],
+            shares: [LaneArray::new(simd, a), LaneArray::new(simd, b), LaneArray::new(simd, c)],
         }
     }
 
@@ -184,7 +184,7 @@ impl MirroredPicture {
         let fine = Spots::new(simd, within, scales[0], &first[0], &stride[0]);
         let middle = Spots::new(simd, within, scales[1], &first[1], &stride[1]);
         let coarse = Spots::new(simd, within, scales[2], &first[2], &stride[2]);
-        let weights = LaneArray::of(simd, weights);
+        let weights = LaneArray::new(simd, weights);
         let mut todo = wanted;
         while todo != 0 {
             let i = (todo.trailing_zeros() & 15) as usize;
@@ -236,7 +236,7 @@ impl MirroredPicture {
         seen: ReflectionLanes<S>,
         sums: &mut [[f32; 4]; 16],
     ) {
-        let nearest = LaneArray::of(simd, seen.nearest);
+        let nearest = LaneArray::new(simd, seen.nearest);
         let Fineness { scales, first, stride, shares } = fineness;
         let mut spots = [const { [Spots::NONE; 3] }; LOOKS];
         let mut weights = [const { LaneArray([0.0; 16]) }; LOOKS];
@@ -248,13 +248,13 @@ impl MirroredPicture {
             for level in 0..3 {
                 spots[k][level] = Spots::new(simd, within, scales[level], &first[level], &stride[level]);
             }
-            weights[k] = LaneArray::of(simd, *weight);
+            weights[k] = LaneArray::new(simd, *weight);
         }
         let mut at_finest = looks[0].0;
         for k in 0..2 {
             at_finest[k] = at_finest[k].max(simd.set(0.0)).min(simd.set(self.size[k])).floor();
         }
-        let at_finest = [LaneIndices::of(simd, at_finest[0]), LaneIndices::of(simd, at_finest[1])];
+        let at_finest = [LaneIndices::new(simd, at_finest[0]), LaneIndices::new(simd, at_finest[1])];
         let mut todo = seen.wanted;
         while todo != 0 {
             let i = (todo.trailing_zeros() & 15) as usize;
@@ -319,7 +319,7 @@ impl MirroredPicture {
         for k in 0..2 {
             within[k] = points[k].max(simd.set(0.0)).min(simd.set(self.size[k])).floor();
         }
-        let (column, row) = (LaneIndices::of(simd, within[0]), LaneIndices::of(simd, within[1]));
+        let (column, row) = (LaneIndices::new(simd, within[0]), LaneIndices::new(simd, within[1]));
         let stride = self.size[0] as usize + 1;
         let mut found = [0.0; 16];
         let mut todo = wanted;
@@ -342,7 +342,7 @@ struct Level {
 }
 
 impl Level {
-    /// Pixels of a level from which on several threads fill it.
+    /// Pixels of a level from which several threads fill it.
     const SHARED: usize = 1 << 13;
 
     /// The levels of a picture, one after the other; the smallest are two pixels wide or high.
@@ -389,10 +389,10 @@ impl Level {
     }
 }
 
-/// The lanes that look into a mirrored picture.
+/// Lanes that sample a mirrored picture.
 #[derive(Clone, Copy)]
 pub(super) struct ReflectionLanes<S: Lanes> {
-    /// A bit for each lane that does.
+    /// Bit mask of these lanes.
     pub(crate) wanted: u32,
     /// Largest reciprocal of the view z of what it may mirror, 1 / scene unit.
     pub(crate) nearest: S::F,
@@ -439,12 +439,12 @@ impl Spots {
             whole[k] = at.floor();
             part[k] = at - whole[k];
         }
-        let [column, row] = [LaneIndices::of(simd, whole[0]), LaneIndices::of(simd, whole[1])];
+        let [column, row] = [LaneIndices::new(simd, whole[0]), LaneIndices::new(simd, whole[1])];
         let mut at = [0; 16];
         for i in 0..16 {
             at[i] = first[i].wrapping_add(row.0[i].wrapping_mul(stride[i])).wrapping_add(column.0[i]);
         }
-        Self { at, right: LaneArray::of(simd, part[0]), down: LaneArray::of(simd, part[1]) }
+        Self { at, right: LaneArray::new(simd, part[0]), down: LaneArray::new(simd, part[1]) }
     }
 
     /// Between the pixels about point `i`, of a picture with rows of `stride` pixels.

@@ -50,7 +50,7 @@ const CORE: f64 = 0.012;
 /// Squared slopes of the band of old rings, summed over its waves: a constant that takes
 /// milliseconds.
 static BAND_POWER: OnceLock<f64> = OnceLock::new();
-/// Most drops above 2 mm that are drawn, a m^2 and second.
+/// Largest flux of drawn drops above 2 mm, 1/(m^2 s).
 const MAX_DROP_FLUX: f64 = 1200.0;
 
 /// Energy and numbers of the drops that fall on level ground.
@@ -66,7 +66,7 @@ struct DropSums {
 
 impl DropSums {
     /// Computes the drops of rain of `rate` mm/h, by their sizes and speeds ([`RAIN`]).
-    fn of(rate: f64) -> Self {
+    fn new(rate: f64) -> Self {
         if rate <= 0.0 {
             return Self::default();
         }
@@ -104,7 +104,7 @@ pub(crate) fn slope_rms(rate: f64, depth: f64) -> f64 {
     // (depth, share), between by its logarithm.
     const SHARES: [(f64, f64); 4] = [(0.002, 0.29), (0.005, 0.49), (0.010, 0.83), (0.030, 1.0)];
     let stiffness = GRAVITY + TENSION * WAVE_NUMBER * WAVE_NUMBER;
-    let deep = (SHARE * DropSums::of(rate).power / (4.0 * VISCOSITY * DENSITY * stiffness)).sqrt();
+    let deep = (SHARE * DropSums::new(rate).power / (4.0 * VISCOSITY * DENSITY * stiffness)).sqrt();
     let share = match SHARES.iter().position(|(own, _)| depth < *own) {
         None => SHARES[SHARES.len() - 1].1,
         Some(0) => SHARES[0].1 * (depth / SHARES[0].0).max(0.0),
@@ -118,7 +118,7 @@ pub(crate) fn slope_rms(rate: f64, depth: f64) -> f64 {
 
 /// Drops above 2 mm that fall on a m^2 in a second of rain of `rate` mm/h.
 pub(crate) fn large_drops(rate: f64) -> f64 {
-    DropSums::of(rate).large
+    DropSums::new(rate).large
 }
 
 /// A ring: where its drop fell, m on the tile, and how long ago, s.
@@ -175,7 +175,7 @@ fn rings(rate: f64, time: f64, seed: u64) -> Vec<Ring> {
 /// axes.
 pub(crate) fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
     let variance = rms * rms;
-    let drops = DropSums::of(rate);
+    let drops = DropSums::new(rate);
     let flux = drops.large.min(MAX_DROP_FLUX);
     // Each large drop brings its energy to a ring; what the others bring, and large ones that are
     // too many, is in the field.

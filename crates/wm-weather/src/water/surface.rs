@@ -9,7 +9,7 @@ use wm_scene::Camera;
 const MAX_VIEW_Z: f64 = 1e6;
 /// Least height of the eye over a puddle, m.
 const MIN_EYE_HEIGHT_M: f64 = 0.05;
-/// Height by which a ray misses the water at the last of its steps, m, from which on it met none.
+/// Height by which a ray misses the water at the last of its steps, m, from which it met none.
 const MISSED: f64 = 0.05;
 /// Steps by which a ray finds the level of the place that it hits, and its error at which it has
 /// found it, m.

@@ -104,7 +104,7 @@ impl SlopeTile {
         }
         // Written out: a closure in `map` would be compiled without the path's instructions.
         let spots = [Spots::new(simd, share, whole), Spots::new(simd, share, coarse)];
-        let part = LaneArray::of(simd, level - whole);
+        let part = LaneArray::new(simd, level - whole);
         let mut sums = [[0.0f32; 16]; 3];
         let mut todo = wanted;
         while todo != 0 {
@@ -127,7 +127,7 @@ pub(super) struct LaneArray(pub [f32; 16]);
 
 impl LaneArray {
     #[inline(always)]
-    pub(crate) fn of<S: Lanes>(_: S, vector: S::F) -> Self {
+    pub(crate) fn new<S: Lanes>(_: S, vector: S::F) -> Self {
         let mut kept = [0.0; 16];
         vector.store_slice(&mut kept[..S::N]);
         Self(kept)
@@ -139,7 +139,7 @@ pub(super) struct LaneIndices(pub [u32; 16]);
 
 impl LaneIndices {
     #[inline(always)]
-    pub(crate) fn of<S: Lanes>(simd: S, vector: S::F) -> Self {
+    pub(crate) fn new<S: Lanes>(simd: S, vector: S::F) -> Self {
         let mut kept = [0; 16];
         let bits = (vector + TWO_23).to_bits() & S::U::splat(simd, 0x007f_ffff);
         bits.store_slice(&mut kept[..S::N]);
@@ -179,11 +179,11 @@ impl Spots {
             part[k] = at - node[k];
         }
         Self {
-            level: LaneIndices::of(simd, level),
-            column: LaneIndices::of(simd, node[0]),
-            row: LaneIndices::of(simd, node[1]),
-            right: LaneArray::of(simd, part[0]),
-            down: LaneArray::of(simd, part[1]),
+            level: LaneIndices::new(simd, level),
+            column: LaneIndices::new(simd, node[0]),
+            row: LaneIndices::new(simd, node[1]),
+            right: LaneArray::new(simd, part[0]),
+            down: LaneArray::new(simd, part[1]),
         }
     }
 
@@ -225,7 +225,7 @@ mod tests {
     fn at<S: Lanes>(simd: S, tile: &SlopeTile, place: [f64; 2]) -> [f32; 2] {
         let phase = place.map(|along| tile.phase(along));
         let [x, y, _] = tile.at(simd, [simd.set(0.0); 2], phase, simd.set(-10.0), 1);
-        [x, y].map(|slope| LaneArray::of(simd, slope).0[0])
+        [x, y].map(|slope| LaneArray::new(simd, slope).0[0])
     }
 
     /// Waves of four nodes have their slopes between nodes too, in the mean.

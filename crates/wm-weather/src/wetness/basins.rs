@@ -110,8 +110,8 @@ pub(crate) struct Basins {
     pub(crate) all: Vec<Basin>,
     /// The basin that each cell lies in, or [`NO_BASIN`].
     pub(crate) of: Vec<u32>,
-    /// The basin that each cell drains into, or [`NO_BASIN`] of cells whose water leaves and of those
-    /// without ground.
+    /// The basin that each cell drains into, or [`NO_BASIN`] of cells whose water leaves and of
+    /// those without ground.
     pub(crate) drain: Vec<u32>,
 }
 

@@ -70,7 +70,7 @@ struct RunOffLaw {
 }
 
 impl RunOffLaw {
-    fn of(kind: Drainage, texture: f64) -> Self {
+    fn new(kind: Drainage, texture: f64) -> Self {
         let [length, slope] = kind.fall();
         Self { factor: store_factor(texture, length, slope), kept: kind.keeps() * texture }
     }
@@ -251,7 +251,7 @@ impl WetColumns {
     pub(super) fn pass(&mut self, step: &WetStep) -> [f64; SHARES] {
         let mut runs = [0.0; SHARES];
         for kind in Drainage::ALL {
-            let law = RunOffLaw::of(kind, self.texture);
+            let law = RunOffLaw::new(kind, self.texture);
             for (k, column) in self.columns[kind as usize].iter_mut().enumerate() {
                 let water = share_of(k as f64) * step.rain + step.snow.melts[k];
                 let ran = column.pass(law, step.hours, [water, step.dries * step.snow.bare[k]]);
@@ -290,7 +290,7 @@ impl WetColumns {
 
     /// Water that runs off of that ground, mm/h.
     pub(crate) fn runs_off(&self, kind: Drainage, share: f64) -> f64 {
-        RunOffLaw::of(kind, self.texture).rate(self.column(kind, share).store)
+        RunOffLaw::new(kind, self.texture).rate(self.column(kind, share).store)
     }
 
     /// The wetness of that ground.

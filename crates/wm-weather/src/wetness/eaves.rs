@@ -3,7 +3,7 @@
 //! A roof is what stands over the ground beside it and is even, as leaves are not. Its water runs
 //! as that of the ground does ([`run_off`](super::run_off)), to the cells from which it falls onto
 //! open ground. Most eaves have gutters, which no capture shows; so the share of the water that
-//! falls is asked for.
+//! falls is requested.
 
 use super::ground_map::neighbours;
 use super::run_off::gathered;

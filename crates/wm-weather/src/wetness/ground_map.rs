@@ -100,7 +100,7 @@ impl GroundMap {
     /// Finds the ground of a scene about a `path` (world, scene units), without its open water.
     /// Where up is estimated, `is_up_known` is false, and ground that slopes a little as a whole is
     /// taken for level.
-    pub(crate) fn of(
+    pub(crate) fn new(
         scan: &FusedSurfaces<'_>,
         water: &OpenWater,
         path: [[f64; 3]; 2],
@@ -116,7 +116,7 @@ impl GroundMap {
             ..ShelterOptions::default()
         };
         let occluders = Occluders::of(&scan.splats, site, &options);
-        let (grid, _) = GroundGrid::of(scan, &occluders, None, threads);
+        let (grid, _) = GroundGrid::new(scan, &occluders, None, threads);
         let (mut floor, mut top) = grid.floor();
         let places = grid.places().heightless();
         // A scene of which nothing is near the path has no cell.
@@ -229,8 +229,8 @@ impl GroundMap {
     }
 
     /// Depth of a point (world, scene units) below the ground, m; 0 above it, where there is none,
-    /// and deeper than [`SEEN_DEPTH_M`]. What a rough capture has below its ground shows through it, and
-    /// gets the rain that the ground gets.
+    /// and deeper than [`SEEN_DEPTH_M`]. What a rough capture has below its ground shows through
+    /// it, and gets the rain that the ground gets.
     pub(super) fn depth_below(&self, point: [f32; 3]) -> f32 {
         let (place, height) = self.locate(point.map(f64::from));
         let depth = self.places.cell_at(place).map(|at| self.ground[at] - height as f32);

@@ -45,7 +45,7 @@ pub use surfaces::{WetGains, WetShares, WetSurfaces};
 pub struct WetRequest {
     /// Rain and drying until the instant.
     pub(crate) steps: Vec<WetStep>,
-    /// Wetness that is asked for, 0-1, in the place of what the steps give: pores are full at a
+    /// Wetness that is requested, 0-1, in the place of what the steps give: pores are full at a
     /// half, and the texture at 1.
     pub(crate) amount: Option<f64>,
     /// Share of the volume of puddles that is filled, 0-1, in the place of what has come to them.

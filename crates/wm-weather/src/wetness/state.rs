@@ -108,7 +108,7 @@ impl WetState {
     /// The wetness of surfaces that get a share of the rain.
     pub(crate) fn wet(&self, kind: Drainage, share: f64) -> Wet {
         let Some(amount) = self.amount else { return self.columns.wet(kind, share) };
-        // What gets half of the rain is as wet as is asked for.
+        // What gets half of the rain is as wet as is requested.
         let reached = (2.0 * share).min(1.0);
         let (pores, film) = ((2.0 * amount).min(1.0), (2.0 * amount - 1.0).max(0.0));
         Wet { pores: (reached * pores) as f32, film: (reached * film) as f32, depth: 0.0 }

@@ -30,7 +30,7 @@ const LEVEL: f32 = 0.85;
 /// Share of the rain that leaves get, which turn to all sides, and how porous they are.
 const LEAF_RAIN_SHARE: f32 = 0.6;
 const LEAF_POROSITY: f32 = 0.3;
-/// Height above ground and distance from walls at which shelter is asked for, m: captured surfaces
+/// Height above ground and distance from walls at which shelter is requested, m: captured surfaces
 /// are rough.
 const LIFT: f32 = 0.25;
 const OFF_WALL: f32 = 0.4;
@@ -123,7 +123,7 @@ impl WetSurfaces {
         site: &Site,
         threads: usize,
     ) -> Self {
-        let mut ground = GroundMap::of(found, water, path, is_up_known, site, threads);
+        let mut ground = GroundMap::new(found, water, path, is_up_known, site, threads);
         let points = found.places(splats);
         let mean = capture.mean(&capture.light);
         let reflectance = |index: usize| -> [f64; 3] {
@@ -136,7 +136,7 @@ impl WetSurfaces {
             })
         };
         let up = Vec3::from_array(site.up.map(|v| v as f32));
-        let floor = FarFloor::of(found, site, threads);
+        let floor = FarFloor::new(found, site, threads);
         let wide = (MAX_EDGE_SIGMA_M / site.metres_per_unit).ln() as f32;
         let with_ponds = map(splats.len(), threads, |index| {
             let point = points[index];
@@ -325,7 +325,7 @@ struct SheenGains {
     /// By the class of steep surfaces: the share that is wet, and the film in depths of the
     /// texture.
     wet: [[f32; 2]; SHARES],
-    /// One over the light of a display-referred value in 8 bits.
+    /// Reciprocal of the light of a display-referred value in 8 bits.
     inverse: Box<[f32; 256]>,
 }
 

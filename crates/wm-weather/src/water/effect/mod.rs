@@ -26,12 +26,11 @@ use wm_render::simd::{Lanes, SimdPath, exp2, log2, srgb_decode, srgb_encode};
 use wm_render::{FRONT, Frame, PictureEffect, dispatch};
 use wm_scene::Camera;
 
-/// Transmittance to the surface below which it is not seen.
+/// Transmittance to the surface below which it is invisible.
 const MIN_TRANSMITTANCE: f32 = 1.0 / 512.0;
-/// Share of the light behind the surface that may be missing where the water's own light is left
-/// out.
+/// Share of the light from behind that may be lost before the water's own light is added.
 const MAX_UNLIT_SHARE: f32 = 1.0 / 256.0;
-/// Height over a flood from which on water is not the flood's, m.
+/// Height above a flood, m, from which water does not belong to it.
 const MIN_HEIGHT_ABOVE_FLOOD_M: f32 = 0.01;
 
 /// Water as a picture pass: its picture is drawn with [`wm_render::DrawPass::surface`], its only
@@ -101,7 +100,7 @@ struct Pixels {
     z: [f32; GROUP],
     /// Slopes that do not move.
     still: [f32; GROUP],
-    /// One over the distance to what they mirror, 1/m; NaN where that is not known.
+    /// Reciprocal of the distance to what they mirror, 1/m; NaN where that is not known.
     reach: [f32; GROUP],
 }
 

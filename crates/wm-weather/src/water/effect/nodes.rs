@@ -8,8 +8,8 @@ pub(super) enum NodeKind {
     /// The share of light that films reflect, and that light, linear RGB: too blurred to differ
     /// between nodes.
     Films,
-    /// One over the distance from rough water to what it mirrors, 1/m. Slopes and light are found
-    /// at each pixel.
+    /// Reciprocal of the distance from rough water to what it mirrors, 1/m. Slopes and light are
+    /// found at each pixel.
     Reach,
 }
 
@@ -22,7 +22,7 @@ impl NodeKind {
         }
     }
 
-    /// Returns true of water with these slopes that do not move.
+    /// Returns true if water with these static slopes is of this kind.
     #[inline(always)]
     fn holds(self, still: f32) -> bool {
         (still > FILM) == (self == Self::Films)
@@ -39,7 +39,7 @@ pub(super) struct ReflectionNodes {
 }
 
 impl ReflectionNodes {
-    /// Looks into the water of this kind in a picture.
+    /// Samples the water of this kind at the nodes of a picture.
     pub(super) fn new(scene: &Scene<'_>, path: SimdPath, of: NodeKind) -> Self {
         let size = (scene.of.camera.width as usize, scene.of.camera.height as usize);
         let columns = (size.0.next_multiple_of(GROUP) / NODES + 1).next_multiple_of(GROUP);
@@ -104,7 +104,7 @@ impl ReflectionNodes {
 const _: () = assert!(GROUP.is_multiple_of(NODES), "pixels between two nodes are of one group");
 
 impl Scene<'_> {
-    /// Looks into the water of one kind at the nodes of a row.
+    /// Samples the water of one kind at the nodes of a row.
     #[inline(always)]
     fn look_at_nodes<S: Lanes>(&self, simd: S, of: NodeKind, y: usize, nodes: &mut [f32]) {
         let WaterSurface { depth, roughness, .. } = self.of.surface;

@@ -2,12 +2,13 @@
 
 use super::*;
 
-/// Looks into a rough surface: standard deviations of the slope and their weights, normal
-/// distributions; and the width of each look over the standard deviation of the lobe's height.
+/// Samples of the lobe of a rough surface: offsets of the slope in standard deviations and weights,
+/// of a normal distribution; and the width of each sample over the standard deviation of the lobe's
+/// height.
 struct LobeSamples(&'static [(f32, f32)], f32);
 
 impl LobeSamples {
-    /// Look `k`; behind the last one looks that count nothing.
+    /// Sample `k`; its weight is 0 past the last one.
     #[inline(always)]
     fn look(&self, k: usize) -> (f32, f32) {
         if k < self.0.len() { self.0[k] } else { (0.0, 0.0) }
@@ -15,9 +16,7 @@ impl LobeSamples {
 }
 
 const ONE_SAMPLE: LobeSamples = LobeSamples(&[(0.0, 1.0)], 0.0);
-
 const THREE_SAMPLES: LobeSamples = LobeSamples(&[(0.0, 0.62), (-1.62, 0.19), (1.62, 0.19)], 1.4);
-
 const FIVE_SAMPLES: LobeSamples =
     LobeSamples(&[(0.0, 0.399), (-1.0, 0.242), (1.0, 0.242), (-2.0, 0.058), (2.0, 0.058)], 0.9);
 
@@ -45,12 +44,12 @@ const SHARP_LOBE_PX: f32 = 0.35;
 /// Height of a lobe, in the same unit, above which a few samples are too far apart.
 const TALL_LOBE_PX: f32 = 5.0;
 
-/// Slopes away from the eye, of the tangent of the view's elevation, from which crests hide what is
-/// behind them.
+/// Slope away from the eye, over the tangent of the view's elevation, above which crests hide what
+/// is behind them.
 const HIDING_SLOPE: f32 = 0.7;
 
-/// Width of a look, px, over the standard deviation of the lobe across the view that it must have:
-/// a piece of a mirrored picture is a box and what is mixed between its pixels.
+/// Least width of a sample, px, over the standard deviation of the lobe across the view: a
+/// footprint in a mirrored picture is a box, interpolated between pixels.
 const FOOTPRINT_SIGMAS: f32 = 2.45;
 
 /// Width over which the depth of what a lobe shows is averaged, of the lobe's height: far less than
@@ -61,18 +60,18 @@ const DEPTH_BLUR: f32 = 1.0;
 /// with what is beside them.
 const MIN_REFLECTION_DISTANCE: f32 = 0.03;
 
-/// Reciprocal of the view z, over that of the water, from which on things are nearer than the water
+/// Ratio of a reciprocal view z to that of the water above which things are nearer than the water
 /// and not mirrored in it.
 const NEARER_RECIPROCAL: f32 = 1.1;
 
-/// One over how free of its ground water is that counts as free.
+/// Scale of the share of water that is free of its ground: above 1 / 4 it counts as entirely free.
 const FREE_WATER_SCALE: f32 = 4.0;
 
-/// Farthest that a mirrored point is from the water, m: beyond it nothing moves when the eye does.
+/// Largest distance of a mirrored point from the water, m: beyond it there is no parallax.
 const MAX_REFLECTION_DISTANCE_M: f32 = 1e5;
 
 impl Scene<'_> {
-    /// Finds how far away is what pixels mirror.
+    /// Finds the distance of what pixels mirror.
     #[inline(always)]
     pub(super) fn find_reach<S: Lanes>(&self, simd: S, start: usize, pixels: &mut Pixels) {
         let z = simd.load(&pixels.z[start..]);
@@ -98,10 +97,10 @@ impl Scene<'_> {
         wanted: u32,
         slopes: &[S::F; 3],
     ) -> [S::F; 3] {
-        let (x, y) = (LaneArray::of(simd, hit[0]), LaneArray::of(simd, hit[1]));
-        let width = LaneArray::of(simd, exp2(simd, [log_width])[0]);
-        let (mut east, mut north) = (LaneArray::of(simd, slopes[0]), LaneArray::of(simd, slopes[1]));
-        let mut variance = LaneArray::of(simd, slopes[2]);
+        let (x, y) = (LaneArray::new(simd, hit[0]), LaneArray::new(simd, hit[1]));
+        let width = LaneArray::new(simd, exp2(simd, [log_width])[0]);
+        let (mut east, mut north) = (LaneArray::new(simd, slopes[0]), LaneArray::new(simd, slopes[1]));
+        let mut variance = LaneArray::new(simd, slopes[2]);
         let mut todo = wanted;
         while todo != 0 {
             let i = (todo.trailing_zeros() & 15) as usize;
@@ -242,7 +241,7 @@ impl Scene<'_> {
         // Others may be films that are known already.
         let reflected = is_wet.select(seen * scale, simd.load(&water.reflected[start..]));
         reflected.store_slice(&mut water.reflected[start..start + S::N]);
-        let scale = LaneArray::of(simd, scale);
+        let scale = LaneArray::new(simd, scale);
         let mut todo = wanted;
         while todo != 0 {
             let i = (todo.trailing_zeros() & 15) as usize;
@@ -442,8 +441,8 @@ impl<S: Lanes> Tilt<S> {
     }
 }
 
-/// Lanes by the looks that they need: the first mask that is set counts. Where none is, [`FILM_SAMPLES`]
-/// of films goes over into [`FIVE_SAMPLES`] of free water, so that films end without an edge.
+/// Choice of samples by lane: the first mask that is set counts. Where none is, [`FILM_SAMPLES`] of
+/// films blend into [`FIVE_SAMPLES`] of free water, so that films end without an edge.
 struct SampleChoice<S: Lanes> {
     is_sharp: S::M,
     is_low: S::M,
