@@ -268,7 +268,8 @@ pub(crate) fn from_level(axes: &[[f64; 3]; 3], level: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| (0..3).map(|axis| axes[axis][k] * level[axis]).sum())
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+/// The dot product of two vectors.
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 

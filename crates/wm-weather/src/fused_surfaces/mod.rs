@@ -200,7 +200,7 @@ impl<'a> FusedSurfaces<'a> {
 struct CameraVotes {
     seen: u32,
     through: u32,
-    /// Of both, the cameras that see a floor there.
+    /// Cameras of either kind that see a floor there.
     seen_floor: u32,
     through_floor: u32,
 }

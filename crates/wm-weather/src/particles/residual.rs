@@ -28,7 +28,7 @@ pub(crate) fn fade(distance: f64) -> f64 {
     ((FADE[1] - distance) / (FADE[1] - FADE[0])).clamp(0.0, 1.0)
 }
 
-/// The integral of [`fade`] from 0.
+/// The integral of the drawn share over distances from 0.
 fn faded(distance: f64) -> f64 {
     let [begin, end] = FADE;
     let over = (distance.min(end) - begin).max(0.0);

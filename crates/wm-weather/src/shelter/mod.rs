@@ -39,7 +39,7 @@ mod penumbra;
 #[cfg(test)]
 mod tests;
 
-use crate::dome::level_axes;
+use crate::dome::{dot, level_axes};
 use serde::{Deserialize, Serialize};
 
 pub(crate) use layers::HeightLayers;
@@ -299,10 +299,6 @@ impl Shelter {
         let at = |k: usize| origin[k] + u * axes[0][k] + v * axes[1][k] + stop * axes[2][k];
         stop.is_finite().then(|| [at(0), at(1), at(2)])
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// A vector at length 1; `None` if it has no direction.

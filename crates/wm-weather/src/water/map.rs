@@ -298,7 +298,7 @@ impl<'a> WaterView<'a> {
         Self { grid, plane: map.plane, eye: place, steps }
     }
 
-    /// The water at a place, metres along the level axes from the eye; as [`WaterMap::at`].
+    /// The water at a place, metres along the level axes from the eye; `None` where none is known.
     #[inline(always)]
     pub(crate) fn at(&self, x: f32, y: f32) -> Option<WaterSample> {
         let (u, v) = (x * self.steps + self.eye[0], y * self.steps + self.eye[1]);

@@ -1,6 +1,7 @@
 //! The water that a camera sees: where each pixel's ray meets it.
 
 use super::map::{WaterMap, WaterSample, WaterView};
+use crate::dome::dot;
 use rayon::prelude::*;
 use std::ops::Range;
 use wm_scene::Camera;
@@ -332,8 +333,4 @@ fn hit(view: &WaterView<'_>, eye: f64, ray: [f64; 3], start: f64) -> Option<(f32
         };
     }
     found.filter(|(z, sample)| (eye + f64::from(*z) * ray[2] - sample.level).abs() < MISSED)
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -1,4 +1,4 @@
-//! What water mirrors: samples of the lobe of a rough surface, and the distance to what they show.
+//! Reflections of water: samples of the lobe of a rough surface, and the distance to what they show.
 
 use super::*;
 
