@@ -56,7 +56,7 @@ impl Street {
                 threshold: f64::INFINITY,
                 material: CoverMaterial { color: [0.8; 3], shade: [0.2; 3] },
             };
-            let mut baked = cover.lay(&asked).bake(&scene);
+            let mut baked = cover.lay_all(&[asked]).bake(&scene);
             println!("{} splats, {} with snow", scene.len(), baked.len());
             let is_snow: Vec<bool> = baked.groups.iter().map(|group| *group == Group::Snow).collect();
             for (rgb, is_snow) in baked.sh.chunks_mut(3).zip(is_snow) {

@@ -121,8 +121,8 @@ impl PlaceWater {
         let (reached, state) = (self.reached.as_ref()?, self.state.as_ref()?);
         let asked =
             prepared.wetness().filter(|_| prepared.cover().is_empty() && prepared.splash().is_some())?;
-        let state = (state, asked.texture, asked.eaves);
-        Some(SplashGround::new(&reached.surfaces, &reached.shares, state, &reached.tiles, site))
+        let (surfaces, shares, tiles) = (&reached.surfaces, &reached.shares, &reached.tiles);
+        Some(SplashGround::new(surfaces, shares, state, asked.texture, asked.eaves, tiles, site))
     }
 
     /// The water on the ground; `None` where nothing is wet.

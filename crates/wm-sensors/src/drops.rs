@@ -153,9 +153,9 @@ impl FaceSlice<'_> {
         // away.
         let room = theta + off / REACH[0];
         let view = view(&self.face, center, low.map(|v| v - room), high.map(|v| v + room));
-        let times = (self.middle, self.length);
         let near = |shape: ParticleShape, diameter: f64| reach(shape, diameter, model) + off;
-        let particles = scene.weather.near_particles(path, (&view, scene.shelter), times, &near);
+        let (shelter, after, duration) = (scene.shelter, self.middle, self.length);
+        let particles = scene.weather.near_particles(path, &view, shelter, after, duration, &near);
         // A grid over the pulses' places, as lists one after the other.
         let cells = ((self.own.len() as f64).sqrt() as usize).clamp(1, CELLS);
         let scale = [0, 1].map(|k| cells as f64 / (high[k] - low[k]).max(1e-9));

@@ -10,7 +10,7 @@
 //!
 //! Below the horizon there is no edge: the horizon turns smoothly into the ground's haze, complete
 //! 30 degrees down. Scenes end before the horizon, and from above their end is seen against that. A
-//! panorama is haze there too ([`crate::panorama`]), unless its own lower half is asked for.
+//! panorama is haze there too ([`crate::panorama`]), unless its own lower half is requested.
 //!
 //! Directions: heading 0 is the scene's x axis laid level (its y axis if x is within 26 degrees of
 //! up), and headings turn clockwise seen from above.
@@ -46,7 +46,7 @@ const BAND: f64 = 0.342;
 
 /// The appearance of a sky.
 #[derive(Clone, Debug, PartialEq)]
-pub enum SkyAppearance {
+pub(crate) enum SkyAppearance {
     /// One colour, linear RGB.
     Plain([f64; 3]),
     /// Clear, by the colours of horizon and zenith, linear RGB.
@@ -63,7 +63,7 @@ pub enum SkyAppearance {
         /// At the horizon, linear RGB.
         horizon: [f64; 3],
     },
-    /// That of a place of the sun, with its clouds; its irradiances in lux times the dome's
+    /// A clear sky with clouds for a position of the sun; its irradiances in lux times the dome's
     /// brightness are those of display white.
     Open(Arc<OpenLight>),
     /// The plain sky of the program.
@@ -81,7 +81,7 @@ pub enum SkyAppearance {
 
 /// A sky over a place, at one instant.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Dome {
+pub(crate) struct Dome {
     look: SkyAppearance,
     ground: Option<[f64; 3]>,
     brightness: f64,
@@ -97,8 +97,7 @@ impl Dome {
     /// A sky about `up` (world axes, length 1), its light times `brightness`. `ground` is the
     /// colour well below the horizon, linear RGB; without it a colour stays, and others take a grey
     /// of 0.6 times the light of the horizon.
-    #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         look: SkyAppearance,
         ground: Option<[f64; 3]>,
         brightness: f64,
@@ -119,15 +118,13 @@ impl Dome {
         dome
     }
 
-    /// The same sky in a flash of lightning.
-    #[must_use]
-    pub fn lit_by(self, flash: Option<FlashLight>) -> Self {
+    /// Adds a flash of lightning to the sky.
+    pub(crate) fn lit_by(self, flash: Option<FlashLight>) -> Self {
         Self { flash, ..self }
     }
 
     /// The treatment of the scene's own sky splats.
-    #[must_use]
-    pub fn scenes_sky(&self) -> SkySplats {
+    pub(crate) fn scenes_sky(&self) -> SkySplats {
         self.sky_splats
     }
 
@@ -257,24 +254,22 @@ pub fn level_axes(up: [f64; 3]) -> [[f64; 3]; 3] {
 }
 
 /// The rotation from world to [`level_axes`].
-#[must_use]
-pub fn level_matrix(up: [f64; 3]) -> DMat3 {
+pub(crate) fn level_matrix(up: [f64; 3]) -> DMat3 {
     DMat3::from_cols_array_2d(&level_axes(up)).transpose()
 }
 
 /// A vector of world axes along [`level_axes`].
-#[must_use]
-pub fn to_level(axes: &[[f64; 3]; 3], world: [f64; 3]) -> [f64; 3] {
+pub(crate) fn to_level(axes: &[[f64; 3]; 3], world: [f64; 3]) -> [f64; 3] {
     axes.map(|axis| dot(axis, world))
 }
 
 /// A vector along [`level_axes`] in world axes.
-#[must_use]
-pub fn from_level(axes: &[[f64; 3]; 3], level: [f64; 3]) -> [f64; 3] {
+pub(crate) fn from_level(axes: &[[f64; 3]; 3], level: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| (0..3).map(|axis| axes[axis][k] * level[axis]).sum())
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+/// The dot product of two vectors.
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 

@@ -22,7 +22,7 @@ const GREY: f64 = 0.05;
 /// The air for light of one wavelength of the near infrared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InfraredAir {
-    /// Its channels are the extinction of all, and pi times the backscatter a sr of what floats,
+    /// Channels: the extinction of everything, and pi times the backscatter a sr of what floats,
     /// both 1/m.
     air: Atmosphere,
     floats: bool,
@@ -34,7 +34,8 @@ impl InfraredAir {
     pub(crate) fn new(
         floating: &[AirLayer],
         falling: &[Precipitation],
-        (wavelength, lidar_ratio): (f64, Option<f64>),
+        wavelength: f64,
+        lidar_ratio: Option<f64>,
         site: &Site,
     ) -> Self {
         let float = |layer: &AirLayer| {

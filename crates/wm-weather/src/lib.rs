@@ -34,12 +34,12 @@
 
 pub mod cover;
 pub mod dome;
-pub mod easing;
-pub mod effects;
-pub mod file;
+pub(crate) mod easing;
+pub(crate) mod effects;
+pub(crate) mod file;
 pub mod fused_surfaces;
-pub mod image_file;
-pub mod infrared;
+pub(crate) mod image_file;
+pub(crate) mod infrared;
 pub mod lens;
 pub mod light;
 mod linear_picture;
@@ -56,13 +56,12 @@ pub mod splash;
 #[cfg(test)]
 mod testing;
 mod threads;
-pub mod track;
+pub(crate) mod track;
 pub mod water;
 pub mod weather;
 pub mod wetness;
-pub mod wind;
+pub(crate) mod wind;
 
-pub use dome::Dome;
 pub use easing::Easing;
 pub use effects::{EFFECTS, Effect, EffectRole, LampSource, Need, light_fault};
 pub use file::WeatherError;

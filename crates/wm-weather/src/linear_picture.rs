@@ -9,15 +9,15 @@ use wm_render::{Frame, dispatch};
 /// A picture in linear light, one level of a pyramid.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LinearPicture {
-    pub width: usize,
-    pub height: usize,
+    pub(crate) width: usize,
+    pub(crate) height: usize,
     /// Red, green, blue, and a number of its user's.
-    pub pixels: Vec<[f32; 4]>,
+    pub(crate) pixels: Vec<[f32; 4]>,
 }
 
 impl LinearPicture {
     /// The colours of a drawn picture, with 0 as the fourth number.
-    pub fn of(path: SimdPath, frame: &Frame) -> Self {
+    pub(crate) fn new(path: SimdPath, frame: &Frame) -> Self {
         let (width, height) = (frame.width as usize, frame.height as usize);
         let mut pixels = vec![[0.0; 4]; width * height];
         let rows = pixels.par_chunks_mut(width).zip(frame.rgb.par_chunks(3 * width));
@@ -28,7 +28,7 @@ impl LinearPicture {
     /// Between the four pixels about a point of the finest level, px; at the picture's edge its
     /// last pixels.
     #[inline(always)]
-    pub fn at(&self, x: f32, y: f32, level: usize) -> [f32; 4] {
+    pub(crate) fn at(&self, x: f32, y: f32, level: usize) -> [f32; 4] {
         let scale = 1.0 / (1u32 << level) as f32;
         let u = (x * scale - 0.5).clamp(0.0, (self.width - 1) as f32);
         let v = (y * scale - 0.5).clamp(0.0, (self.height - 1) as f32);

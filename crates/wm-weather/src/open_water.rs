@@ -16,27 +16,27 @@ const CELL: f64 = 0.25;
 /// Display-referred excess of blue over red that no paving has, and blue over green.
 const BLUE: [f32; 2] = [0.2, 0.85];
 /// Least opacity of a splat that counts.
-const OPAQUE: f64 = 0.3;
+const MIN_OPACITY: f64 = 0.3;
 /// Reach of a splat in geometric means of its two longer standard deviations, and at most, m.
 const REACH: f64 = 1.2;
-const FARTHEST: f64 = 2.0;
+const MAX_REACH_M: f64 = 2.0;
 /// Share of the surface in a pool that must be blue.
-const MOSTLY: f64 = 0.5;
+const MIN_BLUE_SHARE: f64 = 0.5;
 /// Least area of a pool, m^2.
-const LEAST: f64 = 6.0;
+const MIN_POOL_AREA_M2: f64 = 6.0;
 /// Largest height, m, between the tenth and the ninetieth percentile of a pool's splats: a training
 /// sees through water.
-const UNEVEN: f64 = 2.0;
+const MAX_HEIGHT_RANGE_M: f64 = 2.0;
 /// Gaps in a pool that are closed, cells.
 const GAP: i32 = 3;
 /// Most cells of a rectangle about a pool in which holes are filled: 250 m by 250 m.
 const MOST_ROUND: i64 = 1_000_000;
 /// Distance, cells, to which the surroundings reach, and the most by which water stands above them,
 /// m.
-const AROUND: i32 = 8;
-const RAISED: f64 = 0.5;
+const SURROUNDINGS_CELLS: i32 = 8;
+const MAX_RISE_M: f64 = 0.5;
 /// Height above and below water, m, within which a surface is its own.
-const OWN: [f64; 2] = [0.4, 2.5];
+const SURFACE_HEIGHTS_M: [f64; 2] = [0.4, 2.5];
 
 /// A place in the grid.
 type Cell = [i32; 2];
@@ -79,8 +79,7 @@ impl OpenWater {
     }
 
     /// Returns true if a point (world, scene units) is at the surface of open water.
-    #[must_use]
-    pub fn covers(&self, point: [f64; 3]) -> bool {
+    pub(crate) fn covers(&self, point: [f64; 3]) -> bool {
         if self.cells.is_empty() && self.outlines.is_empty() {
             return false;
         }
@@ -106,13 +105,13 @@ impl OpenWater {
         let mut left = BTreeSet::new();
         for index in (0..splats.len()).filter(|index| splats.groups[*index] == Group::Scene) {
             let opacity = splats.opacity(index);
-            if opacity < OPAQUE {
+            if opacity < MIN_OPACITY {
                 continue;
             }
             let at = self.level * DVec3::from_array(splats.means[index].map(f64::from));
             let mut scales = splats.log_scales[index].map(|v| f64::from(v).exp() * self.metres_per_unit);
             scales.sort_by(f64::total_cmp);
-            let reach = (REACH * (scales[1] * scales[2]).sqrt()).min(FARTHEST);
+            let reach = (REACH * (scales[1] * scales[2]).sqrt()).min(MAX_REACH_M);
             let area = std::f64::consts::PI * reach * reach * opacity;
             let shows_water = shows_water(splats, index);
             let cell = cell_of(at);
@@ -206,23 +205,23 @@ fn pool_height(pool: &[Cell], found: &HashMap<Cell, Vec<Patch>>, evidence: Evide
     if evidence == Evidence::Label {
         return Some(height);
     }
-    if (pool.len() as f64) * CELL * CELL < LEAST {
+    if (pool.len() as f64) * CELL * CELL < MIN_POOL_AREA_M2 {
         return None;
     }
     let share = |is_counted: fn(&Patch) -> bool| -> f64 {
         let at_height = |patch: &&Patch| is_own(patch.height - height) && is_counted(patch);
         inside().filter(at_height).map(|patch| patch.area).sum()
     };
-    if height - low > UNEVEN || share(|patch| patch.is_water) < MOSTLY * share(|_| true) {
+    if height - low > MAX_HEIGHT_RANGE_M || share(|patch| patch.is_water) < MIN_BLUE_SHARE * share(|_| true) {
         return None;
     }
-    let mut around = widened(pool, AROUND);
+    let mut around = widened(pool, SURROUNDINGS_CELLS);
     pool.iter().for_each(|cell| {
         around.remove(cell);
     });
     let outside = around.iter().filter_map(|cell| found.get(cell)).flatten();
     let [ground] = heights(outside, [0.3])?;
-    (height < ground + RAISED).then_some(height)
+    (height < ground + MAX_RISE_M).then_some(height)
 }
 
 /// Heights below which such shares of the area lie; `None` where there is no area.
@@ -293,7 +292,7 @@ fn widened(cells: &[Cell], radius: i32) -> BTreeSet<Cell> {
 
 /// Returns true if a surface so far above water, m, is the water's own.
 fn is_own(above: f64) -> bool {
-    (-OWN[1]..OWN[0]).contains(&above)
+    (-SURFACE_HEIGHTS_M[1]..SURFACE_HEIGHTS_M[0]).contains(&above)
 }
 
 #[cfg(test)]

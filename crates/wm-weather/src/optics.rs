@@ -32,14 +32,14 @@ use wm_scene::survey::SunnySide;
 pub use wm_scene::metadata::MOR_DEPTH;
 pub use wm_scene::survey::CapturedSky;
 /// `-ln(0.02)`: optical depth of Koschmieder's visual range.
-pub const VISUAL_RANGE_DEPTH: f64 = 3.912_023_005_428_146;
+const VISUAL_RANGE_DEPTH: f64 = 3.912_023_005_428_146;
 /// Wavelengths that stand for the display's primaries, nm.
-pub const WAVELENGTHS: [f64; 3] = [610.0, 550.0, 465.0];
-/// How far the sky and the background are, m: beyond any atmosphere, yet safe in f32.
-pub const FAR: f64 = 1e7;
+pub(crate) const WAVELENGTHS: [f64; 3] = [610.0, 550.0, 465.0];
+/// Distance of the sky and the background, m: beyond any atmosphere, yet safe in f32.
+pub(crate) const SKY_DISTANCE_M: f64 = 1e7;
 /// Longest path through a layer, m at its base density: finite, so that mean airlights stay
 /// numbers.
-const LONGEST: f64 = 1e30;
+const MAX_LAYER_PATH_M: f64 = 1e30;
 
 /// Extinction a metre, green, of a meteorological optical range in metres.
 #[must_use]
@@ -48,28 +48,27 @@ pub fn sigma_of_mor(mor: f64) -> f64 {
 }
 
 /// Extinction a metre of a visual range (2 %) in metres.
-#[must_use]
-pub fn sigma_of_visual_range(range: f64) -> f64 {
+pub(crate) fn sigma_of_visual_range(range: f64) -> f64 {
     VISUAL_RANGE_DEPTH / range
 }
 
 /// Extinction of the three channels relative to green (550 nm) for an Angstrom exponent.
 #[must_use]
-pub fn spectrum(angstrom: f64) -> [f64; 3] {
+pub(crate) fn spectrum(angstrom: f64) -> [f64; 3] {
     WAVELENGTHS.map(|wavelength| (wavelength / WAVELENGTHS[1]).powf(-angstrom))
 }
 
 /// One kind of floating particles, homogeneous across, thinning upwards or not.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AirLayer {
+pub(crate) struct AirLayer {
     /// Extinction at the base, 1/m, by channel.
-    pub sigma_t: [f64; 3],
+    pub(crate) sigma_t: [f64; 3],
     /// Radiance of an endless path through it, linear RGB.
-    pub airlight: [f64; 3],
+    pub(crate) airlight: [f64; 3],
     /// Height over which it thins to 1/e, m; infinite for none.
-    pub scale_height: f64,
+    pub(crate) scale_height: f64,
     /// Height above the ground at which `sigma_t` holds, m.
-    pub base_height: f64,
+    pub(crate) base_height: f64,
 }
 
 /// How well the airlight of a site is known.
@@ -103,9 +102,8 @@ pub struct LampLevels {
 }
 
 impl LampLevels {
-    /// That of the lamps that a weather asks for.
-    #[must_use]
-    pub fn of(&self, source: LampSource) -> f64 {
+    /// Level of the lamps that a weather asks for.
+    pub(crate) fn of(&self, source: LampSource) -> f64 {
         match source {
             LampSource::Scene => self.scene,
             LampSource::Path => self.path,
@@ -116,14 +114,14 @@ impl LampLevels {
 /// The light in which a site lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SiteLight {
-    /// That of the capture.
+    /// The light of the capture.
     #[default]
     Captured,
     /// One that the weather brings: what it lays on the place is lit by that.
     OfWeather,
 }
 
-/// What weather must know of the site.
+/// Properties of a place that weather depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Site {
     /// The point of the world that is zero in the scene, scene units.
@@ -139,7 +137,7 @@ pub struct Site {
     /// Brightness of a white card on level ground in the open as the photos would show it, linear,
     /// 1 = display white; `None` where nobody states it.
     pub white_card: Option<f64>,
-    /// Whether the airlight is known or guessed.
+    /// Says if the airlight is known or guessed.
     pub daylight: Daylight,
     /// The sky that the place was captured under.
     pub captured_sky: CapturedSky,
@@ -179,29 +177,26 @@ impl Site {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Atmosphere {
     layers: Vec<AirLayer>,
-    /// What of the layers is drawn drop by drop.
+    /// Parts of the layers that are drawn drop by drop.
     drawn: Vec<Residual>,
     site: Site,
 }
 
 impl Atmosphere {
     /// The layers over a site; layers without extinction are dropped.
-    #[must_use]
-    pub fn new(layers: Vec<AirLayer>, site: Site) -> Self {
+    pub(crate) fn new(layers: Vec<AirLayer>, site: Site) -> Self {
         let layers = layers.into_iter().filter(|layer| layer.sigma_t.iter().any(|s| *s > 0.0)).collect();
         Self { layers, drawn: Vec::new(), site }
     }
 
-    /// The same air without what is drawn drop by drop.
-    #[must_use]
-    pub fn without(mut self, drawn: Vec<Residual>) -> Self {
+    /// Leaves out what is drawn drop by drop.
+    pub(crate) fn without(mut self, drawn: Vec<Residual>) -> Self {
         self.drawn = drawn;
         self
     }
 
-    /// Whether the air is clear.
-    #[must_use]
-    pub fn is_clear(&self) -> bool {
+    /// Returns true if the air is clear.
+    pub(crate) fn is_clear(&self) -> bool {
         self.layers.is_empty()
     }
 
@@ -213,7 +208,7 @@ impl Atmosphere {
 
     /// Optical depth of one layer along a ray, relative to `sigma_t`, m.
     fn path_length(layer: &AirLayer, height: f64, rise: f64, metres: f64) -> f64 {
-        let metres = metres.min(FAR);
+        let metres = metres.min(SKY_DISTANCE_M);
         if layer.scale_height.is_infinite() {
             return metres;
         }
@@ -222,7 +217,7 @@ impl Atmosphere {
         let x = metres * rise / layer.scale_height;
         let decay = (-x * std::f64::consts::LOG2_E).clamp(-126.0, 126.0).exp2();
         let mean = if x.abs() < 1e-4 { 1.0 - x / 2.0 } else { (1.0 - decay) / x };
-        (metres * density * mean).min(LONGEST)
+        (metres * density * mean).min(MAX_LAYER_PATH_M)
     }
 
     /// Optical depth in one channel of the layers along a ray: from `origin` (world axes, scene
@@ -242,8 +237,7 @@ impl Atmosphere {
     }
 
     /// Extinction at a point (world axes, scene units), 1/m, by channel.
-    #[must_use]
-    pub fn extinction_at(&self, point: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn extinction_at(&self, point: [f64; 3]) -> [f64; 3] {
         let height = self.height(point);
         let density =
             |layer: &AirLayer| (-(height - layer.base_height) / layer.scale_height).clamp(-80.0, 80.0).exp();
@@ -259,11 +253,10 @@ impl Atmosphere {
     }
 
     /// The air as seen from `origin` (world axes, scene units).
-    #[must_use]
-    pub fn seen_from(&self, origin: [f32; 3]) -> AirView<'_> {
+    pub(crate) fn seen_from(&self, origin: [f32; 3]) -> AirView<'_> {
         let height = self.height(origin.map(f64::from));
-        let layers: Vec<Seen> = self.layers.iter().map(|layer| Seen::new(layer, height)).collect();
-        let is_grey = layers.iter().all(Seen::is_grey);
+        let layers: Vec<LayerView> = self.layers.iter().map(|layer| LayerView::new(layer, height)).collect();
+        let is_grey = layers.iter().all(LayerView::is_grey);
         AirView { layers, drawn: &self.drawn, up: self.site.up.map(|v| v as f32), is_grey }
     }
 
@@ -323,8 +316,8 @@ fn ray<S: Lanes>(simd: S, group: &ShadeGroup, first: usize, metres_per_unit: f32
 }
 
 /// The air as seen from one point.
-pub struct AirView<'a> {
-    layers: Vec<Seen>,
+pub(crate) struct AirView<'a> {
+    layers: Vec<LayerView>,
     drawn: &'a [Residual],
     up: [f32; 3],
     is_grey: bool,
@@ -332,15 +325,14 @@ pub struct AirView<'a> {
 
 impl AirView<'_> {
     /// Returns true if the air takes as much of each channel.
-    #[must_use]
-    pub fn is_grey(&self) -> bool {
+    pub(crate) fn is_grey(&self) -> bool {
         self.is_grey
     }
 
     /// Light, linear RGB, that comes from `metres` away along unit directions (world axes), as it
     /// arrives.
     #[inline(always)]
-    pub fn through<S: Lanes>(
+    pub(crate) fn through<S: Lanes>(
         &self,
         simd: S,
         metres: S::F,
@@ -359,16 +351,21 @@ impl AirView<'_> {
     /// RGB) of an endless path through the same air: the airlight is that times
     /// `1 - transmittance`.
     #[inline(always)]
-    pub fn along<S: Lanes>(&self, simd: S, metres: S::F, direction: &[S::F; 3]) -> ([S::F; 3], [S::F; 3]) {
+    pub(crate) fn along<S: Lanes>(
+        &self,
+        simd: S,
+        metres: S::F,
+        direction: &[S::F; 3],
+    ) -> ([S::F; 3], [S::F; 3]) {
         let Self { layers, drawn, up, is_grey } = self;
-        let metres = metres.min(simd.set(FAR as f32));
+        let metres = metres.min(simd.set(SKY_DISTANCE_M as f32));
         let (mut depth, mut added) = ([simd.set(0.0); 3], [simd.set(0.0); 3]);
         for layer in layers {
             let path = if layer.per_height > 0.0 {
                 let [dx, dy, dz] = direction;
                 let rise = dx.mul_add(simd.set(up[0]), dy.mul_add(simd.set(up[1]), *dz * up[2]));
                 let mean = mean_density(simd, metres * rise * layer.per_height);
-                (metres * mean * layer.density).min(simd.set(LONGEST as f32))
+                (metres * mean * layer.density).min(simd.set(MAX_LAYER_PATH_M as f32))
             } else {
                 metres
             };
@@ -401,8 +398,8 @@ impl AirView<'_> {
     }
 }
 
-/// A layer as seen from one height, in f32.
-struct Seen {
+/// A layer relative to the height of a camera, in f32.
+struct LayerView {
     /// Extinction a metre, scaled so that transmittance is a power of two.
     sigma_t: [f32; 3],
     airlight: [f32; 3],
@@ -412,7 +409,7 @@ struct Seen {
     per_height: f32,
 }
 
-impl Seen {
+impl LayerView {
     fn new(layer: &AirLayer, height: f64) -> Self {
         let density = (-(height - layer.base_height) / layer.scale_height).clamp(-80.0, 80.0).exp();
         Self {
@@ -452,8 +449,8 @@ impl Medium for Atmosphere {
             for (name, metres) in [
                 ("TABLE_NEAR", f64::from(NEAREST_NODE)),
                 ("TABLE_FAR", f64::from(FARTHEST_NODE)),
-                ("FAR_METRES", FAR),
-                ("LONGEST_METRES", LONGEST),
+                ("FAR_METRES", SKY_DISTANCE_M),
+                ("LONGEST_METRES", MAX_LAYER_PATH_M),
             ] {
                 constants += &format!("const {name}: f32 = {metres:e};\n");
             }
@@ -463,7 +460,7 @@ impl Medium for Atmosphere {
         let mut parameters = vec![view.layers.len() as f32, self.drawn.len() as f32];
         parameters.push(self.site.metres_per_unit as f32);
         parameters.extend(view.up);
-        for Seen { sigma_t, airlight, density, per_height } in &view.layers {
+        for LayerView { sigma_t, airlight, density, per_height } in &view.layers {
             parameters.extend(sigma_t.iter().chain(airlight).chain([density, per_height]));
         }
         for drawn in &self.drawn {
@@ -483,7 +480,10 @@ impl Medium for Atmosphere {
         for k in 0..3 {
             let layers = self.layers.iter().zip(&paths);
             let layers = layers.map(|(layer, path)| (layer.sigma_t[k] * path, layer.airlight[k]));
-            let drawn = self.drawn.iter().map(|drawn| (-drawn.depth(metres.min(FAR)), drawn.airlight()[k]));
+            let drawn = self
+                .drawn
+                .iter()
+                .map(|drawn| (-drawn.depth(metres.min(SKY_DISTANCE_M)), drawn.airlight()[k]));
             let parts = layers.chain(drawn);
             let total: f64 = parts.clone().map(|(depth, _)| depth).sum();
             if total > 0.0 {

@@ -9,7 +9,7 @@
 //! as sharp as the rows are.
 //!
 //! Below the horizon most panoramas show a ground of their own or nothing, and behind the end of a
-//! scene either is wrong. So that half is made of haze unless it is asked for
+//! scene either is wrong. So that half is made of haze unless it is requested
 //! ([`LowerHemisphere`]): within 3 degrees the mirrored sky turns into the mean of the strip above
 //! the horizon, at each heading its own.
 
@@ -188,13 +188,9 @@ impl Panorama {
         }
     }
 
-    /// The same for one direction given along the axes, in f64.
-    pub(crate) fn reference(
-        &self,
-        pixel: f64,
-        [forward, right, up]: [f64; 3],
-        below: LowerHemisphere,
-    ) -> [f64; 3] {
+    /// Looks up one direction given along the axes, in f64.
+    pub(crate) fn reference(&self, pixel: f64, direction: [f64; 3], below: LowerHemisphere) -> [f64; 3] {
+        let [forward, right, up] = direction;
         let is_haze = below == LowerHemisphere::Haze && up < 0.0;
         let height = if is_haze { -up } else { up };
         let u = 0.5 + right.atan2(forward) / std::f64::consts::TAU;
@@ -212,7 +208,8 @@ impl Panorama {
 }
 
 /// A display-referred colour in steps; what is beyond is clipped, what is no number is 0.
-fn steps([r, g, b]: [f32; 3]) -> [u16; 4] {
+fn steps(rgb: [f32; 3]) -> [u16; 4] {
+    let [r, g, b] = rgb;
     [r, g, b, 0.0].map(|v| (v * STEPS).round() as u16)
 }
 
@@ -238,7 +235,7 @@ impl Level {
     /// Half the size, each side rounded down; `linear` is the light of each step.
     fn halved(&self, linear: &[f32]) -> Self {
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
-        let (columns, rows) = (Shares::of(self.width, width), Shares::of(self.height, height));
+        let (columns, rows) = (Shares::new(self.width, width), Shares::new(self.height, height));
         let mut rgb = Vec::with_capacity(width * height);
         for y in 0..height {
             for x in 0..width {
@@ -324,7 +321,7 @@ struct Shares {
 }
 
 impl Shares {
-    fn of(long: usize, short: usize) -> Self {
+    fn new(long: usize, short: usize) -> Self {
         Self { ratio: long as f64 / short as f64 }
     }
 

@@ -93,17 +93,17 @@ pub enum ParamKind {
 /// One parameter of an effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Param {
-    /// Its name in files and flags.
+    /// Name in files and flags.
     pub name: &'static str,
     /// The type of its value.
     pub kind: ParamKind,
-    /// Its value where nothing is said.
+    /// Default value.
     pub default: ParamValue,
     /// Least and greatest number.
     pub range: (f64, f64),
     /// Unit of the number; empty for none.
     pub unit: &'static str,
-    /// Its meaning in one or two sentences.
+    /// Meaning in one or two sentences.
     pub meaning: &'static str,
 }
 
@@ -211,7 +211,7 @@ impl fmt::Display for ParamValue {
 }
 
 /// Types that a field of a parameter struct may have.
-pub trait ParamType: Sized {
+pub(crate) trait ParamType: Sized {
     /// The kind of parameter.
     const KIND: ParamKind;
 
@@ -266,18 +266,17 @@ impl ParamType for Option<ImageFile> {
 /// Declares what words a parameter takes: an enum with one variant each.
 ///
 /// A variant reads `/// Meaning.`, then `Name = "word",`.
-#[macro_export]
 macro_rules! words {
     (
         $(#[doc = $about:literal])*
-        pub enum $name:ident {$(
+        enum $name:ident {$(
             $(#[doc = $meaning:literal])+
             $variant:ident = $word:literal,
         )*}
     ) => {
         $(#[doc = $about])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum $name {$(
+        pub(crate) enum $name {$(
             $(#[doc = $meaning])+
             $variant,
         )*}
@@ -299,25 +298,24 @@ macro_rules! words {
 /// same order.
 ///
 /// A field reads `/// Meaning.`, then `name: type = default, least => greatest, "unit";`.
-#[macro_export]
 macro_rules! params {
     (
         $(#[doc = $about:literal])*
-        pub struct $name:ident {$(
+        struct $name:ident {$(
             $(#[doc = $meaning:literal])+
             $field:ident: $kind:ty = $default:expr, $least:expr => $greatest:expr, $unit:literal;
         )*}
     ) => {
         $(#[doc = $about])*
         #[derive(Clone, Debug, PartialEq)]
-        pub struct $name {$(
+        pub(crate) struct $name {$(
             $(#[doc = $meaning])+
-            pub $field: $kind,
+            pub(crate) $field: $kind,
         )*}
 
         impl $name {
             /// The table of parameters, in the order of the fields.
-            pub const PARAMS: &'static [$crate::param::Param] = &[$(
+            pub(crate) const PARAMS: &'static [$crate::param::Param] = &[$(
                 $crate::param::Param {
                     name: stringify!($field),
                     kind: <$kind as $crate::param::ParamType>::KIND,
@@ -329,8 +327,7 @@ macro_rules! params {
             )*];
 
             /// The parameters from values in the order of the table, each checked by its entry.
-            #[must_use]
-            pub fn of(values: &[$crate::param::ParamValue]) -> Self {
+            pub(crate) fn of(values: &[$crate::param::ParamValue]) -> Self {
                 let mut values = values.iter();
                 Self {$(
                     $field: $crate::param::ParamType::of(values.next().expect("one value a parameter").clone()),
@@ -339,6 +336,8 @@ macro_rules! params {
         }
     };
 }
+
+pub(crate) use {params, words};
 
 #[cfg(test)]
 mod tests {

@@ -40,7 +40,7 @@ pub fn markdown() -> String {
     page
 }
 
-/// The same for a terminal, below the options of a command.
+/// Writes the reference for a terminal, below the options of a command.
 #[must_use]
 pub fn help() -> String {
     let mut text = String::from("Weathers by name:\n");

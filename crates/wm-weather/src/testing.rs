@@ -6,10 +6,11 @@ use glam::DVec3;
 use wm_scene::Camera;
 
 /// A place in metres with z up.
-pub const SITE: Site = Site::PLAIN;
+pub(crate) const SITE: Site = Site::PLAIN;
 
-/// A camera's view of whatever is first along a ray: how far along it, with a direction of length 1.
-pub fn photo_view(camera: Camera, way: impl Fn(DVec3, DVec3) -> Option<f64>) -> PhotoView {
+/// A camera's view of whatever is first along a ray: how far along it, with a direction of length
+/// 1.
+pub(crate) fn photo_view(camera: Camera, way: impl Fn(DVec3, DVec3) -> Option<f64>) -> PhotoView {
     let (center, forward) = (camera.center(), camera.forward());
     let pixel = |k: u32| {
         let ray = camera.ray(f64::from(k % camera.width) + 0.5, f64::from(k / camera.width) + 0.5);

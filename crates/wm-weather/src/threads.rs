@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const PARTS: usize = 16;
 
 /// `work` of every number below `count`, in order.
-pub fn map<T: Send>(count: usize, threads: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+pub(crate) fn map<T: Send>(count: usize, threads: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let threads = threads.min(count);
     if threads <= 1 {
         return (0..count).map(work).collect();

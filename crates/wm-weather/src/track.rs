@@ -28,7 +28,7 @@ pub struct Track {
 }
 
 impl Track {
-    /// The same value at all times.
+    /// A track of one value at all times.
     #[must_use]
     pub fn constant(value: ParamValue) -> Self {
         Self { keys: vec![Keyframe { time: 0.0, value, easing: Easing::Linear }] }

@@ -4,7 +4,7 @@
 //! `S ~ 1 / (1 + 6 n)^(5/3)`, `n = f L / U`, along the wind and, half as strong, across. They are a
 //! pure function of time, and so is how far the air has come: each wave has its integral. Where
 //! speed or direction change over time it is the sum of Gauss-Legendre steps of at most a quarter
-//! of a second from 0 on, whatever frames are asked for.
+//! of a second from 0 on, whatever frames are requested.
 
 use crate::param::ParamValue;
 use crate::track::Track;
@@ -39,8 +39,7 @@ impl Wind {
     /// Speed in m/s and heading in degrees (where it blows to, counted from the first level axis
     /// towards the second) over time; `gusts` is the standard deviation of the speed as a share of
     /// it.
-    #[must_use]
-    pub fn new(speed: Track, direction: Track, gusts: f64, seed: u64) -> Self {
+    pub(crate) fn new(speed: Track, direction: Track, gusts: f64, seed: u64) -> Self {
         // The strength of waves goes by the typical speed of the whole time.
         let typical = speed.most().max(0.5);
         let [slowest, fastest] = FREQUENCIES;
@@ -64,31 +63,28 @@ impl Wind {
     }
 
     /// No wind.
-    #[must_use]
-    pub fn calm() -> Self {
+    #[cfg(test)]
+    pub(crate) fn calm() -> Self {
         let zero = || Track::constant(ParamValue::Number(0.0));
         Self::new(zero(), zero(), 0.0, 0)
     }
 
     /// The mean wind without gusts, m/s along the two level axes.
-    #[must_use]
-    pub fn mean(&self, time: f64) -> [f64; 2] {
+    pub(crate) fn mean(&self, time: f64) -> [f64; 2] {
         let (sin, cos) = number(&self.direction.at(time)).to_radians().sin_cos();
         let speed = number(&self.speed.at(time));
         [speed * cos, speed * sin]
     }
 
     /// The wind, m/s along the two level axes.
-    #[must_use]
-    pub fn at(&self, time: f64) -> [f64; 2] {
+    pub(crate) fn at(&self, time: f64) -> [f64; 2] {
         let along = |wave: &Wave| wave[0] * (wave[1] * time + wave[2]).cos();
         let [a, b] = self.waves.each_ref().map(|waves| self.gusts * waves.iter().map(along).sum::<f64>());
         turned(self.mean(time), [1.0 + a, b])
     }
 
     /// Returns the distance that the air has travelled since time 0, m along the two level axes.
-    #[must_use]
-    pub fn drift(&self, time: f64) -> [f64; 2] {
+    pub(crate) fn drift(&self, time: f64) -> [f64; 2] {
         // Steady before the first key, after the last, and between equal ones.
         let mut breaks: Vec<f64> = [&self.speed, &self.direction]
             .into_iter()

@@ -29,15 +29,15 @@ const CIRCLE: [usize; 2] = [6, 4];
 /// innermost.
 const COARSER: f64 = 2.0;
 /// Height above a node from which obstacles are looked for, m.
-const ABOVE: f64 = 0.06;
+const OBSTACLE_HEIGHT_M: f64 = 0.06;
 /// Largest deposit on a slope that faces the wind, as a share of that on level ground.
-const MOST: f32 = 2.5;
+const MAX_DEPOSIT: f32 = 2.5;
 /// Over how far the wind lets go of what it carries: in the open, and out of the wind, m.
 const LENGTH: [f32; 2] = [5.0, 1.5];
 /// Tangent of the angle below which it is out of the wind behind an edge.
 const SHADOW: f32 = 0.268;
 /// Depth below that line at which a node is out of the wind, m.
-const BELOW: f32 = 0.04;
+const LEE_DEPTH_M: f32 = 0.04;
 /// Share of what the wind carries that stays at the foot of what stands in its way.
 const FOOT: f32 = 0.1;
 /// Most that the wind gathers, as a share of the fall.
@@ -104,7 +104,7 @@ impl GroundGrid {
         let grid = self.places.axes();
         let points: Vec<[f32; 3]> = map(nodes, threads, |node| {
             let place = self.place(node).map(|v| v as f64 + 0.5);
-            self.places.point(place, f64::from(self.height[node]) + ABOVE).map(|v| v as f32)
+            self.places.point(place, f64::from(self.height[node]) + OBSTACLE_HEIGHT_M).map(|v| v as f32)
         });
         let maps: Vec<(&Shelter, [f32; 3])> =
             maps.iter().map(|map| (map, to_level(&grid, map.fall()).map(|v| v as f32))).collect();
@@ -115,7 +115,7 @@ impl GroundGrid {
                 if shelter.is_exposed(points[node]) {
                     let facing = 1.0 - self.slope[node][0] * wind[0] - self.slope[node][1] * wind[1];
                     open += each;
-                    share += each * facing.clamp(0.0, MOST);
+                    share += each * facing.clamp(0.0, MAX_DEPOSIT);
                 }
             }
             (open, share)
@@ -166,7 +166,7 @@ impl GroundGrid {
         let unit = wind.map(|v| v / length);
         let (step, aside) = (unit[main].signum() as i64, unit[1 - main] / unit[main].abs());
         let way = |off: i64| if main == 0 { [step, off] } else { [off, step] };
-        let gale = Gale {
+        let gale = WindField {
             ways: [(way(0), 1.0 - aside.abs()), (way(aside.signum() as i64), aside.abs())],
             unit,
             moved,
@@ -189,9 +189,9 @@ impl GroundGrid {
 
     /// Deposits what the wind brings to each node, or passes it on: `carried` is on its way to each
     /// node, and below `line` (m) the air is still.
-    fn pass(&mut self, node: usize, gale: &Gale, carried: &mut [f32], line: &mut [f32]) {
+    fn pass(&mut self, node: usize, gale: &WindField, carried: &mut [f32], line: &mut [f32]) {
         let [column, row] = self.place(node);
-        let (height, is_still) = (self.height[node], line[node] > self.height[node] + BELOW);
+        let (height, is_still) = (self.height[node], line[node] > self.height[node] + LEE_DEPTH_M);
         // From beyond the grid comes what a plain would give.
         let plain = gale.moved / gale.lets_go[0];
         for ([x, y], share) in gale.ways {
@@ -245,8 +245,8 @@ impl GroundGrid {
     }
 }
 
-/// A wind over the grid, line by line.
-struct Gale {
+/// The wind over the grid, line by line.
+struct WindField {
     /// To the next line straight on and a cell aside, each with its share, so that the mean goes
     /// with the wind.
     ways: [([i64; 2], f32); 2],

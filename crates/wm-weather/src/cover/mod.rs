@@ -3,7 +3,7 @@
 //! # How much lies where
 //! The fall reaches the surfaces of the scene ([`ground`]) by how open they are and by what the
 //! wind does with it ([`exposure`]), slides off what is too steep for it and lies below
-//! ([`settle`]), and melts. Depth is asked for as that on open level ground, or follows from what
+//! ([`settle`]), and melts. Depth is requested as that on open level ground, or follows from what
 //! has fallen until then ([`snowpack`]). It melts slower in the shade, and later where more of it
 //! lies ([`thaw`]). All of it is kept account of: what fell is what lies, what has melted, and what
 //! is left on walls, falls through leaves or is blown away.
@@ -28,16 +28,16 @@
 //! The paper makes those splats white that face up, and fills planes between them with white ones:
 //! it snows under roofs, and white shows through what stands in front. That is [`crate::paper`]'s.
 
-pub mod exposure;
-pub mod ground;
-pub mod settle;
+pub(crate) mod exposure;
+pub(crate) mod ground;
+pub(crate) mod settle;
 mod shading;
-pub mod snowpack;
-pub mod surfels;
+pub(crate) mod snowpack;
+pub(crate) mod surfels;
 #[cfg(test)]
 mod tests;
-pub mod thaw;
-pub mod walls;
+pub(crate) mod thaw;
+pub(crate) mod walls;
 
 use crate::dome::level_axes;
 use crate::fused_surfaces::{FusedSurfaces, StandIn};
@@ -49,28 +49,29 @@ pub use exposure::Airflow;
 use glam::DVec3;
 use ground::GroundGrid;
 use serde::{Deserialize, Serialize};
-pub use settle::Settled;
-pub use snowpack::Snowpack;
+pub(crate) use settle::Settled;
+pub(crate) use snowpack::Snowpack;
+pub use surfels::CoverMaterial;
+pub(crate) use surfels::coverage;
 pub(crate) use surfels::surfel;
-pub use surfels::{CoverMaterial, coverage};
 use thaw::CoverState;
-pub use thaw::{MeltSample, Thaw};
+pub(crate) use thaw::{MeltSample, Thaw};
 use walls::Wall;
 use wm_render::hooks::{Attribute, AttributeBlock, Revision, SplatAttributes};
 use wm_scene::{Group, Splats};
 
 /// Depth below its ground to which a splat is buried with it, m: splats are that rough.
-const BURIED: f32 = 0.08;
+const BURIAL_DEPTH_M: f32 = 0.08;
 /// Largest height of a splat above its ground, m, and the largest depth below a plain of one that
 /// is replaced.
-const ABOVE: f32 = 1.5;
+const MAX_SPLAT_HEIGHT_M: f32 = 1.5;
 /// Height above and below other level ground within which a replaced splat belongs to it, m.
 const HAZE: [f32; 2] = [0.25, 0.3];
 /// Cells along a side of a ring, and how many times as wide those of the next ring are.
 const SIDE: f64 = 420.0;
-const WIDER: f64 = 4.0;
-/// Times as many cells a ring has along a path.
-const LONGER: f64 = 3.0;
+const RING_WIDTH_FACTOR: f64 = 4.0;
+/// Factor on the number of a ring's cells along a path.
+const PATH_LENGTH_FACTOR: f64 = 3.0;
 /// Rings at most.
 const RINGS: usize = 4;
 /// Narrowest cells, m.
@@ -78,10 +79,10 @@ const NARROWEST: f64 = 0.06;
 /// Share of the splats beyond the widest ring on each side: far hills are few splats.
 const OUTLIERS: f64 = 0.000_5;
 /// The lowest depth of the ladder, m, and how many times as deep each next one is.
-const LOWEST: f64 = 0.005;
-const RUNG: f64 = 1.5;
-/// Rungs that are kept.
-const KEPT: usize = 4;
+const MIN_RUNG_DEPTH_M: f64 = 0.005;
+const RUNG_RATIO: f64 = 1.5;
+/// Number of rungs kept.
+const MAX_RUNGS: usize = 4;
 
 /// A cover to be laid out.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,8 +105,7 @@ pub struct CoverRequest {
 
 impl CoverRequest {
     /// Returns true if nothing of it is visible anywhere.
-    #[must_use]
-    pub fn is_nothing(&self) -> bool {
+    pub(crate) fn is_nothing(&self) -> bool {
         self.wet_fall <= 0.0 && self.thaw.map_or(self.depth <= 0.0, |thaw| thaw.is_over())
     }
 }
@@ -116,7 +116,7 @@ pub struct Cover {
     /// Around where the photos were taken, and farther out in wider cells.
     rings: Vec<GroundGrid>,
     metres_per_unit: f64,
-    /// Of each splat of the scene. Those that nothing buries have none.
+    /// Where each splat of the scene lies; `None` for those that nothing buries.
     spots: Vec<Option<Spot>>,
     walls: Vec<Wall>,
     /// Depths after sliding for some depths and angles of repose, the last used at the end.
@@ -166,7 +166,8 @@ pub struct LyingCover {
     /// The depths on each ring; of several covers the lowest on each ring first.
     pub settled: Vec<Settled>,
     /// Melted amounts of each of those, as depths on one cell, m.
-    pub melted: Vec<f64>,
+    #[allow(dead_code, reason = "read by the tests that balance what fell and what became of it")]
+    melted: Vec<f64>,
 }
 
 /// The visible share of each splat of the scene.
@@ -212,7 +213,7 @@ impl LyingCover {
     #[must_use]
     pub fn bake(&self, scene: &Splats) -> Splats {
         let factor = |index: usize| self.buried.factors().get(index).copied().unwrap_or(1.0);
-        let kept: Vec<usize> = (0..scene.len()).filter(|index| factor(*index) > GONE).collect();
+        let kept: Vec<usize> = (0..scene.len()).filter(|index| factor(*index) > MIN_VISIBILITY).collect();
         let mut out = scene.select(&kept);
         for (opacity, index) in out.logit_opacities.iter_mut().zip(&kept) {
             if factor(*index) < 1.0 {
@@ -225,8 +226,8 @@ impl LyingCover {
     }
 }
 
-/// Share of a splat below which nothing of it is seen: 1/255 of an opaque one.
-const GONE: f32 = 1.0 / 255.0;
+/// Visibility below which a splat is invisible: 1/255.
+const MIN_VISIBILITY: f32 = 1.0 / 255.0;
 
 impl Buried {
     fn new(factors: Vec<f32>) -> Self {
@@ -235,8 +236,7 @@ impl Buried {
     }
 
     /// The factor of each splat, 0-1.
-    #[must_use]
-    pub fn factors(&self) -> &[f32] {
+    fn factors(&self) -> &[f32] {
         &self.factors
     }
 }
@@ -266,9 +266,9 @@ impl Cover {
             })
     }
 
-    /// Of a scene whose air carries what falls, on the surfaces of its scan. Cells are narrowest
-    /// about a `path`, a line from one end to the other (world, scene units), or about its middle
-    /// where it is long.
+    /// Builds the ground of a scene, on the surfaces of its scan; air may carry what falls. Cells
+    /// are narrowest about a `path`, a line from one end to the other (world, scene units), or
+    /// about its middle where it is long.
     #[must_use]
     pub fn of(
         splats: &Splats,
@@ -282,19 +282,22 @@ impl Cover {
         let mut occluders = Occluders::of(&scan.splats, site, &ShelterOptions::default());
         let is_path = path[0] != path[1];
         for ring in 0..RINGS {
-            let cell = NARROWEST * WIDER.powi(ring as i32);
+            let cell = NARROWEST * RING_WIDTH_FACTOR.powi(ring as i32);
             let reach = if ring + 1 == RINGS { f64::INFINITY } else { 0.5 * SIDE * cell };
             let options = ShelterOptions {
                 cell,
                 // Only what goes along a path is longer; the outermost ring is the whole place.
-                most_cells: (SIDE * SIDE * if is_path && reach.is_finite() { LONGER } else { 1.0 }) as usize,
+                most_cells: (SIDE
+                    * SIDE
+                    * if is_path && reach.is_finite() { PATH_LENGTH_FACTOR } else { 1.0 })
+                    as usize,
                 focus: reach.is_finite().then(|| (about(path, reach / site.metres_per_unit, site), reach)),
                 margin: 0.1,
                 outliers: OUTLIERS,
                 ..ShelterOptions::default()
             };
             occluders = occluders.mapped(&options);
-            let (ground, floaters) = GroundGrid::of(scan, &occluders, rings.last(), threads);
+            let (ground, floaters) = GroundGrid::new(scan, &occluders, rings.last(), threads);
             let is_whole = ground.places.is_whole();
             rings.push(ground);
             above.push((options, floaters));
@@ -316,24 +319,18 @@ impl Cover {
         Self { rings, metres_per_unit: site.metres_per_unit, spots, walls, ladder: Vec::new(), threads }
     }
 
-    /// The same cover, worked on by this many threads; they change no byte of it.
+    /// Sets the number of threads; the result is the same for any number.
     #[must_use]
     pub fn with_threads(self, threads: usize) -> Self {
         Self { threads, ..self }
     }
 
-    /// The same cover with nothing on open water.
+    /// Removes the cover from open water.
     #[must_use]
     pub fn off_water(mut self, water: &OpenWater) -> Self {
         let threads = self.threads;
         self.rings.iter_mut().for_each(|ground| ground.keep_bare(|point| water.covers(point), threads));
         self
-    }
-
-    /// The ground, from the inside out.
-    #[must_use]
-    pub fn rings(&self) -> &[GroundGrid] {
-        &self.rings
     }
 
     /// Returns the share of the ground that covers hide at a point (world, scene units) of the
@@ -356,13 +353,6 @@ impl Cover {
     #[must_use]
     pub fn is_bare(&self) -> bool {
         self.rings.iter().all(|ground| ground.share.iter().all(|share| *share <= 0.0))
-    }
-
-    /// Lays out one cover. The depths of the ladder that it needs are kept for the next time; the
-    /// result does not depend on what was asked before.
-    #[must_use]
-    pub fn lay(&mut self, asked: &CoverRequest) -> LyingCover {
-        self.lay_all(std::slice::from_ref(asked))
     }
 
     /// Lays out several covers, each on those before it.
@@ -397,7 +387,7 @@ impl Cover {
         }
         let up = DVec3::from_array(self.rings[0].places.axes()[2]);
         for asked in asked {
-            walls::add(&self.walls, asked.wet_fall, (up, self.metres_per_unit), &asked.material, &mut splats);
+            walls::add(&self.walls, asked.wet_fall, up, self.metres_per_unit, &asked.material, &mut splats);
         }
         let factor = |index: usize| {
             let Some(Spot { ring, nodes, reach, is_haze }) = &self.spots[index] else { return 1.0 };
@@ -423,7 +413,7 @@ impl Cover {
     fn left(&mut self, asked: &CoverRequest) -> Vec<SettledLayer> {
         let CoverRequest { depth: fell, thaw, .. } = *asked;
         // How it slides at the least depth says where even less lies.
-        let slides = thaw.map_or(fell, |thaw| thaw.deepest()).max(LOWEST);
+        let slides = thaw.map_or(fell, |thaw| thaw.deepest()).max(MIN_RUNG_DEPTH_M);
         let settled = self.slid(slides, asked.repose);
         let layer = |(ground, slid): (&GroundGrid, Settled)| {
             let fell = |node: usize| slid.depth[node] * (fell / slides) as f32;
@@ -446,8 +436,8 @@ impl Cover {
     /// Returns the depths on each ring after sliding, for a depth on open level ground, m, the
     /// lowest of the ladder or more: mixed of the two depths of it about that.
     fn slid(&mut self, depth: f64, repose: f64) -> Vec<Settled> {
-        let above = (depth / LOWEST).log(RUNG).ceil().max(1.0) as i32;
-        let [low, high] = [above - 1, above].map(|k| LOWEST * RUNG.powi(k));
+        let above = (depth / MIN_RUNG_DEPTH_M).log(RUNG_RATIO).ceil().max(1.0) as i32;
+        let [low, high] = [above - 1, above].map(|k| MIN_RUNG_DEPTH_M * RUNG_RATIO.powi(k));
         self.climb([low, high], repose);
         let rung = |depth: f64| {
             let mut rungs = self.ladder.iter();
@@ -481,7 +471,7 @@ impl Cover {
             self.ladder.push(Rung { depth, repose, settled });
         }
         self.ladder.sort_by_key(|rung| depths.iter().any(|depth| is(rung, *depth)));
-        let old = self.ladder.len().saturating_sub(KEPT);
+        let old = self.ladder.len().saturating_sub(MAX_RUNGS);
         self.ladder.drain(..old);
     }
 }
@@ -491,12 +481,12 @@ fn about(path: [[f64; 3]; 2], reach: f64, site: &Site) -> [[f64; 3]; 2] {
     let [a, b] = path.map(DVec3::from_array);
     let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
     let [across, along, _] = level_axes(site.up).map(|axis| half.dot(DVec3::from_array(axis)).abs());
-    // Its rectangle is `LONGER` times the square about a point: (1 + s x) (1 + s y) with s the
-    // share that is taken.
+    // Its rectangle is `PATH_LENGTH_FACTOR` times the square about a point: (1 + s x) (1 + s y)
+    // with s the share that is taken.
     let [x, y] = [across / reach, along / reach];
     // The root in a form that holds where the path runs along an axis, and is one point.
-    let share =
-        2.0 * (LONGER - 1.0) / ((x + y) + ((x + y).powi(2) + 4.0 * x * y * (LONGER - 1.0)).sqrt()).max(1e-9);
+    let share = 2.0 * (PATH_LENGTH_FACTOR - 1.0)
+        / ((x + y) + ((x + y).powi(2) + 4.0 * x * y * (PATH_LENGTH_FACTOR - 1.0)).sqrt()).max(1e-9);
     let share = share.min(1.0);
     [middle - share * half, middle + share * half].map(|end| end.to_array())
 }
@@ -535,17 +525,17 @@ fn spot(
             // What hangs on an edge is below it too, but does not lie.
             let below = match stand_in {
                 _ if ground.is_solid(*node) => f32::INFINITY,
-                StandIn::Itself => BURIED,
+                StandIn::Itself => BURIAL_DEPTH_M,
                 StandIn::Discs if !(ground.is_plain(*node) || lies && ground.is_level(*node)) => HAZE[1],
-                StandIn::Discs | StandIn::Floor => ABOVE,
+                StandIn::Discs | StandIn::Floor => MAX_SPLAT_HEIGHT_M,
             };
-            (-below.max(0.2 * ground.cell)..ABOVE).contains(&above(*node))
+            (-below.max(0.2 * ground.cell)..MAX_SPLAT_HEIGHT_M).contains(&above(*node))
         };
         let node = ground.nodes_of(cell).find(is_near)?;
         Some((node as u32, above(node)))
     };
     let (node, above) = under(mean)?;
-    let is_haze = stand_in != StandIn::Itself || above < -BURIED;
+    let is_haze = stand_in != StandIn::Itself || above < -BURIAL_DEPTH_M;
     let (mut nodes, mut reach) = ([node; ENDS], above);
     // Wide ones lie on more than one node.
     if scales[order[0]] * metres_per_unit > 0.7 * f64::from(ground.cell) {

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Most rounds over all cells.
 const ROUNDS: usize = 120;
 /// Least amount that a round must move to be followed by another, as a share of the total.
-const LEAST: f64 = 2e-5;
+const MIN_MOVED_SHARE: f64 = 2e-5;
 /// Excess over the fall that an edge holds before it falls over: snow holds together.
 const HOLDS: f32 = 1.3;
 
@@ -17,13 +17,12 @@ pub struct Settled {
     pub depth: Vec<f32>,
     /// The amount on walls, where nothing can lie, and that falls through leaves, as a depth on one
     /// cell, m.
-    pub lost: f64,
+    pub(crate) lost: f64,
 }
 
 /// Lets `fell` (m of depth a node) slide until no slope of its surface is steeper than `repose` (a
 /// tangent).
-#[must_use]
-pub fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled {
+pub(crate) fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled {
     let mut depth = fell.to_vec();
     let mut lost = 0.0;
     let total: f64 = fell.iter().map(|d| f64::from(*d)).sum();
@@ -74,7 +73,7 @@ pub fn settle(ground: &GroundGrid, fell: &[f32], repose: f32) -> Settled {
         active.clear();
         active.extend((0u32..).zip(&is_active).filter_map(|(node, is_active)| is_active.then_some(node)));
         is_active.fill(false);
-        if moved < LEAST * total {
+        if moved < MIN_MOVED_SHARE * total {
             break;
         }
     }

@@ -5,14 +5,14 @@
 //! and Pomeroy 1998), so that 1 mm/h of water is some 1 cm of snow an hour. It settles towards 300
 //! kg/m^3 in 1 to 3 days: its volume goes there as `exp(-age / 36 h)`. It melts by 4 mm of water a
 //! day for each degree above 0 (2 to 6 are seen), on open ground; what that leaves where it melts
-//! slower or faster is kept beside it ([`super::thaw`]). Of a depth that is asked for what it grows
+//! slower or faster is kept beside it ([`super::thaw`]). Of a depth that is requested what it grows
 //! by falls, and where it is asked to shrink all layers do.
 //!
 //! An instant is a sum of steps that always begin at the same times, so it does not depend on which
 //! instants were asked for before.
 
 use super::surfels::coverage;
-use super::thaw::{MeltSample, OPEN, PACES, Thaw};
+use super::thaw::{MeltSample, PACES, Thaw};
 use crate::track::Track;
 
 /// Density that snow settles towards, kg/m^3, and how fast, h.
@@ -25,53 +25,53 @@ const MELT: f64 = 4.0 / 24.0;
 /// Water that stays on the ground at most, that makes it quite wet, and what dries of it where it
 /// is bare, mm and mm/h.
 const FILM: f64 = 0.5;
-const WET: f64 = 0.3;
+const WET_FILM_MM: f64 = 0.3;
 const DRIES: f64 = 0.15;
 /// The share that falls off walls for each degree above 0 and hour.
 const FALLS: f64 = 0.3;
 /// Steps of what fell before the start; length of those after it, s, and the most of them.
 const BEFORE: u32 = 256;
 const STEP: f64 = 1.0 / 16.0;
-const MOST: f64 = 65_536.0;
+const MAX_STEPS: f64 = 65_536.0;
 /// Depth at which the steps in which what is left is told begin to widen, m: they are the finer the
 /// thinner it lies.
 const FINE: f64 = 0.01;
 
 /// The inputs of a snowpack.
 #[derive(Clone, Copy, Debug)]
-pub struct Snowpack<'a> {
-    /// Depth that is asked for, m, over time; `None` for what has fallen.
-    pub depth: Option<&'a Track>,
+pub(crate) struct Snowpack<'a> {
+    /// Depth that is requested, m, over time; `None` for what has fallen.
+    pub(crate) depth: Option<&'a Track>,
     /// Water that falls as snow, mm/h, over time.
-    pub rate: Option<&'a Track>,
-    /// Of the air, degrees Celsius, over time.
-    pub temperature: &'a Track,
-    /// Of new snow, kg/m^3; `None` for that of the temperature.
-    pub density: Option<f64>,
+    pub(crate) rate: Option<&'a Track>,
+    /// Temperature of the air, degrees Celsius, over time.
+    pub(crate) temperature: &'a Track,
+    /// Density of new snow, kg/m^3; `None` where it follows from the temperature.
+    pub(crate) density: Option<f64>,
     /// Hours of snowfall before time 0, at its rate.
-    pub hours: f64,
+    pub(crate) hours: f64,
     /// Seconds of weather in one of the shot.
-    pub lapse: f64,
+    pub(crate) lapse: f64,
 }
 
 /// Snow and water on level ground.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SnowStock {
+pub(crate) struct SnowStock {
     /// The snow's water, mm.
-    pub water: f64,
+    pub(crate) water: f64,
     /// Excess volume over settled snow, m.
     loose: f64,
     /// Water on the ground, mm.
-    pub film: f64,
+    pub(crate) film: f64,
     /// All that has melted until now, mm.
-    pub melted: f64,
+    pub(crate) melted: f64,
 }
 
 /// Snow at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SnowpackState {
+pub(crate) struct SnowpackState {
     /// All that has fallen, as it would lie had none melted.
-    pub fell: SnowStock,
+    pub(crate) fell: SnowStock,
     /// The remaining snow at each of [`PACES`]; `None` where nothing has melted yet.
     left: Option<[SnowStock; PACES.len()]>,
     /// Water of the snow that fell so wet that it still sticks, mm.
@@ -93,8 +93,7 @@ struct Part {
 
 impl SnowStock {
     /// Depth, m.
-    #[must_use]
-    pub fn depth(&self) -> f64 {
+    pub(crate) fn depth(&self) -> f64 {
         self.water / SETTLED + self.loose
     }
 
@@ -103,8 +102,8 @@ impl SnowStock {
         self.loose = self.loose * part.settles + part.water * (1.0 / part.density - 1.0 / SETTLED);
     }
 
-    /// Of some mm that can melt as much does as there is, and wets the ground, that dries as far as
-    /// it is bare.
+    /// Melts up to `can` mm of what lies. Meltwater wets the ground, which dries as far as it is
+    /// bare.
     fn melt(&mut self, can: f64, hours: f64) {
         let melts = can.min(self.water);
         if melts > 0.0 {
@@ -127,19 +126,18 @@ impl SnowStock {
 
 impl SnowpackState {
     /// Returns the remaining snow on open level ground.
-    #[must_use]
-    pub fn open(&self) -> SnowStock {
-        self.left.map_or(self.fell, |left| left[OPEN])
+    #[cfg(test)]
+    pub(crate) fn open(&self) -> SnowStock {
+        self.left.map_or(self.fell, |left| left[super::thaw::OPEN])
     }
 
     /// Returns the remaining snow wherever something has melted, in steps too fine to be seen;
     /// `None` where nothing has.
-    #[must_use]
-    pub fn thaw(&self) -> Option<Thaw> {
+    pub(crate) fn thaw(&self) -> Option<Thaw> {
         let step = |depth: f64| FINE * (((1.0 + depth / FINE).log2() * 256.0).round() / 256.0).exp2() - FINE;
         self.left.map(|left| Thaw {
             depth: left.map(|stock| step(stock.depth()).max(0.0) as f32),
-            wet: left.map(|stock| ((stock.film / WET * 64.0).round() / 64.0) as f32),
+            wet: left.map(|stock| ((stock.film / WET_FILM_MM * 64.0).round() / 64.0) as f32),
         })
     }
 
@@ -153,8 +151,7 @@ impl SnowpackState {
     }
 
     /// Returns the depth of snow that fell so wet that it sticks to walls, m.
-    #[must_use]
-    pub fn wet_fall(&self) -> f64 {
+    pub(crate) fn wet_fall(&self) -> f64 {
         if self.fell.water > 0.0 { self.fell.depth() * (self.sticks / self.fell.water).min(1.0) } else { 0.0 }
     }
 
@@ -191,15 +188,13 @@ fn sticky(temperature: f64) -> f64 {
 
 impl Snowpack<'_> {
     /// At a time, s.
-    #[must_use]
-    pub fn at(&self, time: f64) -> SnowpackState {
+    pub(crate) fn at(&self, time: f64) -> SnowpackState {
         self.pass_until(time, |_, _| {})
     }
 
     /// The melt water until each of some rising times, s, the last of which is the end of the time
     /// that is looked at.
-    #[must_use]
-    pub fn melts(&self, times: &[f64]) -> Vec<MeltSample> {
+    pub(crate) fn melts(&self, times: &[f64]) -> Vec<MeltSample> {
         let Some(end) = times.last() else { return Vec::new() };
         let mut found: Vec<MeltSample> = Vec::with_capacity(times.len());
         let mut before: Option<(f64, MeltSample)> = None;
@@ -223,11 +218,11 @@ impl Snowpack<'_> {
         let part = |time: f64, hours: f64, water: f64| {
             let temperature = number(self.temperature, time);
             let new = || (67.92 + 51.25 * (temperature / 2.59).exp()).min(DENSEST);
-            // What is asked for is as deep as it lies.
+            // What is requested is as deep as it lies.
             let settles = if self.depth.is_some() { 1.0 } else { (-hours / SETTLES).exp() };
             Part { hours, temperature, water, density: self.density.unwrap_or_else(new), settles }
         };
-        // What a depth that is asked for has grown or shrunk by; it falls at once, and then melts.
+        // What a depth that is requested has grown or shrunk by; it falls at once, and then melts.
         let mut depth = 0.0;
         let mut ask = |pack: &mut SnowpackState, track: &Track, time: f64| {
             let before = std::mem::replace(&mut depth, number(track, time));
@@ -250,7 +245,7 @@ impl Snowpack<'_> {
         }
         see(time.min(0.0), &pack);
         let mut step = STEP;
-        while time / step > MOST {
+        while time / step > MAX_STEPS {
             step *= 2.0;
         }
         let steps = (time.max(0.0) / step).ceil() as u32;
@@ -319,7 +314,7 @@ mod tests {
         assert!((new.fell.depth() - (4.0 / SETTLED + loose)).abs() < 2e-4);
     }
 
-    /// A depth that is asked for, an hour a second.
+    /// A depth that is requested, an hour a second.
     fn asked(depth: &str, temperature: &str, time: f64) -> SnowpackState {
         let (depth, temperature) = (track("depth", depth), track("temperature", temperature));
         let (density, lapse) = (Some(100.0), 3600.0);
@@ -339,7 +334,7 @@ mod tests {
         assert!(at(2.0).thaw().is_none() && (at(2.0).fell.depth() - 0.02).abs() < 1e-12);
         // 2 mm of water melt by 1 mm/h from 3 h on, and some before.
         let half = at(3.73);
-        assert!((half.open().depth() / 0.01 - 1.0).abs() < 0.1 && half.open().film > WET, "{half:?}");
+        assert!((half.open().depth() / 0.01 - 1.0).abs() < 0.1 && half.open().film > WET_FILM_MM, "{half:?}");
         assert!((shaded(&half).depth() / 0.015 - 1.0).abs() < 0.1, "{half:?}");
         // The open is bare at 4.7 h and the shade at 6.7 h; both are dry 3 h later.
         assert_eq!(at(4.9).open().depth(), 0.0);

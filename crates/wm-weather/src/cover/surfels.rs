@@ -17,21 +17,22 @@ const WIDTH: [f64; 2] = [0.8, 0.55];
 const ASIDE: [f64; 2] = [0.2, 0.1];
 const THICKNESS: f64 = 0.004;
 /// Opacity of a surfel of deep snow.
-pub(super) const OPAQUE: f64 = 0.985;
+pub(super) const SNOW_OPACITY: f64 = 0.985;
 /// Least depth that is drawn, m.
-const LEAST: f32 = 0.000_5;
+const MIN_DEPTH_M: f32 = 0.000_5;
 /// Height above its surface at which thin cover is drawn where it hides it, m, and the depth from
 /// which on it is drawn as deep as it is: it then hides what it lies on, however rough that is.
-const LIFT: f32 = 0.012;
-const LIFTED: f32 = 0.05;
-/// The same at its edges, however deep: leaves and ridges are roughest, and stand out of it.
-const RIM: f32 = 0.018;
-/// From which cover on nothing is seen of what lies below.
-const HIDES: f32 = 0.995;
+const THIN_COVER_LIFT_M: f32 = 0.012;
+const LIFTED_DEPTH_M: f32 = 0.05;
+/// Height above its surface at which cover is drawn at its edges, m, however deep: leaves and
+/// ridges are roughest, and stand out of it.
+const RIM_LIFT_M: f32 = 0.018;
+/// Coverage above which nothing below is visible.
+const OPAQUE_COVERAGE: f32 = 0.995;
 /// Unevenness of the surface, m and as a slope, at most; and how far above the mean of it what is
 /// seen lies, as a share: of splats that overlap the uppermost.
 const ROUGH: f64 = 0.004;
-const SEEN: f64 = 0.55;
+const SEEN_UNEVENNESS: f64 = 0.55;
 const TILT: f64 = 0.06;
 
 /// Nodes that one thread draws at a time.
@@ -50,7 +51,7 @@ const WATER: [f32; 3] = [0.1, 0.11, 0.12];
 pub struct CoverMaterial {
     /// Linear RGB of it in the open.
     pub color: [f64; 3],
-    /// The same where nothing but the sky shines on it.
+    /// Colour where nothing but the sky shines on it.
     pub shade: [f64; 3],
 }
 
@@ -58,8 +59,7 @@ impl CoverMaterial {
     /// A material of this albedo by channel, no brighter than `most`, at a site; `shade` is the
     /// share of the light that is left in the shade of the capture's sun. In the light of a weather
     /// it has its own colour everywhere, and that light falls on it.
-    #[must_use]
-    pub fn at(albedo: [f64; 3], shade: [f64; 3], most: f64, site: &Site) -> Self {
+    pub(crate) fn at(albedo: [f64; 3], shade: [f64; 3], most: f64, site: &Site) -> Self {
         if site.light == SiteLight::OfWeather {
             return Self { color: albedo, shade: albedo };
         }
@@ -72,46 +72,46 @@ impl CoverMaterial {
 /// Returns the share of the ground that a depth covers, 0-1: 0 where nothing is drawn, so that
 /// cover fades out.
 #[must_use]
-pub fn coverage(depth: f32) -> f32 {
-    (1.0 - (-depth.max(0.0) / DUSTING).exp()) * (depth / LEAST - 1.0).clamp(0.0, 1.0)
+pub(crate) fn coverage(depth: f32) -> f32 {
+    (1.0 - (-depth.max(0.0) / DUSTING).exp()) * (depth / MIN_DEPTH_M - 1.0).clamp(0.0, 1.0)
 }
 
 /// A cover on a ground, one value per node.
 #[derive(Clone, Copy, Debug)]
-pub struct CoverLayer<'a> {
+pub(crate) struct CoverLayer<'a> {
     /// Depth, m.
-    pub depth: &'a [f32],
+    pub(crate) depth: &'a [f32],
     /// Height of its top, m.
-    pub top: &'a [f32],
+    pub(crate) top: &'a [f32],
     /// Wetness of the ground below it, 0-1.
-    pub wet: &'a [f32],
+    pub(crate) wet: &'a [f32],
     /// Depth of the covers above it, m; empty where there are none.
-    pub above: &'a [f32],
+    pub(crate) above: &'a [f32],
 }
 
 /// Height, m, that what lies is drawn up to: what lies on it is drawn above that.
 #[must_use]
-pub fn drawn(top: f32, depth: f32) -> f32 {
+pub(crate) fn drawn(top: f32, depth: f32) -> f32 {
     top + lift(depth)
 }
 
 /// Returns the height that is added to thin cover when it is drawn, m.
 fn lift(depth: f32) -> f32 {
-    LIFT * coverage(depth) * (1.0 - depth / LIFTED).max(0.0)
+    THIN_COVER_LIFT_M * coverage(depth) * (1.0 - depth / LIFTED_DEPTH_M).max(0.0)
 }
 
 /// The surface of what lies on heights `base`: height of its top at each node, m; smoother than
 /// those the deeper it is.
 #[must_use]
-pub fn surface(ground: &GroundGrid, base: &[f32], depth: &[f32], threads: usize) -> Vec<f32> {
+pub(crate) fn surface(ground: &GroundGrid, base: &[f32], depth: &[f32], threads: usize) -> Vec<f32> {
     let mut top: Vec<f32> = base.iter().zip(depth).map(|(height, depth)| height + depth).collect();
     for _ in 0..2 {
         top = map(top.len(), threads, |node| {
-            if depth[node] <= LEAST {
+            if depth[node] <= MIN_DEPTH_M {
                 return top[node];
             }
             // Never below what it lies on, and level only as far as there is snow to level.
-            let [level] = ground.mean_about(node, |other| (depth[other] > LEAST).then(|| [top[other]]));
+            let [level] = ground.mean_about(node, |other| (depth[other] > MIN_DEPTH_M).then(|| [top[other]]));
             level.clamp(top[node] - 0.5 * depth[node], top[node] + 0.5 * depth[node])
         });
     }
@@ -119,7 +119,7 @@ pub fn surface(ground: &GroundGrid, base: &[f32], depth: &[f32], threads: usize)
 }
 
 /// Adds the splats of what lies on a ground.
-pub fn add(
+pub(crate) fn add(
     ground: &GroundGrid,
     layer: &CoverLayer<'_>,
     metres_per_unit: f64,
@@ -152,7 +152,7 @@ struct Painter<'a> {
     layer: &'a CoverLayer<'a>,
     material: &'a CoverMaterial,
     metres_per_unit: f64,
-    /// Of the grid.
+    /// Axes of the grid.
     axes: [DVec3; 3],
     /// m.
     cell: f64,
@@ -162,18 +162,19 @@ impl Painter<'_> {
     /// Adds the splats of a node.
     fn paint(&self, node: usize, splats: &mut Splats) {
         let Self { ground, layer: CoverLayer { depth, top, above, .. }, material, axes, cell, .. } = *self;
-        let is_hidden = above.get(node).is_some_and(|depth| coverage(*depth) > HIDES);
+        let is_hidden = above.get(node).is_some_and(|depth| coverage(*depth) > OPAQUE_COVERAGE);
         if is_hidden || ground.is_elsewhere(node) {
             return;
         }
         self.wet(node, splats);
-        if depth[node] <= LEAST {
+        if depth[node] <= MIN_DEPTH_M {
             return;
         }
         let [column, row] = ground.place(node);
         let beside = ground.beside(node);
-        let level =
-            |way: usize| beside[way].filter(|other| depth[*other] > LEAST).map(|other| f64::from(top[other]));
+        let level = |way: usize| {
+            beside[way].filter(|other| depth[*other] > MIN_DEPTH_M).map(|other| f64::from(top[other]))
+        };
         let here = f64::from(top[node]);
         let slope = |high: Option<f64>, low: Option<f64>| match (low, high) {
             (Some(low), Some(high)) => (high - low) / (2.0 * cell),
@@ -192,9 +193,9 @@ impl Painter<'_> {
         };
         let is_edge = usize::from((0..4).any(|way| level(way).is_none() && !goes_on(WAYS[way])));
         let place = [column, row].map(|v| v as f64 + 0.5 + off(ASIDE[is_edge]));
-        let lift = off(ROUGH) - SEEN * ROUGH;
+        let lift = off(ROUGH) - SEEN_UNEVENNESS * ROUGH;
         let cover = f64::from(coverage(depth[node]));
-        let rim = if is_edge == 1 { f64::from(RIM) * cover } else { 0.0 };
+        let rim = if is_edge == 1 { f64::from(RIM_LIFT_M) * cover } else { 0.0 };
         // Splats are rough: what covers the ground must be above what they show of it.
         let lift = lift.min(f64::from(depth[node]) * 0.3) + f64::from(self::lift(depth[node])).max(rim);
         let normal = (axes[2] - axes[0] * dx - axes[1] * dy).normalize();
@@ -205,7 +206,7 @@ impl Painter<'_> {
         let rgb = color.map(|v| srgb_encode((v * speckle).max(0.0)) as f32);
         let wide = WIDTH[is_edge] * cell * (1.0 + dx * dx + dy * dy).sqrt().min(1.6);
         let at = ground.places.point(place, here + lift);
-        self.put(at, normal, [wide, wide, THICKNESS], rgb, OPAQUE * cover, splats);
+        self.put(at, normal, [wide, wide, THICKNESS], rgb, SNOW_OPACITY * cover, splats);
         // The sides of deep snow, where its surface ends; they come and go evenly.
         let own = f64::from(depth[node]);
         let deep = (10.0 * (own / cell - 0.45)).clamp(0.0, 1.0);
@@ -226,7 +227,7 @@ impl Painter<'_> {
                 outward,
                 [WIDTH[1] * cell, 0.4 * own, THICKNESS],
                 side,
-                OPAQUE * cover * deep * ends,
+                SNOW_OPACITY * cover * deep * ends,
                 splats,
             );
         }
@@ -259,7 +260,7 @@ impl Painter<'_> {
         splats: &mut Splats,
     ) {
         let scales = scales.map(|metres| metres / self.metres_per_unit);
-        splats.push(&surfel(at, (normal, self.axes[2]), scales, rgb, opacity));
+        splats.push(&surfel(at, normal, self.axes[2], scales, rgb, opacity));
     }
 }
 
@@ -267,7 +268,8 @@ impl Painter<'_> {
 /// (world, scene units).
 pub(crate) fn surfel(
     at: [f64; 3],
-    (normal, up): (DVec3, DVec3),
+    normal: DVec3,
+    up: DVec3,
     scales: [f64; 3],
     rgb: [f32; 3],
     opacity: f64,

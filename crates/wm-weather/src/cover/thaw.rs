@@ -9,13 +9,14 @@
 
 /// Paces that are kept, from a deep drift in the shade to next to nothing in the sun; narrow where
 /// most places are.
-pub const PACES: [f64; COUNT] = [
+pub(crate) const PACES: [f64; COUNT] = [
     0.0625, 0.09, 0.125, 0.18, 0.25, 0.3, 0.36, 0.43, 0.5, 0.55, 0.6, 0.67, 0.75, 0.82, 0.9, 1.0, 1.1, 1.25,
     1.5, 2.0, 3.0, 6.0,
 ];
 const COUNT: usize = 22;
 /// Place of the pace of open level ground.
-pub const OPEN: usize = 15;
+#[cfg(test)]
+pub(crate) const OPEN: usize = 15;
 /// Melt rate in full shade, as a share of that in the open.
 const SHADED: f32 = 0.5;
 
@@ -23,53 +24,50 @@ const SHADED: f32 = 0.5;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thaw {
     /// Depth, m.
-    pub depth: [f32; COUNT],
+    pub(crate) depth: [f32; COUNT],
     /// Water on the ground against what makes it quite wet, 0 and more.
-    pub wet: [f32; COUNT],
+    pub(crate) wet: [f32; COUNT],
 }
 
 /// The cover that is left at a place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct CoverState {
+pub(crate) struct CoverState {
     /// Depth, m.
-    pub depth: f32,
+    pub(crate) depth: f32,
     /// Wetness of the ground, 0-1.
-    pub wet: f32,
+    pub(crate) wet: f32,
 }
 
 impl Thaw {
-    /// Of a depth that came down at once, of which `melts` could have melted in the open since, m.
-    #[must_use]
-    pub fn of(depth: f64, melts: f64, wet: f64) -> Self {
+    /// Builds the state of a depth that fell at once, of which `melts` could have melted in the
+    /// open since, m.
+    #[cfg(test)]
+    pub(crate) fn new(depth: f64, melts: f64, wet: f64) -> Self {
         Self {
             depth: PACES.map(|pace| (depth - pace * melts).max(0.0) as f32),
             wet: PACES.map(|pace| if pace * melts > 0.0 { wet as f32 } else { 0.0 }),
         }
     }
 
-    /// The same without wet ground.
-    #[must_use]
-    pub fn dry(self) -> Self {
+    /// Removes the water from the ground.
+    pub(crate) fn dry(self) -> Self {
         Self { wet: [0.0; COUNT], ..self }
     }
 
     /// Returns true if nothing is left, not even wet ground.
-    #[must_use]
-    pub fn is_over(&self) -> bool {
+    pub(crate) fn is_over(&self) -> bool {
         self.depth.iter().chain(&self.wet).all(|left| *left <= 0.0)
     }
 
     /// Returns the depth where it melts the slowest, m: sliding uses it, since what has slid does
     /// not go back when it melts.
-    #[must_use]
-    pub fn deepest(&self) -> f64 {
+    pub(crate) fn deepest(&self) -> f64 {
         f64::from(self.depth[0])
     }
 
     /// Returns the state of a place where `share` of the fall on open level ground came to lie, lit
     /// by `shade`, 0 to 1.
-    #[must_use]
-    pub fn at(&self, share: f32, shade: f32) -> CoverState {
+    pub(crate) fn at(&self, share: f32, shade: f32) -> CoverState {
         if share <= 0.0 {
             return CoverState::default();
         }
@@ -92,22 +90,21 @@ fn place_of(pace: f32) -> (usize, f32) {
 
 /// Melt water and bare ground until an instant, at each of [`PACES`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MeltSample {
+pub(crate) struct MeltSample {
     /// All that has melted until then where all of the fall comes to lie, mm.
-    pub melted: [f64; COUNT],
+    pub(crate) melted: [f64; COUNT],
     /// Share of the ground that nothing lies on, 0-1.
-    pub bare: [f64; COUNT],
+    pub(crate) bare: [f64; COUNT],
 }
 
 impl MeltSample {
     /// Nothing has fallen yet.
-    pub const NONE: Self = Self { melted: [0.0; COUNT], bare: [1.0; COUNT] };
+    pub(crate) const NONE: Self = Self { melted: [0.0; COUNT], bare: [1.0; COUNT] };
 
     /// Returns what has melted, mm, and the bare share of the ground, at a place where `share` of
     /// the fall on open level ground came to lie. A place that less falls on is taken to lie in the
     /// shade of what keeps the fall off: as much less melts there.
-    #[must_use]
-    pub fn at(&self, share: f64) -> [f64; 2] {
+    pub(crate) fn at(&self, share: f64) -> [f64; 2] {
         if share <= 0.0 {
             return [0.0, 1.0];
         }
@@ -119,8 +116,7 @@ impl MeltSample {
     }
 
     /// Returns the sample at a share of the way from one to another, 0-1.
-    #[must_use]
-    pub fn between(&self, other: &Self, part: f64) -> Self {
+    pub(crate) fn between(&self, other: &Self, part: f64) -> Self {
         let mix = |a: &[f64; COUNT], b: &[f64; COUNT]| std::array::from_fn(|k| a[k] + (b[k] - a[k]) * part);
         Self { melted: mix(&self.melted, &other.melted), bare: mix(&self.bare, &other.bare) }
     }
@@ -135,7 +131,7 @@ mod tests {
     fn paces_rise_and_the_open_is_one_of_them() {
         assert!(PACES.windows(2).all(|pair| pair[0] < pair[1]));
         assert_eq!(PACES[OPEN], 1.0);
-        let thaw = Thaw::of(0.1, 0.04, 1.0);
+        let thaw = Thaw::new(0.1, 0.04, 1.0);
         assert!((thaw.at(1.0, 1.0).depth - 0.06).abs() < 1e-6);
         // In full shade half as much, and a drift of twice the depth loses no more than level snow.
         assert!((thaw.at(1.0, 0.0).depth - 0.08).abs() < 1e-6);
@@ -151,7 +147,7 @@ mod tests {
             shade in 0.0..1.0f32,
             melts in 0.0..0.5f64,
         ) {
-            let left = Thaw::of(0.1, melts, 1.0).at(share, shade);
+            let left = Thaw::new(0.1, melts, 1.0).at(share, shade);
             let own = (0.1 * share - melts as f32 * (0.5 + 0.5 * shade)).max(0.0);
             // Paces lie up to a quarter apart about where the last of it melts, and farther for
             // thin snow.

@@ -6,7 +6,7 @@
 //! have fallen in their lee.
 
 use super::Airflow;
-use super::surfels::{CoverMaterial, OPAQUE, coverage, lit, surfel};
+use super::surfels::{CoverMaterial, SNOW_OPACITY, coverage, lit, surfel};
 use crate::dome::{from_level, level_axes};
 use crate::optics::Site;
 use crate::particles::random::RandomSequence;
@@ -21,7 +21,7 @@ const SLANT: f64 = 0.15;
 /// Largest cosine between up and the normal of what stands up.
 const UPRIGHT: f64 = 0.5;
 /// Least cosine between its normal and the wind.
-const FACING: f64 = 0.2;
+const MIN_FACING_COSINE: f64 = 0.2;
 /// Least opacity, and the largest standard deviation, m, of a splat that shows a surface; how flat
 /// it is at least.
 const SOLID: f64 = 0.4;
@@ -33,13 +33,13 @@ const BEFORE: f64 = 0.15;
 const STICKS: f64 = 0.3;
 const THICKEST: f64 = 0.03;
 /// Least thickness that is drawn, m.
-const LEAST: f64 = 0.000_5;
+const MIN_THICKNESS_M: f64 = 0.000_5;
 /// Brightness relative to level snow.
 const LIT: f64 = 0.75;
 
 /// A splat of the scene that wet snow can stick to.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub struct Wall {
+pub(crate) struct Wall {
     mean: [f32; 3],
     /// Towards the wind, length 1.
     normal: [f32; 3],
@@ -58,9 +58,9 @@ impl Wall {
     }
 }
 
-/// Those of a scene.
+/// Finds the walls of a scene.
 #[must_use]
-pub fn find(
+pub(crate) fn find(
     splats: &Splats,
     occluders: &Occluders,
     site: &Site,
@@ -86,7 +86,7 @@ pub fn find(
         let normal = DVec3::from_array(splats.normal(index));
         let normal = normal * -normal.dot(wind).signum();
         let faces = -normal.dot(wind);
-        let is_wall = normal.dot(up).abs() < UPRIGHT && faces > FACING;
+        let is_wall = normal.dot(up).abs() < UPRIGHT && faces > MIN_FACING_COSINE;
         if !is_wall || scales[2] > WIDEST || scales[0] > FLAT * scales[1] {
             return None;
         }
@@ -104,10 +104,11 @@ pub fn find(
 }
 
 /// Adds the splats of what sticks to them when `stuck` m of wet snow fall on level ground.
-pub fn add(
+pub(crate) fn add(
     walls: &[Wall],
     stuck: f64,
-    (up, metres_per_unit): (DVec3, f64),
+    up: DVec3,
+    metres_per_unit: f64,
     material: &CoverMaterial,
     splats: &mut Splats,
 ) {
@@ -115,14 +116,14 @@ pub fn add(
         // Gusts make it patchy.
         let patchy = 0.3 + 1.4 * RandomSequence::new(index as u64 ^ 0x3a11_0000_0000).uniform();
         let thick = (STICKS * stuck * f64::from(wall.share) * patchy).min(THICKEST);
-        if thick < LEAST {
+        if thick < MIN_THICKNESS_M {
             continue;
         }
         let normal = DVec3::from_array(wall.normal.map(f64::from));
         let off = (1.5 * f64::from(wall.thick) + 0.5 * thick) / metres_per_unit;
         let at = DVec3::from_array(wall.mean.map(f64::from)) + normal * off;
         let scales = [wall.wide, wall.wide, wall.thick].map(|v| f64::from(v) / metres_per_unit);
-        let opacity = OPAQUE * coverage(thick as f32) as f64;
-        splats.push(&surfel(at.to_array(), (normal, up), scales, lit(material, LIT), opacity));
+        let opacity = SNOW_OPACITY * coverage(thick as f32) as f64;
+        splats.push(&surfel(at.to_array(), normal, up, scales, lit(material, LIT), opacity));
     }
 }

@@ -11,9 +11,9 @@ macro_rules! air {
         tint: $tint:expr,
         scale_height: $scale_height:expr,
     ) => {
-        $crate::params! {
+        $crate::param::params! {
             /// The parameters of the effect.
-            pub struct AirParams {
+            struct AirParams {
                 /// Meteorological optical range at the base height: the distance at which 5 % of
                 /// the light is left (WMO). Green light, where the colours differ.
                 mor: f64 = ParamValue::Number($mor), 1.0 => f64::INFINITY, "m";
@@ -45,7 +45,7 @@ macro_rules! air {
         }
 
         /// The entry of [`EFFECTS`](super::EFFECTS).
-        pub const EFFECT: Effect = Effect {
+        pub(crate) const EFFECT: Effect = Effect {
             name: $name,
             about: $about,
             role: EffectRole::Air,
@@ -59,8 +59,7 @@ macro_rules! air {
 
         impl AirParams {
             /// Extinction of green light at the base, 1/m.
-            #[must_use]
-            pub fn sigma(&self) -> f64 {
+            pub(crate) fn sigma(&self) -> f64 {
                 self.visual_range.map_or_else(|| sigma_of_mor(self.mor), sigma_of_visual_range)
             }
 

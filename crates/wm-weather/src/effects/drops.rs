@@ -21,9 +21,9 @@ macro_rules! drops {
             fog: $fog:literal,
         },
     ) => {
-        $crate::params! {
+        $crate::param::params! {
             /// The parameters of the effect.
-            pub struct DropsParams {
+            struct DropsParams {
                 $(#[doc = $meaning])+
                 rate: f64 = ParamValue::Number($rate), 0.0 => $most, "mm/h";
                 /// Exposure time: streaks are as long as the distance travelled in it.
@@ -95,7 +95,7 @@ macro_rules! drops {
         }
 
         /// The entry of [`EFFECTS`](super::EFFECTS).
-        pub const EFFECT: Effect = Effect {
+        pub(crate) const EFFECT: Effect = Effect {
             name: $name,
             about: $about,
             role: EffectRole::Falls,

@@ -14,11 +14,11 @@ use wm_scene::color::srgb_decode;
 const SAND: [f64; 3] = [0.76, 0.647, 0.467];
 
 /// Wind that carries dry sand along the ground, m/s at 10 m.
-const CARRIES: f64 = 7.0;
+const DRIFT_WIND_SPEED: f64 = 7.0;
 
-crate::params! {
+crate::param::params! {
     /// The parameters of the effect.
-    pub struct DustCoverParams {
+    struct DustCoverParams {
         /// Depth on open level ground. Below some 1 cm the ground shows through. Over time by
         /// keyframes. Snow lies on it.
         depth: f64 = ParamValue::Number(0.02), 0.0 => 10.0, "m";
@@ -32,7 +32,7 @@ crate::params! {
 }
 
 /// The entry of [`EFFECTS`](super::EFFECTS).
-pub const EFFECT: Effect = Effect {
+pub(crate) const EFFECT: Effect = Effect {
     name: "dust_cover",
     about: "Sand, dust or ash that lies: on what is open to the sky, sliding off what is steep",
     role: EffectRole::Lies,
@@ -49,7 +49,7 @@ pub const EFFECT: Effect = Effect {
             thaw: None,
             wet_fall: 0.0,
             repose: repose.to_radians().tan(),
-            threshold: CARRIES,
+            threshold: DRIFT_WIND_SPEED,
             material,
         })
     },

@@ -8,9 +8,9 @@ use crate::effects::{Action, Effect, EffectRole};
 use crate::param::ParamValue;
 use wm_render::hooks::Slot;
 
-crate::params! {
+crate::param::params! {
     /// The parameters of the effect.
-    pub struct FloodParams {
+    struct FloodParams {
         /// Height of the water over the ground. Over time by keyframes: it rises and falls. At 0 or
         /// below there is none.
         level: f64 = ParamValue::Number(0.5), -100.0 => 1000.0, "m";
@@ -35,30 +35,29 @@ crate::params! {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flood {
     /// Height over `ground`, m.
-    pub level: f64,
+    pub(crate) level: f64,
     /// Height of the ground that the level counts from, over that of the site, m; `None` for that
     /// of the site.
     pub ground: Option<f64>,
     /// Secchi depth, m.
-    pub secchi: f64,
+    pub(crate) secchi: f64,
     /// Colour of its own light, linear RGB, the largest 1; `None` for that of its clearness.
-    pub tint: Option<[f64; 3]>,
+    pub(crate) tint: Option<[f64; 3]>,
     /// Water that the wind blows over, m.
-    pub fetch: f64,
+    pub(crate) fetch: f64,
     /// Seed of its waves.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 impl Flood {
     /// Height of the water over the ground of the site, m.
-    #[must_use]
-    pub fn height(&self) -> f64 {
+    pub(crate) fn height(&self) -> f64 {
         self.level + self.ground.unwrap_or(0.0)
     }
 }
 
 /// The entry of [`EFFECTS`](super::EFFECTS).
-pub const EFFECT: Effect = Effect {
+pub(crate) const EFFECT: Effect = Effect {
     name: "flood",
     about: "Water that stands over the ground, with reflections, waves and rings of drops",
     role: EffectRole::Water,

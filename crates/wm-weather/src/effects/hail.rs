@@ -24,27 +24,27 @@ const DRAG: f64 = 0.55;
 /// Gravity, m/s^2.
 const GRAVITY: f64 = 9.81;
 /// Diameter of a stone when melted, as a share of its own: the cube root of 0.9.
-const MELTED: f64 = 0.965_489_384_605_629_7;
+const MELTED_DIAMETER: f64 = 0.965_489_384_605_629_7;
 /// Rate, mm/h, at which the slope of the spectrum is 1 a mm, and the power of the slope that the
 /// rate goes with: the integral of the spectrum times mass and speed.
 const UNIT_RATE: f64 = 9.58;
 const POWER: f64 = -0.87;
 
 /// Hailstones: Cheng and English's sizes, at the speed of drag.
-pub const HAIL: PrecipitationKind = PrecipitationKind {
+const HAIL: PrecipitationKind = PrecipitationKind {
     name: "hail",
     key: 0x4a17_0000,
-    diameters: [5.0 * MELTED, 50.0 * MELTED],
+    diameters: [5.0 * MELTED_DIAMETER, 50.0 * MELTED_DIAMETER],
     spacing: ClassSpacing::Geometric,
     classes: 48,
-    class_slope: 0.42 / MELTED,
+    class_slope: 0.42 / MELTED_DIAMETER,
     reference_rate: 20.0,
     tiers: &[0.0, 0.1],
-    width: |d| d / MELTED,
-    speed: |d| (4.0 * ICE * GRAVITY * 1e-3 * (d / MELTED) / (3.0 * AIR * DRAG)).sqrt(),
+    width: |d| d / MELTED_DIAMETER,
+    speed: |d| (4.0 * ICE * GRAVITY * 1e-3 * (d / MELTED_DIAMETER) / (3.0 * AIR * DRAG)).sqrt(),
     spectrum: |rate| {
         let slope = (rate / UNIT_RATE).powf(1.0 / POWER).clamp(0.1, 1.0);
-        [115.0 * slope.powf(3.63) / MELTED, slope / MELTED]
+        [115.0 * slope.powf(3.63) / MELTED_DIAMETER, slope / MELTED_DIAMETER]
     },
     extinction: None,
     shape: ParticleShape::Ball,
@@ -53,9 +53,9 @@ pub const HAIL: PrecipitationKind = PrecipitationKind {
     reflectance: 1.2,
 };
 
-crate::params! {
+crate::param::params! {
     /// The parameters of hail.
-    pub struct HailParams {
+    struct HailParams {
         /// Water equivalent of the ice that falls through a level plane. A shower of small hail 10,
         /// a hailstorm 50.
         rate: f64 = ParamValue::Number(20.0), 0.0 => 200.0, "mm/h";
@@ -78,7 +78,7 @@ crate::params! {
 }
 
 /// The entry of [`EFFECTS`](super::EFFECTS).
-pub const EFFECT: Effect = Effect {
+pub(crate) const EFFECT: Effect = Effect {
     name: "hail",
     about: "White balls of ice in their true number",
     role: EffectRole::Falls,
@@ -128,7 +128,7 @@ mod tests {
                 assert!((ratio - 1.0).abs() < 0.05, "{class:?}: {ratio}");
             }
         }
-        assert!((HAIL.fall_speed(10.0 * MELTED) - 13.4).abs() < 0.1);
+        assert!((HAIL.fall_speed(10.0 * MELTED_DIAMETER) - 13.4).abs() < 0.1);
     }
 
     #[test]

@@ -10,9 +10,9 @@ use crate::param::ParamValue;
 use crate::track::Track;
 use wm_render::hooks::Slot;
 
-crate::params! {
+crate::param::params! {
     /// The parameters of the effect.
-    pub struct LensParams {
+    struct LensParams {
         /// Distance of the glass from the lens's entrance pupil: 0.03 for drops on the front of a
         /// bare lens, 0.5 for a windscreen.
         distance: f64 = ParamValue::Number(0.5), 0.005 => 1.0, "m";
@@ -55,7 +55,7 @@ crate::params! {
 }
 
 /// The entry of [`EFFECTS`](super::EFFECTS).
-pub const EFFECT: Effect = Effect {
+pub(crate) const EFFECT: Effect = Effect {
     name: "lens",
     about: "Drops, dirt and scattered light on the glass before the camera",
     role: EffectRole::Lens,
@@ -92,7 +92,7 @@ impl LensParams {
         breaks.sort_by(f64::total_cmp);
         breaks.dedup();
         let least = 1e-3 * self.runs_from;
-        let rain = GlassRain::new(-self.rained_before, &breaks, rainfall, self.contact_angle.to_radians(), (self.size, least));
+        let rain = GlassRain::new(-self.rained_before, &breaks, rainfall, self.contact_angle.to_radians(), self.size, least);
         Glass {
             distance: self.distance,
             aperture: 1e-3 * self.aperture,

@@ -28,12 +28,12 @@ use wm_render::SkyGradient;
 use wm_render::hooks::{SkySplats, Slot};
 use wm_scene::color::{luminance, srgb_decode};
 
-crate::words! {
+crate::param::words! {
     /// The source of the light.
-    pub enum LightModel {
+    enum LightModel {
         /// The weather decides.
         Auto = "auto",
-        /// That of the photos, with its shadows.
+        /// The light of the photos, with its shadows.
         Captured = "captured",
         /// Clouds from horizon to horizon.
         Overcast = "overcast",
@@ -44,9 +44,9 @@ crate::words! {
     }
 }
 
-crate::words! {
+crate::param::words! {
     /// The light in the photos of a place.
-    pub enum PhotoLight {
+    enum PhotoLight {
         /// As it was found.
         Auto = "auto",
         /// No sun's shadows.
@@ -54,12 +54,12 @@ crate::words! {
     }
 }
 
-crate::words! {
+crate::param::words! {
     /// The lamps that shine.
-    pub enum LampChoice {
-        /// Those that the scene states, when it is dark.
+    enum LampChoice {
+        /// The lamps that the scene states, when it is dark.
         Auto = "auto",
-        /// Those that the scene states, at any time.
+        /// The lamps that the scene states, at any time.
         On = "on",
         /// None.
         Off = "off",
@@ -69,9 +69,9 @@ crate::words! {
     }
 }
 
-crate::words! {
+crate::param::words! {
     /// Something that is there or not.
-    pub enum Switch {
+    enum Switch {
         /// It is not.
         Off = "off",
         /// It is.
@@ -79,9 +79,9 @@ crate::words! {
     }
 }
 
-crate::params! {
+crate::param::params! {
     /// The parameters of the effect.
-    pub struct LightParams {
+    struct LightParams {
         /// Light over the place: `auto` (clouds where rain or snow falls, the captured sun dimmed
         /// by fog and haze), `captured` (that of the photos), `overcast`, `clear` (a sun at
         /// `sun_elevation`, or at `hour` and `day`) or `night`.
@@ -127,7 +127,7 @@ crate::params! {
 }
 
 /// The entry of [`EFFECTS`](super::EFFECTS).
-pub const EFFECT: Effect = Effect {
+pub(crate) const EFFECT: Effect = Effect {
     name: "light",
     about: "Sun and sky over the place, instead of those of its photos",
     role: EffectRole::Light,
@@ -153,17 +153,17 @@ const OVERCAST_EXPOSURE: f64 = -0.3;
 /// Rate at which what falls comes from full clouds, mm/h.
 const FULL_CLOUDS: f64 = 0.3;
 /// Time over which clouds gather before it falls, and steps in which it is looked at, s.
-const GATHERING: f64 = 10.0;
-const GATHERING_STEP: f64 = 0.5;
+const CLOUD_GATHERING_S: f64 = 10.0;
+const CLOUD_GATHERING_STEP_S: f64 = 0.5;
 /// Height of air that is as dense above as on the ground, m.
-const HIGH: f64 = 100.0;
+const AIR_HEIGHT_M: f64 = 100.0;
 
 /// Change of exposure by night: what is left is dark, and can be seen.
 const NIGHT_EXPOSURE: f64 = -3.5;
 /// Illuminances of dusk and of the night, lx, between which the exposure falls behind.
 const DUSK: [f64; 2] = [100.0, 0.5];
 /// Least illuminance that exposures are found for, lx: under the stars.
-const FAINTEST: f64 = 1e-3;
+const MIN_EXPOSED_LX: f64 = 1e-3;
 /// Sun of the model `night`, degrees.
 const NIGHT: f64 = -30.0;
 /// Steps of the sun's place by which its shadows move, degrees.
@@ -178,14 +178,14 @@ const LAMPS: [f64; 2] = [20.0, 60.0];
 /// Illuminance of level ground in photos under a sun and under clouds, lx.
 const PHOTOS: [f64; 2] = [60_000.0, 15_000.0];
 /// Cloud cover from which clouds have no gaps to cast shadows with.
-const CLOSED: f64 = 0.97;
+const CLOSED_CLOUD_COVER: f64 = 0.97;
 
 /// The lamps that a weather asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LampSource {
-    /// Those that the scene states.
+    /// The lamps that the scene states.
     Scene,
-    /// The same, or a row along the path of the photos.
+    /// The lamps that the scene states; where it states none, a row along the path of the photos.
     Path,
 }
 
@@ -193,13 +193,13 @@ pub enum LampSource {
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightChange {
     /// Cloud cover, 0-1.
-    pub clouds: f64,
+    pub(crate) clouds: f64,
     /// Optical depth of the air straight up, by channel.
-    pub depth: [f64; 3],
+    pub(crate) depth: [f64; 3],
     /// Exposure, EV.
-    pub exposure: f64,
+    pub(crate) exposure: f64,
     /// Sun and sky of the weather's own; `None` where the captured sun stays.
-    pub open: Option<Arc<OpenLight>>,
+    pub(crate) open: Option<Arc<OpenLight>>,
     /// The sun whose shadows are cast, towards it, world axes; `None` where the captured one stays,
     /// and where no sun shines.
     pub sun: Option<[f64; 3]>,
@@ -208,11 +208,11 @@ pub struct LightChange {
     /// The lamps, and the share of their light, 0-1; `None` where none shine.
     pub lamps: Option<(LampSource, f64)>,
     /// Illuminance that the exposure goes by beside that of the sky: the mean by lamps, lx.
-    pub lamp_level: f64,
+    lamp_level: f64,
     /// The camera's car has its headlamps on.
-    pub has_headlamps: bool,
+    pub(crate) has_headlamps: bool,
     /// Broken clouds cast shadows.
-    pub has_cloud_shadows: bool,
+    pub(crate) has_cloud_shadows: bool,
 }
 
 /// Mean light of a place by night over that under its lamps, by which cameras expose, so that what
@@ -291,7 +291,7 @@ impl LightParams {
         let clouds = self.clouds.unwrap_or(clouds_by_weather(now));
         let glow = self.glow.unwrap_or(GLOW[0] + (GLOW[1] - GLOW[0]) * clouds);
         let depth = depth(now, site);
-        let open = OpenLight::new((towards(azimuth), site.up), elevation, self.turbidity, clouds, depth, glow);
+        let open = OpenLight::new(towards(azimuth), site.up, elevation, self.turbidity, clouds, depth, glow);
         let shines = elevation > LOWEST_SHADOWS && open.light.sun[1] > 0.0;
         let step = |degrees: f64| (degrees / SUN_STEP).round() * SUN_STEP;
         let sun = shines.then(|| {
@@ -302,7 +302,7 @@ impl LightParams {
         let has_headlamps = self.headlamps == Switch::On;
         let lamp_level = lamps.map_or(0.0, |(source, share)| UNDER_LAMPS * share * site.lamps.of(source))
             + if has_headlamps { HEADLAMP_LEVEL } else { 0.0 };
-        let level = (open.level() + lamp_level).max(FAINTEST);
+        let level = (open.level() + lamp_level).max(MIN_EXPOSED_LX);
         let dark = ((DUSK[0] / level).ln() / (DUSK[0] / DUSK[1]).ln()).clamp(0.0, 1.0);
         let exposure = OVERCAST_EXPOSURE * clouds + (NIGHT_EXPOSURE - OVERCAST_EXPOSURE * clouds) * dark;
         let exposure = self.exposure.unwrap_or(exposure);
@@ -317,7 +317,7 @@ impl LightParams {
             lamps,
             lamp_level,
             has_headlamps,
-            has_cloud_shadows: self.cloud_shadows == Switch::On && shines && (1e-3..CLOSED).contains(&clouds),
+            has_cloud_shadows: self.cloud_shadows == Switch::On && shines && (1e-3..CLOSED_CLOUD_COVER).contains(&clouds),
         }
     }
 
@@ -374,11 +374,11 @@ fn clouds_by_weather(now: &EffectContext<'_>) -> f64 {
     let rates: Vec<&Track> = falls.filter_map(|(effect, _)| now.weather.track(effect.name, "rate")).collect();
     let cover = |time: f64| {
         let rate: f64 = rates.iter().filter_map(|rate| rate.at(time).number()).sum();
-        (rate / FULL_CLOUDS).min(1.0) * (1.0 - (time - now.time).abs() / GATHERING).max(0.0)
+        (rate / FULL_CLOUDS).min(1.0) * (1.0 - (time - now.time).abs() / CLOUD_GATHERING_S).max(0.0)
     };
     // Fixed instants, so that nothing steps as time goes on.
-    let first = ((now.time - GATHERING) / GATHERING_STEP).ceil();
-    let around = (0..=(2.0 * GATHERING / GATHERING_STEP) as u32).map(|k| GATHERING_STEP * (first + f64::from(k)));
+    let first = ((now.time - CLOUD_GATHERING_S) / CLOUD_GATHERING_STEP_S).ceil();
+    let around = (0..=(2.0 * CLOUD_GATHERING_S / CLOUD_GATHERING_STEP_S) as u32).map(|k| CLOUD_GATHERING_STEP_S * (first + f64::from(k)));
     let keys = rates.iter().flat_map(|rate| rate.keys()).map(|key| key.time);
     around.chain(keys).chain([now.time]).map(cover).fold(0.0, f64::max)
 }
@@ -388,7 +388,7 @@ fn depth(now: &EffectContext<'_>, site: &Site) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for (effect, values) in now.weather.effects().filter(|(effect, _)| effect.role == EffectRole::Air) {
         if let Action::Layer(layer) = (effect.act)(&EffectContext { values, ..*now }, site) {
-            let height = if layer.scale_height.is_finite() { layer.scale_height } else { HIGH };
+            let height = if layer.scale_height.is_finite() { layer.scale_height } else { AIR_HEIGHT_M };
             (0..3).for_each(|k| sum[k] += layer.sigma_t[k] * height);
         }
     }
@@ -397,7 +397,7 @@ fn depth(now: &EffectContext<'_>, site: &Site) -> [f64; 3] {
 
 impl LightChange {
     /// The light of the capture as it was.
-    pub const CAPTURED: Self = Self {
+    pub(crate) const CAPTURED: Self = Self {
         clouds: 0.0,
         depth: [0.0; 3],
         exposure: 0.0,
@@ -411,8 +411,7 @@ impl LightChange {
     };
 
     /// Returns true if the light stays as it was captured.
-    #[must_use]
-    pub fn is_nothing(&self) -> bool {
+    pub(crate) fn is_nothing(&self) -> bool {
         let is_captured = self.open.is_none() && self.clouds == 0.0 && self.depth == [0.0; 3];
         is_captured && self.exposure == 0.0 && !self.has_headlamps
     }
@@ -426,7 +425,7 @@ impl LightChange {
             None if site.captured_sky == CapturedSky::Overcast => PHOTOS[1],
             None => PHOTOS[0] + (PHOTOS[1] - PHOTOS[0]) * self.clouds,
         };
-        self.exposure.exp2() / level.max(FAINTEST)
+        self.exposure.exp2() / level.max(MIN_EXPOSED_LX)
     }
 
     /// The light over a place that was captured in another.
@@ -462,8 +461,7 @@ impl LightChange {
     }
 
     /// The sky behind the scene; `None` where the captured one stays.
-    #[must_use]
-    pub fn dome(&self, site: &Site) -> Option<Dome> {
+    pub(crate) fn dome(&self, site: &Site) -> Option<Dome> {
         if let Some(open) = &self.open {
             let (look, factor) = (SkyAppearance::Open(Arc::clone(open)), self.display(site));
             return Some(Dome::new(look, None, factor, site.up, SkySplats::LeftOut));

@@ -8,9 +8,9 @@ use crate::light::Storm;
 use crate::param::ParamValue;
 use wm_render::hooks::Slot;
 
-crate::params! {
+crate::param::params! {
     /// The parameters of the effect.
-    pub struct LightningParams {
+    struct LightningParams {
         /// Flashes a minute, in the mean.
         rate: f64 = ParamValue::Number(6.0), 0.0 => 120.0, "1/min";
         /// Mean distance on the ground.
@@ -23,7 +23,7 @@ crate::params! {
 }
 
 /// The entry of [`EFFECTS`](super::EFFECTS).
-pub const EFFECT: Effect = Effect {
+pub(crate) const EFFECT: Effect = Effect {
     name: "lightning",
     about: "Flashes of lightning that light the place and the sky",
     role: EffectRole::Light,

@@ -18,14 +18,15 @@ use crate::effects::{Action, Effect, EffectRole};
 use crate::param::ParamValue;
 use fearless_simd::{Select, SimdBase, SimdFloat};
 use wm_render::dispatch;
+#[cfg(test)]
 use wm_render::frame::{srgb_decode, srgb_encode};
 use wm_render::hooks::{PATCH_PIXELS, PixelBatch, PixelEffect, Slot};
 use wm_render::simd::{Lanes, SimdPath, exp2, log2};
 use wm_scene::color::luminance;
 
-crate::params! {
+crate::param::params! {
     /// The parameters of the effect.
-    pub struct LookParams {
+    struct LookParams {
         /// Change of exposure: the light times 2 to this power.
         exposure: f64 = ParamValue::Number(0.0), -10.0 => 10.0, "EV";
         /// Factor on the distance of colours from grey of the same luminance; 0 is without colour.
@@ -41,7 +42,7 @@ crate::params! {
 }
 
 /// The entry of [`EFFECTS`](super::EFFECTS).
-pub const EFFECT: Effect = Effect {
+pub(crate) const EFFECT: Effect = Effect {
     name: "look",
     about: "Exposure, white balance, saturation and contrast of the finished picture",
     role: EffectRole::Lens,
@@ -70,7 +71,7 @@ const MID_GREY: f64 = 0.18;
 /// Gains of red, green and blue for a temperature of -1 to 1; grey keeps its luminance, and 0 gives
 /// exactly 1.
 #[must_use]
-pub fn balance(temperature: f64) -> [f64; 3] {
+pub(crate) fn balance(temperature: f64) -> [f64; 3] {
     if temperature == 0.0 {
         return [1.0; 3];
     }
@@ -80,31 +81,31 @@ pub fn balance(temperature: f64) -> [f64; 3] {
 
 /// A look at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ColorGrade {
+pub(crate) struct ColorGrade {
     /// Factors on linear red, green and blue: exposure and temperature.
-    pub gains: [f64; 3],
+    pub(crate) gains: [f64; 3],
     /// Factor on the distance from grey.
-    pub saturation: f64,
+    pub(crate) saturation: f64,
     /// Factor on log2 of the light about mid grey.
-    pub contrast: f64,
+    pub(crate) contrast: f64,
 }
 
 impl ColorGrade {
     /// Returns true if it changes nothing.
-    #[must_use]
-    pub fn is_neutral(&self) -> bool {
+    pub(crate) fn is_neutral(&self) -> bool {
         self.gains == [1.0; 3] && self.saturation == 1.0 && self.contrast == 1.0
     }
 
     /// Applies it to a display-referred colour in f64: the reference for the SIMD code.
-    #[must_use]
-    pub fn reference(&self, rgb: [f64; 3]) -> [f64; 3] {
+    #[cfg(test)]
+    pub(crate) fn reference(&self, rgb: [f64; 3]) -> [f64; 3] {
         let light: [f64; 3] = std::array::from_fn(|k| srgb_decode(rgb[k]) * self.gains[k]);
         let grey = luminance(light);
         light.map(|light| self.shown((grey + self.saturation * (light - grey)).max(0.0)))
     }
 
     /// Contrast, and back to the display.
+    #[cfg(test)]
     fn shown(&self, light: f64) -> f64 {
         srgb_encode(MID_GREY * (light / MID_GREY).powf(self.contrast))
     }

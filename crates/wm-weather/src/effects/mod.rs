@@ -18,8 +18,9 @@ use crate::weather::WeatherSample;
 use crate::wetness::WetRequest;
 use crate::wind::Wind;
 pub use flood::Flood;
-pub use light::{LampSource, LightChange, light_fault};
-pub use look::ColorGrade;
+pub(crate) use light::LightChange;
+pub use light::{LampSource, light_fault};
+pub(crate) use look::ColorGrade;
 use wm_render::hooks::Slot;
 
 mod air;
@@ -27,7 +28,7 @@ mod drops;
 
 /// One kind of weather.
 pub struct Effect {
-    /// Its name in files and flags.
+    /// Name in files and flags.
     pub name: &'static str,
     /// A description in one line.
     pub about: &'static str,
@@ -40,12 +41,13 @@ pub struct Effect {
     pub precipitation: Option<&'static PrecipitationKind>,
     /// The stage of the render at which it acts.
     pub slot: Slot,
-    /// Its parameters.
+    /// Table of parameters.
     pub params: &'static [Param],
     /// Makes the effect's contribution from its parameters.
-    pub act: fn(&EffectContext<'_>, &Site) -> Action,
-    /// The same in the paper's formulation; `None` if the paper does not have it.
-    pub act_as_paper: Option<fn(&EffectContext<'_>, &Site) -> Action>,
+    pub(crate) act: fn(&EffectContext<'_>, &Site) -> Action,
+    /// Makes the contribution in the paper's formulation; `None` if the paper does not have the
+    /// effect.
+    pub(crate) act_as_paper: Option<fn(&EffectContext<'_>, &Site) -> Action>,
 }
 
 /// The kind of an effect.
@@ -101,20 +103,20 @@ pub enum Need {
 
 /// The parameters of an effect at one instant, in the order of its table.
 #[derive(Clone, Copy, Debug)]
-pub struct EffectContext<'a> {
+pub(crate) struct EffectContext<'a> {
     /// Their values, each checked by its entry.
-    pub values: &'a [ParamValue],
-    /// The same over all time: what adds up over time needs it.
-    pub tracks: &'a [Track],
+    pub(crate) values: &'a [ParamValue],
+    /// The parameters over all time, for what adds up over time.
+    pub(crate) tracks: &'a [Track],
     /// The instant, seconds.
-    pub time: f64,
+    pub(crate) time: f64,
     /// The whole weather: what one effect leaves may depend on another.
-    pub weather: &'a WeatherSample,
+    pub(crate) weather: &'a WeatherSample,
 }
 
 /// The contribution of an effect to the renderer.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Action {
+pub(crate) enum Action {
     /// A layer of air.
     Layer(AirLayer),
     /// Fog over finished pixels, as in the paper.

@@ -20,9 +20,9 @@ use wm_render::SkyGradient;
 use wm_render::frame::srgb_decode;
 use wm_render::hooks::{SkySplats, Slot};
 
-crate::words! {
+crate::param::words! {
     /// The appearance of the sky.
-    pub enum Model {
+    enum Model {
         /// The panorama that is given, else the colour, else clear.
         Auto = "auto",
         /// The CIE's clear gradation from horizon to zenith, without a sun.
@@ -34,9 +34,9 @@ crate::words! {
     }
 }
 
-crate::words! {
+crate::param::words! {
     /// The lower half of a panorama.
-    pub enum Lower {
+    enum Lower {
         /// Haze of the colours just above it.
         Haze = "haze",
         /// The lower half of the image.
@@ -44,9 +44,9 @@ crate::words! {
     }
 }
 
-crate::words! {
+crate::param::words! {
     /// The treatment of the scene's own sky splats.
-    pub enum SceneSky {
+    enum SceneSky {
         /// It stays before this one.
         Keep = "keep",
         /// It is left out.
@@ -54,9 +54,9 @@ crate::words! {
     }
 }
 
-crate::params! {
+crate::param::params! {
     /// The parameters of the effect.
-    pub struct SkyParams {
+    struct SkyParams {
         /// Appearance of the sky: `clear` or `overcast` (CIE), `gradient` (the default of a scene
         /// without a sky); `auto` takes the panorama if one is given, else the colour, else
         /// `clear`.
@@ -89,7 +89,7 @@ crate::params! {
 }
 
 /// The entry of [`EFFECTS`](super::EFFECTS).
-pub const EFFECT: Effect = Effect {
+pub(crate) const EFFECT: Effect = Effect {
     name: "sky",
     about: "What stands behind everything: clear, overcast, a colour or a panorama",
     role: EffectRole::Sky,

@@ -14,12 +14,12 @@ use wm_render::hooks::Slot;
 
 /// Wind that carries dry and wet snow along the ground, m/s at 10 m, and the air in which it is
 /// wet, degrees Celsius.
-const CARRIES: [f64; 2] = [7.7, 9.9];
-const WET: f64 = -1.0;
+const DRIFT_WIND_SPEEDS: [f64; 2] = [7.7, 9.9];
+const WET_SNOW_CELSIUS: f64 = -1.0;
 
-crate::params! {
+crate::param::params! {
     /// The parameters of the effect.
-    pub struct SnowCoverParams {
+    struct SnowCoverParams {
         /// Depth on open level ground, less what melts. Below some 2 cm the ground shows between
         /// flakes. Over time by keyframes: what it grows by is new snow; `auto` for what
         /// `snowfall.rate` has left: so many `hours` of it before the start, and what has fallen
@@ -72,7 +72,7 @@ crate::params! {
 }
 
 /// The entry of [`EFFECTS`](super::EFFECTS).
-pub const EFFECT: Effect = Effect {
+pub(crate) const EFFECT: Effect = Effect {
     name: "snow_cover",
     about: "Snow that lies: on what is open to the sky, sliding off what is steep",
     role: EffectRole::Lies,
@@ -91,7 +91,7 @@ pub const EFFECT: Effect = Effect {
             thaw: pack.thaw().map(|thaw| if now.weather.is_on("wetness") { thaw.dry() } else { thaw }),
             wet_fall: stepped(pack.wet_fall()),
             repose: repose.to_radians().tan(),
-            threshold: CARRIES[usize::from(temperature > WET)],
+            threshold: DRIFT_WIND_SPEEDS[usize::from(temperature > WET_SNOW_CELSIUS)],
             material,
         })
     },

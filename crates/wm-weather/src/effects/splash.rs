@@ -9,9 +9,9 @@ use crate::param::ParamValue;
 use crate::splash::Splash;
 use wm_render::hooks::Slot;
 
-crate::params! {
+crate::param::params! {
     /// The parameters of the effect.
-    pub struct SplashParams {
+    struct SplashParams {
         /// Factor on the water that drops throw up. `auto` is 1, as in nature; 0 for none. Dry
         /// ground has no splashes, and neither has a weather without `wetness` and `flood`.
         amount: Option<f64> = ParamValue::Auto, 0.0 => 20.0, "";
@@ -19,7 +19,7 @@ crate::params! {
 }
 
 /// The entry of [`EFFECTS`](super::EFFECTS).
-pub const EFFECT: Effect = Effect {
+pub(crate) const EFFECT: Effect = Effect {
     name: "splash",
     about: "Crowns and droplets where rain hits wet ground and water",
     role: EffectRole::Water,

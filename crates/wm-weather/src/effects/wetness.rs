@@ -17,9 +17,9 @@ use crate::wetness::timeline::RainHistory;
 use crate::wetness::{SlantedRain, WetRequest, driving_rain};
 use wm_render::hooks::Slot;
 
-crate::params! {
+crate::param::params! {
     /// The parameters of the effect.
-    pub struct WetnessParams {
+    struct WetnessParams {
         /// Wetness of what rain reaches: at 0.5 pores are full of water, at 1 a film stands on the
         /// ground. `auto` goes by the rain so far, with `rained_before`, by the snow of
         /// `snow_cover` that has melted, and by what has dried since.
@@ -60,7 +60,7 @@ crate::params! {
 }
 
 /// The entry of [`EFFECTS`](super::EFFECTS).
-pub const EFFECT: Effect = Effect {
+pub(crate) const EFFECT: Effect = Effect {
     name: "wetness",
     about: "Ground and walls that rain and melting snow wet, and puddles that fill",
     role: EffectRole::Water,
@@ -78,7 +78,7 @@ const RADIATION: f64 = 150.0;
 const NIGHT: f64 = -30.0;
 const NET: f64 = 0.65;
 /// Rain of a weather that says none, mm/h: how it slants.
-const USUAL: f64 = 10.0;
+const DEFAULT_RAIN_RATE: f64 = 10.0;
 
 /// A request that wets nothing.
 fn dry(site: &Site) -> WetRequest {
@@ -99,7 +99,7 @@ impl WetnessParams {
         let (sin, cos) = heading.sin_cos();
         // One direction for all times, so that no edge of what is dry jumps.
         let most = rate.map_or(0.0, Track::most).max(before);
-        let most = if most >= LEAST_RATE { most } else { USUAL };
+        let most = if most >= LEAST_RATE { most } else { DEFAULT_RAIN_RATE };
         let drops = Precipitation::new(&RAIN, most, site.airlight, ParticleAppearance::default());
         let fall = fall_of([speed * cos, speed * sin], drops.mean_speed(), site.up);
         let driving = driving_rain(speed, most);

@@ -8,9 +8,9 @@ use crate::param::ParamValue;
 use crate::wind::Wind;
 use wm_render::hooks::Slot;
 
-crate::params! {
+crate::param::params! {
     /// The parameters of the effect.
-    pub struct WindParams {
+    struct WindParams {
         /// Mean speed. Over time by keyframes: what falls drifts by its integral.
         speed: f64 = ParamValue::Number(5.0), 0.0 => 60.0, "m/s";
         /// Direction it blows towards, clockwise seen from above; 0 is the scene's x axis,
@@ -25,7 +25,7 @@ crate::params! {
 }
 
 /// The entry of [`EFFECTS`](super::EFFECTS).
-pub const EFFECT: Effect = Effect {
+pub(crate) const EFFECT: Effect = Effect {
     name: "wind",
     about: "Wind: carries rain and snow along, with gusts",
     role: EffectRole::Wind,

@@ -1,4 +1,4 @@
-//! What stands behind the surfaces that cameras see.
+//! Solid volume behind the surfaces that cameras see.
 //!
 //! A wall seen at a slant is found in strips, since each camera places it by some decimetres
 //! elsewhere. Sunlight would fall through between them. But behind a wall is a house: what lies
@@ -13,7 +13,7 @@ use wm_scene::splats::Splat;
 use wm_scene::{Group, Splats};
 
 /// Distance behind a surface, m.
-const BEHIND: f64 = 0.4;
+const BACKING_DEPTH_M: f64 = 0.4;
 /// Standard deviation along the surface and distance to which it must be hidden around, m: the wide
 /// one is tried first.
 const SIZES: [[f64; 2]; 2] = [[0.35, 0.5], [0.15, 0.2]];
@@ -24,7 +24,7 @@ const CUBE: f64 = 0.2;
 /// Least cosine between up and what is ground, which has nothing behind it that stands in the way
 /// of light.
 const LEVEL: f64 = 0.7;
-const OPAQUE: f64 = 0.95;
+const BACKING_OPACITY: f64 = 0.95;
 
 /// The splats behind discs where no camera sees through, as `is_hidden` says of a point (world,
 /// scene units).
@@ -45,7 +45,7 @@ pub(super) fn behind(
         .collect();
     let sizes = map(asked.len(), threads, |k| {
         let disc = asked[k];
-        let middle = disc.point - BEHIND * unit * disc.normal;
+        let middle = disc.point - BACKING_DEPTH_M * unit * disc.normal;
         let across = disc.normal.any_orthonormal_vector();
         let sides = [across, -across, disc.normal.cross(across), across.cross(disc.normal)];
         let is_solid = |reach: f64| sides.iter().all(|side| is_hidden(middle + reach * unit * *side));
@@ -58,7 +58,7 @@ pub(super) fn behind(
             let scales = [wide, wide, THICKNESS * unit];
             out.push(&Splat {
                 group: Group::Scene,
-                ..surfel(middle.to_array(), (disc.normal, up), scales, disc.rgb, OPAQUE)
+                ..surfel(middle.to_array(), disc.normal, up, scales, disc.rgb, BACKING_OPACITY)
             });
         }
     }

@@ -15,30 +15,30 @@ use glam::{DMat3, DVec3, IVec3};
 const CUBE: f64 = 0.12;
 const DOUBLED: u32 = 4;
 /// Least height of cubes, as a power of two of the smallest width.
-const TALL: u32 = 1;
+const MIN_HEIGHT_LOG2: u32 = 1;
 /// Width of cubes in distances between pixels.
 const PIXELS: f64 = 1.5;
 /// Weight of a pixel without a normal.
 const EDGE: f64 = 0.2;
 /// Parts of the cubes, each of which one thread takes together.
 const PARTS: usize = 8;
-/// Share of a cube's weight from which on narrower cubes inside it take its place.
+/// Share of a cube's weight from which narrower cubes inside it take its place.
 const NARROWER: f64 = 0.5;
 
 /// A piece of a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Disc {
     /// World, scene units.
-    pub point: DVec3,
+    pub(crate) point: DVec3,
     /// To where it was seen from, length 1.
-    pub normal: DVec3,
+    pub(crate) normal: DVec3,
     /// True if its normal is not known.
-    pub is_edge: bool,
+    pub(crate) is_edge: bool,
     /// Width of its cube, scene units.
-    pub size: f64,
-    /// Its weight: pixels of the smallest cube's width.
-    pub weight: f64,
-    pub rgb: [f32; 3],
+    pub(crate) size: f64,
+    /// Weight: pixels of the smallest cube's width.
+    pub(crate) weight: f64,
+    pub(crate) rgb: [f32; 3],
 }
 
 /// Returns true if pixels of this width, m, are fused.
@@ -56,7 +56,7 @@ struct Cube {
 impl Cube {
     /// Powers of two of the smallest width: of its width and of its height.
     fn powers(doubled: u32) -> [u32; 2] {
-        [doubled, doubled.max(TALL)]
+        [doubled, doubled.max(MIN_HEIGHT_LOG2)]
     }
 
     /// The cube so many times doubled that contains it.

@@ -18,34 +18,34 @@ const REACH: f64 = 6.0;
 const ABOUT: f64 = 4.0;
 const WAVERS: [f64; 2] = [0.75, 1.5];
 /// Distance from a camera to which floors are examined, in those.
-const SEEN: f64 = 5.0;
+const EXAMINED_REACH: f64 = 5.0;
 /// Distance to which that of the whole place is known, camera heights: a court.
-const FAR: f64 = 40.0;
-/// How much the heights of cameras over it may differ, as a share, and how far most may look up or
-/// down, as a sine: more are no walk but a flight.
-const EVEN: f64 = 0.2;
+const PLACE_REACH: f64 = 40.0;
+/// Largest spread of the cameras' heights above it, as a share, and largest sine of the pitch of
+/// most cameras: more is no walk but a flight.
+const MAX_HEIGHT_SPREAD: f64 = 0.2;
 const PITCHED: f64 = 0.26;
-/// Share of the pixels that should show it and show what is below it, from which on a training has
-/// lost it.
-const LOST: f64 = 0.4;
+/// Share of the pixels that should show the floor but show what is below it, above which a training
+/// has lost the floor.
+const LOST_FLOOR_SHARE: f64 = 0.4;
 /// Height above the floor, camera heights, below which points belong to it: kerbs, cobbles and
 /// errors of depth.
-const SLAB: f64 = 0.15;
-/// The same of the ground of a whole place where a training has lost it: what it left instead
-/// stands off it.
-const LOOSE: f64 = 0.25;
+const FLOOR_THICKNESS: f64 = 0.15;
+/// Height above the floor, camera heights, below which points belong to the ground of a whole place
+/// that a training has lost: what it left instead stands off it.
+const LOST_FLOOR_THICKNESS: f64 = 0.25;
 
 /// A plane below a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorPlane {
     /// Straight below the camera, world, scene units.
-    pub point: DVec3,
+    pub(crate) point: DVec3,
     /// Length 1.
-    pub normal: DVec3,
+    pub(crate) normal: DVec3,
     /// Distance from `point` to which it is known, scene units.
-    pub reach: f64,
+    pub(crate) reach: f64,
     /// Half of how thick it is taken for, scene units.
-    pub slab: f64,
+    pub(crate) slab: f64,
 }
 
 impl FloorPlane {
@@ -86,11 +86,16 @@ impl FloorPlane {
         });
         let rise = mean.z - slope.dot(mean.truncate());
         let normal = (up - slope.x * axes[0] - slope.y * axes[1]).normalize();
-        Self { point: center + (rise - height) * up, normal, reach: REACH * height, slab: SLAB * height }
+        Self {
+            point: center + (rise - height) * up,
+            normal,
+            reach: REACH * height,
+            slab: FLOOR_THICKNESS * height,
+        }
     }
 
-    /// Of a whole place, by its photos' `cameras` and the height of its `ground` along `up` (scene
-    /// units); `None` where those were not carried over it by a person.
+    /// Builds the floor of a whole place from its photos' `cameras` and the height of its `ground`
+    /// along `up` (scene units); `None` where those were not carried over it by a person.
     #[must_use]
     pub fn under(cameras: &[Camera], up: DVec3, ground: f64) -> Option<Self> {
         let middle = |values: &mut Vec<f64>| {
@@ -99,12 +104,17 @@ impl FloorPlane {
         };
         let mut heights: Vec<f64> = cameras.iter().map(|camera| camera.center().dot(up) - ground).collect();
         let height = middle(&mut heights).filter(|height| *height > 0.0)?;
-        let is_even = heights.iter().all(|other| (other - height).abs() < EVEN * height);
+        let is_even = heights.iter().all(|other| (other - height).abs() < MAX_HEIGHT_SPREAD * height);
         let mut pitches: Vec<f64> = cameras.iter().map(|camera| camera.forward().dot(up)).collect();
         let is_level = middle(&mut pitches)?.abs() < PITCHED;
         let center = cameras.iter().map(Camera::center).sum::<DVec3>() / cameras.len() as f64;
         let point = center - (center.dot(up) - ground) * up;
-        (is_even && is_level).then_some(Self { point, normal: up, reach: FAR * height, slab: LOOSE * height })
+        (is_even && is_level).then_some(Self {
+            point,
+            normal: up,
+            reach: PLACE_REACH * height,
+            slab: LOST_FLOOR_THICKNESS * height,
+        })
     }
 
     /// Returns true if most of `views` that should show it see through it: a training has lost it.
@@ -116,11 +126,11 @@ impl FloorPlane {
             for (ray, depth) in view.rays().zip(&view.depth) {
                 let Some((way, _)) = self.met(center, ray) else { continue };
                 let off = f64::from(*depth) / (way * ray.dot(forward)) - 1.0;
-                below += u64::from(off > SLAB || *depth == 0.0);
-                there += u64::from(off.abs() <= SLAB && *depth > 0.0);
+                below += u64::from(off > FLOOR_THICKNESS || *depth == 0.0);
+                there += u64::from(off.abs() <= FLOOR_THICKNESS && *depth > 0.0);
             }
         }
-        below as f64 > LOST * (there + below) as f64
+        below as f64 > LOST_FLOOR_SHARE * (there + below) as f64
     }
 
     /// Returns the distance along a ray (of length 1) to it, and the share of that over which the
@@ -146,11 +156,11 @@ impl PhotoView {
 
     /// Brings what is seen below the floors of a walk onto them, along its ray, what is not there
     /// at all, and what is a little above.
-    pub fn stop_at(&mut self, floors: &[FloorPlane]) {
+    pub(crate) fn stop_at(&mut self, floors: &[FloorPlane]) {
         let (center, forward) = (self.camera.center(), self.camera.forward());
         let is_near = |floor: &&FloorPlane| {
             let off = floor.point - center;
-            off.length() < SEEN * floor.reach && off.dot(forward) > -floor.reach
+            off.length() < EXAMINED_REACH * floor.reach && off.dot(forward) > -floor.reach
         };
         self.floors = floors.iter().filter(is_near).copied().collect();
         self.on = vec![0; self.depth.len()];

@@ -22,8 +22,8 @@ use std::sync::Arc;
 /// Width of the finest lattice, m, and nodes along a side at most.
 const FINEST: f64 = 1.0;
 const NODES: usize = 512;
-/// Distance from the middle of the cameras to which there may be ground, m.
-const FAR: f64 = 400.0;
+/// Largest distance of ground from the centre of the cameras, m.
+const MAX_GROUND_DISTANCE_M: f64 = 400.0;
 /// Each so many pixels of a row and of a column give a point, and so many of those that are no
 /// farther apart than this, m.
 const STRIDES: [usize; 2] = [2, 4];
@@ -39,8 +39,8 @@ const FEWEST: f32 = 100.0;
 const FOOT: f32 = 16.0;
 /// Height of cameras that a person carries, m, and the share by which most differ in it at most.
 const CARRIED: std::ops::Range<f64> = 0.8..3.0;
-const UNEVEN: f64 = 0.4;
-/// Weight from which on a node of a lattice is supported by points.
+const MAX_HEIGHT_SPREAD: f64 = 0.4;
+/// Weight from which a node of a lattice is supported by points.
 const SUPPORTED: f32 = 4.0;
 /// Doubt of a height beside its spread: m, and for each metre of the lattice that supports it.
 const DOUBT: [f32; 2] = [0.05, 0.03];
@@ -48,7 +48,7 @@ const DOUBT: [f32; 2] = [0.05, 0.03];
 /// more.
 const MOST_DOUBT: [f64; 2] = [1.2, 0.1];
 /// Largest sine of the angle between a ray and the ground that counts as grazing, and the doubt, m,
-/// from which on pixels are put on the ground at any angle.
+/// from which pixels are put on the ground at any angle.
 const GRAZING: f64 = 0.25;
 const DOUBTFUL: f64 = 0.4;
 /// Distance from the surface, m, within which pixels of a walk or drive are put on it at any angle:
@@ -79,8 +79,14 @@ pub struct GroundField {
     is_path: bool,
 }
 
-/// Position of a camera, level axes, m, and its height above the ground, m.
-pub(super) type Eye = (DVec3, f64);
+/// A camera above the ground.
+#[derive(Clone, Copy)]
+pub(crate) struct Eye {
+    /// Position, level axes, m.
+    at: DVec3,
+    /// Height above the ground, m.
+    height: f64,
+}
 
 /// A lattice of hat functions over the square of the field.
 struct Lattice {
@@ -96,7 +102,8 @@ struct Lattice {
 }
 
 /// The four nodes about a place and their shares.
-fn about(side: usize, [x, y]: [f32; 2]) -> [(usize, f32); 4] {
+fn about(side: usize, point: [f32; 2]) -> [(usize, f32); 4] {
+    let [x, y] = point;
     let cell = |v: f32| (v.max(0.0) as usize).min(side - 2);
     let (column, row) = (cell(x), cell(y));
     let [u, v] = [(x - column as f32).clamp(0.0, 1.0), (y - row as f32).clamp(0.0, 1.0)];
@@ -119,7 +126,8 @@ impl Lattice {
         Self { side, scale: 1.0 / scale as f32, value: zeros(), weight: zeros(), spread: zeros() }
     }
 
-    fn about(&self, [x, y]: [f32; 2]) -> [(usize, f32); 4] {
+    fn about(&self, point: [f32; 2]) -> [(usize, f32); 4] {
+        let [x, y] = point;
         about(self.side, [x * self.scale, y * self.scale])
     }
 
@@ -151,14 +159,14 @@ impl GroundField {
     /// Puts what views show of the ground at a grazing angle onto the ground that all of them show.
     #[must_use]
     pub fn snap(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Vec<PhotoView> {
-        let Some(field) = Self::of(views, up, metres_per_unit, threads) else { return views.to_vec() };
+        let Some(field) = Self::new(views, up, metres_per_unit, threads) else { return views.to_vec() };
         let field = Arc::new(field);
         map(views.len(), threads, |index| views[index].clone().snapped_to(&field))
     }
 
-    /// Of what cameras see of a place; `None` where they see next to no level surface. Under
-    /// cameras that were carried over it at one height it is that far below them.
-    fn of(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Option<Self> {
+    /// Builds the field from what cameras see; `None` where they see next to no level surface.
+    /// Under cameras that were carried over it at one height it is that far below them.
+    fn new(views: &[PhotoView], up: [f64; 3], metres_per_unit: f64, threads: usize) -> Option<Self> {
         let level = level_matrix(up);
         let cameras: Vec<DVec3> =
             views.iter().map(|view| level * view.camera.center() * metres_per_unit).collect();
@@ -168,7 +176,7 @@ impl GroundField {
             let stride = |apart: f64| STRIDES[usize::from(apart * metres_per_unit < DENSE)];
             views[index].each_level_point(stride, DVec3::from_array(up), LEVEL, |point, stride| {
                 let off = level * point * metres_per_unit - middle;
-                if off.truncate().length() < FAR {
+                if off.truncate().length() < MAX_GROUND_DISTANCE_M {
                     // It stands for those that are left out.
                     let weight = (stride / STRIDES[0]).pow(2) as f32;
                     points.push((off.as_vec3().to_array(), weight));
@@ -198,7 +206,7 @@ impl GroundField {
         heights.sort_by(f64::total_cmp);
         let [low, middle, high] = [1, 4, 7].map(|eighth| heights.get(heights.len() * eighth / 8).copied());
         let middle = middle.filter(|height| CARRIED.contains(height))?;
-        (high? - low? < UNEVEN * middle).then_some(middle)
+        (high? - low? < MAX_HEIGHT_SPREAD * middle).then_some(middle)
     }
 
     /// Fits points (level axes from `middle`, m) with their weights.
@@ -302,14 +310,15 @@ impl GroundField {
 
     /// A camera at a point (world, scene units); `None` if the ground below it is not known.
     pub(super) fn eye(&self, center: DVec3) -> Option<Eye> {
-        let eye = self.level * center * self.metres_per_unit;
-        Some((eye, self.above(eye)?))
+        let at = self.level * center * self.metres_per_unit;
+        Some(Eye { at, height: self.above(at)? })
     }
 
     /// Puts a pixel on the ground that shows a point at `depth` along a ray of length 1 (world;
     /// scene units, 0 for nothing): the distance to it. `None` for a pixel that shows something
     /// else or is known well.
-    pub(super) fn snapped(&self, (eye, height): Eye, ray: DVec3, depth: f64) -> Option<f64> {
+    pub(super) fn snapped(&self, eye: Eye, ray: DVec3, depth: f64) -> Option<f64> {
+        let Eye { at: eye, height } = eye;
         let ray = self.level * ray;
         if ray.z > STEEPEST * ray.truncate().length() {
             return None;
@@ -336,5 +345,5 @@ impl GroundField {
 /// Half of the side of the square about the origin that holds the points, m.
 fn reach(points: &[([f32; 3], f32)]) -> f64 {
     let far = points.iter().map(|([x, y, _], _)| x.abs().max(y.abs())).fold(0.0, f32::max);
-    f64::from(far).clamp(5.0, FAR)
+    f64::from(far).clamp(5.0, MAX_GROUND_DISTANCE_M)
 }

@@ -13,15 +13,16 @@ use wm_render::simd::SimdPath;
 const FIELD: f64 = 0.3;
 const WIDTHS: f64 = 4.0;
 /// Least cosine between the normals of discs of one surface.
-const ALIKE: f64 = 0.6;
-/// Length of the mean normal from which on it is that of edges too.
+const MIN_NORMAL_COSINE: f64 = 0.6;
+/// Length of the mean normal from which it is that of edges too.
 const AGREED: f64 = 0.8;
 /// The number of rounds.
 const ROUNDS: usize = 3;
 
 /// Discs that are taken at once.
 const LANES: usize = 8;
-/// Of so many discs: x, y and z from an origin, the normal, and the weight, 0 behind the last disc.
+/// One array each for [`LANES`] discs: x, y and z from an origin, the normal, and the weight, 0
+/// behind the last disc.
 type Block = [[f32; LANES]; 7];
 
 /// The discs that reach as far, and what may be within that, by cells as wide.
@@ -52,7 +53,7 @@ fn by_cells(discs: &[Disc], width: f64, is_in: impl Fn(&Disc) -> bool) -> PlaceM
 }
 
 impl Grid {
-    /// Of discs whose places are measured from an origin: single precision is enough from there.
+    /// Builds blocks with places relative to an origin, from which single precision is enough.
     fn of(discs: &[Disc], origin: DVec3, reach: f64, reach_of: impl Fn(&Disc) -> f64) -> Self {
         let own = by_cells(discs, reach, |disc| reach_of(disc) == reach).into_iter().collect();
         let (mut blocks, mut places) = (Vec::<Block>::new(), PlaceMap::default());
@@ -76,7 +77,7 @@ impl Grid {
     }
 
     /// Returns the discs of its own in a cell after a round.
-    fn levelled(&self, (cell, own): &(IVec3, Vec<u32>), discs: &[Disc], origin: DVec3) -> Vec<Disc> {
+    fn levelled(&self, cell: IVec3, own: &[u32], discs: &[Disc], origin: DVec3) -> Vec<Disc> {
         let path = SimdPath::widest();
         let ways = (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| [x, y, z])));
         let about = ways.filter_map(|way| self.places.get(&(cell + IVec3::from(way))));
@@ -85,7 +86,7 @@ impl Grid {
             let own = discs[*index as usize];
             let Surroundings { weight, middle, normal } =
                 dispatch!(path, simd => surroundings(simd, &own, own.point - origin, self.reach, &about));
-            // Edges take the normal of what is about them, if that is of one mind.
+            // Edges take the normal of what is about them, if that is consistent.
             if weight == 0.0 || own.is_edge && normal.length() < AGREED * weight {
                 return own;
             }
@@ -103,7 +104,7 @@ impl Grid {
 fn surroundings<S: Simd>(simd: S, own: &Disc, place: DVec3, reach: f64, about: &[&[Block]]) -> Surroundings {
     let [x, y, z] = place.to_array().map(|v| v as f32);
     let [nx, ny, nz] = own.normal.to_array().map(|v| v as f32);
-    let least = if own.is_edge { f32::NEG_INFINITY } else { ALIKE as f32 };
+    let least = if own.is_edge { f32::NEG_INFINITY } else { MIN_NORMAL_COSINE as f32 };
     let narrow = (1.0 / (reach * reach)) as f32;
     let zero = f32x8::splat(simd, 0.0);
     let mut sums = [zero; 7];
@@ -144,7 +145,10 @@ pub(super) fn level(discs: &mut [Disc], metres_per_unit: f64, threads: usize) {
         let grids = map(reaches.len(), threads, |k| Grid::of(discs, origin, reaches[k], reach_of));
         let cells: Vec<(&Grid, &(IVec3, Vec<u32>))> =
             grids.iter().flat_map(|grid| grid.own.iter().map(move |cell| (grid, cell))).collect();
-        let levelled = map(cells.len(), threads, |k| cells[k].0.levelled(cells[k].1, discs, origin));
+        let levelled = map(cells.len(), threads, |k| {
+            let (grid, (cell, own)) = cells[k];
+            grid.levelled(*cell, own, discs, origin)
+        });
         for ((_, (_, own)), levelled) in cells.iter().zip(levelled) {
             own.iter().zip(levelled).for_each(|(index, disc)| discs[*index as usize] = disc);
         }

@@ -34,7 +34,7 @@ pub use floor::FloorPlane;
 use glam::DVec3;
 pub use ground_field::GroundField;
 pub use photo_view::PhotoView;
-use photo_view::{Witness, Word};
+use photo_view::{ViewEvidence, Word};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use wm_scene::splats::Splat;
@@ -43,12 +43,12 @@ use wm_scene::{Group, Splats};
 /// The number of cameras that must see through a point for it to be dropped.
 const CAMERAS: u32 = 2;
 /// Distance, m, that a disc must have been moved by to be asked for again.
-const MOVED: f64 = 0.02;
+const MIN_MOVE_M: f64 = 0.02;
 /// Standard deviations of a disc along the surface, and of a ball, in cubes; through a disc, in
 /// those; and opacity.
-const WIDE: [f64; 2] = [0.6, 0.4];
+const DISC_SIGMAS: [f64; 2] = [0.6, 0.4];
 const FLAT: f64 = 0.1;
-const OPAQUE: f64 = 0.95;
+const DISC_OPACITY: f64 = 0.95;
 
 /// The surfaces of a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,19 +56,19 @@ pub struct FusedSurfaces<'a> {
     /// They as splats.
     pub splats: Cow<'a, Splats>,
     /// The first so many are discs whose third axis looks to where they were seen from.
-    pub oriented: usize,
+    pub(crate) oriented: usize,
     /// Splats that make the space behind the discs solid, such as the houses behind walls: they
     /// stop light and are not seen.
-    pub backing: Cow<'a, Splats>,
+    backing: Cow<'a, Splats>,
     /// The replacement of each splat of the scene; empty where no views were given.
-    pub stand_ins: Vec<StandIn>,
+    pub(crate) stand_ins: Vec<StandIn>,
     /// As of [`Self::places`]; empty where all are where they are.
     places: Vec<[f32; 3]>,
 }
 
 /// The replacement of a splat of the scene in its fused surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum StandIn {
+pub(crate) enum StandIn {
     /// It is still there.
     Itself,
     /// Discs, or nothing since cameras see through it.
@@ -115,8 +115,8 @@ impl<'a> FusedSurfaces<'a> {
         }
     }
 
-    /// What stands in the way of light: the discs that the cameras see and what is behind them,
-    /// without the splats that no camera confirms; all splats where there are no photos.
+    /// Returns what stands in the way of light: the discs that the cameras see and what is behind
+    /// them, without the splats that no camera confirms; all splats where there are no photos.
     #[must_use]
     pub fn casters(&self) -> Cow<'_, Splats> {
         if self.oriented == 0 {
@@ -145,8 +145,8 @@ impl<'a> FusedSurfaces<'a> {
         let metres_per_unit = site.metres_per_unit;
         let witnesses = map(views.len(), threads, |index| views[index].witness());
         let hears_of = |middle: DVec3, radius: f64| {
-            let mut said = Said::default();
-            let word = |witness: &Witness| witness.word_of_ball(middle, radius, metres_per_unit);
+            let mut said = CameraVotes::default();
+            let word = |witness: &ViewEvidence| witness.word_of_ball(middle, radius, metres_per_unit);
             witnesses.iter().for_each(|witness| said.add(word(witness)));
             said
         };
@@ -162,7 +162,7 @@ impl<'a> FusedSurfaces<'a> {
         carve(&mut discs, &|_, _| true);
         let before: Vec<DVec3> = discs.iter().map(|disc| disc.point).collect();
         level::level(&mut discs, metres_per_unit, threads);
-        let moved = MOVED / metres_per_unit;
+        let moved = MIN_MOVE_M / metres_per_unit;
         carve(&mut discs, &|k, disc| disc.point.distance_squared(before[k]) > moved * moved);
         let stand_ins = map(splats.len(), threads, |index| match splats.groups[index] {
             Group::Sky => StandIn::Itself,
@@ -176,12 +176,12 @@ impl<'a> FusedSurfaces<'a> {
         let backing = backing::behind(&discs, &is_hidden, up, metres_per_unit, threads);
         let mut out = Splats::with_capacity(discs.len(), 0);
         for disc in &discs {
-            let (wide, flat) = if disc.is_edge { (WIDE[1], 0.9) } else { (WIDE[0], FLAT) };
+            let (wide, flat) = if disc.is_edge { (DISC_SIGMAS[1], 0.9) } else { (DISC_SIGMAS[0], FLAT) };
             let wide = wide * disc.size;
             let (at, scales) = (disc.point.to_array(), [wide, wide, flat * wide]);
             out.push(&Splat {
                 group: Group::Scene,
-                ..surfel(at, (disc.normal, up), scales, disc.rgb, OPAQUE)
+                ..surfel(at, disc.normal, up, scales, disc.rgb, DISC_OPACITY)
             });
         }
         let has_floor = stand_ins.contains(&StandIn::Floor);
@@ -209,15 +209,15 @@ impl<'a> FusedSurfaces<'a> {
 
 /// The evidence of all cameras about a point: numbers of cameras.
 #[derive(Clone, Copy, Debug, Default)]
-struct Said {
+struct CameraVotes {
     seen: u32,
     through: u32,
-    /// Of either, those that see a floor there.
+    /// Cameras of either kind that see a floor there.
     seen_floor: u32,
     through_floor: u32,
 }
 
-impl Said {
+impl CameraVotes {
     fn add(&mut self, word: Word) {
         let (count, floors, floor) = match word {
             Word::Seen { floor } => (&mut self.seen, &mut self.seen_floor, floor),

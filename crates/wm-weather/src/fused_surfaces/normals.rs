@@ -10,7 +10,7 @@ use wm_scene::Camera;
 const ASIDE: usize = 3;
 const ROUNDS: usize = 2;
 /// Largest distance of a pixel from its plane, as a share of its inverse depth; more is an edge.
-const OFF: f32 = 0.03;
+const MAX_PLANE_ERROR: f32 = 0.03;
 /// Pixels that are fitted side by side, so that the compiler makes vectors of them.
 const LANES: usize = 8;
 
@@ -27,7 +27,7 @@ pub(super) struct InverseDepths {
 type Planes = [[f32; LANES]; 3];
 
 impl InverseDepths {
-    pub fn of(view: &PhotoView) -> Self {
+    pub(crate) fn new(view: &PhotoView) -> Self {
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
         let stride = width + LANES;
         let mut values = vec![0.0; stride * height];
@@ -41,7 +41,7 @@ impl InverseDepths {
 
     /// The normals of a row of pixels, world axes, length 1, of either sign; `None` at edges and
     /// near the picture's border. Those that are not wanted may be left out.
-    pub fn normals_of_row(
+    pub(crate) fn normals_of_row(
         &self,
         path: SimdPath,
         y: usize,
@@ -63,7 +63,7 @@ impl InverseDepths {
                 let own = self.values[y * self.stride + first + lane];
                 let plane = planes.map(|of| of[lane]);
                 // False for NaN too.
-                if own > 0.0 && (plane[0] / own - 1.0).abs() < OFF {
+                if own > 0.0 && (plane[0] / own - 1.0).abs() < MAX_PLANE_ERROR {
                     *normal = self.normal([first + lane, y], plane.map(f64::from));
                 }
             }
@@ -81,7 +81,7 @@ impl InverseDepths {
         let offset = |k: usize| k as f32 - ASIDE as f32;
         let side = 2 * ASIDE + 1;
         let own = window(ASIDE, ASIDE);
-        let inverse_off: [f32; LANES] = std::array::from_fn(|k| 1.0 / (OFF * own[k]));
+        let inverse_off: [f32; LANES] = std::array::from_fn(|k| 1.0 / (MAX_PLANE_ERROR * own[k]));
         // All alike at first: then the sums of the offsets' products are known.
         let mut planes: Planes = [[0.0; LANES]; 3];
         for (dy, dx) in (0..side).flat_map(|dy| (0..side).map(move |dx| (dy, dx))) {
@@ -143,7 +143,9 @@ impl InverseDepths {
     }
 
     /// The normal of a pixel's plane, world axes.
-    fn normal(&self, [x, y]: [usize; 2], [own, right, down]: [f64; 3]) -> Option<DVec3> {
+    fn normal(&self, pixel: [usize; 2], depths: [f64; 3]) -> Option<DVec3> {
+        let [x, y] = pixel;
+        let [own, right, down] = depths;
         let Camera { fx, fy, cx, cy, .. } = self.camera;
         let middle = own - right * (x as f64 + 0.5 - cx) - down * (y as f64 + 0.5 - cy);
         let local = DVec3::new(right * fx, down * fy, middle);

@@ -16,7 +16,7 @@ const WITH: [f64; 2] = [0.04, 0.1];
 /// Least cosine between a ray and the normal for the distance between pixels along a surface; and
 /// how many places are taken of a pixel of a floor, which is known between pixels too.
 const GRAZING: f64 = 0.15;
-const MOST: f64 = 32.0;
+const MAX_FLOOR_SAMPLES: f64 = 32.0;
 /// Places of a pixel of a floor in each cube, at least.
 const NARROW: f64 = 2.0;
 
@@ -27,7 +27,7 @@ pub struct PhotoView {
     pub(super) camera: Camera,
     /// View z of the surface in each pixel, scene units, `[H, W]`; 0 where there is none.
     pub(super) depth: Vec<f32>,
-    /// Its colour, display-referred, `[H, W, 3]`.
+    /// Colour, display-referred, `[H, W, 3]`.
     rgb: Vec<f32>,
     /// Floors, and which of them each pixel shows, from 1; 0 for none.
     pub(super) floors: Vec<FloorPlane>,
@@ -51,16 +51,16 @@ pub(super) enum Word {
 }
 
 /// A view's evidence: its nearest surface within a pixel of each, and which of them are floors.
-pub(super) struct Witness {
+pub(super) struct ViewEvidence {
     camera: Camera,
     /// View z, scene units, infinite where there is no surface; and true for a floor.
     nearest: Vec<(f32, bool)>,
 }
 
-impl Witness {
+impl ViewEvidence {
     /// Returns the evidence about a ball (world, scene units; radius 0 for a point). Where its
     /// middle is off the picture, the nearest part of the picture that it reaches tells.
-    pub fn word_of_ball(&self, middle: DVec3, radius: f64, metres_per_unit: f64) -> Word {
+    pub(crate) fn word_of_ball(&self, middle: DVec3, radius: f64, metres_per_unit: f64) -> Word {
         let Some((x, y, z)) = self.camera.project(middle) else { return Word::Nothing };
         let [width, height] = [self.camera.width, self.camera.height].map(f64::from);
         let reach = radius * self.camera.fx / z;
@@ -88,16 +88,16 @@ impl Witness {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spot {
     /// World, scene units.
-    pub point: DVec3,
+    pub(crate) point: DVec3,
     /// Towards the camera, length 1; `None` at edges.
-    pub normal: Option<DVec3>,
+    pub(crate) normal: Option<DVec3>,
     /// From the camera, length 1.
-    pub ray: DVec3,
+    pub(crate) ray: DVec3,
     /// Distance to the neighbouring pixels' points, scene units.
-    pub apart: f64,
+    pub(crate) apart: f64,
     /// The number of places that it stands for.
-    pub count: f64,
-    pub rgb: [f32; 3],
+    pub(crate) count: f64,
+    pub(crate) rgb: [f32; 3],
 }
 
 impl PhotoView {
@@ -109,7 +109,7 @@ impl PhotoView {
     }
 
     /// Returns what the view can tell of points.
-    pub(super) fn witness(&self) -> Witness {
+    pub(super) fn witness(&self) -> ViewEvidence {
         let (width, height) = (self.camera.width as usize, self.camera.height as usize);
         let depth = |pixel: usize| match self.depth[pixel] {
             0.0 => f32::INFINITY,
@@ -130,7 +130,7 @@ impl PhotoView {
             let rows = rows.into_iter().flatten().filter_map(|pixel| across.get(pixel).copied());
             rows.reduce(nearer).map_or((f32::INFINITY, false), |at| (depth(at), self.on[at] > 0))
         };
-        Witness { camera: self.camera, nearest: (0..width * height).map(nearest).collect() }
+        ViewEvidence { camera: self.camera, nearest: (0..width * height).map(nearest).collect() }
     }
 
     /// The rays of the pixels, of length 1, row by row.
@@ -185,7 +185,7 @@ impl PhotoView {
         cosine: f64,
         mut work: impl FnMut(DVec3, usize),
     ) {
-        let (inverse_depths, path) = (InverseDepths::of(self), SimdPath::widest());
+        let (inverse_depths, path) = (InverseDepths::new(self), SimdPath::widest());
         let (width, widest) = (self.camera.width as usize, self.camera.widest_pixel());
         for y in 0..self.camera.height as usize {
             let stride_at = |x: usize| stride(f64::from(self.depth[y * width + x]) * widest);
@@ -218,7 +218,7 @@ impl PhotoView {
     pub(super) fn each_spot(&self, cube: f64, mut work: impl FnMut(Spot)) {
         let center = self.camera.center();
         let [width, height] = [self.camera.width, self.camera.height].map(i64::from);
-        let (inverse_depths, path) = (InverseDepths::of(self), SimdPath::widest());
+        let (inverse_depths, path) = (InverseDepths::new(self), SimdPath::widest());
         let mut normals = Vec::new();
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
             if x == 0 {
@@ -234,7 +234,7 @@ impl PhotoView {
             let width = f64::from(self.depth[pixel]) * self.camera.widest_pixel();
             if let Some(floor) = self.floor(pixel, point) {
                 let slant = -floor.normal.dot(ray);
-                let places = (1.0 / slant).ceil().min(MOST);
+                let places = (1.0 / slant).ceil().min(MAX_FLOOR_SAMPLES);
                 let apart = (width / (slant * places)).max(width);
                 // People do not roll cameras, but hold them upright: floors go back along a column
                 // or a row.

@@ -1,7 +1,7 @@
 //! Scans of made-up places: what cameras see, and what they see through.
 
 use super::*;
-use crate::shelter::{Shelter, ShelterOptions};
+use crate::shelter::{Occluders, ShelterOptions};
 use crate::testing::{SITE, photo_view as view};
 use wm_scene::Camera;
 use wm_scene::synthetic::Builder;
@@ -89,7 +89,7 @@ fn what_cameras_see_through_stops_nothing() {
     let shelters = |views: &[PhotoView]| {
         let scan = FusedSurfaces::from_views(&splats, views, &SITE, 2);
         let shelter =
-            Shelter::build(&scan.splats, &SITE, [0.0, 0.0, -1.0], &ShelterOptions::default(), Some(2));
+            Occluders::of(&scan.splats, &SITE, &ShelterOptions::default()).shelter([0.0, 0.0, -1.0], Some(2));
         assert!(shelter.is_exposed([1.0, 1.0, 0.3]));
         !shelter.is_exposed([4.0, 4.0, 0.3])
     };

@@ -11,32 +11,32 @@ const CELL: f64 = 0.01;
 const RUN_CELL: f64 = 0.04;
 /// Share of the glass that all drops would cover which have landed in the time that is looked back.
 /// Older ones have become part of others.
-const COVERED: f64 = 0.35;
+const COVERED_SHARE: f64 = 0.35;
 /// Most running drops that are looked back for, a m^2.
 const MOST_RUNS: f64 = 4000.0;
-/// Part of its life in which a drop goes that becomes part of others.
-const FADING: f64 = 0.03;
-/// Farthest that a drop runs, m.
-const LONGEST: f64 = 0.25;
+/// Share of its life over which a drop fades that merges into others.
+const FADING_SHARE: f64 = 0.03;
+/// Largest distance that a drop runs, m.
+const MAX_RUN_M: f64 = 0.25;
 /// Mean way that a drop of the least running radius runs, m, and its mean speed, m/s.
-const WAY: f64 = 0.08;
+const MEAN_RUN_M: f64 = 0.08;
 const SPEED: f64 = 0.05;
 /// Longest time that a drop sits before it runs, s.
-const REST: f64 = 0.8;
+const MAX_REST_S: f64 = 0.8;
 /// Share of the points of its path at which a running drop leaves a small one.
-const LEAVES: f64 = 0.45;
+const TRAIL_SHARE: f64 = 0.45;
 /// Least radius of a drop that is not round, m.
-const ROUND: f64 = 0.7e-3;
+const ROUND_RADIUS_M: f64 = 0.7e-3;
 
 /// A drop on the glass.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GlassDrop {
-    /// Its middle, m to the right and down along the glass from the point on the view's axis.
-    pub at: [f64; 2],
+pub(crate) struct GlassDrop {
+    /// Centre, m to the right and down along the glass from the point on the view's axis.
+    pub(crate) at: [f64; 2],
     /// Radius of its foot, m, across.
-    pub radius: f64,
-    /// Its length down the glass over its width.
-    pub aspect: f64,
+    pub(crate) radius: f64,
+    /// Length down the glass over width.
+    pub(crate) aspect: f64,
 }
 
 /// A drop that runs, or will.
@@ -64,8 +64,8 @@ impl Run {
         let size = (radius / glass.runs_from).powi(2).min(4.0);
         let mut between = |low: f64, high: f64| low + (high - low) * random.uniform();
         let down = glass.tilt.cos().max(0.2);
-        let starts = landed + between(0.0, REST);
-        let way = (0.012 - WAY * size * (1.0 - between(0.0, 0.999)).ln()).min(LONGEST);
+        let starts = landed + between(0.0, MAX_REST_S);
+        let way = (0.012 - MEAN_RUN_M * size * (1.0 - between(0.0, 0.999)).ln()).min(MAX_RUN_M);
         let mut wave = |lengths: [f64; 2], heights: [f64; 2]| {
             [between(heights[0], heights[1]), TAU / between(lengths[0], lengths[1]), between(0.0, TAU)]
         };
@@ -111,7 +111,7 @@ impl Run {
         }
     }
 
-    /// Its radius after a way: it leaves some water behind.
+    /// Radius after running a distance, since it leaves some water behind.
     fn radius(&self, way: f64) -> f64 {
         self.radius * (1.0 - 0.3 * way / self.way.max(1e-6))
     }
@@ -144,8 +144,8 @@ impl Sine {
     }
 }
 
-/// When running drops last passed the cells of the glass, s.
-struct Wiped {
+/// Times at which running drops last passed each cell of the glass, s.
+struct WipeTimes {
     from: [f64; 2],
     cell: f64,
     size: [usize; 2],
@@ -153,7 +153,7 @@ struct Wiped {
     now: f64,
 }
 
-impl Wiped {
+impl WipeTimes {
     fn new(bounds: [[f64; 2]; 2], cell: f64, now: f64) -> Self {
         let size = [0, 1].map(|k| ((bounds[1][k] - bounds[0][k]) / cell).ceil() as usize + 1);
         Self { from: bounds[0], cell, size, last: vec![f32::NEG_INFINITY; size[0] * size[1]], now }
@@ -165,7 +165,8 @@ impl Wiped {
     }
 
     /// Wipes a piece of a row.
-    fn pass(&mut self, [x, y]: [f64; 2], radius: f64, time: f64) {
+    fn pass(&mut self, point: [f64; 2], radius: f64, time: f64) {
+        let [x, y] = point;
         let Some(row) = self.row(y) else { return };
         let column = |x: f64| ((x - self.from[0]) / self.cell).clamp(0.0, (self.size[0] - 1) as f64) as usize;
         let time = (time - self.now) as f32;
@@ -175,7 +176,8 @@ impl Wiped {
     }
 
     /// Returns true if what landed there then was wiped away since.
-    fn wipes(&self, [x, y]: [f64; 2], landed: f64) -> bool {
+    fn wipes(&self, point: [f64; 2], landed: f64) -> bool {
+        let [x, y] = point;
         let Some(row) = self.row(y) else { return false };
         let column = ((x - self.from[0]) / self.cell).clamp(0.0, (self.size[0] - 1) as f64) as usize;
         self.last[row * self.size[0] + column] > (landed - self.now) as f32
@@ -185,7 +187,8 @@ impl Wiped {
 /// Landings of cells of one size: calls `take` with the place, the count of the clock and the
 /// random numbers of each that is between two counts, in the part `rows` of the cells' rows.
 fn landings(
-    (seed, cell): (u64, f64),
+    seed: u64,
+    cell: f64,
     columns: [i64; 2],
     row: i64,
     counts: [f64; 2],
@@ -229,7 +232,7 @@ fn cells(from: f64, to: f64, cell: f64) -> [i64; 2] {
 /// Number of the latest small drops, a m^2, that are looked back for: older ones have become part
 /// of others.
 fn small_span(rain: &GlassRain) -> f64 {
-    if rain.area() > 0.0 { COVERED / rain.area() } else { f64::INFINITY }
+    if rain.area() > 0.0 { COVERED_SHARE / rain.area() } else { f64::INFINITY }
 }
 
 /// Number of drops, a m^2, that are looked back for at the glass's instant.
@@ -240,8 +243,7 @@ pub(super) fn looked_for(glass: &Glass) -> f64 {
 
 /// The drops on a part of the glass, m, at its instant, in an order that does not depend on the
 /// part.
-#[must_use]
-pub fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
+pub(crate) fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
     let (rain, now) = (&glass.rain, glass.time);
     if rain.is_dry(now) {
         return Vec::new();
@@ -261,10 +263,10 @@ pub fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
         }
         let dry = landed.dry - rain.landed(landed_at).dry;
         let kept = (radius * radius - 1e-6 * dry / glass.drying).max(0.0).sqrt();
-        kept * (ending / FADING).min(1.0).sqrt()
+        kept * (ending / FADING_SHARE).min(1.0).sqrt()
     };
 
-    let reach = (bounds[1][1] - bounds[0][1]).clamp(0.01, LONGEST);
+    let reach = (bounds[1][1] - bounds[0][1]).clamp(0.01, MAX_RUN_M);
     let runs_from = rain.landed(rain.time_of_small(small_from)).running.max(landed.running - MOST_RUNS);
     let [first, last] = cells(bounds[0][1] - reach, bounds[1][1], RUN_CELL);
     let columns = cells(bounds[0][0] - 0.01, bounds[1][0] + 0.01, RUN_CELL);
@@ -273,7 +275,7 @@ pub fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
         .map(|row| {
             let mut runs = Vec::new();
             let key = bits(glass.seed, 0x7275_6e73);
-            landings((key, RUN_CELL), columns, row, [runs_from, landed.running], |at, count, mut random| {
+            landings(key, RUN_CELL, columns, row, [runs_from, landed.running], |at, count, mut random| {
                 let time = rain.time_of_running(count);
                 let radius = rain.radius(time, random.uniform(), true);
                 runs.push(Run::new(glass, at, time, radius, &mut random));
@@ -283,7 +285,7 @@ pub fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
         .collect();
 
     let longest = (bounds[1][0] - bounds[0][0]).max(bounds[1][1] - bounds[0][1]);
-    let mut wiped = Wiped::new(bounds, glass.runs_from.max(longest / 256.0), now);
+    let mut wiped = WipeTimes::new(bounds, glass.runs_from.max(longest / 256.0), now);
     let step = wiped.cell;
     let mut found = Vec::new();
     // Points of all paths that are passed already, and those of each.
@@ -302,7 +304,7 @@ pub fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
         // What it leaves behind.
         for (index, pair) in path.windows(3).enumerate() {
             let random = |k: u64| bits(run.key, 4 * index as u64 + k) as f64 / 2f64.powi(64);
-            if random(0) < LEAVES {
+            if random(0) < TRAIL_SHARE {
                 let [x, y] = pair[0].at;
                 let at = [x + 0.4 * run.radius * (random(1) - 0.5), y + step * (random(2) - 0.5)];
                 // When its tail has passed.
@@ -347,7 +349,7 @@ pub fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
         .map(|row| {
             let mut sitting = Vec::new();
             let key = bits(glass.seed, 0x6472_6f70);
-            landings((key, CELL), columns, row, [small_from, landed.small], |at, count, mut random| {
+            landings(key, CELL, columns, row, [small_from, landed.small], |at, count, mut random| {
                 let life = 0.5 + 0.5 * random.uniform();
                 let age = landed.small - count;
                 if age > span * life || !on_glass(at) {
@@ -363,7 +365,7 @@ pub fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
                 }
                 let aspect = 0.92 + 0.2 * random.uniform();
                 sitting.push(GlassDrop { at, radius, aspect });
-                if radius > ROUND && random.uniform() < 0.6 {
+                if radius > ROUND_RADIUS_M && random.uniform() < 0.6 {
                     let (sin, cos) = (TAU * random.uniform()).sin_cos();
                     let (far, share) = (0.6 * radius, 0.45 + 0.3 * random.uniform());
                     let at = [at[0] + far * cos, at[1] + far * sin];
@@ -380,7 +382,8 @@ pub fn drops(glass: &Glass, bounds: [[f64; 2]; 2]) -> Vec<GlassDrop> {
 /// Drops that land on a part of the glass, m, from one instant to another and do not run because
 /// they grew on it.
 #[cfg(test)]
-pub(super) fn count_landings(glass: &Glass, bounds: [[f64; 2]; 2], [from, to]: [f64; 2]) -> usize {
+pub(super) fn count_landings(glass: &Glass, bounds: [[f64; 2]; 2], times: [f64; 2]) -> usize {
+    let [from, to] = times;
     let rain = &glass.rain;
     let inside = |at: [f64; 2]| (0..2).all(|k| (bounds[0][k]..bounds[1][k]).contains(&at[k]));
     let [before, after] = [from, to].map(|time| rain.landed(time));
@@ -392,7 +395,7 @@ pub(super) fn count_landings(glass: &Glass, bounds: [[f64; 2]; 2], [from, to]: [
         let [first, last] = cells(bounds[0][1], bounds[1][1], cell);
         let columns = cells(bounds[0][0], bounds[1][0], cell);
         for row in first..=last {
-            landings((bits(glass.seed, name), cell), columns, row, counts, |at, count, mut random| {
+            landings(bits(glass.seed, name), cell, columns, row, counts, |at, count, mut random| {
                 let grew = runs && random.uniform() < rain.grown(rain.time_of_running(count));
                 number += usize::from(inside(at) && !grew);
             });

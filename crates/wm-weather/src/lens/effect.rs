@@ -29,8 +29,8 @@ impl PictureEffect for LensEffect<'_> {
         let scale = LayerScale::before(glass, camera);
         let drops = glass.part_with_drops(camera).map_or_else(Vec::new, |bounds| drops(glass, bounds));
         let layer =
-            (!drops.is_empty()).then(|| DropLayer::new(glass, (&view, camera), &drops, &wide, (scale, path)));
-        let haze = Haze::new(glass, (&view, camera), picture, &wide);
+            (!drops.is_empty()).then(|| DropLayer::new(glass, &view, camera, &drops, &wide, scale, path));
+        let haze = Haze::new(glass, &view, camera, picture, &wide);
         if layer.is_none() && haze.is_none() {
             return;
         }
@@ -45,7 +45,7 @@ impl PictureEffect for LensEffect<'_> {
             match &haze {
                 Some(haze) => {
                     haze.row(y, added);
-                    dispatch!(path, s => lay_with_haze(s, line, seen, (haze, added)));
+                    dispatch!(path, s => lay_with_haze(s, line, seen, haze, added));
                 }
                 None => dispatch!(path, s => lay_drops(s, line, seen)),
             }
@@ -64,9 +64,9 @@ struct RowScratch {
 /// Lays drops over the columns of a row that show them.
 #[inline(always)]
 fn lay_drops<S: Lanes>(simd: S, line: &mut [f32], seen: &[(u32, [f32; 4])]) {
-    let mut over = Over::default();
+    let mut over = RowBlend::default();
     for (x, drop) in seen {
-        over.add(simd, line, *x as usize, (*drop, CLEAR));
+        over.add(simd, line, *x as usize, *drop, CLEAR);
     }
     over.lay(simd, line);
 }
@@ -77,13 +77,14 @@ fn lay_with_haze<S: Lanes>(
     simd: S,
     line: &mut [f32],
     seen: &[(u32, [f32; 4])],
-    (haze, added): (&Haze, &[[f32; 4]]),
+    haze: &Haze,
+    added: &[[f32; 4]],
 ) {
-    let mut over = Over::default();
+    let mut over = RowBlend::default();
     let mut seen = seen.iter().peekable();
     for x in 0..line.len() / 3 {
         let drop = seen.next_if(|(column, _)| *column as usize == x).map_or([0.0; 4], |(_, drop)| *drop);
-        over.add(simd, line, x, (drop, haze.column(added, x)));
+        over.add(simd, line, x, drop, haze.column(added, x));
     }
     over.lay(simd, line);
 }
@@ -93,7 +94,7 @@ const CLEAR: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
 /// Drops and haze over up to sixteen pixels of a row, one array a number.
 #[derive(Default)]
-struct Over {
+struct RowBlend {
     count: usize,
     columns: [usize; GROUP],
     /// Red, green and blue of drops times their cover, and their cover.
@@ -102,10 +103,10 @@ struct Over {
     haze: [[f32; GROUP]; 4],
 }
 
-impl Over {
+impl RowBlend {
     /// Adds a column, and lays all over the row when there are sixteen.
     #[inline(always)]
-    fn add<S: Lanes>(&mut self, simd: S, line: &mut [f32], x: usize, (drop, haze): ([f32; 4], [f32; 4])) {
+    fn add<S: Lanes>(&mut self, simd: S, line: &mut [f32], x: usize, drop: [f32; 4], haze: [f32; 4]) {
         let i = self.count;
         self.columns[i] = x;
         (0..4).for_each(|k| self.drops[k][i] = drop[k]);

@@ -11,29 +11,28 @@ const QUANTILES: usize = 64;
 /// Directions of the wind that are averaged.
 const DIRECTIONS: usize = 32;
 /// Water that a drop takes along which grew by others until it ran, as a multiple of its own.
-const TAKEN: f64 = 12.0;
+const COLLECTED_WATER: f64 = 12.0;
 /// Largest radius of a drop that grew until it ran, as a multiple of the least.
-const GROWN: f64 = 1.3;
+const MAX_GROWTH: f64 = 1.3;
 
 /// The rain at an instant, and how it meets a glass.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rainfall {
+pub(crate) struct Rainfall {
     /// mm/h through a level plane, or onto the glass itself.
-    pub rate: f64,
+    pub(crate) rate: f64,
     /// Wind, m/s.
-    pub wind: f64,
+    pub(crate) wind: f64,
     /// Speed of the glass along the view, m/s.
-    pub speed: f64,
+    pub(crate) speed: f64,
     /// Angle by which the top of the glass leans towards the camera, radians.
-    pub tilt: f64,
+    pub(crate) tilt: f64,
     /// True if the rate is that onto the glass.
-    pub is_on_glass: bool,
+    pub(crate) is_on_glass: bool,
 }
 
 impl Rainfall {
     /// Rain of which this much lands on the glass, mm/h.
-    #[must_use]
-    pub fn onto_glass(rate: f64) -> Self {
+    pub(crate) fn onto_glass(rate: f64) -> Self {
         Self { rate, wind: 0.0, speed: 0.0, tilt: 0.0, is_on_glass: true }
     }
 
@@ -60,13 +59,13 @@ pub(super) fn foot(contact: f64) -> f64 {
 
 /// Drops that have landed since the glass was dry, by kind, and the time without rain.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Landed {
+pub(crate) struct LandedDrops {
     /// Drops that sit, a m^2.
-    pub small: f64,
+    pub(crate) small: f64,
     /// Drops that run, a m^2: those that land so large, and those that grew.
-    pub running: f64,
+    pub(crate) running: f64,
     /// Time without rain, s.
-    pub dry: f64,
+    pub(crate) dry: f64,
 }
 
 /// Radii by the share of drops below, m.
@@ -77,9 +76,9 @@ type Quantiles = [f32; QUANTILES + 1];
 struct Segment {
     begin: f64,
     /// Landed until then.
-    landed: Landed,
+    landed: LandedDrops,
     /// Landing a second.
-    flux: Landed,
+    flux: LandedDrops,
     /// Radii of drops that sit and that run.
     radii: Arc<[Quantiles; 2]>,
     /// Mean area of the foot of a drop that sits, m^2.
@@ -90,7 +89,7 @@ struct Segment {
 
 /// The rain that lands on a glass over time: clocks that count drops.
 #[derive(Clone, Debug, PartialEq)]
-pub struct GlassRain {
+pub(crate) struct GlassRain {
     segments: Vec<Segment>,
 }
 
@@ -99,13 +98,13 @@ impl GlassRain {
     /// it changes, ascending. `rainfall` gives it at an instant, with whose value at `begin` it
     /// begins. Drops sit at the angle `contact`, radians, with feet `size` times as wide, and run
     /// from the radius `runs_from`, m.
-    #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         begin: f64,
         breaks: &[f64],
         rainfall: impl Fn(f64) -> Rainfall,
         contact: f64,
-        (size, runs_from): (f64, f64),
+        size: f64,
+        runs_from: f64,
     ) -> Self {
         let mut times = vec![begin];
         times.extend(breaks.first().filter(|first| **first > begin));
@@ -134,12 +133,13 @@ impl GlassRain {
             let sum = |list: &[([f64; 2], f64)]| list.iter().map(|(_, flux)| flux).sum::<f64>();
             // Water must leave the glass: drops that grow by others run too.
             let volume = std::f64::consts::PI / 6.0 * (1e-3 * runs_from / wide).powi(3);
-            let grown = water / (TAKEN * volume);
+            let grown = water / (COLLECTED_WATER * volume);
             let (sits, runs) = (sum(&small), sum(&large) + grown);
-            large.insert(0, ([runs_from, GROWN * runs_from], grown));
+            large.insert(0, ([runs_from, MAX_GROWTH * runs_from], grown));
             let area = small.iter().map(|([a, b], flux)| flux * (0.5 * (a + b)).powi(2)).sum::<f64>();
-            let flux = Landed { small: sits, running: runs, dry: f64::from(u8::from(sits + runs <= 0.0)) };
-            let landed = segments.last().map_or(Landed::default(), |last| last.landed_at(*begin));
+            let flux =
+                LandedDrops { small: sits, running: runs, dry: f64::from(u8::from(sits + runs <= 0.0)) };
+            let landed = segments.last().map_or(LandedDrops::default(), |last| last.landed_at(*begin));
             segments.push(Segment {
                 begin: *begin,
                 landed,
@@ -157,23 +157,13 @@ impl GlassRain {
     }
 
     /// Returns the drops that have landed until an instant, s.
-    #[must_use]
-    pub fn landed(&self, time: f64) -> Landed {
+    pub(crate) fn landed(&self, time: f64) -> LandedDrops {
         self.segment(time).landed_at(time)
     }
 
-    /// Drops that land a second and m^2 at an instant, and do not run because they grew on the
-    /// glass.
-    #[must_use]
-    pub fn landing(&self, time: f64) -> f64 {
-        let segment = self.segment(time);
-        segment.flux.small + segment.flux.running * (1.0 - segment.grown)
-    }
-
     /// Returns true if no drop has landed until an instant, s.
-    #[must_use]
-    pub fn is_dry(&self, time: f64) -> bool {
-        let Landed { small, running, .. } = self.landed(time);
+    pub(crate) fn is_dry(&self, time: f64) -> bool {
+        let LandedDrops { small, running, .. } = self.landed(time);
         small + running <= 0.0
     }
 
@@ -188,7 +178,7 @@ impl GlassRain {
     }
 
     #[inline]
-    fn time_of(&self, count: f64, of: impl Fn(&Landed) -> f64) -> f64 {
+    fn time_of(&self, count: f64, of: impl Fn(&LandedDrops) -> f64) -> f64 {
         let after = self.segments.partition_point(|segment| of(&segment.landed) <= count).max(1);
         let segment = &self.segments[after - 1];
         let flux = of(&segment.flux);
@@ -207,8 +197,7 @@ impl GlassRain {
     }
 
     /// Greatest radius of a drop that lands, m.
-    #[must_use]
-    pub fn widest(&self) -> f64 {
+    pub(crate) fn widest(&self) -> f64 {
         let radii = self.segments.iter().flat_map(|segment| segment.radii.iter().flatten());
         f64::from(radii.copied().fold(0.0, f32::max))
     }
@@ -227,10 +216,10 @@ impl GlassRain {
 }
 
 impl Segment {
-    fn landed_at(&self, time: f64) -> Landed {
+    fn landed_at(&self, time: f64) -> LandedDrops {
         let passed = (time - self.begin).max(0.0);
-        let Landed { small, running, dry } = self.landed;
-        Landed {
+        let LandedDrops { small, running, dry } = self.landed;
+        LandedDrops {
             small: small + self.flux.small * passed,
             running: running + self.flux.running * passed,
             dry: dry + self.flux.dry * passed,

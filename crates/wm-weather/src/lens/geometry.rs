@@ -5,25 +5,24 @@ use wm_scene::Camera;
 
 /// Farthest part of the glass that counts, distances: beyond it a tilted plane is no windscreen any
 /// more.
-const FARTHEST: f64 = 3.0;
+const MAX_GLASS_DISTANCE: f64 = 3.0;
 
 /// A glass as a camera sees it. Points of it are metres from the point on the view's axis, to the
 /// right and down along it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GlassView {
+pub(crate) struct GlassView {
     distance: f64,
     sin: f64,
     cos: f64,
     focal: [f64; 2],
     principal: [f64; 2],
     /// Least and greatest point that is in the picture, m.
-    pub bounds: [[f64; 2]; 2],
+    pub(crate) bounds: [[f64; 2]; 2],
 }
 
 impl GlassView {
     /// The glass before a camera.
-    #[must_use]
-    pub fn new(glass: &Glass, camera: &Camera) -> Self {
+    pub(crate) fn new(glass: &Glass, camera: &Camera) -> Self {
         let (sin, cos) = glass.tilt.sin_cos();
         let mut view = Self {
             distance: glass.distance,
@@ -48,8 +47,7 @@ impl GlassView {
 
     /// Returns this view, bounded to the part of the glass where a drop of `radius` metres is at
     /// least `pixels` wide in the picture; `None` if there is no such part.
-    #[must_use]
-    pub fn part_with(&self, radius: f64, pixels: f64, camera: &Camera) -> Option<Self> {
+    pub(crate) fn part_with(&self, radius: f64, pixels: f64, camera: &Camera) -> Option<Self> {
         // Beyond this depth drops are smaller.
         let deepest = radius * self.focal[0] / pixels;
         let mut part = *self;
@@ -69,18 +67,17 @@ impl GlassView {
     }
 
     /// The point of the glass at a picture point, px.
-    #[must_use]
-    pub fn point(&self, x: f64, y: f64) -> [f64; 2] {
+    pub(crate) fn point(&self, x: f64, y: f64) -> [f64; 2] {
         let ray = [(x - self.principal[0]) / self.focal[0], (y - self.principal[1]) / self.focal[1]];
-        let far = self.cos / (self.cos - ray[1] * self.sin).max(self.cos / FARTHEST);
+        let far = self.cos / (self.cos - ray[1] * self.sin).max(self.cos / MAX_GLASS_DISTANCE);
         let z = self.distance * far;
         [z * ray[0], z * ray[1] / self.cos]
     }
 
     /// The picture point of a point of the glass, px, and pixels a metre along both axes there.
     #[inline]
-    #[must_use]
-    pub fn project(&self, [x, y]: [f64; 2]) -> ([f64; 2], [f64; 2]) {
+    pub(crate) fn project(&self, point: [f64; 2]) -> ([f64; 2], [f64; 2]) {
+        let [x, y] = point;
         let z = (self.distance + y * self.sin).max(0.05 * self.distance);
         let across = self.focal[0] / z;
         let along = self.focal[1] * self.cos * self.distance / (z * z);

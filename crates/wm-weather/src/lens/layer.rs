@@ -23,12 +23,12 @@ const RIM: f32 = (1.0 - 1.0 / (REACH * REACH)) * (1.0 - 1.0 / (REACH * REACH));
 /// Rows that one thread draws at a time.
 const BAND: usize = 8;
 /// Least radius that is drawn, px of the layer.
-pub(super) const LEAST: f64 = 0.4;
+pub(super) const MIN_RADIUS_PX: f64 = 0.4;
 /// Radius, m, from which a drop sags, and how much.
 const HEAVY: f32 = 2.5e-3;
 const SAG: f32 = 0.22;
-/// Cover of a pixel below which no drop is seen in it.
-const UNSEEN: f32 = 1.0 / 1024.0;
+/// Coverage of a pixel below which drops in it are invisible.
+const MIN_COVER: f32 = 1.0 / 1024.0;
 /// Empty pixels before and after a row that is laid over the picture.
 const PADDING: usize = 2;
 /// Light inside, which a rim reflects, as a share of the mean outside.
@@ -38,24 +38,24 @@ const INSIDE: f32 = 0.05;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LayerScale {
     /// Picture pixels in one of the layer.
-    pub pixels: usize,
+    pub(crate) pixels: usize,
     /// Radius of the disc of blur, px of the layer; 0 if edges alone are blurred.
-    pub disc: f32,
+    pub(crate) disc: f32,
     /// Width of an edge, px of the layer.
-    pub edge: f32,
+    pub(crate) edge: f32,
     /// Layer pixels beyond each side of the picture.
-    pub margin: usize,
+    pub(crate) margin: usize,
 }
 
 impl LayerScale {
     /// The scale for a glass before a camera.
-    pub fn before(glass: &Glass, camera: &Camera) -> Self {
+    pub(crate) fn before(glass: &Glass, camera: &Camera) -> Self {
         let focal = (camera.fx * camera.fy).sqrt();
         Self::new((glass.aperture / glass.distance * focal) as f32)
     }
 
     /// For a blur of this diameter, px of the picture.
-    pub fn new(blur: f32) -> Self {
+    pub(crate) fn new(blur: f32) -> Self {
         let pixels = match blur {
             blur if blur < 2.5 => 1,
             blur if blur < 18.0 => ((blur / 3.0).round() as usize).max(2),
@@ -69,16 +69,16 @@ impl LayerScale {
 
 /// The drops before a picture.
 pub(super) struct DropLayer {
-    pub scale: LayerScale,
-    pub width: usize,
+    pub(crate) scale: LayerScale,
+    pub(crate) width: usize,
     /// Light times cover, and cover; row by row.
-    pub pixels: Vec<[f32; 4]>,
+    pub(crate) pixels: Vec<[f32; 4]>,
     /// First and last column with drops of each row, empty where there is none.
-    pub spans: Vec<[usize; 2]>,
+    spans: Vec<[usize; 2]>,
 }
 
 /// A drop as it is drawn, px of the layer.
-struct Drawn {
+struct DrawnDrop {
     at: [f32; 2],
     inverse: [f32; 2],
     reach: [f32; 2],
@@ -97,22 +97,24 @@ struct Optics<'a> {
 
 impl DropLayer {
     /// Draws drops before a camera.
-    pub fn new(
+    pub(crate) fn new(
         glass: &Glass,
-        (view, camera): (&GlassView, &Camera),
+        view: &GlassView,
+        camera: &Camera,
         drops: &[GlassDrop],
         wide: &WideView,
-        (scale, path): (LayerScale, SimdPath),
+        scale: LayerScale,
+        path: SimdPath,
     ) -> Self {
         let side = |length: u32| (length as usize).div_ceil(scale.pixels) + 2 * scale.margin;
         let (width, height) = (side(camera.width), side(camera.height));
         let finer = 1.0 / scale.pixels as f64;
-        let drawn: Vec<Drawn> = drops
+        let drawn: Vec<DrawnDrop> = drops
             .iter()
             .filter_map(|drop| {
                 let (at, px) = view.project(drop.at);
                 let radii = [drop.radius * px[0] * finer, drop.radius * drop.aspect * px[1] * finer];
-                if radii[0].min(radii[1]) < LEAST {
+                if radii[0].min(radii[1]) < MIN_RADIUS_PX {
                     return None;
                 }
                 let at = at.map(|v| (v * finer + scale.margin as f64) as f32);
@@ -122,7 +124,7 @@ impl DropLayer {
                     && at[0] - reach[0] < width as f32
                     && at[1] + reach[1] > 0.0
                     && at[1] - reach[1] < height as f32;
-                is_seen.then(|| Drawn {
+                is_seen.then(|| DrawnDrop {
                     at,
                     inverse: radii.map(|v| 1.0 / v),
                     reach,
@@ -156,7 +158,7 @@ impl DropLayer {
             sums.clear();
             sums.resize(pixels.len(), [0.0f32; 4]);
             let drops = list.iter().map(|i| &drawn[*i as usize]);
-            dispatch!(path, s => optics.draw(s, drops, (band * BAND, width), sums, (spans, pixels), (scale, camera)));
+            dispatch!(path, s => optics.draw(s, drops, band * BAND, width, sums, spans, pixels, scale, camera));
         });
         let mut layer = Self { scale, width, pixels, spans };
         if scale.disc > 0.0 && !drawn.is_empty() {
@@ -197,7 +199,7 @@ impl DropLayer {
             .collect();
         blurred.par_chunks_mut(width).zip(&spans).enumerate().for_each(|(y, (line, span))| {
             if span[0] < span[1] {
-                dispatch!(path, _s => blur_row(&source, (width, height), y, (line, *span), (&taps, sum)));
+                dispatch!(path, _s => blur_row(&source, width, height, y, line, *span, &taps, sum));
             }
         });
         self.pixels = blurred;
@@ -207,7 +209,7 @@ impl DropLayer {
     /// Writes the light and the cover along a row of a picture, between the columns of the layer
     /// that have drops. Returns the first of the columns that are written; `None` where there are
     /// no drops.
-    pub fn row(&self, y: usize, line: &mut Vec<[f32; 4]>) -> Option<usize> {
+    pub(crate) fn row(&self, y: usize, line: &mut Vec<[f32; 4]>) -> Option<usize> {
         let LayerScale { pixels: scale, margin, .. } = self.scale;
         let at = (y as f32 + 0.5) / scale as f32 - 0.5 + margin as f32;
         let top = (at.max(0.0) as usize).min(self.spans.len() - 1);
@@ -229,12 +231,18 @@ impl DropLayer {
 
     /// Appends each column below `width` that shows a drop, from left to right, with its light and
     /// its cover, from what [`Self::row`] wrote from the column `start` of the layer on.
-    pub fn columns(&self, line: &[[f32; 4]], width: usize, start: usize, seen: &mut Vec<(u32, [f32; 4])>) {
+    pub(crate) fn columns(
+        &self,
+        line: &[[f32; 4]],
+        width: usize,
+        start: usize,
+        seen: &mut Vec<(u32, [f32; 4])>,
+    ) {
         let LayerScale { pixels: scale, margin, .. } = self.scale;
         let shift = if scale % 2 == 0 { 0.5 } else { 0.0 };
         for (i, pair) in line.windows(2).enumerate() {
             let [a, b] = [&pair[0], &pair[1]];
-            if a[3].max(b[3]) <= UNSEEN {
+            if a[3].max(b[3]) <= MIN_COVER {
                 continue;
             }
             // Pixels of the picture between the middles of both.
@@ -253,13 +261,18 @@ impl DropLayer {
 
 /// Writes a row of what a disc of `taps` blurs, between two columns.
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "the layer, the row and the disc of one pass")]
 fn blur_row(
     source: &[[f32; 4]],
-    (width, height): (usize, usize),
+    width: usize,
+    height: usize,
     y: usize,
-    (line, [first, last]): (&mut [[f32; 4]], [usize; 2]),
-    (taps, sum): (&[(isize, isize, f32)], f32),
+    line: &mut [[f32; 4]],
+    span: [usize; 2],
+    taps: &[(isize, isize, f32)],
+    sum: f32,
 ) {
+    let [first, last] = span;
     for (dx, dy, weight) in taps {
         let row = y as isize + dy;
         if row < 0 || row >= height as isize {
@@ -278,7 +291,7 @@ fn blur_row(
 
 /// Adds a drop to the sums of some rows: the weight, the slope twice, and its radius.
 #[inline(always)]
-fn add(drop: &Drawn, first: usize, width: usize, sums: &mut [[f32; 4]], spans: &mut [[usize; 2]]) {
+fn add(drop: &DrawnDrop, first: usize, width: usize, sums: &mut [[f32; 4]], spans: &mut [[usize; 2]]) {
     let rows = sums.len() / width;
     let top = (drop.at[1] - drop.reach[1] - 0.5).ceil().max(first as f32) as usize;
     let bottom = ((drop.at[1] + drop.reach[1] + 0.5).floor().max(0.0) as usize).min(first + rows);
@@ -308,14 +321,18 @@ fn add(drop: &Drawn, first: usize, width: usize, sums: &mut [[f32; 4]], spans: &
 impl Optics<'_> {
     /// Draws drops into rows from the row `first` of the layer on.
     #[inline(always)]
+    #[allow(clippy::too_many_arguments, reason = "the rows, their buffers and the optics of one pass")]
     fn draw<'d, S: Lanes>(
         &self,
         simd: S,
-        drops: impl Iterator<Item = &'d Drawn>,
-        (first, width): (usize, usize),
+        drops: impl Iterator<Item = &'d DrawnDrop>,
+        first: usize,
+        width: usize,
         sums: &mut [[f32; 4]],
-        (spans, pixels): (&mut [[usize; 2]], &mut [[f32; 4]]),
-        (scale, camera): (LayerScale, &Camera),
+        spans: &mut [[usize; 2]],
+        pixels: &mut [[f32; 4]],
+        scale: LayerScale,
+        camera: &Camera,
     ) {
         drops.for_each(|drop| add(drop, first, width, sums, spans));
         let place = |at: usize, middle: f64| {
@@ -328,7 +345,7 @@ impl Optics<'_> {
                 let own = k * width + x..k * width + span[1].min(x + S::N);
                 let (sums, pixels) = (&sums[own.clone()], &mut pixels[own]);
                 let right = place(x, camera.cx) / camera.fx as f32;
-                self.shade(simd, (sums, scale.edge), ([right, step], down), pixels);
+                self.shade(simd, sums, scale.edge, right, step, down, pixels);
             }
         }
     }
@@ -336,11 +353,15 @@ impl Optics<'_> {
     /// Writes the light times cover, and the cover, of pixels with these sums that look along
     /// `(right + i step, down, 1)`; as many as there are lanes, or fewer.
     #[inline(always)]
+    #[allow(clippy::too_many_arguments, reason = "the pixels of a block and where they are on the glass")]
     fn shade<S: Lanes>(
         &self,
         simd: S,
-        (sums, edge): (&[[f32; 4]], f32),
-        ([right, step], down): ([f32; 2], f32),
+        sums: &[[f32; 4]],
+        edge: f32,
+        right: f32,
+        step: f32,
+        down: f32,
         pixels: &mut [[f32; 4]],
     ) {
         let mut columns = [[0.0; 16]; 5];

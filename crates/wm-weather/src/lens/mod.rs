@@ -2,8 +2,8 @@
 //! scatters.
 //!
 //! Nothing is simulated from frame to frame. Landings are Poisson events of hashed cells of the
-//! glass and of slots of a clock that counts drops ([`GlassRain`]); [`drops()`] finds those that
-//! are on the glass at an instant, in a bounded window of the past. Drops as large as
+//! glass and of slots of a clock that counts drops ([`GlassRain`]); [`drops::drops`] finds those
+//! that are on the glass at an instant, in a bounded window of the past. Drops as large as
 //! [`Glass::runs_from`] run down a hashed path, wipe what is on it and leave small ones behind.
 //!
 //! A drop is a cap of water on the outer side. It bends the view by Snell's law and so shows a wide
@@ -23,42 +23,41 @@ mod wide;
 #[cfg(test)]
 mod tests;
 
-pub use drops::{GlassDrop, drops};
 pub use effect::LensEffect;
-pub use flux::{GlassRain, Rainfall};
-pub use geometry::GlassView;
-pub use wide::{WideView, wide_camera};
+pub(crate) use flux::{GlassRain, Rainfall};
+pub(crate) use geometry::GlassView;
+pub use wide::wide_camera;
 use wm_scene::Camera;
 
 /// The glass before the camera at an instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Glass {
     /// Distance along the view, m.
-    pub distance: f64,
+    pub(crate) distance: f64,
     /// Diameter of the aperture, m.
-    pub aperture: f64,
+    pub(crate) aperture: f64,
     /// Angle by which its top leans towards the camera, radians.
-    pub tilt: f64,
+    pub(crate) tilt: f64,
     /// Contact angle of its drops, radians.
-    pub contact: f64,
+    pub(crate) contact: f64,
     /// Radius from which drops run, m.
-    pub runs_from: f64,
+    pub(crate) runs_from: f64,
     /// Time in which a drop of 1 mm radius dries, s.
-    pub drying: f64,
+    pub(crate) drying: f64,
     /// Share that dirt covers, 0-1.
-    pub dirt: f64,
+    pub(crate) dirt: f64,
     /// Share of light that dirt lets through, 0-1.
-    pub dirt_transmittance: f64,
+    pub(crate) dirt_transmittance: f64,
     /// Share of light that dirt scatters into the view, 0-1.
-    pub dirt_scatter: f64,
+    pub(crate) dirt_scatter: f64,
     /// Factor on the veil of bright sources.
-    pub veil: f64,
+    pub(crate) veil: f64,
     /// Seed of its drops.
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// The instant, s.
-    pub time: f64,
+    pub(crate) time: f64,
     /// The rain that has landed on it.
-    pub rain: GlassRain,
+    pub(crate) rain: GlassRain,
 }
 
 /// Most drops on the glass before a camera.
@@ -87,14 +86,13 @@ impl Glass {
         if self.rain.is_dry(self.time) {
             return None;
         }
-        let least = layer::LEAST * layer::LayerScale::before(self, camera).pixels as f64;
+        let least = layer::MIN_RADIUS_PX * layer::LayerScale::before(self, camera).pixels as f64;
         let [low, high] = GlassView::new(self, camera).part_with(self.rain.widest(), least, camera)?.bounds;
         Some([low.map(|v| v - self.aperture), high.map(|v| v + self.aperture)])
     }
 
     /// Returns true if it changes no picture.
-    #[must_use]
-    pub fn is_clear(&self) -> bool {
+    pub(crate) fn is_clear(&self) -> bool {
         self.veil <= 0.0 && self.dirt <= 0.0 && self.rain.is_dry(self.time)
     }
 }

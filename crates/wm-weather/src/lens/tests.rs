@@ -1,7 +1,8 @@
-use super::drops::count_landings;
+use super::drops::{GlassDrop, count_landings, drops};
 use super::geometry::GlassView;
 use super::layer::{DropLayer, LayerScale};
 use super::veil::Haze;
+use super::wide::WideView;
 use super::*;
 use std::f64::consts::PI;
 use wm_render::Frame;
@@ -29,7 +30,7 @@ fn glass(rain: GlassRain, tilt: f64, time: f64) -> Glass {
 }
 
 fn steady(rain: Rainfall) -> GlassRain {
-    GlassRain::new(-20.0, &[], |_| rain, CONTACT, (1.0, 2.2e-3))
+    GlassRain::new(-20.0, &[], |_| rain, CONTACT, 1.0, 2.2e-3)
 }
 
 fn camera(width: u32, height: u32, fov: f64) -> Camera {
@@ -92,7 +93,7 @@ fn as_many_drops_land_as_the_flux_says() {
 fn landings_follow_rain_that_changes() {
     let rate = |time: f64| 4.0 + 2.0 * time.clamp(0.0, 10.0);
     let rain =
-        GlassRain::new(-20.0, &[0.0, 10.0], |time| Rainfall::onto_glass(rate(time)), CONTACT, (1.0, 2.2e-3));
+        GlassRain::new(-20.0, &[0.0, 10.0], |time| Rainfall::onto_glass(rate(time)), CONTACT, 1.0, 2.2e-3);
     let glass = glass(rain, 0.0, 0.0);
     let bounds = [[-0.5, -0.5], [0.5, 0.5]];
     let steps = 200;
@@ -122,7 +123,7 @@ fn a_drop_shows_the_scene_upside_down() {
     let radius = 40.0 / view.project([0.0; 2]).1[0];
     let drop = GlassDrop { at: [0.0; 2], radius, aspect: 1.0 };
     let layer =
-        DropLayer::new(&glass, (&view, &camera), &[drop], &wide, (LayerScale::new(0.0), SimdPath::widest()));
+        DropLayer::new(&glass, &view, &camera, &[drop], &wide, LayerScale::new(0.0), SimdPath::widest());
     let at = |x: usize, y: usize| layer.pixels[y * layer.width + x];
     let (top, bottom, rim, beside) = (at(100, 78), at(100, 122), at(138, 100), at(150, 100));
     println!("top {top:?} bottom {bottom:?} rim {rim:?}");
@@ -135,7 +136,7 @@ fn a_drop_shows_the_scene_upside_down() {
 #[test]
 fn drops_dry_when_the_rain_ends() {
     let rain = |time: f64| Rainfall::onto_glass(if time < 10.0 { 10.0 } else { 0.0 });
-    let rain = GlassRain::new(-20.0, &[10.0, 10.001], rain, CONTACT, (1.0, 2.2e-3));
+    let rain = GlassRain::new(-20.0, &[10.0, 10.001], rain, CONTACT, 1.0, 2.2e-3);
     let bounds = [[-0.2, -0.2], [0.2, 0.2]];
     let areas =
         [10.0, 12.0, 40.0, 120.0, 1000.0].map(|time| area(&drops(&glass(rain.clone(), 0.5, time), bounds)));
@@ -195,7 +196,7 @@ fn a_bright_source_has_the_veil_of_vos() {
     let wide = WideView::new(SimdPath::widest(), &wide);
     let glass = Glass { veil: 1.0, ..glass(steady(Rainfall::onto_glass(0.0)), 0.0, 0.0) };
     let view = GlassView::new(&glass, &camera);
-    let haze = Haze::new(&glass, (&view, &camera), &frame, &wide).unwrap();
+    let haze = Haze::new(&glass, &view, &camera, &frame, &wide).unwrap();
     let mut line = Vec::new();
     haze.row(300, &mut line);
     let illuminance = (12.0 / camera.fx).powi(2);

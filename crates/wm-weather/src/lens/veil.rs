@@ -11,9 +11,9 @@ use wm_scene::random::bits;
 /// Rings at which the veil is looked up: from 1 degree on, each twice as far as the one before.
 const RINGS: usize = 5;
 /// Radius of the first ring, degrees: the middle of 1 to 2.
-const FIRST: f64 = std::f64::consts::SQRT_2;
+const FIRST_RING_DEGREES: f64 = std::f64::consts::SQRT_2;
 /// Directions of a ring.
-const AROUND: usize = 12;
+const RING_DIRECTIONS: usize = 12;
 /// Radius of a ring, cells of its own grid.
 const RADIUS: f64 = 2.5;
 /// Share of light that each ring scatters: the integral of `10 / angle^2` a degree over an octave
@@ -22,7 +22,7 @@ const OCTAVE: f64 = 20.0 * std::f64::consts::PI * std::f64::consts::LN_2 / (180.
     * std::f64::consts::PI
     * std::f64::consts::PI;
 /// Part of the last ring that is within 30 degrees.
-const LAST: f64 = 0.907;
+const LAST_RING_SHARE: f64 = 0.907;
 /// Sizes of the patches of dirt, m, and their weights.
 const PATCHES: [(f64, f64); 3] = [(0.03, 0.45), (0.009, 0.35), (0.003, 0.2)];
 /// Cone of the light that dirt scatters, radians.
@@ -38,10 +38,11 @@ pub(super) struct Haze {
 }
 
 impl Haze {
-    /// Of a glass before a finished picture; `None` if it adds nothing.
-    pub fn new(
+    /// Computes the veil of a glass before a finished picture; `None` if it adds nothing.
+    pub(crate) fn new(
         glass: &Glass,
-        (view, camera): (&GlassView, &Camera),
+        view: &GlassView,
+        camera: &Camera,
         picture: &Frame,
         wide: &WideView,
     ) -> Option<Self> {
@@ -49,15 +50,16 @@ impl Haze {
             return None;
         }
         let focal = (camera.fx * camera.fy).sqrt();
-        let cell = ((FIRST.to_radians() * focal / RADIUS) as usize).clamp(2, 32);
+        let cell = ((FIRST_RING_DEGREES.to_radians() * focal / RADIUS) as usize).clamp(2, 32);
         let (width, height) =
             ((camera.width as usize).div_ceil(cell), (camera.height as usize).div_ceil(cell));
         let mut haze = Self { cell, width, height, nodes: vec![[0.0, 0.0, 0.0, 1.0]; width * height] };
         if glass.dirt > 0.0 {
-            haze.add_dirt(glass, (view, camera), wide);
+            haze.add_dirt(glass, view, camera, wide);
         }
         if glass.veil > 0.0 {
-            let veil = veil(light_of_cells(picture, cell, width));
+            let (columns, light) = light_of_cells(picture, cell, width);
+            let veil = veil(columns, light);
             for (node, veil) in haze.nodes.iter_mut().zip(veil) {
                 (0..3).for_each(|k| node[k] += glass.veil as f32 * veil[k]);
             }
@@ -65,7 +67,7 @@ impl Haze {
         Some(haze)
     }
 
-    fn add_dirt(&mut self, glass: &Glass, (view, camera): (&GlassView, &Camera), wide: &WideView) {
+    fn add_dirt(&mut self, glass: &Glass, view: &GlassView, camera: &Camera, wide: &WideView) {
         let (cell, width) = (self.cell, self.width);
         self.nodes.par_chunks_mut(width).enumerate().for_each(|(row, nodes)| {
             for (column, node) in nodes.iter_mut().enumerate() {
@@ -89,16 +91,16 @@ impl Haze {
     }
 
     /// Writes what is added and kept along a row of the picture, a number for each column.
-    pub fn row(&self, y: usize, line: &mut Vec<[f32; 4]>) {
+    pub(crate) fn row(&self, y: usize, line: &mut Vec<[f32; 4]>) {
         let (top, below, part) = between(y, self.cell, self.height);
         let [top, below] = [top, below].map(|row| &self.nodes[row * self.width..][..self.width]);
         line.clear();
         line.extend(top.iter().zip(below).map(|(a, b)| mix(a, b, part)));
     }
 
-    /// The same at a column, from what [`Self::row`] wrote.
+    /// Veil at a column, from the line that [`Self::row`] wrote.
     #[inline(always)]
-    pub fn column(&self, line: &[[f32; 4]], x: usize) -> [f32; 4] {
+    pub(crate) fn column(&self, line: &[[f32; 4]], x: usize) -> [f32; 4] {
         let (left, right, part) = between(x, self.cell, self.width);
         mix(&line[left], &line[right], part)
     }
@@ -158,31 +160,31 @@ fn light_of_cells(picture: &Frame, cell: usize, width: usize) -> (usize, Vec<[f3
 
 /// The veil over each cell of a picture by the light of all, from rings about it on ever coarser
 /// grids.
-fn veil((width, light): (usize, Vec<[f32; 3]>)) -> Vec<[f32; 3]> {
+fn veil(width: usize, light: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
     let mut levels = vec![(width, light)];
     while levels.len() < RINGS {
         let (width, last) = &levels[levels.len() - 1];
         levels.push(halved(*width, last));
     }
-    let ring: Vec<[f64; 2]> = (0..AROUND)
-        .map(|k| std::f64::consts::TAU * (k as f64 + 0.5) / AROUND as f64)
+    let ring: Vec<[f64; 2]> = (0..RING_DIRECTIONS)
+        .map(|k| std::f64::consts::TAU * (k as f64 + 0.5) / RING_DIRECTIONS as f64)
         .map(|angle| [RADIUS * angle.cos(), RADIUS * angle.sin()])
         .collect();
     let mut sum: Option<(usize, Vec<[f32; 3]>)> = None;
     for (level, (width, light)) in levels.iter().enumerate().rev() {
         let height = light.len() / width;
-        let weight = OCTAVE * if level + 1 == RINGS { LAST } else { 1.0 } / AROUND as f64;
+        let weight = OCTAVE * if level + 1 == RINGS { LAST_RING_SHARE } else { 1.0 } / RING_DIRECTIONS as f64;
         let mut own = vec![[0.0f32; 3]; light.len()];
         own.par_chunks_mut(*width).enumerate().for_each(|(y, line)| {
             for (x, out) in line.iter_mut().enumerate() {
                 for [dx, dy] in &ring {
-                    let seen = look_up(light, (*width, height), x as f64 + dx, y as f64 + dy);
+                    let seen = look_up(light, *width, height, x as f64 + dx, y as f64 + dy);
                     (0..3).for_each(|k| out[k] += weight as f32 * seen[k]);
                 }
                 if let Some((coarse_width, coarse)) = &sum {
-                    let coarse_size = (*coarse_width, coarse.len() / coarse_width);
+                    let coarse_height = coarse.len() / coarse_width;
                     let at = |v: usize| 0.5 * v as f64 - 0.25;
-                    let seen = look_up(coarse, coarse_size, at(x), at(y));
+                    let seen = look_up(coarse, *coarse_width, coarse_height, at(x), at(y));
                     (0..3).for_each(|k| out[k] += seen[k]);
                 }
             }
@@ -210,7 +212,7 @@ fn halved(width: usize, light: &[[f32; 3]]) -> (usize, Vec<[f32; 3]>) {
 
 /// Between the cells about a point; beyond the edge its last cells.
 #[inline(always)]
-fn look_up(light: &[[f32; 3]], (width, height): (usize, usize), x: f64, y: f64) -> [f32; 3] {
+fn look_up(light: &[[f32; 3]], width: usize, height: usize, x: f64, y: f64) -> [f32; 3] {
     let (x, y) = (x.clamp(0.0, (width - 1) as f64), y.clamp(0.0, (height - 1) as f64));
     let (left, top) = (x as usize, y as usize);
     let (fx, fy) = ((x - left as f64) as f32, (y - top as f64) as f32);

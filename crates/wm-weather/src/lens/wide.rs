@@ -8,7 +8,7 @@ use wm_scene::Camera;
 
 /// Side of the wide picture, px.
 pub(super) const SIDE: u32 = 256;
-/// Its focal length, px: it shows 76 degrees to all sides.
+/// Focal length, px: the view shows 76 degrees to all sides.
 const FOCAL: f64 = 32.0;
 /// Greatest tangent of an angle from the axis in the picture.
 const EDGE: f32 = (SIDE as f64 / 2.0 / FOCAL) as f32 - 0.03;
@@ -22,15 +22,14 @@ pub fn wide_camera(camera: &Camera) -> Camera {
 
 /// A wide picture in linear light at every fineness.
 #[derive(Clone, Debug)]
-pub struct WideView {
+pub(crate) struct WideView {
     levels: Vec<LinearPicture>,
 }
 
 impl WideView {
     /// Makes all levels of a drawn picture, which must be of [`wide_camera`].
-    #[must_use]
-    pub fn new(path: SimdPath, frame: &Frame) -> Self {
-        let mut levels = vec![LinearPicture::of(path, frame)];
+    pub(crate) fn new(path: SimdPath, frame: &Frame) -> Self {
+        let mut levels = vec![LinearPicture::new(path, frame)];
         while let Some(last) = levels.last().filter(|last| last.width > 2) {
             let (side, half) = (last.width, last.width / 2);
             let mut pixels = Vec::with_capacity(half * half);
@@ -49,8 +48,7 @@ impl WideView {
     }
 
     /// The mean light of the whole view.
-    #[must_use]
-    pub fn mean(&self) -> [f32; 3] {
+    pub(crate) fn mean(&self) -> [f32; 3] {
         let four = &self.levels[self.levels.len() - 1].pixels;
         std::array::from_fn(|k| four.iter().map(|pixel| pixel[k]).sum::<f32>() / four.len() as f32)
     }
@@ -58,8 +56,8 @@ impl WideView {
     /// The light from a direction of the camera's axes, x right, y down, z ahead, of a cone `angle`
     /// radians wide.
     #[inline(always)]
-    #[must_use]
-    pub fn at(&self, [x, y, z]: [f32; 3], angle: f32) -> [f32; 4] {
+    pub(crate) fn at(&self, direction: [f32; 3], angle: f32) -> [f32; 4] {
+        let [x, y, z] = direction;
         let inverse = 1.0 / z.max(0.05);
         let (u, v) = ((x * inverse).clamp(-EDGE, EDGE), (y * inverse).clamp(-EDGE, EDGE));
         // Pixels of the edge are narrower angles.
@@ -74,11 +72,12 @@ impl WideView {
     pub(super) fn look<S: Lanes>(
         &self,
         simd: S,
-        [x, y, z]: [S::F; 3],
+        direction: [S::F; 3],
         angle: S::F,
         wanted: u32,
         light: &mut [[f32; 4]; 16],
     ) {
+        let [x, y, z] = direction;
         let one = simd.set(1.0);
         let inverse = one / z.max(simd.set(0.05));
         let u = (x * inverse).max(simd.set(-EDGE)).min(simd.set(EDGE));

@@ -38,7 +38,7 @@ const EXTRATERRESTRIAL: [f64; 3] = [201.8, 187.3, 183.7];
 
 /// A clear or hazy sky with the sun above the horizon.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ClearSky {
+pub(crate) struct ClearSky {
     sun_elevation: f64,
     turbidity: f64,
     channels: [Channel; 3],
@@ -48,8 +48,7 @@ impl ClearSky {
     /// The sky for an elevation of the sun (radians, 0 to pi/2), a turbidity (1 to 10) and an
     /// albedo of the ground (0 to 1). Values outside the ranges are set to the nearest end; NaN
     /// counts as the lower end.
-    #[must_use]
-    pub fn new(sun_elevation: f64, turbidity: f64, ground_albedo: f64) -> Self {
+    pub(crate) fn new(sun_elevation: f64, turbidity: f64, ground_albedo: f64) -> Self {
         let sun_elevation = clamped(sun_elevation, 0.0, FRAC_PI_2);
         let turbidity = clamped(turbidity, 1.0, HAZIEST);
         let albedo = clamped(ground_albedo, 0.0, 1.0);
@@ -62,8 +61,7 @@ impl ClearSky {
     /// finite and at least 0. `sin_elevation` is the sine of the direction's elevation,
     /// `cos_to_sun` the cosine of its angle to the sun, both -1 to 1. A direction below the horizon
     /// has the radiance of the horizon above it.
-    #[must_use]
-    pub fn radiance(&self, sin_elevation: f64, cos_to_sun: f64) -> [f64; 3] {
+    pub(crate) fn radiance(&self, sin_elevation: f64, cos_to_sun: f64) -> [f64; 3] {
         let sin = clamped(sin_elevation, -1.0, 1.0);
         let mut cos_to_sun = clamped(cos_to_sun, -1.0, 1.0);
         if sin < 0.0 {
@@ -76,16 +74,8 @@ impl ClearSky {
     }
 
     /// Irradiance of a level surface by the sky alone, without the sun's beam, linear RGB in the
-    /// unit of the module. Deterministic: a fixed grid of directions that all weigh the same.
-    #[must_use]
-    pub fn horizontal_irradiance(&self) -> [f64; 3] {
-        self.level_and_upright_irradiance()[0]
-    }
-
-    /// The same, and the irradiance of an upright surface, the mean over all sides that it may
-    /// face.
-    #[must_use]
-    pub fn level_and_upright_irradiance(&self) -> [[f64; 3]; 2] {
+    /// unit of the module, and of an upright surface, the mean over all sides that it may face.
+    pub(crate) fn level_and_upright_irradiance(&self) -> [[f64; 3]; 2] {
         let (sin_sun, cos_sun) = self.sun_elevation.sin_cos();
         let middle = |i: u32| (f64::from(i) + 0.5) / f64::from(SAMPLES);
         let (mut level, mut upright) = ([0.0; 3], [0.0; 3]);
@@ -122,8 +112,7 @@ impl ClearSky {
     ///
     /// The sky alone is within 17 % of the IES's 0.8 + 15.5 sin^0.5 h klx at turbidity 2, and
     /// within 30 % at 3. Nothing is scaled to fit.
-    #[must_use]
-    pub fn sun_irradiance(&self) -> [f64; 3] {
+    pub(crate) fn sun_irradiance(&self) -> [f64; 3] {
         let transmittance = beam_transmittance(self.sun_elevation, self.turbidity);
         std::array::from_fn(|k| EXTRATERRESTRIAL[k] * transmittance[k])
     }
@@ -139,8 +128,7 @@ impl ClearSky {
 /// gases are left out. Three wavelengths make the beam of a low sun less red than the same formula
 /// over the whole spectrum does, at turbidity 3: red 4 / 7 / 12 % too low and blue 9 / 20 / 49 %
 /// too high at 47 / 20 / 10 degrees, luminance within 0.3 %.
-#[must_use]
-pub fn beam_transmittance(sun_elevation: f64, turbidity: f64) -> [f64; 3] {
+fn beam_transmittance(sun_elevation: f64, turbidity: f64) -> [f64; 3] {
     if sun_elevation.is_nan() || sun_elevation < 0.0 {
         return [0.0; 3];
     }

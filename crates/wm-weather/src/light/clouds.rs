@@ -27,7 +27,7 @@ const NODES: i64 = 65;
 
 /// The share of the sun's beam that clouds let through, about a camera.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CloudShadows {
+pub(crate) struct CloudShadows {
     /// `[NODES, NODES]` by the place that the sun's ray has at the height of 0, along the level
     /// axes; the spacing is whole, so that a node has the same value in any table that holds it.
     table: Vec<f32>,
@@ -39,11 +39,10 @@ pub struct CloudShadows {
 }
 
 impl CloudShadows {
-    /// Of clouds that cover the share `clouds` (0-1) of the sky, under a sun towards `sun` (world
-    /// axes, length 1), about the point `center` (world axes, scene units). The air has come as far
-    /// as `drift`, m, along the level axes.
-    #[must_use]
-    pub fn new(
+    /// Builds the shadows of clouds that cover the share `clouds` (0-1) of the sky, under a sun
+    /// towards `sun` (world axes, length 1), about the point `center` (world axes, scene units).
+    /// The air has come as far as `drift`, m, along the level axes.
+    pub(crate) fn new(
         clouds: f64,
         sun: [f64; 3],
         drift: [f64; 2],
@@ -84,8 +83,7 @@ impl CloudShadows {
 
     /// The share of the beam that reaches a point (world axes, scene units), 0-1.
     #[inline]
-    #[must_use]
-    pub fn open(&self, point: Vec3) -> f32 {
+    pub(crate) fn open(&self, point: Vec3) -> f32 {
         let [u, v] = [0, 1].map(|k: usize| self.axes[k].dot(point) + self.start[k]);
         let last = (NODES - 1) as f32;
         let is_known = u >= 0.0 && v >= 0.0 && u < last && v < last;
@@ -117,8 +115,9 @@ impl CloudField {
         Self { waves: (0..WAVES).map(wave).collect() }
     }
 
-    /// Its value at a place, m: mean 0, variance 1.
-    fn at(&self, [x, y]: [f64; 2]) -> f64 {
+    /// Value of the noise at a place, m: mean 0, variance 1.
+    fn at(&self, point: [f64; 2]) -> f64 {
+        let [x, y] = point;
         let sum: f64 = self.waves.iter().map(|([a, b], phase)| (a * x + b * y + phase).cos()).sum();
         sum * (2.0 / WAVES as f64).sqrt()
     }

@@ -14,7 +14,7 @@ use wm_scene::color::luminance;
 /// Luminous efficacy, lm/W.
 const EFFICACY: f64 = 683.0;
 /// Elevation of the sun down to which the model of the clear sky holds, degrees.
-pub const LOWEST_DAY: f64 = 3.0;
+const LOWEST_DAY: f64 = 3.0;
 /// Clear skies with the sun below that: elevation in degrees, illuminance of level ground in lux.
 const TWILIGHT: [[f64; 2]; 4] = [[-0.8, 400.0], [-6.0, 3.4], [-12.0, 0.008], [-18.0, 0.0006]];
 /// Tint of the sky once the sun is 6 degrees below the horizon, luminance 1.
@@ -31,11 +31,11 @@ const GROUND: f64 = 0.2;
 
 /// The light of the open sky at an instant.
 #[derive(Clone, Debug, PartialEq)]
-pub struct OpenLight {
+pub(crate) struct OpenLight {
     /// Towards the sun, world axes, length 1.
-    pub sun: [f64; 3],
+    pub(crate) sun: [f64; 3],
     /// Sine of the sun's elevation.
-    pub sin_sun: f64,
+    pub(crate) sin_sun: f64,
     /// Towards the brightest of the sky, which stays above the horizon.
     glow_center: [f64; 3],
     /// The sky between the clouds; its radiances times `tint` are W/(m^2 sr), in the unit of
@@ -44,7 +44,7 @@ pub struct OpenLight {
     /// Factor on it: 1 by day, and the tint and the darkness of the twilight.
     tint: [f64; 3],
     /// Irradiances, lx.
-    pub light: SceneLight,
+    pub(crate) light: SceneLight,
     /// The share of `light.sky` that is even grey, of clouds, of the glow of towns and of what took
     /// the beam away, lx.
     overcast: [f64; 3],
@@ -55,9 +55,9 @@ impl OpenLight {
     /// length 1), in air of this turbidity (1-10). `clouds` is the cloud cover, 0-1, `depth` the
     /// optical depth of fog and the like straight up by channel, `glow` the illuminance by the glow
     /// of towns, lx.
-    #[must_use]
-    pub fn new(
-        (heading, up): ([f64; 3], [f64; 3]),
+    pub(crate) fn new(
+        heading: [f64; 3],
+        up: [f64; 3],
         elevation: f64,
         turbidity: f64,
         clouds: f64,
@@ -113,16 +113,14 @@ impl OpenLight {
     }
 
     /// Illuminance of level ground, lx.
-    #[must_use]
-    pub fn level(&self) -> f64 {
+    pub(crate) fn level(&self) -> f64 {
         luminance(self.light.irradiance(self.sin_sun))
     }
 
     /// Radiance of the sky in a direction (world axes, length 1) at a sine of elevation, times pi:
     /// the irradiance of a level surface under a whole sky of this radiance, linear RGB, lx. Below
     /// the horizon it is that of the horizon above.
-    #[must_use]
-    pub fn radiance(&self, direction: [f64; 3], sin: f64) -> [f64; 3] {
+    pub(crate) fn radiance(&self, direction: [f64; 3], sin: f64) -> [f64; 3] {
         let to_sun: f64 = (0..3).map(|k| direction[k] * self.glow_center[k]).sum();
         let clear = self.clear.radiance(sin, to_sun);
         // CIE overcast: the zenith has 9/7 of the mean.
@@ -149,7 +147,8 @@ fn twilight(elevation: f64, highest: f64) -> f64 {
 /// mean over all sides, on upright walls; radiances times `factor`. Towards the zenith it falls to
 /// no less than the radiance there: below a low sun the red light of the sky is near the horizon,
 /// and a courtyard that sees the zenith alone would get none of it.
-fn gradation([level, upright]: [[f64; 3]; 2], zenith: [f64; 3], factor: [f64; 3]) -> SkyGradation {
+fn gradation(irradiances: [[f64; 3]; 2], zenith: [f64; 3], factor: [f64; 3]) -> SkyGradation {
+    let [level, upright] = irradiances;
     // pi (l + 2/3 r) on the level, (pi/2) l + (2/3) r upright, l + r at the zenith.
     let rise: [f64; 3] = std::array::from_fn(|k| {
         let by_walls = (level[k] / 2.0 - upright[k]) / (PI / 3.0 - 2.0 / 3.0);
@@ -167,7 +166,7 @@ mod tests {
     use super::*;
 
     fn open(elevation: f64, clouds: f64) -> OpenLight {
-        OpenLight::new(([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]), elevation, 2.5, clouds, [0.0; 3], 0.0)
+        OpenLight::new([1.0, 0.0, 0.0], [0.0, 0.0, 1.0], elevation, 2.5, clouds, [0.0; 3], 0.0)
     }
 
     /// Published: 3.4 lx at the end of civil twilight; some 100 klx with a high sun, and a quarter

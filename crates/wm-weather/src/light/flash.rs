@@ -15,14 +15,14 @@ const STROKE: f64 = 5.0;
 const DECAY: f64 = 0.004;
 /// Strokes of a flash, and the time between them, s.
 const STROKES: [u64; 2] = [2, 5];
-const BETWEEN: [f64; 2] = [0.04, 0.06];
+const STROKE_INTERVALS_S: [f64; 2] = [0.04, 0.06];
 /// Height from which most of the light comes, m.
 const HEIGHT: f64 = 2_000.0;
 /// Nearest to farthest flash for a mean distance, as factors on it.
 const SPREAD: [f64; 2] = [0.5, 1.5];
 /// The share of the light that comes from about the flash; the rest is spread over the clouds.
 const DIRECT: f32 = 0.4;
-/// Its tint, luminance 1: some 9,000 K.
+/// Tint of a flash, luminance 1: some 9,000 K.
 const TINT: [f64; 3] = [0.9, 1.0, 1.29];
 /// Length of the slots of time, of which each has one flash or none, s: as long as a flash at most.
 const SLOT: f64 = 0.5;
@@ -31,29 +31,28 @@ const SLOT: f64 = 0.5;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flash {
     /// Illuminance of level ground in the open, lx.
-    pub lux: f64,
+    lux: f64,
     /// Towards it: azimuth in radians and sine of the elevation, along level axes.
-    pub azimuth: f64,
+    pub(crate) azimuth: f64,
     /// Sine of its elevation.
-    pub sin: f64,
+    pub(crate) sin: f64,
 }
 
 /// A storm.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Storm {
+pub(crate) struct Storm {
     /// Flashes a minute, in the mean.
-    pub rate: f64,
+    pub(crate) rate: f64,
     /// Mean distance, m.
-    pub distance: f64,
+    pub(crate) distance: f64,
     /// The seed.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 impl Storm {
     /// The flash that lights most of the exposure from `time` on, s, if there is any; `shutter` is
     /// the time of exposure, s.
-    #[must_use]
-    pub fn flash(&self, time: f64, shutter: f64) -> Option<Flash> {
+    pub(crate) fn flash(&self, time: f64, shutter: f64) -> Option<Flash> {
         let mut strongest: Option<Flash> = None;
         let mut lux = 0.0;
         // One that began a slot before may still strike.
@@ -76,7 +75,8 @@ impl Storm {
                 // The first is the strongest.
                 let strength = if stroke == 0 { 1.0 } else { 0.4 + 0.5 * draw(8 + 2 * stroke) };
                 exposure += strength * lit_during(strike, time, time + shutter);
-                strike += BETWEEN[0] + (BETWEEN[1] - BETWEEN[0]) * draw(9 + 2 * stroke);
+                strike += STROKE_INTERVALS_S[0]
+                    + (STROKE_INTERVALS_S[1] - STROKE_INTERVALS_S[0]) * draw(9 + 2 * stroke);
             }
             let own = STROKE * 1e6 / (slant * slant) * exposure / shutter;
             if own <= 0.0 {
@@ -100,19 +100,18 @@ fn lit_during(strike: f64, from: f64, to: f64) -> f64 {
 
 /// A flash over one place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FlashLight {
+pub(crate) struct FlashLight {
     /// Towards it, world axes, length 1.
-    pub direction: Vec3,
+    pub(crate) direction: Vec3,
     /// Irradiance of level ground in the open, linear RGB, in the unit of the scene's light.
-    pub level: Vec3,
+    pub(crate) level: Vec3,
     /// World axes, length 1.
-    pub up: Vec3,
+    pub(crate) up: Vec3,
 }
 
 impl FlashLight {
-    /// Of a flash whose lux are `display` each, seen with these level axes: two level, and up.
-    #[must_use]
-    pub fn of(flash: &Flash, display: f64, axes: &[[f64; 3]; 3]) -> Self {
+    /// Builds the light of a flash; a lux is `display`, and the axes are two level ones and up.
+    pub(crate) fn new(flash: &Flash, display: f64, axes: &[[f64; 3]; 3]) -> Self {
         let level = (1.0 - flash.sin * flash.sin).sqrt();
         let (sin, cos) = flash.azimuth.sin_cos();
         let direction = crate::dome::from_level(axes, [level * cos, level * sin, flash.sin]);
@@ -126,8 +125,7 @@ impl FlashLight {
     /// Irradiance of a surface that sees a share `open` of its sky. A normal of zero is that of
     /// leaves.
     #[inline]
-    #[must_use]
-    pub fn irradiance(&self, normal: Vec3, open: f32) -> Vec3 {
+    pub(crate) fn irradiance(&self, normal: Vec3, open: f32) -> Vec3 {
         let (facing, upright) = match normal == Vec3::ZERO {
             true => (0.5, 0.0),
             false => (normal.dot(self.direction).max(0.0), normal.dot(self.up)),
@@ -139,8 +137,7 @@ impl FlashLight {
 
     /// The radiance that it adds to the sky in a direction (world axes, length 1), times pi, linear
     /// RGB.
-    #[must_use]
-    pub fn sky(&self, direction: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn sky(&self, direction: [f64; 3]) -> [f64; 3] {
         let direction = Vec3::from_array(direction.map(|v| v as f32));
         if direction.dot(self.up) < -0.3 {
             return [0.0; 3];

@@ -12,35 +12,35 @@ use wm_render::hooks::{Attribute, AttributeBlock, Revision, SplatAttributes};
 use wm_scene::color::{luminance, srgb_decode, srgb_encode};
 use wm_scene::{Splats, sh};
 
-/// Most that the light on a splat grows.
-const MOST: f64 = 8.0;
+/// Largest factor on the light of a splat.
+const MAX_GAIN: f64 = 8.0;
 /// Most of the captured light's tint that is taken away, as a share: more turns former shadows
 /// neon.
 const TINT: f64 = 0.25;
-/// Least captured irradiance that light is divided by.
-const FAINT: f64 = 1e-3;
+/// Lower clamp of the captured irradiance in divisions.
+const MIN_IRRADIANCE: f64 = 1e-3;
 
 /// The light that a captured place shall lie in.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NewLight {
     /// Sun and sky; the unit is that of [`CaptureLight::light`].
-    pub light: SceneLight,
+    pub(crate) light: SceneLight,
     /// Sine of the sun's elevation.
-    pub sin_sun: f64,
+    pub(crate) sin_sun: f64,
     /// Factor on the light of the captured sky, where it is drawn.
-    pub sky_gain: f64,
+    pub(crate) sky_gain: f64,
     /// Factor on the opacity of the captured sky's splats, 0-1.
-    pub sky_opacity: f64,
+    pub(crate) sky_opacity: f64,
     /// The photos are said to have no shadows.
-    pub is_diffuse: bool,
+    pub(crate) is_diffuse: bool,
     /// A lux of the lamps in the unit of `light`; 0 where they are off.
-    pub lamps: f64,
+    pub(crate) lamps: f64,
 }
 
 /// The shadows of a new light, and the lamps.
 #[derive(Clone, Copy, Default)]
 pub struct LightCasts<'a> {
-    /// Those of a sun that stands elsewhere than the captured one.
+    /// Shadows of a sun that stands elsewhere than the captured one.
     pub shadows: Option<&'a SunShadows>,
     /// The lamps and their shadows.
     pub lamps: Option<&'a LampShadows>,
@@ -57,7 +57,7 @@ pub struct LightGains {
     /// The splats on which light acts that changes from frame to frame; empty where there is no
     /// such light.
     moving: Vec<MovingSplat>,
-    /// Of the gains and the sky's opacity.
+    /// Revision of the gains and the sky's opacity.
     revision: Revision,
 }
 
@@ -88,11 +88,15 @@ impl LightGains {
         let light = |index: usize| {
             let lamps = lamps.map_or([0.0; 3], |lamps| lamps.lit(index).map(|v| f64::from(v) * new.lamps));
             if !follows {
-                return Relit { before: before_level, sky: add(after_level, lamps), beam: [0.0; 3] };
+                return SplatIrradiances {
+                    before: before_level,
+                    sky: add(after_level, lamps),
+                    beam: [0.0; 3],
+                };
             }
             let old = capture.surface(index, up);
             let lit = shadows.map_or(old, |shadows| capture.surface_in(index, up, shadows));
-            Relit {
+            SplatIrradiances {
                 before: old.irradiance(&capture.light, before_mean),
                 sky: add(without_sun(&lit, &new.light, after_mean), lamps),
                 beam: beam(&lit, &new.light),
@@ -117,7 +121,7 @@ impl LightGains {
                 sky[index / 64] |= 1 << (index % 64);
             }
         }
-        Self::whole(gains, (sky, new.sky_opacity as f32), moving)
+        Self::whole(gains, sky, new.sky_opacity as f32, moving)
     }
 
     /// The gains of splats that are placed on a captured scene, whose colours are those in an
@@ -143,7 +147,7 @@ impl LightGains {
                 lit.to_array().map(|v| f64::from(v) * new.lamps)
             });
             let surface = placed.surface(index, capture, up, shadows);
-            Relit {
+            SplatIrradiances {
                 before: [1.0 / capture.exposure(); 3],
                 sky: add(without_sun(&surface, &new.light, mean), lamps),
                 beam: beam(&surface, &new.light),
@@ -159,17 +163,17 @@ impl LightGains {
         } else {
             Vec::new()
         };
-        Self::whole(gains, (Vec::new(), 1.0), moving)
+        Self::whole(gains, Vec::new(), 1.0, moving)
     }
 
-    fn whole(gains: Vec<[f32; 3]>, (sky, sky_opacity): (Vec<u64>, f32), moving: Vec<MovingSplat>) -> Self {
+    fn whole(gains: Vec<[f32; 3]>, sky: Vec<u64>, sky_opacity: f32, moving: Vec<MovingSplat>) -> Self {
         let numbers = gains.iter().flatten().chain([&sky_opacity]).map(|number| number.to_bits());
         let bits = sky.iter().flat_map(|bits| [*bits as u32, (bits >> 32) as u32]);
         let revision = Revision::of(numbers.chain(bits));
         Self { gains, sky, sky_opacity, moving, revision }
     }
 
-    /// The same gains with light that acts in one frame alone.
+    /// Adds light that acts in one frame alone.
     #[must_use]
     pub fn in_frame<'a>(&'a self, moving: Option<&'a MovingLight>) -> FrameGains<'a> {
         FrameGains { gains: self, moving: moving.filter(|_| !self.moving.is_empty()) }
@@ -187,7 +191,7 @@ impl LightGains {
 }
 
 /// Multiplies the light of splats by gains: see [`LightGains::applied`].
-pub fn apply_gains(gains: &[[f32; 3]], relit: &mut Splats) {
+pub(crate) fn apply_gains(gains: &[[f32; 3]], relit: &mut Splats) {
     let stride = relit.sh_stride();
     for (index, gain) in gains.iter().enumerate() {
         if stride == 0 || *gain == [1.0; 3] {
@@ -244,7 +248,7 @@ impl SplatAttributes for FrameGains<'_> {
             let change = light.change(splat);
             for (k, gain) in Attribute::GAINS.into_iter().enumerate() {
                 let value = &mut block.column_mut(gain)[at];
-                *value = (*value + change[k]).clamp(0.0, (MOST * (1.0 + TINT)) as f32);
+                *value = (*value + change[k]).clamp(0.0, (MAX_GAIN * (1.0 + TINT)) as f32);
             }
         }
     }
@@ -260,16 +264,16 @@ impl SplatAttributes for FrameGains<'_> {
 
 /// The irradiances of a splat, before and after.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Relit {
+pub(super) struct SplatIrradiances {
     /// In the capture.
-    pub before: [f64; 3],
+    pub(crate) before: [f64; 3],
     /// By the sky, by other surfaces and by lamps.
-    pub sky: [f64; 3],
+    pub(crate) sky: [f64; 3],
     /// By the beam of the sun.
-    pub beam: [f64; 3],
+    pub(crate) beam: [f64; 3],
 }
 
-impl Relit {
+impl SplatIrradiances {
     fn total(&self) -> [f64; 3] {
         add(self.sky, self.beam)
     }
@@ -279,11 +283,11 @@ impl Relit {
     /// whole.
     fn gain(&self) -> [f32; 3] {
         let after = self.total();
-        let [old, new] = [luminance(self.before).max(FAINT), luminance(after)];
+        let [old, new] = [luminance(self.before).max(MIN_IRRADIANCE), luminance(after)];
         if new <= 0.0 {
             return [0.0; 3];
         }
-        let strength = (new / old).min(MOST);
+        let strength = (new / old).min(MAX_GAIN);
         std::array::from_fn(|k| {
             let tint = after[k].max(0.0) / new;
             (strength * self.untinted(k, tint) * tint) as f32
@@ -291,14 +295,14 @@ impl Relit {
     }
 
     /// Gain by an irradiance of 1 in one channel.
-    pub fn per_unit(&self, k: usize) -> f64 {
-        self.untinted(k, 1.0) / luminance(self.before).max(FAINT)
+    pub(crate) fn per_unit(&self, k: usize) -> f64 {
+        self.untinted(k, 1.0) / luminance(self.before).max(MIN_IRRADIANCE)
     }
 
     /// The factor that takes the tint of a channel away, for new light of this tint.
     fn untinted(&self, k: usize, tint: f64) -> f64 {
         let [least, most] = [(1.0 - TINT).min(1.0 / tint), (1.0 + TINT).max(1.0 / tint)];
-        (luminance(self.before).max(FAINT) / self.before[k].max(FAINT)).clamp(least, most)
+        (luminance(self.before).max(MIN_IRRADIANCE) / self.before[k].max(MIN_IRRADIANCE)).clamp(least, most)
     }
 }
 
@@ -322,13 +326,14 @@ mod tests {
 
     #[test]
     fn gains_are_bounded_and_nearly_grey() {
-        let gain = Relit { before: [0.05, 0.1, 0.2], sky: [1.5; 3], beam: [0.5; 3] }.gain();
-        assert!(gain.iter().all(|v| *v <= (MOST * (1.0 + TINT)) as f32), "{gain:?}");
+        let gain = SplatIrradiances { before: [0.05, 0.1, 0.2], sky: [1.5; 3], beam: [0.5; 3] }.gain();
+        assert!(gain.iter().all(|v| *v <= (MAX_GAIN * (1.0 + TINT)) as f32), "{gain:?}");
         assert!(f64::from(gain[0] / gain[2]) < (1.0 + TINT) / (1.0 - TINT) + 1e-6, "{gain:?}");
         // The same light changes nothing, however blue it is.
-        let same = Relit { before: [0.05, 0.1, 0.4], sky: [0.05, 0.1, 0.4], beam: [0.0; 3] }.gain();
+        let same =
+            SplatIrradiances { before: [0.05, 0.1, 0.4], sky: [0.05, 0.1, 0.4], beam: [0.0; 3] }.gain();
         assert!(same.iter().all(|v| (v - 1.0).abs() < 1e-6), "{same:?}");
-        let none = Relit { before: [1.0; 3], sky: [0.0; 3], beam: [0.0; 3] };
+        let none = SplatIrradiances { before: [1.0; 3], sky: [0.0; 3], beam: [0.0; 3] };
         assert_eq!(none.gain(), [0.0; 3]);
     }
 }

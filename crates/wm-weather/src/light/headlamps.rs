@@ -13,17 +13,17 @@ const INTENSITY: f64 = 22_000.0;
 const KELVIN: f64 = 5_000.0;
 /// Standard deviations of the beam to the sides and downwards, and where it is brightest, as
 /// tangents.
-const WIDE: f32 = 0.33;
-const DEEP: f32 = 0.11;
-const BRIGHTEST: f32 = -0.02;
+const BEAM_WIDTH: f32 = 0.33;
+const BEAM_HEIGHT: f32 = 0.11;
+const BEAM_DIP: f32 = -0.02;
 /// Width of the cut-off above the horizon, as a tangent, and the share of stray light above it.
 const CUT_OFF: f32 = 0.008;
 const STRAY: f32 = 0.012;
 /// Place from the camera: ahead and below, m.
-const AHEAD: f64 = 1.2;
-const BELOW: f64 = 0.6;
+const LAMP_AHEAD_M: f64 = 1.2;
+const LAMP_BELOW_M: f64 = 0.6;
 /// Nearest that they shine on, m.
-const NEAREST: f32 = 0.5;
+const MIN_DISTANCE_M: f32 = 0.5;
 
 /// Both headlamps as one source.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,15 +43,14 @@ pub struct Headlamps {
 impl Headlamps {
     /// On a car that heads where the camera looks. `display` is the value of a lux in the unit of
     /// the light.
-    #[must_use]
-    pub fn of(camera: &Camera, display: f64, site: &Site) -> Self {
+    pub(crate) fn new(camera: &Camera, display: f64, site: &Site) -> Self {
         let up = DVec3::from_array(site.up);
         let ahead = camera.forward();
         let level = ahead - up * up.dot(ahead);
         // A camera that looks straight down has no heading but that of its picture's upper side.
         let forward = level.try_normalize().unwrap_or_else(|| camera.up());
         let metre = 1.0 / site.metres_per_unit;
-        let at = camera.center() + (forward * AHEAD - up * BELOW) * metre;
+        let at = camera.center() + (forward * LAMP_AHEAD_M - up * LAMP_BELOW_M) * metre;
         Self {
             at: at.as_vec3(),
             forward: forward.as_vec3(),
@@ -71,20 +70,19 @@ impl Headlamps {
             return 0.0;
         }
         let (side, rise) = (right / forward, up / forward);
-        let below = ((rise - BRIGHTEST) / DEEP).powi(2);
+        let below = ((rise - BEAM_DIP) / BEAM_HEIGHT).powi(2);
         // The beam ends at the horizon, softly.
         let cut = 1.0 / (1.0 + ((rise / CUT_OFF).clamp(-30.0, 30.0)).exp());
-        let wide = (-0.5 * (side / WIDE).powi(2)).exp();
+        let wide = (-0.5 * (side / BEAM_WIDTH).powi(2)).exp();
         wide * (cut * (-0.5 * below).exp() + STRAY * (-2.0 * rise.abs()).exp())
     }
 
     /// Irradiance of a surface (world axes, scene units), in the unit of the light. A normal of
     /// zero is that of leaves.
     #[inline]
-    #[must_use]
-    pub fn irradiance(&self, point: Vec3, normal: Vec3) -> Vec3 {
+    pub(crate) fn irradiance(&self, point: Vec3, normal: Vec3) -> Vec3 {
         let offset = (point - self.at) * self.metres_per_unit;
-        let squared = offset.length_squared().max(NEAREST * NEAREST);
+        let squared = offset.length_squared().max(MIN_DISTANCE_M * MIN_DISTANCE_M);
         let along = |axis: Vec3| offset.dot(axis);
         let incidence = if normal == Vec3::ZERO { 0.5 } else { -normal.dot(offset) / squared.sqrt() };
         if incidence <= 0.0 {
@@ -111,7 +109,6 @@ impl Headlamps {
 
     /// The share of [`LampKind::Headlamps`] in a direction of length 1, with `up` of length 1.
     #[inline]
-    #[must_use]
     pub(super) fn share_towards(direction: Vec3, forward: Vec3, up: Vec3) -> f32 {
         Self::share(direction.dot(forward), direction.dot(forward.cross(up)), direction.dot(up))
     }
@@ -126,7 +123,7 @@ mod tests {
         let camera =
             Camera::looking((300, 200), 50.0, DVec3::new(0.0, 0.0, 1.2), DVec3::new(9.0, 0.0, 1.0), DVec3::Z)
                 .unwrap();
-        let lamps = Headlamps::of(&camera, 1.0, &Site::PLAIN);
+        let lamps = Headlamps::new(&camera, 1.0, &Site::PLAIN);
         let on = |x: f32, y: f32| lamps.irradiance(Vec3::new(x, y, 0.0), Vec3::Z).y;
         // Tens of lux on an upright board 20 m ahead, few on the road, and next to nothing above
         // the horizon.

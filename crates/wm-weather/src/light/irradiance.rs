@@ -15,23 +15,22 @@ use std::f64::consts::PI;
 use wm_scene::color::luminance;
 
 /// Share of the light that surfaces return, on average.
-const RETURNED: f64 = 0.25;
+const MEAN_REFLECTANCE: f64 = 0.25;
 /// Cosine of the sun's incidence on what faces it by half.
-const FACING: f64 = 0.5;
+const HALF_FACING_COSINE: f64 = 0.5;
 
 /// Radiance of a sky by the sine of the elevation, linear RGB: `level + rise z`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SkyGradation {
+pub(crate) struct SkyGradation {
     /// At the horizon.
-    pub level: [f64; 3],
+    pub(crate) level: [f64; 3],
     /// The excess of the zenith over that.
-    pub rise: [f64; 3],
+    pub(crate) rise: [f64; 3],
 }
 
 impl SkyGradation {
-    /// The same radiance everywhere, with this irradiance on level ground.
-    #[must_use]
-    pub fn even(irradiance: [f64; 3]) -> Self {
+    /// A sky of even radiance, with this irradiance on level ground.
+    pub(crate) fn even(irradiance: [f64; 3]) -> Self {
         Self { level: irradiance.map(|v| v / PI), rise: [0.0; 3] }
     }
 
@@ -44,14 +43,12 @@ impl SkyGradation {
     }
 
     /// Irradiance of level ground in the open.
-    #[must_use]
-    pub fn irradiance(&self) -> [f64; 3] {
+    pub(crate) fn irradiance(&self) -> [f64; 3] {
         std::array::from_fn(|k| PI * self.level[k] + 2.0 * PI / 3.0 * self.rise[k])
     }
 
     /// The sum of a share of one sky and the rest of another.
-    #[must_use]
-    pub fn mixed(&self, other: &Self, share: f64) -> Self {
+    pub(crate) fn mixed(&self, other: &Self, share: f64) -> Self {
         let mix = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| a[k] + (b[k] - a[k]) * share);
         Self { level: mix(self.level, other.level), rise: mix(self.rise, other.rise) }
     }
@@ -61,15 +58,14 @@ impl SkyGradation {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SceneLight {
     /// Irradiance of a surface that faces the sun, linear RGB; 0 for none.
-    pub sun: [f64; 3],
+    pub(crate) sun: [f64; 3],
     /// The sky.
-    pub sky: SkyGradation,
+    pub(crate) sky: SkyGradation,
 }
 
 impl SceneLight {
     /// Irradiance of level ground in the open with the sun at this sine of elevation.
-    #[must_use]
-    pub fn irradiance(&self, sin_sun: f64) -> [f64; 3] {
+    pub(crate) fn irradiance(&self, sin_sun: f64) -> [f64; 3] {
         let sky = self.sky.irradiance();
         std::array::from_fn(|k| sky[k] + self.sun[k] * sin_sun.max(0.0))
     }
@@ -77,17 +73,15 @@ impl SceneLight {
     /// Irradiance of level ground, in the tint of surfaces that face the sun by half, or under a
     /// high sun of the ground itself. It is for places whose parts are not told apart: a low sun
     /// lights little ground, but much of what a picture shows.
-    #[must_use]
-    pub fn irradiance_as_seen(&self, sin_sun: f64) -> [f64; 3] {
+    pub(crate) fn irradiance_as_seen(&self, sin_sun: f64) -> [f64; 3] {
         let level = self.irradiance(sin_sun);
-        let facing = self.irradiance(sin_sun.max(FACING));
+        let facing = self.irradiance(sin_sun.max(HALF_FACING_COSINE));
         let scale = luminance(level) / luminance(facing).max(f64::MIN_POSITIVE);
         facing.map(|v| v * scale)
     }
 
-    /// The same light times a factor.
-    #[must_use]
-    pub fn times(&self, factor: f64) -> Self {
+    /// Multiplies the light by a factor.
+    pub(crate) fn times(&self, factor: f64) -> Self {
         let scaled = |v: [f64; 3]| v.map(|v| v * factor);
         let sky = SkyGradation { level: scaled(self.sky.level), rise: scaled(self.sky.rise) };
         Self { sun: scaled(self.sun), sky }
@@ -98,32 +92,24 @@ impl SceneLight {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceLight {
     /// Cosine of the angle between its normal and up.
-    pub upright: f64,
+    pub(crate) upright: f64,
     /// The shares that it gets of the light of an even sky, and of one that is as bright as the
     /// sine of the elevation.
-    pub open: [f64; 2],
+    pub(crate) open: [f64; 2],
     /// Cosine of the sun's incidence, 0 or more.
-    pub incidence: f64,
+    pub(crate) incidence: f64,
     /// The share of the sun that it sees.
-    pub sun: f64,
+    pub(crate) sun: f64,
 }
 
 impl SurfaceLight {
-    /// Level ground in the open that sees the sun at this sine of elevation.
-    #[must_use]
-    pub fn level(sin_sun: f64) -> Self {
-        Self { upright: 1.0, open: [1.0; 2], incidence: sin_sun.max(0.0), sun: 1.0 }
-    }
-
     /// The share of the whole view that is sky, weighted with the cosine.
-    #[must_use]
-    pub fn sky_view(&self) -> f64 {
+    fn sky_view(&self) -> f64 {
         self.open[0] * 0.5 * (1.0 + self.upright)
     }
 
     /// Irradiance without what other surfaces return, linear RGB.
-    #[must_use]
-    pub fn direct(&self, light: &SceneLight) -> [f64; 3] {
+    pub(crate) fn direct(&self, light: &SceneLight) -> [f64; 3] {
         let angle = self.upright.clamp(-1.0, 1.0).acos();
         let even = self.open[0] * 0.5 * PI * (1.0 + self.upright);
         let rising = self.open[1] * (2.0 / 3.0) * (angle.sin() + (PI - angle) * self.upright);
@@ -139,9 +125,8 @@ impl SurfaceLight {
     }
 
     /// The share of the mean irradiance of other surfaces that they return to this one.
-    #[must_use]
-    pub fn returned(&self) -> f64 {
-        RETURNED * (1.0 - self.sky_view())
+    pub(crate) fn returned(&self) -> f64 {
+        MEAN_REFLECTANCE * (1.0 - self.sky_view())
     }
 }
 

@@ -26,17 +26,16 @@ use wm_scene::{Camera, Group, Splats, quat};
 const SIDE: u32 = 128;
 const COARSE_SIDE: u32 = 48;
 /// Distance from a lamp within which nothing casts shadows, m: its head and its arm.
-const OWN: f64 = 0.45;
+const LAMP_RADIUS_M: f64 = 0.45;
 /// Distances from a lamp between which surfaces tell whether it stands inside of something, m:
 /// nearer ones may be its lantern.
-const AROUND: [f64; 2] = [OWN, 1.2];
-/// Fewest surfaces that tell it, and the share that has it behind.
+const ENCLOSURE_DISTANCES_M: [f64; 2] = [LAMP_RADIUS_M, 1.2];
+/// Least number of surfaces that decide it, and the share of them that must have the lamp behind.
 const FEWEST: usize = 20;
 const ENCLOSED: f64 = 0.8;
-/// A surface this much behind what is seen is still the same surface: as a share of the distance,
-/// and m.
+/// Tolerance of the depth test: a share of the distance, and m.
 const SLACK: f32 = 0.02;
-const BEHIND: f64 = 0.12;
+const SLACK_M: f64 = 0.12;
 /// Texels are of one surface if their distances differ by no more than this share.
 const SMOOTH: f32 = 0.4;
 /// Height by which surfaces are lifted along their normals before they look for a lamp, m: in
@@ -52,9 +51,9 @@ const IN_COLUMN: usize = 4;
 const LEVEL: f64 = 0.8;
 const LIFT_FAR: f32 = 0.012;
 /// Incidence on leaves, which turn to all sides.
-const LEAVES: f32 = 0.5;
+const LEAF_INCIDENCE: f32 = 0.5;
 /// Illuminance below which the light of a lamp is left out, lx.
-const LEAST: f32 = 2e-3;
+const MIN_ILLUMINANCE_LX: f32 = 2e-3;
 
 /// The lamps of a place, what they shine on and what is in their shadows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -108,7 +107,7 @@ impl LampShadows {
         let set = renderer.load(surfaces)?;
         let sets = [SetView::plain(set)];
         let mut frame = Frame::default();
-        let near = OWN / site.metres_per_unit;
+        let near = LAMP_RADIUS_M / site.metres_per_unit;
         let up = DVec3::from_array(site.up);
         let (mut lights, mut grounds, mut enclosed) = (Vec::new(), Vec::new(), Vec::new());
         for (index, lamp) in lamps.lights.iter().enumerate() {
@@ -116,7 +115,7 @@ impl LampShadows {
                 enclosed.push(index as u32);
             }
             let mut draw = |light: &LampLight, side: u32| {
-                DepthCube::draw(&mut renderer, &sets, &mut frame, light, (side, near))
+                DepthCube::draw(&mut renderer, &sets, &mut frame, light, side, near)
             };
             let cube = draw(lamp, if lamp.kind == LampKind::Ball { SIDE } else { COARSE_SIDE })?;
             // The first surface below, or the ground of the place.
@@ -158,21 +157,8 @@ impl LampShadows {
         self.enclosed.iter().map(|index| self.lights[*index as usize].0.at)
     }
 
-    /// The number of splats.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.lit.len()
-    }
-
-    /// Returns true if it has no splats.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.lit.is_empty()
-    }
-
     /// Irradiance of a splat of the scene, linear RGB, lx.
-    #[must_use]
-    pub fn lit(&self, index: usize) -> [f32; 3] {
+    pub(crate) fn lit(&self, index: usize) -> [f32; 3] {
         self.lit[index]
     }
 
@@ -186,8 +172,7 @@ impl LampShadows {
 
     /// Irradiance of a small surface at a point (world axes, scene units), linear RGB, lx. A normal
     /// of zero is that of leaves.
-    #[must_use]
-    pub fn irradiance(&self, point: Vec3, normal: Vec3) -> Vec3 {
+    pub(crate) fn irradiance(&self, point: Vec3, normal: Vec3) -> Vec3 {
         let mut sum = Vec3::ZERO;
         for (light, cube) in &self.lights {
             let offset = point - Vec3::from_array(light.at);
@@ -195,13 +180,13 @@ impl LampShadows {
             let squared = metres.length_squared();
             let intensity = Vec3::from_array(light.intensity);
             let softened = squared + light.radius * light.radius;
-            if intensity.max_element() < LEAST * softened {
+            if intensity.max_element() < MIN_ILLUMINANCE_LX * softened {
                 continue;
             }
             let direction = metres / squared.sqrt().max(1e-6);
-            let incidence = if normal == Vec3::ZERO { LEAVES } else { -direction.dot(normal) };
+            let incidence = if normal == Vec3::ZERO { LEAF_INCIDENCE } else { -direction.dot(normal) };
             let share = light.share(direction) * incidence / softened;
-            if incidence > 0.0 && share * intensity.max_element() > LEAST {
+            if incidence > 0.0 && share * intensity.max_element() > MIN_ILLUMINANCE_LX {
                 let lift = (LIFT_FAR * squared.sqrt()).max(self.lift) / self.metres_per_unit;
                 sum += intensity * (share * cube.open(offset + normal * lift));
             }
@@ -239,7 +224,7 @@ fn roughness(surfaces: &Splats, site: &Site) -> f32 {
 
 /// Returns true if the surfaces around a place look away from it.
 fn is_behind(at: Vec3, points: &[[f32; 3]], capture: &CaptureLight, site: &Site) -> bool {
-    let [near, far] = AROUND.map(|metres| (metres / site.metres_per_unit) as f32);
+    let [near, far] = ENCLOSURE_DISTANCES_M.map(|metres| (metres / site.metres_per_unit) as f32);
     let (mut behind, mut all) = (0, 0);
     for (index, point) in points.iter().enumerate() {
         let to_lamp = at - Vec3::from_array(*point);
@@ -256,7 +241,7 @@ fn is_behind(at: Vec3, points: &[[f32; 3]], capture: &CaptureLight, site: &Site)
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DepthCube {
     side: u32,
-    /// One over the distance along the face's axis, scene units; 0 where there is nothing:
+    /// Reciprocal of the distance along the face's axis, scene units; 0 where there is nothing:
     /// `[6, side, side]`.
     inverse: Vec<f32>,
     /// Scene units.
@@ -282,7 +267,8 @@ impl DepthCube {
         sets: &[SetView<'_>],
         frame: &mut Frame,
         light: &LampLight,
-        (side, near): (u32, f64),
+        side: u32,
+        near: f64,
     ) -> Result<Self, RenderError> {
         let eye = Vec3::from_array(light.at).as_dvec3();
         let outputs = Outputs { median_depth: MedianDepth::On, ..Outputs::default() };
@@ -297,7 +283,7 @@ impl DepthCube {
                 frame.median_depth.iter().map(|depth| if *depth > 0.0 { depth.recip() } else { 0.0 }),
             );
         }
-        Ok(Self { side, inverse, behind: (BEHIND * near / OWN) as f32 })
+        Ok(Self { side, inverse, behind: (SLACK_M * near / LAMP_RADIUS_M) as f32 })
     }
 
     /// The face that an offset points to, its place on it in texels, and its distance along the
@@ -336,8 +322,7 @@ impl DepthCube {
 
     /// The share of the light that reaches a point at an offset from it (world axes, scene units),
     /// 0-1.
-    #[must_use]
-    pub fn open(&self, offset: Vec3) -> f32 {
+    pub(crate) fn open(&self, offset: Vec3) -> f32 {
         let (face, [x, y], depth) = self.locate(offset);
         let (x, y) = (x - 0.5, y - 0.5);
         let (column, row) = (x.floor() as i32, y.floor() as i32);
@@ -358,17 +343,16 @@ impl DepthCube {
         (0..4).map(|k| if texels[k] <= limit { weights[k] } else { 0.0 }).sum()
     }
 
-    /// The same by the nearest texel.
+    /// Returns true if the nearest texel is open.
     #[inline]
-    #[must_use]
-    pub fn is_open(&self, offset: Vec3) -> bool {
+    pub(crate) fn is_open(&self, offset: Vec3) -> bool {
         let (face, [x, y], depth) = self.locate(offset);
         self.texel(face, x as i32, y as i32) * (depth * (1.0 - SLACK) - self.behind) <= 1.0
     }
 
     /// [`Self::is_open`] of a vector of offsets: 1 where a point is open, 0 where not.
     #[inline(always)]
-    pub fn open_each<S: Lanes>(&self, simd: S, offset: &[S::F; 3]) -> S::F {
+    pub(crate) fn open_each<S: Lanes>(&self, simd: S, offset: &[S::F; 3]) -> S::F {
         let [x, y, z] = *offset;
         let size = [x.abs(), y.abs(), z.abs()];
         let (side, zero, one) = (self.side as f32, simd.set(0.0), simd.set(1.0));

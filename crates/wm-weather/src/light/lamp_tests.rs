@@ -28,7 +28,7 @@ fn yard() -> Splats {
     let mut splats = Splats::with_capacity(0, 0);
     let mut add = |point: DVec3, normal: DVec3, up: DVec3| {
         let scales = [0.66 * STEP, 0.66 * STEP, 0.05 * STEP];
-        let surfel = surfel(point.to_array(), (normal, up), scales, [0.5; 3], 0.98);
+        let surfel = surfel(point.to_array(), normal, up, scales, [0.5; 3], 0.98);
         splats.push(&Splat { group: Group::Scene, ..surfel });
     };
     let half = (8.0 / STEP) as i32;
@@ -84,7 +84,7 @@ fn a_lamp_lights_the_yard_up_to_the_shadow_of_its_wall() {
     // What is placed on the ground gets the same as the ground.
     let near = NearSplats::new(&splats.means, &capture, &SITE);
     let mut board = Splats::with_capacity(0, 0);
-    board.push(&surfel([1.5, -1.0, 0.05], (DVec3::Z, DVec3::X), [0.1, 0.1, 0.01], [0.5; 3], 0.98));
+    board.push(&surfel([1.5, -1.0, 0.05], DVec3::Z, DVec3::X, [0.1, 0.1, 0.01], [0.5; 3], 0.98));
     let placed = PlacedSurfaces::of(&board, &near, &SITE, 1);
     let on_board = shadows.irradiance(Vec3::from_array(placed.point(0)), placed.normal(0)).y;
     assert!((f64::from(on_board) / direct(1.5, -1.0) - 1.0).abs() < 0.04, "{on_board}");
@@ -160,7 +160,7 @@ fn added(glow: &LampGlow, camera: &Camera, depth: Option<f32>) -> Vec<f64> {
 }
 
 /// The light in the air along a ray by a sum of many steps: written from the formula alone.
-fn in_the_air(lamp: DVec3, candela: f64, (eye, ray): (DVec3, DVec3), mor: f64, most: f64) -> f64 {
+fn in_the_air(lamp: DVec3, candela: f64, eye: DVec3, ray: DVec3, mor: f64, most: f64) -> f64 {
     let g: f64 = 0.85;
     let (kept, narrow) = (1.0 - g * g, g / (1.0 + g));
     let sigma = 2.995_732_273_553_991 / mor * kept;
@@ -204,7 +204,7 @@ fn the_halo_is_the_integral() {
             let (px, py) = ((u + dx).floor(), (v + dy).floor());
             let ray = camera.ray(px + 0.5, py + 0.5);
             let candela = f64::from(lamp.intensity[1]);
-            let want = in_the_air(place, candela, (camera.center(), ray), mor, 3_000.0) * PI * 1e-3;
+            let want = in_the_air(place, candela, camera.center(), ray, mor, 3_000.0) * PI * 1e-3;
             let got = picture[py as usize * camera.width as usize + px as usize];
             assert!((got / want - 1.0).abs() < 0.05, "{x} m, {dx} {dy} px: {got}, want {want}");
         }
@@ -225,7 +225,7 @@ fn the_air_before_a_wall_shows_its_own_light() {
             let ray = camera.ray(px + 0.5, py + 0.5);
             let most = depth / ray.dot(camera.forward());
             let candela = f64::from(lamp.intensity[1]);
-            let want = in_the_air(place, candela, (camera.center(), ray), 60.0, most) * PI * 1e-3;
+            let want = in_the_air(place, candela, camera.center(), ray, 60.0, most) * PI * 1e-3;
             let got = picture[py as usize * camera.width as usize + px as usize];
             assert!((got / want - 1.0).abs() < 0.06, "{depth} m, {px} {py}: {got}, want {want}");
         }
@@ -296,7 +296,7 @@ fn house(lantern: DVec3) -> Splats {
     let mut add = |point: DVec3, normal: DVec3, step: f64| {
         let aside = normal.any_orthonormal_vector();
         let scales = [0.66 * step, 0.66 * step, 0.05 * step];
-        let surfel = surfel(point.to_array(), (normal, aside), scales, [0.5; 3], 0.98);
+        let surfel = surfel(point.to_array(), normal, aside, scales, [0.5; 3], 0.98);
         splats.push(&Splat { group: Group::Scene, ..surfel });
     };
     let (low, high) = (DVec3::new(-6.0, -2.0, 0.0), DVec3::new(-2.0, 2.0, 3.0));

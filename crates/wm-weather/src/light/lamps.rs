@@ -24,7 +24,7 @@ const HEIGHTS: [f64; 2] = [1.0, 30.0];
 /// A small source of light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LampLight {
-    /// Its place, world axes, scene units.
+    /// Position, world axes, scene units.
     pub at: [f32; 3],
     /// Luminous intensity along the axis, linear RGB, cd.
     pub intensity: [f32; 3],
@@ -36,7 +36,7 @@ pub struct LampLight {
     pub exponent: f32,
     /// Radius of a ball, or of a disc of the same area as a window, m.
     pub radius: f32,
-    /// Its kind.
+    /// Kind of lamp.
     pub kind: LampKind,
 }
 
@@ -55,8 +55,7 @@ pub enum LampKind {
 
 impl LampLight {
     /// A lamp.
-    #[must_use]
-    pub fn of_lamp(lamp: &Lamp) -> Self {
+    pub(crate) fn of_lamp(lamp: &Lamp) -> Self {
         let axis = lamp.aim.map_or(DVec3::ZERO, |aim| DVec3::from_array(aim).normalize_or_zero());
         Self {
             at: lamp.at.map(|v| v as f32),
@@ -70,8 +69,7 @@ impl LampLight {
     }
 
     /// A window, as a small surface in its middle that shines by the cosine.
-    #[must_use]
-    pub fn of_window(window: &LitWindow, metres_per_unit: f64) -> Self {
+    fn of_window(window: &LitWindow, metres_per_unit: f64) -> Self {
         let (middle, area) = window.middle_and_area();
         let metres = area.length() * metres_per_unit * metres_per_unit;
         let out = area.normalize_or_zero();
@@ -105,8 +103,7 @@ impl LampLight {
     }
 
     /// The ground that a lamp lights, `metres` below it; `None` where it returns next to nothing.
-    #[must_use]
-    pub fn ground_under(&self, metres: f64, up: DVec3, metres_per_unit: f64) -> Option<Self> {
+    pub(crate) fn ground_under(&self, metres: f64, up: DVec3, metres_per_unit: f64) -> Option<Self> {
         if self.kind != LampKind::Ball || !(HEIGHTS[0]..HEIGHTS[1]).contains(&metres) {
             return None;
         }
@@ -136,8 +133,7 @@ impl LampLight {
 
     /// The share of the intensity along the axis that goes in a direction (world axes, length 1).
     #[inline]
-    #[must_use]
-    pub fn share(&self, direction: Vec3) -> f32 {
+    pub(crate) fn share(&self, direction: Vec3) -> f32 {
         if self.axis == [0.0; 3] {
             return 1.0;
         }
@@ -167,14 +163,14 @@ impl LampLight {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LampLights {
     /// The sources.
-    pub lights: Vec<LampLight>,
+    pub(crate) lights: Vec<LampLight>,
 }
 
 /// Least height that lamps are taken to stand at above the ground, m.
 const LEAST_HEIGHT: f64 = 2.5;
 
 impl LampLights {
-    /// Those of lamps and windows.
+    /// Collects the lights of lamps and windows.
     #[must_use]
     pub fn of(lamps: &[Lamp], windows: &[LitWindow], metres_per_unit: f64) -> Self {
         let mut lights: Vec<LampLight> = lamps.iter().map(LampLight::of_lamp).collect();
@@ -225,8 +221,7 @@ impl LampLights {
 
 /// The colour of a black body, linear RGB of luminance 1, in a picture that is balanced for 4,000
 /// K.
-#[must_use]
-pub fn black_body(kelvin: f64) -> [f64; 3] {
+pub(crate) fn black_body(kelvin: f64) -> [f64; 3] {
     let (own, white) = (unbalanced(kelvin), unbalanced(BALANCE));
     let rgb: [f64; 3] = std::array::from_fn(|k| own[k] / white[k]);
     let luminance = luminance(rgb);

@@ -34,23 +34,25 @@ mod white_card;
 mod windows;
 
 pub(crate) use capture::GREEN;
-pub use capture::{CaptureLight, CaptureSun, KnownSun, MOST_LEFT};
-pub use clear_sky::{ClearSky, beam_transmittance};
-pub use clouds::CloudShadows;
-pub use day::OpenLight;
-pub use flash::{Flash, FlashLight, Storm};
-pub use gains::{FrameGains, LightCasts, LightGains, NewLight, apply_gains};
-pub use headlamps::Headlamps;
-pub use irradiance::{SceneLight, SkyGradation, SurfaceLight};
-pub use lamp_glow::{LampGlow, LampsOn, ShadowedLight};
-pub use lamp_shadows::{DepthCube, LampShadows};
-pub use lamps::{LampKind, LampLight, LampLights, black_body};
+pub use capture::{CaptureLight, KnownSun};
+pub(crate) use clouds::CloudShadows;
+pub(crate) use day::OpenLight;
+pub use flash::Flash;
+pub(crate) use flash::{FlashLight, Storm};
+pub(crate) use gains::apply_gains;
+pub use gains::{FrameGains, LightCasts, LightGains, NewLight};
+pub(crate) use headlamps::Headlamps;
+pub(crate) use irradiance::{SceneLight, SkyGradation};
+pub(crate) use lamp_glow::LampGlow;
+pub use lamp_glow::{LampsOn, ShadowedLight};
+pub use lamp_shadows::LampShadows;
+pub use lamps::{LampLight, LampLights};
 pub use moving::MovingLight;
 pub use placed::{NearSplats, PlacedSurfaces};
 pub(crate) use places::median_spacing;
 pub use sun_shadows::{ShadowCasters, SunShadows};
 pub use windows::window_splats;
-pub use wm_scene::sun::{SunPosition, SunPositionError};
+pub(crate) use wm_scene::sun::SunPosition;
 
 #[cfg(test)]
 mod lamp_tests;

@@ -3,7 +3,7 @@
 
 use super::clouds::CloudShadows;
 use super::flash::FlashLight;
-use super::gains::Relit;
+use super::gains::SplatIrradiances;
 use super::headlamps::Headlamps;
 use glam::Vec3;
 
@@ -13,15 +13,14 @@ pub struct MovingLight {
     /// The headlamps.
     pub headlamps: Option<Headlamps>,
     /// Lightning.
-    pub flash: Option<FlashLight>,
+    pub(crate) flash: Option<FlashLight>,
     /// Shadows of clouds on the beam of the sun.
-    pub clouds: Option<CloudShadows>,
+    pub(crate) clouds: Option<CloudShadows>,
 }
 
 impl MovingLight {
     /// Returns true if it changes nothing.
-    #[must_use]
-    pub fn is_nothing(&self) -> bool {
+    pub(crate) fn is_nothing(&self) -> bool {
         self.headlamps.is_none() && self.flash.is_none() && self.clouds.is_none()
     }
 
@@ -59,7 +58,7 @@ pub(super) struct MovingSplat {
 }
 
 impl MovingSplat {
-    pub fn new(point: [f32; 3], normal: Vec3, open: f64, light: &Relit) -> Self {
+    pub(crate) fn new(point: [f32; 3], normal: Vec3, open: f64, light: &SplatIrradiances) -> Self {
         let per_unit: [f64; 3] = std::array::from_fn(|k| light.per_unit(k));
         Self {
             point,

@@ -17,7 +17,7 @@ const DIRECTIONS: usize = 32;
 /// share of values that are no better than the one that counts.
 const BLOCK: f64 = 0.5;
 const REACH: f32 = 1.5;
-const BETTER: f32 = 0.7;
+const BETTER_SHARE: f32 = 0.7;
 /// Width of the maps' cells, in those of the occluders.
 const COARSE: f64 = 2.0;
 
@@ -61,9 +61,9 @@ struct Block {
     open: [f32; 2],
 }
 
-/// The same without the faults of rough captures: where sheets of one surface lie above each other,
-/// the lower ones see no sky. In each block the better values count, and surfaces take the mean of
-/// the blocks around them.
+/// Removes the faults of rough captures: where sheets of one surface lie above each other, the
+/// lower ones see no sky. In each block the better values count, and surfaces take the mean of the
+/// blocks around them.
 fn smoothed(surfaces: &Surfaces, open: &[[f32; 2]], site: &Site, threads: usize) -> Vec<[f32; 2]> {
     let width = (BLOCK / site.metres_per_unit) as f32;
     let reach = REACH * width;
@@ -79,7 +79,7 @@ fn smoothed(surfaces: &Surfaces, open: &[[f32; 2]], site: &Site, threads: usize)
         let middle = run.iter().map(|i| surfaces.points[*i]).sum::<Vec3>() / run.len() as f32;
         let better = |k: usize| {
             let mut values: Vec<f32> = run.iter().map(|i| open[*i][k]).collect();
-            let at = (BETTER * (values.len() - 1) as f32).round() as usize;
+            let at = (BETTER_SHARE * (values.len() - 1) as f32).round() as usize;
             *values.select_nth_unstable_by(at, f32::total_cmp).1
         };
         blocks.insert(key(run[0]), Block { middle, open: [better(0), better(1)] });

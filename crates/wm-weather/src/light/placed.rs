@@ -24,7 +24,7 @@ const SOFTNESS: f32 = 0.5;
 /// Widths of the blocks of level ground, m, and the weight of each in that of the width before:
 /// wider ones tell where there are no narrow ones, and the open sky where there are none at all.
 const BLOCKS: [f64; 4] = [0.6, 1.8, 5.4, 16.2];
-const WIDER: f32 = 0.03;
+const WIDER_BLOCK_WEIGHT: f32 = 0.03;
 /// Least cosine between up and the normal of ground.
 const LEVEL: f32 = 0.5;
 
@@ -47,7 +47,7 @@ struct LevelBlock {
 }
 
 impl NearSplats {
-    /// Of a scene without its sky.
+    /// Indexes the splats of a scene without its sky.
     #[must_use]
     pub fn new(points: &[[f32; 3]], capture: &CaptureLight, site: &Site) -> Self {
         let width = (CELL / site.metres_per_unit) as f32;
@@ -89,7 +89,7 @@ impl NearSplats {
                 (0..2).for_each(|k| sums[k] += weight * ground.open[k] / ground.count);
                 weights += weight;
             }
-            level *= WIDER;
+            level *= WIDER_BLOCK_WEIGHT;
         }
         // The open sky, of share 1.
         sums.map(|sum| (sum + level) / (weights + level))
@@ -97,7 +97,7 @@ impl NearSplats {
 
     /// The splats next to a point with their shares, whose sum is 1: those of the cells about it,
     /// or else the first within two cells; none in the open.
-    fn near(&self, point: Vec3) -> Beside {
+    fn near(&self, point: Vec3) -> NearShares {
         let middle = (point / self.width).floor().as_ivec3();
         let at = |x: i32, y: i32, z: i32| self.cells.get(&(middle + IVec3::new(x, y, z))).copied();
         let shell = |reach: i32| {
@@ -127,7 +127,7 @@ impl NearSplats {
 }
 
 /// Splats next to a place with their shares, the greatest first; those of share 0 are none.
-type Beside = [(u32, f32); MOST_BESIDE];
+type NearShares = [(u32, f32); MOST_BESIDE];
 
 /// Surfaces with their places and normals, and what is near them.
 #[derive(Clone, Debug)]
@@ -136,7 +136,7 @@ pub struct PlacedSurfaces {
     /// Length 1.
     normals: Vec<Vec3>,
     /// The splats of the scene that see what the surface sees.
-    beside: Vec<Beside>,
+    beside: Vec<NearShares>,
     /// The shares of the sky's light that reach level ground there.
     open: Vec<[f32; 2]>,
 }
@@ -160,26 +160,17 @@ impl PlacedSurfaces {
     }
 
     /// The number of surfaces.
-    #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// Returns true if there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.points.is_empty()
-    }
-
     /// The place of a surface, world axes, scene units.
-    #[must_use]
-    pub fn point(&self, index: usize) -> [f32; 3] {
+    pub(crate) fn point(&self, index: usize) -> [f32; 3] {
         self.points[index]
     }
 
     /// The normal of a surface, length 1.
-    #[must_use]
-    pub fn normal(&self, index: usize) -> Vec3 {
+    pub(crate) fn normal(&self, index: usize) -> Vec3 {
         self.normals[index]
     }
 

@@ -17,20 +17,20 @@ const FLAT: f64 = 0.4;
 /// Small surfaces with their normals and colours.
 pub(super) struct Surfaces {
     /// World axes, scene units.
-    pub points: Vec<Vec3>,
+    pub(crate) points: Vec<Vec3>,
     /// Length 1; zero of what is no surface, such as leaves.
-    pub normals: Vec<Vec3>,
+    pub(crate) normals: Vec<Vec3>,
     /// The first so many normals look to where the surfaces were seen from; of the others either
     /// side may be outside.
-    pub oriented: usize,
+    pub(crate) oriented: usize,
     /// Linear RGB, as captured.
-    pub light: Vec<Vec3>,
+    pub(crate) light: Vec<Vec3>,
 }
 
 impl Surfaces {
-    /// Those that the cameras of a place see; without photos its splats, flat ones with their
-    /// normals.
-    pub fn of(found: &FusedSurfaces<'_>) -> Self {
+    /// Takes the surfaces that the cameras of a place see; without photos its splats, flat ones
+    /// with their normals.
+    pub(crate) fn new(found: &FusedSurfaces<'_>) -> Self {
         let splats: &Splats = &found.splats;
         let known = if found.oriented > 0 { found.oriented } else { splats.len() };
         let drawn = (0..known).filter(|i| splats.groups[*i] != Group::Sky);
@@ -53,7 +53,7 @@ impl Surfaces {
     }
 
     /// The first of those in each cube of this width (scene units) whose normals look the same way.
-    pub fn thinned(&self, width: f32) -> Self {
+    pub(crate) fn thinned(&self, width: f32) -> Self {
         let mut taken: PlaceMap<(IVec3, u32), ()> = PlaceMap::default();
         let cube = |point: Vec3| (point / width).floor().as_ivec3();
         let kept: Vec<usize> = (0..self.len())
@@ -69,19 +69,19 @@ impl Surfaces {
     }
 
     /// The longest side of the box about all of them, scene units.
-    pub fn extent(&self) -> f32 {
+    pub(crate) fn extent(&self) -> f32 {
         let low = self.points.iter().copied().fold(Vec3::INFINITY, Vec3::min);
         let high = self.points.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
         (high - low).max_element()
     }
 
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.points.len()
     }
 
     /// Median distance from a surface to the nearest other, as far as `most`, scene units: what is
     /// finer is not known.
-    pub fn spacing(&self, most: f32, threads: usize) -> f32 {
+    pub(crate) fn spacing(&self, most: f32, threads: usize) -> f32 {
         median_spacing(&self.points, most, threads)
     }
 }
@@ -117,9 +117,9 @@ pub(super) struct PointGrid {
 }
 
 impl PointGrid {
-    /// Of points in cells of this width, or of a millionth of their distance from the origin where
-    /// that is more.
-    pub fn new(points: &[Vec3], width: f32) -> Self {
+    /// Sorts points into cells of this width, or of a millionth of their distance from the origin
+    /// where that is more.
+    pub(crate) fn new(points: &[Vec3], width: f32) -> Self {
         let farthest = points.iter().map(|point| point.abs().max_element()).fold(0.0, f32::max);
         let width = width.max(1e-6 * farthest).max(f32::MIN_POSITIVE);
         let cell = |point: Vec3| (point / width).floor().as_ivec3();
@@ -139,7 +139,7 @@ impl PointGrid {
     }
 
     /// The indices of points in the cells within a width of `point`, in a fixed order.
-    pub fn near(&self, point: Vec3) -> impl Iterator<Item = usize> {
+    pub(crate) fn near(&self, point: Vec3) -> impl Iterator<Item = usize> {
         let middle = (point / self.width).floor().as_ivec3();
         let ways =
             (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| IVec3::new(x, y, z))));

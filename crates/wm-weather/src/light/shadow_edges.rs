@@ -17,11 +17,11 @@ use wm_scene::{Splats, quat};
 /// Most neighbours of a surface.
 const NEIGHBOURS: usize = 10;
 /// Least cosine between the normals of neighbours.
-const ALIKE: f32 = 0.9;
+const MIN_NORMAL_COSINE: f32 = 0.9;
 /// Rounds of averages.
 const ROUNDS: usize = 300;
 /// Differences of logs below which a difference is as good as none.
-const SMALL: f32 = 0.03;
+const MIN_LOG_DIFFERENCE: f32 = 0.03;
 /// The weight of the mapped light of a surface near an edge, in that of a neighbour: of surfaces
 /// that photos show, whose places are a little off, and of splats without photos.
 const MAPPED: [f32; 2] = [0.01, 0.1];
@@ -32,11 +32,11 @@ const LEAST_GAIN: f32 = 1.05;
 /// Least difference between the sun's shares around a splat at the edge of a shadow.
 const EDGE: f32 = 0.5;
 /// Least difference between the sun's shares around a splat whose share is sharpened.
-const SHARP: f32 = 0.1;
+const MIN_SHARPENED_DIFFERENCE: f32 = 0.1;
 /// Standard deviations, in those of a splat, of the part that its colour is the mean of, and of
 /// what a picture of overlapping splats shows at its middle.
-const OWN: f32 = 0.45;
-const BLENDED: f32 = 0.85;
+const COLOR_SIGMAS: f32 = 0.45;
+const BLENDED_SIGMAS: f32 = 0.85;
 /// Least standard deviation across a flat splat, in the longest: it is not off what lies a little
 /// above it.
 const FLAT: f32 = 0.5;
@@ -49,7 +49,7 @@ const MOST_SHARE: f32 = 1.4;
 
 /// The surfaces whose light the colours tell, with their neighbours.
 pub(super) struct ShadowEdges {
-    unsure: Vec<Unsure>,
+    unsure: Vec<EdgeSurface>,
     neighbours: Vec<u32>,
     /// Logs of the luminances of all surfaces.
     color: Vec<f32>,
@@ -57,8 +57,8 @@ pub(super) struct ShadowEdges {
     mapped: f32,
 }
 
-/// A surface whose light the colours tell.
-struct Unsure {
+/// A surface near the edge of a shadow, whose light is estimated from colours.
+struct EdgeSurface {
     index: u32,
     /// Range of its neighbours.
     first: u32,
@@ -68,7 +68,7 @@ struct Unsure {
 impl ShadowEdges {
     /// Finds the neighbours, up to `reach` (scene units) away, of the surfaces whose mapped light
     /// is not sure.
-    pub fn new(surfaces: &Surfaces, is_sure: &[bool], reach: f32, threads: usize) -> Self {
+    pub(crate) fn new(surfaces: &Surfaces, is_sure: &[bool], reach: f32, threads: usize) -> Self {
         let asked: Vec<usize> =
             (0..surfaces.len()).filter(|i| !is_sure[*i] && surfaces.normals[*i] != Vec3::ZERO).collect();
         let grid = PointGrid::new(&surfaces.points, reach);
@@ -77,7 +77,7 @@ impl ShadowEdges {
             let (point, normal, light) = (surfaces.points[i], surfaces.normals[i], surfaces.light[i]);
             let is_like = |other: &usize| {
                 *other != i
-                    && surfaces.normals[*other].dot(normal) > ALIKE
+                    && surfaces.normals[*other].dot(normal) > MIN_NORMAL_COSINE
                     && same_material(surfaces.light[*other], light)
             };
             let mut near: Vec<(f32, u32)> = grid
@@ -95,7 +95,7 @@ impl ShadowEdges {
         for (index, near) in asked.iter().zip(found).filter(|(_, near)| !near.is_empty()) {
             let first = neighbours.len() as u32;
             neighbours.extend(near);
-            unsure.push(Unsure { index: *index as u32, first, end: neighbours.len() as u32 });
+            unsure.push(EdgeSurface { index: *index as u32, first, end: neighbours.len() as u32 });
         }
         let color = surfaces.light.iter().map(|light| log_luminance(*light));
         let mapped = MAPPED[usize::from(surfaces.oriented == 0)];
@@ -104,7 +104,7 @@ impl ShadowEdges {
 
     /// The share of the sun that each surface sees. `amounts` are its irradiances in shade and in
     /// full sun, `mapped` the share by the map.
-    pub fn shares(&self, amounts: &[[f32; 2]], mapped: &[f32], threads: usize) -> Vec<f32> {
+    pub(crate) fn shares(&self, amounts: &[[f32; 2]], mapped: &[f32], threads: usize) -> Vec<f32> {
         let of_share = |i: usize, share: f32| {
             let [shade, sunny] = amounts[i];
             (shade + (sunny - shade) * share).max(DARKEST).ln()
@@ -121,14 +121,15 @@ impl ShadowEdges {
             self.color.iter().zip(&light).map(|(color, light)| color - light).collect();
         for _ in 0..ROUNDS {
             let told = map(self.unsure.len(), threads, |k| {
-                let Unsure { index, first, end } = self.unsure[k];
+                let EdgeSurface { index, first, end } = self.unsure[k];
                 let index = index as usize;
                 let ([prior, shade, sunny], own) = (limits[k], reflectance[index]);
-                let weight = self.mapped * (end - first) as f32 / (light[index] - prior).abs().max(SMALL);
+                let weight =
+                    self.mapped * (end - first) as f32 / (light[index] - prior).abs().max(MIN_LOG_DIFFERENCE);
                 let (mut sum, mut weights) = (weight * prior, weight);
                 for other in &self.neighbours[first as usize..end as usize] {
                     let other = reflectance[*other as usize];
-                    let weight = 1.0 / (own - other).abs().max(SMALL);
+                    let weight = 1.0 / (own - other).abs().max(MIN_LOG_DIFFERENCE);
                     sum += weight * (self.color[index] - other);
                     weights += weight;
                 }
@@ -140,7 +141,7 @@ impl ShadowEdges {
             }
         }
         let mut shares = mapped.to_vec();
-        for Unsure { index, .. } in &self.unsure {
+        for EdgeSurface { index, .. } in &self.unsure {
             let index = *index as usize;
             let [shade, sunny] = amounts[index];
             if sunny > LEAST_GAIN * shade {
@@ -163,7 +164,7 @@ pub(super) fn edge_share<I: Iterator<Item = usize>>(
     around: impl Fn() -> I,
     light: Vec3,
 ) -> Option<f32> {
-    let is_like = |i: &usize| surfaces.normals[*i].dot(surfaces.normals[nearest]) > ALIKE;
+    let is_like = |i: &usize| surfaces.normals[*i].dot(surfaces.normals[nearest]) > MIN_NORMAL_COSINE;
     let [shade, sunny] = *amounts.get(nearest)?;
     let [low, high] = range(seen, around().filter(is_like));
     if high - low < EDGE || sunny < LEAST_GAIN * shade {
@@ -190,12 +191,14 @@ pub(super) fn sharpened_share<I: Iterator<Item = usize>>(
     seen: &[f32],
     nearest: usize,
     around: impl Fn() -> I,
-    (splats, index): (&Splats, usize),
+    splats: &Splats,
+    index: usize,
 ) -> Option<f32> {
     let [shade, sunny] = *amounts.get(nearest)?;
-    let like = || around().filter(|i| surfaces.normals[*i].dot(surfaces.normals[nearest]) > ALIKE);
+    let like =
+        || around().filter(|i| surfaces.normals[*i].dot(surfaces.normals[nearest]) > MIN_NORMAL_COSINE);
     let [low, high] = range(seen, like());
-    if high - low < SHARP || sunny < LEAST_GAIN * shade {
+    if high - low < MIN_SHARPENED_DIFFERENCE || sunny < LEAST_GAIN * shade {
         return None;
     }
     let point = Vec3::from_array(splats.means[index]);
@@ -212,7 +215,7 @@ pub(super) fn sharpened_share<I: Iterator<Item = usize>>(
     let (mut sums, mut weights) = ([0.0f32; 2], [0.0f32; 2]);
     for i in like() {
         let distance = squared(i);
-        for (k, width) in [OWN, BLENDED].into_iter().enumerate() {
+        for (k, width) in [COLOR_SIGMAS, BLENDED_SIGMAS].into_iter().enumerate() {
             let weight = (0.5 * (least - distance) / (width * width)).exp();
             sums[k] += weight * seen[i];
             weights[k] += weight;
@@ -283,7 +286,7 @@ mod tests {
         for i in 0..1600u32 {
             let point = [(i % 40) as f32 - 19.5, (i / 40) as f32 - 19.5, 0.0].map(|v| f64::from(v * STEP));
             let scales = [0.66 * f64::from(STEP), 0.66 * f64::from(STEP), 0.006];
-            splats.push(&surfel(point, (DVec3::Z, DVec3::X), scales, [0.5; 3], 0.98));
+            splats.push(&surfel(point, DVec3::Z, DVec3::X, scales, [0.5; 3], 0.98));
         }
         let points: Vec<Vec3> = splats.means.iter().map(|mean| Vec3::from_array(*mean)).collect();
         let surfaces = Surfaces {
@@ -300,14 +303,14 @@ mod tests {
                 grid.near(surfaces.points[i])
                     .filter(|k| surfaces.points[*k].distance(surfaces.points[i]) < 0.4)
             };
-            sharpened_share(&surfaces, &amounts, &seen, i, around, (&splats, i))
+            sharpened_share(&surfaces, &amounts, &seen, i, around, &splats, i)
         };
         let row = 20 * 40;
         assert_eq!([share(row + 5), share(row + 34)], [None, None]);
         let [dark, bright] = [row + 19, row + 20].map(|i| share(i).unwrap());
         assert!((-0.4..-0.05).contains(&dark) && (1.05..1.4).contains(&bright), "{dark} {bright}");
         let shown = |shares: &dyn Fn(usize) -> f32| {
-            let weight = |k: i32| (-0.5 * (k as f32 / (0.66 * BLENDED)).powi(2)).exp();
+            let weight = |k: i32| (-0.5 * (k as f32 / (0.66 * BLENDED_SIGMAS)).powi(2)).exp();
             let sum: f32 =
                 (-3..=3).map(|k| weight(k) * shares((row + 20).wrapping_add_signed(k as isize))).sum();
             sum / (-3..=3).map(weight).sum::<f32>()

@@ -19,94 +19,92 @@ use wm_scene::random::{self, RandomStream};
 
 /// Distances between the points of a pair, m: narrow ones tell the direction finely, wide ones from
 /// afar.
-pub(super) const NARROW: [f32; 2] = [0.2, 0.6];
-pub(super) const WIDE: [f32; 2] = [0.6, 2.0];
+pub(super) const NARROW_PAIR_M: [f32; 2] = [0.2, 0.6];
+pub(super) const WIDE_PAIR_M: [f32; 2] = [0.6, 2.0];
 /// Least cosine between their normals: 10 degrees.
-const ALIKE: f32 = 0.985;
-/// Most that their chromaticities differ.
+const MIN_NORMAL_COSINE: f32 = 0.985;
+/// Largest difference of their chromaticities.
 const SAME_COLOR: f32 = 0.08;
-/// Points that are asked for a partner.
-const ASKED: usize = 60_000;
+/// Points for which partners are searched.
+const MAX_PAIR_POINTS: usize = 60_000;
 /// Least cosine between up and the normal of level ground.
 pub(super) const LEVEL: f32 = 0.8;
 /// Log of the ratio of what two points get of an overcast sky with which they are no longer
 /// compared, and the share of that light that comes back from walls.
 const UNLIKE: f32 = 0.15;
-const RETURNED: f32 = 0.2;
+const RETURNED_LIGHT: f32 = 0.2;
 /// Radius of the ground that must be in one light, m, for pairs of either width.
-const TELLS: f32 = 0.5;
-const TELLS_FINELY: f32 = 0.15;
+const WIDE_PAIR_GROUND_M: f32 = 0.5;
+const NARROW_PAIR_GROUND_M: f32 = 0.15;
 /// Logs of the ratio of two brightnesses: up to the first it is no evidence, since dirt, worn paint
 /// and the corners of walls differ as much, and from the second on it does not matter how large it
 /// is. In the sun it is mostly 0.7 to 1.5.
 const CLEAR: [f32; 2] = [0.3, 0.8];
-/// Log of the ratio from which on a pair is one of light and shade: 1.3.
+/// Log of the luminance ratio above which a pair is one of light and shade: 1.3.
 pub(super) const SHADOW: f64 = 0.262;
-/// Pairs that count in all scores, so that few are no evidence.
+/// Pairs added to every score as a prior, so that few pairs are no evidence.
 const PRIOR: f64 = 20.0;
 /// Directions that are tried first: distance between them, and their elevations, degrees.
 const STEP: f64 = 9.0;
 const ELEVATIONS: [u32; 2] = [12, 75];
 /// Widths of the cells of maps, in those of the occluders: of a first ranking, of the search, and
 /// of its refinement.
-const QUICK: f64 = 8.0;
-const COARSE: f64 = 4.0;
-const FINE: f64 = 1.0;
+const QUICK_CELLS: f64 = 8.0;
+const COARSE_CELLS: f64 = 4.0;
+const FINE_CELLS: f64 = 1.0;
 /// Directions that the quick maps leave, of all and of those far from the best.
-const KEPT: usize = 32;
-/// Cosine of the angle from which on a direction is another one: 25 degrees.
-const FAR: f64 = 0.906;
+const MAX_CANDIDATES: usize = 32;
+/// Cosine of the angle beyond which two directions are distinct: 25 degrees.
+const OTHER_DIRECTION_COSINE: f64 = 0.906;
 /// Distance between the directions about the best that wide and then narrow pairs judge, degrees,
 /// the number of them to each side, and the shares of the best score above which they have a say.
 const WIDE_STEP: f64 = 3.0;
 const NARROW_STEP: f64 = 1.0;
 const WIDE_RINGS: i32 = 3;
 const NARROW_RINGS: i32 = 2;
-const WEIGHED: f64 = 0.7;
-const FINELY_WEIGHED: f64 = 0.85;
+const WIDE_PAIR_WEIGHT: f64 = 0.7;
+const NARROW_PAIR_WEIGHT: f64 = 0.85;
 /// Least score of a sun, and how often it must be that of the best direction far from it. Suns that
 /// were there had 11.8 to 30; the best directions of 25 trainings whose ground shows no shadows of
 /// a sun had 4.1 to 9.4.
 const LEAST_SCORE: f64 = 11.0;
-const EVIDENT: f64 = 1.15;
+const MIN_SCORE_RATIO: f64 = 1.15;
 /// Score below which there is no sun at all.
-const NONE: f64 = 3.0;
+const MAX_SCORE_WITHOUT_SUN: f64 = 3.0;
 /// Sine of the least elevation of a sun that is found: 5 degrees.
-const LOWEST: f64 = 0.087;
+const MIN_SUN_SINE: f64 = 0.087;
 /// Height above a surface at which it is asked what stands in the way, in cells.
 pub(super) const LIFT: f64 = 1.2;
 
 /// Two points of one material.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pair {
-    pub points: [u32; 2],
+    pub(crate) points: [u32; 2],
     /// Log of the ratio of their luminances, the first over the second.
-    pub log_ratio: f32,
+    pub(crate) log_ratio: f32,
 }
 
 /// The best direction of a search for the sun, with what speaks for it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FoundSun {
+pub(crate) struct FoundSun {
     /// Towards the sun, world axes, length 1.
-    pub direction: [f64; 3],
-    /// Its score: about the deviations by which more pairs agree with it than chance has it.
-    pub score: f64,
+    pub(crate) direction: [f64; 3],
+    /// Score: about the standard deviations by which more pairs agree with it than by chance.
+    pub(crate) score: f64,
     /// The best score of a direction far from it.
-    pub rival: f64,
+    pub(crate) rival: f64,
 }
 
 impl FoundSun {
     /// Returns true if the evidence is enough for a sun over a place whose up is `up`.
-    #[must_use]
-    pub fn is_sun(&self, up: [f64; 3]) -> bool {
+    pub(crate) fn is_sun(&self, up: [f64; 3]) -> bool {
         let sin = along(self.direction, up);
-        self.score >= LEAST_SCORE && self.score >= EVIDENT * self.rival && sin > LOWEST
+        self.score >= LEAST_SCORE && self.score >= MIN_SCORE_RATIO * self.rival && sin > MIN_SUN_SINE
     }
 
     /// Returns true if no direction explains the shadows, not even poorly.
-    #[must_use]
-    pub fn is_none(&self) -> bool {
-        self.score < NONE
+    pub(crate) fn is_none(&self) -> bool {
+        self.score < MAX_SCORE_WITHOUT_SUN
     }
 }
 
@@ -130,14 +128,14 @@ pub(super) fn pairs(surfaces: &Surfaces, apart: [f32; 2], site: &Site, threads: 
     let solid: Vec<u32> =
         (0..surfaces.len() as u32).filter(|i| surfaces.normals[*i as usize] != Vec3::ZERO).collect();
     let chosen = RandomStream::new(1, 0x5041_4952u64, 0);
-    let asked = solid.len().min(ASKED);
+    let asked = solid.len().min(MAX_PAIR_POINTS);
     let found = map(asked, threads, |k| {
         let index = solid[k * solid.len() / asked] as usize;
         let (point, normal, light) = (surfaces.points[index], surfaces.normals[index], surfaces.light[index]);
         let is_partner = |other: usize| {
             let distance = surfaces.points[other].distance(point) / scale;
             (apart[0]..apart[1]).contains(&distance)
-                && surfaces.normals[other].dot(normal) > ALIKE
+                && surfaces.normals[other].dot(normal) > MIN_NORMAL_COSINE
                 && same_material(surfaces.light[other], light)
         };
         // One of those that fit, by chance: the most alike would be lit alike.
@@ -166,8 +164,8 @@ pub(super) fn lifted(point: Vec3, normal: Vec3, towards: Vec3, map: &Shelter, si
 }
 
 /// A pair on level ground, with its weight by how alike the sky is over both.
-pub(super) struct GroundPair {
-    pub pair: Pair,
+pub(crate) struct GroundPair {
+    pub(crate) pair: Pair,
     weight: f32,
 }
 
@@ -180,7 +178,7 @@ pub(super) fn ground_pairs(
     site: &Site,
 ) -> Vec<GroundPair> {
     let up = Vec3::from_array(site.up.map(|v| v as f32));
-    let sky = |i: u32| (1.0 - RETURNED) * open[i as usize][1] + RETURNED;
+    let sky = |i: u32| (1.0 - RETURNED_LIGHT) * open[i as usize][1] + RETURNED_LIGHT;
     let level = pairs.iter().filter(|pair| surfaces.normals[pair.points[0] as usize].dot(up) > LEVEL);
     let weighed = level.map(|pair| {
         let [a, b] = pair.points.map(sky);
@@ -191,12 +189,7 @@ pub(super) fn ground_pairs(
 
 /// The score of a direction: the evidence of the pairs of which it lights one point and not the
 /// other, over its deviation.
-fn score(
-    (surfaces, pairs): (&Surfaces, &[GroundPair]),
-    sun: [f64; 3],
-    occluders: &Occluders,
-    tells: f32,
-) -> f64 {
+fn score(surfaces: &Surfaces, pairs: &[GroundPair], sun: [f64; 3], occluders: &Occluders, tells: f32) -> f64 {
     let map = sun_map(occluders, sun, 1);
     let lit = |index: u32| {
         let index = index as usize;
@@ -239,19 +232,23 @@ pub(super) fn along(a: [f64; 3], b: [f64; 3]) -> f64 {
 /// Looks for the sun by wide pairs, then by narrow ones, at `elevation` (radians) if that is known.
 /// `open` is what each surface sees of the sky. `None` if no ground tells. Under clouds no
 /// direction explains the shadows, and the best is no sun ([`FoundSun::is_sun`]).
+#[allow(clippy::too_many_arguments, reason = "the ground, what may shade it and what is known of the sun")]
 pub(super) fn find_sun(
     surfaces: &Surfaces,
     open: &[[f32; 2]],
-    [narrow, wide]: [&[Pair]; 2],
-    (occluders, coarseness): (&Occluders, f32),
-    (site, elevation): (&Site, Option<f64>),
+    narrow: &[Pair],
+    wide: &[Pair],
+    occluders: &Occluders,
+    coarseness: f32,
+    site: &Site,
+    elevation: Option<f64>,
     threads: usize,
 ) -> Option<FoundSun> {
     let wide = ground_pairs(surfaces, open, wide, site);
     if wide.is_empty() {
         return None;
     }
-    let coarse = occluders.sketched(COARSE);
+    let coarse = occluders.sketched(COARSE_CELLS);
     let mut tried: Vec<[f64; 3]> = Vec::new();
     let elevations = match elevation {
         Some(elevation) => vec![elevation],
@@ -265,19 +262,19 @@ pub(super) fn find_sun(
         let azimuth = |k: u32| TAU * f64::from(k) / f64::from(around);
         tried.extend((0..around).map(|k| towards(site, elevation, azimuth(k))));
     }
-    let tells = coarseness * TELLS;
+    let tells = coarseness * WIDE_PAIR_GROUND_M;
     // Quick maps rank the best directions among the first, at a third of the work of the maps that
     // score them.
-    let quick = occluders.sketched(QUICK);
-    let guesses = map(tried.len(), threads, |k| score((surfaces, &wide), tried[k], &quick, tells));
+    let quick = occluders.sketched(QUICK_CELLS);
+    let guesses = map(tried.len(), threads, |k| score(surfaces, &wide, tried[k], &quick, tells));
     let mut ranked: Vec<usize> = (0..tried.len()).collect();
     ranked.sort_by(|a, b| guesses[*b].total_cmp(&guesses[*a]));
-    let is_far = |a: usize, b: usize| along(tried[a], tried[b]) < FAR;
-    let rivals = ranked.iter().filter(|k| is_far(**k, ranked[0])).take(KEPT);
-    let mut kept: Vec<usize> = ranked.iter().take(KEPT).chain(rivals).copied().collect();
+    let is_far = |a: usize, b: usize| along(tried[a], tried[b]) < OTHER_DIRECTION_COSINE;
+    let rivals = ranked.iter().filter(|k| is_far(**k, ranked[0])).take(MAX_CANDIDATES);
+    let mut kept: Vec<usize> = ranked.iter().take(MAX_CANDIDATES).chain(rivals).copied().collect();
     kept.sort_unstable();
     kept.dedup();
-    let scores = map(kept.len(), threads, |k| score((surfaces, &wide), tried[kept[k]], &coarse, tells));
+    let scores = map(kept.len(), threads, |k| score(surfaces, &wide, tried[kept[k]], &coarse, tells));
     let best_of = |is_asked: &dyn Fn(usize) -> bool| {
         let asked = kept.iter().zip(&scores).filter(|(k, _)| is_asked(**k));
         asked.max_by(|a, b| a.1.total_cmp(b.1)).map(|(k, _)| *k)
@@ -288,8 +285,8 @@ pub(super) fn find_sun(
     // The true direction of either lies between those that were tried.
     let closer = |at: usize| {
         let around = about(tried[at], WIDE_STEP, WIDE_RINGS);
-        let scores = map(around.len(), threads, |k| score((surfaces, &wide), around[k], &coarse, tells));
-        (raised(centred(&around, &scores, WEIGHED)), scores.into_iter().fold(0.0, f64::max))
+        let scores = map(around.len(), threads, |k| score(surfaces, &wide, around[k], &coarse, tells));
+        (raised(centred(&around, &scores, WIDE_PAIR_WEIGHT)), scores.into_iter().fold(0.0, f64::max))
     };
     let [mut own, mut rival] = [closer(best), far.map_or((tried[best], 0.0), closer)];
     if rival.1 > own.1 {
@@ -301,13 +298,13 @@ pub(super) fn find_sun(
         return Some(found);
     }
     let narrow = ground_pairs(surfaces, open, narrow, site);
-    let fine = occluders.sketched(FINE);
+    let fine = occluders.sketched(FINE_CELLS);
     let around = about(direction, NARROW_STEP, NARROW_RINGS);
-    let tells = coarseness * TELLS_FINELY;
-    let scores = map(around.len(), threads, |k| score((surfaces, &narrow), around[k], &fine, tells));
+    let tells = coarseness * NARROW_PAIR_GROUND_M;
+    let scores = map(around.len(), threads, |k| score(surfaces, &narrow, around[k], &fine, tells));
     // Rough geometry says nothing more finely.
     let is_told = scores.iter().any(|score| *score >= LEAST_SCORE);
-    let direction = if is_told { raised(centred(&around, &scores, FINELY_WEIGHED)) } else { direction };
+    let direction = if is_told { raised(centred(&around, &scores, NARROW_PAIR_WEIGHT)) } else { direction };
     Some(FoundSun { direction, ..found })
 }
 

@@ -32,12 +32,6 @@ impl ShadowCasters {
         let occluders = occluders.coarser(fine.clamp(CELLS[0], CELLS[1]));
         Self { occluders, points }
     }
-
-    /// The surfaces that stand in the way of light.
-    #[must_use]
-    pub fn occluders(&self) -> &Occluders {
-        &self.occluders
-    }
 }
 
 /// The share of one sun that each splat of a scene sees.
@@ -97,13 +91,11 @@ impl SunShadows {
     }
 
     /// The share of the sun that a splat sees, 0-1.
-    #[must_use]
-    pub fn seen(&self, index: usize) -> f32 {
+    pub(crate) fn seen(&self, index: usize) -> f32 {
         f32::from(self.seen[index]) / 255.0
     }
 
     /// Mean over the splats of the sun's incidence times its share.
-    #[must_use]
     pub(super) fn mean(&self) -> f64 {
         self.mean
     }

@@ -49,7 +49,7 @@ fn yard(light: &SceneLight) -> Splats {
         let scales = [0.66 * STEP, 0.66 * STEP, 0.1 * STEP];
         splats.push(&Splat {
             group: Group::Scene,
-            ..surfel(point.to_array(), (normal, up), scales, shown, 0.98)
+            ..surfel(point.to_array(), normal, up, scales, shown, 0.98)
         });
     };
     let count = (2.0 * HALF / STEP) as usize;
@@ -263,7 +263,7 @@ fn ground_whose_normals_turn_to_all_sides_is_lit_as_level_ground() {
         let side = |lane: u64| uniform(8, 3 * key + lane) - 0.5;
         let normal = DVec3::new(side(0), side(1), side(2)).normalize();
         let scales = [0.66 * STEP, 0.66 * STEP, 0.1 * STEP];
-        splats.push(&surfel(point, (normal, normal.any_orthonormal_vector()), scales, color, 0.98));
+        splats.push(&surfel(point, normal, normal.any_orthonormal_vector(), scales, color, 0.98));
     };
     let count = (2.0 * HALF / STEP) as usize;
     for i in 0..count * count {

@@ -16,28 +16,28 @@ use wm_scene::Camera;
 /// Heights above the ground at which it is asked whether photos show the way to the sun, m: those
 /// of crowns and eaves.
 const HEIGHTS: [f64; 8] = [1.5, 3.0, 4.5, 6.0, 7.5, 9.0, 10.5, 12.0];
-/// The number of these that no photo shows from which on something may stand there.
-const UNSEEN: usize = 2;
+/// Number of these heights unseen by all photos from which something may stand there.
+const MIN_UNSEEN_HEIGHTS: usize = 2;
 /// Greatest distance from which a photo shows what stands somewhere, m.
-const SHOWN: f64 = 60.0;
+const MAX_PHOTO_DISTANCE_M: f64 = 60.0;
 /// Widths of the bins of reflectances: the log of the luminance, and the shares of red and green;
 /// and numbers of bins.
 const BINS: [f32; 3] = [0.12, 0.02, 0.02];
 const COUNTS: [usize; 3] = [64, 50, 50];
 /// Log of the least luminance of the bins.
 const DARKEST: f32 = -6.5;
-/// The share of such ground that lies in shade, before its colour is asked.
+/// Prior probability that such ground lies in shade.
 const IN_SHADE: f32 = 0.2;
 /// The share of all ground in a bin of reflectances that is added to each, so that none is
 /// impossible.
-const RARE: f32 = 2e-4;
-/// Most that one surface's colour says, as the log of odds.
-const MOST_SAID: f32 = 3.0;
-/// Radius within which surfaces decide together, m, and their mean log of odds from which on it is
+const BIN_FLOOR: f32 = 2e-4;
+/// Largest log odds that one surface's colour contributes.
+const MAX_LOG_ODDS: f32 = 3.0;
+/// Radius within which surfaces decide together, m, and their mean log of odds from which it is
 /// shade.
-const TOGETHER: f32 = 0.3;
+const DECISION_RADIUS_M: f32 = 0.3;
 const SHADE: f32 = 0.2;
-/// Surfaces in known light by which reflectances are told, at least.
+/// Least number of surfaces in known light for an estimate of reflectances.
 const LEAST_KNOWN: usize = 1000;
 
 /// Returns for each surface whether something that no photo shows may stand between it and the sun:
@@ -52,7 +52,7 @@ pub(super) fn may_be_shaded(
     let (up, sun) = (DVec3::from_array(site.up), DVec3::from_array(sun));
     let level = up.as_vec3();
     let rise = sun.dot(up);
-    let far = SHOWN / site.metres_per_unit;
+    let far = MAX_PHOTO_DISTANCE_M / site.metres_per_unit;
     map(surfaces.len(), threads, |i| {
         if surfaces.normals[i].dot(level) < LEVEL || cameras.is_empty() {
             return false;
@@ -67,7 +67,7 @@ pub(super) fn may_be_shaded(
                     })
             })
         };
-        HEIGHTS.len() - HEIGHTS.iter().filter(is_shown).count() >= UNSEEN
+        HEIGHTS.len() - HEIGHTS.iter().filter(is_shown).count() >= MIN_UNSEEN_HEIGHTS
     })
 }
 
@@ -78,7 +78,7 @@ struct Reflectances {
 
 impl Reflectances {
     /// Counts known reflectances, linear RGB, of which there must be some.
-    fn of(known: &[Vec3]) -> Self {
+    fn new(known: &[Vec3]) -> Self {
         let mut counts = vec![0.0f32; COUNTS.iter().product()];
         known.iter().filter_map(|color| bin(*color)).for_each(|bin| counts[index(bin)] += 1.0);
         for axis in 0..3 {
@@ -101,7 +101,8 @@ fn bin(color: Vec3) -> Option<[usize; 3]> {
     inside.then(|| at.map(|v| v as usize))
 }
 
-fn index([a, b, c]: [usize; 3]) -> usize {
+fn index(cell: [usize; 3]) -> usize {
+    let [a, b, c] = cell;
     (a * COUNTS[1] + b) * COUNTS[2] + c
 }
 
@@ -121,9 +122,9 @@ fn smoothed(counts: &[f32], axis: usize) -> Vec<f32> {
 /// The light of the ground by the map of the sun, which colours amend.
 pub(super) struct MappedLight<'a> {
     /// The share of the sun that each surface sees.
-    pub shares: &'a mut [f32],
+    pub(crate) shares: &'a mut [f32],
     /// True where the map is right about the surface, if it knows what stands in the way.
-    pub is_sure: &'a mut [bool],
+    pub(crate) is_sure: &'a mut [bool],
 }
 
 /// Lets the colours of level ground say that it lies in the shade, where `may_be` says that the map
@@ -132,11 +133,13 @@ pub(super) struct MappedLight<'a> {
 pub(super) fn amend(
     surfaces: &Surfaces,
     may_be: &[bool],
-    MappedLight { shares, is_sure }: MappedLight<'_>,
+    mapped: MappedLight<'_>,
     reflectance: impl Fn(usize) -> [Vec3; 2] + Sync,
-    (around, site): (f32, &Site),
+    around: f32,
+    site: &Site,
     threads: usize,
 ) {
+    let MappedLight { shares, is_sure } = mapped;
     let up = DVec3::from_array(site.up).as_vec3();
     let is_ground = |i: &usize| surfaces.normals[*i].dot(up) > LEVEL;
     let known: Vec<Vec3> = (0..surfaces.len())
@@ -146,14 +149,14 @@ pub(super) fn amend(
     if known.len() < LEAST_KNOWN {
         return;
     }
-    let common = Reflectances::of(&known);
+    let common = Reflectances::new(&known);
     let asked: Vec<usize> = (0..surfaces.len()).filter(|i| may_be[*i] && shares[*i] > 0.5).collect();
     let said = map(asked.len(), threads, |k| {
         let [shade, sunny] = reflectance(asked[k]).map(|color| common.share(color));
-        let odds = IN_SHADE * (shade + RARE) / ((1.0 - IN_SHADE) * (sunny + RARE));
-        odds.ln().clamp(-MOST_SAID, MOST_SAID)
+        let odds = IN_SHADE * (shade + BIN_FLOOR) / ((1.0 - IN_SHADE) * (sunny + BIN_FLOOR));
+        odds.ln().clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS)
     });
-    let reach = TOGETHER / site.metres_per_unit as f32;
+    let reach = DECISION_RADIUS_M / site.metres_per_unit as f32;
     let points: Vec<Vec3> = asked.iter().map(|i| surfaces.points[*i]).collect();
     let grid = PointGrid::new(&points, reach);
     let is_shade = map(asked.len(), threads, |k| {
@@ -217,7 +220,7 @@ mod tests {
         let (mut shares, mut is_sure) = (vec![1.0; surfaces.len()], vec![true; surfaces.len()]);
         let mapped = MappedLight { shares: &mut shares, is_sure: &mut is_sure };
         let reflectance = |i: usize| LIGHT.map(|irradiance| surfaces.light[i] / irradiance);
-        amend(surfaces, &may_be, mapped, reflectance, (0.3, &site()), threads);
+        amend(surfaces, &may_be, mapped, reflectance, 0.3, &site(), threads);
         shares.into_iter().map(|share| share < 0.5).collect()
     }
 

@@ -21,7 +21,7 @@ const GROUND: [f64; 2] = [0.22, 0.4];
 const WALLS: [f64; 2] = [0.3, 0.6];
 const GREEN: [f64; 2] = [0.1, 0.5];
 const BRIGHT: [f64; 2] = [0.6, 0.4];
-/// Excess of green over red and blue by which plants are told.
+/// Excess of green over red and blue by which plants are recognised.
 const GREENNESS: f32 = 1.06;
 /// Least share of the surfaces of a kind that tells.
 const LEAST_SHARE: f64 = 0.02;
@@ -30,23 +30,23 @@ const LEAST_SHARE: f64 = 0.02;
 /// sky; and the errors.
 const BY_CLOUDS: [f64; 2] = [7.0 / 3.0, 0.5];
 const BY_SKY: [f64; 2] = [0.8, 0.6];
-/// Brightness of the sky from which on it may be burned out: it is brighter by an unknown factor
+/// Brightness of the sky from which it may be burned out: it is brighter by an unknown factor
 /// then.
 const BURNED: f64 = 0.85;
-/// Least irradiance that is believed, over that of the open ground.
+/// Lower clamp of the irradiance, over that of open ground.
 const DARKEST: f64 = 0.01;
-/// Variance of the logarithm of the irradiance from which on it must show in the colours.
-const EVEN: f64 = 0.05;
+/// Variance of the log irradiance above which it must show in the colours.
+const MIN_LOG_VARIANCE: f64 = 0.05;
 /// Bounds of the brightness of a card, display values.
 const BOUNDS: [f64; 2] = [0.3, 5.0];
 /// Least cosine between up and the normal of ground, and greatest of a wall.
 const LEVEL: f32 = 0.8;
 const UPRIGHT: f32 = 0.3;
 
-/// A guess of the logarithm of the brightness, with its standard deviation; `is_least` if it may
-/// well be more.
+/// An estimate of the log brightness with its standard deviation; `is_least` if it is a lower
+/// bound.
 #[derive(Clone, Copy, Debug)]
-struct Clue {
+struct BrightnessGuess {
     value: f64,
     error: f64,
     is_least: bool,
@@ -66,12 +66,12 @@ pub(super) struct WhiteCard {
 
 impl WhiteCard {
     /// The card of a place of which nothing is known.
-    pub const USUAL: Self = Self { open: 1.0, trust: 1.0 };
+    pub(crate) const USUAL: Self = Self { open: 1.0, trust: 1.0 };
 
     /// Finds the card of a capture. `irradiance` gives that of a surface over that of open ground,
     /// luminance; `sky_share` is the share of the sky in the light of open ground, 0-1;
     /// `is_overcast` says that the place was captured under clouds.
-    pub fn of(
+    pub(crate) fn new(
         surfaces: &Surfaces,
         site: &Site,
         sky_share: f64,
@@ -114,18 +114,18 @@ impl WhiteCard {
             let lit = kind.iter().filter(|log| log[0] >= lit);
             let cards = lit.map(|[irradiance, light]| light - trust * irradiance).collect();
             let value = quantile(cards, share).filter(|_| kind.len() as f64 >= least)?;
-            Some(Clue { value: value - usual.ln(), error, is_least: false })
+            Some(BrightnessGuess { value: value - usual.ln(), error, is_least: false })
         };
         let sky = luminance(site.airlight);
         let is_grey = is_overcast || site.captured_sky == CapturedSky::Overcast;
         let [by_sky, error] = if is_grey { BY_CLOUDS } else { BY_SKY };
         let knows_sky = !matches!(site.captured_sky, CapturedSky::Unknown) && sky > 0.0;
-        let by_sky = knows_sky.then(|| Clue {
+        let by_sky = knows_sky.then(|| BrightnessGuess {
             value: (sky * by_sky / sky_share.max(0.05)).ln(),
             error,
             is_least: sky > BURNED,
         });
-        let clues: Vec<Clue> = [
+        let clues: Vec<BrightnessGuess> = [
             told(&ground, 0.5, GROUND),
             told(&walls, 0.5, WALLS),
             told(&green, 0.5, GREEN),
@@ -140,19 +140,19 @@ impl WhiteCard {
     }
 
     /// The light of a card in an irradiance, display values in linear light.
-    pub fn light(&self, irradiance: f64) -> f64 {
+    pub(crate) fn light(&self, irradiance: f64) -> f64 {
         self.open * irradiance.max(0.0).powf(self.trust)
     }
 
     /// Returns true if it can be that of a capture.
-    pub fn is_sound(&self) -> bool {
+    pub(crate) fn is_sound(&self) -> bool {
         Metadata::WHITE_CARDS.contains(&self.open) && (0.0..=1.0).contains(&self.trust)
     }
 }
 
 /// Returns the slope of the logarithm of light over that of irradiance, 0-1. An irradiance that
-/// hardly varies counts in full: one of variance [`EVEN`] with which no colour goes gets a slope of
-/// a half.
+/// hardly varies counts in full: one of variance [`MIN_LOG_VARIANCE`] with which no colour goes
+/// gets a slope of a half.
 fn slope(logs: &[[f64; 2]]) -> f64 {
     let count = logs.len().max(1) as f64;
     let mean = [0, 1].map(|k| logs.iter().map(|log| log[k]).sum::<f64>() / count);
@@ -162,14 +162,14 @@ fn slope(logs: &[[f64; 2]]) -> f64 {
         both += irradiance * light / count;
         own += irradiance * irradiance / count;
     }
-    ((both + EVEN) / (own + EVEN)).clamp(0.0, 1.0)
+    ((both + MIN_LOG_VARIANCE) / (own + MIN_LOG_VARIANCE)).clamp(0.0, 1.0)
 }
 
 /// The most likely value of clues; `None` without any.
-fn likely(clues: &[Clue]) -> Option<f64> {
+fn likely(clues: &[BrightnessGuess]) -> Option<f64> {
     let mut value = clues.iter().map(|clue| clue.value).sum::<f64>() / clues.len() as f64;
     for _ in 0..20 {
-        let weight = |clue: &Clue| {
+        let weight = |clue: &BrightnessGuess| {
             let off = (clue.value - value) / clue.error;
             // A least value holds nothing against a greater one; what is far off counts less.
             let trust = if clue.is_least && off < 0.0 { 0.0 } else { 1.0 / (1.0 + 0.5 * off * off) };
@@ -188,8 +188,8 @@ fn likely(clues: &[Clue]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn clue(value: f64, error: f64) -> Clue {
-        Clue { value, error, is_least: false }
+    fn clue(value: f64, error: f64) -> BrightnessGuess {
+        BrightnessGuess { value, error, is_least: false }
     }
 
     #[test]
@@ -201,7 +201,7 @@ mod tests {
         let value = likely(&[clue(0.0, 0.3), clue(0.1, 0.3), clue(-0.1, 0.3), clue(6.0, 0.3)]).unwrap();
         assert!(value.abs() < 0.1, "{value}");
         // The sky is burned out: it may be brighter, and not darker.
-        let burned = |value: f64| Clue { value, error: 0.3, is_least: true };
+        let burned = |value: f64| BrightnessGuess { value, error: 0.3, is_least: true };
         assert!((likely(&[clue(1.0, 0.3), burned(0.0)]).unwrap() - 1.0).abs() < 1e-6);
         assert!(likely(&[clue(1.0, 0.3), burned(2.0)]).unwrap() > 1.4);
     }

@@ -12,9 +12,9 @@ use wm_scene::{Group, LitWindow, Splats, splats::Splat};
 /// Splats along the longer edge of a window.
 const ALONG: f64 = 16.0;
 /// Standard deviation of a splat over the spacing.
-const WIDE: f64 = 0.42;
+const SIGMA_SPACINGS: f64 = 0.42;
 /// Distance from the wall, m.
-const OFF: f64 = 0.03;
+const WALL_DISTANCE_M: f64 = 0.03;
 
 /// Splats of lit windows, `display` the value of a white surface in a lux. Each room is a little
 /// brighter or darker, and lighter at the top, where its lamp hangs.
@@ -34,12 +34,14 @@ pub fn window_splats(windows: &[LitWindow], display: f64, site: &Site) -> Splats
             let (u, v) = (u / columns as f64, v / rows as f64);
             let own = 0.85 + 0.3 * uniform(number as u64, cell as u64);
             let share = own * (0.7 + 0.6 * v);
-            let at = corner + across * u + upwards * v + out * (OFF / site.metres_per_unit);
-            let wide = [WIDE * across.length() / columns as f64, WIDE * upwards.length() / rows as f64];
+            let at = corner + across * u + upwards * v + out * (WALL_DISTANCE_M / site.metres_per_unit);
+            let wide = [
+                SIGMA_SPACINGS * across.length() / columns as f64,
+                SIGMA_SPACINGS * upwards.length() / rows as f64,
+            ];
             let scales = [wide[0].min(wide[1]), wide[0].min(wide[1]), 0.05 * step];
             let rgb = light.map(|v| srgb_encode(v * share) as f32);
-            splats
-                .push(&Splat { group: Group::Scene, ..surfel(at.to_array(), (out, up), scales, rgb, 0.97) });
+            splats.push(&Splat { group: Group::Scene, ..surfel(at.to_array(), out, up, scales, rgb, 0.97) });
         }
     }
     splats

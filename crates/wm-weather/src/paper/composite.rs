@@ -21,8 +21,9 @@ use wm_render::Frame;
 use wm_render::hooks::{PATCH, PATCH_PIXELS, PixelBatch, PixelEffect};
 use wm_render::simd::SimdPath;
 
-/// Below which a blur is none, px: its neighbours weigh less than half a step of 8 bits.
-const SHARP: f64 = 0.25;
+/// Least standard deviation of a blur, px: below it, neighbours weigh less than half a step of 8
+/// bits.
+const MIN_BLUR_PX: f64 = 0.25;
 
 /// The steps of the paper's figure, `[H, W, 3]` each, display-referred: what lies between the clear
 /// picture and the last.
@@ -49,21 +50,20 @@ impl PaperStages {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaperBlend {
     /// L_sky.
-    pub sky: f64,
+    pub(crate) sky: f64,
     /// t_min and t_max.
-    pub t: [f64; 2],
+    pub(crate) t: [f64; 2],
     /// t_D, scene units.
-    pub t_d: f64,
+    pub(crate) t_d: f64,
     /// t_C.
-    pub t_c: f64,
+    pub(crate) t_c: f64,
     /// Depth that counts as 1, scene units.
-    pub d_max: f64,
+    pub(crate) d_max: f64,
 }
 
 impl PaperBlend {
     /// f_l where the composite has the brightness `light`.
-    #[must_use]
-    pub fn factor(&self, light: f64) -> f64 {
+    pub(crate) fn factor(&self, light: f64) -> f64 {
         let [least, most] = self.t;
         // Not `clamp`: bounds the wrong way round are no reason to panic.
         (self.sky - light).min(most).max(least).exp_m1()
@@ -71,8 +71,7 @@ impl PaperBlend {
 
     /// m, for depths as sums of weight times view z with the coverage of the picture, and the
     /// noise's colour.
-    #[must_use]
-    pub fn keeps(&self, (depth, alpha): (f64, f64), noise_depth: f64, noise: [f32; 3]) -> bool {
+    pub(crate) fn keeps(&self, depth: f64, alpha: f64, noise_depth: f64, noise: [f32; 3]) -> bool {
         let scene = ((depth + (1.0 - alpha) * self.d_max) / self.d_max).min(1.0);
         let own = (noise_depth / self.d_max).min(1.0);
         own < scene && own < self.t_d / self.d_max && brightness(noise) > self.t_c
@@ -80,7 +79,8 @@ impl PaperBlend {
 }
 
 /// L: the plain mean of three display-referred channels.
-fn brightness([r, g, b]: [f32; 3]) -> f64 {
+fn brightness(rgb: [f32; 3]) -> f64 {
+    let [r, g, b] = rgb;
     (f64::from(r) + f64::from(g) + f64::from(b)) / 3.0
 }
 
@@ -100,7 +100,7 @@ pub fn add(blend: &PaperBlend, picture: &mut Frame, noise: &Frame, mut stages: O
         }
         let own = [0, 1, 2].map(|k| noise.rgb[3 * i + k]);
         let sum = |frame: &Frame| f64::from(frame.alpha[i]) * f64::from(frame.depth[i]);
-        let keeps = blend.keeps((sum(picture), f64::from(picture.alpha[i])), sum(noise), own);
+        let keeps = blend.keeps(sum(picture), f64::from(picture.alpha[i]), sum(noise), own);
         let rgb = &mut picture.rgb[3 * i..3 * i + 3];
         if keeps {
             let factor = blend.factor(brightness([rgb[0], rgb[1], rgb[2]]));
@@ -122,9 +122,9 @@ pub fn add(blend: &PaperBlend, picture: &mut Frame, noise: &Frame, mut stages: O
     }
 }
 
-/// What follows the last sub-cloud: the fogs of all that falls, one blur as wide as all of theirs,
-/// the colour filter of the first, and `look`. The picture needs alpha and depth.
-pub fn finish(falls: &[PaperFall], look: Option<&ColorGrade>, path: SimdPath, picture: &mut Frame) {
+/// Applies what follows the last sub-cloud: the fogs of all that falls, one blur as wide as all of
+/// theirs, the colour filter of the first, and `look`. The picture needs alpha and depth.
+pub(crate) fn finish(falls: &[PaperFall], look: Option<&ColorGrade>, path: SimdPath, picture: &mut Frame) {
     let fogs: Vec<&dyn PixelEffect> = falls.iter().map(|fall| &fall.fog as &dyn PixelEffect).collect();
     apply(&fogs, path, picture);
     blur(falls.iter().map(|fall| fall.blur.powi(2)).sum::<f64>().sqrt(), picture);
@@ -169,7 +169,7 @@ fn apply(effects: &[&dyn PixelEffect], path: SimdPath, picture: &mut Frame) {
 /// A Gaussian blur of the colours as they are shown, standard deviation `sigma` px; beyond the edge
 /// the last pixel goes on.
 fn blur(sigma: f64, picture: &mut Frame) {
-    if sigma < SHARP {
+    if sigma < MIN_BLUR_PX {
         return;
     }
     let reach = (3.0 * sigma).ceil() as usize;

@@ -51,7 +51,7 @@ const MOST_NEIGHBOURS: usize = 64;
 /// Most points tried a disc.
 const MOST_DARTS: f64 = 256.0;
 /// Largest coordinate, scene units: its square and sums of such still are numbers in f32.
-const FARTHEST: f32 = 1e15;
+const MAX_COORDINATE: f32 = 1e15;
 /// Share of the middle variance of points in the largest below which they lie on a line.
 const LINE: f64 = 1e-6;
 
@@ -59,47 +59,47 @@ const LINE: f64 = 1e-6;
 #[derive(Clone, Debug, PartialEq)]
 pub struct PaperCover {
     /// Cosine between a splat's normal and up above which it holds snow, 0-1.
-    pub seed_cosine: f64,
+    pub(crate) seed_cosine: f64,
     /// Angle between a plane's normal and up below which it is filled, degrees, 0-90.
-    pub fill_angle: f64,
+    pub(crate) fill_angle: f64,
     /// Opacity below which a splat holds no snow, 0-1.
-    pub least_opacity: f64,
+    pub(crate) least_opacity: f64,
     /// Standard deviation above which a splat holds no snow, m, above 0. Nor is there snow of such:
     /// what is so sparse is no surface.
-    pub largest: f64,
+    pub(crate) largest: f64,
     /// k: neighbours that a plane is estimated from, 3-64. A smaller scene has fewer.
-    pub neighbours: usize,
+    pub(crate) neighbours: usize,
     /// Weight of sigma / mean in the radius of a plane, 0 or more.
-    pub spread: f64,
+    pub(crate) spread: f64,
     /// Distance between snow Gaussians, median distances to the neighbours, above 0.
-    pub spacing: f64,
+    pub(crate) spacing: f64,
     /// Points tried in a disc as large as the spacing, above 0; a disc has 256 at most. The more,
     /// the fewer gaps.
-    pub darts: f64,
+    pub(crate) darts: f64,
     /// Standard deviations above the mean from which distances to the neighbours are an outlier's,
     /// 0 or more.
-    pub outlier_sigmas: f64,
+    pub(crate) outlier_sigmas: f64,
     /// Neighbours within [`Self::outlier_radius`] that what stays has at least, 0-64.
-    pub outlier_neighbours: usize,
+    pub(crate) outlier_neighbours: usize,
     /// Radius in which they are counted, median distances between neighbours there, above 0.
-    pub outlier_radius: f64,
+    pub(crate) outlier_radius: f64,
     /// Standard deviation of a snow Gaussian along its plane, spacings, above 0. At 0.7 hardly a
     /// gap is left.
-    pub size: f64,
-    /// The same along its normal against that, 0-1.
-    pub flatness: f64,
+    pub(crate) size: f64,
+    /// Standard deviation along the normal over that along the plane, 0-1.
+    pub(crate) flatness: f64,
     /// Height of snow above the covered surface, spacings, 0 or more.
-    pub lift: f64,
+    pub(crate) lift: f64,
     /// Opacity of a snow Gaussian, 0-1: high, so that what it covers does not show.
-    pub opacity: f64,
+    pub(crate) opacity: f64,
     /// Display-referred colour, 0-1: that of the albedo of fresh snow, 0.8-0.9 (Wiscombe and Warren
     /// 1980), under a light of 1.
-    pub color: [f32; 3],
+    pub(crate) color: [f32; 3],
     /// The seed of the random filling.
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// Most snow Gaussians. Half are for those on splats: of more, equally likely ones are left
     /// out, and the others are larger for it.
-    pub most: usize,
+    pub(crate) most: usize,
 }
 
 impl Default for PaperCover {
@@ -146,7 +146,7 @@ struct Patch {
     /// The normal of their plane, where it is filled.
     normal: Option<DVec3>,
     /// Points on it that no seed nearby is too near to.
-    darts: Vec<[f32; 3]>,
+    pub(crate) darts: Vec<[f32; 3]>,
 }
 
 impl PaperCover {
@@ -190,7 +190,7 @@ impl PaperCover {
                 && f64::from(a.max(b).max(c)).exp() * metres <= self.largest;
             let faults = splats.faults(i);
             let is_sound = !(faults.mean || faults.scale || faults.quat || faults.zero_quat)
-                && splats.means[i].iter().all(|v| v.abs() <= FARTHEST);
+                && splats.means[i].iter().all(|v| v.abs() <= MAX_COORDINATE);
             if !(holds && is_sound) {
                 continue;
             }

@@ -32,7 +32,7 @@ use wm_scene::splats::{Splat, logit};
 use wm_scene::{Camera, Group, Splats};
 
 /// Nearest to the camera, m: what is nearer fills the picture.
-const NEAREST: f64 = 0.5;
+const MIN_DISTANCE_M: f64 = 0.5;
 /// Factors on the fall speed, from and to.
 const SPEEDS: [f64; 2] = [0.75, 1.25];
 /// Standard deviation of a Gaussian as a share of its length: two to each side.
@@ -46,75 +46,74 @@ const ARMS: usize = 3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct PaperFall {
     /// Drops or flakes.
-    pub kind: &'static PrecipitationKind,
+    pub(crate) kind: &'static PrecipitationKind,
     /// The seed of random positions.
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// The number of particles in the box; a fraction is dropped.
-    pub number: f64,
+    pub(crate) number: f64,
     /// Edge of the box, m.
-    pub edge: f64,
+    pub(crate) edge: f64,
     /// Mean fall speed now, m/s.
-    pub speed: f64,
+    pub(crate) speed: f64,
     /// Distance fallen since time 0 at the mean speed, m.
-    pub fallen: f64,
+    pub(crate) fallen: f64,
     /// Display-referred colour, 0-1.
-    pub color: [f64; 3],
+    pub(crate) color: [f64; 3],
     /// Opacity of a Gaussian, 0-1.
-    pub opacity: f64,
+    pub(crate) opacity: f64,
     /// Length of a drop, or of a flake's arms, m: four standard deviations.
-    pub length: f64,
-    /// The same across, m.
-    pub width: f64,
+    pub(crate) length: f64,
+    /// Width, m.
+    pub(crate) width: f64,
     /// k: how many sub-clouds.
-    pub layers: usize,
+    pub(crate) layers: usize,
     /// L_sky, display-referred, 0-1.
-    pub sky: f64,
+    pub(crate) sky: f64,
     /// Least and greatest difference of brightness that counts.
-    pub t: [f64; 2],
+    pub(crate) t: [f64; 2],
     /// t_D, m; `None` where the projected width is 0.3 px.
-    pub t_d: Option<f64>,
+    pub(crate) t_d: Option<f64>,
     /// t_C, brightness.
-    pub t_c: f64,
+    pub(crate) t_c: f64,
     /// Depth that counts as 1, scene units.
-    pub d_max: f64,
+    pub(crate) d_max: f64,
     /// The fog over the distance.
-    pub fog: PaperFog,
+    pub(crate) fog: PaperFog,
     /// Standard deviation of the last blur, px; 0 for none.
-    pub blur: f64,
+    pub(crate) blur: f64,
     /// The colour filter.
-    pub filter: ColorGrade,
+    pub(crate) filter: ColorGrade,
 }
 
 /// The place, the wind and the camera of the paper's fall.
 #[derive(Clone, Copy, Debug)]
-pub struct PaperFallContext<'a> {
+pub(crate) struct PaperFallContext<'a> {
     /// The place.
-    pub site: &'a Site,
+    pub(crate) site: &'a Site,
     /// The wind.
-    pub wind_now: WindSample,
+    pub(crate) wind_now: WindSample,
     /// The camera.
-    pub camera: &'a Camera,
-    /// Its velocity, m/s, world axes.
-    pub velocity: [f64; 3],
+    pub(crate) camera: &'a Camera,
+    /// Velocity of the camera, m/s, world axes.
+    pub(crate) velocity: [f64; 3],
 }
 
 /// One drop or flake.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PaperParticle {
-    /// Its number.
-    pub index: u64,
+pub(crate) struct PaperParticle {
+    /// Number of the particle.
+    pub(crate) index: u64,
     /// From the camera's centre, world axes, m.
-    pub offset: [f64; 3],
+    pub(crate) offset: [f64; 3],
     /// View z, m.
-    pub depth: f64,
-    /// Its fall speed, m/s.
-    pub speed: f64,
+    pub(crate) depth: f64,
+    /// Fall speed, m/s.
+    pub(crate) speed: f64,
 }
 
 impl PaperFall {
     /// t_D in metres before a camera.
-    #[must_use]
-    pub fn reach(&self, camera: &Camera) -> f64 {
+    pub(crate) fn reach(&self, camera: &Camera) -> f64 {
         let seen = match self.kind.shape {
             ParticleShape::Ball => self.width,
             ParticleShape::Flake => self.length,
@@ -132,8 +131,7 @@ impl PaperFall {
     }
 
     /// Returns the particles that the camera may see, the nearest first; of equal depth by number.
-    #[must_use]
-    pub fn noise(&self, before: &PaperFallContext<'_>) -> Vec<PaperParticle> {
+    pub(crate) fn noise(&self, before: &PaperFallContext<'_>) -> Vec<PaperParticle> {
         let view = ParticleView::new(before.camera);
         let axes = level_axes(before.site.up);
         let metres = before.site.metres_per_unit;
@@ -151,7 +149,7 @@ impl PaperFall {
             let depth = (0..3).map(|k| f64::from(view.rotation[2][k]) * offset[k]).sum();
             let units = offset.map(|v| (v / metres) as f32);
             let is_near = offset.iter().map(|v| v * v).sum::<f64>() <= 0.25 * self.edge * self.edge;
-            if is_near && depth > NEAREST && view.may_see(units, (self.length / metres) as f32) {
+            if is_near && depth > MIN_DISTANCE_M && view.may_see(units, (self.length / metres) as f32) {
                 seen.push(PaperParticle { index, offset, depth, speed: factor * self.speed });
             }
         }
@@ -161,8 +159,7 @@ impl PaperFall {
 
     /// The sub-clouds, the farthest first: slices of depth of as many things each, none of them
     /// empty.
-    #[must_use]
-    pub fn sub_clouds(&self, before: &PaperFallContext<'_>) -> Vec<Splats> {
+    pub(crate) fn sub_clouds(&self, before: &PaperFallContext<'_>) -> Vec<Splats> {
         let noise = self.noise(before);
         let most = noise.len().div_ceil(self.layers.max(1)).max(1);
         noise.chunks(most).rev().map(|slice| self.splats(slice, before)).collect()

@@ -14,19 +14,18 @@ use wm_render::simd::SimdPath;
 
 /// The paper's fog at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PaperFog {
+pub(crate) struct PaperFog {
     /// I_style.
-    pub intensity: f64,
+    pub(crate) intensity: f64,
     /// C_fog, display-referred, 0-1.
-    pub color: [f64; 3],
+    pub(crate) color: [f64; 3],
     /// Depth that counts as 1, scene units.
-    pub d_max: f64,
+    pub(crate) d_max: f64,
 }
 
 impl PaperFog {
     /// alpha_style of a pixel with depth sum `depth` (scene units) and coverage `alpha`.
-    #[must_use]
-    pub fn alpha_style(&self, depth: f64, alpha: f64) -> f64 {
+    fn alpha_style(&self, depth: f64, alpha: f64) -> f64 {
         let relative = ((depth + (1.0 - alpha) * self.d_max) / self.d_max).min(1.0);
         (1.0 - (-self.intensity * relative).exp()).min(1.0)
     }

@@ -12,11 +12,11 @@
 //! first, and ends with [`composite::finish`].
 
 pub mod composite;
-pub mod cover;
-pub mod fall;
-pub mod fog;
+pub(crate) mod cover;
+pub(crate) mod fall;
+pub(crate) mod fog;
 
 pub use composite::PaperStages;
 pub use cover::PaperCover;
-pub use fall::PaperFall;
-pub use fog::PaperFog;
+pub(crate) use fall::PaperFall;
+pub(crate) use fog::PaperFog;

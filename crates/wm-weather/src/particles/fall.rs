@@ -9,7 +9,7 @@
 use super::field::{Cells, Points, ViewFrustum};
 use super::precipitation::{CUT, Precipitation};
 use super::random::{RandomSequence, uniform};
-use super::residual::{FADE, NEAREST};
+use super::residual::{FADE, MIN_DISTANCE_M};
 use super::spectrum::ParticleShape;
 use super::sway::{self, Sway};
 use crate::dome::{from_level, level_axes, to_level};
@@ -42,7 +42,7 @@ const ARM: f64 = 0.1;
 const SLICES: i64 = 6;
 
 /// Precipitation before a camera.
-pub struct FallingParticles<'a> {
+pub(crate) struct FallingParticles<'a> {
     precipitation: &'a Precipitation,
     air: &'a Atmosphere,
     shelter: Option<&'a Shelter>,
@@ -62,24 +62,30 @@ pub struct FallingParticles<'a> {
 /// The wind at an instant: how far the air has come since time 0, and how fast it goes, m and m/s
 /// along level axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct WindSample {
+pub(crate) struct WindSample {
     /// m.
-    pub drift: [f64; 2],
+    pub(crate) drift: [f64; 2],
     /// m/s.
-    pub wind: [f64; 2],
+    pub(crate) wind: [f64; 2],
     /// m/s, without gusts.
-    pub mean: [f64; 2],
+    pub(crate) mean: [f64; 2],
 }
 
 impl<'a> FallingParticles<'a> {
     /// At the instant `time`, s, before a camera that moves with `velocity` (m/s, world axes).
     #[must_use]
-    pub fn new(
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "what falls, the place, its lights and the motion are independent"
+    )]
+    pub(crate) fn new(
         precipitation: &'a Precipitation,
         site: &Site,
         air: &'a Atmosphere,
-        (shelter, lamps): (Option<&'a Shelter>, Option<&'a LampsOn<'a>>),
-        (wind_now, velocity): (WindSample, [f64; 3]),
+        shelter: Option<&'a Shelter>,
+        lamps: Option<&'a LampsOn<'a>>,
+        wind_now: WindSample,
+        velocity: [f64; 3],
         time: f64,
     ) -> Self {
         let axes = level_axes(site.up);
@@ -98,10 +104,9 @@ impl<'a> FallingParticles<'a> {
         }
     }
 
-    /// The same for a sensor that takes no picture: all particles of each class within `ranges` (m)
+    /// Draws for a sensor that takes no picture: all particles of each class within `ranges` (m)
     /// are handed over, and none stands for several, whatever the view's pixels.
-    #[must_use]
-    pub fn within(mut self, ranges: &[f64]) -> Self {
+    pub(crate) fn within(mut self, ranges: &[f64]) -> Self {
         self.ranges = Some(ranges.iter().map(|range| range / FADE[0]).collect());
         self
     }
@@ -218,14 +223,15 @@ impl FallingParticles<'_> {
         &self,
         simd: S,
         view: &ParticleView,
-        [class, tier, first, last]: [i32; 4],
+        part: [i32; 4],
         take: &mut dyn FnMut(&ParticleGroup),
     ) {
+        let [class, tier, first, last] = part;
         let (class, tier) = (class as usize, tier as usize);
         let (cells, density) = (self.cells_of(class, tier), self.density(class, view));
         let Some(range) = density.reach(cells.thresholds[0]) else { return };
         let cone = self.cone(class, view, range);
-        let mut brush = Brush::new(self, view, (class, density, &cone), take);
+        let mut brush = Brush::new(self, view, class, density, &cone, take);
         let begin = cone.slices(cells.edge).start;
         let half = 0.5 * cells.edge;
         let mut visited = Vec::new();
@@ -242,7 +248,7 @@ impl FallingParticles<'_> {
                 let phases = brush.sway.as_ref().map(|sway| sway.phases(&still));
                 while points.last() < most {
                     cells.next(simd, *cell, &mut points);
-                    brush.add(simd, (&cells, *cell, *corner), phases.as_ref(), &points);
+                    brush.add(simd, &cells, *cell, *corner, phases.as_ref(), &points);
                 }
             }
         }
@@ -307,7 +313,7 @@ struct Batch {
     distance: [f32; GROUP],
     /// Fade-in, 0-1.
     there: [f32; GROUP],
-    /// One over how many it stands for.
+    /// Reciprocal of the number of drops that it stands for.
     keep: [f32; GROUP],
     /// A number of its own.
     own: [u32; GROUP],
@@ -347,7 +353,7 @@ struct Brush<'a> {
     air: AirView<'a>,
     class: usize,
     density: Density,
-    /// Of the cone, and how far outside of them points may lie before they sway, m.
+    /// Planes of the cone, and how far outside of them points may lie before they sway, m.
     planes: [[f32; 3]; 5],
     margin: f32,
     sway: Option<Sway>,
@@ -365,7 +371,9 @@ impl<'a> Brush<'a> {
     fn new(
         fall: &'a FallingParticles<'a>,
         view: &'a ParticleView,
-        (class, density, cone): (usize, Density, &ViewFrustum),
+        class: usize,
+        density: Density,
+        cone: &ViewFrustum,
         take: &'a mut dyn FnMut(&ParticleGroup),
     ) -> Self {
         let this = fall.precipitation;
@@ -402,7 +410,9 @@ impl<'a> Brush<'a> {
     fn add<S: Lanes>(
         &mut self,
         simd: S,
-        (cells, cell, corner): (&Cells, [i64; 3], [f64; 3]),
+        cells: &Cells,
+        cell: [i64; 3],
+        corner: [f64; 3],
         phases: Option<&sway::SwayPhases>,
         points: &Points,
     ) {
@@ -421,11 +431,11 @@ impl<'a> Brush<'a> {
             if !near.any_true() {
                 continue;
             }
-            let own = cells.own(simd, cell, (points, first, 1));
+            let own = cells.own(simd, cell, points, first, 1);
             let width = self.fall.precipitation.classes[self.class].seen_by(simd, uniform(simd, own[0]));
             let mut velocity = self.relative.map(|v| simd.set(v));
             if let (Some(sway), Some(phases)) = (&self.sway, phases) {
-                sway.apply(simd, (phases, &within), [own[1], own[2]], &mut at, &mut velocity);
+                sway.apply(simd, phases, &within, [own[1], own[2]], &mut at, &mut velocity);
             }
             let distance = squared::<S>(&at).sqrt();
             let [keep, there] = self.density.at(simd, distance, threshold);
@@ -435,7 +445,7 @@ impl<'a> Brush<'a> {
             let margin = squared::<S>(&velocity).sqrt().mul_add(simd.set(look.exposure as f32), spread);
             let seen = near
                 & there.simd_gt(zero)
-                & distance.simd_gt(simd.set(NEAREST as f32))
+                & distance.simd_gt(simd.set(MIN_DISTANCE_M as f32))
                 & inside_by(simd, &self.planes, &at, margin).simd_gt(zero);
             let mut bits = seen.to_bitmask();
             while bits != 0 {

@@ -12,36 +12,34 @@ use wm_render::simd::{Lanes, log2};
 
 /// The cubes of one process.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cells {
+pub(crate) struct Cells {
     /// The key of the process.
-    pub key: u32,
+    pub(crate) key: u32,
     /// Edge of a cube, m.
-    pub edge: f64,
+    pub(crate) edge: f64,
     /// Points a m^3 and a threshold of 1.
-    pub density: f64,
+    pub(crate) density: f64,
     /// Thresholds of its points, from and up to.
-    pub thresholds: [f64; 2],
+    pub(crate) thresholds: [f64; 2],
 }
 
-/// Points that a cube holds on the average, where that makes no cube too small or too large: cubes
+/// Points that a cube holds on average, where that makes no cube too small or too large: cubes
 /// cut by the border of the view cost, and so do groups of points that are not filled.
-const TYPICAL: f64 = 24.0;
+const MEAN_CUBE_POINTS: f64 = 24.0;
 /// Shortest and longest edge, m.
 const EDGES: [f64; 2] = [0.1, 16.0];
 
 impl Cells {
     /// Cubes for a density, points a m^3 and threshold.
-    #[must_use]
-    pub fn new(key: u32, density: f64, thresholds: [f64; 2]) -> Self {
+    pub(crate) fn new(key: u32, density: f64, thresholds: [f64; 2]) -> Self {
         let count = density * (thresholds[1] - thresholds[0]);
-        let edge = (TYPICAL / count.max(1e-12)).cbrt().clamp(EDGES[0], EDGES[1]);
+        let edge = (MEAN_CUBE_POINTS / count.max(1e-12)).cbrt().clamp(EDGES[0], EDGES[1]);
         Self { key, edge, density, thresholds }
     }
 
     /// Before the first point of a cube.
     #[inline]
-    #[must_use]
-    pub fn begin(&self) -> Points {
+    pub(crate) fn begin(&self) -> Points {
         Points {
             threshold: [0.0; GROUP],
             place: [[0.0; GROUP]; 3],
@@ -53,7 +51,7 @@ impl Cells {
     /// The next points of a cube, in the order of their thresholds, after those that `points`
     /// holds.
     #[inline(always)]
-    pub fn next<S: Lanes>(&self, simd: S, cell: [i64; 3], points: &mut Points) {
+    pub(crate) fn next<S: Lanes>(&self, simd: S, cell: [i64; 3], points: &mut Points) {
         // Mean gap, of the natural logarithm's opposite and by log2.
         let step = std::f64::consts::LN_2 / (self.density * self.edge * self.edge * self.edge);
         for first in (0..GROUP).step_by(S::N) {
@@ -78,11 +76,13 @@ impl Cells {
     /// Four more numbers of each of the points that [`Self::next`] gave last, from lane `first` on;
     /// `which` is any number but 0.
     #[inline(always)]
-    pub fn own<S: Lanes>(
+    pub(crate) fn own<S: Lanes>(
         &self,
         simd: S,
         cell: [i64; 3],
-        (points, first, which): (&Points, usize, u32),
+        points: &Points,
+        first: usize,
+        which: u32,
     ) -> [S::U; 4] {
         let number = S::U::from_slice(simd, &LANES[first..first + S::N])
             + S::U::splat(simd, (self.key ^ which << 24).wrapping_add(points.count - GROUP as u32));
@@ -96,52 +96,49 @@ const LANES: [u32; GROUP] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 1
 /// Sixteen points of one cube.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
-pub struct Points {
+pub(crate) struct Points {
     /// Thresholds; points whose threshold is beyond the tier's are not part of it.
-    pub threshold: [f32; GROUP],
+    pub(crate) threshold: [f32; GROUP],
     /// Positions in their cube, 0-1, one array per axis.
-    pub place: [[f32; GROUP]; 3],
+    pub(crate) place: [[f32; GROUP]; 3],
     /// The number of points up to the last of these.
     count: u32,
-    /// Its threshold.
+    /// Threshold of the last point.
     last: f32,
 }
 
 impl Points {
     /// The greatest threshold of all up to here.
     #[inline]
-    #[must_use]
-    pub fn last(&self) -> f32 {
+    pub(crate) fn last(&self) -> f32 {
         self.last
     }
 }
 
 /// The view of a camera up to a distance, in level axes and metres from its centre.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ViewFrustum {
+pub(crate) struct ViewFrustum {
     /// Normals of planes through the camera, into the view, length 1: its four sides and the one
     /// that it looks along.
-    pub planes: [[f64; 3]; 5],
+    pub(crate) planes: [[f64; 3]; 5],
     /// The camera's centre, m, where the process stands still.
-    pub center: [f64; 3],
+    pub(crate) center: [f64; 3],
     /// Farthest, m.
-    pub range: f64,
+    pub(crate) range: f64,
     /// Distance outside the planes at which points still count, m.
-    pub margin: f64,
+    pub(crate) margin: f64,
 }
 
 impl ViewFrustum {
     /// The planes of a view; `axes` are the level ones, world axes.
-    #[must_use]
-    pub fn planes(view: &ParticleView, axes: &[[f64; 3]; 3]) -> [[f64; 3]; 5] {
+    pub(crate) fn planes(view: &ParticleView, axes: &[[f64; 3]; 3]) -> [[f64; 3]; 5] {
         let turned = |n: [f32; 3]| to_level(axes, n.map(f64::from));
         let [a, b, c, d] = view.sides.map(turned);
         [a, b, c, d, turned(view.rotation[2])]
     }
 
     /// The numbers of the slices of cubes along the first axis.
-    #[must_use]
-    pub fn slices(&self, edge: f64) -> std::ops::Range<i64> {
+    pub(crate) fn slices(&self, edge: f64) -> std::ops::Range<i64> {
         let (low, high) = self.bounds(0, [None, None]);
         let index = |v: f64| ((self.center[0] + v) / edge).floor() as i64;
         if low > high { 0..0 } else { index(low)..index(high) + 1 }
@@ -178,8 +175,7 @@ impl ViewFrustum {
     }
 
     /// Estimates the cubes that [`Self::each_cell`] visits in all slices, by some of them.
-    #[must_use]
-    pub fn cells(&self, edge: f64) -> f64 {
+    pub(crate) fn cells(&self, edge: f64) -> f64 {
         const SAMPLES: i64 = 16;
         let slices = self.slices(edge);
         let count = slices.end - slices.start;
@@ -200,7 +196,7 @@ impl ViewFrustum {
 
     /// Calls `visit` with each cube of a slice that may be within: its indices, and its first
     /// corner from the camera, m.
-    pub fn each_cell(&self, edge: f64, slice: i64, mut visit: impl FnMut([i64; 3], [f64; 3])) {
+    pub(crate) fn each_cell(&self, edge: f64, slice: i64, mut visit: impl FnMut([i64; 3], [f64; 3])) {
         let from = |k: usize, index: i64| index as f64 * edge - self.center[k];
         let index = |k: usize, v: f64| ((self.center[k] + v) / edge).floor() as i64;
         let x = from(0, slice);

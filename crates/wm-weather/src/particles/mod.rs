@@ -25,17 +25,18 @@
 //! rendered as splats over splats in k layers. Here they are in physical units and tested against
 //! depth one by one ([`wm_render::stages::particles`]).
 
-pub mod fall;
-pub mod field;
-pub mod near;
-pub mod precipitation;
-pub mod random;
-pub mod residual;
-pub mod spectrum;
-pub mod sway;
+pub(crate) mod fall;
+pub(crate) mod field;
+pub(crate) mod near;
+pub(crate) mod precipitation;
+pub(crate) mod random;
+pub(crate) mod residual;
+pub(crate) mod spectrum;
+pub(crate) mod sway;
 
-pub use fall::FallingParticles;
+pub(crate) use fall::FallingParticles;
 pub use near::NearParticle;
-pub use precipitation::{ParticleAppearance, Precipitation};
-pub use residual::Residual;
-pub use spectrum::{ClassSpacing, LEAST_RATE, ParticleShape, PrecipitationKind, RAIN, SNOW, SizeClass};
+pub(crate) use precipitation::{ParticleAppearance, Precipitation};
+pub(crate) use residual::Residual;
+pub(crate) use spectrum::{ClassSpacing, LEAST_RATE};
+pub use spectrum::{ParticleShape, PrecipitationKind, RAIN, SNOW};

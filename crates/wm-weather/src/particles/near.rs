@@ -17,23 +17,31 @@ const SHORTEST: f64 = 1e-4;
 /// One falling particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearParticle {
-    /// Its middle from that of the view, world axes, m.
+    /// Centre relative to that of the view, world axes, m.
     pub offset: [f64; 3],
-    /// Its velocity, world axes, m/s.
+    /// Velocity, world axes, m/s.
     pub velocity: [f64; 3],
-    /// Its diameter as it is seen, m; of a flake not that of its water.
+    /// Visible diameter, m; of a flake not that of its water.
     pub diameter: f64,
-    /// Its shape.
+    /// Shape.
     pub shape: ParticleShape,
 }
 
 /// The particles of one kind in front of a view, at a time and within half of a duration, s, of it.
+#[allow(
+    clippy::too_many_arguments,
+    reason = "the view, the place and the instant, which other calls combine otherwise"
+)]
 pub(crate) fn particles(
     path: SimdPath,
     view: &ParticleView,
     kind: &Precipitation,
-    (site, air, shelter): (&Site, &Atmosphere, Option<&Shelter>),
-    (wind, time, duration): (WindSample, f64, f64),
+    site: &Site,
+    air: &Atmosphere,
+    shelter: Option<&Shelter>,
+    wind: WindSample,
+    time: f64,
+    duration: f64,
     reach: &dyn Fn(ParticleShape, f64) -> f64,
 ) -> Vec<NearParticle> {
     // As they are in nature: what makes pictures of them clearer is no part of them.
@@ -44,14 +52,14 @@ pub(crate) fn particles(
     let ranges: Vec<f64> =
         bare.classes.iter().map(|class| reach(shape, 1e-3 * kind.kind.seen(class.diameters[1]))).collect();
     let still = [0.0; 3];
-    let fall = FallingParticles::new(&bare, site, air, (shelter, None), (wind, still), time).within(&ranges);
+    let fall = FallingParticles::new(&bare, site, air, shelter, None, wind, still, time).within(&ranges);
     let metres = site.metres_per_unit;
     let mut found = Vec::new();
     for part in fall.parts(view) {
         fall.gather(path, view, part, &mut |group| {
             for particle in group.particles() {
                 let width = f64::from(particle.sigma) / DISC;
-                // One of the last below the density that is asked for is there by a half: it is
+                // One of the last below the density that is requested is there by a half: it is
                 // there or not.
                 if f64::from(particle.area) < 0.5 * PI / 4.0 * width * width {
                     continue;
@@ -75,11 +83,13 @@ pub(crate) fn drawn(
     path: SimdPath,
     seen: &Observer<'_>,
     kind: &Precipitation,
-    (site, air, wind, time): (&Site, &Atmosphere, WindSample, f64),
+    site: &Site,
+    air: &Atmosphere,
+    wind: WindSample,
+    time: f64,
 ) -> Vec<(Particle, [f64; 3])> {
     let view = ParticleView::new(seen.camera);
-    let motion = (wind, seen.velocity);
-    let fall = FallingParticles::new(kind, site, air, (seen.shelter, None), motion, time);
+    let fall = FallingParticles::new(kind, site, air, seen.shelter, None, wind, seen.velocity, time);
     // A streak is the way within the exposure.
     let seconds = kind.look.exposure * LINE;
     let velocity = |one: &Particle| one.reach[0].map(|v| f64::from(v) / seconds);
@@ -110,7 +120,7 @@ mod tests {
         for (key, rate) in [("rain.rate", 10.0), ("snowfall.rate", 3.0)] {
             let weather = Weather::clear().set(key, rate).unwrap().set("wind.speed", 4.0).unwrap();
             let prepared = weather.at(7.25).prepare(&Site::PLAIN);
-            let near = prepared.near_particles(path, (&view, None), (0.0, 0.0), &|_, _| 3.0);
+            let near = prepared.near_particles(path, &view, None, 0.0, 0.0, &|_, _| 3.0);
             let mut seen = Vec::new();
             prepared.with_hooks(&Observer::at_rest(&camera), |hooks| {
                 for kind in hooks.particles {
@@ -135,7 +145,7 @@ mod tests {
         }
     }
 
-    /// A quarter of a second later the drops that are asked for then are those that fly on.
+    /// A quarter of a second later the drops that are requested then are those that fly on.
     #[test]
     fn particles_fly_on_with_their_velocity() {
         let eye = DVec3::new(3.0, -2.0, 1.5);
@@ -143,9 +153,8 @@ mod tests {
         let view = ParticleView::new(&camera);
         let weather = Weather::clear().set("rain.rate", 10.0).unwrap().set("wind.speed", 4.0).unwrap();
         let prepared = weather.at(2.0).prepare(&Site::PLAIN);
-        let at = |after: f64| {
-            prepared.near_particles(SimdPath::widest(), (&view, None), (after, 0.1), &|_, _| 4.0)
-        };
+        let at =
+            |after: f64| prepared.near_particles(SimdPath::widest(), &view, None, after, 0.1, &|_, _| 4.0);
         let (now, then) = (at(0.0), at(0.02));
         let flown =
             now.iter().map(|one| DVec3::from_array(one.offset) + DVec3::from_array(one.velocity) * 0.02);

@@ -13,19 +13,19 @@ const SURROUNDINGS: f64 = 0.75;
 
 /// The appearance of precipitation and the camera's exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ParticleAppearance {
+pub(crate) struct ParticleAppearance {
     /// The seed of random positions.
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// The exposure time, s.
-    pub exposure: f64,
+    pub(crate) exposure: f64,
     /// Factor on diameters as drawn.
-    pub size: f64,
+    pub(crate) size: f64,
     /// Factor on cover as drawn.
-    pub opacity: f64,
+    pub(crate) opacity: f64,
     /// Factor on radiance.
-    pub brightness: f64,
+    pub(crate) brightness: f64,
     /// Radiance, linear RGB, where it is not that of the surroundings.
-    pub radiance: Option<[f64; 3]>,
+    pub(crate) radiance: Option<[f64; 3]>,
 }
 
 impl Default for ParticleAppearance {
@@ -43,9 +43,9 @@ pub struct Precipitation {
     /// Water, mm/h.
     pub rate: f64,
     /// The appearance of its particles.
-    pub look: ParticleAppearance,
+    pub(crate) look: ParticleAppearance,
     /// Radiance of an endless path through it, linear RGB.
-    pub airlight: [f64; 3],
+    pub(crate) airlight: [f64; 3],
     pub(super) classes: Vec<SizeClass>,
     /// Drops a m^3 now, and at a threshold of 1.
     pub(super) numbers: Vec<f64>,
@@ -54,8 +54,7 @@ pub struct Precipitation {
 
 impl Precipitation {
     /// A kind at a rate, mm/h of water, under an airlight (linear RGB).
-    #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         kind: &'static PrecipitationKind,
         rate: f64,
         airlight: [f64; 3],
@@ -74,19 +73,17 @@ impl Precipitation {
     }
 
     /// The classes, with the drops a m^3 of each.
-    pub fn classes(&self) -> impl Iterator<Item = (&SizeClass, f64)> {
+    pub(crate) fn classes(&self) -> impl Iterator<Item = (&SizeClass, f64)> {
         self.classes.iter().zip(self.numbers.iter().copied())
     }
 
     /// Extinction of all of it, 1/m.
-    #[must_use]
-    pub fn sigma_t(&self) -> f64 {
+    pub(crate) fn sigma_t(&self) -> f64 {
         self.kind.sigma_t(&self.classes, self.rate)
     }
 
     /// The air that all of it together is.
-    #[must_use]
-    pub fn layer(&self) -> AirLayer {
+    pub(crate) fn layer(&self) -> AirLayer {
         AirLayer {
             sigma_t: [self.sigma_t(); 3],
             airlight: self.airlight,
@@ -105,8 +102,7 @@ impl Precipitation {
     }
 
     /// Mean fall speed by water, m/s; not a number where nothing falls.
-    #[must_use]
-    pub fn mean_speed(&self) -> f64 {
+    pub(crate) fn mean_speed(&self) -> f64 {
         let water = |(class, number): (&SizeClass, f64)| class.water * number;
         let all: f64 = self.classes().map(water).sum();
         self.classes().map(|pair| pair.0.fall_speed * water(pair)).sum::<f64>() / all
@@ -119,8 +115,7 @@ impl Precipitation {
 
     /// Returns the part that particles show in a view with `pixels` to a length of 1 at distance 1,
     /// and that the air must leave out.
-    #[must_use]
-    pub fn residual(&self, pixels: f64) -> Residual {
+    pub(crate) fn residual(&self, pixels: f64) -> Residual {
         let drawn = self.classes().map(|(class, number)| [number * class.area, self.range(class, pixels)]);
         Residual::new(drawn.collect(), self.airlight)
     }

@@ -8,7 +8,7 @@ pub use wm_scene::random::RandomSequence;
 
 /// [`wm_scene::random::pcg4d`] on every lane.
 #[inline(always)]
-pub fn pcg4d<S: Lanes>(simd: S, mut v: [S::U; 4]) -> [S::U; 4] {
+pub(crate) fn pcg4d<S: Lanes>(simd: S, mut v: [S::U; 4]) -> [S::U; 4] {
     for k in 0..4 {
         v[k] = v[k] * S::U::splat(simd, PCG[0]) + S::U::splat(simd, PCG[1]);
     }
@@ -28,14 +28,14 @@ pub fn pcg4d<S: Lanes>(simd: S, mut v: [S::U; 4]) -> [S::U; 4] {
 
 /// Bits as numbers uniform in (0, 1), from their upper 23.
 #[inline(always)]
-pub fn uniform<S: Lanes>(simd: S, bits: S::U) -> S::F {
+pub(crate) fn uniform<S: Lanes>(simd: S, bits: S::U) -> S::F {
     // In [1, 2), and down to the middle of the step.
     S::F::from_bits(bits >> 9 | S::U::splat(simd, 0x3f80_0000)) - (1.0 - 0.5 / 8_388_608.0)
 }
 
 /// Sine and cosine of a number of turns from -2 to 2, within 2e-6.
 #[inline(always)]
-pub fn wave<S: Lanes>(simd: S, turns: S::F) -> [S::F; 2] {
+pub(crate) fn wave<S: Lanes>(simd: S, turns: S::F) -> [S::F; 2] {
     /// Adding it leaves the nearest whole number, and one and a half times 2^23.
     const ROUND: f32 = 12_582_912.0;
     const SIN: [f32; 5] = [1.0 / 362_880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0];

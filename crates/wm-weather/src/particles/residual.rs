@@ -9,25 +9,26 @@ use wm_render::simd::Lanes;
 
 /// End of drawing, as shares of a class's distance: everything up to the first, nothing beyond the
 /// second.
-pub const FADE: [f64; 2] = [0.85, 1.15];
-/// Nearest that anything is drawn, m.
-pub const NEAREST: f64 = 0.1;
+pub(crate) const FADE: [f64; 2] = [0.85, 1.15];
+/// Least distance at which anything is drawn, m.
+pub(crate) const MIN_DISTANCE_M: f64 = 0.1;
 /// Nodes of the table, 8 equal steps for a factor of 2, from `2^FIRST` m to `2^LAST`.
-pub const NODES: usize = 8 * (LAST - FIRST) as usize;
-const FIRST: i32 = -3;
-const LAST: i32 = 17;
+pub(crate) const NODES: usize = 8 * (LAST_LOG2 - FIRST_LOG2) as usize;
+const FIRST_LOG2: i32 = -3;
+const LAST_LOG2: i32 = 17;
 /// The first node, m.
-pub const NEAREST_NODE: f32 = 0.125;
-/// Just before the last one, m: beyond it nothing more is drawn.
-pub const FARTHEST_NODE: f32 = 131_072.0 * (1.0 - f32::EPSILON);
+pub(crate) const NEAREST_NODE: f32 = 0.125;
+/// Largest distance in the table, m, just below the last node: nothing is drawn beyond.
+pub(crate) const FARTHEST_NODE: f32 = 131_072.0 * (1.0 - f32::EPSILON);
 
 /// Returns the share of a class that is drawn at `distance`, in units of the class's own distance.
+#[cfg(test)]
 #[must_use]
-pub fn fade(distance: f64) -> f64 {
+pub(crate) fn fade(distance: f64) -> f64 {
     ((FADE[1] - distance) / (FADE[1] - FADE[0])).clamp(0.0, 1.0)
 }
 
-/// The integral of [`fade`] from 0.
+/// The integral of the drawn share over distances from 0.
 fn faded(distance: f64) -> f64 {
     let [begin, end] = FADE;
     let over = (distance.min(end) - begin).max(0.0);
@@ -36,7 +37,7 @@ fn faded(distance: f64) -> f64 {
 
 /// The optical depth of drawn particles over distance.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Residual {
+pub(crate) struct Residual {
     /// Cross-section a m^3 and distance, 1/m and m, of each class.
     drawn: Vec<[f64; 2]>,
     /// Radiance of an endless path, linear RGB.
@@ -46,13 +47,13 @@ pub struct Residual {
 }
 
 impl Residual {
-    /// Of classes with a cross-section a m^3 (1/m) that are drawn up to a distance (m).
-    #[must_use]
-    pub fn new(drawn: Vec<[f64; 2]>, airlight: [f64; 3]) -> Self {
+    /// Builds the table for classes with a cross-section a m^3 (1/m) that are drawn up to a
+    /// distance (m).
+    pub(crate) fn new(drawn: Vec<[f64; 2]>, airlight: [f64; 3]) -> Self {
         let mut residual = Self { drawn, airlight, table: [[0.0; 2]; NODES] };
         // The mean extinction: between two nodes it is nearly straight.
         let mean = |node: usize| {
-            let metres = 2f64.powi(FIRST + node as i32 / 8) * (1.0 + (node % 8) as f64 / 8.0);
+            let metres = 2f64.powi(FIRST_LOG2 + node as i32 / 8) * (1.0 + (node % 8) as f64 / 8.0);
             residual.depth(metres) / metres
         };
         let table = std::array::from_fn(|node| [mean(node), mean(node + 1) - mean(node)].map(|v| v as f32));
@@ -61,11 +62,10 @@ impl Residual {
     }
 
     /// Optical depth of what is drawn over `metres`.
-    #[must_use]
-    pub fn depth(&self, metres: f64) -> f64 {
+    pub(crate) fn depth(&self, metres: f64) -> f64 {
         self.drawn
             .iter()
-            .map(|[cover, range]| cover * (range * faded(metres / range) - NEAREST).max(0.0))
+            .map(|[cover, range]| cover * (range * faded(metres / range) - MIN_DISTANCE_M).max(0.0))
             .sum()
     }
 
@@ -76,21 +76,20 @@ impl Residual {
     }
 
     /// Mean extinction up to each node, 1/m, and how much more it is at the next.
-    #[must_use]
-    pub fn table(&self) -> &[[f32; 2]; NODES] {
+    pub(crate) fn table(&self) -> &[[f32; 2]; NODES] {
         &self.table
     }
 
     /// [`Self::depth`] from the table, within 1 % of it.
     #[inline(always)]
-    pub fn tabled<S: Lanes>(&self, simd: S, metres: S::F) -> S::F {
+    pub(crate) fn tabled<S: Lanes>(&self, simd: S, metres: S::F) -> S::F {
         /// Bits of 1.
         const ONE: u32 = 0x3f80_0000;
         let metres = metres.min(simd.set(FARTHEST_NODE));
         // A float's exponent and its next three bits are the number of its node.
         let bits = metres.max(simd.set(NEAREST_NODE)).to_bits();
         let share = S::F::from_bits((bits & S::U::splat(simd, 0xf_ffff)) << 3 | S::U::splat(simd, ONE)) - 1.0;
-        let nodes = (bits >> 20) - S::U::splat(simd, (ONE >> 20).wrapping_add_signed(8 * FIRST));
+        let nodes = (bits >> 20) - S::U::splat(simd, (ONE >> 20).wrapping_add_signed(8 * FIRST_LOG2));
         let (mut mean, mut more) = ([0.0; 16], [0.0; 16]);
         for (lane, node) in nodes.as_slice().iter().enumerate() {
             [mean[lane], more[lane]] = self.table[(*node as usize).min(NODES - 1)];
@@ -120,7 +119,7 @@ mod tests {
         let (mut sum, step) = (0.0, 1e-3);
         for i in 0..40_000 {
             let at = (f64::from(i) + 0.5) * step;
-            let is_drawn = at > NEAREST;
+            let is_drawn = at > MIN_DISTANCE_M;
             sum += if is_drawn { step } else { 0.0 }
                 * residual.drawn.iter().map(|[cover, range]| cover * fade(at / range)).sum::<f64>();
             if i % 4000 == 3999 {
@@ -131,7 +130,7 @@ mod tests {
         }
         assert_eq!(tabled(1e7), tabled(1e6));
         assert_eq!(tabled(0.0), 0.0);
-        assert_eq!(NEAREST_NODE, 2f32.powi(FIRST));
-        assert_eq!(FARTHEST_NODE, 2f32.powi(LAST) * (1.0 - f32::EPSILON));
+        assert_eq!(NEAREST_NODE, 2f32.powi(FIRST_LOG2));
+        assert_eq!(FARTHEST_NODE, 2f32.powi(LAST_LOG2) * (1.0 - f32::EPSILON));
     }
 }

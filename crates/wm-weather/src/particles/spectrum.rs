@@ -13,7 +13,7 @@ use wm_render::simd::Lanes;
 
 /// Least rate that counts, mm/h of water: a hundredth of a millimetre a year. Below it nothing
 /// falls.
-pub const LEAST_RATE: f64 = 1e-6;
+pub(crate) const LEAST_RATE: f64 = 1e-6;
 
 /// The laws of one kind of precipitation: its sizes, its fall speeds and the shape of its
 /// particles.
@@ -25,33 +25,33 @@ pub struct PrecipitationKind {
     /// The word for it in reports, as in "rain rate". No two kinds share it.
     pub name: &'static str,
     /// The part of its own in the keys of random numbers.
-    pub key: u64,
+    pub(crate) key: u64,
     /// Smallest and largest diameter, mm, of the particle when melted.
     pub diameters: [f64; 2],
     /// The division of the diameters into classes.
-    pub spacing: ClassSpacing,
+    pub(crate) spacing: ClassSpacing,
     /// Number of classes: so many that speeds within one differ by some percent.
-    pub classes: usize,
+    pub(crate) classes: usize,
     /// Slope of the numbers over diameter within a class, 1/mm.
-    pub class_slope: f64,
+    pub(crate) class_slope: f64,
     /// Rate, mm/h, at which the process of thresholds has density 1: any would do, most rates are
     /// near it.
-    pub reference_rate: f64,
+    pub(crate) reference_rate: f64,
     /// Thresholds at which the lower tiers begin ([`Self::tier`]).
-    pub tiers: &'static [f64],
+    pub(crate) tiers: &'static [f64],
     /// Diameter as it is seen, mm, by that when melted, mm.
-    pub width: fn(f64) -> f64,
+    pub(crate) width: fn(f64) -> f64,
     /// Fall speed in still air, m/s, by the diameter when melted, mm.
-    pub speed: fn(f64) -> f64,
+    pub(crate) speed: fn(f64) -> f64,
     /// `N0`, 1/(m^3 mm), and the slope, 1/mm, of the exponential spectrum over the diameter when
     /// melted, by the rate, mm/h.
-    pub spectrum: fn(f64) -> [f64; 2],
+    pub(crate) spectrum: fn(f64) -> [f64; 2],
     /// Extinction, 1/m, by the rate, mm/h; `None` for twice the cross-section of all particles.
-    pub extinction: Option<fn(f64) -> f64>,
+    pub(crate) extinction: Option<fn(f64) -> f64>,
     /// The look and motion of the particles.
     pub shape: ParticleShape,
     /// Light that a particle sends on, as a share of what its surroundings send it.
-    pub reflectance: f64,
+    pub(crate) reflectance: f64,
 }
 
 impl PartialEq for PrecipitationKind {
@@ -62,7 +62,7 @@ impl PartialEq for PrecipitationKind {
 
 /// The division of a range of diameters into classes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ClassSpacing {
+pub(crate) enum ClassSpacing {
     /// Classes of equal width.
     Even,
     /// Classes whose bounds are powers of one factor.
@@ -115,7 +115,8 @@ pub const SNOW: PrecipitationKind = PrecipitationKind {
     reflectance: 0.95,
 };
 
-/// Width of a flake, mm, by its diameter when melted, mm: its mass is that of the drop, 0.178 D^(3 - 0.922) = d^3.
+/// Width of a flake, mm, by its diameter when melted, mm: its mass is that of the drop, 0.178 D^(3
+/// - 0.922) = d^3.
 fn flake_width(d: f64) -> f64 {
     (d.powi(3) / 0.178).powf(1.0 / 2.078)
 }
@@ -128,15 +129,15 @@ const TYPICAL_SLOPE: f64 = 2.4;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SizeClass {
     /// Least and greatest diameter, mm; of flakes when melted.
-    pub diameters: [f64; 2],
+    pub(crate) diameters: [f64; 2],
     /// Fall speed in still air, m/s.
-    pub fall_speed: f64,
+    pub(crate) fall_speed: f64,
     /// Mean volume of water of one, mm^3.
-    pub water: f64,
+    pub(crate) water: f64,
     /// Mean cross-section of one, m^2; of the flake itself.
-    pub area: f64,
+    pub(crate) area: f64,
     /// Diameter as it is seen, m, in the middle of the class.
-    pub width: f64,
+    pub(crate) width: f64,
     /// And at its two ends.
     widths: [f64; 2],
     /// Half of how much rarer the large are than the small ones in it, as a share.
@@ -153,14 +154,13 @@ impl SizeClass {
 
     /// The diameter that is seen of it, m: straight between the ends of the class.
     #[inline]
-    #[must_use]
-    pub fn seen(&self, share: f64) -> f64 {
+    pub(crate) fn seen(&self, share: f64) -> f64 {
         self.widths[0] + (self.widths[1] - self.widths[0]) * self.within(share)
     }
 
     /// [`Self::seen`] of several, as they are drawn.
     #[inline(always)]
-    pub fn seen_by<S: Lanes>(&self, simd: S, share: S::F) -> S::F {
+    pub(crate) fn seen_by<S: Lanes>(&self, simd: S, share: S::F) -> S::F {
         let falls = self.falls as f32;
         let within = share * share.mul_add(simd.set(falls), simd.set(1.0 - falls));
         let [low, high] = self.widths;
@@ -177,10 +177,9 @@ impl SizeClass {
 
 impl PrecipitationKind {
     /// Thresholds of tier `index`, from and up to. Each tier is a process of its own, in cubes of
-    /// its own size, so that where few are there few are asked for: of rain when it is light, of
+    /// its own size, so that where few are there few are requested: of rain when it is light, of
     /// snow also when it is far away, since fewer flakes then stand for all.
-    #[must_use]
-    pub fn tier(&self, index: usize) -> [f64; 2] {
+    pub(crate) fn tier(&self, index: usize) -> [f64; 2] {
         let below = self.tiers;
         // More than most rates ask for, and from there on by factors of 2.
         let above = |index: usize| 1.5 * 2f64.powi((index - below.len()) as i32);
@@ -194,8 +193,7 @@ impl PrecipitationKind {
     }
 
     /// Fall speed in still air, m/s, of a particle of diameter `d` mm when melted.
-    #[must_use]
-    pub fn fall_speed(&self, d: f64) -> f64 {
+    pub(crate) fn fall_speed(&self, d: f64) -> f64 {
         (self.speed)(d)
     }
 
@@ -248,8 +246,7 @@ impl PrecipitationKind {
     }
 
     /// Drops a m^3 of each of `classes` up to a threshold of 1.
-    #[must_use]
-    pub fn reference(&self, classes: &[SizeClass]) -> Vec<f64> {
+    pub(crate) fn reference(&self, classes: &[SizeClass]) -> Vec<f64> {
         self.densities(classes, self.reference_rate)
     }
 
@@ -267,7 +264,7 @@ impl PrecipitationKind {
 
 /// Returns the flux of water through a level plane, mm/h, for `numbers` per m^3 of each class.
 #[must_use]
-pub fn flux(classes: &[SizeClass], numbers: &[f64]) -> f64 {
+pub(crate) fn flux(classes: &[SizeClass], numbers: &[f64]) -> f64 {
     // mm^3 a m^2 and second are 1e-6 mm/s.
     3.6e-3 * classes.iter().zip(numbers).map(|(class, n)| n * class.fall_speed * class.water).sum::<f64>()
 }

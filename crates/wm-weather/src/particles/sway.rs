@@ -43,15 +43,15 @@ const EDDIES: [Eddy; 4] = [
 const RISE: f64 = 0.6;
 
 /// Farthest that a flake sways, m.
-pub fn farthest() -> f64 {
+pub(crate) fn farthest() -> f64 {
     EDDIES.iter().map(|eddy| eddy.reach).sum::<f64>() + SPEED[1] / (TAU * RATE[0])
 }
 
 /// Phases of the waves at a place, 0-1.
-pub type SwayPhases = [f32; EDDIES.len()];
+pub(crate) type SwayPhases = [f32; EDDIES.len()];
 
 /// Swaying at one instant of all flakes that fall alike.
-pub struct Sway {
+pub(crate) struct Sway {
     time: f64,
     /// Turns of the slowest flake, and how many more those of the next frequency are: shares of
     /// 2^32.
@@ -60,15 +60,13 @@ pub struct Sway {
 
 impl Sway {
     /// At `time`, s.
-    #[must_use]
-    pub fn new(time: f64) -> Self {
+    pub(crate) fn new(time: f64) -> Self {
         let step = (RATE[1] - RATE[0]) / f64::from(1u32 << RATES);
         Self { time, turns: [RATE[0] * time, step * time].map(whole_turns) }
     }
 
     /// Returns the phases of the waves at `at`, m, in the flakes' own axes that do not move, 0-1.
-    #[must_use]
-    pub fn phases(&self, at: &[f64; 3]) -> SwayPhases {
+    pub(crate) fn phases(&self, at: &[f64; 3]) -> SwayPhases {
         std::array::from_fn(|k| {
             let Eddy { length, period, from: [x, y], .. } = EDDIES[k];
             let turns = (at[0] * x + at[1] * y + RISE * at[2]) / length + self.time / period;
@@ -79,10 +77,11 @@ impl Sway {
     /// Moves flakes from `at` (level axes, m) and adds to their velocities, m/s. `phases` are those
     /// of a place that they are `from` away from, m; `own` are two numbers of each.
     #[inline(always)]
-    pub fn apply<S: Lanes>(
+    pub(crate) fn apply<S: Lanes>(
         &self,
         simd: S,
-        (phases, from): (&SwayPhases, &[S::F; 3]),
+        phases: &SwayPhases,
+        from: &[S::F; 3],
         own: [S::U; 2],
         at: &mut [S::F; 3],
         velocity: &mut [S::F; 3],
@@ -137,7 +136,7 @@ mod tests {
         let mut at = from.map(|v| simd.set((v - v.floor()) as f32));
         let (within, mut velocity) = (at, [simd.set(0.0); 3]);
         let own = own.map(|v| S::U::splat(simd, v));
-        sway.apply(simd, (&phases, &within), own, &mut at, &mut velocity);
+        sway.apply(simd, &phases, &within, own, &mut at, &mut velocity);
         [std::array::from_fn(|k| f64::from(at[k][0]) + from[k].floor()), velocity.map(|v| f64::from(v[0]))]
     }
 

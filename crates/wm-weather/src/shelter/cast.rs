@@ -31,12 +31,12 @@ const CHUNK: usize = 1 << 14;
 /// A splat on the grid: with `d` from its mean to a cell's middle, in cells, and L L^T its filtered
 /// covariance, rows first, `w = L^-1 d`: `alpha = opacity exp(-|w|^2 / 2)`, depth `t + slope . w`.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Footprint {
+pub(crate) struct Footprint {
     /// Column and row of its mean, and its place in that cell: together exact far from the first
     /// corner.
     cell: [i32; 2],
     place: [f32; 2],
-    /// Of the mean, scene units from the origin.
+    /// Distance of the mean, scene units from the origin.
     t: f32,
     /// L: row-row, column-row and column-column, cells.
     row: f32,
@@ -52,7 +52,7 @@ pub(super) struct Footprint {
 
 /// The footprints in order of depth, and the rows that each covers, first and last.
 pub(super) struct Footprints {
-    pub all: Vec<Footprint>,
+    pub(crate) all: Vec<Footprint>,
     rows: Vec<[u32; 2]>,
 }
 
@@ -84,14 +84,14 @@ pub(super) fn project(all: &[Occluder], grid: &Grid, threads: usize) -> Footprin
 #[inline(always)]
 fn project_each<S: Simd>(_: S, splats: &[Occluder], grid: &Grid, found: &mut Vec<(Footprint, [u32; 2])>) {
     for splat in splats {
-        found.extend(Footprint::of(splat, grid));
+        found.extend(Footprint::new(splat, grid));
     }
 }
 
 impl Footprint {
     /// The footprint and its rows; `None` if it covers no cell.
     #[inline(always)]
-    fn of(splat: &Occluder, grid: &Grid) -> Option<(Self, [u32; 2])> {
+    fn new(splat: &Occluder, grid: &Grid) -> Option<(Self, [u32; 2])> {
         let ([across, down, fall], cell) = (grid.axes, grid.cell);
         let [column, row] =
             [(across, grid.low[0]), (down, grid.low[1])].map(|(axis, low)| (splat.along(axis) - low) / cell);
@@ -143,7 +143,7 @@ impl Footprint {
 }
 
 impl Footprints {
-    /// Those that reach each band of rows, in order.
+    /// Lists the projections that reach each band of rows, in order.
     fn by_bands(&self, grid: &Grid) -> Vec<Vec<u32>> {
         let mut lists = vec![Vec::new(); grid.rows.div_ceil(BAND)];
         for (index, [top, bottom]) in (0u32..).zip(&self.rows) {
@@ -154,8 +154,8 @@ impl Footprints {
         lists
     }
 
-    /// Those that reach cells which are clear, out of many that do not.
-    pub fn over(&self, grid: &Grid, clear: &[f32]) -> Self {
+    /// Selects the projections that reach cells which are clear, out of many that do not.
+    pub(crate) fn over(&self, grid: &Grid, clear: &[f32]) -> Self {
         // Clear cells above and left of each corner of a cell: any box holds some or none by four
         // of them.
         let width = grid.columns + 1;
@@ -214,7 +214,7 @@ pub(super) fn cast(
         if clear.iter().all(|left| *left < grid.stopped) {
             return;
         }
-        let mut band = Band::of(number * BAND, columns, grid.stopped, stops, clear, splats);
+        let mut band = Band::new(number * BAND, columns, grid.stopped, stops, clear, splats);
         for list in lists[number].chunks(LOOKS) {
             dispatch!(path, simd => band.cover(simd, footprints, list));
             if !band.is_open() {
@@ -232,7 +232,7 @@ pub(super) fn cast(
 
 /// A band of rows that is cast, each row with room behind it for whole vectors.
 struct Band {
-    /// Its first row.
+    /// First row of the band.
     first: usize,
     columns: usize,
     stride: usize,
@@ -243,7 +243,7 @@ struct Band {
 }
 
 impl Band {
-    fn of(first: usize, columns: usize, stopped: f32, stops: &[f32], clear: &[f32], splats: &[u32]) -> Self {
+    fn new(first: usize, columns: usize, stopped: f32, stops: &[f32], clear: &[f32], splats: &[u32]) -> Self {
         let stride = columns + LANES;
         // Nothing is open behind a row.
         Self {

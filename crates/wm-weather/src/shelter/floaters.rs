@@ -23,7 +23,7 @@ const STEP: f64 = 1.0;
 const WIDEST: f64 = 0.2;
 const WIDTHS: [f64; 2] = [0.5, 2.0];
 /// Largest share of a floater in all cells that stop anything.
-const MOST: f64 = 0.02;
+const MAX_FLOATER_SHARE: f64 = 0.02;
 
 /// Rows in which pieces are found on their own, before those that meet at their borders are joined.
 const BAND: usize = 64;
@@ -58,7 +58,8 @@ pub(super) fn reopen(
     // at.
     let cell = grid.cell * metres_per_unit;
     let is_small = |cells: u32| {
-        f64::from(cells).sqrt() * cell < WIDTHS[1] && f64::from(cells) < MOST * f64::from(covered)
+        f64::from(cells).sqrt() * cell < WIDTHS[1]
+            && f64::from(cells) < MAX_FLOATER_SHARE * f64::from(covered)
     };
     let mut pieces = Vec::new();
     // The number of a small piece, from 1; 0 of others.
@@ -152,7 +153,8 @@ fn find_pieces(stops: &[f32], grid: &Grid, step: f32, threads: usize) -> Vec<u32
 
 /// Calls `visit` once with each pair of cells within the reach whose upper one is in these rows,
 /// and how far apart they are along the fall.
-fn pairs(stops: &[f32], grid: &Grid, [first, end]: [usize; 2], mut visit: impl FnMut(u32, u32, f32)) {
+fn pairs(stops: &[f32], grid: &Grid, span: [usize; 2], mut visit: impl FnMut(u32, u32, f32)) {
+    let [first, end] = span;
     let (columns, rows) = (grid.columns, grid.rows);
     for row in first..end.min(rows) {
         for below in 0..=REACH.min(rows - 1 - row) {

@@ -10,7 +10,7 @@ const TOP: f32 = 0.75;
 
 /// Surfaces straight below each other on a level grid, the uppermost first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct HeightLayers {
+pub(crate) struct HeightLayers {
     grid: Grid,
     metres_per_unit: f64,
     /// Heights of each layer from the middle of the scene, m, `[rows, columns]`; negative infinity
@@ -23,8 +23,7 @@ pub struct HeightLayers {
 impl Occluders {
     /// The first `count` surfaces from above, each at least `gap` m and `cells` of the grid below
     /// the one before; and what floats above the first.
-    #[must_use]
-    pub fn layers(
+    pub(crate) fn layers(
         &self,
         count: usize,
         gap: f64,
@@ -74,55 +73,48 @@ impl HeightLayers {
     }
 
     /// Columns and rows.
-    #[must_use]
-    pub fn size(&self) -> [usize; 2] {
+    pub(crate) fn size(&self) -> [usize; 2] {
         [self.grid.columns, self.grid.rows]
     }
 
     /// True if the whole scene is on the grid.
-    #[must_use]
-    pub fn is_whole(&self) -> bool {
+    pub(crate) fn is_whole(&self) -> bool {
         self.grid.is_whole
     }
 
     /// Width of a cell, m.
-    #[must_use]
-    pub fn cell(&self) -> f64 {
+    pub(crate) fn cell(&self) -> f64 {
         self.grid.cell * self.metres_per_unit
     }
 
     /// Heights of each layer, m from the middle of the scene, row by row; negative infinity where
     /// there is none.
-    #[must_use]
-    pub fn heights(&self) -> &[Vec<f32>] {
+    pub(crate) fn heights(&self) -> &[Vec<f32>] {
         &self.heights
     }
 
     /// The splat of each of those surfaces; any where there is none.
-    #[must_use]
-    pub fn splats(&self) -> &[Vec<u32>] {
+    pub(crate) fn splats(&self) -> &[Vec<u32>] {
         &self.splats
     }
 
     /// The world axes of columns, of rows, and up.
-    #[must_use]
-    pub fn axes(&self) -> [[f64; 3]; 3] {
+    pub(crate) fn axes(&self) -> [[f64; 3]; 3] {
         let [across, along, fall] = self.grid.axes;
         [across, along, fall.map(|v| -v)]
     }
 
     /// Returns the position of a point (world, scene units) on the grid, in columns and rows from
     /// its first corner and m of height.
-    #[must_use]
-    pub fn point(&self, [column, row]: [f64; 2], height: f64) -> [f64; 3] {
+    pub(crate) fn point(&self, place: [f64; 2], height: f64) -> [f64; 3] {
+        let [column, row] = place;
         let Grid { axes, origin, low, cell, .. } = &self.grid;
         let along = [low[0] + column * cell, low[1] + row * cell, -height / self.metres_per_unit];
         std::array::from_fn(|k| origin[k] + (0..3).map(|axis| axes[axis][k] * along[axis]).sum::<f64>())
     }
 
     /// Columns and rows of a point (world, scene units) from the first corner, and its height, m.
-    #[must_use]
-    pub fn locate(&self, point: [f64; 3]) -> ([f64; 2], f64) {
+    pub(crate) fn locate(&self, point: [f64; 3]) -> ([f64; 2], f64) {
         let Grid { axes, origin, low, cell, .. } = &self.grid;
         let from = std::array::from_fn(|k| point[k] - origin[k]);
         let [column, row] = [0, 1].map(|k| (dot(from, axes[k]) - low[k]) / cell);
@@ -130,8 +122,8 @@ impl HeightLayers {
     }
 
     /// The cell of a place in columns and rows; `None` off the grid.
-    #[must_use]
-    pub fn cell_at(&self, [column, row]: [f64; 2]) -> Option<usize> {
+    pub(crate) fn cell_at(&self, place: [f64; 2]) -> Option<usize> {
+        let [column, row] = place;
         let [columns, rows] = self.size();
         let is_in = column >= 0.0 && row >= 0.0 && column < columns as f64 && row < rows as f64;
         is_in.then(|| row as usize * columns + column as usize)

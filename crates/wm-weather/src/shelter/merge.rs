@@ -7,14 +7,14 @@ use std::f64::consts::TAU;
 
 /// Factor on the widths of what was merged: Gaussians of cubes side by side then close as their
 /// splats did.
-const CLOSED: f64 = 1.5;
+const WIDTH_FACTOR: f64 = 1.5;
 /// Rows and columns of the entries of a covariance.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 /// Most opacity of one.
-const MOST: f64 = 0.98;
+const MAX_OPACITY: f64 = 0.98;
 
 impl Occluders {
-    /// Its occluders with those of each cube of `width` metres as one, for maps whose cells are no
+    /// Merges the occluders of each cube of `width` metres into one, for maps whose cells are no
     /// finer than that.
     pub(super) fn merged(&self, width: f64) -> Vec<Occluder> {
         let width = (width / self.metres_per_unit) as f32;
@@ -32,7 +32,7 @@ impl Occluders {
 }
 
 impl Occluders {
-    /// Its occluders with those of each cube of `width` metres as one that lets as much of a fall
+    /// Merges the occluders of each cube of `width` metres into one that lets as much of a fall
     /// through as they do, for falls that are nearly straight down and maps whose cells are twice
     /// as wide. Its opacity is an optical thickness, which may be above 1.
     pub(super) fn pooled(&self, width: f64) -> Vec<Occluder> {
@@ -51,7 +51,7 @@ impl Occluders {
             let weight = area(it) * f64::from(it.opacity);
             match pools.get_mut(place) {
                 Some(pool) => pool.add(it, weight),
-                None => pools.push(Pool::of(it, weight)),
+                None => pools.push(Pool::new(it, weight)),
             }
         }
         let merged = pools.into_iter().map(|pool| match pool.count {
@@ -65,7 +65,7 @@ impl Occluders {
     }
 }
 
-/// What is summed up in a cube.
+/// Sums over the occluders of a cube.
 struct Pool {
     first: Occluder,
     count: u32,
@@ -76,7 +76,7 @@ struct Pool {
 }
 
 impl Pool {
-    fn of(it: &Occluder, weight: f64) -> Self {
+    fn new(it: &Occluder, weight: f64) -> Self {
         let mut pool = Self { first: *it, count: 0, weight: 0.0, mean: [0.0; 3], moments: [0.0; 6] };
         pool.add(it, weight);
         pool
@@ -122,10 +122,13 @@ fn merge<'a>(all: impl Iterator<Item = &'a Occluder> + Clone) -> Occluder {
     let mean = sum.map(|v| v / weights);
     let covariance: [f32; 6] = std::array::from_fn(|k| {
         let (i, j) = PAIRS[k];
-        (CLOSED * CLOSED * (moments[k] / weights - mean[i] * mean[j])) as f32
+        (WIDTH_FACTOR * WIDTH_FACTOR * (moments[k] / weights - mean[i] * mean[j])) as f32
     });
     let merged = Occluder { mean: mean.map(|v| v as f32), covariance, opacity: 1.0, splat };
-    Occluder { opacity: (weights * CLOSED * CLOSED / covered(&merged)).min(MOST) as f32, ..merged }
+    Occluder {
+        opacity: (weights * WIDTH_FACTOR * WIDTH_FACTOR / covered(&merged)).min(MAX_OPACITY) as f32,
+        ..merged
+    }
 }
 
 /// Area that it covers, seen from its broadest side, times its opacity.

@@ -39,14 +39,13 @@ mod penumbra;
 #[cfg(test)]
 mod tests;
 
-use crate::dome::level_axes;
-use crate::optics::Site;
+use crate::dome::{dot, level_axes};
 use serde::{Deserialize, Serialize};
-use wm_scene::Splats;
 
-pub use layers::HeightLayers;
-pub use occluders::{FloaterMap, Occluders};
-pub use penumbra::{FarSource, SUN};
+pub(crate) use layers::HeightLayers;
+pub(crate) use occluders::FloaterMap;
+pub use occluders::Occluders;
+pub(crate) use penumbra::SUN;
 
 /// Margin in cells, at least: half a cell on a surface of slope 3.
 const MARGIN_CELLS: f64 = 1.5;
@@ -168,25 +167,6 @@ impl Shelter {
             && self.query.size == [self.grid.columns, self.grid.rows].map(|cells| cells as f32)
     }
 
-    /// The map of `splats` for what falls along `fall` (world axes, of any length; straight down
-    /// where it is zero or not finite). `threads` at once, `None` for one a core; the map is the
-    /// same for any number.
-    ///
-    /// For several directions make [`Occluders`] once: they need no splats.
-    ///
-    /// # Panics
-    /// As [`Occluders::of`].
-    #[must_use]
-    pub fn build(
-        splats: &Splats,
-        site: &Site,
-        fall: [f64; 3],
-        options: &ShelterOptions,
-        threads: Option<usize>,
-    ) -> Self {
-        Occluders::of(splats, site, options).shelter(fall, threads)
-    }
-
     fn new(grid: Grid, stops: Vec<f32>, metres_per_unit: f64, options: &ShelterOptions) -> Self {
         let Grid { axes, origin, low, cell, columns, rows, .. } = grid;
         let scaled = |axis: [f64; 3], by: f64| axis.map(|v| (v * by) as f32);
@@ -236,9 +216,9 @@ impl Shelter {
     /// Returns the distance that a particle at `point` (world, scene units) falls until a surface
     /// stops it, m: about 0 on a surface, negative below one, infinite where nothing is known to
     /// stop it.
+    #[cfg(test)]
     #[inline]
-    #[must_use]
-    pub fn distance_to_surface(&self, point: [f32; 3]) -> f32 {
+    fn distance_to_surface(&self, point: [f32; 3]) -> f32 {
         self.ahead(point) * self.metres_per_unit as f32
     }
 
@@ -251,8 +231,7 @@ impl Shelter {
     /// so that slopes up to 45 degrees do not shelter themselves, and low things have harder edges
     /// than high ones. A radius below half a cell asks for the point's own cell. Visits about
     /// `4 (radius / cell)^2` cells.
-    #[must_use]
-    pub fn exposure(&self, point: [f32; 3], radius: f32) -> f32 {
+    pub(crate) fn exposure(&self, point: [f32; 3], radius: f32) -> f32 {
         let own = || if self.is_exposed(point) { 1.0 } else { 0.0 };
         let reach = (radius * self.query.cells_per_metre).min(MOST_RADIUS);
         let [u, v, t] = self.locate(point);
@@ -289,43 +268,37 @@ impl Shelter {
 
     /// Returns true if the map can be used for another direction of fall (world axes, of any
     /// length).
-    #[must_use]
-    pub fn holds(&self, fall: [f64; 3]) -> bool {
+    #[cfg(test)]
+    pub(crate) fn holds(&self, fall: [f64; 3]) -> bool {
         unit(fall).is_some_and(|fall| dot(fall, self.grid.axes[2]) >= self.turn)
     }
 
     /// The direction that it was made for, world axes, length 1.
-    #[must_use]
-    pub fn fall(&self) -> [f64; 3] {
+    pub(crate) fn fall(&self) -> [f64; 3] {
         self.grid.axes[2]
     }
 
     /// Width of a cell, m.
-    #[must_use]
-    pub fn cell(&self) -> f64 {
+    pub(crate) fn cell(&self) -> f64 {
         self.grid.cell * self.metres_per_unit
     }
 
     /// Columns and rows.
-    #[must_use]
-    pub fn size(&self) -> [usize; 2] {
+    #[cfg(test)]
+    pub(crate) fn size(&self) -> [usize; 2] {
         [self.grid.columns, self.grid.rows]
     }
 
     /// Returns the point at which a fall through the middle of a cell stops, world, scene units;
     /// `None` where nothing stops it, and off the grid.
-    #[must_use]
-    pub fn surface(&self, column: usize, row: usize) -> Option<[f64; 3]> {
+    #[cfg(test)]
+    pub(crate) fn surface(&self, column: usize, row: usize) -> Option<[f64; 3]> {
         let Grid { axes, origin, low, cell, columns, .. } = &self.grid;
         let stop = f64::from(*self.stops.get(row * columns + column).filter(|_| column < *columns)?);
         let [u, v] = [low[0] + (column as f64 + 0.5) * cell, low[1] + (row as f64 + 0.5) * cell];
         let at = |k: usize| origin[k] + u * axes[0][k] + v * axes[1][k] + stop * axes[2][k];
         stop.is_finite().then(|| [at(0), at(1), at(2)])
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// A vector at length 1; `None` if it has no direction.

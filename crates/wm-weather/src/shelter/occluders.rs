@@ -28,19 +28,19 @@ pub struct Occluders {
 
 /// The first surface of each cell along a fall.
 pub(super) struct FirstSurfaces {
-    /// Its distance along the fall, scene units from the origin; infinite where there is none.
-    pub stops: Vec<f32>,
-    /// Its splat; any where there is none.
-    pub splats: Vec<u32>,
+    /// Distance of the stop along the fall, scene units from the origin; infinite where there is
+    /// none.
+    pub(crate) stops: Vec<f32>,
+    /// Index of the stopping splat; any where there is none.
+    pub(crate) splats: Vec<u32>,
     /// The cells that floaters were taken out of, and the distances beyond which they look on, the
     /// last of a cell last.
-    pub opened: Vec<(u32, f32)>,
+    pub(crate) opened: Vec<(u32, f32)>,
 }
 
-/// What floats over a scene: what stands in an opened cell of a level map, above what it was opened
-/// for.
+/// Floaters of a scene: what stands in an opened cell of a level map, above what it was opened for.
 #[derive(Clone, Debug)]
-pub struct FloaterMap {
+pub(crate) struct FloaterMap {
     pub(super) grid: Grid,
     /// As of [`FirstSurfaces`].
     pub(super) opened: Vec<(u32, f32)>,
@@ -50,19 +50,19 @@ pub struct FloaterMap {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Occluder {
     /// From the origin, world axes, scene units.
-    pub mean: [f32; 3],
+    pub(crate) mean: [f32; 3],
     /// xx, xy, xz, yy, yz, zz.
-    pub covariance: [f32; 6],
+    pub(crate) covariance: [f32; 6],
     /// Above 1 an optical thickness, of several in one.
-    pub opacity: f32,
+    pub(crate) opacity: f32,
     /// The index of the splat.
-    pub splat: u32,
+    pub(crate) splat: u32,
 }
 
 impl Occluder {
-    /// Its covariance along two directions.
+    /// Covariance along two directions.
     #[inline(always)]
-    pub fn between(&self, a: [f64; 3], b: [f64; 3]) -> f64 {
+    pub(crate) fn between(&self, a: [f64; 3], b: [f64; 3]) -> f64 {
         let [xx, xy, xz, yy, yz, zz] = self.covariance.map(f64::from);
         a[0] * (xx * b[0] + xy * b[1] + xz * b[2])
             + a[1] * (xy * b[0] + yy * b[1] + yz * b[2])
@@ -70,7 +70,7 @@ impl Occluder {
     }
 
     #[inline(always)]
-    pub fn along(&self, axis: [f64; 3]) -> f64 {
+    pub(crate) fn along(&self, axis: [f64; 3]) -> f64 {
         dot(self.mean.map(f64::from), axis)
     }
 
@@ -97,7 +97,8 @@ impl Occluder {
 }
 
 impl Occluders {
-    /// Those of a scene. Its sky must be labelled; splats with faults stop nothing.
+    /// Collects the occluders of a scene. Its sky must be labelled; splats with faults stop
+    /// nothing.
     ///
     /// # Panics
     /// If the width of a cell is not above 0, or the site has no scale or no up.
@@ -126,46 +127,40 @@ impl Occluders {
     }
 
     /// Width of the cells of its maps, m.
-    #[must_use]
-    pub fn cell(&self) -> f64 {
+    pub(crate) fn cell(&self) -> f64 {
         self.options.cell
     }
 
     /// Median distance from one to the nearest other, m; that of the cells at most, which is also
     /// the answer for none.
-    #[must_use]
-    pub fn spacing(&self, threads: usize) -> f64 {
+    pub(crate) fn spacing(&self, threads: usize) -> f64 {
         let most = (self.options.cell / self.metres_per_unit) as f32;
         let points: Vec<Vec3> = self.all.iter().map(|splat| Vec3::from_array(splat.mean)).collect();
         f64::from(median_spacing(&points, most, threads)) * self.metres_per_unit
     }
 
-    /// The same for maps of other cells, of another field and with another margin; what stops
+    /// Sets options for maps of other cells, of another field and with another margin; what stops
     /// nothing stays so.
-    #[must_use]
-    pub fn mapped(self, options: &ShelterOptions) -> Self {
+    pub(crate) fn mapped(self, options: &ShelterOptions) -> Self {
         Self { options: *options, ..self }
     }
 
-    /// The same for maps whose cells are so many times as wide.
-    #[must_use]
-    pub fn coarser(&self, times: f64) -> Self {
+    /// Makes maps with cells a number of times as wide.
+    pub(crate) fn coarser(&self, times: f64) -> Self {
         self.clone().mapped(&ShelterOptions { cell: times * self.options.cell, ..self.options })
     }
 
-    /// The same for quick maps whose cells are so many times as wide: of merged occluders, floaters
-    /// among them.
-    #[must_use]
-    pub fn sketched(&self, times: f64) -> Self {
+    /// Makes quick maps with cells a number of times as wide: of merged occluders, floaters among
+    /// them.
+    pub(crate) fn sketched(&self, times: f64) -> Self {
         let cell = times * self.options.cell;
         let floaters = FloaterRule::Stop;
         Self { all: self.merged(cell), ..*self }.mapped(&ShelterOptions { cell, floaters, ..self.options })
     }
 
-    /// The same for soft maps of falls that are nearly straight down, whose cells are so many times
-    /// as wide; what floats stops them too.
-    #[must_use]
-    pub fn softened(&self, times: f64) -> Self {
+    /// Makes soft maps of falls that are nearly straight down, with cells a number of times as
+    /// wide; what floats stops them too.
+    pub(crate) fn softened(&self, times: f64) -> Self {
         let cell = times * self.options.cell;
         let floaters = FloaterRule::Stop;
         Self { all: self.pooled(0.5 * cell), ..*self }.mapped(&ShelterOptions {
@@ -175,7 +170,9 @@ impl Occluders {
         })
     }
 
-    /// The map for what falls along `fall`: see [`Shelter::build`].
+    /// Returns the map for what falls along `fall` (world axes, of any length; straight down where
+    /// it is zero or not finite). `threads` at once, `None` for one a core; the map is the same for
+    /// any number.
     #[must_use]
     pub fn shelter(&self, fall: [f64; 3], threads: Option<usize>) -> Shelter {
         let threads = count(threads);
@@ -207,15 +204,14 @@ impl Occluders {
         FirstSurfaces { stops, splats, opened }
     }
 
-    /// The same without those that float over the place.
+    /// Removes the occluders that float over the place.
     #[must_use]
     pub fn standing(&self, threads: usize) -> Self {
         self.without(&self.layers(1, 0.0, 0.0, Some(threads)).1)
     }
 
-    /// The same without those that float.
-    #[must_use]
-    pub fn without(&self, floaters: &FloaterMap) -> Self {
+    /// Removes the given floaters.
+    pub(crate) fn without(&self, floaters: &FloaterMap) -> Self {
         let FloaterMap { grid, opened } = floaters;
         let mut floors = vec![f32::NEG_INFINITY; grid.columns * grid.rows];
         // What was opened twice is deeper the second time.
@@ -301,8 +297,9 @@ fn largest(splats: &Splats, index: usize) -> f64 {
 fn range_within(
     bounds: impl ExactSizeIterator<Item = [f64; 2]> + Clone,
     outliers: f64,
-    [first, last]: [f64; 2],
+    ends: [f64; 2],
 ) -> ([f64; 2], bool) {
+    let [first, last] = ends;
     let Some(end) = bounds.len().checked_sub(1) else { return ([0.0; 2], false) };
     let rank = ((outliers * end as f64) as usize).min(end / 2);
     // Counting is quicker than looking for a quantile that is cut off, and mostly ends soon.

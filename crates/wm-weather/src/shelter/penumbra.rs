@@ -20,19 +20,19 @@ const GRAZING: f32 = 0.1;
 /// Points at which it is first looked for what shades a surface.
 const LOOKS: usize = 24;
 /// Least radius of the edge of a shadow, cells: what the map resolves.
-const LEAST: f32 = 1.5;
+const MIN_EDGE_CELLS: f32 = 1.5;
 
 /// A far, round source of light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FarSource {
+pub(crate) struct FarSource {
     /// Angular diameter, radians.
-    pub width: f32,
+    pub(crate) width: f32,
     /// Widest radius of the edge of a shadow, m, across the light.
-    pub widest: f32,
+    pub(crate) widest: f32,
 }
 
 /// The sun; the shadows of what is farther than some 110 m have edges as wide as those of that.
-pub const SUN: FarSource = FarSource { width: 0.0093, widest: 0.5 };
+pub(crate) const SUN: FarSource = FarSource { width: 0.0093, widest: 0.5 };
 
 /// A surface on the map.
 struct Receiver {
@@ -51,27 +51,16 @@ impl Shelter {
     /// Returns the share of a source in the direction that the fall comes from that a surface at
     /// `point` (world, scene units) sees, 0-1. A normal of zero is that of leaves, which turn to
     /// all sides.
-    #[must_use]
-    pub fn lit(&self, point: Vec3, normal: Vec3, source: FarSource) -> f32 {
+    pub(crate) fn lit(&self, point: Vec3, normal: Vec3, source: FarSource) -> f32 {
         let Some(receiver) = self.receiver(point, normal) else { return 1.0 };
         let widest = source.widest * self.query.cells_per_metre;
-        let Some(distance) = self.blocker(&receiver, widest.max(LEAST)) else { return 1.0 };
+        let Some(distance) = self.blocker(&receiver, widest.max(MIN_EDGE_CELLS)) else { return 1.0 };
         let radius = 0.5 * source.width * distance / self.query.cell;
-        self.open_within(&receiver, radius.clamp(LEAST, widest.max(LEAST)))
-    }
-
-    /// Returns true if nothing stands between a surface and where the fall comes from, by its own
-    /// cell alone.
-    #[must_use]
-    pub fn is_lit(&self, point: Vec3, normal: Vec3) -> bool {
-        self.receiver(point, normal).is_none_or(|receiver| {
-            self.shade(&receiver, receiver.at.x.floor() as i32, receiver.at.y.floor() as i32).is_none()
-        })
+        self.open_within(&receiver, radius.clamp(MIN_EDGE_CELLS, widest.max(MIN_EDGE_CELLS)))
     }
 
     /// Returns the share of the cells within a radius (m) of a surface that nothing shades, 0-1.
-    #[must_use]
-    pub fn lit_within(&self, point: Vec3, normal: Vec3, radius: f32) -> f32 {
+    pub(crate) fn lit_within(&self, point: Vec3, normal: Vec3, radius: f32) -> f32 {
         let radius = (radius * self.query.cells_per_metre).min(MOST_RADIUS);
         self.receiver(point, normal).map_or(1.0, |receiver| self.open_within(&receiver, radius))
     }

@@ -1,12 +1,13 @@
 use super::cast::{FILTER, LEAST_ALPHA, cast, project};
 use super::occluders::Occluder;
 use super::*;
+use crate::optics::Site;
 use glam::DVec3;
 use proptest::prelude::*;
 use wm_scene::random::uniform;
 use wm_scene::splats::{Splat, logit};
 use wm_scene::synthetic::{Builder, moved, rotation};
-use wm_scene::{Group, testing::data};
+use wm_scene::{Group, Splats, testing::data};
 
 const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
 const GREY: [f32; 3] = [0.5; 3];
@@ -20,7 +21,7 @@ fn metres() -> Site {
 }
 
 fn map(splats: &Splats, fall: [f64; 3]) -> Shelter {
-    Shelter::build(splats, &metres(), fall, &ShelterOptions::default(), None)
+    Occluders::of(splats, &metres(), &ShelterOptions::default()).shelter(fall, None)
 }
 
 fn point(x: f64, y: f64, z: f64) -> [f32; 3] {
@@ -334,7 +335,7 @@ fn maps_are_the_same_for_any_number_of_threads() {
     let splats = mess(4, 3000);
     let options = ShelterOptions { cell: 0.02, ..ShelterOptions::default() };
     let bits = |threads| {
-        let shelter = Shelter::build(&splats, &metres(), [0.3, 0.1, -1.0], &options, threads);
+        let shelter = Occluders::of(&splats, &metres(), &options).shelter([0.3, 0.1, -1.0], threads);
         shelter.stops.iter().map(|v| v.to_bits()).collect::<Vec<_>>()
     };
     let one = bits(Some(1));
@@ -349,7 +350,8 @@ fn a_place_turned_scaled_and_moved_has_the_same_shelter() {
     let (turn, shift) = (rotation(6, 1), DVec3::new(300.0, -200.0, 50.0));
     let there = moved(&splats, turn, 4.0, shift);
     let site = site(0.25, turn * DVec3::Z);
-    let after = Shelter::build(&there, &site, (turn * fall).to_array(), &ShelterOptions::default(), None);
+    let after =
+        Occluders::of(&there, &site, &ShelterOptions::default()).shelter((turn * fall).to_array(), None);
     assert!((after.cell() - 0.1).abs() < 1e-12);
     let mut different = 0;
     for i in 0..5000 {
@@ -405,14 +407,14 @@ fn faults_and_giants_are_left_out() {
 #[test]
 fn a_large_scene_has_wider_cells() {
     let options = ShelterOptions { most_cells: 1000, ..ShelterOptions::default() };
-    let shelter = Shelter::build(&table(), &metres(), DOWN, &options, None);
+    let shelter = Occluders::of(&table(), &metres(), &options).shelter(DOWN, None);
     let [columns, rows] = shelter.size();
     assert!(columns * rows <= 1000 && columns * rows > 800, "{columns} {rows}");
     assert!((shelter.cell() - 8.0 / 31.0).abs() < 0.01, "{}", shelter.cell());
     // A line has a length and no area.
     let mut line = Splats::with_capacity(0, 0);
     (0..1000).for_each(|i| line.push(&ball(DVec3::X * f64::from(i), 0.001, 0.9)));
-    let [columns, rows] = Shelter::build(&line, &metres(), DOWN, &options, None).size();
+    let [columns, rows] = Occluders::of(&line, &metres(), &options).shelter(DOWN, None).size();
     assert!(columns * rows <= 1000 && columns > 500, "{columns} {rows}");
 }
 
@@ -420,7 +422,8 @@ fn a_large_scene_has_wider_cells() {
 fn a_grid_with_a_focus_is_a_part_of_the_whole() {
     let (splats, fall, site) = (table(), [0.2, 0.1, -1.0], metres());
     let of = |focus| {
-        Shelter::build(&splats, &site, fall, &ShelterOptions { focus, ..ShelterOptions::default() }, None)
+        Occluders::of(&splats, &site, &ShelterOptions { focus, ..ShelterOptions::default() })
+            .shelter(fall, None)
     };
     let (whole, part) = (of(None), of(Some(([[0.5, 0.0, 0.0]; 2], 1.0))));
     assert_eq!(part.size(), [20, 20]);
@@ -478,7 +481,7 @@ proptest! {
             });
         }
         let options = ShelterOptions { most_cells: 10_000, ..ShelterOptions::default() };
-        let shelter = Shelter::build(&splats, &metres(), fall, &options, Some(1));
+        let shelter = Occluders::of(&splats, &metres(), &options).shelter(fall, Some(1));
         let [columns, rows] = shelter.size();
         prop_assert!(columns * rows <= 10_000 && shelter.stops.iter().all(|stop| !stop.is_nan()));
         let _ = shelter.is_exposed(at);
@@ -497,7 +500,7 @@ fn roofs_of_the_street_shelter() {
     let splats = sampling.splats_in(0..sampling.len());
     let fall = DVec3::new(0.3, 0.4, -1.0).normalize();
     let options = ShelterOptions { focus: Some(([[0.0; 3]; 2], 40.0)), ..ShelterOptions::default() };
-    let shelter = Shelter::build(&splats, &metres(), fall.to_array(), &options, None);
+    let shelter = Occluders::of(&splats, &metres(), &options).shelter(fall.to_array(), None);
     assert!((shelter.cell() - 0.1).abs() < 1e-9 && shelter.size() == [800, 800]);
     let [mut right, mut wrong] = [[0; 2]; 2];
     for i in 0..8000 {

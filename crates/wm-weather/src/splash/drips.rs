@@ -8,7 +8,7 @@ const DIAMETERS: [f64; 2] = [4.2e-3, 5.4e-3];
 const VOLUME: f64 = 5.88e-8;
 /// Most drops a second of a piece of an eave, as from 5 m of roof in 85 mm/h: what is more is left
 /// out.
-const MOST: f64 = 200.0;
+const MAX_DRIPS: f64 = 200.0;
 /// Part of the seeds.
 const SEED: u64 = 0x4541_5645;
 /// m/s^2.
@@ -16,31 +16,32 @@ const GRAVITY: f64 = 9.81;
 
 /// A drop that has let go of an eave.
 #[derive(Clone, Debug)]
-pub struct Drip {
+pub(crate) struct Drip {
     /// Time since it let go, s; below 0 it will.
-    pub age: f64,
-    /// Its place along the piece of the eave, -0.5 to 0.5, and across it.
-    pub place: [f64; 2],
+    pub(crate) age: f64,
+    /// Place along the piece of the eave, -0.5 to 0.5, and across it.
+    pub(crate) place: [f64; 2],
     /// Diameter, m.
-    pub diameter: f64,
+    pub(crate) diameter: f64,
     /// More random numbers of its own.
-    pub draws: RandomSequence,
+    pub(crate) draws: RandomSequence,
 }
 
 /// Calls `take` with the drops of eave `number` that let go between two times, s, with their ages
 /// at `time`, where `flux` m^3/s fall.
-pub fn each(number: u64, flux: f64, [from, to]: [f64; 2], time: f64, mut take: impl FnMut(Drip)) {
-    let share = flux / VOLUME / MOST;
+pub(crate) fn each(number: u64, flux: f64, span: [f64; 2], time: f64, mut take: impl FnMut(Drip)) {
+    let [from, to] = span;
+    let share = flux / VOLUME / MAX_DRIPS;
     if share <= 0.0 {
         return;
     }
-    let [first, last] = [from, to].map(|at| (at * MOST).floor() as i64);
+    let [first, last] = [from, to].map(|at| (at * MAX_DRIPS).floor() as i64);
     for slot in first..=last {
         let mut draws = RandomSequence::new(mix(mix(SEED ^ number) ^ slot as u64));
         if draws.uniform() >= share {
             continue;
         }
-        let let_go = (slot as f64 + draws.uniform()) / MOST;
+        let let_go = (slot as f64 + draws.uniform()) / MAX_DRIPS;
         let place = [draws.uniform() - 0.5, draws.uniform() - 0.5];
         let diameter = DIAMETERS[0] + (DIAMETERS[1] - DIAMETERS[0]) * draws.uniform();
         take(Drip { age: time - let_go, place, diameter, draws });
@@ -49,22 +50,20 @@ pub fn each(number: u64, flux: f64, [from, to]: [f64; 2], time: f64, mut take: i
 
 /// A fall from rest in still air to a terminal speed, m/s, with drag by the square of the speed.
 #[derive(Clone, Copy, Debug)]
-pub struct Fall {
+pub(crate) struct Fall {
     /// m/s.
-    pub terminal: f64,
+    pub(crate) terminal: f64,
 }
 
 impl Fall {
     /// The depth fallen after some seconds, m.
-    #[must_use]
-    pub fn depth(self, age: f64) -> f64 {
+    pub(crate) fn depth(self, age: f64) -> f64 {
         let long = self.terminal / GRAVITY;
         self.terminal * long * (age.max(0.0) / long).cosh().ln()
     }
 
     /// The time to fall so deep, s.
-    #[must_use]
-    pub fn time(self, depth: f64) -> f64 {
+    pub(crate) fn time(self, depth: f64) -> f64 {
         let long = self.terminal / GRAVITY;
         long * (depth / (self.terminal * long)).exp().acosh()
     }

@@ -9,40 +9,40 @@ use crate::water::ripples::{self, SIZE};
 use wm_scene::random::{RandomSequence, bits, uniform};
 
 /// Diameter from which drops make rings, mm, and from which some splash, mm.
-const RINGS: f64 = 2.0;
-const LEAST: f64 = 1.0;
+const MIN_RING_DIAMETER_MM: f64 = 2.0;
+const MIN_SPLASH_DIAMETER_MM: f64 = 1.0;
 /// Most of the other drops, a m^2 and second: all of them at 300 mm/h.
-const MOST: f64 = 12_000.0;
+const MAX_DROP_FLUX: f64 = 12_000.0;
 /// Parts of the seeds.
 const OTHERS: u64 = 0x5350_4c41;
-const OWN: u64 = 0x4f57_4e53;
+const DROP_SEED: u64 = 0x4f57_4e53;
 
 /// A drop that has fallen.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fallen {
-    /// Its rank, uniform in 0-1.
-    pub rank: f32,
+pub(crate) struct FallenDrop {
+    /// Rank, uniform in 0-1.
+    pub(crate) rank: f32,
     /// Place on the tile, m.
-    pub place: [f32; 2],
+    pub(crate) place: [f32; 2],
     /// Time since it hit, s; below 0 it will.
-    pub age: f32,
+    pub(crate) age: f32,
     /// Diameter, mm.
-    pub diameter: f32,
+    pub(crate) diameter: f32,
     /// The key of its random numbers.
-    pub key: u64,
+    pub(crate) key: u64,
 }
 
 /// The flux of drops through a level plane, 1/(m^2 s), by diameter.
 #[derive(Clone, Debug, PartialEq)]
-pub struct DropFlux {
+pub(crate) struct DropFlux {
     /// Least and greatest diameter, mm, and the flux of those.
     pieces: Vec<([f64; 2], f64)>,
 }
 
 impl DropFlux {
-    /// Of the drops of a rain between two diameters, mm.
-    #[must_use]
-    pub fn between(rain: &Precipitation, [from, to]: [f64; 2]) -> Self {
+    /// Computes the flux of a rain's drops between two diameters, mm.
+    pub(crate) fn between(rain: &Precipitation, span: [f64; 2]) -> Self {
+        let [from, to] = span;
         let pieces = rain.classes().filter_map(|(class, number)| {
             let [low, high] = class.diameters;
             let kept = [low.max(from), high.min(to)];
@@ -52,9 +52,8 @@ impl DropFlux {
         Self { pieces: pieces.collect() }
     }
 
-    /// Of all of them, 1/(m^2 s).
-    #[must_use]
-    pub fn total(&self) -> f64 {
+    /// Flux of all drops, 1/(m^2 s).
+    pub(crate) fn total(&self) -> f64 {
         self.pieces.iter().map(|(_, flux)| flux).sum()
     }
 
@@ -67,23 +66,23 @@ impl DropFlux {
             }
             left -= flux;
         }
-        self.pieces.last().map_or(LEAST, |([_, high], _)| *high)
+        self.pieces.last().map_or(MIN_SPLASH_DIAMETER_MM, |([_, high], _)| *high)
     }
 }
 
 /// The drops of the tile that have fallen up to an age, by their ranks.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct FallenDrops {
-    drops: Vec<Fallen>,
+pub(crate) struct FallenDrops {
+    drops: Vec<FallenDrop>,
 }
 
 impl FallenDrops {
     /// The drops of `rain` that hit from `since` s before `time` until `ahead` s after it. `seed`
     /// is that of the water.
-    #[must_use]
-    pub fn new(rain: &Precipitation, time: f64, [since, ahead]: [f64; 2], seed: u64) -> Self {
-        let large = DropFlux::between(rain, [RINGS, f64::INFINITY]);
-        let small = DropFlux::between(rain, [LEAST, RINGS]);
+    pub(crate) fn new(rain: &Precipitation, time: f64, span: [f64; 2], seed: u64) -> Self {
+        let [since, ahead] = span;
+        let large = DropFlux::between(rain, [MIN_RING_DIAMETER_MM, f64::INFINITY]);
+        let small = DropFlux::between(rain, [MIN_SPLASH_DIAMETER_MM, MIN_RING_DIAMETER_MM]);
         let (all_large, all_small) = (large.total(), small.total());
         let rings = ripples::drawn_drops(rain.rate);
         let span = [time - since, time + ahead];
@@ -96,16 +95,16 @@ impl FallenDrops {
             let mut draws = RandomSequence::new(key);
             let rank = draws.uniform() as f32;
             let diameter = diameter(&mut draws) as f32;
-            Fallen { rank, place: place.map(|v| v as f32), age: (time - at) as f32, diameter, key }
+            FallenDrop { rank, place: place.map(|v| v as f32), age: (time - at) as f32, diameter, key }
         };
         let ring_seed = ripples::drop_seed(seed);
         let rings = ripples::large_drops_between(rain.rate, span, ring_seed).filter_map(|drop| {
-            let key = bits(ring_seed ^ OWN, drop.number as u64);
+            let key = bits(ring_seed ^ DROP_SEED, drop.number as u64);
             (uniform(key, 1) < kept)
                 .then(|| made(key, drop.center, drop.time, &|draws| large.diameter(draws.uniform())))
         });
-        let (own, most) = (seed ^ OTHERS, MOST * SIZE * SIZE);
-        let share = (others / MOST).min(1.0);
+        let (own, most) = (seed ^ OTHERS, MAX_DROP_FLUX * SIZE * SIZE);
+        let share = (others / MAX_DROP_FLUX).min(1.0);
         let above = (others - all_small) / others.max(1e-9);
         let [first, last] = span.map(|time| (time * most).floor() as i64);
         let others = (first..=last).filter_map(|number| {
@@ -114,35 +113,34 @@ impl FallenDrops {
                 return None;
             }
             let (place, at) = ([SIZE * draw(2), SIZE * draw(3)], (number as f64 + draw(0)) / most);
-            Some(made(bits(own ^ OWN, number as u64), place, at, &|draws| {
+            Some(made(bits(own ^ DROP_SEED, number as u64), place, at, &|draws| {
                 let sizes = if draws.uniform() < above { &large } else { &small };
                 sizes.diameter(draws.uniform())
             }))
         });
-        let is_in = |drop: &Fallen| f64::from(drop.age) < since && f64::from(drop.age) > -ahead;
-        let mut drops: Vec<Fallen> = rings.chain(others).filter(is_in).collect();
+        let is_in = |drop: &FallenDrop| f64::from(drop.age) < since && f64::from(drop.age) > -ahead;
+        let mut drops: Vec<FallenDrop> = rings.chain(others).filter(is_in).collect();
         drops.sort_by(|a, b| a.rank.total_cmp(&b.rank).then(a.key.cmp(&b.key)));
         Self { drops }
     }
 
-    /// The same up to a lower age, s.
-    #[must_use]
-    pub fn younger(&self, age: f64) -> Self {
+    /// Keeps the drops up to a lower age, s.
+    pub(crate) fn younger(&self, age: f64) -> Self {
         Self { drops: self.drops.iter().filter(|drop| f64::from(drop.age) < age).copied().collect() }
     }
 
     /// All of them, by their ranks.
-    #[must_use]
-    pub fn all(&self) -> &[Fallen] {
+    #[cfg(test)]
+    pub(crate) fn all(&self) -> &[FallenDrop] {
         &self.drops
     }
 
     /// Calls `visit` with the drops of the lowest `share` of the ranks, which begin at `turn`, and
     /// with the rank of each from there.
-    pub fn each(&self, share: f64, turn: f64, mut visit: impl FnMut(&Fallen, f64)) {
+    pub(crate) fn each(&self, share: f64, turn: f64, mut visit: impl FnMut(&FallenDrop, f64)) {
         let from = |rank: f64| self.drops.partition_point(|drop| f64::from(drop.rank) < rank);
         let (begin, end) = (from(turn), turn + share);
-        let mut pass = |drops: &[Fallen], more: f64| {
+        let mut pass = |drops: &[FallenDrop], more: f64| {
             drops.iter().for_each(|drop| visit(drop, f64::from(drop.rank) + more - turn));
         };
         if share >= 1.0 {

@@ -15,7 +15,7 @@ const MEAN_SPEED: f64 = 0.5;
 
 /// The flight of a droplet from level ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Flight {
+pub(crate) struct Flight {
     /// First velocity less that of the air, m/s: two level axes and up.
     start: [f64; 3],
     /// Velocity of the air, m/s.
@@ -27,10 +27,9 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// Of a droplet of `diameter` m that starts with `velocity`, m/s along two level axes and up,
-    /// in air that moves with `air`, m/s.
-    #[must_use]
-    pub fn new(diameter: f64, velocity: [f64; 3], air: [f64; 2]) -> Self {
+    /// Computes the flight of a droplet of `diameter` m that starts with `velocity`, m/s along two
+    /// level axes and up, in air that moves with `air`, m/s.
+    pub(crate) fn new(diameter: f64, velocity: [f64; 3], air: [f64; 2]) -> Self {
         let start = [velocity[0] - air[0], velocity[1] - air[1], velocity[2].max(0.0)];
         let speed = start.iter().map(|v| v * v).sum::<f64>().sqrt();
         let reynolds = AIR * MEAN_SPEED * speed * diameter / VISCOSITY;
@@ -42,15 +41,14 @@ impl Flight {
     }
 
     /// The greatest height, m.
-    #[must_use]
-    pub fn height(&self) -> f64 {
+    #[cfg(test)]
+    pub(crate) fn height(&self) -> f64 {
         self.top[1]
     }
 
     /// Returns its place a time, s, after the start, m from there along two level axes and up;
     /// below height 0 it has landed.
-    #[must_use]
-    pub fn at(&self, time: f64) -> [f64; 3] {
+    pub(crate) fn at(&self, time: f64) -> [f64; 3] {
         let [up, down] = self.times;
         let [rises, top] = self.top;
         let decay = |time: f64, over: f64| -(-time / over).exp_m1();
@@ -67,8 +65,7 @@ impl Flight {
     }
 
     /// The time at which it lands, s.
-    #[must_use]
-    pub fn lands(&self) -> f64 {
+    pub(crate) fn lands(&self) -> f64 {
         let (down, [rises, top]) = (self.times[1], self.top);
         // Newton from below: falling is convex in time.
         let mut since = (2.0 * top / GRAVITY).sqrt();

@@ -10,7 +10,7 @@ use crate::wetness::{Drainage, Eave, GroundMap, WetShares, WetState, WetSurfaces
 /// lower. The surface of puddles is drawn as much higher.
 const LIFT: f64 = 0.04;
 /// Depth of a flood and of open water, as drops feel it, m.
-const DEEP: f64 = 1.0;
+const OPEN_WATER_DEPTH_M: f64 = 1.0;
 /// Share of the texture's depth that a film has for drops where it does not fill the texture.
 const IN_TEXTURE: f64 = 0.3;
 /// Steps of the share of the rain.
@@ -30,7 +30,7 @@ pub struct SplashTiles {
 }
 
 impl SplashTiles {
-    /// Of the ground of some surfaces.
+    /// Builds the tiles for the ground of some surfaces.
     #[must_use]
     pub fn of(surfaces: &WetSurfaces, site: &Site) -> Self {
         let ground = surfaces.ground();
@@ -57,7 +57,8 @@ impl SplashTiles {
         Self { first, columns: width, heights }
     }
 
-    fn at(&self, [x, y]: [i64; 2]) -> Option<[f64; 2]> {
+    fn at(&self, cell: [i64; 2]) -> Option<[f64; 2]> {
+        let [x, y] = cell;
         let (x, y) = (x - self.first[0], y - self.first[1]);
         if x < 0 || y < 0 || x >= self.columns as i64 {
             return None;
@@ -89,13 +90,13 @@ pub struct SplashGround<'a> {
 
 /// The ground or the water at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SplashPlace {
+pub(crate) struct SplashPlace {
     /// Height, m along up from the world's origin, of what splashes rise from.
-    pub height: f64,
+    pub(crate) height: f64,
     /// Depth of the water, m.
-    pub film: f64,
+    pub(crate) film: f64,
     /// Share of the drops that come there and find it wet, 0-1.
-    pub share: f32,
+    pub(crate) share: f32,
 }
 
 impl<'a> SplashGround<'a> {
@@ -105,7 +106,9 @@ impl<'a> SplashGround<'a> {
     pub fn new(
         surfaces: &'a WetSurfaces,
         shares: &'a WetShares,
-        (state, texture, eaves): (&'a WetState, f64, f64),
+        state: &'a WetState,
+        texture: f64,
+        eaves: f64,
         tiles: &'a SplashTiles,
         site: &Site,
     ) -> Self {
@@ -155,7 +158,7 @@ impl<'a> SplashGround<'a> {
         let open = self.shares[at].clamp(0.0, 1.0);
         if pool.is_finite() {
             let height = self.origin[2] + f64::from(surface + self.ground.tilt_at(at)) + LIFT;
-            return Some(SplashPlace { height, film: DEEP, share: open });
+            return Some(SplashPlace { height, film: OPEN_WATER_DEPTH_M, share: open });
         }
         let [wet, film] = self.films[(open * (SHARES - 1) as f32).round() as usize];
         let level = self.levels.get(self.ground.basins.of[at] as usize).copied().unwrap_or(f32::NEG_INFINITY);
@@ -170,19 +173,19 @@ impl<'a> SplashGround<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Floor<'a> {
     /// Wet ground.
-    pub ground: Option<&'a SplashGround<'a>>,
+    pub(crate) ground: Option<&'a SplashGround<'a>>,
     /// Height of the water, m along up from the world's origin.
-    pub plane: Option<f64>,
+    pub(crate) plane: Option<f64>,
     /// The map of sheltered places, for the water at one level.
-    pub shelter: Option<&'a Shelter>,
+    pub(crate) shelter: Option<&'a Shelter>,
     /// Level axes in world axes, scene units of a metre.
-    pub units: [[f64; 3]; 3],
+    pub(crate) units: [[f64; 3]; 3],
 }
 
 impl Floor<'_> {
     /// Returns the ground or water at a place, m along the level axes; `None` where there is
     /// neither.
-    pub fn at(&self, x: f64, y: f64) -> Option<SplashPlace> {
+    pub(crate) fn at(&self, x: f64, y: f64) -> Option<SplashPlace> {
         let own = self.ground.and_then(|ground| ground.at(x, y));
         let Some(plane) = self.plane.filter(|plane| own.is_none_or(|own| own.height < *plane)) else {
             return own;
@@ -191,11 +194,11 @@ impl Floor<'_> {
             |k: usize| x * self.units[0][k] + y * self.units[1][k] + (plane + LIFT) * self.units[2][k];
         let point = [world(0) as f32, world(1) as f32, world(2) as f32];
         let is_open = self.shelter.is_none_or(|shelter| shelter.is_exposed(point));
-        Some(SplashPlace { height: plane, film: DEEP, share: if is_open { 1.0 } else { 0.0 } })
+        Some(SplashPlace { height: plane, film: OPEN_WATER_DEPTH_M, share: if is_open { 1.0 } else { 0.0 } })
     }
 
     /// The heights on a tile, lowest and highest, m; `None` where there is nothing.
-    pub fn heights(&self, tile: [i64; 2]) -> Option<[f64; 2]> {
+    pub(crate) fn heights(&self, tile: [i64; 2]) -> Option<[f64; 2]> {
         // Puddles stand no more than this above the ground.
         const PUDDLE: f64 = 0.3;
         let own = self.ground.and_then(|ground| ground.tiles.at(tile));

@@ -8,7 +8,7 @@ const TENSION: f64 = 0.073;
 const VISCOSITY: f64 = 1.1e-3;
 /// Film over the drop's diameter from which water counts as deep: splashes do not change any more
 /// (Mutchler and Hansen 1970).
-pub const DEEP: f64 = 3.0;
+pub(crate) const DEEP_FILM: f64 = 3.0;
 /// Film over the drop's diameter at which it throws most (the same).
 const BEST: f64 = 1.0 / 3.0;
 /// Water that a drop far above the threshold throws from the best film, as a share of its own, and
@@ -18,112 +18,103 @@ const FILMLESS: f64 = 0.5;
 const DEEPLESS: f64 = 0.4;
 /// Least and greatest diameter of droplets, m; smaller ones are more frequent (the share below
 /// `least + (greatest - least) u^2` is u).
-pub const DROPLETS: [f64; 2] = [1e-4, 5e-4];
+pub(crate) const DROPLETS: [f64; 2] = [1e-4, 5e-4];
 /// Largest radius of a crown, diameters of the drop `[E]`.
 const WIDEST: f64 = 4.0;
 /// Height of a crown over the drop's diameter and the root of its Weber number `[E]`.
-const TALL: f64 = 0.05;
+const CROWN_HEIGHT: f64 = 0.05;
 /// Life of a crown, s a metre of the drop's diameter, and its bounds, s.
 const LIFE: f64 = 5.0;
 const LIVES: [f64; 2] = [0.005, 0.015];
 /// Share of its outline that a crown hides `[E]`: a thin sheet with thick rims and fingers.
-const HIDES: f64 = 0.5;
+const CROWN_COVERAGE: f64 = 0.5;
 /// Least diameter of drops that make a jet, m, its height and width in diameters `[E]`; so are its
 /// times.
 const JETS_FROM: f64 = 1.5e-3;
 const JET: [f64; 2] = [4.0, 0.4];
 /// Age at which a jet rises, s.
-pub const JET_FROM: f64 = 0.015;
+pub(crate) const JET_FROM: f64 = 0.015;
 /// Life of a jet, s.
-pub const JET_LIFE: f64 = 0.045;
+pub(crate) const JET_LIFE: f64 = 0.045;
 
 /// A drop that hits a film.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Impact {
+pub(crate) struct Impact {
     /// Diameter of the drop, m.
-    pub diameter: f64,
-    /// Its speed, m/s.
-    pub speed: f64,
+    pub(crate) diameter: f64,
+    /// Speed, m/s.
+    pub(crate) speed: f64,
     /// Depth of the water that it hits, m.
-    pub film: f64,
+    pub(crate) film: f64,
 }
 
 /// A crown at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Crown {
+pub(crate) struct Crown {
     /// Radius, m.
-    pub radius: f64,
+    pub(crate) radius: f64,
     /// Height, m.
-    pub height: f64,
+    pub(crate) height: f64,
     /// Area that it hides seen from the side, m^2.
-    pub area: f64,
+    pub(crate) area: f64,
 }
 
 impl Impact {
     /// Inertia over surface tension.
-    #[must_use]
-    pub fn weber(&self) -> f64 {
+    pub(crate) fn weber(&self) -> f64 {
         DENSITY * self.speed * self.speed * self.diameter / TENSION
     }
 
     /// Viscosity over inertia and surface tension.
-    #[must_use]
-    pub fn ohnesorge(&self) -> f64 {
+    pub(crate) fn ohnesorge(&self) -> f64 {
         VISCOSITY / (DENSITY * TENSION * self.diameter).sqrt()
     }
 
     /// Depth of the film over the drop's diameter, no more than that of deep water.
-    #[must_use]
-    pub fn film_ratio(&self) -> f64 {
-        (self.film / self.diameter).clamp(0.0, DEEP)
+    fn film_ratio(&self) -> f64 {
+        (self.film / self.diameter).clamp(0.0, DEEP_FILM)
     }
 
     /// Cossali's splash number over that from which crowns throw droplets: they do above 1.
-    #[must_use]
-    pub fn excess(&self) -> f64 {
+    pub(crate) fn excess(&self) -> f64 {
         let number = self.weber() * self.ohnesorge().powf(-0.4);
         number / (2100.0 + 5880.0 * self.film_ratio().powf(1.44))
     }
 
     /// Returns true if it throws droplets.
-    #[must_use]
-    pub fn splashes(&self) -> bool {
+    pub(crate) fn splashes(&self) -> bool {
         self.excess() > 1.0
     }
 
     /// Water that it throws, as a share of its own.
-    #[must_use]
-    pub fn thrown(&self) -> f64 {
+    pub(crate) fn thrown(&self) -> f64 {
         THROWN * by_film(self.film_ratio()) * (1.0 - 1.0 / self.excess()).max(0.0)
     }
 
     /// Mean number of droplets.
-    #[must_use]
-    pub fn droplets(&self) -> f64 {
+    pub(crate) fn droplets(&self) -> f64 {
         self.thrown() * self.diameter.powi(3) / mean_cube()
     }
 
     /// Life of its crown, s.
-    #[must_use]
-    pub fn life(&self) -> f64 {
+    pub(crate) fn life(&self) -> f64 {
         (LIFE * self.diameter).clamp(LIVES[0], LIVES[1])
     }
 
-    /// Its crown at an age, s. The radius follows Yarin and Weiss (1995).
-    #[must_use]
-    pub fn crown(&self, age: f64) -> Crown {
+    /// Crown at an age, s. The radius follows Yarin and Weiss (1995).
+    pub(crate) fn crown(&self, age: f64) -> Crown {
         let film = self.film.clamp(0.1 * self.diameter, self.diameter);
         let spread =
             (2.0f64 / 3.0).powf(0.25) * self.speed.sqrt() * self.diameter.powf(0.75) * film.powf(-0.25);
         let radius = (spread * age.max(0.0).sqrt()).min(WIDEST * self.diameter);
         let phase = (age / self.life()).clamp(0.0, 1.0);
-        let height = TALL * self.weber().sqrt() * self.diameter * (std::f64::consts::PI * phase).sin();
-        Crown { radius, height, area: HIDES * 2.0 * radius * height }
+        let height =
+            CROWN_HEIGHT * self.weber().sqrt() * self.diameter * (std::f64::consts::PI * phase).sin();
+        Crown { radius, height, area: CROWN_COVERAGE * 2.0 * radius * height }
     }
 
     /// Height and width of its jet at an age, m; `None` where it makes none.
-    #[must_use]
-    pub fn jet(&self, age: f64) -> Option<[f64; 2]> {
+    pub(crate) fn jet(&self, age: f64) -> Option<[f64; 2]> {
         let phase = (age - JET_FROM) / JET_LIFE;
         let has_jet = self.film >= self.diameter && self.diameter > JETS_FROM && (0.0..1.0).contains(&phase);
         has_jet.then(|| [JET[0] * self.diameter * 4.0 * phase * (1.0 - phase), JET[1] * self.diameter])
@@ -136,13 +127,13 @@ fn by_film(ratio: f64) -> f64 {
     if ratio < BEST {
         FILMLESS + (1.0 - FILMLESS) * smooth(ratio / BEST)
     } else {
-        1.0 - (1.0 - DEEPLESS) * smooth((ratio / BEST).ln().min((DEEP / BEST).ln()) / (DEEP / BEST).ln())
+        1.0 - (1.0 - DEEPLESS)
+            * smooth((ratio / BEST).ln().min((DEEP_FILM / BEST).ln()) / (DEEP_FILM / BEST).ln())
     }
 }
 
 /// Diameter of the droplet with a share of them below it, m.
-#[must_use]
-pub fn droplet(share: f64) -> f64 {
+pub(crate) fn droplet(share: f64) -> f64 {
     DROPLETS[0] + (DROPLETS[1] - DROPLETS[0]) * share * share
 }
 

@@ -22,20 +22,20 @@
 //! All of it is a function of time and place: any frame can be had alone.
 
 mod drips;
-pub mod fallen;
-pub mod flight;
-pub mod ground;
-pub mod impact;
-pub mod particles;
+pub(crate) mod fallen;
+pub(crate) mod flight;
+pub(crate) mod ground;
+pub(crate) mod impact;
+pub(crate) mod particles;
 #[cfg(test)]
 mod tests;
 
 pub use ground::{SplashGround, SplashTiles};
-pub use particles::SplashParticles;
+pub(crate) use particles::SplashParticles;
 
 /// Splashes at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Splash {
     /// Factor on the water that drops throw.
-    pub amount: f64,
+    pub(crate) amount: f64,
 }

@@ -2,7 +2,7 @@
 
 use super::Splash;
 use super::drips::{self, Drip, Fall};
-use super::fallen::{Fallen, FallenDrops};
+use super::fallen::{FallenDrop, FallenDrops};
 use super::flight::Flight;
 use super::ground::{Floor, SplashGround, SplashPlace};
 use super::impact::{self, Impact};
@@ -23,8 +23,8 @@ use wm_render::simd::{Lanes, SimdPath};
 use wm_scene::random::{RandomSequence, mix};
 
 /// Farthest and nearest distance at which splashes are drawn, m.
-const FARTHEST: f64 = 45.0;
-const NEAREST: f64 = 0.15;
+const MAX_DISTANCE_M: f64 = 45.0;
+const MIN_DISTANCE_M: f64 = 0.15;
 /// Longest flight of a droplet, and longest life of a crown or a jet, s.
 const FLIGHT: f64 = 0.4;
 const CROWN: f64 = impact::JET_FROM + impact::JET_LIFE;
@@ -33,11 +33,11 @@ const USUAL: f64 = 0.006;
 const MERGE: f64 = 1.25;
 /// Width, px, below which droplets are drawn fewer and wider: less than that of crowns, else a
 /// cloud of droplets becomes a few grains. And the droplets of a drop of which one is to be drawn
-/// before fewer drops are asked for theirs.
+/// before fewer drops are requested theirs.
 const DOT: f64 = 0.55;
-const MANY: f64 = 150.0;
-/// Most droplets that are drawn of one drop.
-const MOST: f64 = 400.0;
+const MIN_DRAWN_DROPLETS: f64 = 150.0;
+/// Largest number of droplets drawn for one drop.
+const MAX_DRAWN_DROPLETS: f64 = 400.0;
 /// Farthest that a splash is from its drop, m.
 const REACH: f64 = 0.6;
 /// Speed of droplets over that of their drop, least and greatest: the slow ones are more frequent.
@@ -45,11 +45,11 @@ const SPEEDS: [f64; 2] = [0.08, 0.45];
 /// Angles over level ground at which they start, radians.
 const ANGLES: [f64; 2] = [0.85, 1.4];
 /// Times at which they leave the crown, shares of its life.
-const LEAVES: [f64; 2] = [0.25, 0.75];
+const DROPLET_START_TIMES: [f64; 2] = [0.25, 0.75];
 /// Wind near the ground over that at 10 m, and the part of a drop's way along the ground that its
 /// droplets keep.
 const NEAR_GROUND: f64 = 0.3;
-const KEPT: f64 = 0.2;
+const KEPT_VELOCITY: f64 = 0.2;
 /// Most fingers of a crown, and the slope of its wall: outwards for a length of 1 upwards.
 const FINGERS: f64 = 14.0;
 const OUTWARDS: f64 = 0.45;
@@ -63,7 +63,7 @@ const EAVES: usize = 64;
 const DRIFT: f64 = 0.5;
 
 /// Splashes before a camera.
-pub struct SplashParticles<'a> {
+pub(crate) struct SplashParticles<'a> {
     rain: &'a Precipitation,
     air: &'a Atmosphere,
     lamps: Option<&'a LampsOn<'a>>,
@@ -87,13 +87,22 @@ impl<'a> SplashParticles<'a> {
     /// up from the world's origin), before a camera that moves with `velocity` (m/s, world axes).
     /// `seed` is that of the water.
     #[must_use]
-    pub fn new(
-        (splash, rain, seed): (Splash, &'a Precipitation, u64),
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "what splashes, the place, its lights and the motion are independent"
+    )]
+    pub(crate) fn new(
+        splash: Splash,
+        rain: &'a Precipitation,
+        seed: u64,
         site: &Site,
         air: &'a Atmosphere,
-        (shelter, lamps): (Option<&'a Shelter>, Option<&'a LampsOn<'a>>),
-        (ground, plane): (Option<&'a SplashGround<'a>>, Option<f64>),
-        (wind_now, velocity): (WindSample, [f64; 3]),
+        shelter: Option<&'a Shelter>,
+        lamps: Option<&'a LampsOn<'a>>,
+        ground: Option<&'a SplashGround<'a>>,
+        plane: Option<f64>,
+        wind_now: WindSample,
+        velocity: [f64; 3],
         time: f64,
     ) -> Self {
         let axes = level_axes(site.up);
@@ -132,14 +141,15 @@ impl Particles for SplashParticles<'_> {
         let center = self.center(view);
         let planes = ViewFrustum::planes(view, &self.axes).map(DVec3::from_array);
         let [x, y] = [center.x, center.y].map(|v| (v / SIZE).floor().clamp(-1e15, 1e15) as i64);
-        let reach = (FARTHEST / SIZE).ceil() as i64;
+        let reach = (MAX_DISTANCE_M / SIZE).ceil() as i64;
         let is_seen = |tile: [i64; 2]| {
             let Some([low, high]) = self.floor.heights(tile) else { return false };
             let corner = DVec3::new(tile[0] as f64 * SIZE, tile[1] as f64 * SIZE, low) - center;
             let half = 0.5 * DVec3::new(SIZE, SIZE, high - low);
             let radius = half.length() + REACH;
             let middle = corner + half;
-            middle.length() < FARTHEST + radius && planes.iter().all(|plane| plane.dot(middle) > -radius)
+            middle.length() < MAX_DISTANCE_M + radius
+                && planes.iter().all(|plane| plane.dot(middle) > -radius)
         };
         let mut parts = Vec::new();
         for row in -reach..=reach {
@@ -191,13 +201,13 @@ impl Particles for SplashParticles<'_> {
 
 /// A drop that has hit something in view.
 struct Hit {
-    /// Its place, m from the camera along the level axes.
+    /// Position, m from the camera along the level axes.
     at: DVec3,
     distance: f64,
     age: f64,
     impact: Impact,
     draws: RandomSequence,
-    /// One over how many it stands for.
+    /// Reciprocal of the number of drops that it stands for.
     keep: f64,
 }
 
@@ -249,7 +259,7 @@ impl<'a> Brush<'a> {
     /// Share of the drops whose droplets are drawn at a distance, m.
     fn throwers(&self, distance: f64) -> f64 {
         let usual = 0.5 * (impact::DROPLETS[0] + impact::DROPLETS[1]);
-        (MANY * (usual / self.dot(distance)).powi(2)).min(1.0)
+        (MIN_DRAWN_DROPLETS * (usual / self.dot(distance)).powi(2)).min(1.0)
     }
 
     /// Makes the splashes of a tile.
@@ -259,18 +269,18 @@ impl<'a> Brush<'a> {
         let corner = DVec2::new(tile[0] as f64, tile[1] as f64) * SIZE;
         let from = DVec3::new(corner.x, corner.y, low) - self.center;
         let to = from + DVec3::new(SIZE, SIZE, high - low);
-        let nearest = DVec3::ZERO.clamp(from, to).length().max(NEAREST);
+        let nearest = DVec3::ZERO.clamp(from, to).length().max(MIN_DISTANCE_M);
         let number = mix((tile[0] as u64).rotate_left(32) ^ tile[1] as u64);
         let turn = (number >> 11) as f64 * 2f64.powi(-53);
         of.standing.each(self.crowns(nearest), turn, |drop, rank| {
-            if let Some(hit) = self.hit((drop, number), corner, 0.1, |brush, distance| {
+            if let Some(hit) = self.hit(drop, number, corner, 0.1, |brush, distance| {
                 Some(brush.crowns(distance)).filter(|share| rank < *share)
             }) {
                 self.crown(hit);
             }
         });
         of.flying.each(self.throwers(nearest), turn, |drop, rank| {
-            if let Some(hit) = self.hit((drop, number), corner, REACH, |brush, distance| {
+            if let Some(hit) = self.hit(drop, number, corner, REACH, |brush, distance| {
                 Some(brush.throwers(distance)).filter(|share| rank < *share)
             }) {
                 self.droplets(hit);
@@ -288,7 +298,7 @@ impl<'a> Brush<'a> {
             let foot = DVec3::from_array(place) - self.center;
             let drop = f64::from(eave.drop);
             let (middle, radius) = (foot + DVec3::Z * (0.5 * drop), 0.5 * drop + DRIFT);
-            if middle.length() - radius > FARTHEST
+            if middle.length() - radius > MAX_DISTANCE_M
                 || self.planes.iter().any(|plane| plane.dot(middle) < -radius)
             {
                 continue;
@@ -297,13 +307,13 @@ impl<'a> Brush<'a> {
             let usual = Fall { terminal: of.rain.kind.fall_speed(5.0) };
             let times = [of.time - usual.time(drop) - FLIGHT - half, of.time + half];
             drips::each(number as u64, flux, times, of.time, |drip| {
-                self.drip(drip, (foot, drop, cell), film);
+                self.drip(drip, foot, drop, cell, film);
             });
         }
     }
 
     /// Makes a drop that falls from an eave, or its splash.
-    fn drip(&mut self, drip: Drip, (foot, drop, cell): (DVec3, f64, f64), film: f64) {
+    fn drip(&mut self, drip: Drip, foot: DVec3, drop: f64, cell: f64, film: f64) {
         let of = self.of;
         let fall = Fall { terminal: of.rain.kind.fall_speed(1e3 * drip.diameter) };
         let lands = fall.time(drop);
@@ -315,12 +325,12 @@ impl<'a> Brush<'a> {
             let own = drip.diameter * of.rain.look.size;
             let area = PI / 4.0 * own * own * (to - from) / self.exposure;
             let distance = at.length();
-            if (NEAREST..FARTHEST).contains(&distance) {
+            if (MIN_DISTANCE_M..MAX_DISTANCE_M).contains(&distance) {
                 self.add(at, own.max(self.dot(distance)) * DISC, [way * LINE, DVec3::ZERO], area);
             }
         }
         let (age, distance) = (drip.age - lands, foot.length());
-        if age + 0.5 * self.exposure > 0.0 && (NEAREST..FARTHEST).contains(&distance) {
+        if age + 0.5 * self.exposure > 0.0 && (MIN_DISTANCE_M..MAX_DISTANCE_M).contains(&distance) {
             let impact = Impact { diameter: drip.diameter, speed: fall.speed(lands), film };
             let mut draws = drip.draws;
             let rank = draws.uniform();
@@ -339,7 +349,8 @@ impl<'a> Brush<'a> {
     /// m out of the picture. `keep` says by the distance what share of the drops is wanted.
     fn hit(
         &self,
-        (drop, tile): (&Fallen, u64),
+        drop: &FallenDrop,
+        tile: u64,
         corner: DVec2,
         margin: f64,
         keep: impl Fn(&Self, f64) -> Option<f64>,
@@ -348,7 +359,7 @@ impl<'a> Brush<'a> {
         let SplashPlace { height, film, share } = self.of.floor.at(place.x, place.y)?;
         let at = place.extend(height) - self.center;
         let distance = at.length();
-        if !(NEAREST..FARTHEST).contains(&distance) {
+        if !(MIN_DISTANCE_M..MAX_DISTANCE_M).contains(&distance) {
             return None;
         }
         let keep = keep(self, distance)?;
@@ -367,7 +378,8 @@ impl<'a> Brush<'a> {
 
     /// The part of the exposure in which something is there that begins and ends at these ages of
     /// its drop: its beginning and end.
-    fn seen(&self, age: f64, [begins, ends]: [f64; 2]) -> Option<[f64; 2]> {
+    fn seen(&self, age: f64, lifetime: [f64; 2]) -> Option<[f64; 2]> {
+        let [begins, ends] = lifetime;
         let half = 0.5 * self.exposure;
         let seen = [begins.max(age - half), ends.min(age + half)];
         (seen[0] < seen[1]).then_some(seen)
@@ -428,14 +440,14 @@ impl<'a> Brush<'a> {
         let thrown = amount * impact.droplets() / hit.keep;
         // Wider ones each stand for more, so that their mean area is right.
         let usual = 0.5 * (impact::DROPLETS[0] + impact::DROPLETS[1]) * look.size;
-        let wanted = (thrown * (usual / dot.max(usual)).powi(2)).min(MOST);
+        let wanted = (thrown * (usual / dot.max(usual)).powi(2)).min(MAX_DRAWN_DROPLETS);
         let count = (wanted + hit.draws.uniform()).floor() as usize;
         let each = thrown / wanted;
-        let carried = self.of.wind * KEPT;
+        let carried = self.of.wind * KEPT_VELOCITY;
         let air = (self.of.wind * NEAR_GROUND).to_array();
         for _ in 0..count {
             let mut draw = |[least, greatest]: [f64; 2]| least + (greatest - least) * hit.draws.uniform();
-            let leaves = draw(LEAVES) * impact.life();
+            let leaves = draw(DROPLET_START_TIMES) * impact.life();
             let slow = draw([0.0, 1.0]);
             let speed = impact.speed * (SPEEDS[0] + (SPEEDS[1] - SPEEDS[0]) * slow * slow);
             let (rise, turn) = (draw(ANGLES).sin_cos(), draw([0.0, TAU]).sin_cos());

@@ -23,13 +23,13 @@ const KINDS: [(f64, [f64; 3]); 6] = [
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WaterBody {
     /// Beam attenuation, 1/m.
-    pub beam: f32,
+    pub(crate) beam: f32,
     /// Attenuation of daylight on its way down, 1/m.
-    pub daylight: f32,
+    pub(crate) daylight: f32,
     /// Radiance that comes out of endlessly deep water in clear air, linear RGB.
-    pub glow: [f32; 3],
+    pub(crate) glow: [f32; 3],
     /// Radiance of foam on it in clear air, linear RGB.
-    pub foam: [f32; 3],
+    pub(crate) foam: [f32; 3],
 }
 
 /// The reflectance of deep water of a Secchi depth, m: between [`KINDS`], even in logarithms.
@@ -44,8 +44,7 @@ impl WaterBody {
     /// Water of a Secchi depth, m, under daylight that gives a white level board the radiance
     /// `white`, linear RGB. Its colour is `tint` (linear RGB, the largest 1), or that of its
     /// clearness.
-    #[must_use]
-    pub fn new(secchi: f64, tint: Option<[f64; 3]>, white: [f64; 3]) -> Self {
+    pub(crate) fn new(secchi: f64, tint: Option<[f64; 3]>, white: [f64; 3]) -> Self {
         let own = reflectance(secchi);
         let reflectance = match tint {
             Some(tint) => tint.map(|v| v * own.into_iter().fold(0.0, f64::max)),
@@ -62,9 +61,9 @@ impl WaterBody {
 
     /// The share of a bottom's light that is left after `path` metres in water, under water `depth`
     /// metres deep.
+    #[cfg(test)]
     #[inline(always)]
-    #[must_use]
-    pub fn left(&self, path: f32, depth: f32) -> f32 {
+    pub(crate) fn left(&self, path: f32, depth: f32) -> f32 {
         (-(self.beam * path + self.daylight * depth)).exp()
     }
 }

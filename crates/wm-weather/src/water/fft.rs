@@ -5,10 +5,10 @@ use std::f32::consts::TAU;
 use std::sync::LazyLock;
 
 /// Nodes along a side of a tile.
-pub const SIDE: usize = 256;
+pub(crate) const SIDE: usize = 256;
 
 /// A complex number.
-pub type Complex = [f32; 2];
+pub(crate) type Complex = [f32; 2];
 
 /// `exp(2 pi i k / SIDE)`.
 static TURNS: LazyLock<Vec<Complex>> = LazyLock::new(|| {
@@ -45,7 +45,7 @@ fn row(values: &mut [Complex; SIDE]) {
 }
 
 /// The sums over both axes, `[SIDE, SIDE]`.
-pub fn transform(values: &mut [Complex]) {
+pub(crate) fn transform(values: &mut [Complex]) {
     let rows = |values: &mut [Complex]| {
         values.par_chunks_exact_mut(SIDE).for_each(|line| {
             row(line.as_chunks_mut::<SIDE>().0.first_mut().expect("a whole row"));

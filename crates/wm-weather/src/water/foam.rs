@@ -10,7 +10,7 @@ use fearless_simd::{SimdBase, SimdFloat};
 use wm_render::simd::{Lanes, log2};
 
 /// Reflectance of fresh foam (Koepke 1984: 0.55).
-pub const REFLECTANCE: f64 = 0.5;
+pub(crate) const REFLECTANCE: f64 = 0.5;
 /// Share that foam covers at the edge of the water under winds in which all waves break.
 const EDGE_SHARE: f32 = 0.5;
 /// Height of waves over the depth in which they break.
@@ -25,12 +25,12 @@ const LET_THROUGH: f32 = 0.092;
 
 /// Foam on water under a wind.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Foam {
+pub(crate) struct Foam {
     /// Share of deep water that it covers, 0-1.
     open: f32,
     /// Share that it covers at the edge of the water, 0-1.
     edge: f32,
-    /// Depth from which on waves do not break by the bottom, m.
+    /// Depth from which waves do not break by the bottom, m.
     deep: f32,
     /// Mean square of the slopes of the water, both axes together.
     slopes: f32,
@@ -40,8 +40,7 @@ impl Foam {
     /// Returns the foam of a wind of `speed` m/s that makes these waves; `None` for a wind that
     /// makes none. `other_slopes` is the mean square of the slopes that rain makes, both axes
     /// together.
-    #[must_use]
-    pub fn new(waves: &WindWaves, speed: f64, other_slopes: f64) -> Option<Self> {
+    pub(crate) fn new(waves: &WindWaves, speed: f64, other_slopes: f64) -> Option<Self> {
         let risen = ((speed - BEGINS[0]) / (BEGINS[1] - BEGINS[0])).clamp(0.0, 1.0);
         if risen <= 0.0 {
             return None;
@@ -60,7 +59,7 @@ impl Foam {
     /// square of the slope that the pixel shows, both axes together, and `unseen` the variance of
     /// the slopes that it is too wide to show, along one axis.
     #[inline(always)]
-    pub fn share<S: Lanes>(&self, simd: S, depth: S::F, square: S::F, unseen: S::F) -> S::F {
+    pub(crate) fn share<S: Lanes>(&self, simd: S, depth: S::F, square: S::F, unseen: S::F) -> S::F {
         let (zero, one) = (simd.set(0.0), simd.set(1.0));
         let shallow = (one - depth * (1.0 / self.deep)).max(zero);
         let mean = (shallow * shallow).mul_add(simd.set(self.edge - self.open), simd.set(self.open));

@@ -30,38 +30,37 @@ pub struct WaterGrid {
 
 /// Water at a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WaterNode {
+pub(crate) struct WaterNode {
     /// Height of the surface, also where it hides nothing; NaN where there is none.
-    pub level: f32,
+    pub(crate) level: f32,
     /// Depth of water that stands, m; below 0 by as much as the ground is above its level. Between
     /// nodes it is interpolated, so that the edge of a puddle is the curve where its level meets
     /// the ground.
-    pub depth: f32,
+    pub(crate) depth: f32,
     /// Share of the ground that a film or a stream hides, 0-1.
-    pub film: f32,
+    pub(crate) film: f32,
     /// Slopes of the surface that do not move, such as those of a film on rough ground, rms along
     /// one axis, where no water stands.
-    pub roughness: f32,
+    pub(crate) roughness: f32,
 }
 
 impl WaterNode {
     /// Share of the ground that the water hides, 0-1.
-    #[must_use]
-    pub fn cover(&self) -> f32 {
+    pub(crate) fn cover(&self) -> f32 {
         cover_of(self.depth, self.film)[0]
     }
 }
 
 /// Depth of standing water from which it hides the texture of its bottom, m.
-pub(super) const HIDES: f32 = 0.004;
+pub(super) const HIDING_DEPTH_M: f32 = 0.004;
 /// Depth at nodes on dry ground that no puddle is beside, m.
-pub(super) const DRY: f32 = -HIDES;
+pub(super) const DRY: f32 = -HIDING_DEPTH_M;
 
 /// The share of the ground that water hides, and that under standing water alone, 0-1, by its
 /// depth, m, and the share under films.
 #[inline(always)]
 fn cover_of(depth: f32, film: f32) -> [f32; 2] {
-    let stands = (depth * (1.0 / HIDES)).clamp(0.0, 1.0);
+    let stands = (depth * (1.0 / HIDING_DEPTH_M)).clamp(0.0, 1.0);
     let stands = stands * stands * (3.0 - 2.0 * stands);
     [stands.max(film), stands]
 }
@@ -81,32 +80,29 @@ pub struct WaterMap {
 
 /// Water at a place of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WaterSample {
+pub(crate) struct WaterSample {
     /// Height of the surface along up from the world's origin, m.
-    pub level: f64,
+    pub(crate) level: f64,
     /// Share of the ground that it hides, 0-1.
-    pub cover: f32,
+    pub(crate) cover: f32,
     /// Slopes that do not move, rms along one axis.
-    pub roughness: f32,
+    pub(crate) roughness: f32,
 }
 
 impl WaterMap {
     /// Water everywhere, `level` metres over the ground of the site.
-    #[must_use]
-    pub fn flood(level: f64, site: &Site) -> Self {
+    pub(crate) fn flood(level: f64, site: &Site) -> Self {
         let height = site.ground * site.metres_per_unit + level;
         Self { plane: Some(height), ..Self::of_grid(None, site) }
     }
 
     /// Water on the nodes of a grid.
-    #[must_use]
-    pub fn of_grid(grid: Option<Arc<WaterGrid>>, site: &Site) -> Self {
+    pub(crate) fn of_grid(grid: Option<Arc<WaterGrid>>, site: &Site) -> Self {
         Self { axes: level_axes(site.up), metres_per_unit: site.metres_per_unit, plane: None, grid }
     }
 
-    /// The same with the water of a grid where that stands higher.
-    #[must_use]
-    pub fn with_grid(self, grid: Option<Arc<WaterGrid>>) -> Self {
+    /// Adds the water of a grid where that stands higher.
+    pub(crate) fn with_grid(self, grid: Option<Arc<WaterGrid>>) -> Self {
         Self { grid, ..self }
     }
 
@@ -123,8 +119,7 @@ impl WaterMap {
     }
 
     /// Returns true if there is nothing but the endless level surface.
-    #[must_use]
-    pub fn is_endless(&self) -> bool {
+    pub(crate) fn is_endless(&self) -> bool {
         self.plane.is_some() && self.grid.is_none()
     }
 
@@ -143,8 +138,7 @@ impl WaterMap {
 
     /// About the height below the eye that half of the water is above, m; `None` without any. With
     /// an endless surface it is that.
-    #[must_use]
-    pub fn typical_height(&self, eye: f64) -> Option<f64> {
+    pub(crate) fn typical_height(&self, eye: f64) -> Option<f64> {
         if self.plane.is_some() {
             return self.plane;
         }
@@ -155,24 +149,23 @@ impl WaterMap {
 
     /// The water at a place, metres along the level axes; `None` where none is known. It may hide
     /// nothing.
-    #[must_use]
-    pub fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
+    #[cfg(test)]
+    pub(crate) fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
         higher(self.plane, self.grid.as_ref().and_then(|grid| grid.at(x, y)))
     }
 }
 
-/// Of so many nodes one level is kept to tell the usual one.
-const KEPT: usize = 16;
+/// One level in so many nodes is kept to find the median.
+const LEVEL_STRIDE: usize = 16;
 
 impl WaterGrid {
-    /// The same with streams on its nodes.
-    #[must_use]
-    pub fn with_rills(self, rills: Option<Rills>) -> Self {
+    /// Adds streams on its nodes.
+    pub(crate) fn with_rills(self, rills: Option<Rills>) -> Self {
         Self { rills, ..self }
     }
 
-    /// The same where something lies on it: `hidden` is the share of the water at a node that is
-    /// not seen, 0-1.
+    /// Hides the water where something lies on it: `hidden` is the share of the water at a node
+    /// that is not seen, 0-1.
     #[must_use]
     pub fn hidden_by(self, hidden: impl Fn(usize) -> f32) -> Self {
         let nodes = (0..self.nodes.len()).map(|i| {
@@ -185,20 +178,19 @@ impl WaterGrid {
             if seen >= 1.0 {
                 return node;
             }
-            WaterNode { depth: depth.min(seen * HIDES), film: film * seen, ..node }
+            WaterNode { depth: depth.min(seen * HIDING_DEPTH_M), film: film * seen, ..node }
         });
         Self::new(self.origin, self.step, self.size, nodes).with_rills(self.rills.clone())
     }
 
-    /// Its streams, and the nodes that they are on.
+    /// Returns the streams, and the nodes that they are on.
     pub(super) fn rills(&self) -> Option<(&Rills, Nodes)> {
         Some((self.rills.as_ref()?, (self.origin, self.step, self.size)))
     }
 
     /// Water on nodes in rows along the first level axis, of which `size` are along the two axes,
     /// `step` metres from each other and from the first one at `origin`, metres.
-    #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         origin: [f64; 2],
         step: f64,
         size: [usize; 2],
@@ -213,7 +205,7 @@ impl WaterGrid {
                 let own = f64::from(level);
                 let [low, high] = grid.heights.unwrap_or([own; 2]);
                 grid.heights = Some([low.min(own), high.max(own)]);
-                if i % KEPT == 0 {
+                if i % LEVEL_STRIDE == 0 {
                     grid.levels.push(level);
                 }
             }
@@ -250,18 +242,12 @@ impl WaterGrid {
         more.into_iter().for_each(|(at, node)| self.nodes[at] = node);
     }
 
-    /// The water at node `i`, if there is such a node, and water on it or beside it.
-    #[must_use]
-    pub fn node(&self, i: usize) -> Option<WaterNode> {
-        let [level, depth, film, roughness] = *self.nodes.get(i)?;
-        (!level.is_nan()).then_some(WaterNode { level, depth, film, roughness })
-    }
-
     /// A place in steps from the first node, metres along the level axes.
     fn steps(&self, x: f64, y: f64) -> [f64; 2] {
         [(x - self.origin[0]) / self.step, (y - self.origin[1]) / self.step]
     }
 
+    #[cfg(test)]
     fn at(&self, x: f64, y: f64) -> Option<WaterSample> {
         let [u, v] = self.steps(x, y);
         self.between(u as f32, v as f32)
@@ -305,16 +291,16 @@ pub(super) struct WaterView<'a> {
 
 impl<'a> WaterView<'a> {
     /// From an eye, metres along the level axes.
-    pub fn new(map: &'a WaterMap, eye: [f64; 2]) -> Self {
+    pub(crate) fn new(map: &'a WaterMap, eye: [f64; 2]) -> Self {
         let grid = map.grid.as_deref();
         let place = grid.map_or([0.0; 2], |grid| grid.steps(eye[0], eye[1]).map(|v| v as f32));
         let steps = grid.map_or(0.0, |grid| (1.0 / grid.step) as f32);
         Self { grid, plane: map.plane, eye: place, steps }
     }
 
-    /// The water at a place, metres along the level axes from the eye; as [`WaterMap::at`].
+    /// The water at a place, metres along the level axes from the eye; `None` where none is known.
     #[inline(always)]
-    pub fn at(&self, x: f32, y: f32) -> Option<WaterSample> {
+    pub(crate) fn at(&self, x: f32, y: f32) -> Option<WaterSample> {
         let (u, v) = (x * self.steps + self.eye[0], y * self.steps + self.eye[1]);
         let own = self.grid.and_then(|grid| grid.between(u, v));
         if self.plane.is_none() { own } else { higher(self.plane, own) }
@@ -322,7 +308,7 @@ impl<'a> WaterView<'a> {
 
     /// Steps of the grid in a distance along one axis, m; 0 without a grid.
     #[inline(always)]
-    pub fn steps_in(&self, distance: f32) -> f32 {
+    pub(crate) fn steps_in(&self, distance: f32) -> f32 {
         distance * self.steps
     }
 }

@@ -2,7 +2,7 @@
 
 use super::map::WaterMap;
 use super::surface::WaterSurface;
-use super::tile::{Kept, Whole, bilinear, fineness};
+use super::tile::{LaneArray, LaneIndices, bilinear, fineness};
 use crate::linear_picture::LinearPicture;
 use fearless_simd::{Select, SimdBase, SimdFloat, f32x4};
 use rayon::prelude::*;
@@ -74,7 +74,7 @@ impl MirrorView {
 /// for each fineness across and for each along. Each row ends with its last pixel once more, and
 /// each level with its last row, so that look-ups need no edges.
 #[derive(Clone, Debug, Default)]
-pub struct MirroredPicture {
+pub(crate) struct MirroredPicture {
     /// Width and height of the finest level, px.
     size: [f32; 2],
     /// Number of times that both sides are halved, and once more.
@@ -91,9 +91,8 @@ pub struct MirroredPicture {
 impl MirroredPicture {
     /// Makes all levels of a drawn picture with depth. What is brighter than `white`, linear,
     /// counts as that.
-    #[must_use]
-    pub fn new(path: SimdPath, frame: &Frame, white: f32) -> Self {
-        let whole = LinearPicture::of(path, frame);
+    pub(crate) fn new(path: SimdPath, frame: &Frame, white: f32) -> Self {
+        let whole = LinearPicture::new(path, frame);
         let levels = Level::all(whole.width, whole.height);
         let mut pixels = vec![[0.0; 4]; levels[levels.len() - 1][TALLEST].end()];
         let finest = levels[0][0];
@@ -128,7 +127,6 @@ impl MirroredPicture {
 
     /// The fineness for pieces of the picture, px: the levels about it, and the share of each.
     #[inline(always)]
-    #[must_use]
     pub(super) fn fineness<S: Lanes>(&self, simd: S, Extent { wide, tall }: Extent<S>) -> Fineness<S> {
         let (zero, one) = (simd.set(0.0), simd.set(1.0));
         let last = simd.set((self.levels - 1) as f32);
@@ -152,13 +150,18 @@ impl MirroredPicture {
         for (k, corner) in corners.iter().enumerate() {
             scales[k] = [fineness(simd, corner[0]), fineness(simd, corner[1])];
             let taller = (corner[1] - corner[0]).max(zero).min(simd.set(TALLEST as f32));
-            let place = Whole::of(simd, corner[0].mul_add(simd.set((TALLEST + 1) as f32), taller));
+            let place = LaneIndices::new(simd, corner[0].mul_add(simd.set((TALLEST + 1) as f32), taller));
             for i in 0..S::N {
                 [first[k][i], stride[k][i]] = self.places[place.0[i] as usize];
             }
         }
         let [a, b, c] = shares;
-        Fineness { scales, first, stride, shares: [Kept::of(simd, a), Kept::of(simd, b), Kept::of(simd, c)] }
+        Fineness {
+            scales,
+            first,
+            stride,
+            shares: [LaneArray::new(simd, a), LaneArray::new(simd, b), LaneArray::new(simd, c)],
+        }
     }
 
     /// Adds the colours at points of the picture, px, times weights, to `sums`, for the lanes that
@@ -169,7 +172,8 @@ impl MirroredPicture {
         simd: S,
         points: [S::F; 2],
         fineness: &Fineness<S>,
-        (weights, wanted): (S::F, u32),
+        weights: S::F,
+        wanted: u32,
         sums: &mut [[f32; 4]; 16],
     ) {
         let mut within = points;
@@ -180,7 +184,7 @@ impl MirroredPicture {
         let fine = Spots::new(simd, within, scales[0], &first[0], &stride[0]);
         let middle = Spots::new(simd, within, scales[1], &first[1], &stride[1]);
         let coarse = Spots::new(simd, within, scales[2], &first[2], &stride[2]);
-        let weights = Kept::of(simd, weights);
+        let weights = LaneArray::new(simd, weights);
         let mut todo = wanted;
         while todo != 0 {
             let i = (todo.trailing_zeros() & 15) as usize;
@@ -211,7 +215,7 @@ impl MirroredPicture {
         simd: S,
         looks: &[([S::F; 2], S::F)],
         fineness: &Fineness<S>,
-        seen: Seen<S>,
+        seen: ReflectionLanes<S>,
         sums: &mut [[f32; 4]; 16],
     ) {
         // One copy for each number of looks: loops of known length are faster.
@@ -229,13 +233,13 @@ impl MirroredPicture {
         simd: S,
         looks: &[([S::F; 2], S::F)],
         fineness: &Fineness<S>,
-        seen: Seen<S>,
+        seen: ReflectionLanes<S>,
         sums: &mut [[f32; 4]; 16],
     ) {
-        let nearest = Kept::of(simd, seen.nearest);
+        let nearest = LaneArray::new(simd, seen.nearest);
         let Fineness { scales, first, stride, shares } = fineness;
         let mut spots = [const { [Spots::NONE; 3] }; LOOKS];
-        let mut weights = [const { Kept([0.0; 16]) }; LOOKS];
+        let mut weights = [const { LaneArray([0.0; 16]) }; LOOKS];
         for (k, (points, weight)) in looks.iter().enumerate() {
             let mut within = *points;
             for k in 0..2 {
@@ -244,13 +248,13 @@ impl MirroredPicture {
             for level in 0..3 {
                 spots[k][level] = Spots::new(simd, within, scales[level], &first[level], &stride[level]);
             }
-            weights[k] = Kept::of(simd, *weight);
+            weights[k] = LaneArray::new(simd, *weight);
         }
         let mut at_finest = looks[0].0;
         for k in 0..2 {
             at_finest[k] = at_finest[k].max(simd.set(0.0)).min(simd.set(self.size[k])).floor();
         }
-        let at_finest = [Whole::of(simd, at_finest[0]), Whole::of(simd, at_finest[1])];
+        let at_finest = [LaneIndices::new(simd, at_finest[0]), LaneIndices::new(simd, at_finest[1])];
         let mut todo = seen.wanted;
         while todo != 0 {
             let i = (todo.trailing_zeros() & 15) as usize;
@@ -300,7 +304,7 @@ impl MirroredPicture {
         wanted: u32,
     ) -> S::F {
         let (mut sums, mut found) = ([[0.0; 4]; 16], [0.0; 16]);
-        self.add(simd, points, fineness, (simd.set(1.0), wanted), &mut sums);
+        self.add(simd, points, fineness, simd.set(1.0), wanted, &mut sums);
         for (found, sum) in found.iter_mut().zip(&sums) {
             *found = sum[3];
         }
@@ -315,7 +319,7 @@ impl MirroredPicture {
         for k in 0..2 {
             within[k] = points[k].max(simd.set(0.0)).min(simd.set(self.size[k])).floor();
         }
-        let (column, row) = (Whole::of(simd, within[0]), Whole::of(simd, within[1]));
+        let (column, row) = (LaneIndices::new(simd, within[0]), LaneIndices::new(simd, within[1]));
         let stride = self.size[0] as usize + 1;
         let mut found = [0.0; 16];
         let mut todo = wanted;
@@ -338,7 +342,7 @@ struct Level {
 }
 
 impl Level {
-    /// Pixels of a level from which on several threads fill it.
+    /// Pixels of a level from which several threads fill it.
     const SHARED: usize = 1 << 13;
 
     /// The levels of a picture, one after the other; the smallest are two pixels wide or high.
@@ -385,40 +389,40 @@ impl Level {
     }
 }
 
-/// The lanes that look into a mirrored picture.
+/// Lanes that sample a mirrored picture.
 #[derive(Clone, Copy)]
-pub(super) struct Seen<S: Lanes> {
-    /// A bit for each lane that does.
-    pub wanted: u32,
+pub(super) struct ReflectionLanes<S: Lanes> {
+    /// Bit mask of these lanes.
+    pub(crate) wanted: u32,
     /// Largest reciprocal of the view z of what it may mirror, 1 / scene unit.
-    pub nearest: S::F,
+    pub(crate) nearest: S::F,
 }
 
 /// The extent of pieces of a mirrored picture, px.
 pub(super) struct Extent<S: Lanes> {
-    pub wide: S::F,
-    pub tall: S::F,
+    pub(crate) wide: S::F,
+    pub(crate) tall: S::F,
 }
 
 /// A fineness of a mirrored picture for each lane: three levels.
-pub(super) struct Fineness<S: Lanes> {
+pub(crate) struct Fineness<S: Lanes> {
     /// Pixels of the level in one of the finest, across and down.
     scales: [[S::F; 2]; 3],
     first: [[u32; 16]; 3],
     stride: [[u32; 16]; 3],
     /// Shares of the levels, which sum up to 1.
-    shares: [Kept; 3],
+    shares: [LaneArray; 3],
 }
 
 /// The pixels about points.
 struct Spots {
     at: [u32; 16],
-    right: Kept,
-    down: Kept,
+    right: LaneArray,
+    down: LaneArray,
 }
 
 impl Spots {
-    const NONE: Self = Self { at: [0; 16], right: Kept([0.0; 16]), down: Kept([0.0; 16]) };
+    const NONE: Self = Self { at: [0; 16], right: LaneArray([0.0; 16]), down: LaneArray([0.0; 16]) };
 
     /// About points of the finest level, px.
     #[inline(always)]
@@ -435,18 +439,18 @@ impl Spots {
             whole[k] = at.floor();
             part[k] = at - whole[k];
         }
-        let [column, row] = [Whole::of(simd, whole[0]), Whole::of(simd, whole[1])];
+        let [column, row] = [LaneIndices::new(simd, whole[0]), LaneIndices::new(simd, whole[1])];
         let mut at = [0; 16];
         for i in 0..16 {
             at[i] = first[i].wrapping_add(row.0[i].wrapping_mul(stride[i])).wrapping_add(column.0[i]);
         }
-        Self { at, right: Kept::of(simd, part[0]), down: Kept::of(simd, part[1]) }
+        Self { at, right: LaneArray::new(simd, part[0]), down: LaneArray::new(simd, part[1]) }
     }
 
     /// Between the pixels about point `i`, of a picture with rows of `stride` pixels.
     #[inline(always)]
     fn look<S: Lanes>(&self, simd: S, i: usize, stride: u32, pixels: &[[f32; 4]]) -> f32x4<S> {
-        bilinear(simd, pixels, (self.at[i] as usize, stride as usize), (self.right.0[i], self.down.0[i]))
+        bilinear(simd, pixels, self.at[i] as usize, stride as usize, self.right.0[i], self.down.0[i])
     }
 }
 
@@ -490,12 +494,13 @@ mod tests {
 
     /// The difference of a light and a dark stripe, seen in pieces of this extent, px.
     #[inline(always)]
-    fn contrast<S: Lanes>(simd: S, picture: &MirroredPicture, [wide, tall]: [f32; 2]) -> f32 {
+    fn contrast<S: Lanes>(simd: S, picture: &MirroredPicture, footprint: [f32; 2]) -> f32 {
+        let [wide, tall] = footprint;
         let fineness = picture.fineness(simd, Extent { wide: simd.set(wide), tall: simd.set(tall) });
         let mut sums = [[0.0; 4]; 16];
-        picture.add(simd, [simd.set(20.0), simd.set(32.0)], &fineness, (simd.set(1.0), 1), &mut sums);
+        picture.add(simd, [simd.set(20.0), simd.set(32.0)], &fineness, simd.set(1.0), 1, &mut sums);
         let light = sums[0][0];
-        picture.add(simd, [simd.set(28.0), simd.set(32.0)], &fineness, (simd.set(1.0), 1), &mut sums);
+        picture.add(simd, [simd.set(28.0), simd.set(32.0)], &fineness, simd.set(1.0), 1, &mut sums);
         light - (sums[0][0] - light)
     }
 

@@ -22,10 +22,10 @@ mod mirror;
 mod motion;
 mod puddles;
 mod rills;
-pub mod ripples;
+pub(crate) mod ripples;
 mod surface;
 mod tile;
-pub mod waves;
+pub(crate) mod waves;
 
 #[cfg(test)]
 mod tests;
@@ -33,9 +33,9 @@ mod tests;
 pub use body::WaterBody;
 pub use effect::WaterEffect;
 pub use fresnel::{WATER_INDEX, fresnel};
-pub use map::{WaterGrid, WaterMap, WaterNode, WaterSample};
-pub use mirror::{MirrorView, MirroredPicture};
-pub use motion::{WaterForces, WaterMotion};
+pub use map::{WaterGrid, WaterMap};
+pub use mirror::MirrorView;
+pub(crate) use motion::WaterForces;
+pub use motion::WaterMotion;
 pub use puddles::puddles;
-pub use rills::Rills;
 pub use surface::WaterSurface;

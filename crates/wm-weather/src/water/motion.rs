@@ -30,27 +30,26 @@ pub struct WaterMotion {
 
 /// Wind and rain that move the water.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct WaterForces {
+pub(crate) struct WaterForces {
     /// Mean wind, m/s along the two level axes.
-    pub wind: [f64; 2],
+    pub(crate) wind: [f64; 2],
     /// The strongest wind of the shot, m/s.
-    pub strongest: f64,
+    pub(crate) strongest: f64,
     /// Length of water that the wind blows over, m.
-    pub fetch: f64,
+    pub(crate) fetch: f64,
     /// Rain, mm/h.
-    pub rain: f64,
+    pub(crate) rain: f64,
     /// Depth of the water, m: shallow water stays smoother.
-    pub depth: f64,
+    pub(crate) depth: f64,
     /// Seconds.
-    pub time: f64,
+    pub(crate) time: f64,
     /// Seed of the random waves.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 impl WaterMotion {
     /// The motion of water under these forces.
-    #[must_use]
-    pub fn new(forces: &WaterForces) -> Self {
+    pub(crate) fn new(forces: &WaterForces) -> Self {
         let strongest = forces.wind[0].hypot(forces.wind[1]).max(forces.strongest);
         let roughest = WindWaves::new([strongest, 0.0], forces.fetch, strongest);
         let is_rough = roughest.is_some_and(|waves| waves.slope_variance() >= ROUGH);
@@ -68,8 +67,7 @@ impl WaterMotion {
     }
 
     /// Returns the foam that the wind makes on water that has depth; `None` in a weak wind.
-    #[must_use]
-    pub fn foam(&self) -> Option<&Foam> {
+    pub(crate) fn foam(&self) -> Option<&Foam> {
         self.foam.as_ref()
     }
 
@@ -80,9 +78,8 @@ impl WaterMotion {
         self.is_rough
     }
 
-    /// The same with the streams of a water at a time, s.
-    #[must_use]
-    pub fn with_rills(self, grid: Option<&Arc<WaterGrid>>, time: f64) -> Self {
+    /// Adds the streams of a water at a time, s.
+    pub(crate) fn with_rills(self, grid: Option<&Arc<WaterGrid>>, time: f64) -> Self {
         let running = grid.filter(|grid| grid.rills().is_some()).map(|grid| (Arc::clone(grid), time));
         Self { running, ..self }
     }
@@ -105,8 +102,7 @@ impl WaterMotion {
 
     /// The places of a point on the tiles, metres along the two level axes: shares of each tile,
     /// 0-1.
-    #[must_use]
-    pub fn phases(&self, point: [f64; 2]) -> Vec<[f32; 2]> {
+    pub(crate) fn phases(&self, point: [f64; 2]) -> Vec<[f32; 2]> {
         self.tiles.iter().map(|tile| point.map(|along| tile.phase(along))).collect()
     }
 
@@ -115,17 +111,17 @@ impl WaterMotion {
     /// `wanted` have none. Returns the two mean slopes, and their variance within the piece along
     /// one axis.
     #[inline(always)]
-    #[must_use]
-    pub fn at<S: Lanes>(
+    pub(crate) fn at<S: Lanes>(
         &self,
         simd: S,
-        (points, phases): ([S::F; 2], &[[f32; 2]]),
+        points: [S::F; 2],
+        phases: &[[f32; 2]],
         log_width: S::F,
         wanted: u32,
     ) -> [S::F; 3] {
         let mut sum = [simd.set(0.0), simd.set(0.0), simd.set(self.beyond)];
         for (tile, phase) in self.tiles.iter().zip(phases) {
-            let own = tile.at(simd, (points, *phase), log_width, wanted);
+            let own = tile.at(simd, points, *phase, log_width, wanted);
             for k in 0..3 {
                 sum[k] += own[k];
             }

@@ -1,6 +1,6 @@
 //! The water of a wet place as a surface: puddles, and the film on the ground.
 
-use super::map::{DRY, HIDES, WaterGrid, WaterNode};
+use super::map::{DRY, HIDING_DEPTH_M, WaterGrid, WaterNode};
 use super::rills::Rills;
 use crate::dome::{level_axes, to_level};
 use crate::optics::Site;
@@ -47,7 +47,7 @@ pub fn puddles(state: &WaterState, texture: f64, site: &Site) -> WaterGrid {
         let film = state.filled[at] + (state.film[at] + state.running[at]) / texture;
         WaterNode {
             level: base + state.ground[at] + depths[at].max(0.0),
-            depth: if seen < 1.0 { depths[at].min(seen * HIDES) } else { depths[at] },
+            depth: if seen < 1.0 { depths[at].min(seen * HIDING_DEPTH_M) } else { depths[at] },
             // Ground whose pores are full mirrors too, as roughly as its grains lie. Between blades
             // of grass and crumbs of soil nothing is seen of it.
             film: seen * (state.filled[at].max(state.pores[at]) * (1.0 - state.matte[at])).max(streams[at]),

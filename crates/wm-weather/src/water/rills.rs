@@ -19,13 +19,13 @@ const SEED: u64 = 0x5249_4c4c;
 
 /// The streams of a place, on the nodes of its [`WaterGrid`](super::WaterGrid).
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Rills {
+pub(crate) struct Rills {
     /// Share of the ground under running water at each node, 0-1.
     strength: Vec<f32>,
     /// Heights of the ground, m; not a number where there is none.
     ground: Vec<f32>,
-    /// Its rise uphill along the two level axes, of what is about a node; 0 where it is not known,
-    /// and where nothing runs.
+    /// Gradient of the ground about a node along the two level axes; 0 where it is not known, and
+    /// where nothing runs.
     uphill: Vec<[f32; 2]>,
     /// The mean of that under the streams.
     usual: f64,
@@ -37,9 +37,9 @@ pub struct Rills {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Slope {
     /// Along the two level axes.
-    pub mean: [f32; 2],
+    pub(crate) mean: [f32; 2],
     /// Variance within the piece along one axis.
-    pub variance: f32,
+    pub(crate) variance: f32,
 }
 
 /// The nodes of a grid: the first one, m, their distance, m, and their columns and rows.
@@ -47,8 +47,7 @@ pub(super) type Nodes = ([f64; 2], f64, [usize; 2]);
 
 impl Rills {
     /// The streams of these strengths on some ground; `None` if there are none.
-    #[must_use]
-    pub fn new(strength: Vec<f32>, ground: Vec<f32>, step: f64, columns: usize) -> Option<Self> {
+    pub(crate) fn new(strength: Vec<f32>, ground: Vec<f32>, step: f64, columns: usize) -> Option<Self> {
         let (mut sum, mut weights) = (0.0, 0.0);
         let is_running = |(at, own): &(usize, &f32)| **own > 0.0 && at % columns + 1 < columns;
         for (at, own) in strength.iter().enumerate().filter(is_running) {
@@ -75,14 +74,9 @@ impl Rills {
     /// Adds the slopes of the waves at a place, m along the level axes, of a piece `width` m wide,
     /// at a time, s.
     #[inline]
-    pub(super) fn add(
-        &self,
-        (origin, step, [columns, rows]): Nodes,
-        [x, y]: [f64; 2],
-        width: f32,
-        time: f64,
-        sum: &mut Slope,
-    ) {
+    pub(super) fn add(&self, nodes: Nodes, point: [f64; 2], width: f32, time: f64, sum: &mut Slope) {
+        let (origin, step, [columns, rows]) = nodes;
+        let [x, y] = point;
         let (u, v) = ((x - origin[0]) / step, (y - origin[1]) / step);
         if !(u >= 0.0 && v >= 0.0 && u < (columns - 1) as f64 && v < (rows - 1) as f64) {
             return;

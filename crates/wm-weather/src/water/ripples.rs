@@ -17,9 +17,9 @@ use std::sync::OnceLock;
 use wm_scene::random::uniform;
 
 /// Wave number of rings, rad/m.
-pub const WAVE_NUMBER: f64 = 200.0;
+pub(crate) const WAVE_NUMBER: f64 = 200.0;
 /// Speed at which rings widen, m/s: that of waves of [`WAVE_NUMBER`] by the dispersion law.
-pub const RING_SPEED: f64 = 0.252;
+pub(crate) const RING_SPEED: f64 = 0.252;
 /// Side of the tile, m.
 pub(crate) const SIZE: f64 = 2.048;
 /// Parts of the seeds of the random field and of the drops.
@@ -50,8 +50,8 @@ const CORE: f64 = 0.012;
 /// Squared slopes of the band of old rings, summed over its waves: a constant that takes
 /// milliseconds.
 static BAND_POWER: OnceLock<f64> = OnceLock::new();
-/// Most drops above 2 mm that are drawn, a m^2 and second.
-const MOST: f64 = 1200.0;
+/// Largest flux of drawn drops above 2 mm, 1/(m^2 s).
+const MAX_DROP_FLUX: f64 = 1200.0;
 
 /// Energy and numbers of the drops that fall on level ground.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -65,8 +65,8 @@ struct DropSums {
 }
 
 impl DropSums {
-    /// Of rain of `rate` mm/h, by the sizes and the speeds of its drops ([`RAIN`]).
-    fn of(rate: f64) -> Self {
+    /// Computes the drops of rain of `rate` mm/h, by their sizes and speeds ([`RAIN`]).
+    fn new(rate: f64) -> Self {
         if rate <= 0.0 {
             return Self::default();
         }
@@ -100,12 +100,11 @@ impl DropSums {
 
 /// Root mean square slope, both axes together, on water `depth` metres deep under rain of `rate`
 /// mm/h: on deep water that at which waves lose by viscosity what drops bring.
-#[must_use]
-pub fn slope_rms(rate: f64, depth: f64) -> f64 {
+pub(crate) fn slope_rms(rate: f64, depth: f64) -> f64 {
     // (depth, share), between by its logarithm.
     const SHARES: [(f64, f64); 4] = [(0.002, 0.29), (0.005, 0.49), (0.010, 0.83), (0.030, 1.0)];
     let stiffness = GRAVITY + TENSION * WAVE_NUMBER * WAVE_NUMBER;
-    let deep = (SHARE * DropSums::of(rate).power / (4.0 * VISCOSITY * DENSITY * stiffness)).sqrt();
+    let deep = (SHARE * DropSums::new(rate).power / (4.0 * VISCOSITY * DENSITY * stiffness)).sqrt();
     let share = match SHARES.iter().position(|(own, _)| depth < *own) {
         None => SHARES[SHARES.len() - 1].1,
         Some(0) => SHARES[0].1 * (depth / SHARES[0].0).max(0.0),
@@ -118,9 +117,8 @@ pub fn slope_rms(rate: f64, depth: f64) -> f64 {
 }
 
 /// Drops above 2 mm that fall on a m^2 in a second of rain of `rate` mm/h.
-#[must_use]
-pub fn large_drops(rate: f64) -> f64 {
-    DropSums::of(rate).large
+pub(crate) fn large_drops(rate: f64) -> f64 {
+    DropSums::new(rate).large
 }
 
 /// A ring: where its drop fell, m on the tile, and how long ago, s.
@@ -132,12 +130,12 @@ struct Ring {
 /// A drop above 2 mm that falls on the tile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LargeDrop {
-    /// Its number in the sequence of all drops.
-    pub number: i64,
+    /// Number in the sequence of all drops.
+    pub(crate) number: i64,
     /// The point that it hits, m on the tile.
-    pub center: [f64; 2],
+    pub(crate) center: [f64; 2],
     /// The time at which it hits, s.
-    pub time: f64,
+    pub(crate) time: f64,
 }
 
 /// The seed of the drops on water whose own seed is this.
@@ -147,19 +145,16 @@ pub(crate) fn drop_seed(water: u64) -> u64 {
 
 /// The flux of the drops that [`large_drops_between`] gives, 1/(m^2 s).
 pub(crate) fn drawn_drops(rate: f64) -> f64 {
-    large_drops(rate).min(MOST)
+    large_drops(rate).min(MAX_DROP_FLUX)
 }
 
 /// The drops above 2 mm that fall on the tile at the times `from` to `to`, s: a fixed sequence of
 /// which the rain takes its share, so that a drop stays while the rate changes. The tile repeats on
 /// the whole plane.
-pub(crate) fn large_drops_between(
-    rate: f64,
-    [from, to]: [f64; 2],
-    seed: u64,
-) -> impl Iterator<Item = LargeDrop> {
-    let most = MOST * SIZE * SIZE;
-    let share = drawn_drops(rate) / MOST;
+pub(crate) fn large_drops_between(rate: f64, span: [f64; 2], seed: u64) -> impl Iterator<Item = LargeDrop> {
+    let [from, to] = span;
+    let most = MAX_DROP_FLUX * SIZE * SIZE;
+    let share = drawn_drops(rate) / MAX_DROP_FLUX;
     let [first, last] = [from, to].map(|time| (time * most).floor() as i64);
     (first..=last).filter_map(move |number| {
         let draw = |k: u64| uniform(seed, (number as u64).wrapping_mul(4).wrapping_add(k));
@@ -178,11 +173,10 @@ fn rings(rate: f64, time: f64, seed: u64) -> Vec<Ring> {
 
 /// Slopes of the water under rain of `rate` mm/h at a time, s, with this root mean square over both
 /// axes.
-#[must_use]
-pub fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
+pub(crate) fn slopes(rate: f64, rms: f64, time: f64, seed: u64) -> SlopeTile {
     let variance = rms * rms;
-    let drops = DropSums::of(rate);
-    let flux = drops.large.min(MOST);
+    let drops = DropSums::new(rate);
+    let flux = drops.large.min(MAX_DROP_FLUX);
     // Each large drop brings its energy to a ring; what the others bring, and large ones that are
     // too many, is in the field.
     let ringed = if flux > 0.0 { drops.large_power / drops.power * flux / drops.large } else { 0.0 };

@@ -1,15 +1,16 @@
 //! The water that a camera sees: where each pixel's ray meets it.
 
 use super::map::{WaterMap, WaterSample, WaterView};
+use crate::dome::dot;
 use rayon::prelude::*;
 use std::ops::Range;
 use wm_scene::Camera;
 
 /// Largest view z of a surface, scene units: beyond it waves and mirrors are the horizon's.
-const FARTHEST: f64 = 1e6;
+const MAX_VIEW_Z: f64 = 1e6;
 /// Least height of the eye over a puddle, m.
-const ABOVE: f64 = 0.05;
-/// Height by which a ray misses the water at the last of its steps, m, from which on it met none.
+const MIN_EYE_HEIGHT_M: f64 = 0.05;
+/// Height by which a ray misses the water at the last of its steps, m, from which it met none.
 const MISSED: f64 = 0.05;
 /// Steps by which a ray finds the level of the place that it hits, and its error at which it has
 /// found it, m.
@@ -19,8 +20,8 @@ const EXACT: f64 = 1e-4;
 pub(super) const NODES: usize = 4;
 /// Steps of the water's grid between nodes of the picture, and differences of cover and of
 /// roughness, up to which both are interpolated between nodes too.
-const NEAR: f32 = 1.0;
-const EVEN: [f32; 2] = [0.02, 0.01];
+const MAX_GRID_STEPS: f32 = 1.0;
+const MAX_LOOK_DIFFERENCE: [f32; 2] = [0.02, 0.01];
 /// Difference of the levels of nodes from which there is a step between them, m, and how much more
 /// that is a metre of their distance.
 const PLANE: [f32; 2] = [0.02, 0.08];
@@ -40,19 +41,18 @@ pub struct WaterSurface {
     /// Share of what lies behind that the water hides, 0-1, `[H, W]`; empty if it is 1 everywhere.
     pub cover: Vec<f32>,
     /// Slopes that do not move, rms along one axis, `[H, W]`; empty if they are 0 everywhere.
-    pub roughness: Vec<f32>,
+    pub(crate) roughness: Vec<f32>,
     /// Rows that hold water.
-    pub rows: Range<u32>,
+    pub(crate) rows: Range<u32>,
     /// Height of most of the water along up from the world's origin, m: that of the mirror.
-    pub level: f64,
+    pub(crate) level: f64,
     /// Least of the slopes that do not move, rms along one axis: 0 where water stands.
-    pub stillest: f32,
+    stillest: f32,
 }
 
 impl WaterSurface {
     /// Returns true if all of it is a film on rough ground, in which nothing is mirrored sharply.
-    #[must_use]
-    pub fn is_film(&self) -> bool {
+    pub(crate) fn is_film(&self) -> bool {
         self.stillest > BLURS
     }
 
@@ -71,7 +71,7 @@ impl WaterSurface {
         let [low, high] = map.heights()?;
         let typical = map.typical_height(eye[2]).unwrap_or(high);
         // Puddles above the eye are not seen.
-        let high = map.plane().unwrap_or_else(|| high.min(eye[2] - ABOVE));
+        let high = map.plane().unwrap_or_else(|| high.min(eye[2] - MIN_EYE_HEIGHT_M));
         if eye[2] <= high || eye[2] <= low {
             return None;
         }
@@ -84,14 +84,14 @@ impl WaterSurface {
             let (x, y) = (x as f64 + 0.5, y as f64 + 0.5);
             std::array::from_fn(|k| right[k] * x + down[k] * y + corner[k])
         };
-        let size = (camera.width as usize, camera.height as usize);
+        let (width, height) = (camera.width as usize, camera.height as usize);
         let mut found = match map.is_endless() {
-            true => Self::of_plane(eye[2] - high, ray, size),
-            false => Self::of_ground(map, (eye, typical), ray, size),
+            true => Self::of_plane(eye[2] - high, ray, width, height),
+            false => Self::of_ground(map, eye, typical, ray, width, height),
         };
-        let wet = |y: &usize| found.depth[y * size.0..(y + 1) * size.0].iter().any(|z| !z.is_nan());
-        let first = (0..size.1).find(wet)?;
-        let last = (0..size.1).rev().find(wet)?;
+        let wet = |y: &usize| found.depth[y * width..(y + 1) * width].iter().any(|z| !z.is_nan());
+        let first = (0..height).find(wet)?;
+        let last = (0..height).rev().find(wet)?;
         found.rows = first as u32..last as u32 + 1;
         if map.is_endless() {
             found.level = high;
@@ -104,7 +104,8 @@ impl WaterSurface {
     fn of_plane(
         below: f64,
         ray: impl Fn(usize, usize) -> [f64; 3] + Sync,
-        (width, height): (usize, usize),
+        width: usize,
+        height: usize,
     ) -> Self {
         let mut depth = vec![f32::NAN; width * height];
         depth.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
@@ -115,7 +116,7 @@ impl WaterSurface {
             for (x, depth) in row.iter_mut().enumerate() {
                 let fall = start + step * x as f32;
                 let z = below / fall;
-                *depth = if fall > 0.0 { z.min(FARTHEST as f32) } else { f32::NAN };
+                *depth = if fall > 0.0 { z.min(MAX_VIEW_Z as f32) } else { f32::NAN };
             }
         });
         Self { depth, ..Self::default() }
@@ -125,9 +126,11 @@ impl WaterSurface {
     /// four that meet the ground its reciprocal depth is interpolated, which is exact on planes.
     fn of_ground(
         map: &WaterMap,
-        (eye, typical): ([f64; 3], f64),
+        eye: [f64; 3],
+        typical: f64,
         ray: impl Fn(usize, usize) -> [f64; 3] + Sync,
-        (width, height): (usize, usize),
+        width: usize,
+        height: usize,
     ) -> Self {
         let view = WaterView::new(map, [eye[0], eye[1]]);
         // Next to a pixel the ground is about as high.
@@ -194,7 +197,7 @@ impl WaterSurface {
                             let covers = between([a.look[0], b.look[0], c.look[0], d.look[0]], down);
                             let rough = between([a.look[1], b.look[1], c.look[1], d.look[1]], down);
                             for i in 0..NODES {
-                                let z = (1.0 / inverse[i]).min(FARTHEST as f32);
+                                let z = (1.0 / inverse[i]).min(MAX_VIEW_Z as f32);
                                 let is_wet = covers[i] > 0.0;
                                 depth[i] = if is_wet { z } else { f32::NAN };
                                 (cover[i], roughness[i]) = (covers[i], rough[i]);
@@ -214,7 +217,7 @@ impl WaterSurface {
                             if let Some((z, sample)) = found
                                 && sample.cover > 0.0
                             {
-                                depth[i] = z.min(FARTHEST as f32);
+                                depth[i] = z.min(MAX_VIEW_Z as f32);
                                 (cover[i], roughness[i]) = (sample.cover, sample.roughness);
                             }
                         }
@@ -248,7 +251,8 @@ fn weighted_median(mut all: Vec<(f32, f32)>) -> Option<f32> {
 /// Numbers at the pixels of a row between four nodes, which is so much of their distance below the
 /// upper ones.
 #[inline(always)]
-fn between([a, b, c, d]: [f32; 4], down: f32) -> [f32; NODES] {
+fn between(corners: [f32; 4], down: f32) -> [f32; NODES] {
+    let [a, b, c, d] = corners;
     let (left, right) = (a + down * (c - a), b + down * (d - b));
     let step = (right - left) * (1.0 / NODES as f32);
     [left, left + step, left + 2.0 * step, left + 3.0 * step]
@@ -263,13 +267,14 @@ struct Node {
     place: [f32; 2],
     /// Height of the water, m.
     level: f32,
-    /// Its cover and its roughness.
+    /// Cover and roughness.
     look: [f32; 2],
 }
 
 impl Node {
     /// Returns true if there is no step of the ground, such as a kerb, between nodes.
-    fn are_plane([a, b, c, d]: &[Self; 4]) -> bool {
+    fn are_plane(corners: &[Self; 4]) -> bool {
+        let [a, b, c, d] = corners;
         let apart = |k: usize| spread([a.place[k], b.place[k], c.place[k], d.place[k]]);
         spread([a.level, b.level, c.level, d.level]) < PLANE[0] + PLANE[1] * (apart(0) + apart(1))
     }
@@ -279,8 +284,9 @@ impl Node {
         let [a, b, c, d] = corners;
         let mut is_even = true;
         for k in 0..2 {
-            is_even &= spread([a.look[k], b.look[k], c.look[k], d.look[k]]) < EVEN[k];
-            is_even &= view.steps_in(spread([a.place[k], b.place[k], c.place[k], d.place[k]])) < NEAR;
+            is_even &= spread([a.look[k], b.look[k], c.look[k], d.look[k]]) < MAX_LOOK_DIFFERENCE[k];
+            is_even &=
+                view.steps_in(spread([a.place[k], b.place[k], c.place[k], d.place[k]])) < MAX_GRID_STEPS;
         }
         is_even
     }
@@ -288,7 +294,8 @@ impl Node {
 
 /// The difference of the greatest and the least of four numbers.
 #[inline(always)]
-fn spread([a, b, c, d]: [f32; 4]) -> f32 {
+fn spread(corners: [f32; 4]) -> f32 {
+    let [a, b, c, d] = corners;
     a.max(b).max(c.max(d)) - a.min(b).min(c.min(d))
 }
 
@@ -322,12 +329,8 @@ fn hit(view: &WaterView<'_>, eye: f64, ray: [f64; 3], start: f64) -> Option<(f32
                 low + (high - low) * below / (below - above)
             }
             (Some((high, _)), Some((low, _))) => 0.5 * (low + high),
-            _ => sample.level.min(eye - ABOVE),
+            _ => sample.level.min(eye - MIN_EYE_HEIGHT_M),
         };
     }
     found.filter(|(z, sample)| (eye + f64::from(*z) * ray[2] - sample.level).abs() < MISSED)
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -1,10 +1,12 @@
 use super::fft::{SIDE, transform};
+use super::map::WaterNode;
 use super::motion::WaterForces;
 use super::ripples::{RING_SPEED, WAVE_NUMBER, large_drops, slope_rms};
 use super::waves::{WindWaves, frequency};
 use super::*;
 use crate::Site;
-use crate::wetness::{WaterBudget, WaterState};
+use crate::wetness::WaterState;
+use crate::wetness::state::WaterBudget;
 use std::sync::Arc;
 use wm_render::dispatch;
 use wm_render::simd::{Lanes, SimdPath};
@@ -75,8 +77,8 @@ fn slope(motion: &WaterMotion, x: f64, y: f64, width: f32) -> [f32; 3] {
     #[inline(always)]
     fn first<S: Lanes>(simd: S, motion: &WaterMotion, phases: &[[f32; 2]], width: f32) -> [f32; 3] {
         let here = [simd.set(0.0); 2];
-        let found = motion.at(simd, (here, phases), simd.set(width.log2()), 1);
-        found.map(|vector| tile::Kept::of(simd, vector).0[0])
+        let found = motion.at(simd, here, phases, simd.set(width.log2()), 1);
+        found.map(|vector| tile::LaneArray::new(simd, vector).0[0])
     }
     let phases = motion.phases([x, y]);
     dispatch!(SimdPath::widest(), s => first(s, motion, &phases, width))
@@ -88,7 +90,7 @@ fn foam_covers_its_share_of_the_water() {
     #[inline(always)]
     fn share<S: Lanes>(simd: S, foam: &foam::Foam, depth: f32, slope: [f32; 3]) -> f32 {
         let square = simd.set(slope[0] * slope[0] + slope[1] * slope[1]);
-        tile::Kept::of(simd, foam.share(simd, simd.set(depth), square, simd.set(slope[2]))).0[0]
+        tile::LaneArray::new(simd, foam.share(simd, simd.set(depth), square, simd.set(slope[2]))).0[0]
     }
     let mean = |wind: f64, depth: f32, width: f32| {
         let forces = WaterForces { wind: [wind, 0.0], fetch: 300.0, ..WaterForces::default() };

@@ -11,7 +11,7 @@ const LEVELS: usize = SIDE.trailing_zeros() as usize + 1;
 /// Slopes of one instant, each level half as fine as the one before: slopes along the two axes and
 /// the sum of their squares.
 #[derive(Clone, Debug)]
-pub struct SlopeTile {
+pub(crate) struct SlopeTile {
     /// Side of the tile, m.
     size: f32,
     /// All levels, finest first. Each row ends with its first node once more, and each level with
@@ -51,8 +51,7 @@ fn mixing_gain(nodes: &[[f32; 4]]) -> f32 {
 
 impl SlopeTile {
     /// A tile of `size` metres with these slopes, `[SIDE, SIDE]`.
-    #[must_use]
-    pub fn new(size: f64, slopes: impl IndexedParallelIterator<Item = [f32; 2]>) -> Self {
+    pub(crate) fn new(size: f64, slopes: impl IndexedParallelIterator<Item = [f32; 2]>) -> Self {
         let mut level: Vec<[f32; 4]> = slopes.map(|[x, y]| [x, y, x * x + y * y, 0.0]).collect();
         // What is mixed between nodes is flatter than they are: the shorter the waves the more.
         let gain = mixing_gain(&level);
@@ -77,8 +76,7 @@ impl SlopeTile {
     }
 
     /// The share of a tile at which a point lies, metres.
-    #[must_use]
-    pub fn phase(&self, along: f64) -> f32 {
+    pub(crate) fn phase(&self, along: f64) -> f32 {
         (along / f64::from(self.size)).rem_euclid(1.0) as f32
     }
 
@@ -87,10 +85,11 @@ impl SlopeTile {
     /// a bit in `wanted` have none. Returns the two mean slopes, and their variance within the
     /// piece along one axis.
     #[inline(always)]
-    pub fn at<S: Lanes>(
+    pub(crate) fn at<S: Lanes>(
         &self,
         simd: S,
-        (points, phase): ([S::F; 2], [f32; 2]),
+        points: [S::F; 2],
+        phase: [f32; 2],
         log_width: S::F,
         wanted: u32,
     ) -> [S::F; 3] {
@@ -105,7 +104,7 @@ impl SlopeTile {
         }
         // Written out: a closure in `map` would be compiled without the path's instructions.
         let spots = [Spots::new(simd, share, whole), Spots::new(simd, share, coarse)];
-        let part = Kept::of(simd, level - whole);
+        let part = LaneArray::new(simd, level - whole);
         let mut sums = [[0.0f32; 16]; 3];
         let mut todo = wanted;
         while todo != 0 {
@@ -124,11 +123,11 @@ impl SlopeTile {
 }
 
 /// A vector's lanes in memory.
-pub(super) struct Kept(pub [f32; 16]);
+pub(super) struct LaneArray(pub [f32; 16]);
 
-impl Kept {
+impl LaneArray {
     #[inline(always)]
-    pub fn of<S: Lanes>(_: S, vector: S::F) -> Self {
+    pub(crate) fn new<S: Lanes>(_: S, vector: S::F) -> Self {
         let mut kept = [0.0; 16];
         vector.store_slice(&mut kept[..S::N]);
         Self(kept)
@@ -136,11 +135,11 @@ impl Kept {
 }
 
 /// Whole numbers at or above 0 and below 2^23, of a vector's lanes, in memory.
-pub(super) struct Whole(pub [u32; 16]);
+pub(super) struct LaneIndices(pub [u32; 16]);
 
-impl Whole {
+impl LaneIndices {
     #[inline(always)]
-    pub fn of<S: Lanes>(simd: S, vector: S::F) -> Self {
+    pub(crate) fn new<S: Lanes>(simd: S, vector: S::F) -> Self {
         let mut kept = [0; 16];
         let bits = (vector + TWO_23).to_bits() & S::U::splat(simd, 0x007f_ffff);
         bits.store_slice(&mut kept[..S::N]);
@@ -160,11 +159,11 @@ pub(super) fn fineness<S: Lanes>(simd: S, level: S::F) -> S::F {
 
 /// The nodes about points, one level each.
 struct Spots {
-    level: Whole,
-    column: Whole,
-    row: Whole,
-    right: Kept,
-    down: Kept,
+    level: LaneIndices,
+    column: LaneIndices,
+    row: LaneIndices,
+    right: LaneArray,
+    down: LaneArray,
 }
 
 impl Spots {
@@ -180,11 +179,11 @@ impl Spots {
             part[k] = at - node[k];
         }
         Self {
-            level: Whole::of(simd, level),
-            column: Whole::of(simd, node[0]),
-            row: Whole::of(simd, node[1]),
-            right: Kept::of(simd, part[0]),
-            down: Kept::of(simd, part[1]),
+            level: LaneIndices::new(simd, level),
+            column: LaneIndices::new(simd, node[0]),
+            row: LaneIndices::new(simd, node[1]),
+            right: LaneArray::new(simd, part[0]),
+            down: LaneArray::new(simd, part[1]),
         }
     }
 
@@ -194,7 +193,7 @@ impl Spots {
         let level = self.level.0[i] as usize % LEVELS;
         let stride = (SIDE >> level) + 1;
         let at = FIRST[level] + self.row.0[i] as usize * stride + self.column.0[i] as usize;
-        bilinear(simd, nodes, (at, stride), (self.right.0[i], self.down.0[i]))
+        bilinear(simd, nodes, at, stride, self.right.0[i], self.down.0[i])
     }
 }
 
@@ -203,8 +202,10 @@ impl Spots {
 pub(super) fn bilinear<S: Simd>(
     simd: S,
     nodes: &[[f32; 4]],
-    (at, stride): (usize, usize),
-    (right, down): (f32, f32),
+    at: usize,
+    stride: usize,
+    right: f32,
+    down: f32,
 ) -> f32x4<S> {
     // Both columns at once.
     let above = f32x8::from_slice(simd, nodes[at..at + 2].as_flattened());
@@ -222,9 +223,9 @@ mod tests {
     /// The mean slopes of a millimetre about a place, m.
     #[inline(always)]
     fn at<S: Lanes>(simd: S, tile: &SlopeTile, place: [f64; 2]) -> [f32; 2] {
-        let points = ([simd.set(0.0); 2], place.map(|along| tile.phase(along)));
-        let [x, y, _] = tile.at(simd, points, simd.set(-10.0), 1);
-        [x, y].map(|slope| Kept::of(simd, slope).0[0])
+        let phase = place.map(|along| tile.phase(along));
+        let [x, y, _] = tile.at(simd, [simd.set(0.0); 2], phase, simd.set(-10.0), 1);
+        [x, y].map(|slope| LaneArray::new(simd, slope).0[0])
     }
 
     /// Waves of four nodes have their slopes between nodes too, in the mean.

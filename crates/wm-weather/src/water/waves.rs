@@ -32,7 +32,7 @@ const STEPS: usize = 400;
 
 /// Angular frequency of a wave of `k` rad/m on deep water, rad/s.
 #[must_use]
-pub fn frequency(k: f64) -> f64 {
+pub(crate) fn frequency(k: f64) -> f64 {
     (GRAVITY * k + TENSION * k * k * k).sqrt()
 }
 
@@ -48,7 +48,7 @@ fn period(speed: f64, fetch: f64) -> f64 {
 
 /// Waves that a wind makes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WindWaves {
+pub(crate) struct WindWaves {
     /// Mean wind, m/s along the two level axes.
     wind: [f64; 2],
     /// Length of water, m.
@@ -56,9 +56,9 @@ pub struct WindWaves {
     /// The strongest wind of the whole time, m/s: the tile is as wide as its waves need.
     strongest: f64,
     /// Significant height, m.
-    pub height: f64,
+    pub(crate) height: f64,
     /// Period of the highest waves, s.
-    pub period: f64,
+    pub(crate) period: f64,
     /// Factor that gives the shape its height.
     scale: f64,
 }
@@ -67,8 +67,7 @@ impl WindWaves {
     /// The waves of a mean wind, m/s along the two level axes, over so many metres of water; `None`
     /// for a wind that makes none. `strongest` is the strongest wind of the shot, m/s, so that one
     /// tile serves all of it.
-    #[must_use]
-    pub fn new(wind: [f64; 2], fetch: f64, strongest: f64) -> Option<Self> {
+    pub(crate) fn new(wind: [f64; 2], fetch: f64, strongest: f64) -> Option<Self> {
         let speed = wind[0].hypot(wind[1]);
         if speed <= BEGINS[0] || fetch <= 0.0 {
             return None;
@@ -114,35 +113,30 @@ impl WindWaves {
     }
 
     /// Side of the tile that holds them, m: some twenty of the highest waves.
-    #[must_use]
-    pub fn tile_size(&self) -> f64 {
+    fn tile_size(&self) -> f64 {
         let w = TAU / period(self.strongest, self.fetch);
         (22.0 * TAU * GRAVITY / (w * w)).clamp(2.0, 400.0)
     }
 
     /// Variance of slopes along one axis of waves that are too short for the tile.
-    #[must_use]
-    pub fn beyond_tile(&self) -> f32 {
+    pub(crate) fn beyond_tile(&self) -> f32 {
         let finest = PI * SIDE as f64 / self.tile_size();
         (0.5 * self.over_waves(finest, |k, power| k * k * power)) as f32
     }
 
     /// Variance of slopes along one axis of all waves.
-    #[must_use]
-    pub fn slope_variance(&self) -> f64 {
+    pub(crate) fn slope_variance(&self) -> f64 {
         0.5 * self.over_waves(0.0, |k, power| k * k * power)
     }
 
     /// Mean square of the slopes of open water under a wind of `speed` m/s, both axes together (Cox
     /// and Munk 1954).
-    #[must_use]
-    pub fn open_slopes(speed: f64) -> f64 {
+    pub(crate) fn open_slopes(speed: f64) -> f64 {
         CALM + BY_WIND * speed
     }
 
     /// Their slopes at a time, s.
-    #[must_use]
-    pub fn slopes(&self, time: f64, seed: u64) -> SlopeTile {
+    pub(crate) fn slopes(&self, time: f64, seed: u64) -> SlopeTile {
         let size = self.tile_size();
         let key = [self.wind[0], self.wind[1], self.fetch, self.strongest].map(f64::to_bits);
         let field = WaveField::kept([key[0], key[1], key[2], key[3], seed], || {
@@ -192,7 +186,7 @@ const MOST_KEPT: usize = 4;
 impl WaveField {
     /// Waves on a tile of `size` metres. `amplitude` is the root of half the variance of heights
     /// that a wave vector (rad/m) brings, m.
-    pub fn new(size: f64, seed: u64, amplitude: impl Fn([f64; 2]) -> f64 + Sync) -> Self {
+    pub(crate) fn new(size: f64, seed: u64, amplitude: impl Fn([f64; 2]) -> f64 + Sync) -> Self {
         let (cell, half) = (TAU / size, SIDE as i64 / 2);
         let wave = |i: i64, j: i64| -> [f64; 2] {
             let strength = amplitude([i as f64 * cell, j as f64 * cell]);
@@ -224,7 +218,7 @@ impl WaveField {
     }
 
     /// The field of a key, made once.
-    pub fn kept(key: FieldKey, make: impl FnOnce() -> Self) -> Arc<Self> {
+    pub(crate) fn kept(key: FieldKey, make: impl FnOnce() -> Self) -> Arc<Self> {
         let kept = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, field)) = kept().iter().find(|(own, _)| *own == key) {
             return Arc::clone(field);
@@ -239,7 +233,7 @@ impl WaveField {
     }
 
     /// Slopes at a time, s, `[SIDE, SIDE]`, times a factor.
-    pub fn slopes(&self, time: f64, factor: f64) -> Vec<Complex> {
+    pub(crate) fn slopes(&self, time: f64, factor: f64) -> Vec<Complex> {
         let mut values: Vec<Complex> = vec![[0.0; 2]; SIDE * SIDE];
         for WavePair { at, vector, heights, frequency } in &self.pairs {
             let (sin, cos) = (frequency * time).sin_cos();

@@ -9,7 +9,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// No basin: water leaves.
-pub const NONE: u32 = u32::MAX;
+pub(crate) const NO_BASIN: u32 = u32::MAX;
 
 /// The four cells about a cell of a grid of `count` cells in rows of `columns`; `None` beyond its
 /// edge.
@@ -25,7 +25,7 @@ pub(super) fn beside(at: usize, columns: usize, count: usize) -> [Option<usize>;
 
 /// The treatment of water at the edge of a cell without ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Beyond {
+pub(crate) enum EdgeRule {
     /// Something stands there: water stays.
     Wall,
     /// Water leaves.
@@ -34,11 +34,11 @@ pub enum Beyond {
 
 /// A depression.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Basin {
+pub(crate) struct Basin {
     /// Height at which it runs over, m.
-    pub spill: f32,
-    /// The basin that it runs over into, or [`NONE`].
-    pub next: u32,
+    spill: f32,
+    /// The basin that it runs over into, or [`NO_BASIN`].
+    pub(crate) next: u32,
     /// Heights of its cells, rising, m.
     heights: Vec<f32>,
     /// Sum of the heights before each of those.
@@ -59,20 +59,17 @@ impl Basin {
     }
 
     /// Depth at its deepest place when it is full, m.
-    #[must_use]
-    pub fn depth(&self) -> f32 {
+    pub(crate) fn depth(&self) -> f32 {
         self.heights.first().map_or(0.0, |lowest| self.spill - lowest)
     }
 
-    /// Its area when it is full, m^2.
-    #[must_use]
-    pub fn area(&self) -> f64 {
+    /// Area of a full basin, m^2.
+    pub(crate) fn area(&self) -> f64 {
         self.cell * self.heights.len() as f64
     }
 
     /// The volume below a level, m^3.
-    #[must_use]
-    pub fn volume(&self, level: f32) -> f64 {
+    pub(crate) fn volume(&self, level: f32) -> f64 {
         let under = self.heights.partition_point(|height| *height < level);
         let sum = self.sums.get(under).copied().unwrap_or_else(|| self.sum());
         self.cell * (f64::from(level) * under as f64 - sum)
@@ -83,14 +80,12 @@ impl Basin {
     }
 
     /// The volume when it is full, m^3.
-    #[must_use]
-    pub fn capacity(&self) -> f64 {
+    pub(crate) fn capacity(&self) -> f64 {
         self.volume(self.spill)
     }
 
     /// The level and the area of some m^3 of water, m and m^2; the lowest height and 0 for none.
-    #[must_use]
-    pub fn level(&self, volume: f64) -> (f32, f64) {
+    pub(crate) fn level(&self, volume: f64) -> (f32, f64) {
         let Some(lowest) = self.heights.first() else { return (self.spill, 0.0) };
         if volume <= 0.0 {
             return (*lowest, 0.0);
@@ -110,14 +105,14 @@ impl Basin {
 
 /// The basins of a ground, and where its cells drain to.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Basins {
+pub(crate) struct Basins {
     /// The higher ones run over into lower ones, which come first.
-    pub all: Vec<Basin>,
-    /// The basin that each cell lies in, or [`NONE`].
-    pub of: Vec<u32>,
-    /// The basin that each cell drains into, or [`NONE`] of cells whose water leaves and of those
-    /// without ground.
-    pub drain: Vec<u32>,
+    pub(crate) all: Vec<Basin>,
+    /// The basin that each cell lies in, or [`NO_BASIN`].
+    pub(crate) of: Vec<u32>,
+    /// The basin that each cell drains into, or [`NO_BASIN`] of cells whose water leaves and of
+    /// those without ground.
+    pub(crate) drain: Vec<u32>,
 }
 
 /// A cell that the flood has reached: the lowest first, then by index.
@@ -143,11 +138,11 @@ impl Ord for OrderedHeight {
 impl Basins {
     /// Returns true if its parts fit each other and a ground of `cells` cells.
     pub(super) fn is_consistent(&self, cells: usize) -> bool {
-        let is_basin = |index: &u32| *index == NONE || (*index as usize) < self.all.len();
+        let is_basin = |index: &u32| *index == NO_BASIN || (*index as usize) < self.all.len();
         // Lower ones come first, so that water cannot run in a circle.
         let is_sound = |index: usize| {
             let basin = &self.all[index];
-            (basin.next == NONE || (basin.next as usize) < index)
+            (basin.next == NO_BASIN || (basin.next as usize) < index)
                 && !basin.heights.is_empty()
                 && basin.heights.len() == basin.sums.len()
                 && basin.heights.is_sorted()
@@ -164,13 +159,12 @@ impl Basins {
     /// none, of which `beyond` says what happens to water. `relief` is what is added to it for the
     /// edges of water, m, and `cell` the width of a cell, m. `counts` says of a basin, by its cells
     /// and its depth, whether water stands in it.
-    #[must_use]
-    pub fn find(
+    pub(crate) fn find(
         ground: &[f32],
         relief: &[f32],
         columns: usize,
         cell: f64,
-        beyond: impl Fn(usize) -> Beyond,
+        beyond: impl Fn(usize) -> EdgeRule,
         counts: impl Fn(&[u32], f32) -> bool,
     ) -> Self {
         let beside = |index: usize| beside(index, columns, ground.len());
@@ -178,14 +172,14 @@ impl Basins {
         let mut is_reached: Vec<bool> = ground.iter().map(|height| height.is_nan()).collect();
         for index in 0..ground.len() {
             let leaves = |next: Option<usize>| {
-                next.is_none_or(|next| ground[next].is_nan() && beyond(next) == Beyond::Outlet)
+                next.is_none_or(|next| ground[next].is_nan() && beyond(next) == EdgeRule::Outlet)
             };
             if !ground[index].is_nan() && beside(index).into_iter().any(leaves) {
                 is_reached[index] = true;
                 front.push(Reverse((OrderedHeight(ground[index]), index as u32)));
             }
         }
-        let (mut of, mut drain) = (vec![NONE; ground.len()], vec![NONE; ground.len()]);
+        let (mut of, mut drain) = (vec![NO_BASIN; ground.len()], vec![NO_BASIN; ground.len()]);
         // Each with its spill, the cell it runs over at, and its cells.
         let mut found: Vec<(f32, u32, Vec<u32>)> = Vec::new();
         while let Some(Reverse((OrderedHeight(level), at))) = front.pop() {
@@ -197,7 +191,7 @@ impl Basins {
                 let height = ground[next];
                 let own = of[at as usize];
                 if height < level {
-                    let basin = if own != NONE && found[own as usize].0 == level {
+                    let basin = if own != NO_BASIN && found[own as usize].0 == level {
                         own
                     } else {
                         found.push((level, at, Vec::new()));
@@ -207,7 +201,7 @@ impl Basins {
                     found[basin as usize].2.push(next as u32);
                     drain[next] = basin;
                 } else {
-                    drain[next] = if own != NONE { own } else { drain[at as usize] };
+                    drain[next] = if own != NO_BASIN { own } else { drain[at as usize] };
                 }
                 front.push(Reverse((OrderedHeight(height.max(level)), next as u32)));
             }
@@ -217,8 +211,8 @@ impl Basins {
         let mut all: Vec<Basin> = Vec::new();
         for (spill, outlet, cells) in &found {
             let outlet = *outlet as usize;
-            let next = if of[outlet] != NONE { of[outlet] } else { drain[outlet] };
-            let next = place.get(next as usize).copied().unwrap_or(NONE);
+            let next = if of[outlet] != NO_BASIN { of[outlet] } else { drain[outlet] };
+            let next = place.get(next as usize).copied().unwrap_or(NO_BASIN);
             let heights: Vec<f32> = cells
                 .iter()
                 .map(|at| ground[*at as usize] + relief[*at as usize])
@@ -233,18 +227,21 @@ impl Basins {
             }
         }
         let is_own =
-            |basin: u32, kept: u32| kept != NONE && all[kept as usize].spill == found[basin as usize].0;
-        for basin in of.iter_mut().filter(|basin| **basin != NONE) {
+            |basin: u32, kept: u32| kept != NO_BASIN && all[kept as usize].spill == found[basin as usize].0;
+        for basin in of.iter_mut().filter(|basin| **basin != NO_BASIN) {
             let kept = place[*basin as usize];
-            *basin = if is_own(*basin, kept) { kept } else { NONE };
+            *basin = if is_own(*basin, kept) { kept } else { NO_BASIN };
         }
-        drain.iter_mut().filter(|basin| **basin != NONE).for_each(|basin| *basin = place[*basin as usize]);
+        drain
+            .iter_mut()
+            .filter(|basin| **basin != NO_BASIN)
+            .for_each(|basin| *basin = place[*basin as usize]);
         Self { all, of, drain }
     }
 
     /// Lets water come to the basins, m^3 each, and dry by a depth, m. `volumes` are theirs. What
     /// is too much runs over into the next one. Returns what left, and what dried, m^3.
-    pub fn pass(&self, volumes: &mut [f64], came: &[f64], dries: f64) -> [f64; 2] {
+    pub(crate) fn pass(&self, volumes: &mut [f64], came: &[f64], dries: f64) -> [f64; 2] {
         let (mut left, mut dried) = (0.0, 0.0);
         volumes.iter_mut().zip(came).for_each(|(volume, came)| *volume += came);
         // From the last to the first, which the others run over into.
@@ -275,7 +272,7 @@ mod tests {
 
     fn basins(ground: &[f32], columns: usize) -> Basins {
         let relief = vec![0.0; ground.len()];
-        Basins::find(ground, &relief, columns, 1.0, |_| Beyond::Outlet, |_, _| true)
+        Basins::find(ground, &relief, columns, 1.0, |_| EdgeRule::Outlet, |_, _| true)
     }
 
     /// Two pits in a row on a slope, of which the upper one runs over into the lower one.
@@ -290,7 +287,7 @@ mod tests {
         ground[2 * columns + 6] -= 0.05;
         let found = basins(&ground, columns);
         assert_eq!(found.all.len(), 2);
-        assert_eq!(found.all.iter().map(|basin| basin.next).collect::<Vec<_>>(), [NONE, 0]);
+        assert_eq!(found.all.iter().map(|basin| basin.next).collect::<Vec<_>>(), [NO_BASIN, 0]);
         let mut volumes = [0.0; 2];
         // 5 cm deep below the cell, 1 cm of which is the slope's.
         let full: Vec<f64> = found.all.iter().map(Basin::capacity).collect();
@@ -321,7 +318,7 @@ mod tests {
             let found = basins(&heights, 12);
             let mut volumes = vec![0.0; found.all.len()];
             let mut comes = vec![0.0; found.all.len()];
-            for drain in found.drain.iter().filter(|drain| **drain != NONE) {
+            for drain in found.drain.iter().filter(|drain| **drain != NO_BASIN) {
                 comes[*drain as usize] += came;
             }
             let (mut out, mut all) = (0.0, 0.0);
@@ -332,7 +329,7 @@ mod tests {
             }
             prop_assert!((volumes.iter().sum::<f64>() + out - all).abs() < 1e-9);
             for (at, (basin, volume)) in found.all.iter().zip(&volumes).enumerate() {
-                prop_assert!(basin.next == NONE || (basin.next as usize) < at);
+                prop_assert!(basin.next == NO_BASIN || (basin.next as usize) < at);
                 let (level, area) = basin.level(*volume);
                 prop_assert!((basin.volume(level) - volume).abs() < 1e-4 && area <= basin.area());
                 prop_assert!(*volume <= basin.capacity() + 1e-9);

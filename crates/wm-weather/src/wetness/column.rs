@@ -21,7 +21,7 @@ const LENGTH: f64 = 0.43;
 const SLOPE: f64 = -0.42;
 const FACTOR: f64 = 0.014_85;
 /// Water that pores near the surface hold, mm.
-pub const PORES: f64 = 0.3;
+pub(crate) const PORES: f64 = 0.3;
 /// Rounds in which the store of a step is found, and the error at which they end, mm.
 const ROUNDS: usize = 12;
 const EXACT: f64 = 1e-10;
@@ -32,7 +32,7 @@ pub(super) const MOST_SHARE: f64 = 1.25;
 
 /// A kind of ground by how water leaves it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Drainage {
+pub(crate) enum Drainage {
     /// Nearly level: paving with a fall of 2 %, 3.5 m below its edge.
     Level,
     /// Slopes, walls and leaves.
@@ -41,7 +41,7 @@ pub enum Drainage {
 
 impl Drainage {
     /// Every kind.
-    pub const ALL: [Self; 2] = [Self::Level, Self::Steep];
+    pub(crate) const ALL: [Self; 2] = [Self::Level, Self::Steep];
 
     /// Length below the upper edge, m, and slope.
     fn fall(self) -> [f64; 2] {
@@ -70,7 +70,7 @@ struct RunOffLaw {
 }
 
 impl RunOffLaw {
-    fn of(kind: Drainage, texture: f64) -> Self {
+    fn new(kind: Drainage, texture: f64) -> Self {
         let [length, slope] = kind.fall();
         Self { factor: store_factor(texture, length, slope), kept: kind.keeps() * texture }
     }
@@ -104,8 +104,8 @@ impl RunOffLaw {
 
 /// The depth of water above a texture of mean depth `texture`, mm, in an even rain, mm/h; below 0
 /// it stands in the texture. `length` m below the upper edge of a `slope`. Gallaway (1971).
-#[must_use]
-pub fn film_depth(texture: f64, length: f64, rain: f64, slope: f64) -> f64 {
+#[cfg(test)]
+fn film_depth(texture: f64, length: f64, rain: f64, slope: f64) -> f64 {
     store_factor(texture, length, slope) * rain.powf(RAIN) - texture
 }
 
@@ -115,39 +115,38 @@ fn store_factor(texture: f64, length: f64, slope: f64) -> f64 {
 
 /// A part of the time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WetStep {
-    /// Its length, h.
-    pub hours: f64,
+pub(crate) struct WetStep {
+    /// Duration, h.
+    pub(crate) hours: f64,
     /// Rain in it, mm.
-    pub rain: f64,
+    pub(crate) rain: f64,
     /// Water that can dry in it where no snow lies, mm.
-    pub dries: f64,
+    pub(crate) dries: f64,
     /// The snow on the ground.
-    pub snow: SnowStep,
+    pub(crate) snow: SnowStep,
 }
 
 impl WetStep {
     /// A part of the time without snow: its length, h, and the rain and what can dry in it, mm.
-    #[must_use]
-    pub fn bare(hours: f64, rain: f64, dries: f64) -> Self {
+    #[cfg(test)]
+    pub(crate) fn bare(hours: f64, rain: f64, dries: f64) -> Self {
         Self { hours, rain, dries, snow: SnowStep::default() }
     }
 
     /// Returns true if water comes in it.
-    #[must_use]
-    pub fn is_wet(&self) -> bool {
+    pub(crate) fn is_wet(&self) -> bool {
         self.rain > 0.0 || self.snow.melts.iter().any(|melts| *melts > 0.0)
     }
 }
 
 /// Snow on the ground in a part of the time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SnowStep {
+pub(crate) struct SnowStep {
     /// Melt water, mm, for each share of the rain.
     melts: [f64; SHARES],
     /// Share of the ground that is bare, 0-1, for each share of the rain.
     bare: [f64; SHARES],
-    /// The same on open level ground.
+    /// Share of open level ground that is bare, 0-1.
     pub(super) open: f64,
 }
 
@@ -160,8 +159,7 @@ impl Default for SnowStep {
 impl SnowStep {
     /// The snow between two instants. Where a share of the rain falls the same share of the snow
     /// does.
-    #[must_use]
-    pub fn between(from: &MeltSample, to: &MeltSample) -> Self {
+    pub(crate) fn between(from: &MeltSample, to: &MeltSample) -> Self {
         let shares: [f64; SHARES] = std::array::from_fn(|k| share_of(k as f64));
         let [before, after] = [from, to].map(|sample| shares.map(|share| sample.at(share)));
         Self {
@@ -172,31 +170,31 @@ impl SnowStep {
     }
 
     /// So many parts of the same length that make up the whole.
-    #[must_use]
-    pub fn divided(self, parts: f64) -> Self {
+    pub(crate) fn divided(self, parts: f64) -> Self {
         Self { melts: self.melts.map(|melts| melts / parts), ..self }
     }
 }
 
 /// Water on a piece of ground, and all that came, ran off and dried until now, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct WetColumn {
+pub(crate) struct WetColumn {
     /// In pores.
-    pub pores: f64,
+    pub(crate) pores: f64,
     /// In and above the texture.
-    pub store: f64,
+    pub(crate) store: f64,
     /// All that has come.
-    pub came: f64,
+    pub(crate) came: f64,
     /// All that has run off.
-    pub ran_off: f64,
+    pub(crate) ran_off: f64,
     /// All that has dried.
-    pub dried: f64,
+    pub(crate) dried: f64,
 }
 
 impl WetColumn {
     /// Lets some hours pass, with `water` mm coming to the ground, of which `dries` mm can dry.
     /// Returns what ran off, mm.
-    fn pass(&mut self, law: RunOffLaw, hours: f64, [water, dries]: [f64; 2]) -> f64 {
+    fn pass(&mut self, law: RunOffLaw, hours: f64, rates: [f64; 2]) -> f64 {
+        let [water, dries] = rates;
         let can_dry = dries;
         let soaks = (PORES - self.pores) * (1.0 - (-water / PORES).exp());
         self.pores += soaks;
@@ -216,18 +214,18 @@ impl WetColumn {
 
 /// Wetness at a place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Wet {
+pub(crate) struct Wet {
     /// Filled share of the pores, 0-1.
-    pub pores: f32,
+    pub(crate) pores: f32,
     /// Share of the texture that is under water, 0-1.
-    pub film: f32,
+    pub(crate) film: f32,
     /// Depth of water above the texture, mm.
-    pub depth: f32,
+    pub(crate) depth: f32,
 }
 
 /// Water on ground of each [`Drainage`] that gets one of the shares of the rain.
 #[derive(Clone, Debug, PartialEq)]
-pub struct WetColumns {
+pub(crate) struct WetColumns {
     /// Mean depth of the texture, mm.
     texture: f64,
     columns: [[WetColumn; SHARES]; Drainage::ALL.len()],
@@ -245,8 +243,7 @@ pub(super) fn step_of(share: f64) -> f64 {
 
 impl WetColumns {
     /// Dry ground with a texture of this mean depth, mm.
-    #[must_use]
-    pub fn dry(texture: f64) -> Self {
+    pub(crate) fn dry(texture: f64) -> Self {
         Self { texture, columns: Default::default() }
     }
 
@@ -254,7 +251,7 @@ impl WetColumns {
     pub(super) fn pass(&mut self, step: &WetStep) -> [f64; SHARES] {
         let mut runs = [0.0; SHARES];
         for kind in Drainage::ALL {
-            let law = RunOffLaw::of(kind, self.texture);
+            let law = RunOffLaw::new(kind, self.texture);
             for (k, column) in self.columns[kind as usize].iter_mut().enumerate() {
                 let water = share_of(k as f64) * step.rain + step.snow.melts[k];
                 let ran = column.pass(law, step.hours, [water, step.dries * step.snow.bare[k]]);
@@ -267,8 +264,8 @@ impl WetColumns {
     }
 
     /// Lets steps pass, of which only the end counts.
-    #[must_use]
-    pub fn after(mut self, steps: &[WetStep]) -> Self {
+    #[cfg(test)]
+    pub(crate) fn after(mut self, steps: &[WetStep]) -> Self {
         steps.iter().for_each(|step| {
             self.pass(step);
         });
@@ -276,8 +273,7 @@ impl WetColumns {
     }
 
     /// The water on ground that gets a share of the rain.
-    #[must_use]
-    pub fn column(&self, kind: Drainage, share: f64) -> WetColumn {
+    pub(crate) fn column(&self, kind: Drainage, share: f64) -> WetColumn {
         let columns = &self.columns[kind as usize];
         let at = step_of(share);
         let low = (at as usize).min(SHARES - 2);
@@ -293,14 +289,12 @@ impl WetColumns {
     }
 
     /// Water that runs off of that ground, mm/h.
-    #[must_use]
-    pub fn runs_off(&self, kind: Drainage, share: f64) -> f64 {
-        RunOffLaw::of(kind, self.texture).rate(self.column(kind, share).store)
+    pub(crate) fn runs_off(&self, kind: Drainage, share: f64) -> f64 {
+        RunOffLaw::new(kind, self.texture).rate(self.column(kind, share).store)
     }
 
     /// The wetness of that ground.
-    #[must_use]
-    pub fn wet(&self, kind: Drainage, share: f64) -> Wet {
+    pub(crate) fn wet(&self, kind: Drainage, share: f64) -> Wet {
         let column = self.column(kind, share);
         Wet {
             pores: (column.pores / PORES).min(1.0) as f32,

@@ -12,8 +12,7 @@ fn saturated(temperature: f64) -> f64 {
 /// Evaporation from wet ground, mm/h, 0 and more, by Penman (1948) with his function of the wind,
 /// `0.26 (1 + 0.54 u)` mm a day and hPa. Takes the temperature of the air, degrees Celsius, its
 /// relative humidity, 0-1, the wind, m/s, and the net radiation, W/m^2.
-#[must_use]
-pub fn penman(temperature: f64, humidity: f64, wind: f64, radiation: f64) -> f64 {
+pub(crate) fn penman(temperature: f64, humidity: f64, wind: f64, radiation: f64) -> f64 {
     let pressure = saturated(temperature);
     let slope = pressure * 17.62 * 243.12 / (243.12 + temperature).powi(2);
     let by_radiation = radiation * 3600.0 / LATENT;

@@ -3,7 +3,7 @@
 //! A roof is what stands over the ground beside it and is even, as leaves are not. Its water runs
 //! as that of the ground does ([`run_off`](super::run_off)), to the cells from which it falls onto
 //! open ground. Most eaves have gutters, which no capture shows; so the share of the water that
-//! falls is asked for.
+//! falls is requested.
 
 use super::ground_map::neighbours;
 use super::run_off::gathered;
@@ -11,16 +11,16 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Least height of an eave over the ground under it, m.
-const HIGH: f32 = 1.8;
+const MIN_EAVE_HEIGHT_M: f32 = 1.8;
 /// Height of what stands on ground that is open, m.
-const OPEN: f32 = 0.4;
+const OPEN_HEIGHT_M: f32 = 0.4;
 /// Distance to the ground whose height a roof is compared with, m.
-const FAR: f32 = 12.0;
+const GROUND_DISTANCE_M: f32 = 12.0;
 /// Cells to each side over which a roof must be even, the least share of them, and how uneven it
 /// may be, rms, m.
 const ABOUT: i64 = 3;
-const LEAST: f64 = 0.4;
-const UNEVEN: f64 = 0.06;
+const MIN_EVEN_SHARE: f64 = 0.4;
+const MAX_UNEVENNESS_M: f64 = 0.06;
 /// The four ways to the next cell, and the most cells of an edge between a roof and open ground.
 const WAYS: [[i64; 2]; 4] = [[-1, 0], [1, 0], [0, -1], [0, 1]];
 const EDGE: usize = 6;
@@ -29,31 +29,34 @@ const AREA: f32 = 0.4;
 
 /// A piece of an eave, as long as a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Eave {
+pub(crate) struct Eave {
     /// The place on which its water falls: columns and rows from the first corner.
-    pub place: [f32; 2],
-    /// Its height over the ground there, m.
-    pub drop: f32,
+    pub(crate) place: [f32; 2],
+    /// Height over the ground there, m.
+    pub(crate) drop: f32,
     /// Height of that ground, m.
-    pub ground: f32,
+    pub(crate) ground: f32,
     /// Area whose water it sheds, m^2.
-    pub area: f32,
+    pub(crate) area: f32,
 }
 
 /// Finds the eaves over a `ground` of smoothed heights, m, by the heights of what stands highest on
 /// it, `top`, m, both on cells `cell` m wide in rows of `columns`; not a number where there is
 /// none.
 #[must_use]
-pub fn eaves(top: &[f32], ground: &[f32], columns: usize, cell: f32) -> Vec<Eave> {
-    let about = ground_about(top, ground, columns, (FAR / cell) as u32);
-    let is_roof = |at: usize| top[at] > about[at] + HIGH && is_even(top, at, columns, f64::from(cell));
+pub(crate) fn eaves(top: &[f32], ground: &[f32], columns: usize, cell: f32) -> Vec<Eave> {
+    let about = ground_about(top, ground, columns, (GROUND_DISTANCE_M / cell) as u32);
+    let is_roof =
+        |at: usize| top[at] > about[at] + MIN_EAVE_HEIGHT_M && is_even(top, at, columns, f64::from(cell));
     let roofs: Vec<f32> = (0..top.len()).map(|at| if is_roof(at) { top[at] } else { f32::NAN }).collect();
     if roofs.iter().all(|height| height.is_nan()) {
         return Vec::new();
     }
     let area = gathered(&roofs, &vec![1.0; roofs.len()], columns, f64::from(cell));
     let is_open = |at: usize, height: f32| {
-        ground[at].is_finite() && top[at] < ground[at] + OPEN && height > ground[at] + HIGH
+        ground[at].is_finite()
+            && top[at] < ground[at] + OPEN_HEIGHT_M
+            && height > ground[at] + MIN_EAVE_HEIGHT_M
     };
     let middle = |at: usize| [at % columns, at / columns].map(|v| v as f32 + 0.5);
     let mut found = Vec::new();
@@ -82,7 +85,8 @@ pub fn eaves(top: &[f32], ground: &[f32], columns: usize, cell: f32) -> Vec<Eave
 }
 
 /// The cell some steps along a way from a cell; `None` beyond the grid.
-fn beyond(at: usize, [dx, dy]: [i64; 2], steps: usize, columns: usize, count: usize) -> Option<usize> {
+fn beyond(at: usize, direction: [i64; 2], steps: usize, columns: usize, count: usize) -> Option<usize> {
+    let [dx, dy] = direction;
     let x = (at % columns) as i64 + dx * steps as i64;
     let y = (at / columns) as i64 + dy * steps as i64;
     let is_in = x >= 0 && y >= 0 && x < columns as i64 && y < (count / columns) as i64;
@@ -95,7 +99,7 @@ fn ground_about(top: &[f32], ground: &[f32], columns: usize, far: u32) -> Vec<f3
     let mut about = vec![f32::NAN; ground.len()];
     let mut next = VecDeque::new();
     for at in 0..ground.len() {
-        if ground[at].is_finite() && top[at] < ground[at] + OPEN {
+        if ground[at].is_finite() && top[at] < ground[at] + OPEN_HEIGHT_M {
             about[at] = ground[at];
             next.push_back((at, 0));
         }
@@ -136,7 +140,7 @@ fn is_even(top: &[f32], at: usize, columns: usize, cell: f64) -> bool {
             }
         }
     }
-    if count < LEAST * all {
+    if count < MIN_EVEN_SHARE * all {
         return false;
     }
     let [x, y, z, xx, xy, yy, xz, yz, zz] = sums.map(|sum| sum / count);
@@ -147,7 +151,7 @@ fn is_even(top: &[f32], at: usize, columns: usize, cell: f64) -> bool {
         return false;
     }
     let (a, b) = ((xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det);
-    zz - a * xz - b * yz < UNEVEN * UNEVEN
+    zz - a * xz - b * yz < MAX_UNEVENNESS_M * MAX_UNEVENNESS_M
 }
 
 #[cfg(test)]

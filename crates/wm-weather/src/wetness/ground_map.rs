@@ -4,7 +4,7 @@
 //! smoothed over half a metre, only depressions that survive count, and none of them where the
 //! ground slopes. Their edges come from `relief.rs`.
 
-use super::basins::{self, Basins, Beyond, NONE};
+use super::basins::{self, Basins, EdgeRule, NO_BASIN};
 use super::eaves::{Eave, eaves};
 use super::relief::{self, relief};
 use crate::cover::ground::GroundGrid;
@@ -30,7 +30,7 @@ const GAP: f32 = 0.3;
 const STANDS: f32 = 0.12;
 /// Least area of a ground, m^2; the share of its edge beside which it drops off that makes it the
 /// top of something, and by how much, m.
-const LEAST: f64 = 6.0;
+const MIN_GROUND_AREA_M2: f64 = 6.0;
 const TOP: f32 = 0.3;
 const DROP: f32 = 0.2;
 /// Least depth and area of a puddle, m and m^2; the depth from which it is a hole of the capture;
@@ -48,7 +48,7 @@ const TILT: f64 = 0.06;
 /// Height above or below the ground up to which a splat shows it, m.
 pub(super) const ON_GROUND: f32 = 0.15;
 /// Depth below the ground to which splats are seen through it, m.
-const UNDER: f32 = 3.0;
+const SEEN_DEPTH_M: f32 = 3.0;
 /// Blue and red over green of lawns, green or dry, and of soil: all of the ground up to the first,
 /// none from the second on. Measured lawns have 0.5 to 0.6 and 0.9 to 1.15, paving of stone 0.85
 /// and more of blue, bricks 1.5 and more of red.
@@ -64,20 +64,20 @@ pub struct GroundMap {
     /// Slope of the ground as a whole along columns and rows, that is an error of up, m a cell.
     tilt: [f64; 2],
     /// Smoothed heights above it, m, `[rows, columns]`; not a number where there is no ground.
-    pub ground: Vec<f32>,
-    /// The same heights with the relief.
-    pub rough: Vec<f32>,
+    pub(crate) ground: Vec<f32>,
+    /// Heights with the relief.
+    pub(crate) rough: Vec<f32>,
     /// The depressions.
-    pub basins: Basins,
+    pub(crate) basins: Basins,
     /// Heights of open water, m; not a number where there is none.
-    pub open: Vec<f32>,
+    pub(crate) open: Vec<f32>,
     /// Eaves of roofs over it.
-    pub eaves: Vec<Eave>,
+    pub(crate) eaves: Vec<Eave>,
     /// Share of what is about each cell that the capture shows, 0-1: 0 where that ends, 1 where it
     /// goes on.
-    pub seen: Vec<f32>,
+    pub(crate) seen: Vec<f32>,
     /// Share of each cell that is lawn or soil, 0-1.
-    pub matte: Vec<f32>,
+    pub(crate) matte: Vec<f32>,
 }
 
 impl GroundMap {
@@ -100,11 +100,11 @@ impl GroundMap {
     /// Finds the ground of a scene about a `path` (world, scene units), without its open water.
     /// Where up is estimated, `is_up_known` is false, and ground that slopes a little as a whole is
     /// taken for level.
-    #[must_use]
-    pub fn of(
+    pub(crate) fn new(
         scan: &FusedSurfaces<'_>,
         water: &OpenWater,
-        (path, is_up_known): ([[f64; 3]; 2], bool),
+        path: [[f64; 3]; 2],
+        is_up_known: bool,
         site: &Site,
         threads: usize,
     ) -> Self {
@@ -116,7 +116,7 @@ impl GroundMap {
             ..ShelterOptions::default()
         };
         let occluders = Occluders::of(&scan.splats, site, &options);
-        let (grid, _) = GroundGrid::of(scan, &occluders, None, threads);
+        let (grid, _) = GroundGrid::new(scan, &occluders, None, threads);
         let (mut floor, mut top) = grid.floor();
         let places = grid.places().heightless();
         // A scene of which nothing is near the path has no cell.
@@ -149,7 +149,7 @@ impl GroundMap {
         let beyond = |at: usize| {
             let lowest = neighbours(at, columns, ground.len()).map(|next| ground[next]);
             let lowest = lowest.filter(|height| height.is_finite()).fold(f32::INFINITY, f32::min);
-            if top[at] > lowest + STANDS { Beyond::Wall } else { Beyond::Outlet }
+            if top[at] > lowest + STANDS { EdgeRule::Wall } else { EdgeRule::Outlet }
         };
         let slope = |cells: &[u32]| mean_slope(&ground, cells, columns, cell);
         let counts = |cells: &[u32], depth: f32| {
@@ -166,41 +166,35 @@ impl GroundMap {
     }
 
     /// The height of open water over a cell, or of the `ground` there if there is none, m.
-    #[must_use]
     pub(crate) fn surface(&self, at: usize, ground: f32) -> f32 {
         let open = self.open[at];
         if open.is_finite() { open } else { ground }
     }
 
     /// Columns and rows.
-    #[must_use]
-    pub fn size(&self) -> [usize; 2] {
+    pub(crate) fn size(&self) -> [usize; 2] {
         self.places.size()
     }
 
     /// Width of a cell, m.
-    #[must_use]
-    pub fn cell(&self) -> f64 {
+    pub(crate) fn cell(&self) -> f64 {
         self.places.cell()
     }
 
     /// The world axes of columns, of rows, and up.
-    #[must_use]
-    pub fn axes(&self) -> [[f64; 3]; 3] {
+    pub(crate) fn axes(&self) -> [[f64; 3]; 3] {
         self.places.axes()
     }
 
     /// The point (world, scene units) at a place in columns and rows from the first corner, and a
     /// height above the tilt, m.
-    #[must_use]
-    pub fn point(&self, place: [f64; 2], height: f64) -> [f64; 3] {
+    pub(crate) fn point(&self, place: [f64; 2], height: f64) -> [f64; 3] {
         self.places.point(place, height + tilted(self.tilt, place))
     }
 
     /// Columns and rows of a point (world, scene units) from the first corner, and its height above
     /// the tilt, m.
-    #[must_use]
-    pub fn locate(&self, point: [f64; 3]) -> ([f64; 2], f64) {
+    pub(crate) fn locate(&self, point: [f64; 3]) -> ([f64; 2], f64) {
         let (place, height) = self.places.locate(point);
         (place, height - tilted(self.tilt, place))
     }
@@ -235,12 +229,12 @@ impl GroundMap {
     }
 
     /// Depth of a point (world, scene units) below the ground, m; 0 above it, where there is none,
-    /// and deeper than [`UNDER`]. What a rough capture has below its ground shows through it, and
-    /// gets the rain that the ground gets.
+    /// and deeper than [`SEEN_DEPTH_M`]. What a rough capture has below its ground shows through
+    /// it, and gets the rain that the ground gets.
     pub(super) fn depth_below(&self, point: [f32; 3]) -> f32 {
         let (place, height) = self.locate(point.map(f64::from));
         let depth = self.places.cell_at(place).map(|at| self.ground[at] - height as f32);
-        depth.filter(|depth| (0.0..UNDER).contains(depth)).unwrap_or(0.0)
+        depth.filter(|depth| (0.0..SEEN_DEPTH_M).contains(depth)).unwrap_or(0.0)
     }
 
     /// The middle of a cell at the height of its ground (world, scene units); `None` where there is
@@ -261,7 +255,8 @@ impl GroundMap {
 
     /// The basin at a place (columns, rows), and the height of the ground there with its relief, m;
     /// `None` where there is none.
-    pub(super) fn basin_at(&self, [x, y]: [f64; 2]) -> Option<(u32, f32)> {
+    pub(super) fn basin_at(&self, point: [f64; 2]) -> Option<(u32, f32)> {
+        let [x, y] = point;
         let [columns, rows] = self.size();
         let [i, j] = [x - 0.5, y - 0.5].map(f64::floor);
         let is_in = i >= 0.0 && j >= 0.0 && i + 1.0 < columns as f64 && j + 1.0 < rows as f64;
@@ -270,7 +265,7 @@ impl GroundMap {
         }
         let first = j as usize * columns + i as usize;
         let corners = [first, first + 1, first + columns, first + columns + 1];
-        let basin = corners.map(|at| self.basins.of[at]).into_iter().find(|basin| *basin != NONE)?;
+        let basin = corners.map(|at| self.basins.of[at]).into_iter().find(|basin| *basin != NO_BASIN)?;
         let [u, v] = [x - 0.5 - i, y - 0.5 - j].map(|t| t as f32);
         let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
         let (mut sum, mut weight) = (0.0, 0.0);
@@ -287,7 +282,8 @@ impl GroundMap {
 
 /// The share of ground of this colour, linear RGB of any brightness, that counts as lawn or soil:
 /// they have little blue, but less red than bricks.
-fn matte_share([red, green, blue]: [f32; 3]) -> f32 {
+fn matte_share(rgb: [f32; 3]) -> f32 {
+    let [red, green, blue] = rgb;
     let fall = |value: f32, [full, none]: [f32; 2]| ((none - value) / (none - full)).clamp(0.0, 1.0);
     if green > 0.0 { fall(blue / green, MATTE_BLUE) * fall(red / green, MATTE_RED) } else { 0.0 }
 }
@@ -301,14 +297,15 @@ fn tilted(tilt: [f64; 2], place: [f64; 2]) -> f64 {
 #[derive(Default)]
 struct PlaneFit {
     count: f64,
-    /// Of x, y and the height.
+    /// Sums of x, y and the height.
     sums: [f64; 3],
-    /// Of x x, x y, y y, x times the height and y times the height.
+    /// Sums of x x, x y, y y, x times the height and y times the height.
     products: [f64; 5],
 }
 
 impl PlaneFit {
-    fn add(&mut self, [x, y]: [f64; 2], height: f64) {
+    fn add(&mut self, point: [f64; 2], height: f64) {
+        let [x, y] = point;
         self.count += 1.0;
         [x, y, height].iter().zip(&mut self.sums).for_each(|(v, sum)| *sum += v);
         let products = [x * x, x * y, y * y, x * height, y * height];
@@ -379,7 +376,7 @@ fn keep_grounds(floor: &mut [f32], top: &[f32], columns: usize, cell: f32) {
             }
         }
         let area = cells.len() as f64 * f64::from(cell * cell);
-        if area < LEAST || drops > TOP * edge {
+        if area < MIN_GROUND_AREA_M2 || drops > TOP * edge {
             cells.iter().for_each(|at| floor[*at] = f32::NAN);
         }
     }

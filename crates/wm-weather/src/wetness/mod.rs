@@ -18,38 +18,38 @@
 //!
 //! [`WaterState`] is the same water as a grid, to be drawn as a surface.
 
-pub mod basins;
-pub mod column;
-pub mod drying;
+pub(crate) mod basins;
+pub(crate) mod column;
+pub(crate) mod drying;
 mod eaves;
 mod ground_map;
 pub mod optics;
 mod relief;
 mod run_off;
 mod sheen;
-mod state;
-pub mod surfaces;
-pub mod timeline;
+pub(crate) mod state;
+pub(crate) mod surfaces;
+pub(crate) mod timeline;
 
-pub use column::{Drainage, SnowStep, Wet, WetColumns, WetStep};
-pub use eaves::Eave;
-pub use ground_map::GroundMap;
+pub(crate) use column::{Drainage, WetStep};
+pub(crate) use eaves::Eave;
+pub(crate) use ground_map::GroundMap;
 pub(crate) use relief::{lower_share, relief};
 pub use run_off::RunOff;
-pub use sheen::SkySheen;
-pub use state::{Catchments, WaterBudget, WaterState, WetState};
+pub(crate) use sheen::SkySheen;
+pub use state::{Catchments, WaterState, WetState};
 pub use surfaces::{WetGains, WetShares, WetSurfaces};
 
 /// A request for wet surfaces: the rain so far, or a wetness by hand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WetRequest {
     /// Rain and drying until the instant.
-    pub steps: Vec<WetStep>,
-    /// Wetness that is asked for, 0-1, in the place of what the steps give: pores are full at a
+    pub(crate) steps: Vec<WetStep>,
+    /// Wetness that is requested, 0-1, in the place of what the steps give: pores are full at a
     /// half, and the texture at 1.
-    pub amount: Option<f64>,
+    pub(crate) amount: Option<f64>,
     /// Share of the volume of puddles that is filled, 0-1, in the place of what has come to them.
-    pub puddles: Option<f64>,
+    pub(crate) puddles: Option<f64>,
     /// Factor on the darkening of surfaces, 0-1.
     pub porosity: f64,
     /// Mean depth of the texture of surfaces, mm.
@@ -67,13 +67,12 @@ pub struct SlantedRain {
     pub fall: [f64; 3],
     /// The direction of the wind, world axes, times the rain on a wall that faces it over that on
     /// level ground.
-    pub driving: [f64; 3],
+    pub(crate) driving: [f64; 3],
 }
 
 impl WetRequest {
     /// Returns true if nothing is wet anywhere.
-    #[must_use]
-    pub fn is_nothing(&self) -> bool {
+    pub(crate) fn is_nothing(&self) -> bool {
         let is_dry = match self.amount {
             Some(amount) => amount <= 0.0,
             None => !self.steps.iter().any(WetStep::is_wet),
@@ -84,8 +83,7 @@ impl WetRequest {
 
 /// Rain on a wall that faces the wind, m/s, over that on level ground, in a rain of `rate` mm/h:
 /// `2/9 v R^(8/9)` mm/h (ISO 15927-3).
-#[must_use]
-pub fn driving_rain(wind: f64, rate: f64) -> f64 {
+pub(crate) fn driving_rain(wind: f64, rate: f64) -> f64 {
     if rate > 0.0 { 2.0 / 9.0 * wind * rate.powf(-1.0 / 9.0) } else { 0.0 }
 }
 

@@ -12,8 +12,7 @@ const NOISE_RMS: f64 = 0.447_6;
 const SEED: u64 = 0x7077_6574;
 
 /// The height of the relief at a level place, m, with an rms of 3 mm.
-#[must_use]
-pub fn relief(x: f64, y: f64) -> f64 {
+pub(crate) fn relief(x: f64, y: f64) -> f64 {
     let mut sum = 0.0;
     for (kind, [width, rms]) in KINDS.into_iter().enumerate() {
         sum += rms / NOISE_RMS * noise(kind as u64, x / width, y / width);
@@ -27,8 +26,7 @@ const SOAKED: f32 = 0.8;
 const FILLED: f32 = 0.3;
 
 /// Returns the share of the ground that is lower than a place of this height of the relief, m, 0-1.
-#[must_use]
-pub fn lower_share(height: f64) -> f32 {
+pub(crate) fn lower_share(height: f64) -> f32 {
     /// Heights that parts of the ground are below, m, in order.
     static HEIGHTS: LazyLock<Vec<f64>> = LazyLock::new(|| {
         // Places that are far enough from each other.
@@ -42,8 +40,8 @@ pub fn lower_share(height: f64) -> f32 {
 
 /// Returns the filled shares of pores and of the texture, 0-1, at a place with a share `lower` of
 /// the ground below it, where ground has these in the mean. Hollows fill first and dry last.
-#[must_use]
-pub fn patchy([pores, film]: [f32; 2], lower: f32) -> [f32; 2] {
+pub(crate) fn patchy(shares: [f32; 2], lower: f32) -> [f32; 2] {
+    let [pores, film] = shares;
     [filled_from_below(pores, lower, SOAKED), filled_from_below(film, lower, FILLED)]
 }
 

@@ -5,7 +5,7 @@
 //! cell; it is as deep as Manning's formula for a wide sheet says, `d = (q n / sqrt(S))^0.6` for
 //! `q` m^2/s on a slope `S`.
 
-use super::basins::{Front, NONE, OrderedHeight};
+use super::basins::{Front, NO_BASIN, OrderedHeight};
 use super::surfaces::{WetShares, WetSurfaces};
 use std::cmp::Reverse;
 use wm_scene::random;
@@ -39,7 +39,7 @@ impl RunOff {
         let ground = surfaces.ground();
         let [columns, _] = ground.size();
         let area = gathered(&ground.rough, &shares.ground, columns, ground.cell());
-        let is_free = |at: usize| ground.basins.of[at] == NONE;
+        let is_free = |at: usize| ground.basins.of[at] == NO_BASIN;
         let slope = (0..area.len()).map(|at| {
             if is_free(at) { slope_at(&ground.ground, at, columns, ground.cell() as f32) } else { 0.0 }
         });
@@ -48,8 +48,7 @@ impl RunOff {
 
     /// Depth of the running water, mm, if `rate` mm/h run off of ground that gets all of the rain;
     /// 0 where none runs together.
-    #[must_use]
-    pub fn depths(&self, rate: f64) -> Vec<f32> {
+    pub(crate) fn depths(&self, rate: f64) -> Vec<f32> {
         if rate <= 0.0 {
             return vec![0.0; self.area.len()];
         }
@@ -86,12 +85,12 @@ pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f6
     // from the edge.
     let mut passed: Vec<u32> = Vec::with_capacity(heights.len());
     let mut rank = vec![u32::MAX; heights.len()];
-    let mut to = vec![NONE; heights.len()];
+    let mut to = vec![NO_BASIN; heights.len()];
     while let Some(Reverse((OrderedHeight(level), at))) = front.pop() {
         let own = at as usize;
         rank[own] = passed.len() as u32;
         passed.push(at);
-        if level <= heights[own] && to[own] != NONE {
+        if level <= heights[own] && to[own] != NO_BASIN {
             let slanted = 2.0 - random::uniform(SEED, own as u64) as f32;
             let falls = around(own, columns, heights.len()).enumerate().filter_map(|(way, next)| {
                 let next = next?;
@@ -113,7 +112,7 @@ pub(super) fn gathered(heights: &[f32], shares: &[f32], columns: usize, cell: f6
     }
     let own = (cell * cell) as f32;
     let mut area: Vec<f32> = shares.iter().map(|share| own * share).collect();
-    for at in passed.into_iter().rev().filter(|at| to[*at as usize] != NONE) {
+    for at in passed.into_iter().rev().filter(|at| to[*at as usize] != NO_BASIN) {
         area[to[at as usize] as usize] += area[at as usize];
     }
     area

@@ -15,7 +15,7 @@ const SINES: usize = 16;
 const COSINES: usize = 32;
 const FILMS: usize = 8;
 /// Directions around of which the sky's light is the mean.
-const AROUND: usize = 8;
+const SKY_DIRECTIONS: usize = 8;
 /// Slopes of a damp surface, rms along one axis; of a film they are as much less as it fills the
 /// texture, and more.
 const DAMP: f32 = 0.25;
@@ -42,17 +42,16 @@ pub struct SkySheen {
 impl SkySheen {
     /// The sheen for an eye (world, scene units), with up (length 1) and the light of the sky in a
     /// direction (world axes, length 1), linear RGB.
-    #[must_use]
-    pub fn new(eye: [f64; 3], axes: &[[f64; 3]; 3], sky: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
+    pub(crate) fn new(eye: [f64; 3], axes: &[[f64; 3]; 3], sky: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
         let sky = std::array::from_fn(|i| {
             // At the horizon itself haze and ground meet.
             let sine = (i as f64 / SINES as f64).max(0.01);
             let level = (1.0 - sine * sine).max(0.0).sqrt();
             let mut sum = [0.0; 3];
-            for turn in 0..AROUND {
-                let (sin, cos) = (PI * (2 * turn) as f64 / AROUND as f64).sin_cos();
+            for turn in 0..SKY_DIRECTIONS {
+                let (sin, cos) = (PI * (2 * turn) as f64 / SKY_DIRECTIONS as f64).sin_cos();
                 let way = crate::dome::from_level(axes, [level * cos, level * sin, sine]);
-                sum.iter_mut().zip(sky(way)).for_each(|(sum, light)| *sum += light / AROUND as f64);
+                sum.iter_mut().zip(sky(way)).for_each(|(sum, light)| *sum += light / SKY_DIRECTIONS as f64);
             }
             sum.map(|light| light as f32)
         });

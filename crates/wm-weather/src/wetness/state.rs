@@ -1,7 +1,7 @@
 //! The water of a place at one instant.
 
 use super::WetRequest;
-use super::basins::NONE;
+use super::basins::NO_BASIN;
 use super::column::{self, Drainage, PORES, SHARES, Wet, WetColumns};
 use super::relief;
 use super::run_off::RunOff;
@@ -43,7 +43,7 @@ pub struct WaterBudget {
     /// Came down.
     pub came: f64,
     /// Is in pores, and in and above the texture.
-    pub on_ground: f64,
+    pub(crate) on_ground: f64,
     /// Stands in puddles.
     pub in_puddles: f64,
     /// Ran away.
@@ -106,37 +106,27 @@ impl WetState {
     }
 
     /// The wetness of surfaces that get a share of the rain.
-    #[must_use]
-    pub fn wet(&self, kind: Drainage, share: f64) -> Wet {
+    pub(crate) fn wet(&self, kind: Drainage, share: f64) -> Wet {
         let Some(amount) = self.amount else { return self.columns.wet(kind, share) };
-        // What gets half of the rain is as wet as is asked for.
+        // What gets half of the rain is as wet as is requested.
         let reached = (2.0 * share).min(1.0);
         let (pores, film) = ((2.0 * amount).min(1.0), (2.0 * amount - 1.0).max(0.0));
         Wet { pores: (reached * pores) as f32, film: (reached * film) as f32, depth: 0.0 }
     }
 
     /// Returns true if the wetness was asked for by hand: then hollows are no wetter than bumps.
-    #[must_use]
-    pub fn is_even(&self) -> bool {
+    pub(crate) fn is_even(&self) -> bool {
         self.amount.is_some()
     }
 
     /// Water that runs off of ground that gets all of the rain, mm/h; 0 for a wetness by hand.
-    #[must_use]
-    pub fn runs_off(&self) -> f64 {
+    pub(crate) fn runs_off(&self) -> f64 {
         if self.amount.is_some() { 0.0 } else { self.columns.runs_off(Drainage::Level, 1.0) }
     }
 
     /// The level of water in each basin, m; negative infinity where it is dry.
-    #[must_use]
-    pub fn levels(&self) -> &[f32] {
+    pub(crate) fn levels(&self) -> &[f32] {
         &self.levels
-    }
-
-    /// Rain that came, and where it went.
-    #[must_use]
-    pub fn budget(&self) -> &WaterBudget {
-        &self.budget
     }
 }
 
@@ -144,35 +134,35 @@ impl WetState {
 #[derive(Clone, Debug, PartialEq)]
 pub struct WaterState {
     /// The point (world, scene units) at the first corner of the grid, at height 0.
-    pub origin: [f64; 3],
+    pub(crate) origin: [f64; 3],
     /// The world axes of columns, of rows, and up, length 1.
-    pub axes: [[f64; 3]; 3],
+    pub(crate) axes: [[f64; 3]; 3],
     /// Width of a cell, m.
     pub step: f64,
     /// Number of columns.
-    pub width: usize,
+    pub(crate) width: usize,
     /// Number of rows.
-    pub height: usize,
+    pub(crate) height: usize,
     /// Heights of the ground above `origin`, m; NaN where there is none.
     pub ground: Vec<f32>,
     /// Level of the water that stands there, m; NaN without water.
     pub level: Vec<f32>,
     /// Depth of water above the texture of the ground that drains, mm.
-    pub film: Vec<f32>,
+    pub(crate) film: Vec<f32>,
     /// Share of the texture that is under water, 0-1.
-    pub filled: Vec<f32>,
+    pub(crate) filled: Vec<f32>,
     /// Filled share of the pores, 0-1.
-    pub pores: Vec<f32>,
+    pub(crate) pores: Vec<f32>,
     /// Depth of water that runs together on slopes, over the texture, mm; it is on its way, and no
     /// part of the films.
-    pub running: Vec<f32>,
+    pub(crate) running: Vec<f32>,
     /// Height of open water, such as a pool, m; not a number where there is none. It is no part of
     /// the budget.
-    pub open: Vec<f32>,
+    pub(crate) open: Vec<f32>,
     /// Share of what is about each node that the capture shows, 0-1: water is drawn as much.
-    pub seen: Vec<f32>,
+    pub(crate) seen: Vec<f32>,
     /// Share of each cell that is lawn or soil, 0-1, which does not shine when it is wet.
-    pub matte: Vec<f32>,
+    pub(crate) matte: Vec<f32>,
     /// Rain that came, and where it went.
     pub budget: WaterBudget,
 }
@@ -229,8 +219,9 @@ impl WaterState {
         let of = &ground.basins.of;
         let level = (0..of.len()).map(|at| {
             let about = || super::ground_map::neighbours(at, width, of.len()).map(|next| of[next]);
-            let basin =
-                Some(of[at]).filter(|basin| *basin != NONE).or_else(|| about().find(|basin| *basin != NONE));
+            let basin = Some(of[at])
+                .filter(|basin| *basin != NO_BASIN)
+                .or_else(|| about().find(|basin| *basin != NO_BASIN));
             let level = basin.map(|basin| state.levels[basin as usize]).filter(|level| level.is_finite());
             level.filter(|_| ground.ground[at].is_finite()).unwrap_or(f32::NAN)
         });

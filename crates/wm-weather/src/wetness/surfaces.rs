@@ -2,7 +2,7 @@
 //! puddle that it may lie under.
 
 use super::SlantedRain;
-use super::basins::NONE;
+use super::basins::NO_BASIN;
 use super::column::{Drainage, MOST_SHARE};
 use super::ground_map::{GroundMap, ON_GROUND};
 use super::optics::{self, STEPS};
@@ -28,9 +28,9 @@ const ALBEDOS: [f64; 2] = [0.02, 0.9];
 /// Cosine between up and the normal from which ground is nearly level.
 const LEVEL: f32 = 0.85;
 /// Share of the rain that leaves get, which turn to all sides, and how porous they are.
-const LEAVES: f32 = 0.6;
+const LEAF_RAIN_SHARE: f32 = 0.6;
 const LEAF_POROSITY: f32 = 0.3;
-/// Height above ground and distance from walls at which shelter is asked for, m: captured surfaces
+/// Height above ground and distance from walls at which shelter is requested, m: captured surfaces
 /// are rough.
 const LIFT: f32 = 0.25;
 const OFF_WALL: f32 = 0.4;
@@ -39,7 +39,7 @@ const SOFT: [f32; 2] = [0.4, 0.2];
 /// Height above and below the bottom of a puddle within which a splat belongs to it, m.
 const IN_PUDDLE: [f32; 2] = [0.05, 0.3];
 /// Standard deviation of splats that are too wide for the edge of a puddle, m.
-const WIDE: f64 = 0.3;
+const MAX_EDGE_SIGMA_M: f64 = 0.3;
 /// Depth over which the edge of a puddle goes over into the ground, m.
 const EDGE: f32 = 0.002;
 /// Least light of a surface over which the sky that it mirrors is a factor.
@@ -98,7 +98,7 @@ impl WetSurfaces {
             |pond: &Pond| (pond.basin as usize) < self.ground.basins.all.len() && pond.height.is_finite();
         let is_splat = |splat: &WetSplat| {
             usize::from(splat.lower) < LOWER
-                && (splat.pond == NONE || (splat.pond as usize) < self.ponds.len())
+                && (splat.pond == NO_BASIN || (splat.pond as usize) < self.ponds.len())
         };
         self.splats.len() == splats
             && self.splats.iter().all(is_splat)
@@ -109,15 +109,21 @@ impl WetSurfaces {
     /// Finds the surfaces of a scene, by its fused surfaces and its captured light, and the ground
     /// about a path (world, scene units) without its open water.
     #[must_use]
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "the scene, its water, the path and the site are independent"
+    )]
     pub fn of(
         splats: &Splats,
         found: &FusedSurfaces<'_>,
         capture: &CaptureLight,
-        (water, path, is_up_known): (&OpenWater, [[f64; 3]; 2], bool),
+        water: &OpenWater,
+        path: [[f64; 3]; 2],
+        is_up_known: bool,
         site: &Site,
         threads: usize,
     ) -> Self {
-        let mut ground = GroundMap::of(found, water, (path, is_up_known), site, threads);
+        let mut ground = GroundMap::new(found, water, path, is_up_known, site, threads);
         let points = found.places(splats);
         let mean = capture.mean(&capture.light);
         let reflectance = |index: usize| -> [f64; 3] {
@@ -130,8 +136,8 @@ impl WetSurfaces {
             })
         };
         let up = Vec3::from_array(site.up.map(|v| v as f32));
-        let floor = FarFloor::of(found, site, threads);
-        let wide = (WIDE / site.metres_per_unit).ln() as f32;
+        let floor = FarFloor::new(found, site, threads);
+        let wide = (MAX_EDGE_SIGMA_M / site.metres_per_unit).ln() as f32;
         let with_ponds = map(splats.len(), threads, |index| {
             let point = points[index];
             // Pools are as wet as they can be.
@@ -163,7 +169,7 @@ impl WetSurfaces {
                 albedo: albedo.map(|v| (v * (STEPS - 1) as f64).round() as u8),
                 lower: (ground.lower_share(point.map(f64::from)) * (LOWER - 1) as f32).round() as u8,
                 stays,
-                pond: NONE,
+                pond: NO_BASIN,
             };
             let (place, height) = ground.locate(point.map(f64::from));
             let faces_up = normal == Vec3::ZERO || normal.dot(up).abs() > LEVEL;
@@ -199,15 +205,8 @@ impl WetSurfaces {
     }
 
     /// The number of splats.
-    #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.splats.len()
-    }
-
-    /// Returns true if there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.splats.is_empty()
     }
 
     /// The share of the rain that a splat gets, and its class.
@@ -232,7 +231,8 @@ impl WetSurfaces {
         let at = Vec3::from_array(splat.point) + off / metres;
         let radius = SOFT[1] + (SOFT[0] - SOFT[1]) * level;
         let open = shelter.map_or(1.0, |shelter| shelter.exposure(at.to_array(), radius));
-        let falls = if is_leaf { LEAVES } else { upright.max(0.0) + (-normal.dot(driving)).max(0.0) };
+        let falls =
+            if is_leaf { LEAF_RAIN_SHARE } else { upright.max(0.0) + (-normal.dot(driving)).max(0.0) };
         let share = (open * falls / MOST_SHARE as f32).clamp(0.0, 1.0).sqrt();
         let kind = if is_leaf { 2 } else { usize::from(upright < LEVEL) };
         (kind * SHARES) as u8 + (share * (SHARES - 1) as f32).round() as u8
@@ -283,7 +283,7 @@ impl WetShares {
             let class = surfaces.class(splat, rain, shelter, site);
             let is_steep = (SHARES as u8..2 * SHARES as u8).contains(&class);
             let mirrors = if is_steep && splat.skyline != NO_SKY { MIRRORS } else { 0 };
-            let in_pond = if splat.pond != NONE { IN_POND } else { 0 };
+            let in_pond = if splat.pond != NO_BASIN { IN_POND } else { 0 };
             WetLook { class, lower: splat.lower, albedo: splat.albedo, flags: mirrors | in_pond }
         });
         let map_of_ground = &surfaces.ground;
@@ -325,7 +325,7 @@ struct SheenGains {
     /// By the class of steep surfaces: the share that is wet, and the film in depths of the
     /// texture.
     wet: [[f32; 2]; SHARES],
-    /// One over the light of a display-referred value in 8 bits.
+    /// Reciprocal of the light of a display-referred value in 8 bits.
     inverse: Box<[f32; 256]>,
 }
 
@@ -380,8 +380,8 @@ impl<'a> WetGains<'a> {
         Self { surfaces, shares, levels: state.levels(), strengths, deep, table, sheen: None }
     }
 
-    /// The same with the sky that steep surfaces mirror. `state` is the water, on a texture of mean
-    /// depth `texture`, mm.
+    /// Adds the sky that steep surfaces mirror. `state` is the water, on a texture of mean depth
+    /// `texture`, mm.
     #[must_use]
     pub fn with_sheen(mut self, sky: SkySheen, state: &WetState, texture: f64) -> Self {
         let wet = std::array::from_fn(|bin| {

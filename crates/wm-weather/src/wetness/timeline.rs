@@ -13,25 +13,24 @@ const EACH: usize = 64;
 
 /// Rain over the time of a weather.
 #[derive(Clone, Copy, Debug)]
-pub struct RainHistory<'a> {
+pub(crate) struct RainHistory<'a> {
     /// Rain, mm/h, over time; `None` for none.
-    pub rate: Option<&'a Track>,
+    pub(crate) rate: Option<&'a Track>,
     /// Rain before time 0, mm/h, and for how long, h.
-    pub before: [f64; 2],
+    pub(crate) before: [f64; 2],
     /// Time between its end and time 0, h.
-    pub stopped: f64,
+    pub(crate) stopped: f64,
     /// Drying while it rains and while it does not, mm/h.
-    pub drying: [f64; 2],
+    pub(crate) drying: [f64; 2],
     /// Seconds of wetting and drying in one of the shot.
-    pub lapse: f64,
+    pub(crate) lapse: f64,
     /// Snow that lies and melts; `None` for none.
-    pub snow: Option<Snowpack<'a>>,
+    pub(crate) snow: Option<Snowpack<'a>>,
 }
 
 impl RainHistory<'_> {
     /// The steps until `time`, s.
-    #[must_use]
-    pub fn steps(&self, time: f64) -> Vec<WetStep> {
+    pub(crate) fn steps(&self, time: f64) -> Vec<WetStep> {
         let (mut times, mut length) = (vec![time.min(0.0)], STEP);
         while times[times.len() - 1] < time {
             times.push((times[times.len() - 1] + length).min(time));

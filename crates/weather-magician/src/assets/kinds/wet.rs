@@ -21,8 +21,8 @@ impl Asset for WetSurfaces {
         let found = surfaces.of(source.splats()?);
         let capture = workshop.get::<CaptureLight>(());
         let water = workshop.get::<OpenWater>(());
-        let about = (&*water, source.path(), source.is_up_known);
-        Ok(Self::of(source.splats()?, &found, &capture, about, &source.site, source.threads))
+        let (splats, path, is_up_known) = (source.splats()?, source.path(), source.is_up_known);
+        Ok(Self::of(splats, &found, &capture, &water, path, is_up_known, &source.site, source.threads))
     }
 
     fn file((): &()) -> Option<AssetFile> {

@@ -16,7 +16,7 @@ fn cos_to_sun(sun_degrees: f64, sin: f64, azimuth: f64) -> f64 {
 }
 
 fn brightness(sky: &ClearSky) -> f64 {
-    luminance(sky.horizontal_irradiance())
+    luminance(sky.level_and_upright_irradiance()[0])
 }
 
 /// (Turbidity, albedo, radiance) at sine 0.55 and cosine 0.3 to the sun, which stands 10 degrees
@@ -153,7 +153,8 @@ fn irradiance_changes_without_jumps() {
     for turbidity in [1.0, 2.5, 5.0, 10.0] {
         for half_degrees in 1..180 {
             let degrees = f64::from(half_degrees) / 2.0;
-            let [from, to] = [degrees, degrees + 0.5].map(|d| sky(d, turbidity, 0.2).horizontal_irradiance());
+            let [from, to] =
+                [degrees, degrees + 0.5].map(|d| sky(d, turbidity, 0.2).level_and_upright_irradiance()[0]);
             let limit = if degrees >= 11.0 {
                 0.05
             } else if degrees >= 5.0 {
@@ -168,7 +169,7 @@ fn irradiance_changes_without_jumps() {
         for tenths in 10..100 {
             let turbidity = f64::from(tenths) / 10.0;
             let [from, to] =
-                [turbidity, turbidity + 0.1].map(|t| sky(degrees, t, 0.2).horizontal_irradiance());
+                [turbidity, turbidity + 0.1].map(|t| sky(degrees, t, 0.2).level_and_upright_irradiance()[0]);
             assert!(change(from, to) < 0.05, "{degrees}, {turbidity}: {}", change(from, to));
         }
     }
@@ -204,7 +205,7 @@ fn irradiance_is_the_integral_of_radiance() {
                 (0..3).for_each(|k| exact[k] += light[k] * sin * cos * PI * PI / f64::from(steps * steps));
             }
         }
-        let quick = sky.horizontal_irradiance();
+        let quick = sky.level_and_upright_irradiance()[0];
         assert!((0..3).all(|k| (quick[k] / exact[k] - 1.0).abs() < 0.004), "{quick:?} is not {exact:?}");
     }
 }
@@ -269,7 +270,7 @@ fn light_is_finite_and_not_negative_for_all_input() {
                 assert!(good(sky.sun_irradiance()));
             }
         }
-        assert!(good(sky(degrees, 3.0, 0.2).horizontal_irradiance()));
+        assert!(good(sky(degrees, 3.0, 0.2).level_and_upright_irradiance()[0]));
     }
     assert_eq!(ClearSky::new(f64::NAN, f64::NAN, f64::NAN), ClearSky::new(-1.0, 0.0, -3.0));
     assert_eq!(ClearSky::new(9.0, 99.0, 9.0), ClearSky::new(FRAC_PI_2, 10.0, 1.0));

@@ -44,7 +44,8 @@ fn the_mask_is_the_papers() {
         ((10.0, 1.0), 5.0, [0.03, 0.03, 0.003], true),
         ((10.0, 1.0), 5.0, [0.05, 0.005, 0.0], false),
     ] {
-        assert_eq!(RAIN.keeps(scene, noise_depth, noise), wanted, "{scene:?} {noise_depth} {noise:?}");
+        let (depth, alpha) = scene;
+        assert_eq!(RAIN.keeps(depth, alpha, noise_depth, noise), wanted, "{scene:?} {noise_depth} {noise:?}");
     }
 }
 

@@ -1,7 +1,7 @@
 //! Points by the cells of a grid, of spacings that differ by orders of magnitude.
 
 /// End of a chain.
-const NONE: u32 = u32::MAX;
+const END_OF_CHAIN: u32 = u32::MAX;
 
 /// Points, hashed by cell. A point lies in a grid whose cells are 2 to 4 of its spacings wide.
 pub(super) struct Cells {
@@ -14,14 +14,14 @@ pub(super) struct Cells {
 
 impl Cells {
     /// For about twice as many points as `expected`; more only take longer.
-    pub fn new(expected: usize) -> Self {
+    pub(crate) fn new(expected: usize) -> Self {
         let heads = (2 * expected).next_power_of_two().clamp(16, 1 << 26);
-        Self { heads: vec![NONE; heads], before: Vec::new(), points: Vec::new() }
+        Self { heads: vec![END_OF_CHAIN; heads], before: Vec::new(), points: Vec::new() }
     }
 
     /// Adds a point, unless its spacing is no number above 0.
-    pub fn add(&mut self, at: [f32; 3], spacing: f64) {
-        if !(spacing > 0.0 && spacing.is_finite()) || self.points.len() >= NONE as usize {
+    pub(crate) fn add(&mut self, at: [f32; 3], spacing: f64) {
+        if !(spacing > 0.0 && spacing.is_finite()) || self.points.len() >= END_OF_CHAIN as usize {
             return;
         }
         let level = level(spacing);
@@ -33,7 +33,7 @@ impl Cells {
 
     /// Returns true if no point is nearer than `spacing`, of those whose own is not less than half
     /// or more than twice as large.
-    pub fn is_free(&self, at: [f32; 3], spacing: f64) -> bool {
+    pub(crate) fn is_free(&self, at: [f32; 3], spacing: f64) -> bool {
         let level = level(spacing);
         (level - 1..=level + 1).all(|level| {
             let [x, y, z] = at.map(f64::from).map(|v| cell(v - spacing, level)..=cell(v + spacing, level));
@@ -45,7 +45,7 @@ impl Cells {
 
     fn is_far(&self, head: usize, at: [f32; 3], spacing: f64) -> bool {
         let mut next = self.heads[head];
-        while next != NONE {
+        while next != END_OF_CHAIN {
             let other = self.points[next as usize];
             let squared: f64 = (0..3).map(|k| (f64::from(other[k]) - f64::from(at[k])).powi(2)).sum();
             if squared < spacing * spacing {

@@ -3,6 +3,7 @@
 use super::*;
 use crate::effects::EFFECTS;
 use crate::particles::{ParticleAppearance, PrecipitationKind, RAIN, SNOW};
+use crate::shelter::Occluders;
 use crate::testing;
 use glam::DVec3;
 use wm_scene::Camera;
@@ -18,10 +19,9 @@ fn air() -> Atmosphere {
     Atmosphere::new(Vec::new(), SITE)
 }
 
-/// What falls at time 0 without wind, roofs and lamps.
+/// Particles at time 0 without wind, roofs and lamps.
 fn still<'a>(precipitation: &'a Precipitation, air: &'a Atmosphere) -> FallingParticles<'a> {
-    let calm = (WindSample::default(), [0.0; 3]);
-    FallingParticles::new(precipitation, &SITE, air, (None, None), calm, 0.0)
+    FallingParticles::new(precipitation, &SITE, air, None, None, WindSample::default(), [0.0; 3], 0.0)
 }
 
 fn camera(size: (u32, u32)) -> Camera {
@@ -39,7 +39,7 @@ fn points<S: Lanes>(simd: S, cells: &Cells, cell: [i64; 3], most: f32) -> Vec<([
     while points.last() < most {
         cells.next(simd, cell, &mut points);
         for first in (0..GROUP).step_by(S::N) {
-            let numbers = uniform(simd, cells.own(simd, cell, (&points, first, 1))[0]);
+            let numbers = uniform(simd, cells.own(simd, cell, &points, first, 1)[0]);
             for lane in (0..S::N).filter(|lane| points.threshold[first + lane] < most) {
                 found
                     .push((points.place.map(|axis| f64::from(axis[first + lane])), f64::from(numbers[lane])));
@@ -55,13 +55,14 @@ fn drops(fall: &FallingParticles<'_>, class: usize, low: [f64; 3], high: [f64; 3
     let share = this.numbers[class] / this.reference[class];
     let tiers = (0..).map(|tier| fall.cells_of(class, tier));
     let tiers = tiers.take_while(|cells| cells.thresholds[0] < share);
-    tiers.flat_map(|cells| drops_of(fall, (class, share), &cells, low, high)).collect()
+    tiers.flat_map(|cells| drops_of(fall, class, share, &cells, low, high)).collect()
 }
 
-/// Those of one tier up to a threshold.
+/// Drops of one tier up to a threshold.
 fn drops_of(
     fall: &FallingParticles<'_>,
-    (class, share): (usize, f64),
+    class: usize,
+    share: f64,
     cells: &Cells,
     low: [f64; 3],
     high: [f64; 3],
@@ -149,7 +150,7 @@ fn gathered(fall: &FallingParticles<'_>, view: &ParticleView, out: &mut Vec<Part
 /// The drops of a frame.
 fn frame(precipitation: &Precipitation, camera: &Camera, time: f64, wind_now: WindSample) -> Vec<Particle> {
     let air = air();
-    let fall = FallingParticles::new(precipitation, &SITE, &air, (None, None), (wind_now, [0.0; 3]), time);
+    let fall = FallingParticles::new(precipitation, &SITE, &air, None, None, wind_now, [0.0; 3], time);
     let view = ParticleView::new(camera);
     let mut out = Vec::new();
     gathered(&fall, &view, &mut out);
@@ -256,19 +257,13 @@ fn roofs_keep_dry_what_is_below() {
     place_of.surface(DVec3::new(-20.0, -20.0, 6.0), DVec3::X * 80.0, DVec3::Y * 30.0, 0.1, |_, _| [0.5; 3]);
     place_of.surface(DVec3::new(-20.0, -20.0, 0.0), DVec3::X * 80.0, DVec3::Y * 60.0, 0.4, |_, _| [0.5; 3]);
     let splats = place_of.build();
-    let shelter = Shelter::build(&splats, &SITE, [0.0, 0.0, -1.0], &Default::default(), Some(2));
+    let shelter = Occluders::of(&splats, &SITE, &Default::default()).shelter([0.0, 0.0, -1.0], Some(2));
     let (rain, air, camera) = (precipitation(&RAIN, 20.0, 0), air(), camera((900, 600)));
     let view = ParticleView::new(&camera);
     let [mut open, mut dry] = [Vec::new(), Vec::new()];
     for (out, shelter) in [(&mut open, None), (&mut dry, Some(&shelter))] {
-        let fall = FallingParticles::new(
-            &rain,
-            &SITE,
-            &air,
-            (shelter, None),
-            (WindSample::default(), [0.0; 3]),
-            1.0,
-        );
+        let fall =
+            FallingParticles::new(&rain, &SITE, &air, shelter, None, WindSample::default(), [0.0; 3], 1.0);
         gathered(&fall, &view, out);
     }
     let under = |list: &[Particle]| {

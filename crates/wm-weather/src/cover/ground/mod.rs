@@ -5,6 +5,8 @@
 //! edge parts from it. A node whose neighbours are partly far above and partly far below is a piece
 //! of a wall and holds nothing; one whose neighbours are all below is the top of something narrow.
 
+mod shape;
+
 use super::exposure::Airflow;
 use crate::fused_surfaces::FusedSurfaces;
 use crate::optics::Site;
@@ -53,13 +55,13 @@ const LEDGE_CELLS: f32 = 6.0;
 const LEDGE_BELOW: f32 = 0.5;
 /// Cosine of the normal below which only the underside has been seen: the top is not known.
 const CEILING: f32 = -0.25;
-/// The same of what a camera saw that is too steep: 60 degrees.
+/// Cosine of the normal below which a surface that a camera saw is too steep: 60 degrees.
 const STEEP_SEEN: f32 = 0.5;
 /// The least of what none saw, and the share of a field that must belong to it.
 const LEVEL_UNSEEN: f32 = 0.7;
 const WHOLE: f32 = 0.9;
 /// Distance, cells, and directions in which higher surfaces are looked for.
-const AROUND: [i64; 4] = [1, 2, 4, 8];
+const LEDGE_DISTANCES_CELLS: [i64; 4] = [1, 2, 4, 8];
 const WAYS_ROUND: [[i64; 2]; 8] = [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
 /// Distance to which a plain goes on about each of its nodes, m, but one cell at least.
 const PLAIN: f32 = 0.5;
@@ -68,7 +70,7 @@ const PLAIN: f32 = 0.5;
 /// cosine between up and the normals of its splats below which it is.
 const ABOUT_CROWN: [f32; 4] = [0.5, 1.0, 2.0, 3.0];
 const CROWN_STANDS: f32 = 0.5;
-const LEAVES: [(usize, f32); 2] = [(3, 0.6), (5, 0.85)];
+const CROWN_RINGS: [(usize, f32); 2] = [(3, 0.6), (5, 0.85)];
 /// Least standard deviation of the cosine between up and the normals of leaves. It is 0.29 where
 /// they point everywhere; on both sides of a roof the cosine is the same.
 const LEAVES_SPREAD: f32 = 0.15;
@@ -77,40 +79,40 @@ const LEAVES_SPREAD: f32 = 0.15;
 const ON_LEAVES: f32 = 0.08;
 const CLUMPS: [f32; 2] = [0.25, 0.45];
 /// Mean flatness of splats from which that counts: 0 for balls to 1.
-const KNOWN: f32 = 0.3;
+const MIN_FLATNESS: f32 = 0.3;
 /// Distance from a surface within which splats belong to it, m, but so many cells at least.
-const OWN: f32 = 0.12;
+const SURFACE_THICKNESS_M: f32 = 0.12;
 const OWN_CELLS: f32 = 0.3;
 /// The four ways from a cell.
 pub(super) const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 /// Splats that one thread takes at once.
 const CHUNK: usize = 1 << 12;
 /// No node.
-const NONE: u32 = u32::MAX;
+const NO_NODE: u32 = u32::MAX;
 
 /// Nodes, cell by cell in rows, the uppermost of a cell first.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct GroundGrid {
+pub(crate) struct GroundGrid {
     pub(super) places: HeightLayers,
     /// Columns and rows.
-    pub size: [usize; 2],
+    pub(crate) size: [usize; 2],
     /// Width of a cell, m.
-    pub cell: f32,
+    pub(crate) cell: f32,
     /// Height from which a step to the side is an edge and no slope, m.
     pub(super) edge: f32,
     /// The first node of each cell, and behind the last cell their number.
     start: Vec<u32>,
     cells: Vec<u32>,
     /// m.
-    pub height: Vec<f32>,
+    pub(crate) height: Vec<f32>,
     /// The plane through each node: its slope along columns and rows.
-    pub slope: Vec<[f32; 2]>,
+    pub(crate) slope: Vec<[f32; 2]>,
     /// Share of the fall that reaches it and stays at first, 0 and more.
-    pub share: Vec<f32>,
+    pub(crate) share: Vec<f32>,
     /// Share of the sky that it sees, 0-1.
-    pub open: Vec<f32>,
+    pub(crate) open: Vec<f32>,
     /// Light, 0 in the shade to 1 in the open.
-    pub shade: Vec<f32>,
+    pub(crate) shade: Vec<f32>,
     /// Mean cosine of the splats' normals with up; NaN where none is known.
     pub(super) facing: Vec<f32>,
     /// True if that is known from a camera, and if any node's is.
@@ -118,14 +120,15 @@ pub struct GroundGrid {
     is_scan: bool,
     /// Amount that does not stay since the ground is too steep, or that is blown off the grid: a
     /// share of the fall on one cell.
-    pub shed: f64,
+    pub(crate) shed: f64,
     /// Along [`WAYS`], where the node's surface goes on.
     beside: Vec<[u32; 4]>,
-    /// The same, or where what falls over its edge lands.
+    /// Along [`WAYS`], the next node of the surface, or the node on which what falls over its edge
+    /// lands.
     next: Vec<[u32; 4]>,
-    /// Those that an inner ground has.
+    /// True for nodes that an inner ground covers too.
     is_inner: Vec<bool>,
-    /// Those about which nothing stands higher and nothing drops off.
+    /// True for nodes about which nothing stands higher and nothing drops off.
     is_plain: Vec<bool>,
     /// Share of what leaves of crowns can hold that they do hold, 0-1; NaN where there are none.
     clumps: Vec<f32>,
@@ -140,16 +143,16 @@ pub(crate) struct FarFloor {
 
 impl FarFloor {
     /// Finds the level surfaces of a scene.
-    pub fn of(scan: &FusedSurfaces<'_>, site: &Site, threads: usize) -> Self {
+    pub(crate) fn new(scan: &FusedSurfaces<'_>, site: &Site, threads: usize) -> Self {
         let options = ShelterOptions { cell: FAR_CELL, most_cells: FAR_CELLS, ..ShelterOptions::default() };
         let occluders = Occluders::of(&scan.splats, site, &options);
-        let (grid, _) = GroundGrid::of(scan, &occluders, None, threads);
+        let (grid, _) = GroundGrid::new(scan, &occluders, None, threads);
         Self { places: grid.places().heightless(), floor: grid.floor().0 }
     }
 
     /// Returns true if a point (world, scene units) lies in the level surface of its cell, as rough
     /// as that is captured.
-    pub fn holds(&self, point: [f64; 3]) -> bool {
+    pub(crate) fn holds(&self, point: [f64; 3]) -> bool {
         self.height(point).is_some_and(|above| above.abs() < ON_FLOOR)
     }
 
@@ -166,7 +169,7 @@ impl GroundGrid {
     pub(super) fn is_consistent(&self, splats: usize) -> bool {
         let nodes = self.height.len();
         let Some(cells) = self.size[0].checked_mul(self.size[1]) else { return false };
-        let is_node = |other: &u32| *other == NONE || (*other as usize) < nodes;
+        let is_node = |other: &u32| *other == NO_NODE || (*other as usize) < nodes;
         let lengths = [
             self.cells.len(),
             self.slope.len(),
@@ -198,7 +201,7 @@ impl GroundGrid {
 
     /// The surfaces of a scene, without what reaches them. What lies on an `inner` ground is that
     /// one's. Returns what floats over it too.
-    pub(crate) fn of(
+    pub(crate) fn new(
         scan: &FusedSurfaces<'_>,
         occluders: &Occluders,
         inner: Option<&Self>,
@@ -325,15 +328,8 @@ impl GroundGrid {
     }
 
     /// Number of nodes.
-    #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.height.len()
-    }
-
-    /// Returns true if there is no surface at all.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.height.is_empty()
     }
 
     /// The nodes of a cell, the uppermost first.
@@ -375,7 +371,8 @@ impl GroundGrid {
     }
 
     /// Height of a node's surface at a place (columns, rows) in its cell, m.
-    pub(super) fn height_at(&self, node: usize, [x, y]: [f64; 2]) -> f32 {
+    pub(super) fn height_at(&self, node: usize, point: [f64; 2]) -> f32 {
+        let [x, y] = point;
         let ([column, row], [a, b]) = (self.place(node), self.slope[node]);
         if self.is_steep(node) {
             return self.height[node];
@@ -386,12 +383,12 @@ impl GroundGrid {
 
     /// The nodes beside it along [`WAYS`] on its surface: those that no edge parts from it.
     pub(super) fn beside(&self, node: usize) -> [Option<usize>; 4] {
-        self.beside[node].map(|other| (other != NONE).then_some(other as usize))
+        self.beside[node].map(|other| (other != NO_NODE).then_some(other as usize))
     }
 
-    /// The same; where the surface ends, what lies below.
+    /// The neighbours of a node on its own surface; where that ends, the node below.
     pub(super) fn next(&self, node: usize) -> [Option<usize>; 4] {
-        self.next[node].map(|other| (other != NONE).then_some(other as usize))
+        self.next[node].map(|other| (other != NO_NODE).then_some(other as usize))
     }
 
     /// The uppermost node of the next cell that is open to the sky and lies below a height, m.
@@ -432,251 +429,9 @@ impl GroundGrid {
         let end = self.nodes_of(self.cells[node] as usize).end;
         self.is_seen[node] && self.is_plain(node) && !self.is_seen[node + 1..end].contains(&true)
     }
-
-    /// Returns true if the uppermost surface goes on about it, without a step up or down.
-    fn lies_in_a_plain(&self, node: usize) -> bool {
-        let ([column, row], [a, b]) = (self.place(node), self.slope[node]);
-        let goes_on = |[x, y]: [i64; 2]| {
-            let Some(cell) = self.cell_of(column + x, row + y) else { return true };
-            let plane = self.height[node] + (a * x as f32 + b * y as f32) * self.cell;
-            self.nodes_of(cell).next().is_some_and(|upper| (self.height[upper] - plane).abs() < self.edge)
-        };
-        let cells = (PLAIN / self.cell).max(1.0) as i64;
-        let mut around = AROUND.into_iter().filter(|far| *far <= cells);
-        let is_uppermost = self.nodes_of(self.cells[node] as usize).start == node;
-        is_uppermost
-            && !self.is_steep(node)
-            && around.all(|far| WAYS_ROUND.iter().all(|[x, y]| goes_on([far * x, far * y])))
-    }
-
-    /// Returns true for leaves of a crown: a rough surface that stands over what is about it on
-    /// several sides; on more of them if its splats face up, as those of a table do.
-    fn is_of_crown(&self, node: usize) -> bool {
-        if self.is_plain(node) || self.is_steep(node) {
-            return false;
-        }
-        let ([column, row], below) = (self.place(node), self.height[node] - CROWN_STANDS);
-        // What lies below the uppermost may be strays under the ground.
-        let is_over =
-            |cell: usize| self.nodes_of(cell).next().is_some_and(|upper| self.height[upper] < below);
-        let drops = |[x, y]: &&[i64; 2]| {
-            ABOUT_CROWN.into_iter().any(|metres| {
-                let far = (metres / self.cell).round().max(1.0) as i64;
-                self.cell_of(column + far * x, row + far * y).is_some_and(is_over)
-            })
-        };
-        let sides = WAYS_ROUND.iter().filter(drops).count();
-        // Surfaces without a known facing are leaves as well.
-        let faces_less = |most: f32| self.facing[node].is_nan() || self.facing[node] < most;
-        LEAVES.into_iter().any(|(least, most)| sides >= least && faces_less(most))
-    }
-
-    /// Finds the share of what leaves can hold that those of a node do; NaN where there are none.
-    /// `spread` is how much its splats' cosines with up differ: those of a steep roof are alike.
-    fn clump(&self, node: usize, spread: f32) -> f32 {
-        if spread < LEAVES_SPREAD || !self.is_of_crown(node) {
-            return f32::NAN;
-        }
-        let [x, y] = self.place(node).map(|v| (v as f64 + 0.5) * f64::from(self.cell));
-        ((lower_share(relief(x, y)) - CLUMPS[0]) / (CLUMPS[1] - CLUMPS[0])).clamp(0.0, 1.0)
-    }
-
-    /// Returns true for leaves of a crown.
-    pub(super) fn is_crown(&self, node: usize) -> bool {
-        !self.clumps[node].is_nan()
-    }
-
-    /// Returns as much of a depth, m, as a node holds: leaves hold little, in clumps, and what is
-    /// more falls through.
-    pub(super) fn held(&self, node: usize, depth: f32) -> f32 {
-        if self.is_crown(node) { depth.min(ON_LEAVES) * self.clumps[node] } else { depth }
-    }
-
-    /// Returns true if something stands higher not far from it: then it is on the side of that, or
-    /// below its top.
-    fn is_overlooked(&self, node: usize) -> bool {
-        let ([column, row], height) = (self.place(node), self.height[node] + self.edge);
-        AROUND.into_iter().flat_map(|far| WAYS_ROUND.map(|[x, y]| [far * x, far * y])).any(|[x, y]| {
-            let upper = self.cell_of(column + x, row + y).and_then(|cell| self.nodes_of(cell).next());
-            upper.is_some_and(|upper| self.height[upper] > height)
-        })
-    }
-
-    /// Lets nothing lie on small surfaces beside which something stands higher: they are lumps that
-    /// a training leaves on walls, hedges and cars.
-    fn clear_ledges(&mut self, threads: usize) {
-        let overlooked =
-            map(self.len(), threads, |node| self.slope[node] != WALL && self.is_overlooked(node));
-        let mut is_done: Vec<bool> = self.slope.iter().map(|slope| *slope == WALL).collect();
-        let least = LEDGE_AREA.max(LEDGE_CELLS * self.cell * self.cell) / (self.cell * self.cell);
-        for first in 0..self.len() {
-            if std::mem::replace(&mut is_done[first], true) {
-                continue;
-            }
-            let mut piece = vec![first];
-            let mut next = 0;
-            while let Some(node) = piece.get(next).copied() {
-                next += 1;
-                for other in self.beside(node).into_iter().flatten() {
-                    if !std::mem::replace(&mut is_done[other], true) {
-                        piece.push(other);
-                    }
-                }
-            }
-            let below = piece.iter().filter(|node| overlooked[**node]).count() as f32;
-            if (piece.len() as f32) < least && below > LEDGE_BELOW * piece.len() as f32 {
-                piece.iter().for_each(|node| self.slope[*node] = WALL);
-            }
-        }
-    }
-
-    /// Returns true if an inner ground contains it.
-    pub(super) fn is_elsewhere(&self, node: usize) -> bool {
-        self.is_inner[node]
-    }
-
-    /// Takes the roughness of splats off level surfaces: the median of a node's height and of those
-    /// about it.
-    fn smooth(&self, node: usize) -> f32 {
-        let [column, row] = self.place(node);
-        let rough = ROUGH.max(ROUGH_CELLS * self.cell);
-        let mut near = [0.0; 9];
-        let mut count = 0;
-        for k in 0..9 {
-            if let Some(other) = self.level_with(node, column + k % 3 - 1, row + k / 3 - 1, rough) {
-                near[count] = self.height[other];
-                count += 1;
-            }
-        }
-        near[..count].sort_by(f32::total_cmp);
-        near[count / 2]
-    }
-
-    /// Returns the sums of values, each times the opacity, over the splats of the scene that are on
-    /// each node's surface.
-    pub(super) fn sums_of_splats<const N: usize>(
-        &self,
-        splats: &Splats,
-        value: impl Fn(usize) -> [f32; N] + Sync,
-        threads: usize,
-    ) -> Vec<[f32; N]> {
-        let own = OWN.max(OWN_CELLS * self.cell);
-        let of = |index: usize| {
-            if splats.groups[index] == Group::Sky || !splats.is_sound(index) {
-                return None;
-            }
-            let (place, height) = self.places.locate(splats.means[index].map(f64::from));
-            let cell = self.places.cell_at(place)?;
-            let near = |node: &usize| (self.height[*node] - height as f32).abs() < own;
-            let node = self.nodes_of(cell).find(near)?;
-            let weight = splats.opacity(index) as f32;
-            Some((node as u32, value(index).map(|value| weight * value)))
-        };
-        let found = map(splats.len().div_ceil(CHUNK), threads, |chunk| {
-            let last = splats.len().min((chunk + 1) * CHUNK);
-            (chunk * CHUNK..last).filter_map(of).collect::<Vec<_>>()
-        });
-        let mut sums = vec![[0.0f32; N]; self.len()];
-        for (node, added) in found.into_iter().flatten() {
-            sums[node as usize].iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
-        }
-        sums
-    }
-
-    /// Finds how far the splats of each node face up (or down, where the side is not known): the
-    /// mean cosine of their normals over the nodes beside each other, and its standard deviation;
-    /// not numbers where none tells. In a scan a node's are those `of` its surface.
-    fn find_facing(&self, scan: &FusedSurfaces<'_>, of: &[usize], threads: usize) -> (Vec<f32>, Vec<f32>) {
-        let up = self.places.axes()[2];
-        let cosine =
-            |splat: usize| scan.splats.normal(splat).iter().zip(&up).map(|(a, b)| a * b).sum::<f64>() as f32;
-        let mut sums;
-        if self.is_scan {
-            sums = map(self.len(), threads, |node| {
-                let splat = of[node];
-                let mut scales = scan.splats.log_scales[splat];
-                scales.sort_by(f32::total_cmp);
-                let is_seen = splat < scan.oriented;
-                let cosine = if is_seen { cosine(splat) } else { cosine(splat).abs() };
-                // Balls and rods look nowhere; but of what was seen from below nobody knows the
-                // top.
-                let flat = if cosine < CEILING { 1.0 } else { 1.0 - (scales[0] - scales[1]).exp() };
-                [flat * cosine, flat * cosine * cosine, flat]
-            });
-        } else {
-            let value = |splat: usize| [cosine(splat).abs(), cosine(splat).powi(2), 1.0];
-            sums = self.sums_of_splats(&scan.splats, value, threads);
-        }
-        for _ in 0..2 {
-            sums = map(self.len(), threads, |node| self.mean_about(node, |other| Some(sums[other])));
-        }
-        let least = if self.is_scan { KNOWN } else { 0.0 };
-        let known = |[sum, squares, weight]: [f32; 3]| {
-            let mean = sum / weight;
-            if weight > least {
-                (mean, (squares / weight - mean * mean).max(0.0).sqrt())
-            } else {
-                (f32::NAN, f32::NAN)
-            }
-        };
-        sums.into_iter().map(known).unzip()
-    }
-
-    /// The slope of a plane through a node and those about it.
-    fn fit(&self, node: usize) -> [f32; 2] {
-        let [column, row] = self.place(node);
-        let (mut count, mut lower, mut higher) = (0.0f32, 0, 0);
-        let mut sums = [0.0f32; 5];
-        let mut moments = [0.0f32; 3];
-        for (dx, dy) in (-FIELD..=FIELD).flat_map(|dy| (-FIELD..=FIELD).map(move |dx| (dx, dy))) {
-            let Some(cell) = self.cell_of(column + dx, row + dy) else { continue };
-            let Some(other) = self.level_with(node, column + dx, row + dy, self.edge) else {
-                let upper = self.nodes_of(cell).next();
-                let is_lower = upper.is_none_or(|upper| self.height[upper] < self.height[node]);
-                lower += u32::from(is_lower);
-                higher += u32::from(!is_lower);
-                continue;
-            };
-            let (x, y, h) = (dx as f32, dy as f32, self.height[other] - self.height[node]);
-            count += 1.0;
-            sums.iter_mut().zip([x, y, h, x * h, y * h]).for_each(|(sum, value)| *sum += value);
-            moments.iter_mut().zip([x * x, x * y, y * y]).for_each(|(sum, value)| *sum += value);
-        }
-        let field = ((2 * FIELD + 1) * (2 * FIELD + 1)) as f32;
-        // A piece of a wall has what is above beside it and what is below, and is no ledge that
-        // looks up.
-        let facing = self.facing[node];
-        let is_piece = match (self.is_scan, self.is_seen[node]) {
-            _ if facing < CEILING => true,
-            (false, _) if higher == 0 || lower == 0 => false,
-            (false, _) if facing.is_nan() => count < SURFACE * field,
-            // Leaves of a crown look anywhere.
-            (false, _) => count < if facing < UPRIGHT { LEDGE } else { CROWN } * field,
-            (true, true) if facing > STEEP_SEEN => higher > 0 && lower > 0 && count < SURFACE * field,
-            (true, true) if !facing.is_nan() => self.is_overlooked(node),
-            // Edges: wires and finials hold next to nothing.
-            (true, true) => count < SURFACE * field || count < LEDGE * field && self.is_overlooked(node),
-            // What no camera sees is a surface only if it is a level one: pieces are haze, of the
-            // sky too.
-            (true, false) => count < WHOLE * field || facing < LEVEL_UNSEEN,
-        };
-        if is_piece {
-            return WALL;
-        }
-        let [x, y, h, xh, yh] = sums.map(|sum| sum / count);
-        let [xx, xy, yy] = moments.map(|moment| moment / count);
-        let (xx, xy, yy) = (xx - x * x, xy - x * y, yy - y * y);
-        let (xh, yh) = (xh - x * h, yh - y * h);
-        let det = xx * yy - xy * xy;
-        if det > 0.05 {
-            [(xh * yy - yh * xy) / det, (yh * xx - xh * xy) / det].map(|v| v / self.cell)
-        } else {
-            [0.0; 2]
-        }
-    }
 }
 
 /// A node that there may be, as it is kept.
 fn number(node: Option<usize>) -> u32 {
-    node.map_or(NONE, |node| node as u32)
+    node.map_or(NO_NODE, |node| node as u32)
 }

@@ -10,6 +10,8 @@
 //!    the same material around.
 //! 6. Each splat takes the light of the surface nearest to it.
 
+mod split;
+
 use super::irradiance::{SceneLight, SkyGradation, SurfaceLight};
 use super::openness;
 use super::places::{PointGrid, Surfaces, light_of};
@@ -26,23 +28,25 @@ use crate::shelter::Occluders;
 use crate::threads::map;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
+use split::Split;
 use wm_scene::color::luminance;
 use wm_scene::{Camera, Group, Splats};
 
 /// Distance within which a splat takes the light of a surface, m.
-const NEAR: f64 = 0.4;
-const FAR: f64 = 1.6;
-/// Distance of the surfaces by which leaves are told, and the agreement of their normals, 0-1.
-const AROUND: f32 = 0.3;
+const NEAR_REACH_M: f64 = 0.4;
+const FAR_REACH_M: f64 = 1.6;
+/// Distance of the surfaces by which leaves are recognised, and the agreement of their normals,
+/// 0-1.
+const LEAF_RADIUS_M: f32 = 0.3;
 const AGREED: f32 = 0.72;
-/// Excess of green over red and blue by which leaves and grass are told.
+/// Excess of green over red and blue by which leaves and grass are recognised.
 pub(crate) const GREEN: f64 = 1.08;
 /// Least and greatest extent of a place whose light is split, m: others have a wrong scale.
 const EXTENTS: [f64; 2] = [0.01, 1e6];
 /// Distance between surfaces that are told apart, m.
-const THIN: f64 = 0.06;
+const SURFACE_SPACING_M: f64 = 0.06;
 /// Reflectance of surfaces in the mean; the brightness of white cards up to which they count as 1,
-/// since bright places are no courtyards; and the most that is believed.
+/// since bright places are no courtyards; and an upper clamp.
 const MEAN_ALBEDO: f64 = 0.25;
 const USUAL: f64 = 1.5;
 const MOST_EXPOSURE: f64 = 3.0;
@@ -56,7 +60,7 @@ const IN_THE_OPEN: SplatLight = SplatLight { normal: [0; 3], open: [255; 2], sun
 /// [`SplatLight::sun`] of a splat that sees all of the sun.
 const WHOLE: i16 = 10_000;
 /// Cosine of the sun's incidence on leaves, which turn to all sides.
-const LEAVES: f64 = 0.5;
+const LEAF_INCIDENCE: f64 = 0.5;
 /// Radius about a point over which the map is averaged, m, and radius within which all of it must
 /// be lit or all in shade to be believed, m: where more than [`AGREE`] of the pairs in sun and
 /// shade show it, and where fewer do.
@@ -78,7 +82,7 @@ const MOST_RATIO: f64 = 40.0;
 /// Least height of the sun that casts shadows by which the light is split, as a sine: 3 degrees.
 const LOWEST_SUN: f64 = 0.05;
 /// Contrast left across shadow edges, of that before, above which a capture keeps its shadows.
-pub const MOST_LEFT: f64 = 0.25;
+const MOST_LEFT: f64 = 0.25;
 
 /// The sun of a capture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -87,14 +91,14 @@ pub struct CaptureSun {
     pub direction: [f64; 3],
     /// Irradiance of a surface that faces it, over that of level ground under the whole sky, by
     /// channel.
-    pub ratio: [f64; 3],
+    pub(crate) ratio: [f64; 3],
     /// The share of the surfaces that look at it which see it.
-    pub lit: f64,
+    pub(crate) lit: f64,
     /// Contrast left across shadow edges after the split, of that before, 0-1.
-    pub contrast_left: f64,
+    pub(crate) contrast_left: f64,
 }
 
-/// Facts about the sun of the photos that are known before their shadows are asked.
+/// Facts about the sun of the photos that are known before their shadows are examined.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct KnownSun {
     /// Towards it, world axes, length 1.
@@ -112,7 +116,7 @@ pub struct CaptureLight {
     /// photos, the lack of any shadows.
     pub is_overcast: bool,
     /// The result of the search for the sun, if it was not known.
-    pub search: Option<FoundSun>,
+    pub(crate) search: Option<FoundSun>,
     /// The captured light; level ground in the open has an irradiance of luminance 1.
     pub light: SceneLight,
     /// Means over all surfaces, by which light returns.
@@ -161,8 +165,8 @@ struct MeanSurface {
 }
 
 impl MeanSurface {
-    /// Of surfaces, whose number is not 0.
-    fn of(surfaces: impl Iterator<Item = SurfaceLight>) -> Self {
+    /// Computes the mean over surfaces, of which there is at least one.
+    fn new(surfaces: impl Iterator<Item = SurfaceLight>) -> Self {
         let unit = [1.0, 0.0, 0.0];
         let light = |sun: [f64; 3], level, rise| SceneLight { sun, sky: SkyGradation { level, rise } };
         let zero = [0.0; 3];
@@ -211,27 +215,28 @@ impl CaptureLight {
         site: &Site,
         threads: usize,
     ) -> Self {
-        let fine = Surfaces::of(found);
+        let fine = Surfaces::new(found);
         let metres = site.metres_per_unit * f64::from(fine.extent());
         if !(EXTENTS[0]..EXTENTS[1]).contains(&metres) {
             return Self::in_the_open(splats, site);
         }
-        let mut surfaces = fine.thinned((THIN / site.metres_per_unit) as f32);
+        let mut surfaces = fine.thinned((SURFACE_SPACING_M / site.metres_per_unit) as f32);
         let coarseness = coarseness(&surfaces, site, threads);
         let coarser = occluders.coarser(f64::from(coarseness));
         let occluders = if coarseness > 1.0 { &coarser } else { occluders };
         mark_leaves(&mut surfaces, coarseness, site, threads);
-        level_ground(&mut surfaces, &FarFloor::of(found, site, threads), site);
+        level_ground(&mut surfaces, &FarFloor::new(found, site, threads), site);
         let open = openness::find(&mut surfaces, occluders, site, threads);
-        let [narrow, wide] = [sun_search::NARROW, sun_search::WIDE].map(|apart| {
+        let [narrow, wide] = [sun_search::NARROW_PAIR_M, sun_search::WIDE_PAIR_M].map(|apart| {
             sun_search::pairs(&surfaces, apart.map(|metres| coarseness * metres), site, threads)
         });
         // Under a grey sky a known sun may have shone or not: shadows tell.
         let is_asked = known.direction.is_none() || site.captured_sky == CapturedSky::Overcast;
         let search = is_asked.then(|| {
-            let casters = (occluders, coarseness);
-            let by = (site, known.elevation);
-            sun_search::find_sun(&surfaces, &open, [&narrow, &wide], casters, by, threads)
+            let elevation = known.elevation;
+            sun_search::find_sun(
+                &surfaces, &open, &narrow, &wide, occluders, coarseness, site, elevation, threads,
+            )
         });
         let search = search.flatten();
         let up = Vec3::from_array(site.up.map(|v| v as f32));
@@ -240,7 +245,7 @@ impl CaptureLight {
             .or_else(|| search.filter(|found| found.is_sun(site.up)).map(|found| found.direction));
         let sun = sun.filter(|sun| along(*sun, site.up) > LOWEST_SUN);
         let split = sun.and_then(|sun| {
-            Split::of(&surfaces, &open, &wide, (occluders, coarseness), (sun, cameras), site, threads)
+            Split::new(&surfaces, &open, &wide, occluders, coarseness, sun, cameras, site, threads)
         });
         let (capture_sun, seen, amounts) = match split {
             Some(split) => (Some(split.sun), split.seen, split.amounts),
@@ -250,7 +255,7 @@ impl CaptureLight {
             surface_of(surfaces.normals[i], open[i], seen[i], up, capture_sun.map(|sun| sun.direction))
         };
         let light = captured_light(capture_sun.as_ref(), site);
-        let mean = MeanSurface::of((0..surfaces.len()).map(place));
+        let mean = MeanSurface::new((0..surfaces.len()).map(place));
         let is_overcast = match site.captured_sky {
             // Photos that show little of the sky may show its clouds alone: shadows tell more.
             CapturedSky::Overcast => capture_sun.is_none() && search.is_none_or(|search| search.is_none()),
@@ -258,11 +263,11 @@ impl CaptureLight {
             _ => false,
         };
         let is_known = capture_sun.is_some() || is_overcast;
-        let exposure = exposure(&surfaces, (&light, is_known), mean.under(&light), up, place);
+        let exposure = exposure(&surfaces, &light, is_known, mean.under(&light), up, place);
         let of_sky =
             capture_sun.map_or(1.0, |sun| 1.0 / (1.0 + luminance(sun.ratio) * along(sun.direction, site.up)));
         let under_light = mean.under(&light);
-        let card = WhiteCard::of(&surfaces, site, of_sky, is_overcast, |i| {
+        let card = WhiteCard::new(&surfaces, site, of_sky, is_overcast, |i| {
             luminance(place(i).irradiance(&light, under_light))
         });
         let own: Vec<SplatLight> = (0..surfaces.len())
@@ -274,7 +279,7 @@ impl CaptureLight {
             })
             .collect();
         // What a training lost below its ground goes by the ground above it.
-        let grids = [NEAR, FAR].map(|metres| {
+        let grids = [NEAR_REACH_M, FAR_REACH_M].map(|metres| {
             let reach = (metres / site.metres_per_unit) as f32;
             (PointGrid::new(&surfaces.points, reach), reach)
         });
@@ -296,7 +301,7 @@ impl CaptureLight {
             let share = if is_trained {
                 edge_share(&surfaces, &amounts, &seen, nearest, around, light_of(splats, index))
             } else {
-                sharpened_share(&surfaces, &amounts, &seen, nearest, around, (splats, index))
+                sharpened_share(&surfaces, &amounts, &seen, nearest, around, splats, index)
             };
             share.map_or(own[nearest], |share| SplatLight { sun: share_number(share), ..own[nearest] })
         });
@@ -311,7 +316,7 @@ impl CaptureLight {
             is_overcast: site.captured_sky == CapturedSky::Overcast,
             search: None,
             light: captured_light(None, site),
-            mean: MeanSurface::of(std::iter::empty()),
+            mean: MeanSurface::new(std::iter::empty()),
             exposure: 1.0,
             card: WhiteCard::USUAL,
             splats: splats.groups.iter().map(of).collect(),
@@ -373,15 +378,8 @@ impl CaptureLight {
     }
 
     /// The number of splats.
-    #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.splats.len()
-    }
-
-    /// Returns true if it has no splats.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.splats.is_empty()
     }
 
     /// The geometry of the light on one splat.
@@ -391,14 +389,12 @@ impl CaptureLight {
     }
 
     /// The geometry of the light of another sun on one splat.
-    #[must_use]
-    pub fn surface_in(&self, index: usize, up: [f64; 3], shadows: &SunShadows) -> SurfaceLight {
+    pub(crate) fn surface_in(&self, index: usize, up: [f64; 3], shadows: &SunShadows) -> SurfaceLight {
         self.surface_beside(index, self.normal(index), up, Some(shadows))
     }
 
     /// The geometry of the light on a small surface with this normal that sees what a splat sees.
     /// `shadows` are those of another sun than the captured one.
-    #[must_use]
     pub(super) fn surface_beside(
         &self,
         index: usize,
@@ -413,8 +409,7 @@ impl CaptureLight {
         surface_of(normal, open.map(|v| f32::from(v) / 255.0), seen, up, direction)
     }
 
-    /// The same for one that sees all of the sky and of the sun.
-    #[must_use]
+    /// Light on a splat that sees all of the sky and of the sun.
     pub(super) fn surface_in_the_open(
         &self,
         normal: Vec3,
@@ -449,8 +444,7 @@ impl CaptureLight {
     }
 
     /// Returns true for a splat of the captured sky.
-    #[must_use]
-    pub fn is_sky(&self, index: usize) -> bool {
+    pub(crate) fn is_sky(&self, index: usize) -> bool {
         self.splats[index].is_sky
     }
 
@@ -462,15 +456,13 @@ impl CaptureLight {
     }
 
     /// Sine of the elevation of the captured sun; 0 without one.
-    #[must_use]
-    pub fn sin_sun(&self, up: [f64; 3]) -> f64 {
+    pub(crate) fn sin_sun(&self, up: [f64; 3]) -> f64 {
         self.sun.map_or(0.0, |sun| along(sun.direction, up))
     }
 
     /// The mean irradiance of the surfaces under the light of another sun, without what they return
     /// to each other.
-    #[must_use]
-    pub fn mean_in(&self, light: &SceneLight, shadows: &SunShadows) -> [f64; 3] {
+    pub(crate) fn mean_in(&self, light: &SceneLight, shadows: &SunShadows) -> [f64; 3] {
         MeanSurface { sun: shadows.mean(), ..self.mean }.under(light)
     }
 
@@ -493,7 +485,8 @@ fn direction_text(direction: [f64; 3]) -> String {
 /// card at most as display white.
 fn exposure(
     surfaces: &Surfaces,
-    (light, is_known): (&SceneLight, bool),
+    light: &SceneLight,
+    is_known: bool,
     mean: [f64; 3],
     up: Vec3,
     place: impl Fn(usize) -> SurfaceLight,
@@ -522,7 +515,7 @@ fn surface_of(normal: Vec3, open: [f32; 2], seen: f32, up: Vec3, sun: Option<[f6
     let base = openness::under_sky(normal, open, up);
     let Some(sun) = sun else { return base };
     let facing = f64::from(normal.dot(Vec3::from_array(sun.map(|v| v as f32))));
-    let incidence = if normal == Vec3::ZERO { LEAVES } else { facing.max(0.0) };
+    let incidence = if normal == Vec3::ZERO { LEAF_INCIDENCE } else { facing.max(0.0) };
     SurfaceLight { incidence, sun: f64::from(seen), ..base }
 }
 
@@ -549,7 +542,7 @@ fn coarseness(surfaces: &Surfaces, site: &Site, threads: usize) -> f32 {
 
 /// Takes the normals of leaves away: those about them turn to all sides.
 fn mark_leaves(surfaces: &mut Surfaces, coarseness: f32, site: &Site, threads: usize) {
-    let reach = coarseness * AROUND / site.metres_per_unit as f32;
+    let reach = coarseness * LEAF_RADIUS_M / site.metres_per_unit as f32;
     let grid = PointGrid::new(&surfaces.points, reach);
     let agreed = map(surfaces.len(), threads, |i| {
         let (own, mut sum, mut count) = (surfaces.normals[i], Vec3::ZERO, 0.0f32);
@@ -582,187 +575,4 @@ fn level_ground(surfaces: &mut Surfaces, floor: &FarFloor, site: &Site) {
             surfaces.normals[i] = up;
         }
     }
-}
-
-/// The light of a capture with a sun.
-struct Split {
-    sun: CaptureSun,
-    /// The share of the sun that each surface sees.
-    seen: Vec<f32>,
-    /// The irradiance of each in shade and in full sun, luminance.
-    amounts: Vec<[f32; 2]>,
-}
-
-impl Split {
-    /// Splits the light of surfaces by a sun; `None` where no pair tells its strength.
-    fn of(
-        surfaces: &Surfaces,
-        open: &[[f32; 2]],
-        pairs: &[Pair],
-        (occluders, coarseness): (&Occluders, f32),
-        (direction, cameras): ([f64; 3], &[Camera]),
-        site: &Site,
-        threads: usize,
-    ) -> Option<Self> {
-        let map_of_sun = sun_search::sun_map(occluders, direction, threads);
-        let (up, sun) = ([site.up, direction]).map(|v| Vec3::from_array(v.map(|v| v as f32))).into();
-        let lit_within = |metres: f32| {
-            let radius = coarseness * metres;
-            map(surfaces.len(), threads, |i| {
-                map_of_sun.lit_within(surfaces.points[i], surfaces.normals[i], radius)
-            })
-        };
-        let place =
-            |seen: &[f32], i: usize| surface_of(surfaces.normals[i], open[i], seen[i], up, Some(direction));
-        let on_ground: Vec<Pair> =
-            sun_search::ground_pairs(surfaces, open, pairs, site).iter().map(|it| it.pair).collect();
-        let rough = lit_within(ROUGH[0]);
-        let agreement = agreement(&on_ground, &rough);
-        if agreement < LEAST_AGREEMENT {
-            return None;
-        }
-        let (mut prior, around) =
-            if agreement > AGREE { (lit_within(EXACT[0]), EXACT[1]) } else { (rough, ROUGH[1]) };
-        let mut is_sure: Vec<bool> =
-            lit_within(around).into_iter().map(|share| !(0.03..0.97).contains(&share)).collect();
-        let reach = coarseness * TOLD / site.metres_per_unit as f32;
-        let given = |seen: &[f32], known: &[f32]| {
-            let mean = MeanSurface::of((0..surfaces.len()).map(|i| place(seen, i)));
-            let of_pairs = |pairs| sun_to_sky(surfaces, pairs, known, &mean, |i| place(seen, i));
-            let ratio = of_pairs(&on_ground).or_else(|| of_pairs(pairs))?;
-            // Corners under a grey sky are darker too, but not by this.
-            (luminance(ratio) * along(direction, site.up) >= LEAST_SUN).then_some((mean, ratio))
-        };
-        let in_light = |(mean, ratio): &(MeanSurface, [f64; 3])| {
-            let sun = CaptureSun { direction, ratio: *ratio, lit: 0.0, contrast_left: 1.0 };
-            let light = captured_light(Some(&sun), site);
-            (sun, light, mean.under(&light))
-        };
-        let by_map = given(&prior, &prior)?;
-        let may_be = unseen_casters::may_be_shaded(surfaces, cameras, direction, site, threads);
-        if may_be.contains(&true) {
-            let (_, light, mean) = in_light(&by_map);
-            let by_place = vec![0.0; surfaces.len()];
-            let reflectance = |i: usize| {
-                let shade = place(&by_place, i);
-                [0.0, 1.0].map(|sun| {
-                    let irradiance = SurfaceLight { sun, ..shade }.irradiance(&light, mean);
-                    surfaces.light[i] / Vec3::from_array(irradiance.map(|v| v.max(1e-4) as f32))
-                })
-            };
-            let mapped = MappedLight { shares: &mut prior, is_sure: &mut is_sure };
-            let around = coarseness * around / site.metres_per_unit as f32;
-            unseen_casters::amend(surfaces, &may_be, mapped, reflectance, (around, site), threads);
-        }
-        let prior = prior;
-        let edges = ShadowEdges::new(surfaces, &is_sure, reach, threads);
-        let told = |found: (MeanSurface, [f64; 3])| {
-            let (sun, light, mean) = in_light(&found);
-            let both = |i: usize| {
-                let shade = SurfaceLight { sun: 0.0, ..place(&prior, i) };
-                let sunny = SurfaceLight { sun: 1.0, ..shade };
-                [shade, sunny].map(|surface| luminance(surface.irradiance(&light, mean)) as f32)
-            };
-            let amounts: Vec<[f32; 2]> = (0..surfaces.len()).map(both).collect();
-            let seen = edges.shares(&amounts, &prior, threads);
-            (sun, amounts, seen)
-        };
-        let first = told(by_map);
-        // The map without what colours contradict tells the ratio better, unless it gives way to
-        // them.
-        let agreed: Vec<f32> = prior
-            .iter()
-            .zip(&first.2)
-            .map(|(mapped, seen)| if (mapped - seen).abs() < CONTRADICTS { *mapped } else { 0.5 })
-            .collect();
-        let better = given(&first.2, &agreed)
-            .filter(|(_, ratio)| luminance(*ratio) < UNSTEADY * luminance(first.0.ratio));
-        let (trial, amounts, seen) = better.map_or(first, told);
-        let facing: Vec<usize> =
-            (0..surfaces.len()).filter(|i| surfaces.normals[*i].dot(sun) > 0.2).collect();
-        let lit = facing.iter().map(|i| f64::from(seen[*i])).sum::<f64>() / facing.len().max(1) as f64;
-        let contrast_left = contrast_left(pairs, &amounts, &seen);
-        Some(Self { sun: CaptureSun { lit, contrast_left, ..trial }, seen, amounts })
-    }
-}
-
-/// The ratio of sun to sky by channel: the median over pairs of which one point is surely in the
-/// sun, and the other in shade, and which show it: where the geometry is rough, the map is wrong
-/// about many.
-fn sun_to_sky(
-    surfaces: &Surfaces,
-    pairs: &[Pair],
-    seen: &[f32],
-    mean: &MeanSurface,
-    place: impl Fn(usize) -> SurfaceLight,
-) -> Option<[f64; 3]> {
-    let unit = SceneLight { sun: [0.0; 3], sky: SkyGradation::even([1.0; 3]) };
-    let mean_sky = mean.under(&unit)[0];
-    let mut ratios = [const { Vec::new() }; 3];
-    for pair in pairs {
-        let [a, b] = pair.points.map(|i| i as usize);
-        let (lit, shade) = match [seen[a], seen[b]] {
-            [a_seen, b_seen] if a_seen > 0.97 && b_seen < 0.03 => (a, b),
-            [a_seen, b_seen] if a_seen < 0.03 && b_seen > 0.97 => (b, a),
-            _ => continue,
-        };
-        let log_ratio = if lit == a { pair.log_ratio } else { -pair.log_ratio };
-        if f64::from(log_ratio) < sun_search::SHADOW {
-            continue;
-        }
-        let (mut in_sun, mut in_shade) = (place(lit), place(shade));
-        let mid: [f64; 2] = std::array::from_fn(|k| 0.5 * (in_sun.open[k] + in_shade.open[k]));
-        (in_sun.open, in_shade.open) = (mid, mid);
-        let sky = |surface: &SurfaceLight| SurfaceLight { sun: 0.0, ..*surface }.direct(&unit)[0];
-        for k in 0..3 {
-            let ratio = f64::from(surfaces.light[lit][k] / surfaces.light[shade][k].max(1e-4));
-            let sum = ratio * (sky(&in_shade) + in_shade.returned() * mean_sky)
-                - (sky(&in_sun) + in_sun.returned() * mean_sky);
-            let share = in_sun.incidence + (in_sun.returned() - ratio * in_shade.returned()) * mean.sun;
-            if share > 0.05 && in_sun.incidence > 0.15 {
-                ratios[k].push(sum / share);
-            }
-        }
-    }
-    if ratios[0].len() < 30 {
-        return None;
-    }
-    let ratio = ratios.map(|all| median(all).unwrap_or(0.0));
-    ratio.iter().all(|ratio| *ratio > 0.05).then(|| ratio.map(|ratio| ratio.min(MOST_RATIO)))
-}
-
-/// The share of the pairs in sun and shade by the map that show it, 0-1; 1 without any.
-fn agreement(pairs: &[Pair], mapped: &[f32]) -> f64 {
-    let (mut agreed, mut all) = (0.0, 0.0);
-    for pair in pairs {
-        let [a, b] = pair.points.map(|i| mapped[i as usize]);
-        if (a - b).abs() > 0.94 {
-            all += 1.0;
-            agreed += f64::from(u8::from(f64::from(pair.log_ratio * (a - b).signum()) > sun_search::SHADOW));
-        }
-    }
-    if all > 0.0 { agreed / all } else { 1.0 }
-}
-
-/// Spread of reflectance over pairs of light and shade, beyond that of pairs in one light, of the
-/// contrast before.
-fn contrast_left(pairs: &[Pair], amounts: &[[f32; 2]], seen: &[f32]) -> f64 {
-    let irradiance = |i: u32| {
-        let [shade, sunny] = amounts[i as usize];
-        f64::from(shade + (sunny - shade) * seen[i as usize])
-    };
-    let (mut before, mut after, mut same) = (Vec::new(), Vec::new(), Vec::new());
-    for pair in pairs {
-        let [a, b] = pair.points;
-        let left = (f64::from(pair.log_ratio) - (irradiance(a) / irradiance(b)).ln()).abs();
-        if (seen[a as usize] - seen[b as usize]).abs() > 0.7 {
-            before.push(f64::from(pair.log_ratio).abs());
-            after.push(left);
-        } else if (seen[a as usize] - seen[b as usize]).abs() < 0.1 {
-            same.push(left);
-        }
-    }
-    let median = |values: Vec<f64>| median(values).unwrap_or(f64::NAN);
-    let left = (median(after) - median(same)).max(0.0) / median(before);
-    if left.is_nan() { 1.0 } else { left.min(1.0) }
 }

@@ -1,5 +1,7 @@
 //! Snow on made-up places whose surfaces are known.
 
+mod melting;
+
 use super::*;
 use crate::particles::random::RandomSequence;
 use crate::testing::{SITE, photo_view};
@@ -48,7 +50,7 @@ fn yard(ground: &GroundGrid) -> f64 {
 
 /// Mean depth over a field of the uppermost surface between two heights.
 fn mean(cover: &Cover, lying: &LyingCover, x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> f64 {
-    let ground = &cover.rings()[0];
+    let ground = &cover.rings[0];
     let (mut sum, mut count) = (0.0, 0);
     for node in 0..lying.settled[0].depth.len() {
         let [column, row] = ground.place(node).map(|v| v as f64 + 0.5);
@@ -67,7 +69,7 @@ fn mean(cover: &Cover, lying: &LyingCover, x: [f64; 2], y: [f64; 2], z: [f64; 2]
 fn roofs_are_covered_and_what_is_below_is_bare() {
     let splats = porch();
     let mut cover = cover_of(&splats, &Airflow::default(), [5.0, 4.0, 0.0]);
-    let lying = cover.lay(&CoverRequest { depth: 0.1, repose: 0.84, ..ASKED });
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.84, ..ASKED }]);
     let open = mean(&cover, &lying, [1.0, 3.0], [1.0, 7.0], [-0.2, 0.2]);
     let roof = mean(&cover, &lying, [4.5, 6.5], [3.5, 5.5], [2.3, 2.7]);
     let below = mean(&cover, &lying, [5.0, 6.0], [4.0, 5.0], [-0.2, 0.2]);
@@ -75,7 +77,7 @@ fn roofs_are_covered_and_what_is_below_is_bare() {
     assert!((open / 0.1 - 1.0).abs() < 0.03 && (roof / 0.1 - 1.0).abs() < 0.03, "{open} {roof}");
     assert!(below < 0.005, "{below}");
     // What fell lies.
-    let fell: f64 = cover.rings()[0].share.iter().map(|v| f64::from(*v) * 0.1).sum();
+    let fell: f64 = cover.rings[0].share.iter().map(|v| f64::from(*v) * 0.1).sum();
     let lies: f64 = lying.settled[0].depth.iter().map(|v| f64::from(*v)).sum();
     assert!(
         ((lies + lying.settled[0].lost) / fell - 1.0).abs() < 1e-3,
@@ -93,7 +95,7 @@ fn a_pit_fills_to_its_rim() {
         place.surface(at, DVec3::X * wide, DVec3::Y * 8.0, 0.03, |_, _| [0.4; 3]);
     }
     let cover = cover_of(&place.build(), &Airflow::default(), [3.0, 4.0, 0.0]);
-    let ground = &cover.rings()[0];
+    let ground = &cover.rings[0];
     let z = |node: usize| {
         let at = ground.place(node).map(|v| v as f64 + 0.5);
         ground.places.point(at, f64::from(ground.height[node]))[2]
@@ -115,9 +117,9 @@ fn ground_is_buried_across_the_end_of_a_ring() {
     place.surface(DVec3::ZERO, DVec3::X * 34.0, DVec3::Y * 8.0, 0.2, |_, _| [0.4; 3]);
     let splats = place.build();
     let mut cover = cover_of(&splats, &Airflow::default(), [17.0, 4.0, 0.0]);
-    assert!(cover.rings().len() > 1, "the field fits one ring");
-    let lying = cover.lay(&CoverRequest { depth: 0.15, ..ASKED });
-    let places = &cover.rings()[0].places;
+    assert!(cover.rings.len() > 1, "the field fits one ring");
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.15, ..ASKED }]);
+    let places = &cover.rings[0].places;
     let ends = [0.0, places.size()[0] as f64].map(|column| places.point([column, 0.0], 0.0)[0] as f32);
     assert!(ends.iter().all(|end| (1.0..33.0).contains(end)), "{ends:?}");
     let at_an_end = |index: &usize| {
@@ -139,8 +141,8 @@ fn leaves_of_a_crown_hold_little_in_clumps() {
     place.surface(DVec3::ZERO, DVec3::X * 10.0, DVec3::Y * 8.0, 0.05, |_, _| [0.4; 3]);
     place.leaves(DVec3::new(5.0, 4.0, 2.5), 1.2, 6000, [0.1, 0.4, 0.1]);
     let mut cover = cover_of(&place.build(), &Airflow::default(), [5.0, 4.0, 0.0]);
-    let lying = cover.lay(&CoverRequest { depth: 0.3, ..ASKED });
-    let ground = &cover.rings()[0];
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.3, ..ASKED }]);
+    let ground = &cover.rings[0];
     let depths: Vec<f32> = (0..ground.len())
         .filter(|node| ground.is_crown(*node) && ground.share[*node] > 0.5)
         .map(|node| lying.settled[0].depth[node])
@@ -176,7 +178,7 @@ fn a_steep_roof_is_no_crown() {
         |_, _| [0.4; 3],
     );
     let cover = cover_of(&place.build(), &Airflow::default(), [6.0, 4.0, 0.0]);
-    let ground = &cover.rings()[0];
+    let ground = &cover.rings[0];
     let high = (0..ground.len()).filter(|node| ground.height[*node] > 0.6).count();
     let leaves = (0..ground.len()).filter(|node| ground.is_crown(*node)).count();
     assert!(high > 100 && leaves * 100 <= high, "{leaves} of leaves, {high} of the roof");
@@ -218,7 +220,13 @@ fn snow_closes_over_rough_ground_and_posts_stick_out() {
     let scan = FusedSurfaces::from_views(&splats, &views, &SITE, 2);
     let mut cover = Cover::of(&splats, &scan, &SITE, &Airflow::default(), [[0.0; 3]; 2], 2);
     let hidden = |cover: &mut Cover, depth: f64| -> Vec<f32> {
-        cover.lay(&CoverRequest { depth, ..ASKED }).buried.factors().iter().map(|seen| 1.0 - seen).collect()
+        cover
+            .lay_all(&[CoverRequest { depth, ..ASKED }])
+            .buried
+            .factors()
+            .iter()
+            .map(|seen| 1.0 - seen)
+            .collect()
     };
     let snow = hidden(&mut cover, 0.1);
     let far = |index: &usize| (splats.means[*index][0] - 1.5).hypot(splats.means[*index][1] - 1.5) > 1.0;
@@ -292,8 +300,8 @@ fn the_street_is_covered_where_it_is_open() {
     let place = Street::builtin();
     let splats = street(&place);
     let mut cover = cover_of(&splats, &Airflow::default(), [-5.0, 37.0, 0.0]);
-    let lying = cover.lay(&CoverRequest { depth: 0.1, repose: 0.9, ..ASKED });
-    let ground = &cover.rings()[0];
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.9, ..ASKED }]);
+    let ground = &cover.rings[0];
     // Depth on the surface of a point: within 6 cm of it in height.
     let depth = |at: DVec3| {
         let (place, height) = ground.places.locate(at.to_array());
@@ -353,7 +361,7 @@ fn the_lee_of_a_house_holds_less() {
     let splats = place.build();
     // 5 m/s, and flakes at 1 m/s: no flatter than 45 degrees, towards x.
     let mut cover = cover_of(&splats, &slanted([1.0, 0.0]), [7.0, 4.0, 0.0]);
-    let lying = cover.lay(&CoverRequest { depth: 0.1, repose: 0.84, ..ASKED });
+    let lying = cover.lay_all(&[CoverRequest { depth: 0.1, repose: 0.84, ..ASKED }]);
     let side = |x: [f64; 2]| mean(&cover, &lying, x, [3.5, 4.5], [-0.2, 0.2]);
     let (windward, lee, open) = (side([3.6, 4.6]), side([7.3, 8.3]), side([1.0, 3.0]));
     println!("windward {windward:.4}, lee {lee:.4}, open {open:.4}");
@@ -369,9 +377,9 @@ fn what_falls_is_what_lies() {
         let (slope, moved) = flow;
         let splats = porch();
         let mut cover = cover_of(&splats, &Airflow { slope, moved }, [5.0, 4.0, 0.0]);
-        let lying =
-            cover.lay(&CoverRequest { thaw: (melted > 0.0).then(|| Thaw::of(0.1, melted, 0.0)), ..ASKED });
-        let ground = &cover.rings()[0];
+        let lying = cover
+            .lay_all(&[CoverRequest { thaw: (melted > 0.0).then(|| Thaw::new(0.1, melted, 0.0)), ..ASKED }]);
+        let ground = &cover.rings[0];
         let cell = f64::from(ground.cell).powi(2);
         let lies: f64 = lying.settled[0].depth.iter().map(|d| f64::from(*d) * cell).sum();
         let gone = lying.melted[0] * cell;
@@ -393,7 +401,7 @@ fn snow_drifts_behind_a_wall() {
     let side = |moved: f64, x: [f64; 2]| {
         let airflow = Airflow { slope: [0.3, 0.0], moved };
         let mut cover = cover_of(&splats, &airflow, [10.0, 3.0, 0.0]);
-        let lying = cover.lay(&ASKED);
+        let lying = cover.lay_all(&[ASKED]);
         mean(&cover, &lying, x, [2.5, 3.5], [-0.2, 0.2])
     };
     let (before, lee, far) = (side(0.5, [4.0, 6.0]), side(0.5, [9.0, 11.0]), side(0.5, [16.0, 18.0]));
@@ -422,7 +430,7 @@ fn wet_snow_sticks_to_the_windward_wall() {
     };
     let on_walls = |slope: [f64; 2], wet_fall: f64| {
         let mut cover = cover_of(&splats, &slanted(slope), [7.0, 4.0, 0.0]);
-        sides(&cover.lay(&CoverRequest { wet_fall, ..ASKED }).splats)
+        sides(&cover.lay_all(&[CoverRequest { wet_fall, ..ASKED }]).splats)
     };
     let [windward, lee] = on_walls([1.0, 0.0], 0.05);
     println!("{windward} on the windward wall, {lee} in the lee");
@@ -433,8 +441,8 @@ fn wet_snow_sticks_to_the_windward_wall() {
     let mut wide = splats.clone();
     wide.append(&far.build());
     let mut cover = cover_of(&wide, &slanted([1.0, 0.0]), [7.0, 4.0, 0.0]);
-    assert!(cover.rings().last().unwrap().cell > 0.5);
-    let [windward, lee] = sides(&cover.lay(&CoverRequest { wet_fall: 0.05, ..ASKED }).splats);
+    assert!(cover.rings.last().unwrap().cell > 0.5);
+    let [windward, lee] = sides(&cover.lay_all(&[CoverRequest { wet_fall: 0.05, ..ASKED }]).splats);
     assert!(windward > 300 && lee < 30, "{windward} {lee}");
     // Of dry snow hardly any is on walls, and without wind no more of wet.
     let dry = [on_walls([1.0, 0.0], 0.0), on_walls([0.0, 0.0], 0.0)];
@@ -463,12 +471,12 @@ fn water_is_kept_over_time() {
     // 2 h of 2 mm before, then up to 4 and down to 0, by hand.
     for (time, fell) in [(-1.0, 2.0), (0.0, 4.0), (4.0, 16.0), (6.0, 20.0), (9.0, 20.0)] {
         let sky = weather.at(time).prepare(&SITE);
-        let lying = cover.lay(&sky.cover()[0]);
-        let area = f64::from(cover.rings()[0].cell).powi(2);
+        let lying = cover.lay_all(&sky.cover()[..1]);
+        let area = f64::from(cover.rings[0].cell).powi(2);
         let water = |depth: f64| depth * area * 300.0;
         let lies = water(lying.settled[0].depth.iter().map(|d| f64::from(*d)).sum());
         let (melted, shed) = (water(lying.melted[0]), water(lying.settled[0].lost));
-        let fell = fell * yard(&cover.rings()[0]);
+        let fell = fell * yard(&cover.rings[0]);
         let all = (lies + melted + shed) / fell;
         println!("{time} s: {lies:.1} kg lie, {melted:.1} have melted, {shed:.1} slid off of {fell:.1}");
         assert!((all - 1.0).abs() < 0.01, "{time}: {all}");
@@ -479,7 +487,7 @@ fn water_is_kept_over_time() {
 #[test]
 fn nothing_lies_where_nothing_can() {
     let asked = CoverRequest { depth: 10.0, repose: 0.84, ..ASKED };
-    let lying = |splats: &Splats| cover_of(splats, &slanted([0.3, 0.0]), [0.0; 3]).lay(&asked);
+    let lying = |splats: &Splats| cover_of(splats, &slanted([0.3, 0.0]), [0.0; 3]).lay_all(&[asked]);
     let nothing = lying(&Splats::with_capacity(0, 0));
     assert!(nothing.splats.is_empty() && nothing.buried.factors().is_empty());
     // A wall, and a sky.
@@ -496,163 +504,4 @@ fn nothing_lies_where_nothing_can() {
         Cover::of(&wall, &FusedSurfaces::from_splats(&wall), &SITE, &Airflow::default(), [[0.0; 3]; 2], 1)
             .is_bare()
     );
-}
-
-/// Mean depth of a layer over a strip of a yard.
-fn field(cover: &Cover, lying: &LyingCover, layer: usize, x: [f64; 2]) -> f64 {
-    let ground = &cover.rings()[0];
-    let depth = &lying.settled[layer].depth;
-    let is_in = |node: &usize| {
-        let at = ground.point(*node);
-        at[0] > x[0] && at[0] < x[1] && at[1] > 1.0 && at[1] < 5.0
-    };
-    let nodes: Vec<usize> = (0..depth.len()).filter(is_in).collect();
-    assert!(nodes.len() > 100);
-    nodes.iter().map(|node| f64::from(depth[*node])).sum::<f64>() / nodes.len() as f64
-}
-
-/// A yard of 12 m by 6 m that is dark, as a shade is, beyond 6 m.
-fn half_shaded() -> Splats {
-    let mut place = Builder::new(1);
-    let color = |x: f64, _: f64| if x < 0.5 { [0.7; 3] } else { [0.12; 3] };
-    place.surface(DVec3::ZERO, DVec3::X * 12.0, DVec3::Y * 6.0, 0.05, color);
-    place.build()
-}
-
-/// A weather of an hour a second.
-fn hours(sets: &[&str]) -> crate::Weather {
-    let mut weather = crate::Weather::clear();
-    for text in sets.iter().chain(&["snow_cover.lapse=3600"]) {
-        weather.set_text(text).unwrap();
-    }
-    weather
-}
-
-/// The shade is bare later than the sun, but it does get bare, and new snow lies on both; in
-/// between nothing jumps.
-#[test]
-fn the_shade_is_bare_later_and_new_snow_lies_again() {
-    let splats = half_shaded();
-    let mut cover = cover_of(&splats, &Airflow::default(), [6.0, 3.0, 0.0]);
-    let shade = |from: f64, to: f64| {
-        let ground = &cover.rings()[0];
-        let near = |node: &usize| (from..to).contains(&ground.point(*node)[0]);
-        let nodes: Vec<usize> = (0..ground.len()).filter(near).collect();
-        nodes.iter().map(|node| f64::from(ground.shade[*node])).sum::<f64>() / nodes.len() as f64
-    };
-    println!("light {:.2} and {:.2}", shade(2.0, 4.0), shade(8.0, 10.0));
-    assert!(shade(2.0, 4.0) > 0.95 && shade(8.0, 10.0) < 0.75);
-    let auto = ["snow_cover.depth=auto", "snow_cover.hours=0", "snowfall.rate=0:0,1:4,2:0,12:0,13:4,14:0"];
-    let asked = ["snow_cover.depth=0:0,2:0.04,12:0.04,14:0.08", "snow_cover.density=100"];
-    for sets in [&auto[..], &asked[..]] {
-        let weather = hours(&[sets, &["snow_cover.temperature=0:-3,2:-3,3:6,11:6,12:-3"]].concat());
-        let mut at = |time: f64| {
-            let sky = weather.at(time).prepare(&SITE);
-            let lying = cover.lay_all(sky.cover());
-            if sky.cover().is_empty() {
-                return [0.0; 3];
-            }
-            let film = lying.splats.sh.chunks(3).filter(|rgb| rgb[0] < -1.0).count();
-            [field(&cover, &lying, 0, [2.0, 4.0]), field(&cover, &lying, 0, [8.0, 10.0]), film as f64]
-        };
-        let times: Vec<f64> = (0..=160).map(|k| 0.1 * f64::from(k)).collect();
-        let series: Vec<[f64; 3]> = times.iter().map(|time| at(*time)).collect();
-        let bare = |k: usize| {
-            let gone = |place: &usize| times[*place] > 2.0 && series[*place][k] < 1e-4;
-            times[(0..series.len()).find(gone).unwrap()]
-        };
-        println!("{:.1} cm fell; bare at {:.1} h and {:.1} h", 100.0 * series[20][0], bare(0), bare(1));
-        assert!(bare(1) > bare(0) + 0.4 && bare(1) < 11.0);
-        // As long as the shade melts, the sun stays bare; then both are white again.
-        assert!(series[115][0] < 1e-4 && series[160][0] > 0.03 && series[160][1] > 0.03, "{:?}", series[160]);
-        for (pair, time) in series.windows(2).zip(&times) {
-            for k in 0..2 {
-                // 4 mm/h of new snow is 5 cm an hour at most, and what melts less.
-                assert!((pair[1][k] - pair[0][k]).abs() < 0.007, "at {time}: {pair:?}");
-            }
-        }
-        // Wet ground is drawn while it melts and some hours after, and where nothing melts never.
-        let film = |time: f64| series[(10.0 * time) as usize][2];
-        println!("wet splats at 2, 6, 9, 11.5, 15 h: {:?}", [2.0, 6.0, 9.0, 11.5, 15.0].map(film));
-        assert!(film(2.0) == 0.0 && film(bare(0)) > 1000.0);
-        assert_eq!(at(40.0)[2], 0.0);
-    }
-}
-
-/// Mass is conserved while the shade still melts and new snow lies.
-#[test]
-fn water_is_kept_through_thaws() {
-    let splats = half_shaded();
-    let mut cover = cover_of(&splats, &Airflow::default(), [6.0, 3.0, 0.0]);
-    let weather = hours(&[
-        "snow_cover.depth=auto",
-        "snow_cover.hours=1",
-        "snow_cover.density=300",
-        "snowfall.rate=0:4,2:4,3:0,12:0,13:4",
-        "snow_cover.temperature=0:-3,3:-3,4:6,11:6,12:-3",
-    ]);
-    for (time, fell) in
-        [(0.0, 4.0), (2.0, 12.0), (3.0, 14.0), (8.0, 14.0), (12.0, 14.0), (13.0, 16.0), (16.0, 28.0)]
-    {
-        let sky = weather.at(time).prepare(&SITE);
-        let lying = cover.lay(&sky.cover()[0]);
-        let area = f64::from(cover.rings()[0].cell).powi(2);
-        let sum = |depth: &[f32]| depth.iter().map(|d| f64::from(*d)).sum::<f64>() * area * 300.0;
-        let lies = sum(&lying.settled[0].depth);
-        let [melted, shed] = [lying.melted[0], lying.settled[0].lost].map(|v| v * area * 300.0);
-        let all: f64 = cover.rings()[0].share.iter().map(|share| f64::from(*share) * area * fell).sum();
-        println!("{time} h: {lies:.1} kg lie, {melted:.1} melted, {shed:.1} shed of {all:.1}");
-        assert!(((lies + melted + shed) / all - 1.0).abs() < 0.01, "{time}: {lies} {melted} {shed} {all}");
-        // Counted from the places: each loses by its own light what can melt, as far as it has any.
-        // Until then there were 26 degrees and hours, of which each melts 4 mm in a day.
-        if time == 8.0 {
-            let ground = &cover.rings()[0];
-            let melts = |node: usize| {
-                let can = 26.0 / 6.0 * f64::from(0.5 + 0.5 * ground.shade[node]);
-                can.min(fell * f64::from(ground.share[node])) * area
-            };
-            let by_hand: f64 = (0..ground.len()).map(melts).sum();
-            println!("{by_hand:.1} kg by hand");
-            assert!((melted / by_hand - 1.0).abs() < 0.01, "{melted} {by_hand}");
-        }
-    }
-}
-
-/// Snow lies on sand, and the sand is seen where there is no snow.
-#[test]
-fn snow_lies_on_sand() {
-    let splats = half_shaded();
-    let mut cover = cover_of(&splats, &Airflow::default(), [6.0, 3.0, 0.0]);
-    let weather = |snow: f64| {
-        let mut weather = crate::Weather::clear();
-        for text in [format!("snow_cover.depth={snow}"), "dust_cover.depth=0.03".into()] {
-            weather.set_text(&text).unwrap();
-        }
-        weather
-    };
-    let mut lying = |snow: f64| {
-        let sky = weather(snow).at(0.0).prepare(&SITE);
-        (cover.lay_all(sky.cover()), sky.cover().len())
-    };
-    // Sand is redder than it is blue.
-    let sand = |lying: &LyingCover| lying.splats.sh.chunks(3).filter(|rgb| rgb[0] - rgb[2] > 0.2).count();
-    let [(bare, one), (thin, two), (deep, both)] = [0.0, 0.005, 0.2].map(&mut lying);
-    let counts = [&bare, &thin, &deep].map(|lying| (sand(lying), lying.splats.len()));
-    println!("sand and all: {counts:?}");
-    assert_eq!((one, two, both), (1, 2, 2));
-    assert!(counts[0].0 > 10_000 && counts[1].0 >= counts[0].0 && counts[2].0 < counts[0].0 / 10);
-    assert_eq!(bare.settled.len(), cover.rings().len());
-    // The snow is above the sand wherever it is drawn: both splats of a node are at one place.
-    let heights = |lying: &LyingCover, is_sand: bool| -> Vec<f32> {
-        let is = |rgb: &[f32]| (rgb[0] - rgb[2] > 0.2) == is_sand;
-        let all = lying.splats.sh.chunks(3).zip(&lying.splats.means);
-        all.filter(|(rgb, _)| is(rgb)).map(|(_, mean)| mean[2]).collect()
-    };
-    let mean = |heights: &[f32]| heights.iter().sum::<f32>() / heights.len() as f32;
-    let (low, high) = (mean(&heights(&thin, true)), mean(&heights(&thin, false)));
-    println!("sand at {low:.4} m, snow at {high:.4} m");
-    assert!(high > low + 0.005 && high < low + 0.02);
-    // Alone each is as it is without the other.
-    let alone = cover.lay(&weather(0.0).at(0.0).prepare(&SITE).cover()[0]);
-    assert!(alone.splats == bare.splats && alone.buried == bare.buried);
 }
