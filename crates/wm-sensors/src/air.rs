@@ -30,7 +30,7 @@ pub(crate) struct AirPath<'a> {
 
 impl AirPath<'_> {
     /// The share of the rays that go beyond a range, m.
-    pub fn share_beyond(&self, range: f64) -> f64 {
+    pub(crate) fn share_beyond(&self, range: f64) -> f64 {
         self.ends.iter().filter(|end| **end > range).count() as f64 / self.ends.len() as f64
     }
 }

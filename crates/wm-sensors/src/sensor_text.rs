@@ -28,7 +28,7 @@ pub(crate) struct SensorText<'a> {
 
 impl SensorKind {
     /// The preset of a name; `otherwise` says in the error what else may be given.
-    pub fn preset(&self, name: &str, otherwise: &str) -> Result<SensorText<'static>, SensorError> {
+    pub(crate) fn preset(&self, name: &str, otherwise: &str) -> Result<SensorText<'static>, SensorError> {
         let is_same = |known: &str| known.eq_ignore_ascii_case(name.trim());
         if let Some((known, text)) = self.presets.iter().find(|(known, _)| is_same(known)) {
             return Ok(SensorText::new(text, known));
@@ -43,7 +43,7 @@ impl SensorKind {
     }
 
     /// The preset of a name, or the TOML file of that path.
-    pub fn find(&self, name: &str) -> Result<SensorText<'static>, SensorError> {
+    pub(crate) fn find(&self, name: &str) -> Result<SensorText<'static>, SensorError> {
         let preset = self.preset(name, ", or a .toml file");
         let path = Path::new(name);
         if preset.is_ok() || (path.extension().is_none() && !path.exists()) {
@@ -65,12 +65,12 @@ impl SensorKind {
 
 impl<'a> SensorText<'a> {
     /// A text whose errors have the sensor's name.
-    pub fn new(text: &'a str, name: &str) -> Self {
+    pub(crate) fn new(text: &'a str, name: &str) -> Self {
         Self { text: text.into(), name: name.into(), place: name.into() }
     }
 
     /// The value of the text.
-    pub fn parse<T: DeserializeOwned>(&self) -> Result<T, SensorError> {
+    pub(crate) fn parse<T: DeserializeOwned>(&self) -> Result<T, SensorError> {
         toml::from_str(&self.text).map_err(|error| {
             let line = error
                 .span()
@@ -82,7 +82,7 @@ impl<'a> SensorText<'a> {
     }
 
     /// The error of a text that is TOML and makes no sensor.
-    pub fn fault(&self, problem: String) -> SensorError {
+    pub(crate) fn fault(&self, problem: String) -> SensorError {
         SensorError::Model { name: self.place.clone(), location: String::new(), problem }
     }
 }

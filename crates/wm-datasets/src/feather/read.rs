@@ -36,7 +36,7 @@ pub(crate) struct FeatherTable {
 impl FeatherTable {
     /// Reads the columns of these names; others are stepped over. Those that the file does not have
     /// are not in the table.
-    pub fn read(bytes: &[u8], names: &[&str]) -> Result<Self, FeatherFault> {
+    pub(crate) fn read(bytes: &[u8], names: &[&str]) -> Result<Self, FeatherFault> {
         let end = bytes.len();
         if bytes.get(..6) != Some(MAGIC) || end < 24 || bytes.get(end - 6..) != Some(MAGIC) {
             return fault(0, "no Feather file of version 2, or cut off: it must begin and end with ARROW1");
@@ -167,7 +167,7 @@ impl FeatherTable {
     }
 
     /// Takes a column of floats; integers become floats.
-    pub fn floats(&mut self, name: &str) -> Result<Vec<f64>, String> {
+    pub(crate) fn floats(&mut self, name: &str) -> Result<Vec<f64>, String> {
         match self.take(name)? {
             ColumnValues::Floats(values) => Ok(values),
             ColumnValues::Ints(values) => Ok(values.into_iter().map(|v| v as f64).collect()),
@@ -176,7 +176,7 @@ impl FeatherTable {
     }
 
     /// Takes a column of integers.
-    pub fn ints(&mut self, name: &str) -> Result<Vec<i64>, String> {
+    pub(crate) fn ints(&mut self, name: &str) -> Result<Vec<i64>, String> {
         match self.take(name)? {
             ColumnValues::Ints(values) => Ok(values),
             _ => Err(format!("the column {name:?} does not hold whole numbers")),
@@ -184,7 +184,7 @@ impl FeatherTable {
     }
 
     /// Takes a column of texts.
-    pub fn texts(&mut self, name: &str) -> Result<Vec<String>, String> {
+    pub(crate) fn texts(&mut self, name: &str) -> Result<Vec<String>, String> {
         match self.take(name)? {
             ColumnValues::Texts(values) => Ok(values),
             _ => Err(format!("the column {name:?} does not hold texts")),

@@ -46,7 +46,7 @@ pub(super) struct RainClutter {
 
 impl RainClutter {
     /// The power in a cell of range and velocity.
-    pub fn at(&self, range: usize, velocity: usize) -> f64 {
+    pub(super) fn at(&self, range: usize, velocity: usize) -> f64 {
         self.powers.get(range).map_or(0.0, |power| power * self.shares[velocity])
     }
 }
@@ -136,7 +136,7 @@ pub(super) struct PowerCube<'a> {
 }
 
 impl<'a> PowerCube<'a> {
-    pub fn new(model: &'a RadarModel, rows: &'a [Vec<f32>]) -> Self {
+    pub(super) fn new(model: &'a RadarModel, rows: &'a [Vec<f32>]) -> Self {
         Self { model, rows, count: model.cells() }
     }
 
@@ -145,7 +145,7 @@ impl<'a> PowerCube<'a> {
     }
 
     /// The detections of one azimuth, in the order of ranges and velocities.
-    pub fn detections(&self, azimuth: usize) -> Vec<DetectedCell> {
+    pub(super) fn detections(&self, azimuth: usize) -> Vec<DetectedCell> {
         let velocities = self.count[2];
         let least = (FAINT * self.model.threshold()) as f32;
         let first = (self.model.range[0] / self.model.range_cell).ceil() as usize * velocities;

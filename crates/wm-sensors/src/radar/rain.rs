@@ -1,7 +1,7 @@
 //! Rain for a radar: what it takes and what it sends back. Fog and dry snow do neither.
 
 /// Frequencies for which there are numbers, GHz.
-pub const BAND: [f64; 2] = [24.0, 81.0];
+pub(super) const BAND: [f64; 2] = [24.0, 81.0];
 
 /// ITU-R P.838-3, vertical polarisation: a, b and c of each term of `log10 k`, then its slope and
 /// its constant in `log10 f`.

@@ -234,7 +234,7 @@ fn direction(azimuth: f64, elevation: f64) -> DVec3 {
 
 impl FanView<'_> {
     /// The sectors of all cells of azimuth.
-    pub fn sectors(&self, random: &RandomStream) -> Vec<Sector> {
+    pub(super) fn sectors(&self, random: &RandomStream) -> Vec<Sector> {
         let [across, high] = self.model.rays();
         let azimuths = self.model.cells()[1];
         let of_sector = |azimuth: usize| {
