@@ -11,8 +11,8 @@ use wm_weather::optics::sigma_of_mor;
 /// A value and its origin.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Known {
-    pub value: f64,
-    pub basis: Basis,
+    pub(crate) value: f64,
+    pub(crate) basis: Basis,
 }
 
 impl Known {
@@ -37,7 +37,7 @@ pub(crate) enum Carrier {
 }
 
 impl Carrier {
-    pub(crate) fn effect(self) -> &'static str {
+    fn effect(self) -> &'static str {
         match self {
             Self::Droplets => "fog",
             Self::Haze => "haze",
@@ -56,11 +56,11 @@ pub(crate) enum SnowRate {
 /// Wind.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct WindTold {
-    pub speed: Option<Known>,
+    pub(crate) speed: Option<Known>,
     /// Direction it comes from, degrees from north.
-    pub from: Option<Known>,
+    pub(crate) from: Option<Known>,
     /// Standard deviation of the speed as a share of it.
-    pub gusts: Option<Known>,
+    pub(crate) gusts: Option<Known>,
 }
 
 /// The sun.
@@ -81,35 +81,35 @@ pub(crate) enum Sun {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Conditions {
     /// mm/h of water.
-    pub rain: Option<Known>,
-    pub snow: Option<SnowRate>,
-    pub hail: Option<Known>,
+    pub(crate) rain: Option<Known>,
+    pub(crate) snow: Option<SnowRate>,
+    pub(crate) hail: Option<Known>,
     /// Factor on the size of stones.
-    pub hail_size: Option<Known>,
+    pub(crate) hail_size: Option<Known>,
     /// m.
-    pub visibility: Option<Known>,
-    pub carrier: Option<(Carrier, Basis)>,
+    pub(crate) visibility: Option<Known>,
+    pub(crate) carrier: Option<(Carrier, Basis)>,
     /// Fog below 2 m, under air of the visibility that is told.
-    pub shallow_fog: Option<Basis>,
-    pub wind: WindTold,
+    pub(crate) shallow_fog: Option<Basis>,
+    pub(crate) wind: WindTold,
     /// Cloud cover, 0-1.
-    pub clouds: Option<Known>,
+    pub(crate) clouds: Option<Known>,
     /// Flashes a minute, and their distance, m.
-    pub lightning: Option<(Known, f64)>,
+    pub(crate) lightning: Option<(Known, f64)>,
     /// Degrees Celsius.
-    pub temperature: Option<Known>,
+    pub(crate) temperature: Option<Known>,
     /// 0-1.
-    pub humidity: Option<Known>,
+    pub(crate) humidity: Option<Known>,
     /// Lying snow, m.
-    pub snow_depth: Option<Known>,
+    pub(crate) snow_depth: Option<Known>,
     /// Minutes of rain before, its rate, mm/h, and minutes since it stopped.
-    pub rained: Option<([f64; 3], Basis)>,
+    pub(crate) rained: Option<([f64; 3], Basis)>,
     /// Wetness of the ground and share of full puddles, 0-1.
-    pub wetness: Option<Known>,
-    pub puddles: Option<Known>,
+    pub(crate) wetness: Option<Known>,
+    pub(crate) puddles: Option<Known>,
     /// Depth of lying dust, m.
-    pub dust_depth: Option<Known>,
-    pub sun: Sun,
+    dust_depth: Option<Known>,
+    pub(crate) sun: Sun,
 }
 
 /// Height of shallow fog, m, and its visibility at the ground, m.

@@ -11,9 +11,9 @@ const LID: f64 = 300.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Air {
     /// Meteorological optical range, m.
-    pub mor: f64,
+    pub(crate) mor: f64,
     /// Linear radiance that endless haze has.
-    pub airlight: DVec3,
+    pub(crate) airlight: DVec3,
 }
 
 impl Air {

@@ -17,22 +17,22 @@ const RAGGED: f64 = 0.12;
 #[derive(Clone, Debug)]
 pub(crate) struct Strip {
     /// The points of its middle line.
-    pub line: Vec<DVec2>,
+    pub(crate) line: Vec<DVec2>,
     /// Half its width, m.
-    pub half: f64,
-    pub paint: PaintId,
+    pub(crate) half: f64,
+    pub(crate) paint: PaintId,
     /// Width of worn ground beside it, m.
-    pub verge: f64,
+    pub(crate) verge: f64,
 }
 
 /// An ellipse along the axes with a ragged edge.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bed {
-    pub center: DVec2,
-    pub radii: DVec2,
-    pub paint: PaintId,
+    pub(crate) center: DVec2,
+    pub(crate) radii: DVec2,
+    pub(crate) paint: PaintId,
     /// Most that its edge is off the ellipse, as a share of the radii.
-    pub ragged: f64,
+    pub(crate) ragged: f64,
 }
 
 /// The cover of a mesh of ground.

@@ -35,20 +35,20 @@ const OVERCAST_GUESS: DVec3 = DVec3::new(2.11, 2.16, 2.25);
 /// The number of rays of a point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Budget {
-    pub sun: u32,
-    pub sky: u32,
+    pub(crate) sun: u32,
+    pub(crate) sky: u32,
 }
 
 /// The turn and shift of a point's set of rays against that of its neighbours, both 0-1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turn {
-    pub angle: f64,
-    pub shift: f64,
+    angle: f64,
+    shift: f64,
 }
 
 impl Turn {
     /// By a hash of the position: neighbours differ at random.
-    pub(super) fn at(point: DVec3) -> Self {
+    fn at(point: DVec3) -> Self {
         let key = key_of(point);
         Self { angle: unit(key, 3), shift: unit(key, 4) }
     }
@@ -181,7 +181,7 @@ impl Place {
     }
 
     /// Light from all sides but the sun, gathered by `rays` rays over the side of `normal`.
-    pub(super) fn gather(&self, point: DVec3, normal: DVec3, turn: Turn, rays: u32) -> Gathered {
+    fn gather(&self, point: DVec3, normal: DVec3, turn: Turn, rays: u32) -> Gathered {
         let (x, y) = around(normal);
         let origin = point + normal * OFF;
         let mut gathered = Gathered { irradiance: DVec3::ZERO, buried: 0.0 };
@@ -322,25 +322,25 @@ impl Place {
 /// The light that [`Place::gather`] found.
 pub(super) struct Gathered {
     /// Irradiance without the sun.
-    pub irradiance: DVec3,
+    irradiance: DVec3,
     /// The share of rays that met the inside of something: a buried point has a large one.
-    pub buried: f64,
+    buried: f64,
 }
 
 /// The light at a spot.
 pub(super) struct Incident {
     /// The normal on the side that is seen.
-    pub facing: DVec3,
+    pub(crate) facing: DVec3,
     /// The share of the sun that is seen.
-    pub sun: f64,
+    pub(crate) sun: f64,
     /// Irradiance from all else.
-    pub sky: DVec3,
+    sky: DVec3,
     /// The share of rays that are buried, as [`Gathered::buried`].
-    pub buried: f64,
+    pub(crate) buried: f64,
 }
 
 /// Unit vectors across and up a surface of the given normal; x and y on level ground.
-pub(super) fn tangents(normal: DVec3) -> (DVec3, DVec3) {
+fn tangents(normal: DVec3) -> (DVec3, DVec3) {
     if normal.z.abs() > 0.98 {
         return (DVec3::X, DVec3::Y);
     }

@@ -185,20 +185,20 @@ impl Label {
 /// A material with its colours.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Paint {
-    pub material: Material,
+    pub(crate) material: Material,
     /// Main colour, linear albedo.
-    pub color: DVec3,
+    pub(crate) color: DVec3,
     /// The other colour: mortar, stripes, flowers, yellowed leaves; linear albedo.
-    pub accent: DVec3,
+    pub(crate) accent: DVec3,
     /// Key of the pattern.
-    pub seed: u32,
+    pub(crate) seed: u32,
 }
 
 /// The place of a paint in the list.
 pub(super) type PaintId = u16;
 
 /// Linear value of an sRGB-encoded one, 0-1.
-pub(super) fn linear_of(encoded: f64) -> f64 {
+fn linear_of(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 

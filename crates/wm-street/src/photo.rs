@@ -34,18 +34,18 @@ pub struct PhotoPixel {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Casting {
     /// A pixel is the mean of this squared rays.
-    pub samples: u32,
+    pub(crate) samples: u32,
     /// Rays for the light of each.
-    pub budget: Budget,
+    pub(crate) budget: Budget,
     /// Rays for the light of a pixel that has one ray alone.
-    pub plain: Budget,
+    pub(crate) plain: Budget,
     /// The haze that they pass through.
-    pub air: Option<Air>,
+    pub(crate) air: Option<Air>,
 }
 
 impl Casting {
     /// The usual one of `samples`.
-    pub(crate) fn of(samples: u32) -> Self {
+    fn of(samples: u32) -> Self {
         let budget = if samples > 1 { SHARED } else { CAST };
         Self { samples: samples.max(1), budget, plain: budget, air: None }
     }

@@ -22,7 +22,7 @@ const FOOTPRINT: f64 = 0.0012;
 /// A place with everything in it.
 #[derive(Clone, Debug)]
 pub struct Place {
-    pub(crate) name: &'static str,
+    name: &'static str,
     pub(crate) seed: u64,
     /// What stands still in the order of `tree`, then what moves in the order of `movers`.
     pub(crate) primitives: Vec<Primitive>,
@@ -31,7 +31,7 @@ pub struct Place {
     /// The number of primitives that stand still.
     fixed: usize,
     movers: Bvh,
-    pub(crate) cover: GroundCover,
+    cover: GroundCover,
     lamps: Vec<Lamp>,
     windows: Vec<LitWindow>,
     pub(crate) lighting: Lighting,

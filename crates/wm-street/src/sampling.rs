@@ -30,14 +30,14 @@ const SKY: f64 = 16_000.0;
 /// Those for whom splats are made: people on a line along y.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Audience {
-    pub x: f64,
+    pub(crate) x: f64,
     /// The ends of their line, m.
-    pub y: (f64, f64),
+    pub(crate) y: (f64, f64),
     /// Height of their eyes, m.
-    pub z: f64,
+    pub(crate) z: f64,
     /// The way that they look: a point is seen from this much before it, as a share of its distance
     /// from the line. At 0 they look around; above 0 nobody looks back beyond the line's beginning.
-    pub lead: f64,
+    pub(crate) lead: f64,
 }
 
 impl Audience {
@@ -52,18 +52,18 @@ impl Audience {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
     /// The primitive.
-    pub which: u32,
-    pub kind: Cell,
+    pub(crate) which: u32,
+    pub(crate) kind: Cell,
     /// Lowest surface coordinates.
-    pub low: [f32; 2],
+    pub(crate) low: [f32; 2],
     /// Extent in surface coordinates.
-    pub size: [f32; 2],
-    pub nu: u32,
-    pub nv: u32,
+    pub(crate) size: [f32; 2],
+    pub(crate) nu: u32,
+    pub(crate) nv: u32,
     /// Index of its first cell.
-    pub first: usize,
+    pub(crate) first: usize,
     /// A Gaussian's distance from the primitive's edges is at least this many standard deviations.
-    pub reserve: f32,
+    pub(crate) reserve: f32,
 }
 
 /// The form of the Gaussian of a cell.

@@ -43,15 +43,15 @@ impl Cell {
 
 /// A table as it is in a file.
 pub(super) struct RawTable<'a> {
-    pub place: Option<[f64; 2]>,
-    pub utc_offset: i64,
+    pub(crate) place: Option<[f64; 2]>,
+    pub(crate) utc_offset: i64,
     /// Names and units; an empty unit for none.
-    pub columns: Vec<(String, String)>,
-    pub rows: Vec<Vec<Cell>>,
+    pub(crate) columns: Vec<(String, String)>,
+    pub(crate) rows: Vec<Vec<Cell>>,
     /// An error in a row and column of the table.
-    pub fault: &'a dyn Fn(usize, &str, String) -> ReportError,
+    pub(crate) fault: &'a dyn Fn(usize, &str, String) -> ReportError,
     /// An error of the whole.
-    pub whole: &'a dyn Fn(String) -> ReportError,
+    pub(crate) whole: &'a dyn Fn(String) -> ReportError,
 }
 
 impl RawTable<'_> {

@@ -14,13 +14,13 @@ const LIT: f64 = 0.3;
 /// Paints of a facade.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Finish {
-    pub wall: PaintId,
-    pub plinth: PaintId,
-    pub stone: PaintId,
-    pub frame: PaintId,
-    pub glass: PaintId,
-    pub door: PaintId,
-    pub metal: PaintId,
+    pub(crate) wall: PaintId,
+    pub(crate) plinth: PaintId,
+    pub(crate) stone: PaintId,
+    pub(crate) frame: PaintId,
+    pub(crate) glass: PaintId,
+    pub(crate) door: PaintId,
+    pub(crate) metal: PaintId,
 }
 
 /// The filling of an opening.
@@ -39,11 +39,11 @@ pub(super) enum Filling {
 /// A rectangular hole in a wall; `x`, `z` of its lower left corner in the wall's frame, m.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Opening {
-    pub x: f64,
-    pub z: f64,
-    pub width: f64,
-    pub height: f64,
-    pub filling: Filling,
+    pub(crate) x: f64,
+    pub(crate) z: f64,
+    pub(crate) width: f64,
+    pub(crate) height: f64,
+    pub(crate) filling: Filling,
 }
 
 /// The wall from the frame's origin to the right and up, with its openings filled.

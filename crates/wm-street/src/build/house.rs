@@ -29,31 +29,31 @@ pub(super) enum Dress {
 /// A house. In its frame the front runs along x from 0 to `width` at y = 0.
 #[derive(Clone, Debug)]
 pub(super) struct House {
-    pub width: f64,
-    pub depth: f64,
-    pub storeys: u32,
+    pub(crate) width: f64,
+    pub(crate) depth: f64,
+    pub(crate) storeys: u32,
     /// Height of a storey, m.
-    pub storey: f64,
-    pub pitch: f64,
-    pub ridge: Ridge,
-    pub columns: u32,
+    pub(crate) storey: f64,
+    pub(crate) pitch: f64,
+    pub(crate) ridge: Ridge,
+    pub(crate) columns: u32,
     /// Column of the door; a shop front takes all other columns of the ground floor where `shop`.
-    pub door: u32,
-    pub shop: bool,
-    pub window: Filling,
-    pub dress: Dress,
-    pub dormers: u32,
-    pub chimneys: Vec<f64>,
-    pub roof: PaintId,
-    pub chimney: PaintId,
-    pub finish: Finish,
+    pub(crate) door: u32,
+    pub(crate) shop: bool,
+    pub(crate) window: Filling,
+    pub(crate) dress: Dress,
+    pub(crate) dormers: u32,
+    pub(crate) chimneys: Vec<f64>,
+    pub(crate) roof: PaintId,
+    pub(crate) chimney: PaintId,
+    pub(crate) finish: Finish,
 }
 
 /// Height of the ground floor above the ground, m.
 const FLOOR: f64 = 0.30;
 
 impl House {
-    pub(super) fn eaves(&self) -> f64 {
+    fn eaves(&self) -> f64 {
         FLOOR + f64::from(self.storeys) * self.storey + 0.25
     }
 

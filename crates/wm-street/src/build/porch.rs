@@ -8,11 +8,11 @@ use glam::DVec3;
 /// The part of the porch that its roof shelters, in its frame: from and to along x, depth, m.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Porch {
-    pub from: f64,
-    pub to: f64,
-    pub depth: f64,
+    pub(crate) from: f64,
+    pub(crate) to: f64,
+    pub(crate) depth: f64,
     /// Height of its floor, m.
-    pub floor: f64,
+    pub(crate) floor: f64,
 }
 
 impl Porch {

@@ -20,7 +20,7 @@ pub(super) const WATER: f64 = -0.35;
 pub(super) const LAWN: (DVec2, f64) = (DVec2::new(28.0, -27.0), 14.0);
 
 /// The distance from the pond's middle, 1 at its shore.
-pub(super) fn pond_reach(p: DVec2) -> f64 {
+fn pond_reach(p: DVec2) -> f64 {
     let (center, radii) = POND;
     let way = (p - center) / radii;
     way.length() * (1.0 + 0.14 * noise2(p / 6.0, 63))

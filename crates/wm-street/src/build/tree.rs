@@ -13,26 +13,26 @@ use glam::DVec3;
 /// The kind of tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kind {
-    pub height: f64,
+    pub(crate) height: f64,
     /// The height of the crown's lower end above the foot, m.
-    pub base: f64,
+    pub(crate) base: f64,
     /// Largest radius of the crown, m.
-    pub radius: f64,
+    pub(crate) radius: f64,
     /// The share of the crown's height at which it is widest, 0-1.
-    pub widest: f64,
+    pub(crate) widest: f64,
     /// Radius of the trunk at breast height, m.
-    pub trunk: f64,
-    pub clusters: u32,
+    pub(crate) trunk: f64,
+    pub(crate) clusters: u32,
     /// Leaves of a cluster.
-    pub leaves: u32,
+    pub(crate) leaves: u32,
     /// Length of a leaf, m.
-    pub leaf: f64,
+    pub(crate) leaf: f64,
     /// The droop of twigs and leaves, 0-1.
-    pub droop: f64,
-    pub bark: PaintId,
-    pub foliage: PaintId,
+    pub(crate) droop: f64,
+    pub(crate) bark: PaintId,
+    pub(crate) foliage: PaintId,
     /// Berries or blossoms, if any.
-    pub fruit: Option<PaintId>,
+    pub(crate) fruit: Option<PaintId>,
 }
 
 struct Joint {

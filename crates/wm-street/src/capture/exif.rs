@@ -14,13 +14,13 @@ const LIES: u64 = 47;
 /// The facts that EXIF states.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ExifFacts {
-    pub maker: &'static str,
-    pub model: &'static str,
+    pub(crate) maker: &'static str,
+    pub(crate) model: &'static str,
     /// Seconds since 1970, UTC.
-    pub time: i64,
+    pub(crate) time: i64,
     /// Focal length of a full frame of the same angle of view, mm.
-    pub focal: f64,
-    pub gps: Option<Gps>,
+    pub(crate) focal: f64,
+    pub(crate) gps: Option<Gps>,
 }
 
 /// What photo `index` states, lies included.

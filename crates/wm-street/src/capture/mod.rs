@@ -151,15 +151,15 @@ const FALL: u64 = 43;
 
 /// A photo that was taken: its facts for `truth.json`.
 pub(crate) struct Taken {
-    pub name: String,
-    pub shot: Shot,
+    name: String,
+    shot: Shot,
     /// Exposure against the others, EV.
-    pub exposure: f64,
+    exposure: f64,
     /// Motion of the picture while it was exposed, px.
-    pub blur: glam::DVec2,
-    pub gps: Gps,
+    blur: glam::DVec2,
+    gps: Gps,
     /// Share of the pixels that show movers.
-    pub moving: f64,
+    moving: f64,
 }
 
 /// Writes a capture to a folder, which is created if needed, and returns it as it is read from

@@ -11,11 +11,11 @@ use wm_scene::{Camera, CameraError};
 /// A photo to be taken.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shot {
-    pub camera: Camera,
+    pub(crate) camera: Camera,
     /// Seconds after the first photo.
-    pub time: f64,
+    pub(crate) time: f64,
     /// Motion of the picture while it is exposed by the hand that holds it, px.
-    pub shake: DVec2,
+    pub(crate) shake: DVec2,
 }
 
 /// Vertical field of view of a drone's camera, degrees: 24 mm on full frame.
