@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Width and height of its pictures, px.
-pub const SIZE: (u32, u32) = (64, 40);
+pub(crate) const SIZE: (u32, u32) = (64, 40);
 /// Frames of a clip.
 pub const FRAMES: u32 = 20;
 /// Frames of a block.
@@ -135,7 +135,7 @@ pub fn readings(set: &SetInfo) -> Vec<ReadingInfo> {
 }
 
 /// A point of the world that all lidars hit and pictures show as a red spot, m.
-pub const SPOT: DVec3 = DVec3::new(30.0, 2.0, 1.0);
+pub(crate) const SPOT: DVec3 = DVec3::new(30.0, 2.0, 1.0);
 
 /// Writes the set in a layout, eight frames a block.
 ///
@@ -149,7 +149,11 @@ pub fn write(layout: &dyn Layout, files: &mut dyn FileSink) -> Result<(), SetErr
 ///
 /// # Errors
 /// Those of the layout.
-pub fn write_in_blocks(layout: &dyn Layout, frames: u32, files: &mut dyn FileSink) -> Result<(), SetError> {
+pub(crate) fn write_in_blocks(
+    layout: &dyn Layout,
+    frames: u32,
+    files: &mut dyn FileSink,
+) -> Result<(), SetError> {
     let set = set();
     layout.check(&set)?;
     let clips = clips();

@@ -91,7 +91,7 @@ pub enum ReturnRank {
 
 /// Light that comes back at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Echo {
+pub(crate) struct Echo {
     /// Distance from the sensor, m.
     pub range: f64,
     /// Power, 1/m^2: `share rho cos(theta) T^2 xi / range^2`.

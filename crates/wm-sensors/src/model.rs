@@ -11,7 +11,7 @@ const MOST_BYTES: u64 = 64 << 20;
 /// Speed of light, m/s.
 const LIGHT: f64 = 299_792_458.0;
 /// Reflectance of the target that data sheets give a range of.
-pub const TARGET: f64 = 0.1;
+pub(crate) const TARGET: f64 = 0.1;
 
 /// A kind of lidar.
 #[derive(Clone, Debug, PartialEq)]
@@ -178,7 +178,7 @@ impl LidarModel {
 
     /// Power of the weakest echo that is detected without noise, as `reflectance / range^2`, 1/m^2.
     #[must_use]
-    pub fn least_power(&self) -> f64 {
+    pub(crate) fn least_power(&self) -> f64 {
         TARGET / (self.reference_range * self.reference_range)
     }
 
@@ -190,7 +190,7 @@ impl LidarModel {
     /// detector has the share by area. So what fills the beam sends the same power from all ranges
     /// below that of full overlap: the "near-distance effect" of laser scanners.
     #[must_use]
-    pub fn overlap_at(&self, range: f64) -> f64 {
+    pub(crate) fn overlap_at(&self, range: f64) -> f64 {
         let [begin, end] = self.overlap;
         if range >= end {
             return 1.0;
@@ -200,7 +200,7 @@ impl LidarModel {
 
     /// Returns true if water absorbs its light within millimetres.
     #[must_use]
-    pub fn is_absorbed(&self) -> bool {
+    pub(crate) fn is_absorbed(&self) -> bool {
         self.wavelength > 1380.0
     }
 }

@@ -63,21 +63,21 @@ impl SurfaceStates for DrySurfaces {
 
 /// The reflectance of a dry surface of a display-referred colour.
 #[must_use]
-pub fn dry_reflectance(rgb: [f64; 3]) -> f64 {
+pub(crate) fn dry_reflectance(rgb: [f64; 3]) -> f64 {
     let light = luminance(rgb.map(|v| srgb_decode(v.clamp(0.0, 1.0))));
     BY_COLOR[0] + BY_COLOR[1] * light
 }
 
 /// The reflectance of lying snow.
 #[must_use]
-pub fn snow_reflectance(is_absorbed: bool) -> f64 {
+pub(crate) fn snow_reflectance(is_absorbed: bool) -> f64 {
     SNOW[usize::from(is_absorbed)]
 }
 
 /// The reflectance of a surface in a state, for a beam whose cosine to the normal is `cosine`;
 /// `dry` is that without water.
 #[must_use]
-pub fn wet_reflectance(dry: f64, state: &SurfaceState, cosine: f64) -> f64 {
+pub(crate) fn wet_reflectance(dry: f64, state: &SurfaceState, cosine: f64) -> f64 {
     let through = 1.0 - mirrored(cosine);
     let index = f64::from(WATER_INDEX);
     let film = through * through / (index * index * (1.0 - BACK * dry));
@@ -87,7 +87,7 @@ pub fn wet_reflectance(dry: f64, state: &SurfaceState, cosine: f64) -> f64 {
 
 /// The share that a film of water mirrors.
 #[must_use]
-pub fn mirrored(cosine: f64) -> f64 {
+pub(crate) fn mirrored(cosine: f64) -> f64 {
     f64::from(fresnel(cosine as f32))
 }
 

@@ -26,7 +26,7 @@
 use super::{BlockWriter, FileSink, Layout};
 use crate::cameras::{cameras, distortion, picture, refuse, wxyz_and_translation};
 use crate::feather::{FeatherColumn, feather};
-use crate::{BlockInfo, ClipInfo, ClipRecord, SetError, DatasetPoint, SensorReading, ReadingData, SetInfo};
+use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetPoint, ReadingData, SensorReading, SetError, SetInfo};
 use crate::{SensorInfo, SensorInfoKind, picture_files};
 use glam::{DVec3, Vec3};
 use half::f16;
@@ -68,11 +68,17 @@ impl Layout for Argoverse2 {
         let lidars: Vec<_> = lidars(set).collect();
         if lidars.len() > 1 {
             let names = lidars.iter().map(|(sensor, _)| sensor.name.as_str()).collect::<Vec<_>>().join(", ");
-            return Err(refuse(NAME, format!("it holds one lidar and the rig has {names}; keep one of them")));
+            return Err(refuse(
+                NAME,
+                format!("it holds one lidar and the rig has {names}; keep one of them"),
+            ));
         }
         if let Some((sensor, rings)) = lidars.iter().find(|(_, rings)| *rings > 256) {
             let name = &sensor.name;
-            return Err(refuse(NAME, format!("lidar \"{name}\" has {rings} rings; choose a model with at most 256")));
+            return Err(refuse(
+                NAME,
+                format!("lidar \"{name}\" has {rings} rings; choose a model with at most 256"),
+            ));
         }
         if lidars.is_empty() && cameras(set).next().is_none() {
             return Err(refuse(NAME, "the rig has neither a camera nor a lidar; add one"));
@@ -80,13 +86,22 @@ impl Layout for Argoverse2 {
         for (_, sensor, camera) in cameras(set) {
             let name = &sensor.name;
             let Some([_, _, p1, p2, _]) = distortion(camera) else {
-                return Err(refuse(NAME, format!("camera \"{name}\" is no pinhole with distortion; change its lens")));
+                return Err(refuse(
+                    NAME,
+                    format!("camera \"{name}\" is no pinhole with distortion; change its lens"),
+                ));
             };
             if p1 != 0.0 || p2 != 0.0 {
-                return Err(refuse(NAME, format!("it has no place for p1 and p2 of camera \"{name}\"; set them to 0")));
+                return Err(refuse(
+                    NAME,
+                    format!("it has no place for p1 and p2 of camera \"{name}\"; set them to 0"),
+                ));
             }
             if camera.size.0.max(camera.size.1) > u32::from(u16::MAX) {
-                return Err(refuse(NAME, format!("camera \"{name}\" has a side of more than 65535 px; make it smaller")));
+                return Err(refuse(
+                    NAME,
+                    format!("camera \"{name}\" has a side of more than 65535 px; make it smaller"),
+                ));
             }
         }
         Ok(())
@@ -259,18 +274,16 @@ fn annotations() -> Vec<FeatherColumn> {
 
 /// Writes a table.
 fn write(files: &mut dyn FileSink, path: String, columns: &[FeatherColumn]) -> Result<(), SetError> {
-    let bytes = feather(columns).map_err(|error| SetError::Write {
-        path: PathBuf::from(&path),
-        problem: error.to_string(),
-    })?;
+    let bytes = feather(columns)
+        .map_err(|error| SetError::Write { path: PathBuf::from(&path), problem: error.to_string() })?;
     files.write(&path, &bytes)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{self, MemorySink, SPOT};
     use crate::feather::FeatherTable;
+    use crate::testing::{self, MemorySink, SPOT};
     use glam::DQuat;
 
     const POSE: [&str; 7] = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
@@ -308,7 +321,10 @@ mod tests {
         let (names, rig_from_sensor) = (sensors.texts("sensor_name").unwrap(), poses(&mut sensors));
         let k = ["fx_px", "fy_px", "cx_px", "cy_px"];
         let intrinsics = rows(&mut table(&files, &format!("{log}/calibration/intrinsics.feather"), &k), k);
-        assert_eq!(names, ["ring_front_center", "ring_front_left", "ring_front_right", "up_lidar", "down_lidar"]);
+        assert_eq!(
+            names,
+            ["ring_front_center", "ring_front_left", "ring_front_right", "up_lidar", "down_lidar"]
+        );
         let mut seen = 0;
         for info in testing::readings(&set) {
             let row = info.frame as usize;
@@ -326,7 +342,9 @@ mod tests {
                     seen += 1;
                 }
                 let name = &names[info.sensor];
-                assert!(files.0[&format!("{log}/sensors/cameras/{name}/{stamp}.jpg")].starts_with(&[0xff, 0xd8]));
+                assert!(
+                    files.0[&format!("{log}/sensors/cameras/{name}/{stamp}.jpg")].starts_with(&[0xff, 0xd8])
+                );
             } else if matches!(set.sensors[info.sensor].kind, SensorInfoKind::Lidar { .. }) {
                 let axes = ["x", "y", "z"];
                 let path = format!("{log}/sensors/lidar/{stamp}.feather");

@@ -11,7 +11,7 @@
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
 use super::{BlockWriter, FileSink, Layout};
-use crate::{BlockInfo, ClipInfo, ClipRecord, SetError, SensorReading, SetInfo};
+use crate::{BlockInfo, ClipInfo, ClipRecord, SensorReading, SetError, SetInfo};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -42,7 +42,11 @@ impl Layout for KittiObject {
                 KittiFile::Labels => None,
             }
         };
-        Box::new(ObjectFiles { calibration: KittiRig::new(block.set).object_file(), files: KittiFiles::new(block, path), block })
+        Box::new(ObjectFiles {
+            calibration: KittiRig::new(block.set).object_file(),
+            files: KittiFiles::new(block, path),
+            block,
+        })
     }
 
     fn tables(
@@ -107,7 +111,9 @@ impl<P: Fn(KittiFile, u32) -> Option<String> + Send> BlockWriter for ObjectFiles
     fn write(&mut self, reading: &SensorReading<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         self.files.write(reading, files)?;
         let (info, clip) = (&reading.info, self.block.clip);
-        if info.is_key && KittiRig::new(self.block.set).slots().next().map(|(sensor, _)| sensor) == Some(info.sensor) {
+        if info.is_key
+            && KittiRig::new(self.block.set).slots().next().map(|(sensor, _)| sensor) == Some(info.sensor)
+        {
             let number = first_number(self.block.set, clip) + u64::from(info.frame);
             let folder = folder(clip);
             files.write(&format!("{folder}/calib/{number:06}.txt"), self.calibration.as_bytes())?;

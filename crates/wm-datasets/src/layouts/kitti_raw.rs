@@ -56,7 +56,8 @@ impl Layout for KittiRaw {
             let record = record?;
             let (clip, drive) = (&record.clip, drive_folder(&record.clip));
             if days.insert(UtcTime::new(clip.start).date('_')) {
-                let (day, calibrated) = (UtcTime::new(clip.start).date('_'), UtcTime::new(clip.start).to_string());
+                let (day, calibrated) =
+                    (UtcTime::new(clip.start).date('_'), UtcTime::new(clip.start).to_string());
                 for (name, text) in [
                     ("cam_to_cam", rig.cam_to_cam_file(&calibrated)),
                     ("velo_to_cam", rig.velo_to_cam_file(&calibrated)),

@@ -46,10 +46,14 @@ impl Layout for Nerfstudio {
         for (_, sensor, camera) in cameras(set) {
             let name = &sensor.name;
             let Some((model, _)) = lens(camera) else {
-                return Err(refuse(NAME, format!("camera \"{name}\" is equirectangular; give it another lens")));
+                return Err(refuse(
+                    NAME,
+                    format!("camera \"{name}\" is equirectangular; give it another lens"),
+                ));
             };
             if *first.get_or_insert(model) != model {
-                let problem = format!("all cameras must be fisheyes or none; change the lens of camera \"{name}\"");
+                let problem =
+                    format!("all cameras must be fisheyes or none; change the lens of camera \"{name}\"");
                 return Err(refuse(NAME, problem));
             }
         }
@@ -91,7 +95,8 @@ fn transforms(set: &SetInfo, records: &[ClipRecord]) -> Value {
     let by_sensor: Vec<Option<&CameraInfo>> = (0..set.sensors.len())
         .map(|sensor| cameras(set).find(|(index, _, _)| *index == sensor).map(|(_, _, camera)| camera))
         .collect();
-    let readings = records.iter().flat_map(|record| record.readings.iter().map(move |info| (&record.clip, info)));
+    let readings =
+        records.iter().flat_map(|record| record.readings.iter().map(move |info| (&record.clip, info)));
     let frames = readings.filter_map(|(clip, info)| {
         let camera = by_sensor[info.sensor]?;
         // OpenGL's axes: y and z the other way.

@@ -14,7 +14,7 @@
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
 use super::surface_classes::semantic_kitti_classes;
 use super::{BlockWriter, FileSink, Layout};
-use crate::{BlockInfo, ClipRecord, SetError, DatasetPoint, PointSource, SetInfo};
+use crate::{BlockInfo, ClipRecord, DatasetPoint, PointSource, SetError, SetInfo};
 
 pub(super) const LAYOUT: SemanticKitti = SemanticKitti {
     name: "semantic-kitti",

@@ -29,14 +29,14 @@ use wm_scene::{Camera, FormatError};
 
 pub use capture::{LogCaptureOptions, LogCaptureStep, LogCaptureSummary};
 pub use sweep::{LogPoint, LogSweep};
-pub use track::{EgoTrack, LogBox, LogTrack};
+pub use track::{LogBox, LogTrack};
 
 macro_rules! logs {
     ($($name:ident),+ $(,)?) => {
         $(mod $name;)+
 
         /// Every format of driving logs, in the order in which they are tried.
-        pub const LOG_FORMATS: &[LogFormat] = &[$($name::FORMAT),+];
+        const LOG_FORMATS: &[LogFormat] = &[$($name::FORMAT),+];
     };
 }
 
@@ -50,11 +50,9 @@ mod kitti;
 mod kitti_tracklets;
 
 /// A format of driving logs.
-pub struct LogFormat {
-    /// Its name in messages.
-    pub name: &'static str,
-    /// A description in one line.
-    pub about: &'static str,
+pub(crate) struct LogFormat {
+    /// The name in messages.
+    name: &'static str,
     /// The log in a folder; `None` if it is not of this format.
     read: fn(&Path, &LogOptions) -> Result<Option<DrivingLog>, FormatError>,
 }
@@ -281,7 +279,7 @@ impl DrivingLog {
 
     /// Boxes of what moves at some time of the log, at a time, ns.
     #[must_use]
-    pub fn movers_at(&self, time: i64) -> Vec<LogBox> {
+    pub(crate) fn movers_at(&self, time: i64) -> Vec<LogBox> {
         self.tracks.iter().filter(|track| track.is_mover).filter_map(|track| track.at(time)).collect()
     }
 }

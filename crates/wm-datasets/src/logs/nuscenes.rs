@@ -9,8 +9,8 @@ use super::files::{fault, folders_in, name_of, pose_of_quaternion, read_table, s
 use super::records::{Candidate, Records, choose};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::{
-    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack, displaced,
-    empty_log, is_asked, moved,
+    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack,
+    displaced, empty_log, is_asked, moved,
 };
 use crate::RigidPose;
 use glam::DVec3;
@@ -19,18 +19,15 @@ use serde::{Deserialize, Deserializer};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 use wm_scene::FormatError;
-use wm_scene::file_index::{FileIndex, FileKind, FilePlace, Found};
 use wm_scene::capture::Distortion;
+use wm_scene::file_index::{FileIndex, FileKind, FilePlace, Found};
 
 /// The entry of [`super::LOG_FORMATS`].
-pub(super) const FORMAT: LogFormat = LogFormat {
-    name: "nuScenes",
-    about: "the root of nuScenes or of a set in its layout, with samples, sweeps and v1.0-VERSION; one scene of it",
-    read,
-};
+pub(super) const FORMAT: LogFormat = LogFormat { name: "nuScenes", read };
 
 /// Pictures and sweeps.
-const FILES: FileKind = FileKind { extensions: &["jpg", "jpeg", "png", "bin", "pcd"], endings: &[], skipped: &[] };
+const FILES: FileKind =
+    FileKind { extensions: &["jpg", "jpeg", "png", "bin", "pcd"], endings: &[], skipped: &[] };
 /// Share of the pictures of key frames from which on a scene's files are there.
 const WHOLE: f64 = 0.9;
 /// Most records of one scene in a table.
@@ -162,7 +159,8 @@ struct Calibrated {
 }
 
 fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
-    let is_version = |folder: &PathBuf| folder.join("scene.json").is_file() && folder.join("sample_data.json").is_file();
+    let is_version =
+        |folder: &PathBuf| folder.join("scene.json").is_file() && folder.join("sample_data.json").is_file();
     let whole = std::path::absolute(path).map_err(|e| FormatError::reading(path, e))?;
     let (versions, root) = if is_version(&whole) {
         let root = whole.parent().unwrap_or(&whole).to_owned();
@@ -185,7 +183,10 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let sensors = calibrated(&version)?;
     let data = data(&version, &samples, &sensors, options)?;
     let poses = ego_poses(&version, &data, &mut records)?;
-    let first = data.iter().filter(|record| poses.contains_key(&record.ego_pose_token)).min_by_key(|record| record.timestamp);
+    let first = data
+        .iter()
+        .filter(|record| poses.contains_key(&record.ego_pose_token))
+        .min_by_key(|record| record.timestamp);
     let first = first.and_then(|record| poses.get(&record.ego_pose_token));
     log.origin = first.map_or(DVec3::ZERO, |pose| pose.translation);
     if let Some((_, place)) = MAPS.iter().find(|(name, _)| Some(*name) == map.as_deref()) {
@@ -226,8 +227,10 @@ fn scene(
         } else {
             vec![None; scenes.len()]
         };
-        let candidate = |(scene, lacks): (SceneRecord, Option<String>)| {
-            Candidate { name: scene.name.clone(), value: scene, lacks }
+        let candidate = |(scene, lacks): (SceneRecord, Option<String>)| Candidate {
+            name: scene.name.clone(),
+            value: scene,
+            lacks,
         };
         let candidates = scenes.into_iter().zip(lacks).map(candidate).collect();
         match choose(&version.join("scene.json"), "scenes", candidates, asked.as_deref()) {
@@ -235,7 +238,9 @@ fn scene(
                 notes.extend(note);
                 if versions.len() > 1 {
                     let own = name_of(version);
-                    notes.push(format!("of the versions {known}, {own} is read; give the folder of another to read that"));
+                    notes.push(format!(
+                        "of the versions {known}, {own} is read; give the folder of another to read that"
+                    ));
                 }
                 return Ok((version.clone(), scene, notes));
             }
@@ -267,7 +272,8 @@ fn missing(
     scenes: &[SceneRecord],
     options: &LogOptions,
 ) -> Result<Vec<Option<String>>, FormatError> {
-    let index: BTreeMap<&str, usize> = scenes.iter().enumerate().map(|(index, scene)| (scene.token.as_str(), index)).collect();
+    let index: BTreeMap<&str, usize> =
+        scenes.iter().enumerate().map(|(index, scene)| (scene.token.as_str(), index)).collect();
     let mut samples = BTreeMap::new();
     read_table::<SampleRecord>(&version.join("sample.json"), |record| {
         if let Some(scene) = index.get(record.scene_token.as_str()) {
@@ -352,7 +358,12 @@ fn calibrated(version: &Path) -> Result<BTreeMap<String, Calibrated>, FormatErro
         if is_camera || modality == "lidar" {
             let pose = pose_of_quaternion(record.rotation, record.translation.into());
             let rig_from_sensor = pose.map_err(|what| format!("sensor {}: {what}", record.token))?;
-            let own = Calibrated { channel: channel.clone(), is_camera, rig_from_sensor, intrinsic: record.camera_intrinsic };
+            let own = Calibrated {
+                channel: channel.clone(),
+                is_camera,
+                rig_from_sensor,
+                intrinsic: record.camera_intrinsic,
+            };
             sensors.insert(record.token, own);
         }
         if sensors.len() > MOST { Err("there are too many sensors".into()) } else { Ok(()) }
@@ -435,9 +446,15 @@ fn assemble(
             continue;
         };
         // Names are of others: none may lead out of the data set.
-        if Path::new(&record.filename).components().any(|part| !matches!(part, Component::Normal(_) | Component::CurDir)) {
+        if Path::new(&record.filename)
+            .components()
+            .any(|part| !matches!(part, Component::Normal(_) | Component::CurDir))
+        {
             let name = super::files::excerpt(&record.filename);
-            return Err(fault(&version.join("sample_data.json"), format!("the file name \"{name}\" leaves the data set")));
+            return Err(fault(
+                &version.join("sample_data.json"),
+                format!("the file name \"{name}\" leaves the data set"),
+            ));
         }
         let found = files.find(&record.filename).map_err(|e| fault(files.folder(), e.to_string()));
         let Some(found) = records.sound("names of files", found)? else { continue };
@@ -453,8 +470,9 @@ fn assemble(
             let camera = match cameras.get(&record.calibrated_sensor_token) {
                 Some(camera) => *camera,
                 None => {
-                    let camera = camera(sensor, &record)
-                        .map_err(|what| fault(&version.join("calibrated_sensor.json"), format!("{}: {what}", sensor.channel)))?;
+                    let camera = camera(sensor, &record).map_err(|what| {
+                        fault(&version.join("calibrated_sensor.json"), format!("{}: {what}", sensor.channel))
+                    })?;
                     log.cameras.push(camera);
                     cameras.insert(record.calibrated_sensor_token.clone(), log.cameras.len() - 1);
                     log.cameras.len() - 1
@@ -474,12 +492,19 @@ fn assemble(
         }
     }
     if elsewhere > 0 {
-        log.warnings.push(format!("{elsewhere} files are not at their paths; they were found by their names"));
+        log.warnings
+            .push(format!("{elsewhere} files are not at their paths; they were found by their names"));
     }
     match missing {
         Some(first) if log.pictures.is_empty() => {
-            let what = format!("no such file; of scene {} none of the pictures is there, of {all} pictures and sweeps", log.name);
-            Err(fault(&first, format!("{what}; unpack that part of the data set, or name another with --log-scene")))
+            let what = format!(
+                "no such file; of scene {} none of the pictures is there, of {all} pictures and sweeps",
+                log.name
+            );
+            Err(fault(
+                &first,
+                format!("{what}; unpack that part of the data set, or name another with --log-scene"),
+            ))
         }
         _ => Ok(()),
     }
@@ -555,7 +580,8 @@ fn tracks(
         let entry = found.entry(record.instance_token).or_default();
         entry.boxes.push(own);
         for attribute in record.attribute_tokens.iter().filter_map(|token| attributes.get(token)) {
-            entry.moves |= matches!(attribute.as_str(), "vehicle.moving" | "cycle.with_rider" | "pedestrian.moving");
+            entry.moves |=
+                matches!(attribute.as_str(), "vehicle.moving" | "cycle.with_rider" | "pedestrian.moving");
             entry.stands |= matches!(attribute.as_str(), "vehicle.parked" | "cycle.without_rider");
         }
         count += 1;

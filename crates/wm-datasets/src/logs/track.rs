@@ -17,7 +17,7 @@ const MOVES: f64 = 0.5;
 
 /// The poses of a vehicle: `world_from_rig` over time.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct EgoTrack {
+pub(crate) struct EgoTrack {
     /// Nanoseconds and poses, in the order of time, each time once.
     poses: Vec<(i64, RigidPose)>,
 }
@@ -29,12 +29,6 @@ impl EgoTrack {
         poses.sort_by_key(|(time, _)| *time);
         poses.dedup_by_key(|(time, _)| *time);
         Self { poses }
-    }
-
-    /// The poses, in the order of time.
-    #[must_use]
-    pub fn poses(&self) -> &[(i64, RigidPose)] {
-        &self.poses
     }
 
     /// The pose at a time, ns: between two poses straight ahead and turning evenly, and so up to
@@ -116,7 +110,7 @@ impl LogTrack {
 impl LogBox {
     /// Returns true if a point is in the box, its sides longer by a share.
     #[must_use]
-    pub fn has(&self, point: DVec3, more: f64) -> bool {
+    pub(crate) fn has(&self, point: DVec3, more: f64) -> bool {
         let own = self.world_from_box.inverse().point(point).abs();
         own.cmple(0.5 * (1.0 + more) * self.size).all()
     }
@@ -124,7 +118,7 @@ impl LogBox {
     /// The corners of the box, world axes, its sides longer by a share. Bits of the index: beyond
     /// the middle along x, y, z.
     #[must_use]
-    pub fn corners(&self, more: f64) -> [DVec3; 8] {
+    pub(crate) fn corners(&self, more: f64) -> [DVec3; 8] {
         let half = 0.5 * (1.0 + more) * self.size;
         std::array::from_fn(|index| {
             let side = |axis: usize| if index >> axis & 1 == 1 { 1.0 } else { -1.0 };

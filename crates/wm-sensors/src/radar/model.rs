@@ -13,7 +13,7 @@ const MOST_CELLS: f64 = (1u64 << 26) as f64;
 /// Most rays of a sweep.
 const MOST_RAYS: f64 = 4e6;
 /// RCS of the target that the range is given of, m^2: about that of a car.
-pub const REFERENCE_TARGET: f64 = 10.0;
+pub(crate) const REFERENCE_TARGET: f64 = 10.0;
 /// Rays are at most so far apart, radians, and at least so many go through the width of a cell.
 const STEP: f64 = 0.2 * std::f64::consts::PI / 180.0;
 const ACROSS: f64 = 4.0;
@@ -130,7 +130,7 @@ impl RadarModel {
     /// Cells in range, azimuth and velocity. Those of range begin at 0; of velocity they are an
     /// even number.
     #[must_use]
-    pub fn cells(&self) -> [usize; 3] {
+    pub(crate) fn cells(&self) -> [usize; 3] {
         let [low, high] = self.azimuth;
         // A little less, so that rounding adds no cell.
         let count = |length: f64, cell: f64| ((length / cell - 1e-6).ceil() as usize).max(1);
@@ -140,51 +140,51 @@ impl RadarModel {
 
     /// Azimuth of the middle of a cell, radians; `cell` may lie between two.
     #[must_use]
-    pub fn azimuth_of(&self, cell: f64) -> f64 {
+    pub(crate) fn azimuth_of(&self, cell: f64) -> f64 {
         self.azimuth[0] + (cell + 0.5) * self.azimuth_cell
     }
 
     /// Range of the middle of a cell, m.
     #[must_use]
-    pub fn range_of(&self, cell: f64) -> f64 {
+    pub(crate) fn range_of(&self, cell: f64) -> f64 {
         (cell + 0.5) * self.range_cell
     }
 
     /// Velocity of the middle of a cell, m/s.
     #[must_use]
-    pub fn velocity_of(&self, cell: f64) -> f64 {
+    pub(crate) fn velocity_of(&self, cell: f64) -> f64 {
         (cell - 0.5 * self.cells()[2] as f64) * self.velocity_step()
     }
 
     /// The width of its cells of velocity, m/s: they fill twice the greatest speed.
     #[must_use]
-    pub fn velocity_step(&self) -> f64 {
+    pub(crate) fn velocity_step(&self) -> f64 {
         2.0 * self.velocity / self.cells()[2] as f64
     }
 
     /// A velocity as it is measured, m/s: from minus the greatest to just below it.
     #[must_use]
-    pub fn folded(&self, velocity: f64) -> f64 {
+    pub(crate) fn folded(&self, velocity: f64) -> f64 {
         (velocity + self.velocity).rem_euclid(2.0 * self.velocity) - self.velocity
     }
 
     /// Power that detection asks for in noise, of that of the noise: `-ln` of the share of false
     /// alarms.
     #[must_use]
-    pub fn threshold(&self) -> f64 {
+    pub(crate) fn threshold(&self) -> f64 {
         -self.false_alarms.ln()
     }
 
     /// Power over that of the noise of a target of an RCS (m^2) at a range (m) in clear air, in the
     /// middle of the beam: by the radar equation it falls with the fourth power.
     #[must_use]
-    pub fn power(&self, rcs: f64, range: f64) -> f64 {
+    pub(crate) fn power(&self, rcs: f64, range: f64) -> f64 {
         self.threshold() * rcs / REFERENCE_TARGET * (self.reference_range / range).powi(4)
     }
 
     /// Gain of the beam at an elevation (radians), there and back, 0-1: Gaussian.
     #[must_use]
-    pub fn gain(&self, elevation: f64) -> f64 {
+    pub(crate) fn gain(&self, elevation: f64) -> f64 {
         let off = elevation / self.elevation_beam;
         (-8.0 * std::f64::consts::LN_2 * off * off).exp()
     }

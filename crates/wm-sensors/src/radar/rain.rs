@@ -30,7 +30,7 @@ const ALPHA_LINE: [f64; 2] = [-0.053739, 0.83433];
 /// assert!((k - 1.1208).abs() < 1e-4 && (alpha - 0.7082).abs() < 1e-4);
 /// ```
 #[must_use]
-pub fn rain_coefficients(frequency: f64) -> [f64; 2] {
+pub(crate) fn rain_coefficients(frequency: f64) -> [f64; 2] {
     let log = frequency.log10();
     let sum = |terms: &[[f64; 3]], [slope, constant]: [f64; 2]| {
         let bells = terms.iter().map(|[a, b, c]| a * (-((log - b) / c).powi(2)).exp());
@@ -41,7 +41,7 @@ pub fn rain_coefficients(frequency: f64) -> [f64; 2] {
 
 /// Attenuation by rain of a rate, mm/h, one way, dB/km.
 #[must_use]
-pub fn rain_attenuation(frequency: f64, rate: f64) -> f64 {
+pub(crate) fn rain_attenuation(frequency: f64, rate: f64) -> f64 {
     let [k, alpha] = rain_coefficients(frequency);
     if rate > 0.0 { k * rate.powf(alpha) } else { 0.0 }
 }
@@ -58,7 +58,7 @@ const CLUTTER: [(f64, [f64; 6]); 2] = [
 /// RCS of rain of a rate, mm/h, in a volume, m^2/m^3: between the lines and columns of the table by
 /// logarithms; rates beyond it go on as between the last two, frequencies do not.
 #[must_use]
-pub fn rain_reflectivity(frequency: f64, rate: f64) -> f64 {
+pub(crate) fn rain_reflectivity(frequency: f64, rate: f64) -> f64 {
     if rate <= 0.0 {
         return 0.0;
     }

@@ -21,7 +21,7 @@ const SLOPE: f64 = 0.2;
 /// RCS for each area that a surface shows, by the cosine of the angle of incidence, 0-1, and the
 /// cosine between its normal and up.
 #[must_use]
-pub fn surface_backscatter(cosine: f64, upward: f64) -> f64 {
+pub(crate) fn surface_backscatter(cosine: f64, upward: f64) -> f64 {
     let rough = ROUGH[usize::from(upward.abs() < LEVEL)];
     // At 82 degrees the facets' part is nothing.
     let cosine = cosine.clamp(0.14, 1.0);

@@ -43,10 +43,7 @@ pub(super) const TRANSFORMS: MessageType = MessageType {
             "geometry_msgs/TransformStamped",
             "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n",
         ),
-        (
-            "geometry_msgs/Transform",
-            "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
-        ),
+        ("geometry_msgs/Transform", "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n"),
         ("geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n"),
         ("geometry_msgs/Quaternion", "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n"),
         HEADER,

@@ -38,7 +38,7 @@ mod tables;
 mod tests;
 
 use super::{BlockWriter, FileSink, Layout};
-use crate::{BlockInfo, ClipInfo, ClipRecord, SetError, ReadingInfo, SensorInfoKind, SetInfo};
+use crate::{BlockInfo, ClipInfo, ClipRecord, ReadingInfo, SensorInfoKind, SetError, SetInfo};
 use channels::channels;
 use sha2::{Digest, Sha256};
 
@@ -83,7 +83,10 @@ impl Layout for NuScenes {
         let mut names = channels(set);
         names.sort();
         if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return refuse(format!("two sensors would be channel {}: rename one, capitals do not count", pair[0]));
+            return refuse(format!(
+                "two sensors would be channel {}: rename one, capitals do not count",
+                pair[0]
+            ));
         }
         Ok(())
     }

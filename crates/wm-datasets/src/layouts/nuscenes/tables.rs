@@ -4,7 +4,7 @@ use super::{channels, classes_path, is_key, microseconds, reading_path, reading_
 use crate::layouts::surface_classes::LIDARSEG_NAMES;
 use crate::utc::UtcTime;
 use crate::{
-    CameraInfo, ClipInfo, ClipRecord, SetError, FileSink, ReadingInfo, RigidPose, SensorInfoKind, SetInfo,
+    CameraInfo, ClipInfo, ClipRecord, FileSink, ReadingInfo, RigidPose, SensorInfoKind, SetError, SetInfo,
     WeatherInfo,
 };
 use glam::DQuat;

@@ -11,8 +11,8 @@ use super::records::{Chosen, Records, choose_folder};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::track::EgoTrack;
 use super::{
-    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack, displaced,
-    empty_log, moved,
+    DrivingLog, LogBox, LogCamera, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, LogTrack,
+    displaced, empty_log, moved,
 };
 use crate::RigidPose;
 use crate::feather::FeatherTable;
@@ -23,8 +23,7 @@ use wm_scene::capture::Distortion;
 use wm_scene::{FormatError, Location, Problem};
 
 /// The entry of [`super::LOG_FORMATS`].
-pub(super) const FORMAT: LogFormat =
-    LogFormat { name: "Argoverse 2", about: "a log of the Argoverse 2 sensor data, with city_SE3_egovehicle.feather; or a folder of logs", read };
+pub(super) const FORMAT: LogFormat = LogFormat { name: "Argoverse 2", read };
 
 /// Latitude and longitude of the origins of the cities' axes, degrees.
 const CITIES: [(&str, [f64; 2]); 6] = [
@@ -54,12 +53,20 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     let sweeps = path.join("sensors/lidar");
     if sweeps.is_dir() {
         for (stem, file) in files_in(&sweeps, &["feather"])? {
-            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?))) else {
+            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?)))
+            else {
                 records.lost("sweeps have no pose", 1);
                 continue;
             };
             let (layout, motion) = (SweepRecords::Feather, SweepMotion::Still(pose));
-            log.sweeps.push(LogSweep { file, labels: None, timestamp, center: pose.translation, records: layout, motion });
+            log.sweeps.push(LogSweep {
+                file,
+                labels: None,
+                timestamp,
+                center: pose.translation,
+                records: layout,
+                motion,
+            });
         }
     }
     log.tracks = tracks(&path.join("annotations.feather"), &track, &mut records)?;
@@ -71,7 +78,8 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
 
 fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, FormatError> {
     let lacks = |log: &Path| {
-        let has_photos = |folder: PathBuf| files_in(&folder, &["jpg", "png"]).is_ok_and(|files| !files.is_empty());
+        let has_photos =
+            |folder: PathBuf| files_in(&folder, &["jpg", "png"]).is_ok_and(|files| !files.is_empty());
         if !log.join(INTRINSICS).is_file() {
             Some(format!("no {INTRINSICS}"))
         } else if !folders_in(&log.join("sensors/cameras")).into_iter().any(has_photos) {
@@ -118,9 +126,11 @@ fn ego_track(path: &Path, log: &mut DrivingLog, records: &mut Records) -> Result
     let mut table = table(path, &[&["timestamp_ns"], &POSE[..]].concat())?;
     let times = table.ints("timestamp_ns").map_err(|what| fault(path, what))?;
     let poses = poses_of(path, &mut table, records)?;
-    log.captured = times.get(times.len() / 2).filter(|time| **time > EARLIEST).map(|time| *time as f64 * 1e-9);
+    log.captured =
+        times.get(times.len() / 2).filter(|time| **time > EARLIEST).map(|time| *time as f64 * 1e-9);
     let poses = times.into_iter().zip(poses).filter_map(|(time, pose)| Some((time, pose?))).collect();
-    let mut poses = records.without_jumps(path, poses, |(time, pose): &(i64, RigidPose)| (*time, pose.translation))?;
+    let mut poses =
+        records.without_jumps(path, poses, |(time, pose): &(i64, RigidPose)| (*time, pose.translation))?;
     let Some((_, first)) = poses.first() else { return Err(fault(path, "there are no poses in it")) };
     log.origin = first.translation;
     for (_, pose) in &mut poses {
@@ -157,19 +167,27 @@ fn cameras(
     super::check_cameras(path, options, &known)?;
     for (row, name) in names.iter().enumerate() {
         // The stereo pair shows grey pictures of what the ring shows in colour.
-        let is_wanted = if options.cameras.is_empty() { name.starts_with("ring_") } else { options.cameras.contains(name) };
+        let is_wanted = if options.cameras.is_empty() {
+            name.starts_with("ring_")
+        } else {
+            options.cameras.contains(name)
+        };
         // Names are of others: none may lead out of the log.
         let own = folder.join(name);
         if !is_wanted || name.contains(['/', '\\']) || !own.is_dir() {
             continue;
         }
         let Some(rig_from_camera) = poses.get(name) else {
-            return Err(fault(&file, format!("camera {name:?} has no pose in egovehicle_SE3_sensor.feather")));
+            return Err(fault(
+                &file,
+                format!("camera {name:?} has no pose in egovehicle_SE3_sensor.feather"),
+            ));
         };
         let at = |column: usize| values[column].get(row).copied().unwrap_or(f64::NAN);
         let side = |value: f64| if (1.0..=32_768.0).contains(&value) { value as u32 } else { 0 };
         for (stem, file) in files_in(&own, &["jpg", "png"])? {
-            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?))) else {
+            let Some((timestamp, pose)) = stem.parse().ok().and_then(|time| Some((time, track.at(time)?)))
+            else {
                 records.lost(format!("pictures of {name} have no pose"), 1);
                 continue;
             };

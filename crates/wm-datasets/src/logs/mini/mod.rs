@@ -16,9 +16,9 @@ use std::path::{Path, PathBuf};
 use wm_media::jpeg::{SamplingFactor, encode};
 
 /// Width and height of the photos, px.
-pub const SIZE: (u32, u32) = (80, 60);
+pub(crate) const SIZE: (u32, u32) = (80, 60);
 /// Frames, a tenth of a second apart.
-pub const FRAMES: usize = 6;
+pub(crate) const FRAMES: usize = 6;
 /// The time of the first frame, ns.
 const START: i64 = 1_317_042_145_000_000_000;
 /// The world's place in the log's coordinates, m.
@@ -130,7 +130,7 @@ fn pixel(camera: DVec4, projection: &DMat4) -> Option<(f64, f64)> {
 
 /// A photo whose colours are its pixels' places.
 #[must_use]
-pub fn color_at(x: u32, y: u32) -> [u8; 3] {
+pub(crate) fn color_at(x: u32, y: u32) -> [u8; 3] {
     [(3 * x) as u8, (4 * y) as u8, 90]
 }
 
