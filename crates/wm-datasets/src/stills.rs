@@ -58,7 +58,7 @@ pub(crate) fn for_each_scene(
 /// Writes the pictures of all cameras of a block as JPEG, into `images/` of their scenes.
 pub(crate) struct ScenePhotos<'a> {
     /// The block.
-    pub block: BlockInfo<'a>,
+    pub(crate) block: BlockInfo<'a>,
 }
 
 impl BlockWriter for ScenePhotos<'_> {

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Width and height of its pictures, px.
-pub(crate) const SIZE: (u32, u32) = (64, 40);
+const SIZE: (u32, u32) = (64, 40);
 /// Frames of a clip.
 pub const FRAMES: u32 = 20;
 /// Frames of a block.
@@ -92,7 +92,7 @@ pub fn set() -> SetInfo {
     }
 }
 
-/// Its clips: rain by day and snow by night.
+/// The clips: rain by day and snow by night.
 #[must_use]
 pub fn clips() -> [ClipInfo; 2] {
     [("rain", Condition::Rain, false), ("snow", Condition::Snow, true)].map(|(name, condition, is_night)| {

@@ -66,7 +66,7 @@ pub(crate) struct WindTold {
 /// The sun.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) enum Sun {
-    /// That of the photos, or clouds.
+    /// The sun of the photos, or clouds.
     #[default]
     Auto,
     /// Elevation and azimuth, degrees.

@@ -31,7 +31,7 @@ pub enum PresentAir {
 pub struct PresentWeather {
     /// The code, 0-99.
     pub code: u8,
-    /// Its meaning.
+    /// The meaning.
     pub meaning: &'static str,
     /// Rain, mm/h.
     pub rain: f64,

@@ -31,7 +31,7 @@ pub enum ReportNoteKind {
 /// A remark about a report: a value that was guessed, a part that was ignored, and why.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReportNote {
-    /// Its kind.
+    /// The kind.
     pub kind: ReportNoteKind,
     /// One line.
     pub text: String,
@@ -109,7 +109,7 @@ impl ReportOptions {
 /// A weather report as a weather.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeatherReport {
-    /// Its name, which is that of the weather: letters, digits, `-` and `_`, at most 48 characters.
+    /// The name, which is that of the weather: letters, digits, `-` and `_`, at most 48 characters.
     pub name: String,
     /// The fields that it states.
     pub decoded: DecodedReport,

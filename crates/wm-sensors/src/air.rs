@@ -20,12 +20,12 @@ const NUMBERS: u64 = 1 << 16;
 /// The way of a pulse through the air.
 pub(crate) struct AirPath<'a> {
     /// World axes, scene units.
-    pub origin: [f64; 3],
+    pub(crate) origin: [f64; 3],
     /// Unit direction, world axes.
-    pub direction: [f64; 3],
-    pub metres_per_unit: f64,
+    pub(crate) direction: [f64; 3],
+    pub(crate) metres_per_unit: f64,
     /// Ranges at which its rays end, m.
-    pub ends: &'a [f64],
+    pub(crate) ends: &'a [f64],
 }
 
 impl AirPath<'_> {
@@ -38,8 +38,10 @@ impl AirPath<'_> {
 /// Adds the echoes of the air along a pulse.
 pub(crate) fn add_echoes(
     path: &AirPath<'_>,
-    (air, model): (&InfraredAir, &LidarModel),
-    (random, pulse): (&RandomStream, u64),
+    air: &InfraredAir,
+    model: &LidarModel,
+    random: &RandomStream,
+    pulse: u64,
     echoes: &mut Vec<Echo>,
 ) {
     if air.is_dark() {

@@ -13,7 +13,6 @@ use crate::sweep::LidarScene;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use wm_render::hooks::ParticleView;
-use wm_render::simd::SimdPath;
 use wm_scene::Camera;
 use wm_weather::InfraredAir;
 use wm_weather::particles::{NearParticle, ParticleShape};
@@ -35,9 +34,9 @@ const FAINT: f64 = 0.4;
 /// A pulse: its beam, its pose and its direction in the world.
 #[derive(Clone, Copy)]
 pub(crate) struct Pulse {
-    pub beam: Beam,
-    pub pose: SensorPose,
-    pub direction: DVec3,
+    pub(crate) beam: Beam,
+    pub(crate) pose: SensorPose,
+    pub(crate) direction: DVec3,
 }
 
 /// The reflectance of a particle.
@@ -62,8 +61,9 @@ fn reach(shape: ParticleShape, diameter: f64, model: &LidarModel) -> f64 {
 /// The echoes of particles, with the number of their pulse, in the order of pulses.
 pub(crate) fn echoes(
     pulses: &[Pulse],
-    (scene, model, air): (&LidarScene<'_>, &LidarModel, &InfraredAir),
-    path: SimdPath,
+    scene: &LidarScene<'_>,
+    model: &LidarModel,
+    air: &InfraredAir,
     duration: f64,
 ) -> Vec<(u32, Echo)> {
     if scene.weather.falling().is_empty() {
@@ -84,8 +84,8 @@ pub(crate) fn echoes(
         }
         let mut found = Vec::new();
         for (face, own) in faces.iter().enumerate().filter(|(_, own)| !own.is_empty()) {
-            let of = FaceSlice { pulses, own, face: face_axes(face), middle, length };
-            of.echoes((scene, model, air), path, &mut found);
+            let face = face_axes(face);
+            FaceSlice { scene, model, air, pulses, own, face, middle, length }.add_echoes(&mut found);
         }
         found
     };
@@ -116,6 +116,9 @@ fn face_axes(face: usize) -> DMat3 {
 
 /// Pulses of a short time that go through one face.
 struct FaceSlice<'a> {
+    scene: &'a LidarScene<'a>,
+    model: &'a LidarModel,
+    air: &'a InfraredAir,
     pulses: &'a [Pulse],
     own: &'a [u32],
     face: DMat3,
@@ -131,12 +134,9 @@ impl FaceSlice<'_> {
         [seen.x / seen.z, seen.y / seen.z]
     }
 
-    fn echoes(
-        &self,
-        (scene, model, air): (&LidarScene<'_>, &LidarModel, &InfraredAir),
-        path: SimdPath,
-        found: &mut Vec<(u32, Echo)>,
-    ) {
+    /// Appends the echoes of the particles that fly through the face, with their pulses.
+    fn add_echoes(&self, found: &mut Vec<(u32, Echo)>) {
+        let (scene, model) = (self.scene, self.model);
         let metres = scene.site.metres_per_unit;
         let places: Vec<[f64; 2]> =
             self.own.iter().map(|index| self.on_face(self.pulses[*index as usize].direction)).collect();
@@ -155,7 +155,7 @@ impl FaceSlice<'_> {
         let view = view(&self.face, center, low.map(|v| v - room), high.map(|v| v + room));
         let times = (self.middle, self.length);
         let near = |shape: ParticleShape, diameter: f64| reach(shape, diameter, model) + off;
-        let particles = scene.weather.near_particles(path, (&view, scene.shelter), times, &near);
+        let particles = scene.weather.near_particles(scene.path, (&view, scene.shelter), times, &near);
         // A grid over the pulses' places, as lists one after the other.
         let cells = ((self.own.len() as f64).sqrt() as usize).clamp(1, CELLS);
         let scale = [0, 1].map(|k| cells as f64 / (high[k] - low[k]).max(1e-9));
@@ -183,47 +183,40 @@ impl FaceSlice<'_> {
                     for index in &lists[row * cells + column] {
                         let pulse = &self.pulses[*index as usize];
                         let from = (pulse.pose.origin - center) * metres;
-                        let time = pulse.beam.time - self.middle;
-                        if let Some(echo) =
-                            meet(particle, (from, pulse.direction, time), (model, air, scene, pulse))
-                        {
-                            found.push((*index, echo));
-                        }
+                        found.extend(self.meet(particle, pulse, from).map(|echo| (*index, echo)));
                     }
                 }
             }
         }
     }
-}
 
-/// The echo of a particle in a beam from `from` (m, from the middle of the view) at a time from the
-/// middle of the slice, s.
-fn meet(
-    particle: &NearParticle,
-    (from, direction, time): (DVec3, DVec3, f64),
-    (model, air, scene, pulse): (&LidarModel, &InfraredAir, &LidarScene<'_>, &Pulse),
-) -> Option<Echo> {
-    let at = DVec3::from_array(particle.offset) + DVec3::from_array(particle.velocity) * time - from;
-    let along = at.dot(direction);
-    if along <= 0.0 {
-        return None;
+    /// The echo of a particle in the beam of a pulse that starts at `from`, m from the middle of the
+    /// view.
+    fn meet(&self, particle: &NearParticle, pulse: &Pulse, from: DVec3) -> Option<Echo> {
+        let (model, direction) = (self.model, pulse.direction);
+        let time = pulse.beam.time - self.middle;
+        let at = DVec3::from_array(particle.offset) + DVec3::from_array(particle.velocity) * time - from;
+        let along = at.dot(direction);
+        if along <= 0.0 {
+            return None;
+        }
+        let beam = 1e-3 * model.divergence * along;
+        let across = (at - direction * along).length();
+        if across > 0.5 * beam.max(particle.diameter) {
+            return None;
+        }
+        let range = at.length();
+        let share = (particle.diameter / beam).powi(2).min(1.0);
+        let units = range / self.scene.site.metres_per_unit;
+        let kept = self.air.transmittance(pulse.pose.origin.to_array(), direction.to_array(), units);
+        let received = kept * kept * model.overlap_at(range) / (range * range);
+        let power = reflectance(particle.shape, model) * share * received;
+        let class = match particle.shape {
+            ParticleShape::Ball => EchoClass::Drop,
+            ParticleShape::Flake => EchoClass::Flake,
+        };
+        (power >= FAINTEST * model.least_power()).then_some(Echo { range, power, class, label: 0 })
     }
-    let beam = 1e-3 * model.divergence * along;
-    let across = (at - direction * along).length();
-    if across > 0.5 * beam.max(particle.diameter) {
-        return None;
-    }
-    let range = at.length();
-    let share = (particle.diameter / beam).powi(2).min(1.0);
-    let units = range / scene.site.metres_per_unit;
-    let kept = air.transmittance(pulse.pose.origin.to_array(), direction.to_array(), units);
-    let received = kept * kept * model.overlap_at(range) / (range * range);
-    let power = reflectance(particle.shape, model) * share * received;
-    let class = match particle.shape {
-        ParticleShape::Ball => EchoClass::Drop,
-        ParticleShape::Flake => EchoClass::Flake,
-    };
-    (power >= FAINTEST * model.least_power()).then_some(Echo { range, power, class, label: 0 })
 }
 
 /// A view through a rectangle of a face.

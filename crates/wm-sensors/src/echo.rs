@@ -93,22 +93,22 @@ pub enum ReturnRank {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Echo {
     /// Distance from the sensor, m.
-    pub range: f64,
+    pub(crate) range: f64,
     /// Power, 1/m^2: `share rho cos(theta) T^2 xi / range^2`.
-    pub power: f64,
-    /// Its source.
-    pub class: EchoClass,
+    pub(crate) power: f64,
+    /// The source.
+    pub(crate) class: EchoClass,
     /// The label of the surface, 0 for none.
-    pub label: u16,
+    pub(crate) label: u16,
 }
 
 /// An echo that was detected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DetectedEcho {
-    pub echo: Echo,
+    pub(crate) echo: Echo,
     /// Range with noise, m.
-    pub measured: f64,
-    pub rank: ReturnRank,
+    pub(crate) measured: f64,
+    pub(crate) rank: ReturnRank,
 }
 
 /// Standard deviation of the receiver's noise, of the least power that is detected.
@@ -158,7 +158,8 @@ pub(crate) fn merge(echoes: &mut [Echo], bin: f64, merged: &mut Vec<Echo>) {
 pub(crate) fn detect(
     merged: &[Echo],
     model: &LidarModel,
-    (random, pulse): (&RandomStream, u64),
+    random: &RandomStream,
+    pulse: u64,
     detected: &mut Vec<DetectedEcho>,
 ) {
     detected.clear();
@@ -256,7 +257,7 @@ mod tests {
         for (signal, share) in [(1.0, 0.5), (1.2, 0.841), (0.8, 0.159)] {
             let merged = [echo(30.0, signal * model.least_power(), EchoClass::Surface)];
             let seen = |pulse: &u64| {
-                detect(&merged, &model, (&random, *pulse), &mut detected);
+                detect(&merged, &model, &random, *pulse, &mut detected);
                 !detected.is_empty()
             };
             let count = (0..20_000).filter(seen).count() as f64;

@@ -11,12 +11,12 @@ const MOST_BYTES: u64 = 64 << 20;
 /// Speed of light, m/s.
 const LIGHT: f64 = 299_792_458.0;
 /// Reflectance of the target that data sheets give a range of.
-pub(crate) const TARGET: f64 = 0.1;
+const TARGET: f64 = 0.1;
 
 /// A kind of lidar.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LidarModel {
-    /// Its name.
+    /// The name.
     pub name: String,
     /// Wavelength, nm.
     pub wavelength: f64,

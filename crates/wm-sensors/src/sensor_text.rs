@@ -9,11 +9,11 @@ use wm_scene::nearest;
 /// A kind of sensor.
 pub(crate) struct SensorKind {
     /// The word for it in errors.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     /// Names and texts of its presets.
-    pub presets: &'static [(&'static str, &'static str)],
+    pub(crate) presets: &'static [(&'static str, &'static str)],
     /// Longest file that is read, bytes.
-    pub most_bytes: u64,
+    pub(crate) most_bytes: u64,
 }
 
 /// A sensor in TOML.
@@ -21,7 +21,7 @@ pub(crate) struct SensorText<'a> {
     /// TOML.
     text: Cow<'a, str>,
     /// The name of the sensor where the text has none.
-    pub name: String,
+    pub(crate) name: String,
     /// The name in errors: the file, if it came from one.
     place: String,
 }

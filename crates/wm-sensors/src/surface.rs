@@ -27,7 +27,7 @@ pub struct SurfaceState {
     pub pores: f64,
     /// Share under a film of water, 0-1.
     pub film: f64,
-    /// Its label, 0 for none.
+    /// The label, 0 for none.
     pub label: u16,
 }
 
@@ -63,7 +63,7 @@ impl SurfaceStates for DrySurfaces {
 
 /// The reflectance of a dry surface of a display-referred colour.
 #[must_use]
-pub(crate) fn dry_reflectance(rgb: [f64; 3]) -> f64 {
+fn dry_reflectance(rgb: [f64; 3]) -> f64 {
     let light = luminance(rgb.map(|v| srgb_decode(v.clamp(0.0, 1.0))));
     BY_COLOR[0] + BY_COLOR[1] * light
 }

@@ -26,9 +26,9 @@ use wm_weather::{InfraredAir, PreparedWeather, Site};
 /// A place in weather, for sensors.
 #[derive(Clone, Copy)]
 pub struct LidarScene<'a> {
-    /// Its splats, with their reflectances as values; see [`crate::reflecting_splats`].
+    /// The splats, with their reflectances as values; see [`crate::reflecting_splats`].
     pub splats: &'a dyn RayTracer,
-    /// Those above the ground, which wet ground mirrors; `None` for no ghosts.
+    /// The splats above the ground, which wet ground mirrors; `None` for no ghosts.
     pub mirrored: Option<&'a dyn RayTracer>,
     /// The weather at the start of the sweep.
     pub weather: &'a PreparedWeather,
@@ -62,7 +62,7 @@ impl SubRays {
         }
     }
 
-    /// Those of this number; `None` if there are none.
+    /// Finds the sub-rays of a count; `None` if no pattern has it.
     #[must_use]
     pub fn of_count(count: usize) -> Option<Self> {
         [Self::One, Self::Seven].into_iter().find(|rays| rays.count() == count)
@@ -72,12 +72,12 @@ impl SubRays {
 /// The axes of the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PointFrame {
-    /// Those of the sensor at the start of the sweep: its motion is taken out.
+    /// Sensor axes at the start of the sweep: motion is compensated.
     #[default]
     Compensated,
-    /// Those of the sensor at the time of each pulse, as it measures.
+    /// Sensor axes at the time of each pulse, as measured.
     Raw,
-    /// Those of the scene, in metres.
+    /// Scene axes, in metres.
     World,
 }
 
@@ -99,7 +99,7 @@ impl PointFrame {
 pub struct SweepOptions {
     /// Time of its start, s; the weather must be that of this time.
     pub time: f64,
-    /// Its number, which random numbers and patterns that do not repeat depend on.
+    /// The number, which random numbers and patterns that do not repeat depend on.
     pub index: u32,
     /// The seed of noise.
     pub seed: u64,
@@ -149,7 +149,7 @@ pub struct LidarPoint {
     pub column: u32,
     /// The place among the returns of its pulse.
     pub rank: ReturnRank,
-    /// Its source.
+    /// The source.
     pub class: EchoClass,
     /// The label of the surface, 0 for none.
     pub label: u16,
@@ -228,42 +228,44 @@ pub fn sweep(
             .collect();
         let tracer = Tracer { scene, model, air: &air, pulses: &pulses, count: options.sub_rays.count() };
         let (ends, mut echoes) = tracer.surfaces();
-        echoes.extend(drops::echoes(&pulses, (scene, model, &air), scene.path, period));
+        echoes.extend(drops::echoes(&pulses, scene, model, &air, period));
         echoes.sort_by_key(|(pulse, _)| *pulse);
         let first = (block * (MOST_RAYS / options.sub_rays.count())) as u64;
-        let of_chunk = |(chunk, own): (usize, &[Pulse])| {
-            let mut made = Vec::new();
-            let (mut all, mut merged, mut detected) = (Vec::new(), Vec::new(), Vec::new());
-            let begin = chunk * CHUNK;
-            let mut at = echoes.partition_point(|(pulse, _)| (*pulse as usize) < begin);
-            for (index, pulse) in own.iter().enumerate() {
-                let local = begin + index;
-                let number = first + local as u64;
-                let path = AirPath {
-                    origin: pulse.pose.origin.to_array(),
-                    direction: pulse.direction.to_array(),
-                    metres_per_unit: scene.site.metres_per_unit,
-                    ends: &ends[local * tracer.count..(local + 1) * tracer.count],
-                };
-                all.clear();
-                while let Some((_, echo)) = echoes.get(at).filter(|(pulse, _)| *pulse as usize == local) {
-                    let is_particle = matches!(echo.class, EchoClass::Drop | EchoClass::Flake);
-                    // What falls behind a surface is not seen.
-                    let share = if is_particle { path.share_beyond(echo.range) } else { 1.0 };
-                    if share > 0.0 {
-                        all.push(Echo { power: share * echo.power, ..*echo });
+        let of_chunk =
+            |(chunk, own): (usize, &[Pulse])| {
+                let mut made = Vec::new();
+                let (mut all, mut merged, mut detected) = (Vec::new(), Vec::new(), Vec::new());
+                let begin = chunk * CHUNK;
+                let mut at = echoes.partition_point(|(pulse, _)| (*pulse as usize) < begin);
+                for (index, pulse) in own.iter().enumerate() {
+                    let local = begin + index;
+                    let number = first + local as u64;
+                    let path = AirPath {
+                        origin: pulse.pose.origin.to_array(),
+                        direction: pulse.direction.to_array(),
+                        metres_per_unit: scene.site.metres_per_unit,
+                        ends: &ends[local * tracer.count..(local + 1) * tracer.count],
+                    };
+                    all.clear();
+                    while let Some((_, echo)) = echoes.get(at).filter(|(pulse, _)| *pulse as usize == local) {
+                        let is_particle = matches!(echo.class, EchoClass::Drop | EchoClass::Flake);
+                        // What falls behind a surface is not seen.
+                        let share = if is_particle { path.share_beyond(echo.range) } else { 1.0 };
+                        if share > 0.0 {
+                            all.push(Echo { power: share * echo.power, ..*echo });
+                        }
+                        at += 1;
                     }
-                    at += 1;
+                    air::add_echoes(&path, &air, model, &speckle, number, &mut all);
+                    echo::merge(&mut all, model.bin(), &mut merged);
+                    echo::detect(&merged, model, &random, number, &mut detected);
+                    echo::choose(options.returns, &mut detected);
+                    made.extend(detected.iter().map(|one| {
+                        point(one, model, pulse, &start, scene.site.metres_per_unit, options.frame)
+                    }));
                 }
-                air::add_echoes(&path, (&air, model), (&speckle, number), &mut all);
-                echo::merge(&mut all, model.bin(), &mut merged);
-                echo::detect(&merged, model, (&random, number), &mut detected);
-                echo::choose(options.returns, &mut detected);
-                let place = (pulse, &start, scene.site.metres_per_unit);
-                made.extend(detected.iter().map(|one| point(one, model, place, options.frame)));
-            }
-            made
-        };
+                made
+            };
         let made: Vec<Vec<LidarPoint>> = pulses.par_chunks(CHUNK).enumerate().map(of_chunk).collect();
         points.extend(made.into_iter().flatten());
     }
@@ -287,7 +289,9 @@ pub fn sweep(
 fn point(
     detected: &DetectedEcho,
     model: &LidarModel,
-    (pulse, start, metres): (&Pulse, &SensorPose, f64),
+    pulse: &Pulse,
+    start: &SensorPose,
+    metres: f64,
     frame: PointFrame,
 ) -> LidarPoint {
     let range = detected.measured;

@@ -147,7 +147,8 @@ impl Bvh {
     pub(super) fn nearest<'a>(
         &self,
         shape: impl Fn(usize) -> &'a Shape,
-        (origin, direction): (DVec3, DVec3),
+        origin: DVec3,
+        direction: DVec3,
         low: f64,
         high: f64,
     ) -> Option<(usize, Crossing)> {
@@ -168,7 +169,8 @@ impl Bvh {
     pub(super) fn any<'a>(
         &self,
         shape: impl Fn(usize) -> &'a Shape,
-        (origin, direction): (DVec3, DVec3),
+        origin: DVec3,
+        direction: DVec3,
         low: f64,
         high: f64,
     ) -> bool {
@@ -277,9 +279,9 @@ mod tests {
             let (origin, direction) = (dice.direction() * 25.0, dice.direction());
             let all = shapes.iter().filter_map(|s| s.crossing(origin, direction, 0.0, 100.0)).map(|c| c.t);
             let nearest = all.min_by(f64::total_cmp);
-            let found = tree.nearest(|place| &shapes[place], (origin, direction), 0.0, 100.0);
+            let found = tree.nearest(|place| &shapes[place], origin, direction, 0.0, 100.0);
             assert_eq!(found.map(|(_, crossing)| crossing.t), nearest);
-            assert_eq!(tree.any(|place| &shapes[place], (origin, direction), 0.0, 100.0), nearest.is_some());
+            assert_eq!(tree.any(|place| &shapes[place], origin, direction, 0.0, 100.0), nearest.is_some());
         }
     }
 
@@ -287,6 +289,6 @@ mod tests {
     fn an_empty_tree_is_met_nowhere() {
         let (tree, order) = Bvh::build(std::iter::empty());
         assert!(order.is_empty());
-        assert!(!tree.any(|_| unreachable!(), (DVec3::ZERO, DVec3::X), 0.0, 1.0));
+        assert!(!tree.any(|_| unreachable!(), DVec3::ZERO, DVec3::X, 0.0, 1.0));
     }
 }

@@ -1,4 +1,4 @@
-//! What covers the ground where it changes along lines that no surface follows: paths through
+//! Cover of the ground where it changes along lines that no surface follows: paths through
 //! lawns, worn verges, leaf litter under trees.
 //!
 //! The ground itself is a mesh. Its paint is a function of the position, so paths have edges finer
@@ -54,7 +54,8 @@ impl GroundCover {
     /// The cover of surfaces of paint `lawn` between two corners; of several strips the first
     /// counts, and beds only where there is no strip.
     pub(crate) fn new(
-        (low, high): (DVec2, DVec2),
+        low: DVec2,
+        high: DVec2,
         lawn: (PaintId, PaintId),
         strips: Vec<Strip>,
         beds: Vec<Bed>,

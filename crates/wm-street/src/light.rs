@@ -226,7 +226,8 @@ impl Place {
         &self,
         which: usize,
         spot: &Spot,
-        (unit_at, direction): (DVec2, DVec3),
+        unit_at: DVec2,
+        direction: DVec3,
         width: f64,
         budget: Budget,
     ) -> DVec3 {

@@ -96,7 +96,7 @@ impl Material {
         matches!(self, Self::Leaf | Self::Blade | Self::Petal | Self::Wood)
     }
 
-    /// What a surface of it is where nothing says otherwise.
+    /// The label of a surface of this material where nothing says otherwise.
     pub(super) fn label(self) -> Label {
         match self {
             Self::Grass | Self::Meadow | Self::Soil | Self::Field => Label::Lawn,
@@ -161,7 +161,7 @@ impl Label {
     pub const ALL: [Self; 7] =
         [Self::Lawn, Self::Path, Self::Water, Self::Plant, Self::Building, Self::Object, Self::Mover];
 
-    /// Its name in files.
+    /// The name in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

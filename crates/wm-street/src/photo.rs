@@ -20,9 +20,9 @@ pub struct PhotoPixel {
     pub depth: f64,
     /// Normal of that surface, world axes, towards the camera; 0 in the sky.
     pub normal: DVec3,
-    /// Its material; none in the sky.
+    /// The material; none in the sky.
     pub material: Option<Material>,
-    /// Its label; none in the sky.
+    /// The label; none in the sky.
     pub label: Option<Label>,
     /// True if the ray through the pixel's centre ends in the sky.
     pub is_sky: bool,
@@ -56,7 +56,7 @@ impl Casting {
     }
 }
 
-/// What the ray through a pixel's middle meets.
+/// The hit of the ray through a pixel's middle.
 #[derive(Clone, Copy)]
 struct Middle {
     which: usize,
@@ -83,9 +83,9 @@ impl Place {
     #[must_use]
     pub fn photo(&self, camera: &Camera, x: u32, y: u32, samples: u32) -> PhotoPixel {
         let casting = Casting::of(samples);
-        let middle = self.middle(camera, (x, y));
-        let (radiance, moving) = self.averaged(camera, (x, y), &casting);
-        told(camera, (x, y), middle.as_ref(), radiance, moving)
+        let middle = self.middle(camera, x, y);
+        let (radiance, moving) = self.averaged(camera, x, y, &casting);
+        told(camera, x, y, middle.as_ref(), radiance, moving)
     }
 
     /// Row `y` of a picture, left to right; see [`Self::photo`].
@@ -99,9 +99,10 @@ impl Place {
     pub(crate) fn picture(&self, camera: &Camera, casting: &Casting) -> Vec<PhotoPixel> {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let pixels = (0..width * height).into_par_iter();
-        let at = |index: usize| ((index % width) as u32, (index / width) as u32);
-        let middles: Vec<Option<Middle>> =
-            pixels.clone().map(|index| self.middle(camera, at(index))).collect();
+        let middles: Vec<Option<Middle>> = pixels
+            .clone()
+            .map(|index| self.middle(camera, (index % width) as u32, (index / width) as u32))
+            .collect();
         let is_plain = |index: usize| {
             let (x, y) = (index % width, index / width);
             let beside = [
@@ -117,18 +118,19 @@ impl Place {
             })
         };
         let pixel = |index: usize| {
+            let (x, y) = ((index % width) as u32, (index / width) as u32);
             let middle = middles[index].as_ref();
             let (radiance, moving) = if casting.samples == 1 || is_plain(index) {
-                self.plain(camera, at(index), middle, casting)
+                self.plain(camera, x, y, middle, casting)
             } else {
-                self.averaged(camera, at(index), casting)
+                self.averaged(camera, x, y, casting)
             };
-            told(camera, at(index), middle, radiance, moving)
+            told(camera, x, y, middle, radiance, moving)
         };
         pixels.map(pixel).collect()
     }
 
-    fn middle(&self, camera: &Camera, (x, y): (u32, u32)) -> Option<Middle> {
+    fn middle(&self, camera: &Camera, x: u32, y: u32) -> Option<Middle> {
         let (eye, direction) = (camera.center(), camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5));
         let (which, crossing) = self.nearest(eye, direction, f64::INFINITY)?;
         let outward = self.primitives[which].shape.spot_anywhere(crossing.a, crossing.b).normal;
@@ -142,14 +144,14 @@ impl Place {
     fn plain(
         &self,
         camera: &Camera,
-        (x, y): (u32, u32),
+        x: u32,
+        y: u32,
         middle: Option<&Middle>,
         casting: &Casting,
     ) -> (DVec3, f64) {
         let (eye, direction) = (camera.center(), camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5));
         let lit = |middle: &Middle| {
-            let ray = (eye, direction);
-            self.hit(middle.which, &middle.crossing, ray, casting.plain, camera.widest_pixel())
+            self.hit(middle.which, &middle.crossing, eye, direction, casting.plain, camera.widest_pixel())
         };
         let radiance = middle.map_or_else(|| self.sky(direction), |middle| lit(middle).radiance);
         let moving = middle.is_some_and(|middle| middle.label == Label::Mover);
@@ -158,7 +160,7 @@ impl Place {
     }
 
     /// Mean radiance of a pixel over all samples, and its share of movers.
-    fn averaged(&self, camera: &Camera, (x, y): (u32, u32), casting: &Casting) -> (DVec3, f64) {
+    fn averaged(&self, camera: &Camera, x: u32, y: u32, casting: &Casting) -> (DVec3, f64) {
         let eye = camera.center();
         let (left, top) = (f64::from(x), f64::from(y));
         let size = 1.0 / f64::from(casting.samples);
@@ -180,7 +182,8 @@ impl Place {
 /// A pixel with what is known of its middle.
 fn told(
     camera: &Camera,
-    (x, y): (u32, u32),
+    x: u32,
+    y: u32,
     middle: Option<&Middle>,
     radiance: DVec3,
     moving: f64,

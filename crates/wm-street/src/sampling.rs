@@ -27,7 +27,7 @@ const CHUNK: usize = 2048;
 /// Splats of the sky at detail 1.
 const SKY: f64 = 16_000.0;
 
-/// Those for whom splats are made: people on a line along y.
+/// Viewers for whom splats are made: people on a line along y.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Audience {
     pub(crate) x: f64,

@@ -38,11 +38,11 @@ pub(crate) struct Sights {
     pub(crate) path: Vec<DVec2>,
     /// The lane that a car drives along, in a straight line.
     pub(crate) road: (DVec2, DVec2),
-    /// What flights look at.
+    /// Target of flights.
     pub(crate) middle: DVec3,
     /// Radius of a flight around that, m.
     pub(crate) orbit: f64,
-    /// Those for whom splats are made.
+    /// Viewers for whom splats are made.
     pub(crate) audience: Audience,
     /// Splats lower than this, m, are inside of the ground.
     pub(crate) lowest: f64,

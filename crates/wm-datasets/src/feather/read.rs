@@ -76,7 +76,7 @@ impl FeatherTable {
             else {
                 return fault(at, "a record batch outside of the file");
             };
-            rows += table.append(bytes, &fields, (place as usize, body))?;
+            rows += table.append(bytes, &fields, place as usize, body)?;
             if rows > MOST_ROWS {
                 return fault(at, format!("more than {MOST_ROWS} rows"));
             }
@@ -89,7 +89,8 @@ impl FeatherTable {
         &mut self,
         bytes: &[u8],
         fields: &[(String, ColumnType)],
-        (place, body): (usize, usize),
+        place: usize,
+        body: usize,
     ) -> Result<u64, FeatherFault> {
         // Since Arrow 0.15 the length is behind a mark.
         let start = if le_u32(bytes, place)? == u32::MAX { place + 8 } else { place + 4 };

@@ -150,7 +150,8 @@ pub(super) fn pose_of(axes: &DMat3, translation: DVec3) -> Result<RigidPose, Str
 ///
 /// # Errors
 /// The fault, in words.
-pub(super) fn pose_of_quaternion([w, x, y, z]: [f64; 4], translation: DVec3) -> Result<RigidPose, String> {
+pub(super) fn pose_of_quaternion(wxyz: [f64; 4], translation: DVec3) -> Result<RigidPose, String> {
+    let [w, x, y, z] = wxyz;
     let rotation = DQuat::from_xyzw(x, y, z, w);
     let length = rotation.length();
     // Written so that NaN is refused.

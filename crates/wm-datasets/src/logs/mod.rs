@@ -98,7 +98,7 @@ pub struct DrivingLog {
     pub source: PathBuf,
     /// The name of its format.
     pub format: &'static str,
-    /// Its name: a drive, a sequence or a scene.
+    /// The name: a drive, a sequence or a scene.
     pub name: String,
     /// The cameras.
     pub cameras: Vec<LogCamera>,
@@ -123,7 +123,7 @@ pub struct DrivingLog {
 /// A camera of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LogCamera {
-    /// Its name.
+    /// The name.
     pub name: String,
     /// Picture width and height, px.
     pub size: (u32, u32),
@@ -279,7 +279,7 @@ impl DrivingLog {
 
     /// Boxes of what moves at some time of the log, at a time, ns.
     #[must_use]
-    pub(crate) fn movers_at(&self, time: i64) -> Vec<LogBox> {
+    fn movers_at(&self, time: i64) -> Vec<LogBox> {
         self.tracks.iter().filter(|track| track.is_mover).filter_map(|track| track.at(time)).collect()
     }
 }
@@ -340,8 +340,9 @@ fn moved(pose: RigidPose, origin: DVec3) -> RigidPose {
     RigidPose { translation: pose.translation - origin, ..pose }
 }
 
-/// A place that is so many metres east and north of another, degrees.
-fn displaced([latitude, longitude]: [f64; 2], east: f64, north: f64) -> [f64; 2] {
+/// Returns the latitude and longitude, degrees, of the point `east` and `north` m of a location.
+fn displaced(location: [f64; 2], east: f64, north: f64) -> [f64; 2] {
+    let [latitude, longitude] = location;
     // WGS 84's equatorial radius; over a city the difference to the ellipsoid is below 0.5 % of the
     // way.
     const RADIUS: f64 = 6_378_137.0;

@@ -130,10 +130,10 @@ fn reachable(places: &[(i64, DVec3)]) -> Vec<bool> {
 
 /// A log among several in one folder.
 pub(super) struct Candidate<T> {
-    pub(super) name: String,
-    pub(super) value: T,
+    pub(crate) name: String,
+    pub(crate) value: T,
     /// The files that are missing for it to be read, in words.
-    pub(super) lacks: Option<String>,
+    pub(crate) lacks: Option<String>,
 }
 
 /// A log in a folder, and what was passed over, in words.

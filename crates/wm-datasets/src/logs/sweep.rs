@@ -85,8 +85,8 @@ pub(super) enum SweepMotion {
 /// The points of a sweep, and the number of those that cannot be used: not finite, or farther than
 /// a kilometre from the lidar.
 pub(super) struct SweepPoints {
-    pub(super) points: Vec<LogPoint>,
-    pub(super) unusable: usize,
+    pub(crate) points: Vec<LogPoint>,
+    pub(crate) unusable: usize,
 }
 
 impl LogSweep {

@@ -64,13 +64,13 @@ impl EgoTrack {
 /// Something around the vehicle that has a box at several times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LogTrack {
-    /// Its name in the log.
+    /// The name in the log.
     pub id: String,
-    /// Its category, as the log has it.
+    /// The category, as the log has it.
     pub category: String,
     /// True if it moves at any time of the log, or is of a kind that does: people, animals, riders.
     pub is_mover: bool,
-    /// Its boxes, in the order of time.
+    /// The boxes, in the order of time.
     pub boxes: Vec<LogBox>,
 }
 

@@ -283,7 +283,8 @@ impl Film<'_> {
 
 /// Net radiation on the ground by day and by night, W/m^2, as the effect `wetness` has it: 0.65 of
 /// Haurwitz' clear sky, less by clouds (Kasten and Czeplak 1980).
-fn radiation([latitude, longitude]: [f64; 2], row: &WeatherRow) -> f64 {
+fn radiation(location: [f64; 2], row: &WeatherRow) -> f64 {
+    let [latitude, longitude] = location;
     let solar = row.time as f64 + 240.0 * longitude;
     let day = time::day_of_year((solar / 86_400.0).floor() as i64) as f64;
     // Declination within a degree (Cooper 1969); the sun is highest at noon.

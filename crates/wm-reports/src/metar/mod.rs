@@ -265,7 +265,7 @@ impl CloudCover {
 /// A layer of clouds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CloudGroup {
-    /// Its cover.
+    /// The cover.
     pub cover: CloudCover,
     /// Height of its base over the aerodrome, or vertical visibility, m.
     pub height: Option<f64>,
@@ -287,11 +287,11 @@ pub struct IgnoredGroup {
 /// A decoded METAR or SPECI, in SI units and degrees Celsius.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metar {
-    /// Its kind.
+    /// The kind.
     pub kind: MetarKind,
     /// ICAO code of the station, four letters or digits.
     pub station: String,
-    /// Its time.
+    /// The time.
     pub time: Option<MetarTime>,
     /// Made without a person (`AUTO`).
     pub is_automatic: bool,

@@ -66,7 +66,7 @@ pub(super) enum Meaning {
     /// Particles in the air, and their visibilities, m, by strength.
     Air(Carrier, &'static [f64; 4]),
     Freezing,
-    /// Of fog: shallow; of snow: on the ground.
+    /// Shallow, for fog; on the ground, for snow.
     Ground,
     /// It lies.
     Lies,

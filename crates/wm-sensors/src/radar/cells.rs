@@ -28,20 +28,20 @@ const FAINT: f64 = 0.25;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scatterer {
     /// Range, azimuth and velocity.
-    pub at: [f64; 3],
+    pub(crate) at: [f64; 3],
     /// Radians.
-    pub elevation: f64,
+    pub(crate) elevation: f64,
     /// Over that of the noise.
-    pub power: f64,
+    pub(crate) power: f64,
 }
 
 /// Rain in the cells of one azimuth, over the noise.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RainClutter {
     /// Power of all velocities, for each cell of range; empty without rain.
-    pub powers: Vec<f64>,
-    /// Its share in each cell of velocity.
-    pub shares: Vec<f64>,
+    pub(crate) powers: Vec<f64>,
+    /// The share in each cell of velocity.
+    pub(crate) shares: Vec<f64>,
 }
 
 impl RainClutter {
@@ -117,19 +117,19 @@ pub(super) fn powers<'a>(
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DetectedCell {
     /// Range, azimuth and velocity.
-    pub cell: [usize; 3],
-    /// The same between cells.
-    pub at: [f64; 3],
+    pub(crate) cell: [usize; 3],
+    /// Interpolated position between cells.
+    pub(crate) at: [f64; 3],
     /// Power between cells, over that of the noise.
-    pub power: f64,
+    pub(crate) power: f64,
     /// Mean power of the cells around it.
-    pub mean: f64,
+    pub(crate) mean: f64,
 }
 
 /// The powers of all cells.
 pub(super) struct PowerCube<'a> {
     model: &'a RadarModel,
-    /// Those of each azimuth, `[ranges, velocities]`.
+    /// Power by azimuth, `[ranges, velocities]` each.
     rows: &'a [Vec<f32>],
     /// Cells in range, azimuth and velocity.
     count: [usize; 3],
@@ -140,7 +140,8 @@ impl<'a> PowerCube<'a> {
         Self { model, rows, count: model.cells() }
     }
 
-    fn power(&self, [range, azimuth, velocity]: [usize; 3]) -> f32 {
+    fn power(&self, cell: [usize; 3]) -> f32 {
+        let [range, azimuth, velocity] = cell;
         self.rows[azimuth][range * self.count[2] + velocity]
     }
 
@@ -198,7 +199,8 @@ impl<'a> PowerCube<'a> {
     }
 
     /// The mean power of the cells around one, of the same azimuth, and their number.
-    fn around(&self, [range, azimuth, velocity]: [usize; 3]) -> (f64, usize) {
+    fn around(&self, cell: [usize; 3]) -> (f64, usize) {
+        let [range, azimuth, velocity] = cell;
         let [ranges, _, velocities] = self.count;
         let nearest = (self.model.range[0] / self.model.range_cell).ceil() as usize;
         let side = TRAINING[1].min((velocities - 1) / 2) as i64;

@@ -25,7 +25,7 @@ const KIND: SensorKind = SensorKind { name: "radar", presets: RADAR_PRESETS, mos
 /// range and velocity at once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RadarModel {
-    /// Its name.
+    /// The name.
     pub name: String,
     /// GHz.
     pub frequency: f64,
@@ -130,7 +130,7 @@ impl RadarModel {
     /// Cells in range, azimuth and velocity. Those of range begin at 0; of velocity they are an
     /// even number.
     #[must_use]
-    pub(crate) fn cells(&self) -> [usize; 3] {
+    pub fn cells(&self) -> [usize; 3] {
         let [low, high] = self.azimuth;
         // A little less, so that rounding adds no cell.
         let count = |length: f64, cell: f64| ((length / cell - 1e-6).ceil() as usize).max(1);

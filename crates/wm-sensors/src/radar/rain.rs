@@ -12,7 +12,7 @@ const K_TERMS: [[f64; 3]; 4] = [
     [0.50167, 1.07319, 0.27195],
 ];
 const K_LINE: [f64; 2] = [-0.16398, 0.63297];
-/// The same of alpha.
+/// Terms of the fit of alpha.
 const ALPHA_TERMS: [[f64; 3]; 5] = [
     [-0.07771, 2.33840, -0.76284],
     [0.56727, 0.95545, 0.54039],
@@ -24,13 +24,8 @@ const ALPHA_LINE: [f64; 2] = [-0.053739, 0.83433];
 
 /// Attenuation by rain at a frequency, GHz, one way: k and alpha of `k R^alpha` dB/km with the rate
 /// R in mm/h (ITU-R P.838-3, vertical polarisation).
-///
-/// ```
-/// let [k, alpha] = wm_sensors::radar::rain_coefficients(76.5);
-/// assert!((k - 1.1208).abs() < 1e-4 && (alpha - 0.7082).abs() < 1e-4);
-/// ```
 #[must_use]
-pub(crate) fn rain_coefficients(frequency: f64) -> [f64; 2] {
+fn rain_coefficients(frequency: f64) -> [f64; 2] {
     let log = frequency.log10();
     let sum = |terms: &[[f64; 3]], [slope, constant]: [f64; 2]| {
         let bells = terms.iter().map(|[a, b, c]| a * (-((log - b) / c).powi(2)).exp());

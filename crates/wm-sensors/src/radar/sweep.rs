@@ -28,7 +28,7 @@ use wm_weather::{PreparedWeather, Site};
 /// A place in weather, for radars.
 #[derive(Clone, Copy)]
 pub struct RadarScene<'a> {
-    /// Its splats.
+    /// The splats.
     pub splats: &'a dyn RayTracer,
     /// The weather at the start of the sweep.
     pub weather: &'a PreparedWeather,
@@ -45,7 +45,7 @@ pub struct RadarScene<'a> {
 pub struct RadarOptions {
     /// Time of its start, s; the weather must be that of this time.
     pub time: f64,
-    /// Its number, which random numbers depend on.
+    /// The number, which random numbers depend on.
     pub index: u32,
     /// The seed of noise, speckle and rays.
     pub seed: u64,
@@ -178,9 +178,9 @@ pub fn radar_sweep(
     let of_azimuth = |azimuth: usize| -> Vec<RadarDetection> {
         let found = cube.detections(azimuth);
         let detection = |found: &cells::DetectedCell| {
-            let surfaces = cells::surfaces_in(model, found.cell, near(azimuth));
+            let (surfaces, elevation) = cells::surfaces_in(model, found.cell, near(azimuth));
             let rain = sectors[azimuth].clutter.at(found.cell[0], found.cell[2]);
-            view.detection(found, surfaces, rain, options.frame)
+            view.detection(found, surfaces, elevation, rain, options.frame)
         };
         found.iter().map(detection).collect()
     };
@@ -201,17 +201,17 @@ pub fn radar_sweep(
 
 /// The surfaces and the rain of one cell of azimuth.
 pub(super) struct Sector {
-    pub scatterers: Vec<Scatterer>,
-    pub clutter: RainClutter,
+    pub(crate) scatterers: Vec<Scatterer>,
+    pub(crate) clutter: RainClutter,
 }
 
 /// A radar at a place in weather.
 pub(super) struct FanView<'a> {
-    pub model: &'a RadarModel,
-    pub scene: &'a RadarScene<'a>,
-    pub pose: SensorPose,
+    pub(crate) model: &'a RadarModel,
+    pub(crate) scene: &'a RadarScene<'a>,
+    pub(crate) pose: SensorPose,
     /// m/s, world axes.
-    pub velocity: DVec3,
+    pub(crate) velocity: DVec3,
 }
 
 /// A ray of the fan, in the sensor's axes.
@@ -380,7 +380,8 @@ impl FanView<'_> {
     fn detection(
         &self,
         found: &cells::DetectedCell,
-        (surfaces, elevation): (f64, f64),
+        surfaces: f64,
+        elevation: f64,
         rain: f64,
         frame: PointFrame,
     ) -> RadarDetection {

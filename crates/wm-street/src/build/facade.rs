@@ -127,11 +127,11 @@ pub(super) fn window(b: &mut Builder, at: &Frame, size: (f64, f64), filling: Fil
         bar(b, at, (0.5 * w + 0.045, light - 0.03), (w - edge, light + 0.03), 0.045, paint);
     }
     b.block(at, [-0.06, -0.07, -0.06], [w + 0.06, 0.0, 0.0], finish.stone, faces::FIXED);
-    light(b, at, size, edge);
+    light(b, at, w, h, edge);
 }
 
 /// Lights the room behind some windows by night.
-fn light(b: &mut Builder, at: &Frame, (w, h): (f64, f64), edge: f64) {
+fn light(b: &mut Builder, at: &Frame, w: f64, h: f64, edge: f64) {
     let key = key_of(at.origin);
     if unit(key, 0) > LIT {
         return;

@@ -18,7 +18,7 @@ pub(super) type TreeRow = (DVec2, DVec2, u32, f64);
 
 /// Builds all of it around a place that covers the rectangle from `low` to `high`; `near` are the
 /// rows of trees at its borders.
-pub(super) fn build(b: &mut Builder, p: &Palette, (low, high): (DVec2, DVec2), near: &[TreeRow]) {
+pub(super) fn build(b: &mut Builder, p: &Palette, low: DVec2, high: DVec2, near: &[TreeRow]) {
     let field = b.paint(Material::Field, 0x7F8A55, 0x979E66);
     let wood = b.paint(Material::Wood, 0x4E5E46, 0x6E7A58);
     let far_leaf = b.paint(Material::Wood, 0x506338, 0x78844C);
@@ -153,13 +153,13 @@ fn hedgerows(b: &mut Builder, near: &[TreeRow], leaf: PaintId) {
             let at = from.lerp(to, (f64::from(index) + 0.6 * dice.unit()) / f64::from(count));
             let off = DVec2::new(dice.bell(), dice.bell()) * 2.0;
             let high = height * dice.range(0.7, 1.3);
-            far_tree(b, (at + off).extend(FIELD), (high, fine), leaf, &mut dice);
+            far_tree(b, (at + off).extend(FIELD), high, fine, leaf, &mut dice);
         }
     }
 }
 
 /// A crown of `height`, its leaves `fine` times smaller than those of the farthest.
-fn far_tree(b: &mut Builder, foot: DVec3, (height, fine): (f64, f64), leaf: PaintId, dice: &mut Dice) {
+fn far_tree(b: &mut Builder, foot: DVec3, height: f64, fine: f64, leaf: PaintId, dice: &mut Dice) {
     let radius = height * dice.range(0.34, 0.45);
     let size = (height * 0.17).max(0.8) / fine;
     let middle = foot + DVec3::Z * (0.55 * height);

@@ -53,14 +53,15 @@ pub(super) fn low_wall(
     frame: &Frame,
     length: f64,
     high: f64,
-    (body, coping): (PaintId, PaintId),
+    body: PaintId,
+    coping: PaintId,
 ) {
     b.block(frame, [0.0, 0.0, 0.0], [length, 0.24, high], body, faces::STANDING & !faces::TOP);
     b.block(frame, [-0.03, -0.035, high], [length + 0.03, 0.275, high + 0.07], coping, faces::ALL);
 }
 
 /// Square pillars with caps at both ends of a gap.
-pub(super) fn pillar(b: &mut Builder, frame: &Frame, high: f64, (body, cap): (PaintId, PaintId)) {
+pub(super) fn pillar(b: &mut Builder, frame: &Frame, high: f64, body: PaintId, cap: PaintId) {
     b.block(frame, [-0.19, -0.07, 0.0], [0.19, 0.31, high], body, faces::STANDING & !faces::TOP);
     b.block(frame, [-0.24, -0.12, high], [0.24, 0.36, high + 0.08], cap, faces::ALL);
     b.ball(frame.at(0.0, 0.12, high + 0.20), DVec3::splat(0.14), cap);

@@ -40,7 +40,7 @@ pub(super) fn lamp(b: &mut Builder, frame: &Frame, p: &Palette) {
 }
 
 /// A bench, seen from its front at y = 0.
-pub(super) fn bench(b: &mut Builder, frame: &Frame, (wood, iron): (PaintId, PaintId)) {
+pub(super) fn bench(b: &mut Builder, frame: &Frame, wood: PaintId, iron: PaintId) {
     let long = 1.7;
     for slat in 0..4 {
         let y = 0.03 + 0.115 * f64::from(slat);
@@ -119,7 +119,9 @@ pub(super) fn hanging_sign(
     frame: &Frame,
     x: f64,
     z: f64,
-    (board, rim, iron): (PaintId, PaintId, PaintId),
+    board: PaintId,
+    rim: PaintId,
+    iron: PaintId,
 ) {
     let at = frame.moved(x, 0.0, z);
     b.block(&at, [-0.02, -1.0, 0.0], [0.02, 0.0, 0.04], iron, faces::FIXED);

@@ -13,7 +13,8 @@ pub(super) fn hedge(
     frame: &Frame,
     size: [f64; 3],
     leaf: f64,
-    (core, foliage): (PaintId, PaintId),
+    core: PaintId,
+    foliage: PaintId,
     seed: u64,
 ) {
     let [w, d, h] = size;
@@ -77,11 +78,14 @@ pub(super) fn climber(
 }
 
 /// Tufts of grass from `from` to `to`, `density` a metre, blades of about `height`.
+#[allow(clippy::too_many_arguments, reason = "numbers of one strip of grass, from one call")]
 pub(super) fn tufts(
     b: &mut Builder,
-    (from, to): (DVec3, DVec3),
+    from: DVec3,
+    to: DVec3,
     spread: f64,
-    (density, height): (f64, f64),
+    density: f64,
+    height: f64,
     paint: PaintId,
     seed: u64,
 ) {
@@ -93,18 +97,12 @@ pub(super) fn tufts(
         if noise3(at * 0.9, 41) < -0.25 {
             continue;
         }
-        tuft(b, at, (5, height), paint, &mut dice);
+        tuft(b, at, 5, height, paint, &mut dice);
     }
 }
 
 /// A tuft of `blades` grass blades of about `height`.
-pub(super) fn tuft(
-    b: &mut Builder,
-    at: DVec3,
-    (blades, height): (u32, f64),
-    paint: PaintId,
-    dice: &mut Dice,
-) {
+pub(super) fn tuft(b: &mut Builder, at: DVec3, blades: u32, height: f64, paint: PaintId, dice: &mut Dice) {
     for _ in 0..blades {
         let lean = DVec3::new(dice.bell(), dice.bell(), 0.0) * 0.35;
         let up = (DVec3::Z + lean) * (height * dice.range(0.5, 1.3));
@@ -121,7 +119,8 @@ pub(super) fn flowers(
     frame: &Frame,
     size: [f64; 3],
     count: u32,
-    (foliage, petals): (PaintId, PaintId),
+    foliage: PaintId,
+    petals: PaintId,
     seed: u64,
 ) {
     let mut dice = Dice::new(b.seed, seed);
@@ -144,7 +143,8 @@ pub(super) fn flowers(
 /// Leaves that lie on the ground of a rectangle, whose height is `ground`.
 pub(super) fn fallen(
     b: &mut Builder,
-    (low, high): (DVec2, DVec2),
+    low: DVec2,
+    high: DVec2,
     ground: impl Fn(DVec2) -> f64,
     count: u32,
     paint: PaintId,

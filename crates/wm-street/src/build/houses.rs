@@ -185,7 +185,7 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
     }
     let sign = b.paint(M::Metal, 0x2F5646, 0x2F5646);
     let gold = b.paint(M::Metal, 0xC9A24A, 0xC9A24A);
-    furniture::hanging_sign(b, &at, 9.7, 4.0, (sign, gold, p.iron));
+    furniture::hanging_sign(b, &at, 9.7, 4.0, sign, gold, p.iron);
     House {
         width: 9.4,
         depth: 10.0,

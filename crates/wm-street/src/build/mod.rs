@@ -68,7 +68,7 @@ impl Frame {
         self.right * x + self.back * y + DVec3::Z * z
     }
 
-    /// The same axes at a local point.
+    /// Returns the frame moved to a local point, m.
     fn moved(&self, x: f64, y: f64, z: f64) -> Self {
         Self { origin: self.at(x, y, z), ..*self }
     }
@@ -102,7 +102,7 @@ pub(crate) struct Builder {
     pub(crate) primitives: Vec<Primitive>,
     pub(crate) paints: Vec<Paint>,
     pub(crate) seed: u64,
-    /// What covers the ground where that changes along lines that no surface follows.
+    /// Cover of the ground where it changes along lines that no surface follows.
     pub(crate) cover: GroundCover,
     /// Lamps, and panes that are lit by night.
     pub(crate) lamps: Vec<Lamp>,

@@ -1,4 +1,4 @@
-//! What passes by: cars, vans, people. Each is built where it is at one time.
+//! Traffic: cars, vans and people, each built where it is at one time.
 
 use super::{Builder, Frame, faces};
 use crate::hash::Dice;
@@ -85,7 +85,7 @@ impl Paints {
 }
 
 /// Two wheels on an axle across the frame at `(y, radius)`.
-fn wheels(b: &mut Builder, at: &Frame, half: f64, (y, radius): (f64, f64), p: &Paints) {
+fn wheels(b: &mut Builder, at: &Frame, half: f64, y: f64, radius: f64, p: &Paints) {
     for side in [-1.0, 1.0] {
         let (inner, outer) = (at.at(side * (half - 0.2), y, radius), at.at(side * half, y, radius));
         b.stump(inner, outer, [radius, radius], p.tyre);
@@ -128,7 +128,7 @@ fn car(b: &mut Builder, at: &Frame, p: &Paints, pick: f64) {
         b.ball(corner(side * 0.66, -length + 0.01, 0.66), DVec3::new(0.13, 0.06, 0.08), p.red);
     }
     for y in [-1.3, 1.3] {
-        wheels(b, at, half, (y, 0.32), p);
+        wheels(b, at, half, y, 0.32, p);
     }
 }
 
@@ -151,7 +151,7 @@ fn van(b: &mut Builder, at: &Frame, p: &Paints) {
     }
     b.block(at, [-0.26, -2.63, 0.62], [0.26, -2.6, 0.74], p.light, faces::ALL);
     for y in [-1.6, 1.7] {
-        wheels(b, at, half, (y, 0.36), p);
+        wheels(b, at, half, y, 0.36, p);
     }
 }
 

@@ -80,7 +80,8 @@ pub(crate) fn build(b: &mut Builder) {
     let strip = |line, half, paint, verge| Strip { line, half, paint, verge };
     let corner = DVec2::splat(HALF);
     b.cover = GroundCover::new(
-        (-corner, corner),
+        -corner,
+        corner,
         (lawn, worn),
         vec![
             strip(vec![DVec2::new(0.0, -HALF), DVec2::new(0.0, HALF)], ROAD, p.asphalt, 0.25),
@@ -107,7 +108,7 @@ pub(crate) fn build(b: &mut Builder) {
         (DVec2::new(-72.0, -80.0), DVec2::new(-9.0, -82.0), 9, 10.0),
         (DVec2::new(9.0, -83.0), DVec2::new(72.0, -79.0), 9, 8.0),
     ];
-    far::build(b, &p, (-corner, corner), &rows);
+    far::build(b, &p, -corner, corner, &rows);
 }
 
 /// Kerbstones along the road, open where paths join it.
@@ -131,13 +132,14 @@ fn buildings(b: &mut Builder, p: &Palette) {
     let boards = b.paint(Material::Boards, 0x7F8A78, 0x5F665A);
     pavilion::shed(b, &at(-17.5, -47.0).turned(0.0, 0.0, 0.0, 70.0), boards, p);
     // A low wall along the mown lawn, a longer one by the road.
-    fences::low_wall(b, &at(19.0, -9.0 - 4.5), 16.0, 0.5, (p.plinth, p.stone));
+    fences::low_wall(b, &at(19.0, -9.0 - 4.5), 16.0, 0.5, p.plinth, p.stone);
     fences::low_wall(
         b,
         &Frame::facing(DVec3::new(-5.6, -8.0, -0.1), -DVec3::X),
         14.0,
         0.75,
-        (p.brick, p.stone),
+        p.brick,
+        p.stone,
     );
 }
 
@@ -152,10 +154,10 @@ fn beside(path: &[DVec2], share: f64, side: f64, off: f64) -> Frame {
 fn furniture(b: &mut Builder, p: &Palette) {
     let (east, west) = (line(&EAST), line(&WEST));
     for (share, side) in [(0.09, -1.0), (0.30, -1.0), (0.45, -1.0), (0.60, -1.0), (0.78, -1.0), (0.90, 1.0)] {
-        f::bench(b, &beside(&east, share, side, 1.6).moved(-0.85, 0.0, 0.0), (p.oak, p.iron));
+        f::bench(b, &beside(&east, share, side, 1.6).moved(-0.85, 0.0, 0.0), p.oak, p.iron);
     }
     for (share, side) in [(0.15, 1.0), (0.42, 1.0), (0.70, 1.0)] {
-        f::bench(b, &beside(&west, share, side, 1.6).moved(-0.85, 0.0, 0.0), (p.oak, p.iron));
+        f::bench(b, &beside(&west, share, side, 1.6).moved(-0.85, 0.0, 0.0), p.oak, p.iron);
     }
     for share in [0.04, 0.18, 0.37, 0.53, 0.68, 0.84, 0.97] {
         f::lamp(b, &beside(&east, share, 1.0, 1.7), p);
@@ -167,7 +169,7 @@ fn furniture(b: &mut Builder, p: &Palette) {
         f::bin(b, beside(&east, share, -1.0, 2.6).origin, p);
     }
     // The seat on the hill.
-    f::bench(b, &Frame::facing(on_ground(HILL + DVec2::new(-0.8, 1.2)), DVec3::NEG_X), (p.oak, p.iron));
+    f::bench(b, &Frame::facing(on_ground(HILL + DVec2::new(-0.8, 1.2)), DVec3::NEG_X), p.oak, p.iron);
     let red = b.paint(Material::Timber, 0x8A2F2A, 0x8A2F2A);
     let blue = b.paint(Material::Timber, 0x2B4C77, 0x2B4C77);
     let stand = Frame::facing(on_ground(DVec2::new(15.2, -7.6)), DVec3::new(0.4, 0.92, 0.0).normalize());
@@ -317,7 +319,7 @@ fn low_growth(b: &mut Builder, p: &Palette) {
         if noise2(at / 5.0, 84) < 0.12 || !(WATER - 0.45..WATER + 0.12).contains(&ground) {
             continue;
         }
-        g::tuft(b, at.extend(ground), (4, 1.15), reed, &mut dice);
+        g::tuft(b, at.extend(ground), 4, 1.15, reed, &mut dice);
     }
     // Long grass where no mower comes: by paths, trees and walls.
     for path in [line(&EAST), line(&WEST)] {
@@ -326,14 +328,14 @@ fn low_growth(b: &mut Builder, p: &Palette) {
             let side = if dice.unit() < 0.5 { -1.0 } else { 1.0 };
             let at = point + ahead.perp() * side * (PATH + 0.12 + 0.5 * dice.unit() * dice.unit());
             if noise2(at / 3.0, 85) > -0.1 && at.x.abs() > ROAD + 0.3 {
-                g::tuft(b, on_ground(at), (4, 0.12), p.blade, &mut dice);
+                g::tuft(b, on_ground(at), 4, 0.12, p.blade, &mut dice);
             }
         }
     }
     for _ in 0..2600 {
         let at = HILL + DVec2::new(dice.bell(), dice.bell()) * DVec2::new(10.0, 8.0);
         if noise2(at / 4.0, 86) > 0.15 {
-            g::tuft(b, on_ground(at), (5, 0.24), p.blade, &mut dice);
+            g::tuft(b, on_ground(at), 5, 0.24, p.blade, &mut dice);
         }
     }
     for (index, share) in [0.02, 0.5, 0.965].into_iter().enumerate() {
@@ -344,7 +346,8 @@ fn low_growth(b: &mut Builder, p: &Palette) {
             &bed.moved(-2.0, 0.0, 0.05),
             [4.0, 1.2, 0.45],
             700,
-            (p.hedge, p.flowers),
+            p.hedge,
+            p.flowers,
             830 + index as u64,
         );
     }
@@ -356,7 +359,7 @@ fn low_growth(b: &mut Builder, p: &Palette) {
         (DVec2::new(-6.5, -60.0), DVec2::new(-2.4, 60.0), 500, 844),
         (DVec2::new(2.4, -60.0), DVec2::new(6.5, 60.0), 500, 845),
     ] {
-        g::fallen(b, (low, high), height, count, p.fallen, seed);
+        g::fallen(b, low, high, height, count, p.fallen, seed);
     }
 }
 

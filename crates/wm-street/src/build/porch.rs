@@ -52,7 +52,7 @@ impl Porch {
             b.block(frame, [x, -d + 0.2, low + 0.02], [x + 0.14, 0.0, low + 0.16], p.white, faces::ALL);
         }
         self.railing(b, frame, &posts, p);
-        self.lean_to(b, frame, (low + 0.17, high), roof, p);
+        self.lean_to(b, frame, low + 0.17, high, roof, p);
         // Steps between the two middle posts.
         let steps = [(0.30, floor - 0.16), (0.60, floor - 0.31)];
         for (reach, top) in steps {
@@ -104,7 +104,7 @@ impl Porch {
         }
     }
 
-    fn lean_to(&self, b: &mut Builder, frame: &Frame, (low, high): (f64, f64), roof: PaintId, p: &Palette) {
+    fn lean_to(&self, b: &mut Builder, frame: &Frame, low: f64, high: f64, roof: PaintId, p: &Palette) {
         let (over, d) = (0.32, self.depth);
         let slope = (high - low) / d;
         let (x0, x1) = (self.from - 0.25, self.to + 0.25);

@@ -23,7 +23,7 @@ pub(super) struct ExifFacts {
     pub(crate) gps: Option<Gps>,
 }
 
-/// What photo `index` states, lies included.
+/// Returns the facts that photo `index` states, lies included.
 pub(super) fn facts(
     place: &Place,
     settings: &CaptureSettings,

@@ -12,14 +12,14 @@ const NEAREST: f64 = 0.25;
 /// Less coverage of a pixel than this is not drawn.
 const FAINTEST: f64 = 0.02;
 
-/// What falls.
+/// A kind of precipitation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fall {
     Rain,
     Snow,
 }
 
-/// What falls at a rate: sizes above `least` as an exponential distribution.
+/// Precipitation at a rate: sizes above `least` in an exponential distribution.
 struct Law {
     /// Pieces in a cubic metre that are larger than `least`.
     number: f64,
@@ -89,7 +89,7 @@ impl Fall {
             let world = inverse.transform_point3(from) + speed * EXPOSURE;
             let to = camera.viewmat.transform_point3(world);
             if to.z > 0.5 * NEAREST {
-                streak(&mut cover, camera, depth, (from, to), 1e-3 * diameter);
+                streak(&mut cover, camera, depth, from, to, 1e-3 * diameter);
             }
         }
         // Drops show the sky behind them upside down; flakes are white in the light from all
@@ -106,7 +106,7 @@ impl Fall {
 
 /// Adds the time that a ball of `diameter` m covers each pixel on its way, as a share of the
 /// exposure.
-fn streak(cover: &mut [f64], camera: &Camera, depth: &[f64], (from, to): (DVec3, DVec3), diameter: f64) {
+fn streak(cover: &mut [f64], camera: &Camera, depth: &[f64], from: DVec3, to: DVec3, diameter: f64) {
     let project = |p: DVec3| (camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy);
     let ((x0, y0), (x1, y1)) = (project(from), project(to));
     let wide = diameter * camera.fx / from.z;

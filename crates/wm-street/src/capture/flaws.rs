@@ -1,4 +1,4 @@
-//! What is wrong with the photos of a capture, and how light becomes a picture.
+//! Flaws of the photos of a capture, and how light becomes a picture.
 
 use crate::display_of;
 use glam::{DVec2, DVec3};
@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use wm_scene::random::RandomStream;
 
-/// What is wrong with the photos of a capture; the default is nothing. All of it combines.
+/// Flaws of the photos of a capture; none by default. They combine.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CaptureFlaws {
     /// Most motion blur of a photo, px; each draws its own.
@@ -15,7 +15,7 @@ pub struct CaptureFlaws {
     pub exposure_jitter: f64,
     /// From light to the values of the file.
     pub tone: ToneCurve,
-    /// What EXIF lies about.
+    /// Lies of EXIF.
     pub exif: Vec<ExifFault>,
     /// Rain in front of the camera, mm/h.
     pub rain: Option<f64>,
@@ -40,7 +40,7 @@ pub enum ToneCurve {
 }
 
 impl ToneCurve {
-    /// Its name in files and options.
+    /// The name in files and options.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -123,7 +123,7 @@ impl CaptureFlaws {
 }
 
 /// A picture that moved by `motion` px while it was exposed: the mean along that line.
-pub(super) fn moved(light: &[DVec3], (width, height): (usize, usize), motion: DVec2) -> Vec<DVec3> {
+pub(super) fn moved(light: &[DVec3], width: usize, height: usize, motion: DVec2) -> Vec<DVec3> {
     let length = motion.length();
     if length < 0.05 {
         return light.to_vec();

@@ -64,7 +64,7 @@ pub enum CaptureKind {
 }
 
 impl CaptureKind {
-    /// Its name in files and options.
+    /// The name in files and options.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -113,7 +113,7 @@ pub struct CaptureSettings {
     pub truth: GroundTruth,
     /// The seed of all noise, and of the model's axes.
     pub seed: u64,
-    /// What is wrong with the photos.
+    /// Flaws of the photos.
     pub flaws: CaptureFlaws,
 }
 
@@ -277,14 +277,20 @@ fn take(
     }
     let size = (camera.width as usize, camera.height as usize);
     let blur = shot.shake + settings.flaws.motion(settings.seed, index);
-    let light = flaws::moved(&light, size, blur);
+    let light = flaws::moved(&light, size.0, size.1, blur);
     let exposure = settings.flaws.exposure(settings.seed, index);
     let rgb = flaws::developed(&light, exposure, settings.flaws.tone);
 
     let name = format!("{index:05}.png");
     let gps = position(place, settings, index, &camera);
     let facts = exif::facts(place, settings, index, &shot, gps);
-    files::write_png(&folder.join("images").join(&name), settings.size, &rgb, Some(&facts.to_bytes()))?;
+    files::write_png(
+        &folder.join("images").join(&name),
+        settings.size.0,
+        settings.size.1,
+        &rgb,
+        Some(&facts.to_bytes()),
+    )?;
     if settings.truth == GroundTruth::Write {
         let folder = folder.join("truth");
         files::write_maps(&folder, &format!("{index:05}"), &camera, &pixels)?;
@@ -301,7 +307,7 @@ fn take(
         };
         let light: Vec<DVec3> = clean.iter().map(|pixel| DVec3::from_array(pixel.radiance)).collect();
         let rgb = flaws::developed(&light, 0.0, ToneCurve::Standard);
-        files::write_png(&folder.join("clean").join(&name), settings.size, &rgb, None)?;
+        files::write_png(&folder.join("clean").join(&name), settings.size.0, settings.size.1, &rgb, None)?;
     }
     let moving = pixels.iter().map(|pixel| pixel.moving).sum::<f64>() / pixels.len() as f64;
     let mask = pixels.iter().map(|pixel| pixel.moving > 0.0).collect();

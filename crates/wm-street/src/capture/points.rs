@@ -52,9 +52,7 @@ pub(super) fn points(
             break;
         }
         let indices = (batch * most..(batch + 1) * most).into_par_iter();
-        found.par_extend(
-            indices.filter_map(|index| candidate(place, cameras, masks, settings, (seed, index))),
-        );
+        found.par_extend(indices.filter_map(|index| candidate(place, cameras, masks, settings, seed, index)));
     }
     found.truncate(most as usize);
     let mut points = SparsePoints::default();
@@ -89,7 +87,8 @@ fn candidate(
     cameras: &[Camera],
     masks: &[Vec<bool>],
     settings: &CaptureSettings,
-    (seed, index): (u64, u64),
+    seed: u64,
+    index: u64,
 ) -> Option<Candidate> {
     let random = |lane: u64| uniform(seed, 8 * index + lane);
     let first = (random(0) * cameras.len() as f64) as usize % cameras.len();
@@ -114,7 +113,7 @@ fn candidate(
         at + DVec2::new(x, y) * NOISE
     };
     if random(4) < MISMATCHES {
-        return mismatch(cameras, (first, at, surface.t), (seed, index), &noisy).map(colored);
+        return mismatch(cameras, first, at, surface.t, seed, index, &noisy).map(colored);
     }
     let mut seen = vec![(first, noisy(first, at))];
     for (view, other) in cameras.iter().enumerate() {
@@ -139,8 +138,11 @@ fn candidate(
 /// A sighting in one photo that was matched with another thing on the same line of a second photo.
 fn mismatch(
     cameras: &[Camera],
-    (first, at, distance): (usize, DVec2, f64),
-    (seed, index): (u64, u64),
+    first: usize,
+    at: DVec2,
+    distance: f64,
+    seed: u64,
+    index: u64,
     noisy: &dyn Fn(usize, DVec2) -> DVec2,
 ) -> Option<Candidate> {
     let random = |lane: u64| uniform(seed, 8 * index + lane);

@@ -311,7 +311,7 @@ fn blur_keeps_light_and_reaches_as_far_as_it_says() {
     let (width, height) = (31, 21);
     let mut light = vec![DVec3::ZERO; width * height];
     light[10 * width + 15] = DVec3::ONE;
-    let after = flaws::moved(&light, (width, height), DVec2::new(8.0, 0.0));
+    let after = flaws::moved(&light, width, height, DVec2::new(8.0, 0.0));
     assert!((after.iter().map(|light| light.x).sum::<f64>() - 1.0).abs() < 1e-9);
     assert!(
         after[10 * width + 12].x > 0.05 && after[10 * width + 20].x == 0.0 && after[9 * width + 15].x == 0.0

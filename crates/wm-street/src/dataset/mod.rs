@@ -103,7 +103,7 @@ const ABOUT: &str = "Photos of a built-in place of Weather-Magician, ray-cast; p
 /// The lanes of the walk: to the right of its middle, m; above eye level, m; turned to the right,
 /// degrees.
 const LANES: [(f64, f64, f64); 3] = [(0.0, 0.0, 0.0), (-0.9, 0.5, 10.0), (0.9, -0.3, -10.0)];
-/// Of surfaces that lie this much farther than a point, m, the point is in front.
+/// Depth tolerance of the visibility test, m: a surface nearer to a point does not hide it.
 const SLACK: f64 = 0.02;
 
 /// The cameras of a route, in their order.
@@ -167,7 +167,7 @@ pub fn write(
         let stem = format!("{index:05}");
         let name = format!("{stem}.png");
         let rgb: Vec<u8> = pixels.iter().flat_map(|pixel| pixel.rgb.map(to_byte)).collect();
-        files::write_png(&images.join(&name), options.size, &rgb, None)?;
+        files::write_png(&images.join(&name), options.size.0, options.size.1, &rgb, None)?;
         if options.truth == GroundTruth::Write {
             files::write_maps(&folder.join("truth"), &stem, camera, &pixels)?;
         }

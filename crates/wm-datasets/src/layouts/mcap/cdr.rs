@@ -2,7 +2,8 @@
 //!
 //! Four bytes say how the rest is encoded; alignment counts from behind them. A string is its
 //! length with the final zero, its bytes and a zero; a sequence its length and its elements; an
-//! array its elements alone.
+//! array its elements alone. Encoded here in 50 lines: for `cdr` or `cdr-encoding` (2 and 4 new crates)
+//! the four messages would be as many lines of structs for serde.
 
 use crate::{CameraInfo, RigidPose};
 use wm_scene::LensModel;
@@ -11,8 +12,8 @@ use wm_scene::LensModel;
 /// those it is made of.
 pub(super) struct MessageType {
     /// `package/msg/Type`.
-    pub name: &'static str,
-    /// Its definition, and those of the types in it by name.
+    pub(crate) name: &'static str,
+    /// The definition, and those of the types in it by name.
     definitions: &'static [(&'static str, &'static str)],
 }
 

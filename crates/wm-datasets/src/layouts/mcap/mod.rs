@@ -159,9 +159,9 @@ fn frame(set: &SetInfo, sensor: usize) -> String {
 
 /// A topic of a bag.
 struct Topic {
-    /// Its name.
+    /// The name.
     name: String,
-    /// Its messages.
+    /// The messages.
     kind: MessageType,
     /// True if players must keep its last message for those who come late.
     is_kept: bool,

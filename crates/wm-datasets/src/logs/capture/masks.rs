@@ -61,7 +61,7 @@ impl MaskLens {
             let outline = self.outline(photo, &corners);
             if outline.len() >= 3 {
                 let pixels = photo.width as usize * photo.height as usize;
-                fill(mask.get_or_insert_with(|| vec![255; pixels]), (photo.width, photo.height), &outline);
+                fill(mask.get_or_insert_with(|| vec![255; pixels]), photo.width, photo.height, &outline);
             }
         }
         mask.filter(|mask| mask.contains(&0))
@@ -158,7 +158,7 @@ fn clipped(mut polygon: Vec<DVec2>, low: DVec2, high: DVec2) -> Vec<DVec2> {
 }
 
 /// Makes the pixels 0 whose middles lie in a polygon.
-fn fill(mask: &mut [u8], (width, height): (u32, u32), polygon: &[DVec2]) {
+fn fill(mask: &mut [u8], width: u32, height: u32, polygon: &[DVec2]) {
     let bound = |of: fn(f64, f64) -> f64| polygon.iter().map(|p| p.y).reduce(of).unwrap_or(0.0);
     let first = (bound(f64::min) - 0.5).ceil().clamp(0.0, f64::from(height)) as usize;
     let last = (bound(f64::max) - 0.5).floor().clamp(-1.0, f64::from(height) - 1.0) as i64;

@@ -68,14 +68,14 @@ pub enum LogCaptureStep {
     Sweeps {
         /// So many are done.
         done: usize,
-        /// Of so many.
+        /// The number of all.
         total: usize,
     },
     /// Pictures are looked at.
     Pictures {
         /// So many are done.
         done: usize,
-        /// Of so many.
+        /// The number of all.
         total: usize,
     },
 }
@@ -83,7 +83,7 @@ pub enum LogCaptureStep {
 /// The capture that was written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LogCaptureSummary {
-    /// Its folder.
+    /// The folder.
     pub folder: PathBuf,
     /// The log.
     pub source: PathBuf,
@@ -341,7 +341,7 @@ impl Frames<'_> {
                 camera.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
             let path = format!("{MASKS}/{camera}_{index:06}.png");
             make(&self.folder.join(MASKS))?;
-            write::grey(&self.folder.join(&path), mask, camera_size(&photo))?;
+            write::grey(&self.folder.join(&path), mask, photo.width, photo.height)?;
             mask_path = Some(path);
             self.masks += 1;
         }
@@ -370,7 +370,7 @@ impl Frames<'_> {
                     if let Some(sky) = self.records.sound("masks", sky)? {
                         let path = map_path(&self.folder.join(SKY), &name, "png");
                         make(path.parent().unwrap_or(self.folder))?;
-                        write::grey(&path, &sky, size)?;
+                        write::grey(&path, &sky, size.0, size.1)?;
                         self.sky_masks += 1;
                     }
                 }
@@ -398,10 +398,6 @@ impl Frames<'_> {
         let away = |index: &usize| self.sweeps.get(*index).map(|sweep| sweep.timestamp.abs_diff(time));
         near.filter(|index| away(index).is_some_and(|away| away <= NEAR)).min_by_key(|index| away(index))
     }
-}
-
-fn camera_size(camera: &wm_scene::Camera) -> (u32, u32) {
-    (camera.width, camera.height)
 }
 
 /// The name of a photo in the capture: its whole path.

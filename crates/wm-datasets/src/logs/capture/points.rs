@@ -20,11 +20,11 @@ const GREY: [u8; 3] = [128; 3];
 /// A sweep without the vehicle itself and without movers.
 #[derive(Default)]
 pub(super) struct CleanSweep {
-    pub points: Vec<LogPoint>,
+    pub(crate) points: Vec<LogPoint>,
     /// Points that are not finite, or too far away.
-    pub unusable: usize,
+    pub(crate) unusable: usize,
     /// True if the file has no points at all.
-    pub is_empty: bool,
+    pub(crate) is_empty: bool,
 }
 
 impl CleanSweep {
@@ -126,8 +126,8 @@ fn middle(key: [i32; 3]) -> DVec3 {
 
 /// Points with colours, each of the nearest camera that sees it.
 pub(super) struct ColoredPoints {
-    pub positions: Vec<DVec3>,
-    pub colors: Vec<[u8; 3]>,
+    pub(crate) positions: Vec<DVec3>,
+    pub(crate) colors: Vec<[u8; 3]>,
     /// Distance of that camera, m; infinite where none has seen it.
     distances: Vec<f32>,
     /// Points by cell.
@@ -135,7 +135,7 @@ pub(super) struct ColoredPoints {
 }
 
 impl ColoredPoints {
-    pub(super) fn new(positions: Vec<DVec3>) -> Self {
+    fn new(positions: Vec<DVec3>) -> Self {
         let mut cells = BTreeMap::<[i64; 3], Vec<u32>>::new();
         for (index, position) in positions.iter().enumerate() {
             let key = (*position / CELL).floor().to_array().map(|v| v as i64);
