@@ -160,7 +160,7 @@ impl Condition {
 pub struct ReadingInfo {
     /// Index into [`SetInfo::sensors`].
     pub sensor: usize,
-    /// The number among those of the sensor in the clip, from 0.
+    /// Index among the readings of the sensor in the clip, from 0.
     pub index: u32,
     /// The frame of the clip that it belongs to.
     pub frame: u32,
@@ -281,7 +281,7 @@ pub struct DatasetDetection {
     pub position: [f32; 3],
     /// Radial velocity, m/s, below 0 of what comes nearer.
     pub velocity: f32,
-    /// Velocity with that of the sensor itself taken out, m/s.
+    /// Radial velocity over the ground, m/s: the motion of the sensor is taken out.
     pub ground_velocity: f32,
     /// dB over 1 m^2.
     pub rcs: f32,
@@ -291,7 +291,7 @@ pub struct DatasetDetection {
     pub is_rain: bool,
 }
 
-/// A part of a clip whose files are made in one go.
+/// A part of a clip whose files are written together.
 #[derive(Clone, Copy, Debug)]
 pub struct BlockInfo<'a> {
     /// The set.

@@ -145,7 +145,7 @@ pub fn write(layout: &dyn Layout, files: &mut dyn FileSink) -> Result<(), SetErr
     write_in_blocks(layout, BLOCK, files)
 }
 
-/// Writes the set in a layout, so many frames a block.
+/// Writes the set in a layout, `frames` frames a block.
 ///
 /// # Errors
 /// Those of the layout.

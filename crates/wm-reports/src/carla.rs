@@ -203,7 +203,7 @@ impl CarlaParameters {
         ReportError::Value { file: FILE.into(), key: key.into(), problem: problem.into() }
     }
 
-    /// Returns true if a name is that of a parameter, or so near to one that it may be meant.
+    /// Returns true if a name is a parameter, or near enough to be a misspelt one.
     pub(crate) fn is_named(name: &str) -> bool {
         let name = name.replace('_', "").to_ascii_lowercase();
         let known: Vec<String> = Self::NAMES.iter().map(|known| known.replace('_', "")).collect();

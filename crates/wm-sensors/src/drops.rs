@@ -5,7 +5,7 @@
 //! Sweeps are cut into short times; in each the particles are gathered once in the directions of
 //! its beams, and fly evenly.
 
-use crate::echo::{Echo, EchoClass, FAINTEST};
+use crate::echo::{Echo, EchoClass, MIN_ECHO_POWER};
 use crate::model::LidarModel;
 use crate::pattern::Beam;
 use crate::pose::SensorPose;
@@ -19,17 +19,17 @@ use wm_weather::particles::{NearParticle, ParticleShape};
 
 /// Reflectances of drops and flakes where water does not absorb, and where it does. Drops:
 /// geometric optics. Flakes: from memory.
-const DROP: [f64; 2] = [0.023, 0.005];
-const FLAKE: [f64; 2] = [0.6, 0.15];
-/// Longest time in which particles are gathered once, s.
-const SLICE: f64 = 2e-3;
+const DROP_REFLECTANCE: [f64; 2] = [0.023, 0.005];
+const FLAKE_REFLECTANCE: [f64; 2] = [0.6, 0.15];
+/// Longest time for which particles are gathered once, s.
+const MAX_SLICE_S: f64 = 2e-3;
 /// Shortest and longest reach of the search, m.
-const REACH: [f64; 2] = [0.3, 60.0];
+const REACH_RANGE_M: [f64; 2] = [0.3, 60.0];
 /// Cells across a face of the cube of directions.
-const CELLS: usize = 90;
-/// Power of an echo from which on it is asked for, of the least that is detected without noise:
-/// below it one in 10^3 is detected.
-const FAINT: f64 = 0.4;
+const MAX_FACE_CELLS: usize = 90;
+/// Least power of an echo that is searched for, as a share of the least power that is detected
+/// without noise: below it one in 10^3 is detected.
+const MIN_SIGNAL: f64 = 0.4;
 
 /// A pulse: its beam, its pose and its direction in the world.
 #[derive(Clone, Copy)]
@@ -42,20 +42,20 @@ pub(crate) struct Pulse {
 /// The reflectance of a particle.
 fn reflectance(shape: ParticleShape, model: &LidarModel) -> f64 {
     let of = match shape {
-        ParticleShape::Ball => DROP,
-        ParticleShape::Flake => FLAKE,
+        ParticleShape::Ball => DROP_REFLECTANCE,
+        ParticleShape::Flake => FLAKE_REFLECTANCE,
     };
     of[usize::from(model.is_absorbed())]
 }
 
 /// The range up to which a particle of a diameter, m, may be detected in clear air, m.
 fn reach(shape: ParticleShape, diameter: f64, model: &LidarModel) -> f64 {
-    let signal = reflectance(shape, model) / (FAINT * model.least_power());
+    let signal = reflectance(shape, model) / (MIN_SIGNAL * model.least_power());
     let across = diameter / (1e-3 * model.divergence);
     // Beyond `across` the beam is wider than the particle.
     let far = (signal * across * across).powf(0.25);
     let found = if far > across { far } else { signal.sqrt() };
-    found.clamp(REACH[0], REACH[1].min(model.range[1]))
+    found.clamp(REACH_RANGE_M[0], REACH_RANGE_M[1].min(model.range[1]))
 }
 
 /// The echoes of particles, with the number of their pulse, in the order of pulses.
@@ -69,7 +69,7 @@ pub(crate) fn echoes(
     if scene.weather.falling().is_empty() {
         return Vec::new();
     }
-    let count = (duration / SLICE).ceil().max(1.0) as usize;
+    let count = (duration / MAX_SLICE_S).ceil().max(1.0) as usize;
     let mut slices = vec![Vec::new(); count];
     for (index, pulse) in pulses.iter().enumerate() {
         let slice = ((pulse.beam.time / duration * count as f64) as usize).min(count - 1);
@@ -151,13 +151,13 @@ impl FaceSlice<'_> {
         let off = self.own.iter().map(|index| origin(index).distance(center)).fold(0.0, f64::max) * metres;
         // Room for beams that are cones, and start beside the middle: of particles a hand's breadth
         // away.
-        let room = theta + off / REACH[0];
+        let room = theta + off / REACH_RANGE_M[0];
         let view = view(&self.face, center, low.map(|v| v - room), high.map(|v| v + room));
         let times = (self.middle, self.length);
         let near = |shape: ParticleShape, diameter: f64| reach(shape, diameter, model) + off;
         let particles = scene.weather.near_particles(scene.path, (&view, scene.shelter), times, &near);
         // A grid over the pulses' places, as lists one after the other.
-        let cells = ((self.own.len() as f64).sqrt() as usize).clamp(1, CELLS);
+        let cells = ((self.own.len() as f64).sqrt() as usize).clamp(1, MAX_FACE_CELLS);
         let scale = [0, 1].map(|k| cells as f64 / (high[k] - low[k]).max(1e-9));
         let cell = |value: f64, k: usize| (((value - low[k]) * scale[k]).max(0.0) as usize).min(cells - 1);
         let mut lists = vec![Vec::new(); cells * cells];
@@ -215,20 +215,20 @@ impl FaceSlice<'_> {
             ParticleShape::Ball => EchoClass::Drop,
             ParticleShape::Flake => EchoClass::Flake,
         };
-        (power >= FAINTEST * model.least_power()).then_some(Echo { range, power, class, label: 0 })
+        (power >= MIN_ECHO_POWER * model.least_power()).then_some(Echo { range, power, class, label: 0 })
     }
 }
 
 /// A view through a rectangle of a face.
 fn view(face: &DMat3, center: DVec3, low: [f64; 2], high: [f64; 2]) -> ParticleView {
-    const WIDTH: f64 = 1000.0;
+    const FOCAL_PX: f64 = 1000.0;
     // One pixel a length of 1 would round the sides to whole pixels: a thousand are fine enough.
-    let size = [0, 1].map(|k| ((high[k] - low[k]) * WIDTH).ceil().max(1.0));
+    let size = [0, 1].map(|k| ((high[k] - low[k]) * FOCAL_PX).ceil().max(1.0));
     let camera = Camera {
-        fx: WIDTH,
-        fy: WIDTH,
-        cx: -low[0] * WIDTH,
-        cy: -low[1] * WIDTH,
+        fx: FOCAL_PX,
+        fy: FOCAL_PX,
+        cx: -low[0] * FOCAL_PX,
+        cy: -low[1] * FOCAL_PX,
         width: size[0] as u32,
         height: size[1] as u32,
         ..camera_at(face, center)

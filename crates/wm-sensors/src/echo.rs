@@ -111,15 +111,16 @@ pub(crate) struct DetectedEcho {
     pub(crate) rank: ReturnRank,
 }
 
-/// Standard deviation of the receiver's noise, of the least power that is detected.
-const NOISE: f64 = 0.2;
-/// Power below which no noise makes an echo of it, of the least power: 4.5 standard deviations.
-pub(crate) const FAINTEST: f64 = 0.1;
+/// Standard deviation of the receiver's noise, as a share of the least power that is detected.
+const RECEIVER_NOISE: f64 = 0.2;
+/// Power below which noise never makes an echo, as a share of the least power: 4.5 standard
+/// deviations.
+pub(crate) const MIN_ECHO_POWER: f64 = 0.1;
 /// Range noise of an echo of a power of 1/2 of the least one, m (Goodin et al. 2019; Kilic et al.
 /// 2021).
-const RANGE_NOISE: f64 = 0.09;
-/// Echoes of a pulse that have random numbers of their own.
-const NUMBERS: u64 = 64;
+const RANGE_NOISE_M: f64 = 0.09;
+/// Echoes per pulse with random numbers of their own.
+const ECHOES_PER_PULSE: u64 = 64;
 
 /// Adds up echoes that lie within `bin` m of the first of them: power adds, ranges are the mean by
 /// power, and the class is that of the strongest class, with the label of the strongest echo of it.
@@ -167,14 +168,15 @@ pub(crate) fn detect(
     let [nearest, farthest] = model.range;
     for (index, echo) in merged.iter().enumerate() {
         let signal = echo.power / least;
-        if signal < FAINTEST || !(nearest..=farthest).contains(&echo.range) {
+        if signal < MIN_ECHO_POWER || !(nearest..=farthest).contains(&echo.range) {
             continue;
         }
-        let [threshold, range, _] = random.normal3(pulse * NUMBERS + (index as u64).min(NUMBERS - 1));
-        if signal + NOISE * threshold <= 1.0 {
+        let [threshold, range, _] =
+            random.normal3(pulse * ECHOES_PER_PULSE + (index as u64).min(ECHOES_PER_PULSE - 1));
+        if signal + RECEIVER_NOISE * threshold <= 1.0 {
             continue;
         }
-        let spread = model.range_noise.max(RANGE_NOISE / (2.0 * signal).sqrt());
+        let spread = model.range_noise.max(RANGE_NOISE_M / (2.0 * signal).sqrt());
         let measured = (echo.range + spread * range).clamp(nearest, farthest);
         detected.push(DetectedEcho { echo: *echo, measured, rank: ReturnRank::Other });
     }

@@ -7,11 +7,11 @@ use crate::sensor_text::{SensorKind, SensorText};
 use serde::Deserialize;
 
 /// Longest file that is read, bytes: tables of beams are long.
-const MOST_BYTES: u64 = 64 << 20;
+const MAX_FILE_BYTES: u64 = 64 << 20;
 /// Speed of light, m/s.
-const LIGHT: f64 = 299_792_458.0;
-/// Reflectance of the target that data sheets give a range of.
-const TARGET: f64 = 0.1;
+const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;
+/// Reflectance of the target for which data sheets state the range.
+const TARGET_REFLECTANCE: f64 = 0.1;
 
 /// A kind of lidar.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,12 +66,12 @@ fn usual_noise() -> f64 {
 
 /// Width of a receiver's lens, mm, whose field is as wide as the beam. Guessed: data sheets say
 /// neither.
-const LENS: f64 = 35.0;
+const LENS_WIDTH_MM: f64 = 35.0;
 /// Farthest range at which a receiver is believed to see all of its beam where nothing is said, m.
-const FARTHEST_OVERLAP: f64 = 20.0;
+const MAX_OVERLAP_RANGE_M: f64 = 20.0;
 
 /// Lidars.
-const KIND: SensorKind = SensorKind { name: "lidar", presets: PRESETS, most_bytes: MOST_BYTES };
+const KIND: SensorKind = SensorKind { name: "lidar", presets: PRESETS, most_bytes: MAX_FILE_BYTES };
 
 impl LidarModel {
     /// The model of a preset's name, or of the TOML file of that path.
@@ -126,7 +126,7 @@ impl LidarModel {
         if let Some(problem) = pattern.fault() {
             return Err(wrong(problem));
         }
-        let usual = [0.0, (LENS / file.divergence).min(FARTHEST_OVERLAP)];
+        let usual = [0.0, (LENS_WIDTH_MM / file.divergence).min(MAX_OVERLAP_RANGE_M)];
         let model = Self {
             name: file.name.unwrap_or_else(|| text.name.clone()),
             wavelength: file.wavelength,
@@ -173,13 +173,13 @@ impl LidarModel {
     /// Distance within which two echoes are one, m: half of the pulse's length.
     #[must_use]
     pub fn bin(&self) -> f64 {
-        0.5 * LIGHT * 1e-9 * self.pulse
+        0.5 * SPEED_OF_LIGHT_M_S * 1e-9 * self.pulse
     }
 
     /// Power of the weakest echo that is detected without noise, as `reflectance / range^2`, 1/m^2.
     #[must_use]
     pub(crate) fn least_power(&self) -> f64 {
-        TARGET / (self.reference_range * self.reference_range)
+        TARGET_REFLECTANCE / (self.reference_range * self.reference_range)
     }
 
     /// Share of the beam that the receiver sees at a range, m: it grows with the square of the

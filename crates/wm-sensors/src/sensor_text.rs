@@ -64,7 +64,7 @@ impl SensorKind {
 }
 
 impl<'a> SensorText<'a> {
-    /// A text whose errors have the sensor's name.
+    /// Wraps a text; errors name the sensor.
     pub(crate) fn new(text: &'a str, name: &str) -> Self {
         Self { text: text.into(), name: name.into(), place: name.into() }
     }

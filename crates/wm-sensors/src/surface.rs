@@ -13,10 +13,10 @@ use wm_weather::water::{WATER_INDEX, fresnel};
 use wm_weather::wetness::optics::{BACK, pores_factor};
 
 /// Reflectance of black, and what white adds.
-const BY_COLOR: [f64; 2] = [0.05, 0.8];
+const REFLECTANCE_FIT: [f64; 2] = [0.05, 0.8];
 /// Reflectance of lying snow where water does not absorb, and where it does (from memory of spectra
 /// of old and of fresh snow).
-const SNOW: [f64; 2] = [0.85, 0.15];
+const SNOW_REFLECTANCE: [f64; 2] = [0.85, 0.15];
 
 /// Water and snow on a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -65,13 +65,13 @@ impl SurfaceStates for DrySurfaces {
 #[must_use]
 fn dry_reflectance(rgb: [f64; 3]) -> f64 {
     let light = luminance(rgb.map(|v| srgb_decode(v.clamp(0.0, 1.0))));
-    BY_COLOR[0] + BY_COLOR[1] * light
+    REFLECTANCE_FIT[0] + REFLECTANCE_FIT[1] * light
 }
 
 /// The reflectance of lying snow.
 #[must_use]
 pub(crate) fn snow_reflectance(is_absorbed: bool) -> f64 {
-    SNOW[usize::from(is_absorbed)]
+    SNOW_REFLECTANCE[usize::from(is_absorbed)]
 }
 
 /// The reflectance of a surface in a state, for a beam whose cosine to the normal is `cosine`;
@@ -85,7 +85,7 @@ pub(crate) fn wet_reflectance(dry: f64, state: &SurfaceState, cosine: f64) -> f6
     dry * (rest + state.pores * pores_factor(dry) + state.film * film)
 }
 
-/// The share that a film of water mirrors.
+/// The Fresnel reflectance of a film of water.
 #[must_use]
 pub(crate) fn mirrored(cosine: f64) -> f64 {
     f64::from(fresnel(cosine as f32))

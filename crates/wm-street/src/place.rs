@@ -13,11 +13,11 @@ use glam::{DVec2, DVec3};
 use wm_scene::{Lamp, LitWindow, Metadata};
 
 /// Rays that [`Place::cast`] spends on the light of a point.
-pub(crate) const CAST: Budget = Budget { sun: 2, sky: 12 };
+pub(crate) const CAST_BUDGET: Budget = Budget { sun: 2, sky: 12 };
 /// Rays on the light of a point where several rays make a pixel: the mean is as smooth.
-pub(crate) const SHARED: Budget = Budget { sun: 1, sky: 3 };
+pub(crate) const SHARED_BUDGET: Budget = Budget { sun: 1, sky: 3 };
 /// Footprint of a cast ray per metre of its length: a pixel of a picture about 1000 px high.
-const FOOTPRINT: f64 = 0.0012;
+const RAY_FOOTPRINT: f64 = 0.0012;
 
 /// A place with everything in it.
 #[derive(Clone, Debug)]
@@ -139,7 +139,7 @@ impl Place {
     /// `direction` need not have length 1; `t` is in metres all the same.
     #[must_use]
     pub fn cast(&self, origin: DVec3, direction: DVec3) -> Option<LitHit> {
-        self.cast_with(origin, direction, CAST)
+        self.cast_with(origin, direction, CAST_BUDGET)
     }
 
     /// The first surface along a ray without its light: what depth and normals need, and quicker.
@@ -160,9 +160,9 @@ impl Place {
     #[must_use]
     pub fn ground_height(&self, x: f64, y: f64) -> Option<f64> {
         /// More surfaces than lie above each other anywhere.
-        const MOST: usize = 1000;
+        const MAX_LAYERS: usize = 1000;
         let mut from = DVec3::new(x, y, 300.0);
-        for _ in 0..MOST {
+        for _ in 0..MAX_LAYERS {
             let hit = self.first(from, -DVec3::Z)?;
             let point = from - DVec3::Z * hit.t;
             if hit.label.is_ground() || hit.label == Label::Water {
@@ -214,7 +214,7 @@ impl Place {
         self.lighting.radiance(direction, self.seed as u32)
     }
 
-    /// The material of a primitive; of covered ground that of the lawn.
+    /// The material of a primitive; covered ground has the material of its lawn.
     pub(crate) fn material(&self, which: usize) -> Material {
         self.paints[usize::from(self.primitives[which].paint)].material
     }
@@ -260,7 +260,7 @@ impl Place {
     pub(crate) fn cast_with(&self, origin: DVec3, direction: DVec3, budget: Budget) -> Option<LitHit> {
         let direction = direction.try_normalize()?;
         let (which, crossing) = self.nearest(origin, direction, f64::INFINITY)?;
-        Some(self.hit(which, &crossing, origin, direction, budget, FOOTPRINT))
+        Some(self.hit(which, &crossing, origin, direction, budget, RAY_FOOTPRINT))
     }
 
     /// The reflectance of the nearest surface along a ray, linear RGB, 0-1; `None` of the sky.
@@ -270,7 +270,7 @@ impl Place {
         let unit = DVec2::new(crossing.a, crossing.b);
         let point = origin + direction * crossing.t;
         let spot = shape::Spot { point, ..self.primitives[which].shape.spot_anywhere(unit.x, unit.y) };
-        Some(self.skin(which, &spot, unit, (FOOTPRINT * crossing.t).max(1e-3)).albedo.to_array())
+        Some(self.skin(which, &spot, unit, (RAY_FOOTPRINT * crossing.t).max(1e-3)).albedo.to_array())
     }
 
     /// The light of a crossing; `footprint` is the width of the ray per metre of its length.

@@ -19,6 +19,10 @@ pub struct Viewpoint {
 }
 
 impl Viewpoint {
+    pub(crate) const fn new(name: &'static str, eye: [f64; 3], target: [f64; 3], fov_y: f64) -> Self {
+        Self { name, eye: DVec3::from_array(eye), target: DVec3::from_array(target), fov_y }
+    }
+
     /// The camera of this view for a picture of `size` (width, height), px.
     ///
     /// # Errors

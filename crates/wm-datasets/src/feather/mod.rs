@@ -28,7 +28,7 @@ const MAGIC: &[u8] = b"ARROW1";
 /// The version of the metadata that is written, V5.
 const VERSION: i16 = 4;
 /// Most columns of a table that is read.
-const MOST_COLUMNS: usize = 1000;
+const MAX_COLUMNS: usize = 1000;
 
 /// A fault of a file: a byte, and what is wrong there.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,6 +55,6 @@ pub(crate) enum ColumnType {
     Bool,
     /// UTF-8.
     Text,
-    /// Not read; it has so many buffers.
+    /// Not read; the number of its buffers.
     Other(usize),
 }

@@ -31,7 +31,7 @@ pub(crate) trait FeatherValue {
     /// The type of its column.
     const TYPE: ColumnType;
 
-    /// Appends it to a column, whose rows so far are `rows`.
+    /// Appends the value to a column that has `rows` rows.
     fn append(self, rows: usize, column: &mut FeatherColumn);
 }
 

@@ -23,7 +23,7 @@
 //!
 //! Source: the public API (github.com/argoverse/av2-api, MIT) and a real log.
 
-use super::{BlockWriter, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
 use crate::cameras::{cameras, distortion, picture, refuse, wxyz_and_translation};
 use crate::feather::{FeatherColumn, feather};
 use crate::{BlockInfo, ClipInfo, ClipRecord, DatasetPoint, ReadingData, SensorReading, SetError, SetInfo};
@@ -35,7 +35,7 @@ use std::path::PathBuf;
 const NAME: &str = "argoverse2";
 
 /// The ring cameras and the way they look, degrees from x forward towards y left.
-const RING: [(&str, f64); 7] = [
+const RING_CAMERAS_DEG: [(&str, f64); 7] = [
     ("ring_front_center", 0.0),
     ("ring_front_left", 45.0),
     ("ring_side_left", 99.0),
@@ -45,8 +45,8 @@ const RING: [(&str, f64); 7] = [
     ("ring_front_right", -45.0),
 ];
 
-/// Degrees by which a camera may look another way than the ring camera that it gets its name from.
-const RING_TOLERANCE: f64 = 25.0;
+/// Largest angle between a camera and the ring camera that names it, degrees.
+const RING_TOLERANCE_DEG: f64 = 25.0;
 
 /// The names of the two lidars.
 const LIDARS: [&str; 2] = ["up_lidar", "down_lidar"];
@@ -111,12 +111,7 @@ impl Layout for Argoverse2 {
         Box::new(LogBlock { block, names: camera_names(block.set) })
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let (poses, intrinsics) = (calibration(set), intrinsics(set));
         for record in clips {
             let ClipRecord { clip, readings } = record?;
@@ -159,7 +154,10 @@ fn camera_names(set: &SetInfo) -> Vec<String> {
             let ahead = sensor.rig_from_sensor.rotation * DVec3::Z;
             let yaw = ahead.y.atan2(ahead.x).to_degrees();
             let near = |(_, other): &&(&str, f64)| (yaw - other + 540.0).rem_euclid(360.0) - 180.0;
-            let place = RING.iter().find(|ring| near(ring).abs() <= RING_TOLERANCE).map(|(name, _)| *name);
+            let place = RING_CAMERAS_DEG
+                .iter()
+                .find(|ring| near(ring).abs() <= RING_TOLERANCE_DEG)
+                .map(|(name, _)| *name);
             (index, sensor, place)
         })
         .collect();

@@ -13,7 +13,7 @@
 //!
 //! Source: colmap.github.io, "Output format".
 
-use super::{BlockWriter, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
 use crate::cameras::{cameras, check_cameras, distortion, refuse, wxyz_and_translation};
 use crate::stills::{ScenePhotos, for_each_scene, photo};
 use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SetInfo};
@@ -54,12 +54,7 @@ impl Layout for Colmap {
         Box::new(ScenePhotos { block })
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let cameras = camera_table(set);
         for_each_scene(set, clips, &mut |folder, records| {
             let folder = format!("{folder}/sparse/0");

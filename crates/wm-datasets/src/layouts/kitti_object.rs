@@ -10,7 +10,7 @@
 //! Source: KITTI's development kit for objects (`readme.txt`).
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig};
-use super::{BlockWriter, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
 use crate::{BlockInfo, ClipInfo, ClipRecord, SensorReading, SetError, SetInfo};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -49,12 +49,7 @@ impl Layout for KittiObject {
         })
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         // Readers open these three even if no frame is in them.
         let mut lists: BTreeMap<String, String> =
             ["train", "val", "test"].into_iter().map(|split| (split.into(), String::new())).collect();

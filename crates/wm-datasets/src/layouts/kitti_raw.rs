@@ -12,9 +12,9 @@
 //! (`tests/peers/kitti.py`).
 
 use super::kitti::{self, KittiFile, KittiFiles, KittiNeed, KittiRig, KittiTrajectory};
-use super::{BlockWriter, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
 use crate::utc::UtcTime;
-use crate::{BlockInfo, ClipInfo, ClipRecord, SetError, SetInfo};
+use crate::{BlockInfo, ClipInfo, SetError, SetInfo};
 use std::collections::BTreeSet;
 
 pub(super) const LAYOUT: KittiRaw = KittiRaw;
@@ -44,12 +44,7 @@ impl Layout for KittiRaw {
         Box::new(KittiFiles::new(block, path))
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         let rig = KittiRig::new(set);
         let mut days = BTreeSet::new();
         for record in clips {

@@ -13,7 +13,7 @@
 //!
 //! Source: docs.nerf.studio, "Data conventions".
 
-use super::{BlockWriter, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
 use crate::cameras::{cameras, check_cameras, distortion, refuse};
 use crate::stills::{ScenePhotos, for_each_scene, photo};
 use crate::{BlockInfo, CameraInfo, ClipRecord, SetError, SetInfo};
@@ -64,12 +64,7 @@ impl Layout for Nerfstudio {
         Box::new(ScenePhotos { block })
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         for_each_scene(set, clips, &mut |folder, records| {
             let path = format!("{folder}/transforms.json");
             let mut bytes = serde_json::to_vec_pretty(&transforms(set, records))

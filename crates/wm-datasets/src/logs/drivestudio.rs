@@ -26,19 +26,19 @@ use wm_scene::capture::Distortion;
 /// The entry of [`super::LOG_FORMATS`].
 pub(super) const FORMAT: LogFormat = LogFormat { name: "drivestudio", read };
 
-const PHOTOS: &[&str] = &["jpg", "jpeg", "png"];
+const PHOTO_EXTENSIONS: &[&str] = &["jpg", "jpeg", "png"];
 /// Time between two frames, ns.
-const FRAME: i64 = 100_000_000;
+const FRAME_NS: i64 = 100_000_000;
 /// Largest frame number.
-const MOST_FRAMES: u64 = 1_000_000;
+const MAX_FRAMES: u64 = 1_000_000;
 /// Most boxes.
-const MOST_BOXES: usize = 2_000_000;
+const MAX_BOXES: usize = 2_000_000;
 
 fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
     let is_scene =
         |folder: &Path| ["images", "extrinsics", "intrinsics"].iter().all(|name| folder.join(name).is_dir());
     let lacks = |scene: &Path| {
-        let is_empty = files_in(&scene.join("images"), PHOTOS).is_ok_and(|files| files.is_empty());
+        let is_empty = files_in(&scene.join("images"), PHOTO_EXTENSIONS).is_ok_and(|files| files.is_empty());
         is_empty.then(|| "no pictures".to_owned())
     };
     let Some((path, note)) = choose_folder(path, "scenes", options, is_scene, lacks)? else {
@@ -56,7 +56,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     log.origin = first.map_or(DVec3::ZERO, |pose| pose.translation);
 
     let mut by_camera = BTreeMap::<String, Vec<(String, PathBuf)>>::new();
-    for (stem, file) in files_in(&path.join("images"), PHOTOS)? {
+    for (stem, file) in files_in(&path.join("images"), PHOTO_EXTENSIONS)? {
         if let Some((_, camera)) = frame_and_camera(&stem) {
             by_camera.entry(camera.to_owned()).or_default().push((stem, file));
         }
@@ -104,13 +104,13 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
 }
 
 fn time_of(frame: u64) -> i64 {
-    frame.min(MOST_FRAMES) as i64 * FRAME
+    frame.min(MAX_FRAMES) as i64 * FRAME_NS
 }
 
 /// `012_3`: frame 12 of camera 3.
 fn frame_and_camera(stem: &str) -> Option<(u64, &str)> {
     let (frame, camera) = stem.split_once('_')?;
-    let frame = frame.parse().ok().filter(|frame| *frame <= MOST_FRAMES)?;
+    let frame = frame.parse().ok().filter(|frame| *frame <= MAX_FRAMES)?;
     Some((frame, camera))
 }
 
@@ -123,7 +123,7 @@ fn poses(folder: &Path, records: &mut Records) -> Result<BTreeMap<u64, RigidPose
     let mut poses = Vec::new();
     if folder.is_dir() {
         for (stem, file) in files_in(folder, &["txt"])? {
-            if let Some(frame) = stem.parse().ok().filter(|frame| *frame <= MOST_FRAMES) {
+            if let Some(frame) = stem.parse().ok().filter(|frame| *frame <= MAX_FRAMES) {
                 poses.extend(records.sound("poses", pose(&file))?.map(|pose| (frame, pose)));
             }
         }
@@ -302,8 +302,8 @@ fn tracks(path: &Path, origin: DVec3, records: &mut Records) -> Result<Vec<LogTr
             boxes.push(LogBox { timestamp, world_from_box: moved(world_from_box, origin), size });
         }
         count += boxes.len();
-        if count > MOST_BOXES {
-            return Err(fault(path, format!("there are more than {MOST_BOXES} boxes in it")));
+        if count > MAX_BOXES {
+            return Err(fault(path, format!("there are more than {MAX_BOXES} boxes in it")));
         }
         tracks.push(LogTrack::new(id, instance.class_name, boxes));
     }

@@ -12,15 +12,15 @@ use wm_scene::{FormatError, Location, Problem, files};
 use crate::RigidPose;
 
 /// Longest text file, bytes: 100 hours of poses.
-const MOST_TEXT: u64 = 64 << 20;
+const MAX_TEXT_BYTES: u64 = 64 << 20;
 /// Longest sweep or picture, bytes.
-pub(super) const MOST_BINARY: u64 = 512 << 20;
+pub(super) const MAX_BINARY_BYTES: u64 = 512 << 20;
 /// Longest table in JSON, bytes; it is read record by record.
-const MOST_TABLE: u64 = 16 << 30;
+const MAX_TABLE_BYTES: u64 = 16 << 30;
 /// Most files of a folder that are listed.
-const MOST_FILES: usize = 1_000_000;
+const MAX_FILES: usize = 1_000_000;
 /// Farthest that anything may be from the origin of a map, m: once around the world.
-const FARTHEST: f64 = 5e7;
+const MAX_DISTANCE_M: f64 = 5e7;
 
 /// A fault of a file as a whole.
 pub(super) fn fault(path: &Path, what: impl Into<String>) -> FormatError {
@@ -46,10 +46,10 @@ pub(super) fn excerpt(text: &str) -> String {
 
 /// Names for a message: at most a dozen.
 pub(super) fn shown(names: impl Iterator<Item = String>) -> String {
-    const MOST: usize = 12;
-    let mut names: Vec<String> = names.take(MOST + 1).collect();
-    if names.len() > MOST {
-        names[MOST] = "...".into();
+    const MAX_NAMES: usize = 12;
+    let mut names: Vec<String> = names.take(MAX_NAMES + 1).collect();
+    if names.len() > MAX_NAMES {
+        names[MAX_NAMES] = "...".into();
     }
     names.join(", ")
 }
@@ -76,7 +76,7 @@ pub(super) fn read_bytes(path: &Path, most: u64) -> Result<Vec<u8>, FormatError>
 /// # Errors
 /// As [`read_bytes`], and if it is no UTF-8.
 pub(super) fn read_text(path: &Path) -> Result<String, FormatError> {
-    let bytes = read_bytes(path, MOST_TEXT)?;
+    let bytes = read_bytes(path, MAX_TEXT_BYTES)?;
     files::text_of(bytes).map_err(|error| FormatError::reading(path, error))
 }
 
@@ -164,11 +164,11 @@ pub(super) fn pose_of_quaternion(wxyz: [f64; 4], translation: DVec3) -> Result<R
 
 /// A position that can be one.
 fn checked(position: DVec3) -> Result<DVec3, String> {
-    let is_near = position.abs().max_element() < FARTHEST;
+    let is_near = position.abs().max_element() < MAX_DISTANCE_M;
     if is_near && position.is_finite() {
         Ok(position)
     } else {
-        Err(format!("the position {position} is not within {FARTHEST:e} m"))
+        Err(format!("the position {position} is not within {MAX_DISTANCE_M:e} m"))
     }
 }
 
@@ -190,8 +190,8 @@ pub(super) fn files_in(folder: &Path, extensions: &[&str]) -> Result<Vec<(String
         if let (true, Some(stem)) = (has_extension, stem) {
             files.push((stem, path));
         }
-        if files.len() > MOST_FILES {
-            return Err(fault(folder, format!("it has more than {MOST_FILES} files")));
+        if files.len() > MAX_FILES {
+            return Err(fault(folder, format!("it has more than {MAX_FILES} files")));
         }
     }
     files.sort_by(|(a, _), (b, _)| {
@@ -203,7 +203,7 @@ pub(super) fn files_in(folder: &Path, extensions: &[&str]) -> Result<Vec<(String
 
 /// The folders in a folder, sorted by name; none if it cannot be read.
 pub(super) fn folders_in(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten().take(MOST_FILES);
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().take(MAX_FILES);
     let mut folders: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
     folders.sort();
     folders
@@ -268,8 +268,8 @@ fn open_table(path: &Path) -> Result<BufReader<File>, FormatError> {
     let reading = |e| FormatError::reading(path, e);
     let file = File::open(path).map_err(reading)?;
     let length = file.metadata().map_err(reading)?.len();
-    if length > MOST_TABLE {
-        return Err(fault(path, format!("{length} bytes are too many: {MOST_TABLE} are read at most")));
+    if length > MAX_TABLE_BYTES {
+        return Err(fault(path, format!("{length} bytes are too many: {MAX_TABLE_BYTES} are read at most")));
     }
     files::skip_byte_order_mark(BufReader::with_capacity(1 << 18, file)).map_err(reading)
 }

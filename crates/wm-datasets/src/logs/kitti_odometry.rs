@@ -8,7 +8,7 @@
 
 use super::files::{fault_in_line, files_in, folders_in, line_records, numbers, pose_of_rows};
 use super::kitti::KittiCalibration;
-use super::records::{Candidate, Chosen, Records, choose, whole_name};
+use super::records::{Candidate, ChosenLog, Records, choose, whole_name};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::{
     DrivingLog, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, check_cameras, empty_log,
@@ -23,7 +23,7 @@ pub(super) const FORMAT: LogFormat = LogFormat { name: "KITTI odometry", read };
 
 const CAMERAS: [&str; 4] = ["image_0", "image_1", "image_2", "image_3"];
 /// Time between two frames where no times are stated, ns.
-const FRAME: i64 = 100_000_000;
+const FRAME_NS: i64 = 100_000_000;
 
 fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatError> {
     let Some((path, note)) = find(path, options)? else { return Ok(None) };
@@ -118,7 +118,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
 
 /// The sequence in a folder: itself, or one of those in it or in its `sequences`. `None` if there
 /// is none.
-fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, FormatError> {
+fn find(path: &Path, options: &LogOptions) -> Result<Option<ChosenLog<PathBuf>>, FormatError> {
     let has_camera = |folder: &Path| CAMERAS.iter().any(|camera| folder.join(camera).is_dir());
     let is_sequence = |folder: &Path| folder.join("calib.txt").is_file() && has_camera(folder);
     let sequences: Vec<PathBuf> = if is_sequence(path) {
@@ -182,7 +182,7 @@ fn times(
 ) -> Result<Vec<Option<i64>>, FormatError> {
     if !path.is_file() {
         log.warnings.push("there is no times.txt: ten frames a second are assumed".into());
-        return Ok((0..frames as i64).map(|index| Some(index * FRAME)).collect());
+        return Ok((0..frames as i64).map(|index| Some(index * FRAME_NS)).collect());
     }
     let lines = line_records(path, |line, text| match numbers(path, line, text)?[..] {
         [seconds] if seconds.abs() < 4e9 => Ok((seconds * 1e9).round() as i64),

@@ -10,7 +10,7 @@
 use super::files::{fault, fault_in_line, files_in, folders_in, line_records, name_of, numbers, read_text};
 use super::kitti::KittiCalibration;
 use super::kitti_tracklets::read_tracklets;
-use super::records::{Candidate, Chosen, Records, choose, whole_name};
+use super::records::{Candidate, ChosenLog, Records, choose, whole_name};
 use super::sweep::{SweepMotion, SweepRecords};
 use super::track::EgoTrack;
 use super::{
@@ -28,9 +28,9 @@ pub(super) const FORMAT: LogFormat = LogFormat { name: "KITTI raw", read };
 
 const CAMERAS: [&str; 4] = ["image_00", "image_01", "image_02", "image_03"];
 /// The equatorial radius, m, as the devkit has it.
-const RADIUS: f64 = 6_378_137.0;
+const EARTH_RADIUS_M: f64 = 6_378_137.0;
 /// Time between two frames where no times are stated, ns.
-const FRAME: i64 = 100_000_000;
+const FRAME_NS: i64 = 100_000_000;
 
 /// Times by the number of the record, ns; `None` where it is missing.
 type Times = Vec<Option<i64>>;
@@ -99,7 +99,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
 
 /// The drive in a folder: itself, one of a day's, or one of the days in it. `None` if there is
 /// none.
-fn find(path: &Path, options: &LogOptions) -> Result<Option<Chosen<PathBuf>>, FormatError> {
+fn find(path: &Path, options: &LogOptions) -> Result<Option<ChosenLog<PathBuf>>, FormatError> {
     let is_drive =
         |folder: &Path| folder.join("oxts").is_dir() && CAMERAS.iter().any(|c| folder.join(c).is_dir());
     let is_day = |folder: &Path| folder.join("calib_cam_to_cam.txt").is_file();
@@ -171,7 +171,11 @@ impl Oxts {
     /// East, north and up by the Mercator projection of a scale, m.
     fn position(&self, scale: f64) -> DVec3 {
         let north = (0.25 * std::f64::consts::PI + 0.5 * self.latitude.to_radians()).tan().ln();
-        DVec3::new(scale * RADIUS * self.longitude.to_radians(), scale * RADIUS * north, self.altitude)
+        DVec3::new(
+            scale * EARTH_RADIUS_M * self.longitude.to_radians(),
+            scale * EARTH_RADIUS_M * north,
+            self.altitude,
+        )
     }
 
     fn scale(&self) -> f64 {
@@ -191,8 +195,8 @@ fn poses(
     if times.is_empty() {
         log.warnings.push("oxts has no timestamps.txt: ten frames a second are assumed".into());
         let last = files.iter().filter_map(|(stem, _)| stem.parse::<usize>().ok()).max().unwrap_or(0);
-        // As many as there are files, whatever their names say.
-        times = (0..=last.min(10 * files.len())).map(|index| Some(index as i64 * FRAME)).collect();
+        // One per file, whatever the names say.
+        times = (0..=last.min(10 * files.len())).map(|index| Some(index as i64 * FRAME_NS)).collect();
     }
     let mut found = Vec::with_capacity(files.len());
     for (stem, file) in &files {

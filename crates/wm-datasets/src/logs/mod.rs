@@ -41,8 +41,8 @@ macro_rules! logs {
 }
 
 /// Focal lengths and principal points that lenses have, px.
-const FOCAL: [f64; 2] = [1.0, 1e7];
-const CENTER: [f64; 2] = [-1e6, 1e6];
+const FOCAL_RANGE_PX: [f64; 2] = [1.0, 1e7];
+const CENTER_RANGE_PX: [f64; 2] = [-1e6, 1e6];
 
 logs! { kitti_raw, kitti_odometry, nuscenes, argoverse, drivestudio }
 
@@ -66,7 +66,7 @@ pub struct LogOptions {
     /// The cameras, by the names that the log gives them; empty for those that take colour pictures
     /// of the scene.
     pub cameras: Vec<String>,
-    /// Every so many pictures of each camera are taken; 0 for as few as
+    /// Step between pictures of each camera that are taken; 0 for as few as
     /// [`LogOptions::most_pictures`] asks for.
     pub stride: usize,
     /// Seconds of the log that are read, from its start; all of it if nothing is said.
@@ -208,9 +208,9 @@ impl DrivingLog {
             return Err(files::fault(&self.source, "there are no pictures with a pose in it"));
         }
         // Sweeps from half a second before the first picture to half a second after the last.
-        const AROUND: i64 = 500_000_000;
+        const TIME_WINDOW_NS: i64 = 500_000_000;
         let (first, last) = self.span();
-        let (first, last) = (first.saturating_sub(AROUND), last.saturating_add(AROUND));
+        let (first, last) = (first.saturating_sub(TIME_WINDOW_NS), last.saturating_add(TIME_WINDOW_NS));
         self.sweeps.retain(|sweep| (first..=last).contains(&sweep.timestamp));
         self.sweeps.sort_by_key(|sweep| sweep.timestamp);
         self.tracks.sort_by(|a, b| a.id.cmp(&b.id));
@@ -228,13 +228,13 @@ impl DrivingLog {
             // Written so that NaN is refused.
             let is_within =
                 |[low, high]: [f64; 2], values: [f64; 2]| values.iter().all(|v| (low..=high).contains(v));
-            if !is_within(FOCAL, camera.focal) {
+            if !is_within(FOCAL_RANGE_PX, camera.focal) {
                 let [fx, fy] = camera.focal;
                 return Err(fault(format!(
                     "focal lengths of {fx:e} and {fy:e} px; its calibration is damaged"
                 )));
             }
-            if !is_within(CENTER, camera.center) {
+            if !is_within(CENTER_RANGE_PX, camera.center) {
                 let [cx, cy] = camera.center;
                 return Err(fault(format!(
                     "a principal point at {cx:e}, {cy:e} px; its calibration is damaged"
@@ -248,7 +248,7 @@ impl DrivingLog {
         Ok(self)
     }
 
-    /// Keeps every so many pictures of each camera.
+    /// Thins the pictures of each camera out.
     fn thin(&mut self, options: &LogOptions) {
         let all = self.pictures.len();
         let stride = match options.stride {
@@ -345,8 +345,8 @@ fn displaced(location: [f64; 2], east: f64, north: f64) -> [f64; 2] {
     let [latitude, longitude] = location;
     // WGS 84's equatorial radius; over a city the difference to the ellipsoid is below 0.5 % of the
     // way.
-    const RADIUS: f64 = 6_378_137.0;
-    let shift = dvec3(east, north, 0.0) / RADIUS;
+    const EARTH_RADIUS_M: f64 = 6_378_137.0;
+    let shift = dvec3(east, north, 0.0) / EARTH_RADIUS_M;
     let longitude = longitude + (shift.x / latitude.to_radians().cos().max(1e-6)).to_degrees();
     [latitude + shift.y.to_degrees(), longitude]
 }

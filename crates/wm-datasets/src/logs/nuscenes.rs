@@ -26,14 +26,14 @@ use wm_scene::file_index::{FileIndex, FileKind, FilePlace, Found};
 pub(super) const FORMAT: LogFormat = LogFormat { name: "nuScenes", read };
 
 /// Pictures and sweeps.
-const FILES: FileKind =
+const SENSOR_FILES: FileKind =
     FileKind { extensions: &["jpg", "jpeg", "png", "bin", "pcd"], endings: &[], skipped: &[] };
 /// Share of the pictures of key frames from which on a scene's files are there.
-const WHOLE: f64 = 0.9;
+const MIN_PRESENT_SHARE: f64 = 0.9;
 /// Most records of one scene in a table.
-const MOST: usize = 500_000;
+const MAX_SCENE_RECORDS: usize = 500_000;
 /// Latitude and longitude of the origins of the maps, degrees.
-const MAPS: [(&str, [f64; 2]); 4] = [
+const MAP_ORIGINS_DEG: [(&str, [f64; 2]); 4] = [
     ("boston-seaport", [42.336849169438615, -71.05785369873047]),
     ("singapore-onenorth", [1.2882100868743724, 103.78475189208984]),
     ("singapore-hollandvillage", [1.2993652317780957, 103.78217697143555]),
@@ -171,7 +171,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
     if versions.is_empty() {
         return Ok(None);
     }
-    let files = FileIndex::new(&root, FILES);
+    let files = FileIndex::new(&root, SENSOR_FILES);
     let (version, scene, notes) = scene(&versions, &files, options)?;
     let mut records = Records::new(options.skip_bad);
     let mut log = empty_log(path, scene.name.clone());
@@ -189,7 +189,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
         .min_by_key(|record| record.timestamp);
     let first = first.and_then(|record| poses.get(&record.ego_pose_token));
     log.origin = first.map_or(DVec3::ZERO, |pose| pose.translation);
-    if let Some((_, place)) = MAPS.iter().find(|(name, _)| Some(*name) == map.as_deref()) {
+    if let Some((_, place)) = MAP_ORIGINS_DEG.iter().find(|(name, _)| Some(*name) == map.as_deref()) {
         log.location = Some(displaced(*place, log.origin.x, log.origin.y));
         log.is_north_known = true;
     }
@@ -257,7 +257,7 @@ fn scenes(version: &Path) -> Result<Vec<SceneRecord>, FormatError> {
     let mut scenes = Vec::new();
     read_table::<SceneRecord>(&version.join("scene.json"), |record| {
         scenes.push(record);
-        if scenes.len() > MOST { Err("there are too many scenes".into()) } else { Ok(()) }
+        if scenes.len() > MAX_SCENE_RECORDS { Err("there are too many scenes".into()) } else { Ok(()) }
     })?;
     scenes.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(scenes)
@@ -299,12 +299,12 @@ fn missing(
     for names in &names {
         let there = names.iter().filter(|name| matches!(files.find(name), Ok(Some(_)))).count();
         counts.push((there, names.len()));
-        if options.scene.is_none() && share((there, names.len())) >= WHOLE {
+        if options.scene.is_none() && share((there, names.len())) >= MIN_PRESENT_SHARE {
             break;
         }
     }
     let most = counts.iter().copied().map(share).fold(0.0, f64::max);
-    let enough = most.clamp(f64::MIN_POSITIVE, WHOLE);
+    let enough = most.clamp(f64::MIN_POSITIVE, MIN_PRESENT_SHARE);
     let lacks = |index: usize| {
         let (there, all) = *counts.get(index)?;
         (share((there, all)) < enough).then(|| format!("{there} of {all} pictures of key frames are there"))
@@ -335,7 +335,7 @@ fn samples(version: &Path, scene: &SceneRecord) -> Result<BTreeMap<String, i64>,
         if record.scene_token == scene.token {
             samples.insert(record.token, record.timestamp);
         }
-        if samples.len() > MOST { Err("the scene has too many samples".into()) } else { Ok(()) }
+        if samples.len() > MAX_SCENE_RECORDS { Err("the scene has too many samples".into()) } else { Ok(()) }
     })?;
     if samples.is_empty() {
         return Err(fault(&path, format!("scene {:?} has no samples", scene.name)));
@@ -348,7 +348,7 @@ fn calibrated(version: &Path) -> Result<BTreeMap<String, Calibrated>, FormatErro
     let mut channels = BTreeMap::new();
     read_table::<SensorRecord>(&version.join("sensor.json"), |record| {
         channels.insert(record.token, (record.channel, record.modality));
-        if channels.len() > MOST { Err("there are too many sensors".into()) } else { Ok(()) }
+        if channels.len() > MAX_SCENE_RECORDS { Err("there are too many sensors".into()) } else { Ok(()) }
     })?;
     let path = version.join("calibrated_sensor.json");
     let mut sensors = BTreeMap::new();
@@ -366,7 +366,7 @@ fn calibrated(version: &Path) -> Result<BTreeMap<String, Calibrated>, FormatErro
             };
             sensors.insert(record.token, own);
         }
-        if sensors.len() > MOST { Err("there are too many sensors".into()) } else { Ok(()) }
+        if sensors.len() > MAX_SCENE_RECORDS { Err("there are too many sensors".into()) } else { Ok(()) }
     })?;
     Ok(sensors)
 }
@@ -387,7 +387,11 @@ fn data(
         {
             data.push(record);
         }
-        if data.len() > MOST { Err("the scene has too many pictures and sweeps".into()) } else { Ok(()) }
+        if data.len() > MAX_SCENE_RECORDS {
+            Err("the scene has too many pictures and sweeps".into())
+        } else {
+            Ok(())
+        }
     })?;
     check_channels(version, sensors, options)?;
     Ok(data)
@@ -543,7 +547,11 @@ fn tracks(
         if path.is_file() {
             read_table::<NamedRecord>(&path, |record| {
                 names.insert(record.token, record.name);
-                if names.len() > MOST { Err("there are too many records".into()) } else { Ok(()) }
+                if names.len() > MAX_SCENE_RECORDS {
+                    Err("there are too many records".into())
+                } else {
+                    Ok(())
+                }
             })?;
         }
         Ok(names)
@@ -555,12 +563,12 @@ fn tracks(
     }
     /// Boxes, and whether attributes say that it moves or that it is parked.
     #[derive(Default)]
-    struct Found {
+    struct FoundTrack {
         boxes: Vec<LogBox>,
         moves: bool,
         stands: bool,
     }
-    let mut found = BTreeMap::<String, Found>::new();
+    let mut found = BTreeMap::<String, FoundTrack>::new();
     let mut count = 0;
     read_table::<AnnotationRecord>(&path, |record| {
         let Some(time) = samples.get(&record.sample_token) else { return Ok(()) };
@@ -585,7 +593,7 @@ fn tracks(
             entry.stands |= matches!(attribute.as_str(), "vehicle.parked" | "cycle.without_rider");
         }
         count += 1;
-        if count > MOST { Err("the scene has too many boxes".into()) } else { Ok(()) }
+        if count > MAX_SCENE_RECORDS { Err("the scene has too many boxes".into()) } else { Ok(()) }
     })?;
     let mut kinds = BTreeMap::new();
     let instances = version.join("instance.json");
@@ -597,7 +605,7 @@ fn tracks(
             Ok(())
         })?;
     }
-    let track = |(id, found): (String, Found)| {
+    let track = |(id, found): (String, FoundTrack)| {
         let category = kinds.get(&id).and_then(|kind| categories.get(kind)).cloned().unwrap_or_default();
         let mut track = LogTrack::new(id, category, found.boxes);
         // Boxes of what is parked jitter; attributes know better.

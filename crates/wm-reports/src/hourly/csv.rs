@@ -7,7 +7,7 @@ use crate::report::{ReportOptions, WeatherReport};
 use std::path::Path;
 
 /// Most columns of a table.
-const MOST_COLUMNS: usize = 500;
+const MAX_COLUMNS: usize = 500;
 
 /// The columns of Meteostat's files of whole stations, which have no line of names.
 const METEOSTAT: [&str; 13] =
@@ -86,8 +86,8 @@ pub(super) fn parse(text: &str, file: &str) -> Result<WeatherTable, ReportError>
         columns = METEOSTAT.iter().take(columns.len()).map(|name| ((*name).into(), String::new())).collect();
         body = &lines;
     }
-    if columns.len() > MOST_COLUMNS {
-        return Err(whole(format!("has {} columns: at most {MOST_COLUMNS} are read", columns.len())));
+    if columns.len() > MAX_COLUMNS {
+        return Err(whole(format!("has {} columns: at most {MAX_COLUMNS} are read", columns.len())));
     }
     // A table ends at an empty line; one of days may follow.
     let body: Vec<Line<'_>> = body.iter().copied().take_while(|(_, line)| !line.trim().is_empty()).collect();

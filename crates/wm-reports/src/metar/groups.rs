@@ -223,7 +223,7 @@ struct Reader {
 }
 
 impl Reader {
-    /// Notes a group, and so many after it.
+    /// Notes a group and the `taken` groups after it as ignored.
     fn ignore(
         &mut self,
         group: Group<'_>,

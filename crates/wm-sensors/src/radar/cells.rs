@@ -13,16 +13,16 @@ use std::f64::consts::{LN_2, TAU};
 use wm_scene::random::RandomStream;
 
 /// Width of the response at half power, cells, and its reach.
-const RESPONSE: f64 = 1.44;
-const REACH: f64 = 2.0;
-/// Cells of azimuth to each side whose rays come into one.
-pub(super) const SIDE: usize = 2;
-/// Cells to each side, of range and of velocity, that are averaged, and those next to the middle
+const RESPONSE_WIDTH_CELLS: f64 = 1.44;
+const RESPONSE_REACH_CELLS: f64 = 2.0;
+/// Azimuth cells to each side whose rays add to one.
+pub(super) const SIDE_CELLS: usize = 2;
+/// Cells to each side in range and velocity that are averaged, and guard cells next to the middle
 /// that are not.
-const TRAINING: [usize; 2] = [8, 16];
-const GUARD: [usize; 2] = [2, 3];
-/// Power below which a cell is not looked at, of the threshold in noise.
-const FAINT: f64 = 0.25;
+const TRAINING_CELLS: [usize; 2] = [8, 16];
+const GUARD_CELLS: [usize; 2] = [2, 3];
+/// Least power of a candidate cell, as a share of the detection threshold in noise.
+const MIN_THRESHOLD_SHARE: f64 = 0.25;
 
 /// A piece of a surface that sends power back. Places are in cells, whole numbers in their middles.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +31,7 @@ pub(super) struct Scatterer {
     pub(crate) at: [f64; 3],
     /// Radians.
     pub(crate) elevation: f64,
-    /// Over that of the noise.
+    /// Power over the noise.
     pub(crate) power: f64,
 }
 
@@ -53,7 +53,11 @@ impl RainClutter {
 
 /// Share of the power of a scatterer in a cell that is `off` cells away.
 fn response(off: f64) -> f64 {
-    if off.abs() > REACH { 0.0 } else { (-4.0 * LN_2 * (off / RESPONSE).powi(2)).exp() }
+    if off.abs() > RESPONSE_REACH_CELLS {
+        0.0
+    } else {
+        (-4.0 * LN_2 * (off / RESPONSE_WIDTH_CELLS).powi(2)).exp()
+    }
 }
 
 /// The distance from `b` to `a` on a circle of `count` cells.
@@ -83,7 +87,7 @@ pub(super) fn powers<'a>(
         if across <= 0.0 {
             continue;
         }
-        let reach = REACH as i64;
+        let reach = RESPONSE_REACH_CELLS as i64;
         let [range, velocity] = [one.at[0].round(), one.at[2].round()];
         for row in (range as i64 - reach)..=(range as i64 + reach) {
             if !(0..ranges as i64).contains(&row) {
@@ -120,7 +124,7 @@ pub(super) struct DetectedCell {
     pub(crate) cell: [usize; 3],
     /// Interpolated position between cells.
     pub(crate) at: [f64; 3],
-    /// Power between cells, over that of the noise.
+    /// Interpolated power over the noise.
     pub(crate) power: f64,
     /// Mean power of the cells around it.
     pub(crate) mean: f64,
@@ -148,7 +152,7 @@ impl<'a> PowerCube<'a> {
     /// The detections of one azimuth, in the order of ranges and velocities.
     pub(super) fn detections(&self, azimuth: usize) -> Vec<DetectedCell> {
         let velocities = self.count[2];
-        let least = (FAINT * self.model.threshold()) as f32;
+        let least = (MIN_THRESHOLD_SHARE * self.model.threshold()) as f32;
         let first = (self.model.range[0] / self.model.range_cell).ceil() as usize * velocities;
         let mut found = Vec::new();
         for (index, power) in self.rows[azimuth].iter().enumerate().skip(first) {
@@ -203,13 +207,15 @@ impl<'a> PowerCube<'a> {
         let [range, azimuth, velocity] = cell;
         let [ranges, _, velocities] = self.count;
         let nearest = (self.model.range[0] / self.model.range_cell).ceil() as usize;
-        let side = TRAINING[1].min((velocities - 1) / 2) as i64;
+        let side = TRAINING_CELLS[1].min((velocities - 1) / 2) as i64;
         let (mut sum, mut count) = (0.0, 0usize);
-        for row in range.saturating_sub(TRAINING[0]).max(nearest)..=(range + TRAINING[0]).min(ranges - 1) {
-            let is_near = row.abs_diff(range) <= GUARD[0];
+        for row in
+            range.saturating_sub(TRAINING_CELLS[0]).max(nearest)..=(range + TRAINING_CELLS[0]).min(ranges - 1)
+        {
+            let is_near = row.abs_diff(range) <= GUARD_CELLS[0];
             let powers = &self.rows[azimuth][row * velocities..(row + 1) * velocities];
             for step in -side..=side {
-                if is_near && step.unsigned_abs() as usize <= GUARD[1] {
+                if is_near && step.unsigned_abs() as usize <= GUARD_CELLS[1] {
                     continue;
                 }
                 let column = (velocity as i64 + step).rem_euclid(velocities as i64) as usize;

@@ -1,7 +1,7 @@
 //! Rain for a radar: what it takes and what it sends back. Fog and dry snow do neither.
 
 /// Frequencies for which there are numbers, GHz.
-pub(super) const BAND: [f64; 2] = [24.0, 81.0];
+pub(super) const BAND_GHZ: [f64; 2] = [24.0, 81.0];
 
 /// ITU-R P.838-3, vertical polarisation: a, b and c of each term of `log10 k`, then its slope and
 /// its constant in `log10 f`.
@@ -42,10 +42,10 @@ pub(crate) fn rain_attenuation(frequency: f64, rate: f64) -> f64 {
 }
 
 /// Rates of the table of clutter, mm/h.
-const RATES: [f64; 6] = [1.0, 2.5, 10.0, 25.0, 50.0, 100.0];
+const CLUTTER_RATES_MM_H: [f64; 6] = [1.0, 2.5, 10.0, 25.0, 50.0, 100.0];
 /// RCS of rain, m^2/m^3, at 24 and at 76.5 GHz: by Mie's theory over the sizes of drops of Marshall
 /// and Palmer.
-const CLUTTER: [(f64, [f64; 6]); 2] = [
+const CLUTTER_TABLE: [(f64, [f64; 6]); 2] = [
     (24.0, [3.8e-6, 1.5e-5, 1.1e-4, 3.7e-4, 8.5e-4, 1.9e-3]),
     (76.5, [8.8e-5, 1.9e-4, 5.5e-4, 1.0e-3, 1.6e-3, 2.5e-3]),
 ];
@@ -57,10 +57,11 @@ pub(crate) fn rain_reflectivity(frequency: f64, rate: f64) -> f64 {
     if rate <= 0.0 {
         return 0.0;
     }
-    let pair = RATES[1..5].partition_point(|known| *known < rate);
-    let share = (rate / RATES[pair]).ln() / (RATES[pair + 1] / RATES[pair]).ln();
+    let pair = CLUTTER_RATES_MM_H[1..5].partition_point(|known| *known < rate);
+    let share = (rate / CLUTTER_RATES_MM_H[pair]).ln()
+        / (CLUTTER_RATES_MM_H[pair + 1] / CLUTTER_RATES_MM_H[pair]).ln();
     let of = |row: &[f64; 6]| row[pair].ln() + share * (row[pair + 1] / row[pair]).ln();
-    let [(low, first), (high, second)] = CLUTTER;
+    let [(low, first), (high, second)] = CLUTTER_TABLE;
     let across = ((frequency / low).ln() / (high / low).ln()).clamp(0.0, 1.0);
     (of(&first) * (1.0 - across) + of(&second) * across).exp()
 }
@@ -83,8 +84,8 @@ mod tests {
 
     #[test]
     fn reflectivity_goes_through_its_table() {
-        for (frequency, row) in CLUTTER {
-            for (rate, known) in RATES.iter().zip(row) {
+        for (frequency, row) in CLUTTER_TABLE {
+            for (rate, known) in CLUTTER_RATES_MM_H.iter().zip(row) {
                 assert!(
                     (rain_reflectivity(frequency, *rate) / known - 1.0).abs() < 1e-9,
                     "{frequency} {rate}"

@@ -7,7 +7,7 @@ use glam::DVec3;
 use wm_scene::Lamp;
 
 /// Luminous flux (lm) and width of the beam (degrees) of a lantern.
-const LANTERN: (f64, f64) = (3_500.0, 140.0);
+const LANTERN_FLUX_AND_BEAM: (f64, f64) = (3_500.0, 140.0);
 
 /// A lamp with a lantern on a short arm; it faces along the frame's `back`.
 pub(super) fn lamp(b: &mut Builder, frame: &Frame, p: &Palette) {
@@ -32,8 +32,8 @@ pub(super) fn lamp(b: &mut Builder, frame: &Frame, p: &Palette) {
     b.disc(head.at(0.0, 0.0, -0.34), -DVec3::Z, 0.11, p.lantern);
     b.lamps.push(Lamp {
         aim: Some([0.0, 0.0, -1.0]),
-        beam: LANTERN.1,
-        lumens: LANTERN.0,
+        beam: LANTERN_FLUX_AND_BEAM.1,
+        lumens: LANTERN_FLUX_AND_BEAM.0,
         radius: 0.14,
         ..Lamp::new(head.at(0.0, 0.0, -0.28).to_array())
     });

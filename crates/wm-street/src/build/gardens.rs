@@ -2,7 +2,7 @@
 
 use super::houses::PORCH;
 use super::palette::Palette;
-use super::street::{EDGE, PLOT, left, right};
+use super::street::{PAVEMENT_EDGE_M, PLOT_HEIGHT_M, left, right};
 use super::tree::tree;
 use super::{Builder, Frame, faces, fences as f, growth as g, species};
 use crate::paint::PaintId;
@@ -49,11 +49,26 @@ pub(super) fn build(b: &mut Builder, p: &Palette) {
     g::hedge(b, &right(71.4).moved(0.0, 0.2, 0.0), [7.8, 0.7, 1.5], 0.14, p.core, p.hedge, 60);
     f::low_wall(b, &right(18.9).moved(0.0, 0.1, 0.0), 3.1, 1.9, p.brown_brick, p.stone);
     for (index, (from, to)) in [
-        (DVec3::new(-EDGE - 0.02, 37.0, PLOT), DVec3::new(-EDGE - 0.02, 46.0, PLOT)),
-        (DVec3::new(-EDGE - 0.02, 49.0, PLOT), DVec3::new(-EDGE - 0.02, 56.0, PLOT)),
-        (DVec3::new(EDGE + 0.05, 29.2, PLOT), DVec3::new(EDGE + 0.05, 37.2, PLOT)),
-        (DVec3::new(-EDGE + 0.0, 14.4, PLOT), DVec3::new(-EDGE + 0.0, 24.0, PLOT)),
-        (DVec3::new(-EDGE - 2.5, 38.0, PLOT), DVec3::new(-EDGE - 2.0, 56.0, PLOT)),
+        (
+            DVec3::new(-PAVEMENT_EDGE_M - 0.02, 37.0, PLOT_HEIGHT_M),
+            DVec3::new(-PAVEMENT_EDGE_M - 0.02, 46.0, PLOT_HEIGHT_M),
+        ),
+        (
+            DVec3::new(-PAVEMENT_EDGE_M - 0.02, 49.0, PLOT_HEIGHT_M),
+            DVec3::new(-PAVEMENT_EDGE_M - 0.02, 56.0, PLOT_HEIGHT_M),
+        ),
+        (
+            DVec3::new(PAVEMENT_EDGE_M + 0.05, 29.2, PLOT_HEIGHT_M),
+            DVec3::new(PAVEMENT_EDGE_M + 0.05, 37.2, PLOT_HEIGHT_M),
+        ),
+        (
+            DVec3::new(-PAVEMENT_EDGE_M + 0.0, 14.4, PLOT_HEIGHT_M),
+            DVec3::new(-PAVEMENT_EDGE_M + 0.0, 24.0, PLOT_HEIGHT_M),
+        ),
+        (
+            DVec3::new(-PAVEMENT_EDGE_M - 2.5, 38.0, PLOT_HEIGHT_M),
+            DVec3::new(-PAVEMENT_EDGE_M - 2.0, 56.0, PLOT_HEIGHT_M),
+        ),
     ]
     .into_iter()
     .enumerate()
@@ -94,15 +109,15 @@ pub(super) fn trees(b: &mut Builder, p: &Palette) {
     .into_iter()
     .enumerate()
     {
-        tree(b, DVec3::new(x, y, PLOT - 0.03), &kind, 200 + seed as u64);
+        tree(b, DVec3::new(x, y, PLOT_HEIGHT_M - 0.03), &kind, 200 + seed as u64);
     }
     let on = |b: &mut Builder, (y0, y1): (f64, f64), (x0, x1): (f64, f64), z: f64, count: u32, seed: u64| {
         g::fallen(b, DVec2::new(x0, y0), DVec2::new(x1, y1), |_| z, count, p.fallen, seed);
     };
     on(b, (36.0, 46.0), (-3.0, -2.2), 0.0, 260, 301);
-    on(b, (35.0, 46.0), (-5.2, -3.2), PLOT, 260, 302);
+    on(b, (35.0, 46.0), (-5.2, -3.2), PLOT_HEIGHT_M, 260, 302);
     on(b, (28.0, 38.0), (2.1, 3.0), 0.0, 260, 303);
-    on(b, (28.0, 38.0), (3.2, 5.2), PLOT, 260, 304);
+    on(b, (28.0, 38.0), (3.2, 5.2), PLOT_HEIGHT_M, 260, 304);
     on(b, (8.0, 16.0), (-5.2, -2.3), 0.0, 120, 305);
-    on(b, (36.5, 45.0), (-11.5, -6.0), PLOT, 380, 306);
+    on(b, (36.5, 45.0), (-11.5, -6.0), PLOT_HEIGHT_M, 380, 306);
 }

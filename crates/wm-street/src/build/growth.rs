@@ -140,7 +140,7 @@ pub(super) fn flowers(
     }
 }
 
-/// Leaves that lie on the ground of a rectangle, whose height is `ground`.
+/// Leaves that lie in a rectangle on ground of the height `ground`, m.
 pub(super) fn fallen(
     b: &mut Builder,
     low: DVec2,

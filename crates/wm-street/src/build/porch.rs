@@ -16,7 +16,7 @@ pub(super) struct Porch {
 }
 
 impl Porch {
-    /// A lean-to on posts before a wall whose frame this is.
+    /// Builds a lean-to on posts before the wall of a frame.
     pub(super) fn build(&self, b: &mut Builder, frame: &Frame, roof: PaintId, p: &Palette) {
         let (x0, x1, d, floor) = (self.from, self.to, self.depth, self.floor);
         b.block(

@@ -24,7 +24,7 @@ pub(super) struct Roof {
 }
 
 /// Thickness of a roof, m.
-const THICK: f64 = 0.13;
+const ROOF_THICKNESS_M: f64 = 0.13;
 
 impl Roof {
     /// Height of the ridge above the frame's origin, m.
@@ -41,7 +41,7 @@ impl Roof {
         let across = self.length + 2.0 * self.verge;
         let run = 0.5 * self.span + self.overhang;
         let rise = run * self.slope();
-        let lift = THICK / self.pitch.to_radians().cos();
+        let lift = ROOF_THICKNESS_M / self.pitch.to_radians().cos();
         // The second slope is the first seen from behind.
         for half in [
             *frame,

@@ -11,9 +11,9 @@ use wm_scene::random::RandomStream;
 pub struct CaptureFlaws {
     /// Most motion blur of a photo, px; each draws its own.
     pub blur: f64,
-    /// Most by which the exposure of a photo is off, EV; each draws its own.
+    /// Largest error of the exposure of a photo, EV; each draws its own.
     pub exposure_jitter: f64,
-    /// From light to the values of the file.
+    /// Tone curve from light to the values of the file.
     pub tone: ToneCurve,
     /// Lies of EXIF.
     pub exif: Vec<ExifFault>,
@@ -81,8 +81,8 @@ pub enum ExifFault {
 }
 
 /// Purposes of random numbers.
-const EXPOSURE: u64 = 45;
-const MOTION: u64 = 46;
+const EXPOSURE_LANE: u64 = 45;
+const MOTION_LANE: u64 = 46;
 
 impl CaptureFlaws {
     /// Checks the numbers.
@@ -110,13 +110,13 @@ impl CaptureFlaws {
 
     /// Exposure of photo `index`, EV.
     pub(super) fn exposure(&self, seed: u64, index: usize) -> f64 {
-        let random = RandomStream::new(seed, EXPOSURE, 0);
+        let random = RandomStream::new(seed, EXPOSURE_LANE, 0);
         self.exposure_jitter * (2.0 * random.uniform(index as u64) - 1.0)
     }
 
     /// Motion of photo `index` while it is exposed, px.
     pub(super) fn motion(&self, seed: u64, index: usize) -> DVec2 {
-        let random = RandomStream::new(seed, MOTION, index as u32);
+        let random = RandomStream::new(seed, MOTION_LANE, index as u32);
         let length = self.blur * (0.25 + 0.75 * random.uniform(0));
         DVec2::from_angle(TAU * random.uniform(1)) * length
     }

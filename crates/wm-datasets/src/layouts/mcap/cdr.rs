@@ -13,7 +13,7 @@ use wm_scene::LensModel;
 pub(super) struct MessageType {
     /// `package/msg/Type`.
     pub(crate) name: &'static str,
-    /// The definition, and those of the types in it by name.
+    /// Definitions by name: its own first, then the nested types.
     definitions: &'static [(&'static str, &'static str)],
 }
 
@@ -122,7 +122,7 @@ impl FieldKind {
 struct Message(Vec<u8>);
 
 /// Bytes before the first that alignment counts.
-const START: usize = 4;
+const HEADER_BYTES: usize = 4;
 
 impl Message {
     fn new() -> Self {
@@ -130,7 +130,7 @@ impl Message {
     }
 
     fn align(&mut self, size: usize) {
-        let length = START + (self.0.len() - START).next_multiple_of(size);
+        let length = HEADER_BYTES + (self.0.len() - HEADER_BYTES).next_multiple_of(size);
         self.0.resize(length, 0);
     }
 

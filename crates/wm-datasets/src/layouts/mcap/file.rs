@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 
 /// Bytes of messages after which a chunk ends, as in the format's own library.
-const CHUNK: usize = 1 << 20;
+const CHUNK_BYTES: usize = 1 << 20;
 
 /// The kind of a record.
 #[derive(Clone, Copy)]
@@ -114,7 +114,7 @@ impl McapFile {
     /// Writes a message of a channel; its time, ns since 1970, is both when it was sent and when it
     /// was logged.
     pub(super) fn message(&mut self, channel: u16, time: u64, data: &[u8]) {
-        if self.chunk.records.len() > CHUNK {
+        if self.chunk.records.len() > CHUNK_BYTES {
             self.end_chunk();
         }
         let count = &mut self.message_counts[usize::from(channel) - 1];

@@ -31,11 +31,9 @@ mod cdr;
 mod file;
 mod metadata;
 
-use super::{BlockWriter, FileSink, Layout};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
 use crate::cameras::{picture, refuse};
-use crate::{
-    BlockInfo, ClipInfo, ClipRecord, DatasetDetection, DatasetPoint, ReadingData, SensorReading, SetError,
-};
+use crate::{BlockInfo, ClipInfo, DatasetDetection, DatasetPoint, ReadingData, SensorReading, SetError};
 use crate::{ReadingInfo, RigidPose, SensorInfoKind, SetInfo, picture_files};
 use cdr::{Field, FieldKind, MessageType};
 use file::McapFile;
@@ -125,12 +123,7 @@ impl Layout for RosBags {
         Box::new(BagFile { block, file: None })
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         for record in clips {
             let record = record?;
             if !record.readings.is_empty() {
@@ -165,7 +158,7 @@ struct Topic {
     kind: MessageType,
     /// True if players must keep its last message for those who come late.
     is_kept: bool,
-    /// The sensor whose readings it has.
+    /// The sensor of its readings.
     sensor: Option<usize>,
 }
 
@@ -186,7 +179,7 @@ const LATCHED: &str = "- history: 1\n  depth: 1\n  reliability: 1\n  durability:
 const TF_STATIC: usize = 0;
 const TF: usize = 1;
 
-/// All topics; those of a sensor are next to each other.
+/// All topics, grouped by sensor.
 fn topics(set: &SetInfo) -> Vec<Topic> {
     let tf =
         |name: &str, is_kept: bool| Topic { name: name.into(), kind: cdr::TRANSFORMS, is_kept, sensor: None };

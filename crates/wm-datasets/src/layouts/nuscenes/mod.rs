@@ -37,8 +37,8 @@ mod tables;
 #[cfg(test)]
 mod tests;
 
-use super::{BlockWriter, FileSink, Layout};
-use crate::{BlockInfo, ClipInfo, ClipRecord, ReadingInfo, SensorInfoKind, SetError, SetInfo};
+use super::{BlockWriter, ClipStream, FileSink, Layout};
+use crate::{BlockInfo, ClipInfo, ReadingInfo, SensorInfoKind, SetError, SetInfo};
 use channels::channels;
 use sha2::{Digest, Sha256};
 
@@ -95,12 +95,7 @@ impl Layout for NuScenes {
         Box::new(files::NuScenesFiles::new(block))
     }
 
-    fn tables(
-        &self,
-        set: &SetInfo,
-        clips: &mut dyn Iterator<Item = Result<ClipRecord, SetError>>,
-        files: &mut dyn FileSink,
-    ) -> Result<(), SetError> {
+    fn tables(&self, set: &SetInfo, clips: ClipStream<'_>, files: &mut dyn FileSink) -> Result<(), SetError> {
         tables::write(set, clips, files)
     }
 }
