@@ -33,27 +33,27 @@ pub enum BeamPattern {
 #[serde(deny_unknown_fields)]
 pub struct RowPattern {
     /// Sweeps a second, Hz.
-    pub rate: f64,
+    pub(crate) rate: f64,
     /// Elevations of the rows, degrees, in the order of firing.
     #[serde(default)]
-    pub elevations: Vec<f64>,
+    pub(crate) elevations: Vec<f64>,
     /// Instead: the lowest and the highest elevation of evenly spaced rows, degrees.
     #[serde(default)]
-    pub between: Option<[f64; 2]>,
+    pub(crate) between: Option<[f64; 2]>,
     /// The number of evenly spaced rows.
     #[serde(default)]
-    pub count: Option<usize>,
+    pub(crate) count: Option<usize>,
     /// Azimuth offset of each row from the head, degrees; empty for none.
     #[serde(default)]
-    pub azimuth_offsets: Vec<f64>,
+    pub(crate) azimuth_offsets: Vec<f64>,
     /// Firings of all rows in a sweep.
-    pub columns: u32,
+    pub(crate) columns: u32,
     /// Firing delay of each row after its column, microseconds; empty for all at once.
     #[serde(default)]
-    pub firing_offsets: Vec<f64>,
+    pub(crate) firing_offsets: Vec<f64>,
     /// Azimuths at which a sweep begins and ends, degrees.
     #[serde(default = "full_turn")]
-    pub azimuths: [f64; 2],
+    pub(crate) azimuths: [f64; 2],
 }
 
 /// Seen from above it turns as a clock does, from the back over the front.
@@ -66,9 +66,9 @@ fn full_turn() -> [f64; 2] {
 #[serde(deny_unknown_fields)]
 pub struct TablePattern {
     /// Sweeps a second, Hz.
-    pub rate: f64,
+    pub(crate) rate: f64,
     /// Time after the start of the sweep (s), azimuth and elevation (degrees) of each beam.
-    pub beams: Vec<[f64; 3]>,
+    pub(crate) beams: Vec<[f64; 3]>,
 }
 
 /// The sum of two vectors that rotate, as angles about the forward axis.
@@ -76,13 +76,13 @@ pub struct TablePattern {
 #[serde(deny_unknown_fields)]
 pub struct RisleyPattern {
     /// Sweeps a second, Hz, into which the curve is cut.
-    pub rate: f64,
+    pub(crate) rate: f64,
     /// Beams a sweep.
-    pub points: u32,
+    pub(crate) points: u32,
     /// Deflection by each prism, degrees.
-    pub deflections: [f64; 2],
+    pub(crate) deflections: [f64; 2],
     /// Speed of each prism, turns a minute; below 0 the other way round.
-    pub speeds: [f64; 2],
+    pub(crate) speeds: [f64; 2],
 }
 
 /// Most beams of a sweep.

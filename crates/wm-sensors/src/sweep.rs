@@ -111,7 +111,8 @@ pub struct SweepOptions {
     pub returns: ReturnMode,
     /// The axes of the points.
     pub frame: PointFrame,
-    /// Lidar ratio (extinction over backscatter) of fog, haze and smog, sr; `None` for the ratio of each.
+    /// Lidar ratio (extinction over backscatter) of fog, haze and smog, sr; `None` for the usual
+    /// ratio of each.
     pub lidar_ratio: Option<f64>,
 }
 

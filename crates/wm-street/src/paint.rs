@@ -60,36 +60,6 @@ pub enum Material {
 }
 
 impl Material {
-    /// Every material.
-    pub const ALL: [Self; 26] = [
-        Self::Asphalt,
-        Self::Cobbles,
-        Self::Paving,
-        Self::Stone,
-        Self::Grass,
-        Self::Soil,
-        Self::Gravel,
-        Self::Grit,
-        Self::Field,
-        Self::Wood,
-        Self::Plaster,
-        Self::Brick,
-        Self::Boards,
-        Self::Timber,
-        Self::Tiles,
-        Self::Slates,
-        Self::Glass,
-        Self::Metal,
-        Self::Cloth,
-        Self::Bark,
-        Self::Birch,
-        Self::Leaf,
-        Self::Blade,
-        Self::Petal,
-        Self::Water,
-        Self::Meadow,
-    ];
-
     /// Thin growth that light shines through and that is seen from both sides.
     #[must_use]
     pub fn is_foliage(self) -> bool {

@@ -373,7 +373,12 @@ mod tests {
     #[test]
     fn albedo_is_that_of_matter() {
         let mut dice = Dice::new(6, 0);
-        for material in Material::ALL {
+        use Material::*;
+        let all = [
+            Asphalt, Cobbles, Paving, Stone, Grass, Soil, Gravel, Grit, Field, Wood, Plaster, Brick, Boards,
+            Timber, Tiles, Slates, Glass, Metal, Cloth, Bark, Birch, Leaf, Blade, Petal, Water, Meadow,
+        ];
+        for material in all {
             let paint = Paint { material, color: rgb(0xE0D8C8), accent: rgb(0x404030), seed: 9 };
             for width in [0.002, 0.05, 1.0] {
                 for _ in 0..200 {

@@ -9,7 +9,6 @@
 use super::files::{fault_in_line, files_in, folders_in, line_records, numbers, pose_of_rows};
 use super::kitti::KittiCalibration;
 use super::records::{Candidate, ChosenLog, Records, choose, whole_name};
-use super::sweep::{SweepMotion, SweepRecords};
 use super::{
     DrivingLog, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, check_cameras, empty_log,
     is_asked, size_of_first,
@@ -83,14 +82,8 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
                 continue;
             };
             let world_from_camera = world_from_rig.then(&rig_from_camera);
-            let camera = log.cameras.len();
-            log.pictures.push(LogPicture {
-                camera,
-                file,
-                timestamp,
-                world_from_camera,
-                masks: LogPictureMasks::default(),
-            });
+            let (camera, masks) = (log.cameras.len(), LogPictureMasks::default());
+            log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks });
         }
         log.cameras.push(camera);
     }
@@ -105,7 +98,7 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
             };
             let labels = Some(folder.join(format!("{stem}.label"))).filter(|labels| labels.is_file());
             unlabelled += usize::from(labels.is_none());
-            log.sweeps.push(LogSweep { labels, ..sweep(file, timestamp, world_from_rig) });
+            log.sweeps.push(LogSweep { labels, ..LogSweep::kitti(file, timestamp, world_from_rig) });
         }
         if folder.is_dir() && unlabelled > 0 {
             log.warnings
@@ -160,17 +153,6 @@ fn named(sequence: &Path) -> Result<(String, PathBuf), FormatError> {
     let beside = whole.ancestors().nth(2).map(|root| root.join("poses").join(format!("{name}.txt")));
     let poses = beside.filter(|file| file.is_file()).unwrap_or_else(|| sequence.join("poses.txt"));
     Ok((name, poses))
-}
-
-fn sweep(file: PathBuf, timestamp: i64, world_from_lidar: RigidPose) -> LogSweep {
-    LogSweep {
-        file,
-        timestamp,
-        center: world_from_lidar.translation,
-        labels: None,
-        records: SweepRecords::Floats { columns: 4, position: 0, intensity: Some(3), white: 1.0 },
-        motion: SweepMotion::Still(world_from_lidar),
-    }
 }
 
 /// The times of the frames, ns; `None` where a line is empty.

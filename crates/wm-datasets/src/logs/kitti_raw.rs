@@ -11,7 +11,7 @@ use super::files::{fault, fault_in_line, files_in, folders_in, line_records, nam
 use super::kitti::KittiCalibration;
 use super::kitti_tracklets::read_tracklets;
 use super::records::{Candidate, ChosenLog, Records, choose, whole_name};
-use super::sweep::{SweepMotion, SweepRecords};
+use super::sweep::SweepMotion;
 use super::track::EgoTrack;
 use super::{
     DrivingLog, LogFormat, LogOptions, LogPicture, LogPictureMasks, LogSweep, check_cameras, empty_log,
@@ -76,14 +76,8 @@ fn read(path: &Path, options: &LogOptions) -> Result<Option<DrivingLog>, FormatE
                 continue;
             };
             let world_from_camera = world_from_rig.then(&rig_from_camera);
-            let camera = log.cameras.len();
-            log.pictures.push(LogPicture {
-                camera,
-                file,
-                timestamp,
-                world_from_camera,
-                masks: LogPictureMasks::default(),
-            });
+            let (camera, masks) = (log.cameras.len(), LogPictureMasks::default());
+            log.pictures.push(LogPicture { camera, file, timestamp, world_from_camera, masks });
         }
         log.cameras.push(camera);
     }
@@ -255,15 +249,7 @@ fn sweeps(
             Some(span) => SweepMotion::Turning { track: Arc::clone(track), rig_from_lidar, span },
             None => SweepMotion::Still(world_from_lidar),
         };
-        let records = SweepRecords::Floats { columns: 4, position: 0, intensity: Some(3), white: 1.0 };
-        sweeps.push(LogSweep {
-            file,
-            labels: None,
-            timestamp,
-            center: world_from_lidar.translation,
-            records,
-            motion,
-        });
+        sweeps.push(LogSweep { motion, ..LogSweep::kitti(file, timestamp, world_from_lidar) });
     }
     Ok(sweeps)
 }

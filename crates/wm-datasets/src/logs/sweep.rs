@@ -90,6 +90,18 @@ pub(super) struct SweepPoints {
 }
 
 impl LogSweep {
+    /// A sweep of KITTI, x y z and intensity of each point as floats, whose lidar stands still.
+    pub(super) fn kitti(file: PathBuf, timestamp: i64, world_from_lidar: RigidPose) -> Self {
+        Self {
+            file,
+            timestamp,
+            center: world_from_lidar.translation,
+            labels: None,
+            records: SweepRecords::Floats { columns: 4, position: 0, intensity: Some(3), white: 1.0 },
+            motion: SweepMotion::Still(world_from_lidar),
+        }
+    }
+
     /// Reads the points. Those that are not finite, at the lidar itself or farther than a kilometre
     /// from it are left out.
     ///

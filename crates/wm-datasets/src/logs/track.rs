@@ -164,8 +164,9 @@ fn has_moved(boxes: &[LogBox]) -> bool {
     })
 }
 
-/// The pose at a time, of entries in the order of time; `None` more than [`MAX_BOX_EXTRAPOLATION_NS`] beyond the
-/// ends, or between two that are farther apart than [`MAX_BOX_GAP_NS`].
+/// The pose at a time, of entries in the order of time; `None` more than
+/// [`MAX_BOX_EXTRAPOLATION_NS`] beyond the ends, or between two that are farther apart than
+/// [`MAX_BOX_GAP_NS`].
 fn interpolate<T>(entries: &[T], time: i64, of: impl Fn(&T) -> (i64, RigidPose)) -> Option<RigidPose> {
     let after = entries.partition_point(|entry| of(entry).0 <= time);
     let held = |entry: &T| {

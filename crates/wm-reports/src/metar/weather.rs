@@ -17,29 +17,23 @@ use super::{
     CloudCover, Metar, MetarKind, MetarVisibility, VisibilityBound, WeatherDescriptor as Descriptor,
     WeatherGroup, WeatherIntensity, WeatherPhenomenon as Phenomenon,
 };
-use crate::conditions::{Carrier, Conditions, Datum, SnowRate, Sun};
+use crate::conditions::{
+    Carrier, Conditions, DRIZZLE, Datum, FLASHES_PER_MINUTE, HAIL, RAIN, SHOWERS, SNOW, STORM_DISTANCE_M,
+    SnowRate, Sun,
+};
 use crate::draft::{Basis, Draft};
 use crate::error::ReportError;
 use crate::optics::humidity;
 use crate::report::{DecodedReport, ReportOptions, WeatherReport};
 
-/// Rates, mm/h, of light, moderate and heavy weather.
-const RAIN: [f64; 3] = [1.0, 5.0, 20.0];
-const SHOWERS: [f64; 3] = [2.0, 8.0, 30.0];
-const DRIZZLE: [f64; 3] = [0.1, 0.3, 0.8];
-/// Ranges of snow, mm/h of water, and a usual rate of each.
-const SNOW: [([f64; 2], f64); 3] = [([0.1, 1.0], 0.4), ([1.0, 2.5], 1.6), ([2.5, 8.0], 4.0)];
+/// Rates of light, moderate and heavy weather, mm/h.
 const SNOW_GRAINS: [f64; 3] = [0.05, 0.1, 0.2];
 const ICE_CRYSTALS: f64 = 0.02;
-const HAIL: [f64; 3] = [5.0, 20.0, 60.0];
 const SMALL_HAIL: [f64; 3] = [2.0, 8.0, 20.0];
 const PELLETS: [f64; 3] = [0.5, 2.0, 5.0];
 /// Wind that lifts snow, m/s.
 const SNOW_DRIFT_WIND_M_S: f64 = 8.0;
-/// Flashes a minute of light, moderate and heavy thunderstorms, and their distance, m; in the
-/// vicinity both differ.
-const FLASHES_PER_MINUTE: [f64; 3] = [4.0, 6.0, 10.0];
-const STORM_DISTANCE_M: f64 = 3000.0;
+/// Flashes a minute of a thunderstorm in the vicinity, and their distance, m.
 const NEARBY_STORM: [f64; 2] = [3.0, 12_000.0];
 
 pub(super) fn weather(

@@ -8,7 +8,10 @@ mod tokens;
 mod units;
 mod vocabulary;
 
-use crate::conditions::{Carrier, Conditions, Datum, SnowRate, Sun};
+use crate::conditions::{
+    Carrier, Conditions, DRIZZLE, Datum, FLASHES_PER_MINUTE, HAIL, RAIN, SHOWERS, SNOW, STORM_DISTANCE_M,
+    SnowRate, Sun,
+};
 use crate::draft::{Basis, Draft};
 use crate::error::{ReportError, meant};
 use crate::report::{DecodedReport, WeatherReport};
@@ -39,14 +42,6 @@ pub struct WordsReport {
     pub snow_depth: Option<f64>,
 }
 
-/// Rates of rain, showers and drizzle, mm/h, when light, moderate, heavy and violent.
-const RAIN: [f64; 4] = [1.0, 5.0, 20.0, 60.0];
-const SHOWERS: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
-const DRIZZLE: [f64; 4] = [0.1, 0.3, 0.8, 1.0];
-const HAIL: [f64; 4] = [5.0, 20.0, 60.0, 100.0];
-/// Ranges of snow, mm/h of water, and a usual rate of each.
-const SNOW: [([f64; 2], f64); 4] =
-    [([0.1, 1.0], 0.4), ([1.0, 2.5], 1.6), ([2.5, 8.0], 4.0), ([4.0, 10.0], 6.0)];
 /// Visibilities, m.
 const FOG: [f64; 4] = [800.0, 300.0, 100.0, 40.0];
 const MIST: [f64; 4] = [4000.0, 2000.0, 1200.0, 1000.0];
@@ -55,9 +50,6 @@ const SMOKE: [f64; 4] = [4000.0, 1500.0, 800.0, 400.0];
 const DUST: [f64; 4] = [3000.0, 800.0, 250.0, 100.0];
 /// Winds, m/s.
 const WIND: [f64; 4] = [3.0, 7.0, 14.0, 25.0];
-/// Flashes a minute, and their distance, m.
-const FLASHES_PER_MINUTE: [f64; 4] = [4.0, 6.0, 10.0, 15.0];
-const STORM_DISTANCE_M: f64 = 3000.0;
 
 pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
     let clauses = clauses(text);

@@ -12,42 +12,42 @@ use glam::{DVec2, DVec3};
 pub(super) fn build(b: &mut Builder, p: &Palette) {
     // A walled yard between the first two houses on the left.
     let at = left(10.2);
-    f::low_wall(b, &at.moved(0.0, 0.1, 0.0), 3.9, 1.75, p.brick, p.stone);
+    f::low_wall(b, &at.moved(0.0, 0.1, 0.0), 3.9, 1.75, p.brick, p);
     g::climber(b, &at.moved(2.2, 0.1, 0.0), 0.0, (1.5, 2.0), p.ivy, 50);
     // The cottage's front garden.
     let at = left(14.2);
-    f::low_wall(b, &at.moved(0.0, 0.06, 0.0), 3.1, 0.55, p.plinth, p.stone);
-    f::low_wall(b, &at.moved(4.5, 0.06, 0.0), 5.5, 0.55, p.plinth, p.stone);
+    f::low_wall(b, &at.moved(0.0, 0.06, 0.0), 3.1, 0.55, p.plinth, p);
+    f::low_wall(b, &at.moved(4.5, 0.06, 0.0), 5.5, 0.55, p.plinth, p);
     for x in [3.1, 4.5] {
-        f::pillar(b, &at.moved(x, 0.0, 0.0), 0.95, p.plinth, p.stone);
+        f::pillar(b, &at.moved(x, 0.0, 0.0), 0.95, p.plinth, p);
     }
     path(b, &at, 3.2, 4.4, 0.0, 2.6, p.slabs);
-    g::flowers(b, &at.moved(0.2, 0.5, 0.05), [2.8, 1.2, 0.40], 900, p.hedge, p.flowers, 51);
-    g::flowers(b, &at.moved(4.9, 0.5, 0.05), [4.8, 0.9, 0.35], 1300, p.hedge, p.flowers, 52);
+    g::flowers(b, &at.moved(0.2, 0.5, 0.05), [2.8, 1.2, 0.40], 900, p, 51);
+    g::flowers(b, &at.moved(4.9, 0.5, 0.05), [4.8, 0.9, 0.35], 1300, p, 52);
     g::climber(b, &at.moved(8.9, 2.6, 0.0), 0.0, (1.0, 3.2), p.ivy, 53);
     // Hedge and lawn before the porch house, a picket fence along the pavement.
     let at = left(46.0);
     f::pickets(b, &at.moved(-9.4, 0.12, 0.0), 19.6, Some((12.3, 13.6)), p.white);
     path(b, &at, 2.95, 4.15, 0.0, 6.2 - PORCH.depth - 0.6, p.slabs);
-    g::flowers(b, &at.moved(0.5, 3.35, 0.02), [2.0, 0.5, 0.45], 420, p.hedge, p.flowers, 54);
-    g::flowers(b, &at.moved(4.6, 3.35, 0.02), [2.0, 0.5, 0.45], 420, p.hedge, p.flowers, 55);
+    g::flowers(b, &at.moved(0.5, 3.35, 0.02), [2.0, 0.5, 0.45], 420, p, 54);
+    g::flowers(b, &at.moved(4.6, 3.35, 0.02), [2.0, 0.5, 0.45], 420, p, 55);
     let side = Frame::facing(at.at(10.0, 6.3, 0.0), at.right);
-    g::hedge(b, &side, [6.0, 0.7, 1.25], 0.115, p.core, p.hedge, 56);
+    g::hedge(b, &side, [6.0, 0.7, 1.25], 0.115, p, 56);
     // Right: a hedge in the sunny gap, railings before the white house.
     let at = right(37.6);
-    g::hedge(b, &at.moved(0.2, 0.15, 0.0), [8.4, 0.75, 1.45], 0.115, p.core, p.hedge, 57);
+    g::hedge(b, &at.moved(0.2, 0.15, 0.0), [8.4, 0.75, 1.45], 0.115, p, 57);
     let at = right(50.0);
-    f::low_wall(b, &at.moved(0.0, 0.05, 0.0), 6.2, 0.35, p.brick, p.stone);
+    f::low_wall(b, &at.moved(0.0, 0.05, 0.0), 6.2, 0.35, p.brick, p);
     f::railings(b, &at.moved(0.0, 0.17, 0.0), 6.2, 0.42, 1.05, p.iron);
-    f::low_wall(b, &at.moved(7.6, 0.05, 0.0), 3.4, 0.35, p.brick, p.stone);
+    f::low_wall(b, &at.moved(7.6, 0.05, 0.0), 3.4, 0.35, p.brick, p);
     f::railings(b, &at.moved(7.6, 0.17, 0.0), 3.4, 0.42, 1.05, p.iron);
     path(b, &at, 6.3, 7.5, 0.0, 2.4, p.gravel);
-    g::flowers(b, &at.moved(0.3, 0.5, 0.02), [5.6, 1.1, 0.45], 1000, p.hedge, p.flowers, 58);
+    g::flowers(b, &at.moved(0.3, 0.5, 0.02), [5.6, 1.1, 0.45], 1000, p, 58);
     // Gaps farther on: walls and hedges, coarser.
-    g::hedge(b, &left(57.2).moved(0.0, 0.1, 0.0), [3.6, 0.6, 1.5], 0.14, p.core, p.hedge, 59);
-    f::low_wall(b, &left(83.6).moved(0.0, 0.1, 0.0), 3.3, 1.6, p.plinth, p.stone);
-    g::hedge(b, &right(71.4).moved(0.0, 0.2, 0.0), [7.8, 0.7, 1.5], 0.14, p.core, p.hedge, 60);
-    f::low_wall(b, &right(18.9).moved(0.0, 0.1, 0.0), 3.1, 1.9, p.brown_brick, p.stone);
+    g::hedge(b, &left(57.2).moved(0.0, 0.1, 0.0), [3.6, 0.6, 1.5], 0.14, p, 59);
+    f::low_wall(b, &left(83.6).moved(0.0, 0.1, 0.0), 3.3, 1.6, p.plinth, p);
+    g::hedge(b, &right(71.4).moved(0.0, 0.2, 0.0), [7.8, 0.7, 1.5], 0.14, p, 60);
+    f::low_wall(b, &right(18.9).moved(0.0, 0.1, 0.0), 3.1, 1.9, p.brown_brick, p);
     for (index, (from, to)) in [
         (
             DVec3::new(-PAVEMENT_EDGE_M - 0.02, 37.0, PLOT_HEIGHT_M),

@@ -1,5 +1,6 @@
 //! Low growth: hedges, climbers, tufts of grass, flowers, fallen leaves.
 
+use super::palette::Palette;
 use super::tree::card;
 use super::{Builder, Frame, faces};
 use crate::hash::{Dice, noise3};
@@ -8,19 +9,11 @@ use crate::shape::{Outline, Shape};
 use glam::{DVec2, DVec3};
 
 /// A clipped hedge: a dark core under a skin of leaves. `size` is length, depth, height, m.
-pub(super) fn hedge(
-    b: &mut Builder,
-    frame: &Frame,
-    size: [f64; 3],
-    leaf: f64,
-    core: PaintId,
-    foliage: PaintId,
-    seed: u64,
-) {
+pub(super) fn hedge(b: &mut Builder, frame: &Frame, size: [f64; 3], leaf: f64, p: &Palette, seed: u64) {
     let [w, d, h] = size;
     let mut dice = Dice::new(b.seed, seed);
     let inset = 0.07;
-    b.block(frame, [inset, inset, 0.0], [w - inset, d - inset, h - inset], core, faces::STANDING);
+    b.block(frame, [inset, inset, 0.0], [w - inset, d - inset, h - inset], p.core, faces::STANDING);
     let area = 2.0 * (w + d) * h + w * d;
     let count = (area * 1.15 / (leaf * leaf * 0.62 * 0.667)) as usize;
     for _ in 0..count {
@@ -48,7 +41,7 @@ pub(super) fn hedge(
         let way = (out * 0.6 + dice.direction() + DVec3::Z * 0.2).normalize_or(DVec3::Z);
         // Corners are rounded by the shears.
         let corner = 0.04 * f64::from(u8::from(z > h - 0.1)) + 0.01;
-        card(b, at + out * (lump - corner), way, leaf * dice.range(0.7, 1.2), 0.62, foliage, &mut dice);
+        card(b, at + out * (lump - corner), way, leaf * dice.range(0.7, 1.2), 0.62, p.hedge, &mut dice);
     }
 }
 
@@ -114,15 +107,7 @@ pub(super) fn tuft(b: &mut Builder, at: DVec3, blades: u32, height: f64, paint: 
 }
 
 /// Leaves and blossoms over a box: flower beds, window boxes, tubs.
-pub(super) fn flowers(
-    b: &mut Builder,
-    frame: &Frame,
-    size: [f64; 3],
-    count: u32,
-    foliage: PaintId,
-    petals: PaintId,
-    seed: u64,
-) {
+pub(super) fn flowers(b: &mut Builder, frame: &Frame, size: [f64; 3], count: u32, p: &Palette, seed: u64) {
     let mut dice = Dice::new(b.seed, seed);
     for index in 0..count {
         let x = dice.unit();
@@ -132,10 +117,10 @@ pub(super) fn flowers(
             for petal in 0..3 {
                 let (sin, cos) = (2.1 * f64::from(petal) + x * 9.0).sin_cos();
                 let tip = (DVec3::new(cos, sin, 0.5) + dice.direction() * 0.3).normalize();
-                card(b, at + DVec3::Z * 0.03, tip, 0.055, 0.9, petals, &mut dice);
+                card(b, at + DVec3::Z * 0.03, tip, 0.055, 0.9, p.flowers, &mut dice);
             }
         } else {
-            card(b, at, way, dice.range(0.06, 0.10), 0.55, foliage, &mut dice);
+            card(b, at, way, dice.range(0.06, 0.10), 0.55, p.hedge, &mut dice);
         }
     }
 }

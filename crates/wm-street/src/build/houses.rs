@@ -81,17 +81,10 @@ fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) 
         ..base.clone()
     }
     .build(b, &back(left(-29.0), 0.15));
-    House {
-        width: 10.0,
-        ridge: Ridge::Across,
-        columns: 3,
-        finish: p.finish(ochre, red_door),
-        ..base.clone()
-    }
-    .build(b, &back(left(-14.0), 0.15));
+    House { ridge: Ridge::Across, columns: 3, finish: p.finish(ochre, red_door), ..base.clone() }
+        .build(b, &back(left(-14.0), 0.15));
     House {
         width: 11.0,
-        columns: 4,
         door: 2,
         window: Filling::Sash,
         dress: Dress::Bands,
@@ -102,12 +95,9 @@ fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) 
     }
     .build(b, &back(left(-1.0), 0.15));
     let cottage = House {
-        width: 10.0,
         storeys: 1,
         storey: 2.8,
         pitch: 48.0,
-        columns: 4,
-        door: 1,
         dormers: 2,
         dress: Dress::Shutters(navy),
         finish: p.finish(ochre, navy),
@@ -117,7 +107,6 @@ fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) 
     let timbered = House {
         width: 8.6,
         depth: 10.0,
-        storeys: 2,
         storey: 2.6,
         pitch: 50.0,
         ridge: Ridge::Across,
@@ -138,11 +127,7 @@ fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) 
     let porch_house = House {
         width: 10.4,
         depth: 8.4,
-        storeys: 2,
-        storey: 2.75,
         pitch: 42.0,
-        columns: 4,
-        door: 1,
         window: Filling::Sash,
         roof: p.slate,
         chimneys: vec![9.0],
@@ -157,7 +142,6 @@ fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) 
         ridge: Ridge::Across,
         columns: 3,
         door: 0,
-        roof: p.clay,
         dress: Dress::Shutters(green),
         finish: p.finish(rose, green),
         ..base.clone()
@@ -175,7 +159,7 @@ fn build_left(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House) 
         .build(b, &back(left(87.0), 1.0));
     House { width: 10.5, ridge: Ridge::Across, roof: p.slate, finish: p.finish(blue, navy), ..base.clone() }
         .build(b, &back(left(100.0), 0.2));
-    House { width: 12.0, columns: 5, roof: p.clay, finish: p.finish(p.brick, green), ..base.clone() }
+    House { width: 12.0, columns: 5, finish: p.finish(p.brick, green), ..base.clone() }
         .build(b, &back(left(115.0), 0.2));
 }
 
@@ -194,9 +178,7 @@ fn build_right(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House)
     }
     .build(b, &back(right(2.0), 0.15));
     let shop = House {
-        width: 10.0,
         storey: 3.0,
-        columns: 4,
         door: 0,
         shop: true,
         roof: p.slate,
@@ -225,9 +207,7 @@ fn build_right(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House)
         ridge: Ridge::Across,
         pitch: 47.0,
         columns: 3,
-        door: 1,
         window: Filling::Sash,
-        roof: p.clay,
         dress: Dress::Bands,
         finish: p.finish(p.brown_brick, p.oak),
         ..base.clone()
@@ -235,23 +215,15 @@ fn build_right(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House)
     .build(b, &back(right(28.6), 0.15));
     House {
         width: 11.0,
-        columns: 4,
         door: 2,
-        roof: p.clay,
         dress: Dress::Shutters(green),
         chimneys: vec![1.0, 10.0],
         finish: p.finish(white, green),
         ..base.clone()
     }
     .build(b, &back(right(50.0), 2.4));
-    House {
-        width: 10.0,
-        roof: p.slate,
-        window: Filling::Sash,
-        finish: p.finish(p.brick, navy),
-        ..base.clone()
-    }
-    .build(b, &back(right(63.5), 0.2));
+    House { roof: p.slate, window: Filling::Sash, finish: p.finish(p.brick, navy), ..base.clone() }
+        .build(b, &back(right(63.5), 0.2));
     House {
         width: 9.0,
         ridge: Ridge::Across,
@@ -261,27 +233,11 @@ fn build_right(b: &mut Builder, p: &Palette, paints: &HousePaints, base: &House)
         ..base.clone()
     }
     .build(b, &back(right(80.5), 0.2));
-    House { width: 11.0, roof: p.clay, finish: p.finish(sage, red_door), ..base.clone() }
-        .build(b, &back(right(94.5), 0.2));
-    House {
-        width: 10.0,
-        ridge: Ridge::Across,
-        columns: 3,
-        roof: p.slate,
-        finish: p.finish(rose, navy),
-        ..base.clone()
-    }
-    .build(b, &back(right(108.5), 0.2));
-    House {
-        width: 12.0,
-        storeys: 1,
-        dormers: 3,
-        columns: 5,
-        roof: p.clay,
-        finish: p.finish(white, green),
-        ..base.clone()
-    }
-    .build(b, &back(right(125.0), 0.8));
+    House { width: 11.0, finish: p.finish(sage, red_door), ..base.clone() }.build(b, &back(right(94.5), 0.2));
+    House { ridge: Ridge::Across, columns: 3, roof: p.slate, finish: p.finish(rose, navy), ..base.clone() }
+        .build(b, &back(right(108.5), 0.2));
+    House { width: 12.0, storeys: 1, dormers: 3, columns: 5, finish: p.finish(white, green), ..base.clone() }
+        .build(b, &back(right(125.0), 0.8));
 }
 
 /// The frame of the house with the porch.

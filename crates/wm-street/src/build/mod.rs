@@ -107,7 +107,8 @@ pub(crate) struct Builder {
     /// Lamps, and panes that are lit by night.
     pub(crate) lamps: Vec<Lamp>,
     pub(crate) windows: Vec<LitWindow>,
-    /// Label of the primitives that are being added, plants aside; `None` for the label of each material.
+    /// Label of the primitives that are being added, plants aside; `None` for the label of each
+    /// material.
     label: Option<Label>,
 }
 

@@ -139,15 +139,8 @@ fn buildings(b: &mut Builder, p: &Palette) {
     let boards = b.paint(Material::Boards, 0x7F8A78, 0x5F665A);
     pavilion::shed(b, &at(-17.5, -47.0).turned(0.0, 0.0, 0.0, 70.0), boards, p);
     // A low wall along the mown lawn, a longer one by the road.
-    fences::low_wall(b, &at(19.0, -9.0 - 4.5), 16.0, 0.5, p.plinth, p.stone);
-    fences::low_wall(
-        b,
-        &Frame::facing(DVec3::new(-5.6, -8.0, -0.1), -DVec3::X),
-        14.0,
-        0.75,
-        p.brick,
-        p.stone,
-    );
+    fences::low_wall(b, &at(19.0, -9.0 - 4.5), 16.0, 0.5, p.plinth, p);
+    fences::low_wall(b, &Frame::facing(DVec3::new(-5.6, -8.0, -0.1), -DVec3::X), 14.0, 0.75, p.brick, p);
 }
 
 /// A frame beside a path at a share of its length, to its left (`side` -1) or right, that looks at
@@ -161,10 +154,10 @@ fn beside(path: &[DVec2], share: f64, side: f64, off: f64) -> Frame {
 fn furniture(b: &mut Builder, p: &Palette) {
     let (east, west) = (line(&EAST_PATH), line(&WEST_PATH));
     for (share, side) in [(0.09, -1.0), (0.30, -1.0), (0.45, -1.0), (0.60, -1.0), (0.78, -1.0), (0.90, 1.0)] {
-        f::bench(b, &beside(&east, share, side, 1.6).moved(-0.85, 0.0, 0.0), p.oak, p.iron);
+        f::bench(b, &beside(&east, share, side, 1.6).moved(-0.85, 0.0, 0.0), p);
     }
     for (share, side) in [(0.15, 1.0), (0.42, 1.0), (0.70, 1.0)] {
-        f::bench(b, &beside(&west, share, side, 1.6).moved(-0.85, 0.0, 0.0), p.oak, p.iron);
+        f::bench(b, &beside(&west, share, side, 1.6).moved(-0.85, 0.0, 0.0), p);
     }
     for share in [0.04, 0.18, 0.37, 0.53, 0.68, 0.84, 0.97] {
         f::lamp(b, &beside(&east, share, 1.0, 1.7), p);
@@ -176,7 +169,7 @@ fn furniture(b: &mut Builder, p: &Palette) {
         f::bin(b, beside(&east, share, -1.0, 2.6).origin, p);
     }
     // The seat on the hill.
-    f::bench(b, &Frame::facing(on_ground(HILL_TOP + DVec2::new(-0.8, 1.2)), DVec3::NEG_X), p.oak, p.iron);
+    f::bench(b, &Frame::facing(on_ground(HILL_TOP + DVec2::new(-0.8, 1.2)), DVec3::NEG_X), p);
     let red = b.paint(Material::Timber, 0x8A2F2A, 0x8A2F2A);
     let blue = b.paint(Material::Timber, 0x2B4C77, 0x2B4C77);
     let stand = Frame::facing(on_ground(DVec2::new(15.2, -7.6)), DVec3::new(0.4, 0.92, 0.0).normalize());
@@ -349,15 +342,7 @@ fn low_growth(b: &mut Builder, p: &Palette) {
     for (index, share) in [0.02, 0.5, 0.965].into_iter().enumerate() {
         let bed = beside(&line(&EAST_PATH), share, 1.0, 1.9);
         b.block(&bed, [-2.0, 0.0, -0.3], [2.0, 1.2, 0.06], p.soil, faces::STANDING);
-        g::flowers(
-            b,
-            &bed.moved(-2.0, 0.0, 0.05),
-            [4.0, 1.2, 0.45],
-            700,
-            p.hedge,
-            p.flowers,
-            830 + index as u64,
-        );
+        g::flowers(b, &bed.moved(-2.0, 0.0, 0.05), [4.0, 1.2, 0.45], 700, p, 830 + index as u64);
     }
     for (low, high, count, seed) in [
         (WOOD_ELLIPSE.0 - WOOD_ELLIPSE.1, WOOD_ELLIPSE.0 + WOOD_ELLIPSE.1, 4200, 840),

@@ -72,19 +72,18 @@ impl Porch {
 
     fn railing(&self, b: &mut Builder, frame: &Frame, posts: &[f64; 4], p: &Palette) {
         let (y, z) = (-self.depth + 0.12, self.floor);
+        let sides = faces::LEFT | faces::RIGHT | faces::FRONT | faces::BACK;
+        let baluster = |b: &mut Builder, x: f64, y: f64| {
+            let (low, high) = ([x - 0.016, y - 0.016, z + 0.16], [x + 0.016, y + 0.016, z + 0.84]);
+            b.block(frame, low, high, p.white, sides);
+        };
         for (from, to) in [(posts[0] + 0.07, posts[1] - 0.07), (posts[2] + 0.07, posts[3] - 0.07)] {
             b.block(frame, [from, y - 0.04, z + 0.84], [to, y + 0.04, z + 0.90], p.white, faces::ALL);
             b.block(frame, [from, y - 0.025, z + 0.12], [to, y + 0.025, z + 0.16], p.white, faces::ALL);
             let count = ((to - from) / 0.13) as usize;
             for index in 0..count {
                 let x = from + (to - from) * (index as f64 + 0.5) / count as f64;
-                b.block(
-                    frame,
-                    [x - 0.016, y - 0.016, z + 0.16],
-                    [x + 0.016, y + 0.016, z + 0.84],
-                    p.white,
-                    15,
-                );
+                baluster(b, x, y);
             }
         }
         for x in [self.from + 0.10, self.to - 0.10] {
@@ -93,13 +92,7 @@ impl Porch {
             let count = ((-y - 0.07) / 0.13) as usize;
             for index in 0..count {
                 let at = y + 0.07 + (-y - 0.07) * (index as f64 + 0.5) / count as f64;
-                b.block(
-                    frame,
-                    [x - 0.016, at - 0.016, z + 0.16],
-                    [x + 0.016, at + 0.016, z + 0.84],
-                    p.white,
-                    15,
-                );
+                baluster(b, x, at);
             }
         }
     }

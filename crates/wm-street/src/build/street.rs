@@ -85,11 +85,11 @@ fn furniture(b: &mut Builder, p: &Palette) {
     }
     // The bench stands under the lime tree and looks at the street.
     let at = Frame::facing(DVec3::new(-4.45, 38.6, PLOT_HEIGHT_M), -DVec3::X);
-    f::bench(b, &at, p.oak, p.iron);
+    f::bench(b, &at, p);
     f::bin(b, DVec3::new(-4.6, 37.9, PLOT_HEIGHT_M), p);
     // One on the porch.
     let porch = porch_frame();
-    f::bench(b, &porch.moved(4.4, -0.72, PORCH.floor), p.oak, p.iron);
+    f::bench(b, &porch.moved(4.4, -0.72, PORCH.floor), p);
     for (index, (foot, radius)) in [
         (left(-1.0).at(5.9, -0.15, 0.0), 0.20),
         (left(-1.0).at(8.2, -0.15, 0.0), 0.20),
@@ -103,14 +103,14 @@ fn furniture(b: &mut Builder, p: &Palette) {
     {
         let high = f::tub(b, foot, radius, p);
         let at = Frame::facing(foot + DVec3::new(-radius, -radius, high), DVec3::Y);
-        g::flowers(b, &at, [2.0 * radius, 2.0 * radius, 0.34], 130, p.hedge, p.flowers, 400 + index as u64);
+        g::flowers(b, &at, [2.0 * radius, 2.0 * radius, 0.34], 130, p, 400 + index as u64);
     }
     // Before the shop: crates with fruit and a board.
     let shop = right(15.6);
     for (index, (x, fruit)) in [(5.2, p.apples), (5.9, p.pears), (6.6, p.apples)].into_iter().enumerate() {
         props::crates(b, &shop.moved(x, -0.45, 0.0), p.oak, fruit, 500 + index as u64);
     }
-    props::board(b, &shop.turned(3.6, -1.0, 0.0, 68.0), p.oak, p.iron);
+    props::board(b, &shop.turned(3.6, -1.0, 0.0, 68.0), p);
     for (x, y) in [(-0.9, 9.0), (1.1, 26.5), (-0.6, 47.0)] {
         props::manhole(b, DVec3::new(x, y, 0.0), p);
     }

@@ -2,8 +2,10 @@
 //!
 //! Four bytes say how the rest is encoded; alignment counts from behind them. A string is its
 //! length with the final zero, its bytes and a zero; a sequence its length and its elements; an
-//! array its elements alone. Encoded here in 50 lines: for `cdr` or `cdr-encoding` (2 and 4 new crates)
-//! the four messages would be as many lines of structs for serde.
+//! array its elements alone.
+//!
+//! Encoded here in 50 lines: for `cdr` or `cdr-encoding`, 2 and 4 new crates, the four messages
+//! would be as many lines of structs for serde.
 
 use crate::{CameraInfo, RigidPose};
 use wm_scene::LensModel;

@@ -5,9 +5,9 @@
 //! (u64) and its content. Numbers are little-endian; a string is its length (u32) and its bytes; a
 //! map the length of its bytes (u32) and pairs. Source: mcap.dev/spec.
 //!
-//! Written here since the format's own library, `mcap` 0.26, brings 14 new crates to the program and
-//! 17 s of one core to check them, in place of these 200 lines; it is a dependency of the tests, which
-//! read each file by it.
+//! Written here, in 200 lines, since the format's own library, `mcap` 0.26, brings 14 new crates to
+//! the program and 17 s of one core to check them. It is a dependency of the tests alone, which
+//! read the files by it.
 
 use std::collections::BTreeMap;
 
