@@ -174,7 +174,7 @@ pub(crate) fn write_in_blocks(
 
 /// The set as numbers for scripts that read its files with other programs: sensors with
 /// `rig_from_sensor` as 4x4 rows and intrinsics (the first pixel's centre is at 0.5, 0.5), clips,
-/// readings with `timestamp` (ns) and `world_from_sensor`, and [`SPOT`] with its pixel in the
+/// readings with `timestamp` (ns) and `world_from_sensor`, and the spot with its pixel in the
 /// pictures that show it and its position in the sensors' axes.
 #[must_use]
 pub fn truth(set: &SetInfo) -> Value {

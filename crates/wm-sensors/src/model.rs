@@ -30,8 +30,8 @@ pub struct LidarModel {
     pub reference_range: f64,
     /// Least standard deviation of ranges, m.
     pub range_noise: f64,
-    /// Ranges at which the receiver begins to see the beam and sees all of it, m; see
-    /// [`LidarModel::overlap_at`].
+    /// Ranges at which the receiver begins to see the beam and sees all of it, m; the share between
+    /// grows with the square of the range.
     pub overlap: [f64; 2],
     /// The beams.
     pub pattern: BeamPattern,

@@ -2,7 +2,7 @@
 //!
 //! Rays fill the field of view and the beam, at random places of a grid, at most 0.2 degrees apart
 //! and four or more in the width of a cell. Each that meets a surface is a [`Scatterer`] of the RCS
-//! `gamma r^2 dOmega` ([`super::surface_backscatter`]), with the power of the radar equation less
+//! `gamma r^2 dOmega` ([`super::surface::surface_backscatter`]), with the power of the radar equation less
 //! the attenuation of the rain, there and back. A surface at a flat angle is spread over the range
 //! that the ray's width covers of it. The whole sweep is measured at its start; the sensor's motion
 //! is in the velocities alone.

@@ -5,6 +5,8 @@
 //! Poses are of the record's own time; sweeps are, as the devkit has them, in the axes of that
 //! time. Times are microseconds.
 
+mod tables;
+
 use super::files::{fault, folders_in, name_of, pose_of_quaternion, read_table, shown};
 use super::records::{Candidate, Records, choose};
 use super::sweep::{SweepMotion, SweepRecords};
@@ -14,10 +16,12 @@ use super::{
 };
 use crate::RigidPose;
 use glam::DVec3;
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
+use tables::{
+    AnnotationRecord, CalibratedRecord, DataRecord, FileRecord, InstanceRecord, MapLogRecord, NamedRecord,
+    PoseRecord, SampleRecord, SceneRecord, SensorRecord,
+};
 use wm_scene::FormatError;
 use wm_scene::capture::Distortion;
 use wm_scene::file_index::{FileIndex, FileKind, FilePlace, Found};
@@ -39,116 +43,6 @@ const MAP_ORIGINS_DEG: [(&str, [f64; 2]); 4] = [
     ("singapore-hollandvillage", [1.2993652317780957, 103.78217697143555]),
     ("singapore-queenstown", [1.2782562240223188, 103.76741409301758]),
 ];
-
-#[derive(Deserialize)]
-struct SceneRecord {
-    token: String,
-    name: String,
-    log_token: String,
-}
-
-#[derive(Deserialize)]
-struct MapLogRecord {
-    token: String,
-    location: String,
-}
-
-#[derive(Deserialize)]
-struct SampleRecord {
-    token: String,
-    scene_token: String,
-    #[serde(deserialize_with = "microseconds")]
-    timestamp: i64,
-}
-
-#[derive(Deserialize)]
-struct DataRecord {
-    sample_token: String,
-    ego_pose_token: String,
-    calibrated_sensor_token: String,
-    #[serde(deserialize_with = "microseconds")]
-    timestamp: i64,
-    height: Option<f64>,
-    width: Option<f64>,
-    filename: String,
-}
-
-/// The part of a record that says whether a scene's files are there.
-#[derive(Deserialize)]
-struct FileRecord {
-    sample_token: String,
-    calibrated_sensor_token: String,
-    #[serde(default = "always")]
-    is_key_frame: bool,
-    filename: String,
-}
-
-fn always() -> bool {
-    true
-}
-
-/// Microseconds, which Lyft's sets have as floating-point numbers.
-fn microseconds<'de, D: Deserializer<'de>>(deserializer: D) -> Result<i64, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(untagged)]
-    enum Time {
-        Whole(i64),
-        Part(f64),
-    }
-    let told = |what| D::Error::custom(format!("{what} is no time in microseconds"));
-    match Time::deserialize(deserializer).map_err(|_| told("a timestamp".to_owned()))? {
-        Time::Whole(time) => Ok(time),
-        Time::Part(time) if time.abs() < 9e18 => Ok(time.round() as i64),
-        Time::Part(time) => Err(told(time.to_string())),
-    }
-}
-
-#[derive(Deserialize)]
-struct PoseRecord {
-    token: String,
-    translation: [f64; 3],
-    rotation: [f64; 4],
-}
-
-#[derive(Deserialize)]
-struct CalibratedRecord {
-    token: String,
-    sensor_token: String,
-    translation: [f64; 3],
-    rotation: [f64; 4],
-    camera_intrinsic: Vec<Vec<f64>>,
-}
-
-#[derive(Deserialize)]
-struct SensorRecord {
-    token: String,
-    channel: String,
-    modality: String,
-}
-
-#[derive(Deserialize)]
-struct NamedRecord {
-    token: String,
-    name: String,
-}
-
-#[derive(Deserialize)]
-struct InstanceRecord {
-    token: String,
-    category_token: String,
-}
-
-#[derive(Deserialize)]
-struct AnnotationRecord {
-    sample_token: String,
-    instance_token: String,
-    #[serde(default)]
-    attribute_tokens: Vec<String>,
-    translation: [f64; 3],
-    /// Width, length, height.
-    size: [f64; 3],
-    rotation: [f64; 4],
-}
 
 /// A sensor with its pose in the rig.
 struct Calibrated {
