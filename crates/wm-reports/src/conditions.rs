@@ -59,7 +59,7 @@ impl Carrier {
     }
 }
 
-/// Falling snow: a rate that is told, or one of a range that the visibility chooses.
+/// Falling snow: a stated rate, or one of a range that the visibility chooses.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum SnowRate {
     Told(Datum),
@@ -99,19 +99,19 @@ pub(crate) struct Conditions {
     pub(crate) hail: Option<Datum>,
     /// Factor on the size of stones.
     pub(crate) hail_size: Option<Datum>,
-    /// m.
+    /// Visibility, m.
     pub(crate) visibility: Option<Datum>,
     pub(crate) carrier: Option<(Carrier, Basis)>,
-    /// Fog below 2 m, under air of the visibility that is told.
+    /// Fog below 2 m, under air of the stated visibility.
     pub(crate) shallow_fog: Option<Basis>,
     pub(crate) wind: ReportedWind,
     /// Cloud cover, 0-1.
     pub(crate) clouds: Option<Datum>,
     /// Flashes a minute, and their distance, m.
     pub(crate) lightning: Option<(Datum, f64)>,
-    /// Degrees Celsius.
+    /// Temperature, degrees Celsius.
     pub(crate) temperature: Option<Datum>,
-    /// 0-1.
+    /// Relative humidity, 0-1.
     pub(crate) humidity: Option<Datum>,
     /// Lying snow, m.
     pub(crate) snow_depth: Option<Datum>,
@@ -198,7 +198,7 @@ impl Conditions {
         }
     }
 
-    /// Returns true if the sun is told to be down.
+    /// Returns true if the report says that the sun is down.
     fn is_dark(&self) -> bool {
         match &self.sun {
             Sun::Night(_) => true,

@@ -18,10 +18,10 @@ const SHARPENING_SHARE: f64 = 0.55;
 const SKY_RADIUS_M: f64 = 1000.0;
 /// The sky's lower edge, as the sine of its angle: 6 degrees below the horizon.
 const SKY_EDGE_SINE: f64 = -0.1045;
-/// Points that see more than this of the inside of things are dropped.
+/// Largest share of rays to the inside of things with which a point is kept.
 const MAX_BURIED_SHARE: f64 = 0.75;
 
-/// A cell's middle: where it is, its size in surface coordinates and its keys.
+/// The centre of a cell with its size in surface coordinates and its keys.
 struct CellCenter {
     spot: Spot,
     center: DVec2,

@@ -22,9 +22,9 @@ const SUN_RADIUS_RAD: f64 = 0.014;
 const RAY_OFFSET_M: f64 = 1.5e-3;
 /// Irradiance of leaves and small things, which have no cells in the map.
 const IRRADIANCE_WITHOUT_CELLS: DVec3 = DVec3::new(1.55, 1.60, 1.60);
-/// Surfaces nearer than this, m, cover a point as if it were inside.
+/// Distance below which a surface covers a point as if it were inside, m.
 const COVERED_DISTANCE_M: f64 = 0.018;
-/// Primitives of less area, m^2, have no cells: little light comes off them.
+/// Least area of a primitive with cells, m^2: little light comes off smaller ones.
 const MIN_CELL_AREA_M2: f64 = 0.25;
 /// Light that gathered rays bring from surfaces while the map is being made: albedo 0.3 of this.
 const SUNNY_IRRADIANCE_GUESS: DVec3 = DVec3::new(2.0, 1.95, 1.85);

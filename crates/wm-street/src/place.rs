@@ -16,7 +16,7 @@ use wm_scene::{Lamp, LitWindow, Metadata};
 pub(crate) const CAST_BUDGET: Budget = Budget { sun: 2, sky: 12 };
 /// Rays on the light of a point where several rays make a pixel: the mean is as smooth.
 pub(crate) const SHARED_BUDGET: Budget = Budget { sun: 1, sky: 3 };
-/// Footprint of a cast ray per metre of its length: a pixel of a picture about 1000 px high.
+/// Footprint of a cast ray per metre of length: a pixel of a picture about 1000 px high.
 const RAY_FOOTPRINT: f64 = 0.0012;
 
 /// A place with everything in it.
@@ -159,7 +159,7 @@ impl Place {
     /// `None` beyond the fields that surround the place.
     #[must_use]
     pub fn ground_height(&self, x: f64, y: f64) -> Option<f64> {
-        /// More surfaces than lie above each other anywhere.
+        /// Most surfaces above each other: more than anywhere.
         const MAX_LAYERS: usize = 1000;
         let mut from = DVec3::new(x, y, 300.0);
         for _ in 0..MAX_LAYERS {

@@ -56,7 +56,7 @@ pub struct MetarWind {
 /// The meaning of a visibility at the end of a scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VisibilityBound {
-    /// As it is told.
+    /// The stated value itself.
     Exact,
     /// As far or farther: `9999`, `P6SM`.
     OrMore,

@@ -19,12 +19,12 @@ use tokens::{Token, clauses, fault};
 use units::{Quantity, unit};
 use vocabulary::{CALM_WORDS, Daytime, Falling, Meaning, WORDS, compass, meaning};
 
-/// Weather in words, in SI units and degrees Celsius. `None` is not told.
+/// Weather in words, in SI units and degrees Celsius. `None` is not stated.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WordsReport {
     /// Rain, mm/h.
     pub rain: Option<f64>,
-    /// True if snow falls; its rate follows from the visibility if one is told.
+    /// True if snow falls; its rate follows from the visibility if one is stated.
     pub snows: bool,
     /// Hail, mm/h of water.
     pub hail: Option<f64>,
@@ -84,7 +84,7 @@ pub(crate) fn read(text: &str) -> Result<WeatherReport, ReportError> {
 struct Reader {
     now: Conditions,
     gust: Option<f64>,
-    /// The visibility that a word such as fog has, where none is told.
+    /// Usual visibility of a word such as fog, where none is stated.
     usual_visibility: Option<Datum>,
 }
 
@@ -291,7 +291,7 @@ impl Reader {
         }
     }
 
-    /// Sets the speed of a wind that is told without a number, unless it is known.
+    /// Sets the speed of a wind without a number, unless it is known.
     fn wind(&mut self, usual: f64, strength: Option<usize>, word: &str) {
         let has_levels = word.starts_with("wind") && word != "windy" || word.starts_with("breez");
         let value = strength.filter(|_| has_levels).map_or(usual, |level| WIND[level]);
@@ -547,7 +547,7 @@ fn direction(tokens: &[Token]) -> Option<(f64, Vec<&str>)> {
     Some((compass(&first.text)?, vec![&first.raw]))
 }
 
-/// Sets what may be told once; a guess gives way.
+/// Sets what may be stated once; a guess gives way.
 fn set(place: &mut Option<Datum>, known: Datum, token: &Token) -> Result<(), ReportError> {
     if matches!(place, Some(Datum { basis: Basis::Told(_), .. })) {
         return Err(fault(token, "is told a second time: one value is expected"));

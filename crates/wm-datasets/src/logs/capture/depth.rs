@@ -12,7 +12,7 @@ use wm_scene::Camera;
 /// 32 are 1.3.
 const WINDOW_HALF_WIDTH_RAD: f64 = 0.006;
 const WINDOW_HEIGHT_RAD: f64 = 0.014;
-/// A point is hidden by others that are nearer than this share of its distance, less this much, m.
+/// A point is hidden by others nearer than this share of its distance less this margin, m.
 const OCCLUSION_RATIO: f64 = 0.9;
 const OCCLUSION_MARGIN_M: f64 = 0.3;
 /// Nearest view z of a point, m.
